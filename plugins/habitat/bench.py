@@ -1,7 +1,7 @@
-"""How long a scene of the size of a real one takes to load, and how much memory: python plugins/habitat/bench.py
+"""Measure the time and memory to load a scene as large as a real one: python plugins/habitat/bench.py
 
-A dataset is written to a temporary folder: models of three parts, 5,760 triangles, three textures of 1024 x 1024 and a
-collision model of three convex parts; a building of 96 walls. It is loaded twice, the first time with an empty cache.
+Writes a dataset to a temporary folder. Each model has three parts, 5,760 triangles, three textures of 1024 x 1024 and a
+collision model of three convex parts; the building has 96 walls. Loads it twice, the first time with an empty cache.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from humanclaw import Plugins
 
 
 def part(rng: np.random.Generator, subdivisions: int) -> trimesh.Trimesh:
-    """Return a lump with a picture."""
+    """Return a lump with a texture."""
     lump = trimesh.creation.icosphere(subdivisions=subdivisions, radius=rng.uniform(0.15, 0.35))
     lump.apply_scale(rng.uniform(0.5, 1.5, 3))
     lump.apply_translation(rng.uniform(-0.3, 0.3, 3))

@@ -1,9 +1,9 @@
-"""What a picture costs, here and elsewhere: CPU milliseconds for 512 x 512 views from the rooms of generated houses.
+"""Compare renderers: CPU milliseconds for 512 x 512 views from the rooms of generated houses.
 
     python bench.py [HOUSE ...]
 
-The others are measured where they are installed (pip install pybullet embreex panda3d vtk) and draw no more than they
-must: TinyRenderer and Panda3D what their fixed functions offer, Embree and VTK only which triangle each pixel shows.
+Other renderers are measured if they are installed (pip install pybullet embreex panda3d vtk). They draw less: for
+TinyRenderer and Panda3D what their fixed functions offer, for Embree and VTK only the triangle in each pixel.
 """
 
 from __future__ import annotations
@@ -167,7 +167,7 @@ def vtk(scene: Scene) -> Draw:
 
 
 def _soup(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
-    """All meshes as one: (N, 3) float32 world positions and (M, 3) int32 faces."""
+    """Return all meshes as one: (N, 3) float32 world positions and (M, 3) int32 faces."""
     vertices = [scene.vertices(obj.id) for obj in scene.objects]
     starts = np.cumsum([0, *map(len, vertices)])[:-1]
     faces = [scene.assets[obj.asset].mesh.faces + start for obj, start in zip(scene.objects, starts, strict=True)]
@@ -175,7 +175,7 @@ def _soup(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
 
 
 def moments(scene: Scene) -> list[WorldState]:
-    """Return a body in the middle of each room, each turned another way."""
+    """Return a body in the middle of each room, each facing another way."""
     found = []
     for number, room in enumerate(scene.rooms):
         body, rotations = rest_pose(), rest_pose().rotations.copy()
@@ -186,7 +186,7 @@ def moments(scene: Scene) -> list[WorldState]:
 
 
 def cpu_times(draw: Draw, states: list[WorldState]) -> list[float]:
-    """Milliseconds a view, the median of three after one to warm up."""
+    """Return milliseconds per view: the median of three tries, after one to warm up."""
     times = []
     for state in states:
         camera, tries = ego_camera(state.body), []

@@ -24,7 +24,7 @@ __version__ = "0.1.0"
 
 
 def load(run: str | Path) -> pd.DataFrame:
-    """Load a run as a pandas DataFrame, one row an episode: scores, costs and root cause. Needs pandas."""
+    """Load a run as a pandas DataFrame, one row per episode: scores, costs and root cause. Needs pandas."""
     from humanclaw_bench import export
 
     return export.load(run)

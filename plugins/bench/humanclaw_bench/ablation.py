@@ -1,7 +1,7 @@
-"""The paper's ablation (table 3), with a scripted agent in place of a model: does the benchmark respond as it should?
+"""The paper's ablation (table 3) with a scripted agent in place of a model: a check that the benchmark responds.
 
-A bounded agent (humanclaw_scripted.faulty) runs the same episodes under the harness's settings. The four directions of
-the paper are to come out of how the agent works: nothing here says that a success rate should fall.
+A bounded agent (humanclaw_scripted.faulty) plays the same episodes under different settings of the harness. The four
+directions of the paper must result from how the agent works; nothing in this module makes a success rate fall.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ LEVEL: Final = 0.01
 
 @dataclass(frozen=True)
 class Setting:
-    """A row of the ablation. falls: the rates that the paper found lower than the baseline's."""
+    """A row of the ablation. falls: the rates that are lower than the baseline's in the paper."""
 
     name: str
     options: Mapping[str, Any] = field(default_factory=dict)
@@ -31,7 +31,7 @@ class Setting:
     falls: tuple[Metric, ...] = ()
 
     def job(self, backends: Backends) -> Job:
-        """Return what to run for this row."""
+        """Return the job of this row."""
         return Job(AGENT, {"bounded": True} | dict(self.options), self.verifier, backends)
 
 
@@ -47,7 +47,7 @@ SETTINGS: Final = (
 
 @dataclass(frozen=True)
 class Finding:
-    """One direction of the paper: a rate under a setting, beside the baseline's."""
+    """One direction of the paper: a rate under a setting compared with the baseline's."""
 
     setting: str
     metric: str
@@ -59,7 +59,7 @@ class Finding:
 
 
 def findings(scores: Mapping[str, Sequence[Scores]]) -> tuple[Finding, ...]:
-    """Every direction, from the scored episodes by setting. p is raised for their number (Holm).
+    """Return every direction, from the scored episodes by setting. p is corrected for their number (Holm).
 
     Raises RecordError if a setting shares no episode with the baseline.
     """
@@ -73,12 +73,13 @@ def findings(scores: Mapping[str, Sequence[Scores]]) -> tuple[Finding, ...]:
 def _difference(a: Sequence[Scores], b: Sequence[Scores], metric: Metric) -> Difference:
     found = difference_of(metric, common(a, b))
     if found is None:
-        raise RecordError(f"no episode of both settings bears on {metric.name}.", "Run a split that asks for it.")
+        said = f"{metric.name} applies to no episode that both settings finished."
+        raise RecordError(said, "Run a split with such episodes.")
     return found
 
 
 def markdown(scores: Mapping[str, Sequence[Scores]]) -> str:
-    """Return the rates of every setting, and the paper's directions with their p."""
+    """Return the rates of every setting and the paper's directions with their p, as Markdown."""
     lines = ["| setting | episodes | FindSR | NavSR | InteractSR |", "| --- | --- | --- | --- | --- |"]
     for setting in SETTINGS:
         rates = " | ".join(_rate(metric, scores[setting.name]) for metric in (FIND, NAV, INTERACT))
@@ -94,7 +95,7 @@ def markdown(scores: Mapping[str, Sequence[Scores]]) -> str:
 
 
 def plain(scores: Mapping[str, Sequence[Scores]]) -> dict[str, Any]:
-    """Return the same for JSON: rates as fractions, None where there is none."""
+    """Return the same for JSON: rates as fractions, None without episodes."""
     rates = {
         setting.name: {"episodes": len(scores[setting.name])}
         | {metric.name: _share(metric, scores[setting.name]) for metric in (FIND, NAV, INTERACT)}

@@ -1,8 +1,10 @@
-"""Why an episode failed: one of the 18 root causes of the paper's appendix B, by its rules in their order, first match.
+"""Find the root cause of a failed episode: the first of the 18 rules of the paper's appendix B that matches.
 
-Everything is read off the record. Two of the paper's quantities are made exact: "within 0.2 m" is the distance of
-NavSR, that of the nearest body point (the pelvis of a body that stands at a low bed never is so near), and the last
-frame is the last view that a decision was made from, together with what the agent said of it.
+All facts come from the record. Two of the paper's quantities are made exact:
+
+* "Within 0.2 m" uses the distance of NavSR, from the nearest point of the body. The pelvis of a body that stands at a
+  low bed is never that near.
+* The last frame is the last view from which a decision was made, together with the agent's answer.
 """
 
 from __future__ import annotations
@@ -23,6 +25,7 @@ from humanclaw_bench.scores import Scores, claims, is_sit, sat_down, score
 Stage = Literal["find", "nav", "interact"]
 STAGES: Final[tuple[Stage, ...]] = ("find", "nav", "interact")
 
+# Thresholds of the rules: metres, or numbers of steps.
 NEAR: Final = 1.5
 TOO_FAR: Final = 20.0
 JAMMED_STEPS: Final = 8
@@ -31,26 +34,26 @@ JAMMED_BOX: Final = 0.5
 CONFINED_STEPS: Final = 25
 CONFINED_BOX: Final = 2.0
 GIVEN_UP: Final = (0.5, 0.6)
-"""Shares of the first distance: came nearer than the one, and ended farther away than the other."""
+"""Shares of the first distance: the body came nearer than the first, and ended farther away than the second."""
 TOO_LATE: Final = 0.7
-"""Share of the steps after which a first sight leaves too few to get there."""
+"""Share of the maximum steps after which a first sight of the target is too late."""
 _MOVES: Final = ("hips.left", "hips.forward", "hips.back")
 _TURNS: Final = ("heading.left",)
 _PELVIS: Final = ("pelvis",)
 _THIGHS: Final = ("left_hip", "right_hip")
 
 
-# -- what the rules ask ------------------------------------------------------------------------------------------------
+# -- features ----------------------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class EpisodeFeatures:
-    """What the rules need to know of an episode."""
+    """The facts of an episode that the rules use."""
 
     seen: bool
-    """Some view had enough of the target in it."""
+    """Whether a view showed enough of the target."""
     late: bool
-    """The first such view came too late."""
+    """Whether the first such view came too late."""
     way: tuple[float, ...]
-    """Way left to the nearest target at the start and after each step, metres."""
+    """Remaining distance to the nearest target at the start and after each step, metres."""
     arrived: bool
     stopped: bool
     jammed: bool
@@ -59,9 +62,9 @@ class EpisodeFeatures:
     claimed_last: bool
     sits: bool
     sat: bool
-    """Some sit ended on the target."""
+    """Whether a sit ended on the target."""
     touched: bool
-    """The pelvis touched anything at any time, or a thigh did in a sit: who sits on an arm rests on the thighs."""
+    """Whether the pelvis ever touched anything, or a thigh did during a sit: thighs carry a body on an armrest."""
 
     @classmethod
     def of(cls, recorded: RecordedEpisode) -> EpisodeFeatures:
@@ -85,7 +88,7 @@ class EpisodeFeatures:
 
 
 def _way(record: EpisodeRecord, steps: Sequence[StepRecord]) -> tuple[float, ...]:
-    """Geodesic where it was recorded, else the straight line over the floor, which is never longer."""
+    """Return the remaining distances: geodesic if recorded, else straight over the floor, which is never longer."""
     floor = record.start.floor
     begin = (
         record.geodesic
@@ -105,9 +108,9 @@ def _straight(targets: Mapping[int, tuple[Vec3, Vec3]], point: Sequence[float]) 
 
 
 def _asks(record: EpisodeRecord, step: StepRecord, measures: Sequence[str]) -> float | None:
-    """How much of these measures a locomotion call asks for, SI; None for any other step.
+    """Return how much of these measures a locomotion call commands, in SI units; None for any other step.
 
-    A skill that declares no parameter for any way or turn asks for what a jam would deny all the same: infinity.
+    A locomotion skill without a parameter for distance or turn counts as infinity: a jam would prevent it too.
     """
     info = record.skills.get(step.call.skill) if step.call else None
     if step.call is None or info is None or info.role != "locomotion":
@@ -119,8 +122,7 @@ def _asks(record: EpisodeRecord, step: StepRecord, measures: Sequence[str]) -> f
 
 
 def _walks(record: EpisodeRecord, step: StepRecord) -> bool:
-    """Return a locomotion command: one that asks for more way than a jammed body makes, or the rule would call a pause
-    a jam."""
+    """Return whether a step commands locomotion of at least JAMMED_MOVE: the rule must not call a pause a jam."""
     asked = _asks(record, step, _MOVES)
     return asked is not None and asked >= JAMMED_MOVE - 1e-9
 
@@ -130,11 +132,11 @@ def _acts(record: EpisodeRecord, step: StepRecord) -> bool:
 
 
 def _jammed(recorded: RecordedEpisode) -> bool:
-    """Eight locomotion commands in a row, each of which moved the body by less than 0.1 m; or in each of which it
-    touched something other than the ground, and which together left it in a box of 0.5 m.
+    """Return whether the body was jammed for eight locomotion commands in a row, by one of two rules:
 
-    The former is the paper's rule. Bodies here rock to and fro by up to 0.3 m a call against what they walk into, and
-    are no less jammed for it.
+    * Each moved the body by less than 0.1 m. This is the paper's rule.
+    * The body touched something other than the ground in each, and stayed in a box of 0.5 m. Bodies here rock by up to
+      0.3 m per call against an obstacle, and are jammed all the same.
     """
     record, steps = recorded.record, recorded.steps
     walks = [_walks(record, step) for step in steps]
@@ -155,7 +157,7 @@ def _moved(step: StepRecord) -> float:
 
 
 def _confined(recorded: RecordedEpisode) -> bool:
-    """25 movement or turning commands in a row within a box of 2 m."""
+    """Return whether 25 movement or turning commands in a row stayed within a box of 2 m."""
     steps = recorded.steps
     acts = [_acts(recorded.record, step) for step in steps]
     windows = _windows(CONFINED_STEPS, len(steps))
@@ -163,12 +165,12 @@ def _confined(recorded: RecordedEpisode) -> bool:
 
 
 def _windows(length: int, steps: int) -> Iterator[slice]:
-    """Return all that are so long and lie within so many steps."""
+    """Return all windows of a length in a number of steps."""
     return (slice(start, start + length) for start in range(steps - length + 1))
 
 
 def _extent(steps: Sequence[StepRecord]) -> float:
-    """Return the longer side of the box over the floor that holds the pelvis, metres."""
+    """Return the longer side of the floor-aligned box around the positions of the pelvis, metres."""
     places: Array = np.array([point for step in steps for point in (step.start, step.end)])[:, [0, 2]]
     return float(np.ptp(places, axis=0).max())
 
@@ -234,8 +236,10 @@ CAUSES: Final = (
 
 
 def failed_stage(scores: Scores) -> Stage | None:
-    """Return the first stage that was not met; None for a success, a free instruction, an unfinished episode and a
-    plugin's failure."""
+    """Return the first stage that was not met.
+
+    None for a success, a free instruction, an unfinished episode and a plugin's failure.
+    """
     if not scores.finished or scores.outcome == "plugin_error" or scores.success is None or scores.success:
         return None
     if not scores.find:
@@ -244,8 +248,7 @@ def failed_stage(scores: Scores) -> Stage | None:
 
 
 def attribute(recorded: RecordedEpisode, scores: Scores | None = None) -> Cause | None:
-    """Return the root cause of a failed episode; None where there is no failure. scores: those of the record, if known
-    already."""
+    """Return the root cause of a failed episode; None if it did not fail. scores: of the record, if known already."""
     stage = failed_stage(scores or score(recorded))
     if stage is None:
         return None
@@ -256,13 +259,13 @@ def attribute(recorded: RecordedEpisode, scores: Scores | None = None) -> Cause 
 # -- the funnel --------------------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class Funnel:
-    """Which episodes remain after each stage; one stage counts only for those that met the stages before it."""
+    """The episodes that remain after each stage. An episode counts only if it passed all earlier stages."""
 
     asked: tuple[Scores, ...]
     found: tuple[Scores, ...]
     reached: tuple[Scores, ...]
     to_sit: tuple[Scores, ...]
-    """Those of reached whose task goes on to sitting."""
+    """Episodes in reached whose task includes sitting."""
 
     @classmethod
     def of(cls, scores: Sequence[Scores]) -> Funnel:
@@ -273,7 +276,7 @@ class Funnel:
 
     @property
     def shares(self) -> tuple[tuple[list[bool], tuple[Scores, ...]], ...]:
-        """In view, found, found and reached of all; sat of those to sit: whether each of these episodes was."""
+        """Whether each episode passed, and the episodes: in view, found, and reached of all; sat of to_sit."""
         stages: tuple[tuple[tuple[Scores, ...], Callable[[Scores], bool]], ...] = (
             (self.asked, lambda s: bool(s.geo_find)), (self.asked, lambda s: bool(s.find)),
             (self.asked, lambda s: bool(s.find and s.nav)), (self.to_sit, lambda s: bool(s.interact)),

@@ -41,7 +41,7 @@ from humanclaw_bench.worker import Job
 from humanclaw_bench.writers import WRITERS, plain, plain_differences, terminal
 
 RUN = click.Path(path_type=Path)
-PARTIAL = click.option("--partial", is_flag=True, help="Also of a run in which episodes are missing or may be.")
+PARTIAL = click.option("--partial", is_flag=True, help="Accept a run in which episodes are, or may be, missing.")
 NAMES = ("main", "repeats", "variants", "body", "difficulty", "category", "plugins", "funnel", "causes")
 
 
@@ -52,7 +52,7 @@ def bench() -> None:
 
 for _name, _target, _told in (
     ("ablate", "evidence:ablate", "Run the paper's ablation with a scripted bounded agent."),
-    ("repair", "evidence:repair_command", "Whether root causes name what is wrong."),
+    ("repair", "evidence:repair_command", "Check root causes with failures of known origin."),
 ):
     bench.add_command(LazyCommand(_name, f"humanclaw_bench.{_target}", _told))
 
@@ -63,41 +63,41 @@ for _name, _target, _told in (
 )
 @decider_options
 @click.option("--workers", type=click.IntRange(1), default=1, show_default=True, help="Episodes at a time.")
-@click.option("--executor", default="", help="Who plays the episodes, by name; the default is local.")
+@click.option("--executor", default="", help="Name of the executor that plays the episodes (default: local).")
 @click.option(
     "--ray",
     "address",
     is_flag=False,
     flag_value="local",
     metavar="[ADDRESS]",
-    help="The same as --executor ray: on the cluster at this address, or on one that is started here.",
+    help="Same as --executor ray: use the Ray cluster at this address, or start one on this machine.",
 )
-@click.option("--out", type=RUN, help="Folder of the run. The default is in runs/.")
+@click.option("--out", type=RUN, help="Folder of the run (default: runs/SPLIT-AGENT).")
 @click.option(
-    "--resume/--no-resume", default=True, show_default=True, help="Go on with a run that is there, or leave it alone."
+    "--resume/--no-resume", default=True, show_default=True, help="Continue an existing run, or refuse its folder."
 )
 @click.option(
     "--repeats",
     type=click.IntRange(1),
     default=1,
     show_default=True,
-    help="Every episode so often, each time with a seed of its own: shows what varies between seeds.",
+    help="Play every episode N times, each with another seed, to show the variation between seeds.",
 )
-@click.option("--yes", is_flag=True, help="Do not ask whether to go on once it is known what the run will take.")
+@click.option("--yes", is_flag=True, help="Do not ask for confirmation after the estimate of time and cost.")
 @plugin_options
 def run_command(
     name: str, deciders: Deciders, backends: Backends, workers: int, executor: str, address: str | None,
     out: Path | None, resume: bool, repeats: int, yes: bool, files: tuple[Path, ...],
     choice: Choice,
 ) -> None:  # fmt: skip
-    """Run a split, or resume one: finished episodes are kept, others continue after their last recorded step."""
+    """Run a split, or resume it. Finished episodes are kept; others continue after their last recorded step."""
     plugins = Plugins.discover(files, choice)
     specs = repeated(load_split(name), repeats)
-    metrics_of(plugins)  # Refuse a taken name before hours are spent.
+    metrics_of(plugins)  # Refuses a metric with a reserved name now, not after hours of playing.
     out = out or Path("runs") / f"{Path(name).stem}-{deciders.agent}"
     if not resume and (out / "run.json").exists():
         raise RecordError(
-            f"{out} holds a run already.", "Name another folder with --out, or continue it with --resume."
+            f"{out} already holds a run.", "Name another folder with --out, or continue it with --resume."
         )
     job = Job(
         deciders.agent, deciders.options, deciders.verifier, backends.chosen(plugins), deciders.limits,
@@ -134,15 +134,15 @@ def run_command(
     "--secret",
     type=click.IntRange(0),
     metavar="SEED",
-    help="Make a hidden test instead: test.jsonl, in houses and from starts that this number alone leads to. Draw it "
-    "from 64 random bits or more: a small one is found by trying.",
+    help="Make a hidden test instead: test.jsonl, with houses and starts derived from this number alone. Use at least "
+    "64 random bits: a small number can be guessed.",
 )
 @click.option("--workers", type=click.IntRange(1), default=1, show_default=True, help="Houses at a time.")
 def make(out: Path, starts: int, seed: int, secret: int | None, workers: int) -> None:
-    """Make the splits from seeds: 1,218 episodes in 41 houses, and samples of them; or a hidden test."""
+    """Make the splits from seeds: 1,218 episodes in 41 houses and samples of them, or a hidden test."""
     given = click.get_current_context().get_parameter_source("seed")
     if secret is not None and given is not click.core.ParameterSource.DEFAULT:
-        raise click.UsageError("--secret leads to everything itself, so --seed has nothing to say: leave it out.")
+        raise click.UsageError("--seed has no effect with --secret, which determines everything: leave it out.")
     houses = HOUSES if secret is None else secret_houses(secret)
     with ProcessPoolExecutor(workers, get_context("spawn")) as pool:
         drawn_from = (seed,) if secret is None else (secret, 2)
@@ -163,9 +163,11 @@ def _candidates(house: str, number: int, starts: int, seed: Sequence[int]) -> li
 @bench.command()
 @click.argument("runs", type=RUN, nargs=-1, required=True, metavar="RUN...")
 @click.option("--format", "form", type=click.Choice(["terminal", *WRITERS]), default="terminal", show_default=True)
-@click.option("--only", type=click.Choice(NAMES), multiple=True, help="Only this table. Repeatable; by default all.")
-@click.option("--paper/--no-paper", default=True, help="With the paper's rows for reference.")
-@click.option("--seed", type=int, default=0, show_default=True, help="Of the bootstrap.")
+@click.option(
+    "--only", type=click.Choice(NAMES), multiple=True, help="Print only this table (repeatable; default: all)."
+)
+@click.option("--paper/--no-paper", default=True, help="Add the paper's rows for reference.")
+@click.option("--seed", type=int, default=0, show_default=True, help="Seed of the bootstrap.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON: every number in full, shares as fractions.")
 @PARTIAL
 @plugin_files
@@ -173,7 +175,7 @@ def table(
     runs: tuple[Path, ...], form: str, only: tuple[str, ...], paper: bool, seed: int, as_json: bool, partial: bool,
     files: tuple[Path, ...],
 ) -> None:  # fmt: skip
-    """Print the paper's tables for one or more runs, one row for each agent."""
+    """Print the paper's tables for one or more runs, one row per agent."""
     results = _results(runs, files)
     if form == "latex":
         require_whole(results, partial)
@@ -195,20 +197,18 @@ def table(
 @bench.command("compare")
 @click.argument("a", type=RUN)
 @click.argument("b", type=RUN)
-@click.option("--seed", type=int, default=0, show_default=True, help="Of the bootstrap and the random swaps.")
-@click.option("--across-engines", is_flag=True, help="Compare although the runs are of different simulators.")
+@click.option("--seed", type=int, default=0, show_default=True, help="Seed of the bootstrap and the random swaps.")
+@click.option("--across-engines", is_flag=True, help="Compare even if the runs use different simulators.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON: each difference with interval, p and verdict.")
 @PARTIAL
 def compare_command(a: Path, b: Path, seed: int, across_engines: bool, as_json: bool, partial: bool) -> None:
-    """Compare two runs over the episodes that both finished, and tell differences from noise."""
+    """Compare two runs over the episodes that both finished, and distinguish differences from noise."""
     one, two = _one(a), _one(b)
     require_whole((one, two), partial)
     engines = {scores.simulator for result in (one, two) for scores in result.scores}
     if len(engines) > 1 and not across_engines:
         told = " and ".join(sorted(name or "an unknown one" for name in engines))
-        raise RecordError(
-            f"the runs are of different simulators: {told}.", "Add --across-engines to compare them anyway."
-        )
+        raise RecordError(f"the runs use different simulators: {told}.", "Add --across-engines to compare them anyway.")
     differences = compare(one.scores, two.scores, seed=seed)
     if as_json:
         _print_json(plain_differences(differences, ALL))
@@ -219,16 +219,16 @@ def compare_command(a: Path, b: Path, seed: int, across_engines: bool, as_json: 
     left_out = len(one.finished) + len(two.finished) - 2 * len(common(one.scores, two.scores))
     if left_out:
         many = "episodes have" if left_out > 1 else "episode has"
-        click.echo(f"{left_out} finished {many} no counterpart in the other run: left out.")
+        click.echo(f"Left out: {left_out} finished {many} no counterpart in the other run.")
 
 
 @bench.command()
 @click.argument("run", type=RUN)
-@click.option("--out", type=RUN, help="Where to write; the default is scores.jsonl in the run.")
+@click.option("--out", type=RUN, help="File to write (default: scores.jsonl in the run).")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON: every number in full, shares as fractions.")
 @plugin_files
 def rescore(run: Path, out: Path | None, as_json: bool, files: tuple[Path, ...]) -> None:
-    """Score a run again from its records: one line for each episode, with every number and the root cause."""
+    """Score a run again from its records. Writes one line per episode, with every number and the root cause."""
     out = out or run / "scores.jsonl"
     episodes = load_run(run)
     found = scored(episodes, metrics_of(Plugins.discover(files)), run.name)
@@ -246,10 +246,12 @@ def rescore(run: Path, out: Path | None, as_json: bool, files: tuple[Path, ...])
 
 @bench.command()
 @click.argument("run", type=RUN)
-@click.option("--submission", type=RUN, help="Also score the records again and hold this file to them.")
+@click.option("--submission", type=RUN, help="Also score the records again and compare this file with them.")
 def verify(run: Path, submission: Path | None) -> None:
-    """Check every file of a run against its digest, and the records against split and settings in run.json. Lists what
-    is damaged or belongs to another run."""
+    """Check every file of a run against its digest, and the records against split and settings in run.json.
+
+    Lists files that are damaged or belong to another run.
+    """
     files = RunFiles.read(run)
     count, faults = check(run, files)
     asked = max(count, files.asked)
@@ -262,7 +264,7 @@ def verify(run: Path, submission: Path | None) -> None:
     for name in files.again:
         click.echo(f"{name!r:.200} was played again after it had ended.")
     if not is_told(run):
-        click.echo(f"There is no run.json in {run}: nothing tells of which split and settings they are.")
+        click.echo(f"There is no run.json in {run}: split and settings of the records are unknown.")
     of = f"{count} of " if count < asked else ""
     click.echo(f"{of}{counted(asked, 'record')} in {run}: {told}")
     if faults:
@@ -271,9 +273,9 @@ def verify(run: Path, submission: Path | None) -> None:
 
 @bench.command()
 @click.argument("run", type=RUN)
-@click.option("--who", required=True, help="Whoever submits it, as it is to be shown.")
-@click.option("--model-date", default="", help="Version or day of the model, as its provider tells it.")
-@click.option("--out", type=RUN, help="Where to write; the default is submission.json in the run.")
+@click.option("--who", required=True, help="Author, as shown on the page.")
+@click.option("--model-date", default="", help="Version or date of the model from its provider.")
+@click.option("--out", type=RUN, help="File to write (default: submission.json in the run).")
 @PARTIAL
 def submit(run: Path, who: str, model_date: str, out: Path | None, partial: bool) -> None:
     """Write one file with settings and results of a run, for `bench verify --submission` and `bench leaderboard`."""
@@ -286,16 +288,19 @@ def submit(run: Path, who: str, model_date: str, out: Path | None, partial: bool
 @bench.command()
 @click.argument("folder", type=RUN)
 def leaderboard(folder: Path) -> None:
-    """Make index.html of the submissions in a folder. A run in a folder of the same name beside one is checked."""
+    """Make index.html from the submissions in a folder.
+
+    A submission is checked against its run if that lies beside it in a folder of the same name.
+    """
     click.echo(leaderboards.leaderboard(folder))
 
 
 @bench.command("export")
 @click.argument("run", type=RUN)
 @click.option("--to", "form", type=click.Choice(list(FORMATS)), required=True)
-@click.option("--out", type=RUN, help="Where to write; the default is in the run.")
+@click.option("--out", type=RUN, help="File or folder to write (default: in the run).")
 def export_command(run: Path, form: str, out: Path | None) -> None:
-    """Write a run for other tools: a table, an inspect_ai log, a LeRobotDataset."""
+    """Convert a run for other tools: a table, an inspect_ai log or a LeRobotDataset."""
     write, name = FORMATS[form]
     click.echo(write(run, out or run / name))
 

@@ -16,11 +16,12 @@ from humanclaw_bench.tables import TELLING, Column, inline
 def compare_table(differences: Mapping[str, Difference], metrics: Sequence[Metric], a: str, b: str) -> Table:
     """Return a table: for each metric both values, the difference with its interval, p, and a verdict."""
     caption = (
-        f"{bearing(differences, metrics)} p: of swapping the runs house by house, exactly for rates (with an episode a "
-        "house McNemar's test), at random for the rest; raised (Holm) for the three success rates and for the other "
-        f"metrics. Noise: p of {SIGNIFICANT} or more, and an interval that holds 0 and leaves no room for "
-        f"{100 * TELLING:.0f} points (but for shares, {TELLING:.0%} of the level of both) either way. Too few to tell: "
-        "p as large and another interval, or no difference whatever could have had less. The same: no episode differs."
+        f"{bearing(differences, metrics)} p: the runs are swapped house by house, exactly for rates (McNemar's test if "
+        "each house has one episode), at random for the rest; corrected (Holm) for the three success rates, and "
+        f"separately for the other metrics. Noise: p is {SIGNIFICANT} or more, and the interval contains 0 and "
+        f"excludes {100 * TELLING:.0f} points (if not a share, {TELLING:.0%} of the mean of both) either way. Too few "
+        f"to tell: p is as large and the interval is another, or this test cannot give less than {SIGNIFICANT}. "
+        "The same: no episode differs."
     )
     grid = Table(
         title=f"A: {a}\nB: {b}", title_justify="left", caption=caption, caption_justify="left", box=SIMPLE_HEAD,
@@ -31,7 +32,7 @@ def compare_table(differences: Mapping[str, Difference], metrics: Sequence[Metri
     for metric in metrics:
         if metric.name in differences:
             cells = compared(Column.of(metric), differences[metric.name])
-            grid.add_row(*(cell.replace(" [", "\n[") for cell in cells))  # Intervals stand on a line of their own.
+            grid.add_row(*(cell.replace(" [", "\n[") for cell in cells))  # Intervals below their value save width.
     return grid
 
 
@@ -43,7 +44,7 @@ def bearing(differences: Mapping[str, Difference], metrics: Sequence[Metric]) ->
         if metric.name in differences and differences[metric.name].count < count:
             fewer.setdefault(differences[metric.name].count, []).append(metric.name)
     told = ", ".join(f"{', '.join(names)} ({number})" for number, names in fewer.items())
-    return f"Over the {counted(count, 'episode')} that both finished." + (f" Fewer bear on {told}." if told else "")
+    return f"Over the {counted(count, 'episode')} that both finished." + (f" Fewer count for {told}." if told else "")
 
 
 def compared(column: Column, found: Difference) -> tuple[str, ...]:
@@ -56,10 +57,12 @@ def compared(column: Column, found: Difference) -> tuple[str, ...]:
 
 
 def verdict(column: Column, found: Difference) -> str:
-    """Return the difference in words: the better run (or the higher one, if neither direction is better), noise, too
-    few to tell, or the same."""
+    """Return the difference in words: the better run, noise, too few to tell, or the same.
+
+    If neither direction is better, it names the run with the higher value.
+    """
     if not found.significant:
-        # A rate has an interval even if no episode differs: it shows what that leaves open.
+        # A rate has an interval even if no episode differs: a larger split could still show a difference.
         same = found.alike and not found.high > found.low
         return "the same" if same else "too few to tell" if _blunt(column, found) else "noise"
     higher = "B" if found.value > 0 else "A"
@@ -68,6 +71,6 @@ def verdict(column: Column, found: Difference) -> str:
 
 
 def _blunt(column: Column, found: Difference) -> bool:
-    """Whether there are too few houses to show a difference, or to exclude a relevant one."""
+    """Return whether there are too few houses to show a difference, or to exclude a relevant one."""
     room = TELLING * (1.0 if column.percent else found.level)
     return found.least >= SIGNIFICANT or not -room <= found.low <= 0.0 <= found.high <= room

@@ -1,4 +1,4 @@
-"""How hard an episode is: length, branching and clutter of the way to its nearest target (paper, section 4.1)."""
+"""Difficulty of an episode: length, branching and clutter of the route to its nearest target (paper, section 4.1)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from humanclaw.records import Difficulty
 Tier = Literal["easy", "medium", "hard"]
 TIERS: Final[tuple[Tier, ...]] = ("easy", "medium", "hard")
 THRESHOLDS: Final = {"distance": (3.5, 8.0), "choice": (2.0, 5.0), "obstacle": (2.5, 5.0)}
-"""The most that is still easy, and the most that is still medium."""
+"""Largest value that is easy, and largest value that is medium."""
 
 
 def tiers(difficulty: Difficulty) -> dict[str, Tier]:
@@ -23,6 +23,6 @@ def tiers(difficulty: Difficulty) -> dict[str, Tier]:
 
 
 def overall(difficulty: Difficulty) -> Tier:
-    """Return the three tiers averaged, rounded to the nearest."""
+    """Return the mean of the three tiers, rounded to the nearest."""
     ranks = [TIERS.index(tier) for tier in tiers(difficulty).values()]
     return TIERS[round(sum(ranks) / len(ranks))]

@@ -1,5 +1,4 @@
-"""`humanclaw bench ablate` and `bench repair`: does the benchmark respond to known faults as it should? No model is
-asked."""
+"""`humanclaw bench ablate` and `bench repair`: check how the benchmark responds to known faults, without a model."""
 
 from __future__ import annotations
 
@@ -42,8 +41,10 @@ _JSON = click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 )
 @_JSON
 def ablate(name: str, workers: int, out: Path, as_json: bool) -> None:
-    """Run the paper's ablation with a scripted bounded agent: five settings, and whether the four directions come
-    out."""
+    """Run the paper's ablation with a scripted bounded agent.
+
+    Plays five settings and shows whether they reproduce the paper's four directions.
+    """
     specs, scores = load_split(name), {}
     for setting in ablation.SETTINGS:
         click.echo(setting.name, err=True)
@@ -66,7 +67,7 @@ def ablate(name: str, workers: int, out: Path, as_json: bool) -> None:
 )
 @_JSON
 def repair_command(name: str, each: int, pairs: int, workers: int, out: Path, as_json: bool) -> None:
-    """Whether root causes name what is wrong: failures of known origin, and what mends them."""
+    """Check root causes with failures of known origin: repair the blamed capability and play again."""
     specs, faults = load_split(name), repair.known_faults(Plugins.discover())
     causes = _failures(specs, faults, each, out, workers)
     right: dict[str, Scores] = {}
@@ -87,7 +88,7 @@ def repair_command(name: str, each: int, pairs: int, workers: int, out: Path, as
 def _pairs(
     specs: Sequence[EpisodeSpec], faults: Sequence[Fault], count: int, out: Path, workers: int
 ) -> tuple[repair.Paired, ...]:
-    """Play episodes with two faults at once: as they are, and with the capability of either put right."""
+    """Play episodes with two faults at once: with both, and with the capability of either repaired."""
     both = {spec.id: (own, other) for spec in specs if (own := repair.drawn(spec, faults))
             and (other := repair.companion(spec, faults))}  # fmt: skip
     chosen = [spec for spec in specs if spec.id in both]
@@ -107,7 +108,7 @@ def _pairs(
 def _failures(
     specs: Sequence[EpisodeSpec], faults: Sequence[Fault], each: int, out: Path, workers: int
 ) -> dict[str, Cause | None]:
-    """Play episodes with faults until every root cause has come up often enough, and attribute them."""
+    """Play episodes with faults until every root cause occurred often enough, and attribute the failures."""
     causes: dict[str, Cause | None] = {}
     for number in count(1):
         if not (todo := repair.wanting(specs, causes, each, faults)):
@@ -121,7 +122,7 @@ def _failures(
 def _repaired(
     specs: Sequence[EpisodeSpec], faults: Sequence[Fault], capability: str, out: Path, workers: int
 ) -> dict[str, Scores]:
-    """Play episodes with their faults again, but with a capability put right, and score them."""
+    """Play episodes with their faults again, but with a capability repaired, and score them."""
     folder = Path(str(out).replace(" ", "-"))
     played = [
         one
@@ -132,7 +133,7 @@ def _repaired(
 
 
 def _played(specs: Sequence[EpisodeSpec], job: Job, out: Path, workers: int) -> list[tuple[Scores, Cause | None]]:
-    """Run what is left of a split, and score it."""
+    """Run the rest of a split, and score it."""
     if not specs:
         return []
     plugins = Plugins.discover()

@@ -1,5 +1,4 @@
-"""Who plays the episodes of a run: processes of this machine, or whatever a plugin offers (hook
-humanclaw_executors)."""
+"""Executors play the episodes of a run: on this machine, or as a plugin does it (hook humanclaw_executors)."""
 
 from __future__ import annotations
 
@@ -39,18 +38,16 @@ __all__ = [
 ONE_THREAD: Final = dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"), "1"
 )
-"""Workers share the cores between them; a second thread in one only takes time from another."""
-
-
+"""Environment of workers. They share the cores, so a second thread in one takes time from another."""
 DEATHS_IN_A_ROW: Final = 3
-"""So many workers dead without an episode played between them do not die of their episodes."""
+"""After so many deaths without a played episode between them, the episodes are not the reason."""
 
 
 class EpisodeQueue:
-    """The episodes that nobody has taken yet, by house, so that a worker need not build a house twice."""
+    """The episodes that no worker has taken yet, by house, so that a worker rarely builds a house twice."""
 
     def __init__(self, specs: Iterable[EpisodeSpec], first: Iterable[EpisodeSpec] = ()) -> None:
-        """first: those of specs that are taken before all others, wherever they are."""
+        """Fill the queue. first: those of specs that are taken before all others, whatever their house."""
         self._houses: dict[str, deque[EpisodeSpec]] = {}
         self._entered: set[str] = set()
         self._first = deque(first)
@@ -65,8 +62,7 @@ class EpisodeQueue:
         self._houses.setdefault(spec.scene, deque()).append(spec)
 
     def take(self, house: str = "") -> EpisodeSpec | None:
-        """Return an episode in this house if there is one, else in a house where nobody is, else in the one with most
-        left."""
+        """Take an episode in this house if there is one, else in a new house, else in the house with the most left."""
         if self._first:
             self._entered.add(self._first[0].scene)
             return self._first.popleft()
@@ -87,19 +83,19 @@ class Executor(Protocol):
     """
 
     def reports(self, job: Job, queue: EpisodeQueue, out: Path) -> Generator[WorkerReport, None, None]:
-        """Play what is in the queue and report each episode once, in the order in which they end.
+        """Play the episodes in the queue and report each once, in the order in which they end.
 
-        The record of an episode lies in out/EPISODE, or comes in the report's files. When the iterator is closed,
-        everything that still runs is ended at once.
+        The record of an episode lies in out/EPISODE, or comes in the report's files. When the iterator is closed, all
+        running episodes end at once.
         """
 
     def stop(self) -> None:
-        """Take no further episode, and break off those under way after their step. Called from a signal handler."""
+        """Take no further episode, and end running episodes after their step. Called from a signal handler."""
 
 
 @dataclass
 class _WorkerProcess:
-    """A worker process, seen from outside."""
+    """A worker process, as its parent sees it."""
 
     name: str
     process: SpawnProcess
@@ -112,17 +108,17 @@ class _WorkerProcess:
 
     @property
     def expected(self) -> bool:
-        """Whether it is going to say something."""
+        """Whether it is going to send a message."""
         return not self.ready or self.task is not None
 
 
 class LocalExecutor:
-    """Processes of this machine. One that dies takes no other with it; its output is in logs/."""
+    """Plays in processes of this machine. If one dies, the others continue; its output is in logs/."""
 
     def __init__(self, workers: int = 1, address: str = "") -> None:
         self._workers = workers
         self._context: SpawnContext = multiprocessing.get_context("spawn")
-        # Bare shared memory: a lock could be held by a worker that was killed, or by what a signal interrupted.
+        # Shared memory without a lock: a killed worker or an interrupted signal handler could hold the lock forever.
         self._stopping: Any = self._context.RawValue("b", 0)
 
     def stop(self) -> None:
@@ -172,11 +168,14 @@ class LocalExecutor:
 
 
 def _crash_report(worker: _WorkerProcess, deaths: int) -> WorkerReport | None:
-    """Of what a worker died, and in which episode if in any. Raises HumanclawError if one after another does."""
+    """Return the failure of the episode in which a worker died; None if it had none.
+
+    Raises HumanclawError after DEATHS_IN_A_ROW deaths.
+    """
     worker.process.join()
     fate = f"{worker.name} died with {_reason(worker.process.exitcode)}; see {worker.log}"
     if deaths >= DEATHS_IN_A_ROW:
-        raise HumanclawError(f"{deaths} workers died one after another. The last: {fate}.", "Mend what it says there.")
+        raise HumanclawError(f"{deaths} workers died in a row. The last: {fate}.", "Fix the error in that log.")
     if worker.task is None:
         return None
     return WorkerReport(
@@ -201,7 +200,7 @@ def _dismiss(processes: Iterable[_WorkerProcess]) -> None:
 
 @contextmanager
 def _for_children(variables: Mapping[str, str]) -> Iterator[None]:
-    """Environment and signal mask for processes that start meanwhile: Ctrl-C is the parent's affair alone."""
+    """Set environment and signals for processes that start meanwhile. They ignore Ctrl-C: the parent handles it."""
     before = {key: os.environ.get(key) for key in variables}
     os.environ.update(variables)
     main = threading.current_thread() is threading.main_thread()
@@ -217,7 +216,7 @@ def _for_children(variables: Mapping[str, str]) -> Iterator[None]:
 
 # -- inside a worker ---------------------------------------------------------------------------------------------------
 def _serve(channel: Connection, job: Job, out: Path, stopping: Any, name: str, log: Path) -> None:
-    """Play in a worker process what comes through the channel until None comes."""
+    """Play the episodes that come through the channel, in a worker process, until None comes."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_die_with_parent, daemon=True).start()
     _write_to(log)
@@ -228,14 +227,14 @@ def _serve(channel: Connection, job: Job, out: Path, stopping: Any, name: str, l
 
 
 def _die_with_parent() -> None:
-    """Nobody may write into a run whose parent was killed: the run may be taken up again at once."""
+    """Exit when the parent dies: somebody may resume the run at once, and two writers would damage it."""
     parent: Any = multiprocessing.parent_process()
     parent.join()
     os._exit(1)
 
 
 def _write_to(log: Path) -> None:
-    """Send everything that this process prints, a library's complaints and a crash's traceback included, to a file."""
+    """Send all output of this process to a file, including messages of libraries and tracebacks of crashes."""
     stream = log.open("a", encoding="utf-8", buffering=1)
     for standard in (1, 2):
         os.dup2(stream.fileno(), standard)
@@ -244,7 +243,7 @@ def _write_to(log: Path) -> None:
 
 
 def local(workers: int = 1, address: str = "") -> Executor:
-    """Play in processes of this machine. Raises HumanclawError if there is to be no worker."""
+    """Return the executor that plays in processes of this machine. Raises HumanclawError for less than one worker."""
     if workers < 1:
         raise HumanclawError(f"a run needs at least one worker; got {workers}.", "Give --workers 1 or more.")
     return LocalExecutor(workers)

@@ -1,6 +1,6 @@
-"""Runs for other people's tools: a table of episodes, pandas, LeRobotDataset and inspect_ai logs.
+"""Export runs: a table of episodes, pandas, LeRobotDataset and inspect_ai logs.
 
-What each needs beyond humanclaw is imported when it is asked for, and told if it is missing.
+Each export imports the package that it needs on use, and names it if it is missing.
 """
 
 from __future__ import annotations
@@ -35,20 +35,20 @@ _COLLISIONS: Final = "collisions_"
 
 
 def metrics_of(plugins: Plugins) -> Extra:
-    """Return the metrics that plugins brought, by name. Each is waited for as long as its plugin asks, no longer.
+    """Return the metrics of plugins by name. Each stops after the time limit of its plugin.
 
-    Raises PluginError for one that has the name of what the benchmark measures itself: it would stand in its place.
+    Raises PluginError for a metric with the name of one of the benchmark's own numbers, which it would replace.
     """
     metrics = plugins.registered("metrics")
     for one in metrics:
         if one.name in OWN or one.name.startswith(_COLLISIONS):
-            told = f"metric {one.name!r} of plugin {one.owner!r} has the name of a number of the benchmark's own."
+            told = f"metric {one.name!r} of plugin {one.owner!r} has the name of one of the benchmark's own numbers."
             raise PluginError(told, "Register it under another name, or leave the plugin out.")
     return {one.name: plugins.bounded(one) for one in metrics}
 
 
 def scored(episodes: Sequence[RecordedEpisode], extra: Extra | None = None, name: str = "") -> list[Scored]:
-    """Every episode with its scores and, if it failed, its root cause. Many of them show progress."""
+    """Return every episode's scores and, if it failed, its root cause. Shows progress for 50 episodes or more."""
     found: list[Scored] = []
     for recorded in _with_progress(episodes, f"scoring {name}"):
         scores = score(recorded, extra)
@@ -57,13 +57,15 @@ def scored(episodes: Sequence[RecordedEpisode], extra: Extra | None = None, name
 
 
 def _with_progress(episodes: Sequence[RecordedEpisode], doing: str) -> Iterable[RecordedEpisode]:
-    """Fifty episodes take seconds: then a terminal shows how far it is."""
+    """Wrap episodes in a progress bar if there are 50 or more, which take seconds."""
     return tqdm(episodes, desc=doing, disable=None if len(episodes) >= 50 else True, leave=False)
 
 
 def row(scores: Scores, cause: Cause | None) -> dict[str, Any]:
-    """Return an episode's numbers and the reason why it failed, by name; unknown numbers are None, collisions one a
-    body group."""
+    """Return an episode's numbers and root cause by name.
+
+    Unknown numbers are None. Collisions have one number per body group.
+    """
     values = asdict(replace(scores, spec=None))
     del values["spec"]
     collisions, extra = values.pop("collisions"), values.pop("extra")
@@ -76,24 +78,26 @@ def row(scores: Scores, cause: Cause | None) -> dict[str, Any]:
 
 
 def rows(run: Path, plugins: Plugins | None = None) -> list[dict[str, Any]]:
-    """Return a run as one row an episode. Raises RecordError if there is none."""
+    """Return a run with one row per episode. Raises RecordError if there is none."""
     extra = metrics_of(plugins or Plugins.discover())
     return [row(*pair) for pair in scored(load_run(run), extra, run.name)]
 
 
 def load(run: str | Path, plugins: Plugins | None = None) -> pd.DataFrame:
-    """Return a run as a pandas DataFrame, one row an episode. Raises HumanclawError if pandas is missing or there is no
-    run."""
+    """Return a run as a pandas DataFrame, one row per episode.
+
+    Raises HumanclawError if pandas is missing or there is no run.
+    """
     pandas = _need("pandas", "pandas")
     frame = pandas.DataFrame(rows(Path(run), plugins)).set_index("episode")
-    # Only True, False and None: as objects they could be neither negated nor averaged.
+    # Columns of True, False and None have dtype object, which can be neither negated nor averaged.
     known = [name for name in frame if pandas.api.types.infer_dtype(frame[name]) == "boolean"]
     return frame.astype(dict.fromkeys(known, "boolean"))
 
 
 # -- files -------------------------------------------------------------------------------------------------------------
 def to_csv(run: Path, out: Path) -> Path:
-    """One line an episode; empty where a number is not known."""
+    """Write a CSV file with one line per episode; unknown numbers are empty."""
     table = rows(run)
     names = list(dict.fromkeys(name for line in table for name in line))
     stream = io.StringIO()
@@ -105,25 +109,24 @@ def to_csv(run: Path, out: Path) -> Path:
 
 
 def to_lerobot(run: Path, out: Path) -> Path:
-    """Return a LeRobotDataset of two frames a second, one a decision: view, pose and executed call; the task is the
-    instruction.
+    """Write a LeRobotDataset with two frames a second, one per decision. The task is the instruction.
 
-    observation.state: root position (m) and 24 joint rotations (axis-angle, rad) before the decision. action: a one-hot
-    of the skill, then every parameter of every skill in the schema's units, 0 for skills that were not called; all 0
-    where no usable call came. next.done marks an episode's last frame, next.success those of them that reached what was
-    asked. Episodes without a decision and those that a provider broke are left out. Raises RecordError if out exists or
-    nothing is left.
+    observation.images.ego: the view. observation.state: root position (m) and 24 joint rotations (axis-angle, rad)
+    before the decision. action: the executed call: a one-hot of the skill, then every parameter of every skill in the
+    schema's units, 0 for skills that were not called; all 0 without a usable call. next.done: whether it is the
+    episode's last frame. next.success: whether it is, and the episode succeeded.
+
+    Leaves out episodes without a decision or with an infrastructure failure. Raises RecordError if out exists or no
+    episode is left.
     """
     writer = _need("lerobot.datasets.lerobot_dataset", "lerobot").LeRobotDataset
     episodes = [
         episode for episode in load_run(run) if episode.steps and ended(episode.record.outcome, episode.record.limit)
     ]
     if not episodes:
-        raise RecordError(
-            f"no episode in {run} has come to an end.", "Go on with the run: `humanclaw bench run --out`."
-        )
+        raise RecordError(f"no episode in {run} has ended.", f"Continue the run: `humanclaw bench run --out {run}`.")
     if out.exists():
-        raise RecordError(f"{out} exists already.", "Remove it, or name another folder with --out.")
+        raise RecordError(f"{out} already exists.", "Remove it, or name another folder with --out.")
     actions = _action_names(episodes)
     dataset = writer.create(
         repo_id=f"humanclaw/{run.name}", root=out, fps=DECISIONS_A_SECOND, robot_type="humanclaw",
@@ -138,7 +141,7 @@ def to_lerobot(run: Path, out: Path) -> Path:
 
 
 def _action_names(episodes: Sequence[RecordedEpisode]) -> tuple[str, ...]:
-    """Return the names of the skills, then skill.parameter for each: all that was called in any of the episodes."""
+    """Return the names of all skills in the episodes, then skill.parameter for each parameter that was called."""
     calls = [step.call for episode in episodes for step in episode.steps if step.call]
     skills = sorted({skill for episode in episodes for skill in episode.record.skills} | {call.skill for call in calls})
     params = sorted({f"{call.skill}.{key}" for call in calls for key in call.params})
@@ -186,14 +189,15 @@ def _action(step: StepRecord, names: Sequence[str]) -> Any:
 
 
 def to_inspect(run: Path, out: Path) -> Path:
-    """Return an inspect_ai log: a sample an episode, a tool call a decision, the success rates as scores.
+    """Write an inspect_ai log: a sample per episode, a tool call per decision, the success rates as scores.
 
-    The views stay in the run: each answer's metadata names the one it was made from. out: *.eval or *.json.
-    Raises RecordError if it is neither or if the run is of several agents.
+    The views stay in the run; each answer's metadata names its view. out: *.eval or *.json. Raises RecordError if it is
+    neither, or if the run has several agents.
     """
     log = _need("inspect_ai.log", "inspect-ai")
     if out.suffix not in (".eval", ".json"):
-        raise RecordError(f"an inspect_ai log is called *.eval or *.json, not {out.name}.", "Name another with --out.")
+        said = f"an inspect_ai log must be named *.eval or *.json; got {out.name}."
+        raise RecordError(said, "Name another file with --out.")
     episodes = load_run(run)
     first = episodes[0].record
     if len({(episode.record.agent, episode.record.verifier) for episode in episodes}) > 1:
@@ -240,7 +244,7 @@ def _error(log: Any, recorded: RecordedEpisode) -> Any:
 
 
 def _messages(recorded: RecordedEpisode) -> list[Any]:
-    """Return the conversation: the instruction, then a step's answer and what came of it."""
+    """Return the conversation: the instruction, then each step's answer and its result."""
     model = importlib.import_module("inspect_ai.model")
     messages = [model.ChatMessageUser(content=recorded.record.spec.instruction)]
     for step in recorded.steps:
@@ -262,7 +266,7 @@ def _calls(step: StepRecord) -> list[Any]:
 
 
 def _rate(log: Any, name: str, finished: Sequence[Scores]) -> Iterator[Any]:
-    """Yield the share of the episodes that were asked for it; nothing if none was."""
+    """Yield the success rate over the episodes to which it applies; nothing if there are none."""
     known = [value for scores in finished if (value := getattr(scores, name)) is not None]
     if known:
         rate = log.EvalMetric(name="accuracy", value=sum(known) / len(known))
@@ -281,4 +285,4 @@ FORMATS: Final[Mapping[str, tuple[Callable[[Path, Path], Path], str]]] = {
     "inspect": (to_inspect, "inspect.eval"),
     "lerobot": (to_lerobot, "lerobot"),
 }
-"""What writes each format, and the name of what it writes in the run."""
+"""Format to its function and to the default name of its output in the run."""

@@ -1,5 +1,7 @@
-"""What a plugin can add to the benchmark. It implements these hooks with @hookimpl(optionalhook=True), and then also
-works where the benchmark is not installed."""
+"""Hooks through which plugins extend the benchmark.
+
+Implement them with @hookimpl(optionalhook=True); then the plugin also works without the benchmark.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,7 @@ hookspec = pluggy.HookspecMarker("humanclaw")
 
 
 class Fault(Protocol):
-    """An agent with one capability missing: what root causes are checked with."""
+    """An agent with one missing capability, with which root causes are checked."""
 
     @property
     def name(self) -> str: ...
@@ -29,28 +31,28 @@ class Fault(Protocol):
 
     @property
     def capability(self) -> str:
-        """What the agent lacks, in the word that root causes have for it."""
+        """The missing capability, named as in the root causes."""
 
     @property
     def cause(self) -> str:
-        """Label of the root cause that it is meant to lead to, such as "nav: stop while far"."""
+        """Label of the root cause that the fault should lead to, such as "nav: stop while far"."""
 
     @property
     def agent(self) -> str:
-        """The agent that has the fault. It also takes the option `repair`: a capability whose faults are put right."""
+        """Name of the agent with the fault. Its option `repair` names a capability whose faults are repaired."""
 
     @property
     def options(self) -> Mapping[str, Any]:
-        """Of the agent, for it to have the fault."""
+        """Options that give the agent this fault."""
 
     def fits(self, spec: EpisodeSpec) -> bool:
-        """Whether an episode can show it."""
+        """Return whether an episode can show the fault."""
 
     def goes_with(self, other: Any) -> bool:
-        """Whether one agent can have this fault and another one at once: two capabilities are missing then."""
+        """Return whether an agent can have this and another fault at once, with two capabilities missing."""
 
     def with_another(self, other: Any) -> Mapping[str, Any]:
-        """Options of the agent, for it to have both; the other is one that this goes with."""
+        """Return options that give the agent both faults. other: a fault for which goes_with is true."""
 
 
 class RegisterFault(Protocol):
@@ -65,19 +67,18 @@ if TYPE_CHECKING:
 
 @hookspec
 def humanclaw_executors(register: Register[ExecutorFactory]) -> None:
-    """Register executors, which play the episodes of a run somewhere: factory(workers: int, address: str) -> Executor.
+    """Register executors, which play the episodes of a run: factory(workers: int, address: str) -> Executor.
 
-    humanclaw_bench.executors tells what one does; plugins/ray is one for a cluster.
+    humanclaw_bench.executors.Executor defines them; plugins/ray is an example for a cluster.
     """
 
 
 @hookspec
 def humanclaw_metrics(register: Register[MetricFunction]) -> None:
-    """Register metrics of an episode, from its record: function(episode: RecordedEpisode) -> float, NaN if it does not
-    apply.
+    """Register metrics of an episode: function(episode: RecordedEpisode) -> float, NaN if it does not apply.
 
-    They are columns of `humanclaw bench table --only plugins`, of scores.jsonl and of humanclaw_bench.load. A name that
-    a row of these has already, such as nav or success, is refused.
+    They become columns of `humanclaw bench table --only plugins`, of scores.jsonl and of humanclaw_bench.load. Names
+    that these already have, such as nav or success, are refused.
     """
 
 
@@ -88,4 +89,4 @@ def humanclaw_faults(register: RegisterFault) -> None:
 
 @hookspec
 def humanclaw_run_end(run: Path, plugins: Plugins, tell: Callable[[str], None]) -> None:
-    """Hear that `humanclaw bench run` has no more episodes to play. tell: prints a line."""
+    """React to the end of `humanclaw bench run`, when no episode is left to play. tell: prints a line."""

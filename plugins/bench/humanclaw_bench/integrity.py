@@ -36,7 +36,7 @@ REPEATS: Final = 100
 """Maximum repeats of an episode; runs with more need the split beside run.json."""
 
 
-# -- what a run says of itself -----------------------------------------------------------------------------------------
+# -- run.json ----------------------------------------------------------------------------------------------------------
 class Manifest(BaseModel):
     """The fields of run.json that are checked; it holds more."""
 
@@ -63,7 +63,7 @@ class Manifest(BaseModel):
 
 
 def read_manifest(run: Path) -> Manifest:
-    """Read run.json of a run. Raises RecordError if it is missing, damaged, or says something odd."""
+    """Read run.json of a run. Raises RecordError if it is missing, damaged or invalid."""
     path = run / MANIFEST
     try:
         return Manifest.model_validate_json(path.read_bytes())
@@ -98,7 +98,7 @@ def known_split(digest: str, episodes: int) -> tuple[str, Sequence[EpisodeSpec]]
     return "", ()
 
 
-# -- what contradicts it -----------------------------------------------------------------------------------------------
+# -- contradictions ----------------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class Standing:
     """Facts about a run besides its scores."""

@@ -1,4 +1,4 @@
-"""What the page of a run shows of the benchmark: the paper's tables, why episodes failed, and two runs in pairs."""
+"""The benchmark's part of the page of a run: the paper's tables, root causes, and a comparison of two runs."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from humanclaw_bench.writers import texts
 
 SHOWN = ("main", "funnel", "causes", "difficulty", "category", "variants", "body", "plugins")
 DRAWN = ("funnel", "causes")
-"""Tables of shares, which bars make quicker to read."""
+"""Tables of shares that the page also draws as bars."""
 
 
 class Page(Protocol):
-    """As humanclaw_report.hookspecs.Overview has it."""
+    """The methods of humanclaw_report.hookspecs.Overview that are used here."""
 
     def table(
         self, title: str, head: Sequence[str], rows: Sequence[Sequence[str]], *,
@@ -34,7 +34,7 @@ class Page(Protocol):
 
 
 def overview(runs: Mapping[Path, Sequence[RecordedEpisode]], page: Page) -> None:
-    """Add the tables of some runs, and what came of each of their episodes, to a page."""
+    """Add the tables of some runs, and the result of each of their episodes, to a page."""
     from humanclaw import Plugins
 
     extra = metrics_of(Plugins.discover())
@@ -59,13 +59,13 @@ def _tell_episodes(run: Path, pairs: Sequence[Scored], page: Page) -> None:
 
 
 def _happened(causes: ResultTable) -> ResultTable:
-    """Leave out the causes that no failure had: most of them, and on a page a row each."""
+    """Leave out the causes without a failure: they are most rows of the table."""
     rows = tuple(row for row in causes.rows if any(cell.value > 0 for cell in row.cells))
-    return replace(causes, rows=rows, notes=(*causes.notes, "Causes that no failure had are left out."))
+    return replace(causes, rows=rows, notes=(*causes.notes, "Causes without a failure are left out."))
 
 
 def _spent(table: ResultTable) -> ResultTable:
-    """Leave out what asking models took where none was asked, so that the rest fits beside one another."""
+    """Hide token and cost columns if no model was called, so that the other columns have more room."""
     cost = {metric.name for metric in COST}
     kept = [
         index for index, column in enumerate(table.columns)
@@ -83,7 +83,7 @@ def _add(table: ResultTable, page: Page, *, drawn: bool) -> None:
 
 
 def _add_comparison(one: Result, two: Result, page: Page) -> None:
-    """Both runs over the episodes that both finished; nothing where they share none."""
+    """Add the comparison of two runs over the episodes that both finished; nothing if they share none."""
     try:
         differences: Mapping[str, Difference] = compare(one.scores, two.scores)
     except RecordError:
@@ -91,12 +91,12 @@ def _add_comparison(one: Result, two: Result, page: Page) -> None:
     told = [metric for metric in ALL if metric.name in differences and not _unasked(metric, differences[metric.name])]
     rows = [compared(Column.of(metric), differences[metric.name]) for metric in told]
     notes = (
-        f"{bearing(differences, told)} A: {one.name}. B: {two.name}. p: of swapping the "
-        "runs house by house, exactly for rates, at random for the rest; raised (Holm).",
+        f"{bearing(differences, told)} A: {one.name}. B: {two.name}. p: the runs are swapped house by house, exactly "
+        "for rates, at random for the rest; corrected (Holm).",
     )
     page.table("The two runs in pairs", ("metric", "A", "B", "B \u2212 A", "p", "verdict"), rows, notes=notes)
 
 
 def _unasked(metric: Metric, found: Difference) -> bool:
-    """Whether it is what asking models takes, and neither run asked one."""
+    """Return whether a metric counts tokens or cost and neither run called a model."""
     return metric in COST and found.a == found.b == 0

@@ -1,4 +1,4 @@
-"""What a person at the terminal sees of a run under way."""
+"""Show the progress of a run on the terminal."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from humanclaw_bench.worker import WorkerReport
 
 
 class RunProgress:
-    """A line an episode, and below it a bar with rate, time and money left."""
+    """A line per episode, and below them a bar with rate, remaining time and cost."""
 
     def __init__(self, console: Console, out: Path) -> None:
         self._console, self._out = console, out
@@ -27,10 +27,10 @@ class RunProgress:
         self._task = self._bar.add_task("starting", total=None)
 
     def watch(self, status: RunStatus, report: WorkerReport | None) -> None:
-        """Told by run_split of each episode that ended."""
+        """Show an episode that ended; run_split calls this. report: None at the beginning."""
         self._bar.update(self._task, completed=status.done, total=status.total, description=_rate(status))
         if report is None:
-            before = f", {status.done} of them have ended before" if status.done else ""
+            before = f", {status.done} of them already finished" if status.done else ""
             self._print(
                 f"{self._out}: {counted(status.total, 'episode')}{before}. Ctrl-C stops after the steps under way."
             )
@@ -42,7 +42,7 @@ class RunProgress:
         self._print(f"{line} {report.seconds:6.1f} s{left}{why}")
 
     def end(self, status: RunStatus) -> None:
-        """Say how the run ended."""
+        """Print how the run ended."""
         self._bar.stop()
         state = "stopped" if status.stopped else "ended"
         failed = f", {status.failed} broken by infrastructure" if status.failed else ""
@@ -51,16 +51,16 @@ class RunProgress:
             f"{_clock(status.seconds)}{_spent(status)}."
         )
         if status.done < status.total:
-            self._print("The same command goes on from here.")
+            self._print("The same command continues the run.")
 
     def foresee(self, forecast: Forecast, *, ask: bool) -> bool:
-        """Say what the run will take, as its pilot has shown; ask whether to go on, if a person is there."""
+        """Print the estimate for the rest of the run, and on a terminal ask whether to continue."""
         said = foresight(forecast)
         if not (ask and self._console.is_terminal):
             self._print(said)
             return True
         self._bar.stop()
-        on = click.confirm(f"{said} Go on?", default=True)
+        on = click.confirm(f"{said} Continue?", default=True)
         self._bar.start()
         return on
 
@@ -78,7 +78,7 @@ class RunProgress:
 
 
 def _rate(status: RunStatus) -> str:
-    """Such as: 8.1 episodes/min, 0:11:02 left, $0.41 spent, about $3.90 to go."""
+    """Return the rate: "8.1 episodes/min, 0:11:02 left, $0.41 spent, about $3.90 to go"."""
     if not status.played:
         return "starting"
     rate = f"{60 * status.played / status.seconds:.1f} episodes/min, {_clock(status.seconds_left)} left"
@@ -86,16 +86,14 @@ def _rate(status: RunStatus) -> str:
 
 
 def foresight(forecast: Forecast) -> str:
-    """Such as: By 3 of its episodes the other 97 take about 5 h 50 min and $50."""
+    """Return the estimate: "Estimate for the remaining 97 episodes: 5 h 50 min and $50.00 (from the first 3)."."""
     hours, minutes = divmod(round(forecast.seconds / 60), 60)
     time = f"{hours} h {minutes} min" if hours else f"{max(1, minutes)} min"
     money = f" and ${forecast.cost:.2f}" if forecast.cost else ""
     tokens = forecast.tokens and not forecast.cost
-    unknown = (
-        f" No price is known of the {forecast.tokens:,} tokens so far, nor what the rest will cost." if tokens else ""
-    )
-    others = "the other takes" if forecast.left == 1 else f"the other {forecast.left} take"
-    return f"By {forecast.episodes} of its episodes {others} about {time}{money}.{unknown}"
+    unknown = f" The cost is unknown: the {forecast.tokens:,} tokens so far have no known price." if tokens else ""
+    others = "episode" if forecast.left == 1 else f"{forecast.left} episodes"
+    return f"Estimate for the remaining {others}: {time}{money} (from the first {forecast.episodes}).{unknown}"
 
 
 def _spent(status: RunStatus) -> str:

@@ -1,12 +1,11 @@
-"""Counterfactual repair: does a root cause name what is wrong? Put the blamed capability right, and see whether that
-mends it.
+"""Counterfactual repair: check root causes by repairing the blamed capability and playing again.
 
-Every episode is played by an agent with a known fault, drawn by the episode's seed, until every root cause that faults
-lead to has come up often enough. The benchmark blames a capability for each failure, from the record alone. Then the
-episode is played again with the blamed capability put right.
+An agent with a known fault, drawn by the episode's seed, plays episodes until every root cause of the faults occurred
+often enough. The benchmark blames a capability for each failure, from the record alone. Then the episode is played
+again with the blamed capability repaired.
 
-That this and no other would have helped is asked of agents with two faults at once: the one that is blamed is put
-right, and then, instead, the other, which is as real. The failure is to go in the first case and to stay in the second.
+Agents with two faults at once show whether only this repair helps. First the blamed capability is repaired, then
+instead the other missing one. The failure should disappear in the first case and stay in the second.
 """
 
 from __future__ import annotations
@@ -24,65 +23,64 @@ from humanclaw_bench.scores import Scores
 from humanclaw_bench.worker import Job
 
 PATIENCE: Final = 3
-"""So many times as many episodes are tried as root causes are wanted: not every episode shows every fault."""
+"""Number of episodes tried per wanted root cause, because not every episode shows every fault."""
 Causes = Mapping[str, Cause | None]
-"""Why each episode failed, by its id; None for one that did not."""
+"""Episode id to root cause; None if the episode did not fail."""
 
 
 def known_faults(plugins: Plugins) -> tuple[Fault, ...]:
-    """Return the faults that plugins brought. Raises HumanclawError if there are none."""
+    """Return the faults of plugins. Raises HumanclawError if there are none."""
     faults = tuple(one.value for one in plugins.registered("faults"))
     if not faults:
-        raise HumanclawError("no plugin brings an agent with a known fault.", "Run `pip install humanclaw-scripted`.")
+        raise HumanclawError("no plugin has an agent with a known fault.", "Run `pip install humanclaw-scripted`.")
     return faults
 
 
 def capabilities(faults: Sequence[Fault]) -> tuple[str, ...]:
-    """Return what the faults take away, by name."""
+    """Return the names of the capabilities that the faults remove."""
     return tuple(sorted({fault.capability for fault in faults}))
 
 
 def drawn(spec: EpisodeSpec, faults: Sequence[Fault]) -> Fault | None:
-    """Return the fault with which an episode is played: by its seed, among those that it can show."""
+    """Return the fault with which an episode is played, drawn by its seed from those that it can show."""
     fitting = [fault for fault in faults if fault.fits(spec)]
     return fitting[int(np.random.default_rng([spec.seed, 77]).integers(len(fitting)))] if fitting else None
 
 
 def companion(spec: EpisodeSpec, faults: Sequence[Fault]) -> Fault | None:
-    """Return the fault that an episode's own is joined with: by its seed, among those that go with it."""
+    """Return the second fault of an episode, drawn by its seed from those that go with its own fault."""
     own = drawn(spec, faults)
     fitting = [fault for fault in faults if own and fault.fits(spec) and own.goes_with(fault)]
     return fitting[int(np.random.default_rng([spec.seed, 78]).integers(len(fitting)))] if fitting else None
 
 
 def by_fault(specs: Sequence[EpisodeSpec], faults: Sequence[Fault]) -> Iterator[tuple[Fault, list[EpisodeSpec]]]:
-    """Yield the episodes by the fault with which they are played."""
+    """Yield each fault with the episodes that are played with it."""
     for fault in faults:
         if mine := [spec for spec in specs if drawn(spec, faults) is fault]:
             yield fault, mine
 
 
 def job(fault: Fault, repair: str = "") -> Job:
-    """Return what to run for a fault. repair: a capability that is put right."""
+    """Return the job for a fault. repair: a capability to repair."""
     return Job(fault.agent, {**fault.options, **({"repair": repair} if repair else {})})
 
 
 def pair_job(own: Fault, other: Fault, repair: str = "") -> Job:
-    """Return what to run for two faults at once. repair: a capability that is put right."""
+    """Return the job for two faults at once. repair: a capability to repair."""
     return Job(own.agent, {**own.with_another(other), **({"repair": repair} if repair else {})})
 
 
 def wanting(specs: Sequence[EpisodeSpec], causes: Causes, each: int, faults: Sequence[Fault]) -> list[EpisodeSpec]:
-    """Return what to play next: of every fault so many episodes as its root cause has come up too rarely, up to
-    PATIENCE times each.
+    """Return the episodes to play next: for every fault as many as its root cause occurred too rarely.
 
-    causes: of those played.
+    At most PATIENCE * each episodes per fault. causes: of the played episodes.
     """
     todo: list[EpisodeSpec] = []
     for fault, mine in by_fault(specs, faults):
         fresh = [spec for spec in mine[: PATIENCE * each] if spec.id not in causes]
         lacking = each - sum(_label(causes.get(spec.id)) == fault.cause for spec in mine)
-        todo += fresh[: max(lacking, each // 3)] if lacking > 0 else []  # Few at a time would be many rounds.
+        todo += fresh[: max(lacking, each // 3)] if lacking > 0 else []  # A third at least: few rounds.
     return todo
 
 
@@ -91,7 +89,7 @@ def _label(cause: Cause | None) -> str:
 
 
 def blamed(specs: Sequence[EpisodeSpec], causes: Causes, capability: str, most: int = 0) -> list[EpisodeSpec]:
-    """Return the episodes whose failure is put down to a capability; most: at most so many of each label, if given."""
+    """Return the episodes whose failure is blamed on a capability. most: limit per label; 0 for none."""
     by_label: dict[str, list[EpisodeSpec]] = {}
     for spec in specs:
         if (cause := causes.get(spec.id)) and cause.capability == capability:
@@ -101,7 +99,7 @@ def blamed(specs: Sequence[EpisodeSpec], causes: Causes, capability: str, most: 
 
 @dataclass(frozen=True)
 class Repaired:
-    """Of the episodes with one label: how many succeed once the blamed capability is put right."""
+    """The episodes with one label, and how many succeed after the blamed capability is repaired."""
 
     label: str
     capability: str
@@ -110,7 +108,7 @@ class Repaired:
 
 
 def repaired(causes: Causes, right: Mapping[str, Scores]) -> tuple[Repaired, ...]:
-    """Check label by label, in the order of the rules. right: scores by episode id with the blamed one put right."""
+    """Check every label, in the order of the rules. right: episode id to scores with the blamed capability repaired."""
     played = {cause for episode, cause in causes.items() if episode in right}
     return tuple(_repaired(cause, causes, right) for cause in CAUSES if cause in played)
 
@@ -122,30 +120,30 @@ def _repaired(cause: Cause, causes: Causes, right: Mapping[str, Scores]) -> Repa
 
 @dataclass(frozen=True)
 class Paired:
-    """Of the failures of agents with two faults at once that got one label: whether it goes with either put right."""
+    """The failures with one label of agents with two faults, and in how many either repair removes it."""
 
     label: str
     capability: str
     count: int
     astray: int = 0
-    """Blamed on a capability that neither fault takes away."""
+    """Number blamed on a capability that neither fault removes."""
     gone: int = 0
-    """Without that failure once the blamed capability is put right."""
+    """Number without that failure after the blamed capability is repaired."""
     gone_by_other: int = 0
-    """Without it once the other is."""
+    """Number without it after the other capability is repaired."""
 
     @property
     def tried(self) -> int:
-        """Of count those that were blamed on one of the two."""
+        """Number blamed on a capability that one of the two faults removes."""
         return self.count - self.astray
 
 
 def paired(
     causes: Causes, mended: Mapping[str, Causes], faults: Mapping[str, tuple[Fault, Fault]]
 ) -> tuple[Paired, ...]:
-    """Check two faults at once, label by label in the order of the rules.
+    """Check two faults at once for every label, in the order of the rules.
 
-    causes: of the episodes with both. mended: the same with a capability put right, by its name. faults: the two of
+    causes: of the episodes with both faults. mended: repaired capability to the causes then. faults: the two faults of
     each episode.
     """
     return tuple(
@@ -177,7 +175,7 @@ def markdown(rows: Sequence[Repaired]) -> str:
 
 
 def pairs_markdown(rows: Sequence[Paired]) -> str:
-    """Tell of two faults at once whether the failure goes."""
+    """Return the results with two faults at once as Markdown."""
     lines = [
         "| two faults at once, label | blamed | episodes | neither of the two | gone with it | gone with the other |",
         "| --- | --- | ---: | ---: | ---: | ---: |",

@@ -58,13 +58,13 @@ class Result:
     def note(self) -> str:
         """The note below a table: missing episodes, plugin errors, unverified calls, contradictions."""
         apart = Counter(s.outcome for s in self.scores if not s.finished)
-        left_out = "".join(f"; apart from every number: {count} {outcome}" for outcome, count in sorted(apart.items()))
+        left_out = "".join(f"; not in any number: {count} {outcome}" for outcome, count in sorted(apart.items()))
         of = f"{len(self.finished)} of " if len(self.finished) < self.total else ""
-        told = f"{of}{counted(self.total, 'episode')}" + ("" if self.asked else ", of how many no run.json tells")
+        told = f"{of}{counted(self.total, 'episode')}" + ("" if self.asked else ", of an unknown total (no run.json)")
         note = (
             f"{self.name}: {told}{left_out}.{self._privileged}{self._again}{self._broken}{self._unasked}{self._foreign}"
         )
-        return " ".join(legible(note).split())  # One line, whatever a stranger's record holds.
+        return " ".join(legible(note).split())  # One line, whatever text a foreign record holds.
 
     @property
     def _again(self) -> str:
@@ -78,7 +78,7 @@ class Result:
     @property
     def _privileged(self) -> str:
         told = " and ".join(sorted({s.privileged for s in self.scores if s.privileged}))
-        return f" Privileged, told scene and true state: {told}." if told else ""
+        return f" Privileged (knows scene and true state): {told}." if told else ""
 
     @property
     def _broken(self) -> str:
@@ -93,16 +93,16 @@ class Result:
         if not verified:
             return ""
         warning = " Warning: this is not the verifier's row." if unasked > MOST_UNASKED * verified else ""
-        return f" Let through unasked: {100 * unasked / verified:.1f} %.{warning}"
+        return f" Calls executed unverified: {100 * unasked / verified:.1f} %.{warning}"
 
 
 def named(
     runs: Mapping[str, Sequence[tuple[Scores, Cause | None]]], known: Mapping[str, Standing] | None = None
 ) -> tuple[Result, ...]:
-    """Group scored episodes to one result for each run, agent, verifier and simulator. known: facts from each run's
-    folder.
+    """Group scored episodes into one result per run, agent, verifier and simulator.
 
-    A result's name includes the simulator if there are several, and the run if the rest repeats.
+    known: facts from each run's folder. A result's name includes the simulator if there are several, and the run if the
+    rest of the name repeats.
     """
     several = len({scores.simulator for found in runs.values() for scores, _ in found}) > 1
     groups: dict[tuple[str, str], list[tuple[Scores, Cause | None]]] = {}

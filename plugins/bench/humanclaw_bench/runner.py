@@ -1,8 +1,7 @@
-"""Running a split: what was run and how is in run.json and split.jsonl, every episode in a folder of its own, and
-nothing is run twice.
+"""Run a split. run.json and split.jsonl hold the settings; every episode has its own folder and is run once.
 
-A run may be ended at any moment, by whatever means, and taken up again: finished episodes are kept, others continue
-from their last recorded step.
+A run may end at any moment, even by a crash, and be resumed: finished episodes are kept, others continue from their
+last recorded step.
 """
 
 from __future__ import annotations
@@ -39,19 +38,19 @@ FORMAT: Final = 1
 
 @dataclass(frozen=True)
 class RunStatus:
-    """How far a run is."""
+    """The progress of a run."""
 
     total: int
     done: int
-    """Finished episodes, those of earlier sessions included."""
+    """Number of finished episodes, including those of earlier sessions."""
     failed: int = 0
-    """Broken by infrastructure in this session: to be run again."""
+    """Number of infrastructure failures in this session; these episodes must be run again."""
     played: int = 0
-    """Episodes that ended in this session."""
+    """Number of episodes that ended in this session."""
     steps: int = 0
-    """Of those."""
+    """Steps of the episodes of this session."""
     seconds: float = 0.0
-    """Since this session began."""
+    """Time since this session began."""
     cost: float = 0.0
     """US dollars that this session has spent."""
     tokens: int = 0
@@ -63,36 +62,36 @@ class RunStatus:
 
     @property
     def seconds_left(self) -> float:
-        """At the rate of this session; NaN before its first episode."""
+        """Remaining seconds at the rate of this session; NaN before its first episode."""
         return self.left * self.seconds / self.played if self.played else float("nan")
 
     @property
     def cost_left(self) -> float:
-        """US dollars, at the price of this session's episodes; NaN before the first."""
+        """Remaining US dollars at the cost of this session's episodes; NaN before the first."""
         return self.left * self.cost / self.played if self.played else float("nan")
 
 
 @dataclass(frozen=True)
 class Forecast:
-    """What the rest of a run will take, as its pilot episodes have shown."""
+    """Estimated time and cost of the rest of a run, from its pilot episodes."""
 
     episodes: int
-    """Of the pilot, that ended."""
+    """Number of pilot episodes that ended."""
     left: int
-    """Episodes of which it is, those under way included."""
+    """Number of episodes in the estimate, including those under way."""
     seconds: float
     cost: float = 0.0
     """US dollars."""
     tokens: int = 0
-    """Of this session so far."""
+    """Tokens of this session so far."""
 
 
 Watcher = Callable[[RunStatus, WorkerReport | None], None]
-"""Told of every episode that ended, and once at the beginning."""
+"""Called for every episode that ended, and once at the beginning without a report."""
 OWN: Final = frozenset({MANIFEST, SPLIT, JOURNAL, "logs", "scores.jsonl", "report.html", "submission.json"})
-"""What lies in the folder of a run beside its episodes."""
+"""Files and folders in the folder of a run that are not episodes."""
 PILOT: Final = 3
-"""Episodes from which what a run will take is foreseen: near, middling and far."""
+"""Number of episodes from which the rest of a run is estimated: one near, one middling and one far target."""
 
 
 def run_split(
@@ -105,13 +104,12 @@ def run_split(
     watch: Watcher = lambda status, report: None,
     go_on: Callable[[Forecast], bool] = lambda forecast: True,
 ) -> RunStatus:
-    """Run what has not ended yet in out. The job's limits of a run hold for this session, all workers together.
+    """Run the episodes that have not ended yet in out. The job's run limits hold for this session and all its workers.
 
-    go_on: asked once, as soon as the PILOT episodes that are begun first have shown what the others will take; False
-    stops the run.
+    go_on: called once with the estimate, as soon as the PILOT episodes have ended; False stops the run.
 
-    Raises RecordError if out holds a run with other settings or somebody else runs there, HumanclawError for what
-    stands in the way of every episode, KeyboardInterrupt on the second SIGINT.
+    Raises RecordError if out holds a run with other settings or another process runs there, HumanclawError for an error
+    that every episode would meet, and KeyboardInterrupt on the second SIGINT.
     """
     _check_ids(specs)
     out.mkdir(parents=True, exist_ok=True)
@@ -142,9 +140,10 @@ def run_split(
 
 
 def pilot_of(specs: Sequence[EpisodeSpec]) -> tuple[EpisodeSpec, ...]:
-    """Return the middle of each third by the length of the way, at most PILOT.
+    """Return the middle episode of each third by route length, at most PILOT.
 
-    The first of a split all lie in one house and may be easy, and the first to end are the shortest.
+    The first episodes of a split would not be typical: they share one house. Nor would the first that end: they are the
+    shortest.
     """
     by_way = sorted(specs, key=lambda spec: spec.difficulty.distance if spec.difficulty else 0.0)
     count = min(PILOT, len(specs))
@@ -152,7 +151,7 @@ def pilot_of(specs: Sequence[EpisodeSpec]) -> tuple[EpisodeSpec, ...]:
 
 
 class _Pilot:
-    """The episodes that a run begins with, and what they took."""
+    """The first episodes of a run, with their time and cost."""
 
     def __init__(self, specs: Sequence[EpisodeSpec]) -> None:
         self.specs = specs
@@ -160,8 +159,7 @@ class _Pilot:
         self._ended: list[WorkerReport] = []
 
     def ends_with(self, report: WorkerReport) -> bool:
-        """Take note of an episode that was played; tell whether it was the last of the pilot, and something is known
-        by it."""
+        """Note a played episode. Returns whether it was the last of the pilot and at least one of them ended."""
         if report.episode not in self._awaited:
             return False
         self._awaited.discard(report.episode)
@@ -170,7 +168,7 @@ class _Pilot:
         return bool(self._ended) and not self._awaited
 
     def forecast(self, status: RunStatus, workers: int) -> Forecast:
-        """Let every episode that is left take what those of the pilot took on average."""
+        """Estimate the rest: every remaining episode takes as much as the pilot's on average."""
         seconds, cost = (
             sum(getattr(one, what) for one in self._ended) / len(self._ended) for what in ("seconds", "cost")
         )
@@ -180,21 +178,23 @@ class _Pilot:
 
 
 def _check_ids(specs: Sequence[EpisodeSpec]) -> None:
-    """Hold each episode to a folder of its own, also where capitals are not told apart. Raises HumanclawError."""
+    """Raise HumanclawError unless each episode gets its own folder, even on file systems that ignore case."""
     counted = Counter(spec.id.lower() for spec in specs)
     if twice := [name for name, count in counted.items() if count > 1]:
-        raise HumanclawError(f"the split holds episode {twice[0]!r} twice.", "Give every episode an id of its own.")
+        raise HumanclawError(f"the split holds episode {twice[0]!r} twice.", "Give every episode a unique id.")
     if taken := sorted(counted.keys() & OWN):
-        raise HumanclawError(f"episode {taken[0]!r} has the name of a file of the run itself.", "Give it another id.")
+        raise HumanclawError(f"episode {taken[0]!r} has the name of one of the run's own files.", "Give it another id.")
 
 
 def ended_record(folder: Path) -> EpisodeRecord | None:
-    """Return the record of an episode that has been run to its end, its own or that of a limit that it would meet
-    again; None for any other, and for one that is not whole."""
+    """Return the record of an episode that ended, by itself or by a limit that it would reach again.
+
+    None for any other episode, and for a damaged record.
+    """
     try:
         found = recorded(folder)
     except RecordError:
-        return None  # The worker that begins it anew says why.
+        return None  # The worker that plays it again logs the reason.
     return found.record if found and ended(found.record.outcome, found.record.limit) else None
 
 
@@ -217,8 +217,7 @@ def _with(status: RunStatus, **changes: Any) -> RunStatus:
 
 
 def _keep(out: Path, report: WorkerReport) -> None:
-    """Put away what came with a report: files from elsewhere, the fate of a worker that died, and a line of the
-    journal."""
+    """Store a report: its files, the failure of a worker that died, and a line of the journal."""
     folder = within(out, report.episode)
     unpack(folder, report.files)
     if report.outcome == FAILED:
@@ -232,12 +231,12 @@ def _note(out: Path, line: Mapping[str, Any]) -> None:
     told = json.dumps({"time": round(time.time(), 1), **line}).encode() + b"\n"
     with (out / JOURNAL).open("ab+") as stream:
         stream.seek(-min(1, stream.tell()), os.SEEK_END)
-        torn = stream.read() not in (b"", b"\n")  # A full disk cut the last one off.
+        torn = stream.read() not in (b"", b"\n")  # A full disk may have cut off the last line.
         stream.write(b"\n" * torn + told)
 
 
 def _catch_up(out: Path, records: Iterable[EpisodeRecord]) -> None:
-    """Note the end of episodes after which the run was killed before it could."""
+    """Add journal lines for episodes that ended just before the run was killed."""
     ends = journal(out)
     for record in records:
         name = record.spec.id
@@ -245,23 +244,27 @@ def _catch_up(out: Path, records: Iterable[EpisodeRecord]) -> None:
             _note(out, {"episode": name, "outcome": record.outcome, "limit": record.limit, "steps": record.steps})
 
 
-# -- what a run is made of ---------------------------------------------------------------------------------------------
+# -- settings ----------------------------------------------------------------------------------------------------------
 def _introduced(job: Job, plugins: Plugins) -> Job:
-    """Fill in how backends, agent and verifier are called in records. Raises HumanclawError if the job names what is
-    not there, or options that nobody takes."""
+    """Fill in the names that backends, agent and verifier have in records.
+
+    Raises HumanclawError if the job names something unknown, or options that neither agent nor verifier takes.
+    """
     agent = plugins.make("agents", job.agent, job.options)
     verifier = plugins.make("verifiers", job.verifier, job.options) if job.verifier else None
     check_options(job.options, job.agent, agent, verifier)
     names = {}
     for kind, made in (("agents", agent), ("verifiers", verifier)):
-        with contextlib.suppress(Exception):  # The episode says what is wrong with a name.
+        with contextlib.suppress(Exception):  # A broken name becomes an error of the episode.
             names[kind] = str(getattr(made, "name", ""))
     return replace(job, backends=job.backends.chosen(plugins), names=names)
 
 
 def manifest(specs: Sequence[EpisodeSpec], job: Job, plugins: Plugins) -> dict[str, Any]:
-    """All that must be the same for two sessions to be one run. Raises HumanclawError if the job names what is not
-    there."""
+    """Return all settings that must be equal in all sessions of a run.
+
+    Raises HumanclawError if the job names something unknown.
+    """
     base: str = plugins.make("motion_generators", job.backends.generator, profile=job.backends.profile).digest
     files = {skill.name: skill.adapter for skill in plugins.skills.values() if skill.trained and skill.adapter}
     adapters = {name: _digest(path.read_bytes()) for name, path in files.items()}
@@ -279,7 +282,7 @@ def manifest(specs: Sequence[EpisodeSpec], job: Job, plugins: Plugins) -> dict[s
 
 
 def _versions(specs: Sequence[EpisodeSpec], job: Job, plugins: Plugins) -> dict[str, str]:
-    """Of humanclaw and the distributions that the run rests on: those of its skills, backends, scenes and deciders."""
+    """Return the versions of humanclaw and of the distributions of the run's skills, backends, scenes and deciders."""
     backends = job.backends
     used = {
         f"{noun('simulators')} {backends.simulator}",
@@ -299,7 +302,7 @@ def _digest(data: bytes) -> str:
 
 
 def _agree(out: Path, wanted: dict[str, Any]) -> None:
-    """Write run.json, or hold an earlier one to what is wanted now."""
+    """Write run.json, or compare an earlier one with the wanted settings. Raises RecordError if they differ."""
     wanted = json.loads(json.dumps(wanted))
     if not (out / MANIFEST).exists():
         write_atomically(out / MANIFEST, json.dumps(wanted, indent=1).encode())
@@ -323,10 +326,10 @@ def _short(value: Any) -> str:
     return text[:12] if len(text) == 64 else text
 
 
-# -- alone, and ready to stop ------------------------------------------------------------------------------------------
+# -- lock and signals --------------------------------------------------------------------------------------------------
 @contextmanager
 def _alone(out: Path) -> Iterator[None]:
-    """Hold the folder's lock. The system frees it when this process ends, however that happens."""
+    """Hold the folder's lock. The system frees it when this process ends, even by a crash."""
     lock = FileLock(out / ".lock", timeout=0)
     try:
         lock.acquire()
@@ -340,7 +343,7 @@ def _alone(out: Path) -> Iterator[None]:
 
 @contextmanager
 def _stops(executor: Executor) -> Iterator[threading.Event]:
-    """Return the first SIGINT or SIGTERM stops the run after the steps under way; the second ends it at once."""
+    """Stop the run after the current steps on the first SIGINT or SIGTERM, and at once on the second."""
     stopped = threading.Event()
 
     def handle(number: int, frame: object) -> None:

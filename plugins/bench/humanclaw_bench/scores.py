@@ -1,4 +1,4 @@
-"""The facts of one episode that metrics are computed from."""
+"""The facts of one episode from which metrics are computed."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from humanclaw.records import (
 from humanclaw_bench.difficulty import overall
 
 MOVES: Final = 0.001
-"""Metres in a frame from which an object counts as moving; less is jitter of physics."""
+"""Smallest movement per frame that counts as moving, metres. Less is jitter of the physics."""
 NEARBY: Final = 1.0
 """The looser threshold of NavSR@1m, metres."""
 FINISHED: Final = ("stopped", "out_of_steps", "plugin_error")
@@ -42,13 +42,13 @@ def ended(outcome: str, limit: str) -> bool:
     return outcome in FINISHED or (outcome == "limit_reached" and limit != "run")
 
 
-# -- what the agent says -----------------------------------------------------------------------------------------------
+# -- the agent's answers -----------------------------------------------------------------------------------------------
 def claims(step: StepRecord, category: str) -> bool:
     """Tell whether the answer of a step acknowledges the target."""
     return acknowledges(step.decision.visible_state, category)
 
 
-# -- where the body was ------------------------------------------------------------------------------------------------
+# -- sitting -----------------------------------------------------------------------------------------------------------
 def is_sit(recorded: RecordedEpisode, step: StepRecord) -> bool:
     """Tell whether a step called a skill of role sit."""
     return role_of(recorded, step) == "sit"
@@ -59,7 +59,7 @@ def sat_down(recorded: RecordedEpisode) -> bool:
     return any(is_sit(recorded, step) and on_target(recorded, step) for step in recorded.steps)
 
 
-# -- what the body ran into --------------------------------------------------------------------------------------------
+# -- collisions and disturbed objects ----------------------------------------------------------------------------------
 def collisions(recorded: RecordedEpisode) -> dict[str, float]:
     """Return the share of half seconds of motion in which the body touches a fixed object above the ground (Coll.).
 
@@ -121,14 +121,16 @@ def _reached(sources: set[int], pairs: Sequence[tuple[int, int]], movable: set[i
 
 
 def disturbed_path(since: Mapping[int, int], moved: Mapping[int, Array]) -> float:
-    """Return the total path length of disturbed objects, metres, each from the first frame after its disturbance that
-    moves it."""
+    """Return the total path length of disturbed objects, metres.
+
+    Each path begins with the first frame after the disturbance in which the object moves.
+    """
     pieces = [moved[key][max(first - 1, 0) :, :3] for key, first in since.items() if key in moved]
     ways = [np.linalg.norm(np.diff(piece, axis=0), axis=1) for piece in pieces]
     return float(sum(way[int(np.argmax(way > MOVES)) :].sum() for way in ways if (way > MOVES).any()))
 
 
-# -- how the body moved ------------------------------------------------------------------------------------------------
+# -- generated motion --------------------------------------------------------------------------------------------------
 def generated_trajectory(recorded: RecordedEpisode) -> Motion:
     """Return the generated motion of all steps as one, each chunk from the end of the one before it.
 
@@ -196,7 +198,7 @@ class Scores:
     """Reasoning tokens among tokens_out, if the provider reports them."""
     spl: float = float("nan")
     soft_spl: float = float("nan")
-    """NavSR and the share of the way, weighted by path length; NaN if no way was measured."""
+    """As path_weighted() returns them: NavSR, and the covered share of the distance; NaN without a geodesic."""
     limit: str = ""
     """Scope of the limit that ended the episode; empty if none did."""
     error: str = ""
@@ -210,8 +212,7 @@ class Scores:
     simulator: str = ""
     """Name of the simulator; empty if the record does not say."""
     privileged: str | None = None
-    """Who was given scene and true state: agent, verifier or both; empty for nobody, None if the record does not
-    say."""
+    """Who got scene and true state: "agent", "verifier" or both; empty for nobody, None if the record does not say."""
     spec: EpisodeSpec | None = None
     """The specification of the episode."""
     chunks: int = 0
@@ -285,16 +286,15 @@ def _privileged(settings: Mapping[str, Mapping[str, bool]]) -> str | None:
 
 
 def _asked(verdict: Verdict) -> bool:
-    """Tell whether there was anything to verify: a verdict with an answer, a reason for none, another call or a
-    cost."""
+    """Tell whether there was anything to verify: the verdict has an answer, a failure, another call or a cost."""
     return verdict != Verdict(True)
 
 
 def path_weighted(recorded: RecordedEpisode) -> tuple[float, float]:
-    """Return SPL and SoftSPL: NavSR, and the share of the way that was made, times way / max(path, way).
+    """Return SPL and SoftSPL: NavSR, and the covered share of the distance, times distance / max(path, distance).
 
-    The way is the geodesic at the start, the path that of the pelvis over the floor, by half seconds. NaN without a
-    geodesic.
+    The distance is the geodesic at the start. The path is that of the pelvis on the floor, in half seconds. NaN without
+    a geodesic.
     """
     way, steps = recorded.record.geodesic, recorded.steps
     if way is None or not recorded.record.spec.target_category:
@@ -313,8 +313,10 @@ def _false_claims(recorded: RecordedEpisode) -> float:
 
 
 def _measured(name: str, measure: Callable[[RecordedEpisode], float], recorded: RecordedEpisode) -> float:
-    """Return a plugin's metric; NaN if it raises, hangs or returns no number. It gets a copy of the record, so it
-    cannot alter the scores."""
+    """Return a plugin's metric; NaN if it raises, hangs or returns no number.
+
+    The metric gets a copy of the record, so it cannot alter the scores.
+    """
     try:
         return float(measure(deepcopy(recorded)))
     except KeyboardInterrupt:

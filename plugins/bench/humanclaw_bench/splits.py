@@ -1,7 +1,7 @@
-"""The fixed splits of the benchmark, and how they are made from seeds (paper, section 4.1).
+"""The fixed splits of the benchmark, and their generation from seeds (paper, section 4.1).
 
-From each house many candidate episodes are drawn, each with a way that leads to its target; a linear program then
-chooses among them so that categories, houses, distances and difficulty come as they do in the paper.
+Many candidate episodes are drawn in each house, each with a route to its target. An integer program chooses among them
+so that categories, houses, distances and difficulty are distributed as in the paper.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from humanclaw_bench.difficulty import THRESHOLDS, TIERS, overall, tiers
 
 SPLITS: Final = ("val", "val-400", "mini", "smoke")
 DATA: Final = Path(str(importlib.resources.files("humanclaw_bench"))) / "data"
-"""Where the splits lie that come with the package."""
+"""Folder of the splits in the package."""
 HOUSES: Final = tuple(f"house:{number}" for number in range(41))
 EPISODES: Final = {"chair": 231, "couch": 231, "bed": 218, "potted_plant": 205, "tv": 185, "toilet": 148}
 """Episodes of each category in the paper's validation split."""
@@ -37,24 +37,28 @@ CATEGORIES: Final = tuple(EPISODES)
 TIER_SHARES: Final = dict(zip(TIERS, (0.23, 0.46, 0.31), strict=True))
 DISTANCE_EDGES: Final = (3.5, 4.4, 8.0, 12.8)
 DISTANCE_SHARES: Final = (0.40, 0.10, 0.24, 0.17, 0.09)
-"""Share of the episodes between each two of these edges, metres: the paper's 40/34/25, its median of 4.4 m, and nine
-tenths under 12.8 m."""
+"""Share of the episodes in each range between DISTANCE_EDGES (metres).
+
+From the paper: the tiers 40/34/25 %, the median of 4.4 m, and 90 % under 12.8 m.
+"""
 STARTS: Final = 8
-"""Starts drawn in each house for each category and range of distances."""
+"""Number of starts drawn in each house for each category and range of distances."""
 ROOM: Final = 0.5
-"""Distance from everything that a body needs to stand still in, metres."""
+"""Free distance around a body that stands still, metres."""
 TOLERANCE: Final = 0.01
-"""What a share may be off at no cost; without it the search for the last episode would never end."""
+"""Deviation of a share that costs nothing. Without it, the search for an exact solution would take forever."""
 NEAREST: Final = 1.0
-"""Metres to go at least: nearer, there is nothing to find."""
+"""Smallest distance from start to target, metres: nearer, there is nothing to find."""
 APART: Final = 1.0
-"""Metres between the starts of any two episodes of one house and category: nearer, they are the same episode twice."""
+"""Smallest distance between starts of the same house and category, metres: nearer, the episodes would be the same."""
 
 
 # -- reading -----------------------------------------------------------------------------------------------------------
 def load_split(name: str) -> tuple[EpisodeSpec, ...]:
-    """Return the episodes of 'val', 'mini' or 'smoke', or of a file. Raises HumanclawError if there is none or it is
-    malformed."""
+    """Return the episodes of a split in SPLITS, or of a file.
+
+    Raises HumanclawError if there is none or it is malformed.
+    """
     if name not in SPLITS and not Path(name).exists():
         raise HumanclawError(f"there is no split {name}.", f"Name one of {', '.join(SPLITS)}, or a file of episodes.")
     return read_episodes(DATA / f"{name}.jsonl" if name in SPLITS else Path(name))
@@ -64,10 +68,10 @@ def load_split(name: str) -> tuple[EpisodeSpec, ...]:
 def candidates(
     scene: Scene, number: int, *, starts: int = STARTS, seed: int | Sequence[int] = 0
 ) -> Iterator[EpisodeSpec]:
-    """Episodes that can be set in a house: for each category, so many starts at each range of distances.
+    """Yield possible episodes of a house: for each category, up to `starts` starts in each range of distances.
 
     Each is solvable by construction: a body of the usual width can walk from the start to a place beside a target, and
-    to one from which a target can be sat on if that is the task. number: the house's own, for the seed.
+    if the task includes sitting, to a place from which a target can be sat on. number: of the house, for the seed.
     """
     rng = np.random.default_rng([*np.atleast_1d(seed), number])
     floors = MultiFloorMap.of(scene)
@@ -81,20 +85,20 @@ def candidates(
 
 
 def _roomy(grid: OccupancyGrid) -> NDArray[np.bool_]:
-    """Where one can stand still on a floor; nobody starts on stairs."""
+    """Return the cells of a floor where a body can stand still; none on stairs."""
     if grid.slope is not None:
         return np.zeros(grid.blocked.shape, bool)
     return np.asarray(grid.fits(ROOM) & (distance_transform_edt(~grid.movable) * CELL >= ROOM))
 
 
 def _goals(floors: MultiFloorMap, scene: Scene, category: str, *, sit: bool = False) -> Array:
-    """(N, 3) places beside the targets of a category, or from which one can be sat on."""
+    """Return (N, 3) places beside the targets of a category. sit: only places from which one can be sat on."""
     found = (goals_at(floors, scene, obj.id, sit=sit) for obj in scene.of_category(category))
     return np.concatenate([np.empty((0, 3)), *found])
 
 
 def _places(ways: DistanceField, usable: NDArray[np.bool_], count: int, rng: np.random.Generator) -> Iterator[Array]:
-    """(3,) starts on the floor, up to so many in each range of distances."""
+    """Yield (3,) starts on the floor, up to `count` in each range of distances."""
     edges = (NEAREST, *DISTANCE_EDGES, np.inf)
     for low, high in pairwise(edges):
         cells = np.argwhere(usable & (ways.metres > low) & (ways.metres <= high) & np.isfinite(ways.metres))
@@ -123,12 +127,14 @@ def _candidate(scene: Scene, ways: DistanceField, category: str, place: Array, y
 # -- choosing ----------------------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class Quota:
-    """How many episodes to choose: exactly so many of each category, and in each house between so many and so many."""
+    """Numbers of episodes to choose."""
 
     categories: Mapping[str, int]
+    """Exact number for each category."""
     houses: tuple[int, int]
+    """Smallest and largest number in each house."""
     both: Mapping[str, tuple[int, int]]
-    """Of each category in each house, between so many and so many."""
+    """Smallest and largest number of each category in each house."""
 
     @property
     def total(self) -> int:
@@ -136,10 +142,10 @@ class Quota:
 
 
 def choose(found: Sequence[EpisodeSpec], quota: Quota) -> tuple[EpisodeSpec, ...]:
-    """Those of the candidates that meet the quota and come nearest to the paper's distances and tiers.
+    """Return the candidates that meet the quota and come closest to the paper's distances and tiers.
 
-    An integer program over the cells of candidates that are alike in house, category, distance and tier; of a cell the
-    first are taken. Raises HumanclawError if the quota cannot be met.
+    An integer program chooses the number of episodes in each cell: candidates with the same house, category, range of
+    distance and tier. The first of a cell are taken. Raises HumanclawError if the quota cannot be met.
     """
     cells: dict[tuple[str, str, int, str], list[EpisodeSpec]] = defaultdict(list)
     for spec in found:
@@ -160,7 +166,10 @@ def _bin(distance: float) -> int:
 
 
 def _solve(cells: Sequence[tuple[str, str, int, str]], most: Sequence[int], quota: Quota) -> list[int]:
-    """How many to take of each cell. Variables: one a cell, then the shortfall and the excess of each wanted share."""
+    """Return the number to take of each cell.
+
+    Variables: one per cell, then the shortfall and the excess of each wanted share. Their sum is minimised.
+    """
     houses, n = sorted({house for house, *_ in cells}), len(cells)
     hard = [([cell[0] == house for cell in cells], *quota.houses) for house in houses]
     hard += [([cell[1] == name for cell in cells], count, count) for name, count in quota.categories.items()]
@@ -181,6 +190,7 @@ def _solve(cells: Sequence[tuple[str, str, int, str]], most: Sequence[int], quot
         [low for _, low, _ in hard] + [count - slack_free for count in wanted],
         [high for *_, high in hard] + [count + slack_free for count in wanted],
     )
+    # A gap of 10 % and 500 nodes: a nearly optimal choice is as good as an optimal one, and found much sooner.
     result = milp(
         np.concatenate([np.zeros(n), np.ones(2 * len(soft))]),
         constraints=limits,
@@ -189,7 +199,8 @@ def _solve(cells: Sequence[tuple[str, str, int, str]], most: Sequence[int], quot
         options={"mip_rel_gap": 0.1, "node_limit": 500},
     )
     if result.x is None:
-        raise HumanclawError(f"these houses have no such {quota.total} episodes: {result.message}", "Draw more starts.")
+        said = f"these houses have no {quota.total} episodes that meet the quota: {result.message}"
+        raise HumanclawError(said, "Draw more starts with --starts.")
     return [round(value) for value in result.x[:n]]
 
 
@@ -199,9 +210,9 @@ def _each(low: int, high: int) -> dict[str, tuple[int, int]]:
 
 
 def _even(categories: Mapping[str, int]) -> dict[str, tuple[int, int]]:
-    """Bounds in each house about the mean of all: 4 to 7 of what is frequent, 2 to 5 of what is rare.
+    """Return bounds per house around the mean of all houses: 4 to 7 for frequent categories, 2 to 5 for rare ones.
 
-    A studio has room for four starts a metre apart that lead to its couch, and not for five.
+    The lower bound is the mean minus 1, because a studio has room for only four starts a metre apart.
     """
     means = {name: count // len(HOUSES) for name, count in categories.items()}
     return {name: (mean - 1, mean + 2) for name, mean in means.items()}
@@ -214,12 +225,12 @@ MINI: Final = Quota(
 BETWEEN: Final = Quota(
     {"chair": 57, "couch": 57, "bed": 53, "potted_plant": 50, "tv": 46, "toilet": 37}, (6, 9), _each(0, 3)
 )
-"""What val-400 holds beyond mini."""
+"""Episodes of val-400 besides those of mini."""
 SMOKE: Final = Quota({"chair": 1, "couch": 1, "bed": 1, "tv": 1, "toilet": 1}, (0, 1), _each(0, 1))
 
 
 def spaced(found: Sequence[EpisodeSpec]) -> tuple[EpisodeSpec, ...]:
-    """Leave out every episode that starts within APART of an earlier one of the same house, category and floor."""
+    """Leave out episodes that start within APART of an earlier one of the same house, category and floor."""
     kept: dict[tuple[str, str], list[Pose2D]] = defaultdict(list)
     result = []
     for spec in found:
@@ -251,9 +262,9 @@ def between(val: Sequence[EpisodeSpec], mini: Sequence[EpisodeSpec]) -> tuple[Ep
 
 
 def secret_houses(secret: int) -> tuple[str, ...]:
-    """Return the houses of a hidden test: as many as val has, none of them its own, for who knows the secret alone.
+    """Return the houses of a hidden test, which only the secret leads to: as many as val has, and none of val's.
 
-    They are of the endless kind that one trains in, so far out that nobody comes upon them by chance.
+    They are training houses with numbers of a million and more, so that nobody trains in them by chance.
     """
     rng = np.random.default_rng([secret, 1])
     numbers = rng.choice(999_000_000, len(HOUSES), replace=False) + 1_000_000
@@ -261,13 +272,13 @@ def secret_houses(secret: int) -> tuple[str, ...]:
 
 
 def hidden(found: Sequence[EpisodeSpec]) -> dict[str, tuple[EpisodeSpec, ...]]:
-    """Return the hidden test from the candidates of secret houses, drawn as val is."""
+    """Return the hidden test from the candidates of secret houses, with the quota of val."""
     return {"test": named(choose(spaced(found), VAL))}
 
 
-# -- again -------------------------------------------------------------------------------------------------------------
+# -- repeats -----------------------------------------------------------------------------------------------------------
 def repeated(specs: Sequence[EpisodeSpec], times: int) -> tuple[EpisodeSpec, ...]:
-    """Return each episode so many times, every time with a seed of its own; the first is the episode itself."""
+    """Return each episode `times` times, each with another seed. The first is the episode itself."""
     again = (
         spec.model_copy(update={"id": f"{spec.id}.r{k}", "seed": spec.seed + k * SEEDS_APART})
         for k in range(1, times)
@@ -277,18 +288,18 @@ def repeated(specs: Sequence[EpisodeSpec], times: int) -> tuple[EpisodeSpec, ...
 
 
 SEEDS_APART: Final = 1_000_003
-"""Between the seeds of an episode's repeats; no split has so many episodes."""
+"""Distance between the seeds of an episode's repeats: larger than a split, so that no seed occurs twice."""
 _REPEAT: Final = re.compile(r"\.r(\d+)$")
 
 
 def repeat_of(episode: str) -> int:
-    """Return which repeat an episode is, by its id; 0 for the first."""
+    """Return the number of the repeat in an episode's id; 0 for the original."""
     found = _REPEAT.search(episode)
     return int(found[1]) if found else 0
 
 
 def original_of(episode: str) -> str:
-    """Return the id of the episode that one repeats, or its own."""
+    """Return the id of the original of a repeat; the id itself if it is no repeat."""
     return _REPEAT.sub("", episode)
 
 
@@ -297,7 +308,7 @@ def _long(spec: EpisodeSpec) -> bool:
 
 
 def named(specs: Sequence[EpisodeSpec]) -> tuple[EpisodeSpec, ...]:
-    """Each with a name of its own, such as house-3-couch-2, and a seed of its own."""
+    """Give each episode a unique id, such as house-3-couch-2, and a unique seed."""
     counts: Counter[tuple[str, str]] = Counter()
     result = []
     for seed, spec in enumerate(specs):
@@ -309,7 +320,7 @@ def named(specs: Sequence[EpisodeSpec]) -> tuple[EpisodeSpec, ...]:
 
 
 def summary(specs: Sequence[EpisodeSpec]) -> dict[str, str]:
-    """Return what a split is made of, as a person would check it."""
+    """Return the composition of a split as text, for a person to check."""
     known = [spec.difficulty for spec in specs if spec.difficulty]
     metres = np.array([difficulty.distance for difficulty in known])
     houses = Counter(spec.scene for spec in specs).values()

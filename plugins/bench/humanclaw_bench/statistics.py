@@ -1,8 +1,8 @@
-"""How sure a number is: intervals of rates and means, and whether two runs of the same episodes differ.
+"""Confidence intervals of rates and means, and tests whether two runs of the same episodes differ.
 
-A house is the unit that is drawn at random: episodes of one house succeed and fail together, and steps within an
-episode even more so. Of fewer than FEW houses episodes are drawn, and what comes out holds for these houses alone.
-Repeats of an episode are never drawn apart. Seeds make every result repeatable.
+The sampling unit is the house, because episodes of one house tend to succeed or fail together. With fewer than FEW
+houses the unit is the episode, and results hold for these houses alone. Repeats of an episode always stay together.
+Seeds make every result reproducible.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtr, ndtri, stdtrit  # scipy.stats takes a second to load.
+from scipy.special import ndtr, ndtri, stdtrit  # Not scipy.stats, which takes a second to load.
 
 from humanclaw.body import Array
 
@@ -21,29 +21,29 @@ CONFIDENCE: Final = 0.95
 RESAMPLES: Final = 2000
 SIGNIFICANT: Final = 0.05
 FEW: Final = 5
-"""Fewer houses or episodes than this cannot tell how they vary."""
+"""With fewer houses or episodes than this, their variance cannot be estimated."""
 RARE: Final = 10
-"""Fewer successes, or failures, than this do not tell either how much houses differ: none would say "not at all"."""
+"""With fewer successes or failures than this, the variance between houses cannot be estimated: it would seem 0."""
 ROUNDING: Final = 1e-12
-"""By what share sums of equal numbers may differ; an interval is wider."""
+"""Relative difference that rounding can cause between sums of equal numbers; a real interval is wider."""
 ALIKE: Final = 0.13
-"""Intraclass correlation of the episodes of a house that is then assumed: that of the agents that were looked at."""
+"""Assumed intraclass correlation of a house's episodes if RARE is not reached, as measured with several agents."""
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """A number and the interval that holds the true one with 95 % confidence. NaN bounds: too few episodes to tell."""
+    """A number with its 95 % confidence interval. NaN bounds: too few episodes for an interval."""
 
     value: float
     low: float = float("nan")
     high: float = float("nan")
     count: int = 0
-    """Episodes it is of; 0 where that is not known."""
+    """Number of episodes behind it; 0 if unknown."""
 
 
 @dataclass(frozen=True)
 class Difference:
-    """B less A over the same episodes."""
+    """B minus A over the same episodes."""
 
     a: float
     b: float
@@ -51,27 +51,27 @@ class Difference:
     low: float
     high: float
     p: float
-    """Chance of a difference this large if the two were alike."""
+    """Probability of a difference at least this large if the two were equal."""
     count: int
     least: float = 0.0
-    """The smallest p that so few houses could have had; above SIGNIFICANT nothing could have been told."""
+    """Smallest p that this test can give with so few houses. From SIGNIFICANT on, no difference could be shown."""
     alike: bool = False
-    """Whether the two have the same in every episode, or nothing in any."""
+    """Whether the two are equal in every episode, or 0 in all."""
 
     @property
     def significant(self) -> bool:
-        """Whether chance alone seldom makes as large a one."""
+        """Whether p is below SIGNIFICANT."""
         return self.p < SIGNIFICANT
 
     @property
     def level(self) -> float:
-        """Mean size of the two."""
+        """Mean of the two absolute values."""
         return (abs(self.a) + abs(self.b)) / 2
 
 
 # -- one run -----------------------------------------------------------------------------------------------------------
 def wilson(successes: float, trials: int) -> Estimate:
-    """Return a rate with Wilson's score interval, which holds near 0 and 1 and for few trials. NaN without trials."""
+    """Return a rate with Wilson's score interval, valid near 0 and 1 and for few trials. NaN without trials."""
     if trials == 0:
         return Estimate(float("nan"))
     interval = _score_interval(successes / trials, trials, _normal_quantile())
@@ -79,13 +79,13 @@ def wilson(successes: float, trials: int) -> Estimate:
 
 
 def rate(met: Sequence[bool], houses: Sequence[str] = (), episodes: Sequence[str] = ()) -> Estimate:
-    """Estimate a share of episodes, with Wilson's interval for as many episodes as these are worth.
+    """Estimate a share of episodes, with Wilson's interval at the effective sample size.
 
-    What they are worth is told by how much the houses differ (effective sample size, Korn and Graubard 1998), or the
-    episodes if these do so more, with Student's t for the number of houses; where RARE is not reached houses are taken
-    to be ALIKE. Wilson's plain interval of the number of episodes without houses, or with fewer than FEW.
+    The effective sample size follows from the variance between houses (Korn and Graubard 1998), or between episodes if
+    that is larger. The quantile is Student's t for the number of houses. If RARE is not reached, the intraclass
+    correlation is taken to be ALIKE. Without houses, or with fewer than FEW, it is Wilson's plain interval.
 
-    episodes: names, the same for the repeats of one; without them none is a repeat.
+    episodes: names, equal for the repeats of one episode; without names, no episode is a repeat.
     """
     pairs = np.stack([np.asarray(met, float), np.ones(len(met))], -1)
     each, drawn = units(pairs, (), episodes), units(pairs, houses, episodes)
@@ -101,26 +101,26 @@ def rate(met: Sequence[bool], houses: Sequence[str] = (), episodes: Sequence[str
 
 
 def _spread(drawn: Array, share: float) -> float:
-    """Variance of a share of which each of (U, 2) units has successes and trials."""
+    """Return the variance of a share over (U, 2) units of successes and trials."""
     return float(((drawn[:, 0] - share * drawn[:, 1]) ** 2).sum() / drawn[:, 1].sum() ** 2)
 
 
 def _normal_quantile() -> float:
-    """Return how many standard deviations CONFIDENCE reaches to either side."""
+    """Return the normal quantile of a two-sided interval with CONFIDENCE."""
     return float(ndtri((1 + CONFIDENCE) / 2))
 
 
 def _student_quantile(degrees: int) -> float:
-    """Return the same for Student's t with so many degrees of freedom."""
+    """Return the same quantile of Student's t."""
     return float(stdtrit(degrees, (1 + CONFIDENCE) / 2))
 
 
 def _score_interval(share: float, count: float, quantile: float) -> tuple[float, float]:
-    """Wilson's score interval of a share of so many trials."""
+    """Return Wilson's score interval of a share. count: number of trials."""
     square = quantile**2 / count
     centre = (share + square / 2) / (1 + square)
     half = quantile / (1 + square) * float(np.sqrt(share * (1 - share) / count + square / (4 * count)))
-    # Rounding must not keep a rate of 0 or 1 out of its own interval.
+    # Exact bounds at 0 and 1, because rounding could exclude the rate itself from its interval.
     return (max(0.0, centre - half) if share > 0 else 0.0), (min(1.0, centre + half) if share < 1 else 1.0)
 
 
@@ -132,10 +132,9 @@ def ratio(
     *,
     seed: int = 0,
 ) -> Estimate:
-    """Sum over sum, houses drawn again for the interval (cluster bootstrap); a mean where all denominators are 1.
+    """Estimate a ratio of sums, with a cluster bootstrap over houses; it is a mean if all denominators are 1.
 
-    NaN if the denominators sum to 0. No interval where fewer than FEW episodes, or all of them alike, cannot tell how
-    they vary.
+    NaN if the denominators sum to 0. No interval with fewer than FEW episodes, or if all are equal.
     """
     pairs = np.stack([np.asarray(numerators, float), np.asarray(denominators, float)], -1)
     drawn = units(pairs, houses, episodes)
@@ -146,10 +145,9 @@ def ratio(
 
 
 def units(values: Array, houses: Sequence[str], episodes: Sequence[str] = ()) -> Array:
-    """Return (N, ...) values of episodes as (U, ...) sums of what is drawn: houses, or of too few the episodes, each
-    with its repeats.
+    """Sum (N, ...) values of episodes to (U, ...) sampling units: houses, or with too few houses the episodes.
 
-    Raises ValueError unless each episode has a house, or none has, and likewise a name.
+    The repeats of an episode are one unit. Raises ValueError unless all episodes or none have a house, and a name.
     """
     if len(houses) not in (0, len(values)):
         raise ValueError(f"{len(values)} episodes lie in {len(houses)} houses.")
@@ -165,22 +163,23 @@ def units(values: Array, houses: Sequence[str], episodes: Sequence[str] = ()) ->
 
 
 def _ratio(above: Array, below: Array) -> Array:
-    """Divide sums over the last axis; NaN over nothing."""
+    """Divide sums over the last axis; NaN if the denominator is 0."""
     total = below.sum(-1)
     return np.asarray(np.where(total > 0, above.sum(-1) / np.where(total > 0, total, 1.0), np.nan))
 
 
 def _draws(count: int, seed: int) -> Iterator[NDArray[np.int64]]:
-    """Index arrays (R, count) that draw units with replacement, in pieces that stay small; none for too few."""
+    """Yield (R, count) indices that draw units with replacement; nothing for fewer than FEW units."""
+    # Ten pieces, because all 2,000 draws of many columns at once would take much memory.
     rng = np.random.default_rng(seed)
     for _ in range(10 if count >= FEW else 0):
         yield rng.integers(0, count, (RESAMPLES // 10, count))
 
 
 def _percentiles(pieces: Iterable[Array], count: int) -> tuple[float, float]:
-    """Percentiles of the draws, expanded for a small count (Hesterberg 2015), as the plain ones are too narrow there.
+    """Return percentiles of the draws, expanded for a small count (Hesterberg 2015): plain ones are too narrow.
 
-    Draws without a disturbed object say nothing of its path, so NaNs are left out.
+    NaNs are left out: a draw without a disturbed object has no path per object.
     """
     values = np.concatenate([np.empty(0), *pieces])
     values = values[np.isfinite(values)]
@@ -197,11 +196,9 @@ def compare_rates(
 ) -> Difference:
     """Compare paired successes by an exact test that swaps the runs house by house.
 
-    It is McNemar's where a house is an episode.
-
-    The interval is on each side the wider of Agresti and Min's (2005) and that of a bootstrap over houses; half an
-    episode is added to each cell of the former, so that it keeps a width where none differs. Raises ValueError for
-    sequences of unequal length.
+    It is McNemar's test if each house has one episode. Each side of the interval is the wider of Agresti and Min's
+    (2005) and a bootstrap over houses. The former adds half an episode to each cell, so that it has a width even if no
+    episode differs. Raises ValueError for sequences of unequal length.
     """
     first, second = _paired(a, b)
     changes, each = units(second - first, houses, episodes), units(second - first, (), episodes)
@@ -216,7 +213,7 @@ def compare_rates(
 
 
 def _agresti_min(changes: Array) -> tuple[float, float]:
-    """Interval of the mean of (N,) changes of episodes, each from -1 to 1."""
+    """Return the interval of the mean of (N,) changes of episodes, each from -1 to 1."""
     cells = len(changes) + 2
     centre = float(changes.sum()) / cells
     square = (float((changes**2).sum()) + 1) / cells
@@ -225,10 +222,8 @@ def _agresti_min(changes: Array) -> tuple[float, float]:
 
 
 def _sign_flips(changes: NDArray[np.int64]) -> float:
-    """Return how likely a sum at least as large is if each of (U,) changes had its sign by the toss of a coin.
-
-    Exactly: all tosses are taken together, one change after the other.
-    """
+    """Return the exact probability of a sum at least as large if each of (U,) changes had a random sign."""
+    # The distribution of the sum grows by one change at a time. Index k stands for the sum k - total.
     chances = np.ones(1)
     for change in np.abs(changes[changes != 0]):
         chances = (np.pad(chances, (2 * change, 0)) + np.pad(chances, (0, 2 * change))) / 2
@@ -238,7 +233,7 @@ def _sign_flips(changes: NDArray[np.int64]) -> float:
 
 
 def _least(drawn: Array) -> float:
-    """Return the smallest p of a test that swaps so many units: all of them alike, one way or the other."""
+    """Return the smallest p of a test that swaps (U, ...) units: 2 of 2^U outcomes have all changes the same way."""
     return float(min(1.0, 2.0 ** (1 - len(drawn))))
 
 
@@ -250,7 +245,7 @@ def compare_ratios(
     *,
     seed: int = 0,
 ) -> Difference:
-    """Compare paired (numerator, denominator) of each episode by a bootstrap of the houses and random swaps of these.
+    """Compare paired (numerator, denominator) of each episode: bootstrap over houses, and random swaps of houses.
 
     Raises ValueError for sequences of unequal length.
     """
@@ -272,7 +267,7 @@ def compare_ratios(
 
 def _paired(a: Sequence[object], b: Sequence[object]) -> tuple[Array, Array]:
     if len(a) != len(b):
-        raise ValueError(f"a paired comparison needs one value of each run an episode; got {len(a)} and {len(b)}.")
+        raise ValueError(f"a paired comparison needs one value per run and episode; got {len(a)} and {len(b)}.")
     return np.asarray(a, float), np.asarray(b, float)
 
 
@@ -281,7 +276,7 @@ def _mean(values: Array) -> float:
 
 
 def _swap_test(first: Array, second: Array, seed: int) -> float:
-    """How often the difference is as large when each unit's two results are swapped by the toss of a coin."""
+    """Return the share of random swaps of each unit's two results in which the difference is at least as large."""
     found = abs(float(_ratio(*second.T) - _ratio(*first.T)))
     if not np.isfinite(found):
         return 1.0
@@ -290,20 +285,20 @@ def _swap_test(first: Array, second: Array, seed: int) -> float:
     swapped = [_over(total, change, sign, tosses) for sign in (1.0, -1.0)]
     differences = np.abs(swapped[0] - swapped[1])
     as_large = int((differences >= found * (1 - 1e-9)).sum())
-    return (as_large + 1) / (RESAMPLES + 1)
+    return (as_large + 1) / (RESAMPLES + 1)  # The observed result counts as one swap, so p is never 0.
 
 
 def _over(total: Array, change: Array, sign: float, tosses: Array) -> Array:
-    """(R,) ratio of one side after the tosses: half the total plus or minus half the change of each episode."""
+    """Return (R,) the ratio of one side after the swaps: half the total plus or minus half of each change."""
     sides = (total.sum(0) + sign * ((2 * tosses - 1) @ change)) / 2
     return np.asarray(np.where(sides[:, 1] > 0, sides[:, 0] / np.where(sides[:, 1] > 0, sides[:, 1], 1.0), np.nan))
 
 
 def holm(differences: Sequence[Difference]) -> tuple[Difference, ...]:
-    """Return the same differences with p raised for their number (Holm): of twenty metrics one differs by chance.
+    """Return the differences with p corrected for their number (Holm): of twenty metrics, one differs by chance.
 
-    What is alike in every episode could not have differed by swapping runs, and is none of the number (Tarone 1990).
-    What p could have been at least is raised for all of them: less none of them could come to.
+    Differences that are equal in every episode do not count, because no swap could change them (Tarone 1990). The
+    smallest possible p is multiplied by the full number, because no corrected p can be smaller.
     """
     asked = sorted((k for k, one in enumerate(differences) if not one.alike), key=lambda k: differences[k].p)
     raised = [replace(one, least=min(1.0, max(1, len(asked)) * one.least)) for one in differences]

@@ -13,6 +13,7 @@ from typing import Annotated, Any, Final, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from humanclaw import RecordedEpisode, RecordError, load_run
+from humanclaw.records import first_fault
 from humanclaw_bench.attribution import Cause
 from humanclaw_bench.export import row, scored
 from humanclaw_bench.integrity import MOST as EPISODES, Manifest, known_split, read_manifest, standing
@@ -134,7 +135,8 @@ def submit(run: Path, who: str, model_date: str = "", partial: bool = True) -> S
     try:
         return _made(episodes, pairs, manifest, known.again, who, model_date).sealed
     except ValidationError as error:
-        raise RecordError(f"no submission can be made of {run}: {_first(error)}.", "Fix that and try again.") from error
+        said = f"no submission can be made of {run}: {first_fault(error)}."
+        raise RecordError(said, "Fix that and try again.") from error
 
 
 def _made(
@@ -180,7 +182,7 @@ def read(path: Path) -> Submission:
     try:
         found = Submission.model_validate_json(_bytes(path))
     except (OSError, ValidationError) as error:
-        told = f"{path} is no submission: {_first(error)}."  # Never quote the file: a link may lead anywhere.
+        told = f"{path} is not a submission: {_first(error)}."  # Never quote the file: a link may lead anywhere.
         raise RecordError(told, "Write it with `humanclaw bench submit`.") from error
     if found.sealed.digest != found.digest:
         raise RecordError(f"{path} has been changed since it was written.", "Write it with `humanclaw bench submit`.")
@@ -199,8 +201,7 @@ def _bytes(path: Path) -> bytes:
 def _first(error: OSError | ValidationError) -> str:
     if isinstance(error, OSError):
         return error.strerror or type(error).__name__
-    first = error.errors(include_url=False, include_input=False)[0]
-    return ": ".join([*(".".join(map(str, first["loc"])),) * bool(first["loc"]), first["msg"]])
+    return first_fault(error)
 
 
 # -- checking ----------------------------------------------------------------------------------------------------------

@@ -31,8 +31,7 @@ from humanclaw_bench.statistics import CONFIDENCE, FEW, Estimate, rate
 REPEATED: Final = (FIND, NAV, INTERACT, COLLISIONS)
 """Metrics whose variation between repeats is shown."""
 TELLING: Final = 0.1
-"""Relevant difference: of a share absolute, of anything else relative to the mean of both runs. "noise" must exclude
-it."""
+"""Relevant difference, which the verdict "noise" must exclude: absolute for shares, else relative to the mean."""
 PAPER_NOTE: Final = (
     f"{MARK} As printed in the paper, for reference: other scenes (HSSD), another body and other weights. "
     "Do not compare it with rows of your own."

@@ -1,4 +1,4 @@
-"""What plays the episodes of a run, wherever it runs: in a process of this machine or on a node of a cluster."""
+"""The worker that plays episodes of a run, in a process of this machine or on a node of a cluster."""
 
 from __future__ import annotations
 
@@ -34,52 +34,52 @@ FAILED: Final = "infra_error"
 
 @dataclass(frozen=True)
 class Job:
-    """What is the same for every episode of a run: plain values, which can be sent anywhere."""
+    """The settings that all episodes of a run share: plain values, which can be sent to other machines."""
 
     agent: str
     options: Mapping[str, Any] = field(default_factory=dict)
     verifier: str = ""
-    """Empty for none."""
+    """Name of the verifier; empty for none."""
     backends: Backends = field(default_factory=Backends)
     limits: Mapping[str, float] = field(default_factory=dict)
-    """As humanclaw.limits has them. Those of a run hold for one session."""
+    """Limits as in humanclaw.limits. Limits of a run hold for one session."""
     files: tuple[str, ...] = ()
-    """Plugin files to load besides what is installed."""
+    """Plugin files to load besides the installed plugins."""
     choice: Choice = field(default_factory=Choice)
-    """Of plugins and skills."""
+    """Choice of plugins and skills."""
     names: Mapping[str, str] = field(default_factory=dict)
-    """What agent and verifier call themselves, for where they cannot be made ("agents", "verifiers")."""
+    """Own names of agent ("agents") and verifier ("verifiers"), for records if they cannot be created."""
 
 
 @dataclass(frozen=True)
 class WorkerReport:
-    """An episode has ended, or its worker has."""
+    """The end of an episode, or of its worker."""
 
     episode: str
     outcome: Outcome
     limit: str = ""
-    """Whose limit was reached, if one was."""
+    """Scope of the limit that was reached; empty if none was."""
     steps: int = 0
-    """Steps of the episode, those of an earlier session included."""
+    """Steps of the episode, including those of earlier sessions."""
     seconds: float = 0.0
     cost: float = 0.0
     """US dollars that this session has spent on it."""
     tokens: int = 0
     error: str = ""
     fatal: bool = False
-    """Whether the error is one that the user has to mend, and every other episode would meet."""
+    """Whether every other episode would meet the error too, so that the user must fix it first."""
     worker: str = ""
     files: Mapping[str, bytes] = field(default_factory=dict)
-    """The record by path in its folder, from a worker that does not write where the run is."""
+    """Path to content of the record's files, from a worker that cannot write to the folder of the run."""
 
 
 class Worker:
-    """Plays one episode after another; a house that it has just played in is not built again."""
+    """Plays one episode after another. It builds the house of the previous episode only once."""
 
     def __init__(
         self, job: Job, out: Path, stopping: Callable[[], bool] = lambda: False, name: str = "", *, plugins: Any = None
     ) -> None:
-        """out: the folder of the run. stopping: asked after each step; when true, the episode is broken off there."""
+        """Load the plugins. out: folder of the run. stopping: called after each step; True ends the episode there."""
         self._job, self._out, self._name = job, out, name
         self._plugins: Plugins = plugins or Plugins.discover([Path(file) for file in job.files], job.choice)
         self._stopping = stopping
@@ -87,26 +87,26 @@ class Worker:
         self._body: Body | None = None
         self._episode: Episode | None = None
         self._replayed = Usage()
-        """What the steps took that were played in an earlier session."""
+        """Usage of the steps that an earlier session played."""
 
     def play(self, spec: EpisodeSpec) -> WorkerReport:
-        """Play an episode, or what is left of it. Never raises: what went wrong is in the report."""
+        """Play an episode, or the rest of it. Never raises: errors are in the report."""
         self._episode, self._replayed = None, Usage()
         began = time.perf_counter()
         error, fatal = "", False
         try:
             self._play(spec)
         except KeyboardInterrupt:
-            pass  # Whoever decides has had enough: the record says so.
+            pass  # A person who decides the steps pressed Ctrl-C: the record says so.
         except HumanclawError as fault:
             error, fatal = str(fault), True
-        except BaseException as fault:  # A plugin that exits takes no other episode with it.
+        except BaseException as fault:  # Even SystemExit: a plugin that exits must not end other episodes.
             error = f"{type(fault).__name__}: {fault}"
             self._clean_up(spec, error)
         return self._report(spec, time.perf_counter() - began, error, fatal)
 
     def _clean_up(self, spec: EpisodeSpec, error: str) -> None:
-        """Mark the record and put the body away, as far as what has broken allows."""
+        """Mark the record as failed and close the body, ignoring further errors."""
         with contextlib.suppress(Exception):
             traceback.print_exc()
         for tidy in (partial(mark, self._out / spec.id, FAILED, error), self.close):
@@ -118,12 +118,12 @@ class Worker:
         try:
             replay = recorded_steps(folder)
         except RecordError as fault:
-            print(f"{fault.message} It is begun anew.", flush=True)
+            print(f"{fault.message} The episode starts again.", flush=True)
             replay = ()
         try:
             self._episode = self._begun(spec, folder, replay)
-        except ReplayError as fault:  # Of the replay alone: what a plugin raises is its own error.
-            print(f"{fault} It is begun anew.", flush=True)
+        except ReplayError as fault:  # Only errors of the replay; a plugin's errors have other types.
+            print(f"{fault} The episode starts again.", flush=True)
             self._episode = self._begun(spec, folder, ())
         with self._episode as episode:
             while not (episode.done or self._stopping()):
@@ -132,7 +132,7 @@ class Worker:
             traceback.print_exception(episode.fault)
 
     def _begun(self, spec: EpisodeSpec, folder: Path, replay: tuple[StepRecord, ...]) -> Episode:
-        """Begin an episode, or take it up again. Raises ReplayError if the world no longer does what was recorded."""
+        """Begin or resume an episode. Raises ReplayError if the world no longer reproduces the record."""
         job, plugins = self._job, self._plugins
         body = self._body = self._body or Body(spec.scene, plugins=plugins, backends=job.backends)
         agent, verifier = self._made("agents", job.agent), self._made("verifiers", job.verifier)
@@ -143,8 +143,7 @@ class Worker:
         )  # fmt: skip
 
     def _made(self, kind: str, name: str) -> Any:
-        """Make an agent or a verifier, None if it has no name; where that fails, the record has the name that the run
-        knows it by."""
+        """Create an agent or a verifier; None without a name. If that fails, the record has the name from the job."""
         return self._plugins.decider(kind, name, self._job.options, self._job.names.get(kind, "")) if name else None
 
     def _report(self, spec: EpisodeSpec, seconds: float, error: str, fatal: bool) -> WorkerReport:
@@ -171,26 +170,24 @@ class Worker:
 
 
 def recorded_steps(folder: Path) -> tuple[StepRecord, ...]:
-    """Return the steps of an episode that an earlier session left behind, if any. Raises RecordError if they are
-    damaged."""
+    """Return the steps that an earlier session recorded, if any. Raises RecordError if they are damaged."""
     found = recorded(folder)
     return found.steps if found else ()
 
 
 def recorded(folder: Path) -> RecordedEpisode | None:
-    """Return the record of an episode, in the folder of its name; None if there is none. Raises RecordError if it is
-    damaged."""
+    """Return the record in an episode's folder; None if there is none. Raises RecordError if it is damaged."""
     if not (folder / "episode.json").exists():
         return None
     found = RecordedEpisode(folder)
     if found.record.spec.id != folder.name:
-        raise RecordError(f"{folder} holds the record of {found.record.spec.id!r}.", "Remove the folder.")
+        said = f"{folder} must hold the record of {folder.name!r}; it holds that of {found.record.spec.id!r}."
+        raise RecordError(said, "Remove the folder.")
     return found
 
 
 def mark(folder: Path, outcome: Outcome, error: str) -> None:
-    """Write into the record of an episode how it ended, where nobody else could. A damaged one is left: it is begun
-    anew."""
+    """Write the end of an episode into its record if the episode could not. Damaged records stay: they are replaced."""
     try:
         found = recorded(folder)
     except RecordError:
@@ -199,23 +196,23 @@ def mark(folder: Path, outcome: Outcome, error: str) -> None:
         close_record(folder, found.record.ended(outcome, error, steps=len(found.steps)))
 
 
-# -- a record on its way -----------------------------------------------------------------------------------------------
+# -- sending records ---------------------------------------------------------------------------------------------------
 def pack(folder: Path) -> dict[str, bytes]:
-    """Every file of an episode's record by its path in the folder; nothing if there is none."""
+    """Return path in the folder to content of every file of a record; empty if there is none."""
     files = (path for path in sorted(folder.rglob("*")) if path.is_file() and path.suffix != ".partial")
     return {str(path.relative_to(folder)): path.read_bytes() for path in files}
 
 
 def unpack(folder: Path, files: Mapping[str, bytes]) -> None:
-    """Write a record; episode.json comes last, since it says that there is one.
+    """Write a record. episode.json comes last, because a folder with it counts as a record.
 
-    Raises RecordError if it cannot be written, and before anything is if a name leads out of the folder.
+    Raises RecordError if it cannot be written. If a name leads out of the folder, nothing is written.
     """
     try:
         places = {within(folder, name): data for name, data in files.items()}
     except ValueError as error:
         raise RecordError(
-            f"a worker sent a record with a file elsewhere: {error}.", "Look after that worker."
+            f"a worker sent a record with a file outside of its folder: {error}.", "Check that worker."
         ) from None
     with writing(folder):
         for path, data in sorted(places.items(), key=lambda item: item[0].name == "episode.json"):

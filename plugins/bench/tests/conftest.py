@@ -1,4 +1,4 @@
-"""The helpers beside these tests are importable by name."""
+"""Make the helper modules beside these tests importable by name."""
 
 import sys
 from pathlib import Path

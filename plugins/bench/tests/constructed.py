@@ -1,9 +1,7 @@
-"""Rollouts that must have one root cause: what the paper's rule names (appendix B) is fixed, all that it leaves free is
-drawn.
+"""Construct rollouts with a known root cause: facts in the paper's rule (appendix B) are fixed, all others are random.
 
-Each is drawn from a seed. With miss=True the same seed gives the same rollout with the one deciding fact on the other
-side of its threshold. The label follows from the facts that a rollout was built with; nothing here reads a finished
-record.
+Each rollout is drawn from a seed. With miss=True, the same seed gives the same rollout with the deciding fact on the
+other side of its threshold. The label follows from the facts of construction; nothing here reads a finished record.
 """
 
 from __future__ import annotations
@@ -38,11 +36,11 @@ UNKNOWN: Final = "?"
 T = TypeVar("T")
 
 SEEN, NEAR, FAR, JAMMED, CONFINED, GAVE_UP, UNSEEN = range(7)
-"""The find rules by their place in the list."""
+"""Name of each find rule to its position."""
 ARRIVED, STOPPED, LATE, LODGED, FREE, CLAIMED, LOST = range(7)
-"""The nav rules by theirs."""
+"""Name of each nav rule to its position."""
 STOOD, AIR, WRONG, NEVER = range(4)
-"""The interact rules by theirs."""
+"""Name of each interact rule to its position."""
 FLOOR: Final = 1
 
 NAMES: Final = {
@@ -63,12 +61,12 @@ _DENYING: Final = (
     "Neither {} nor lamp.",
 )
 CLAIMS: Final = {key: [s.format(name) for s in _SAYING for name in names] for key, names in NAMES.items()}
-"""Sentences that say that a target of the category is there."""
+"""Sentences that acknowledge a target of the category."""
 SILENCE: Final = {
     key: ["", "A wall.", "A door, and a lamp beside it.", *(s.format(name) for s in _DENYING for name in names)]
     for key, names in NAMES.items()
 }
-"""Sentences that do not."""
+"""Sentences that do not acknowledge it."""
 
 
 # -- the body's ways ---------------------------------------------------------------------------------------------------
@@ -114,7 +112,7 @@ class Mover:
         return Move("sit_in_place", {"h_cm": 45}) if sit else Move("")
 
     def roam(self, strides: int = 5) -> list[Move]:
-        """On by more than 2 m, always to the same side, with up to two steps of noise."""
+        """Move on by more than 2 m, always to the same side, with up to two steps of noise."""
         moves = [self.walk(0.0, self.rng.uniform(0.5, 0.8)) for _ in range(strides)]
         for _ in range(self.rng.integers(3)):
             noise = self.turn() if self.rng.random() < 0.5 else self.pause()
@@ -174,14 +172,14 @@ def _pick(rng: np.random.Generator, items: Sequence[T]) -> T:
 
 
 def _between(rng: np.random.Generator, count: int, longest: int) -> int:
-    """An index that leaves at most so many on either side."""
+    """Return an index with at most so many elements on either side."""
     return int(rng.integers(max(0, count - 1 - longest), min(longest, count - 1) + 1))
 
 
 # -- writing a rollout down --------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class Built:
-    """A rollout and the label that it must get, "" for a success."""
+    """A rollout and its expected label, "" for a success."""
 
     label: str
     steps: list[StepRecord]
@@ -423,7 +421,7 @@ def _places(tale: Tale, last: bool) -> list[int]:
 
 
 def _brush(tale: Tale, objects: Sequence[int], share: float = 0.1) -> bool:
-    """The hips touch something here and there on the way, never at the end of a sit or of the rollout."""
+    """Let the hips touch something now and then, but never at the end of a sit or of the rollout."""
     kept = {k for k, move in enumerate(tale.moves) if "sit" in move.skill} | {tale.executed()[-1], len(tale.moves) - 1}
     places = [k for k in tale.executed() if k not in kept and tale.rng.random() < share]
     for k in places:
@@ -510,7 +508,7 @@ def construct(label: str, case: int, *, miss: bool = False) -> Built:
 
 # -- anything at all ---------------------------------------------------------------------------------------------------
 def anything(case: int) -> Built:
-    """A rollout in which nothing is arranged; what its label is nobody knows beforehand."""
+    """Return a fully random rollout, whose label is not known beforehand."""
     rng = np.random.default_rng(case)
     mover, ways = Mover(rng, measured=bool(rng.random() < 0.5)), rng.uniform(0.5, 25.0, 3)
     pieces = [piece(bool(rng.random() < 0.5)) for piece in (mover.stuck, mover.pacing) if rng.random() < 0.4]

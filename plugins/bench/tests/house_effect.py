@@ -1,4 +1,4 @@
-"""How often intervals of a rate hold the truth where houses differ; `python house_effect.py` prints the table.
+"""Measure how often intervals of a rate contain the truth if houses differ; `python house_effect.py` prints the table.
 
 Houses draw their chance of success from a beta distribution whose intraclass correlation is given; episodes of a house
 succeed by that chance.

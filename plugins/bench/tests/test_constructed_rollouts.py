@@ -1,5 +1,4 @@
-"""Root causes of rollouts that were built to have them, of their near misses, and by the paper's rules written down
-again."""
+"""Root causes of constructed rollouts and their near misses, checked by an independent copy of the paper's rules."""
 
 from __future__ import annotations
 

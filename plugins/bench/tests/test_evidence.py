@@ -1,4 +1,4 @@
-"""Ablation and repair, from made-up scores whose answers are known."""
+"""Ablation and repair, with constructed scores whose results are known."""
 
 from __future__ import annotations
 

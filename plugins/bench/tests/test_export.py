@@ -1,4 +1,4 @@
-"""Runs in other people's tools say what the records say."""
+"""Exported runs contain the numbers of the records."""
 
 import csv
 import json

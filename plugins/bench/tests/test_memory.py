@@ -1,4 +1,4 @@
-"""One process plays many episodes in many houses: what a house took, it gives back when the body leaves."""
+"""A process that plays episodes in many houses frees the memory of each house when it leaves."""
 
 import weakref
 from dataclasses import replace

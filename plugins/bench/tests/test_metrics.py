@@ -1,4 +1,4 @@
-"""Metrics: worked by hand on small records, and checked against a second computation that shares no code."""
+"""Metrics, computed by hand for small records and compared with a second computation that shares no code."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Targets move: what counts is where they are now, and every step of the record says where that is."""
+"""Targets that move count at their current place, which every step of the record states."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Metrics and root causes read what a skill declares: a third party's skill counts as what it is, whatever its name."""
+"""Metrics and root causes use the declarations of a skill: a third-party skill counts by its role, not by its name."""
 
 from __future__ import annotations
 

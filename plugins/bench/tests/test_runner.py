@@ -1,4 +1,4 @@
-"""Runs: whatever ends one, it goes on from there, nothing is played twice, and how many play makes no difference."""
+"""Runs continue after any end, play nothing twice, and give the same results with any number of workers."""
 
 import errno
 import json
@@ -87,7 +87,7 @@ def test_what_a_run_will_take_is_told_after_three_episodes_and_no_ends_it_there(
     job = Job("walker", {}, backends=TOY, files=(toy_world.FILE,))
     status = run_split(toy_world.specs(6), job, Here(), tmp_path, plugins=toys, go_on=no)
     assert (status.done, status.stopped, len(told)) == (3, True, 1)
-    assert told[0].startswith("By 3 of its episodes the other 3 take about 1 min")
+    assert told[0].startswith("Estimate for the remaining 3 episodes: 1 min")
     assert run_split(toy_world.specs(6), job, Here(), tmp_path, plugins=toys).done == 6
 
 
@@ -153,12 +153,12 @@ def test_what_has_fewer_than_four_episodes_is_not_foreseen(forecasts):
 
 def test_foresight_tells_time_and_money():
     forecast = Forecast(3, 96, seconds=4 * 3600.0, cost=48.0)
-    assert foresight(forecast) == "By 3 of its episodes the other 96 take about 4 h 0 min and $48.00."
+    assert foresight(forecast) == "Estimate for the remaining 96 episodes: 4 h 0 min and $48.00 (from the first 3)."
 
 
 def test_a_price_that_is_not_known_is_said_to_be_so():
     forecast = Forecast(3, 96, seconds=600.0, tokens=12_000)
-    assert "No price is known of the 12,000 tokens so far" in foresight(forecast)
+    assert "The cost is unknown: the 12,000 tokens so far have no known price" in foresight(forecast)
     assert "price" not in foresight(Forecast(3, 96, seconds=600.0))
 
 
@@ -227,7 +227,7 @@ def test_a_record_that_the_world_no_longer_agrees_with_is_begun_anew(play, tmp_p
     rewrite(episode, outcome="interrupted", steps=1)
     play(toy_world.specs(1), log=str(log))
     assert digests(folder) == before
-    assert "It is begun anew" in capsys.readouterr().out
+    assert "The episode starts again" in capsys.readouterr().out
 
 
 def test_a_damaged_episode_is_found_and_begun_anew_and_the_others_are_kept(play, tmp_path, capsys):
@@ -243,7 +243,7 @@ def test_a_damaged_episode_is_found_and_begun_anew_and_the_others_are_kept(play,
     status, (report,), _ = play(toy_world.specs(2), log=str(log))
     assert (report.episode, status.done, digests(folder)) == ("toy-1", 2, before)
     assert "toy-0" not in log.read_text()
-    assert "has been changed since it was written. It is begun anew." in capsys.readouterr().out
+    assert "has been changed since it was written. The episode starts again." in capsys.readouterr().out
     assert CliRunner().invoke(bench, ["verify", str(folder)]).exit_code == 0
 
 
@@ -296,7 +296,7 @@ def test_a_run_that_is_there_is_left_alone_by_who_asks_for_a_new_one(tmp_path):
     command = ["run", "--split", "smoke", "--agent", "still", "--no-resume", "--out", str(tmp_path)]
     refused = CliRunner().invoke(bench, command)
     assert isinstance(refused.exception, RecordError)
-    assert "holds a run already" in str(refused.exception)
+    assert "already holds a run" in str(refused.exception)
     assert [path.name for path in tmp_path.iterdir()] == ["run.json"]
 
 
@@ -490,7 +490,7 @@ def test_a_full_disk_ends_the_run_in_a_sentence_and_it_goes_on_when_there_is_roo
 
 @pytest.mark.parametrize("name", ["../evil", "/tmp/evil", "frames/../../evil"])
 def test_a_record_from_a_worker_cannot_leave_its_folder(tmp_path, name):
-    with pytest.raises(RecordError, match="a file elsewhere"):
+    with pytest.raises(RecordError, match="a file outside of its folder"):
         unpack(tmp_path / "run" / "toy-0", {"steps.jsonl": b"", name: b"evil"})
     assert not list(tmp_path.rglob("*")), "nothing was written"
 
@@ -504,7 +504,7 @@ def test_ids_that_some_systems_do_not_tell_apart_are_refused(play):
 @pytest.mark.parametrize("name", ["run.json", "Logs", "journal.jsonl"])
 def test_an_id_that_is_the_name_of_a_file_of_the_run_itself_is_refused(play, tmp_path, name):
     (spec,) = toy_world.specs(1)
-    with pytest.raises(HumanclawError, match="a file of the run itself"):
+    with pytest.raises(HumanclawError, match="of the run's own files"):
         play([spec.model_copy(update={"id": name})])
     assert not (tmp_path / "run").exists()
 
@@ -520,7 +520,7 @@ def test_a_clock_that_jumps_changes_nothing(play, monkeypatch):
 
 def test_workers_that_all_die_at_once_end_the_run(tmp_path):
     job = Job("walker", {}, backends=TOY, files=(str(tmp_path / "missing.py"),))
-    with pytest.raises(HumanclawError, match="3 workers died one after another"):
+    with pytest.raises(HumanclawError, match="3 workers died in a row"):
         list(LocalExecutor(1).reports(job, EpisodeQueue(toy_world.specs(9)), tmp_path / "run"))
 
 

@@ -1,4 +1,4 @@
-"""The splits: what the paper says of its episodes holds of ours, and every one of them can be solved."""
+"""The splits have the properties of the paper's episodes, and every episode is solvable."""
 
 import itertools
 from collections import Counter
@@ -116,7 +116,7 @@ def test_choosing_meets_its_quota_and_is_repeatable(found):
 
 
 def test_a_quota_that_cannot_be_met_is_an_error(found):
-    with pytest.raises(HumanclawError, match="no such 999 episodes"):
+    with pytest.raises(HumanclawError, match="no 999 episodes"):
         choose(found, Quota({"couch": 999}, (0, 999), {"couch": (0, 999)}))
 
 

@@ -1,4 +1,4 @@
-"""Intervals and tests: against closed forms, full enumeration, and their promised error rates on seeded draws."""
+"""Intervals and tests, compared with closed forms, full enumeration, and their nominal error rates on seeded draws."""
 
 from __future__ import annotations
 

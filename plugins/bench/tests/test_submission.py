@@ -1,4 +1,4 @@
-"""Submissions: what the records say, in one file that gives itself away when it says something else."""
+"""Submissions state the numbers of the records, and contradictions are detected."""
 
 from __future__ import annotations
 
@@ -326,7 +326,7 @@ def test_a_privileged_decider_is_called_so_under_the_table_in_the_submission_and
     for one in load_run(run):
         told = {**one.record.settings, "privileged": {"agent": True, "verifier": False}}
         rewrite(run, one.folder.name, settings=told)
-    assert "Privileged, told scene and true state: agent." in invoke("table", run, "--format", "markdown").output
+    assert "Privileged (knows scene and true state): agent." in invoke("table", run, "--format", "markdown").output
     path = submitted(run)
     assert {one.scores.privileged for one in submission.read(path).episodes} == {"agent"}
     invoke("leaderboard", run.parent)
@@ -441,7 +441,7 @@ def test_an_episode_with_a_number_that_is_none_is_no_submission(run: Path, numbe
     content["episodes"][1]["scores"][number] = bad
     path.write_text(json.dumps(content))
     invoke("leaderboard", run.parent)
-    assert f"is no submission: episodes.1.scores.{number}: " in "".join(page(run))
+    assert f"is not a submission: episodes.1.scores.{number}: " in "".join(page(run))
 
 
 @pytest.mark.parametrize(("key", "bad"), [("asked", -(10**400)), ("made", "9999-99-99"), ("who", "x" * 501)])
@@ -449,7 +449,7 @@ def test_a_submission_that_says_something_odd_is_none(run: Path, key: str, bad: 
     path = submitted(run)
     path.write_text(json.dumps(json.loads(path.read_text()) | {key: bad}))
     invoke("leaderboard", run.parent)
-    assert f"is no submission: {key}: " in "".join(page(run))
+    assert f"is not a submission: {key}: " in "".join(page(run))
 
 
 def test_somebody_of_too_long_a_name_is_told_so(run: Path) -> None:
@@ -465,7 +465,7 @@ def test_what_never_ends_or_has_no_legible_name_stops_no_page(run: Path) -> None
     os.mkfifo(run.parent / "pipe.json")
     (run.parent / os.fsdecode(b"\xff.json")).write_text("nope")
     assert invoke("leaderboard", run.parent).exit_code == 0
-    assert page(run)[0].count("is no submission") == 2
+    assert page(run)[0].count("is not a submission") == 2
 
 
 def test_a_temperature_that_is_no_number_is_not_told(run: Path) -> None:
@@ -525,7 +525,7 @@ def test_the_page_names_a_split_of_which_each_episode_was_played_twice(tmp_path:
 def test_what_is_no_number_is_no_submission(run: Path, bad: str) -> None:
     path = submitted(run)
     path.write_text(re.sub(r'"cost": [0-9.]+,\n "tokens"', f'"cost": {bad},\n "tokens"', path.read_text()))
-    with pytest.raises(RecordError, match="is no submission: cost"):
+    with pytest.raises(RecordError, match="is not a submission: cost"):
         submission.read(path)
 
 
@@ -552,7 +552,7 @@ def test_a_number_that_no_float_can_hold_stops_nothing(run: Path) -> None:
     assert "episode e1: jerk is" in invoke("verify", run, "--submission", path).output
     path.write_text(path.read_text().replace('"tokens":0,', f'"tokens":{10**400},'))
     invoke("leaderboard", run.parent)
-    assert "is no submission: tokens" in page(run)[1] + page(run)[0]
+    assert "is not a submission: tokens" in page(run)[1] + page(run)[0]
 
 
 def test_the_page_does_not_quote_a_file_that_is_no_submission(run: Path) -> None:
@@ -600,7 +600,7 @@ def test_verify_holds_the_folder_of_an_episode_and_one_of_runs_to_their_run_json
 
 def test_verify_says_where_no_run_json_tells_what_the_records_are_of(run: Path) -> None:
     (run / "run.json").unlink()
-    assert "nothing tells of which split and settings" in invoke("verify", run).output
+    assert "split and settings of the records are unknown" in invoke("verify", run).output
 
 
 def test_verify_says_how_many_records_there_should_be(run: Path) -> None:
@@ -642,7 +642,7 @@ def test_damaged_records_and_a_file_that_is_no_submission_are_named_and_the_othe
     ranked, apart = page(run)
     assert ranked.count("Ada") == 1
     assert "e0/steps.jsonl has been changed" in apart
-    assert "list.json is no submission" in apart
+    assert "list.json is not a submission" in apart
 
 
 def test_the_page_names_the_split(tmp_path: Path) -> None:

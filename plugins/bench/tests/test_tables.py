@@ -1,4 +1,4 @@
-"""Tables: what they say in each format, and the commands that print them."""
+"""Tables in each format, and the commands that print them."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def test_a_row_holds_the_rates_with_their_intervals_and_the_number_of_episodes(b
     assert [column.title for column in table.columns] == [metric.name for metric in MAIN]
     assert table.rows[0].cells[2] == wilson(3, 4)
     assert texts(table)[1][0][:4] == ("model", "100.0% [51.0, 100.0]", "0.0%", "75.0% [30.1, 95.4]")
-    assert "model: 4 episodes, of how many no run.json tells." in table.notes
+    assert "model: 4 episodes, of an unknown total (no run.json)." in table.notes
 
 
 def test_episodes_apart_are_told_and_counted_in_nothing(base: Scores) -> None:
@@ -83,7 +83,7 @@ def test_episodes_apart_are_told_and_counted_in_nothing(base: Scores) -> None:
     table = main_table(named({"run": scores}), paper=False)
     assert table.rows[0].cells[2] == wilson(1, 1)
     assert table.notes == (
-        "model: 1 of 2 episodes, of how many no run.json tells; apart from every number: 1 infra_error.",
+        "model: 1 of 2 episodes, of an unknown total (no run.json); not in any number: 1 infra_error.",
     )
 
 
@@ -94,7 +94,7 @@ def test_failures_of_a_plugin_and_of_an_episodes_own_limit_count_and_are_told(ba
     table = main_table(named({"run": [(s, None) for s in scores]}), paper=False)
     assert table.rows[0].cells[2] == wilson(1, 4)
     assert table.notes == (
-        "model: 4 of 5 episodes, of how many no run.json tells; apart from every number: 1 limit_reached. Failed by a "
+        "model: 4 of 5 episodes, of an unknown total (no run.json); not in any number: 1 limit_reached. Failed by a "
         "plugin, and counted: 1 "
         "(humanclaw_nod raised ValueError: no).",
     )
@@ -106,7 +106,7 @@ def test_a_verifier_that_was_not_asked_is_in_its_row(base: Scores, unasked: int,
     table = main_table(named({"run": [(scores, None)]}), paper=False)
     column = [c.title for c in table.columns].index("unasked")
     assert table.rows[0].cells[column].value == unasked / 100
-    assert f"Let through unasked: {told}" in table.notes[0]
+    assert f"Calls executed unverified: {told}" in table.notes[0]
     assert ("Warning" in table.notes[0]) is (unasked > 1)
 
 
@@ -123,7 +123,7 @@ def test_an_incomplete_run_is_told_and_refused_where_it_would_mislead(tmp_path: 
 def test_a_run_without_a_run_json_is_not_taken_for_whole(tmp_path: Path) -> None:
     run = write_run(tmp_path, 2, 1)
     (run / "run.json").unlink()
-    assert "3 episodes, of how many no run.json tells" in invoke("table", run).output.replace("\n", " ")
+    assert "3 episodes, of an unknown total (no run.json)" in invoke("table", run).output.replace("\n", " ")
     refused = invoke("table", run, "--format", "latex")
     assert refused.exit_code == 2
     assert "not known to be complete" in refused.output.replace("\n", " ")
@@ -154,7 +154,7 @@ def test_every_table_says_n_of_n_and_what_is_to_be_known_of_the_row(part: Path, 
     words = ("--json",) if form == "json" else ("--format", form)
     shown = " ".join(invoke("table", part, "--only", name, *words, "--partial").output.split())
     assert "7 of 8 episodes" in shown
-    assert "Let through unasked: 100.0 %. Warning" in shown
+    assert "Calls executed unverified: 100.0 %. Warning" in shown
 
 
 @pytest.mark.parametrize("name", [name for name in TABLES if name != "difficulty"])  # That of these is not known.
@@ -190,7 +190,7 @@ def interrupting(recorded: RecordedEpisode) -> float:
 
 
 class OddMetrics:
-    """Metrics that raise, leave, interrupt, give no number and never return; and one that is well."""
+    """Metrics that raise, exit, interrupt, return no number and never return; and a correct one."""
 
     HUMANCLAW_PATIENCE = 0.2
 
@@ -380,7 +380,7 @@ def test_a_comparison_tells_of_how_many_episodes_each_metric_is(base: Scores) ->
     a = [replace(one, jerk=float("nan") if k < 3 else 9.0) for k, one in enumerate(a)]
     caption = str(compare_table(compare(a, b), ALL, "a", "b").caption)
     assert caption.startswith("Over the 8 episodes that both finished")
-    assert "Fewer bear on Coll., Arm/Hand, Torso, Leg/Foot, Head (6), Jerk (5)." in caption
+    assert "Fewer count for Coll., Arm/Hand, Torso, Leg/Foot, Head (6), Jerk (5)." in caption
 
 
 def test_a_hundred_points_on_two_episodes_are_too_few_to_tell(tmp_path: Path) -> None:

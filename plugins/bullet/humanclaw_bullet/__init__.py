@@ -23,7 +23,7 @@ def _simulator(profile: str | Profile = "default") -> Simulator:
 
 @hookimpl
 def humanclaw_simulators(register: Register[SimulatorFactory]) -> None:
-    # PyBullet has no wheels for the newest Pythons; where it is not installed there is no such simulator.
+    # PyBullet has no wheels for the newest Pythons. Without it, this simulator is not registered.
     if importlib.util.find_spec("pybullet"):
         register(
             "bullet", _simulator, "Half-physics on Bullet: driven by pose velocities, carried by contact and gravity."

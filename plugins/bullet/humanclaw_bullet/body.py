@@ -1,4 +1,4 @@
-"""The body in Bullet: one tree of spherical joints, as a URDF."""
+"""Load the body into Bullet: one tree of spherical joints, written as a URDF."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from humanclaw_bullet.engine import Client
 
 
 def load_body(client: Client, profile: Profile) -> int:
-    """Build the body in a world; Bullet's link index is the joint's less one. Returns Bullet's number of it."""
+    """Build the body in a world and return Bullet's number of it. Bullet's link index is the joint's index minus 1."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "body.urdf"
         path.write_text(urdf(profile), encoding="utf-8")
@@ -26,7 +26,7 @@ def load_body(client: Client, profile: Profile) -> int:
 
 
 def _free(client: Client, body: int, profile: Profile) -> None:
-    """Surface friction, and none of Bullet's own motors, damping and sleep."""
+    """Set the surface friction, and switch off Bullet's own motors, damping and sleep."""
     for link in range(-1, len(JOINTS) - 1):
         client.changeDynamics(
             body, link, lateralFriction=profile.friction, linearDamping=0, angularDamping=0, jointDamping=0,
@@ -42,7 +42,8 @@ def _free(client: Client, body: int, profile: Profile) -> None:
 def urdf(profile: Profile) -> str:
     """Return the body as URDF: the one format through which Bullet accepts the inertia of a link."""
     parts = [part for joint in range(len(JOINTS)) for part in (_urdf_link(joint, profile), _urdf_joint(joint))]
-    return "\n".join(["<robot name='body'>", *parts, "</robot>"])  # Lines, because Bullet reads at most 1 kB at a time.
+    # Separate lines, because Bullet reads at most 1 kB of a line.
+    return "\n".join(["<robot name='body'>", *parts, "</robot>"])
 
 
 def _urdf_link(joint: int, profile: Profile) -> str:
@@ -76,8 +77,9 @@ def _urdf_joint(joint: int) -> str:
 
 
 def roll_pitch_yaw(m: Array) -> tuple[float, float, float]:
-    """Return a rotation matrix as the angles about the fixed axes x, y, z that URDF writes."""
+    """Return a rotation matrix as URDF's angles about the fixed axes x, y, z, radians."""
     pitch = np.arctan2(-m[2, 0], np.hypot(m[0, 0], m[1, 0]))
+    # At a pitch of 90 degrees only the sum of roll and yaw is defined (gimbal lock): yaw is set to 0.
     if np.hypot(m[0, 0], m[1, 0]) < 1e-6:
         return float(np.arctan2(-m[1, 2], m[1, 1])), float(pitch), 0.0
     return float(np.arctan2(m[2, 1], m[2, 2])), float(pitch), float(np.arctan2(m[1, 0], m[0, 0]))

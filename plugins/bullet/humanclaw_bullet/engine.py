@@ -1,4 +1,4 @@
-"""Bullet itself, brought in quietly."""
+"""Import PyBullet without its output, and bind its functions to one world."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import Any
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """Send what the process prints to nowhere: Bullet greets from C, which would break protocols spoken on stdout."""
+    """Discard the process's output: Bullet prints a banner from C, which would break protocols on stdout."""
     sys.stdout.flush()
     sys.stderr.flush()
     kept, nowhere = [os.dup(1), os.dup(2)], os.open(os.devnull, os.O_WRONLY)
@@ -21,6 +21,7 @@ def quiet() -> Iterator[None]:
     try:
         yield
     finally:
+        # C has its own buffers: flush them before stdout is restored, or the banner appears afterwards.
         ctypes.CDLL(None).fflush(None)
         for stream, descriptor in enumerate(kept, start=1):
             os.dup2(descriptor, stream)
@@ -33,9 +34,9 @@ with quiet():
 
 
 class Client:
-    """One private Bullet world: every pybullet function, bound to it.
+    """One private Bullet world, with every pybullet function bound to it.
 
-    A Client is not shared between threads. close() frees it; a closed client answers with pybullet.error.
+    Not thread-safe. close() frees the world; afterwards every function raises pybullet.error.
     """
 
     def __init__(self) -> None:

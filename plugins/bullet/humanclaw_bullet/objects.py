@@ -1,4 +1,4 @@
-"""A scene in Bullet: every object that has a body, and how the movable ones move."""
+"""The objects of a scene in Bullet, and the motion of the movable ones."""
 
 from __future__ import annotations
 
@@ -14,27 +14,25 @@ from humanclaw.body import Array, matrix_from_quaternion
 from humanclaw.world import Asset, ObjectMotion, SceneObject, Swing, box_of, centre_of_mass, inertia
 from humanclaw_bullet.engine import Client
 
-_STILL = 0.1
-"""Speed below which an object that has settled counts as still, m/s and rad/s."""
-
+_STILL: Final = 0.1
+"""Speed below which an object counts as still after it had time to settle, m/s and rad/s."""
 _MOVING: Final = 1
-"""The group in which Bullet puts all that is not fixed."""
+"""Bullet's collision group of everything that is not fixed."""
 
 
 class Objects:
-    """The objects of a scene as Bullet bodies. Shapes are shared between objects of one asset."""
+    """The objects of a scene as Bullet bodies. Objects of one asset share its shapes."""
 
     def __init__(self, client: Client, scene: Scene) -> None:
         self._client, self._scene = client, scene
         self._pieces: dict[str, list[int]] = {}
         self._whole: dict[str, tuple[int, Array]] = {}
         self.object_of: dict[int, int] = {}
-        """Bullet body to object id; a fixed object has one body a hull."""
+        """Bullet body to object id. A fixed object has one body per hull."""
         self._movable: dict[int, tuple[int, Array]] = {}
         self._hinged: dict[int, tuple[int, Swing]] = {}
         self._still: dict[int, Array] = {}
-        # Bullet reads a file again for each body and keeps, for good, what it has read; switching that off makes it
-        # forget.
+        # With caching, Bullet reads a file only once, but never frees it; switching caching off frees it.
         client.setPhysicsEngineParameter(enableFileCaching=1)
         for obj in scene.objects:
             self._add(obj)
@@ -47,7 +45,8 @@ class Objects:
         if not asset.hulls:
             return
         if obj.movable and obj.mass <= 0:
-            raise SceneError(f"movable object {obj.id} ({obj.category}) has mass {obj.mass}; give it a positive one.")
+            said = f"movable object {obj.id} ({obj.category}) must have a positive mass; got {obj.mass} kg."
+            raise SceneError(said)
         if obj.joint:
             self._add_hinged(obj, asset)
         elif obj.movable:
@@ -60,7 +59,7 @@ class Objects:
             self._pieces[asset.name] = [self._shape([hull.astype(float)], asset) for hull in asset.hulls]
         for shape in self._pieces[asset.name]:
             body = self._client.createMultiBody(0, shape, -1, obj.position, obj.rotation, useMaximalCoordinates=1)
-            # Asleep, or Bullet looks every step after what never moves, and movable objects on it find no rest.
+            # Asleep. Otherwise Bullet updates the fixed body in every step, and objects on it never come to rest.
             self._client.changeDynamics(
                 body, -1, lateralFriction=obj.friction, activationState=self._client.ACTIVATION_STATE_SLEEP
             )
@@ -77,7 +76,7 @@ class Objects:
             obj.mass, shape, -1, position, obj.rotation, useMaximalCoordinates=1,
             flags=self._client.URDF_ENABLE_SLEEPING,
         )  # fmt: skip
-        # A little rolling friction, or a knocked-over cup rolls for ever and never sleeps.
+        # Without a little rolling friction, a knocked-over cup would roll forever and never sleep.
         self._client.changeDynamics(
             body, -1, lateralFriction=obj.friction, rollingFriction=0.002, spinningFriction=0.002,
             activationState=self._client.ACTIVATION_STATE_ENABLE_SLEEPING,
@@ -86,7 +85,7 @@ class Objects:
         self._movable[obj.id] = body, centre
 
     def _add_hinged(self, obj: SceneObject, asset: Asset) -> None:
-        """Add a fixed post at the hinge, and on it the object, its frame at the hinge too."""
+        """Add a fixed post at the hinge, and the object as its link, with its frame also at the hinge."""
         client, swing = self._client, Swing.of(self._scene, obj)
         hulls, point = [hull.astype(float) for hull in asset.hulls], np.array(swing.joint.point)
         body = client.createMultiBody(
@@ -103,12 +102,13 @@ class Objects:
         )  # fmt: skip
         client.setJointMotorControl2(body, 0, client.VELOCITY_CONTROL, targetVelocity=0, force=swing.joint.friction)
         client.resetJointState(body, 0, swing.obj.state)
-        client.setCollisionFilterGroupMask(body, 0, 0, _MOVING)  # Two meet if either wants to.
+        # The link is in no group and asks only for moving bodies; Bullet lets two meet if either asks for the other.
+        client.setCollisionFilterGroupMask(body, 0, 0, _MOVING)
         self.object_of[body] = obj.id
         self._hinged[obj.id] = body, swing
 
     def _shape(self, hulls: Sequence[Array], asset: Asset) -> int:
-        """One shape for some hulls: boxes as boxes, which Bullet stacks better; others from a file."""
+        """Make one shape of some hulls. A single box stays a box, which Bullet stacks better; others become a file."""
         client, boxes = self._client, [box_of(hull) for hull in hulls]
         if len(hulls) == 1 and boxes[0] is not None:
             centre, half = boxes[0]
@@ -117,14 +117,15 @@ class Objects:
             shape = self._convex(hulls)
         if shape < 0:
             raise SceneError(
-                f"Bullet cannot make a shape of the hulls of asset {asset.name!r}; are they flat or empty?"
+                f"Bullet cannot make a shape of the hulls of asset {asset.name!r}.",
+                "Check that none of them is flat or empty.",
             )
         return int(shape)
 
     def _convex(self, hulls: Sequence[Array]) -> int:
-        """Convex pieces from a Wavefront file, each a named object of it.
+        """Make one shape of convex pieces through a Wavefront file, in which each piece is a named object.
 
-        Bullet takes several hulls in one shape from a file only, and what it is given as points it never frees.
+        Bullet accepts several hulls in one shape only from a file, and never frees hulls that are passed as points.
         """
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "hulls.obj"
@@ -132,7 +133,7 @@ class Objects:
             return int(self._client.createCollisionShape(self._client.GEOM_MESH, fileName=str(path)))
 
     def motion(self, object_id: int) -> ObjectMotion:
-        """How a movable object moves now."""
+        """Return the current motion of a movable object."""
         if object_id in self._hinged:
             body, swing = self._hinged[object_id]
             return swing.motion(*self._client.getJointState(body, 0)[:2])
@@ -142,7 +143,7 @@ class Objects:
         return ObjectMotion(*map(np.array, (position, quaternion, velocity, spin)))
 
     def set_motion(self, object_id: int, motion: ObjectMotion) -> None:
-        """Let it move otherwise; one on a hinge, as far as that allows."""
+        """Set the motion of a movable object; a hinged object follows as far as its hinge allows."""
         if object_id in self._hinged:
             body, swing = self._hinged[object_id]
             self._client.resetJointState(body, 0, swing.angle(motion.quaternion), motion.spin[1])
@@ -156,13 +157,13 @@ class Objects:
         return [body for body, _ in self._movable.values()]
 
     def lull(self) -> None:
-        """Let objects that lie still sleep until something touches them; asleep they cost next to nothing."""
+        """Let objects at rest sleep until something touches them: asleep they cost almost nothing."""
         for body in self.movable_bodies():
             if np.abs(self._client.getBaseVelocity(body)).max() < _STILL:
                 self._client.changeDynamics(body, -1, activationState=self._client.ACTIVATION_STATE_SLEEP)
 
     def states(self) -> Mapping[int, Array]:
-        """Movable object id to (7,) position and quaternion of the asset's own frame."""
+        """Return movable object id to (7,) position and quaternion of the asset's own frame."""
         found = dict(self._still)
         if self._movable:
             centres = np.array([centre for _, centre in self._movable.values()])
@@ -176,8 +177,7 @@ class Objects:
 
 
 def _wavefront(hulls: Sequence[Array]) -> str:
-    """Return an OBJ of the hulls' vertices. The faces are a fan that names every vertex; Bullet reads the points
-    alone."""
+    """Return an OBJ file of the hulls. Bullet only uses the points, so the faces are a fan that names every vertex."""
     lines, first = [], 1
     for number, hull in enumerate(hulls):
         lines.append(f"o hull{number}")

@@ -17,7 +17,7 @@ from humanclaw_bullet.objects import Objects
 _BODY_A, _BODY_B, _LINK_A, _POINT, _NORMAL, _DISTANCE, _FORCE = 1, 2, 3, 6, 7, 8, 9
 """Fields of a row of getContactPoints."""
 _LEVEL: Final = 0.7
-"""Upward part of a normal from which on a surface is level."""
+"""A surface counts as level if the upward component of its unit normal exceeds this: within 45 degrees."""
 _LINKS: Final = list(range(len(JOINTS) - 1))
 
 
@@ -25,15 +25,17 @@ class BulletWorld:
     """The World of humanclaw.world on Bullet."""
 
     def __init__(self, scene: Scene, profile: Profile, pose: Pose) -> None:
-        """Load a scene with a body at rest in a pose. Raises SceneError for a movable object without a mass, or a flat
-        hull."""
+        """Load a scene with a body at rest in a pose.
+
+        Raises SceneError for a movable object without a mass, or a flat hull.
+        """
         self._client = client = Client()
         client.setGravity(0, -profile.gravity, 0)
         client.setPhysicsEngineParameter(numSubSteps=0, deterministicOverlappingPairs=1)
         self._seconds = 0.0
         try:
             self._objects = Objects(client, scene)
-        except BaseException:
+        except BaseException:  # Whatever happens, Ctrl-C included: nobody else could free this world.
             client.close()
             raise
         self._body = load_body(client, profile)
@@ -61,7 +63,7 @@ class BulletWorld:
 
     def step(self, seconds: float) -> Sequence[Touch]:
         if seconds != self._seconds:
-            # Not numSubSteps: with it Bullet forgets gravity after the first part.
+            # Not numSubSteps: with it Bullet applies gravity only in the first substep.
             self._client.setPhysicsEngineParameter(fixedTimeStep=seconds)
             self._seconds = seconds
         self._client.stepSimulation()
@@ -110,5 +112,5 @@ class BulletWorld:
 
 
 def bullet(profile: str | Profile = "default") -> HalfPhysics:
-    """Half-physics on Bullet. profile: 'default', 'paper', 'reference', or constants of your own."""
+    """Return half-physics on Bullet. profile: 'default', 'paper', 'reference', or constants of your own."""
     return HalfPhysics(BulletWorld, profile)

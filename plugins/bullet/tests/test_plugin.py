@@ -1,4 +1,4 @@
-"""How the plugin is found, and what is Bullet's own."""
+"""Discovery of the plugin, and behaviour that only Bullet has."""
 
 import os
 import subprocess
@@ -38,7 +38,7 @@ def test_nothing_is_printed_so_that_protocols_may_use_stdout():
 
 
 def test_the_body_is_the_same_to_the_last_bit_in_every_process():
-    """Python orders a set of names anew in each process, and a sum in another order is another number."""
+    """Each process orders a set of names differently, and a sum in another order is another number."""
     code = """
 from humanclaw.world import find_profile
 from humanclaw_bullet.body import urdf
@@ -52,7 +52,7 @@ print(urdf(find_profile('default')))
 
 
 def test_resetting_keeps_no_memory():
-    """Neither of boxes nor of a hundred other shapes, which are given to the engine in a different way."""
+    """Check that neither boxes nor a hundred other shapes, which the engine gets in another way, leak memory."""
     builder, random = SceneBuilder(), np.random.default_rng(0)
     builder.room()
     for number in range(100):

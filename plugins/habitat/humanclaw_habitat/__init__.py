@@ -25,7 +25,7 @@ def _open(source: str, argument: str) -> Scene:
 @hookimpl
 def humanclaw_scenes(register: Register[SceneFactory]) -> None:
     register("habitat", partial(_open, "habitat"), "A Habitat scene dataset: habitat:/path/to/dataset#scene.")
-    register("hssd", partial(_open, "hssd"), "The same, for the Habitat Synthetic Scenes Dataset: hssd:/path#scene.")
+    register("hssd", partial(_open, "hssd"), "The Habitat Synthetic Scenes Dataset (HSSD): hssd:/path#scene.")
 
 
 @hookimpl

@@ -1,6 +1,7 @@
 """The JSON files of a scene dataset as values: https://aihabitat.org/docs/habitat-sim/attributesJSON.html.
 
-Only what a body can touch or see is kept; other fields (lights, shaders, margins, navigation meshes) are passed over.
+The models keep the fields that decide what a body can touch or see. They ignore the others (lights, shaders, margins,
+navigation meshes).
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
 from humanclaw import SceneError
+from humanclaw.records import first_fault
 
 Vec3 = tuple[float, float, float]
 Lower = Annotated[str, BeforeValidator(lambda value: value.lower() if isinstance(value, str) else value)]
@@ -26,14 +28,14 @@ M = TypeVar("M", bound=_Attributes)
 
 
 class Template(_Attributes):
-    """A stage or an object before it is put anywhere. Paths are relative to the file that names them."""
+    """A stage or an object before a scene places it. Paths are relative to the file that names them."""
 
     render_asset: str = ""
     collision_asset: str = ""
     up: Vec3 = (0.0, 1.0, 0.0)
-    """The asset's own direction that becomes +Y."""
+    """The direction in the asset's own frame that becomes +Y."""
     front: Vec3 = (0.0, 0.0, -1.0)
-    """The asset's own direction that becomes -Z, which is forward in Habitat."""
+    """The direction in the asset's own frame that becomes -Z, which is forward in Habitat."""
     scale: Vec3 = (1.0, 1.0, 1.0)
     units_to_meters: Annotated[float, Field(gt=0)] = 1.0
     is_collidable: bool = True
@@ -48,13 +50,14 @@ class Template(_Attributes):
     def _axes(self) -> Template:
         up, front = np.array(self.up), np.array(self.front)
         size = np.linalg.norm(up) * np.linalg.norm(front)
+        # Exporters round the axes: a cosine of up to 0.001 (0.06 degrees) still counts as a right angle.
         if size < 1e-9 or abs(up @ front) > 1e-3 * size:
             raise ValueError(f"up and front must be orthogonal; got {self.up} and {self.front}")
         return self
 
 
 class Placing(_Attributes):
-    """One object of a scene. rotation is w, x, y, z."""
+    """One object of a scene. rotation: a quaternion w, x, y, z."""
 
     template_name: str
     translation: Vec3 = (0.0, 0.0, 0.0)
@@ -77,10 +80,10 @@ class Placing(_Attributes):
 
 
 class Articulated(_Attributes):
-    """*.ao_config.json: a thing of links and joints. Paths are relative to the file that names them."""
+    """*.ao_config.json: an object of links and joints. Paths are relative to the file that names them."""
 
     urdf_filepath: str = ""
-    """Empty: the file of the same name beside it."""
+    """The model. Empty: the file beside the config with the same name."""
     uniform_scale: Annotated[float, Field(gt=0)] = 1.0
     semantic_id: int | None = None
 
@@ -95,14 +98,14 @@ class SceneInstance(_Attributes):
     stage_instance: StagePlacing = StagePlacing()
     object_instances: tuple[Placing, ...] = ()
     articulated_object_instances: tuple[Placing, ...] = ()
-    """Their translation is that of the root link, whatever translation_origin says, as in Habitat."""
+    """Articulated objects. As in Habitat, translation places the root link, whatever translation_origin says."""
     default_lighting: str = ""
     translation_origin: Lower = ""
     semantic_scene_instance: str = ""
 
 
 class Region(_Attributes):
-    """A room: a polygon on the floor, pulled up. Points are x, y, z."""
+    """A room: a polygon on the floor, extruded upwards. Points are x, y, z in metres."""
 
     name: str = ""
     label: str = ""
@@ -118,12 +121,12 @@ class Semantics(_Attributes):
 
 
 class Nested(_Attributes):
-    """An entry of `configs` in a *.scene_dataset_config.json: attributes of a template without a file of its own."""
+    """An entry of `configs` in a *.scene_dataset_config.json: attributes of a template that has no file of its own."""
 
     original_file: str = ""
-    """What is changed; empty: a template is made from the defaults."""
+    """The file whose attributes it changes. Empty: a new template starts from the defaults."""
     template_handle: str = ""
-    """What the result is called; empty: as what is changed."""
+    """Name of the result. Empty: the name of the original file."""
     attributes: dict[str, Any]
 
     @model_validator(mode="after")
@@ -134,13 +137,13 @@ class Nested(_Attributes):
 
 
 def read_json(path: Path) -> dict[str, Any]:
-    """Read a JSON object. Raises SceneError if the file is missing or not a JSON object."""
+    """Read a JSON object. Raises SceneError if the file is missing or holds anything else."""
     try:
         found = json.loads(path.read_text("utf-8"))
     except OSError as error:
         raise SceneError(f"{path} cannot be read: {error.strerror}.", "Download the dataset again.") from error
     except ValueError as error:
-        remedy = "A file that begins with `version https://git-lfs` was not fetched: run `git lfs pull` in the dataset."
+        remedy = "If it begins with `version https://git-lfs`, run `git lfs pull` in the dataset."
         raise SceneError(f"{path} is not JSON: {error}.", remedy) from error
     if not isinstance(found, dict):
         raise SceneError(f"{path} must hold a JSON object; it holds a {type(found).__name__}.")
@@ -148,10 +151,9 @@ def read_json(path: Path) -> dict[str, Any]:
 
 
 def checked(model: type[M], values: dict[str, Any], path: Path) -> M:
-    """Return the values of a file as a model. Raises SceneError that names the file and the field."""
+    """Validate the values of a file. Raises a SceneError that names the file and the field."""
     try:
         return model.model_validate(values)
     except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(map(str, first["loc"]))
-        raise SceneError(f"{path}: {where or 'it'}: {first['msg']}; got {str(first['input'])[:80]}.") from error
+        got = str(error.errors()[0]["input"])[:80]
+        raise SceneError(f"{path}: {first_fault(error)}; got {got}.") from error

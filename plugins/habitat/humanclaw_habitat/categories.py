@@ -1,4 +1,4 @@
-"""What other people call things, in the words of this project."""
+"""Translate the category names of datasets to those of this project."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _SAME: Final[Mapping[str, tuple[str, ...]]] = {
 }
 _CATEGORY: Final[Mapping[str, str]] = {word: name for name, words in _SAME.items() for word in words}
 SEATS: Final = frozenset({"chair", "couch", "bed", "toilet", "stool", "bench", "ottoman"})
-"""What has a surface to sit on."""
+"""Categories with a surface to sit on."""
 
 MOVABLE: Final = frozenset({
     "backpack", "bag", "ball", "basket", "bin", "blanket", "board_game", "book", "bottle", "bowl", "box", "candle",
@@ -39,15 +39,17 @@ MOVABLE: Final = frozenset({
     "pot", "shoe", "shoes", "stool", "stuffed_animal", "suitcase", "tray", "teddy_bear", "toy", "toys", "trash_can",
     "trashcan", "umbrella", "vase", "waste_basket", "wastebasket",
 })  # fmt: skip
-"""What people pick up or push aside, if it is small."""
+"""Categories that people pick up or push aside if the object is small."""
 
 GOALS: Final = ("chair", "couch", "bed", "potted_plant", "tv", "toilet")
-"""The six categories that ObjectNav asks for, in our words."""
+"""The six goal categories of ObjectNav, as this project names them."""
 
 
 def category_of(words: Iterable[str]) -> str:
-    """Return the category of the first word that is not empty: one of ours, or the word itself; 'object' if all are
-    empty."""
+    """Return the category that the first non-empty word names, or that word itself; 'object' if all are empty.
+
+    "unknown", "undefined", "none" and "nan" count as empty: annotators write them for objects that they did not name.
+    """
     for word in words:
         name = re.sub(r"[^a-z0-9]+", "_", word.lower()).strip("_")
         if name and name not in ("unknown", "undefined", "none", "nan"):

@@ -19,13 +19,14 @@ from humanclaw_habitat.source import load_scene, read_scene
 from humanclaw_habitat.starting import check_start
 
 _PLACE = click.Path(path_type=Path)
-_skip = click.option("--skip", is_flag=True, help="Leave out what is missing or unsupported, and say what that was.")
+_skip = click.option("--skip", is_flag=True, help="Leave out what is missing or unsupported, and list it.")
 _small = click.option(
-    "--movable-small", "small", is_flag=True, help="Small things can be moved that the dataset fixes."
+    "--movable-small", "small", is_flag=True, help="Make small objects movable that the dataset fixes."
 )
 _triangles = click.option(
-    "--triangles", default=TRIANGLES, show_default=True, type=click.IntRange(12), help="About the most for one object."
-)
+    "--triangles", default=TRIANGLES, show_default=True, type=click.IntRange(12),
+    help="Approximate maximum of triangles per object.",
+)  # fmt: skip
 
 
 @click.group()
@@ -48,9 +49,10 @@ def scenes(dataset: Path) -> None:
 @_small
 @_triangles
 def check(dataset: Path, names: tuple[str, ...], skip: bool, small: bool, triangles: int) -> None:
-    """Load scenes, by default all, and say what is in them and what is not. Later runs find them in the cache.
+    """Load scenes (default: all) and list what they contain and what is left out. Later runs load them from the cache.
 
-    A body is put on each scene's start in the default simulator. Ends with 1 if a scene fails or anything was left out.
+    Also puts a body on each scene's start in the default simulator. Exits with 1 if a scene fails or anything was left
+    out.
     """
     plugins, good = Plugins.discover(), True
     for name in names or tuple(Dataset.open(dataset).scenes):
@@ -68,15 +70,15 @@ def check(dataset: Path, names: tuple[str, ...], skip: bool, small: bool, triang
 @habitat.command()
 @click.argument("dataset", type=_PLACE)
 @click.argument("episodes", type=_PLACE)
-@click.option("--out", required=True, type=_PLACE, help="File of the episodes, for `humanclaw bench run --split`.")
+@click.option("--out", required=True, type=_PLACE, help="File to write, for `humanclaw bench run --split`.")
 @click.option("--max-steps", default=100, show_default=True, type=click.IntRange(1), help="Decisions in an episode.")
 @_skip
 @_small
 @_triangles
 def episodes(dataset: Path, episodes: Path, out: Path, max_steps: int, skip: bool, small: bool, triangles: int) -> None:
-    """Turn ObjectNav episodes (a folder with content/*.json.gz, or a file) into a file of episodes, one a line.
+    """Convert ObjectNav episodes (a folder with content/*.json.gz, or one file) to a file with one episode per line.
 
-    Ends with 1 if anything was left out.
+    Exits with 1 if anything was left out.
     """
     left_out = LeftOut(skip)
     specs = convert(
@@ -88,7 +90,7 @@ def episodes(dataset: Path, episodes: Path, out: Path, max_steps: int, skip: boo
     for reason, count in left_out.reasons.items():
         click.echo(f"left out: {reason}" + (f" ({count} episodes)" if count > 1 else ""), err=True)
     if not specs:
-        raise HumanclawError(f"no episode of {episodes} can be used.", "The reasons are above.")
+        raise HumanclawError(f"no episode of {episodes} can be used.", "See the reasons above.")
     write_episodes(out, specs)
     click.echo(f"{out}")
     categories = Counter(spec.target_category for spec in specs)
@@ -99,19 +101,18 @@ def episodes(dataset: Path, episodes: Path, out: Path, max_steps: int, skip: boo
 
 
 def _argument(dataset: Path, name: str, skip: bool, small: bool, triangles: int) -> str:
-    """Return what opens a scene again, from any folder."""
+    """Return the argument that opens a scene, whatever the working directory."""
     return Reference(dataset.resolve(), name, skip, small, triangles).argument
 
 
 def _tell(scene: Scene) -> bool:
-    """Say what is in a scene; returns whether all that should be is."""
+    """Print what is in a scene. Returns whether nothing was left out."""
     targets = Counter(obj.category for obj in scene.objects if obj.category in GOALS)
     triangles = sum(len(scene.assets[obj.asset].mesh.faces) for obj in scene.objects)
     movable = sum(obj.movable for obj in scene.objects)
     objects, assets = counted(len(scene.objects), "object"), counted(len(scene.assets), "asset")
     click.echo(
-        f"{scene.name}: {objects} ({movable} movable) of {assets}, {triangles} "
-        "triangles, "
+        f"{scene.name}: {objects} ({movable} movable) of {assets}, {triangles} triangles, "
         f"{counted(len({room.name for room in scene.rooms}), 'room')}; "
         + (", ".join(f"{name} {count}" for name, count in sorted(targets.items())) or "no targets")
     )

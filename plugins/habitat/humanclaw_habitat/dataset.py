@@ -1,4 +1,4 @@
-"""A scene dataset on disk: which stages, objects and scenes it has, and what its objects are."""
+"""A scene dataset on disk: its stages, objects and scenes, and the categories of its objects."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _MODELS: Final = (".glb", ".gltf", ".obj", ".ply", ".stl", ".urdf")
 
 @dataclass(frozen=True)
 class Kind:
-    """What a template is: its attributes, the file that its paths are relative to, and the folder they stay in."""
+    """A template: its attributes, the file that its paths are relative to, and the folder that they must stay in."""
 
     name: str
     file: Path
@@ -44,7 +44,7 @@ class Kind:
     root: Path
 
     def path(self, asset: str) -> Path:
-        """Where an asset of the template lies; a shape that Habitat makes itself lies nowhere and is only a name.
+        """Return the path of an asset. A primitive of Habitat has no file; its path is only its name.
 
         Raises SceneError for a file outside of the dataset.
         """
@@ -58,14 +58,14 @@ class Kind:
 
 @dataclass(frozen=True)
 class _Source:
-    """Where the attributes of a name come from: a file, then what the dataset's own config changes of it."""
+    """Where the attributes of a name come from: a file, and the changes that the dataset's own config makes to it."""
 
     file: Path
     changes: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def values(self) -> dict[str, Any]:
-        """Raises SceneError if the file cannot be read."""
+        """Attributes of the file with the changes applied. Raises SceneError if the file cannot be read."""
         if self.file.name.endswith(CONFIG):
             return dict(self.changes)
         own: dict[str, Any] = {"render_asset": self.file.name}
@@ -76,13 +76,13 @@ class _Source:
 
 @dataclass(frozen=True)
 class Dataset:
-    """A *.scene_dataset_config.json and the files that it leads to. They are looked up when they are asked for."""
+    """A *.scene_dataset_config.json and the files that it names. The files are found and read on first use."""
 
     config: Path
 
     @classmethod
     def open(cls, path: Path) -> Dataset:
-        """path: the config, or the folder that holds exactly one. Raises SceneError."""
+        """Open a dataset. path: its config, or the folder that holds exactly one. Raises SceneError."""
         if path.name.endswith(CONFIG):
             return cls(path)
         if not path.is_dir():
@@ -99,7 +99,7 @@ class Dataset:
 
     @cached_property
     def licence(self) -> str:
-        """As the head of README.md states it, where Hugging Face's datasets do; 'not stated' if it does not."""
+        """Licence in the front matter of README.md, as on Hugging Face; 'not stated' if it is not there."""
         readme = self.config.parent / "README.md"
         text = readme.read_text("utf-8", errors="replace") if readme.is_file() else ""
         found = re.match(r"---\n.*?^license:\s*(\S+)\s*$.*?^---$", text, re.DOTALL | re.MULTILINE)
@@ -114,7 +114,7 @@ class Dataset:
         return found if isinstance(found, dict) else {}
 
     def _files(self, section: str) -> Iterator[Path]:
-        """Every file that a section's paths lead to: each is a file, a folder or a pattern of them."""
+        """Yield every file that a section's paths name: each path is a file, a folder or a pattern."""
         paths = self._section(section).get("paths", {})
         for suffix, patterns in sorted(paths.items()):
             endings = (_SUFFIXES[section],) if suffix == ".json" else _MODELS
@@ -124,8 +124,7 @@ class Dataset:
                     yield from (file for file in inside if file.name.endswith(endings) and file.is_file())
 
     def _index(self, section: str) -> dict[str, _Source]:
-        """Name to source; a config goes before a bare model of its name, and what the dataset's own config says before
-        both."""
+        """Return name to source. The dataset's own config wins over a config file, which wins over a bare model."""
         found: dict[str, _Source] = {}
         for file in self._files(section):
             name = _stem(file)
@@ -137,13 +136,15 @@ class Dataset:
         return found
 
     def _nested(self, section: str, entry: Any, known: Mapping[str, _Source]) -> tuple[str, _Source]:
-        """One of a section's configs: a change of a file, or new. Paths in it are relative to that file, or to the
-        dataset."""
+        """Return name and source of an entry in a section's `configs`: a changed file, or a new template.
+
+        Its paths are relative to the changed file, or to the dataset's config if it is new.
+        """
         changed = checked(Nested, entry if isinstance(entry, dict) else {}, self.config)
         base = _stem(Path(changed.original_file))
         if base and base not in known:
-            said = f"{section}.configs changes {changed.original_file}, which is none of its {len(known)} files"
-            raise SceneError(f"{self.config}: {said}.", "Is the dataset complete?")
+            said = f"{section}.configs changes {changed.original_file}, which is not among its {len(known)} files"
+            raise SceneError(f"{self.config}: {said}.", "Check that the dataset is complete.")
         source = known[base] if base else _Source(self.config)
         name = _stem(Path(changed.template_handle)) or base
         return name, replace(source, changes={**source.changes, **changed.attributes})
@@ -154,20 +155,20 @@ class Dataset:
 
     @cached_property
     def scenes(self) -> Mapping[str, _Source]:
-        """Name to source of each scene, by name."""
+        """Name to source of each scene, sorted by name."""
         return dict(sorted(self._index("scene_instances").items()))
 
     def scene_name(self, wanted: str) -> str:
-        """Return the scene of this name; of no name, the only one. Raises SceneError."""
+        """Return a known scene name; without one, the only scene. Raises SceneError."""
         names = list(self.scenes)
         if not wanted and len(names) == 1:
             return names[0]
         if wanted in self.scenes:
             return wanted
         near = difflib.get_close_matches(wanted, names, n=3) or names[:3]
-        known = f"the scenes of {self.config} are {len(names)}" + (f", such as {', '.join(near)}." if near else ".")
+        known = f"{self.config} has {len(names)} scenes" + (f", such as {', '.join(near)}." if near else ".")
         what = f"there is no scene {wanted!r}" if wanted else "no scene is named"
-        raise SceneError(f"{what}: {known}", "Name one behind #; `humanclaw habitat scenes PATH` lists them.")
+        raise SceneError(f"{what}: {known}", "Name one after #; `humanclaw habitat scenes PATH` lists them.")
 
     def scene(self, name: str) -> SceneInstance:
         source = self.scenes[name]
@@ -182,8 +183,10 @@ class Dataset:
         return self._kind("objects", name)
 
     def articulated(self, name: str) -> Kind:
-        """Return a thing of links and joints; its model is its URDF, what is seen and what collides. Raises
-        SceneError."""
+        """Return an object of links and joints. Its URDF is both the visual and the collision model.
+
+        Raises SceneError.
+        """
         found, source, values = self._found("articulated_objects", name)
         attributes = checked(Articulated, values, source.file)
         model = attributes.urdf_filepath or f"{_stem(source.file)}.urdf"
@@ -203,8 +206,11 @@ class Dataset:
         return Kind(found, source.file, checked(Template, values, source.file), self._home(source.file))
 
     def _home(self, file: Path) -> Path:
-        """Return the folder that the models of a template stay in: its dataset, or that of a template from beside
-        it."""
+        """Return the folder that a template's models must stay in.
+
+        That is the dataset. For a template that lies outside it, it is the folder above the template's own: datasets
+        may share objects with a dataset beside them.
+        """
         try:
             within(self.config.parent, file.absolute())
         except ValueError:
@@ -212,19 +218,21 @@ class Dataset:
         return self.config.parent
 
     def _found(self, section: str, name: str) -> tuple[str, _Source, dict[str, Any]]:
-        """Return the template of a name; as in Habitat, a part of the name is enough if only one has it. Raises
-        SceneError."""
+        """Return name, source and attributes of a template. As in Habitat, a unique part of its name is enough.
+
+        Raises SceneError.
+        """
         known = self._templates[section]
         base = _stem(Path(name))
         found = [base] if base in known else [key for key in known if name and base in key]
         if len(found) != 1:
-            many = f"fits {len(found)} {section}" if found else f"is none of the {len(known)} {section}"
-            raise SceneError(f"template {name!r} {many} of {self.config}.", "Is the dataset complete?")
+            many = f"matches {len(found)} {section}" if found else f"is not among the {len(known)} {section}"
+            raise SceneError(f"template {name!r} {many} of {self.config}.", "Check that the dataset is complete.")
         source = known[found[0]]
         return found[0], source, self._section(section).get("default_attributes", {}) | source.values
 
     def regions(self, name: str, scene: SceneInstance) -> tuple[Region, ...]:
-        """Return the annotated rooms of a scene; none if nobody annotated them."""
+        """Return the annotated rooms of a scene; empty if it has no annotation."""
         wanted = scene.semantic_scene_instance.replace("%%CONFIG_NAME_AS_ASSET_FILENAME%%", name)
         known = self._index("semantic_scene_descriptor_instances")
         source = known.get(_stem(Path(wanted))) or known.get(name)
@@ -232,14 +240,14 @@ class Dataset:
 
     @cached_property
     def _rows(self) -> Mapping[str, Mapping[str, str]] | None:
-        """Object id to its row of semantics/objects.csv; None without the file."""
+        """Object id to its row in semantics/objects.csv; None if there is no such file."""
         file = self.config.parent / "semantics" / "objects.csv"
         if not file.is_file():
             return None
         with file.open(encoding="utf-8-sig", newline="") as text:
             reader = csv.DictReader(text)
             if "id" not in (reader.fieldnames or ()):
-                raise SceneError(f"{file} has no column id; it has {', '.join(reader.fieldnames or ['none'])}.")
+                raise SceneError(f"{file} must have a column id; it has {', '.join(reader.fieldnames or ['none'])}.")
             return {row["id"]: row for row in reader}
 
     @cached_property
@@ -249,26 +257,27 @@ class Dataset:
         texts = [named.get("default_attributes", {}).get("semantic_descriptor_filename", "")]
         texts += [value for value in named.values() if isinstance(value, str)]
         for text in filter(None, texts):
-            # Relative to the file of a scene, which lies in a folder of its own.
+            # The path is relative to the file of a scene, in a folder of its own: from here it may lead nowhere.
             for file in (self.config.parent / text, self.config.parent / "semantics" / Path(text).name):
                 if file.is_file():
                     return {entry["id"]: entry["name"] for entry in read_json(file).get("classes", [])}
         return {}
 
     def category(self, kind: Kind) -> str:
-        """Return what an object is, in the words of this project.
+        """Return the category of an object, as this project names it.
 
-        From semantics/objects.csv; only a dataset without that file is believed its semantic ids.
+        It comes from semantics/objects.csv. Semantic ids count only in a dataset without that file.
         """
         if self._rows is None:
             return category_of([self._lexicon.get(kind.template.semantic_id or -1, "")])
+        # HSSD splits some objects into X_part_1, X_part_2; the table may list only X.
         row = self._rows.get(kind.name) or self._rows.get(kind.name.split("_part_")[0]) or {}
         words = [row.get(column) or "" for column in ("main_category", "category", "wnsynsetkey", "super_category")]
         return category_of([word.split(".")[0] for word in words])
 
 
 def _places(folder: Path, pattern: str) -> list[Path]:
-    """Return what a path or a pattern, relative to a folder, leads to."""
+    """Return the files and folders that a path or a pattern names, relative to a folder."""
     place = folder / pattern
     if place.exists() or Path(pattern).is_absolute():
         return [place]
@@ -276,7 +285,7 @@ def _places(folder: Path, pattern: str) -> list[Path]:
 
 
 def _stem(file: Path) -> str:
-    """Return a name without its folder and without any of the known endings."""
+    """Return a file name without its folder and without a known ending."""
     for ending in (*_SUFFIXES.values(), *_MODELS):
         if file.name.endswith(ending):
             return file.name[: -len(ending)]

@@ -1,11 +1,14 @@
-"""ObjectNav episodes as EpisodeSpecs.
+"""Convert ObjectNav episodes to EpisodeSpecs.
 
-The files are those of Habitat-Lab's ObjectNav-v1: content/SCENE.json.gz with `episodes` and `goals_by_category`, whose
-keys are `<scene>_<category>`. A goal is found by the name and the place of its object; its object_id, an index into
-object_instances in some releases and a number of the semantic annotation in others, only decides between equals. The
-two fields that the reference release adds repeat the start for a world with z up: `init_offset` is (-x, z, height of
-the floor) and `init_yaw` the yaw of `start_rotation` in degrees. What they repeat is checked; the floor is news, since
-`start_position` hovers over it.
+The files have the format of Habitat-Lab's ObjectNav-v1: content/SCENE.json.gz with `episodes` and `goals_by_category`,
+whose keys are `<scene>_<category>`.
+
+A goal is matched to an object by name and place. Its object_id only breaks ties: some releases mean an index into
+object_instances, others a number of the semantic annotation.
+
+The reference release adds two fields, which repeat the start for a world with z up: `init_offset` is (-x, z, height of
+the floor), and `init_yaw` is the yaw of `start_rotation` in degrees. The repeated values are checked. Only the height
+of the floor is new, because `start_position` hovers over the floor.
 """
 
 from __future__ import annotations
@@ -25,7 +28,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 
 from humanclaw import EpisodeSpec, HumanclawError, Scene, SceneError
 from humanclaw.body import Array, Pose2D
-from humanclaw.records import SEATS, Difficulty, instruction, name_of, route_difficulty
+from humanclaw.records import SEATS, Difficulty, first_fault, instruction, name_of, route_difficulty
 from humanclaw.world import DistanceField, MultiFloorMap, SceneObject, distance_to_box, goals_at
 from humanclaw_habitat.attributes import Vec3
 from humanclaw_habitat.categories import GOALS, category_of
@@ -33,16 +36,15 @@ from humanclaw_habitat.frames import heading
 from humanclaw_habitat.models import template_of
 
 _ASTRAY: Final = 1.0
-"""A goal farther than this from its object's bounding box is not at that object, metres."""
+"""Largest distance between a goal and the bounding box of its object, metres."""
 _FLOOR: Final = 0.5
-"""A start stands on the scene's floor that is at most so far from its height, metres."""
+"""Largest distance between the height of a start and a floor of the scene, metres."""
 
-
-_VERSION: Final = "Are the episodes for this version of the dataset, and is the scene whole?"
+_VERSION: Final = "Check that the episodes are for this version of the dataset and that the scene is complete."
 _SAME: Final = 0.05
-"""How far init_offset may be from start_position in x and z, metres."""
+"""Largest distance between init_offset and start_position in x and z, metres."""
 _TURN: Final = 1.0
-"""How far init_yaw may be from the yaw of start_rotation, degrees."""
+"""Largest difference between init_yaw and the yaw of start_rotation, degrees."""
 
 
 M = TypeVar("M", bound=BaseModel)
@@ -54,18 +56,18 @@ class Goal(BaseModel):
     object_id: int | str | None = None
     """A hint: in some releases the index into the scene's object_instances."""
     object_name: str | None = None
-    """Handle of the object in Habitat, TEMPLATE_:0003, or another name that it has in the annotation."""
+    """Handle of the object in Habitat, such as TEMPLATE_:0003, or its name in the annotation."""
     position: Vec3 | None = None
 
     @property
     def hint(self) -> int:
-        """The id of the object if object_id is an index; 0 if it cannot be one."""
+        """Id that the object has if object_id is an index; 0 if it cannot be an index."""
         said = str(self.object_id)
         return int(said) + 1 if said.isdecimal() else 0
 
     @property
     def template(self) -> str:
-        """The template that an object of this name was made of."""
+        """Name of the object's template: the handle without its number."""
         return re.sub(r"_:\d+$", "", Path(self.object_name or "").name)
 
 
@@ -81,7 +83,7 @@ class Task(BaseModel):
     """x, y, z, w"""
     object_category: str
     init_offset: Vec3 | None = None
-    """-x, z and the height of the floor that the body stands on, metres."""
+    """-x, z and height of the floor under the body, metres."""
     init_yaw: float | None = None
     """The yaw of start_rotation, degrees."""
     goals: tuple[Goal, ...] = ()
@@ -89,7 +91,7 @@ class Task(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _from_info(cls, values: Any) -> Any:
-        """Fields that some files keep in `info`."""
+        """Add the fields that some files keep in `info`."""
         info = values.get("info") if isinstance(values, Mapping) else None
         extra = {key: info[key] for key in ("init_offset", "init_yaw") if key in info} if info else {}
         return {**extra, **values} if extra else values
@@ -101,6 +103,7 @@ class Task(BaseModel):
         turn = float(np.degrees(2 * np.arctan2(self.start_rotation[1], self.start_rotation[3])))
         if self.init_yaw is not None and abs((self.init_yaw - turn + 180) % 360 - 180) > _TURN:
             raise ValueError(f"init_yaw must be the yaw of start_rotation, {turn:.1f} degrees; got {self.init_yaw}")
+        # Two copies of the start that disagree mean an episode in another frame: it would begin in the wrong place.
         x, _, z = self.start_position
         if self.init_offset and np.hypot(self.init_offset[0] + x, self.init_offset[1] - z) > _SAME:
             raise ValueError(f"init_offset must be (-x, z, floor) of start_position {x, z}; got {self.init_offset}")
@@ -108,12 +111,12 @@ class Task(BaseModel):
 
     @property
     def scene(self) -> str:
-        """Name of the scene, without folder and endings."""
+        """Name of the scene, without its folder and file endings."""
         return re.sub(r"(\.scene_instance\.json|\.basis\.glb|\.glb|\.json)$", "", Path(self.scene_id).name)
 
     @property
     def start(self) -> Pose2D:
-        """Where the body stands; the height is that of the floor only if init_offset tells it."""
+        """Start of the body. Its height is that of the floor only if the file has init_offset."""
         x, y, z = self.start_position
         floor = self.init_offset[2] if self.init_offset else y
         return Pose2D(x=round(x, 4), z=round(z, 4), yaw=round(heading(self.start_rotation), 4), floor=round(floor, 4))
@@ -128,39 +131,39 @@ class Book:
     goals: Mapping[str, Sequence[Goal]]
 
     def goals_of(self, task: Task) -> Sequence[Goal]:
-        """All goals of a task: those of its category in its scene, or its own where the file keeps them there."""
+        """Return all goals of a task: those of its category in its scene, otherwise those in the task itself."""
         keys = [f"{name}_{task.object_category}" for name in (Path(task.scene_id).name, task.scene)]
         return next((self.goals[key] for key in keys if key in self.goals), task.goals)
 
 
 @dataclass
 class LeftOut:
-    """What could not be taken, and why."""
+    """What could not be converted, and why."""
 
     skip: bool = False
-    """Whether the rest is taken; otherwise the first is an error."""
+    """Whether to convert the rest; otherwise the first failure is an error."""
     reasons: Counter[str] = field(default_factory=Counter)
-    """Each with the number of episodes that it cost."""
+    """Reason to the number of episodes that it left out."""
 
     def add(self, where: str, error: HumanclawError, count: int = 1) -> None:
-        """Raise the error, with where it occurred, if nothing is to be skipped."""
+        """Count a failure; without skip, raise the error with the place where it occurred."""
         said = f"{where}: {error.message}"
         if not self.skip:
-            raise HumanclawError(said, f"{error.remedy} With --skip the rest is taken.".strip()) from error
+            raise HumanclawError(said, f"{error.remedy} Use --skip to convert the rest.".strip()) from error
         self.reasons[said] += count
 
 
 def read_books(path: Path, left_out: LeftOut) -> list[Book]:
-    """Return the files of a split: a *.json.gz or *.json, or a folder that has them in it or in its folder content.
+    """Read the files of a split: a *.json.gz or *.json, or a folder that holds them directly or in `content`.
 
-    Raises HumanclawError if there is none, and unless it is skipped if one is malformed.
+    Raises HumanclawError if there is no file, or if one is malformed and left_out does not skip.
     """
     place = path / "content" if (path / "content").is_dir() else path
     files = sorted(file for file in place.glob("*.json*") if file.name.endswith((".json", ".json.gz")))
     if path.is_file():
         beside = path.parent / "content"
         books = _books([path], left_out)
-        # val.json.gz next to a folder content is an empty list of what is in there.
+        # Habitat writes val.json.gz without episodes beside a folder `content`, which then holds them.
         return books if any(book.tasks for book in books) or not beside.is_dir() else read_books(path.parent, left_out)
     if not files:
         raise HumanclawError(f"{path} holds no episodes.", "Name a folder with content/*.json.gz, or one such file.")
@@ -183,45 +186,45 @@ def _books(files: Iterable[Path], left_out: LeftOut) -> list[Book]:
 
 
 def _values(path: Path) -> Mapping[str, Any]:
-    """Return what a file holds: at least a list of episodes. Raises HumanclawError."""
+    """Read a file. Raises HumanclawError if it is unreadable or has no list of episodes."""
     try:
         data = path.read_bytes()
         values = json.loads(gzip.decompress(data) if path.suffix == ".gz" else data)
     except (OSError, ValueError, EOFError, zlib.error) as error:
-        raise HumanclawError(f"it cannot be read: {error}.", "Is it a whole .json.gz?") from error
+        raise HumanclawError(f"it cannot be read: {error}.", "Check that the .json.gz is complete.") from error
     goals = values.get("goals_by_category", {}) if isinstance(values, dict) else None
     if not isinstance(goals, dict) or not all(
         isinstance(some, list) for some in (values.get("episodes"), *goals.values())
     ):
-        raise HumanclawError("it is no ObjectNav file: it has no list of episodes, or of goals.", "See ObjectNav-v1.")
+        said = "it is not an ObjectNav file: it has no list of episodes, or its goals are not lists."
+        raise HumanclawError(said, "See Habitat's format ObjectNav-v1.")
     return dict(values)
 
 
 def _named(entries: Iterable[Any]) -> Iterator[tuple[object, Any]]:
-    """Episodes with their ids, or with their places in the file."""
+    """Yield each episode after its id, or after its number in the file if it has none."""
     for number, entry in enumerate(entries):
         yield entry.get("episode_id", number) if isinstance(entry, Mapping) else number, entry
 
 
 def _checked(model: type[M], where: str, entries: Iterable[tuple[object, Any]], left_out: LeftOut) -> Iterator[M]:
-    """Entries of a file, each after what it is called, as values."""
+    """Yield the valid entries of a file as models. entries: pairs of a name and the values."""
     for name, entry in entries:
         try:
             yield model.model_validate(entry)
         except ValidationError as error:
-            first = error.errors()[0]
-            field_ = ".".join(map(str, first["loc"]))
-            said = f"{field_ + ': ' if field_ else ''}{first['msg']}."
-            left_out.add(f"{where} {name}", HumanclawError(said, "See ObjectNav-v1."))
+            fault = HumanclawError(f"{first_fault(error)}.", "See Habitat's format ObjectNav-v1.")
+            left_out.add(f"{where} {name}", fault)
 
 
 def convert(
     books: Iterable[Book], scene_of: Callable[[str], Scene], left_out: LeftOut, *, max_steps: int = 100
 ) -> list[EpisodeSpec]:
-    """Episodes of all books, scene by scene. scene_of: the scene of a name, with its reference as its name.
+    """Convert the episodes of all books, scene by scene.
 
-    An episode whose category is none of GOALS is left out. Raises HumanclawError, unless it is skipped, for one that
-    has no target in the scene or whose start has no way to one, and for a scene that cannot be loaded.
+    scene_of: returns the scene of a name; the name of that scene is its reference. Episodes whose category is not in
+    GOALS are left out. Without skip, raises HumanclawError for a scene that cannot be loaded and for an episode that
+    has no target in the scene or no route to one.
     """
     by_scene: dict[str, list[tuple[Book, Task]]] = defaultdict(list)
     for book in books:
@@ -241,7 +244,7 @@ def convert(
 def _take(
     site: _Site, tasks: Iterable[tuple[Book, Task]], specs: list[EpisodeSpec], left_out: LeftOut, max_steps: int
 ) -> None:
-    """Add the episodes of a scene to those converted."""
+    """Convert the episodes of a scene and add them to specs."""
     for book, task in tasks:
         try:
             spec = site.spec(task, book.goals_of(task), max_steps)
@@ -250,18 +253,19 @@ def _take(
         except SceneError as error:
             left_out.add(f"{book.path}: episode {task.episode_id}", error)
         else:
+            # Files may repeat an episode_id, but ids of a split are unique: repeats get "..1", "..2".
             same = sum(known.id.split("..")[0] == spec.id for known in specs)
             name = f"{spec.id}..{same}" if same else spec.id
             specs.append(spec.model_copy(update={"id": name, "seed": len(specs)}))
 
 
 class _UnfitError(Exception):
-    """An episode whose goal is none of GOALS."""
+    """The goal of an episode is not in GOALS."""
 
 
 @dataclass
 class _Site:
-    """A scene and what is known of the ways in it."""
+    """A scene and the distance fields to its targets, each computed once."""
 
     scene: Scene
     left_out: LeftOut
@@ -284,8 +288,10 @@ class _Site:
         )  # fmt: skip
 
     def _targets(self, task: Task, goals: Sequence[Goal], category: str) -> tuple[int, ...]:
-        """Ids of the objects that goals mean, those left out of the scene passed over. Raises SceneError if none is
-        there."""
+        """Return the ids of the objects that the goals mean. Goals without an object are reported and ignored.
+
+        Raises SceneError if no goal has an object.
+        """
         meant = [self._meant(goal, category) for goal in goals]
         found = tuple(dict.fromkeys(obj.id for obj in meant if obj))
         if not found:
@@ -294,22 +300,24 @@ class _Site:
                 if goals
                 else "the file has no goals"
             )
-            raise SceneError(f"no {task.object_category} for it: {said}.", _VERSION)
+            raise SceneError(f"it has no target of category {task.object_category}: {said}.", _VERSION)
         for number, (goal, obj) in enumerate(zip(goals, meant, strict=True)):
             if obj is None:
-                lost = SceneError(f"nothing like it is there{self._near([goal], category)}.", _VERSION)
+                lost = SceneError(f"no such object is there{self._near([goal], category)}.", _VERSION)
                 self.left_out.add(f"scene {task.scene}: goal {number} of {task.object_category}", lost, 0)
         return found
 
     def _near(self, goals: Sequence[Goal], category: str) -> str:
-        """How far the nearest object of a category is from where goals are."""
+        """Say how far the nearest object of a category is from the goals; empty if there is none."""
         places = [np.array(goal.position) for goal in goals if goal.position]
         far = [self._away(obj, place) for obj in self.scene.objects if obj.category == category for place in places]
         return f"; the nearest {category} is {min(far):.1f} m from where they should be" if far else ""
 
     def _meant(self, goal: Goal, category: str) -> SceneObject | None:
-        """Return the object of a goal's name, or else of its category, that is where the goal says; None if there is
-        none."""
+        """Return the object at the goal's position that has the goal's template, or at least its category.
+
+        None if there is no such object.
+        """
         alike = [obj for obj in self.scene.objects if obj.category == category]
         named = [obj for obj in self.scene.objects if goal.template and template_of(obj) == goal.template]
         objects = named or alike
@@ -323,21 +331,22 @@ class _Site:
         return float(distance_to_box(place, *self.scene.aabb(obj.id)))
 
     def _standing(self, start: Pose2D) -> Pose2D:
-        """Return the start on the scene's own floor: those of a navigation mesh hover a little."""
+        """Return the start on the scene's own floor: starts on a navigation mesh hover over it."""
         floors = [plan.floor for plan in self._floors.floors]
         near = min(floors, key=lambda floor: abs(floor - start.floor))
         if abs(near - start.floor) > _FLOOR:
             said = ", ".join(f"{floor:g}" for floor in floors)
-            raise SceneError(f"it starts at height {start.floor}, but the floors are at {said}.", "Use --skip.")
+            raise SceneError(f"it starts at height {start.floor} m, but the floors are at {said} m.", "Use --skip.")
         return replace(start, floor=near)
 
     def _difficulty(self, start: Pose2D, targets: tuple[int, ...]) -> Difficulty:
-        """Of the way to the nearest target. Raises SceneError if there is none."""
+        """Return the difficulty of the route to the nearest target. Raises SceneError if there is no route."""
+        # Episodes of a scene share few sets of targets, and a distance field covers the whole building.
         if targets not in self.ways:
             places = [goals_at(self._floors, self.scene, target) for target in targets]
             self.ways[targets] = DistanceField.of(self._floors, np.concatenate(places))
         ways, place = self.ways[targets], np.array([start.x, start.floor, start.z])
         distance = float(ways.at(place))
         if not np.isfinite(distance):
-            raise SceneError("there is no way from its start to a target.", "Use --skip.")
+            raise SceneError("there is no route from its start to a target.", "Use --skip.")
         return route_difficulty(self.scene, ways.path(place), distance)

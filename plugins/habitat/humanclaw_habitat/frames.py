@@ -1,6 +1,6 @@
-"""Where Habitat puts things. Its world is ours: metres, Y up, right-handed; only what is called forward differs.
+"""Convert between Habitat's frame and ours. Both are right-handed with Y up, in metres; only "forward" differs.
 
-A Habitat body that is not turned faces -Z, ours faces +Z: hence the half turn between its headings and ours.
+An unrotated body faces -Z in Habitat and +Z here, so the headings differ by half a turn.
 """
 
 from __future__ import annotations
@@ -14,34 +14,37 @@ from humanclaw.world import Quaternion
 
 
 def axes(up: Sequence[float], front: Sequence[float]) -> Array:
-    """(3, 3) rotation that brings an asset's up to +Y and its front to -Z."""
+    """Return the (3, 3) rotation that turns an asset's up to +Y and its front to -Z."""
     y, z = (np.asarray(way, float) / np.linalg.norm(way) for way in (up, [-value for value in front]))
     return np.stack([np.cross(y, z), y, z])
 
 
 def rotation(wxyz: Sequence[float]) -> Array:
-    """(3, 3) rotation of a scene instance's quaternion w, x, y, z."""
+    """Return the (3, 3) rotation of a scene instance's quaternion w, x, y, z."""
     w, x, y, z = wxyz
     quaternion = np.array([x, y, z, w], float)
     return matrix_from_quaternion(quaternion / np.linalg.norm(quaternion))
 
 
 def quarter(turns: int) -> Array:
-    """(3, 3) rotation by quarter turns to the left about y."""
+    """Return the (3, 3) rotation by quarter turns to the left about y."""
     x, z = [(0.0, 1.0), (1.0, 0.0), (0.0, -1.0), (-1.0, 0.0)][turns % 4]
     return np.array([[z, 0.0, x], [0.0, 1.0, 0.0], [-x, 0.0, z]])
 
 
 def quaternion(matrix: Array) -> Quaternion:
-    """x, y, z, w of a (3, 3) rotation, w not negative; rounded, so that equal rotations have one digest."""
+    """Return x, y, z, w of a (3, 3) rotation, w not negative; rounded, so that equal rotations have one digest."""
     from scipy.spatial.transform import Rotation
 
+    # Adding 0.0 turns -0.0 into 0.0: the two are equal numbers with different bytes.
     x, y, z, w = (round(float(value), 7) + 0.0 for value in Rotation.from_matrix(matrix).as_quat(canonical=True))
     return x, y, z, w
 
 
 def heading(xyzw: Sequence[float]) -> float:
-    """Return the yaw at which our body looks where a Habitat agent of rotation x, y, z, w looks; radians, left turns
-    positive."""
+    """Return the yaw at which our body faces the way of a Habitat agent with rotation x, y, z, w.
+
+    Radians, left turns positive.
+    """
     ahead = matrix_from_quaternion(np.asarray(xyzw, float) / np.linalg.norm(xyzw)) @ np.array([0.0, 0.0, -1.0])
     return float(wrap_angle(np.arctan2(ahead[0], ahead[2])))

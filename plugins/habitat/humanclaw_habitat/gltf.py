@@ -1,5 +1,4 @@
-"""GLB files as Habitat's tools write them: what no reader here knows is named; KTX2 textures are decoded if that can be
-done."""
+"""Prepare GLB files of Habitat's tools for trimesh: decode KTX2 textures, and refuse unknown extensions by name."""
 
 from __future__ import annotations
 
@@ -18,17 +17,17 @@ _JSON: Final = 0x4E4F534A
 _BASIS: Final = "KHR_texture_basisu"
 _DRACO: Final = "KHR_draco_mesh_compression"
 _KNOWN: Final = frozenset({_BASIS, "EXT_texture_webp", "KHR_lights_punctual"})
-"""Required extensions without which a model has the same shape; those of materials are others."""
+"""Required extensions that do not change the shape of a model. Those of materials (KHR_materials_*) are extra."""
 _PIXELS: Final = 512
-"""The longest side of a decoded texture: a texture's cell in the atlas is smaller."""
+"""Longest side of a decoded texture, pixels. The cell of a texture in the atlas is smaller."""
 _FETCH: Final = "Fetch it again; in a git checkout run `git lfs pull`."
 PLAIN: Final = "KTX2 textures are not read, so it is drawn in the base colours of its materials"
 
 
 def readable(data: bytes, name: str) -> tuple[bytes, tuple[str, ...]]:
-    """Return a GLB that trimesh reads, and what of it is lost.
+    """Return a GLB that trimesh can read, and messages about what is lost.
 
-    Raises SceneError if it is not a GLB or needs an extension that is not known.
+    Raises SceneError if it is not a GLB or requires an unknown extension.
     """
     head, rest = _split(data, name)
     _check(head, name)
@@ -46,7 +45,7 @@ def readable(data: bytes, name: str) -> tuple[bytes, tuple[str, ...]]:
 
 
 def _split(data: bytes, name: str) -> tuple[dict[str, Any], bytes]:
-    """Return the JSON of a GLB, and the chunks behind it."""
+    """Return the JSON of a GLB, and the chunks after it."""
     if data[:4] != b"glTF":
         said = data[:40].split(b"\n")[0].decode("ascii", "replace")
         raise SceneError(f"{name} is not a GLB file; it begins with {said!r}.", _FETCH)
@@ -60,7 +59,7 @@ def _split(data: bytes, name: str) -> tuple[dict[str, Any], bytes]:
 
 
 def _check(head: dict[str, Any], name: str) -> None:
-    """Raise SceneError if the shape of a model cannot be read without an extension that is not known."""
+    """Raise SceneError if a model requires an unknown extension that may change its shape."""
     required = {
         extension for extension in head.get("extensionsRequired", ()) if not extension.startswith("KHR_materials_")
     }
@@ -79,23 +78,23 @@ def _is_basis(image: dict[str, Any]) -> bool:
 
 
 def _source(texture: dict[str, Any]) -> int | None:
-    """Return the image of a texture; one in another format goes before one in KTX2."""
+    """Return the image index of a texture, preferring other formats to KTX2."""
     inner = texture.get("extensions", {}).get(_BASIS, {}).get("source")
     source = texture.get("source", inner)
     return None if source is None else int(source)
 
 
 def _decoded(head: dict[str, Any], image: dict[str, Any], rest: bytes, name: str) -> dict[str, Any]:
-    """Return a KTX2 image of a GLB as a small PNG within its JSON."""
+    """Convert a KTX2 image of a GLB to a small PNG embedded in the JSON."""
     import alktx2  # type: ignore[import-not-found,unused-ignore]
 
     view = head["bufferViews"][image["bufferView"]]
-    first = 8 + view.get("byteOffset", 0)
+    first = 8 + view.get("byteOffset", 0)  # The binary chunk begins with its length and kind, 4 bytes each.
     try:
         picture, _ = alktx2.decode_ktx2_to_bytes(rest[first : first + view["byteLength"]], format="png")
         found = Image.open(io.BytesIO(picture))
         found.thumbnail((_PIXELS, _PIXELS))
-    except Exception as error:  # A native reader fails on broken files in every way there is.
+    except Exception as error:  # The native decoder raises errors of many types for broken files.
         raise SceneError(f"{name} holds a KTX2 texture that cannot be decoded: {error}.", _FETCH) from error
     out = io.BytesIO()
     found.save(out, "PNG")
@@ -104,5 +103,5 @@ def _decoded(head: dict[str, Any], image: dict[str, Any], rest: bytes, name: str
 
 def _join(head: dict[str, Any], rest: bytes) -> bytes:
     text = json.dumps(head).encode()
-    text += b" " * (-len(text) % 4)
+    text += b" " * (-len(text) % 4)  # Chunks of a GLB are padded to multiples of 4 bytes.
     return b"glTF" + struct.pack("<IIII", 2, 20 + len(text) + len(rest), len(text), _JSON) + text + rest

@@ -1,7 +1,7 @@
-"""From the model files of templates to assets. What is dear to make is kept on disk, by the content of the files.
+"""Make assets from the model files of templates. Expensive results are cached on disk, keyed by the files' content.
 
-Templates become fragments: small scenes in the template's own frame (its axes and scale applied), which a scene then
-places.
+Each template becomes a fragment: a small scene in the template's own frame (axes and scale applied), which the scene
+then places.
 """
 
 from __future__ import annotations
@@ -55,29 +55,27 @@ from humanclaw_habitat.primitives import is_primitive, primitive
 from humanclaw_habitat.stage import floor_levels, pieces
 
 VERSION: Final = 3
-"""To be raised when the same files give another asset."""
+"""Part of the cache key. Raise it when a change of the code makes another asset from the same files."""
 _LIMIT: Final = 1 << 32
 _SMALL: Final = 0.35
-"""What is nowhere longer than this collides as one convex piece, metres."""
+"""An object whose longest side is shorter than this collides as one convex piece, metres."""
 _CONVEX: Final = 0.9
-"""A part of a collision mesh is convex if it fills this share of its convex hull."""
+"""A part of a collision mesh counts as convex if it fills this share of its convex hull."""
 _FROM_BACK: Final = {"-z": 0, "+x": 1, "+z": 2, "-x": 3}
-"""Quarter turns to the left that bring a front to +z, by the side where the back is. Habitat's own back is at +z."""
-
-
+"""Side of the back to the quarter turns to the left that bring the front to +z. Habitat's own back is at +z."""
 _SCALED: Final = "@"
-"""Between the template and the scale in the name of an asset."""
+"""Separates the template and the scale in the name of an asset."""
 
 
 def template_of(obj: SceneObject) -> str:
-    """Return the template that an object of a scene was made of; empty for a piece of the building."""
+    """Return the template of an object in a scene; empty for a piece of the building."""
     name, scaled, _ = obj.asset.rpartition(_SCALED)
     return name if scaled else ""
 
 
 @dataclass(frozen=True)
 class Origin:
-    """Where a dataset's assets come from, and on what terms."""
+    """The source and the licence of a dataset's assets."""
 
     source: str
     licence: str
@@ -85,7 +83,7 @@ class Origin:
 
 @dataclass
 class Models:
-    """The model files of a scene, each read at most once, and what could not be read of them."""
+    """The model files of a scene, each hashed at most once, and the textures that could not be read."""
 
     origin: Origin
     triangles: int
@@ -94,21 +92,21 @@ class Models:
     cache: Cache = field(default_factory=lambda: Cache("habitat", _LIMIT))
 
     def scene_of(self, kind: Kind, scale: Vec3, category: str, joined: bool = False) -> Scene:
-        """One object in the frame of its template; the note 'middle' is the centre of its bounding box, metres.
+        """Return one object in the frame of its template. The note 'middle' is the centre of its bounding box, metres.
 
-        joined: whether its collision model is one convex piece.
-
-        Raises SceneError if a file is missing or cannot be read.
+        joined: whether its collision model is one convex piece. Raises SceneError if a file is missing or unreadable.
         """
         return self._kept(kind, (scale, category, joined), lambda: self._object(kind, scale, category, joined))
 
     def building(self, kind: Kind) -> Scene:
-        """Return a building in its own frame; the note 'levels' lists its floors as [height, square metres]. Raises
-        SceneError."""
+        """Return a building in its own frame. The note 'levels' lists its floors as [metres, square metres].
+
+        Raises SceneError.
+        """
         return self._kept(kind, (), lambda: self._stage(kind))
 
     def _kept(self, kind: Kind, rest: tuple[object, ...], make: Callable[[], Scene]) -> Scene:
-        """Return a fragment from the cache, or made and put there."""
+        """Return a fragment from the cache; if it is not there, make and store it."""
         if not kind.template.render_asset:
             raise SceneError(f"{kind.file} names no render_asset.", "Shapes without a model file are not supported.")
         files = [kind.path(name) for name in (kind.template.render_asset, kind.template.collision_asset) if name]
@@ -130,7 +128,7 @@ class Models:
 
     @cached_property
     def _decodes(self) -> bool:
-        """Whether KTX2 textures are read: a model with them looks otherwise than one without."""
+        """Whether KTX2 textures can be decoded. Part of the cache key, because a model looks different without them."""
         return importlib.util.find_spec("alktx2") is not None
 
     def _told(self, files: Sequence[Path], fragment: Scene) -> Scene:
@@ -145,19 +143,22 @@ class Models:
             try:
                 self.digests[path] = hashlib.sha256(path.read_bytes()).hexdigest()
             except OSError as error:
-                raise SceneError(f"{path} cannot be read: {error.strerror}.", "Is the dataset complete?") from error
+                raise SceneError(
+                    f"{path} cannot be read: {error.strerror}.", "Check that the dataset is complete."
+                ) from error
         return self.digests[path]
 
     def _parts(self, path: Path, template: Template, what: str = "visual") -> list[Part]:
-        """Everything in a model file, turned so that its up is +Y and its front -Z. what: which side of a URDF's
-        links."""
+        """Return everything in a model file, rotated so that its up is +Y and its front -Z.
+
+        what: 'visual' or 'collision', which elements of a URDF's links to read.
+        """
         turn = axes(template.up, template.front)
         parts = self._links(path, what) if path.suffix == ".urdf" else self._read(path)
         return [replace(part, vertices=part.vertices @ turn.T) for part in parts]
 
     def _links(self, path: Path, what: str) -> list[Part]:
-        """Return what the links of a URDF show, or what they collide with; a file that has but one of them has it for
-        both."""
+        """Return the visual or collision elements of a URDF's links; without such elements, the collision ones."""
         found = urdf.links(path, what, self._read) or urdf.links(path, "collision", self._read)
         if not found and what == "visual":
             raise SceneError(f"{path}: none of its links has a shape.")
@@ -174,6 +175,7 @@ class Models:
             self.lost[path] = lost
         if read is data:
             return read_model(path)
+        # read_model takes a path, not bytes.
         with tempfile.NamedTemporaryFile(suffix=".glb") as file:
             file.write(read)
             file.flush()
@@ -201,6 +203,7 @@ class Models:
         low, high = bounds(parts)
         base = base_of(np.stack([low, high]))
         mesh = moved(lightened(bake(parts), self.triangles), -base)
+        # A seat faces away from its back, even if the config states another front.
         quarters = _FROM_BACK[(back_of(mesh) if category in SEATS else "") or "+z"]
         mesh = turned(mesh, quarters)
         seat = seat_of(mesh, MIDDLE.get(category, ANYWHERE)) if category in SEATS else None
@@ -216,8 +219,7 @@ class Models:
         return Scene(name, {name: asset}, (obj,), (), Pose2D(0, 0, 0), {"middle": middle})
 
     def _given(self, kind: Kind, scale: Array) -> list[NDArray[np.float32]]:
-        """Return the pieces of a template's own collision model: those that are convex as they are, others
-        decomposed."""
+        """Return the pieces of a template's own collision model; pieces that are not convex are decomposed."""
         shape = kind.template.render_asset if is_primitive(kind.template.render_asset) else ""
         asset = kind.template.collision_asset or shape
         if not asset or kind.template.use_bounding_box_for_collision:
@@ -243,7 +245,7 @@ def _object(number: int, asset: Asset, base: Array, turn: Array, kind: Kind) -> 
 
 
 def _scaled(parts: Sequence[Part], scale: Array) -> list[Part]:
-    """Parts stretched along the axes; a mirrored one keeps its outside outside."""
+    """Scale parts along the axes. Mirrored parts reverse their faces, so that the outside stays outside."""
     return [
         replace(part, vertices=part.vertices * scale, faces=part.faces if np.prod(scale) > 0 else part.faces[:, ::-1])
         for part in parts
@@ -253,7 +255,10 @@ def _scaled(parts: Sequence[Part], scale: Array) -> list[Part]:
 def _hulls(
     mesh: Mesh, given: tuple[NDArray[np.float32], ...], template: Template, joined: bool, room: KeepOutBox | None
 ) -> tuple[NDArray[np.float32], ...]:
-    """Return what of an object collides: its bounding box, the pieces given for it, or those that it is cut into."""
+    """Return the collision pieces of an object: its bounding box, the given pieces, or a decomposition.
+
+    room: space over the seat that a decomposition keeps free.
+    """
     if template.use_bounding_box_for_collision:
         return (_box(mesh),)
     if given and joined:
@@ -272,13 +277,13 @@ def _box(mesh: Mesh) -> NDArray[np.float32]:
 
 
 def _cloud(points: Array) -> Mesh:
-    """Points as a mesh whose convex hull is wanted."""
+    """Return a mesh of the points; only its convex hull has a meaning."""
     faces = np.arange(len(points) // 3 * 3, dtype=np.int32).reshape(-1, 3)
     return Mesh(exact(points), faces, np.zeros((len(points), 2), np.float32), np.zeros((1, 1, 3), np.uint8))
 
 
 def _solids(part: Part) -> list[Mesh]:
-    """Return the connected pieces of a part, without looks."""
+    """Return the connected pieces of a part, without textures."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
@@ -297,7 +302,7 @@ def _solids(part: Part) -> list[Mesh]:
 
 
 def _is_convex(mesh: Mesh) -> bool:
-    """Whether a closed mesh is as good as its convex hull; a flat one is."""
+    """Return whether a closed mesh nearly fills its convex hull. A flat mesh counts as convex."""
     from scipy.spatial import ConvexHull, QhullError
 
     a, b, c = (mesh.vertices[mesh.faces[:, k]].astype(float) for k in range(3))

@@ -1,6 +1,6 @@
-"""Shapes that Habitat makes itself and datasets name instead of a model file: cubeSolid, icosphereSolid_subdivs_1 ...
+"""Habitat's primitive shapes, which datasets name instead of a model file: cubeSolid, icosphereSolid_subdivs_1 ...
 
-A name is a kind of shape and, behind it, each of its settings: https://aihabitat.org/docs/habitat-sim/attributesJSON.html.
+A name is a kind of shape followed by its settings: https://aihabitat.org/docs/habitat-sim/attributesJSON.html.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from humanclaw.body import Array
 from humanclaw.world import Part
 
 DEFAULT_SCALE: Final = (0.1, 0.1, 0.1)
-"""Of an object whose template is the shape itself, without a config."""
+"""Scale of an object whose template is the shape itself, without a config."""
 _NAME: Final = re.compile(
     r"(cube|icosphere|uvSphere|cylinder|cone|capsule3D)(Solid|Wireframe)((?:_[A-Za-z]+_[\w.]+?)*)"
 )
@@ -32,18 +32,18 @@ _MOST: Final = {"subdivs": 5, "rings": 128, "segments": 128, "hemiRings": 64}
 
 
 def is_primitive(name: str) -> bool:
-    """Whether the name of an asset is that of a shape, not of a file."""
+    """Return whether the name of an asset means a primitive shape, not a file."""
     return _NAME.fullmatch(name) is not None
 
 
 def primitive(name: str) -> list[Part]:
-    """Return a shape about its origin, its axis +Y, 2 m wide: a cube of 2 m, spheres and circles of 1 m radius.
+    """Return a shape centred on its origin, with axis +Y: a cube of 2 m, spheres and circles of 1 m radius.
 
-    Raises SceneError if a setting makes no shape.
+    Raises SceneError if a setting is out of range.
     """
     found = _NAME.fullmatch(name)
     if found is None:
-        raise SceneError(f"{name!r} is no shape of Habitat's.")
+        raise SceneError(f"{name!r} is not one of Habitat's primitive shapes.")
     settings = _settings(name, found[1], found[3])
     mesh = _made(found[1], settings)
     x, y, z = (np.asarray(mesh.vertices, float) - mesh.bounds.mean(axis=0)).T
@@ -52,7 +52,7 @@ def primitive(name: str) -> list[Part]:
 
 
 def _settings(name: str, kind: str, text: str) -> dict[str, float]:
-    """Return what a name says of its shape; what it does not say is Habitat's default."""
+    """Return the settings in a name; the others have Habitat's defaults."""
     settings = dict(_DEFAULTS.get(kind, {}))
     for key, value in re.findall(r"_([A-Za-z]+)_([\d.]+)", text):
         settings[key] = float(value)
@@ -67,7 +67,7 @@ def _settings(name: str, kind: str, text: str) -> dict[str, float]:
 
 
 def _made(kind: str, settings: Mapping[str, float]) -> Any:
-    """Return the shape as trimesh makes it, its axis +Z."""
+    """Return the shape as trimesh makes it, with axis +Z."""
     from trimesh import creation
 
     height, sections = 2 * settings.get("halfLen", 1.0), max(3, int(settings.get("segments", 12)))

@@ -1,9 +1,9 @@
-"""What follows the colon in `hssd:PATH#SCENE?OPTIONS`.
+"""References to scenes: the text after the colon in `hssd:PATH#SCENE?OPTIONS`.
 
-PATH     the folder of a dataset, or its *.scene_dataset_config.json
-SCENE    name of a scene instance; may be left out if there is only one
-OPTIONS  missing=skip (leave out what cannot be loaded), movable=small (small things can be moved), triangles=N (most
-for one)
+PATH     folder of a dataset, or its *.scene_dataset_config.json
+SCENE    name of a scene instance; may be omitted if there is only one
+OPTIONS  missing=skip (leave out what cannot be loaded), movable=small (make small objects movable), triangles=N
+         (approximate maximum per object)
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from humanclaw import SceneError
 TRIANGLES: Final = 1500
 _CHOICES: Final = {(missing, movable) for missing in ("error", "skip") for movable in ("dataset", "small")}
 _REMEDY: Final = (
-    "Write hssd:/path/to/dataset#scene, with ?missing=skip&movable=small&triangles=1500 behind it if wanted "
-    "(in quotes: ? and & mean something to a shell)."
+    "Write 'hssd:/path/to/dataset#scene', optionally followed by ?missing=skip&movable=small&triangles=1500 "
+    "(in quotes, because ? and & are special in a shell)."
 )
 
 
@@ -29,17 +29,17 @@ class Reference:
 
     path: Path
     scene: str = ""
-    """Empty: the only one."""
+    """Empty: the only scene."""
     skip: bool = False
-    """Whether what is missing or unsupported is left out; otherwise it is an error."""
+    """Whether to leave out what is missing or unsupported; otherwise it is an error."""
     small: bool = False
-    """Whether small things can be moved that the dataset fixes."""
+    """Whether small objects that the dataset fixes become movable."""
     triangles: int = TRIANGLES
-    """About the most that one object may have."""
+    """Approximate maximum per object."""
 
     @classmethod
     def parse(cls, argument: str) -> Reference:
-        """Parse a reference. Raises SceneError if the argument is not of the form PATH#SCENE?OPTIONS."""
+        """Parse a reference. Raises SceneError if the argument does not have the form PATH#SCENE?OPTIONS."""
         place, _, query = argument.partition("?")
         path, _, scene = place.partition("#")
         try:
@@ -49,12 +49,12 @@ class Reference:
         except ValueError as error:
             raise SceneError(f"cannot read the options {query!r} of a Habitat scene: {error}.", _REMEDY) from error
         if not path or options or (missing, movable) not in _CHOICES or triangles < 12:
-            raise SceneError(f"{argument!r} does not name a Habitat scene.", _REMEDY)
+            raise SceneError(f"{argument!r} is not a reference to a Habitat scene.", _REMEDY)
         return cls(Path(path).expanduser(), scene, missing == "skip", movable == "small", triangles)
 
     @property
     def argument(self) -> str:
-        """The text that parse() reads as this."""
+        """The text from which parse() makes this reference."""
         options = {"missing": "skip"} if self.skip else {}
         options |= {"movable": "small"} if self.small else {}
         options |= {} if self.triangles == TRIANGLES else {"triangles": str(self.triangles)}

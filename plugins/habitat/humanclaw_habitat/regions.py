@@ -1,5 +1,4 @@
-"""Annotated regions as rooms: polygons cut into rectangles, their heights those of the floors that the building really
-has."""
+"""Convert annotated regions to rooms: cut polygons into rectangles, and snap their heights to the building's floors."""
 
 from __future__ import annotations
 
@@ -16,16 +15,18 @@ from humanclaw.world import Room
 from humanclaw_habitat.attributes import Region
 
 _STEP: Final = 0.25
-"""Slanted walls are cut into steps of at most this, metres."""
+"""Largest step into which slanted walls are cut, metres."""
 _NEAR: Final = 0.4
-"""How far a region's floor may be from the floor of the building, metres."""
+"""Largest distance between a region's floor and the building's floor that it snaps to, metres."""
 _NARROW: Final = 0.05
 """Strips narrower than this are left out, metres."""
 
 
 def rooms(regions: Sequence[Region], levels: Sequence[tuple[float, float]]) -> tuple[Room, ...]:
-    """Rectangles of all regions; those of one region have one name. levels: heights and areas of the building's
-    floors."""
+    """Return the rectangles of all regions. The rectangles of one region share its name.
+
+    levels: height (metres) and area (square metres) of each floor of the building.
+    """
     names: dict[str, int] = {}
     found: list[Room] = []
     for region in regions:
@@ -41,15 +42,15 @@ def rooms(regions: Sequence[Region], levels: Sequence[tuple[float, float]]) -> t
 
 
 def _snapped(height: float, levels: Sequence[tuple[float, float]]) -> float:
-    """Return the largest floor near a height; the height itself if there is none."""
+    """Return the largest floor near a height; the height itself if no floor is near."""
     near = [(area, level) for level, area in levels if abs(level - height) <= _NEAR]
     return max(near)[1] if near else round(height, 3)
 
 
 def floors(slabs: Sequence[Array], levels: Sequence[float]) -> tuple[Room, ...]:
-    """Rooms for a building that nobody annotated: at each level, rectangles that cover what there is of floor.
+    """Return rooms for a building without annotations: at each level, rectangles that cover its floor.
 
-    slabs: (K, 3) points of the convex pieces of the floor, metres.
+    slabs: (K, 3) points of each convex piece of the floor, metres. levels: heights, metres.
     """
     found: list[Room] = []
     for number, level in enumerate(levels, 1):
@@ -72,8 +73,7 @@ def _extent(slabs: Sequence[Array]) -> tuple[Array, Array]:
 
 
 def rectangles(loop: Array) -> list[tuple[float, float, float, float]]:
-    """(x0, z0, x1, z1) of rectangles that do not overlap and together are an (N, 2) polygon, or nearly so if it is
-    slanted."""
+    """Cut an (N, 2) polygon into rectangles (x0, z0, x1, z1) that do not overlap; slanted sides are approximated."""
     if len(loop) < 3:
         return []
     x, z = _lines(loop, 0), _lines(loop, 1)
@@ -86,7 +86,7 @@ def rectangles(loop: Array) -> list[tuple[float, float, float, float]]:
 
 
 def _lines(loop: Array, axis: int) -> Array:
-    """Coordinates to cut at: every corner's, and more along slanted edges."""
+    """Return the coordinates to cut at: those of every corner, and more along slanted edges."""
     cuts: list[float] = []
     for start, end in zip(loop, np.roll(loop, -1, axis=0), strict=True):
         slanted = np.abs(end - start).min() > 0.02
@@ -96,18 +96,21 @@ def _lines(loop: Array, axis: int) -> Array:
 
 
 def _inside(points: Array, loop: Array) -> NDArray[np.bool_]:
-    """(...) whether (..., 2) points lie in a polygon: how often a ray to +x crosses it."""
+    """Return (...) whether (..., 2) points lie in a polygon: a ray to +x then crosses it an odd number of times."""
     within = np.zeros(points.shape[:-1], bool)
     for (x0, z0), (x1, z1) in zip(loop, np.roll(loop, -1, axis=0), strict=True):
         crosses = (z0 > points[..., 1]) != (z1 > points[..., 1])
+        # A side along x crosses no ray; the 1.0 only prevents a division by zero.
         at = x0 + (points[..., 1] - z0) / (z1 - z0 if z1 != z0 else 1.0) * (x1 - x0)
         within ^= crosses & (points[..., 0] < at)
     return within
 
 
 def _blocks(cells: NDArray[np.bool_]) -> Iterator[tuple[int, int, int, int]]:
-    """Rectangles of cells that are set, each as wide and then as deep as can be: first and last line along x, then
-    z."""
+    """Yield rectangles that cover the set cells, each extended along z and then along x as far as it goes.
+
+    A rectangle is the first and the last line along x, then along z.
+    """
     left = cells.copy()
     for a, c in np.argwhere(cells):
         if not left[a, c]:

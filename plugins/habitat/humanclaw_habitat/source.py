@@ -1,4 +1,4 @@
-"""From a reference to a scene: everything of a scene instance placed as Habitat places it."""
+"""Load a scene from a reference: place everything in a scene instance as Habitat places it."""
 
 from __future__ import annotations
 
@@ -27,19 +27,19 @@ from humanclaw_habitat.regions import floors, rooms
 from humanclaw_habitat.starting import roomiest
 from humanclaw_habitat.urdf import joints
 
-_REMEDY: Final = "Load the rest with ?missing=skip; `humanclaw habitat check PATH --skip` lists all that is missing."
+_REMEDY: Final = "Load the rest with ?missing=skip; `humanclaw habitat check PATH --skip` lists everything missing."
 _SMALL: Final = 1.0
-"""What may become movable is nowhere longer than this, metres."""
+"""Longest side of an object that may become movable, metres."""
 _DENSITY: Final = 200.0
-"""Of the box around a small thing whose mass nobody stated, kg/m^3."""
+"""Mass per volume of the bounding box of a small object without a stated mass, kg/m^3."""
 _MASSES: Final = (0.1, 15.0)
-"""Such a thing weighs at least and at most so much, kg."""
+"""Lower and upper limit of such a mass, kg."""
 _NAMED: Final = 5
-"""So many of the things that were lost are named in a warning; the scene's notes name all."""
+"""Number of lost objects that a warning names; the scene's notes name all."""
 
 
 def load_scene(source: str, argument: str) -> Scene:
-    """read_scene, and a warning that tells what of the scene is lost."""
+    """Read a scene as read_scene does, and warn about what is left out or drawn without textures."""
     scene = read_scene(source, argument)
     for note, what in (("left_out", "left out"), ("without_textures", "drawn without its textures")):
         lost = json.loads(scene.notes[note])
@@ -51,12 +51,13 @@ def load_scene(source: str, argument: str) -> Scene:
 
 
 def read_scene(source: str, argument: str) -> Scene:
-    """Return the scene that follows the colon in source:argument. See the module `reference` for its form.
+    """Read the scene that source:argument names. The module `reference` describes the argument.
 
-    Object k of the scene instance, counted from 0, has id k + 1; articulated objects and the pieces of the building
-    follow. Shows its progress where the model files must be read. Raises SceneError if the dataset, the scene or
-    anything in it is missing or cannot be read; with missing=skip that is left out and named in the scene's notes, as
-    what is drawn without its textures or has no effect always is.
+    Object k of the scene instance, counted from 0, has id k + 1. Articulated objects follow, then the pieces of the
+    building. Shows its progress while it reads model files.
+
+    Raises SceneError if the dataset, the scene or anything in it is missing or unreadable. With missing=skip, the
+    scene's notes name what is left out instead. The notes always name what is drawn without textures or has no effect.
     """
     reference = Reference.parse(argument)
     dataset = Dataset.open(reference.path)
@@ -66,7 +67,7 @@ def read_scene(source: str, argument: str) -> Scene:
 
 @dataclass
 class _Assembly:
-    """A scene on its way from its files."""
+    """A scene under construction from its files."""
 
     dataset: Dataset
     name: str
@@ -78,7 +79,7 @@ class _Assembly:
     objects: list[SceneObject] = field(default_factory=list)
     left_out: list[str] = field(default_factory=list)
     ignored: list[str] = field(default_factory=list)
-    """What of the scene is known and has no effect."""
+    """Features of the scene that are understood but have no effect."""
     levels: list[tuple[float, float]] = field(default_factory=list)
 
     @classmethod
@@ -100,7 +101,7 @@ class _Assembly:
         return self._finished(name, regions or floors(self._slabs(), [level for level, _ in self.levels]))
 
     def _try(self, what: str, place: Callable[[], None]) -> None:
-        """Do it; if it cannot be done, stop or go on without, as was asked for."""
+        """Place an object. If that fails, raise the error, or with missing=skip note it and continue."""
         try:
             place()
         except SceneError as error:
@@ -112,14 +113,15 @@ class _Assembly:
     def _place(self, number: int, placing: Placing) -> None:
         kind = self.dataset.furniture(placing.template_name)
         template = kind.template
-        # Exports hold 0.9999998807907176 where nobody scaled anything: equal scales share one asset.
+        # Exports hold 0.9999998807907176 for a scale of 1. Rounded, equal scales share one asset.
         factors = np.array([template.scale, placing.non_uniform_scale]).prod(axis=0)
         x, y, z = np.round(factors * template.units_to_meters * placing.uniform_scale, 4).tolist()
         if not x * y * z:
-            raise SceneError(f"it is scaled by {x} x {y} x {z}.")
+            raise SceneError(f"its scale must not be 0 along any axis; got {x} x {y} x {z}.")
         category = self.dataset.category(kind)
         fragment = self.models.scene_of(kind, (x, y, z), category)
         mass = self._mass(placing, template, category, np.ptp(fragment.aabb(1), axis=0))
+        # Only a movable object joins its hulls into one: a fixed one keeps the exact pieces.
         if mass and template.join_collision_meshes:
             fragment = self.models.scene_of(kind, (x, y, z), category, joined=True)
         (part,) = fragment.objects
@@ -130,7 +132,7 @@ class _Assembly:
         self.objects.append(replace(_placed(part, turn, place), id=number + 1, movable=mass > 0, mass=mass))
 
     def _stand(self, what: str, number: int, placing: Placing) -> None:
-        """Place an articulated object, every joint at rest, as one fixed thing."""
+        """Place an articulated object as one fixed object, every joint at rest."""
         kind = self.dataset.articulated(placing.template_name)
         category = self.dataset.category(kind)
         if category == "object":
@@ -147,7 +149,7 @@ class _Assembly:
             self.ignored.append(f"{what}: its joints ({moving}) stand still")
 
     def _mass(self, placing: Placing, template: Template, category: str, size: Array) -> float:
-        """Kilograms of what can be moved; 0 for what is fixed. size: (3,) of its box, metres."""
+        """Return the mass of a movable object in kg; 0 for a fixed one. size: (3,) of its bounding box, metres."""
         given = template.mass * placing.mass_scale
         if placing.motion_type in ("dynamic", "", "undefined"):
             return given
@@ -167,7 +169,7 @@ class _Assembly:
         self.objects += [replace(part, id=first + part.id) for part in fragment.objects]
 
     def _slabs(self) -> list[Array]:
-        """Return what there is of floor, (K, 3) world points each."""
+        """Return the convex pieces of the floor, each (K, 3) points in the world frame."""
         return [
             hull + np.array(thing.position)
             for thing in self.objects
@@ -177,7 +179,9 @@ class _Assembly:
 
     def _finished(self, name: str, regions: Sequence[Room]) -> Scene:
         if not self.objects:
-            raise SceneError(f"nothing of the scene {self.name} could be loaded.", "Is the dataset complete?")
+            raise SceneError(
+                f"nothing of the scene {self.name} could be loaded.", "Check that the dataset is complete."
+            )
         known = {room.floor for room in regions} or {level for level, _ in self.levels} or {0.0}
         floor = max(
             (area, level) for level, area in [*self.levels, *((level, 0.0) for level in known)] if level in known
@@ -192,7 +196,7 @@ class _Assembly:
         return replace(scene, start=self._start(scene, floor))
 
     def _start(self, scene: Scene, floor: float) -> Pose2D:
-        """Return the roomiest place, kept as everything is that takes long."""
+        """Return the roomiest place. It is cached, because the search takes long in a large scene."""
         what = [[vars(thing) for thing in scene.objects], [vars(room) for room in scene.rooms], self._files(), floor]
         key = hashlib.sha256(json.dumps([VERSION, what]).encode()).hexdigest()
         known = self.models.cache.get(key)
@@ -203,12 +207,12 @@ class _Assembly:
         return start
 
     def _files(self) -> str:
-        """SHA-256 over every model file that was read."""
+        """Return the SHA-256 over all model files that were read."""
         return hashlib.sha256(" ".join(sorted(self.models.digests.values())).encode()).hexdigest()
 
 
 def _placed(thing: SceneObject, turn: Array, place: Array) -> SceneObject:
-    """Return an object of a fragment where the fragment is put."""
+    """Return an object of a fragment, rotated and then moved with the fragment."""
     x, y, z = (np.round(turn @ np.array(thing.position) + place, 5) + 0.0).tolist()
     return replace(
         thing, position=(x, y, z), rotation=quaternion(turn @ matrix_from_quaternion(np.array(thing.rotation)))
@@ -216,7 +220,8 @@ def _placed(thing: SceneObject, turn: Array, place: Array) -> SceneObject:
 
 
 def _room_of(thing: SceneObject, regions: Sequence[Room]) -> str:
-    """Return the room on whose floor an object stands or over which it hangs; empty if there is none."""
+    """Return the room below an object; empty if there is none."""
+    # The 0.3 m let a sunken object keep its room, and are less than a storey.
     x, y, z = thing.position
     inside = [r for r in regions if r.x0 <= x <= r.x1 and r.z0 <= z <= r.z1 and r.floor <= y + 0.3]
     return max(inside, key=lambda room: room.floor).name if inside else ""

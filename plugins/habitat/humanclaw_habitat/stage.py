@@ -1,7 +1,7 @@
-"""The building of a scene: its floors, ceilings and walls apart, and thin solid slabs behind every surface.
+"""Split the building of a scene into floors, ceilings and walls, and make their collision shapes.
 
-A stage is a shell of triangles. Nothing convex fits it as a whole, so each of its planes is cut into convex polygons,
-and each of them collides as a slab behind it.
+A stage is a hollow shell of triangles, so no convex shape fits it. Each of its planes is cut into convex polygons, and
+each polygon collides as a thin slab behind it.
 """
 
 from __future__ import annotations
@@ -22,23 +22,22 @@ from humanclaw.world import Mesh, Part, bake, exact
 Faces = NDArray[np.int64]
 
 _LEVEL: Final = 0.7
-"""A surface is level if its normal is within 45 degrees of the vertical."""
+"""A surface is level if its normal is within 45 degrees of the vertical: the cosine of that angle."""
 _THICK: Final = {"floor": 0.1, "ceiling": 0.05, "wall": 0.05}
-"""How far slabs reach behind their surface, metres."""
+"""Thickness of a slab behind its surface, metres."""
 _LEAST: Final = 4e-4
-"""Polygons smaller than this collide with nobody, square metres."""
+"""Smallest polygon that collides, square metres."""
 _HEADROOM: Final = 1.8
-"""Between a floor and the top of the building at least, metres: what is higher up is a roof, or the ceiling under
-it."""
+"""Smallest height between a floor and the top of the building, metres. A higher surface is a roof or its ceiling."""
 _STOREY: Final = 4.0
-"""Square metres of level surface at one height that make a floor."""
+"""Smallest area of level surface at one height that counts as a floor, square metres."""
 _WALLS: Final = 150
-"""At most so many pieces of wall are things of their own; the rest are one."""
+"""Number of wall pieces that become separate objects; the rest become one object."""
 
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """A part of a building, world frame."""
+    """A part of a building, in the world frame."""
 
     category: str
     mesh: Mesh
@@ -46,8 +45,10 @@ class Piece:
 
 
 def pieces(parts: Sequence[Part], shell: Sequence[Part] | None, solid: bool) -> list[Piece]:
-    """Floor, ceiling and walls of a stage. shell: what collides, if that is another model. solid: whether anything
-    does."""
+    """Split a stage into floor, ceiling and walls.
+
+    shell: the collision model, if it is another model. solid: whether the stage collides at all.
+    """
     found = _by_category(parts)
     shells = {} if shell is None else _by_category(shell)
     walls = found.pop("wall", [])
@@ -59,7 +60,7 @@ def pieces(parts: Sequence[Part], shell: Sequence[Part] | None, solid: bool) -> 
 
 
 def _by_category(parts: Sequence[Part]) -> dict[str, list[Part]]:
-    """Parts cut into what is floor, ceiling and wall of them."""
+    """Split parts into floor, ceiling and wall."""
     roof, found = _roof(parts), defaultdict[str, list[Part]](list)
     for part in parts:
         for category, faces in _sorted(part, roof):
@@ -68,13 +69,16 @@ def _by_category(parts: Sequence[Part]) -> dict[str, list[Part]]:
 
 
 def _roof(parts: Sequence[Part]) -> float:
-    """Return the height over which a level surface is no floor: nobody could stand there, or below it."""
+    """Return the height above which a level surface is not a floor, because nobody could stand on it.
+
+    A building lower than two headrooms keeps the surfaces in its lowest 1.8 m.
+    """
     heights = np.concatenate([part.vertices[:, 1] for part in parts])
     return float(max(heights.max() - _HEADROOM, heights.min() + _HEADROOM))
 
 
 def _sorted(part: Part, roof: float) -> Iterator[tuple[str, Faces]]:
-    """Yield the faces of a part by what they are: level ones below the roof are floor, other level ones ceiling."""
+    """Yield the faces of a part by category: level faces that look up below the roof are floor, others ceiling."""
     points = part.vertices[part.faces]
     normal = np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])
     up = normal[:, 1] / np.maximum(np.linalg.norm(normal, axis=1), 1e-12)
@@ -86,7 +90,7 @@ def _sorted(part: Part, roof: float) -> Iterator[tuple[str, Faces]]:
 
 
 def floor_levels(parts: Sequence[Part]) -> list[tuple[float, float]]:
-    """Heights at which a building has a floor, lowest first, and how many square metres of it. World frame, metres."""
+    """Return height (metres, world frame) and area (square metres) of each floor of a building, lowest first."""
     roof = _roof(parts)
     corners = [part.vertices[faces] for part in parts for name, faces in _sorted(part, roof) if name == "floor"]
     if not corners:
@@ -95,6 +99,7 @@ def floor_levels(parts: Sequence[Part]) -> list[tuple[float, float]]:
     area = np.linalg.norm(np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0]), axis=1) / 2
     height = points[..., 1].mean(axis=1)
     order = np.argsort(height)
+    # A gap of more than 5 cm between sorted heights separates two floors.
     groups = np.split(order, np.flatnonzero(np.diff(height[order]) > 0.05) + 1)
     levels = [
         (float(np.average(height[group], weights=area[group] + 1e-9)), float(area[group].sum())) for group in groups
@@ -103,7 +108,7 @@ def floor_levels(parts: Sequence[Part]) -> list[tuple[float, float]]:
 
 
 def _standing(parts: Sequence[Part]) -> list[list[Part]]:
-    """Walls by what hangs together, the largest first; the smallest as one."""
+    """Split walls into connected pieces, the largest first; the smallest together form the last piece."""
     found: list[tuple[float, Part]] = []
     for part in parts:
         label = _together(_welded(part))
@@ -121,13 +126,13 @@ def _area(part: Part) -> float:
 
 
 def _welded(part: Part) -> Faces:
-    """Faces whose corners at one place have one number."""
+    """Return the faces with one number for all corners at the same place."""
     _, place = np.unique(np.round(part.vertices, 4), axis=0, return_inverse=True)
     return np.asarray(place.ravel()[part.faces], np.int64)
 
 
 def _together(faces: Faces) -> NDArray[np.int32]:
-    """(M,) number of the connected piece that each face belongs to."""
+    """Return (M,) the number of the connected piece that each face belongs to."""
     count = int(faces.max()) + 1
     edges = np.concatenate([faces[:, :2], faces[:, 1:]])
     _, label = connected_components(coo_array((np.ones(len(edges)), edges.T), (count, count)), directed=False)
@@ -136,7 +141,7 @@ def _together(faces: Faces) -> NDArray[np.int32]:
 
 # -- slabs -------------------------------------------------------------------------------------------------------------
 def slabs(parts: Sequence[Part], category: str) -> tuple[NDArray[np.float32], ...]:
-    """Convex pieces behind the surfaces of some parts, each (K, 3) points."""
+    """Return convex pieces behind the surfaces of some parts, each (K, 3) points."""
     return tuple(
         exact(np.concatenate([polygon, polygon - _THICK[category] * normal]))
         for part in parts
@@ -145,9 +150,10 @@ def slabs(parts: Sequence[Part], category: str) -> tuple[NDArray[np.float32], ..
 
 
 def polygons(part: Part) -> Iterator[tuple[Array, Array]]:
-    """Yield the faces of a part put together to flat convex polygons, (K, 3) points each, and the (3,) normal of each.
+    """Merge the faces of a part into flat convex polygons; yield each with its (3,) normal.
 
-    Hertel and Mehlhorn: an edge between two faces goes if what remains is convex and flat.
+    A polygon is (K, 3) points. The algorithm of Hertel and Mehlhorn removes an edge between two polygons if the merged
+    polygon is convex and flat.
     """
     points, place = np.unique(np.round(part.vertices, 4), axis=0, return_inverse=True)
     faces = place.ravel()[part.faces]
@@ -159,6 +165,7 @@ def polygons(part: Part) -> Iterator[tuple[Array, Array]]:
     owner = list(range(len(faces)))
     for first, second, one, two in _edges(faces, points):
         left, right = _root(owner, one), _root(owner, two)
+        # 0.9999 is the cosine of 0.8 degrees: larger angles are edges of the building.
         if left == right or normals[left] @ normals[right] < 0.9999:
             continue
         merged = _spliced(loops[left], loops[right], first, second)
@@ -172,7 +179,10 @@ def polygons(part: Part) -> Iterator[tuple[Array, Array]]:
 
 
 def _edges(faces: Faces, points: Array) -> Iterator[tuple[int, int, int, int]]:
-    """Edges between exactly two faces, the longest first: its ends, as the first face runs along it, and both faces."""
+    """Yield the edges between exactly two faces, the longest first.
+
+    Each is its start and end, in the direction of the first face, then the first and the second face.
+    """
     sides: dict[tuple[int, int], list[int]] = defaultdict(list)
     for number, face in enumerate(faces.tolist()):
         for k in range(3):
@@ -194,8 +204,10 @@ def _root(owner: list[int], number: int) -> int:
 
 
 def _spliced(one: Sequence[int], two: Sequence[int], start: int, end: int) -> list[int]:
-    """Two loops without the edge that one has from start to end and two from end to start; empty if they no longer have
-    it."""
+    """Join two loops at the edge that runs from start to end in one and back in two.
+
+    Empty if a loop no longer has that edge, or if the result would visit a corner twice.
+    """
     k, m = one.index(start), two.index(end)
     if one[(k + 1) % len(one)] != end or two[(m + 1) % len(two)] != start:
         return []

@@ -1,4 +1,4 @@
-"""Where a body stands in a scene that names no start."""
+"""Choose and check the start of a body in a scene that names none."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from humanclaw.body import Array, Pose2D
 from humanclaw.world import CELL, OccupancyGrid
 
 _HEAD: Final = 1.9
-"""A ceiling is at least so far over its floor, metres."""
+"""Smallest height of a ceiling over its floor, metres."""
 _ROOF: Final = 4.0
-"""Square metres of free floor below a ceiling that make a building of a scene, with an outside."""
+"""A scene with this much free floor below ceilings is a building, with an outside; square metres."""
 
 
 def indoors(scene: Scene, plan: OccupancyGrid) -> NDArray[np.bool_]:
-    """Cells where a body could begin: free ones, and if there is a building those below its ceilings."""
+    """Return the cells where a body can start: free cells, in a building only those below its ceilings."""
     free = ~(plan.blocked | plan.movable)
     roofed = free & _roofed(scene, plan)
     return np.asarray(roofed if roofed.sum() * CELL**2 >= _ROOF else free)
 
 
 def _roofed(scene: Scene, plan: OccupancyGrid) -> NDArray[np.bool_]:
-    """Cells of a floor that lie below a ceiling."""
+    """Return the cells of a floor that lie below a ceiling."""
     over = np.zeros(plan.blocked.shape, bool)
     for thing in scene.objects:
         for hull in scene.assets[thing.asset].hulls if thing.category == "ceiling" else ():
@@ -37,10 +37,10 @@ def _roofed(scene: Scene, plan: OccupancyGrid) -> NDArray[np.bool_]:
 
 
 def _mark(cells: NDArray[np.bool_], points: Array, plan: OccupancyGrid) -> None:
-    """Set the cells whose middle is within the convex hull of (K, 2) points."""
+    """Set the cells whose centre is within the convex hull of (K, 2) points."""
     try:
         sides = ConvexHull(points).equations
-    except QhullError:  # It is a line from above.
+    except QhullError:  # A vertical piece is a line from above and covers no cell.
         return
     (i, j), (k, m) = plan.cell(points.min(axis=0)), plan.cell(points.max(axis=0))
     window = (slice(i, k + 1), slice(j, m + 1))
@@ -49,8 +49,7 @@ def _mark(cells: NDArray[np.bool_], points: Array, plan: OccupancyGrid) -> None:
 
 
 def roomiest(scene: Scene, floor: float) -> Pose2D:
-    """Return the place on a floor that is farthest from everything, facing the way, of eight, in which one sees
-    farthest."""
+    """Return the place on a floor that is farthest from all obstacles, facing the longest free view of eight."""
     plan = OccupancyGrid.of(scene, floor)
     blocked = plan.blocked | plan.movable
     cell = np.unravel_index(int(np.where(indoors(scene, plan), plan.clearance, 0.0).argmax()), blocked.shape)
@@ -67,17 +66,15 @@ def roomiest(scene: Scene, floor: float) -> Pose2D:
 
 
 def check_start(scene: Scene, plugins: Plugins) -> None:
-    """Raise SceneError if the scene has no floor, or its start is outside, in something or on nothing."""
+    """Raise SceneError if the scene has no floor, or its start is outdoors, in an obstacle or without a floor."""
     if not any(thing.category == "floor" and scene.assets[thing.asset].hulls for thing in scene.objects):
-        raise SceneError(
-            "it has no floor that bears anybody.", "Does its stage have a level surface, and is it collidable?"
-        )
+        raise SceneError("it has no floor to stand on.", "Check that its stage has a level surface and is collidable.")
     plan = OccupancyGrid.of(scene, scene.start.floor)
     if not plan.at(indoors(scene, plan), np.array([scene.start.x, scene.start.z])):
-        raise SceneError("its start is outside, or in something.", "Is there free floor within its rooms?")
+        raise SceneError("its start is outdoors or in an obstacle.", "Check that there is free floor within its rooms.")
     simulator = plugins.make("simulators", default_simulator(plugins), profile="default")
     try:
-        # It lets the body stand for half a second, and refuses a start where that falls or is pushed away.
+        # reset() lets the body stand for half a second, and refuses a start where it falls or is pushed away.
         simulator.reset(scene, scene.start)
     finally:
         simulator.close()

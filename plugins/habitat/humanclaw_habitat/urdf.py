@@ -1,7 +1,7 @@
-"""Articulated objects as they stand: the links of a URDF file, each joint at rest.
+"""Read articulated objects at rest: the shapes of a URDF's links, with each joint at its rest position.
 
-A joint is at rest at 0, or at the nearest value that its limits allow. Frames are the file's own, as in Habitat:
-a URDF is not turned.
+A joint rests at 0, or at the nearest value that its limits allow. As in Habitat, the frame is the file's own: a URDF is
+not rotated.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ from humanclaw_habitat.primitives import primitive
 _MOVING: Final = ("revolute", "continuous", "prismatic", "planar", "floating")
 _ROUND: Final = "segments_24_halfLen_1"
 _TURN: Final = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
-"""Brings the axis of a shape of Habitat's, +Y, to that of URDF's, +Z."""
+"""Turns the axis of Habitat's primitives, +Y, to that of URDF's, +Z."""
 
 
 def links(path: Path, what: str, read: Callable[[Path], list[Part]]) -> list[Part]:
-    """All that links show ('visual') or collide with ('collision'), in the frame of the root link, metres.
+    """Return the 'visual' or 'collision' elements of all links, in the frame of the root link, metres.
 
-    read: the parts of a model file. Raises SceneError if the file is no URDF, a joint leads nowhere or a shape is
-    unknown.
+    read: returns the parts of a model file. Raises SceneError if the file is not a URDF, its joints form a circle or a
+    shape is unknown.
     """
     robot = _root(path)
     found: list[Part] = []
@@ -44,12 +44,12 @@ def links(path: Path, what: str, read: Callable[[Path], list[Part]]) -> list[Par
 
 
 def meshes(path: Path) -> list[Path]:
-    """Return the model files that a URDF names, wherever they are. Raises SceneError if it cannot be read."""
+    """Return the model files that a URDF names, even outside its folder. Raises SceneError if it cannot be read."""
     return sorted({_file(mesh, path) for mesh in _root(path).iter("mesh")})
 
 
 def joints(path: Path) -> int:
-    """How many joints of a URDF could move. Raises SceneError if it cannot be read."""
+    """Return the number of joints of a URDF that could move. Raises SceneError if it cannot be read."""
     return sum(joint.get("type") in _MOVING for joint in _root(path).findall("joint"))
 
 
@@ -57,27 +57,27 @@ def _root(path: Path) -> ElementTree.Element:
     try:
         robot = ElementTree.fromstring(path.read_bytes())
     except OSError as error:
-        raise SceneError(f"{path} cannot be read: {error.strerror}.", "Is the dataset complete?") from error
+        raise SceneError(f"{path} cannot be read: {error.strerror}.", "Check that the dataset is complete.") from error
     except ElementTree.ParseError as error:
         raise SceneError(
-            f"{path} is no URDF: {error}.", "Fetch it again; in a git checkout run `git lfs pull`."
+            f"{path} is not a URDF: {error}.", "Fetch it again; in a git checkout run `git lfs pull`."
         ) from error
     if robot.tag != "robot":
-        raise SceneError(f"{path} is no URDF: it holds a {robot.tag}.")
+        raise SceneError(f"{path} is not a URDF: its root element must be a robot; got {robot.tag}.")
     return robot
 
 
 def _place(robot: ElementTree.Element, link: str, path: Path) -> Array:
-    """(4, 4) frame of a link in that of the root."""
+    """Return the (4, 4) frame of a link in that of the root link."""
     above = {_named(joint, "child"): joint for joint in robot.findall("joint")}
     frame = np.eye(4)
-    for _ in range(len(above) + 1):
+    for _ in range(len(above) + 1):  # A longer chain would have to pass a joint twice.
         if link not in above:
             return frame
         joint = above[link]
         frame = _origin(joint, path) @ _rest(joint, path) @ frame
         link = _named(joint, "parent")
-    raise SceneError(f"{path}: the joints go round in a circle at link {link!r}.")
+    raise SceneError(f"{path}: the joints form a circle at link {link!r}.")
 
 
 def _named(joint: ElementTree.Element, end: str) -> str:
@@ -86,7 +86,7 @@ def _named(joint: ElementTree.Element, end: str) -> str:
 
 
 def _rest(joint: ElementTree.Element, path: Path) -> Array:
-    """(4, 4) what a joint at rest does: nothing, unless its limits do not allow 0."""
+    """Return the (4, 4) motion of a joint at rest: none, unless its limits exclude 0."""
     limit, axis = joint.find("limit"), joint.find("axis")
     frame = np.eye(4)
     if limit is None or joint.get("type") not in ("revolute", "prismatic"):
@@ -102,13 +102,13 @@ def _rest(joint: ElementTree.Element, path: Path) -> Array:
 
 
 def _about(way: Array, angle: float) -> Array:
-    """(3, 3) rotation by an angle about a unit axis."""
+    """Return the (3, 3) rotation by an angle (radians) about a unit axis: Rodrigues' formula."""
     cross = np.cross(np.eye(3), way)
     return np.asarray(np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross)
 
 
 def _origin(element: ElementTree.Element, path: Path) -> Array:
-    """(4, 4) frame of an element's origin: roll, pitch and yaw about fixed axes."""
+    """Return the (4, 4) frame of an element's origin: roll, pitch and yaw about fixed axes."""
     origin = element.find("origin")
     frame = np.eye(4)
     if origin is not None:
@@ -125,17 +125,18 @@ def _shape(element: ElementTree.Element, path: Path, read: Callable[[Path], list
     for shape in () if geometry is None else geometry:
         if shape.tag == "mesh":
             size = _numbers(shape.get("scale", "1 1 1"), 3, path)
+            # A mirrored mesh reverses its faces, so that its outside stays outside.
             faces = slice(None, None, 1 if np.prod(size) > 0 else -1)
             return [
                 replace(part, vertices=part.vertices * size, faces=part.faces[:, faces])
                 for part in read(_file(shape, path))
             ]
         return [replace(part, colour=_colour(element, path) or part.colour) for part in _solid(shape, path)]
-    raise SceneError(f"{path}: a {element.tag} has no geometry.")
+    raise SceneError(f"{path}: each {element.tag} must have a geometry; one has none.")
 
 
 def _solid(shape: ElementTree.Element, path: Path) -> Iterator[Part]:
-    """Yield a box, sphere, cylinder or capsule about its origin, round ones about +Z."""
+    """Yield a box, sphere, cylinder or capsule centred on its origin, with axis +Z."""
 
     def number(key: str) -> float:
         return float(_numbers(shape.get(key, ""), 1, path)[0])
@@ -157,7 +158,7 @@ def _solid(shape: ElementTree.Element, path: Path) -> Iterator[Part]:
 
 
 def _colour(element: ElementTree.Element, path: Path) -> tuple[int, int, int] | None:
-    """Return the colour that a visual's material states there, as 0 to 255."""
+    """Return the colour in a visual's own material, red, green, blue from 0 to 255; None if it has none."""
     found = element.find("material/color")
     if found is None:
         return None
@@ -169,15 +170,16 @@ def _colour(element: ElementTree.Element, path: Path) -> tuple[int, int, int] | 
 
 def _file(mesh: ElementTree.Element, path: Path) -> Path:
     name = mesh.get("filename", "").removeprefix("package://").removeprefix("file://")
-    return Path(os.path.abspath(path.parent / name))  # Links stay: where they lead is whose the folder is.
+    # abspath, not resolve(): symbolic links stay, because whoever owns the folder decides where they lead.
+    return Path(os.path.abspath(path.parent / name))
 
 
 def _numbers(text: str, count: int, path: Path) -> Array:
-    """Numbers between blanks. Raises SceneError if they are not as many as there should be."""
+    """Parse numbers separated by blanks. Raises SceneError if their number is not count or one is not finite."""
     try:
         found = np.array([float(word) for word in text.split()])
     except ValueError as error:
         raise SceneError(f"{path}: {error}.") from error
     if found.shape != (count,) or not np.isfinite(found).all():
-        raise SceneError(f"{path}: there should be {count} numbers; got {text!r}.")
+        raise SceneError(f"{path}: expected {count} finite numbers; got {text!r}.")
     return found

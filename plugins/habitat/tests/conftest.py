@@ -1,4 +1,4 @@
-"""Where the tests' dataset lies, and a cache of their own."""
+"""Write the tests' dataset, and give the tests a cache of their own."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from toy_dataset import write_dataset
 
 @pytest.fixture(scope="session", autouse=True)
 def _cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """No test reads what an earlier version of the code has kept."""
+    """Keep the tests from reading results that an earlier version of the code cached."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("HUMANCLAW_CACHE", str(tmp_path_factory.mktemp("cache")))
         yield
@@ -23,11 +23,11 @@ def _cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 
 @pytest.fixture(scope="session")
 def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """For tests that only read it."""
+    """A dataset that all tests share and only read."""
     return write_dataset(tmp_path_factory.mktemp("toy"))
 
 
 @pytest.fixture
 def mine(tmp_path: Path) -> Path:
-    """For tests that break it."""
+    """A dataset of its own for a test that changes it."""
     return write_dataset(tmp_path / "toy")

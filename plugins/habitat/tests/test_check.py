@@ -1,4 +1,4 @@
-"""`humanclaw habitat check`: a scene that nobody can stand in is found before an episode is."""
+"""`humanclaw habitat check` finds scenes without a place to stand, before an episode does."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def test_a_building_that_bears_nobody_fails(mine: Path) -> None:
 
 
 def test_a_start_on_nothing_fails(mine: Path) -> None:
-    # A room is annotated where there is a roof and no floor under it: the floor is only the half from x = 4.
+    # A room is annotated under a roof but without a floor: only the half from x = 4 has a floor.
     model(mine / "stages" / "toy.glb", box((6, -0.1, 0), (8, 0, 6)), *walls()[1:])
     result = check(mine)
     assert result.exit_code == 1

@@ -21,7 +21,7 @@ from humanclaw_scripted.oracle import OracleAgent
 
 GOALS = {"toy1_couch": [{"object_id": 0, "position": [7.3, 0.4, 3.0]}], "toy1_tv": [{"object_id": "1"}]}
 BACK = [0, 1, 0, 0]
-"""A half turn: in Habitat one then looks to +Z."""
+"""A half turn: the agent then looks to +Z in Habitat."""
 
 
 def run(*args: object) -> Result:
@@ -93,14 +93,14 @@ def test_the_reference_releases_yaw_is_that_of_the_start_in_degrees(
     dataset: Path, tmp_path: Path, degrees: float, rotation: list
 ) -> None:
     spec = one(dataset, tmp_path, "tv", [6, 0.1, 1], rotation, init_yaw=degrees)
-    # A body that is not turned faces -Z in Habitat and +Z here.
+    # An unrotated body faces -Z in Habitat and +Z here.
     assert np.degrees(wrap_angle(spec.start.yaw - np.radians(degrees + 180))) == pytest.approx(0, abs=0.01)
 
 
 def test_the_reference_releases_offset_is_the_start_and_its_third_number_the_floor(
     dataset: Path, tmp_path: Path
 ) -> None:
-    # start_position floats 0.7 m over the floor, more than a navigation mesh alone is believed.
+    # start_position floats 0.7 m over the floor: too much to be accepted without init_offset.
     spec = one(dataset, tmp_path, "tv", [6, 0.7, 1], BACK, init_offset=[-6, 1, 0.0], init_yaw=180.0)
     assert (spec.start.x, spec.start.z, spec.start.floor) == (6, 1, 0)
     inner = one(dataset, tmp_path / "2", "tv", [6, 0.7, 1], BACK, info={"init_offset": [-6, 1, 0.0]})
@@ -125,7 +125,7 @@ def test_what_does_not_repeat_the_start_is_refused(dataset: Path, tmp_path: Path
     "goal",
     [
         {"object_id": "77", "object_name": "couch1_:0000", "position": [7.3, 0.4, 3.0]},
-        {"object_id": 1, "object_name": "couch_12", "position": [7.3, 0.4, 3.0]},  # The id is that of another thing.
+        {"object_id": 1, "object_name": "couch_12", "position": [7.3, 0.4, 3.0]},  # The id is that of another object.
         {"object_id": "sofa 3", "position": [7.0, 0.5, 3.5]},
         {"object_id": 0, "object_name": "couch1"},
     ],
@@ -206,7 +206,7 @@ def test_goals_may_stand_in_the_episode_itself(dataset: Path, tmp_path: Path) ->
             "the nearest couch is 2.0 m from",
         ),
         (("couch", [2, 3.1, 2], BACK), GOALS, "the floors are at 0"),
-        (("couch", [20, 0.1, 2], BACK), GOALS, "no way from its start"),
+        (("couch", [20, 0.1, 2], BACK), GOALS, "no route from its start"),
     ],
 )
 def test_an_episode_that_the_scene_does_not_bear_out_is_named(

@@ -1,5 +1,4 @@
-"""Scenes of a dataset: where everything is, what it is, and what is said where something is wrong. Numbers are derived
-by hand."""
+"""Scenes of a dataset: positions, categories and error messages. The numbers are derived by hand."""
 
 from __future__ import annotations
 
@@ -56,7 +55,7 @@ def test_objects_are_numbered_as_in_the_scene_instance_and_the_building_follows(
         (2, (0, 1, 2.4), (0.1, 1.7, 3.6)),
         # From 0.3 m below its origin to 0.7 m above, times 1.5, the origin at 0.45 m.
         (3, (7.3, 0, 5.3), (7.7, 1.5, 5.7)),
-        # A cube of 0.1 m whose middle, not whose corner, is at (1, 0.05, 5).
+        # A cube of 0.1 m whose centre, not its corner, is at (1, 0.05, 5).
         (4, (0.95, 0, 4.95), (1.05, 0.1, 5.05)),
         # 0.5 x 0.9 x 0.5 m, times 1.2.
         (5, (0.7, 0, 0.7), (1.3, 1.08, 1.3)),
@@ -112,7 +111,7 @@ def test_small_things_can_be_made_movable_and_weigh_by_their_size(mine: Path) ->
     # The cup's config says 0.3 kg; the chair's says nothing, and it is more than 1 m high.
     assert [(thing.id, thing.mass) for thing in scene.objects if thing.movable] == [(4, 0.3)]
     change_object(mine, 4, uniform_scale=1)
-    # 200 kg/m^3 of 0.5 x 0.9 x 0.5 m are 45 kg, more than the 15 kg that such a thing weighs at most.
+    # 200 kg/m^3 of 0.5 x 0.9 x 0.5 m are 45 kg, more than the limit of 15 kg.
     assert {thing.id: thing.mass for thing in load(mine, "?movable=small").objects if thing.movable} == {
         4: 0.3,
         5: 15.0,
@@ -165,7 +164,7 @@ def test_the_floor_is_solid_below_and_the_walls_fill_their_width(scene: Scene) -
     (slab,) = scene.assets[floor.asset].hulls
     low, high = slab.min(axis=0) + floor.position, slab.max(axis=0) + floor.position
     np.testing.assert_allclose((low, high), ((0, -0.1, 0), (8, 0, 6)), atol=1e-4)
-    # The wall at x = 4 up to the doorway: a slab of 5 cm behind each of its two sides, and one behind its end.
+    # The wall at x = 4 up to the doorway: a 5 cm slab behind each of its two sides, and one behind its end.
     (wall,) = [t for t in scene.objects if np.allclose(scene.aabb(t.id), ((3.95, 0, 0), (4.05, 2.7, 2.5)), atol=1e-3)]
     spans = [(*h.min(axis=0) + wall.position, *h.max(axis=0) + wall.position) for h in scene.assets[wall.asset].hulls]
     for span in [(3.95, 0, 0, 4, 2.7, 2.5), (4, 0, 0, 4.05, 2.7, 2.5), (3.95, 0, 2.45, 4.05, 2.7, 2.5)]:
@@ -287,7 +286,7 @@ def test_a_nested_config_changes_a_file_and_gives_it_another_name(mine: Path) ->
     assert load(mine).by_id[4].mass == 0.3
     change_object(mine, 3, template_name="heavy_cup")
     thing = load(mine).by_id[4]
-    # What is not changed is that of the file; its model lies beside that file.
+    # Unchanged attributes are those of the file; its model lies beside that file.
     assert (thing.mass, thing.friction) == (3.5, 0.4)
     np.testing.assert_allclose(load(mine).aabb(4), ((0.95, 0, 4.95), (1.05, 0.1, 5.05)), atol=1e-4)
 
@@ -454,7 +453,7 @@ def test_a_joint_that_cannot_be_at_zero_is_at_the_nearest_that_it_can(mine: Path
 
 def test_an_articulated_object_is_turned_and_scaled_about_its_root(mine: Path) -> None:
     fridge(mine, rotation=[HALF, 0, HALF, 0], uniform_scale=0.5)
-    # What was at -Z is at -X, and everything half as far away.
+    # The side at -Z is now at -X, and all distances are halved.
     np.testing.assert_allclose(load(mine).aabb(6), ((1.75, 0, 4.85), (2.15, 0.9, 5.15)), atol=2e-3)
 
 
@@ -483,9 +482,9 @@ def test_another_mesh_of_a_link_makes_another_scene(mine: Path) -> None:
         ('filename="door.glb"', 'filename="gate.glb"', "gate.glb"),
         ('filename="door.glb"', 'filename="../../../door.glb"', "outside of its dataset"),
         ('filename="door.glb"', 'filename="file:///etc/hosts.glb"', "outside of its dataset"),
-        ('xyz="0 0.9 0"', 'xyz="0 0.9"', "3 numbers"),
+        ('xyz="0 0.9 0"', 'xyz="0 0.9"', "3 finite numbers"),
         ("<cylinder", "<plane", "shape plane"),
-        ("</robot>", "", "no URDF"),
+        ("</robot>", "", "not a URDF"),
         ('<parent link="body"/><child link="door"/>', '<parent link="door"/><child link="door"/>', "circle"),
     ],
 )
@@ -499,7 +498,7 @@ def test_an_articulated_object_that_cannot_be_read_is_named(mine: Path, was: str
 
 def test_an_articulated_object_that_nobody_defines_is_named(mine: Path) -> None:
     edit(mine / "scenes" / "toy1.scene_instance.json", articulated_object_instances=[{"template_name": "fridge"}])
-    fails(mine, "articulated object 0 (fridge)", "is none of the 0 articulated_objects")
+    fails(mine, "articulated object 0 (fridge)", "is not among the 0 articulated_objects")
 
 
 def test_lights_are_ignored_and_that_is_said(mine: Path) -> None:
@@ -534,7 +533,7 @@ def test_the_rest_is_loaded_if_asked_for_and_what_was_left_out_is_listed(mine: P
 
 def test_a_template_that_nobody_defines_is_named(mine: Path) -> None:
     (mine / "objects" / "t" / "tv1.object_config.json").unlink()
-    fails(mine, "object 1 (tv1)", "is none of the 4 objects")
+    fails(mine, "object 1 (tv1)", "is not among the 4 objects")
 
 
 def test_a_git_lfs_pointer_is_told_from_a_model(mine: Path) -> None:

@@ -1,4 +1,4 @@
-"""A small dataset in Habitat's format, written from nothing: two rooms with a doorway, and an object for every rule."""
+"""Write a small dataset in Habitat's format: two rooms with a doorway, and an object for every rule."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import trimesh
 from PIL import Image
 
 HALF = 0.5**0.5
-"""Sine and cosine of 45 degrees: a quarter turn as a quaternion."""
+"""Sine and cosine of 45 degrees, from which quaternions of quarter turns are made."""
 
 
 def box(low: tuple[float, ...], high: tuple[float, ...], colour: tuple[int, ...] = (180, 120, 60)) -> trimesh.Trimesh:

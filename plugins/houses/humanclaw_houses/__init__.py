@@ -1,4 +1,4 @@
-"""Generated, furnished houses: a scene from a seed."""
+"""Generate furnished houses as scenes, each from a seed."""
 
 from __future__ import annotations
 

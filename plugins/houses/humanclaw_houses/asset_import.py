@@ -1,4 +1,4 @@
-"""From what a collection models to the assets of a library."""
+"""Import the models of a collection as assets of a library."""
 
 from __future__ import annotations
 
@@ -39,10 +39,10 @@ from humanclaw_houses.importers.sweethome import slug
 from humanclaw_houses.library import Entry, Level, paths, read_index, write_asset, write_index
 
 VERSION: Final = 2
-"""To be raised when the same source gives another asset; assets of another version are made anew."""
+"""Raise it when the same source gives another asset. Assets of other versions are then made again."""
 TRIANGLES: Final = 1200
 _QUARTERS: Final = {"+z": 0, "+x": 3, "-z": 2, "-x": 1}
-"""Quarter turns to the left about y that bring a front which faces there to +z."""
+"""Direction of a front to the quarter turns to the left about y that bring it to +z."""
 _OPPOSITE: Final = {"-z": "+z", "+z": "-z", "-x": "+x", "+x": "-x"}
 _SURFACES: Final = frozenset(
     {"table", "coffee_table", "side_table", "desk", "nightstand", "tv_stand", "dresser", "sideboard", "bookshelf"}
@@ -51,25 +51,27 @@ _ONE_PIECE: Final = frozenset(
     {"cup", "bowl", "bottle", "book", "clock", "backpack", "ball", "basket", "box", "vase", "bin", "teddy_bear"}
 )
 _POT: Final = 0.3
-"""The share of a plant's height that collides, as far as it is known; leaves give way."""
+"""Lower share of a plant's height that collides: its pot. Leaves do not collide."""
 
 
 @dataclass
 class ImportReport:
-    """What came of an import."""
+    """Result of an import."""
 
     imported: Counter[str] = field(default_factory=Counter)
-    """Assets by category, those that were there already among them."""
+    """Assets by category, including unchanged ones."""
     unchanged: int = 0
+    """Number of assets that the library already had."""
     other: Counter[str] = field(default_factory=Counter)
-    """Names of objects that no category wants."""
+    """Names of models without a known category."""
     rejected: dict[str, str] = field(default_factory=dict)
-    """Models of a known category that could not be used, and why."""
+    """Models of a known category that cannot be used, with the reason."""
     passed_over: int = 0
+    """Number of doors, windows and stairs."""
     unlisted: list[str] = field(default_factory=list)
-    """Ids of targets that the list of those to take does not name."""
+    """Ids of targets that are not in the list given with --only."""
     missing: list[str] = field(default_factory=list)
-    """Ids in that list that begin like the collection's and are none of them."""
+    """Ids in that list with the prefix of the collection that the collection does not have."""
     triangles: int = 0
     hulls: int = 0
 
@@ -78,11 +80,10 @@ def import_assets(
     collection: Collection, library: Path, triangles: int, watch: Iterable[SourceModel] | None = None,
     only: frozenset[str] | None = None,
 ) -> ImportReport:  # fmt: skip
-    """Import a collection into a library: what it holds of the same collection is replaced, the rest of it stays.
+    """Import a collection into a library. It replaces assets of the same collection; other assets stay.
 
-    watch: the collection's models, wrapped by something that shows how far they are. only: ids of the targets to take;
-    other furniture is taken all the same. Raises HumanclawError if the
-    library cannot be written; a model that cannot be used is rejected.
+    watch: the collection's models in a wrapper that shows progress. only: ids of the targets to import; other furniture
+    is imported anyway. Unusable models are rejected. Raises HumanclawError if the library cannot be written.
     """
     index = read_index(library)
     known = {entry.id: entry for entry in index.assets} if index else {}
@@ -107,14 +108,14 @@ def import_assets(
 
 
 def listed_in(path: Path) -> frozenset[str]:
-    """Return the ids in a file, one a line; what follows a # is a comment. Raises HumanclawError if it has none."""
+    """Return the ids in a file, one per line, with comments after #. Raises HumanclawError if it has none."""
     try:
         lines = path.read_text("utf-8").splitlines()
     except (OSError, UnicodeDecodeError) as error:
-        raise HumanclawError(f"{path} cannot be read: {error}.", "Give a text file with an id a line.") from error
+        raise HumanclawError(f"{path} cannot be read: {error}.", "Give a text file with one id per line.") from error
     ids = frozenset(line.split("#")[0].strip() for line in lines) - {""}
     if not ids:
-        raise HumanclawError(f"{path} names no asset.", "Give an id a line, as `humanclaw assets list` shows them.")
+        raise HumanclawError(f"{path} names no asset.", "Write one id per line, as in `humanclaw assets list`.")
     return ids
 
 
@@ -192,7 +193,7 @@ def _entry(
 
 
 def _sized(parts: Sequence[Part], model: SourceModel, category: str) -> tuple[list[Part], str]:
-    """Return the parts in metres, and where their scale comes from."""
+    """Return the parts in metres, and the source of their scale."""
     if model.rotation:
         matrix = np.array(model.rotation).reshape(3, 3)
         parts = [replace(part, vertices=part.vertices @ matrix.T) for part in parts]
@@ -204,7 +205,9 @@ def _sized(parts: Sequence[Part], model: SourceModel, category: str) -> tuple[li
         found = scale_of(category, _vec3(extent))
         if found is None:
             said = " x ".join(f"{value:.3g}" for value in extent)
-            raise HumanclawError(f"{model.name} measures {said} in its file, which is no {category} in any unit.")
+            raise HumanclawError(
+                f"{model.name} measures {said} in its file, the size of a {category} in no known unit."
+            )
         unit, scale = found[0], np.full(3, found[1])
     return [replace(part, vertices=part.vertices * scale) for part in parts], unit
 
@@ -219,8 +222,10 @@ def _vec3(values: Array) -> Vec3:
 
 
 def _hulls(mesh: Mesh, category: str, level: KeepOutBox | None) -> tuple[np.ndarray, ...]:
-    """Few pieces for small objects, pots without their leaves, and over a seat or a top a box whose lid is exactly
-    there."""
+    """Return the collision pieces: one for small objects, only the pot of a plant, several for other furniture.
+
+    Furniture with a seat or a top gets a box whose upper side is exactly at that level.
+    """
     if category in _ONE_PIECE:
         return convex_pieces(mesh, 1)
     if category == "potted_plant":
@@ -232,7 +237,7 @@ def _hulls(mesh: Mesh, category: str, level: KeepOutBox | None) -> tuple[np.ndar
 
 
 def _below(mesh: Mesh, share: float) -> Mesh:
-    """Return the faces of a mesh whose middle is in the lower part of it; all of it if there are too few."""
+    """Return the faces in the lower share of a mesh's height; the whole mesh if they are 12 or fewer."""
     heights = mesh.vertices[mesh.faces][:, :, 1].mean(axis=1)
     faces = mesh.faces[heights < share * mesh.vertices[:, 1].max()]
     return replace(mesh, faces=faces) if len(faces) > 12 else mesh

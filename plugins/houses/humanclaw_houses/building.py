@@ -1,4 +1,4 @@
-"""Walls, floors, ceilings, doors and windows of a plan, as pieces at their places."""
+"""Build the walls, floors, ceilings, doors and windows of a plan as placed pieces."""
 
 from __future__ import annotations
 
@@ -17,17 +17,20 @@ from humanclaw_houses.style import Style
 from humanclaw_houses.textures import Tile
 
 SKIRTING = 0.08
+"""Height of the skirting boards, metres."""
 _CELL = 1.2
+"""Length that a tile covers on walls, floors and ceilings, about, metres."""
 _WIDEST = 95.0
-"""How far a door opens, degrees: there is a wall or a shelf behind it."""
+"""Largest angle to which a door opens, degrees: a wall or a shelf is behind it."""
 _AJAR = (70.0, 85.0)
-"""Between what angles a door stands that is not quite open, degrees: a body fits past it untouched."""
+"""Smallest and largest angle of a door that is not fully open, degrees: a body still passes without touching it."""
 _AJAR_SHARE = 0.3
+"""Share of doors that are not fully open."""
 
 
 @dataclass(frozen=True, eq=False)
 class Placed:
-    """A piece somewhere: x, y, z of its origin, and its heading in radians."""
+    """A placed piece: x, y, z of its origin in metres, and its heading in radians."""
 
     piece: Piece
     x: float
@@ -42,14 +45,14 @@ class Placed:
 
 @dataclass(frozen=True, eq=False)
 class Finish:
-    """What the walls and the floor of a room are covered with."""
+    """The tiles on the walls and the floor of a room."""
 
     wall: Tile
     floor: Tile
 
 
 def draw_finishes(plan: FloorPlan, style: Style) -> Mapping[str, Finish]:
-    """Return a finish for every room; the boards of hall, living and dining room are the same throughout."""
+    """Draw a finish for every room. Hall, living and dining room share the same floor boards."""
     rng = style.rng
     boards = t.planks(t.pick(rng, t.WOODS[:3] + t.WOODS[4:]), rng)
     paints = [t.plain(t.PAINTS[k], rng) for k in rng.permutation(len(t.PAINTS))]
@@ -71,7 +74,7 @@ def draw_finishes(plan: FloorPlan, style: Style) -> Mapping[str, Finish]:
 
 
 def _zones(plan: FloorPlan) -> dict[str, int]:
-    """Return a number for each area; those between which there is no wall have the same, and so the same paint."""
+    """Return a number for each area. Areas without a wall between them share a number, and so the same paint."""
     zone = {area.name: number for number, area in enumerate(plan.areas)}
     for wall in plan.walls:
         if any(opening.kind == "open" for opening in wall.openings):
@@ -89,7 +92,7 @@ def _floor_tiles(rng: np.random.Generator) -> Tile:
 
 
 def build(plan: FloorPlan, style: Style, finishes: Mapping[str, Finish]) -> Iterator[Placed]:
-    """Everything of one storey that does not move and is not furniture; heights are over the storey's floor."""
+    """Build everything of one storey except its furniture. Heights are above the storey's floor."""
     outside = t.plain((206, 198, 186), style.rng)
     for area in plan.areas:
         stairs, upper = area.kind == "stairs", plan.floor > 0
@@ -108,7 +111,7 @@ def build(plan: FloorPlan, style: Style, finishes: Mapping[str, Finish]) -> Iter
 
 
 def _stairs(plan: FloorPlan, area: Area, finishes: Mapping[str, Finish], style: Style) -> Placed:
-    """Return the staircase, from the wall line of the hall to the wall behind the half-landing."""
+    """Build the staircase, from the wall line of the hall to the wall behind the half-landing."""
     assert plan.stair is not None
     wall = next(wall for wall in plan.walls if wall.openings and wall.openings[0].kind == "stairs")
     x0, z0, x1, z1 = area.inner
@@ -128,7 +131,7 @@ def _cells(length: float) -> int:
 
 
 def _floor(area: Area, finish: Finish, thick: float) -> Placed:
-    """Return a slab whose top is at 0."""
+    """Build a slab whose top is at height 0."""
     m = Model()
     w, d = area.x1 - area.x0, area.z1 - area.z0
     for chart in _tiled((-w / 2, thick, d / 2), (w, 0, 0), (0, 0, -d)):
@@ -140,7 +143,7 @@ def _floor(area: Area, finish: Finish, thick: float) -> Placed:
 
 
 def _tiled(corner: Point, along: Point, up: Point) -> Iterator[Shape]:
-    """Yield a rectangle as quads of about a tile each, so that a tile repeats and no uv leaves 0..1."""
+    """Yield a rectangle as quads of about one tile each, so that the tile repeats and no uv leaves 0..1."""
     start, side, rise = np.array(corner), np.array(along), np.array(up)
     columns, rows = _cells(float(np.linalg.norm(side))), _cells(float(np.linalg.norm(rise)))
     for i in range(columns):
@@ -166,9 +169,9 @@ def _ceiling(area: Area, style: Style) -> Placed:
 
 # -- walls -------------------------------------------------------------------------------------------------------------
 def _wall(plan: FloorPlan, wall: Wall, number: str, tiles: list[Tile], style: Style) -> Placed:
-    """Both faces, the reveals of the openings, the top, skirting, and a collision box for every solid stretch.
+    """Build a wall: faces, reveals of the openings, top, skirting, and a collision box for every solid stretch.
 
-    Built along x; a wall along z is turned so that its x becomes z, and then its low room is at the model's +Z.
+    It is built along x. A wall along z is turned so that its x becomes z; its low room is then at the model's +Z.
     """
     m = Model()
     middle, turn = (wall.start + wall.end) / 2, 1 if wall.axis == "x" else -1
@@ -193,22 +196,25 @@ def _wall(plan: FloorPlan, wall: Wall, number: str, tiles: list[Tile], style: St
 
 
 def _centred(m: Model, name: str) -> tuple[Piece, tuple[float, float]]:
-    """Return a piece, and where the model's origin went by being centred."""
+    """Return the centred piece, and the (x, z) of its centre in the model's frame."""
     points = m.points()
     cx, cz = ((points[:, k].min() + points[:, k].max()) / 2 for k in (0, 2))
     return m.piece(name, "wall"), (float(cx), float(cz))
 
 
 def _shift(x: float, z: float, offset: tuple[float, float], yaw: float) -> tuple[float, float, float]:
-    """Where to put a centred piece so that its model's origin is at (x, z)."""
+    """Return the place of a centred piece at which its model's origin is at (x, z)."""
     ox, oz = offset
     cos, sin = np.round(np.cos(yaw)), np.round(np.sin(yaw))
     return float(x + cos * ox + sin * oz), 0.0, float(z - sin * ox + cos * oz)
 
 
 def _face_ends(plan: FloorPlan, wall: Wall, low: bool) -> tuple[float, float]:
-    """Where a face of a wall begins and ends: at the face of a crossing wall, at the node where the wall runs on
-    straight, or half a thickness beyond it at an outer corner."""
+    """Return the start and the end of a wall's face.
+
+    It ends at the face of a crossing wall, at the node if the wall continues straight, and half a thickness beyond the
+    node at an outer corner.
+    """
     across, ends = (-1 if low else 1), []
     for node, away in ((wall.start, -1), (wall.end, 1)):
         here = room_at(plan.areas, *wall.point(node - away * 1e-3, across * 1e-3))
@@ -224,7 +230,7 @@ def _face_ends(plan: FloorPlan, wall: Wall, low: bool) -> tuple[float, float]:
 def _stretches(
     wall: Wall, start: float, end: float, middle: float, height: float
 ) -> list[tuple[float, float, float, float]]:
-    """x0, x1, y0, y1 of the solid rectangles between start and end, around the openings."""
+    """Return x0, x1, y0, y1 of the solid rectangles between start and end, around the openings."""
     parts, x = [], start
     for hole in sorted(wall.openings, key=lambda hole: hole.at):
         left, right = hole.at - hole.width / 2 - middle, hole.at + hole.width / 2 - middle
@@ -268,7 +274,7 @@ def _reveal(m: Model, hole: Opening, x: float, style: Style) -> None:
             m.add(box((hole.width, 0.06, 0.03), (x, hole.bottom - 0.06, z * (WALL / 2 + 0.015))), style.white)
 
 
-# -- what fills the openings -------------------------------------------------------------------------------------------
+# -- doors and windows -------------------------------------------------------------------------------------------------
 def _fill(wall: Wall, hole: Opening, name: str, style: Style) -> Iterator[Placed]:
     x, z = wall.point(hole.at)
     inside_high = wall.low == ""
@@ -282,7 +288,7 @@ def _fill(wall: Wall, hole: Opening, name: str, style: Style) -> Iterator[Placed
 
 
 def _window(style: Style, name: str, hole: Opening) -> Piece:
-    """Return a frame with a bright pane, in two casements if it is wide."""
+    """Build a frame with a bright pane, in two casements if it is wide."""
     m = Model()
     w, h = hole.width, hole.top - hole.bottom
     m.add(Shape((sheet((-w / 2, 0, 0), (w, 0, 0), (0, h, 0)),)), t.sky(style.rng))
@@ -298,7 +304,7 @@ def _window(style: Style, name: str, hole: Opening) -> Piece:
 
 
 def _front_door(style: Style, name: str, hole: Opening) -> Piece:
-    """Return the closed door of the house."""
+    """Build the front door, closed."""
     m = Model()
     tile = t.panel_door(t.pick(style.rng, ((120, 60, 48), (52, 78, 92), (62, 88, 70), (104, 74, 50))), style.rng)
     m.box((hole.width, hole.top, 0.06), (0, 0, 0), tile)
@@ -308,7 +314,7 @@ def _front_door(style: Style, name: str, hole: Opening) -> Piece:
 
 
 def _leaf(wall: Wall, hole: Opening, name: str, style: Style) -> Placed:
-    """Return a door leaf that stands open at a right angle to its wall, or nearly; shut it lies before the frame."""
+    """Build a door leaf that stands open at about a right angle to its wall. Shut, it lies in front of the frame."""
     m = Model()
     length, thick = hole.width, 0.04
     m.box((thick, hole.top - 0.02, length), (0, 0.01, 0), t.panel_door((236, 234, 228), style.rng))
@@ -316,7 +322,7 @@ def _leaf(wall: Wall, hole: Opening, name: str, style: Style) -> Placed:
         m.add(box((0.03, 0.02, 0.12), (side * 0.045, 1.0, length / 2 - 0.1)), style.chrome)
     piece = m.piece(f"door_{name}", "door", mass=25.0)
     across = -1 if hole.opens_low else 1
-    # The leaf leaves the doorway free: it hangs beside the clear width, not in it.
+    # The open leaf hangs beside the clear width of the doorway, not in it.
     along = hole.at + hole.leaf * (hole.width / 2 + thick / 2 + 0.005)
     x, z = wall.point(along, across * (WALL / 2 + 0.02 + length / 2))
     yaw = (0.0 if across > 0 else np.pi) if wall.axis == "x" else (np.pi / 2 if across > 0 else -np.pi / 2)
@@ -328,12 +334,12 @@ def _leaf(wall: Wall, hole: Opening, name: str, style: Style) -> Placed:
 
 
 def _stands(rng: np.random.Generator) -> float:
-    """Draw how far a door stands open, radians."""
+    """Draw the angle to which a door stands open, radians."""
     return float(np.radians(round(rng.uniform(*_AJAR), 1) if rng.random() < _AJAR_SHARE else 90.0))
 
 
 def _swung(leaf: Placed, by: float) -> Placed:
-    """Return a leaf turned about its hinge by some radians."""
+    """Return a leaf turned about its hinge by an angle in radians."""
     assert leaf.joint is not None
     px, _, pz = leaf.joint.point
 

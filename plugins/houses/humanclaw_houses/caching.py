@@ -1,4 +1,4 @@
-"""Houses that were generated once, kept: by the generator's own code, the house's name and the library's digest."""
+"""Cache generated houses, keyed by the generator's code, the house's name and the library's digest."""
 
 from __future__ import annotations
 
@@ -15,13 +15,16 @@ from humanclaw.storage import Cache
 from humanclaw.world import pack_scene, unpack_scene
 
 CORE: Final = ("body", "records/tasks.py", "world/meshes", "world/navigation", "world/scene.py")
-"""The parts of the core in which a change may change a house."""
+"""Parts of the core whose code may change a house."""
 _LIBRARIES: Final = ("manifold3d", "numpy", "scikit-image", "scipy")
 """Distributions whose version may change a house."""
 
 
 def kept(name: str, assets: str, generate: Callable[[], Scene], store: Cache | None = None) -> Scene:
-    """Return the house from the cache, or generated and put there. assets: digest of the library, or empty."""
+    """Return the house from the cache; if it is not there, generate and store it.
+
+    assets: digest of the library, or empty.
+    """
     store = store or Cache("houses")
     key = hashlib.sha256(f"{generator_version()}|{name}|{assets}".encode()).hexdigest()
     data = store.get(key)
@@ -37,8 +40,10 @@ def kept(name: str, assets: str, generate: Callable[[], Scene], store: Cache | N
 
 @cache
 def generator_version() -> str:
-    """Digest of the code that a house may come from: this package, the parts of the core that shape it, and the
-    versions of their libraries. A test holds CORE to what this package imports, so that no stale house is served."""
+    """Return a digest of everything that may change a house: this package, CORE, and the versions of libraries.
+
+    A test compares CORE with the imports of this package, so that no stale house is served.
+    """
     state = hashlib.sha256()
     core = resources.files("humanclaw")
     for part in (*(core / name for name in CORE), resources.files(__package__)):

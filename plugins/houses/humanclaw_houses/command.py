@@ -1,4 +1,4 @@
-"""`humanclaw assets`: furniture of other people's making."""
+"""`humanclaw assets`: import furniture that others made."""
 
 from __future__ import annotations
 
@@ -27,17 +27,19 @@ def assets() -> None:
 @assets.command("import")
 @click.argument("source", type=click.Path(path_type=Path))
 @click.option("--out", "library", required=True, type=click.Path(path_type=Path), help="Folder of the library.")
-@click.option("--name", default="", help="Name of the collection; its file's or folder's name if not given.")
-@click.option("--triangles", default=TRIANGLES, show_default=True, type=click.IntRange(50), help="Most for one asset.")
+@click.option("--name", default="", help="Name of the collection (default: the name of its file or folder).")
+@click.option(
+    "--triangles", default=TRIANGLES, show_default=True, type=click.IntRange(50), help="Maximum of triangles per asset."
+)
 @click.option("--table", type=click.Path(path_type=Path), help=f"For a folder of models: a CSV file with {COLUMNS}.")
 @click.option("--licence", default="", help="For a folder of models: their licence, an SPDX name such as CC0-1.0.")
-@click.option("--author", default="", help="For a folder of models: who made them.")
+@click.option("--author", default="", help="For a folder of models: their author.")
 @click.option("--front", default="+z", show_default=True, type=click.Choice(["+z", "-z", "+x", "-x"]),
-              help="For a folder of models: the way fronts face that the mesh itself does not tell.")  # fmt: skip
+              help="For a folder of models: direction of the front, where the mesh does not show it.")  # fmt: skip
 @click.option(
     "--only",
     type=click.Path(path_type=Path, exists=True, dir_okay=False),
-    help="A file with the ids of the targets to take, one a line; what is no target is taken all the same.",
+    help="File with the ids of the targets to import, one per line. All other furniture is imported anyway.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def import_(
@@ -46,7 +48,7 @@ def import_(
 ) -> None:  # fmt: skip
     """Import furniture into a library: a Sweet Home 3D library (.sh3f) or a folder of GLB or OBJ models.
 
-    Importing again changes nothing; importing another source into the same library adds to it.
+    Importing the same source again changes nothing. Importing another source into the same library adds to it.
     """
     total, listed = ImportReport(), listed_in(only) if only else None
     for collection in open_collection(source, name, FolderMetadata(licence, author, front, table)):
@@ -59,7 +61,7 @@ def import_(
         _tell_listed(total, only)
     if not total.imported:
         raise HumanclawError(
-            "nothing was imported.", "The models have none of the categories, or none was usable; see above."
+            "nothing was imported.", "No model has a known category and is usable; see the reasons above."
         )
 
 
@@ -67,7 +69,7 @@ def import_(
 @click.argument("library", type=click.Path(path_type=Path))
 @click.option("--json", "as_json", is_flag=True, help="Print JSON, with triangles and hulls.")
 def list_(library: Path, as_json: bool) -> None:
-    """List what a library holds, and under which licences."""
+    """List the assets of a library with their licences."""
     entries = Library(library).entries
     if as_json:
         click.echo(json.dumps([e.model_dump(mode="json") for e in entries], indent=2, ensure_ascii=False))

@@ -1,8 +1,7 @@
-"""What `house:ARGUMENT` opens: a house by its number, furnished from a library if one is named, and kept once it is
-made.
+"""Open `house:ARGUMENT`: a house by its number, optionally furnished from a library. Generated houses are cached.
 
-3, train-17                a house with our own parametric furniture
-3?assets=/path/to/LIB      the same house with imported furniture where the library has what is wanted
+3, train-17                a house with parametric furniture
+3?assets=/path/to/LIB      the same house with imported furniture where the library has similar assets
 """
 
 from __future__ import annotations
@@ -21,8 +20,10 @@ if TYPE_CHECKING:
 
 
 def open_house(argument: str) -> Scene:
-    """Open a house. Raises SceneError for a house that there is not or an option that is unknown, HumanclawError for a
-    bad library."""
+    """Open a house.
+
+    Raises SceneError for an unknown house or option, and HumanclawError for an invalid library.
+    """
     number, library = _parts(argument)
     seed_of(number)
     scene = kept(number, library.digest if library else "", lambda: _make(number, library))
@@ -30,7 +31,7 @@ def open_house(argument: str) -> Scene:
 
 
 def _make(number: str, library: Library | None) -> Scene:
-    # Only here: the geometry libraries take longer to load than a kept house does.
+    # Imported late: the geometry libraries take longer to load than a cached house.
     from humanclaw_houses.source import house
 
     return house(number, library)
@@ -44,7 +45,7 @@ def _parts(argument: str) -> tuple[str, Library | None]:
         raise SceneError(f"cannot read the options {query!r} of house:{argument}.", _REMEDY) from error
     folder = options.pop("assets", None)
     if options or folder == "":
-        raise SceneError(f"house:{argument} has options that a house does not know.", _REMEDY)
+        raise SceneError(f"house:{argument} has an unknown or empty option.", _REMEDY)
     return number, _library(Path(folder).expanduser()) if folder else None
 
 
@@ -54,4 +55,4 @@ def _library(folder: Path) -> Library:
     return Library(folder)
 
 
-_REMEDY = "The one option is the library to furnish it from: house:3?assets=/path/to/LIB."
+_REMEDY = "The only option is the furniture library: house:3?assets=/path/to/LIB."

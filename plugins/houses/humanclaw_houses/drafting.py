@@ -1,4 +1,4 @@
-"""Draw the floor plans of a house: which rooms it has, and on how many storeys."""
+"""Draw the floor plans of a house with one or two storeys."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from humanclaw_houses.plan import CEILING, STAIR_WIDTH, FloorPlan, Layout, Stair
 
 
 def draw_plans(rng: np.random.Generator, layout: Layout) -> tuple[FloorPlan, ...]:
-    """Return the storeys of a house from the lowest, with 4 to 12 rooms together.
+    """Return the storeys of a house from the lowest, with 4 to 12 rooms in all.
 
-    Raises SceneError if none was found, which no seed has yet done.
+    Raises SceneError if no plan is found in 1,200 tries.
     """
     for _ in range(1200):
         plans = _one_storey(rng, layout) if layout.storeys == 1 else _two_storeys(rng, layout)
         if plans is not None:
             return plans
-    raise SceneError("no floor plan was found for this seed.", "Take another index and report this one.")
+    raise SceneError("no floor plan was found for this seed.", "Use another index and report this one.")
 
 
 def _one_storey(rng: np.random.Generator, layout: Layout) -> tuple[FloorPlan, ...] | None:
@@ -34,7 +34,7 @@ def _one_storey(rng: np.random.Generator, layout: Layout) -> tuple[FloorPlan, ..
 
 
 def _two_storeys(rng: np.random.Generator, layout: Layout) -> tuple[FloorPlan, ...] | None:
-    """Living downstairs, sleeping upstairs; the stairs at the near end of the first row."""
+    """Plan living downstairs and sleeping upstairs, with the stairs at the start of the first row."""
     stair, hall, block = Stair.draw(rng), float(rng.uniform(1.6, 1.95)), bool(rng.random() < 0.4)
     depths = float(rng.uniform(3.3, 3.75)), float(rng.uniform(3.4, 4.3))
     lower = arrange_rows(_downstairs(rng, block), depths, rng, stairs=STAIR_WIDTH)
@@ -60,7 +60,7 @@ def _two_storeys(rng: np.random.Generator, layout: Layout) -> tuple[FloorPlan, .
 
 
 def _downstairs(rng: np.random.Generator, block: bool) -> list[str]:
-    """Kinds of rooms on the ground floor of two, without the living block if that has its own place."""
+    """Draw the kinds of rooms on the ground floor of two storeys. block: living room and kitchen are placed apart."""
     kinds = [] if block else ["living", "kitchen"]
     shares = {"bathroom": 0.6, "dining": 0.35, "office": 0.5, "laundry": 0.4, "bedroom": 0.25}
     return kinds + [kind for kind, share in shares.items() if rng.random() < share]
@@ -78,7 +78,7 @@ def _upstairs(rng: np.random.Generator, layout: Layout) -> list[str]:
 
 
 def _renamed(plan: FloorPlan, taken: set[str]) -> FloorPlan:
-    """Return the upper storey with names that the lower one has not; its hall is the landing."""
+    """Rename the rooms of the upper storey so that no name is used twice; its hall becomes the landing."""
     names = {"": "", "stairs": "stairs"}
     for area in plan.areas:
         number, stem = 1, "landing" if area.kind == "hall" else area.kind

@@ -1,4 +1,4 @@
-"""Rules by which rooms are furnished, one for each kind of room."""
+"""The furnishing rules, one for each kind of room."""
 
 from __future__ import annotations
 
@@ -168,7 +168,7 @@ def _hall(space: Space, kit: Kit) -> None:
 
 
 def _landing(space: Space, kit: Kit) -> None:
-    """Furnish the hall upstairs: the way from the stairs to the bedrooms."""
+    """Furnish the hall upstairs, between the stairs and the bedrooms."""
     if kit.chance(0.6):
         console = put_at_wall(space, kit, tables.console)
         if console:
@@ -184,7 +184,7 @@ def _landing(space: Space, kit: Kit) -> None:
 
 
 def _stairs(space: Space, kit: Kit) -> None:
-    """Nothing stands on stairs."""
+    """Put nothing on the stairs."""
 
 
 _RULES: Final[dict[str, Callable[[Space, Kit], None]]] = {

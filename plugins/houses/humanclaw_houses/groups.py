@@ -1,4 +1,4 @@
-"""Groups of furniture: a couch opposite the television, chairs at a table, counters, a bed with its tables."""
+"""Place groups of furniture: a couch opposite a television, chairs at a table, counters, a bed with nightstands."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from humanclaw_houses.stock import apart
 
 # -- groups ------------------------------------------------------------------------------------------------------------
 def put_lounge(space: Space, kit: Kit) -> bool:
-    """Television, couch opposite, low table and rug between; a smaller couch if the room asks for it."""
+    """Put a television, a couch opposite, and a low table and a rug between; a smaller couch if a large one fails."""
     for count in (3, 2):
         couch = kit.make(seats.couch, count)
         screen = kit.make(media.tv, round(float(kit.rng.uniform(1.0, 1.3)), 2))
@@ -37,12 +37,13 @@ def _try_lounge(space: Space, kit: Kit, stand: Placed, screen: Piece, couch: Pie
         return False
     gap = room - 0.05 if room < 2.9 else float(kit.rng.uniform(2.1, 2.7))
     return _seat_across(space, kit, stand, screen, couch, gap) or (
-        room > 2.0 and _seat_across(space, kit, stand, screen, couch, room - 0.5)  # before an open side
+        # In front of an open side, a couch near it would block the way: half a metre stays free behind it.
+        room > 2.0 and _seat_across(space, kit, stand, screen, couch, room - 0.5)
     )
 
 
 def _seat_across(space: Space, kit: Kit, stand: Placed, screen: Piece, couch: Piece, gap: float) -> bool:
-    """Put the couch so far before the television, looking at it."""
+    """Put the couch opposite the television. gap: metres between the stand and the couch."""
     out = stand.piece.size[2] / 2 + gap + couch.size[2] / 2
     seat = Placed(
         couch, stand.x + out * np.sin(stand.yaw), 0.0, stand.z + out * np.cos(stand.yaw), stand.yaw + np.pi, stand.room
@@ -60,7 +61,7 @@ def _seat_across(space: Space, kit: Kit, stand: Placed, screen: Piece, couch: Pi
 
 
 def _on_front_edge(stand: Placed, screen: Piece) -> Placed:
-    """Return a television as far to the front of its stand as it can be, so that one can step up to it."""
+    """Return a television at the front edge of its stand, so that a body can come close to it."""
     out = stand.piece.size[2] / 2 - screen.size[2] / 2 - 0.03
     y = stand.piece.tops[0].y + 0.001
     return Placed(
@@ -83,7 +84,7 @@ def _around_couch(space: Space, kit: Kit, seat: Placed, gap: float) -> None:
 
 
 def put_dining_set(space: Space, kit: Kit, count: int, at_wall: bool = True) -> bool:
-    """Put down a table with chairs at its long sides and room to get behind them; at_wall: or at a wall."""
+    """Put a table with chairs at its long sides and room behind them. at_wall: otherwise try it at a wall."""
     if kit.left["chair"] < count:
         return False
     table = kit.make(tables.dining_table, count)
@@ -91,7 +92,7 @@ def put_dining_set(space: Space, kit: Kit, count: int, at_wall: bool = True) -> 
     w, _, d = table.size
     apart = {2: [0.0], 4: [-0.22 * w, 0.22 * w], 6: [-0.295 * w, 0.0, 0.295 * w],
              8: [-0.345 * w, -0.115 * w, 0.115 * w, 0.345 * w]}[count]  # fmt: skip
-    if d > 1.0:  # round
+    if d > 1.0:  # Only round tables are that deep: one chair on each of four sides.
         apart = [0.0]
     spots = _open_spots(space, w, d + 2 * 0.35, kit.rng)
     for x, z, yaw in spots:
@@ -110,12 +111,12 @@ def put_dining_set(space: Space, kit: Kit, count: int, at_wall: bool = True) -> 
 
 
 def put_bare_table(space: Space, kit: Kit) -> bool:
-    """Put down a table without a chair, at a wall."""
+    """Put a table without chairs at a wall."""
     return put_at_wall(space, kit, tables.dining_table, 4, front=0.5) is not None
 
 
 def _set_down(space: Space, kit: Kit, table: Placed, chairs: Sequence[Placed]) -> bool:
-    """Place a table and its chairs if every chair can be got at."""
+    """Place a table and its chairs if a body can reach every chair."""
     want = [at_hand(chair) for chair in chairs]
     done = all(space.fits(obj) for obj in (table, *chairs)) and space.put(table, *chairs, want=want)
     kit.left["chair"] -= len(chairs) * done
@@ -123,7 +124,10 @@ def _set_down(space: Space, kit: Kit, table: Placed, chairs: Sequence[Placed]) -
 
 
 def _open_spots(space: Space, w: float, d: float, rng: np.random.Generator) -> list[tuple[float, float, float]]:
-    """Middles of free rectangles, away from walls if there is room."""
+    """Return (x, z, yaw) of free rectangles, those with free floor around them first.
+
+    Only the best 40, because each one costs a check of the walkable floor.
+    """
     r = space.rect
     found = []
     for yaw, (a, b) in ((0.0, (w, d)), (np.pi / 2, (d, w))):
@@ -150,7 +154,10 @@ def _at_end(table: Placed, chair: Piece, side: int) -> Placed:
 
 
 def put_counters(space: Space, kit: Kit) -> None:
-    """One run of units along the wall with the longest free stretch, fridge at an end, cupboards and hood above."""
+    """Put a run of kitchen units along the longest free stretch of wall, with a fridge at an end.
+
+    Cupboards and a hood hang above.
+    """
     side, start, end = max((_stretch(space, side) for side in SIDES), key=lambda run: run[2] - run[1])
     fronts = kitchen.Fronts.draw(kit.style)
     pieces = _run(kit, fronts, end - start)
@@ -167,7 +174,7 @@ def put_counters(space: Space, kit: Kit) -> None:
 
 
 def _stretch(space: Space, side: Side) -> tuple[Side, float, float]:
-    """Return the longest part of a wall along which units 0.65 m deep fit."""
+    """Return the longest stretch of a wall along which units 0.65 m deep fit: side, start and end in metres."""
     best, start, step = (side, 0.0, 0.0), 0.02, 0.05
     for at in np.arange(0.02, space.length(side) - 0.02, step):
         if not space.is_free_unit(side, float(at), step):
@@ -178,7 +185,10 @@ def _stretch(space: Space, side: Side) -> tuple[Side, float, float]:
 
 
 def _run(kit: Kit, fronts: kitchen.Fronts, length: float) -> list[Piece]:
-    """Units that fill a length: sink and stove always if they fit, a fridge if there is room, worktops between."""
+    """Return units that fill a length: sink and stove if both fit, a fridge if there is room, worktops between.
+
+    A run has at most 4.2 m. Sink and stove are 0.8 and 0.6 m wide.
+    """
     sink, stove = kit.make(kitchen.sink, fronts), kit.make(kitchen.stove)
     left = min(length, 4.2) - 0.8 - 0.6 - 0.02
     if left < 0:
@@ -206,8 +216,10 @@ def _above_unit(space: Space, kit: Kit, fronts: kitchen.Fronts, unit: Placed) ->
 
 
 def put_bed(space: Space, kit: Kit, double: bool) -> bool:
-    """Return a bed with its head at a wall and free floor at both sides (one for a single bed) and its foot;
-    nightstands and lamps."""
+    """Put a bed with its head at a wall, with nightstands and lamps.
+
+    Floor stays free at its foot and at both sides, at one side for a single bed.
+    """
     bed = kit.make(beds.bed, double)
     w, _, d = bed.size
     for spot in space.spots(bed, kit.rng, step=0.15):
@@ -238,7 +250,7 @@ def _beside_bed(space: Space, kit: Kit, bed: Placed) -> None:
 
 
 def put_work_place(space: Space, kit: Kit) -> bool:
-    """Return a desk at a wall with a chair drawn up to it; lamp and laptop on it."""
+    """Put a desk at a wall with a chair at it, and a lamp and a laptop on it."""
     desk = kit.make(tables.desk)
     if kit.left["chair"] < 1:
         return put_at_wall(space, kit, tables.desk, front=0.5) is not None
@@ -255,7 +267,7 @@ def put_work_place(space: Space, kit: Kit) -> bool:
 
 
 def put_toilet(space: Space, kit: Kit) -> bool:
-    """Return a toilet with elbow room at both sides and standing room in front."""
+    """Put a toilet with elbow room at both sides and standing room in front."""
     piece = kit.make(bath.toilet)
     w, _, d = piece.size
     for spot in space.spots(piece, kit.rng):
@@ -277,7 +289,7 @@ def put_basin(space: Space, kit: Kit) -> None:
 
 
 def put_wall_tv(space: Space, kit: Kit) -> Placed | None:
-    """Return a screen on the wall or on a cabinet of its own, with floor to stand on before it."""
+    """Put a television on the wall or on its own cabinet, with free floor in front."""
     if kit.chance(0.5):
         piece = kit.make(media.wall_tv, 1.0)
         return space.try_put(space.spots(piece, kit.rng, y=0.95), front=0.5, target=True)

@@ -1,4 +1,4 @@
-"""What furnishing a house draws on: its style, its random numbers, imported furniture, names of pieces."""
+"""The resources for furnishing a house: style, random numbers, imported furniture, names of pieces."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from humanclaw_houses.style import Style
 
 Maker = Callable[[Style, str], Piece]
 _COUCHES: Final = (0.3, 0.3, 0.25, 0.15)
-"""Shares of the households with one to four couches, as far as there is room for them."""
+"""Shares of households with one to four couches; fewer are placed if there is no room."""
 
 
 @dataclass(eq=False)
 class Kit:
-    """What the rules draw on: the taste of the house, its random numbers, and names for new pieces."""
+    """The resources that furnishing rules use."""
 
     style: Style
     rng: np.random.Generator
     rooms: tuple[str, ...]
     """Kinds of room in this house."""
     stock: Stock | None = None
-    """Imported furniture, taken where it has what a rule asks for."""
+    """Imported furniture, used where it has an asset similar to the one that a rule makes."""
     left: dict[str, int] = field(default_factory=dict)
-    """How many more chairs and couches this household has."""
+    """Number of chairs and couches of this household that are not placed yet."""
     _count: dict[str, int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -40,7 +40,7 @@ class Kit:
         return f"{word}_{self._count[word]}"
 
     def make(self, maker: Callable[..., Piece], *args: object, **options: object) -> Piece:
-        word = maker.__name__.rstrip("_")
+        word = maker.__name__.rstrip("_")  # bin_ avoids the builtin bin.
         piece = maker(self.style, self.name(word), *args, **options)
         return self.stock.instead_of(word, piece) if self.stock else piece
 

@@ -1,4 +1,4 @@
-"""Lay rooms out in a rectangle: straight, crossed, in a strip, as a studio."""
+"""Lay rooms out as rectangles: along a straight or a crossed hall, in a strip, or as a studio."""
 
 from __future__ import annotations
 
@@ -13,11 +13,15 @@ _SIZES: Final = {
     "living": (19.0, 27.0), "sitting": (14.0, 18.0), "kitchen": (10.0, 14.0), "dining": (11.0, 15.0),
     "bedroom": (11.5, 16.0), "kids": (10.0, 13.0), "bathroom": (5.5, 7.5), "office": (8.5, 11.5), "laundry": (5.0, 6.5),
 }  # fmt: skip
+"""Smallest and largest area of each kind of room, square metres."""
 _LEAST_WIDTH: Final = {"living": 4.0, "kitchen": 2.7, "dining": 2.9, "bathroom": 1.75, "laundry": 1.65, "office": 2.5}
 
 
 def _programme(rng: np.random.Generator, layout: Layout) -> list[str]:
-    """Kinds of rooms besides the hall, of a small flat up to a family house; one with two living rooms is large."""
+    """Draw the kinds of rooms besides the hall, from a small flat to a family house.
+
+    A house with two living rooms is one of the two largest sizes.
+    """
     size = int(rng.integers(4)) if layout.livings == 1 else int(rng.integers(2, 4))
     kinds = ["living", "kitchen", "bedroom", "bathroom"]
     if size >= 1:
@@ -38,7 +42,7 @@ Rect = tuple[str, float, float, float, float]
 
 # -- shapes ------------------------------------------------------------------------------------------------------------
 def _straight(rng: np.random.Generator, layout: Layout) -> list[Rect] | None:
-    """Lay out a hall with rooms on both sides, and at times a living block across its end."""
+    """Lay out a hall with rooms on both sides, half of the time with a living block across its end."""
     hall, depths = _hall(rng), (float(rng.uniform(3.3, 4.3)), float(rng.uniform(3.3, 4.3)))
     kinds = _programme(rng, layout)
     block = rng.random() < 0.5
@@ -50,8 +54,10 @@ def _straight(rng: np.random.Generator, layout: Layout) -> list[Rect] | None:
 
 
 def _crossed(rng: np.random.Generator, layout: Layout) -> list[Rect] | None:
-    """Lay out a hall between two rows that turns a corner (l) or ends in the middle of another (t), and rooms along
-    that."""
+    """Lay out a hall between two rows of rooms, and a third row across its end.
+
+    In an l the hall turns along the third row; in a t it ends in the middle of a second hall along it.
+    """
     hall, depths = _hall(rng), (float(rng.uniform(3.3, 4.1)), float(rng.uniform(3.3, 4.1)))
     kinds = _programme(rng, layout)
     beyond = hall if layout.shape == "l" else 0.0
@@ -68,7 +74,8 @@ def _crossed(rng: np.random.Generator, layout: Layout) -> list[Rect] | None:
 
 
 def _strip(rng: np.random.Generator, layout: Layout) -> list[Rect] | None:
-    """Lay out a row of rooms that open from the living and the dining room along it, and the kitchen across the end."""
+    """Lay out a row of rooms, the living and the dining room along it from which they open, and the kitchen at the
+    end."""
     depth, row_depth = float(rng.uniform(4.2, 5.2)), float(rng.uniform(3.3, 4.2))
     kinds = _programme(rng, layout)
     rest = _without(kinds, ("living", "kitchen", "dining"))
@@ -89,7 +96,7 @@ def _strip(rng: np.random.Generator, layout: Layout) -> list[Rect] | None:
 
 
 def _studio(rng: np.random.Generator, layout: Layout) -> list[Rect] | None:
-    """Lay out one room to live, sleep and cook in, a bathroom, and an entrance between."""
+    """Lay out one open room to live, sleep and cook in, a bathroom, and an entrance between them."""
     bath, hall, cook = float(rng.uniform(2.1, 2.6)), float(rng.uniform(1.75, 2.0)), float(rng.uniform(2.6, 3.2))
     near, far = float(rng.uniform(2.6, 2.9)), float(rng.uniform(3.8, 4.7))
     bed, length = max(2.75, bath + float(rng.uniform(0.1, 0.4))), bath + hall + cook
@@ -106,12 +113,12 @@ SHAPED: Final[dict[str, Callable[[np.random.Generator, Layout], list[Rect] | Non
 
 
 def _hall(rng: np.random.Generator) -> float:
-    """Width of a hall, metres."""
+    """Draw the width of a hall, metres."""
     return float(rng.uniform(1.6, 1.95))
 
 
 def _without(kinds: list[str], taken: Sequence[str]) -> list[str]:
-    """Return the kinds that are left when one of each of those taken is gone."""
+    """Return the kinds without one of each taken kind."""
     left = list(kinds)
     for kind in taken:
         if kind in left:
@@ -120,12 +127,12 @@ def _without(kinds: list[str], taken: Sequence[str]) -> list[str]:
 
 
 def _width(kind: str, depth: float, rng: np.random.Generator) -> float:
-    """Draw what a room of a kind asks for along a row of some depth."""
+    """Draw the width that a room needs in a row of a given depth, metres."""
     return max(float(rng.uniform(*_SIZES[kind])) / depth, _LEAST_WIDTH.get(kind, 2.8))
 
 
 def _fitted(row: list[tuple[str, float]], length: float) -> list[tuple[str, float]] | None:
-    """Return a row made so long; None if that would distort its rooms."""
+    """Scale a row to a length; None if that would distort its rooms."""
     share = length / sum(width for _, width in row)
     fair = 0.8 < share < 1.3 and all(share * width >= 0.97 * _LEAST_WIDTH.get(kind, 2.8) for kind, width in row)
     return [(kind, width * share) for kind, width in row] if fair else None
@@ -148,10 +155,10 @@ def arrange_rows(
     length: float | None = None,
     beyond: float = 0.0,
 ) -> tuple[list[tuple[str, float]], list[tuple[str, float]]] | None:
-    """(kind, width) along each side of the hall, the two sides equally long; None if that would distort the rooms.
+    """Distribute rooms to the two sides of the hall; return (kind, width) along each, with equal lengths.
 
-    stairs: width of the staircase at the head of the first row, 0 for none. length: of both rows; by default what the
-    rooms ask for. beyond: by how much the first row is longer.
+    None if that would distort the rooms. stairs: width of the staircase at the start of the first row, 0 for none.
+    length: of both rows; by default what the rooms need. beyond: by how much the first row is longer. Metres.
     """
     rows: tuple[list[tuple[str, float]], list[tuple[str, float]]] = ([("stairs", stairs)] if stairs else [], [])
     for number, kind in enumerate(_grouped(kinds, rng)):
@@ -175,7 +182,7 @@ def arrange_rows(
 
 
 def _grouped(kinds: list[str], rng: np.random.Generator) -> list[str]:
-    """Living, dining and kitchen first and together, the rest shuffled."""
+    """Return living, dining and kitchen first, then the rest shuffled."""
     public = [kind for kind in ("living", "dining", "kitchen") if kind in kinds]
     private = _without(kinds, public)
     return public + [private[k] for k in rng.permutation(len(private))]
@@ -191,7 +198,7 @@ def lay_out(
     hall: float,
     length: float | None = None,
 ) -> list[Rect]:
-    """Lay out the hall along x between two rows of rooms; length: of the hall, by default of the first row."""
+    """Lay out the hall along x between two rows of rooms. length: of the hall, by default that of the first row."""
     length = sum(width for _, width in rows[0]) if length is None else length
     rects: list[Rect] = [("hall", 0.0, depths[0], length, depths[0] + hall)]
     for row, z0, z1 in ((rows[0], 0.0, depths[0]), (rows[1], depths[0] + hall, depths[0] + hall + depths[1])):
@@ -208,13 +215,13 @@ def living_block(
     hall: float,
     width: float,
 ) -> list[Rect]:
-    """Living room and kitchen across the far end of the hall."""
+    """Lay out living room and kitchen across the far end of the hall."""
     x, split = sum(w for _, w in rows[0]), depths[0] + hall
     return [("living", x, 0.0, x + width, split), ("kitchen", x, split, x + width, split + depths[1])]
 
 
 def turned(storeys: list[list[Rect]], rng: np.random.Generator) -> list[list[Rect]]:
-    """Round to the centimetre, mirror and turn at random, all storeys alike."""
+    """Mirror and turn all storeys in the same random way, and round to the centimetre."""
     flip_x, flip_z, swap = (bool(v) for v in rng.integers(0, 2, 3))
     far_x = max(x1 for rects in storeys for _, _, _, x1, _ in rects)
     far_z = max(z1 for rects in storeys for _, _, _, _, z1 in rects)

@@ -1,6 +1,6 @@
-"""A folder of imported furniture: an index, and for each asset a GLB to look at and the hulls that it collides by.
+"""A folder of imported furniture: an index, and for each asset a GLB to draw and its collision hulls.
 
-LIB/index.json              what there is, checked against this module's types when it is read
+LIB/index.json              all assets; checked against this module's types when it is read
 LIB/models/ID.glb           the mesh in the asset's frame: metres, +Y up, front +Z, y = 0 at the bottom
 LIB/models/ID.hulls         the convex pieces (safetensors)
 """
@@ -20,6 +20,7 @@ from safetensors import SafetensorError
 from safetensors.numpy import load, save
 
 from humanclaw import HumanclawError, SceneError
+from humanclaw.records import first_fault
 from humanclaw.storage import write_atomically
 from humanclaw.world import Asset, Mesh, read_mesh, write_model
 
@@ -33,7 +34,7 @@ class _Frozen(BaseModel):
 
 
 class Level(_Frozen):
-    """A level rectangle that objects can stand on. Metres, the asset's frame."""
+    """A level rectangle that objects can stand on, in the asset's frame, metres."""
 
     x0: float
     z0: float
@@ -51,9 +52,9 @@ class Entry(_Frozen):
     size: tuple[Metres, Metres, Metres]
     """Width, height, depth."""
     unit: str
-    """The unit of the file, or that the catalogue gave the size."""
+    """Unit of the model file, or a note that the catalogue states the size."""
     turned: str = ""
-    """How the model was turned to face +Z."""
+    """Rotation that made the model face +Z."""
     seat_height: Metres | None = None
     top: Level | None = None
     mass: Metres | None = None
@@ -66,15 +67,15 @@ class Entry(_Frozen):
     author: str
     collection: str
     source_digest: str
-    """Of the source's files and of what was said about them."""
+    """Digest of the source's files and of the metadata given for them."""
     recipe: str
     """Version and options of the import."""
     digest: str
-    """Of the two files in the library."""
+    """Digest of the asset's two files in the library."""
 
     @property
     def credit(self) -> str:
-        """What a licence that asks for attribution asks for."""
+        """Attribution, as licences such as CC-BY require it."""
         return f"{self.name} ({self.id}) by {self.author or 'unknown'}, from {self.collection}"
 
 
@@ -86,10 +87,10 @@ class Index(_Frozen):
 
 
 class Library:
-    """A library on disk, opened for reading."""
+    """A library on disk, for reading."""
 
     def __init__(self, folder: Path) -> None:
-        """Open a library. Raises HumanclawError if there is no library in the folder or its index is not one."""
+        """Open a library. Raises HumanclawError if the folder has no index or an invalid one."""
         self.folder = folder
         self._read: dict[str, Asset] = {}
         self.index = read_index(folder)
@@ -103,12 +104,11 @@ class Library:
 
     @cached_property
     def digest(self) -> str:
-        """Names everything in the library: the index holds the digests of all files."""
+        """Digest of the whole library: the index holds the digests of all files."""
         return hashlib.sha256((self.folder / INDEX).read_bytes()).hexdigest()
 
     def asset(self, entry: Entry) -> Asset:
-        """One asset, read at the first time of asking. Raises SceneError, naming it, if a file is missing or was
-        changed."""
+        """Return an asset, read on first use. Raises a SceneError that names it if a file is missing or changed."""
         if entry.id not in self._read:
             self._read[entry.id] = self._load(entry)
         return self._read[entry.id]
@@ -132,18 +132,16 @@ class Library:
 
 
 def read_index(folder: Path) -> Index | None:
-    """Return the index of a library; None if there is none. Raises HumanclawError if it is not one."""
+    """Return the index of a library; None if there is none. Raises HumanclawError if it is invalid."""
     path = folder / INDEX
     if not path.is_file():
         return None
     try:
         return Index.model_validate_json(path.read_text("utf-8"))
     except (ValidationError, UnicodeDecodeError) as error:
-        first = error.errors()[0] if isinstance(error, ValidationError) else {"loc": (), "msg": str(error)}
-        place = ".".join(str(part) for part in first["loc"])
-        raise HumanclawError(
-            f"{path} is not the index of an asset library: {place}: {first['msg']}.", "Remove it and import again."
-        ) from error
+        fault = first_fault(error) if isinstance(error, ValidationError) else str(error)
+        said = f"{path} is not the index of an asset library: {fault}."
+        raise HumanclawError(said, "Remove it and import again.") from error
 
 
 def write_index(folder: Path, entries: Sequence[Entry]) -> None:

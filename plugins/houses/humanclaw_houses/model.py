@@ -1,5 +1,4 @@
-"""From shapes and tiles to an asset: one mesh with one atlas, its collision hulls, and the tops that objects can stand
-on."""
+"""Build an asset from shapes and tiles: one mesh with one atlas, collision hulls, and tops for other objects."""
 
 from __future__ import annotations
 
@@ -10,9 +9,8 @@ from typing import Literal
 
 import numpy as np
 from manifold3d import Manifold
-from numpy.typing import NDArray
 
-from humanclaw.world import Asset, Mesh
+from humanclaw.world import Asset, Mesh, exact
 from humanclaw_houses.shapes import Array, Chart, Point, Shape, box
 from humanclaw_houses.textures import Pixels, Tile
 
@@ -21,7 +19,7 @@ Solid = Literal["", "box", "hull"]
 
 @dataclass(frozen=True)
 class Top:
-    """A level rectangle of an asset that objects can be put on, in its own frame. Metres."""
+    """A level rectangle that objects can be put on, in the asset's frame, metres."""
 
     x0: float
     z0: float
@@ -29,22 +27,22 @@ class Top:
     z1: float
     y: float
     room: float = 1.0
-    """Free height over it."""
+    """Free height above it."""
 
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """An asset and what a furnisher needs to know about it."""
+    """An asset with the properties that furnishing needs."""
 
     asset: Asset
     tops: tuple[Top, ...] = ()
     mass: float = 0.0
-    """Kilograms; 0 for what cannot be moved."""
+    """Kilograms; 0 if it is fixed."""
     friction: float = 0.5
 
     @cached_property
     def size(self) -> tuple[float, float, float]:
-        """Width, height and depth of the mesh. Metres."""
+        """Width, height and depth of the mesh, metres."""
         low, high = self.low, self.high
         return tuple(np.asarray(high - low, float).tolist())
 
@@ -66,7 +64,7 @@ class Model:
         self._tops: list[Top] = []
 
     def add(self, shape: Shape, tile: Tile, solid: Solid = "") -> None:
-        """Add a part; solid: what of it collides, its bounding box or its convex hull."""
+        """Add a part. solid: whether its bounding box or its convex hull collides, or nothing."""
         self._parts += [(chart, tile) for chart in shape.charts]
         if solid == "box":
             low, high = shape.vertices.min(axis=0), shape.vertices.max(axis=0)
@@ -75,13 +73,13 @@ class Model:
             self._hulls.append(convex(shape.vertices))
 
     def box(self, size: Point, at: Point, tile: Tile, *, solid: bool = True, skip: str = "") -> None:
-        """Add a box that stands on `at`."""
+        """Add a box that stands on `at`. solid: whether it collides. skip: sides to leave out, as in shapes.box."""
         self.add(box(size, at, skip), tile)
         if solid:
             self.solid(size, at)
 
     def solid(self, size: Point, at: Point) -> None:
-        """Add a collision box that stands on `at` and is not seen."""
+        """Add an invisible collision box that stands on `at`."""
         half = np.array([size[0] / 2, 0.0, size[2] / 2])
         self._hulls.append(corners(np.array(at) - half, np.array(at) + half + [0.0, size[1], 0.0]))
 
@@ -90,7 +88,7 @@ class Model:
         self._tops.append(Top(x - width / 2, z - depth / 2, x + width / 2, z + depth / 2, y, room))
 
     def points(self) -> Array:
-        """(N, 3) vertices so far."""
+        """Return (N, 3) all vertices so far."""
         return np.concatenate([chart.vertices for chart, _ in self._parts])
 
     def piece(
@@ -108,25 +106,20 @@ class Model:
         return Piece(asset, tops, mass, friction)
 
 
-def exact(points: Array) -> NDArray[np.float32]:
-    """Round to hundredths of a millimetre, so that the last bit of a sine cannot change a digest."""
-    return np.asarray(np.round(points, 5) + 0.0, np.float32)
-
-
 def corners(low: Array, high: Array) -> Array:
-    """(8, 3) corners of a box."""
+    """Return the (8, 3) corners of a box."""
     pick = np.array([[i, j, k] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
     return np.where(pick == 1, high, low)
 
 
 def convex(points: Array, tolerance: float = 0.004) -> Array:
-    """(K, 3) vertices of the convex hull, thinned where that moves the surface by less than the tolerance."""
+    """Return (K, 3) vertices of the convex hull, thinned where that moves the surface by less than the tolerance."""
     hull = Manifold.hull_points(np.round(points, 5)).simplify(tolerance)
     return np.asarray(hull.to_mesh64().vert_properties[:, :3], float)
 
 
 def bake(parts: Sequence[tuple[Chart, Tile]], shift: Array) -> Mesh:
-    """One mesh of many charts: their tiles side by side in an atlas and their uv fitted into them."""
+    """Combine charts into one mesh: their tiles side by side in an atlas, their uv fitted into the tiles."""
     tiles = list({id(tile): tile for _, tile in parts}.values())
     texture, cells = atlas(tiles)
     vertices, faces, uvs, count = [], [], [], 0
@@ -140,8 +133,10 @@ def bake(parts: Sequence[tuple[Chart, Tile]], shift: Array) -> Mesh:
 
 
 def _fit(chart: Chart, tile: Tile, number: int) -> Array:
-    """(N, 2) uv in 0..1 of the tile: the whole of it, or as much as the chart covers, cut at a place that varies by
-    part."""
+    """Return (N, 2) uv in 0..1 of the tile: all of it, or a cut as large as the chart, at a place that varies by part.
+
+    The places vary so that equal parts do not show the same pattern.
+    """
     uv = chart.uv - chart.uv.min(axis=0)
     span = np.maximum(uv.max(axis=0), 1e-9)
     if tile.grain and span[0] > span[1]:
@@ -154,8 +149,7 @@ def _fit(chart: Chart, tile: Tile, number: int) -> Array:
 
 
 def atlas(tiles: Sequence[Tile]) -> tuple[Pixels, dict[int, tuple[Array, Array]]]:
-    """Return a picture of all tiles in a grid, and for each by its identity the corner and the extent of its cell in
-    uv."""
+    """Return a picture of all tiles in a grid, and each tile's id() to the corner and the extent of its cell in uv."""
     side = max(len(tile.pixels) for tile in tiles)
     columns = int(np.ceil(np.sqrt(len(tiles))))
     rows = int(np.ceil(len(tiles) / columns))

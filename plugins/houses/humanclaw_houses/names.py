@@ -1,4 +1,4 @@
-"""Which houses there are: what may follow the colon in `house:3`."""
+"""Names of houses: the text that may follow the colon in `house:3`."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from humanclaw import SceneError
 
 VALIDATION_HOUSES: Final = 41
 GENERATOR: Final = 3
-"""Raised when the houses of a number are no longer those they were; splits of an earlier one want making anew."""
-_REMEDY: Final = "Ask for house:0 to house:40, or house:train-N for a training house with N from 0 on."
+"""Version of the generator. Raise it when a number no longer gives the same house; make the splits again then."""
+_REMEDY: Final = "Use house:0 to house:40, or house:train-N with N from 0 for a training house."
 
 
 def seed_of(argument: str) -> tuple[int, int]:
-    """Return the seed of the house that '0' to '40' or 'train-N' names. Raises SceneError if there is no such house."""
+    """Return the seed of house '0' to '40' or 'train-N'. Raises SceneError if there is no such house."""
     match = re.fullmatch(r"(train-)?(0|[1-9][0-9]{0,8})", argument)
     if not match or (not match[1] and int(match[2]) >= VALIDATION_HOUSES):
         raise SceneError(f"there is no house {argument!r}.", _REMEDY)

@@ -1,4 +1,4 @@
-"""Walls between areas, and their doors and windows."""
+"""Make the walls between areas, and their doors and windows."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from humanclaw_houses.plan import DOOR_HEIGHT, OPEN_TOP, PUBLIC, WALL, Area, Axi
 
 
 def walls_between(areas: tuple[Area, ...]) -> list[Wall]:
-    """Return a wall wherever the rooms on the two sides of a line differ, cut where they change."""
+    """Return a wall wherever the rooms on the two sides of a line differ; walls are cut where the rooms change."""
     walls = []
     axes: tuple[Axis, Axis] = ("x", "z")
     for axis in axes:
@@ -47,9 +47,12 @@ def with_doors(
     upper: bool = False,
     opened: frozenset[str] = frozenset(),
 ) -> list[Wall] | None:
-    """Doors from the hall to every room, wide passages to the living room or nothing between, the stairs open to the
-    hall, and on the ground floor the front door at an outer end of the hall. Without a hall, the rooms open from the
-    living and the dining room. opened: kinds of room between two of which there is no wall."""
+    """Add doors to walls; None if a room cannot be reached or there is no place for the front door.
+
+    Every room gets a door from the hall; without a hall, from the living or the dining room. The living room gets a
+    wide passage or no wall at all. The stairs are open to the hall. The ground floor has the front door, at an outer
+    end of the hall. opened: kinds of room without walls between them.
+    """
     kind = {area.name: area.kind for area in areas} | {"": ""}
     hubs = _hubs(areas)
     walls, linked = list(walls), set(hubs)
@@ -78,20 +81,22 @@ def with_doors(
 
 
 def _hubs(areas: tuple[Area, ...]) -> set[str]:
-    """Names of the areas that the other rooms open from."""
+    """Return the names of the areas from which the other rooms open."""
     halls = {area.name for area in areas if area.kind == "hall"}
     return halls or {area.name for area in areas if area.name in ("living", "dining")}
 
 
 def _opened(wall: Wall, kind: Literal["stairs", "open"]) -> Wall:
-    """Return a wall of which nothing is left but the thickness of those that it meets."""
+    """Return a wall that is open except for the thickness of the walls that it meets."""
     middle, width = round((wall.start + wall.end) / 2, 3), round(wall.end - wall.start - WALL, 3)
     return replace(wall, openings=(Opening(middle, width, 0.0, OPEN_TOP, kind),))
 
 
 def _door(wall: Wall, hubs: set[str], kind: dict[str, str], rng: np.random.Generator) -> Opening:
-    """Return a door near a corner of the room, its leaf standing open along the side wall; a wide one without to the
-    living room."""
+    """Return a door near a corner of the room, whose leaf opens along the side wall.
+
+    Living room, kitchen and dining room get a wide passage without a leaf.
+    """
     into = wall.high if wall.low in hubs else wall.low
     length = wall.end - wall.start
     if kind[into] in ("living", "kitchen", "dining"):
@@ -106,7 +111,7 @@ def _door(wall: Wall, hubs: set[str], kind: dict[str, str], rng: np.random.Gener
 
 
 def _joined(walls: list[Wall], areas: tuple[Area, ...], hubs: set[str]) -> bool:
-    """Every room can be walked to."""
+    """Return whether openings connect all rooms."""
     reached, grown = {min(hubs)}, True
     while grown:
         before = len(reached)
@@ -118,7 +123,7 @@ def _joined(walls: list[Wall], areas: tuple[Area, ...], hubs: set[str]) -> bool:
 
 
 def _front_door(walls: list[Wall], hubs: set[str], rng: np.random.Generator) -> list[Wall] | None:
-    """In one of the shortest walls that lead out; the long ones are for windows."""
+    """Put the front door in one of the shortest outer walls; the long ones are for windows."""
     outer = {
         number: round(wall.end - wall.start, 2)
         for number, wall in enumerate(walls)
@@ -138,8 +143,11 @@ def _front_door(walls: list[Wall], hubs: set[str], rng: np.random.Generator) -> 
 def with_windows(
     walls: list[Wall] | None, areas: tuple[Area, ...], rng: np.random.Generator, upper: bool = False
 ) -> list[Wall] | None:
-    """Windows in the outer walls: small and high ones where people wash, large ones where they live; above the stairs
-    only. Of the outer walls of a living room the shortest has none: a television stands there."""
+    """Add windows to the outer walls: small and high ones in bathrooms and halls, large ones in other rooms.
+
+    The shortest outer wall of a living room has none, because a television stands there. Stairs have windows only on
+    the upper storey.
+    """
     if walls is None:
         return None
     kind = {area.name: area.kind for area in areas}
@@ -153,7 +161,7 @@ def with_windows(
 
 
 def _television_walls(walls: list[Wall], kind: dict[str, str]) -> set[int]:
-    """Return the shortest outer wall without a door of each living room that has two or more."""
+    """Return the shortest outer wall without a door of each living room with two or more such walls."""
     outer: dict[str, list[tuple[float, int]]] = {}
     for number, wall in enumerate(walls):
         inside = wall.low or wall.high

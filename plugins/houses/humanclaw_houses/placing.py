@@ -1,4 +1,4 @@
-"""Placing single pieces: at a wall, in a corner, over another piece, at a window."""
+"""Place single pieces: at a wall, in a corner, above another piece, at a window."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from humanclaw_houses.space import Side, Space, block_of, turn
 
 
 def beside(obj: Placed, piece: Piece, x: float, z: float, yaw: float = 0.0) -> Placed:
-    """Return a piece at (x, z) in the frame of another."""
+    """Return a piece at (x, z) in the frame of another piece, on the floor. yaw: relative to it, radians."""
     (dx, _, dz) = turn(np.array([[x, 0.0, z]]), obj.yaw)[0]
     return Placed(piece, obj.x + float(dx), 0.0, obj.z + float(dz), obj.yaw + yaw, obj.room)
 
@@ -25,12 +25,12 @@ def beside(obj: Placed, piece: Piece, x: float, z: float, yaw: float = 0.0) -> P
 def put_at_wall(
     space: Space, kit: Kit, maker: Callable[..., Piece], *args: object, front: float = 0.0, target: bool = False
 ) -> Placed | None:
-    """One piece against a wall."""
+    """Put one piece against a wall."""
     return space.try_put(space.spots(kit.make(maker, *args), kit.rng), front=front, target=target)
 
 
 def put_in_corner(space: Space, kit: Kit, maker: Maker, front: float = 0.0, target: bool = False) -> Placed | None:
-    """One piece as near to a corner as it can be."""
+    """Put one piece as close to a corner as possible."""
     r = space.rect
     corners = [(x, z) for x in (r.x0, r.x1) for z in (r.z0, r.z1)]
     spots = space.spots(kit.make(maker), kit.rng)
@@ -39,12 +39,12 @@ def put_in_corner(space: Space, kit: Kit, maker: Maker, front: float = 0.0, targ
 
 
 def put_plant(space: Space, kit: Kit) -> Placed | None:
-    """Return a plant, in a corner if one is free."""
+    """Put a plant, in a corner if one is free."""
     return put_in_corner(space, kit, plants.plant, target=True)
 
 
 def from_household(kit: Kit, category: str, put: Callable[[], Placed | None]) -> Placed | None:
-    """Put one of those chairs or couches that the household has left."""
+    """Put a chair or couch if the household has one left, and count it."""
     placed = put() if kit.left[category] > 0 else None
     kit.left[category] -= placed is not None
     return placed
@@ -60,7 +60,7 @@ def put_chair(space: Space, kit: Kit) -> Placed | None:
 
 
 def put_armchair(space: Space, kit: Kit) -> Placed | None:
-    """Put an armchair in a corner or at a wall, turned a little towards the room."""
+    """Put an armchair at a wall or in a corner, turned 20 degrees to one side."""
     return from_household(kit, "chair", lambda: _turned_in(space, kit))
 
 
@@ -74,7 +74,7 @@ def _turned_in(space: Space, kit: Kit) -> Placed | None:
 
 
 def hang(space: Space, kit: Kit, count: int) -> None:
-    """Pictures, and a shelf at times, on what is left of the walls."""
+    """Hang pictures and sometimes a shelf on free parts of the walls."""
     for _ in range(int(kit.rng.integers(max(1, count - 1), count + 1))):
         w, h = (round(float(v), 2) for v in kit.rng.uniform((0.4, 0.4), (0.9, 0.65)))
         hang_one(space, kit, kit.make(decor.picture, w, h), 1.4)
@@ -87,7 +87,7 @@ def hang_one(space: Space, kit: Kit, piece: Piece, y: float) -> Placed | None:
 
 
 def _flush(space: Space, piece: Piece, rng: np.random.Generator) -> Sequence[Placed]:
-    """Spots along the walls without the gap that skirting needs."""
+    """Return spots along the walls without the gap for the skirting."""
     return [
         replace(s, x=s.x - 0.014 * np.sin(s.yaw), z=s.z - 0.014 * np.cos(s.yaw))
         for s in space.spots(piece, rng, step=0.2)
@@ -117,7 +117,7 @@ def lay_mat(space: Space, kit: Kit, w: float, d: float) -> None:
 
 
 def put_curtain(space: Space, kit: Kit, side: Side, at: float, width: float, top: float) -> None:
-    """Curtains beside a window; they hang free of the furniture and do not collide."""
+    """Hang curtains beside a window. They do not collide, so furniture may stand under them."""
     short = kit.chance(0.5)
     height = round(top + 0.1 - (0.75 if short else 0.05), 2)
     piece = kit.make(decor.curtain, width, height, kit.style.second_cloth)

@@ -1,4 +1,4 @@
-"""A floor plan as values: areas, walls with openings, stairs."""
+"""Values of a floor plan: areas, walls with openings, stairs. All lengths are metres."""
 
 from __future__ import annotations
 
@@ -12,21 +12,23 @@ WALL: Final = 0.12
 CEILING: Final = 2.5
 DOOR_HEIGHT: Final = 2.05
 OPEN_TOP: Final = 100.0
-"""Top of an opening that reaches up to whatever is above."""
+"""Top of an opening that reaches the ceiling, whatever its height."""
 Axis = Literal["x", "z"]
 PUBLIC: Final = frozenset({"living", "kitchen", "dining"})
-"""Kinds of room that are joined by wide passages, or by nothing at all in an open plan."""
+"""Kinds of room that wide passages connect; in an open plan there is no wall between them."""
 
 
 @dataclass(frozen=True)
 class Layout:
-    """What a house is like before any of its measures is drawn."""
+    """The kind of a house, drawn before any of its measures."""
 
     shape: Literal["straight", "l", "t", "strip", "studio"] = "straight"
-    """Of the hall: straight, turning a corner, or ending across another; none in a strip, where rooms open from the
-    living room; and a studio has an entrance alone."""
+    """Shape of the hall: straight, around a corner (l), or ending at another hall (t).
+
+    A strip has no hall: rooms open from the living room. A studio has only an entrance.
+    """
     open_plan: bool = False
-    """No walls between the rooms of PUBLIC."""
+    """Whether there are no walls between the rooms of PUBLIC."""
     livings: int = 1
     storeys: int = 1
 
@@ -40,20 +42,20 @@ class Layout:
 
     @property
     def opened(self) -> frozenset[str]:
-        """Kinds of room between two of which there is no wall."""
+        """Kinds of room without walls between them."""
         if self.shape == "studio":
             return PUBLIC | {"bedroom", "hall"}
         return PUBLIC if self.open_plan else frozenset()
 
 
 _SHAPES: Final = (0.28, 0.22, 0.18, 0.17, 0.15)
-"""Shares of the shapes among houses of one storey."""
+"""Shares of the shapes among houses with one storey."""
 _TWO_LIVINGS: Final = 0.3
 
 
 @dataclass(frozen=True)
 class Area:
-    """A room between the middle lines of its walls."""
+    """A room, measured between the centre lines of its walls."""
 
     name: str
     kind: str
@@ -64,31 +66,33 @@ class Area:
 
     @property
     def inner(self) -> tuple[float, float, float, float]:
-        """x0, z0, x1, z1 between the faces of the walls."""
+        """x0, z0, x1, z1 between the inner faces of the walls."""
         h = WALL / 2
         return self.x0 + h, self.z0 + h, self.x1 - h, self.z1 - h
 
 
 @dataclass(frozen=True)
 class Opening:
-    """A hole in a wall: a doorway (bottom 0) or a window. at: its middle along the wall."""
+    """A hole in a wall: a doorway (bottom 0) or a window. at: its centre along the wall."""
 
     at: float
     width: float
     bottom: float
     top: float
     kind: Literal["door", "front_door", "passage", "stairs", "open", "window"]
-    """stairs, open: up to the ceiling and from wall to wall."""
+    """stairs and open reach up to the ceiling and from wall to wall."""
     leaf: int = 0
-    """The side of the hinge along the wall for a door with a leaf, -1 or 1; 0 for none."""
+    """Side of the hinge along the wall for a door with a leaf, -1 or 1; 0 without a leaf."""
     opens_low: bool = False
-    """The leaf stands open on the side of the smaller coordinate across the wall."""
+    """Whether the leaf opens to the side of the smaller coordinate across the wall."""
 
 
 @dataclass(frozen=True)
 class Wall:
-    """A straight wall on the line where the other coordinate is `line`. low, high: the rooms at its sides, empty
-    outside."""
+    """A straight wall along an axis, at `line` on the other axis.
+
+    low, high: names of the rooms on its sides of smaller and larger coordinate; empty outside.
+    """
 
     axis: Axis
     line: float
@@ -99,24 +103,24 @@ class Wall:
     openings: tuple[Opening, ...] = ()
 
     def point(self, along: float, across: float = 0.0) -> tuple[float, float]:
-        """World (x, z) of a point along the wall."""
+        """Return the world (x, z) of a point along the wall."""
         return (along, self.line + across) if self.axis == "x" else (self.line + across, along)
 
 
 @dataclass(frozen=True)
 class Stair:
-    """A staircase that goes up to a half-landing, turns round and comes back: twice `steps` risers in all. Metres."""
+    """A staircase with two flights side by side and a half-landing: 2 x `steps` risers in all. Metres."""
 
     riser: float
     going: float
     steps: int = 8
-    """Risers of each of its two flights."""
+    """Risers of each flight."""
     left: bool = True
-    """The lower flight is on the left of somebody who looks at the stairs from the hall."""
+    """Whether the lower flight is on the left, seen from the hall."""
 
     @property
     def rise(self) -> float:
-        """From floor to floor."""
+        """Height from floor to floor, metres."""
         return round(2 * self.steps * self.riser, 4)
 
     @classmethod
@@ -134,18 +138,16 @@ class FloorPlan:
     floor: float = 0.0
     """Height of its floor, metres."""
     height: float = CEILING
-    """From its floor to the top of its walls: the ceiling, or the next floor."""
+    """Height from its floor to the top of its walls: to the ceiling, or to the next floor, metres."""
     stair: Stair | None = None
-    """The staircase in the area named stairs, if there is one: on the lower storey its body, on the upper one the
-    hole."""
+    """The staircase in the area named stairs: its steps on the lower storey, its hole on the upper one."""
 
 
 STAIR_WIDTH: Final = 2.22
-"""Of the place for the stairs, between the middle lines of its walls: two flights of a metre and what is between
-them."""
+"""Width of the area for the stairs between the centre lines of its walls: two flights of a metre and the spine."""
 
 
 # -- walls -------------------------------------------------------------------------------------------------------------
 def room_at(areas: tuple[Area, ...], x: float, z: float) -> str:
-    """Return the name of the room around a point; empty outside."""
+    """Return the name of the room that contains a point; empty outside."""
     return next((a.name for a in areas if a.x0 < x < a.x1 and a.z0 < z < a.z1), "")

@@ -1,4 +1,4 @@
-"""Small objects on tables, shelves and floors."""
+"""Scatter small objects on tables, shelves and floors."""
 
 from __future__ import annotations
 
@@ -31,8 +31,9 @@ _ON_FLOOR: Final[tuple[Maker, ...]] = (
 
 
 def scatter(spaces: Sequence[Space], kit: Kit, count: int) -> None:
-    """Put up to so many small objects on tops and floors, a room at a time."""
+    """Put up to `count` small objects on tops and floors, in one room after the other."""
     done = 0
+    # Eight tries per object: many draws find no free place.
     for round_ in range(8 * count):
         if done >= count:
             return

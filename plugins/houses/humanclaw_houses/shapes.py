@@ -1,8 +1,7 @@
-"""Surfaces that furniture is made of: boxes, lofts through rounded rings, tubes and leaves.
+"""Make the surfaces of furniture: boxes, lofts through rounded rings, tubes and leaves.
 
-A shape is a list of charts. Vertices are shared within a chart and never between charts, so that a renderer which
-averages normals shades a chart smooth and its borders sharp. Frame: metres, Y up; (u, v) in metres until a model fits
-them into a tile.
+A shape is a list of charts. Charts share no vertices, so a renderer that averages normals shades each chart smoothly
+and its borders sharply. Frame: metres, Y up. (u, v) are in metres until a model fits them into a tile.
 """
 
 from __future__ import annotations
@@ -41,7 +40,7 @@ class Shape:
         return Shape(self.charts + other.charts)
 
     def moved(self, at: Point = (0.0, 0.0, 0.0), turn: Point = (0.0, 0.0, 0.0)) -> Shape:
-        """Turn about x, then y, then z by so many degrees, and then carried to a place."""
+        """Turn about x, then y, then z by angles in degrees, and then move by `at`."""
         matrix = _turn(turn)
         return Shape(tuple(replace(c, vertices=c.vertices @ matrix.T + np.array(at)) for c in self.charts))
 
@@ -59,7 +58,7 @@ def _turn(degrees: Point) -> Array:
 
 
 def sheet(corner: Point, along: Point, up: Point, cells: tuple[int, int] = (1, 1)) -> Chart:
-    """Return a flat grid from a corner along two sides; its outside is along x up."""
+    """Return a flat grid from a corner along two sides; its outside faces the cross product of `along` and `up`."""
     u, v = _lattice(cells)
     points = np.array(corner, float) + u[:, None] * np.array(along, float) + v[:, None] * np.array(up, float)
     uv = np.stack([u * math.hypot(*along), v * math.hypot(*up)], -1)
@@ -81,8 +80,10 @@ def _grid_faces(rows: int, columns: int) -> NDArray[np.int64]:
 
 
 def box(size: Point, at: Point = (0.0, 0.0, 0.0), skip: str = "") -> Shape:
-    """Return a box that stands on `at`, which is the middle of its bottom. skip: sides to leave out, of 'bottom top
-    left right back front' by their first letters, with k for back."""
+    """Return a box; `at` is the centre of its bottom.
+
+    skip: sides to leave out: b(ottom), t(op), l(eft), r(ight), (bac)k, f(ront).
+    """
     w, h, d = size
     x, y, z = at[0] - w / 2, at[1], at[2] - d / 2
     sides = {
@@ -98,8 +99,10 @@ def box(size: Point, at: Point = (0.0, 0.0, 0.0), skip: str = "") -> Shape:
 
 @dataclass(frozen=True)
 class Ring:
-    """A closed curve at a height: |x / rx|^power + |z / rz|^power = 1 about (x, z). power 2 is an ellipse, 8 nearly a
-    rectangle."""
+    """A closed curve at a height: |x / rx|^power + |z / rz|^power = 1 about (x, z).
+
+    Power 2 is an ellipse, power 8 nearly a rectangle.
+    """
 
     y: float
     rx: float
@@ -110,6 +113,7 @@ class Ring:
 
     def points(self, segments: int) -> Array:
         angle = np.linspace(0, 2 * np.pi, segments + 1)
+        # Rounded, so that sin(pi) is exactly 0: a large power would enlarge its error.
         cos, sin = np.round(np.cos(angle), 12), np.round(np.sin(angle), 12)
         x = self.x + self.rx * np.sign(cos) * np.abs(cos) ** (2 / self.power)
         z = self.z + self.rz * np.sign(sin) * np.abs(sin) ** (2 / self.power)
@@ -117,14 +121,14 @@ class Ring:
 
 
 def loft(rings: Sequence[Ring], segments: int = 16, bottom: bool = True, top: bool = True) -> Shape:
-    """Return a skin through rings from the lowest to the highest (or inward, for hollow objects), with flat ends."""
+    """Return a surface through rings from the lowest to the highest (or inward for hollow objects), with flat ends."""
     rows = np.array([ring.points(segments) for ring in rings])
     around = np.linalg.norm(np.diff(rows, axis=1), axis=-1).max(axis=0)
     u = np.concatenate([[0.0], np.cumsum(around)])
     rise = np.linalg.norm(np.diff(rows, axis=0), axis=-1).mean(axis=1)
     v = np.concatenate([[0.0], np.cumsum(rise)])
     uv = np.stack(np.broadcast_arrays(u[None, :], v[:, None]), -1).reshape(-1, 2)
-    # Angles run from +X to +Z, clockwise from above, so rows go the other way round to face outward.
+    # Angles run from +X to +Z, clockwise from above, so faces are reversed to look outward.
     side = Chart(rows.reshape(-1, 3), _grid_faces(*rows.shape[:2])[:, ::-1], uv)
     charts = [side]
     if bottom:
@@ -144,8 +148,9 @@ def _lid(points: Array, up: bool) -> Chart:
 
 
 def soft_box(size: Point, at: Point = (0.0, 0.0, 0.0), radius: float = 0.04, crown: float = 0.0) -> Shape:
-    """Return a cushion: a box with rounded edges that stands on `at`; crown raises the middle of its top."""
+    """Return a cushion: a box with rounded edges that stands on `at`. crown: height added to the middle of its top."""
     w, h, d = size
+    # Few rings and segments where they would not be seen: thin and small cushions.
     large, thin = max(size) > 0.55, min(size) < 0.1
     r = min(radius, 0.49 * min(w, h, d))
     power = max(3.0, min(12.0, 0.75 * min(w, d) / r))
@@ -163,8 +168,10 @@ def soft_box(size: Point, at: Point = (0.0, 0.0, 0.0), radius: float = 0.04, cro
 
 
 def pillow(size: Point, at: Point = (0.0, 0.0, 0.0), pinch: float = 0.06, cells: int = 6) -> Shape:
-    """Return a stuffed case that lies on `at`: two sheets that bulge between a seam all around, with pointed corners;
-    pinch: how far the seam is drawn in at the middle of each side, as a share of it."""
+    """Return a pillow that lies on `at`: two bulging sheets with a seam all around and pointed corners.
+
+    pinch: share by which the seam is drawn in at the middle of each side.
+    """
     u, v = (2 * value - 1 for value in _lattice((cells, cells)))
     u, v = np.sin(u * np.pi / 2), np.sin(v * np.pi / 2)
     x = size[0] / 2 * u * (1 - pinch * (1 - v**2))
@@ -178,7 +185,7 @@ def pillow(size: Point, at: Point = (0.0, 0.0, 0.0), pinch: float = 0.06, cells:
 def post(
     radius: float, height: float, at: Point = (0.0, 0.0, 0.0), top: float | None = None, segments: int = 8
 ) -> Shape:
-    """Return a round bar that stands on `at`; top: its radius at the upper end."""
+    """Return a round bar that stands on `at`. top: its radius at the upper end."""
     end = radius if top is None else top
     rings = [Ring(at[1], radius, radius, 2, at[0], at[2]), Ring(at[1] + height, end, end, 2, at[0], at[2])]
     return loft(rings, segments)
@@ -187,7 +194,7 @@ def post(
 def turned(
     profile: Sequence[tuple[float, float]], at: Point = (0.0, 0.0, 0.0), segments: int = 14, top: bool = True
 ) -> Shape:
-    """Return what a lathe makes of (radius, height) points from the bottom up."""
+    """Return a surface of revolution through (radius, height) points from the bottom up."""
     return loft([Ring(at[1] + y, r, r, 2, at[0], at[2]) for r, y in profile], segments, top=top)
 
 
@@ -215,6 +222,7 @@ def ball(radius: float, at: Point = (0.0, 0.0, 0.0), squash: Point = (1.0, 1.0, 
     """Return a ball that stands on `at`, squashed along the axes."""
     rows = max(4, segments // 2)
     angle = np.linspace(-np.pi / 2, np.pi / 2, rows + 1)[1:-1]
+    # The first and the last ring are 0.06 rad off the poles: a ring of radius 0 would have faces without area.
     angle = np.concatenate([[-np.pi / 2 + 0.06], angle, [np.pi / 2 - 0.06]])
     sx, sy, sz = (radius * s for s in squash)
     rings = [
@@ -225,8 +233,7 @@ def ball(radius: float, at: Point = (0.0, 0.0, 0.0), squash: Point = (1.0, 1.0, 
 
 
 def blade(base: Point, heading: float, length: float, width: float, rise: float, droop: float, rows: int = 4) -> Shape:
-    """Return a leaf seen from both sides: it leaves its base at an angle of `rise` degrees and bends down by `droop`
-    degrees."""
+    """Return a two-sided leaf. It leaves its base at `rise` degrees and bends down by `droop` degrees."""
     t = np.linspace(0, 1, rows + 1)
     pitch = np.radians(rise - droop * (t[:-1] + t[1:]) / 2)
     reach = np.concatenate([[0], np.cumsum(np.cos(pitch))]) * length / rows

@@ -1,4 +1,4 @@
-"""From the argument of `house:` to a scene."""
+"""Generate the scene that the argument of `house:` names."""
 
 from __future__ import annotations
 
@@ -26,27 +26,30 @@ from humanclaw_houses.style import Style
 from humanclaw_houses.validity import problems
 
 _DRAFTS: Final = 12
+"""Number of drafts that are tried for a house."""
 _STOREYS: Final = 1_015
-"""Sets the draw of the number of storeys apart from those of the drafts."""
+"""Added to the seed for the number of storeys, so that this draw is independent of the drafts."""
 _LAYOUT: Final = 2_012
-"""Sets the draw of the layout apart likewise."""
+"""Added to the seed for the layout, for the same reason."""
 _TWO_STOREYS: Final = 1 / 3
-"""The share of houses with two storeys."""
+"""Share of houses with two storeys."""
 _MOVABLE: Final = 0.21
-"""The share of the furniture that can be moved."""
+"""Share of the furniture that is movable."""
 
 
 def house(argument: str, library: Library | None = None) -> Scene:
-    """Return the house that '0' to '40' or 'train-N' names, made anew. Raises SceneError for any other argument.
+    """Generate house '0' to '40' or 'train-N', without the cache. Raises SceneError for any other argument.
 
-    library: imported furniture that takes the place of parametric pieces where it has what is wanted.
+    library: imported furniture, which replaces parametric pieces where it has a similar asset.
     """
     return generate(seed_of(argument), f"house:{argument}", library)
 
 
 def generate(seed: Sequence[int], name: str, library: Library | None = None) -> Scene:
-    """Return a house from a seed alone: the first of its drafts with which nothing is wrong. Raises SceneError if none
-    is."""
+    """Generate a house from a seed alone: the first of its drafts without problems.
+
+    Raises SceneError if all drafts have problems.
+    """
     wrong: list[str] = []
     layout = layout_of(seed)
     for draft in range(_DRAFTS):
@@ -55,17 +58,17 @@ def generate(seed: Sequence[int], name: str, library: Library | None = None) -> 
         if not wrong:
             return scene
     raise SceneError(
-        f"no usable house was found for {name}: {'; '.join(wrong)}.", "Take another index and report this one."
+        f"no usable house was found for {name}: {'; '.join(wrong)}.", "Use another index and report this one."
     )
 
 
 def storeys_of(seed: Sequence[int]) -> int:
-    """1 or 2: how many storeys the house of a seed has."""
+    """Return the number of storeys of a seed's house, 1 or 2."""
     return 2 if np.random.default_rng([*seed, _STOREYS]).random() < _TWO_STOREYS else 1
 
 
 def layout_of(seed: Sequence[int]) -> Layout:
-    """Draw what the house of a seed is like, all its drafts alike."""
+    """Draw the layout of a seed's house; it is the same for all its drafts."""
     return Layout.draw(np.random.default_rng([*seed, _LAYOUT]), storeys_of(seed))
 
 
@@ -74,13 +77,14 @@ def _draft(rng: np.random.Generator, name: str, layout: Layout, library: Library
     placed: list[Placed] = []
     for plan in plans:
         placed += _lifted(build(plan, style, draw_finishes(plan, style)), plan.floor)
+    # A spawned generator: a library must not change the draws from which the rest of the house is made.
     for space in _furnish(plans, style, rng, Stock(library, rng.spawn(1)[0]) if library else None):
         placed += _lifted(space.objects, space.floor)
     return _scene(name, plans, placed, rng)
 
 
 def _lifted(scene_objects: Iterable[Placed], floor: float) -> Iterator[Placed]:
-    """Things of a storey at their heights in the world."""
+    """Move the objects of a storey to their heights in the world."""
     return (replace(obj, y=obj.y + floor) for obj in scene_objects)
 
 
@@ -92,6 +96,7 @@ def _furnish(plans: Sequence[FloorPlan], style: Style, rng: np.random.Generator,
         furnish(space, kit)
     scene_objects = [obj.piece for space in spaces for obj in space.objects]
     movable = sum(piece.mass > 0 for piece in scene_objects)
+    # With n more small objects, (movable + n) / (all + n) is to be _MOVABLE: solved for n.
     wanted = round((_MOVABLE * len(scene_objects) - movable) / (1 - _MOVABLE))
     scatter([space for space in spaces if space.area.kind != "stairs"], kit, max(wanted, 0))
     return spaces

@@ -1,7 +1,7 @@
-"""The free room of a room: what is taken, what must stay free, and whether a body can still walk everywhere.
+"""The free space of a room while it is furnished: taken space, space to keep free, and whether it stays walkable.
 
-A body that walks is a disc of radius 0.28 m; the rooms are furnished for one of 0.32 m, so that a finer look finds ways
-too.
+A walking body is a disc of radius 0.28 m. Rooms are furnished for a radius of 0.32 m, so that the final check on a
+different grid finds the ways too.
 """
 
 from __future__ import annotations
@@ -21,14 +21,17 @@ from humanclaw_houses.shapes import Array
 Side = Literal["south", "north", "west", "east"]
 SIDES: Final[tuple[Side, ...]] = ("south", "north", "west", "east")
 YAW: Final = {"south": 0.0, "north": float(np.pi), "west": float(np.pi / 2), "east": float(-np.pi / 2)}
-"""The heading of a piece whose back is at that wall."""
+"""Heading of a piece whose back is at that wall, radians."""
 CELL: Final = 0.05
+"""Side of a cell of the walking grid, metres."""
 BODY: Final = 0.32
+"""Radius of the body for which rooms are furnished, metres."""
 _POCKET: Final = 0.25
-"""The largest piece of free floor that may be cut off, square metres."""
+"""Largest area of free floor that may be cut off, square metres."""
 REACH: Final = 0.42
-"""How far from the middle of a standing body an object may be and still be at hand, metres."""
+"""Largest distance from the centre of a standing body to an object within reach, metres."""
 _HEAD: Final = 1.9
+"""Objects above this height are in nobody's way, metres."""
 
 
 @dataclass(frozen=True)
@@ -72,14 +75,14 @@ class Block:
 
 
 def turn(points: Array, yaw: float) -> Array:
-    """(N, 3) points turned about y."""
+    """Turn (N, 3) points about y by an angle in radians."""
     cos, sin = float(np.cos(yaw)), float(np.sin(yaw))
     x, y, z = np.asarray(points, float).T
     return np.stack([cos * x + sin * z, y, cos * z - sin * x], -1)
 
 
 def outline(points: Array, obj: Placed) -> Block:
-    """Return the box around some of a placed piece's own points."""
+    """Return the world box around points in the frame of a placed piece."""
     low, high = (f(turn(points, obj.yaw), axis=0) for f in (np.min, np.max))
     rect = Rect(low[0] + obj.x, low[2] + obj.z, high[0] + obj.x, high[2] + obj.z)
     return Block(rect, low[1] + obj.y, high[1] + obj.y)
@@ -91,19 +94,18 @@ def block_of(obj: Placed) -> Block:
 
 
 def at_hand(obj: Placed) -> tuple[Rect, ...]:
-    """Return the places before the four sides of a piece from which a body can reach it; one of them must stay
-    walkable."""
+    """Return the floor in front of the four sides of a piece, from where a body can reach it."""
     r = block_of(obj).rect
     return Rect(r.x0 - REACH, r.z0, r.x1 + REACH, r.z1), Rect(r.x0, r.z0 - REACH, r.x1, r.z1 + REACH)
 
 
 def local(obj: Placed, x0: float, z0: float, x1: float, z1: float) -> Rect:
-    """Return a rectangle in the frame of a placed piece, as the box around it in the world."""
+    """Return the world box around a rectangle in the frame of a placed piece."""
     return outline(np.array([[x0, 0, z0], [x1, 0, z0], [x0, 0, z1], [x1, 0, z1]]), obj).rect
 
 
 class Space:
-    """One room while it is being furnished. Heights are over its own floor."""
+    """One room while it is furnished. Heights are above its own floor, metres."""
 
     def __init__(self, area: Area, plan: FloorPlan) -> None:
         self.area = area
@@ -128,10 +130,10 @@ class Space:
                 self.windows.append((side, hole))
                 self._taken.append(Block(self._strip(side, hole.at, hole.width, 0.22), hole.bottom - 0.07, hole.top))
             else:
-                # Before an open side one walks along it, and half of the way is in the other room.
+                # People walk along an open side, and half of that way is in the other room.
                 deep = 0.45 if hole.kind == "open" and hole.width > 2 else 0.8
                 if hole.leaf and hole.opens_low == (wall.low == self.area.name):
-                    deep = 0.96  # Its leaf swings over it.
+                    deep = 0.96  # The leaf swings over this floor.
                 self._doors.append(self._strip(side, hole.at, hole.width, min(deep, 0.8)))
                 self._kept.append(self._strip(side, hole.at, hole.width + 0.14, deep))
             if hole.leaf and hole.opens_low == (wall.low == self.area.name):
@@ -154,11 +156,11 @@ class Space:
         return self.rect.x1 - self.rect.x0 if side in ("south", "north") else self.rect.z1 - self.rect.z0
 
     def depth(self, side: Side) -> float:
-        """How far it is to the wall across."""
+        """Return the distance to the opposite wall, metres."""
         return self.length("west" if side in ("south", "north") else "south")
 
     def at_wall(self, piece: Piece, side: Side, along: float, y: float = 0.0, gap: float = 0.015) -> Placed:
-        """Return a piece with its back to a wall; along: metres from the wall's end of smaller coordinate."""
+        """Return a piece with its back to a wall. along: metres from the end of smaller coordinate to its centre."""
         r, out = self.rect, piece.size[2] / 2 + gap
         x, z = {
             "south": (r.x0 + along, r.z0 + out), "north": (r.x0 + along, r.z1 - out),
@@ -167,7 +169,7 @@ class Space:
         return Placed(piece, x, y, z, YAW[side], self.area.name)
 
     def spots(self, piece: Piece, rng: np.random.Generator, y: float = 0.0, step: float = 0.1) -> list[Placed]:
-        """Places along the walls in random order, the corners among them."""
+        """Return places along the walls in random order, corners included."""
         half = piece.size[0] / 2 + 0.02
         found = []
         for side in SIDES:
@@ -178,7 +180,10 @@ class Space:
         return [placed[k] for k in rng.permutation(len(placed))]
 
     def fits(self, obj: Placed, front: float = 0.0, gap: float = 0.01, ignore: Sequence[Block] = ()) -> bool:
-        """Inside the room, through nothing, in nobody's way, with so much free floor in front."""
+        """Return whether a piece is inside the room, overlaps nothing, and leaves ways and floor in front free.
+
+        front: metres of free floor in front of it. gap: distance to other objects. ignore: blocks that it may overlap.
+        """
         block = block_of(obj)
         if not block.rect.within(self.rect) or self._blocked(block, gap, ignore):
             return False
@@ -193,12 +198,14 @@ class Space:
         return any(block.meets(other, gap) for other in self._taken if other not in ignore)
 
     def is_free(self, rect: Rect) -> bool:
-        """Tell whether it is floor inside the room with nothing on it."""
+        """Return whether a rectangle is floor inside the room with nothing on it."""
         return rect.within(self.rect) and not self._blocked(Block(rect, 0.03, 1.2), 0.0)
 
     def is_free_unit(self, side: Side, along: float, width: float) -> bool:
-        """Tell whether a stretch of a wall takes a kitchen unit: 0.65 m deep, below window sills, with 0.6 m of floor
-        in front."""
+        """Return whether a kitchen unit fits along a stretch of a wall.
+
+        It is 0.65 m deep, lower than window sills, and needs 0.6 m of free floor in front.
+        """
         start = self.rect.x0 if side in ("south", "north") else self.rect.z0
         unit, floor = (self._strip(side, start + along + width / 2, width, depth) for depth in (0.65, 1.25))
         if self._blocked(Block(unit, 0.0, 0.87), 0.0) or any(unit.meets(rect) for rect in self._kept):
@@ -206,7 +213,7 @@ class Space:
         return floor.within(self.rect.grown(1e-6)) and not self._blocked(Block(floor, 0.03, 0.87), 0.0)
 
     def before_window(self, obj: Placed) -> bool:
-        """Seen from inside, there is a window behind some of a piece at a wall."""
+        """Return whether a window is behind a piece at a wall, or within 10 cm beside it."""
         rect, side = block_of(obj).rect, next((s for s in SIDES if YAW[s] == obj.yaw), None)
         low, high = (rect.x0, rect.x1) if side in ("south", "north") else (rect.z0, rect.z1)
         return any(
@@ -218,17 +225,19 @@ class Space:
         return not any(block_of(obj).rect.meets(door) for door in self._doors)
 
     def rests(self, obj: Placed, host: Placed) -> bool:
-        """Return an object on top of another one touches nothing else."""
+        """Return whether an object on top of its host touches nothing else."""
         return not self._blocked(block_of(obj), 0.01, ignore=(block_of(host),))
 
     def ahead(self, obj: Placed, front: float) -> Rect:
-        """Return the floor in front of a piece, as wide as it is."""
+        """Return the floor in front of a piece, as wide as the piece. front: its depth, metres."""
         w, _, d = obj.piece.size
         return local(obj, -w / 2, d / 2 + 0.001, w / 2, d / 2 + front)
 
     def put(self, *objects: Placed, keep: Sequence[Rect] = (), want: Sequence[tuple[Rect, ...]] = ()) -> bool:
-        """Place a group if the room stays walkable, and undo it if not. keep: floor to stay free. want: groups of
-        places; one of each group must remain in the way of a walking body."""
+        """Place a group; undo it and return False if the room does not stay walkable.
+
+        keep: floor that must stay free. want: groups of places; a body must still reach one place of each group.
+        """
         before = len(self.objects), len(self._taken), len(self._solid), len(self._kept), len(self._wanted)
         for obj in objects:
             self._add(obj)
@@ -245,7 +254,7 @@ class Space:
 
     def _add(self, obj: Placed) -> None:
         self.objects.append(obj)
-        if obj.piece.asset.hulls or obj.piece.size[1] > 0.03:  # rugs lie under objects
+        if obj.piece.asset.hulls or obj.piece.size[1] > 0.03:  # A rug takes no space: objects stand on it.
             self._taken.append(block_of(obj))
         for hull in obj.piece.asset.hulls:
             block = outline(np.asarray(hull, float), obj)
@@ -255,7 +264,11 @@ class Space:
     def try_put(
         self, spots: Iterable[Placed], *, front: float = 0.0, keep: bool = True, target: bool = False, gap: float = 0.01
     ) -> Placed | None:
-        """Return the first of some places that fits and leaves the room walkable."""
+        """Place a piece at the first spot that fits and leaves the room walkable; None if there is none.
+
+        front: metres of free floor in front. keep: whether that floor stays free. target: whether a body must be able
+        to reach the piece.
+        """
         for obj in spots:
             if self.fits(obj, front, gap):
                 kept = [self.ahead(obj, front)] if front and keep else []
@@ -265,7 +278,7 @@ class Space:
 
     # -- walking -------------------------------------------------------------------------------------------------------
     def grid(self) -> np.ndarray:
-        """(rows, columns) of bool: where the middle of a walking body can be; rows along z."""
+        """Return (rows, columns) where the centre of a walking body can be; rows along z."""
         r = self.rect
         shape = int((r.z1 - r.z0) / CELL), int((r.x1 - r.x0) / CELL)
         free = np.ones((shape[0] + 2, shape[1] + 2), bool)
@@ -285,7 +298,7 @@ class Space:
         return slice(z0, max(z0, z1)), slice(x0, max(x0, x1))
 
     def walkable(self) -> bool:
-        """All doors are joined by one free area, everything wanted is in its reach, and little floor is outside it."""
+        """Return whether one free area connects all doors, reaches all wanted places, and leaves little floor out."""
         areas, count = label(self.grid())
         if not count:
             return False

@@ -1,5 +1,4 @@
-"""Staircases: two flights side by side with a half-landing between them, a rail between and a guard above the lower
-flight."""
+"""Staircases: two flights side by side with a half-landing, a rail between them and a guard above the lower flight."""
 
 from __future__ import annotations
 
@@ -13,24 +12,24 @@ from humanclaw_houses.style import Style
 from humanclaw_houses.textures import Tile
 
 GUARD: Final = 0.92
-"""Height of a handrail over the step below it, metres."""
+"""Height of a handrail above the step, metres."""
 _TREAD: Final = 0.035
+"""Thickness of a tread, metres."""
 _EDGE: Final = 0.045
 """Width of the strip along the edge of a tread, metres."""
 _SPINE: Final = 0.1
-"""Width of what stands between the flights, metres."""
+"""Width of the spine between the flights, metres."""
 
 
 def staircase(style: Style, stair: Stair, width: float, depth: float, wall: Tile) -> Piece:
-    """Return a staircase on a floor of width x depth metres. It is entered, and left on the floor above, at its front
-    (+Z).
+    """Build a staircase on a floor of width x depth metres. Its front (+Z) is the entrance on both floors.
 
     The steps are solid down to the floor. Its hulls are the steps, the landing, the spine and rail between the flights,
-    and the guard at the front over the lower flight.
+    and the guard at the front above the lower flight.
     """
     m = Model()
     flight = (width - _SPINE) / 2
-    # Somebody in the hall looks along -Z, so that their left is at -X.
+    # Seen from the hall, along -Z, left is -X.
     lower = (-1 if stair.left else 1) * (flight + _SPINE) / 2
     front = depth / 2
     for k in range(1, stair.steps):
@@ -48,8 +47,10 @@ def staircase(style: Style, stair: Stair, width: float, depth: float, wall: Tile
 def _step(
     m: Model, style: Style, wall: Tile, size: tuple[float, float], x: float, near: float, far: float, front: int
 ) -> None:
-    """One step: a white riser that faces +Z (front 1) or -Z, a wooden tread with a strip along its edge, by which
-    one tells the steps apart from above, and plastered sides."""
+    """Build one step: a white riser that faces +Z (front 1) or -Z, a wooden tread, and plastered sides.
+
+    A strip along the edge of the tread makes the steps visible from above.
+    """
     w, h = size
     d, z = near - far, (near + far) / 2
     m.add(box((w, h - _TREAD, d), (x, 0, z), "tbfk"), wall)
@@ -61,12 +62,12 @@ def _step(
 
 
 def _edging(style: Style) -> Tile:
-    """Dark on light wood and light on dark."""
+    """Return the tile of the edges: dark on light wood, light on dark wood."""
     return style.black if float(style.wood.pixels.mean()) > 95 else style.white
 
 
 def _between(m: Model, style: Style, stair: Stair, wall: Tile, height: float, near: float, far: float) -> None:
-    """Build the spine between the flights, as high as the upper one, and two bars of the rail."""
+    """Build the spine between the flights, as high as the upper flight, and two bars of the rail."""
     d, z = near - far, (near + far) / 2
     m.add(box((_SPINE, height, d), (0, 0, z), "b"), wall)
     m.solid((_SPINE, height + GUARD, d), (0, 0, z))
@@ -97,7 +98,7 @@ def _rail(m: Model, style: Style, stair: Stair, front: float, edge: float) -> No
 
 
 def _guard(m: Model, style: Style, stair: Stair, flight: float, lower: float, front: float) -> None:
-    """Build what keeps people on the floor above from stepping over the edge into the lower flight."""
+    """Build the guard that keeps people on the upper floor from falling into the lower flight."""
     top, z = 2 * stair.steps * stair.riser, front - 0.04
     m.add(box((flight, 0.05, 0.06), (lower, top + GUARD - 0.05, z)), style.wood)
     m.add(box((flight, 0.12, 0.04), (lower, top - 0.12, z)), style.white)

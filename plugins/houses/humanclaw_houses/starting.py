@@ -1,4 +1,4 @@
-"""Where bodies can walk in a finished house, and where one starts."""
+"""Find the walkable area of a finished house, and choose the start."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False)
 class WalkableArea:
-    """What can be walked in a house, on all storeys, movable objects left where they stand."""
+    """The walkable floor of a house on all storeys, with movable objects as obstacles."""
 
     scene: Scene
     floors: MultiFloorMap
@@ -28,8 +28,10 @@ class WalkableArea:
 
     @cached_property
     def reached(self) -> Array:
-        """(P, x cell, z cell) metres from the roomiest place of the lowest hall (or of the house) to each cell of each
-        plan."""
+        """(P, x cell, z cell) walking distance to each cell of each plan, metres.
+
+        Measured from the roomiest place of the lowest hall, or of the lowest floor if there is no hall.
+        """
         return self.floors.distances(self._roomiest())
 
     def _roomiest(self) -> Array:
@@ -41,8 +43,11 @@ class WalkableArea:
         return np.array([x, plan.floor, z])
 
     def near(self, low: Array, high: Array, reach: float) -> tuple[Mask, ...]:
-        """On each storey, the cells that can be walked to whose middle is at most `reach` from a box, seen from above;
-        none on a storey that the box is not on."""
+        """Return, for each storey, the reachable cells whose centre is at most `reach` metres from a box.
+
+        The distance is horizontal. A storey whose space the box does not touch has none.
+        """
+        # 2 k: the storeys' plans alternate with those of the stairs between them. 1.9 m: the height of a body.
         return tuple(
             np.isfinite(self.reached[2 * k])
             & (plan.gap(low, high) <= reach)
@@ -51,13 +56,16 @@ class WalkableArea:
         )
 
     def room_at(self, plan: int) -> Array:
-        """Clearance on a storey where it can be walked to, 0 elsewhere, metres."""
+        """Return the clearance of a storey's reachable cells, metres; 0 elsewhere."""
         return np.where(np.isfinite(self.reached[2 * plan]), self.floors.floors[plan].clearance, 0.0)
 
 
 def choose_start(scene: Scene, rng: np.random.Generator) -> Pose2D:
-    """Return a place on the lowest floor with more than half a metre of room, 4 to 10 m on foot from the nearest couch
-    if the house is large enough, in the hall if that is possible, facing the longest free line of sight."""
+    """Choose a start on the lowest floor with 0.55 m of free space around it, facing the longest free line of sight.
+
+    If possible it is 4 to 10 m on foot from the nearest couch and in the hall; otherwise conditions are dropped one by
+    one.
+    """
     walkable = WalkableArea.of(scene)
     plan = walkable.floors.grids[0]
     roomy = walkable.room_at(0) > 0.55
@@ -71,7 +79,7 @@ def choose_start(scene: Scene, rng: np.random.Generator) -> Pose2D:
 
 
 def _from_couches(walkable: WalkableArea) -> Array:
-    """Metres on foot from the nearest couch to the cells of the lowest floor; infinite without one."""
+    """Return metres on foot from the nearest couch to the cells of the lowest floor; infinite without a couch."""
     goals = [
         [x, plan.floor, z]
         for couch in walkable.scene.of_category("couch")
@@ -84,7 +92,7 @@ def _from_couches(walkable: WalkableArea) -> Array:
 
 
 def _view(plan: OccupancyGrid, x: float, z: float) -> float:
-    """Return the yaw, of eight, in which one can see farthest over free floor."""
+    """Return which of eight yaws has the longest view over free floor."""
 
     def sight(yaw: float) -> float:
         steps = np.arange(0.1, 15, 0.1)

@@ -1,4 +1,4 @@
-"""Imported furniture in place of parametric: the parametric piece says what is wanted, and how large it should be."""
+"""Replace parametric furniture by imported furniture of the same kind and a similar size."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ import numpy as np
 from manifold3d import Manifold
 
 from humanclaw.records import SEATS
-from humanclaw.world import Asset
+from humanclaw.world import Asset, exact
 from humanclaw_houses.building import Placed
 from humanclaw_houses.importers.categories import sits
 from humanclaw_houses.library import Entry, Library
-from humanclaw_houses.model import Piece, Top, exact
+from humanclaw_houses.model import Piece, Top
 from humanclaw_houses.space import turn
 
 CATEGORY: Final = {
@@ -26,31 +26,32 @@ CATEGORY: Final = {
     "cup": "cup", "bottle": "bottle", "bowl": "bowl", "book": "book", "clock": "clock", "backpack": "backpack",
     "toy_ball": "ball", "basket": "basket", "carton": "box", "teddy": "teddy_bear", "laptop": "laptop",
 }  # fmt: skip
-"""Makers of parametric pieces that imported ones can stand in for. Kitchen units are not: they are cut to fit."""
+"""Maker of a parametric piece to the category that may replace it. Kitchen units stay, because they are cut to fit."""
 _SCALE: Final = 0.1
-"""A model is made larger or smaller by this share at most, the same in all directions."""
+"""Largest share by which a model is scaled up or down, equally along all axes."""
 _SMALLER: Final = 1.5
+"""Largest factor by which a model may be smaller than the wanted piece along an axis, or higher."""
 _WIDER: Final = 1.2
-"""How many times smaller than what is wanted a model may be along each axis, and how many times wider and deeper: rules
-count on the room."""
+"""Largest factor by which a model may be wider or deeper: rules rely on the free floor around a piece."""
 _SEAT: Final = (0.36, 0.64)
-"""Heights of couches, beds and toilets that can be sat on, metres."""
+"""Lowest and highest seat of couches, beds and toilets that can be sat on, metres."""
 _STEP: Final = 0.03
+"""Distance by which a chair is moved back from a table in one step, metres."""
 _STEPS: Final = 16
-"""How a chair is moved back from a table: so many steps at most, so long each, metres."""
+"""Largest number of such steps."""
 _FLAT: Final = 0.14
-"""Depth of a television that can hang on a wall, metres."""
+"""Largest depth of a television on a wall, metres."""
 
 
 class Stock:
-    """Pieces of a library for one house; what it gives depends on the library and the random numbers alone."""
+    """Pieces of a library for one house. Its choices depend only on the library and the random numbers."""
 
     def __init__(self, library: Library, rng: np.random.Generator) -> None:
         self._library, self._rng = library, rng
         self._pieces: dict[tuple[str, float], Piece] = {}
 
     def instead_of(self, maker: str, wanted: Piece) -> Piece:
-        """Return an imported piece like one that `maker` made; that one itself if the library has none like it."""
+        """Return an imported piece similar to `wanted`, which `maker` made; `wanted` itself if there is none."""
         found = [(entry, scale) for entry in self._fitting(maker, wanted) if (scale := _scale(entry, wanted))]
         if not found:
             return wanted
@@ -75,8 +76,8 @@ class Stock:
 
 
 def _scale(entry: Entry, wanted: Piece) -> float | None:
-    """Return the scale at which a model is nearest to the size that is wanted; None if it is far from it all the
-    same."""
+    """Return the scale at which a model is closest to the wanted size; None if even then it does not fit."""
+    # The geometric mean of the three ratios: twice as wide and half as deep cancel out.
     have = np.maximum(entry.size, 1e-6)
     scale = round(float(np.clip(np.exp(np.log(wanted.size / have).mean()), 1 - _SCALE, 1 + _SCALE)), 2)
     ratio = have * scale / wanted.size
@@ -87,7 +88,7 @@ def _scale(entry: Entry, wanted: Piece) -> float | None:
 
 
 def _sittable(entry: Entry, scale: float) -> bool:
-    """Return what the sitting skill is asked for must be sat on at a height that a body can sit at."""
+    """Return whether a body can sit at the height of the seat; true for categories without a seat."""
     if entry.category not in SEATS or entry.seat_height is None:
         return True
     return _SEAT[0] <= scale * entry.seat_height <= _SEAT[1]
@@ -104,10 +105,9 @@ def _scaled(asset: Asset, entry: Entry, scale: float) -> Piece:
 
 
 def apart(chair: Placed, table: Placed) -> Placed:
-    """Return a chair drawn up to a table, moved back as far as it has to be: the arms of a real one may not go under
-    every top.
+    """Return a chair at a table, moved back until the two no longer overlap: some armrests do not fit under the top.
 
-    Parametric chairs go under parametric tables, so they stay where they are.
+    Parametric chairs fit under parametric tables, so they stay where they are.
     """
     if {chair.piece.asset.source, table.piece.asset.source} == {"generated"}:
         return chair
@@ -120,7 +120,7 @@ def apart(chair: Placed, table: Placed) -> Placed:
 
 
 def _share_space(one: Placed, other: Placed) -> bool:
-    """Return a collision hull of one piece reaches into one of the other's."""
+    """Return whether a collision hull of one piece overlaps one of the other's."""
     first, second = _solids(one), _solids(other)
     return any((a ^ b).volume() > 1e-6 for a in first for b in second)
 

@@ -1,4 +1,4 @@
-"""The taste of one house: its woods, cloths and paints, drawn once, so that things in a house go together."""
+"""The style of one house: its woods, cloths and paints, drawn once so that its furniture matches."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from humanclaw_houses.textures import Tile
 
 @dataclass(frozen=True, eq=False)
 class Style:
-    """Tiles that the furniture of a house shares."""
+    """The tiles that the furniture of a house shares."""
 
     rng: np.random.Generator
     wood: Tile
@@ -52,7 +52,7 @@ class Style:
         return bool(self.rng.random() < share)
 
     def between(self, low: float, high: float) -> float:
-        """Return a length between two, to the centimetre."""
+        """Draw a length between two lengths, rounded to the centimetre."""
         return round(float(self.rng.uniform(low, high)), 2)
 
     def choice(self, *things: Tile) -> Tile:
@@ -63,7 +63,7 @@ class Style:
         return t.plain(t.pick(self.rng, t.ACCENTS), self.rng)
 
     def fabric(self) -> Tile:
-        """Return a cloth of its own: plain, striped or checked."""
+        """Draw a new cloth: plain, striped or checked."""
         colour = t.pick(self.rng, t.FABRICS)
         kind = self.rng.random()
         if kind < 0.6:

@@ -1,6 +1,6 @@
-"""Procedural texture tiles: wood, cloth, tiles, plaster, screens, pictures.
+"""Procedural texture tiles: wood, cloth, ceramic, plaster, screens, pictures.
 
-A tile is a small picture that a surface is covered with. Everything comes from a generator that is passed in; noise is
+A tile is a small picture that covers a surface. All randomness comes from the generator that is passed in. Noise is
 blurred in integers, so that a tile is the same on every machine.
 """
 
@@ -23,20 +23,20 @@ SIZE: Final = 64
 
 @dataclass(frozen=True, eq=False)
 class Tile:
-    """What a surface is covered with."""
+    """A picture that covers a surface."""
 
     pixels: Pixels
     """(H, H, 3), first row at the top."""
     metres: float = 1.0
-    """The length that the tile covers."""
+    """Length that the tile covers, metres."""
     grain: bool = False
-    """The pattern runs from bottom to top of the tile and is laid along the longer side of a face."""
+    """Whether the pattern runs from bottom to top; it is then laid along the longer side of a face."""
     fit: bool = False
-    """The tile is a picture of the whole face: it is stretched over it instead of being cut from."""
+    """Whether the tile is a picture of the whole face and is stretched over it; otherwise a part is cut from it."""
 
 
 def _noise(rng: np.random.Generator, blur: tuple[int, int] = (1, 1), size: int = SIZE) -> Field:
-    """(size, size) periodic noise with mean 0 and standard deviation 1, blurred over so many rows and columns."""
+    """Return (size, size) periodic noise with mean 0 and standard deviation 1. blur: over so many rows and columns."""
     field = rng.integers(0, 256, (size, size))
     for axis, reach in enumerate(blur):
         for _ in range(2 if reach > 1 else 0):
@@ -46,13 +46,9 @@ def _noise(rng: np.random.Generator, blur: tuple[int, int] = (1, 1), size: int =
 
 
 def _shade(colour: Colour, field: Field) -> Pixels:
-    """Return a colour made lighter and darker: 0.1 in the field is ten per cent."""
+    """Return a colour that a field makes lighter and darker: 0.1 is 10 %."""
     picture = np.asarray(colour, float) * (1.0 + field[..., None])
     return np.asarray(np.clip(np.round(picture), 0, 255), np.uint8)
-
-
-def _blank(colour: Colour, size: int = SIZE) -> Pixels:
-    return np.full((size, size, 3), colour, np.uint8)
 
 
 def plain(colour: Colour, rng: np.random.Generator, noise: float = 0.007) -> Tile:
@@ -61,12 +57,12 @@ def plain(colour: Colour, rng: np.random.Generator, noise: float = 0.007) -> Til
 
 
 def darker(tile: Tile, share: float) -> Tile:
-    """Return a tile at so much of its brightness: the same stuff in a seam or a fold."""
+    """Return a tile at a share of its brightness: the same material in a seam or a fold."""
     return replace(tile, pixels=np.asarray(np.round(tile.pixels * share), np.uint8))
 
 
 def pastel(tile: Tile) -> Tile:
-    """Return a tile nearly white, with a tenth of its colour and a third of its contrast: bed linen of a cloth."""
+    """Return a nearly white tile with a tenth of its colour and a third of its contrast: a cloth as bed linen."""
     pixels = np.maximum(tile.pixels.astype(float), 1.0)
     mean = pixels.mean(axis=(0, 1))
     picture = (240 - 0.1 * (240 - mean)) * (pixels / mean) ** 0.35
@@ -110,7 +106,7 @@ def _grade(picture: NDArray[np.floating], field: Field) -> Pixels:
 
 
 def ceramic(colour: Colour, rng: np.random.Generator, across: int = 4, metres: float = 1.2) -> Tile:
-    """Square tiles with joints, each a shade of its own."""
+    """Square tiles with joints, each in its own shade."""
     size = 128
     cell = size // across
     shade = np.kron(0.02 * rng.standard_normal((across, across)), np.ones((cell, cell)))
@@ -142,7 +138,7 @@ def marble(colour: Colour, rng: np.random.Generator) -> Tile:
 
 
 def sky(rng: np.random.Generator) -> Tile:
-    """Return what a window shows: a bright sky with clouds over a line of green."""
+    """Return the view of a window: a bright sky with clouds over a line of green."""
     height = np.linspace(0.0, 1.0, SIZE)[:, None, None]
     picture = (1 - height) * np.array([150, 195, 240]) + height * np.array([225, 238, 248])
     clouds = np.clip(_noise(rng, (6, 14)), 0, 1.5)[..., None] / 1.5
@@ -154,7 +150,7 @@ def sky(rng: np.random.Generator) -> Tile:
 
 
 def glass(rng: np.random.Generator) -> Tile:
-    """Return a mirror: a pale room, out of focus, with two slanting gleams."""
+    """Return a mirror: a pale blurred room with two slanting highlights."""
     across, down = np.meshgrid(np.linspace(0, 1, SIZE), np.linspace(0, 1, SIZE))
     slant = across + 0.7 * down
     gleam = np.clip(1 - np.abs(slant - 0.6) / 0.1, 0, 1) + np.clip(1 - np.abs(slant - 0.85) / 0.04, 0, 1)
@@ -163,7 +159,7 @@ def glass(rng: np.random.Generator) -> Tile:
 
 
 def screen(rng: np.random.Generator, on: bool) -> Tile:
-    """Return a television picture, or the dark glass of one that is switched off with the window reflected in it."""
+    """Return a television picture; if it is off, dark glass that reflects a window."""
     across, down = np.meshgrid(np.linspace(0, 1, SIZE), np.linspace(0, 1, SIZE))
     if not on:
         glare = np.clip(1 - np.abs(across + 0.6 * down - 0.75) / 0.22, 0, 1) * (1 - down)
@@ -172,7 +168,7 @@ def screen(rng: np.random.Generator, on: bool) -> Tile:
 
 
 def _valley(sun: float, noise: Field) -> Pixels:
-    """Return a film's landscape, twice as fine as other tiles: a low sun in a clear sky, hills behind hills, a lake."""
+    """Return a landscape at twice the resolution of other tiles: a low sun in a clear sky, rows of hills, a lake."""
     size = 2 * SIZE
     across, down = np.meshgrid(np.linspace(0, 1, size), np.linspace(0, 1, size))
     picture = np.array([88.0, 150.0, 226.0]) + (down / 0.55)[..., None] * np.array([140.0, 70.0, -20.0])
@@ -188,7 +184,7 @@ def _valley(sun: float, noise: Field) -> Pixels:
 
 
 _RIDGES: Final = ((0.5, (120, 150, 180)), (0.6, (92, 132, 92)), (0.7, (54, 96, 48)))
-"""Where the hills on a television screen end, from far to near, and what colour they are."""
+"""Top and colour of the hills on a television screen, from far to near."""
 
 
 def painting(rng: np.random.Generator) -> Tile:
@@ -231,7 +227,7 @@ def books(rng: np.random.Generator) -> Tile:
 
 
 def leaf(colour: Colour, rng: np.random.Generator) -> Tile:
-    """Return a leaf from stalk to tip with its rib."""
+    """Return a leaf with its rib, from stalk to tip."""
     rib = np.exp(-(((np.arange(SIZE) - SIZE / 2) / 2.5) ** 2))[None, :] * np.ones((SIZE, 1))
     tone = np.linspace(0.12, -0.12, SIZE)[:, None]
     return Tile(_shade(colour, 0.22 * rib + tone + 0.05 * _noise(rng, (6, 6))), fit=True)

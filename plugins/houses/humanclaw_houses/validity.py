@@ -1,5 +1,4 @@
-"""What makes a house usable, checked: nothing stands in anything else, and every target can be walked up to and sat
-on."""
+"""Check that a house is usable: no objects overlap, and every target can be approached and every seat sat on."""
 
 from __future__ import annotations
 
@@ -17,15 +16,15 @@ from humanclaw.world import RADIUS, STRUCTURE, SceneObject
 from humanclaw_houses.starting import WalkableArea
 
 REACH: Final = 0.42
-"""How far from the middle of a standing body a target may be, seen from above, metres."""
+"""Largest horizontal distance from the centre of a standing body to a target, metres."""
 FURNISHED: Final = ("chair", "couch", "bed", "potted_plant", "tv", "toilet")
-"""Every house has at least one of each of these, and each of them can be walked up to."""
+"""Categories of which every house has at least one; each such object can be approached."""
 _SHARED: Final = 2e-5
-"""The volume that two objects may share, cubic metres: a 2 cm cube at most counts as touching."""
+"""Largest volume that two objects may share, cubic metres: a cube of about 2.7 cm. Touching objects share some."""
 
 
 def problems(scene: Scene) -> list[str]:
-    """Everything wrong with a house, in words; empty if it can be used."""
+    """Return a message for each problem of a house; empty if it is usable."""
     walkable = WalkableArea.of(scene)
     found = [f"there is no {category}" for category in FURNISHED if not scene.of_category(category)]
     found += [f"{scene.by_id[a].asset} and {scene.by_id[b].asset} interpenetrate" for a, b in interpenetrating(scene)]
@@ -51,8 +50,7 @@ def _any(masks: tuple[NDArray[np.bool_], ...]) -> bool:
 
 
 def unreached_rooms(scene: Scene, walkable: WalkableArea) -> list[str]:
-    """Rooms with less than three quarters of their free floor in the part that can be walked in one piece; stairs are
-    passed over if a storey that they lead to is reached."""
+    """Return the rooms of whose free floor less than three quarters is reachable. Stairs are not checked."""
     names = []
     for room in scene.rooms:
         for k, plan in enumerate(walkable.floors.floors):
@@ -64,8 +62,10 @@ def unreached_rooms(scene: Scene, walkable: WalkableArea) -> list[str]:
 
 
 def standing_room(scene: Scene, walkable: WalkableArea, obj: SceneObject) -> tuple[NDArray[np.bool_], ...]:
-    """On each storey, the cells from which a body can sit down on an object: before its front edge (beds: beside them
-    too), and reached on foot."""
+    """Return, for each storey, the reachable cells from which a body can sit down on an object.
+
+    They are in front of its front edge; for a bed also beside it.
+    """
     points = scene.assets[obj.asset].mesh.vertices
     front, half = float(points[:, 2].max()), float(points[:, 0].max())
     plan = walkable.floors.grids[0]
@@ -79,8 +79,7 @@ def standing_room(scene: Scene, walkable: WalkableArea, obj: SceneObject) -> tup
 
 
 def _wrong_seat(scene: Scene, obj: SceneObject) -> list[str]:
-    """Say what is wrong with a seat: it is where the asset says if a collision hull ends there, and it can be sat on at
-    0.35 to 0.65 m."""
+    """Return the problem of a seat, if any: its height must be 0.35 to 0.65 m, and a collision hull must end there."""
     asset = scene.assets[obj.asset]
     if asset.seat_height is None or not 0.35 <= asset.seat_height <= 0.65:
         return [f"{obj.asset} has its seat at {asset.seat_height} m"]
@@ -89,8 +88,9 @@ def _wrong_seat(scene: Scene, obj: SceneObject) -> list[str]:
 
 
 def interpenetrating(scene: Scene) -> Iterator[tuple[int, int]]:
-    """Ids of objects whose collision hulls share space, parts of the building among themselves left out."""
+    """Yield ids of two objects whose collision hulls overlap, except two parts of the building."""
     owners, hulls = _hulls(scene)
+    # Boxes 1 mm smaller on each side rule out nearly all pairs before the exact and slow intersection.
     low = np.array([hull.min(axis=0) for hull in hulls]) + 0.001
     high = np.array([hull.max(axis=0) for hull in hulls]) - 0.001
     building = np.array([scene.by_id[owner].category in STRUCTURE for owner in owners])
@@ -104,7 +104,7 @@ def interpenetrating(scene: Scene) -> Iterator[tuple[int, int]]:
 
 
 def swung_through(scene: Scene) -> Iterator[tuple[int, int]]:
-    """Ids of hinged objects and of what their hulls share space with anywhere in their range, the building left out."""
+    """Yield ids of a hinged object and of an object that it hits somewhere in its range, except the building."""
     owners, hulls = _hulls(scene)
     others = [(int(owner), hull) for owner, hull in zip(owners, hulls, strict=True)
               if scene.by_id[owner].category not in STRUCTURE]  # fmt: skip
@@ -118,7 +118,7 @@ def swung_through(scene: Scene) -> Iterator[tuple[int, int]]:
 
 
 def _swept(scene: Scene, obj: SceneObject) -> Iterator[NDArray[np.float64]]:
-    """Yield the hulls of a hinged object at every five degrees of its range, in the world."""
+    """Yield the world hulls of a hinged object at angles at most five degrees apart over its range."""
     assert obj.joint is not None
     steps = int(np.ceil(np.degrees(obj.joint.high - obj.joint.low) / 5)) + 1
     for angle in np.linspace(obj.joint.low, obj.joint.high, steps):
@@ -126,6 +126,6 @@ def _swept(scene: Scene, obj: SceneObject) -> Iterator[NDArray[np.float64]]:
 
 
 def _hulls(scene: Scene) -> tuple[NDArray[np.int64], list[NDArray[np.float64]]]:
-    """Return the collision hulls of all objects in the world, and whose they are."""
+    """Return the object ids of all collision hulls, and the hulls in the world frame."""
     placed = [(obj.id, hull) for obj in scene.objects for hull in scene.hulls(obj.id)]
     return np.array([owner for owner, _ in placed]), [hull for _, hull in placed]

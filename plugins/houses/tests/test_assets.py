@@ -1,4 +1,4 @@
-"""`humanclaw assets import` and houses furnished from a library, on models that the tests make themselves."""
+"""`humanclaw assets import` and houses furnished from a library, with models that the tests write."""
 
 from __future__ import annotations
 

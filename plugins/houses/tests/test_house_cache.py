@@ -1,5 +1,4 @@
-"""A house is generated once: afterwards it comes from the cache, the same to the last byte, or anew if the cache is
-damaged."""
+"""A house is generated once. Afterwards the cache returns the same bytes; a damaged cache entry is generated again."""
 
 from __future__ import annotations
 
@@ -99,7 +98,7 @@ def test_a_change_elsewhere_in_the_core_leaves_the_houses_in_the_cache(copies: P
 
 
 def test_every_part_of_the_core_that_generates_a_house_is_in_the_digest(tmp_path: Path) -> None:
-    """What is loaded by making one, but for what starts, keeps, names or refuses it and cannot shape it."""
+    """Compare CORE with the modules that making a house loads, except those that cannot change it."""
     code = "import sys; from humanclaw_houses.door import open_house; open_house('0'); print(*sys.modules)"
     environment = {**os.environ, "HUMANCLAW_CACHE": str(tmp_path)}
     done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
@@ -143,7 +142,7 @@ def _open_often(fresh: Scene) -> None:
 
 
 def test_the_second_time_takes_less_than_two_seconds(folder: Path) -> None:
-    """In CPU time of a new process, everything that is imported included."""
+    """Measure CPU time of a new process, imports included."""
     code = (
         "from humanclaw import Plugins; Plugins.discover().scene('house:2').digest; "
         "import time; print(time.process_time())"

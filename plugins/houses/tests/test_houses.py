@@ -1,5 +1,4 @@
-"""Generated houses, through the public door: what `house:N` gives is a house that can be lived in, and looks like
-one."""
+"""Generated houses through the public door: `house:N` gives a usable and plausible house."""
 
 from __future__ import annotations
 
@@ -32,7 +31,7 @@ def scene(argument: str) -> Scene:
 
 
 def boxes(scene: Scene, obj: SceneObject) -> list[tuple[np.ndarray, np.ndarray]]:
-    """World boxes of the hulls of an object that is turned by quarter turns."""
+    """Return the world boxes of the hulls of an object turned by quarter turns."""
     _, y, _, w = obj.rotation
     yaw = 2 * np.arctan2(y, w)
     turn = np.array([[np.cos(yaw), 0, np.sin(yaw)], [0, 1, 0], [-np.sin(yaw), 0, np.cos(yaw)]])
@@ -414,7 +413,7 @@ def test_seats_have_their_real_height_and_collide_where_they_are_seen(name: str)
 
 @pytest.mark.parametrize("name", SAMPLE)
 def test_small_objects_rest_on_something(name: str) -> None:
-    """Straight below each movable object, within 5 mm of its lowest point, there is a collision box or the floor."""
+    """A collision box or the floor is straight below each movable object, within 5 mm of its lowest point."""
     whole = scene(name)
     solid = {obj.id: boxes(whole, obj) for obj in whole.objects}
     for obj in whole.objects:

@@ -22,4 +22,4 @@ def _simulator(profile: str | Profile = "default") -> Simulator:
 
 @hookimpl
 def humanclaw_simulators(register: Register[SimulatorFactory]) -> None:
-    register("mujoco", _simulator, "Half-physics on MuJoCo: the same laws, for every Python and system.")
+    register("mujoco", _simulator, "Half-physics on MuJoCo: installs on every supported Python and system.")

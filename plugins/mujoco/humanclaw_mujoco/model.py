@@ -1,4 +1,4 @@
-"""A scene and the body as a MuJoCo model, and which of its numbers belong to what."""
+"""Compile a scene and the body to a MuJoCo model, and map its addresses back to joints and objects."""
 
 from __future__ import annotations
 
@@ -28,48 +28,51 @@ from humanclaw.world import (
 
 FIXED_GROUP, BODY_GROUP = 0, 1
 _MARGIN: Final = 0.03
-"""Contacts are looked for this far ahead of the body and of movable objects, metres: no link comes further between two
-looks."""
+"""Contacts are found up to this distance from the body and movable objects, metres. No link moves farther in a step."""
 _IMPEDANCE: Final = (0.9999, 0.9999, 0.001, 0.5, 2.0)
-"""How hard contacts are: as hard as MuJoCo makes them."""
+"""MuJoCo's solimp at its limit of 0.9999: the hardest contacts that MuJoCo allows."""
 _FIXED: Final = {"contype": 1, "conaffinity": 0, "group": FIXED_GROUP}
 MOVABLE: Final = {"contype": 2, "conaffinity": 7, "group": FIXED_GROUP, "margin": _MARGIN}
 HINGED: Final = MOVABLE | {"contype": 4, "conaffinity": 2}
 _BODY: Final = {"contype": 0, "conaffinity": 7, "group": BODY_GROUP, "margin": _MARGIN}
-"""Everything meets everything but the body itself; what is fixed or hangs on a hinge meets nothing else of that."""
+"""All geoms collide with one another, with two exceptions: the body not with itself, and fixed and hinged geoms not
+among themselves."""
 _AHEAD: Final = 0.3
-"""The end of a hinge's range is looked for this far ahead, radians."""
+"""The limit of a hinge becomes a constraint this far before it is reached, radians."""
 
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """A compiled model. Addresses are MuJoCo's, into qpos and qvel."""
+    """A compiled model. Addresses are indices into MuJoCo's qpos and qvel."""
 
     mj: Any
     joint_of: NDArray[np.int64]
-    """Geom to the index of the body's joint that it moves with; -1 for those of objects."""
+    """Geom to the index of the body's joint that it moves with; -1 for geoms of objects."""
     object_of: NDArray[np.int64]
-    """Geom to object id; 0 for those of the body."""
+    """Geom to object id; 0 for geoms of the body."""
     friction: Array
-    """(geoms,) of each surface."""
+    """(geoms,) coefficient of each surface."""
     turns: NDArray[np.int64]
     """(23, 4) addresses of the joints' quaternions, in the order of JOINTS[1:]."""
     spins: NDArray[np.int64]
     """(23, 3) addresses of their angular velocities."""
     root: int
-    """First address of the pelvis's position; that of its velocity is next."""
+    """First address of the pelvis's position."""
     root_dof: int
+    """First address of the pelvis's velocity."""
     movable: Mapping[int, tuple[int, int, Array]]
-    """Object id to its first addresses in qpos and qvel, and (3,) its centre of mass in the asset's frame."""
+    """Object id to its first addresses in qpos and qvel, and its (3,) centre of mass in the asset's frame."""
     hinged: Mapping[int, tuple[int, int, Swing]]
-    """Object id to its addresses in qpos and qvel, and what its angle means."""
+    """Object id to its addresses in qpos and qvel, and its swing."""
     hinges: NDArray[np.int64]
-    """The numbers of their joints, in that order."""
+    """MuJoCo's joint numbers of the hinged objects, in the order of `hinged`."""
 
 
 def build(scene: Scene, profile: Profile) -> Model:
-    """Compile a scene with a body. Raises SceneError for a movable object without a mass, and for hulls without a
-    volume."""
+    """Compile a scene with a body.
+
+    Raises SceneError for a movable object without a mass, and for hulls without a volume.
+    """
     spec = mj.MjSpec()
     spec.option.gravity = [0.0, -profile.gravity, 0.0]
     spec.option.cone = mj.mjtCone.mjCONE_ELLIPTIC
@@ -83,7 +86,7 @@ def build(scene: Scene, profile: Profile) -> Model:
         compiled = spec.compile()
     except ValueError as error:
         raise SceneError(
-            f"MuJoCo cannot make a model of scene {scene.name!r}: {error}", "Are its hulls flat or empty?"
+            f"MuJoCo cannot compile scene {scene.name!r}: {error}", "Check that none of its hulls is flat or empty."
         ) from error
     return _addressed(compiled, scene, profile, objects)
 
@@ -112,12 +115,12 @@ def _add_link(body: Any, name: str) -> None:
 
 
 class _Objects:
-    """Puts a scene's objects into a model. A hull that several objects share is one mesh."""
+    """Adds a scene's objects to a model. Objects that share a hull share one mesh."""
 
     def __init__(self, spec: Any, scene: Scene) -> None:
         self._spec, self._scene, self._meshes = spec, scene, set[str]()
         self.centres: dict[int, Array] = {}
-        """Object id to centre of mass in the asset's frame, of those that are free."""
+        """Id of each free movable object to its centre of mass in the asset's frame."""
         self.swings: dict[int, Swing] = {}
 
     def add(self) -> None:
@@ -126,8 +129,8 @@ class _Objects:
             if not asset.hulls:
                 continue
             if obj.movable and obj.mass <= 0:
-                told = f"movable object {obj.id} ({obj.category}) has mass {obj.mass}; give it a positive one."
-                raise SceneError(told)
+                said = f"movable object {obj.id} ({obj.category}) must have a positive mass; got {obj.mass} kg."
+                raise SceneError(said)
             if obj.joint:
                 self.swings[obj.id] = self._add_hinged(obj, asset)
             elif obj.movable:
@@ -146,7 +149,7 @@ class _Objects:
         return centre
 
     def _add_hinged(self, obj: SceneObject, asset: Asset) -> Swing:
-        """Add an object whose frame is at its hinge."""
+        """Add an object on a hinge, with its frame at the hinge."""
         swing = Swing.of(self._scene, obj)
         point, joint = np.array(swing.joint.point), swing.joint
         body = self._spec.worldbody.add_body(name=f"object {obj.id}", pos=swing.axis, quat=wxyz(swing.place(0.0)[3:]))
@@ -163,6 +166,7 @@ class _Objects:
         for number, hull in enumerate(asset.hulls):
             name = f"{obj.id} {number}"
             box = box_of(hull.astype(float) - centre)
+            # Hulls that are boxes become box geoms: the engine then needs no mesh for them.
             if box is None:
                 kind = f"{'movable' if obj.movable else 'fixed'} {centre.tolist() if obj.joint else ''}"
                 mesh = self._mesh(f"{asset.name} {number} {kind}", hull.astype(float) - centre)
@@ -179,14 +183,14 @@ class _Objects:
 
 
 def _weigh(body: Any, mass: float, hulls: Sequence[Array], centre: Array) -> None:
-    """Give a MuJoCo body its mass, with the centre there in its frame."""
+    """Give a MuJoCo body its mass and inertia. centre: its centre of mass in its own frame, metres."""
     matrix = inertia(hulls, mass)
     body.explicitinertial, body.mass, body.ipos = True, mass, centre
     body.fullinertia = [matrix[0, 0], matrix[1, 1], matrix[2, 2], matrix[0, 1], matrix[0, 2], matrix[1, 2]]
 
 
 def _moved(facts: dict[str, Any], offset: Array) -> dict[str, Any]:
-    """Return the same facts for a geom that is not at the origin of its object."""
+    """Return the facts for a geom that is offset from the origin of its object."""
     turn, turned = np.array(facts.get("quat", (1.0, 0.0, 0.0, 0.0))), np.zeros(3)
     mj.mju_rotVecQuat(turned, offset, turn)
     return facts | {"pos": np.array(facts.get("pos", np.zeros(3))) + turned}
@@ -211,6 +215,6 @@ def _addressed(compiled: Any, scene: Scene, profile: Profile, added: _Objects) -
 
 
 def wxyz(quaternion: Array) -> Sequence[float]:
-    """x, y, z, w to MuJoCo's order."""
+    """Return a quaternion x, y, z, w in MuJoCo's order w, x, y, z."""
     x, y, z, w = (float(number) for number in quaternion)
     return [w, x, y, z]

@@ -1,5 +1,4 @@
-"""Objects that lie still sleep until something that moves comes near: asleep they cost next to nothing, and do not
-creep."""
+"""Let objects at rest sleep until something moving comes near. Asleep they cost almost nothing and do not creep."""
 
 from __future__ import annotations
 
@@ -12,27 +11,28 @@ from humanclaw.body import Array
 from humanclaw_mujoco.model import HINGED, MOVABLE, Model
 
 _LULLED: Final = 0.1
-"""Speed below which an object that has been given time to settle counts as still, m/s and rad/s."""
+"""Speed below which an object counts as still after it had time to settle, m/s and rad/s."""
 _STILL: Final = 0.01
-"""Speed below which an object comes to rest by itself."""
+"""Speed below which an object falls asleep by itself, m/s and rad/s."""
 _PATIENCE: Final = 60
-"""Steps that it must have been as slow for, with nothing awake near."""
+"""Number of steps for which it must stay that slow, with nothing awake near it."""
 _NEAR: Final = 0.01
-"""Distance at which what is awake wakes what is not, metres."""
+"""Distance at which an awake object or the body wakes a sleeping object, metres."""
 
 
 class Sleep:
     """Which movable objects of a world are asleep."""
 
     def __init__(self, model: Model) -> None:
-        """All are awake."""
+        """Begin with all objects awake."""
         self._affinity = model.mj.geom_conaffinity
         keys = [*model.movable, *model.hinged]
         places = {key: place for place, key in enumerate(keys)}
+        # A hinged object has one velocity, repeated six times so that both kinds fit one array.
         free = [[dof + k for k in range(6)] for _, dof, _ in model.movable.values()]
         self._dofs = np.array([*free, *([dof] * 6 for _, dof, _ in model.hinged.values())], int).reshape(-1, 6)
         self._place_of = np.array([places.get(key, len(keys)) for key in model.object_of.tolist()])
-        """Geom to the place of its movable object; one past the last for what is fixed and for the body."""
+        """Geom to the place of its movable object; one past the last for fixed objects and the body."""
         self._body = model.joint_of >= 0
         self._asleep = np.zeros(len(keys), bool)
         self._slow = np.zeros(len(keys), int)
@@ -43,18 +43,21 @@ class Sleep:
         self._let_meet()
 
     def lull(self, data: Any) -> None:
-        """Put everything to sleep that hardly moves."""
+        """Put every object to sleep that hardly moves."""
         self._asleep |= self._speeds(data) < _LULLED
         data.qvel[self._dofs[self._asleep]] = 0.0
         self._let_meet()
 
     def held(self) -> NDArray[np.int64]:
-        """Addresses of the velocities of those that do not fall: the sleepers, and who woke in this step, after the
-        search for contacts had left out what carries them."""
+        """Return the velocity addresses of objects that must not fall in this step.
+
+        These are the sleepers, and the objects that woke in this step: when contacts were searched, they were still
+        asleep, so the contacts with their supports are missing.
+        """
         return self._dofs[self._asleep | self._woken].ravel()
 
     def arrange(self, data: Any) -> None:
-        """Wake what something awake has come near, and let the still ones sleep."""
+        """Wake objects near an awake object or the body, and let still objects sleep."""
         if not len(self._asleep):
             return
         before = self._asleep
@@ -70,7 +73,7 @@ class Sleep:
             self._let_meet()
 
     def _active(self, places: NDArray[np.int64], body: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """(contacts, 2) whether each of the two is the body's or awake."""
+        """Return (contacts, 2) whether each of the two sides belongs to the body or to an awake object."""
         return np.asarray(body | np.append(~self._asleep, False)[places])
 
     def _stir(self, places: NDArray[np.int64]) -> None:
@@ -84,7 +87,7 @@ class Sleep:
         data.qvel[self._dofs[self._asleep]] = 0.0
 
     def _let_meet(self) -> None:
-        """Sleepers meet neither what is fixed nor one another."""
+        """Exclude sleepers from contacts with fixed objects and with one another."""
         asleep = self._asleep[self._place_of[self._geoms]]
         self._affinity[self._geoms] = np.where(asleep, 0, self._meets)
 

@@ -1,8 +1,8 @@
 """A scene and a body in MuJoCo.
 
-MuJoCo's contacts are springs and dampers that act once shapes have met. Here they are made hard, and act ahead: a
-contact at a distance allows the approach that closes the distance by the end of the step, and no more, so that what is
-driven by velocities does not enter a wall first and is pushed out afterwards.
+MuJoCo's contacts are springs and dampers that act once shapes overlap. A body driven by velocities would enter a wall
+first and be pushed out afterwards. So contacts are made hard here and act ahead: a contact at a distance allows just
+the approach that closes the distance by the end of the step.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from humanclaw_mujoco.sleep import Sleep
 
 _LOG: Final = logging.getLogger(__name__)
 _RECOVERY: Final = 0.2
-"""Share of a penetration that a step takes back."""
+"""Share of a penetration that one step corrects."""
 _LEVEL: Final = 0.7
-"""Upward part of a normal from which on a surface is level."""
+"""A surface counts as level if the upward component of its unit normal exceeds this: within 45 degrees."""
 _XYZW: Final = [1, 2, 3, 0]
 _WXYZ: Final = [3, 0, 1, 2]
 _OBJECTS: Final = np.array([group == FIXED_GROUP for group in range(6)], np.uint8)
@@ -73,10 +73,12 @@ class MujocoWorld:
     def step(self, seconds: float) -> Sequence[Touch]:
         m, d = self._m, self._d
         m.opt.timestep = seconds
+        # The stages of mj_step one by one, because contacts and accelerations are changed in between.
         self._collide()
         self._harden(seconds)
         self._sleep.arrange(d)
         mj.mj_makeConstraint(m, d)
+        # The margin only activates a hinge's limit early; with it MuJoCo would stop the hinge that far before it.
         d.efc_margin[d.efc_type == mj.mjtConstraint.mjCNSTR_LIMIT_JOINT] = 0.0
         mj.mj_island(m, d)
         mj.mj_projectConstraint(m, d)
@@ -102,17 +104,21 @@ class MujocoWorld:
         mj.mj_collision(m, d)
 
     def _harden(self, seconds: float) -> None:
-        """Let each contact allow the approach that closes its distance in this step; MuJoCo would let the shapes meet
-        first, and where there is no friction at all it would let them pass."""
+        """Let each contact allow just the approach that closes its distance in this step.
+
+        MuJoCo would let the shapes overlap first. Friction is at least MuJoCo's minimum: without any friction MuJoCo
+        would let the shapes pass through each other.
+        """
         contact = self._d.contact
         contact.includemargin[:] = 0.0
+        # Negative solref means stiffness and damping directly, per unit of effective mass: 1/s^2 and 1/s.
         contact.solref[:, 0] = -np.where(contact.dist > 0, 1.0, _RECOVERY) / seconds**2
         contact.solref[:, 1] = -1 / seconds
         contact.friction[:, :2] = np.maximum(self._model.friction[contact.geom].prod(axis=1), mj.mjMINMU)[:, None]
         self._harden_stops(seconds)
 
     def _harden_stops(self, seconds: float) -> None:
-        """Let the end of a hinge's range allow the turn that reaches it in this step."""
+        """Let the limit of a hinge allow just the turn that reaches it in this step."""
         m, hinges = self._m, self._model.hinges
         left = np.abs(m.jnt_range[hinges] - self._d.qpos[m.jnt_qposadr[hinges], None]).min(axis=1)
         within = (m.jnt_range[hinges].T - self._d.qpos[m.jnt_qposadr[hinges]]).prod(axis=0) <= 0
@@ -120,8 +126,10 @@ class MujocoWorld:
         m.jnt_solref[hinges, 1] = -1 / seconds
 
     def _let_fall(self) -> None:
-        """Without contacts the body's velocity changes by gravity alone: its limbs move as they are told and have no
-        recoil."""
+        """Let gravity alone change the body's velocity before contacts: its limbs are driven, so they cause no recoil.
+
+        Sleeping objects do not fall at all.
+        """
         d = self._d
         d.qacc_smooth[self._tree] = 0.0
         d.qacc_smooth[self._model.root_dof + 1] = -self._gravity
@@ -129,7 +137,7 @@ class MujocoWorld:
         mj.mj_mulM(self._m, d, d.qfrc_smooth, d.qacc_smooth)
 
     def _forces(self) -> Array:
-        """(contacts,) along their normals, newtons."""
+        """Return (contacts,) the forces along the contacts' normals, newtons."""
         address = self._d.contact.efc_address
         return np.where(address >= 0, np.append(self._d.efc_force, 0.0)[address], 0.0)
 
@@ -144,7 +152,7 @@ class MujocoWorld:
         normals = contact.frame[met, :3] * (2 * second - 1)[:, None]
         columns = (
             joints[met, second], model.object_of[geoms[met, 1 - second]], contact.pos[met], normals,
-            # One that is still ahead and pushes closes in this step.
+            # A contact at a distance that already pushes closes in this step, so it counts as touching.
             np.minimum(gaps[met], TOUCHING), forces[met],
         )  # fmt: skip
         return list(starmap(Touch, zip(*(column.tolist() for column in columns), strict=True)))
@@ -196,7 +204,7 @@ class MujocoWorld:
         self._sleep.lull(self._d)
 
     def close(self) -> None:
-        """MuJoCo frees its memory with the last reference."""
+        """Do nothing: MuJoCo frees its memory with the last reference."""
 
     # -- free joints ---------------------------------------------------------------------------------------------------
     def _put(self, at: int, position: Array, quaternion: Array) -> None:
@@ -204,7 +212,7 @@ class MujocoWorld:
         self._d.qpos[at + 3 : at + 7] = np.asarray(quaternion)[_WXYZ]
 
     def _moving(self, at: int, dof: int) -> tuple[Array, Array]:
-        """Linear and angular velocity in the world frame; MuJoCo keeps the angular one in the joint's own."""
+        """Return linear and angular velocity in the world frame. MuJoCo keeps the angular one in the joint's frame."""
         qvel, spin = self._d.qvel, np.zeros(3)
         mj.mju_rotVecQuat(spin, qvel[dof + 3 : dof + 6], self._d.qpos[at + 3 : at + 7])
         return qvel[dof : dof + 3].copy(), spin
@@ -217,7 +225,7 @@ class MujocoWorld:
 
 
 class _Worlds:
-    """Opens worlds; the model of the last scene is kept, so that going back to its start is cheap."""
+    """Opens worlds. Keeps the model of the last scene, so that a reset to its start is cheap."""
 
     def __init__(self) -> None:
         self._last: tuple[Scene, Profile, Model] | None = None
@@ -229,10 +237,10 @@ class _Worlds:
 
 
 def mujoco(profile: str | Profile = "default") -> HalfPhysics:
-    """Half-physics on MuJoCo. profile: 'default', 'paper', 'reference', or constants of your own.
+    """Return half-physics on MuJoCo. profile: 'default', 'paper', 'reference', or constants of your own.
 
-    What MuJoCo warns of is logged, unless the program hears its warnings already: by itself it prints them, where a
-    protocol may be spoken, and writes a file wherever the program runs.
+    MuJoCo's warnings go to the log, unless the program already handles them. By default MuJoCo prints them to stdout,
+    where they could break a protocol, and writes a file into the working directory.
     """
     if mj.get_mju_user_warning() is None:
         mj.set_mju_user_warning(_LOG.warning)

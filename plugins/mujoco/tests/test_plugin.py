@@ -1,4 +1,4 @@
-"""How the plugin is found, and what is MuJoCo's own."""
+"""Discovery of the plugin, and behaviour that only MuJoCo has."""
 
 import subprocess
 import sys
@@ -45,7 +45,7 @@ def test_a_scene_that_is_loaded_again_is_not_compiled_again():
 
 
 def test_resetting_keeps_no_memory():
-    """Neither of boxes nor of a hundred other shapes, which are given to the engine in a different way."""
+    """Check that neither boxes nor a hundred other shapes, which the engine gets in another way, leak memory."""
     builder, random = SceneBuilder(), np.random.default_rng(0)
     builder.room()
     for number in range(100):
@@ -56,7 +56,7 @@ def test_resetting_keeps_no_memory():
 
 
 def test_what_mujoco_warns_of_is_logged_and_no_file_of_its_own_is_left_behind(tmp_path, monkeypatch, caplog):
-    """By itself it writes MUJOCO_LOG.TXT wherever the program runs."""
+    """Check that MuJoCo writes no MUJOCO_LOG.TXT into the working directory, as it does by default."""
     monkeypatch.chdir(tmp_path)
     mujoco()
     model = mj.MjModel.from_xml_string(

@@ -23,4 +23,4 @@ def _renderer(*, smooth: bool = False) -> Renderer:
 @hookimpl
 def humanclaw_renderers(register: Register[RendererFactory]) -> None:
     register("raster", _renderer, "Software rasterizer: colour, depth and object ids on one CPU core.")
-    register("raster-2x", partial(_renderer, smooth=True), "The same with smooth edges, from 2 x 2 samples a pixel.")
+    register("raster-2x", partial(_renderer, smooth=True), "raster with smooth edges, from 2 x 2 samples per pixel.")

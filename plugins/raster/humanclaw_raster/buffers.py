@@ -1,4 +1,4 @@
-"""What the kernels read and write, and how they are compiled."""
+"""The values that the kernels read and write, and the decorators that compile kernels."""
 
 from __future__ import annotations
 
@@ -13,27 +13,26 @@ from humanclaw.body import Array
 from humanclaw_raster.packing import Floats
 
 NEAR: Final = 0.02
-"""What is closer to the eye than this is cut away, metres."""
-
-
+"""Near plane: surfaces closer to the eye than this are cut away, metres."""
 SURFACE: Final = 27
+"""Number of values that prepare_face writes."""
 FLAT: Final = 8
-"""Numbers that prepare_face writes, and where among them the normal of the face begins."""
+"""Index among them at which the normal of the face begins."""
 
 
 class Pinhole(NamedTuple):
     """A pinhole camera: intrinsics and pose."""
 
     eye: Array
-    """(3,) world frame."""
+    """(3,) position in the world frame, metres."""
     axes: Array
-    """(3, 3) rows: right, down, forward."""
+    """(3, 3) unit vectors in the world frame; rows: right, down, forward."""
     focal: float
-    """In pixels."""
+    """Focal length, pixels."""
 
 
 class Instances(NamedTuple):
-    """The meshes of a model, put somewhere. N instances."""
+    """N placed meshes of a model."""
 
     mesh: NDArray[np.int32]
     id: NDArray[np.int32]
@@ -41,24 +40,24 @@ class Instances(NamedTuple):
     turn: Array
     """(N, 3, 3) rotation from the mesh's frame to the world."""
     place: Array
-    """(N, 3) world frame."""
+    """(N, 3) position in the world frame, metres."""
 
 
 class OverheadMap(NamedTuple):
-    """Height maps from above. S storeys."""
+    """Height maps from above, one for each of S storeys."""
 
     heights: Floats
-    """(S, Z, X) world height of the highest surface over each cell, minus infinity where there is none."""
+    """(S, Z, X) world height of the highest surface over each cell, metres; minus infinity where there is none."""
     floors: Array
-    """(S,) heights of the floors, ascending."""
+    """(S,) heights of the floors, ascending, metres."""
     corner: Array
-    """(2,) least x and z of the maps."""
+    """(2,) smallest x and z of the maps, metres."""
     cell: float
     """Side of a cell, metres."""
 
 
 class GBuffer(NamedTuple):
-    """What each pixel shows, all (H, W). Where nothing is, inverse_depth is 0, and face and instance are -1."""
+    """The nearest surface in each pixel, (H, W) each. Empty pixels have inverse_depth 0, and face and instance -1."""
 
     inverse_depth: Floats
     face: NDArray[np.int32]
@@ -66,8 +65,10 @@ class GBuffer(NamedTuple):
 
 
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Machine code, kept on disk beside the source or in the user's cache; compiled anew where neither can be
-    written."""
+    """Compile a function to machine code, cached on disk beside the source or in the user's cache.
+
+    Where neither can be written, each process compiles again.
+    """
     how: Any = {"error_model": "numpy", "nogil": True}
     try:
         return njit(cache=True, **how)(function)  # type: ignore[no-any-return]

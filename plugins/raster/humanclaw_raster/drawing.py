@@ -14,7 +14,7 @@ from humanclaw_raster.packing import Floats, Model
 def in_view(
     model: Model, instances: Instances, pinhole: Pinhole, width: int, height: int
 ) -> tuple[NDArray[np.int32], Floats]:
-    """(K, 2) instance and cluster of all clusters that may be seen, and (K,) their least depths."""
+    """Return (K, 2) instance and cluster of all clusters that may be visible, and (K,) their smallest depths."""
     count = 0
     for instance in range(instances.mesh.size):
         count += model.meshes[instances.mesh[instance], 1] - model.meshes[instances.mesh[instance], 0]
@@ -29,6 +29,7 @@ def in_view(
         for cluster in range(model.meshes[instances.mesh[instance], 0], model.meshes[instances.mesh[instance], 1]):
             x, y, z = move_point(to_camera, shift, model.spheres[cluster])
             radius = model.spheres[cluster, 3]
+            # A sphere outside one of the four side planes is invisible; the slant is the length of a plane's normal.
             behind = z + radius < NEAR
             if behind or abs(x) - side * z > radius * side_slant or abs(y) - rise * z > radius * rise_slant:
                 continue
@@ -40,7 +41,7 @@ def in_view(
 
 @compiled
 def place_model(instances: Instances, instance: int, pinhole: Pinhole) -> tuple[Array, Array]:
-    """Rotation and shift from the frame of an instance's mesh to that of the camera."""
+    """Return rotation and shift from the frame of an instance's mesh to that of the camera."""
     turn, shift = np.zeros((3, 3)), np.zeros(3)
     for a in range(3):
         for b in range(3):
@@ -61,8 +62,10 @@ def move_point(turn: Array, shift: Array, point: Floats) -> tuple[float, float, 
 
 @compiled
 def draw(model: Model, instances: Instances, pinhole: Pinhole, order: NDArray[np.int32], gbuffer: GBuffer) -> None:
-    """Fill the G-buffer with the nearest triangles, both sides of a face. order: (K, 2) as from in_view, nearest
-    first."""
+    """Fill the G-buffer with the nearest triangles, both sides of each face.
+
+    order: (K, 2) as from in_view. Nearest first is fastest, because hidden pixels are then never written.
+    """
     seen, flat = np.empty((3, 3)), np.empty((4, 3))
     for item in range(order.shape[0]):
         instance, cluster = order[item]
@@ -77,8 +80,10 @@ def draw(model: Model, instances: Instances, pinhole: Pinhole, order: NDArray[np
 
 @compiled
 def _project(seen: Array, focal: float, shape: tuple[int, int], flat: Array) -> int:
-    """Cut a triangle at the near plane; returns the number of corners left, written as column, row and
-    inverse_depth."""
+    """Cut a triangle at the near plane and project it; return the number of its corners.
+
+    seen: (3, 3) corners in the camera frame. flat: (4, 3) receives column, row and inverse depth of each corner.
+    """
     count = 0
     for corner in range(3):
         here, there = seen[corner], seen[(corner + 1) % 3]
@@ -88,7 +93,7 @@ def _project(seen: Array, focal: float, shape: tuple[int, int], flat: Array) -> 
             flat[count, 2] = 1 / here[2]
             count += 1
         if (here[2] >= NEAR) != (there[2] >= NEAR):
-            # From the visible end to the other, whichever comes first: neighbours cut their common side at one point.
+            # Always from the visible end to the other, so that neighbours cut their common side at the same point.
             a, b = (here, there) if here[2] >= NEAR else (there, here)
             part = (NEAR - a[2]) / (b[2] - a[2])
             flat[count, 0] = shape[1] / 2 + focal * (a[0] + part * (b[0] - a[0])) / NEAR
@@ -100,8 +105,10 @@ def _project(seen: Array, focal: float, shape: tuple[int, int], flat: Array) -> 
 
 @compiled
 def _fill(a: Array, b: Array, c: Array, face: int, instance: int, gbuffer: GBuffer) -> None:
-    """Row by row. A pixel belongs to a triangle if its middle does; of two triangles with a common side exactly one has
-    it."""
+    """Fill a triangle row by row. A pixel belongs to it if its centre does.
+
+    A pixel centre on the common side of two triangles belongs to exactly one of them.
+    """
     height, width = gbuffer.inverse_depth.shape
     x0, y0, w0, x1, y1, w1, x2, y2, w2 = a[0], a[1], a[2], b[0], b[1], b[2], c[0], c[1], c[2]
     area = (x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)
@@ -109,10 +116,11 @@ def _fill(a: Array, b: Array, c: Array, face: int, instance: int, gbuffer: GBuff
     bottom = int(np.ceil(min(max(y0, y1, y2), float(height)) - 0.5))
     if area == 0.0 or top >= bottom or max(x0, x1, x2) <= 0.5 or min(x0, x1, x2) > width - 0.5:
         return
+    # Inverse depth, unlike depth, is linear in the picture: one gradient holds for the whole triangle.
     across = ((w1 - w0) * (y2 - y0) - (w2 - w0) * (y1 - y0)) / area
     down = ((w2 - w0) * (x1 - x0) - (w1 - w0) * (x2 - x0)) / area
     corner = w0 + (0.5 - x0) * across + (0.5 - y0) * down
-    # Corners from top to bottom, so that neighbours compute their common side in the same way, to the last bit.
+    # Corners are sorted from top to bottom, so that neighbours compute their common side identically to the last bit.
     if y1 < y0 or (y1 == y0 and x1 < x0):
         x0, y0, x1, y1 = x1, y1, x0, y0
     if y2 < y0 or (y2 == y0 and x2 < x0):
@@ -137,12 +145,13 @@ def _fill(a: Array, b: Array, c: Array, face: int, instance: int, gbuffer: GBuff
 
 @compiled
 def prepare_face(model: Model, instances: Instances, pinhole: Pinhole, face: int, instance: int, out: Array) -> None:
-    """Prepare what all pixels of a face share.
+    """Compute the values that all pixels of a face share.
 
-    0..7: the shares of the second and the third corner in a point of the face, each a constant and a gradient in the
-    camera frame. 8..10: the unit normal of the face, towards the camera, camera frame. 11..19: the normal for shading,
-    world frame, at the first corner and its change to the others. 20..25: uv likewise. 26: texels a pixel at a depth of
-    one metre.
+    0..7    barycentric weights of the second and the third corner: a constant and a gradient each, camera frame
+    8..10   unit normal of the face towards the camera, camera frame
+    11..19  normal for shading, world frame: at the first corner, and the differences of the other two to it
+    20..25  uv likewise
+    26      texels per pixel at a depth of one metre
     """
     turn, shift = place_model(instances, instance, pinhole)
     px, py, pz = move_point(turn, shift, model.corners[face, 0])
@@ -154,6 +163,7 @@ def prepare_face(model: Model, instances: Instances, pinhole: Pinhole, face: int
     out[1], out[2], out[3] = (vy * nz - vz * ny) / square, (vz * nx - vx * nz) / square, (vx * ny - vy * nx) / square
     out[5], out[6], out[7] = (ny * uz - nz * uy) / square, (nz * ux - nx * uz) / square, (nx * uy - ny * ux) / square
     out[0], out[4] = -(out[1] * px + out[2] * py + out[3] * pz), -(out[5] * px + out[6] * py + out[7] * pz)
+    # Faces are drawn from both sides: seen from behind, the normals are reversed.
     side = 1.0 if nx * px + ny * py + nz * pz < 0 else -1.0
     size = side / np.sqrt(square)
     out[8], out[9], out[10] = nx * size, ny * size, nz * size

@@ -1,5 +1,4 @@
-"""What hangs over each place: height maps seen from above, one a storey, for the soft shadows under and beside
-objects."""
+"""Height maps seen from above, one per storey, for the soft shadows under and beside objects."""
 
 from __future__ import annotations
 
@@ -16,19 +15,22 @@ from humanclaw_raster.packing import Floats, Model
 from humanclaw_raster.shading import TALLEST
 
 CELL: Final = 0.04
-"""Side of a cell of the map, metres; more in scenes that would need more than MOST cells a side."""
+"""Side of a cell of the map, metres. It is larger in scenes that would need more than MOST cells per side."""
 MOST: Final = 1024
 _HIGH: Final = 1000.0
-"""From so high up the map is seen that lines of sight are as good as parallel, metres."""
+"""Height of the eye over the floor, metres: so high that the lines of sight are nearly parallel."""
 
 
 class OverheadMapper:
-    """Keeps the map of all that stands still, and adds what moves to a copy."""
+    """Keeps the map of everything that stands still, and adds moving instances to a copy."""
 
     def __init__(
         self, scene: Scene, model: Model, instances: Instances, still: Sequence[int], moving: Sequence[int]
     ) -> None:
-        """still, moving: rows of instances. The last len(scene.objects) rows are the objects of the scene."""
+        """Draw the map of what stands still.
+
+        still, moving: rows of instances. The last len(scene.objects) rows are the objects of the scene.
+        """
         boxes = np.array([scene.aabb(obj.id) for obj in scene.objects]).reshape(-1, 2, 3)
         self._model, self._moving = model, _order(model, instances, moving)
         self._floors = np.array(sorted({room.floor for room in scene.rooms} or {boxes[:, 0, 1].min(initial=0.0)}))
@@ -39,12 +41,13 @@ class OverheadMapper:
         first = len(instances.mesh) - len(boxes)
         self._still = []
         for floor in self._floors:
+            # 0.3 m lower, so that objects which sink into the floor count. TALLEST leaves out walls and ceilings.
             on_it = (boxes[:, 0, 1] > floor - 0.3) & (boxes[:, 1, 1] < floor + TALLEST)
             rows = [row for row in still if row >= first and on_it[row - first]]
             self._still.append(self._drawn(instances, _order(model, instances, rows), float(floor), None))
 
     def now(self, instances: Instances) -> OverheadMap:
-        """Return the map with what moves where it is now."""
+        """Return the map with the moving instances at their current places."""
         maps = []
         for floor, still in zip(self._floors, self._still, strict=True):
             inverse_depth = self._drawn(instances, self._moving, float(floor), still)
@@ -57,13 +60,13 @@ class OverheadMapper:
         inverse_depth = np.zeros(self._shape, np.float32) if before is None else before.copy()
         gbuffer = GBuffer(inverse_depth, np.empty(self._shape, np.int32), np.empty(self._shape, np.int32))
         eye = np.array([self._middle[0], floor + _HIGH, self._middle[2]])
-        # Columns go along +X and rows along +Z.
+        # The eye looks down; columns go along +X and rows along +Z.
         axes = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
         draw(self._model, instances, Pinhole(eye, axes, _HIGH / self._cell), order, gbuffer)
         return inverse_depth
 
 
 def _order(model: Model, instances: Instances, rows: Sequence[int]) -> NDArray[np.int32]:
-    """(K, 2) row and cluster of all clusters of some instances."""
+    """Return (K, 2) row and cluster of all clusters of some instances."""
     pairs = [(row, cluster) for row in rows for cluster in range(*model.meshes[instances.mesh[row]])]
     return np.array(pairs, np.int32).reshape(-1, 2)

@@ -1,4 +1,4 @@
-"""A scene as the few flat arrays that the kernels read. Nothing here depends on the camera or on time."""
+"""Pack meshes into the flat arrays that the kernels read. Nothing here depends on the camera or on time."""
 
 from __future__ import annotations
 
@@ -12,18 +12,17 @@ from humanclaw.body import Array
 from humanclaw.world import Mesh
 
 CLUSTER: Final = 64
-"""Triangles that are kept or dropped together when they leave the view."""
+"""Number of triangles that are tested against the view together."""
 LEVELS: Final = 8
-"""Sizes of a texture, each half the one before."""
+"""Number of sizes of a texture (mipmap); each is half the previous one."""
 SMOOTH: Final = float(np.cos(np.radians(40.0)))
-"""A face that leaves the mean of its neighbours by more than this angle has an edge there."""
+"""Cosine of 40 degrees. A face whose normal differs more from the mean of its neighbours has a sharp edge there."""
 
 Floats = NDArray[np.float32]
 
 
 class Model(NamedTuple):
-    """All meshes of a scene, one after the other, each in its own frame. T triangles, C clusters, M meshes, P
-    texels."""
+    """All meshes of a scene in a row, each in its own frame: T triangles, C clusters, M meshes, P texels."""
 
     corners: Floats
     """(T, 3, 3) positions, metres."""
@@ -34,19 +33,19 @@ class Model(NamedTuple):
     density: Floats
     """(T,) texels per metre along the surface, in the full-size texture."""
     clusters: NDArray[np.int32]
-    """(C, 2) first triangle and the one after the last."""
+    """(C, 2) first triangle, and the one after the last."""
     spheres: Floats
-    """(C, 4) centre and radius around a cluster, metres."""
+    """(C, 4) centre and radius of a sphere around a cluster, metres."""
     meshes: NDArray[np.int32]
-    """(M, 2) first cluster of a mesh and the one after its last."""
+    """(M, 2) first cluster of a mesh, and the one after its last."""
     texels: NDArray[np.uint8]
     """(P, 3) red, green, blue."""
     levels: NDArray[np.int64]
-    """(M, LEVELS, 3) where a size of a mesh's texture begins among the texels, its height and its width."""
+    """(M, LEVELS, 3) for each size of a mesh's texture: index of its first texel, height and width."""
 
 
 def pack(meshes: Sequence[Mesh]) -> Model:
-    """Return the meshes, numbered as they come."""
+    """Pack meshes. They are numbered in the given order."""
     pieces = [_sorted_faces(mesh) for mesh in meshes]
     corners = [mesh.vertices[faces] for mesh, faces in zip(meshes, pieces, strict=True)]
     uv = [mesh.uv[faces] for mesh, faces in zip(meshes, pieces, strict=True)]
@@ -63,7 +62,7 @@ def pack(meshes: Sequence[Mesh]) -> Model:
 
 
 def _sorted_faces(mesh: Mesh) -> NDArray[np.int32]:
-    """(M, 3) the faces along a Morton curve, so that those which follow one another lie together."""
+    """Return (M, 3) the faces along a Morton curve, so that successive faces are close to each other."""
     if len(mesh.faces) <= CLUSTER:
         return mesh.faces
     centres = mesh.vertices[mesh.faces].mean(axis=1)
@@ -92,11 +91,12 @@ def _spheres(corners: Floats, clusters: NDArray[np.int32]) -> Floats:
     low = np.minimum.reduceat(corners.min(axis=1), clusters[:, 0])
     high = np.maximum.reduceat(corners.max(axis=1), clusters[:, 0])
     radius = np.linalg.norm(high - low, axis=1, keepdims=True) / 2
+    # A little larger than exact: rounding to float32 must not leave a corner outside.
     return np.concatenate([(low + high) / 2, radius * 1.0001 + 1e-6], axis=1).astype(np.float32)
 
 
 def _density(corners: Floats, uv: Floats, texture: NDArray[np.uint8]) -> Array:
-    """(M,) texels per metre; 0 where a face takes one colour from a single point of the texture."""
+    """Return (M,) texels per metre; 0 where a face takes its colour from a single point of the texture."""
     area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     sides = (uv[:, 1:] - uv[:, :1]) * np.array([texture.shape[1], texture.shape[0]])
     covered = np.abs(sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0])
@@ -104,7 +104,7 @@ def _density(corners: Floats, uv: Floats, texture: NDArray[np.uint8]) -> Array:
 
 
 def _smooth_normals(mesh: Mesh, faces: NDArray[np.int32]) -> Array:
-    """(M, 3, 3) the normal at each corner: the mean of the faces that meet there, unless they meet at an edge."""
+    """Return (M, 3, 3) the normal at each corner: the mean of the faces that meet there, unless the edge is sharp."""
     points: Array = mesh.vertices.astype(float)[faces]
     flat = np.repeat(_unit(np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])), 3, axis=0)
     _, place = np.unique(np.round(mesh.vertices, 5), axis=0, return_inverse=True)
@@ -131,7 +131,7 @@ def _textures(pictures: Sequence[NDArray[np.uint8]]) -> tuple[NDArray[np.uint8],
 
 
 def _half(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Every 2 x 2 texels to their mean; sides of one texel stay."""
+    """Halve a picture: each 2 x 2 texels become their mean. A side of one texel stays."""
     for axis in (0, 1):
         size = picture.shape[axis] // 2 * 2
         if size:

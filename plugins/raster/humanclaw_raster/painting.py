@@ -1,4 +1,4 @@
-"""Colours of the pixels: textures, light, smooth edges."""
+"""Compute the colours of the pixels: textures, light, smooth edges."""
 
 from __future__ import annotations
 
@@ -14,18 +14,19 @@ from humanclaw_raster.packing import LEVELS, Floats, Model
 from humanclaw_raster.shading import AMBIENT, DIFFUSE, SUN
 
 UPLIFT: Final = 0.6
-"""Normals are lifted by this much before shading, as light that comes from above and bounces all round would: without
-it every face that is turned away from the sun would have one and the same darkness, and corners between them would
-vanish."""
+"""Added to the upward component of normals before shading, as if light from above bounced around the room.
+
+Without it, all faces turned away from the sun would be equally dark, and the corners between them would vanish.
+"""
 BOUNCE: Final = 0.5
-"""Faces that look down are lit by the floor, with this share of what it gets."""
+"""Share of the floor's light that lights faces which look down."""
 
 
 @compiled
 def paint(
     model: Model, instances: Instances, pinhole: Pinhole, gbuffer: GBuffer, light: Floats, rgb: NDArray[np.uint8]
 ) -> None:
-    """Colour every pixel that shows something. light: as from ambient_occlusion. rgb: (H, W, 3), changed in place."""
+    """Colour every pixel that shows a surface. light: as from ambient_occlusion. rgb: (H, W, 3), changed in place."""
     height, width = gbuffer.inverse_depth.shape
     s, last, owner = np.empty(SURFACE), -1, -1
     for row in range(height):
@@ -34,7 +35,7 @@ def paint(
             instance, face = gbuffer.instance[row, column], gbuffer.face[row, column]
             if instance < 0:
                 continue
-            if face != last or instance != owner:
+            if face != last or instance != owner:  # Neighbouring pixels mostly show the same face.
                 prepare_face(model, instances, pinhole, face, instance, s)
                 last, owner = face, instance
             depth, right = 1 / gbuffer.inverse_depth[row, column], (column + 0.5 - width / 2) / pinhole.focal
@@ -47,10 +48,10 @@ def smooth_edges(
     model: Model, instances: Instances, pinhole: Pinhole, gbuffer: GBuffer, coarse: GBuffer, light: Floats,
     sky: NDArray[np.uint8], rgb: NDArray[np.uint8],
 ) -> None:  # fmt: skip
-    """Paint the pixels anew whose 2 x 2 samples do not all show one face: with the mean of the samples.
+    """Repaint pixels whose 2 x 2 samples show more than one face: with the mean of the samples.
 
-    pinhole, gbuffer: of the picture at twice its size. coarse, light: of the picture as it is. sky: (H, 3) its colours
-    where nothing is. rgb: the picture as paint left it.
+    pinhole, gbuffer: of the picture at twice its size. coarse, light: of the picture at its own size. sky: (H, 3)
+    colours of empty pixels in each row. rgb: the picture from paint, changed in place.
     """
     height, width = coarse.inverse_depth.shape
     s, last, owner = np.empty(SURFACE), -1, -1
@@ -73,7 +74,7 @@ def smooth_edges(
                 depth = 1 / gbuffer.inverse_depth[r, c]
                 _colour(model, instances.mesh[instance], s, depth, right, down, here, samples, k // 2, k % 2)
             for channel in range(3):
-                total = 2
+                total = 2  # Rounds the mean of four to the nearest number.
                 for k in range(4):
                     total += samples[k // 2, k % 2, channel]
                 rgb[row, column, channel] = total // 4
@@ -81,7 +82,7 @@ def smooth_edges(
 
 @compiled
 def _one_face(gbuffer: GBuffer, coarse: GBuffer, row: int, column: int) -> bool:
-    """Whether all samples of a pixel, the middle one included, show the same face."""
+    """Return whether the four samples of a pixel and its centre all show the same face."""
     face, instance = coarse.face[row, column], coarse.instance[row, column]
     for r in range(2 * row, 2 * row + 2):
         for c in range(2 * column, 2 * column + 2):
@@ -95,7 +96,7 @@ def _colour(
     model: Model, mesh: int, s: Array, depth: float, right: float, down: float, light: float,
     rgb: NDArray[np.uint8], row: int, column: int,
 ) -> None:  # fmt: skip
-    """Write the colour of a point of the face that s was prepared for, seen at (right, down) on the plane z = 1."""
+    """Write the colour of a point on the face for which s was prepared, seen at (right, down) on the plane z = 1."""
     b = min(1.0, max(0.0, s[0] + depth * (s[1] * right + s[2] * down + s[3])))
     c = min(1.0 - b, max(0.0, s[4] + depth * (s[5] * right + s[6] * down + s[7])))
     bright = _lit(s[11] + b * s[14] + c * s[17], s[12] + b * s[15] + c * s[18], s[13] + b * s[16] + c * s[19])
@@ -108,7 +109,10 @@ def _texture(
     model: Model, mesh: int, u: float, v: float, footprint: float, bright: float,
     rgb: NDArray[np.uint8], row: int, column: int,
 ) -> None:  # fmt: skip
-    """Write the colour between four texels, in the size where a pixel covers about one. footprint: texels a pixel."""
+    """Write the colour between four texels, from the size at which a pixel covers about one texel.
+
+    footprint: texels per pixel in the full-size texture.
+    """
     level = 0
     while footprint > 1.5 and level < LEVELS - 1:
         footprint *= 0.5
@@ -131,7 +135,7 @@ def _texture(
 
 @inlined
 def _lit(x: float, y: float, z: float) -> float:
-    """Return the brightness of a surface from its normal in the world, before what stands around it is counted."""
+    """Return the brightness of a surface from its normal in the world frame, without the shadows of other objects."""
     y = (-BOUNCE * y if y < 0 else y) + UPLIFT
     size = np.sqrt(x * x + y * y + z * z) + 1e-20
     return AMBIENT + DIFFUSE * max(0.0, (x * SUN[0] + y * SUN[1] + z * SUN[2]) / size)  # type: ignore[no-any-return]
@@ -139,7 +143,7 @@ def _lit(x: float, y: float, z: float) -> float:
 
 @inlined
 def _light_at(light: Floats, gbuffer: GBuffer, row: int, column: int) -> float:
-    """Return the light of a pixel, between the samples beside it."""
+    """Return the light of a pixel: its own sample, or a mean of the samples beside it."""
     if row % 2 == 0 and column % 2 == 0:
         return light[row // 2, column // 2]  # type: ignore[no-any-return]
     face, instance = gbuffer.face[row, column], gbuffer.instance[row, column]
@@ -150,14 +154,17 @@ def _light_at(light: Floats, gbuffer: GBuffer, row: int, column: int) -> float:
 def _light_near(
     light: Floats, gbuffer: GBuffer, here: float, face: int, instance: int, row: int, column: int, wide: int
 ) -> float:
-    """Return the light of the nearest samples for a face at an inverse depth in a pixel, each by how near it is and
-    whether it lies on the same face. wide: 1 to take those on both sides of a pixel that is one of them itself."""
+    """Return the mean light of the samples around a pixel, weighted by similar depth and by the same face.
+
+    here: inverse depth of the face in the pixel. wide: 1 to take the samples on both sides even if the pixel itself is
+    a sample.
+    """
     total, weight = np.float32(1e-6), np.float32(1e-6)
     for r in range(max((row - wide) // 2, 0), min((row + 1 + wide) // 2 + 1, light.shape[0])):
         for c in range(max((column - wide) // 2, 0), min((column + 1 + wide) // 2 + 1, light.shape[1])):
             near = here / (here + 40 * abs(gbuffer.inverse_depth[2 * r, 2 * c] - here)) + np.float32(1e-4)
             if gbuffer.face[2 * r, 2 * c] != face or gbuffer.instance[2 * r, 2 * c] != instance:
-                near *= np.float32(0.05)
+                near *= np.float32(0.05)  # Not 0: a small face may have no sample of its own.
             total += near * light[r, c]
             weight += near
     return total / weight  # type: ignore[return-value]

@@ -1,4 +1,4 @@
-"""The Renderer: a scene packed once, a body of rigid links, and the kernels in their order."""
+"""The Renderer: packs a scene once, places the body's rigid links, and runs the kernels in order."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from humanclaw_raster.robot import robot
 from humanclaw_raster.shading import ambient_occlusion
 
 SKY: Final = np.array([[196, 221, 243], [240, 244, 247]], float)
-"""Colours where nothing was drawn, at the top and at the bottom of the picture."""
+"""Colours of empty pixels at the top and at the bottom of the picture."""
 _IN_HEAD: Final = 0.2
-"""A camera closer to the head's centre than this is the body's own eye, metres."""
+"""A camera closer to the head's joint than this is the body's own eye, metres."""
 _EGO_HIDDEN: Final = ("head", "neck")
 
 
 class _LoadedScene(NamedTuple):
-    """A scene ready to be drawn, the body in it."""
+    """A scene with the body, ready to be drawn."""
 
     model: Model
     instances: Instances
@@ -35,22 +35,22 @@ class _LoadedScene(NamedTuple):
 
 
 class RasterRenderer:
-    """The Renderer in software, on the thread that calls it. The same state and camera give the same bytes.
+    """Renders in software, on the calling thread. The same state and camera give the same bytes.
 
-    Pixels where nothing is have id 0, infinite depth and the colour of the sky. Not thread-safe.
+    Empty pixels have id 0, infinite depth and the colour of the sky. Not thread-safe.
     """
 
     def __init__(self, *, smooth: bool = False) -> None:
-        """Hold no scene yet.
+        """Create a renderer without a scene.
 
-        smooth: edges get the mean of 2 x 2 samples a pixel; ids and depth are those of its middle all the same.
+        smooth: pixels on edges get the mean of 2 x 2 samples. Ids and depth are those of the pixel's centre either way.
         """
         self._smooth = smooth
         self._loaded: _LoadedScene | None = None
 
     def load(self, scene: Scene) -> None:
-        """Make a scene ready to be drawn, in the place of the one before."""
-        # Before packing: two scenes at once would fragment the heap of a process that moves through many houses.
+        """Make a scene ready to be drawn; it replaces the previous one."""
+        # Freed before packing: two scenes at once would fragment the heap of a process that visits many houses.
         self.close()
         links, names = robot(), sorted({obj.asset for obj in scene.objects})
         number = {name: len(links) + k for k, name in enumerate(names)}
@@ -73,9 +73,9 @@ class RasterRenderer:
         self._loaded = _LoadedScene(model, instances, OverheadMapper(scene, model, instances, still, moving))
 
     def render(self, state: WorldState, camera: Camera) -> View:
-        """Draw one moment. The head is left out of a picture that is taken from inside it.
+        """Draw one moment. A camera inside the head does not see head and neck.
 
-        Raises HumanclawError before the first load.
+        Raises HumanclawError if no scene is loaded.
         """
         if self._loaded is None:
             raise HumanclawError("the renderer holds no scene.", "Call load(scene) first.")
@@ -88,11 +88,11 @@ class RasterRenderer:
         rgb = self._colours(camera, gbuffer, overhead.now(instances))
         with np.errstate(divide="ignore"):
             depth = np.float32(1) / gbuffer.inverse_depth
-        # The last place of the table is reached with -1, which stands for nothing.
+        # Empty pixels have instance -1, which indexes the appended last id, 0.
         return View(rgb, depth, np.append(instances.id, np.int32(0))[gbuffer.instance])
 
     def _colours(self, camera: Camera, gbuffer: GBuffer, above: OverheadMap) -> NDArray[np.uint8]:
-        """(H, W, 3). gbuffer: of the camera."""
+        """Return the (H, W, 3) colours. gbuffer: of this camera. above: height maps of this moment."""
         assert self._loaded is not None
         model, instances, _ = self._loaded
         light = ambient_occlusion(model, instances, _pinhole(camera), gbuffer, above)
@@ -141,6 +141,6 @@ def _pinhole(camera: Camera) -> Pinhole:
 
 
 def _sky(camera: Camera) -> NDArray[np.uint8]:
-    """(H, 3) a gradient."""
+    """Return (H, 3) the sky's colour in each row: a vertical gradient."""
     down = np.linspace(0.0, 1.0, camera.height)[:, None]
     return np.asarray((1 - down) * SKY[0] + down * SKY[1], np.uint8)

@@ -1,4 +1,4 @@
-"""What the body looks like: a friendly blue robot, a capsule or a rounded box for each link."""
+"""The body's looks: a blue robot with a capsule or a rounded box for each link."""
 
 from __future__ import annotations
 
@@ -14,7 +14,6 @@ PALETTE: Final = np.array([[[66, 133, 214], [235, 240, 246], [34, 40, 52], [120,
 BLUE, WHITE, DARK, GLOW = range(4)
 _AROUND, _ACROSS = 14, 10
 """Meridians and parallels of a rounded surface: enough to look round, few enough to draw fast."""
-
 _COLOURS: Final = {
     "neck": DARK,
     "spine1": DARK,
@@ -24,11 +23,11 @@ _COLOURS: Final = {
     "foot": DARK,
     "hand": DARK,
 }
-"""Links that are not blue."""
+"""Colours of the links that are not blue."""
 
 
 def robot() -> dict[str, Mesh]:
-    """Joint name to the mesh of its link, in the frame of the joint, metres."""
+    """Return joint name to the mesh of its link, in the frame of the joint, metres."""
     meshes = {}
     for link in LINKS:
         colour = _COLOURS.get(link.joint.removeprefix("left_").removeprefix("right_"), BLUE)
@@ -53,21 +52,20 @@ def _skin(shape: Capsule | Box) -> Array:
 
 
 def _sphere() -> Array:
-    """(parallels, meridians, 3) unit vectors from the south to the north pole (Y), each ring closed."""
+    """Return (parallels, meridians + 1, 3) unit vectors from the south to the north pole (Y); each ring is closed."""
     tilt = np.linspace(-np.pi / 2, np.pi / 2, _ACROSS)[:, None]
     turn = np.linspace(0.0, 2 * np.pi, _AROUND + 1)[None]
     return np.stack([np.cos(tilt) * np.sin(turn), np.sin(tilt) + 0 * turn, np.cos(tilt) * np.cos(turn)], -1)
 
 
 def _blob(centre: Array, half: Array, roundness: float = 1.0) -> Array:
-    """Return a grid of points on an ellipsoid, or with a smaller roundness on a superellipsoid, which is a rounded
-    box."""
+    """Return a grid of points on an ellipsoid. A roundness below 1 makes it a superellipsoid: a rounded box."""
     unit = _sphere()
     return np.asarray(centre + half * np.sign(unit) * np.abs(unit) ** roundness)
 
 
 def _capsule(a: Array, b: Array, radius: float) -> Array:
-    """Return a sphere that is cut at its equator and drawn apart from a to b."""
+    """Return a grid of points on a capsule: a sphere cut at its equator, with the halves moved to a and b."""
     axis = (b - a) / np.linalg.norm(b - a)
     side = np.cross(axis, [0.0, 0.0, 1.0] if abs(axis[2]) < 0.9 else [1.0, 0.0, 0.0])
     side /= np.linalg.norm(side)
@@ -77,7 +75,7 @@ def _capsule(a: Array, b: Array, radius: float) -> Array:
 
 
 def _painted(parts: Iterable[tuple[Array, int]]) -> Mesh:
-    """Grids of points with their colours as one mesh."""
+    """Combine grids of points with their colours into one mesh."""
     vertices, faces, uv, first = [], [], [], 0
     for grid, colour in parts:
         vertices.append(grid.reshape(-1, 3))

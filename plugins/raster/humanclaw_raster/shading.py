@@ -11,40 +11,41 @@ from humanclaw_raster.drawing import prepare_face
 from humanclaw_raster.packing import Floats, Model
 
 SUN: Final = (0.505, 0.808, 0.303)
-"""Direction towards the light, oblique to both axes of a house, so that its walls differ in brightness."""
+"""Unit vector towards the light, oblique to both axes of a house, so that its walls differ in brightness."""
 AMBIENT: Final = 0.6
+"""Brightness of a surface that the sun does not reach."""
 DIFFUSE: Final = 0.45
+"""Brightness that the sun adds to a surface which faces it."""
 REACH: Final = 0.45
-"""Surfaces within this distance of each other take each other's light, metres."""
+"""Largest distance at which surfaces darken each other, metres."""
 DARKEST: Final = 0.4
-"""Share of the light that is left in the deepest corner."""
+"""Share of the light that remains in the deepest corner."""
 DEPTH_OF_CORNERS: Final = 1.6
-"""How much of the light the taken share of the neighbourhood takes away."""
+"""Share of the light lost per occluded share of the neighbourhood."""
 RAYS: Final = 8
-"""Samples of the neighbourhood a pixel; 16 pixels of a square take 16 different sets and are then averaged."""
+"""Samples of the neighbourhood per pixel. The 16 pixels of a 4 x 4 square use different sets and are then averaged."""
 SHADE: Final = 0.6
-"""Share of the light that a place loses of which all the sky is taken."""
+"""Share of the light that a place loses if the whole cone above it is covered."""
 CONE: Final = 0.6
-"""Light comes down from within this distance aside, metres, ..."""
+"""Light from above comes from within this horizontal distance, metres, ..."""
 STEEP: Final = 0.9
-"""... at least this steeply, as metres down for each metre aside."""
+"""... and at least this steeply: metres down per metre aside."""
 SUN_SIZE: Final = 0.12
-"""How far the sun reaches to the sides, seen from one metre below: the softness of shadows."""
+"""Horizontal radius of the sun as seen from one metre below, metres. It makes shadows soft."""
 TALLEST: Final = 2.1
-"""Walls and whatever else reaches higher over its floor than this throws no shadow: it would be beyond the lamps.
-Metres."""
+"""Objects that reach higher over their floor than this cast no shadow, because they reach above the lamps; metres."""
 LEAN: Final = 0.08
-"""Neighbours less steep than this above the surface do not count: they are the surface itself, seen with rounding."""
+"""Sine of the angle above the surface below which neighbours do not count: they are the rounded surface itself."""
 
 
 @compiled
 def ambient_occlusion(
     model: Model, instances: Instances, pinhole: Pinhole, gbuffer: GBuffer, overhead: OverheadMap
 ) -> Floats:
-    """(H / 2, W / 2) share of the light that reaches every second pixel.
+    """Return (H / 2, W / 2) the share of the light that reaches every second pixel.
 
-    Ambient occlusion in screen space takes the light of corners; instances over a place take the light that falls on it
-    from above.
+    Screen-space ambient occlusion darkens corners. The overhead map adds the shadows of objects above and towards the
+    sun.
     """
     height, width = (gbuffer.inverse_depth.shape[0] + 1) // 2, (gbuffer.inverse_depth.shape[1] + 1) // 2
     depth, normals = np.empty((height, width), np.float32), np.zeros((height, width, 3), np.float32)
@@ -81,6 +82,7 @@ def _occlusion(depth: Floats, normals: Floats, focal: float) -> Floats:
             radius = min(max(np.float32(focal * REACH) / z, np.float32(2)), np.float32(width / 8))
             turn, taken = (row % 4) * 4 + column % 4, np.float32(0)
             for ray in range(RAYS):
+                # int() rounds towards 0; the offset of 100 keeps its argument positive, so that it rounds down.
                 r = int(row + swing[turn, ray, 0] * radius + 100.5) - 100
                 c_ = int(column + swing[turn, ray, 1] * radius + 100.5) - 100
                 if r < 0 or c_ < 0 or r >= height or c_ >= width:
@@ -97,9 +99,9 @@ def _occlusion(depth: Floats, normals: Floats, focal: float) -> Floats:
 
 @compiled
 def _shadow(depth: Floats, normals: Floats, pinhole: Pinhole, overhead: OverheadMap, light: Floats) -> None:
-    """Darken what lies under or close beside something, and what something keeps the sun from.
+    """Darken places under or close beside objects, and places in the sun's shadow.
 
-    Light comes down in a cone, for which surfaces that face up are open, and from the sun.
+    Surfaces that face up get light from a cone above them. Surfaces that face the sun get light from the sun.
     """
     height, width = depth.shape
     axes, eye, swing = pinhole.axes, pinhole.eye, _swing()
@@ -130,20 +132,21 @@ def _shadow(depth: Floats, normals: Floats, pinhole: Pinhole, overhead: Overhead
 
 @inlined
 def _covered(overhead: OverheadMap, storey: int, x: float, y: float, z: float, swing: Floats) -> float:
-    """Return the share of the cone over a point that something takes. x, z: in cells of the map."""
+    """Return the covered share of the cone above a point. x, z: in cells of the map; y: metres."""
     taken = 0
     for ray in range(RAYS):
         aside, ahead = swing[ray, 0] * CONE, swing[ray, 1] * CONE
         i, j = int(z + ahead / overhead.cell), int(x + aside / overhead.cell)
         if i >= 0 and j >= 0 and i < overhead.heights.shape[1] and j < overhead.heights.shape[2]:
             over = overhead.heights[storey, i, j] - y
+            # Surfaces up to 3 cm higher are the point's own surface, within the accuracy of the map.
             taken += over > 0.03 and over * over > STEEP * STEEP * (aside * aside + ahead * ahead)
     return taken / RAYS
 
 
 @inlined
 def _sun_blocked(overhead: OverheadMap, storey: int, x: float, y: float, z: float, aside: Floats) -> bool:
-    """Return whether something stands between a point and a place on the sun, which lies aside of its middle."""
+    """Return whether an object stands between a point and a place on the sun. aside: offset of that place."""
     east, north = SUN[0] / SUN[1] + SUN_SIZE * aside[0], SUN[2] / SUN[1] + SUN_SIZE * aside[1]
     blocked, stride = False, 1.5 * overhead.cell / np.sqrt(east * east + north * north)
     for step in range(1, int((TALLEST - y + overhead.floors[storey]) / stride)):
@@ -159,7 +162,7 @@ def _sun_blocked(overhead: OverheadMap, storey: int, x: float, y: float, z: floa
 
 @compiled
 def _swing() -> Floats:
-    """(16, RAYS, 2) points in the unit disk, spread by the golden angle, in 16 turns."""
+    """Return (16, RAYS, 2) points in the unit disk, spread by the golden angle (2.399963 rad), in 16 rotations."""
     out = np.empty((16, RAYS, 2), np.float32)
     for turn in range(16):
         for ray in range(RAYS):
@@ -170,7 +173,7 @@ def _swing() -> Floats:
 
 @compiled
 def _smoothed(raw: Floats, depth: Floats, normals: Floats) -> Floats:
-    """Return the mean over four by four neighbours that lie on the same surface: each of the 16 turns once."""
+    """Return the mean over those of 4 x 4 neighbours that lie on the same surface: each of the 16 rotations once."""
     height, width = raw.shape
     out = np.ones_like(raw)
     for row in range(height):
@@ -179,6 +182,7 @@ def _smoothed(raw: Floats, depth: Floats, normals: Floats) -> Floats:
             x, y, n = normals[row, column]
             for r in range(max(0, row - 2), min(height, row + 2)):
                 for c in range(max(0, column - 2), min(width, column + 2)):
+                    # Same surface: depth within 5 %, normals within 37 degrees (cosine 0.8).
                     same = abs(depth[r, c] - z) < np.float32(0.05) * z
                     if same and normals[r, c, 0] * x + normals[r, c, 1] * y + normals[r, c, 2] * n > np.float32(0.8):
                         total += raw[r, c]

@@ -1,9 +1,10 @@
-"""Which imported pieces the detector knows as what they are: python pieces.py LIBRARY [RENDERER] > known.txt
+"""List the imported assets that a detector recognises: python pieces.py LIBRARY [RENDERER] > known.txt
 
-Each target of an asset library (humanclaw assets import) stands before the wall of a plain room and is looked at from
-five sides. Those that the detector of recognise.py knows in at least half of the pictures, at a score of 0.3, are
-written, an id a line and how often and how well behind it: the list for `humanclaw assets import --only`. All the
-others are written as comments. Install the detector with `make recognise`.
+Each target of an asset library (humanclaw assets import) stands in front of the wall of a plain room and is seen from
+five sides. The detector of recognise.py must recognise it in at least half of the pictures, with a score of 0.3.
+
+The output is the list for `humanclaw assets import --only`: an id per line, followed by a comment with the number of
+hits and the mean score. Other assets are written as comments. Install the detector with `make recognise`.
 """
 
 from __future__ import annotations
@@ -21,17 +22,17 @@ from humanclaw.world import Asset, SceneObject, ego_camera
 from humanclaw_houses.library import Library
 
 SIDES = (-60, -30, 0, 30, 60)
-"""Degrees aside of its front from which a piece is looked at."""
+"""Angles from the front of an asset at which it is seen, degrees."""
 HALF = 0.5
-"""Share of the pictures in which the detector must know it."""
+"""Share of the pictures in which the detector must recognise it."""
 SMALL = 0.005
-"""Share of a picture that a piece fills at least: nothing else is looked for."""
+"""Smallest share of a picture that an asset fills. Low, because the room holds no other target."""
 STAND = 0.5
-"""Height of what a television stands on, metres."""
+"""Height of the stand under a television, metres."""
 
 
 def room(asset: Asset) -> tuple[Scene, int]:
-    """Return a piece before a wall, its front to +Z, and its id."""
+    """Return a scene with an asset in front of a wall, facing +Z, and the id of the object."""
     builder, tall = SceneBuilder(), STAND if asset.category == "tv" else 0.0
     wide, _, deep = np.ptp(asset.mesh.vertices, axis=0).tolist()
     builder.box("floor", (9, 0.2, 9), (0, -0.2, 3.5), (150, 108, 70))
@@ -45,7 +46,7 @@ def room(asset: Asset) -> tuple[Scene, int]:
 
 
 def looked_at(asset: Asset, renderer: Renderer) -> list[tuple[np.ndarray, Target]]:
-    """Return pictures of a piece and where it is in each."""
+    """Return pictures of an asset, each with its place in the picture."""
     scene, key = room(asset)
     renderer.load(scene)
     far, seen = 1.0 + 0.7 * float(np.ptp(asset.mesh.vertices, axis=0)[[0, 2]].max()), []

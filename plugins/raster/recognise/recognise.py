@@ -1,12 +1,14 @@
-"""How often a detector trained on photos knows a target: python recognise.py [HOUSES] [RENDERER] [LIBRARY]
+"""Measure how often a detector trained on photos recognises targets: python recognise.py [HOUSES] [RENDERER] [LIBRARY]
 
-Looks at every kind of target in HOUSES (the first so many, or 12-23, or 3,5,8) from places where a body can stand. Of
-the targets that fill more than 3 % of a picture it counts those over which the detector (CenterNet with MobileNet-v3,
-COCO, from the npm package @vladmandic/human) draws a box of the right class: intersection over union with the target's
-visible pixels of 0.3 or more. "Whole" are those that the edge of the picture does not cut; furniture may still hide
-a part. RENDERER is raster or raster-2x; with LIBRARY the houses are furnished from it. Needs
-node; `make recognise` installs the packages beside this file. Pictures with hits in green and misses in red go to
-build/recognise, and two hits and two misses of each category to build/recognise/sheet.jpg.
+Looks at every category of target in HOUSES (a number N for the first N, or 12-23, or 3,5,8) from places where a body
+can stand. Counts the targets that fill more than 3 % of a picture. A hit is a box of the right class whose intersection
+over union with the target's visible pixels is 0.3 or more. The detector is CenterNet with MobileNet-v3, trained on
+COCO, from the npm package @vladmandic/human. "Whole" targets are not cut by the edge of the picture; furniture may
+still hide a part of them.
+
+RENDERER is raster or raster-2x. With LIBRARY, the houses are furnished from it. Needs node; `make recognise` installs
+the packages beside this file. Writes pictures with hits in green and misses in red to build/recognise, and two hits and
+two misses of each category to build/recognise/sheet.jpg.
 """
 
 from __future__ import annotations
@@ -29,14 +31,15 @@ HERE, OUT = Path(__file__).parent, Path("build/recognise")
 CATEGORIES = ("chair", "couch", "potted_plant", "bed", "toilet", "tv")
 SHARE, OVERLAP, SCORES = 0.03, 0.3, (0.3, 0.5)
 EACH, VIEWS = 2, 2
-"""Targets of a category that are looked at in a house, and views of each."""
+"""Number of targets per category and house that are looked at, and of views of each."""
 TILE = 240
 """Side of a picture in the sheet of hits and misses, pixels."""
 
 
 @dataclass(frozen=True)
 class Target:
-    """One target in one picture. box: x0, y0, x1, y1 of its visible pixels. whole: the picture does not cut it."""
+    """One target in one picture. box: x0, y0, x1, y1 of its visible pixels. whole: the picture's edge does not cut
+    it."""
 
     category: str
     source: str
@@ -50,7 +53,7 @@ def standing(place: np.ndarray, towards: np.ndarray) -> WorldState:
 
 
 def views(scene: Scene, renderer: Renderer, seed: int) -> Iterator[tuple[np.ndarray, list[Target]]]:
-    """Pictures of a house in each of which a target that was looked for fills enough, with all that do."""
+    """Yield pictures of a house in which a chosen target is large enough, each with all targets that are."""
     rng, floors = np.random.default_rng(seed), MultiFloorMap.of(scene)
     start = np.array([scene.start.x, scene.start.floor, scene.start.z])
     places = np.concatenate(floors.starts(start, room=0.35))
@@ -63,6 +66,7 @@ def views(scene: Scene, renderer: Renderer, seed: int) -> Iterator[tuple[np.ndar
             near = (np.linalg.norm(way[:, [0, 2]], axis=1) > 1.3) & (np.linalg.norm(way[:, [0, 2]], axis=1) < 4.0)
             for at in rng.permutation(np.flatnonzero(near & (np.abs(way[:, 1]) < 1.5)))[:20]:
                 state = standing(places[at], way[at])
+                # A small picture is enough to see how much the target fills, and is much faster to draw.
                 small = renderer.render(state, ego_camera(state.body, 96))
                 if left and (small.ids == obj.id).mean() > SHARE:
                     view = renderer.render(state, ego_camera(state.body))
@@ -71,7 +75,7 @@ def views(scene: Scene, renderer: Renderer, seed: int) -> Iterator[tuple[np.ndar
 
 
 def targets(scene: Scene, ids: np.ndarray, share: float = SHARE) -> list[Target]:
-    """Return those that fill more than a share of the picture."""
+    """Return the targets that fill more than a share of the picture."""
     found = []
     for key, count in zip(*np.unique(ids, return_counts=True), strict=True):
         obj = scene.by_id.get(int(key))
@@ -91,14 +95,14 @@ def overlap(a: tuple[float, ...], b: tuple[float, ...]) -> float:
 
 
 def score(target: Target, boxes: Sequence[Box]) -> float:
-    """Return the highest score of a box of the right class over a target."""
+    """Return the highest score of a box of the right class over a target; 0 without one."""
     name = target.category.replace("_", " ")
     fitting = [box[4] for box in boxes if box[5] == name and overlap(target.box, box[:4]) >= OVERLAP]
     return max(fitting, default=0.0)
 
 
 def detected(pictures: Sequence[np.ndarray]) -> list[Sequence[Box]]:
-    """Return what the detector sees in each of (512, 512, 3) pictures."""
+    """Return the detector's boxes in each of (512, 512, 3) pictures."""
     detector = Detector(shlex.join(["node", str(HERE / "detect.mjs")]))
     return [detector(picture) for picture in pictures]
 
@@ -129,7 +133,7 @@ def drawn(picture: np.ndarray, found: list[tuple[Target, float]]) -> Image.Image
 
 
 def sheet(judged: list[tuple[np.ndarray, list[tuple[Target, float]]]]) -> Image.Image:
-    """Return two hits and two misses of each category, a column each; what there is none of stays white."""
+    """Return two hits and two misses of each category, in a column each; missing ones stay white."""
     whole = Image.new("RGB", (len(CATEGORIES) * TILE, 4 * TILE), "white")
     for column, category in enumerate(CATEGORIES):
         shown = [(drawn(p, [pair]), pair[1] >= SCORES[0]) for p, found in judged for pair in found[:1]
@@ -141,7 +145,7 @@ def sheet(judged: list[tuple[np.ndarray, list[tuple[Target, float]]]]) -> Image.
 
 
 def numbers_of(houses: str) -> list[int]:
-    """'3' is 0, 1, 2; '4-6' is 4, 5, 6; '3,5,8' is itself."""
+    """Parse houses: '3' is 0, 1, 2; '4-6' is 4, 5, 6; '3,5,8' is 3, 5, 8."""
     if "-" in houses:
         first, last = map(int, houses.split("-"))
         return list(range(first, last + 1))

@@ -1,4 +1,4 @@
-"""A builder for small scenes whose pictures can be worked out by hand."""
+"""Build small scenes whose pictures can be computed by hand."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from humanclaw_raster.renderer import RasterRenderer
 
 AWAY = rest_pose()
 AWAY.root[:, 0] += 500.0
-"""A body that is far from everything, for pictures of objects alone."""
+"""A body far from everything, for pictures of objects alone."""
 
 
 def box_mesh(size, colour):
-    """A box that stands on y = 0, its six faces with vertices of their own."""
+    """Return a box that stands on y = 0; each of its six faces has its own vertices."""
     corners, faces = [], []
     for axis in range(3):
         for sign in (-1, 1):
@@ -38,7 +38,7 @@ def flat_mesh(vertices, faces, colour=(200, 200, 200)):
 
 @dataclass
 class SceneBuilder:
-    """Things put together to a scene; ids count from 1."""
+    """Collects objects for a scene. Ids count from 1."""
 
     assets: dict = field(default_factory=dict)
     objects: list = field(default_factory=list)

@@ -1,4 +1,4 @@
-"""How the plugin is found, and where its machine code is kept."""
+"""Discovery of the plugin, and the place where its machine code is cached."""
 
 import os
 import subprocess

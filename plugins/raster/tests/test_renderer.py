@@ -1,4 +1,4 @@
-"""What the eyes are told: colours, distances and ids agree with the world."""
+"""Pictures agree with the world: colours, distances and ids."""
 
 import tracemalloc
 
@@ -20,7 +20,7 @@ def mesh(vertices, faces, texture, uv=None):
 
 
 def picture_of(texture, size=1.0):
-    """A square that shows a texture, upright, its front towards +Z and its middle at the origin."""
+    """Return an upright square with a texture, facing +Z, its centre at the origin."""
     corners = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], float)
     vertices = np.concatenate([(corners - 0.5) * size, np.zeros((4, 1))], axis=1)
     return mesh(vertices, [[0, 1, 2], [0, 2, 3]], texture, corners)
@@ -93,8 +93,7 @@ def test_where_nothing_is_there_is_bright_sky_without_an_end(builder, camera):
 
 
 def test_pixels_agree_with_rays_cast_at_random_triangles(builder, camera):
-    """Each pixel against every triangle, by solving three equations: no code and no method in common with the
-    rasterizer."""
+    """Test each pixel against every triangle by solving three equations: independent of the rasterizer's method."""
     random = np.random.default_rng(3)
     triangles = random.normal(size=(60, 1, 3)) * [2, 2, 1] + [0, 0, 4] + random.normal(size=(60, 3, 3))
     for corners in triangles:
@@ -328,7 +327,7 @@ def test_a_renderer_can_load_one_scene_after_another(builder):
 
 
 def test_a_renderer_never_holds_two_scenes_and_none_once_it_is_closed(builder):
-    """Packing a second scene takes no more memory at its height than the first did, whose texture alone has 12 MB."""
+    """Packing a second scene has no higher peak memory than the first, whose texture alone takes 12 MB."""
     corners = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
     builder.mesh(mesh(corners, [[0, 1, 2]], np.zeros((2048, 2048, 3), np.uint8)))
     renderer, heights = RasterRenderer(), []
@@ -354,7 +353,7 @@ def test_a_renderer_without_a_scene_says_so():
 
 
 def _row_of_floor(distance, eye, slope, size):
-    """The row in which a camera at some height, looking along (0, slope, 1), sees the floor that far ahead."""
+    """Return the row in which a camera at a height, looking along (0, slope, 1), sees the floor at a distance."""
     forward, up = np.array([slope, 1.0]) / np.hypot(slope, 1), np.array([1.0, -slope]) / np.hypot(slope, 1)
     point = np.array([-eye, distance])
     return int(size / 2 - size / 2 * (point @ up) / (point @ forward))

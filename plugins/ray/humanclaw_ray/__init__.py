@@ -1,4 +1,4 @@
-"""Plays the episodes of a run on a Ray cluster."""
+"""Play the episodes of a run on a Ray cluster."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The executor, and the actor that plays on a node."""
+"""The executor, and the actor that plays episodes on a node."""
 
 from __future__ import annotations
 
@@ -18,12 +18,13 @@ from humanclaw import EpisodeSpec, HumanclawError
 from humanclaw_bench.executors import FAILED, ONE_THREAD, EpisodeQueue, Job, Worker, WorkerReport, pack, unpack
 
 LIVES: Final = 3
-"""So often an episode may lose its actor, and so many actors in a row may die before they have played anything."""
+"""Number of actors that an episode may lose, and of actors that may die in a row before one reports an episode."""
 LOCAL: Final = ("", "local")
+"""Addresses that start a cluster on this machine."""
 
 
 class Player:
-    """Plays in a folder of its node."""
+    """Plays episodes in a temporary folder of its node."""
 
     def __init__(self, job: Job) -> None:
         self._stopping = False
@@ -32,10 +33,10 @@ class Player:
         self._worker = Worker(job, self._folder, lambda: self._stopping, name)
 
     def ready(self) -> None:
-        """Return once the player is there."""
+        """Do nothing. The call returns once the actor has started."""
 
     def play(self, spec: EpisodeSpec, begun: Mapping[str, bytes]) -> WorkerReport:
-        """begun: what an earlier session left of the episode."""
+        """Play an episode and return its report with all files. begun: files that an earlier run of it left."""
         folder = self._folder / spec.id
         unpack(folder, begun)
         report = self._worker.play(spec)
@@ -48,10 +49,10 @@ class Player:
 
 
 class RayExecutor:
-    """As humanclaw_bench.executors.Executor asks."""
+    """Implements the protocol humanclaw_bench.executors.Executor."""
 
     def __init__(self, workers: int = 1, address: str = "") -> None:
-        """address: of a running cluster; 'local' or nothing starts one on this machine."""
+        """Choose a cluster. address: a running cluster; 'local' or empty starts one on this machine."""
         self._workers, self._address = workers, address
         self._stopping = False
 
@@ -70,15 +71,15 @@ class RayExecutor:
 
 
 class _Pool:
-    """The actors, what each is at, and what became of them."""
+    """The actors, the episode of each, and the counts of those that died."""
 
     def __init__(self, job: Job, out: Path, queue: EpisodeQueue) -> None:
         self._job, self._out, self._queue = job, out, queue
-        # With the threads of local workers: the number of threads is in the last bits of a matrix product.
+        # One thread, as in local workers: the number of threads changes the last bits of a matrix product.
         alike = {"env_vars": ONE_THREAD}
         self._player: Any = ray.remote(num_cpus=1, max_concurrency=2, runtime_env=alike)(Player)
         self._waiting: dict[Any, tuple[Any, EpisodeSpec | None]] = {}
-        """Future to actor and episode; none for an actor that is not there yet: a cluster may have no room for it."""
+        """Future to actor and episode; no episode while an actor starts, which waits for room in the cluster."""
         self._losses: Counter[str] = Counter()
         self._deaths = 0
         self._told = False
@@ -93,7 +94,7 @@ class _Pool:
             self._waiting[actor.ready.remote()] = (actor, None)
 
     def reports(self, stopping: bool) -> Iterator[WorkerReport]:
-        """Wait a while for what the actors say, report it, and give them more to do."""
+        """Wait up to half a second for actors, yield their reports, and assign their next episodes."""
         if stopping and not self._told:
             self._told = True
             for actor, _ in self._waiting.values():
@@ -119,13 +120,12 @@ class _Pool:
         self._waiting[actor.play.remote(spec, pack(self._out / spec.id))] = (actor, spec)
 
     def _lost(self, spec: EpisodeSpec | None, error: RayActorError) -> Iterator[WorkerReport]:
-        """Note that an actor has died: another takes its place and, up to a limit, its episode."""
+        """Replace an actor that died. Its episode is played again until it has lost LIVES actors."""
         reason = str(error).strip().splitlines()[0]
         self._deaths += 1
+        # More deaths than actors: not single nodes that failed, but a fault that all actors share.
         if self._deaths > LIVES and self._deaths > len(self._waiting) + 1:
-            raise HumanclawError(
-                f"{self._deaths} actors died one after another. The last: {reason}.", "See Ray's logs."
-            )
+            raise HumanclawError(f"{self._deaths} actors died in a row. The last: {reason}.", "See Ray's logs.")
         self.spawn()
         if spec is None:
             return
@@ -142,7 +142,7 @@ class _Pool:
 
 @contextmanager
 def _connected(address: str, workers: int) -> Iterator[None]:
-    """Connect to the cluster; one that is there already is used and left as it is."""
+    """Connect to the cluster. A connection that already exists is used and stays open."""
     if ray.is_initialized():
         yield
         return

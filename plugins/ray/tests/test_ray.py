@@ -1,4 +1,4 @@
-"""A run on a cluster leaves what a run on one machine leaves, whatever becomes of the nodes."""
+"""A run on a cluster leaves the same files as a run on one machine, even if nodes die."""
 
 import sys
 from pathlib import Path

@@ -1,1 +1,1 @@
-"""Parametric furniture. Every function draws one piece in the taste of a house: origin under its middle, front +Z."""
+"""Parametric furniture. Each function makes one piece in the style of a house: origin below its centre, front +Z."""

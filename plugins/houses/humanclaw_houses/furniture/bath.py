@@ -1,4 +1,4 @@
-"""What stands in bathrooms and laundries."""
+"""Furniture of bathrooms and laundries."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def toilet(style: Style, name: str) -> Piece:
 
 
 def _seat(m: Model, style: Style, low: float, high: float, z: float) -> None:
-    """Add the ring one sits on."""
+    """Add the seat ring."""
     outer, hole = (0.19, 0.245, 2.3), (0.12, 0.165, 2.1)
     rings = [
         Ring(low, *outer, z=z + 0.005),
@@ -87,7 +87,7 @@ def _tap(m: Model, style: Style, y: float, z: float) -> None:
 
 
 def bathtub(style: Style, name: str) -> Piece:
-    """Return a tub along a wall, filled with nothing."""
+    """Return an empty bathtub."""
     m = Model()
     length, width, h = style.between(1.55, 1.7), 0.75, 0.56
     a, b = length / 2, width / 2

@@ -41,7 +41,7 @@ def bed(style: Style, name: str, double: bool = True) -> Piece:
 
 
 def _drape(width: float, z0: float, z1: float, top: float, drop: float, hem: bool = True) -> Shape:
-    """Return a blanket over a mattress from z0 to z1, in folds where it hangs; hem: it hangs over the foot too."""
+    """Return a blanket over a mattress from z0 to z1, with folds where it hangs. hem: it also hangs over the foot."""
     grid = sheet((-1, 0, 0), (2, 0, 0), (0, 0, -1), (16, 12))
     across, along = grid.vertices[:, 0], 1 + grid.vertices[:, 2]
     (out, down), z = _over(np.abs(across), width / 2, drop), z0 + (z1 - z0) * along
@@ -55,7 +55,7 @@ def _drape(width: float, z0: float, z1: float, top: float, drop: float, hem: boo
 
 
 def _over(share: np.ndarray, reach: float, drop: float) -> tuple[np.ndarray, np.ndarray]:
-    """How far out and how far down a cloth lies that goes over a rounded edge at `reach`."""
+    """Return how far out and how far down points of a cloth are that hangs over a rounded edge at `reach`, metres."""
     gone = share * (reach + drop * 0.9) - (reach - 0.07)
     bent = np.clip(gone / 0.11, 0.0, 1.0) * np.pi / 2
     out = reach - 0.07 + np.where(gone < 0, gone, 0.07 * np.sin(bent))

@@ -35,7 +35,7 @@ def table_lamp(style: Style, name: str) -> Piece:
 
 
 def ceiling_lamp(style: Style, name: str, drop: float = 0.12) -> Piece:
-    """Hangs from the ceiling: its top is where it is fixed."""
+    """Return a lamp that hangs from the ceiling, fixed at its top."""
     m = Model()
     m.add(turned([(0.18, 0.0), (0.2, 0.02), (0.12, 0.1)], segments=12), _shade(style))
     m.add(post(0.012, drop, (0, 0.09, 0)), style.black)
@@ -43,7 +43,7 @@ def ceiling_lamp(style: Style, name: str, drop: float = 0.12) -> Piece:
 
 
 def rug(style: Style, name: str, width: float, depth: float) -> Piece:
-    """Lies on the floor and does not collide."""
+    """Return a rug. It does not collide."""
     m = Model()
     accent, ground = t.pick(style.rng, t.ACCENTS), t.pick(style.rng, t.FABRICS)
     kind = style.rng.random()
@@ -75,7 +75,7 @@ def mirror(style: Style, name: str, width: float = 0.55, height: float = 0.75) -
 
 
 def curtain(style: Style, name: str, width: float, height: float, tile: t.Tile) -> Piece:
-    """Two gathered lengths of cloth at the sides of a window of some width, and the rod above it."""
+    """Return two gathered curtains at the sides of a window, and the rod above it. width: of the window."""
     m = Model()
     for side in (-1, 1):
         m.add(Shape((folds(side * (width / 2 + 0.06), 0.32, height),)), tile)
@@ -84,7 +84,7 @@ def curtain(style: Style, name: str, width: float, height: float, tile: t.Tile) 
 
 
 def folds(x: float, width: float, height: float) -> Chart:
-    """Gathered cloth about x, 7 cm in front of z = 0."""
+    """Return gathered cloth centred on x, 7 cm in front of z = 0."""
     grid = sheet((x - width / 2, 0, 0.07), (width, 0, 0), (0, height, 0), (16, 1))
     wave = 0.025 * np.sin((grid.vertices[:, 0] - x) / width * 8 * np.pi)
     return Chart(grid.vertices + wave[:, None] * np.array([0, 0, 1.0]), grid.faces, grid.uv)

@@ -1,4 +1,4 @@
-"""Kitchen units, 0.6 m deep and 0.9 m high, and the machines that stand between them."""
+"""Kitchen units, 0.6 m deep and 0.9 m high, and the appliances between them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ DEPTH, HEIGHT = 0.6, 0.9
 
 @dataclass(frozen=True, eq=False)
 class Fronts:
-    """The doors of one kitchen, which look alike."""
+    """The look that all doors of one kitchen share."""
 
     door: Tile
     body: Tile
@@ -28,7 +28,7 @@ class Fronts:
 
 
 def _body(m: Model, style: Style, fronts: Fronts, width: float) -> None:
-    """Plinth, carcass, a door for every 0.6 m."""
+    """Add plinth, carcass, and about one door per 0.55 m."""
     m.box((width, 0.1, DEPTH - 0.1), (0, 0, -0.05), style.black)
     m.box((width, HEIGHT - 0.14, DEPTH - 0.04), (0, 0.1, -0.02), fronts.body)
     count = max(1, round(width / 0.55))

@@ -1,4 +1,4 @@
-"""Televisions."""
+"""Televisions and laptops."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from humanclaw_houses.style import Style
 
 
 def _panel(m: Model, style: Style, width: float, y: float, z: float) -> float:
-    """Return a flat screen whose bottom is at y and whose front is at z; its height."""
+    """Add a flat screen of 16:9 with its bottom at y and its front at z; return its height."""
     height = round(0.5625 * width, 3)
     m.add(box((width, height, 0.045), (0, y, z - 0.0225)), style.black, "box")
     m.add(box((width * 0.55, height * 0.5, 0.03), (0, y + 0.06, z - 0.06)), style.black)
@@ -29,7 +29,7 @@ def tv(style: Style, name: str, width: float = 1.1) -> Piece:
 
 
 def wall_tv(style: Style, name: str, width: float = 1.1) -> Piece:
-    """Return a television to hang on a wall: its back is the wall."""
+    """Return a television on a wall bracket."""
     m = Model()
     _panel(m, style, width, 0.0, 0.09)
     m.box((0.3, 0.2, 0.06), (0, 0.15, 0.03), style.black, solid=False)
@@ -59,6 +59,6 @@ def laptop(style: Style, name: str) -> Piece:
     lid = box((0.33, 0.22, 0.01), (0, 0, 0)) + Shape((sheet((-0.15, 0.015, 0.006), (0.3, 0, 0), (0, 0.19, 0)),))
     m.add(Shape(lid.charts[:6]).moved((0, 0.014, -0.115), (-18, 0, 0)), style.steel)
     m.add(Shape(lid.charts[6:]).moved((0, 0.014, -0.115), (-18, 0, 0)), t.screen(style.rng, on=False))
-    # The lid does not collide: a hull around it would put the centre of mass behind the hinge.
+    # The lid does not collide: a hull around it would move the centre of mass behind the hinge.
     m.solid((0.33, 0.018, 0.29), (0, 0, -0.03))
     return m.piece(name, "laptop", mass=1.6, friction=0.5)

@@ -1,4 +1,4 @@
-"""Plants in pots: five habits of growth."""
+"""Potted plants with five growth habits."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ POTS: tuple[t.Colour, ...] = ((186, 104, 72), (232, 230, 224), (70, 76, 84), (16
 
 
 def plant(style: Style, name: str, habit: int | None = None) -> Piece:
-    """Return a plant that stands on the floor, 0.7 to 1.6 m high; its pot and stem collide and its leaves give way."""
+    """Return a plant on the floor, 0.7 to 1.6 m high. Its pot and stem collide, its leaves do not."""
     m = Model()
     habit = int(style.rng.integers(5)) if habit is None else habit
     radius, height = style.between(0.14, 0.18), style.between(0.26, 0.34)
@@ -42,7 +42,7 @@ def _pot(m: Model, style: Style, r: float, h: float) -> None:
 
 
 def _spread(style: Style, count: int) -> np.ndarray:
-    """Headings by the golden angle, as leaves grow."""
+    """Return headings spread by the golden angle, as leaves grow, radians."""
     return np.arange(count) * 2.39996 + float(style.rng.uniform(0, 6.28))
 
 

@@ -1,4 +1,4 @@
-"""Couches, armchairs, chairs and stools. What is sat on collides as it looks: seat, back, arms, and free room below."""
+"""Couches, armchairs, chairs and stools. They collide as they look: seat, back, arms, and free space below."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class _Cut:
 
     @property
     def middle(self) -> float:
-        """z of the middle of the seat."""
+        """z of the centre of the seat."""
         return self.BACK_DEPTH / 2
 
     def seat_x(self) -> list[float]:
@@ -114,7 +114,7 @@ def _seat_and_back(m: Model, cut: _Cut, cover: Tile, kind: str) -> None:
 
 
 def _back(m: Model, cut: _Cut, cover: Tile, kind: str) -> None:
-    """Add the upright behind the seats, upholstered in a panel for each of them, over a rail that is sewn on."""
+    """Add the back, upholstered with one panel per seat; a buttoned back is one piece."""
     z, depth = (cut.BACK_DEPTH - cut.depth) / 2, cut.BACK_DEPTH
     width, high = (cut.width if kind in ("soft", "buttoned") else cut.inner + 0.02), cut.back - cut.leg
     if kind == "buttoned":
@@ -133,7 +133,7 @@ def _back(m: Model, cut: _Cut, cover: Tile, kind: str) -> None:
 
 
 def _scatter_cushions(m: Model, style: Style, cut: _Cut) -> None:
-    """Two in the corners of a couch, one at most on an armchair; they give way to who sits down."""
+    """Add two cushions in the corners of a couch, at most one on an armchair. They do not collide."""
     tile, z = style.fabric(), cut.BACK_DEPTH - cut.depth / 2 + 0.2
     out = cut.inner / 2 - 0.22
     for x in (-out, out) if cut.seats > 1 else (0.0,) if style.chance(0.4) else ():
@@ -142,7 +142,7 @@ def _scatter_cushions(m: Model, style: Style, cut: _Cut) -> None:
 
 
 def _buttons(m: Model, cut: _Cut, cover: Tile, x: float) -> None:
-    """Add a padded back drawn in by buttons: a quilt of small pads."""
+    """Add a buttoned back as a grid of small pads."""
     columns, rows = 3, 2
     wide, high = cut.per_seat / columns, (cut.back - cut.seat + 0.02) / rows
     for i in range(columns):
@@ -250,7 +250,7 @@ def stool(style: Style, name: str) -> Piece:
 
 
 def bench(style: Style, name: str) -> Piece:
-    """Return a bench for the hall, with shoes' room below."""
+    """Return a bench for the hall, with space for shoes below."""
     m = Model()
     w, d, h = style.between(0.8, 1.1), 0.32, 0.44
     m.box((w, 0.04, d), (0, h - 0.06, 0), style.wood)

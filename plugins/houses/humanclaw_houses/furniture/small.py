@@ -42,7 +42,7 @@ def vase(style: Style, name: str) -> Piece:
 
 
 def book(style: Style, name: str) -> Piece:
-    """One book, or a pile of three."""
+    """Return one book, or a pile of three."""
     m, y = Model(), 0.0
     for k in range(1 if style.chance(0.5) else 3):
         h = style.between(0.02, 0.04)
@@ -110,7 +110,7 @@ def bin_(style: Style, name: str) -> Piece:
 
 
 def shoe(style: Style, name: str) -> Piece:
-    """One shoe."""
+    """Return one shoe."""
     m, tile = Model(), style.paint()
     m.add(soft_box((0.1, 0.025, 0.27), (0, 0, 0), 0.012), style.white)
     upper = [
@@ -125,7 +125,7 @@ def shoe(style: Style, name: str) -> Piece:
 
 
 def teddy(style: Style, name: str) -> Piece:
-    """Return a bear that sits."""
+    """Return a sitting teddy bear."""
     m, fur = Model(), t.carpet(t.pick(style.rng, ((156, 108, 66), (206, 170, 124), (120, 84, 60))), style.rng)
     m.add(ball(0.1, (0, 0, 0), (1, 1.1, 0.9), 10), fur)
     m.add(ball(0.075, (0, 0.19, 0), segments=10), fur)

@@ -9,7 +9,7 @@ from humanclaw_houses.style import Style
 
 
 def wardrobe(style: Style, name: str) -> Piece:
-    """Two or three tall doors, one of them a mirror at times."""
+    """Return a wardrobe with two or three tall doors, one of them sometimes a mirror."""
     m = Model()
     doors = int(style.rng.integers(2, 4))
     w, h, d = doors * 0.5 + 0.04, style.between(1.95, 2.15), 0.58
@@ -28,7 +28,7 @@ def wardrobe(style: Style, name: str) -> Piece:
 
 
 def bookshelf(style: Style, name: str, low: bool = False) -> Piece:
-    """Boards with rows of books, some gaps, and a free top."""
+    """Return a bookshelf with rows of books, some gaps, and a free top."""
     m = Model()
     w, d = style.between(0.75, 1.0), 0.3
     levels = 2 if low else 5
@@ -77,7 +77,7 @@ def sideboard(style: Style, name: str) -> Piece:
 
 
 def open_shelf(style: Style, name: str) -> Piece:
-    """Return a metal rack whose boards can be used."""
+    """Return a metal rack whose boards can hold objects."""
     m = Model()
     w, d, h = style.between(0.75, 0.95), 0.36, 1.6
     for x in (-1, 1):

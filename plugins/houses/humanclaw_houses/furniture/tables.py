@@ -22,7 +22,7 @@ def _table(m: Model, style: Style, size: tuple[float, float, float], tile: Tile,
 
 
 def dining_table(style: Style, name: str, seats: int = 4) -> Piece:
-    """Return a table for two, four, six or eight; a round one for four at times."""
+    """Return a table for two, four, six or eight; tables for four are sometimes round."""
     m = Model()
     tile = style.choice(style.wood, style.wood, style.second_wood)
     if seats == 4 and style.chance(0.3):
@@ -82,7 +82,7 @@ def dresser(style: Style, name: str) -> Piece:
 
 
 def _chest(m: Model, style: Style, size: tuple[float, float, float], rows: int, columns: int, tile: Tile) -> None:
-    """Drawers with fronts, gaps and handles, on a plinth."""
+    """Add drawers with fronts, gaps and handles, on a plinth."""
     w, h, d = size
     m.add(box((w - 0.04, 0.08, d - 0.06), (0, 0, -0.02)), style.black)
     m.box((w, h - 0.08, d - 0.02), (0, 0.08, -0.01), tile)
@@ -97,7 +97,7 @@ def _chest(m: Model, style: Style, size: tuple[float, float, float], rows: int, 
 
 
 def desk(style: Style, name: str) -> Piece:
-    """Return a desk with drawers at its +X end; one sits at x = -0.19."""
+    """Return a desk with drawers at its +X end; the place to sit is at x = -0.19."""
     m = Model()
     w, d, h = style.between(1.15, 1.4), style.between(0.58, 0.66), 0.74
     tile = style.choice(style.wood, style.second_wood, style.white)
@@ -121,7 +121,7 @@ def console(style: Style, name: str) -> Piece:
 
 
 def tv_stand(style: Style, name: str, width: float) -> Piece:
-    """Return a low board on legs, open below, so that feet go under it and one can step up to the screen."""
+    """Return a low board on legs. It is open below for the feet of a body that steps up to the screen."""
     m = Model()
     d, h, gap = 0.36, style.between(0.44, 0.52), 0.16
     tile = style.choice(style.wood, style.second_wood, style.white, style.black)

@@ -1,4 +1,4 @@
-"""Furniture as other people publish it: what a collection models, before any of it is read."""
+"""Read published furniture collections: list their models before any model file is read."""
 
 from humanclaw_houses.importers.opening import open_collection
 from humanclaw_houses.importers.source_models import Collection, SourceModel

@@ -1,4 +1,4 @@
-"""Our category of a model, and whether it has the size of one: the table categories.toml, read."""
+"""Find the category of a model and check its size, by the table categories.toml."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from typing import Any, Final
 from humanclaw_houses.importers.source_models import Vec3
 
 _UNITS: Final = {"metres": 1.0, "centimetres": 0.01, "millimetres": 0.001, "inches": 0.0254, "feet": 0.3048}
+"""Name of a unit to metres."""
 _FACTORS: Final = (1.0, 0.95, 1.05, 0.9, 1.1, 0.85, 1.18, 0.8, 1.25, 0.75, 1.33, 0.7, 1.4)
 _AXES: Final = ("width", "height", "depth")
 
@@ -22,8 +23,7 @@ def _table() -> Mapping[str, Any]:
 
 
 def category_of(name: str, group: str = "") -> str:
-    """Return the category of a model by its name, or by the collection's own category of it; empty if it is none of
-    ours."""
+    """Return the category of a model by its name, or else by its group in the collection; empty if none fits."""
     if _words(group).strip() in _table()["skip_groups"]:
         return ""
     for text in (name, group):
@@ -35,21 +35,22 @@ def category_of(name: str, group: str = "") -> str:
 
 
 def _words(name: str) -> str:
-    """Return a name in lower case with a space around each word; camel case is words."""
+    """Return a name in lower case with a space around each word. Camel case is split into words."""
     apart = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name).lower()
     return " " + re.sub(r"[^a-z]+", " ", apart).strip() + " "
 
 
 def otherwise(category: str, size: Vec3) -> str:
-    """Return what an object is that is called one thing and has the size of another: a table 0.4 m high is a coffee
-    table."""
+    """Return the category that fits the size: a table 0.4 m high is a coffee table."""
     others = _table()["otherwise"].get(category, ())
     return next((other for other in (category, *others) if not misfit(other, size)), category)
 
 
 def misfit(category: str, size: Vec3, seat: float | None = None) -> str:
-    """Why a size cannot be that of an object of a category, in words; empty if it can. Width and depth may be
-    swapped."""
+    """Return the reason why a size is impossible for a category; empty if it is possible.
+
+    Width and depth may be swapped, because the front is not known yet. size: metres.
+    """
     limits = _table()["sizes"][category]
     off = [
         [
@@ -68,15 +69,15 @@ def misfit(category: str, size: Vec3, seat: float | None = None) -> str:
 
 
 def sits(category: str) -> bool:
-    """Things of this category are sat on."""
+    """Return whether objects of a category are seats."""
     return "seat" in _table()["sizes"][category]
 
 
 def scale_of(category: str, extent: Vec3) -> tuple[str, float] | None:
-    """Return the unit in which an extent in file units is a possible size, in words, and metres a unit; the first that
-    fits.
+    """Return the first unit in which an extent is a possible size: its name, and metres per file unit.
 
-    Toy-like kits are drawn too large here and too small there, so a little is made up for: 0.7 to 1.4 times a unit.
+    Models in toy-like kits are somewhat too large or too small, so 0.7 to 1.4 times a unit is allowed. None if no unit
+    fits.
     """
     for factor in _FACTORS:
         for name, metres in _UNITS.items():

@@ -1,5 +1,4 @@
-"""A folder of models without a catalogue of its own, such as Kenney's Furniture Kit, or with a plain table beside
-it."""
+"""A folder of models without a catalogue, such as Kenney's Furniture Kit, or with a CSV table."""
 
 from __future__ import annotations
 
@@ -16,12 +15,12 @@ from humanclaw_houses.importers.sweethome import slug
 SUFFIXES: Final = (".glb", ".gltf", ".obj")
 COLUMNS: Final = "file, name, category, creator, licence, width_m, height_m, depth_m, catalogue_rotation"
 _BESIDE: Final = (".collision.", ".hulls.")
-"""Parts of names of files that belong to another model."""
+"""Parts of file names that mark the collision shapes of another model."""
 
 
 @dataclass(frozen=True)
 class FolderMetadata:
-    """What the user says of all models of a folder, and the table that says more of each."""
+    """Metadata that the user gives for all models of a folder, and a table with metadata of each."""
 
     licence: str = ""
     author: str = ""
@@ -30,8 +29,7 @@ class FolderMetadata:
 
 
 def open_folder(source: Path, name: str, metadata: FolderMetadata) -> Collection:
-    """Every GLB and OBJ under a folder. With a table, its rows say more; models that it does not name are imported
-    too."""
+    """Return every GLB, glTF and OBJ under a folder. Models that the table does not name are included."""
     rows = _rows(metadata.table, source) if metadata.table else {}
     paths = sorted(path for path in source.rglob("*") if path.suffix.lower() in SUFFIXES)
     paths = [path for path in paths if not any(mark in path.name for mark in _BESIDE)]
@@ -41,6 +39,7 @@ def open_folder(source: Path, name: str, metadata: FolderMetadata) -> Collection
 
 def _model(path: Path, inside: Path, row: Mapping[str, str], metadata: FolderMetadata) -> SourceModel:
     stem = inside.with_suffix("")
+    # chair/chair.glb is the model "chair": collections often keep each model in a folder of its name.
     parts = stem.parts[:-1] if len(stem.parts) > 1 and stem.parts[-1] == stem.parts[-2] else stem.parts
     rotation = tuple(float(value) for value in row.get("catalogue_rotation", "").split())
     try:
@@ -61,14 +60,14 @@ def _model(path: Path, inside: Path, row: Mapping[str, str], metadata: FolderMet
 
 
 def _rows(table: Path, source: Path) -> dict[Path, dict[str, str]]:
-    """Return the rows of a table by the model they are of; its paths are relative to the table or to the folder."""
+    """Return model path to its row of a table. Paths in the table are relative to the table or to the folder."""
     try:
         with table.open(encoding="utf-8", newline="") as file:
             rows = list(csv.DictReader(file))
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise HumanclawError(f"cannot read the table {table}: {error}.", f"It is a CSV file with {COLUMNS}.") from error
     if not rows or "file" not in rows[0]:
-        raise HumanclawError(f"{table} has no column `file`.", f"Its columns are {COLUMNS}; only `file` is needed.")
+        raise HumanclawError(f"{table} has no column `file`.", f"It needs `file`; all columns are {COLUMNS}.")
     found: dict[Path, dict[str, str]] = {}
     for row in rows:
         for base in (table.parent, source):

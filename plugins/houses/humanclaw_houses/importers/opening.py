@@ -1,4 +1,4 @@
-"""Tells what kind of collection a path is."""
+"""Open the collections at a path, whatever their kind."""
 
 from __future__ import annotations
 
@@ -15,8 +15,7 @@ EXPECTED = (
 
 
 def open_collection(source: Path, name: str = "", metadata: folder.FolderMetadata | None = None) -> list[Collection]:
-    """Return the collections at a path. Raises HumanclawError if there is nothing to import, and says what was
-    expected."""
+    """Return the collections at a path. Raises HumanclawError if there is nothing to import."""
     if not source.exists():
         raise HumanclawError(f"there is nothing at {source}.", EXPECTED)
     if source.is_file():

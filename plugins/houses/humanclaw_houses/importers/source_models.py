@@ -1,4 +1,4 @@
-"""What a collection says of its models, in one form whatever the collection is."""
+"""The metadata of a collection's models, in one form for every kind of collection."""
 
 from __future__ import annotations
 
@@ -15,22 +15,21 @@ class SourceModel:
     """One model that can be imported."""
 
     id: str
-    """Unique in its collection, letters, digits and dashes."""
+    """Unique in its collection; letters, digits and dashes."""
     name: str
-    """What people call it."""
+    """Name for people."""
     fetch: Callable[[Path], Path]
-    """Puts the model and what belongs to it into an empty folder, if it is not on disk, and returns the model's
-    path."""
+    """Returns the model's path; if it is not on disk yet, first puts it and its textures into an empty folder."""
     group: str = ""
-    """The collection's own category."""
+    """Category in the collection's own terms."""
     category: str = ""
-    """Ours, where the collection was labelled by hand."""
+    """Category in this project's terms, if the collection was labelled by hand."""
     size: Vec3 | None = None
-    """Width, height, depth in metres; None where the file itself has to tell."""
+    """Width, height, depth in metres; None if only the file shows it."""
     rotation: tuple[float, ...] | None = None
-    """(9,) row-major, to be applied to the vertices first."""
+    """(9,) row-major matrix to apply to the vertices first."""
     front: str = "+z"
-    """The way its front faces in the file, after the rotation."""
+    """Direction of the front in the file, after the rotation."""
     mass: float | None = None
     movable: bool | None = None
     author: str = ""
@@ -38,7 +37,7 @@ class SourceModel:
 
     @property
     def statement(self) -> str:
-        """Everything said of the model, as text for a digest."""
+        """All metadata of the model, as text for a digest."""
         rest = {key: value for key, value in vars(self).items() if key != "fetch"}
         return repr(sorted(rest.items()))
 
@@ -50,11 +49,11 @@ class Collection:
     name: str
     models: Sequence[SourceModel]
     passed_over: int = 0
-    """Doors, windows and other objects that the collection says are no furniture."""
+    """Number of doors, windows and stairs, which the collection marks as such."""
 
 
 def digest_of(path: Path, statement: str) -> str:
-    """SHA-256 of a model file, of what lies beside it with a known role, and of what is said of it."""
+    """Return the SHA-256 of a model file, of model and texture files beside it, and of its metadata."""
     state = hashlib.sha256(statement.encode())
     beside = [path]
     if path.suffix.lower() != ".glb":

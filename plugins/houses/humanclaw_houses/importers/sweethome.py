@@ -1,7 +1,6 @@
-"""Sweet Home 3D furniture libraries: a zip, or its folder, with a catalogue in Java's properties format.
+"""Sweet Home 3D furniture libraries: a zip file, or its unpacked folder, with a catalogue in Java's properties format.
 
-Models stand with +Y up and their front to +Z; the catalogue gives each its true size in centimetres and, for some, a
-rotation.
+Models have +Y up and their front to +Z. The catalogue gives each its size in centimetres and some a rotation.
 """
 
 from __future__ import annotations
@@ -25,11 +24,11 @@ _LICENCES: Final = (
     (r"free art|art libre", "LAL-1.3"),
     (r"general public|gpl", "GPL-2.0-or-later"),
 )
-"""Patterns in what a library says of itself to SPDX names, the first that matches."""
+"""Patterns of licence texts to SPDX names; the first match counts."""
 
 
 def open_zip(path: Path, name: str = "") -> Collection:
-    """Return a library in one file. Raises HumanclawError if it is no such library."""
+    """Open a library in one file. Raises HumanclawError if it is not a Sweet Home 3D library."""
     try:
         archive = zipfile.ZipFile(path)
         text = archive.read(CATALOGUE)
@@ -43,7 +42,7 @@ def open_zip(path: Path, name: str = "") -> Collection:
 
 
 def open_folder(path: Path, name: str = "") -> Collection:
-    """Return a library that was unpacked."""
+    """Open an unpacked library."""
     terms = (path / "LICENSE.TXT").read_text("latin-1") if (path / "LICENSE.TXT").is_file() else ""
     text = (path / CATALOGUE).read_bytes()
     return _collection(text, terms, name or path.name, lambda model: lambda _: _inside(path, model))
@@ -91,7 +90,7 @@ def _size(row: Mapping[str, str]) -> tuple[float, float, float] | None:
 
 
 def licence_of(text: str) -> str:
-    """Return the SPDX name of the licence that a text names; LicenseRef-unknown if it names none that is known."""
+    """Return the SPDX name of the licence in a text; LicenseRef-unknown if none is recognised."""
     found = (name for pattern, name in _LICENCES if re.search(pattern, text.lower()))
     return next(found, "LicenseRef-unknown")
 
@@ -106,7 +105,7 @@ def _unzip(archive: Path, model: str, folder: Path) -> Path:
         home = str(PurePosixPath(model).parent) + "/"
         for member in file.namelist():
             if member.startswith(home) and not member.endswith("/"):
-                file.extract(member, folder)  # keeps to the folder whatever the member's name is
+                file.extract(member, folder)  # Stays inside the folder: zipfile drops ".." and absolute paths.
     return _inside(folder, model)
 
 
@@ -118,7 +117,7 @@ def _inside(folder: Path, model: str) -> Path:
 
 
 def properties(text: bytes) -> dict[str, str]:
-    """Java properties: latin-1 with \\uXXXX, `key=value` or `key: value`, # comments, a backslash continues a line."""
+    """Parse Java properties: latin-1 with \\uXXXX, `key=value` or `key: value`, # comments, backslash continuations."""
     joined = re.sub(r"\\\r?\n[ \t]*", "", text.decode("latin-1"))
     found = {}
     for line in joined.splitlines():
