@@ -1,4 +1,4 @@
-"""How packages show what is public: names load on first use, and former paths answer for one more version."""
+"""Public names of packages load on first use; former paths answer for one more version."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The command line, and what the commands of plugins share with it."""
+"""The command line, and helpers that it shares with the commands of plugins."""
 
 from typing import TYPE_CHECKING
 

@@ -56,7 +56,7 @@ class SkillExecution:
 
     @property
     def feedback(self) -> Feedback:
-        """What the agent is told of the call."""
+        """The feedback that the agent gets for the call."""
         return Feedback(self.call, proprioception=self.proprioception, tactile=self.tactile, cancelled=self.cancelled)
 
 

@@ -62,7 +62,7 @@ class Episode:
         """Put the body at the start, start agent and verifier, and begin the record.
 
         Args:
-            agent: who decides; begin() is called here. Give only a name if decisions come through submit().
+            agent: makes the decisions; begin() is called here. Give only a name if decisions come through submit().
             folder: where to write the record; None writes nothing.
             options: options of the run, for the record.
             distance: measures the remaining way to a target after each step, for the record.
@@ -353,8 +353,8 @@ class Episode:
         self._keep(step, replayed=True)
 
     def _replay_decisions(self, step: StepRecord) -> None:
-        """Let privileged agents and verifiers decide again: a script that knows the world keeps a memory of its own
-        beside the history, and rebuilds it by deciding."""
+        """Let privileged agents and verifiers decide again: a scripted agent keeps a memory beside the history, and
+        rebuilds it by deciding."""
         privileged = self._panel.privileged
         if privileged.get("agent"):
             feedback = self._feedback
@@ -396,5 +396,5 @@ class Episode:
         self.body.plugins.tell("humanclaw_episode_end", episode=self.record, folder=self._recording.folder)
 
     def _privileged(self, context: EpisodeContext) -> EpisodeContext:
-        """Add what the privileged are given besides: scene, true state, and the view with depth and ids."""
+        """Add the extra fields of privileged agents: scene, true state, and the view with depth and ids."""
         return replace(context, scene=self.body.scene, state=self.body.state, view=self._look)

@@ -1,4 +1,4 @@
-"""The agent and the verifier of an episode: what they declare, what they are given, what they answer."""
+"""The agent and the verifier of an episode: their declarations, their inputs and their answers."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Panel:
         self.fault: PluginRunError | None = None
         self.refusal = ""
         """Reason of a PluginError that one of them raised, which ends the run."""
-        # Asked once, so that the record states exactly what they are given.
+        # Read once, so that the record states exactly the settings that they run with.
         self.privileged = {role: self._is_privileged(one) for role, one in self._present().items()}
         self.settings = {"agent": self._settings(agent), "verifier": self._settings(verifier)}
         """Settings of agent and verifier; empty if asking for them failed."""

@@ -1,4 +1,4 @@
-"""The record of an episode: what it begins with, how it grows in memory and in its folder, how it ends."""
+"""Write the record of an episode: its first fields, each step in memory and in its folder, and its end."""
 
 from __future__ import annotations
 

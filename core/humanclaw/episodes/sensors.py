@@ -1,4 +1,4 @@
-"""Optional senses beside vision: where the own limbs are (`body`), and what they touch (`touch`).
+"""Optional senses beside vision: the positions of the own limbs (`body`) and their contacts (`touch`).
 
 The paper gives its agents vision alone, and finds them unaware of their own bodies (section 5.4). These senses report
 what a person would feel: heights above the soles, intended and actual displacement, which part of the body touches
@@ -51,7 +51,7 @@ def _shift(frame: Pose2D, start: Motion, motion: Motion) -> Array:
     return np.array([*way, float(wrap_angle(float(motion.yaw()[-1] - start.yaw()[-1])))])
 
 
-# -- what they touch ---------------------------------------------------------------------------------------------------
+# -- touch -------------------------------------------------------------------------------------------------------------
 def tactile(executions: Sequence[Execution]) -> tuple[Touch, ...]:
     """Return the parts of the body that touched anything but the ground under the feet, sorted by name."""
     frames: dict[str, set[tuple[int, int]]] = defaultdict(set)

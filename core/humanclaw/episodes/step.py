@@ -1,4 +1,4 @@
-"""The current step: what was seen and submitted since the last one, how long it took, and its measured record."""
+"""The current step: its view, the submitted calls, the seconds of each stage, and the measured record."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Step:
     """The view that the decision is made from; drawn once."""
     frame_file: str = ""
     asked: float | None = None
-    """Time at which the open question was put; None if none is open."""
+    """Time at which the agent was asked; None if no question is open."""
 
     def ask(self) -> None:
         """Start the clock of a question."""

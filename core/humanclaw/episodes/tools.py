@@ -22,7 +22,7 @@ _LOOK: Final[Json] = {
 
 
 class Driven(Protocol):
-    """What the tools use of a body."""
+    """The part of Body that the tools use."""
 
     @property
     def skills(self) -> Mapping[str, Skill]: ...

@@ -184,7 +184,7 @@ def check_checkpoint(path: Path, kind: str, remedy: str) -> dict[str, Any]:
 
 
 def check_adapter(path: Path, remedy: str) -> AdapterConfig:
-    """Hold the shapes of an adapter's weights to what the shipped prior needs, without reading one: 1 ms.
+    """Compare the shapes of an adapter's weights with those that the shipped prior needs. Reads no weight: 1 ms.
 
     Raises CheckpointError with that remedy.
     """

@@ -52,7 +52,7 @@ class AdapterConfig:
 
 
 class Shaped(Protocol):
-    """What has the shape of a model."""
+    """Anything with the configuration of a model."""
 
     @property
     def config(self) -> ModelConfig: ...

@@ -29,11 +29,11 @@ _EPSILON: Final = 1e-5
 
 @dataclass(frozen=True)
 class ModelConfig:
-    """The shape of a model, and what its output means (flow.velocity).
+    """The shape of a model, and the meaning of its output (flow.velocity).
 
-    `velocity` is the paper's. `clean` is for models narrower than a state: to predict a velocity is to repeat the noise
-    of all 219 numbers, which a hidden size below 219 cannot carry; the clean future can be told in fewer, as what
-    changes since the last frame of the history.
+    `velocity` is the paper's. `clean` is for models narrower than a state: a velocity repeats the noise of
+    all 219 numbers, which a hidden size below 219 cannot carry. The clean future needs fewer: its difference from the
+    last frame of the history.
     """
 
     hidden: int
@@ -61,7 +61,7 @@ class Modulations(NamedTuple):
 
 
 class Weights:
-    """The tensors of a checkpoint, handed out one by one, so that none is missing, misshapen or left over."""
+    """The tensors of a checkpoint, taken one by one, so that a missing, misshapen or unused tensor is an error."""
 
     def __init__(self, tensors: Mapping[str, NDArray[np.floating]]) -> None:
         self._left = dict(tensors)
@@ -191,7 +191,7 @@ def _split(modulation: Array, parts: int) -> Array:
 
 
 def _modulate(z: Array, shift: Array, scale: Array) -> Array:
-    """Layer norm without weights of its own, then scaled and shifted."""
+    """Apply layer norm without learned weights, then scale and shift."""
     centred = z - z.mean(-1, keepdims=True)
     variance = np.square(centred).mean(-1, keepdims=True)
     result: Array = centred / np.sqrt(variance + _EPSILON) * (1 + scale) + shift

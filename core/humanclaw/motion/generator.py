@@ -1,6 +1,6 @@
 """The motion generator: five frames and a skill's parameters in, fifteen frames out (paper, section 3.3).
 
-The motion is kinematic. The simulator decides what the body really does.
+The motion is kinematic. The simulator computes the body's actual motion.
 """
 
 from __future__ import annotations

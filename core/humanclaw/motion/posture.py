@@ -1,6 +1,6 @@
-"""Keep posture errors from adding up: joints that nobody commands drift back to their usual pose.
+"""Keep posture errors from adding up: joints without a command return slowly to their usual pose.
 
-The model continues whatever pose it finds in its history, its own small errors included. Without correction a wrist
+The model continues any pose of its history, its own small errors included. Without correction a wrist
 turns by a right angle within eighty calls. So each joint that carries no weight returns, within every chunk, by a tenth
 of its distance from its usual pose.
 """

@@ -27,9 +27,9 @@ Draw = Callable[[Sequence[int], int], Sequence[Motion]]
 
 
 def set_out(histories: Sequence[Motion], draw: Draw) -> list[Motion]:
-    """Return the futures of the first draw, each of those that slide replaced by the least sliding of up to three more.
+    """Return the futures of the first draw; one that slides is replaced by the least sliding of up to three more.
 
-    histories: in any frame, the same as that of what is drawn.
+    histories: in the same frame as the drawn futures.
     """
     futures = list(draw(range(len(histories)), 0))
     slides = [_slide(*pair) for pair in zip(histories, futures, strict=True)]

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 class Installed(Protocol):
-    """What a reporter uses of the plugin host (humanclaw.Plugins)."""
+    """The part of humanclaw.Plugins that a reporter uses."""
 
     def scene(self, reference: str) -> Any: ...
 

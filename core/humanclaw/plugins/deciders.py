@@ -46,7 +46,8 @@ def origin(decider: object) -> str:
 def admit(value: T, kind: type[T], whose: str) -> T:
     """Return a decision or a verdict in a form that a record can hold.
 
-    Raises TypeError, with what was expected and what came, for a value of another type or with a malformed field.
+    Raises TypeError for a value of another type or with a malformed field; it states the expected and the given
+    value.
     """
     if not isinstance(value, kind):
         raise TypeError(f"{whose} {reprlib.repr(value)} and no {kind.__name__}")

@@ -154,7 +154,7 @@ def humanclaw_chunk(episode: EpisodeRecord, step: int, chunk: Chunk) -> None:
 
 @hookspec
 def humanclaw_step(episode: EpisodeRecord, step: StepRecord, view: NDArray[np.uint8]) -> None:
-    """Observe a step once it is recorded. view: what the eyes saw before it, (height, width, 3)."""
+    """Observe a recorded step. view: (height, width, 3) uint8 picture that the agent saw before it."""
 
 
 @hookspec

@@ -48,7 +48,7 @@ PREFIX: Final = "humanclaw_"
 _LOG: Final = logging.getLogger(__name__)
 EXTENSION: Final = "humanclaw_hookspecs"
 FIRST: Final = (EXTENSION, "humanclaw_measures")
-"""Plugins with these hooks load before the plugins that may need what they define."""
+"""Plugins with these hooks load first: others may need their definitions."""
 
 
 class Plugins(Lookup):
@@ -207,7 +207,7 @@ class Plugins(Lookup):
             return None
 
     def _gather(self, plugin: object, name: str) -> Registry:
-        """Collect what a plugin registers and what can be used of it."""
+        """Collect a plugin's registrations, and those of them that can be used."""
         with warnings.catch_warnings(record=True) as told:
             warnings.simplefilter("always")
             if self._manager.register(plugin, name) is None:

@@ -32,7 +32,7 @@ class Lookup:
         self._faulty: list[Registration] = []
         self._left_out: list[Registration] = []
         self._found: dict[str, dict[str, Registration]] = {}
-        """What a name alone means, by kind."""
+        """The item that a name without an owner stands for, by kind."""
 
     def registered(self, kind: str) -> tuple[Registration, ...]:
         """All that is registered through the hook `humanclaw_<kind>`; none if no plugin specifies such a hook."""
@@ -141,7 +141,7 @@ class Lookup:
         return next(info for info in self.infos if info.name == owner)
 
     def _take(self, kind: str, found: Sequence[Registration]) -> None:
-        """Add what a plugin registers. Among equal names the preferred item wins, then a first-party one, then the
+        """Add a plugin's registrations. Among equal names the preferred item wins, then a first-party one, then the
         earliest."""
         self._offered[kind] += found
         for one in found:
@@ -197,7 +197,7 @@ class Lookup:
         raise PluginError(f"there is no {noun(kind)} {name!r}.", self._remedy(kind, name) + lost)
 
     def _remedy(self, kind: str, name: str) -> str:
-        """Return the command that installs what a name may mean, or else the known names."""
+        """Return the command that installs the likely package of a name, or else the known names."""
         known, elsewhere = self._found.get(kind, {}), distributions.table().get(kind, {})
         distribution = elsewhere.get(name)
         if distribution and distribution not in (info.origin for info in self._infos):

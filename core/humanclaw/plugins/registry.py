@@ -52,7 +52,7 @@ class PluginInfo:
     """A plugin as `humanclaw plugins` lists it."""
 
     name: str
-    """Its distribution, or its file without .py: the owner of what it registers."""
+    """Its distribution, or its file without .py: the owner of its registrations."""
     version: str
     origin: str
     """The distribution or file it came from."""
@@ -64,7 +64,7 @@ class PluginInfo:
     duplicates: tuple[str, ...] = ()
     """Its items that give way to another plugin's of the same name, each with both owners."""
     notes: tuple[str, ...] = ()
-    """What it uses that is deprecated, and the replacement."""
+    """The deprecated names that it uses, and their replacements."""
 
 
 @dataclass(frozen=True)
@@ -135,7 +135,7 @@ class Registry:
         self.found["skills"] = kept
 
     def keep(self, choice: Choice) -> None:
-        """Leave out what the choice drops, and what the plugin names twice."""
+        """Leave out items that the choice excludes, and names that the plugin registers twice."""
         for kind, found in self.found.items():
             wanted = [one for one in found if not choice.drops(one, kind)]
             self.left_out += [one for one in found if choice.drops(one, kind)]

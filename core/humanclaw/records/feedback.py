@@ -1,4 +1,4 @@
-"""What an agent is told of its last step: values for the record, words for models and people."""
+"""Feedback on the last step: values for the record, words for models and people."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ _CLAUSE: Final = re.compile(
 )
 """Ends of clauses: a full stop, a semicolon, a contrast, and "and" or a comma before a new subject."""
 _QUESTION: Final = re.compile(r"(?:[^.!?;\n]|\.(?=\d))*\?")
-"""Questions: whoever asks has not seen."""
+"""Questions: an agent that asks has not seen the target."""
 _HARMLESS: Final = _words(
     r"(?:not|no longer) (?:very |too |so |that )?far(?: away| off)?",
     r"not only|(?:no|without(?: a)?) doubt|can(?:not| ?not|['\u2019]t) be missed",
@@ -66,7 +66,7 @@ def acknowledges(text: str, category: str) -> bool:
     """
     names = "|".join(map(re.escape, (*ALIASES.get(category, (category.replace("_", " "),)), "target")))
     named = re.compile(rf"\b(?:{names})(?:e?s)?\b")
-    # "the couch I was looking for" has been found, and "target: couch" only repeats what is asked for.
+    # "the couch I was looking for" has been found, and "target: couch" only repeats the instruction.
     found = re.compile(rf"\b({names}) (?:that |which )?(?:i|we) (?:was|were|have been|had been) \w+ing for\b")
     asked = re.compile(rf"\btarget(?: object| category)?\s*[:=]\s*(?:an? |the )?(?:{names})\s*(?=[.,;\n]|$)")
     told = _HARMLESS.sub(" ", _QUESTION.sub(" ", text.lower().replace("_", " ")))

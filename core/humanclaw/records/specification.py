@@ -1,4 +1,4 @@
-"""The specification of an episode: what a body is asked to do."""
+"""The specification of an episode: scene, start, seed, instruction and targets."""
 
 from __future__ import annotations
 

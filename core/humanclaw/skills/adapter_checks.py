@@ -22,8 +22,8 @@ Faults = Iterator[ContractError]
 
 @dataclass(frozen=True)
 class Subject:
-    """A skill with what it is held to. base: digest of the prior that its adapter has to fit; empty to leave that
-    open."""
+    """A skill and the requirements on it. base: digest of the prior that its adapter has to fit; empty for any
+    prior."""
 
     skill: Skill
     measures: Mapping[str, Measure]
@@ -45,7 +45,8 @@ class Subject:
 
 
 def misfits(subject: Subject) -> Faults:
-    """Yield what the adapter of a skill and its schema disagree about; an adapter that is none, or holds no numbers."""
+    """Yield disagreements between the adapter of a skill and its schema, and adapters that are unreadable or hold no
+    finite numbers."""
     skill = subject.skill
     if skill.adapter is None or not skill.adapter.is_file():
         return
@@ -71,8 +72,7 @@ def misfits(subject: Subject) -> Faults:
 
 
 def adapter_header(path: Path, remedy: str, base: str = "") -> tuple[dict[str, Any], tuple[ContractError, ...]]:
-    """Return the header of an adapter, empty if there is nothing to read in it, and what is wrong with it and its
-    weights."""
+    """Return the header of an adapter (empty if it cannot be read), and the faults of the header and of the weights."""
     try:
         header = check_checkpoint(path, "adapter", remedy)
         ranged = [name for name, edges in ranges(header).items() if not all(map(isfinite, edges)) or edges[1] <= 0]
@@ -101,7 +101,7 @@ def _unfit(path: Path, header: Mapping[str, Any], remedy: str, base: str) -> Fau
 
 
 def ranges(header: Mapping[str, Any]) -> dict[str, tuple[float, float]]:
-    """Centre and half-width of what each parameter of an adapter was trained on, SI."""
+    """Return the centre and half-width of the training range of each parameter of an adapter, SI."""
     config = header["adapter"]
     columns = zip(config["params"], config["centre"], config["scale"], strict=True)
     return {name: (float(centre), float(scale)) for name, centre, scale in columns}

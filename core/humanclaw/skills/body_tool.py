@@ -15,7 +15,7 @@ LOOK: Final = "look"
 
 @dataclass(frozen=True)
 class ToolResult:
-    """What became of a call: words, and what the eyes see now."""
+    """The result of a call: feedback in words, and the current view."""
 
     text: str
     picture: bytes = b""
@@ -36,7 +36,8 @@ class ToolResult:
 class BodyTool:
     """A tool of one body, for an agent framework to wrap in its own objects (hook humanclaw_frameworks).
 
-    Calling it is safe from any thread, and raises nothing for what a model can mend: a refusal is a result in words.
+    Calling it is safe from any thread. A fault that a model can correct raises nothing: the result is a refusal in
+    words.
     """
 
     name: str

@@ -21,7 +21,7 @@ from humanclaw.skills.measures import MEASURES, Measure, Parameter, read_schema,
 from humanclaw.skills.publishing import REASONING_FIELDS, Format, parameter_schema, unpublishable
 
 CHECKS: Final[Mapping[str, str]] = {
-    # What a skill is called, and its schema.
+    # Name and schema.
     "loads": "its file or folder can be read, and raises nothing",
     "name": "its name has letters, digits, _ and - alone, 64 at most",
     "name-reserved": "its name is no tool that a harness has: look, reset, verdict",
@@ -47,7 +47,7 @@ CHECKS: Final[Mapping[str, str]] = {
     "publish-anthropic": "it can be a tool of Anthropic's interface",
     "publish-gemini": "it can be a tool of Gemini's interface",
     "publish-mcp": "it can be a tool of an MCP server",
-    # What it asks before execution.
+    # Checklist of the verifier.
     "checklist-file": "checklist.toml is TOML",
     "checklist-words": "checklist.toml holds [[check]] tables alone",
     "checklist-tables": "each check is a table of the texts id and question",
@@ -101,12 +101,12 @@ _FORMATS: Final = frozenset(f"publish-{form}" for form in get_args(Format))
 _TOP_LEVEL: Final = frozenset(
     {"$schema", "$comment", "$defs", "title", "description", "type", "properties", "required", "additionalProperties"}
 )
-"""Words of a schema that reach every provider, or that need not: any other would be held against a model that is not
-told it."""
+"""Keywords of a schema that every provider gets, or that no model needs. A model must not be refused for a rule that it
+cannot see."""
 
 
 class Draft(Skill):
-    """What says that it is a skill and may be none: everything that is wrong with it is told at once."""
+    """A possibly faulty skill, built without refusal so that all its faults can be listed together."""
 
     def __post_init__(self) -> None:
         """Refuse nothing."""
@@ -132,7 +132,7 @@ def skill_faults(
             found += find(Subject(skill, measures, base))
         except Exception as error:
             broken.append(error)
-    if broken and not found:  # Else what was found is the reason.
+    if broken and not found:  # Otherwise the found fault is the reason.
         reason = f"skill {skill.name!r} cannot be checked: {type(broken[0]).__name__}: {broken[0]}."
         found.append(ContractError("loads", reason, "Mend its schema.json."))
     return tuple(fault for fault in found if formats or fault.check not in _FORMATS)
@@ -154,7 +154,7 @@ def _refused(subject: Subject) -> Faults:
 
 
 def _odd_properties(subject: Subject) -> Faults:
-    """JSON Schema allows true and false for a schema; nobody could call such a parameter."""
+    """JSON Schema allows true and false as schemas; such a parameter could not be called."""
     for key, part in subject.properties.items():
         if not isinstance(part, Mapping):
             odd = f"parameter {key!r} of skill {subject.skill.name!r} is {part!r}."
@@ -210,7 +210,7 @@ def _bad_checks(subject: Subject) -> Faults:
 
 
 def _open_ended(subject: Subject) -> Faults:
-    """Yield what the schema says of calls beside its properties, and providers are not told."""
+    """Yield rules about calls outside the properties: providers drop them, so a model cannot know them."""
     skill = subject.skill
     for word in skill.schema:
         if word not in _TOP_LEVEL and not word.startswith("x-"):

@@ -24,7 +24,7 @@ NAME_PATTERN: Final = re.compile(r"[a-zA-Z0-9_-]{1,64}")
 RESERVED: Final = frozenset({"look", "reset", "verdict"})
 """Tools that harnesses offer beside the skills."""
 OFFLINE: Final[Registry[Any]] = Registry()
-"""For jsonschema, which would otherwise fetch what a $ref names."""
+"""For jsonschema, which would otherwise fetch the target of a $ref."""
 _LOCAL: Final = re.compile(r"#/\$defs/[\w.-]+")
 _NO_WORDS: Final = frozenset({"$id", "$anchor", "$dynamicRef", "$dynamicAnchor", "$recursiveRef"})
 
@@ -52,7 +52,7 @@ class Skill:
     adapter: Path | None = None
     """Checkpoint of the ControlNet branch; None for a skill that plays keyframes."""
     role: Role = "gesture"
-    """What the skill is for: `x-role` in schema.json. A call of role `stop` is the active stop of an episode."""
+    """The purpose of the skill: `x-role` in schema.json. A call of role `stop` is the active stop of an episode."""
 
     source: Path | None = field(default=None, compare=False)
     """The folder or the Python file that it was read from."""
@@ -68,7 +68,7 @@ class Skill:
 
     @property
     def declaration(self) -> Declaration:
-        """What the skill says of itself: its role, and the measures that its parameters command."""
+        """The skill's declaration: its role, and the measures that its parameters command."""
         return Declaration.of(self.name, {**self.schema, "x-role": self.role})
 
     @property
@@ -193,8 +193,8 @@ def _whole(value: Any, part: Mapping[str, Any]) -> Any:
 
 
 def _foreign(schema: Any) -> Iterator[str]:
-    """Return references that lead out of a schema, or that change what others mean: what is checked must be what is
-    published."""
+    """Return references that lead out of a schema or change the meaning of others: the checked schema must be the
+    published one."""
     if isinstance(schema, list):
         for part in schema:
             yield from _foreign(part)
@@ -207,7 +207,7 @@ def _foreign(schema: Any) -> Iterator[str]:
 
 
 def _explain(fault: jsonschema.ValidationError) -> str:
-    """One fault in words; what a model wrote at length is not said back to it whole."""
+    """Return one fault in words; long text of a model is shortened."""
     where = ".".join(map(str, fault.absolute_path))
     message = fault.message if len(fault.message) <= LONGEST_FAULT else f"{fault.message[:LONGEST_FAULT]}..."
     return f"{where}: {message}" if where else message

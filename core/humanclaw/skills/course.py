@@ -26,7 +26,7 @@ class Course:
     owed: float = 0.0
 
     def steer(self, skill: Declaration, values: Mapping[str, float]) -> dict[str, float]:
-        """Return a call's values (SI) with what is owed added to the turn that it commands, if it commands one."""
+        """Return a call's values (SI); a commanded turn is corrected by the heading error of earlier calls."""
         turn = skill.commands(HEADING)
         return (
             dict(values)
@@ -37,7 +37,7 @@ class Course:
     def after(self, skill: Declaration, values: Mapping[str, float], history: Motion, motion: Motion) -> Course:
         """Return the course once the motion (15 frames) that followed the history (5) was generated for a call.
 
-        values: as they were called, before steering. What a skill that is no locomotion does to the heading is its own.
+        values: the called ones, before steering. Heading changes of skills that are not locomotion are no error.
         """
         if skill.role != "locomotion":
             return self

@@ -1,8 +1,7 @@
-"""What a skill's parameters command: named, signed measures of half a second of motion, and the declarations that use
-them.
+"""Measures: named, signed quantities of half a second of motion that parameters command, and declarations of skills.
 
-A skill's schema.json says what the skill is (`x-role`) and which measure each trained parameter commands (`x-measure`);
-everything that scores, trains or calls skills reads that and never a skill's name. Plugins add measures through the
+A skill's schema.json declares its role (`x-role`) and the measure that each trained parameter commands (`x-measure`).
+Scoring, training and calling read these declarations and never a skill's name. Plugins add measures through the
 hook `humanclaw_measures`. Needs numpy alone, so that training runs where there is no plugin host.
 
     {"x-role": "locomotion", "properties": {"z_cm": {"type": "integer", "x-measure": "hips.forward", ...}}, ...}
@@ -25,7 +24,7 @@ from humanclaw.errors import PluginError
 from humanclaw.text.json import once
 
 Role = Literal["locomotion", "sit", "posture", "gesture", "stop"]
-"""What a skill is for: `locomotion` takes the body somewhere or turns it, `sit` lowers it onto a seat, `posture`
+"""The purpose of a skill: `locomotion` takes the body somewhere or turns it, `sit` lowers it onto a seat, `posture`
 changes how it stands, `gesture` moves limbs in place, `stop` declares the task complete and ends
 the episode."""
 ROLES: Final[tuple[Role, ...]] = get_args(Role)
@@ -97,14 +96,13 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Declaration:
-    """What a skill's schema.json says of the skill, without its Python: all that training and scoring need to know."""
+    """The declaration in a skill's schema.json, without its Python: all that training and scoring need."""
 
     skill: str
     role: Role
     parameters: tuple[Parameter, ...]
     primary: Parameter | None
-    """What the ratio of achieved over commanded is told of: the first parameter that a call requires, else the first of
-    all."""
+    """The parameter of the ratio of achieved over commanded: the first required one, else the first of all."""
 
     @classmethod
     def of(cls, skill: str, schema: Mapping[str, Any]) -> Declaration:

@@ -1,4 +1,4 @@
-"""What a call plays: a control of the motion model, keyframes, or a sequence of both."""
+"""The plan of a call: a control of the motion model, keyframes, or a sequence of both."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from humanclaw.body.skeleton import JOINT_INDEX
 
 LONGEST_FAULT: Final = 300
 LONGEST_CALL: Final = 10.0
-"""Maximum seconds of one call: nobody decides during it."""
+"""Maximum seconds of one call: the agent cannot decide during it."""
 
 
 @dataclass(frozen=True)
@@ -113,7 +113,7 @@ def _smooth(clock: np.ndarray[Any, Any], times: np.ndarray[Any, Any], keys: np.n
 
 Part = Control | Keyframes
 Plan = Part | Sequence[Part]
-"""What a call plays: one part, or a sequence of parts, each from the pose that the last one ended in."""
+"""The plan of a call: one part, or a sequence of parts, each from the last pose of the one before."""
 
 
 def parts(plan: Plan) -> tuple[Part, ...]:

@@ -297,7 +297,7 @@ def _gemini_declaration(spec: Json) -> Json:
 
 
 def _for_gemini(part: Mapping[str, Any]) -> Json:
-    """Return the subset of JSON schema that Gemini documents; an enum of anything but strings is told in the
+    """Return the subset of JSON schema that Gemini documents; an enum of anything but strings goes into the
     description."""
     kept = {key: value for key, value in part.items() if key in _GEMINI_WORDS}
     if not all(isinstance(value, str) for value in kept.get("enum", ())):

@@ -126,7 +126,7 @@ def _objects(text: str, make: Callable[[list[tuple[str, Any]]], Json]) -> Iterat
 
 
 def _once(pairs: list[tuple[str, Any]]) -> Json:
-    """Return an object, each of whose keys is there once: of two values nobody knows which was meant."""
+    """Return an object without duplicate keys: with two values, the intended one is unknown."""
     try:
         return once(pairs)
     except KeyError as error:
@@ -168,7 +168,7 @@ def _inside(value: Any) -> Iterable[Any]:
 
 
 def _thoughts(text: str) -> dict[str, str]:
-    """Read the reasoning fields of a text that holds one a line; what stands under no name is reasoning."""
+    """Read the reasoning fields of a text that holds one a line; a line without a field name is reasoning."""
     found: dict[str, str] = {}
     field = "reasoning"
     for line in filter(None, map(str.strip, text.split("\n"))):

@@ -1,8 +1,8 @@
 """Recipes: which windows of real clips show a trained skill, and how its motion is synthesised.
 
-A skill that is trained keeps its recipe beside its schema.json and registers it with the hook `humanclaw_recipes`;
-humanclaw-train interprets it and knows no skill by name. What a parameter commands, and so what synthesis does with it,
-is the measure that the schema declares. Needs numpy alone.
+A trained skill keeps its recipe beside its schema.json and registers it with the hook `humanclaw_recipes`;
+humanclaw-train interprets it and knows no skill by name. The schema declares the measure that each parameter commands,
+and synthesis follows it. Needs numpy alone.
 
     RECIPE = Recipe(
         name="stroll",
@@ -29,7 +29,7 @@ Mask: TypeAlias = NDArray[np.bool_]
 # -- real motion -------------------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class WindowTravel:
-    """What the pelvis of N windows of real motion does from the last history frame to the last; all (N,).
+    """Displacements in N windows of real motion, from the last history frame to the last frame; all (N,).
 
     across (positive to the left), up, forward: metres. yaw: radians. feet: mean horizontal path of the two feet,
     metres. neutral: ends upright with the hands below the shoulders. level: the toes keep to one floor, as they do not
@@ -91,8 +91,7 @@ class GaitParameters:
 
 @dataclass(frozen=True)
 class Draw:
-    """How commands of one parameter are drawn, SI: half of them evenly from low to high, half near what is asked for
-    most.
+    """Distribution of the commands of one parameter, SI: half uniform from low to high, half near the usual value.
 
     usual, spread: mean and deviation of the latter; None for an even spread alone. nought: share of those that are
     exactly 0. jitter: deviation from one command to the next while a skill goes on.
@@ -107,7 +106,7 @@ class Draw:
 
 
 Feet: TypeAlias = Literal["stride", "shuffle", "settle"]
-"""What the feet do: `stride` pass each other, `shuffle` open and close, `settle` come to stand."""
+"""Movement of the feet: `stride` pass each other, `shuffle` open and close, `settle` come to stand."""
 
 
 @dataclass(frozen=True)

@@ -47,7 +47,7 @@ class Cache:
             self.drop(key, "it is damaged")
             return None
         with contextlib.suppress(OSError):
-            os.utime(path)  # The time of last use decides what goes first.
+            os.utime(path)  # Entries are removed by time of last use, oldest first.
         return data
 
     def put(self, key: str, data: bytes) -> None:

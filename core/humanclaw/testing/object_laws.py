@@ -1,4 +1,4 @@
-"""Laws of half-physics about objects: what a body pushes, opens and squeezes."""
+"""Laws of half-physics about objects that a body pushes, opens and squeezes through."""
 
 from __future__ import annotations
 

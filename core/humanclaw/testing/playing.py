@@ -30,7 +30,7 @@ Faults = Iterator[ContractError]
 
 @dataclass(frozen=True)
 class Bench:
-    """What a skill is checked against and played with."""
+    """The plugins, base and engines that a skill is checked and played with."""
 
     plugins: Plugins
     measures: Mapping[str, Measure]

@@ -26,7 +26,7 @@ from humanclaw.world.half_physics.profile import find_profile
 
 
 class SimulatorConformance(ObjectConformance):
-    """Tests of a simulator: what the world does to a body and to objects, and what it must refuse."""
+    """Tests of a simulator: effects of the world on body and objects, and inputs that it must refuse."""
 
     def test_the_same_commands_have_the_same_outcome_bit_for_bit(self) -> None:
         builder = SceneBuilder()

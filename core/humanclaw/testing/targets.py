@@ -78,7 +78,7 @@ def _loaded(path: Path) -> tuple[list[Skill | Path], dict[str, Measure], list[Co
 
 
 def _registered(module: ModuleType) -> tuple[list[Skill | Path], dict[str, Measure], list[ContractError]]:
-    """Return what the hooks of a plugin's module register, and faults."""
+    """Return the registrations of a plugin's module, and faults."""
     skills: list[Skill | Path] = []
     measures: list[Measure] = []
     for hook, found in (("humanclaw_skills", skills), ("humanclaw_measures", measures)):

@@ -84,8 +84,8 @@ class Hinge:
     """Any point of the axis, in the frame of the object's asset, metres."""
     low: float
     high: float
-    """The range of the angle. It stops the object; what is fixed or hangs on another hinge does not, so that a door
-    does not jam in its frame."""
+    """The range of the angle. It stops the object; fixed objects and those on other hinges do not, so that a door does
+    not jam in its frame."""
     friction: float = 2.0
     """Torque that holds the object and brakes it, whatever its speed, newton metres."""
     damping: float = 5.0

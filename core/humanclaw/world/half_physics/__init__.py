@@ -1,6 +1,6 @@
-"""Half-physics, whatever engine carries it (paper, section "Locomotion-Decoupled Physical Simulation").
+"""Half-physics on any engine (paper, section "Locomotion-Decoupled Physical Simulation").
 
-An engine brings a World: rigid bodies, contacts and one time step. All that makes a body follow commanded poses, what
-bounds its pushes and what it does of its own accord is here, so that every engine keeps the same checks.
+An engine provides a World: rigid bodies, contacts and one time step. The drive along commanded poses, the bounds of
+pushes and the reflexes are here, so that every engine passes the same checks.
 `HalfPhysics(open_world)` is a Simulator; `humanclaw.testing.SimulatorConformance` holds the checks that it has to pass.
 """

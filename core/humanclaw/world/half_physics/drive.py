@@ -1,10 +1,9 @@
-"""How a body is driven: by velocities and never by torques.
+"""Drive a body by velocities, never by torques.
 
-Before every physics step the root's turn and all joint velocities are set to what carries each link to its pose by the
-end of that step; then the engine solves that step's contacts together with these velocities. How much a contact bends
-the body instead of moving it is a matter of rotational inertia, and so the passive stiffness of a joint is given as the
-inertia of its link: no motor, no gain, no spring, and a tree that stays well conditioned because contacts are all there
-is to solve.
+Before every physics step the root's turn and all joint velocities carry each link to its pose by the
+end of that step. Then the engine solves that step's contacts together with these velocities. Rotational inertia decides
+how far a contact bends the body instead of moving it, so the inertia of a link states the passive stiffness of its
+joint. There is no motor, gain or spring; the tree stays well conditioned because contacts are its only constraints.
 """
 
 from __future__ import annotations
@@ -59,7 +58,7 @@ class Drive:
         return min(fastest, self._profile.max_link_speed, self._expected(speeds)) + float(np.linalg.norm(velocity))
 
     def _expected(self, speeds: Array) -> float:
-        """Speed of the fastest link: what the motion has it swing at, and at most so much more where joints catch
+        """Return a bound of the fastest link's speed, m/s: its swing in the motion, plus the speed of joints that catch
         up."""
         late = np.linalg.norm(speeds - self._way * FPS, axis=1)
         late[0] = abs(np.linalg.norm(speeds[0]) - np.linalg.norm(self._way[0]) * FPS)  # Not in the same frame.
@@ -79,20 +78,20 @@ class Drive:
         return tip_speeds(np.concatenate([vector_from_quaternion(self._target)[None], motion.rotations]))
 
     def _give_way(self, speeds: Array, reflex: Reflex) -> None:
-        """Hips whose thighs carry weight follow the motion but make up for nothing, and bend until the pelvis is
+        """Let hips whose thighs carry weight follow the motion without catching up, and bend until the pelvis is
         down."""
         for hip, seconds in reflex.borne.items():
             bends = seconds == 0.0 and not reflex.seated
             speeds[hip] = self._way[hip] * FPS + (self._profile.yielding * _FLEX if bends else 0.0)
 
     def restrain(self, touched: bool) -> None:
-        """Take back what the step since command moved the root faster than a body may move. touched: whether contact
-        pushed it.
+        """Limit the root's motion in the step since command to the speeds of a body. touched: whether contact pushed
+        it.
 
-        A body that nothing touches goes where it was sent and falls at g: limbs that swing do not recoil on it.
-        Contacts may push it either way, up and down alike: were only one of them free, limbs that jitter would ratchet
-        the body up a wall. Limbs give back the same share of their step: a leg that went on while the hips must not
-        would be pressed through the floor.
+        Without contact the body moves as commanded and falls at g: swinging limbs do not recoil on it. Contacts may
+        push it up and down alike: if only one way were free, jittering limbs would lift the body up a wall step by
+        step. Limbs give back the same share of their step: a leg that moved on without the hips would be pressed
+        through the floor.
         """
         rate = FPS * self._profile.substeps
         pose = self._world.pose()

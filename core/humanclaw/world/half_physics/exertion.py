@@ -1,11 +1,10 @@
-"""What a body can exert: mass counts.
+"""Bound the force of the body's pushes, so that mass counts.
 
 A body that is driven by velocities would push a crate of a tonne as easily as a cup. So the momentum that a step gives
-to movable objects is bounded by the force that a person can bring to bear, less the friction that holds them; where a
-step gave more, the objects take only their share of it, and the body is taken back by as much as they are, so that it
-waits at a heavy object as it does at a wall. One that friction holds with more than that force stays, and what lies on
-it or beside it is pushed as if it were fixed. What hangs on a hinge takes leverage: the nearer to the hinge one pushes
-it, the more of the same force it needs.
+to movable objects is bounded by the force of a person, less the friction of the objects. If a step gave more, the
+objects keep only their share of it, and the body is moved back as far as they are: it waits at a heavy object as at a
+wall. An object whose friction exceeds that force stays, and objects on it or beside it are pushed as if it were fixed.
+An object on a hinge has leverage: a push near the hinge needs more force.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ from humanclaw.world.half_physics.world import ObjectMotion, Touch, World
 from humanclaw.world.scene import Scene
 
 GROUND_FRICTION: Final = 0.5
-"""Of what objects stand on: a scene's floors."""
+"""Friction of a scene's floors."""
 _NEAR: Final = 3.0
 """Objects whose nearest part is further than this from the hips are not within reach of a push, nor of one that is
 handed on, metres."""
@@ -48,7 +47,7 @@ class Exertion:
         self._before: Mapping[int, ObjectMotion] = {}
 
     def look(self, root: Array, objects: Mapping[int, Array]) -> None:
-        """Find what is near enough to be pushed in the coming frame."""
+        """Find the objects that are near enough to be pushed in the coming frame."""
         self._near = tuple(
             key for key in sorted(self.movable) if np.abs(objects[key][:3] - root).max() < self._reach[key]
         )
@@ -58,7 +57,7 @@ class Exertion:
         self._before = {key: self._world.motion(key) for key in self._near}
 
     def bound(self, touches: Sequence[Touch], seconds: float) -> None:
-        """Take back what the step since brace gave to objects beyond what a person can exert."""
+        """Remove the momentum that the step since brace gave to objects beyond the force of a person."""
         pushed = {touch.object_id for touch in touches if touch.object_id in self._before}
         after = {key: self._world.motion(key) for key in self._before} if pushed else {}
         self._levers = {key: self._lever(key, touches, after[key]) for key in after if key in self._swings}
@@ -74,10 +73,11 @@ class Exertion:
         self._hold(kept, after, touches, seconds)
 
     def _shares(self, gains: Mapping[int, float], seconds: float) -> Mapping[int, float]:
-        """Return how much of its gain each that got faster may keep.
+        """Return the share of its gain that each faster object may keep.
 
-        What takes more than a person can exert stays, as what is fixed does, and the others share what friction leaves
-        of the force. Where what stays got the most of a push, it was handed on to it, and nothing keeps anything.
+        An object that needs more force than a person has stays, like a fixed one; the others share the force that
+        friction leaves. If the staying objects got most of a push, the others handed it on to them, and none keeps
+        anything.
         """
         most, held = self._profile.exertion, {key: self._holding(key) for key in gains}
         moved = [key for key in gains if held[key] < most]
@@ -87,7 +87,7 @@ class Exertion:
         return {key: share if key in moved else 0.0 for key in gains if gains[key] > 0}
 
     def _gain(self, key: int, after: ObjectMotion) -> float:
-        """Momentum that made an object faster, kg m/s; what slowed it down was not the body's doing."""
+        """Return the momentum that made an object faster, kg m/s; the body does not slow objects down."""
         before, radius = self._before[key], self._radius[key]
         if key in self._swings:
             faster = abs(after.spin[1]) - abs(before.spin[1])
@@ -113,7 +113,7 @@ class Exertion:
         return max(_LEAST_LEVER, max(arms, default=float(np.linalg.norm((after.position - axis)[[0, 2]]))))
 
     def _handed_on(self, pushed: set[int]) -> Sequence[int]:
-        """Return what is pushed, and what that pushes in its turn."""
+        """Return the pushed objects, and those that they push."""
         chain, links = set(pushed), [pair for pair in self._world.touching() if set(pair) <= set(self._before)]
         while more := {key for pair in links if chain & set(pair) for key in pair} - chain:
             chain |= more
@@ -126,7 +126,7 @@ class Exertion:
         touches: Sequence[Touch],
         seconds: float,
     ) -> None:
-        """Leave objects what they keep of how they move, and take the body back by as much as what it pushes."""
+        """Set the objects to the motion that they keep, and move the body back as far as the objects that it pushes."""
         back = np.zeros(3)
         for key, motion in kept.items():
             self._world.set_motion(key, motion)
@@ -152,8 +152,8 @@ def _speed(motion: ObjectMotion, radius: float) -> float:
 
 
 def _shared(before: ObjectMotion, after: ObjectMotion, share: float, seconds: float) -> ObjectMotion:
-    """Return the motion with that share of what the step changed in it; a fall is nobody's push and stays whole, and
-    so does its end on a floor: what is kept falling there is thrown out of it once it is let go."""
+    """Return the motion with that share of the step's change. A fall is not a push and stays whole, and so does a
+    landing: an object that kept falling into the floor would be thrown out of it later."""
     velocity = before.velocity + share * (after.velocity - before.velocity)
     velocity[1] = np.clip(velocity[1], min(after.velocity[1], 0.0), after.velocity[1])
     spin = before.spin + share * (after.spin - before.spin)
@@ -163,7 +163,7 @@ def _shared(before: ObjectMotion, after: ObjectMotion, share: float, seconds: fl
 
 
 def _at_middle(touches: Sequence[Touch], after: ObjectMotion) -> Sequence[Touch]:
-    """Return touches as what they were handed on to feels them: in the same directions, at its middle."""
+    """Return the touches as seen by an object that they were handed on to: same directions, at its centre."""
     x, y, z = after.position
     return [touch._replace(point=(float(x), float(y), float(z))) for touch in touches]
 

@@ -22,8 +22,7 @@ class Profile:
     """Physics steps a frame of 1/30 s: 120 Hz."""
     gravity: float = 9.81
     horizontal_every: int = 1
-    """The horizontal root velocity is commanded on every so-manieth substep of a frame; between them friction may brake
-    it."""
+    """The horizontal root velocity is commanded on every Nth substep of a frame; between them friction may brake it."""
     max_turn: float = float(np.radians(30.0))
     """No joint turns further in one frame, radians."""
     max_speed: float = 6.0
@@ -48,7 +47,7 @@ class Profile:
     """Thighs that carry the body on a seat while the pelvis hovers bend at the hips this fast, rad/s; 0: they do
     not."""
     exertion: float = 500.0
-    """The body pushes movable objects with no more force than this, newtons: what a grown person can bring to bear."""
+    """Maximum force with which the body pushes movable objects, newtons: that of an adult."""
     friction: float = 0.4
     """Of the body's surface."""
     stiffness: float = 1.0
@@ -60,7 +59,7 @@ class Profile:
     arm_mass: float = 0.1
     """Share of the arms' mass that moves with them; the chest carries the rest."""
     arm_recovery: float = 0.2
-    """Share of what contact took from an arm's pose that it makes up for in a frame.
+    """Share of an arm's pose error, caused by contact, that is corrected in a frame.
 
     Soft, light and patient arms are pushed aside. Stiff ones would prop up a body that sits down beside its hands.
     """

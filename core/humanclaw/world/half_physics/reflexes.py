@@ -1,9 +1,9 @@
-"""What a body does of its own accord: it lifts a toe over an edge, and its thighs give way to a seat.
+"""Reflexes of the body: it lifts a toe over an edge, and its thighs give way to a seat.
 
-A generated motion knows no scene, so its feet clear a step by a hair or miss by one, and its thighs slope where a seat
-is level. A person would not notice either; half-physics without reflexes turns the one into a lost stair and the other
-into a body that sits on its thighs with its hips in the air. Both are bounded: what is higher than a toe blocks as
-ever.
+A generated motion does not know the scene: its feet clear a step by millimetres or miss it by millimetres, and its
+thighs slope where a seat is level. A person would not notice. Half-physics without reflexes would lose the stair, and
+would leave the body on its thighs with the hips in the air. Both reflexes are bounded: an edge higher than a toe still
+blocks.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ _CORNERS: Final[Mapping[int, Array]] = {
 
 @dataclass(frozen=True)
 class Reflex:
-    """What the last physics step calls for."""
+    """The reflexes that the last physics step calls for."""
 
     lift: float = 0.0
     """How far the body must rise for a foot to clear the edge that holds it back, metres."""

@@ -31,7 +31,7 @@ _MAX_DRIFT: Final = 0.05
 class HalfPhysics:
     """The Simulator on any engine (paper, section "Locomotion-Decoupled Physical Simulation").
 
-    What is commanded, and how:
+    Commands:
 
     * joints: the velocity that closes the gap between actual and target pose by the end of the frame, so a limb that
       was held back catches up;

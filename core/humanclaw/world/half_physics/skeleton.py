@@ -18,7 +18,7 @@ _PELVIS_INERTIA: Final = 1e6
 
 
 def link_mass(joint: str, profile: Profile) -> float:
-    """Kilograms that move with a joint; the chest carries what a profile takes from the arms."""
+    """Return the kilograms that move with a joint; the chest carries the mass that a profile takes from the arms."""
     if joint not in LINK_OF:
         return _COLLAR_MASS
     moved = (1 - profile.arm_mass) * sum(LINK_OF[arm].mass for arm in ARMS) if joint == "spine3" else 0.0

@@ -48,7 +48,7 @@ class Swing:
 
     @property
     def joint(self) -> Hinge:
-        """What it hangs on."""
+        """The hinge."""
         assert self.obj.joint is not None
         return self.obj.joint
 

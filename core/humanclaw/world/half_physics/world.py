@@ -12,7 +12,8 @@ from humanclaw.world.half_physics.quaternions import Pose
 from humanclaw.world.scene import Scene
 
 TOUCHING: Final = 0.002
-"""Shapes closer than this count as touching, metres: solvers let resting contacts hover by a hair."""
+"""Shapes closer than this count as touching, metres: solvers let resting contacts hover by fractions of a
+millimetre."""
 
 
 class Touch(NamedTuple):
@@ -47,8 +48,8 @@ class World(Protocol):
 
     Gravity acts on everything, and friction of a pair is the product of both surfaces'. The body is a tree of links
     with the masses and inertias of `half_physics.skeleton`: no motor, no spring, no damping, no contact with
-    itself. An object on a hinge turns about it within its range, braked by its friction and damping, and meets the body
-    and what is free to move alone. The same calls have the same outcome, bit for bit.
+    itself. An object on a hinge turns about it within its range, braked by its friction and damping, and collides only
+    with the body and with free objects. The same calls have the same outcome, bit for bit.
     """
 
     def pose(self) -> Pose:
@@ -67,10 +68,10 @@ class World(Protocol):
         """Put the other 23 joints at (23, 4) and let them turn at (23, 3) rad/s in their own frames."""
 
     def step(self, seconds: float) -> Sequence[Touch]:
-        """Advance time; what the body touched in it, or came near."""
+        """Advance time. Returns contacts of the body, and near misses."""
 
     def overlaps(self) -> Sequence[Touch]:
-        """Return what the body touches where everything is now; no time passes."""
+        """Return the body's contacts at the current poses; no time passes."""
 
     def touching(self) -> Collection[tuple[int, int]]:
         """Pairs of objects that touch one another, lower id first, one of them movable."""
@@ -92,7 +93,7 @@ class World(Protocol):
         """Everything has come to rest: an engine may let still objects sleep."""
 
     def close(self) -> None:
-        """Free what the engine holds."""
+        """Free the engine's memory."""
 
 
 class OpenWorld(Protocol):

@@ -23,15 +23,15 @@ Indices = NDArray[np.int64]
 def simplify(mesh: Mesh, triangles: int) -> Mesh:
     """Make a mesh with so many triangles or fewer; more where it would lose its shape (by more than 3.5 % of its size).
 
-    Every vertex that stays keeps its place. It keeps its uv too, but where the picture breaks: there each side of the
-    break has the uv of its own vertex that was nearest. Not thread-safe, as the library is not.
+    Every vertex that stays keeps its place. It keeps its uv too, except at a seam of the texture: there each side takes
+    the uv of its own nearest vertex. Not thread-safe, as the library is not.
     """
     if len(mesh.faces) <= triangles:
         return mesh
     points, place = np.unique(mesh.vertices.astype(float), axis=0, return_inverse=True)
     place = place.ravel()
     corners = mesh.faces[_proper(place[mesh.faces])].astype(np.int64)
-    # A sheet may be drawn from both sides: the library sees it once, and leaves alone what it sees twice.
+    # A sheet may be drawn from both sides: the library gets it once, because it does not simplify doubled faces.
     _, once = np.unique(np.sort(place[corners], axis=1), axis=0, return_index=True)
     single = corners[once]
     wanted = triangles * len(single) // len(corners)

@@ -114,7 +114,7 @@ def _vhacd(points: Array, faces: NDArray[np.int64], count: int) -> list[Array]:
 
 
 def _around(points: Array, faces: NDArray[np.int64], keep_out: KeepOutBox) -> Iterator[tuple[Array, NDArray[np.int64]]]:
-    """Yield the parts of a mesh below a keep-out box and at its four sides; what is inside it is left out."""
+    """Yield the parts of a mesh below a keep-out box and at its four sides; parts inside the box are left out."""
     below, above = _cut(points, faces, 1, keep_out.y)
     yield below
     for axis, at, side in ((2, keep_out.z0, 0), (2, keep_out.z1, 1), (0, keep_out.x0, 0), (0, keep_out.x1, 1)):

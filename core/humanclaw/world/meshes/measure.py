@@ -76,7 +76,8 @@ class HeightMap:
 
 
 def back_of(mesh: Mesh) -> str:
-    """Find the side on which what is sat on rises: '-z', '+z', '-x', '+x'; empty if it rises on none or on all."""
+    """Find the side on which a seat rises to its back: '-z', '+z', '-x', '+x'; empty if it rises on no side or on
+    all."""
     height_map = HeightMap.of(mesh)
     heights = height_map.heights
     a, b, c, d = height_map.part(0.3, 0.7, 0.3, 0.7)

@@ -29,13 +29,13 @@ class Part:
     faces: NDArray[np.int64]
     uv: Array | None
     colour: tuple[int, int, int]
-    """sRGB; of what has no picture."""
+    """sRGB colour of a part without a texture."""
     picture: NDArray[np.uint8] | None = None
     """(H, W, 3), first row at v = 1."""
 
 
 def read_model(path: Path) -> list[Part]:
-    """Read all parts of a model file, with what it names in its own folder.
+    """Read all parts of a model file, with the files that it names in its folder.
 
     Raises SceneError if it cannot be read or holds no triangle.
     """

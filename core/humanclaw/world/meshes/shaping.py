@@ -51,7 +51,7 @@ def turned(mesh: Mesh, quarters: int) -> Mesh:
 
 
 def exact(points: Array) -> NDArray[np.float32]:
-    """Round to hundredths of a millimetre, so that what is alike has one digest."""
+    """Round to hundredths of a millimetre, so that equal shapes have one digest."""
     return np.asarray(np.round(points, 5) + 0.0, np.float32)
 
 

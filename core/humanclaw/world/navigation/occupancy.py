@@ -41,23 +41,23 @@ COMFORT: Final = 0.55
 
 @dataclass(frozen=True, eq=False)
 class OccupancyGrid:
-    """The obstacles of one floor. Arrays are indexed [x cell, z cell]; owners and heights tell what stands in a
+    """The obstacles of one floor. Arrays are indexed [x cell, z cell]; owners and heights describe the object in a
     cell."""
 
     origin: tuple[float, float]
     """World x and z of the corner of cell (0, 0)."""
     blocked: Mask
-    """Static objects, those that hang on hinges, and whatever is not floor: a door opens to one side alone, so nobody
-    counts on it."""
+    """Static objects, objects on hinges, and cells without floor: a door opens to one side only, so no route relies on
+    it."""
     movable: Mask
     owners: NDArray[np.int32]
     """Id of the object that blocks a cell, 0 for none."""
     tops: Array
-    """Height over the floor of the tallest static object in a cell, metres: it hides what is behind it."""
+    """Height over the floor of the tallest static object in a cell, metres: it hides objects behind it."""
     overhead: tuple[Array, Array]
-    """Lowest and highest height over the floor of what hangs in a cell above the heads, such as lintels, metres."""
+    """Lowest and highest height over the floor of objects above the heads in a cell, such as lintels, metres."""
     ground: Array
-    """Height in the world of what one stands on in each cell, metres; NaN where this grid has no floor."""
+    """World height of the ground in each cell, metres; NaN where this grid has no floor."""
     floor: float = 0.0
     slope: Array | None = None
     """Only on stairs: (2, ...) rise over run along x and z, taken over two steps; at that scale a staircase is a

@@ -60,7 +60,7 @@ class MultiFloorMap:
     def level(self, points: Array) -> NDArray[np.int64]:
         """Return (...) index of the grid that each of (..., 3) points is on: the highest ground that is not above it.
 
-        The points may be feet or hips: what is above a floor is never so low.
+        The points may be feet or hips: both lie between their own floor and the next.
         """
         points = np.asarray(points, float)
         # Where stairs and a floor share the floor before the first step, the floor is meant.
@@ -110,7 +110,7 @@ class MultiFloorMap:
         layers = [weights[0]]
         for k, (lower, upper) in enumerate(pairwise(self.grids)):
             same = (weights[k] > 0) & (weights[k + 1] > 0) & (np.abs(lower.ground - upper.ground) < 0.05)
-            # A little dearer than either grid, or ways would run along between them.
+            # Slightly more expensive than either grid, or ways would run along between them.
             layers += [np.where(same, 1.01 * np.maximum(weights[k], weights[k + 1]), -1.0), weights[k + 1]]
         search = MCP_Geometric(np.stack(layers), sampling=(1e-4, CELL, CELL))
         found, _ = search.find_costs([(2 * int(k), *map(int, cell)) for k, cell in self._entries(weights, starts)])
@@ -207,8 +207,7 @@ class Routes:
     start: Array
     """(3,)"""
     costs: Array
-    """(G, x cell, z cell) what the cheapest route to each cell of each grid costs, metres; infinite where there is
-    none."""
+    """(G, x cell, z cell) cost of the cheapest route to each cell of each grid, metres; infinite without a route."""
     _search: Any
 
     @classmethod
@@ -290,7 +289,8 @@ def _as_cheap(grid: OccupancyGrid, path: Array, first: int, last: int) -> bool:
 
 
 def _price(grid: OccupancyGrid, path: Array) -> float:
-    """Cost of a polyline, metres. Impassable cells are dear and not infinite: a body may begin in one, as on a seat."""
+    """Cost of a polyline, metres. Impassable cells are expensive and not infinite: a body may begin in one, as on a
+    seat."""
     total = 0.0
     for start, end in pairwise(path):
         weights = grid.at(grid.cost, samples(start, end))

@@ -28,7 +28,7 @@ APRON: Final = 0.7
 
 
 def staircase(scene: Scene, lower: OccupancyGrid, upper: OccupancyGrid) -> OccupancyGrid:
-    """Build the grid of what leads from one storey to the next. Nobody passes it if nothing does."""
+    """Build the grid of the stairs from one storey to the next. Without stairs every cell is blocked."""
     pieces = list(_static(scene, lower.floor + 0.05, upper.floor + OBSTACLE_HEIGHTS[1]))
     masks = [(hull, *rasterize(hull[:, [0, 2]], np.array(lower.origin), lower.blocked.shape)) for hull in pieces]
     tops = np.full(lower.blocked.shape, -np.inf)
@@ -49,7 +49,7 @@ def staircase(scene: Scene, lower: OccupancyGrid, upper: OccupancyGrid) -> Occup
 
 
 def _static(scene: Scene, low: float, high: float) -> Iterator[Array]:
-    """Collision pieces that reach into a range of heights, of what is fixed or hangs on a hinge; (K, 3) world points
+    """Return collision pieces of fixed and hinged objects that reach into a range of heights; (K, 3) world points
     each."""
     for obj in scene.objects:
         if (obj.joint or not obj.movable) and obj.category != "ceiling":
