@@ -189,10 +189,9 @@ def test_from_motion_to_a_card_by_the_folder_alone(skill, tmp_path, still_base, 
     assert np.isfinite(row.generated.mean)
     assert cards.main(["--skill", str(skill), "--base", str(base)]) == 0
     card = " ".join((skill / cards.CARD).read_text().split())
-    assert f"| generated | {row.generated.mean:.3f}" in card
-    assert "| studio |" in card
-    assert "| CC0 |" in card
-    assert "real poses of real clips at other paces" in card
+    assert f"* generated: {row.generated.mean:.3f}" in card
+    assert "* studio: CC0; " in card
+    assert "poses of real clips at other paces" in card
     assert "sitting" not in card
     assert "nan" not in card
 
