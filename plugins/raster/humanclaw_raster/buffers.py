@@ -14,10 +14,9 @@ from humanclaw_raster.packing import Floats
 
 NEAR: Final = 0.02
 """Near plane: surfaces closer to the eye than this are cut away, metres."""
-SURFACE: Final = 27
-"""Number of values that prepare_face writes."""
-FLAT: Final = 8
-"""Index among them at which the normal of the face begins."""
+ZERO, HALF, ONE, TWO, TINY = (np.float32(number) for number in (0, 0.5, 1, 2, 1e-9))
+"""Constants as float32. A plain Python number would turn the whole formula into float64, and then a loop would process
+only half as many pixels at once."""
 
 
 class Pinhole(NamedTuple):
@@ -47,7 +46,10 @@ class OverheadMap(NamedTuple):
     """Height maps from above, one for each of S storeys."""
 
     heights: Floats
-    """(S, Z, X) world height of the highest surface over each cell, metres; minus infinity where there is none."""
+    """(S, Z, X) world height of the highest surface over each cell, metres; minus infinity where there is none.
+
+    The outermost cells are always empty, because a lookup beyond the map reads them.
+    """
     floors: Array
     """(S,) heights of the floors, ascending, metres."""
     corner: Array
@@ -57,11 +59,16 @@ class OverheadMap(NamedTuple):
 
 
 class GBuffer(NamedTuple):
-    """The nearest surface in each pixel, (H, W) each. Empty pixels have inverse_depth 0, and face and instance -1."""
+    """The nearest surface in each pixel. The K surfaces are the triangles that were drawn into at least one pixel."""
 
     inverse_depth: Floats
-    face: NDArray[np.int32]
-    instance: NDArray[np.int32]
+    """(H, W), 0 in empty pixels."""
+    surface: NDArray[np.int32]
+    """(H, W) number of the surface, -1 in empty pixels."""
+    faces: NDArray[np.int32]
+    """(K, 2) face and instance of each surface."""
+    table: Floats
+    """(K, SURFACE) the values that all pixels of a surface share, as from prepare."""
 
 
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -78,3 +85,18 @@ def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
 
 def inlined(function: Callable[..., Any]) -> Callable[..., Any]:
     return njit(inline="always", error_model="numpy")(function)
+
+
+@inlined
+def floats(count: int) -> Floats:
+    """Allocate a row of numbers.
+
+    Each row is an array of its own, so that loops are vectorized: the compiler cannot know that rows of one array do
+    not overlap.
+    """
+    return np.empty(count, np.float32)
+
+
+@inlined
+def ints(count: int) -> NDArray[np.int32]:
+    return np.empty(count, np.int32)

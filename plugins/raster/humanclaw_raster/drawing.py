@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanclaw.body import Array
-from humanclaw_raster.buffers import NEAR, GBuffer, Instances, Pinhole, compiled
+from humanclaw_raster.buffers import NEAR, Instances, Pinhole, compiled
 from humanclaw_raster.packing import Floats, Model
 
 
@@ -61,21 +61,81 @@ def move_point(turn: Array, shift: Array, point: Floats) -> tuple[float, float, 
 
 
 @compiled
-def draw(model: Model, instances: Instances, pinhole: Pinhole, order: NDArray[np.int32], gbuffer: GBuffer) -> None:
-    """Fill the G-buffer with the nearest triangles, both sides of each face.
+def draw(
+    model: Model, instances: Instances, pinhole: Pinhole, order: NDArray[np.int32],
+    inverse_depth: Floats, surface: NDArray[np.int32],
+) -> NDArray[np.int32]:  # fmt: skip
+    """Fill two buffers of a GBuffer with the nearest triangles, both sides of each face, and return its faces.
 
-    order: (K, 2) as from in_view. Nearest first is fastest, because hidden pixels are then never written.
+    order: (C, 2) as from in_view. Nearest first is fastest, because hidden clusters are then skipped. inverse_depth,
+    surface: changed in place.
     """
-    seen, flat = np.empty((3, 3)), np.empty((4, 3))
+    count = 0
+    for item in range(order.shape[0]):
+        count += model.clusters[order[item, 1], 1] - model.clusters[order[item, 1], 0]
+    faces, count = np.empty((count, 2), np.int32), 0
     for item in range(order.shape[0]):
         instance, cluster = order[item]
         turn, shift = place_model(instances, instance, pinhole)
+        if _hidden(turn, shift, model.spheres[cluster], pinhole.focal, inverse_depth):
+            continue
         for face in range(model.clusters[cluster, 0], model.clusters[cluster, 1]):
-            for corner in range(3):
-                seen[corner] = move_point(turn, shift, model.corners[face, corner])
-            count = _project(seen, pinhole.focal, gbuffer.inverse_depth.shape, flat)
-            for last in range(2, count):
-                _fill(flat[0], flat[last - 1], flat[last], face, instance, gbuffer)
+            if _triangle(model, turn, shift, pinhole.focal, face, count, inverse_depth, surface):
+                faces[count, 0], faces[count, 1] = face, instance
+                count += 1
+    return faces[:count]
+
+
+@compiled
+def _hidden(turn: Array, shift: Array, sphere: Floats, focal: float, inverse_depth: Floats) -> bool:
+    """Return whether all pixels that a sphere may cover already show a nearer surface."""
+    x, y, z = move_point(turn, shift, sphere)
+    if z - sphere[3] < NEAR:
+        return False
+    top, bottom = _extent(y, z, sphere[3], focal, inverse_depth.shape[0])
+    left, right = _extent(x, z, sphere[3], focal, inverse_depth.shape[1])
+    # A little nearer than the sphere, because depths are rounded.
+    nearest, farther = np.float32(1.0001 / (z - sphere[3])), 0
+    for row in range(top, bottom):
+        for column in range(left, right):
+            farther += inverse_depth[row, np.uint64(column)] < nearest
+        if farther:
+            return False
+    return True
+
+
+@compiled
+def _extent(middle: float, z: float, radius: float, focal: float, size: int) -> tuple[int, int]:
+    """Return the first pixel that a sphere may cover along one axis of the picture, and the one after the last."""
+    low, high = middle - radius, middle + radius
+    low /= z - radius if low < 0 else z + radius
+    high /= z + radius if high < 0 else z - radius
+    first, last = max(size / 2 + focal * low, 0.0), min(size / 2 + focal * high + 1, float(size))
+    return int(min(first, float(size))), int(max(last, 0.0))
+
+
+@compiled
+def _triangle(
+    model: Model, turn: Array, shift: Array, focal: float, face: int, number: int, inverse_depth: Floats,
+    surface: NDArray[np.int32],
+) -> int:  # fmt: skip
+    """Draw a triangle and return the number of pixels that it changed."""
+    px, py, pz = move_point(turn, shift, model.corners[face, 0])
+    qx, qy, qz = move_point(turn, shift, model.corners[face, 1])
+    rx, ry, rz = move_point(turn, shift, model.corners[face, 2])
+    if pz >= NEAR and qz >= NEAR and rz >= NEAR:
+        x, y = surface.shape[1] / 2, surface.shape[0] / 2
+        return _fill(  # type: ignore[no-any-return]
+            x + focal * px / pz, y + focal * py / pz, 1 / pz, x + focal * qx / qz, y + focal * qy / qz, 1 / qz,
+            x + focal * rx / rz, y + focal * ry / rz, 1 / rz, number, inverse_depth, surface,
+        )  # fmt: skip
+    if pz < NEAR and qz < NEAR and rz < NEAR:
+        return 0
+    seen, flat, pixels = np.array([[px, py, pz], [qx, qy, qz], [rx, ry, rz]]), np.empty((4, 3)), 0
+    for last in range(2, _project(seen, focal, surface.shape, flat)):
+        a, b, c = flat[0], flat[last - 1], flat[last]
+        pixels += _fill(a[0], a[1], a[2], b[0], b[1], b[2], c[0], c[1], c[2], number, inverse_depth, surface)
+    return pixels
 
 
 @compiled
@@ -104,18 +164,21 @@ def _project(seen: Array, focal: float, shape: tuple[int, int], flat: Array) -> 
 
 
 @compiled
-def _fill(a: Array, b: Array, c: Array, face: int, instance: int, gbuffer: GBuffer) -> None:
-    """Fill a triangle row by row. A pixel belongs to it if its centre does.
+def _fill(
+    x0: float, y0: float, w0: float, x1: float, y1: float, w1: float, x2: float, y2: float, w2: float,
+    number: int, inverse_depth: Floats, surface: NDArray[np.int32],
+) -> int:  # fmt: skip
+    """Fill a triangle row by row and return the number of pixels that it changed. A pixel belongs to it if its centre
+    does.
 
     A pixel centre on the common side of two triangles belongs to exactly one of them.
     """
-    height, width = gbuffer.inverse_depth.shape
-    x0, y0, w0, x1, y1, w1, x2, y2, w2 = a[0], a[1], a[2], b[0], b[1], b[2], c[0], c[1], c[2]
+    (height, width), pixels = surface.shape, 0
     area = (x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)
     top = max(0, int(np.ceil(max(min(y0, y1, y2), 0.0) - 0.5)))
     bottom = int(np.ceil(min(max(y0, y1, y2), float(height)) - 0.5))
     if area == 0.0 or top >= bottom or max(x0, x1, x2) <= 0.5 or min(x0, x1, x2) > width - 0.5:
-        return
+        return 0
     # Inverse depth, unlike depth, is linear in the picture: one gradient holds for the whole triangle.
     across = ((w1 - w0) * (y2 - y0) - (w2 - w0) * (y1 - y0)) / area
     down = ((w2 - w0) * (x1 - x0) - (w1 - w0) * (x2 - x0)) / area
@@ -127,55 +190,19 @@ def _fill(a: Array, b: Array, c: Array, face: int, instance: int, gbuffer: GBuff
         x0, y0, x2, y2 = x2, y2, x0, y0
     if y2 < y1 or (y2 == y1 and x2 < x1):
         x1, y1, x2, y2 = x2, y2, x1, y1
-    step = np.float32(across)
+    step, side, upper, lower = np.float32(across), (x2 - x0) / (y2 - y0), (x1 - x0) / (y1 - y0), (x2 - x1) / (y2 - y1)
     for row in range(top, bottom):
         y = row + 0.5
-        long = x0 + (y - y0) * ((x2 - x0) / (y2 - y0))
-        short = x0 + (y - y0) * ((x1 - x0) / (y1 - y0)) if y < y1 else x1 + (y - y1) * ((x2 - x1) / (y2 - y1))
+        long = x0 + (y - y0) * side
+        short = x0 + (y - y0) * upper if y < y1 else x1 + (y - y1) * lower
         left = int(np.ceil(max(min(long, short), 0.0) - 0.5))
         right = int(np.ceil(min(max(long, short), float(width)) - 0.5))
         start = np.float32(corner + row * down)
-        for column in range(left, right):
-            inverse_depth = start + step * np.float32(column)
-            if inverse_depth > gbuffer.inverse_depth[row, column]:
-                gbuffer.inverse_depth[row, column] = inverse_depth
-                gbuffer.face[row, column] = face
-                gbuffer.instance[row, column] = instance
-
-
-@compiled
-def prepare_face(model: Model, instances: Instances, pinhole: Pinhole, face: int, instance: int, out: Array) -> None:
-    """Compute the values that all pixels of a face share.
-
-    0..7    barycentric weights of the second and the third corner: a constant and a gradient each, camera frame
-    8..10   unit normal of the face towards the camera, camera frame
-    11..19  normal for shading, world frame: at the first corner, and the differences of the other two to it
-    20..25  uv likewise
-    26      texels per pixel at a depth of one metre
-    """
-    turn, shift = place_model(instances, instance, pinhole)
-    px, py, pz = move_point(turn, shift, model.corners[face, 0])
-    qx, qy, qz = move_point(turn, shift, model.corners[face, 1])
-    rx, ry, rz = move_point(turn, shift, model.corners[face, 2])
-    ux, uy, uz, vx, vy, vz = qx - px, qy - py, qz - pz, rx - px, ry - py, rz - pz
-    nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-    square = nx * nx + ny * ny + nz * nz + 1e-30
-    out[1], out[2], out[3] = (vy * nz - vz * ny) / square, (vz * nx - vx * nz) / square, (vx * ny - vy * nx) / square
-    out[5], out[6], out[7] = (ny * uz - nz * uy) / square, (nz * ux - nx * uz) / square, (nx * uy - ny * ux) / square
-    out[0], out[4] = -(out[1] * px + out[2] * py + out[3] * pz), -(out[5] * px + out[6] * py + out[7] * pz)
-    # Faces are drawn from both sides: seen from behind, the normals are reversed.
-    side = 1.0 if nx * px + ny * py + nz * pz < 0 else -1.0
-    size = side / np.sqrt(square)
-    out[8], out[9], out[10] = nx * size, ny * size, nz * size
-    for axis in range(3):
-        for corner in range(3):
-            n = model.normals[face, corner]
-            t = instances.turn[instance, axis]
-            out[11 + 3 * corner + axis] = side * (t[0] * n[0] + t[1] * n[1] + t[2] * n[2])
-        out[14 + axis] -= out[11 + axis]
-        out[17 + axis] -= out[11 + axis]
-    for axis in range(2):
-        out[20 + axis] = model.uv[face, 0, axis]
-        out[22 + axis] = model.uv[face, 1, axis] - model.uv[face, 0, axis]
-        out[24 + axis] = model.uv[face, 2, axis] - model.uv[face, 0, axis]
-    out[26] = model.density[face] / pinhole.focal
+        for column in range(np.uint64(left), np.uint64(max(left, right))):
+            # Without a branch the compiler can vectorize this loop.
+            here, before = start + step * np.float32(np.int32(column)), inverse_depth[row, column]
+            nearer = here > before
+            inverse_depth[row, column] = here if nearer else before
+            surface[row, column] = number if nearer else surface[row, column]
+            pixels += nearer
+    return pixels

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanclaw import Scene
-from humanclaw_raster.buffers import GBuffer, Instances, OverheadMap, Pinhole
+from humanclaw.body import Array
+from humanclaw_raster.buffers import Instances, OverheadMap, Pinhole
 from humanclaw_raster.drawing import draw
 from humanclaw_raster.packing import Floats, Model
 from humanclaw_raster.shading import TALLEST
@@ -22,48 +23,64 @@ _HIGH: Final = 1000.0
 
 
 class OverheadMapper:
-    """Keeps the map of everything that stands still, and adds moving instances to a copy."""
+    """Keeps the maps of all objects, and adds the body to a copy for each picture."""
 
-    def __init__(
-        self, scene: Scene, model: Model, instances: Instances, still: Sequence[int], moving: Sequence[int]
-    ) -> None:
-        """Draw the map of what stands still.
+    def __init__(self, scene: Scene, model: Model, instances: Instances, movers: Sequence[int]) -> None:
+        """Draw the maps of all objects.
 
-        still, moving: rows of instances. The last len(scene.objects) rows are the objects of the scene.
+        instances: the links of the body, then the objects of the scene. movers: rows of the objects that can move.
         """
         boxes = np.array([scene.aabb(obj.id) for obj in scene.objects]).reshape(-1, 2, 3)
-        self._model, self._moving = model, _order(model, instances, moving)
+        links = len(instances.mesh) - len(boxes)
+        self._model, self._rows = model, np.array(movers, int)
+        self._body, self._movers = _order(model, instances, range(links)), _order(model, instances, movers)
         self._floors = np.array(sorted({room.floor for room in scene.rooms} or {boxes[:, 0, 1].min(initial=0.0)}))
         low, high = boxes[:, 0].min(axis=0, initial=0.0), boxes[:, 1].max(axis=0, initial=0.0)
         self._cell = max(CELL, float((high - low)[[0, 2]].max()) / MOST)
         self._shape = tuple(np.ceil((high - low)[[2, 0]] / self._cell).astype(int) + 2)
         self._middle = (low + high) / 2
-        first = len(instances.mesh) - len(boxes)
         self._still = []
         for floor in self._floors:
             # 0.3 m lower, so that objects which sink into the floor count. TALLEST leaves out walls and ceilings.
             on_it = (boxes[:, 0, 1] > floor - 0.3) & (boxes[:, 1, 1] < floor + TALLEST)
-            rows = [row for row in still if row >= first and on_it[row - first]]
+            rows = sorted({links + int(k) for k in np.flatnonzero(on_it)} - set(movers))
             self._still.append(self._drawn(instances, _order(model, instances, rows), float(floor), None))
+        self._settle(instances)
 
     def now(self, instances: Instances) -> OverheadMap:
-        """Return the map with the moving instances at their current places."""
+        """Return the map with movable objects and body at their current places."""
+        if not np.array_equal(self._poses, _poses(instances, self._rows)):
+            self._settle(instances)
         maps = []
-        for floor, still in zip(self._floors, self._still, strict=True):
-            inverse_depth = self._drawn(instances, self._moving, float(floor), still)
+        for floor, settled in zip(self._floors, self._settled, strict=True):
+            inverse_depth = self._drawn(instances, self._body, float(floor), settled)
             with np.errstate(divide="ignore"):
                 maps.append(np.float32(floor + _HIGH) - np.float32(1) / inverse_depth)
+            maps[-1][[0, -1]] = maps[-1][:, [0, -1]] = -np.inf
         corner = self._middle[[0, 2]] - np.array(self._shape[::-1]) / 2 * self._cell
         return OverheadMap(np.stack(maps), self._floors, corner, self._cell)
 
+    def _settle(self, instances: Instances) -> None:
+        """Add the movable objects at their current places. They mostly stay there for many pictures."""
+        self._poses = _poses(instances, self._rows)
+        self._settled = [
+            self._drawn(instances, self._movers, float(floor), still)
+            for floor, still in zip(self._floors, self._still, strict=True)
+        ]
+
     def _drawn(self, instances: Instances, order: NDArray[np.int32], floor: float, before: Floats | None) -> Floats:
         inverse_depth = np.zeros(self._shape, np.float32) if before is None else before.copy()
-        gbuffer = GBuffer(inverse_depth, np.empty(self._shape, np.int32), np.empty(self._shape, np.int32))
+        surface = np.empty(self._shape, np.int32)
         eye = np.array([self._middle[0], floor + _HIGH, self._middle[2]])
         # The eye looks down; columns go along +X and rows along +Z.
         axes = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
-        draw(self._model, instances, Pinhole(eye, axes, _HIGH / self._cell), order, gbuffer)
+        draw(self._model, instances, Pinhole(eye, axes, _HIGH / self._cell), order, inverse_depth, surface)
         return inverse_depth
+
+
+def _poses(instances: Instances, rows: NDArray[np.int64]) -> Array:
+    """Return (N, 12) place and rotation of some instances."""
+    return np.concatenate([instances.place[rows], instances.turn[rows].reshape(-1, 9)], axis=1)
 
 
 def _order(model: Model, instances: Instances, rows: Sequence[int]) -> NDArray[np.int32]:

@@ -38,10 +38,10 @@ class Model(NamedTuple):
     """(C, 4) centre and radius of a sphere around a cluster, metres."""
     meshes: NDArray[np.int32]
     """(M, 2) first cluster of a mesh, and the one after its last."""
-    texels: NDArray[np.uint8]
-    """(P, 3) red, green, blue."""
-    levels: NDArray[np.int64]
-    """(M, LEVELS, 3) for each size of a mesh's texture: index of its first texel, height and width."""
+    texels: NDArray[np.int32]
+    """(P,) red in the lowest 8 bits, then green, then blue: one load fetches all three."""
+    levels: NDArray[np.int32]
+    """(M * LEVELS, 3) for each size of a mesh's texture: index of its first texel, height and width."""
 
 
 def pack(meshes: Sequence[Mesh]) -> Model:
@@ -119,15 +119,17 @@ def _unit(vectors: Array) -> Array:
     return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-12))
 
 
-def _textures(pictures: Sequence[NDArray[np.uint8]]) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
-    texels, levels, first = [], np.zeros((len(pictures), LEVELS, 3), np.int64), 0
-    for number, picture in enumerate(pictures):
-        for level in range(LEVELS):
-            levels[number, level] = first, *picture.shape[:2]
-            texels.append(picture.reshape(-1, 3))
-            first += len(texels[-1])
+def _textures(pictures: Sequence[NDArray[np.uint8]]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    texels, levels, first = [], [], 0
+    for picture in pictures:
+        for _ in range(LEVELS):
+            levels.append((first, *picture.shape[:2]))
+            padded = np.zeros((picture.shape[0] * picture.shape[1], 4), np.uint8)
+            padded[:, :3] = picture.reshape(-1, 3)
+            texels.append(padded.view("<i4")[:, 0])
+            first += len(padded)
             picture = _half(picture)
-    return np.concatenate(texels), levels
+    return np.concatenate(texels, dtype=np.int32), np.array(levels, np.int32).reshape(-1, 3)
 
 
 def _half(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:

@@ -2,16 +2,28 @@
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from humanclaw.body import Array
-from humanclaw_raster.buffers import SURFACE, GBuffer, Instances, Pinhole, compiled, inlined
-from humanclaw_raster.drawing import prepare_face
+from humanclaw_raster.buffers import (
+    HALF,
+    ONE,
+    TINY,
+    TWO,
+    ZERO,
+    GBuffer,
+    Instances,
+    Pinhole,
+    compiled,
+    floats,
+    inlined,
+    ints,
+)
 from humanclaw_raster.packing import LEVELS, Floats, Model
 from humanclaw_raster.shading import AMBIENT, DIFFUSE, SUN
+from humanclaw_raster.surfaces import BENT, CORNERS, DENSITY, UV
 
 UPLIFT: Final = 0.6
 """Added to the upward component of normals before shading, as if light from above bounced around the room.
@@ -22,25 +34,56 @@ BOUNCE: Final = 0.5
 """Share of the floor's light that lights faces which look down."""
 
 
+class _Points(NamedTuple):
+    """N points that are coloured together, (N,) each."""
+
+    depth: Floats
+    right: Floats
+    """Where the line of sight meets the plane z = 1, camera frame."""
+    light: Floats
+    u: Floats
+    v: Floats
+    """Negated: it increases downwards, as the rows of a texture do."""
+    bright: Floats
+    footprint: Floats
+    """Texels per pixel."""
+    texture: NDArray[np.int32]
+    """First row of the texture in model.levels."""
+
+
 @compiled
 def paint(
-    model: Model, instances: Instances, pinhole: Pinhole, gbuffer: GBuffer, light: Floats, rgb: NDArray[np.uint8]
-) -> None:
-    """Colour every pixel that shows a surface. light: as from ambient_occlusion. rgb: (H, W, 3), changed in place."""
-    height, width = gbuffer.inverse_depth.shape
-    s, last, owner = np.empty(SURFACE), -1, -1
+    model: Model, instances: Instances, pinhole: Pinhole, gbuffer: GBuffer, light: Floats, sky: NDArray[np.uint8],
+    rgb: NDArray[np.uint8], depth: Floats, ids: NDArray[np.int32],
+) -> None:  # fmt: skip
+    """Write rgb, depth and ids of a View.
+
+    light: as from ambient_occlusion. sky: (H, 3) colours of empty pixels in each row.
+    """
+    height, width = gbuffer.surface.shape
+    points, scale = _points(width), np.float32(1 / pinhole.focal)
+    for k in range(width):
+        points.right[k] = np.float32(k + 0.5 - width / 2) * scale
     for row in range(height):
-        down = (row + 0.5 - height / 2) / pinhole.focal
-        for column in range(width):
-            instance, face = gbuffer.instance[row, column], gbuffer.face[row, column]
-            if instance < 0:
-                continue
-            if face != last or instance != owner:  # Neighbouring pixels mostly show the same face.
-                prepare_face(model, instances, pinhole, face, instance, s)
-                last, owner = face, instance
-            depth, right = 1 / gbuffer.inverse_depth[row, column], (column + 0.5 - width / 2) / pinhole.focal
-            here = _light_at(light, gbuffer, row, column)
-            _colour(model, instances.mesh[instance], s, depth, right, down, here, rgb, row, column)
+        surface, down = gbuffer.surface[row], np.float32(row + 0.5 - height / 2) * scale
+        _light_row(light, gbuffer, row, points.light)
+        for k in range(width):
+            points.depth[k] = ONE / gbuffer.inverse_depth[row, k]
+        depth[row] = points.depth
+        end = 0
+        while end < width:
+            first, number = end, surface[end]
+            while end < width and surface[end] == number:
+                end += 1
+            instance = gbuffer.faces[number, 1] if number >= 0 else -1
+            for k in range(np.uint64(first), np.uint64(end)):
+                ids[row, k] = instances.id[instance] if number >= 0 else 0
+            if number >= 0:
+                _span(gbuffer.table[number], instances.mesh[instance], down, first, end, points)
+        _colours(model, points, width, rgb[row])
+        for k in range(width):
+            if surface[k] < 0:
+                rgb[row, k] = sky[row]
 
 
 @compiled
@@ -53,101 +96,183 @@ def smooth_edges(
     pinhole, gbuffer: of the picture at twice its size. coarse, light: of the picture at its own size. sky: (H, 3)
     colours of empty pixels in each row. rgb: the picture from paint, changed in place.
     """
-    height, width = coarse.inverse_depth.shape
-    s, last, owner = np.empty(SURFACE), -1, -1
-    samples = np.empty((2, 2, 3), np.uint8)
+    height, width = coarse.surface.shape
+    points, samples, scale = _points(4 * width), np.empty((4 * width, 3), np.uint8), np.float32(1 / pinhole.focal)
+    surface, column = np.empty(4 * width, np.int32), np.empty(4 * width, np.int32)
     for row in range(height):
-        for column in range(width):
-            if _one_face(gbuffer, coarse, row, column):
+        count = 0
+        for edge in range(width):
+            if _one_face(gbuffer, coarse, row, edge):
                 continue
-            samples[:] = sky[row]
             for k in range(4):
-                r, c = 2 * row + k // 2, 2 * column + k % 2
-                instance, face = gbuffer.instance[r, c], gbuffer.face[r, c]
-                if instance < 0:
-                    continue
-                if face != last or instance != owner:
-                    prepare_face(model, instances, pinhole, face, instance, s)
-                    last, owner = face, instance
-                down, right = (r + 0.5 - height) / pinhole.focal, (c + 0.5 - width) / pinhole.focal
-                here = _light_near(light, coarse, gbuffer.inverse_depth[r, c], face, instance, row, column, 1)
-                depth = 1 / gbuffer.inverse_depth[r, c]
-                _colour(model, instances.mesh[instance], s, depth, right, down, here, samples, k // 2, k % 2)
+                r, c, number = 2 * row + k // 2, 2 * edge + k % 2, gbuffer.surface[2 * row + k // 2, 2 * edge + k % 2]
+                surface[count], column[count] = number, edge
+                if number >= 0:
+                    face, instance = gbuffer.faces[number]
+                    points.depth[count] = ONE / gbuffer.inverse_depth[r, c]
+                    points.right[count] = np.float32(c + 0.5 - width) * scale
+                    points.light[count] = _light_near(
+                        light, coarse, gbuffer.inverse_depth[r, c], face, instance, row, edge, 1
+                    )
+                    down = np.float32(r + 0.5 - height) * scale
+                    _span(gbuffer.table[number], instances.mesh[instance], down, count, count + 1, points)
+                count += 1
+        _colours(model, points, count, samples)
+        for k in range(count):
+            if surface[k] < 0:
+                samples[k] = sky[row]
+        for k in range(0, count, 4):
             for channel in range(3):
                 total = 2  # Rounds the mean of four to the nearest number.
-                for k in range(4):
-                    total += samples[k // 2, k % 2, channel]
-                rgb[row, column, channel] = total // 4
+                for sample in samples[k : k + 4, channel]:
+                    total += sample
+                rgb[row, column[k], channel] = total // 4
+
+
+@compiled
+def _points(count: int) -> _Points:
+    """Allocate points. They start as zeros, because _colours also reads points of empty pixels, which stay unset."""
+    return _Points(
+        np.zeros(count, np.float32), np.zeros(count, np.float32), np.zeros(count, np.float32),
+        np.zeros(count, np.float32), np.zeros(count, np.float32), np.zeros(count, np.float32),
+        np.zeros(count, np.float32), np.zeros(count, np.int32),
+    )  # fmt: skip
 
 
 @compiled
 def _one_face(gbuffer: GBuffer, coarse: GBuffer, row: int, column: int) -> bool:
     """Return whether the four samples of a pixel and its centre all show the same face."""
-    face, instance = coarse.face[row, column], coarse.instance[row, column]
-    for r in range(2 * row, 2 * row + 2):
-        for c in range(2 * column, 2 * column + 2):
-            if gbuffer.face[r, c] != face or gbuffer.instance[r, c] != instance:
-                return False
-    return True
+    number, middle, same = gbuffer.surface[2 * row, 2 * column], coarse.surface[row, column], True
+    for k in range(1, 4):
+        same &= gbuffer.surface[2 * row + k // 2, 2 * column + k % 2] == number
+    if number < 0 or middle < 0:
+        return bool(same & (number == middle))
+    a, b = gbuffer.faces, coarse.faces
+    return bool(same & (a[number, 0] == b[middle, 0]) & (a[number, 1] == b[middle, 1]))
+
+
+@compiled
+def _span(s: Floats, mesh: int, down: float, first: int, end: int, points: _Points) -> None:
+    """Prepare successive points of one row of the picture on one surface. s: the surface's row of the table."""
+    _, right, light, u, v, bright, footprint, texture = points
+    depth, span = points.depth, (np.uint64(first), np.uint64(end))
+    for k in range(*span):
+        texture[k] = mesh * LEVELS
+    density = s[DENSITY]
+    for k in range(*span):
+        footprint[k] = density * depth[k]
+    b0, b1, b2, c0, c1, c2 = s[0], s[1], s[2] * down + s[3], s[4], s[5], s[6] * down + s[7]
+    u0, u1, u2, v0, v1, v2 = s[UV], s[UV + 2], s[UV + 4], -s[UV + 1], -s[UV + 3], -s[UV + 5]
+    for k in range(*span):
+        b = min(ONE, max(ZERO, b0 + depth[k] * (b1 * right[k] + b2)))
+        c = min(ONE - b, max(ZERO, c0 + depth[k] * (c1 * right[k] + c2)))
+        u[k], v[k] = u0 + b * u1 + c * u2, v0 + b * v1 + c * v2
+    x0, y0, z0 = s[CORNERS], s[CORNERS + 1], s[CORNERS + 2]
+    if s[BENT] == ZERO:
+        tone = _lit(x0, y0, z0)
+        for k in range(*span):
+            bright[k] = tone * light[k]
+        return
+    x1, y1, z1, x2, y2, z2 = (
+        s[CORNERS + 3], s[CORNERS + 4], s[CORNERS + 5], s[CORNERS + 6], s[CORNERS + 7], s[CORNERS + 8],
+    )  # fmt: skip
+    for k in range(*span):
+        b = min(ONE, max(ZERO, b0 + depth[k] * (b1 * right[k] + b2)))
+        c = min(ONE - b, max(ZERO, c0 + depth[k] * (c1 * right[k] + c2)))
+        bright[k] = light[k] * _lit(x0 + b * x1 + c * x2, y0 + b * y1 + c * y2, z0 + b * z1 + c * z2)
 
 
 @inlined
-def _colour(
-    model: Model, mesh: int, s: Array, depth: float, right: float, down: float, light: float,
-    rgb: NDArray[np.uint8], row: int, column: int,
-) -> None:  # fmt: skip
-    """Write the colour of a point on the face for which s was prepared, seen at (right, down) on the plane z = 1."""
-    b = min(1.0, max(0.0, s[0] + depth * (s[1] * right + s[2] * down + s[3])))
-    c = min(1.0 - b, max(0.0, s[4] + depth * (s[5] * right + s[6] * down + s[7])))
-    bright = _lit(s[11] + b * s[14] + c * s[17], s[12] + b * s[15] + c * s[18], s[13] + b * s[16] + c * s[19])
-    u, v = s[20] + b * s[22] + c * s[24], s[21] + b * s[23] + c * s[25]
-    _texture(model, mesh, u, v, s[26] * depth, bright * light, rgb, row, column)
-
-
-@inlined
-def _texture(
-    model: Model, mesh: int, u: float, v: float, footprint: float, bright: float,
-    rgb: NDArray[np.uint8], row: int, column: int,
-) -> None:  # fmt: skip
-    """Write the colour between four texels, from the size at which a pixel covers about one texel.
-
-    footprint: texels per pixel in the full-size texture.
-    """
-    level = 0
-    while footprint > 1.5 and level < LEVELS - 1:
-        footprint *= 0.5
-        level += 1
-    first, height, width = model.levels[mesh, level, 0], model.levels[mesh, level, 1], model.levels[mesh, level, 2]
-    x, y = (u - np.floor(u)) * width - 0.5, (np.ceil(v) - v) * height - 0.5
-    left, upper = int(np.floor(x)), int(np.floor(y))
-    east, south = np.float32(x - left), np.float32(y - upper)
-    right, lower = (left + 1 if left + 1 < width else 0), (upper + 1 if upper + 1 < height else 0)
-    left, upper = (left if left >= 0 else width - 1), (upper if upper >= 0 else height - 1)
-    a, b = first + upper * width + left, first + upper * width + right
-    c, d = first + lower * width + left, first + lower * width + right
-    west, north, scale = np.float32(1) - east, np.float32(1) - south, np.float32(bright)
-    for channel in range(3):
-        high = model.texels[a, channel] * west + model.texels[b, channel] * east
-        low = model.texels[c, channel] * west + model.texels[d, channel] * east
-        tone = (high * north + low * south) * scale + np.float32(0.5)
-        rgb[row, column, channel] = min(tone, np.float32(255))
-
-
-@inlined
-def _lit(x: float, y: float, z: float) -> float:
+def _lit(x: np.float32, y: np.float32, z: np.float32) -> np.float32:
     """Return the brightness of a surface from its normal in the world frame, without the shadows of other objects."""
-    y = (-BOUNCE * y if y < 0 else y) + UPLIFT
-    size = np.sqrt(x * x + y * y + z * z) + 1e-20
-    return AMBIENT + DIFFUSE * max(0.0, (x * SUN[0] + y * SUN[1] + z * SUN[2]) / size)  # type: ignore[no-any-return]
+    y = (-np.float32(BOUNCE) * y if y < ZERO else y) + np.float32(UPLIFT)
+    toward = x * np.float32(SUN[0]) + y * np.float32(SUN[1]) + z * np.float32(SUN[2])
+    toward /= np.sqrt(x * x + y * y + z * z + TINY)
+    return np.float32(np.float32(AMBIENT) + np.float32(DIFFUSE) * max(ZERO, toward))
 
 
-@inlined
-def _light_at(light: Floats, gbuffer: GBuffer, row: int, column: int) -> float:
-    """Return the light of a pixel: its own sample, or a mean of the samples beside it."""
-    if row % 2 == 0 and column % 2 == 0:
-        return light[row // 2, column // 2]  # type: ignore[no-any-return]
-    face, instance = gbuffer.face[row, column], gbuffer.instance[row, column]
-    return _light_near(light, gbuffer, gbuffer.inverse_depth[row, column], face, instance, row, column, 0)  # type: ignore[no-any-return]
+@compiled
+def _colours(model: Model, points: _Points, count: int, rgb: NDArray[np.uint8]) -> None:
+    """Write the colour of each point between four texels, from the size at which a pixel covers about one texel.
+
+    rgb: (N, 3).
+    """
+    level, first, height, width = ints(count), ints(count), ints(count), ints(count)
+    for k in range(count):
+        level[k] = points.texture[k]
+    edge = np.float32(1.5)
+    for _ in range(LEVELS - 1):
+        for k in range(count):
+            level[k] += points.footprint[k] > edge
+        edge *= TWO
+    for k in range(count):
+        first[k], height[k], width[k] = model.levels[level[k]]
+    a, b, c, d = ints(count), ints(count), ints(count), ints(count)
+    left, right, upper, lower, east, south = (
+        ints(count),
+        ints(count),
+        ints(count),
+        ints(count),
+        floats(count),
+        floats(count),
+    )
+    _between(points.u, width, left, right, east)
+    _between(points.v, height, upper, lower, south)
+    for k in range(count):
+        high, low = first[k] + upper[k] * width[k], first[k] + lower[k] * width[k]
+        a[k], b[k] = model.texels[high + left[k]], model.texels[high + right[k]]
+        c[k], d[k] = model.texels[low + left[k]], model.texels[low + right[k]]
+    red, green, blue = np.empty(count, np.uint8), np.empty(count, np.uint8), np.empty(count, np.uint8)
+    for shift, tone in ((0, red), (8, green), (16, blue)):
+        _blend(a, b, c, d, east, south, points.bright, shift, tone)
+    for k in range(count):
+        rgb[k, 0], rgb[k, 1], rgb[k, 2] = red[k], green[k], blue[k]
+
+
+@compiled
+def _between(
+    place: Floats, size: NDArray[np.int32], before: NDArray[np.int32], after: NDArray[np.int32], part: Floats
+) -> None:
+    """Write the texels before and after each place along one axis, and its distance from the first, 0 to 1.
+
+    place: in repeats of the texture. size: of the texture, texels.
+    """
+    for k in range(size.size):
+        part[k] = (place[k] - np.floor(place[k])) * np.float32(size[k]) - HALF
+    for k in range(size.size):
+        texel = np.int32(np.floor(part[k]))
+        after[k] = texel + 1 if texel + 1 < size[k] else 0
+    for k in range(size.size):
+        before[k] = np.int32(part[k]) if part[k] >= ZERO else size[k] - 1
+    for k in range(size.size):
+        part[k] -= np.floor(part[k])
+
+
+@compiled
+def _blend(
+    a: NDArray[np.int32], b: NDArray[np.int32], c: NDArray[np.int32], d: NDArray[np.int32], east: Floats, south: Floats,
+    bright: Floats, shift: int, tone: NDArray[np.uint8],
+) -> None:  # fmt: skip
+    """Write one channel of the colours between the texels a and b in the upper row and c and d in the lower."""
+    for k in range(tone.size):
+        p, q = np.float32(np.uint8(a[k] >> shift)), np.float32(np.uint8(b[k] >> shift))
+        r, s = np.float32(np.uint8(c[k] >> shift)), np.float32(np.uint8(d[k] >> shift))
+        high, low = p + (q - p) * east[k], r + (s - r) * east[k]
+        tone[k] = np.uint8(min((high + (low - high) * south[k]) * bright[k] + HALF, np.float32(255)))
+
+
+@compiled
+def _light_row(light: Floats, gbuffer: GBuffer, row: int, out: Floats) -> None:
+    """Write the light of the pixels of a row: the mean of the samples beside each, weighted where faces differ."""
+    surface, inverse_depth, faces = gbuffer.surface, gbuffer.inverse_depth, gbuffer.faces
+    r, s, last = row // 2, min((row + 1) // 2, light.shape[0] - 1), light.shape[1] - 1
+    for k in range(out.size):
+        left, right, here = k // 2, min((k + 1) // 2, last), surface[row, k]
+        alike = (surface[2 * r, 2 * left] == here) & (surface[2 * r, 2 * right] == here)
+        if alike & (surface[2 * s, 2 * left] == here) & (surface[2 * s, 2 * right] == here):
+            out[k] = (light[r, left] + light[r, right] + light[s, left] + light[s, right]) * np.float32(0.25)
+        elif here >= 0:
+            out[k] = _light_near(light, gbuffer, inverse_depth[row, k], faces[here, 0], faces[here, 1], row, k, 0)
 
 
 @compiled
@@ -162,8 +287,9 @@ def _light_near(
     total, weight = np.float32(1e-6), np.float32(1e-6)
     for r in range(max((row - wide) // 2, 0), min((row + 1 + wide) // 2 + 1, light.shape[0])):
         for c in range(max((column - wide) // 2, 0), min((column + 1 + wide) // 2 + 1, light.shape[1])):
-            near = here / (here + 40 * abs(gbuffer.inverse_depth[2 * r, 2 * c] - here)) + np.float32(1e-4)
-            if gbuffer.face[2 * r, 2 * c] != face or gbuffer.instance[2 * r, 2 * c] != instance:
+            near = here / (here + np.float32(40) * abs(gbuffer.inverse_depth[2 * r, 2 * c] - here)) + np.float32(1e-4)
+            number = gbuffer.surface[2 * r, 2 * c]
+            if number < 0 or gbuffer.faces[number, 0] != face or gbuffer.faces[number, 1] != instance:
                 near *= np.float32(0.05)  # Not 0: a small face may have no sample of its own.
             total += near * light[r, c]
             weight += near

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final, NamedTuple
 
@@ -11,13 +12,14 @@ from numpy.typing import NDArray
 from humanclaw import HumanclawError, Motion, Scene
 from humanclaw.body import JOINT_INDEX, Array, forward_kinematics, matrix_from_quaternion
 from humanclaw.world import BODY_ID, Camera, View, WorldState
-from humanclaw_raster.buffers import GBuffer, Instances, OverheadMap, Pinhole
+from humanclaw_raster.buffers import GBuffer, Instances, Pinhole
 from humanclaw_raster.drawing import draw, in_view
 from humanclaw_raster.overhead import OverheadMapper
 from humanclaw_raster.packing import Model, pack
 from humanclaw_raster.painting import paint, smooth_edges
 from humanclaw_raster.robot import robot
 from humanclaw_raster.shading import ambient_occlusion
+from humanclaw_raster.surfaces import prepare
 
 SKY: Final = np.array([[196, 221, 243], [240, 244, 247]], float)
 """Colours of empty pixels at the top and at the bottom of the picture."""
@@ -66,11 +68,9 @@ class RasterRenderer:
             turn=np.tile(np.eye(3), (len(links) + len(scene.objects), 1, 1)),
             place=np.zeros((len(links) + len(scene.objects), 3)),
         )
-        for row, obj in enumerate(scene.objects, start=len(links)):
-            self._put(instances, row, self._rest[obj.id])
-        moving = [*range(len(links)), *self._movers.values()]
-        still = sorted(set(range(len(instances.mesh))) - set(moving))
-        self._loaded = _LoadedScene(model, instances, OverheadMapper(scene, model, instances, still, moving))
+        _put(instances, range(len(links), len(instances.mesh)), list(self._rest.values()))
+        movers = list(self._movers.values())
+        self._loaded = _LoadedScene(model, instances, OverheadMapper(scene, model, instances, movers))
 
     def render(self, state: WorldState, camera: Camera) -> View:
         """Draw one moment. A camera inside the head does not see head and neck.
@@ -80,39 +80,25 @@ class RasterRenderer:
         if self._loaded is None:
             raise HumanclawError("the renderer holds no scene.", "Call load(scene) first.")
         model, instances, overhead = self._loaded
-        for key, row in self._movers.items():
-            self._put(instances, row, state.objects.get(key, self._rest[key]))
+        poses = [state.objects.get(key, self._rest[key]) for key in self._movers]
+        _put(instances, list(self._movers.values()), poses)
         self._put_body(instances, state.body, camera.position)
         pinhole = _pinhole(camera)
-        gbuffer = _gbuffer(model, instances, pinhole, camera)
-        rgb = self._colours(camera, gbuffer, overhead.now(instances))
-        with np.errstate(divide="ignore"):
-            depth = np.float32(1) / gbuffer.inverse_depth
-        # Empty pixels have instance -1, which indexes the appended last id, 0.
-        return View(rgb, depth, np.append(instances.id, np.int32(0))[gbuffer.instance])
-
-    def _colours(self, camera: Camera, gbuffer: GBuffer, above: OverheadMap) -> NDArray[np.uint8]:
-        """Return the (H, W, 3) colours. gbuffer: of this camera. above: height maps of this moment."""
-        assert self._loaded is not None
-        model, instances, _ = self._loaded
-        light = ambient_occlusion(model, instances, _pinhole(camera), gbuffer, above)
-        sky = _sky(camera)
-        rgb = np.repeat(sky[:, None], camera.width, axis=1)
-        paint(model, instances, _pinhole(camera), gbuffer, light, rgb)
+        gbuffer, sky = _gbuffer(model, instances, pinhole, camera), _sky(camera)
+        light = ambient_occlusion(pinhole, gbuffer, overhead.now(instances))
+        shape = (camera.height, camera.width)
+        view = View(np.empty((*shape, 3), np.uint8), np.empty(shape, np.float32), np.empty(shape, np.int32))
+        paint(model, instances, pinhole, gbuffer, light, sky, view.rgb, view.depth, view.ids)
         if self._smooth:
             fine = replace(camera, width=2 * camera.width, height=2 * camera.height)
-            samples = _gbuffer(model, instances, _pinhole(fine), fine)
-            smooth_edges(model, instances, _pinhole(fine), samples, gbuffer, light, sky, rgb)
-        return rgb
+            pinhole = _pinhole(fine)
+            samples = _gbuffer(model, instances, pinhole, fine)
+            smooth_edges(model, instances, pinhole, samples, gbuffer, light, sky, view.rgb)
+        return view
 
     def close(self) -> None:
         """Free the scene; a closed renderer can load again."""
         self._loaded = None
-
-    @staticmethod
-    def _put(instances: Instances, row: int, where: Array) -> None:
-        instances.place[row] = where[:3]
-        instances.turn[row] = matrix_from_quaternion(where[3:])
 
     def _put_body(self, instances: Instances, body: Motion, eye: Array) -> None:
         positions, orientations = forward_kinematics(body.root[-1], body.rotations[-1])
@@ -122,12 +108,20 @@ class RasterRenderer:
         instances.shown[: len(self._joints)] = ~(self._head & ego)
 
 
+def _put(instances: Instances, rows: Sequence[int], poses: Sequence[Array]) -> None:
+    """Move instances. rows: their numbers. poses: (7,) position and quaternion of each."""
+    where = np.reshape(poses, (-1, 7))
+    instances.place[rows] = where[:, :3]
+    instances.turn[rows] = matrix_from_quaternion(where[:, 3:])
+
+
 def _gbuffer(model: Model, instances: Instances, pinhole: Pinhole, camera: Camera) -> GBuffer:
     found, depth = in_view(model, instances, pinhole, camera.width, camera.height)
     shape = (camera.height, camera.width)
-    gbuffer = GBuffer(np.zeros(shape, np.float32), np.full(shape, -1, np.int32), np.full(shape, -1, np.int32))
-    draw(model, instances, pinhole, found[np.argsort(depth, kind="stable")], gbuffer)
-    return gbuffer
+    inverse_depth, surface = np.zeros(shape, np.float32), np.full(shape, -1, np.int32)
+    order = found[np.argsort(depth, kind="stable")]
+    faces = draw(model, instances, pinhole, order, inverse_depth, surface)
+    return GBuffer(inverse_depth, surface, faces, prepare(model, instances, pinhole, faces))
 
 
 def _pinhole(camera: Camera) -> Pinhole:

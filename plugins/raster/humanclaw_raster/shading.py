@@ -2,13 +2,26 @@
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from humanclaw_raster.buffers import FLAT, SURFACE, GBuffer, Instances, OverheadMap, Pinhole, compiled, inlined
-from humanclaw_raster.drawing import prepare_face
-from humanclaw_raster.packing import Floats, Model
+from humanclaw_raster.buffers import (
+    HALF,
+    ONE,
+    TINY,
+    TWO,
+    ZERO,
+    GBuffer,
+    OverheadMap,
+    Pinhole,
+    compiled,
+    floats,
+    inlined,
+)
+from humanclaw_raster.packing import Floats
+from humanclaw_raster.surfaces import FLAT
 
 SUN: Final = (0.505, 0.808, 0.303)
 """Unit vector towards the light, oblique to both axes of a house, so that its walls differ in brightness."""
@@ -34,158 +47,290 @@ SUN_SIZE: Final = 0.12
 """Horizontal radius of the sun as seen from one metre below, metres. It makes shadows soft."""
 TALLEST: Final = 2.1
 """Objects that reach higher over their floor than this cast no shadow, because they reach above the lamps; metres."""
-LEAN: Final = 0.08
+VOID: Final = np.float32(1e9)
+"""Depth of empty pixels, metres. Infinity would give NaN in the formulas."""
+LEAN: Final = np.float32(0.08)
 """Sine of the angle above the surface below which neighbours do not count: they are the rounded surface itself."""
+STEPS: Final = 4
+"""Number of steps towards the sun that are skipped together where nothing around them is high enough."""
+AROUND: Final = 3
+"""Cells on each side of the middle of these steps that they can reach: a step is 1.5 cells long."""
+_CLOSE: Final = np.float32(1 / (REACH * REACH))
+
+
+class Half(NamedTuple):
+    """Every second pixel of every second row."""
+
+    depth: Floats
+    """(H, W), metres; VOID in empty pixels."""
+    normals: Floats
+    """(3, H, W) camera frame; zero in empty pixels."""
 
 
 @compiled
-def ambient_occlusion(
-    model: Model, instances: Instances, pinhole: Pinhole, gbuffer: GBuffer, overhead: OverheadMap
-) -> Floats:
+def ambient_occlusion(pinhole: Pinhole, gbuffer: GBuffer, overhead: OverheadMap) -> Floats:
     """Return (H / 2, W / 2) the share of the light that reaches every second pixel.
 
     Screen-space ambient occlusion darkens corners. The overhead map adds the shadows of objects above and towards the
     sun.
     """
-    height, width = (gbuffer.inverse_depth.shape[0] + 1) // 2, (gbuffer.inverse_depth.shape[1] + 1) // 2
-    depth, normals = np.empty((height, width), np.float32), np.zeros((height, width, 3), np.float32)
-    surface, last, owner = np.empty(SURFACE), -1, -1
-    for row in range(height):
-        for column in range(width):
-            depth[row, column] = 1 / gbuffer.inverse_depth[2 * row, 2 * column]
-            face, instance = gbuffer.face[2 * row, 2 * column], gbuffer.instance[2 * row, 2 * column]
-            if instance < 0:
-                continue
-            if face != last or instance != owner:
-                prepare_face(model, instances, pinhole, face, instance, surface)
-                last, owner = face, instance
-            for axis in range(3):
-                normals[row, column, axis] = surface[FLAT + axis]
-    light = _occlusion(depth, normals, pinhole.focal / 2)
-    _shadow(depth, normals, pinhole, overhead, light)
-    return _smoothed(light, depth, normals)  # type: ignore[no-any-return]
+    half = _halved(gbuffer)
+    swing = _swing(half.depth.shape[1])
+    light = _occlusion(half, np.float32(pinhole.focal / 2), swing)
+    _shadow(half, pinhole, overhead, _around(overhead.heights), swing, light)
+    return _smoothed(light, half)  # type: ignore[no-any-return]
 
 
 @compiled
-def _occlusion(depth: Floats, normals: Floats, focal: float) -> Floats:
-    height, width = depth.shape
-    out, swing = np.ones((height, width), np.float32), _swing()
-    closeness = np.float32(1 / (REACH * REACH))
+def _halved(gbuffer: GBuffer) -> Half:
+    height, width = (gbuffer.surface.shape[0] + 1) // 2, (gbuffer.surface.shape[1] + 1) // 2
+    depth, normals = np.full((height, width), VOID, np.float32), np.zeros((3, height, width), np.float32)
     for row in range(height):
         for column in range(width):
-            z = depth[row, column]
-            if z == np.inf:
-                continue
-            scale, mid, centre = np.float32(1 / focal), np.float32(width / 2 - 0.5), np.float32(height / 2 - 0.5)
-            x, y = (column - mid) * scale * z, (row - centre) * scale * z
-            a, b, c = normals[row, column]
-            radius = min(max(np.float32(focal * REACH) / z, np.float32(2)), np.float32(width / 8))
-            turn, taken = (row % 4) * 4 + column % 4, np.float32(0)
-            for ray in range(RAYS):
-                # int() rounds towards 0; the offset of 100 keeps its argument positive, so that it rounds down.
-                r = int(row + swing[turn, ray, 0] * radius + 100.5) - 100
-                c_ = int(column + swing[turn, ray, 1] * radius + 100.5) - 100
-                if r < 0 or c_ < 0 or r >= height or c_ >= width:
-                    continue
-                far = depth[r, c_]
-                dx, dy, dz = (c_ - mid) * scale * far - x, (r - centre) * scale * far - y, far - z
-                square = dx * dx + dy * dy + dz * dz
-                fade = np.float32(1) - square * closeness
-                if fade > 0 and square > 1e-9:
-                    taken += max(np.float32(0), (dx * a + dy * b + dz * c) / np.sqrt(square) - LEAN) * fade
-            out[row, column] = max(DARKEST, 1 - DEPTH_OF_CORNERS * taken / RAYS)  # type: ignore[call-overload]
-    return out
+            number = gbuffer.surface[2 * row, 2 * column]
+            if number >= 0:
+                depth[row, column] = ONE / gbuffer.inverse_depth[2 * row, 2 * column]
+                for axis in range(3):
+                    normals[axis, row, column] = gbuffer.table[number, FLAT + axis]
+    return Half(depth, normals)
 
 
 @compiled
-def _shadow(depth: Floats, normals: Floats, pinhole: Pinhole, overhead: OverheadMap, light: Floats) -> None:
+def _occlusion(half: Half, focal: float, swing: Floats) -> Floats:
+    """Return the share of the light that corners leave.
+
+    Each step is a loop of its own over a whole row, simple enough to be vectorized: places of the samples, their
+    depths, the light that they take.
+    """
+    height, width = half.depth.shape
+    light, depths = np.empty((height, width), np.float32), half.depth.ravel()
+    r, c, far, radius, taken = floats(width), floats(width), floats(width), floats(width), floats(width)
+    columns, place = np.arange(width).astype(np.float32), np.empty(width, np.int32)
+    scale, mid, centre = ONE / focal, np.float32(width / 2 - 0.5), np.float32(height / 2 - 0.5)
+    high, wide, reach, most = np.float32(height), np.float32(width), focal * np.float32(REACH), np.float32(width / 8)
+    for row in range(height):
+        z, here = half.depth[row], np.float32(row)
+        nx, ny, nz = half.normals[0, row], half.normals[1, row], half.normals[2, row]
+        down = (here - centre) * scale
+        for k in range(width):
+            radius[k] = min(max(reach / z[k], TWO), most)
+            taken[k] = ZERO
+        for ray in range(RAYS):
+            up, aside = swing[row % 4, ray, 0], swing[row % 4, ray, 1]
+            for k in range(width):
+                y, x = np.floor(here + up[k] * radius[k] + HALF), np.floor(columns[k] + aside[k] * radius[k] + HALF)
+                # A sample outside the picture becomes the pixel itself, which takes no light.
+                inside = (y >= ZERO) & (y < high) & (x >= ZERO) & (x < wide)
+                r[k], c[k] = (y if inside else here), (x if inside else columns[k])
+            for k in range(width):
+                place[k] = np.int32(r[k]) * np.int32(width) + np.int32(c[k])
+            for k in range(width):
+                far[k] = depths[place[k]]
+            for k in range(width):
+                x, y, deep = (columns[k] - mid) * scale * z[k], down * z[k], far[k]
+                dx, dy, dz = (c[k] - mid) * scale * deep - x, (r[k] - centre) * scale * deep - y, deep - z[k]
+                square = dx * dx + dy * dy + dz * dz + TINY
+                slope = (dx * nx[k] + dy * ny[k] + dz * nz[k]) / np.sqrt(square) - LEAN
+                taken[k] += max(ZERO, slope) * max(ZERO, ONE - square * _CLOSE)
+        for k in range(width):
+            light[row, k] = max(np.float32(DARKEST), ONE - np.float32(DEPTH_OF_CORNERS / RAYS) * taken[k])
+    return light
+
+
+@compiled
+def _shadow(half: Half, pinhole: Pinhole, overhead: OverheadMap, around: Floats, swing: Floats, light: Floats) -> None:
     """Darken places under or close beside objects, and places in the sun's shadow.
 
     Surfaces that face up get light from a cone above them. Surfaces that face the sun get light from the sun.
     """
-    height, width = depth.shape
-    axes, eye, swing = pinhole.axes, pinhole.eye, _swing()
+    height, width = half.depth.shape
+    x, y, z, up, lit, open_ = floats(width), floats(width), floats(width), floats(width), floats(width), floats(width)
+    storey = np.empty(width, np.int32)
+    axes, sun = pinhole.axes.astype(np.float32), np.empty(3, np.float32)
+    for axis in range(3):
+        sun[axis] = SUN[0] * axes[axis, 0] + SUN[1] * axes[axis, 1] + SUN[2] * axes[axis, 2]
     for row in range(height):
-        for column in range(width):
-            n, z = normals[row, column], depth[row, column]
-            if z == np.inf:
-                continue
-            up = n[0] * axes[0, 1] + n[1] * axes[1, 1] + n[2] * axes[2, 1]
-            lit = up * SUN[1]
-            for axis in (0, 2):
-                lit += SUN[axis] * (n[0] * axes[0, axis] + n[1] * axes[1, axis] + n[2] * axes[2, axis])
-            if up < 0.2 and lit < 0.05:
-                continue
-            right, down = (2 * column + 0.5 - width) / pinhole.focal * z, (2 * row + 0.5 - height) / pinhole.focal * z
-            x = (eye[0] + right * axes[0, 0] + down * axes[1, 0] + z * axes[2, 0] - overhead.corner[0]) / overhead.cell
-            y = eye[1] + right * axes[0, 1] + down * axes[1, 1] + z * axes[2, 1]
-            z = (eye[2] + right * axes[0, 2] + down * axes[1, 2] + z * axes[2, 2] - overhead.corner[1]) / overhead.cell
-            storey = 0
-            while storey + 1 < overhead.floors.size and overhead.floors[storey + 1] < y + 0.1:
-                storey += 1
-            turn = (row % 4) * 4 + column % 4
-            if up >= 0.2:
-                light[row, column] *= 1 - SHADE * min(1.0, up) * _covered(overhead, storey, x, y, z, swing[turn])
-            if lit >= 0.05 and _sun_blocked(overhead, storey, x, y, z, swing[turn, turn % RAYS]):
-                light[row, column] *= AMBIENT / (AMBIENT + DIFFUSE * lit)
+        nx, ny, nz = half.normals[0, row], half.normals[1, row], half.normals[2, row]
+        for k in range(width):
+            up[k] = nx[k] * axes[0, 1] + ny[k] * axes[1, 1] + nz[k] * axes[2, 1]
+        for k in range(width):
+            lit[k] = nx[k] * sun[0] + ny[k] * sun[1] + nz[k] * sun[2]
+        _on_map(half.depth[row], pinhole, overhead, row - height / 2 + 0.25, x, y, z, storey)
+        _cone(overhead, storey, x, y, z, swing[row % 4], open_)
+        for k in range(width):
+            light[row, k] *= ONE - np.float32(SHADE) * min(ONE, up[k]) * open_[k] if up[k] >= np.float32(0.2) else ONE
+        for k in range(width):
+            if lit[k] >= np.float32(0.05):
+                turn = 4 * (row % 4) + k % 4
+                aside = swing[row % 4, turn % RAYS, :, k]
+                if _sun_blocked(overhead, around, storey[k], x[k], y[k], z[k], aside):
+                    light[row, k] *= np.float32(AMBIENT) / (np.float32(AMBIENT) + np.float32(DIFFUSE) * lit[k])
 
 
-@inlined
-def _covered(overhead: OverheadMap, storey: int, x: float, y: float, z: float, swing: Floats) -> float:
-    """Return the covered share of the cone above a point. x, z: in cells of the map; y: metres."""
-    taken = 0
+@compiled
+def _on_map(
+    depth: Floats, pinhole: Pinhole, overhead: OverheadMap, down: float, x: Floats, y: Floats, z: Floats,
+    storey: NDArray[np.int32],
+) -> None:  # fmt: skip
+    """Write the places of a row of pixels: x and z in cells of the map, y in metres, and the storey."""
+    base, step = np.empty(3, np.float32), np.empty(3, np.float32)
+    middle = (depth.size - 0.5) / 2
+    for axis in range(3):
+        step[axis] = 2 * pinhole.axes[0, axis] / pinhole.focal
+        slant = 2 * down * pinhole.axes[1, axis] / pinhole.focal + pinhole.axes[2, axis]
+        base[axis] = slant - middle * step[axis]
+    cells, eye = np.float32(1 / overhead.cell), pinhole.eye
+    east, up, north = (
+        np.float32((eye[0] - overhead.corner[0]) / overhead.cell), np.float32(eye[1]),
+        np.float32((eye[2] - overhead.corner[1]) / overhead.cell),
+    )  # fmt: skip
+    for k in range(depth.size):
+        x[k] = east + depth[k] * cells * (base[0] + step[0] * np.float32(np.int32(k)))
+    for k in range(depth.size):
+        y[k] = up + depth[k] * (base[1] + step[1] * np.float32(np.int32(k)))
+    for k in range(depth.size):
+        z[k] = north + depth[k] * cells * (base[2] + step[2] * np.float32(np.int32(k)))
+    storey[:] = 0
+    for floor in overhead.floors[1:]:
+        least = np.float32(floor - 0.1)
+        for k in range(depth.size):
+            storey[k] += least < y[k]
+
+
+@compiled
+def _cone(
+    overhead: OverheadMap, storey: NDArray[np.int32], x: Floats, y: Floats, z: Floats, swing: Floats, out: Floats
+) -> None:
+    """Write the covered share of the cone above each point of a row."""
+    heights, (_, rows, columns) = overhead.heights.ravel(), overhead.heights.shape
+    width, cone = x.size, np.float32(CONE / overhead.cell)
+    place, over = np.empty(width, np.int32), floats(width)
+    last_row, last_column, storeys = np.float32(rows - 1), np.float32(columns - 1), np.int32(rows * columns)
+    out[:] = ZERO
     for ray in range(RAYS):
-        aside, ahead = swing[ray, 0] * CONE, swing[ray, 1] * CONE
-        i, j = int(z + ahead / overhead.cell), int(x + aside / overhead.cell)
-        if i >= 0 and j >= 0 and i < overhead.heights.shape[1] and j < overhead.heights.shape[2]:
-            over = overhead.heights[storey, i, j] - y
-            # Surfaces up to 3 cm higher are the point's own surface, within the accuracy of the map.
-            taken += over > 0.03 and over * over > STEEP * STEEP * (aside * aside + ahead * ahead)
-    return taken / RAYS
+        aside, ahead = swing[ray, 0], swing[ray, 1]
+        # All pixels have this sample equally far aside. Surfaces up to 3 cm higher are the point's own, within the
+        # accuracy of the map.
+        steep = np.float32(max(0.03, STEEP * CONE * np.sqrt((ray + 0.5) / RAYS)))
+        for k in range(width):
+            # Beyond the map is the outermost cell, which is empty.
+            i = min(max(z[k] + ahead[k] * cone, ZERO), last_row)
+            j = min(max(x[k] + aside[k] * cone, ZERO), last_column)
+            place[k] = storey[k] * storeys + np.int32(i) * np.int32(columns) + np.int32(j)
+        for k in range(width):
+            over[k] = heights[place[k]]
+        for k in range(width):
+            out[k] += ONE if over[k] - y[k] > steep else ZERO
+    for k in range(width):
+        out[k] *= np.float32(1 / RAYS)
 
 
 @inlined
-def _sun_blocked(overhead: OverheadMap, storey: int, x: float, y: float, z: float, aside: Floats) -> bool:
-    """Return whether an object stands between a point and a place on the sun. aside: offset of that place."""
-    east, north = SUN[0] / SUN[1] + SUN_SIZE * aside[0], SUN[2] / SUN[1] + SUN_SIZE * aside[1]
-    blocked, stride = False, 1.5 * overhead.cell / np.sqrt(east * east + north * north)
-    for step in range(1, int((TALLEST - y + overhead.floors[storey]) / stride)):
-        rise = step * stride
-        i, j = int(z + north * rise / overhead.cell), int(x + east * rise / overhead.cell)
-        if i < 0 or j < 0 or i >= overhead.heights.shape[1] or j >= overhead.heights.shape[2]:
-            break
-        if overhead.heights[storey, i, j] > y + rise + 0.02:
-            blocked = True
-            break
-    return blocked
+def _sun_blocked(
+    overhead: OverheadMap, around: Floats, storey: int, x: np.float32, y: np.float32, z: np.float32, aside: Floats
+) -> bool:
+    """Return whether an object stands between a point and a place on the sun. aside: offset of that place.
+
+    around: as from _around.
+    """
+    east = np.float32(SUN[0] / SUN[1]) + np.float32(SUN_SIZE) * aside[0]
+    north = np.float32(SUN[2] / SUN[1]) + np.float32(SUN_SIZE) * aside[1]
+    stride, blocked = np.float32(1.5) / np.sqrt(east * east + north * north), False
+    east, north, rise = east * stride, north * stride, stride * np.float32(overhead.cell)
+    steps, step = int((np.float32(TALLEST + overhead.floors[storey]) - y) / rise), 1
+    y += np.float32(0.02)
+    while step < steps and not blocked:
+        middle = np.float32(step) + np.float32(STEPS / 2 - 0.5)
+        if _height(around, storey, x + east * middle, z + north * middle) > y + rise * np.float32(step):
+            for near in range(step, min(step + STEPS, steps)):
+                far = np.float32(near)
+                blocked |= _height(overhead.heights, storey, x + east * far, z + north * far) > y + rise * far
+        step += STEPS
+    return bool(blocked)
 
 
 @compiled
-def _swing() -> Floats:
-    """Return (16, RAYS, 2) points in the unit disk, spread by the golden angle (2.399963 rad), in 16 rotations."""
-    out = np.empty((16, RAYS, 2), np.float32)
-    for turn in range(16):
+def _around(heights: Floats) -> Floats:
+    """Return the greatest height within AROUND cells of each cell, along both axes."""
+    (storeys, rows, columns), across, out = heights.shape, heights.copy(), np.empty_like(heights)
+    for storey in range(storeys):
+        for row in range(rows):
+            for other in range(max(0, row - AROUND), min(rows, row + AROUND + 1)):
+                for k in range(columns):
+                    across[storey, row, k] = max(across[storey, row, k], heights[storey, other, k])
+            out[storey, row] = across[storey, row]
+            for aside in range(1, AROUND + 1):
+                left, right = across[storey, row, :-aside], across[storey, row, aside:]
+                for k in range(right.size):
+                    out[storey, row, k] = max(out[storey, row, k], right[k])
+                middle = out[storey, row, aside:]
+                for k in range(left.size):
+                    middle[k] = max(middle[k], left[k])
+    return out
+
+
+@inlined
+def _height(heights: Floats, storey: int, x: np.float32, z: np.float32) -> np.float32:
+    """Return the height at a place; beyond the map that of the outermost cell, which is empty."""
+    i = int(min(max(float(z), 0.0), heights.shape[1] - 1.0))
+    j = int(min(max(float(x), 0.0), heights.shape[2] - 1.0))
+    return heights[np.uint64(storey), np.uint64(i), np.uint64(j)]  # type: ignore[no-any-return]
+
+
+@compiled
+def _swing(width: int) -> Floats:
+    """Return (4, RAYS, 2, width) points in the unit disk for each pixel of four rows.
+
+    They are spread by the golden angle, in 16 rotations.
+    """
+    out = np.empty((4, RAYS, 2, width), np.float32)
+    for row in range(4):
         for ray in range(RAYS):
-            angle, reach = 2.399963 * ray + 2 * np.pi * (turn * 7 % 16) / 16, np.sqrt((ray + 0.5) / RAYS)
-            out[turn, ray, 0], out[turn, ray, 1] = reach * np.sin(angle), reach * np.cos(angle)
+            reach = np.sqrt((ray + 0.5) / RAYS)
+            for column in range(4):
+                angle = 2.399963 * ray + 2 * np.pi * ((4 * row + column) * 7 % 16) / 16
+                out[row, ray, 0, column::4], out[row, ray, 1, column::4] = reach * np.sin(angle), reach * np.cos(angle)
     return out
 
 
 @compiled
-def _smoothed(raw: Floats, depth: Floats, normals: Floats) -> Floats:
-    """Return the mean over those of 4 x 4 neighbours that lie on the same surface: each of the 16 rotations once."""
+def _smoothed(raw: Floats, half: Half) -> Floats:
+    """Return the mean over four by four neighbours that lie on the same surface: each of the 16 turns once."""
     height, width = raw.shape
-    out = np.ones_like(raw)
+    out = np.empty_like(raw)
+    weight, same = floats(width), floats(width)
     for row in range(height):
-        for column in range(width):
-            z, total, weight = depth[row, column], raw[row, column], np.float32(1)
-            x, y, n = normals[row, column]
-            for r in range(max(0, row - 2), min(height, row + 2)):
-                for c in range(max(0, column - 2), min(width, column + 2)):
-                    # Same surface: depth within 5 %, normals within 37 degrees (cosine 0.8).
-                    same = abs(depth[r, c] - z) < np.float32(0.05) * z
-                    if same and normals[r, c, 0] * x + normals[r, c, 1] * y + normals[r, c, 2] * n > np.float32(0.8):
-                        total += raw[r, c]
-                        weight += np.float32(1)
-            out[row, column] = total / weight
+        out[row] = raw[row]
+        weight[:] = ONE
+        for r in range(max(0, row - 2), min(height, row + 2)):
+            for aside in range(-2, 2):
+                first, last = max(0, -aside), min(width, width - aside)
+                near, sums, weights = raw[r, first + aside : last + aside], out[row, first:last], weight[first:last]
+                _same_surface(half, row, r, first, last, aside, same)
+                for k in range(near.size):
+                    sums[k] += same[k] * near[k]
+                for k in range(near.size):
+                    weights[k] += same[k]
+        for k in range(width):
+            out[row, k] /= weight[k]
     return out
+
+
+@compiled
+def _same_surface(half: Half, row: int, other: int, first: int, last: int, aside: int, same: Floats) -> None:
+    """Write 1 where a pixel of a row and the one aside of it in the other row lie on one surface, otherwise 0.
+
+    Same surface: depth within 5 %, normals within 37 degrees (cosine 0.8).
+    """
+    nx, ny, nz = half.normals[0, row, first:last], half.normals[1, row, first:last], half.normals[2, row, first:last]
+    a, first, last = half.depth[row, first:last], first + aside, last + aside
+    ox, oy, oz = (
+        half.normals[0, other, first:last],
+        half.normals[1, other, first:last],
+        half.normals[2, other, first:last],
+    )
+    b = half.depth[other, first:last]
+    for k in range(a.size):
+        near = abs(b[k] - a[k]) < np.float32(0.05) * a[k]
+        alike = nx[k] * ox[k] + ny[k] * oy[k] + nz[k] * oz[k] > np.float32(0.8)
+        same[k] = ONE if near & alike else ZERO

@@ -1,0 +1,88 @@
+"""Compute the values that all pixels of a visible triangle share, once per picture."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from humanclaw.body import Array
+from humanclaw_raster.buffers import Instances, Pinhole, compiled
+from humanclaw_raster.drawing import move_point, place_model
+from humanclaw_raster.packing import Floats, Model
+
+FLAT: Final = 8
+CORNERS: Final = 11
+UV: Final = 20
+DENSITY: Final = 26
+BENT: Final = 27
+SURFACE: Final = 28
+"""First columns of the values in the table of surfaces, and the number of columns.
+
+0        barycentric weights of the second and the third corner: a constant and a gradient each, camera frame
+FLAT     unit normal of the face towards the camera, camera frame
+CORNERS  normal for shading, world frame: at the first corner, and the differences of the other two to it
+UV       uv likewise
+DENSITY  texels per pixel at a depth of one metre
+BENT     1 if the normal for shading changes over the face, otherwise 0
+"""
+_STRAIGHT: Final = 1e-5
+"""Normals of two corners that differ by less than this are equal except for rounding."""
+
+
+@compiled
+def prepare(model: Model, instances: Instances, pinhole: Pinhole, faces: NDArray[np.int32]) -> Floats:
+    """Return the table of a GBuffer. faces: (K, 2) as from draw."""
+    table, owner = np.empty((faces.shape[0], SURFACE), np.float32), -1
+    turn, shift = np.empty((3, 3)), np.empty(3)
+    for number in range(faces.shape[0]):
+        face, instance = faces[number]
+        if instance != owner:
+            turn, shift = place_model(instances, instance, pinhole)
+            owner = instance
+        side = _place(model, turn, shift, face, table[number])
+        _shade(model, instances.turn[instance], side, face, table[number])
+        table[number, DENSITY] = model.density[face] / pinhole.focal
+    return table
+
+
+@compiled
+def _place(model: Model, turn: Array, shift: Array, face: int, out: Floats) -> float:
+    """Write the barycentric weights and the flat normal. Return -1 if the camera sees the back of the face, else 1."""
+    px, py, pz = move_point(turn, shift, model.corners[face, 0])
+    qx, qy, qz = move_point(turn, shift, model.corners[face, 1])
+    rx, ry, rz = move_point(turn, shift, model.corners[face, 2])
+    ux, uy, uz, vx, vy, vz = qx - px, qy - py, qz - pz, rx - px, ry - py, rz - pz
+    nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    square = nx * nx + ny * ny + nz * nz + 1e-30
+    each = 1 / square
+    bx, by, bz = (vy * nz - vz * ny) * each, (vz * nx - vx * nz) * each, (vx * ny - vy * nx) * each
+    cx, cy, cz = (ny * uz - nz * uy) * each, (nz * ux - nx * uz) * each, (nx * uy - ny * ux) * each
+    out[0], out[1], out[2], out[3] = -(bx * px + by * py + bz * pz), bx, by, bz
+    out[4], out[5], out[6], out[7] = -(cx * px + cy * py + cz * pz), cx, cy, cz
+    # Faces are drawn from both sides: seen from behind, the normals are reversed.
+    side = 1.0 if nx * px + ny * py + nz * pz < 0 else -1.0
+    size = side / np.sqrt(square)
+    out[FLAT], out[FLAT + 1], out[FLAT + 2] = nx * size, ny * size, nz * size
+    return side
+
+
+@compiled
+def _shade(model: Model, turn: Array, side: float, face: int, out: Floats) -> None:
+    """Write the normals for shading and the texture coordinates."""
+    change = 0.0
+    for axis in range(3):
+        x, y, z = side * turn[axis, 0], side * turn[axis, 1], side * turn[axis, 2]
+        n = model.normals[face]
+        first = x * n[0, 0] + y * n[0, 1] + z * n[0, 2]
+        second = x * n[1, 0] + y * n[1, 1] + z * n[1, 2] - first
+        third = x * n[2, 0] + y * n[2, 1] + z * n[2, 2] - first
+        out[CORNERS + axis], out[CORNERS + 3 + axis], out[CORNERS + 6 + axis] = first, second, third
+        change = max(change, abs(second), abs(third))
+    out[BENT] = change > _STRAIGHT
+    for axis in range(2):
+        first = model.uv[face, 0, axis]
+        out[UV + axis] = first
+        out[UV + 2 + axis] = model.uv[face, 1, axis] - first
+        out[UV + 4 + axis] = model.uv[face, 2, axis] - first
