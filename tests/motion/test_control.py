@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from tiny_motion import TINY, WALK, Drawn
 
-from humanclaw.motion.control import Adapter, AdapterConfig
+from humanclaw.motion.control import Adapter, AdapterConfig, Controlled
 from humanclaw.motion.dit import SIZES, DiT, ModelConfig, Weights
 
 
@@ -14,8 +14,8 @@ def _inputs() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 def _answer(base: DiT, adapter: Adapter | None, values: np.ndarray) -> np.ndarray:
     history, noisy, tau = _inputs()
-    residual = adapter.residual(adapter.condition(values), adapter.modulations(base, tau)) if adapter else None
-    return base(history, noisy, base.modulations(tau), residual)
+    through = Controlled(base, adapter, tau).through(values) if adapter else None
+    return base(history, noisy, base.modulations(tau), through)
 
 
 @pytest.mark.parametrize("prediction", ["clean", "velocity"])

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
         OCTAVES as OCTAVES,
         Adapter as Adapter,
         AdapterConfig as AdapterConfig,
+        Controlled as Controlled,
         Encoder as Encoder,
     )
     from humanclaw.motion.dit import (

@@ -14,7 +14,7 @@ from typing import Final, Literal, Protocol, get_args
 
 import numpy as np
 
-from humanclaw.motion.dit import Array, Block, DiT, Linear, ModelConfig, Residual, Weights, modulate_blocks, silu
+from humanclaw.motion.dit import Array, Block, DiT, Layer, Linear, ModelConfig, Weights, modulate_blocks, silu
 
 Encoder = Literal["mlp", "fourier", "token"]
 ENCODERS: Final = get_args(Encoder)
@@ -64,7 +64,7 @@ class Adapter:
     def __init__(self, base: Shaped, config: AdapterConfig, weights: Weights) -> None:
         hidden = base.config.hidden
         self.config = config
-        self.blocks = [Block(base.config, weights, f"blocks.{layer}") for layer in range(base.config.layers)]
+        self.blocks = [Block.of(base.config, weights, f"blocks.{layer}") for layer in range(base.config.layers)]
         self.weights = [
             Linear(weights, f"weights.{layer}", hidden, hidden, bias=False) for layer in range(len(self.blocks))
         ]
@@ -76,14 +76,32 @@ class Adapter:
         """e_s(c): (B, k) parameters in SI to (B, 1, hidden)."""
         return self._encode((values - self._centre) / self._scale)[:, None]
 
-    def modulations(self, base: DiT, tau: Array) -> Array:
-        """(B,) flow times to the (layers, 6, B, 1, hidden) modulations of the copied blocks; the embedding of tau is
-        the base's."""
-        return modulate_blocks(self.blocks, silu(base.time(tau)))
 
-    def residual(self, condition: Array, modulations: Array) -> Residual:
-        """Return what this branch adds to each layer of the base."""
-        return lambda layer, z: self.weights[layer](self.blocks[layer](z + condition, modulations[layer]))
+class Controlled:
+    """A base with the branch of one skill, at the flow times at which a solver asks them."""
+
+    def __init__(self, base: DiT, adapter: Adapter, tau: Array) -> None:
+        """tau: (B,) flow times."""
+        self.config = adapter.config
+        self._condition, self._weights = adapter.condition, adapter.weights
+        self._blocks = [Block.pair(*both) for both in zip(base.blocks, adapter.blocks, strict=True)]
+        embedded = silu(base.time(tau))  # The embedding of tau is the base's.
+        both = modulate_blocks(base.blocks, embedded), modulate_blocks(adapter.blocks, embedded)
+        self._modulations = np.stack(both, axis=2)
+
+    def through(self, values: Array, times: slice = slice(None)) -> Layer:
+        """Return what carries tokens through each layer (the module's equation).
+
+        values: (B, k) parameters in SI. times: which of tau; one for all of a batch, or one for each.
+        """
+        condition, at = self._condition(values), self._modulations[:, :, :, times]
+
+        def layer(index: int, z: Array) -> Array:
+            own, branch = self._blocks[index](np.stack([z, z + condition]), at[index])
+            carried: Array = own + self._weights[index](branch)
+            return carried
+
+        return layer
 
 
 def fourier(values: Array) -> Array:

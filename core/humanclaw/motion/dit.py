@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Final, Literal, NamedTuple
 
 import numpy as np
@@ -49,8 +49,8 @@ class ModelConfig:
 
 SIZES: Final = {"paper": ModelConfig(512, 10, 8), "lite": ModelConfig(192, 6, 6, prediction="clean")}
 
-Residual = Callable[[int, Array], Array]
-"""What a control branch adds to layer l, given the tokens z_l that enter it."""
+Layer = Callable[[int, Array], Array]
+"""Carry the tokens z_l (B, T, hidden) that enter layer l to z_{l+1}."""
 
 
 class Modulations(NamedTuple):
@@ -94,6 +94,25 @@ class Linear:
         return mapped
 
 
+class Pair:
+    """Two affine maps side by side. Neither copies its weights, since a base has a pair with each of its adapters."""
+
+    def __init__(self, one: Linear, other: Linear) -> None:
+        self._weights = one.weight, other.weight
+        self._bias = None
+        if one.bias is not None and other.bias is not None:
+            self._bias = np.stack([one.bias, other.bias])[:, None, None]
+
+    def __call__(self, z: Array) -> Array:
+        """(2, B, T, inputs) to (2, B, T, outputs)."""
+        mapped = np.empty((*z.shape[:-1], self._weights[0].shape[1]), np.float32)
+        for half, weight, out in zip(z, self._weights, mapped, strict=True):
+            np.matmul(half, weight, out=out)
+        if self._bias is not None:
+            mapped += self._bias
+        return mapped
+
+
 class TimeEmbedding:
     """Sinusoids of tau, then a two-layer MLP."""
 
@@ -107,20 +126,34 @@ class TimeEmbedding:
         return self._leave(silu(self._enter(np.concatenate([np.sin(angles), np.cos(angles)], -1))))
 
 
+@dataclass(frozen=True)
 class Block:
     """Self-attention and an MLP, each shifted, scaled and gated by tau."""
 
-    def __init__(self, config: ModelConfig, weights: Weights, name: str) -> None:
+    heads: int
+    modulation: Linear | Pair
+    qkv: Linear | Pair
+    out: Linear | Pair
+    up: Linear | Pair
+    down: Linear | Pair
+
+    @classmethod
+    def of(cls, config: ModelConfig, weights: Weights, name: str) -> Block:
+        """Take a block's tensors."""
         hidden, wide = config.hidden, config.mlp_ratio * config.hidden
-        self.heads = config.heads
-        self.modulation = Linear(weights, f"{name}.modulation", hidden, 6 * hidden)
-        self.qkv = Linear(weights, f"{name}.qkv", hidden, 3 * hidden)
-        self.out = Linear(weights, f"{name}.out", hidden, hidden)
-        self.up = Linear(weights, f"{name}.up", hidden, wide)
-        self.down = Linear(weights, f"{name}.down", wide, hidden)
+        sizes = {"modulation": (hidden, 6 * hidden), "qkv": (hidden, 3 * hidden), "out": (hidden, hidden)}
+        sizes |= {"up": (hidden, wide), "down": (wide, hidden)}
+        return cls(config.heads, **{part: Linear(weights, f"{name}.{part}", *size) for part, size in sizes.items()})
+
+    @classmethod
+    def pair(cls, one: Block, other: Block) -> Block:
+        """Return two blocks as one, for tokens (2, B, T, hidden). It takes less time than one after the other: each
+        operation on few numbers is made once instead of twice."""
+        parts = [(part.name, getattr(one, part.name), getattr(other, part.name)) for part in fields(cls)[1:]]
+        return cls(one.heads, **{name: Pair(first, second) for name, first, second in parts})
 
     def __call__(self, z: Array, modulation: Array) -> Array:
-        """z: (B, T, hidden). modulation: (6, B, 1, hidden) of this block."""
+        """z: (..., B, T, hidden). modulation: (6, ..., B, 1, hidden) of this block."""
         shift, scale, gate, shift_mlp, scale_mlp, gate_mlp = modulation
         z = z + gate * self._attend(_modulate(z, shift, scale))
         hidden = _gelu(self.up(_modulate(z, shift_mlp, scale_mlp)))
@@ -128,12 +161,11 @@ class Block:
         return result
 
     def _attend(self, z: Array) -> Array:
-        batch, tokens, hidden = z.shape
-        heads = self.qkv(z).reshape(batch, tokens, 3, self.heads, -1).transpose(2, 0, 3, 1, 4)
-        query, key, value = heads
+        *batch, tokens, hidden = z.shape
+        heads = self.qkv(z).reshape(*batch, tokens, 3, self.heads, hidden // self.heads)
+        query, key, value = (heads[..., part, :, :].swapaxes(-3, -2) for part in range(3))
         share = _softmax(query @ key.swapaxes(-1, -2) / math.sqrt(hidden // self.heads))
-        mixed = share @ value
-        return self.out(mixed.swapaxes(1, 2).reshape(batch, tokens, hidden))
+        return self.out((share @ value).swapaxes(-3, -2).reshape(z.shape))
 
 
 class DiT:
@@ -145,7 +177,7 @@ class DiT:
         self.time = TimeEmbedding(hidden, weights)
         self.enter = Linear(weights, "enter", STATE_SIZE, hidden)
         self.position = weights.take("position", CHUNK, hidden)
-        self.blocks = [Block(config, weights, f"blocks.{layer}") for layer in range(config.layers)]
+        self.blocks = [Block.of(config, weights, f"blocks.{layer}") for layer in range(config.layers)]
         self.final_modulation = Linear(weights, "final_modulation", hidden, 2 * hidden)
         self.leave = Linear(weights, "leave", hidden, STATE_SIZE)
 
@@ -154,15 +186,15 @@ class DiT:
         embedded = silu(self.time(tau))
         return Modulations(modulate_blocks(self.blocks, embedded), _split(self.final_modulation(embedded), 2))
 
-    def __call__(self, history: Array, noisy: Array, at: Modulations, residual: Residual | None = None) -> Array:
+    def __call__(self, history: Array, noisy: Array, at: Modulations, through: Layer | None = None) -> Array:
         """(B, 5, 219) history and (B, 15, 219) noisy future, both normalised, to the (B, 15, 219) output on the future
-        tokens."""
+        tokens.
+
+        through: what carries the tokens through each layer; the base's own blocks alone by default.
+        """
         z = self.enter(np.concatenate([history, noisy], 1)) + self.position
         for layer, block in enumerate(self.blocks):
-            entering = z
-            z = block(entering, at.blocks[layer])
-            if residual is not None:
-                z = z + residual(layer, entering)
+            z = through(layer, z) if through else block(z, at.blocks[layer])
         shift, scale = at.final
         output = self.leave(_modulate(z[:, HISTORY:], shift, scale))
         return output + history[:, -1:] if self.config.prediction == "clean" else output
@@ -192,21 +224,31 @@ def _split(modulation: Array, parts: int) -> Array:
 
 def _modulate(z: Array, shift: Array, scale: Array) -> Array:
     """Apply layer norm without learned weights, then scale and shift."""
-    centred = z - z.mean(-1, keepdims=True)
-    variance = np.square(centred).mean(-1, keepdims=True)
-    result: Array = centred / np.sqrt(variance + _EPSILON) * (1 + scale) + shift
-    return result
+    centred: Array = z - np.add.reduce(z, -1, keepdims=True) / z.shape[-1]
+    variance = np.einsum("...i,...i->...", centred, centred)[..., None] / z.shape[-1]
+    centred *= 1 / np.sqrt(variance + _EPSILON)
+    centred *= 1 + scale
+    centred += shift
+    return centred
 
 
 def _gelu(x: Array) -> Array:
     """In its tanh form."""
-    inner = math.sqrt(2 / math.pi) * (x + 0.044715 * x * x * x)
-    result: Array = 0.5 * x * (1 + np.tanh(inner))
+    inner = x * x
+    inner *= 0.044715
+    inner += 1
+    inner *= x
+    inner *= math.sqrt(2 / math.pi)
+    result: Array = np.tanh(inner, out=inner)
+    result += 1
+    result *= x
+    result *= 0.5
     return result
 
 
 def _softmax(x: Array) -> Array:
     """Over the last axis."""
-    shares: Array = np.exp(x - x.max(-1, keepdims=True))
+    shares: Array = x - x.max(-1, keepdims=True)
+    np.exp(shares, out=shares)
     shares /= shares.sum(-1, keepdims=True)
     return shares

@@ -17,7 +17,7 @@ from threadpoolctl import ThreadpoolController
 from humanclaw.body.pose import HISTORY, Motion, Pose2D, decode, encode
 from humanclaw.errors import CheckpointError, HumanclawError
 from humanclaw.motion.checkpoint import Base, load_adapter, load_base, shipped_base
-from humanclaw.motion.control import Adapter
+from humanclaw.motion.control import AdapterConfig, Controlled
 from humanclaw.motion.dit import Array, Modulations
 from humanclaw.motion.flow import PROFILES, Solver, noise_of, velocity
 from humanclaw.motion.foot_locking import lock_feet
@@ -45,10 +45,9 @@ class MotionGenerator(Protocol):
 
 @dataclass(frozen=True)
 class _Branch:
-    """An adapter with its modulations at the solver's times: (layers, 6, times, 1, hidden)."""
+    """A skill's adapter beside the base, and when its file was modified."""
 
-    adapter: Adapter
-    modulations: Array
+    controlled: Controlled
     modified: int
 
 
@@ -143,15 +142,14 @@ class DiTGenerator:
 
     def _sample(self, history: Array, path: Path | None, values: Sequence[Mapping[str, float]], noise: Array) -> Array:
         model = self.base.model
-        branch = self._branch(path) if path is not None else None
-        condition = branch.adapter.condition(_conditions(branch.adapter, values)) if branch else None
+        controlled = self._branch(path).controlled if path is not None else None
+        conditions = _conditions(controlled.config, values) if controlled else None
 
         def field(index: int, noisy: Array) -> Array:
-            at = _at(self._modulations, index)
-            residual = None
-            if branch is not None and condition is not None:
-                residual = branch.adapter.residual(condition, branch.modulations[:, :, index : index + 1])
-            output = model(history, noisy, at, residual)
+            through = None
+            if controlled is not None and conditions is not None:
+                through = controlled.through(conditions, slice(index, index + 1))
+            output = model(history, noisy, _at(self._modulations, index), through)
             return velocity(model.config.prediction, output, noisy, self.solver.times[index])
 
         future: Array = self.solver.solve(field, noise)
@@ -161,8 +159,7 @@ class DiTGenerator:
         modified = path.stat().st_mtime_ns if path.exists() else -1
         known = self._branches.get(path)
         if known is None or known.modified != modified:
-            adapter = load_adapter(path, self.base)
-            known = _Branch(adapter, adapter.modulations(self.base.model, self._times), modified)
+            known = _Branch(Controlled(self.base.model, load_adapter(path, self.base), self._times), modified)
             self._branches[path] = known
         return known
 
@@ -173,13 +170,13 @@ def _at(modulations: Modulations, index: int) -> Modulations:
     return Modulations(modulations.blocks[:, :, one], modulations.final[:, one])
 
 
-def _conditions(adapter: Adapter, values: Sequence[Mapping[str, float]]) -> Array:
+def _conditions(adapter: AdapterConfig, values: Sequence[Mapping[str, float]]) -> Array:
     """Return (B, k) values in the order in which the adapter was trained."""
-    params = adapter.config.params
+    params = adapter.params
     for row in values:
         if set(row) != set(params):
             raise CheckpointError(
-                f"The adapter of {adapter.config.skill} takes {_listed(params)}; it got {_listed(row)}.",
+                f"The adapter of {adapter.skill} takes {_listed(params)}; it got {_listed(row)}.",
                 "Give one value for each parameter that its header names.",
             )
     rows = [[row[name] for name in params] for row in values]

@@ -17,7 +17,7 @@ import time
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Final
 
@@ -90,13 +90,15 @@ def _numpy(field: VelocityField, example: tuple[Tensor, ...], threads: int) -> E
     base = inference.DiT(field.base.config, weights_of(field.base))
     adapter = inference.Adapter(base, field.adapter.config, weights_of(field.adapter))
     limit = partial(ThreadpoolController().limit, limits=threads, user_api="blas")
+    controlled = cache(lambda tau: inference.Controlled(base, adapter, np.array([tau], np.float32)))
 
     def evaluate(arguments: tuple[Tensor, ...]) -> Tensor:
-        history, noisy, values, tau, blocks, final, branch = (part.numpy() for part in arguments)
+        history, noisy, values, tau, blocks, final, _ = (part.numpy() for part in arguments)
+        at = float(tau[0])
         with limit():  # BLAS alone: numpy has no setting of its own.
-            residual = adapter.residual(adapter.condition(values), branch)
-            output = base(history, noisy, inference.Modulations(blocks, final), residual)
-        return torch.from_numpy(inference.velocity(base.config.prediction, output, noisy, float(tau[0])))
+            through = controlled(at).through(values)
+            output = base(history, noisy, inference.Modulations(blocks, final), through)
+        return torch.from_numpy(inference.velocity(base.config.prediction, output, noisy, at))
 
     return evaluate
 
