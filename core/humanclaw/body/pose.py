@@ -87,10 +87,11 @@ def matrix_from_quaternion(quaternion: Array) -> Array:
 def vector_from_quaternion(quaternion: Array) -> Array:
     """Map (..., 4) quaternions x, y, z, w to (..., 3) rotation vectors along the shortest arc."""
     q = np.asarray(quaternion, float)
-    q = np.where(q[..., 3:] < 0, -q, q)
-    length = np.linalg.norm(q[..., :3], axis=-1, keepdims=True)
-    angle = 2 * np.arctan2(length, q[..., 3:])
-    return np.asarray(q[..., :3] * np.where(length < 1e-9, 2.0, angle / np.where(length < 1e-9, 1.0, length)))
+    vector, w = q[..., :3], q[..., 3]
+    length = np.sqrt(np.einsum("...i,...i->...", vector, vector))
+    small = length < 1e-9
+    scale = np.where(small, 2.0, 2 * np.arctan2(length, np.abs(w)) / np.where(small, 1.0, length))
+    return np.asarray(vector * np.where(w < 0, -scale, scale)[..., None])
 
 
 def wrap_angle(angle: float | Array) -> Array:

@@ -26,6 +26,8 @@ _RECOVERY: Final = 0.2
 """Share of a penetration that one step corrects."""
 _LEVEL: Final = 0.7
 """A surface counts as level if the upward component of its unit normal exceeds this: within 45 degrees."""
+_LIMIT: Final = int(mj.mjtConstraint.mjCNSTR_LIMIT_JOINT)
+"""As a number: comparing an array with MuJoCo's own enumeration takes a Python call for each element."""
 _XYZW: Final = [1, 2, 3, 0]
 _WXYZ: Final = [3, 0, 1, 2]
 _OBJECTS: Final = np.array([group == FIXED_GROUP for group in range(6)], np.uint8)
@@ -79,7 +81,7 @@ class MujocoWorld:
         self._sleep.arrange(d)
         mj.mj_makeConstraint(m, d)
         # The margin only activates a hinge's limit early; with it MuJoCo would stop the hinge that far before it.
-        d.efc_margin[d.efc_type == mj.mjtConstraint.mjCNSTR_LIMIT_JOINT] = 0.0
+        d.efc_margin[d.efc_type == _LIMIT] = 0.0
         mj.mj_island(m, d)
         mj.mj_projectConstraint(m, d)
         mj.mj_fwdVelocity(m, d)

@@ -32,6 +32,8 @@ class Drive:
         self._world, self._profile = world, profile
         self._recovery = np.array([[profile.arm_recovery if name in ARMS else 1.0] for name in JOINTS])
         self._target, self._swing, self._before, self._sent = pose.quaternions, 0.0, pose, np.zeros(3)
+        self.pose = world.pose()
+        """The body's, after the last step."""
 
     def aim(self, target: Array, swing: float = 0.0) -> None:
         """Take up the pose (24, 4) that is due at the end of the coming frame; on the way to it no link swings faster,
@@ -46,7 +48,7 @@ class Drive:
         A joint moves as its pose moves, and makes up for what contact took from it. horizontal: (3,) root velocity, its
         y unread; None leaves it be.
         """
-        self._before = self._world.pose()
+        self._before = self.pose
         speeds = self._joint_speeds(self._before.quaternions, left)
         self._give_way(speeds, reflex)
         fastest = float((np.linalg.norm(speeds, axis=1) @ REACH).max())
@@ -94,7 +96,7 @@ class Drive:
         through the floor.
         """
         rate = FPS * self._profile.substeps
-        pose = self._world.pose()
+        self.pose = pose = self._world.pose()
         speed, turn = (pose.root - self._before.root) * rate, pose.quaternions[0]
         allowed = self._allowed(speed) if touched else self._sent - [0.0, self._profile.gravity / rate, 0.0]
         if np.abs(allowed - speed).max() < 1e-6:
@@ -106,6 +108,7 @@ class Drive:
             turn = kept[0]
             self._world.bend(kept[1:], np.zeros((len(JOINTS) - 1, 3)))
         self._world.move(self._before.root + allowed / rate, turn, allowed, spin)
+        self.pose = self._world.pose()
 
     def _allowed(self, speed: Array) -> Array:
         """(3,) the part of a root velocity that contact may cause."""

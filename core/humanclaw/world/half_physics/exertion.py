@@ -24,9 +24,6 @@ from humanclaw.world.scene import Scene
 
 GROUND_FRICTION: Final = 0.5
 """Friction of a scene's floors."""
-_NEAR: Final = 3.0
-"""Objects whose nearest part is further than this from the hips are not within reach of a push, nor of one that is
-handed on, metres."""
 _LEAST_LEVER: Final = 0.02
 """A push that passes the hinge nearer than this turns nothing, metres."""
 
@@ -41,16 +38,13 @@ class Exertion:
         self._mass = {key: obj.mass for key, obj in moving.items()}
         self._held = {key: GROUND_FRICTION * obj.friction * obj.mass * profile.gravity for key, obj in moving.items()}
         self._radius = {key: _gyration(scene, key) for key in moving}
-        self._reach = {key: _NEAR + _extent(scene, key) for key in moving}
         self._swings, self._levers = swings(scene), dict[int, float]()
         self._near: tuple[int, ...] = ()
         self._before: Mapping[int, ObjectMotion] = {}
 
-    def look(self, root: Array, objects: Mapping[int, Array]) -> None:
-        """Find the objects that are near enough to be pushed in the coming frame."""
-        self._near = tuple(
-            key for key in sorted(self.movable) if np.abs(objects[key][:3] - root).max() < self._reach[key]
-        )
+    def look(self, near: tuple[int, ...]) -> None:
+        """Remember the objects that can be pushed in the coming frame."""
+        self._near = near
 
     def brace(self) -> None:
         """Remember how everything near moves, before a step."""
@@ -182,11 +176,6 @@ def _lost(after: ObjectMotion, kept: ObjectMotion, touches: Sequence[Touch], sec
 
 def _longer(a: Array, b: Array) -> Array:
     return b if b @ b > a @ a else a
-
-
-def _extent(scene: Scene, key: int) -> float:
-    """How far an object's farthest point is from the origin of its asset, metres."""
-    return float(np.linalg.norm(np.concatenate(scene.assets[scene.by_id[key].asset].hulls), axis=1).max())
 
 
 def _gyration(scene: Scene, key: int) -> float:

@@ -4,26 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
 from humanclaw.body.pose import Array, Motion, vector_from_quaternion
 
+_PRODUCT: Final = np.array([
+    [[0, 0, 0, -1], [0, 0, -1, 0], [0, 1, 0, 0], [1, 0, 0, 0]],
+    [[0, 0, 1, 0], [0, 0, 0, -1], [-1, 0, 0, 0], [0, 1, 0, 0]],
+    [[0, -1, 0, 0], [1, 0, 0, 0], [0, 0, 0, -1], [0, 0, 1, 0]],
+    [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]],
+], float).reshape(4, 16)  # fmt: skip
+"""For each component of b the matrix that maps a to its share of the product, flattened."""
+
 
 def multiply(a: Array, b: Array) -> Array:
     """Multiply (..., 4) by (..., 4): the rotation b, then the rotation a."""
-    ax, ay, az, aw = np.moveaxis(a, -1, 0)
-    bx, by, bz, bw = np.moveaxis(b, -1, 0)
-    # Written out, since numpy's cross product spends most of its time on the order of axes.
-    return np.stack(
-        [
-            aw * bx + ax * bw + ay * bz - az * by,
-            aw * by - ax * bz + ay * bw + az * bx,
-            aw * bz + ax * by - ay * bx + az * bw,
-            aw * bw - ax * bx - ay * by - az * bz,
-        ],
-        -1,
-    )
+    # Two matrix products: written out for each component, numpy takes several times as long.
+    by_b = (b @ _PRODUCT).reshape(*np.shape(b)[:-1], 4, 4)
+    return np.asarray((a[..., None, :] @ by_b)[..., 0, :])
 
 
 def conjugate(quaternion: Array) -> Array:
@@ -39,7 +39,7 @@ def from_vector(vector: Array) -> Array:
 
 def capped(vector: Array, limit: float) -> Array:
     """Shorten (..., 3) rotation vectors (or velocities) to a length of at most limit, direction kept."""
-    length = np.linalg.norm(vector, axis=-1, keepdims=True)
+    length = np.sqrt(np.einsum("...i,...i->...", vector, vector))[..., None]
     return np.asarray(vector * np.minimum(1.0, limit / np.maximum(length, 1e-12)))
 
 

@@ -17,12 +17,15 @@ from humanclaw.world.half_physics.profile import Profile, find_profile
 from humanclaw.world.half_physics.quaternions import Pose, motion_of, poses_of
 from humanclaw.world.half_physics.reflexes import CALM, feel
 from humanclaw.world.half_physics.skeleton import LINK_OF
+from humanclaw.world.half_physics.surroundings import Surroundings, link_points
 from humanclaw.world.half_physics.world import TOUCHING, OpenWorld, Touch, World
 from humanclaw.world.scene import STRUCTURE, Scene
 from humanclaw.world.simulator import Contact, Execution, WorldState
 
 MOVED: Final = 0.001
 """An object whose path strays less than this from its beginning has not moved, metres."""
+_CATCH_UP: Final = 3.0
+"""A limb that was held back may come to its pose in the last third of a frame, three times as fast."""
 _SETTLE_FRAMES: Final = 15
 _MAX_OVERLAP: Final = 0.02
 _MAX_DRIFT: Final = 0.05
@@ -63,6 +66,7 @@ class HalfPhysics:
         self._world = world = self._open(scene, self._profile, pose)
         self._scene, self._reflex = scene, CALM
         self._building = {scene_object.id for scene_object in scene.objects if scene_object.category in STRUCTURE}
+        self._surroundings = Surroundings(scene)
         self._drive, self._exertion = Drive(world, self._profile, pose), Exertion(world, self._profile, scene)
         self._objects = world.objects()
         self._refuse_overlap(world, start)
@@ -79,11 +83,14 @@ class HalfPhysics:
         """
         world = self._ready(motion)
         simulated, contacts, touches, paths = [], [], [], []
-        began, before, swings = self._objects, world.pose().root, self._drive.swings(motion)
+        began, before = self._objects, self._drive.pose.root
+        swings, links = self._drive.swings(motion), link_points(motion)
         for frame, target in enumerate(poses_of(motion)):
-            met = self._frame(world, target, (target.root - before) * FPS, float(swings[frame]))
+            velocity = (target.root - before) * FPS
+            ahead = links[frame] + self._drive.pose.root + velocity / FPS - target.root
+            met = self._frame(world, target, velocity, ahead, float(swings[frame]))
             before = target.root
-            simulated.append(world.pose())
+            simulated.append(self._drive.pose)
             contacts += self._contacts(frame, met)
             touches += self._touches(world, frame)
             paths.append(self._objects)
@@ -102,15 +109,20 @@ class HalfPhysics:
             self._world.close()
             self._world = None
 
-    def _frame(self, world: World, target: Pose, velocity: Array, swing: float = 0.0) -> list[Touch]:
-        """One frame of physics; everything the body touched in any of its substeps."""
+    def _frame(self, world: World, target: Pose, velocity: Array, ahead: Array, swing: float = 0.0) -> list[Touch]:
+        """One frame of physics; everything the body touched in any of its substeps.
+
+        ahead: (P, 3) the points of the links (surroundings.link_points) where the command would have them at its end.
+        """
         profile, met = self._profile, list[Touch]()
         self._drive.aim(target.quaternions, swing)
-        self._exertion.look(world.pose().root, self._objects)
+        (here,) = link_points(motion_of([self._drive.pose]))
+        towards, near = self._surroundings.look(here, ahead, self._objects)
+        self._exertion.look(near)
         for substep in range(profile.substeps):
             horizontal = velocity if substep % profile.horizontal_every == 0 else None
             speed = self._drive.command(profile.substeps - substep, horizontal, self._reflex)
-            touches = self._step(world, speed)
+            touches = self._step(world, min(speed, _CATCH_UP * towards * FPS))
             self._drive.restrain(bool(touches))
             self._reflex = feel(world, profile, self._exertion.movable, touches, self._reflex)
             met += touches
@@ -118,8 +130,8 @@ class HalfPhysics:
         return met
 
     def _step(self, world: World, speed: float) -> Sequence[Touch]:
-        """One physics step, in so many parts that no link comes far between two looks for contacts; the contacts of the
-        body.
+        """One physics step, in so many parts that no link comes far towards anything between two looks for contacts;
+        the contacts of the body.
 
         In one part a kick ends 10 cm inside a wall, and a fast enough one behind it. A foot may touch a wall in an
         early part and have left it in the last one: the contacts are those of the last part that had any.
@@ -155,8 +167,9 @@ class HalfPhysics:
         return sorted((frame, *pair) for pair in pairs if not set(pair) & self._building)
 
     def _settle(self, world: World, pose: Pose, start: Pose2D) -> None:
+        (points,) = link_points(motion_of([pose]))
         for _ in range(_SETTLE_FRAMES):
-            self._frame(world, pose, np.zeros(3))
+            self._frame(world, pose, np.zeros(3), points)
         drift = world.pose().root - pose.root
         if np.abs(drift).max() > _MAX_DRIFT:
             raise SceneError(

@@ -28,11 +28,15 @@ class Swing:
     """(3,) its centre of mass in its asset's frame."""
     inertia: float
     """About the hinge, kg m2."""
-    _last: Callable[[float, float], ObjectMotion] = field(init=False, repr=False)
+    place: Callable[[float], Array] = field(init=False, repr=False)
+    """Return (7,) position and quaternion of the asset's own frame at an angle. The array is not for writing."""
+    motion: Callable[[float, float], ObjectMotion] = field(init=False, repr=False)
+    """Return how the object moves that turns so fast, rad/s, through an angle. The arrays are not for writing."""
 
     def __post_init__(self) -> None:
         # Engines ask at every step, and most doors hang still: then the answer is the one before.
-        object.__setattr__(self, "_last", lru_cache(maxsize=1)(self._computed))
+        object.__setattr__(self, "place", lru_cache(maxsize=1)(self._placed))
+        object.__setattr__(self, "motion", lru_cache(maxsize=1)(self._moving))
 
     @classmethod
     def of(cls, scene: Scene, obj: SceneObject) -> Swing:
@@ -52,15 +56,12 @@ class Swing:
         assert self.obj.joint is not None
         return self.obj.joint
 
-    def place(self, angle: float) -> Array:
-        """Return (7,) position and quaternion of the asset's own frame at an angle."""
-        return self.obj.at(angle)
+    def _placed(self, angle: float) -> Array:
+        place = self.obj.at(angle)
+        place.flags.writeable = False
+        return place
 
-    def motion(self, angle: float, speed: float) -> ObjectMotion:
-        """Return how the object moves that turns so fast, rad/s, through an angle. The arrays are not for writing."""
-        return self._last(angle, speed)
-
-    def _computed(self, angle: float, speed: float) -> ObjectMotion:
+    def _moving(self, angle: float, speed: float) -> ObjectMotion:
         place, spin = self.place(angle), speed * _UP
         centre = place[:3] + matrix_from_quaternion(place[3:]) @ self.centre
         motion = ObjectMotion(centre, place[3:], np.cross(spin, centre - self.axis), spin)

@@ -1,0 +1,66 @@
+"""How often half-physics looks for contacts: once a physics step in free air, more often towards something."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+pytest.importorskip("pybullet", reason="PyBullet has no wheel for this Python")
+
+from humanclaw import Motion, Scene
+from humanclaw.body import JOINT_INDEX, Pose2D, rest_pose
+from humanclaw.testing import SceneBuilder
+from humanclaw.world import HalfPhysics, Touch
+from humanclaw_bullet.world import BulletWorld
+
+STEPS = 15 * 4
+"""Physics steps of half a second at 120 Hz."""
+
+
+class CountingWorld(BulletWorld):
+    """Bullet, with a count of its steps."""
+
+    steps = 0
+
+    def step(self, seconds: float) -> Sequence[Touch]:
+        type(self).steps += 1
+        return super().step(seconds)
+
+
+def swing(degrees: float) -> Motion:
+    """Return half a second in which the hanging left arm rises sideways, away from the body."""
+    motion = rest_pose(15)
+    motion.rotations[:, JOINT_INDEX["left_shoulder"], 2] += np.radians(np.linspace(0, degrees, 15))
+    return motion
+
+
+def looks(scene: Scene, motion: Motion) -> tuple[int, float]:
+    """Return the engine's steps for a motion, and the deepest contact with anything but the floor, metres."""
+    simulator = HalfPhysics(CountingWorld)
+    simulator.reset(scene, Pose2D())
+    CountingWorld.steps = 0
+    done = simulator.execute(motion)
+    simulator.close()
+    return CountingWorld.steps, max((contact.depth for contact in done.contacts if contact.height > 0.1), default=0.0)
+
+
+def beside(distance: float) -> Scene:
+    """Return a floor with a thin wall on the left of the body, at a distance from its middle, metres."""
+    builder = SceneBuilder()
+    builder.floor()
+    builder.box("wall", (0.04, 2.5, 4.0), (distance, 0, 0))
+    return builder.scene()
+
+
+def test_a_fast_arm_in_free_air_takes_one_engine_step_a_physics_step():
+    # The hand is 0.7 m from the shoulder: 80 degrees in 14 / 30 s are 2.1 m/s, 1.7 cm a physics step.
+    assert looks(beside(3.0), swing(80)) == (STEPS, 0.0)
+
+
+@pytest.mark.parametrize("degrees", [80, 120])
+def test_the_same_arm_before_a_thin_wall_takes_more_and_does_not_enter_it(degrees):
+    steps, depth = looks(beside(0.6), swing(degrees))
+    assert steps > 1.2 * STEPS
+    assert 0.0 < depth < 0.01
