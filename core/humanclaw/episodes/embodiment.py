@@ -90,13 +90,18 @@ class Body:
         self._shown: Scene | None = None
         self.resets = 0
         """Number of resets. An episode of an earlier count is over."""
-        self.reset(scene, start, seed=seed)
+        self.place(scene, start, seed=seed)
 
     def _make(self, kind: str, name: str) -> Any:
         return self.plugins.make(kind, name, profile=self.backends.profile)
 
     def reset(self, scene: str | Scene, start: Pose2D | None = None, *, seed: int = 0) -> Observation:
-        """Stand at a start of a scene, with every object at rest."""
+        """Stand at a start of a scene, with every object at rest, and return the view."""
+        self.place(scene, start, seed=seed)
+        return self.observe()
+
+    def place(self, scene: str | Scene, start: Pose2D | None = None, *, seed: int = 0) -> None:
+        """Stand at a start of a scene, with every object at rest. Nothing is rendered."""
         wanted: Scene = self.plugins.scene(scene) if isinstance(scene, str) else scene
         if self._shown is not wanted:
             self._renderer.load(wanted)
@@ -109,7 +114,6 @@ class Body:
         self._history = stand(self._simulator, self._generator, self.scene, self.start)
         self._state = self._simulator.state()
         self._course = Course()
-        return self.observe()
 
     @property
     def skills(self) -> dict[str, Skill]:

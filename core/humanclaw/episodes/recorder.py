@@ -124,7 +124,7 @@ class TrajectoryBuffer:
 
 def stand_at_start(body: Body, spec: EpisodeSpec) -> None:
     """Put a body at the start of an episode. Raises SceneError if the scene has another digest than the episode's."""
-    body.reset(body.scene if body.scene.name == spec.scene else spec.scene, spec.start, seed=spec.seed)
+    body.place(body.scene if body.scene.name == spec.scene else spec.scene, spec.start, seed=spec.seed)
     if spec.scene_digest and body.scene.digest != spec.scene_digest:
         raise SceneError(
             f"scene {spec.scene} has digest {body.scene.digest[:12]}, the episode was made for "

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Final
 
 import numpy as np
@@ -154,11 +155,20 @@ def geodesics(scene: Scene, targets: Sequence[int], floor: float = 0.0) -> Calla
     """
     where = MultiFloorMap.of(scene)
     goals = np.concatenate([goals_at(where, scene, target) for target in targets] or [np.empty((0, 3))])
-    field = np.full((len(where.grids), *where.grids[0].blocked.shape), np.inf)
-    for radius in (RADIUS, 0.2, SQUEEZE):
-        field = np.where(np.isfinite(field), field, DistanceField.of(where, goals, radius).metres)
-    field = np.stack([_extended(layer) for layer in field])
-    return lambda point: float(where.at(field, np.asarray(point)))
+    wide = DistanceField.of(where, goals, RADIUS).metres
+
+    @cache
+    def everywhere() -> Array:  # A body is seldom where only a narrower one fits, and the search takes long.
+        field = wide
+        for radius in (0.2, SQUEEZE):
+            field = np.where(np.isfinite(field), field, DistanceField.of(where, goals, radius).metres)
+        return np.stack([_extended(layer) for layer in field])
+
+    def distance(point: Array) -> float:
+        metres = float(where.at(wide, np.asarray(point)))
+        return metres if np.isfinite(metres) else float(where.at(everywhere(), np.asarray(point)))
+
+    return distance
 
 
 def _extended(field: Array) -> Array:

@@ -7,9 +7,11 @@ frame.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from copy import deepcopy
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Final
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,28 +68,17 @@ class OccupancyGrid:
     @classmethod
     def of(cls, scene: Scene, floor: float = 0.0, moved: Mapping[int, Array] | None = None) -> OccupancyGrid:
         """Rasterize a scene. moved: object id to (7,) pose, for movable objects that are not where the scene says."""
-        low, shape = _extent(scene)
-        blocked, movable = np.zeros(shape, bool), np.zeros(shape, bool)
-        owners, tops = np.zeros(shape, np.int32), np.zeros(shape)
-        under, over = np.full(shape, np.inf), np.zeros(shape)
+        raster = deepcopy(_of_fixed(scene, floor))
         for obj in scene.objects:
-            pose = (moved or {}).get(obj.id)
-            for hull in _hulls(scene, obj, pose, floor):
-                mask, where = rasterize(hull[:, [0, 2]], low, shape)
-                bottom, top = hull[:, 1].min() - floor, hull[:, 1].max() - floor
-                if bottom >= OBSTACLE_HEIGHTS[1]:
-                    under[where] = np.where(mask, np.minimum(under[where], bottom), under[where])
-                    over[where] = np.where(mask, np.maximum(over[where], top), over[where])
-                elif obj.movable and not obj.joint:
-                    movable[where] |= mask
-                else:
-                    blocked[where] |= mask
-                    owners[where][mask] = obj.id
-                    tops[where] = np.maximum(tops[where], mask * top)
-        ground = np.full(shape, floor)
-        grid = cls((float(low[0]), float(low[1])), blocked, movable, owners, tops, (under, over), ground, floor)
+            if obj.movable:
+                raster.add(scene, obj, (moved or {}).get(obj.id))
+        ground = np.full(raster.blocked.shape, floor)
+        grid = cls(
+            (float(raster.low[0]), float(raster.low[1])), raster.blocked, raster.movable, raster.owners, raster.tops,
+            (raster.under, raster.over), ground, floor,
+        )  # fmt: skip
         inside = grid._indoors(scene)
-        return replace(grid, blocked=blocked | ~inside, ground=np.where(inside, ground, np.nan))
+        return replace(grid, blocked=grid.blocked | ~inside, ground=np.where(inside, ground, np.nan))
 
     def _indoors(self, scene: Scene) -> Mask:
         """Cells of this floor's rooms and of the walls and doorways between them; everything if the scene has no
@@ -217,6 +208,48 @@ def yaw_of(direction: Array) -> float:
 
 
 # -- rasterizing -------------------------------------------------------------------------------------------------------
+class _Raster:
+    """The arrays of one floor's grid while objects are drawn into it."""
+
+    def __init__(self, scene: Scene, floor: float) -> None:
+        self.low, shape = _extent(scene)
+        self.floor = floor
+        self.blocked, self.movable = np.zeros(shape, bool), np.zeros(shape, bool)
+        self.owners, self.tops = np.zeros(shape, np.int32), np.zeros(shape)
+        self.under, self.over = np.full(shape, np.inf), np.zeros(shape)
+
+    def add(self, scene: Scene, obj: SceneObject, pose: Array | None = None) -> None:
+        """Draw an object. pose: (7,), if it is not where the scene says."""
+        for hull in _hulls(scene, obj, pose, self.floor):
+            mask, where = rasterize(hull[:, [0, 2]], self.low, self.blocked.shape)
+            bottom, top = hull[:, 1].min() - self.floor, hull[:, 1].max() - self.floor
+            if bottom >= OBSTACLE_HEIGHTS[1]:
+                self.under[where] = np.where(mask, np.minimum(self.under[where], bottom), self.under[where])
+                self.over[where] = np.where(mask, np.maximum(self.over[where], top), self.over[where])
+            elif obj.movable and not obj.joint:
+                self.movable[where] |= mask
+            else:
+                self.blocked[where] |= mask
+                self.owners[where][mask] = obj.id
+                self.tops[where] = np.maximum(self.tops[where], mask * top)
+
+
+_RASTERS: Final[WeakKeyDictionary[Scene, dict[float, _Raster]]] = WeakKeyDictionary()
+"""Fixed objects of each scene by floor. Each episode in a house needs them twice: for its distances and for its agent.
+They are freed with the scene."""
+
+
+def _of_fixed(scene: Scene, floor: float) -> _Raster:
+    """Return the fixed objects of a floor, drawn once a scene. Not for writing."""
+    known = _RASTERS.setdefault(scene, {})
+    if floor not in known:
+        known[floor] = _Raster(scene, floor)
+        for obj in scene.objects:
+            if not obj.movable:
+                known[floor].add(scene, obj)
+    return known[floor]
+
+
 def _extent(scene: Scene) -> tuple[Array, tuple[int, int]]:
     corners = [corner[[0, 2]] for obj in scene.objects for corner in scene.aabb(obj.id)]
     corners += [np.array(pair) for room in scene.rooms for pair in ((room.x0, room.z0), (room.x1, room.z1))]
