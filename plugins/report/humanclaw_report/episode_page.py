@@ -9,6 +9,7 @@ import json
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from importlib import resources
 from pathlib import Path
 from typing import Any, Final
@@ -165,7 +166,9 @@ def as_json(value: Any) -> markupsafe.Markup:
     return markupsafe.Markup(json.dumps(value).replace("<", "\\u003c"))
 
 
+@cache
 def environment() -> jinja2.Environment:
+    """Return the templates. Cached: to compile them takes longer than to fill in a page."""
     made = jinja2.Environment(
         loader=jinja2.PackageLoader("humanclaw_report", "templates"),
         autoescape=True,
