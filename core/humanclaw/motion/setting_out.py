@@ -1,6 +1,6 @@
 """Redraw first steps from standing in which both feet slide.
 
-With few solver steps, four in a hundred small straight steps are the average of a left-first and a right-first one, and
+With few solver steps, five in a hundred small straight steps are the average of a left-first and a right-first one, and
 both feet slide by centimetres. Such a chunk is drawn again, and the draw that slides least is taken, unaltered.
 """
 
@@ -19,7 +19,7 @@ _STANDS: Final = 0.1
 _SLIDES: Final = 0.01
 """Metres by which both feet may slide; a proper step slides by a tenth of that."""
 _DRAWS: Final = 4
-"""Maximum redraws. Each fails once in twenty-five."""
+"""Maximum redraws. Each fails once in twenty."""
 _TOES: Final = (JOINT_INDEX["left_foot"], JOINT_INDEX["right_foot"])
 
 Draw = Callable[[Sequence[int], int], Sequence[Motion]]

@@ -46,33 +46,43 @@ class Model(NamedTuple):
 
 def pack(meshes: Sequence[Mesh]) -> Model:
     """Pack meshes. They are numbered in the given order."""
-    pieces = [_sorted_faces(mesh) for mesh in meshes]
-    corners = [mesh.vertices[faces] for mesh, faces in zip(meshes, pieces, strict=True)]
-    uv = [mesh.uv[faces] for mesh, faces in zip(meshes, pieces, strict=True)]
-    density = [_density(*args) for args in zip(corners, uv, [mesh.texture for mesh in meshes], strict=True)]
-    normals = [_smooth_normals(mesh, faces) for mesh, faces in zip(meshes, pieces, strict=True)]
-    counts = [len(faces) for faces in pieces]
+    # All meshes at once: a house has hundreds of small ones.
+    counts = [len(mesh.faces) for mesh in meshes]
+    owner = np.repeat(np.arange(len(meshes)), counts)
+    first = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
+    vertices = np.concatenate([mesh.vertices for mesh in meshes])
+    faces = np.concatenate([mesh.faces + start for mesh, start in zip(meshes, first[:-1], strict=True)])
+    faces = faces[np.lexsort((_along_curve(vertices[faces], counts), owner))]
+    corners, uv = vertices[faces], np.concatenate([mesh.uv for mesh in meshes])[faces]
+    sizes = np.array([mesh.texture.shape[1::-1] for mesh in meshes])
     clusters, ranges = _clusters(counts)
     texels, levels = _textures([mesh.texture for mesh in meshes])
-    together = np.concatenate(corners).astype(np.float32)
+    places = _places(vertices, np.repeat(np.arange(len(meshes)), np.diff(first)))
     return Model(
-        together, np.concatenate(normals).astype(np.float32), np.concatenate(uv).astype(np.float32),
-        np.concatenate(density).astype(np.float32), clusters, _spheres(together, clusters), ranges, texels, levels,
+        corners.astype(np.float32), _smooth_normals(corners, places[faces]).astype(np.float32),
+        uv.astype(np.float32), _density(corners, uv, sizes[owner]).astype(np.float32),
+        clusters, _spheres(corners.astype(np.float32), clusters), ranges, texels, levels,
     )  # fmt: skip
 
 
-def _sorted_faces(mesh: Mesh) -> NDArray[np.int32]:
-    """Return (M, 3) the faces along a Morton curve, so that successive faces are close to each other."""
-    if len(mesh.faces) <= CLUSTER:
-        return mesh.faces
-    centres = mesh.vertices[mesh.faces].mean(axis=1)
-    low, size = centres.min(axis=0), np.ptp(centres, axis=0).max() + 1e-9
-    cells = ((centres - low) / size * 1023).astype(np.int64)
-    code = np.zeros(len(cells), np.int64)
-    for bit in range(10):
-        for axis in range(3):
-            code |= ((cells[:, axis] >> bit) & 1) << (3 * bit + axis)
-    return mesh.faces[np.argsort(code, kind="stable")]
+def _along_curve(corners: Floats, counts: Sequence[int]) -> NDArray[np.int64]:
+    """Return (T,) the place of each face on a Morton curve through its mesh: successive faces are close to each other.
+
+    The faces of a mesh with one cluster keep their order.
+    """
+    centres, code = (corners[:, 0] + corners[:, 1] + corners[:, 2]) / 3, np.zeros(len(corners), np.int64)
+    for first, count in zip(np.cumsum([0, *counts]), counts, strict=False):
+        if count > CLUSTER:
+            mine = centres[first : first + count]
+            low, size = mine.min(axis=0), np.ptp(mine, axis=0).max() + 1e-9
+            cells = ((mine - low) / size * 1023).astype(np.int64)
+            x, y, z = _SPREAD[cells].T
+            code[first : first + count] = x | y << 1 | z << 2
+    return code
+
+
+_SPREAD: Final = np.array([sum((cell >> bit & 1) << 3 * bit for bit in range(10)) for cell in range(1024)])
+"""The bits of a number, three apart."""
 
 
 def _clusters(counts: Sequence[int]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
@@ -88,29 +98,43 @@ def _clusters(counts: Sequence[int]) -> tuple[NDArray[np.int32], NDArray[np.int3
 
 
 def _spheres(corners: Floats, clusters: NDArray[np.int32]) -> Floats:
-    low = np.minimum.reduceat(corners.min(axis=1), clusters[:, 0])
-    high = np.maximum.reduceat(corners.max(axis=1), clusters[:, 0])
+    low = np.minimum.reduceat(np.minimum(np.minimum(corners[:, 0], corners[:, 1]), corners[:, 2]), clusters[:, 0])
+    high = np.maximum.reduceat(np.maximum(np.maximum(corners[:, 0], corners[:, 1]), corners[:, 2]), clusters[:, 0])
     radius = np.linalg.norm(high - low, axis=1, keepdims=True) / 2
     # A little larger than exact: rounding to float32 must not leave a corner outside.
     return np.concatenate([(low + high) / 2, radius * 1.0001 + 1e-6], axis=1).astype(np.float32)
 
 
-def _density(corners: Floats, uv: Floats, texture: NDArray[np.uint8]) -> Array:
-    """Return (M,) texels per metre; 0 where a face takes its colour from a single point of the texture."""
+def _density(corners: Floats, uv: Floats, sizes: NDArray[np.int64]) -> Array:
+    """Return (T,) texels per metre; 0 where a face takes its colour from a single point of the texture.
+
+    sizes: (T, 2) width and height of a face's texture.
+    """
     area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    sides = (uv[:, 1:] - uv[:, :1]) * np.array([texture.shape[1], texture.shape[0]])
+    sides = (uv[:, 1:] - uv[:, :1]) * sizes[:, None]
     covered = np.abs(sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0])
     return np.asarray(np.sqrt(covered / np.maximum(area, 1e-12)))
 
 
-def _smooth_normals(mesh: Mesh, faces: NDArray[np.int32]) -> Array:
-    """Return (M, 3, 3) the normal at each corner: the mean of the faces that meet there, unless the edge is sharp."""
-    points: Array = mesh.vertices.astype(float)[faces]
+def _places(vertices: Floats, owner: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return (N,) a number for each vertex, equal for vertices of one mesh at the same place."""
+    x, y, z = np.round(vertices, 5).T
+    order = np.lexsort((z, y, x, owner))
+    new = np.any([np.diff(key[order]) != 0 for key in (x, y, z, owner)], axis=0)
+    places = np.empty(len(order), np.int64)
+    places[order] = np.cumsum([False, *new])
+    return places
+
+
+def _smooth_normals(corners: Floats, places: NDArray[np.int64]) -> Array:
+    """Return (T, 3, 3) the normal at each corner: the mean of the faces that meet there, unless the edge is sharp.
+
+    places: (T, 3) the number of each corner's place.
+    """
+    points: Array = corners.astype(float)
     flat = np.repeat(_unit(np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])), 3, axis=0)
-    _, place = np.unique(np.round(mesh.vertices, 5), axis=0, return_inverse=True)
-    corner = place.ravel()[faces.ravel()]
-    total = np.stack([np.bincount(corner, flat[:, axis]) for axis in range(3)], axis=1).astype(float)
-    mean = _unit(total)[corner]
+    total = np.stack([np.bincount(places.ravel(), flat[:, axis]) for axis in range(3)], axis=1).astype(float)
+    mean = _unit(total)[places.ravel()]
     smooth = np.sum(flat * mean, axis=-1, keepdims=True) > SMOOTH
     return np.where(smooth, mean, flat).reshape(-1, 3, 3)
 
@@ -120,23 +144,32 @@ def _unit(vectors: Array) -> Array:
 
 
 def _textures(pictures: Sequence[NDArray[np.uint8]]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    texels, levels, first = [], [], 0
-    for picture in pictures:
-        for _ in range(LEVELS):
-            levels.append((first, *picture.shape[:2]))
-            padded = np.zeros((picture.shape[0] * picture.shape[1], 4), np.uint8)
-            padded[:, :3] = picture.reshape(-1, 3)
-            texels.append(padded.view("<i4")[:, 0])
-            first += len(padded)
-            picture = _half(picture)
-    return np.concatenate(texels, dtype=np.int32), np.array(levels, np.int32).reshape(-1, 3)
+    sizes = np.array([[[max(side >> level, 1) for side in p.shape[:2]] for level in range(LEVELS)] for p in pictures])
+    begins = np.cumsum([0, *sizes.prod(axis=-1).ravel()])
+    texels = np.zeros(begins[-1], "<u4")
+    for shape in sorted({picture.shape for picture in pictures}):  # Pictures of one shape are halved together.
+        numbers = [k for k, picture in enumerate(pictures) if picture.shape == shape]
+        stack = np.zeros((len(numbers), *shape[:2], 4), np.uint8)
+        for k, number in enumerate(numbers):
+            stack[k, ..., :3] = pictures[number]
+        level = stack.view("<u4")[..., 0]
+        for k in range(LEVELS):
+            for number, picture in zip(numbers, level, strict=True):
+                texels[begins[number * LEVELS + k] :][: picture.size] = picture.ravel()
+            level = _half(level)
+    levels = np.concatenate([begins[:-1, None], sizes.reshape(-1, 2)], axis=1)
+    return texels.view("<i4").astype(np.int32, copy=False), levels.astype(np.int32)
 
 
-def _half(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Halve a picture: each 2 x 2 texels become their mean. A side of one texel stays."""
-    for axis in (0, 1):
-        size = picture.shape[axis] // 2 * 2
-        if size:
-            even, odd = (picture.take(np.arange(first, size, 2), axis).astype(np.uint16) for first in (0, 1))
-            picture = ((even + odd) // 2).astype(np.uint8)
-    return picture
+def _half(pictures: NDArray[np.uint32]) -> NDArray[np.uint32]:
+    """Halve (N, H, W) pictures: each 2 x 2 texels become their mean. A side of one texel stays."""
+    if height := pictures.shape[1] // 2 * 2:
+        pictures = _mean(pictures[:, 0:height:2], pictures[:, 1:height:2])
+    if width := pictures.shape[2] // 2 * 2:
+        pictures = _mean(pictures[:, :, 0:width:2], pictures[:, :, 1:width:2])
+    return pictures
+
+
+def _mean(even: NDArray[np.uint32], odd: NDArray[np.uint32]) -> NDArray[np.uint32]:
+    """Return the mean of each byte, rounded down. Nothing carries from one byte into the next."""
+    return (even & odd) + ((even ^ odd) >> 1 & 0x7F7F7F7F)

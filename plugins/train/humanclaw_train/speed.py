@@ -30,7 +30,7 @@ import humanclaw.motion as inference
 from humanclaw import HumanclawError
 from humanclaw.body import FUTURE, HISTORY, STATE_SIZE
 from humanclaw.cli import show_markdown
-from humanclaw.motion import SIZES, AdapterConfig, DiTGenerator, Solver
+from humanclaw.motion import PROFILES, SIZES, AdapterConfig, DiTGenerator, Solver
 from humanclaw_train.checkpoint import weights_of
 from humanclaw_train.control import Adapter
 from humanclaw_train.dit import DiT, Modulations
@@ -39,7 +39,7 @@ from humanclaw_train.flow import velocity
 from humanclaw_train.rollouts import Command, Installed, adapters
 from humanclaw_train.tables import as_json, table
 
-SOLVERS: Final = (Solver("euler", 4), Solver("midpoint", 4), Solver("midpoint", 30))
+SOLVERS: Final = (PROFILES["default"], Solver("midpoint", 4), Solver("midpoint", 30))
 GOALS: Final = {"lite": 50.0, "paper": 250.0}
 """Limit of the default solver's time per chunk, ms."""
 _TIMED: Final = AdapterConfig("timed", "fourier", ("x", "z", "yaw"), (0.0, 0.4, 0.0), (0.3, 0.4, 0.5))

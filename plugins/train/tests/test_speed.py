@@ -6,7 +6,7 @@ torch = pytest.importorskip("torch")
 
 from humanclaw.motion import SIZES, ModelConfig, Solver
 from humanclaw_train import speed
-from humanclaw_train.speed import Timing, installed, markdown, measure, verdict
+from humanclaw_train.speed import SOLVERS, Timing, installed, markdown, measure, verdict
 
 
 @pytest.fixture(autouse=True)
@@ -34,9 +34,9 @@ def test_what_runs_the_model_and_what_defines_it_are_always_measured():
 
 def test_the_table_has_a_column_for_each_solver_and_the_verdict_names_the_goal():
     timings = [
-        Timing("lite", "torch", 1, Solver("euler", 4), 1, 18.04, 17.0),
+        Timing("lite", "torch", 1, SOLVERS[0], 1, 18.04, 17.0),
         Timing("lite", "torch", 1, Solver("midpoint", 30), 1, 250.0, 240.0),
-        Timing("paper", "torch", 2, Solver("euler", 4), 1, 300.0, 500.0),
+        Timing("paper", "torch", 2, SOLVERS[0], 1, 300.0, 500.0),
     ]
     assert "| lite | torch | 1 | 1 | 18.0 (17.0) | 250.0 (240.0) |" in markdown(timings)
     assert "| paper | torch | 2 | 1 | 300.0 (500.0) | - |" in markdown(timings)

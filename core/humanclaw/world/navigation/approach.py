@@ -19,6 +19,8 @@ ARM_ROOM: Final = 0.5
 """Metres from the middle of the body to the end of the seat: hips and elbows must clear the armrest."""
 STAND_OFF: Final = 0.45
 """Metres from the edge of a seat to the place where a body turns round before sitting down."""
+NEAR: Final = 1.5
+"""Places farther from the edge of a target are not beside it, metres."""
 LEANING: Final = 1.0
 """Metres. A body farther than this from every reachable cell is not leaning on furniture but shut in."""
 
@@ -71,11 +73,13 @@ def goals_at(where: MultiFloorMap, scene: Scene, target: int, *, sit: bool = Fal
 def _beside(grid: OccupancyGrid, scene: Scene, target: int) -> Iterator[Viewpoint]:
     """Free cells nearest to the target's bounding box, on the target's side of every wall."""
     low, high = (corner[[0, 2]] for corner in scene.aabb(target))
+    first, last = grid.cell(low - NEAR - CELL), grid.cell(high + NEAR + CELL) + 1
+    window = grid.clearance[first[0] : last[0], first[1] : last[1]]
     for radius in (RADIUS, 0.2, SQUEEZE):
-        points = grid.point(np.argwhere(grid.clearance >= radius))
+        points = grid.point(np.argwhere(window >= radius) + first)
         edge = np.clip(points, low, high)
         gap = np.linalg.norm(points - edge, axis=1)
-        points, edge, gap = points[gap < 1.5], edge[gap < 1.5], gap[gap < 1.5]
+        points, edge, gap = points[gap < NEAR], edge[gap < NEAR], gap[gap < NEAR]
         free = ~_walled(grid, scene, points, edge)
         if free.any():
             chosen = np.flatnonzero(free & (gap <= gap[free].min() + 0.15))

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any
+from typing import Any, Final
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,11 +41,14 @@ class MultiFloorMap:
     def of(cls, scene: Scene, moved: Mapping[int, Array] | None = None) -> MultiFloorMap:
         """Build the grids of a scene. moved: object id to (7,) pose, for movable objects that are not where the scene
         says."""
+        if not moved and scene in _MAPS:
+            return _MAPS[scene]
         floors = [OccupancyGrid.of(scene, floor, moved) for floor in floors_of(scene)]
         grids = floors[:1]
         for lower, upper in pairwise(floors):
             grids += [staircase(scene, lower, upper), upper]
-        return cls(tuple(grids))
+        found = cls(tuple(grids))
+        return found if moved else _MAPS.setdefault(scene, found)
 
     @property
     def floors(self) -> tuple[OccupancyGrid, ...]:
@@ -174,6 +178,10 @@ class DistanceField:
         flat = grids[0].point(cells[:, 1:])
         heights = [grids[level].ground[x, z] for level, x, z in zip(cells[:, 0] // 2, *cells[:, 1:].T, strict=True)]
         return np.stack([flat[:, 0], heights, flat[:, 1]], -1)
+
+
+_MAPS: Final[WeakKeyDictionary[Scene, MultiFloorMap]] = WeakKeyDictionary()
+"""The map of each scene as it is described; each episode in a house measures distances on it. Freed with the scene."""
 
 
 # -- routes ------------------------------------------------------------------------------------------------------------
