@@ -2,8 +2,10 @@
 
 import asyncio
 import signal
+import tracemalloc
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from humanclaw import Call, CallError, Episode, HumanclawError, PluginError, Verdict, run_episode, skill
@@ -269,6 +271,28 @@ def test_a_view_that_an_agent_blackens_is_the_same_to_everybody_else(body, spec)
 
     record = run_episode(body, spec, Painter(None), Witness(Verdict(True)))
     assert (record.outcome, seen) == ("stopped", [body.view().rgb.mean()])
+
+
+def test_a_long_episode_remembers_every_view_in_little_memory(body, house):
+    seen = []
+
+    class Seer(Agent):
+        def decide(self, observation, history):
+            seen.append(observation.rgb)
+            assert [past.step for past in history] == list(range(len(history)))
+            return WALK
+
+    tracemalloc.start()
+    with Episode(body, free_episode("walk", house, max_steps=40), Seer(None)) as episode:
+        while not episode.done:
+            episode.ask()
+        first, last = episode.history[0], episode.history[-1]
+        assert last.rgb is seen[-1]
+        assert np.abs(first.rgb.astype(int) - seen[0]).mean() < 4.0
+        view = seen[0].nbytes
+        seen.clear()
+        assert tracemalloc.get_traced_memory()[0] < 25 * view
+    tracemalloc.stop()
 
 
 @pytest.mark.parametrize(

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any, Final, Self
 
 from humanclaw.episodes.embodiment import Body, SkillExecution
+from humanclaw.episodes.history import History
 from humanclaw.episodes.panel import Panel
 from humanclaw.episodes.recorder import Recording, begin_record, ending, stand_at_start
 from humanclaw.episodes.replay import check_decision, check_end, check_place
@@ -93,7 +94,7 @@ class Episode:
         # Before anything is written, so that a refusal leaves no folder behind.
         self._panel.begin(EpisodeContext(spec, body.skills, spec.seed, meter=self._meter), self._privileged)
         self._recording = Recording(body, record, folder)
-        self._history: list[HistoryEntry] = []
+        self._history = History(_QUALITY)
         self._feedback, self._step = Feedback(), Step(0)
         self._stopping = self._cancelling = False
         with self._closing():
@@ -132,8 +133,8 @@ class Episode:
 
     @property
     def history(self) -> tuple[HistoryEntry, ...]:
-        """Every step so far, as an agent may recall it."""
-        return tuple(self._history)
+        """Every step so far, as an agent may recall it. Views of more than 16 steps ago have passed through JPEG."""
+        return self._history.entries
 
     @property
     def success(self) -> bool:

@@ -19,6 +19,11 @@ def jpeg(rgb: NDArray[np.uint8], quality: int = 90) -> bytes:
     return buffer.getvalue()
 
 
+def from_jpeg(data: bytes) -> NDArray[np.uint8]:
+    """Decode a JPEG to (height, width, 3) uint8, not for writing."""
+    return np.asarray(Image.open(io.BytesIO(data)))
+
+
 def gif(pictures: Sequence[NDArray[np.uint8]], out: Path, fps: float) -> None:
     """Write (height, width, 3) pictures as an animated GIF with one palette; a palette for each would flicker.
 
