@@ -282,8 +282,9 @@ def test_a_long_episode_remembers_every_view_in_little_memory(body, house):
             assert [past.step for past in history] == list(range(len(history)))
             return WALK
 
-    tracemalloc.start()
     with Episode(body, free_episode("walk", house, max_steps=40), Seer(None)) as episode:
+        episode.ask()  # Loads the weights.
+        tracemalloc.start()
         while not episode.done:
             episode.ask()
         first, last = episode.history[0], episode.history[-1]

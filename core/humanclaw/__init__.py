@@ -38,9 +38,9 @@ if TYPE_CHECKING:
         Reporter as Reporter,
         Verifier as Verifier,
     )
+    from humanclaw.plugins.choice import Choice as Choice
     from humanclaw.plugins.hookspecs import hookimpl as hookimpl
     from humanclaw.plugins.host import Plugins as Plugins
-    from humanclaw.plugins.registry import Choice as Choice
     from humanclaw.records.decisions import Attempt as Attempt, Decision as Decision, Usage as Usage, Verdict as Verdict
     from humanclaw.records.limits import Meter as Meter
     from humanclaw.records.reading import RecordedEpisode as RecordedEpisode, load_run as load_run

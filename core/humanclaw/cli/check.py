@@ -14,8 +14,8 @@ from rich.markup import escape
 from rich.table import Table
 
 from humanclaw.cli.options import plugin_options
+from humanclaw.plugins.choice import Choice
 from humanclaw.plugins.host import Plugins
-from humanclaw.plugins.registry import Choice
 from humanclaw.skills.checks import CHECKS
 from humanclaw.text.words import counted
 

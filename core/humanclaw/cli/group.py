@@ -25,6 +25,7 @@ from humanclaw.text.words import nearest
 
 if TYPE_CHECKING:
     from humanclaw.plugins.host import Plugins
+    from humanclaw.plugins.loading import Modules
 
 _LOG = logging.getLogger(__name__)
 _NO_ROOM = {errno.ENOSPC, errno.EROFS, errno.EACCES, getattr(errno, "EDQUOT", errno.ENOSPC)}
@@ -37,7 +38,7 @@ class Commands(click.Group):
     plugins: called when a command is unknown, or all are listed. So `humanclaw run` starts before any plugin is loaded.
     """
 
-    def __init__(self, *args: Any, plugins: Callable[[], Plugins], **options: Any) -> None:
+    def __init__(self, *args: Any, plugins: Callable[[], Plugins | Modules], **options: Any) -> None:
         super().__init__(*args, **options)
         self._plugins = plugins
         self._complete = False
@@ -147,7 +148,7 @@ def run(instruction: str, reference: str, deciders: Deciders, files: tuple[Path,
         play(instruction, reference, deciders, files, console, status, **options)  # type: ignore[arg-type]
 
 
-def build(plugins: Callable[[], Plugins]) -> click.Group:
+def build(plugins: Callable[[], Plugins | Modules]) -> click.Group:
     """Return the command group: `run`, and on demand the commands of plugins and of the core."""
 
     @click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"]}, plugins=plugins)
@@ -163,10 +164,10 @@ def main(args: Sequence[str] | None = None) -> None:
     """Run the command line. A character that the output cannot encode, as in a pipe on Windows, is escaped."""
     if isinstance(sys.stdout, TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")
-    sys.exit(build(_discover).main(args=args, prog_name="humanclaw"))
+    sys.exit(build(_installed).main(args=args, prog_name="humanclaw"))
 
 
-def _discover() -> Plugins:
-    from humanclaw.plugins.host import Plugins
+def _installed() -> Modules:
+    from humanclaw.plugins.loading import Modules
 
-    return Plugins.discover()
+    return Modules()

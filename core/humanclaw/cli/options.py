@@ -215,7 +215,7 @@ def plugin_options(function: F) -> F:
 
     @functools.wraps(function)
     def command(*args: Any, prefer: Sequence[str], without: Sequence[str], skills: str | None, **rest: Any) -> Any:
-        from humanclaw.plugins.registry import Choice
+        from humanclaw.plugins.choice import Choice
 
         named = tuple(name.strip() for name in (skills or "").split(",") if name.strip())
         if skills is not None and not named:

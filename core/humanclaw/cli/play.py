@@ -22,8 +22,8 @@ from humanclaw.episodes.embodiment import Body
 from humanclaw.episodes.loop import run_episode
 from humanclaw.errors import RecordError
 from humanclaw.plugins.agents import Reporter
+from humanclaw.plugins.choice import Choice
 from humanclaw.plugins.host import Plugins
-from humanclaw.plugins.registry import Choice
 from humanclaw.records.folder import writing
 from humanclaw.records.reading import RecordedEpisode
 from humanclaw.records.specification import name_of

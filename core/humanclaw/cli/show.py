@@ -12,8 +12,8 @@ from rich.console import Console
 from rich.table import Table
 
 from humanclaw.cli.options import plugin_options
+from humanclaw.plugins.choice import Choice, PluginInfo
 from humanclaw.plugins.host import Plugins
-from humanclaw.plugins.registry import Choice, PluginInfo
 from humanclaw.skills.contract import Skill, bounds
 from humanclaw.skills.publishing import Format, publish
 

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from humanclaw.plugins.agents import Decision, Feedback, HistoryEntry
+from humanclaw.plugins.agents import HistoryEntry
 from humanclaw.storage.pictures import from_jpeg, jpeg
 
 RECENT: Final = 16
@@ -28,17 +28,19 @@ class History:
     def append(self, entry: HistoryEntry) -> None:
         self._entries.append(entry)
         if len(self._entries) > RECENT:
-            old = self._entries[-RECENT - 1]
-            self._entries[-RECENT - 1] = _Compressed(old.step, old.decision, old.feedback, jpeg(old.rgb, self._quality))
+            self._entries[-RECENT - 1] = _Compressed(self._entries[-RECENT - 1], self._quality)
 
 
 class _Compressed(HistoryEntry):
     """An entry whose view is decoded each time that somebody asks for it."""
 
-    def __init__(self, step: int, decision: Decision, feedback: Feedback, picture: bytes) -> None:
-        for name, value in {"step": step, "decision": decision, "feedback": feedback, "_picture": picture}.items():
+    _picture: bytes
+
+    def __init__(self, entry: HistoryEntry, quality: int) -> None:
+        known = {"step": entry.step, "decision": entry.decision, "feedback": entry.feedback}
+        for name, value in {**known, "_picture": jpeg(entry.rgb, quality)}.items():
             object.__setattr__(self, name, value)  # The dataclass is frozen.
 
     @property
-    def rgb(self) -> NDArray[np.uint8]:  # type: ignore[override]
+    def rgb(self) -> NDArray[np.uint8]:
         return from_jpeg(self._picture)

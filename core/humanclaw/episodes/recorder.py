@@ -17,9 +17,9 @@ from humanclaw.body.pose import HISTORY, Array, Motion
 from humanclaw.episodes.embodiment import Body
 from humanclaw.episodes.step import target_boxes
 from humanclaw.errors import HumanclawError, LimitError, PluginRunError, ProviderError, SceneError
+from humanclaw.plugins.choice import PluginInfo
 from humanclaw.plugins.distributions import version
 from humanclaw.plugins.host import Plugins
-from humanclaw.plugins.registry import PluginInfo
 from humanclaw.records.folder import EpisodeWriter
 from humanclaw.records.specification import EpisodeSpec
 from humanclaw.records.steps import EpisodeRecord, Outcome, SkillInfo, StepRecord

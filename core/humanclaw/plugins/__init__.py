@@ -15,6 +15,7 @@ if TYPE_CHECKING:
         Verifier as Verifier,
     )
     from humanclaw.plugins.bounded import Bounded as Bounded, OverdueError as OverdueError
+    from humanclaw.plugins.choice import Choice as Choice, PluginInfo as PluginInfo, Registration as Registration
     from humanclaw.plugins.hookspecs import (
         API_VERSION as API_VERSION,
         OBSERVERS as OBSERVERS,
@@ -53,7 +54,6 @@ if TYPE_CHECKING:
         noun as noun,
     )
     from humanclaw.plugins.host import Plugins as Plugins
-    from humanclaw.plugins.registry import Choice as Choice, PluginInfo as PluginInfo, Registration as Registration
 
 if not TYPE_CHECKING:
     __getattr__, __dir__, __all__ = door(__name__)

@@ -28,6 +28,7 @@ from humanclaw.errors import PluginError, by_hand
 from humanclaw.motion.checkpoint import read_header, shipped_base
 from humanclaw.plugins import hookspecs
 from humanclaw.plugins.bounded import Bounded
+from humanclaw.plugins.choice import Choice, PluginInfo, Registration, is_owner
 from humanclaw.plugins.loading import (
     PATIENCE,
     check_api,
@@ -39,7 +40,7 @@ from humanclaw.plugins.loading import (
     reason_of,
 )
 from humanclaw.plugins.lookup import Lookup
-from humanclaw.plugins.registry import Choice, PluginInfo, Registration, Registry, is_owner
+from humanclaw.plugins.registry import Registry
 from humanclaw.skills.measures import MEASURES
 from humanclaw.text.words import did_you_mean
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import importlib.metadata
 import importlib.util
+import logging
 from pathlib import Path
 from types import ModuleType
-from typing import Final
+from typing import Any, Final
 
 import pluggy
 from packaging.requirements import Requirement
@@ -16,6 +17,7 @@ from humanclaw.errors import PluginError, in_words
 from humanclaw.plugins import hookspecs
 from humanclaw.plugins.distributions import version
 
+_LOG: Final = logging.getLogger(__name__)
 PATIENCE: Final = 30.0
 """Seconds that an observer or a metric may take by default; a plugin sets others in HUMANCLAW_PATIENCE."""
 
@@ -53,6 +55,28 @@ def origin_of(point: importlib.metadata.EntryPoint) -> tuple[str, str, str]:
     except (TypeError, FileNotFoundError):  # importlib_metadata, which litellm brings, raises instead.
         name, version = "", ""
     return name or point.name, version or "", name or ""
+
+
+class Modules:
+    """The modules of the installed plugins, without what they register: enough to list commands, in a tenth of a
+    second less than a host needs."""
+
+    def tell(self, hook: str, **event: Any) -> None:
+        """Call a hook of every plugin that has it, the core's first. A plugin that fails is logged and skipped."""
+        points = importlib.metadata.entry_points(group=hookspecs.PROJECT)
+        for point in sorted(points, key=lambda point: (origin_of(point)[2] != hookspecs.PROJECT, origin_of(point))):
+            manager = pluggy.PluginManager(hookspecs.PROJECT)
+            manager.add_hookspecs(hookspecs)
+            try:
+                module = held_to_requirements(point).load()
+                if has_hook(module, hook):
+                    check_api(getattr(module, "HUMANCLAW_API", hookspecs.API_VERSION), point.name)
+                    manager.register(module)
+                    getattr(manager.hook, hook)(**event)
+            except KeyboardInterrupt:
+                raise
+            except BaseException as error:  # Third-party code: not even its SystemExit may end the program.
+                _LOG.warning("plugin %r failed at %s: %s", origin_of(point)[0], hook, reason_of(error))
 
 
 def has_hook(plugin: object, hook: str) -> bool:

@@ -1,4 +1,4 @@
-"""What plugins register, and which of it is wanted."""
+"""Collect what a plugin registers, and keep the items that can be used."""
 
 from __future__ import annotations
 
@@ -8,10 +8,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
-from packaging.utils import canonicalize_name
-
 from humanclaw.errors import PluginError
-from humanclaw.plugins import hookspecs
+from humanclaw.plugins.choice import Choice, Registration
 from humanclaw.plugins.hookspecs import noun
 from humanclaw.plugins.loading import reason_of
 from humanclaw.skills.checks import skill_faults
@@ -19,62 +17,6 @@ from humanclaw.skills.contract import Skill
 from humanclaw.skills.measures import Measure
 
 _NAME: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_. -]{0,63}")
-
-
-@dataclass(frozen=True)
-class Choice:
-    """Which of the installed plugins and skills to use.
-
-    An owner is a distribution, with or without `humanclaw-`, or the name of a plugin file without .py.
-    """
-
-    prefer: tuple[str, ...] = ()
-    """owner or owner:name: preferred over other plugins' items of the same name."""
-    without: tuple[str, ...] = ()
-    """owner, owner:name, or the name of a skill: left out."""
-    skills: tuple[str, ...] = ()
-    """name or owner:name: the only skills that can be called; empty for all."""
-
-    def rank(self, one: Registration) -> int:
-        """Return the sort key: lower ranks first."""
-        wanted = (*(name for name in self.skills if ":" in name), *self.prefer)
-        return next((place for place, text in enumerate(wanted) if means(text, one)), len(wanted))
-
-    def drops(self, one: Registration, kind: str) -> bool:
-        """Whether an item of a plugin is left out."""
-        return any(
-            (":" in text and means(text, one)) or (kind == "skills" and text == one.name) for text in self.without
-        )
-
-
-@dataclass(frozen=True)
-class PluginInfo:
-    """A plugin as `humanclaw plugins` lists it."""
-
-    name: str
-    """Its distribution, or its file without .py: the owner of its registrations."""
-    version: str
-    origin: str
-    """The distribution or file it came from."""
-    provides: tuple[str, ...] = ()
-    error: str = ""
-    """Why it is disabled; empty if it is in use."""
-    disabled: Mapping[str, str] = field(default_factory=dict)
-    """Skills that were rejected, by name, with the reason. The others are in use."""
-    duplicates: tuple[str, ...] = ()
-    """Its items that give way to another plugin's of the same name, each with both owners."""
-    notes: tuple[str, ...] = ()
-    """The deprecated names that it uses, and their replacements."""
-
-
-@dataclass(frozen=True)
-class Registration:
-    """An item registered under a name: a skill, a factory, or whatever else a hook takes."""
-
-    name: str
-    owner: str
-    value: Any
-    description: str = ""
 
 
 @dataclass
@@ -149,15 +91,3 @@ def _skill(given: Skill | Path) -> Skill:
             f"register() takes a Skill or a folder; got {type(skill).__name__}.", "Decorate it with @skill."
         )
     return skill
-
-
-def means(text: str, one: Registration) -> bool:
-    """Whether owner or owner:name refers to an item."""
-    owner, _, name = text.partition(":")
-    return is_owner(owner, one.owner) and name in ("", one.name)
-
-
-def is_owner(text: str, owner: str) -> bool:
-    """Whether a text names a plugin. Case, dashes and the prefix humanclaw- make no difference."""
-    names = canonicalize_name(text), canonicalize_name(f"{hookspecs.PROJECT}-{text}")
-    return canonicalize_name(owner.partition("/")[0]) in names or text == owner

@@ -7,7 +7,7 @@ import json
 import sys
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import click
 
@@ -138,9 +138,6 @@ def _skill(
     wanted = out or Path(f"{name.split(':')[-1]}.gif")
     for path in looking.show(plugins, name, params, calls, seed, beside, wanted, renderer):
         click.echo(path)
-
-
-COMMANDS: Final = (train, fidelity, naturalness, speed, cards, data, show)
 
 
 def _params(skill: Skill, words: list[str]) -> dict[str, Any]:

@@ -12,7 +12,15 @@ if TYPE_CHECKING:
 
 @hookimpl
 def humanclaw_commands(cli: click.Group) -> None:
-    from humanclaw_train import cli as commands
+    from humanclaw.cli import LazyCommand
 
-    for command in commands.COMMANDS:
-        cli.add_command(command)
+    for name, sentence in {
+        "train": "Train the base prior or a skill's adapter.",
+        "fidelity": "Compare achieved with commanded motion, per skill.",
+        "naturalness": "Compare generated motion with human motion.",
+        "speed": "Time the motion model with several solvers and runtimes.",
+        "cards": "Write the model card beside each checkpoint.",
+        "data": "Training data.",
+        "show": "Pictures of motion.",
+    }.items():
+        cli.add_command(LazyCommand(name, f"humanclaw_train.cli:{name}", sentence))
