@@ -324,7 +324,8 @@ class Episode:
         self._recording.keep(step, replayed)
         self._feedback = step.feedback
         view = self._look().rgb
-        self._history.append(HistoryEntry(step.step, step.decision, step.feedback, view))
+        frame = self._recording.folder / step.frame_file if self._recording.folder and step.frame_file else None
+        self._history.append(HistoryEntry(step.step, step.decision, step.feedback, view), frame)
         self._step = Step(len(self._recording.steps))
         self.body.plugins.tell("humanclaw_step", episode=self.record, step=step, view=view)
         if not replayed and self._is_over():

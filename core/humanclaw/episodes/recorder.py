@@ -6,7 +6,7 @@ import datetime
 import functools
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -69,7 +69,7 @@ class Recording:
     def end(self, record: EpisodeRecord) -> None:
         """Write the final record. If the disk was full, call it again."""
         if self._writer:
-            self._writer.end(record, self._trajectory.arrays())
+            self._writer.end(record, self._trajectory)
         self.record = record
 
     @property
@@ -80,8 +80,11 @@ class Recording:
         return "out_of_steps" if len(self.steps) >= self.record.spec.max_steps else "interrupted"
 
 
-class TrajectoryBuffer:
-    """Collects every frame of an episode for motion.npz: five frames of standing, then each step's."""
+class TrajectoryBuffer(Mapping[str, Array]):
+    """Every frame of an episode for motion.npz: five frames of standing, then each step's.
+
+    Arrays by name, made when they are asked for: {generated,simulated}_{root,rotations} and object_ID, one row a frame.
+    """
 
     def __init__(self, body: Body) -> None:
         self._scene = body.scene
@@ -102,14 +105,19 @@ class TrajectoryBuffer:
                 self._paths.setdefault(key, []).append((self._length, path))
             self._length += len(chunk.commanded)
 
-    def arrays(self) -> dict[str, Array]:
-        """Return the arrays of motion.npz by name: {generated,simulated}_{root,rotations} and object_ID, one row a
-        frame."""
-        arrays = {f"object_{key}": self._path(key) for key in sorted(self._paths)}
-        for kind, pieces in (("generated", self._commanded), ("simulated", self._simulated)):
-            arrays[f"{kind}_root"] = np.concatenate([piece.root for piece in pieces])
-            arrays[f"{kind}_rotations"] = np.concatenate([piece.rotations for piece in pieces])
-        return arrays
+    def __iter__(self) -> Iterator[str]:
+        yield from (f"object_{key}" for key in sorted(self._paths))
+        yield from (f"{kind}_{part}" for kind in ("generated", "simulated") for part in ("root", "rotations"))
+
+    def __len__(self) -> int:
+        return len(self._paths) + 4
+
+    def __getitem__(self, name: str) -> Array:
+        kind, _, part = name.partition("_")
+        if kind == "object":
+            return self._path(int(part))
+        pieces = self._commanded if kind == "generated" else self._simulated
+        return np.concatenate([getattr(piece, part) for piece in pieces])
 
     def _path(self, key: int) -> Array:
         """Return the (T, 7) pose of an object in every frame. Between recorded pieces it rests where the last one

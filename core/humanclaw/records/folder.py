@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import errno
 import hashlib
-import io
 import os
+import zipfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 
 from humanclaw.body.pose import Array
 from humanclaw.errors import RecordError
 from humanclaw.records.steps import EpisodeRecord, StepRecord
-from humanclaw.storage.files import write_atomically
+from humanclaw.storage.files import replacing, write_atomically
 
 AGAIN = "Run the episode again, or remove its folder."
 
@@ -56,11 +57,18 @@ class EpisodeWriter:
     def end(self, record: EpisodeRecord, arrays: Mapping[str, Array]) -> None:
         """Close the record: write motion.npz, then the final episode.json. Raises RecordError if the disk is full."""
         self._steps.close()
-        motion = io.BytesIO()
-        np.savez_compressed(motion, **arrays)  # type: ignore[arg-type]
         with writing(self.folder):
-            write_atomically(self.folder / "motion.npz", motion.getvalue())
+            with replacing(self.folder / "motion.npz") as stream:
+                _write_npz(stream, arrays)
             close_record(self.folder, record)
+
+
+def _write_npz(stream: BinaryIO, arrays: Mapping[str, Array]) -> None:
+    """Write arrays as numpy.savez_compressed does, but hold only one of them at a time."""
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name in arrays:
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
+                np.lib.format.write_array(member, arrays[name], allow_pickle=False)
 
 
 @contextmanager

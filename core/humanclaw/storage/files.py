@@ -4,18 +4,29 @@ from __future__ import annotations
 
 import os
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import BinaryIO
 
 
 def write_atomically(path: Path, data: bytes) -> None:
-    """Write a file. Readers see the old or the whole new file, even if several processes write at once.
+    """Write a file as replacing() does. Raises OSError."""
+    with replacing(path) as stream:
+        stream.write(data)
 
-    The data are on disk when this returns. The folder must exist. Raises OSError.
+
+@contextmanager
+def replacing(path: Path) -> Iterator[BinaryIO]:
+    """Open a new file that replaces path when the block ends; if the block raises, path stays as it was.
+
+    Readers see the old or the whole new file, even if several processes write at once. The data are on disk after the
+    block. The folder must exist. Raises OSError.
     """
     partial = path.with_name(f"{path.name}.{os.getpid()}-{threading.get_ident()}.partial")
     try:
         with partial.open("wb") as stream:
-            stream.write(data)
+            yield stream
             stream.flush()
             os.fsync(stream.fileno())
         partial.replace(path)
