@@ -124,6 +124,9 @@ fuzz: install  ## Feed 100,000 hostile inputs to every reader, and 10,000 chunks
 	HUMANCLAW_FUZZ=$(FUZZ) $(BIN)/python -m pytest tests/test_fuzz.py harnesses/mcp/tests/test_mcp_fuzz.py -q
 	for engine in mujoco bullet; do $(BIN)/humanclaw physics --simulator $$engine --chunks 5000 wild || exit 1; done
 
+perf: $(READY)  ## Guard speed: compare seven ratios with tests/evidence/perf.json (MORE="--short" or "--save")
+	$(BIN)/python tests/evidence/perf.py $(MORE)
+
 soak: install  ## Make 2,000 decisions in one process; memory, handles, threads and files must not grow (minutes)
 	$(BIN)/python tests/evidence/soak.py
 

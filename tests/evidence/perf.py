@@ -1,0 +1,254 @@
+"""Guard the speed of the body: measure seven figures and fail if one got slower by more than 20 %.
+
+    python tests/evidence/perf.py             # `make perf`: compare with perf.json
+    python tests/evidence/perf.py --short     # the same in under a minute, for CI
+    python tests/evidence/perf.py --save      # make today's figures the standard
+
+A figure is a ratio: processor time of the work over that of fixed work of the same kind, which this process does in
+turn with it. So another clock rate or other work on the machine changes it little. Another kind of processor may change
+it more, so there the table is printed and nothing fails.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import platform
+import resource
+import statistics
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import mujoco
+import numpy as np
+from threadpoolctl import ThreadpoolController
+
+from humanclaw import Body, Plugins
+from humanclaw.body import HISTORY, Motion, re_rooted
+from humanclaw.cli import show_markdown
+from humanclaw.motion import DiTGenerator
+from humanclaw.testing.fixture import FORWARD, TURN, Fixture
+from humanclaw.testing.speed import crowded
+from humanclaw.world import ego_camera
+from humanclaw_bullet.engine import Client
+
+STANDARD: Final = Path(__file__).with_name("perf.json")
+SLOWER: Final = 1.2
+HOUSE: Final = "house:0"
+_FIRST_LINE: Final = """
+import sys, types
+sys.modules["humanclaw.cli.play"] = types.SimpleNamespace(play=lambda *args, **options: None)
+from humanclaw.cli import main
+main(["run"])
+"""
+"""Everything before the plugins are loaded."""
+Work = Callable[[], object]
+
+
+@dataclass(frozen=True)
+class Figure:
+    """Work to measure, and fixed work of the same kind that takes about as long."""
+
+    name: str
+    work: Work
+    fixed: Work
+
+    def ratio(self, samples: int) -> tuple[float, float]:
+        """Return the median ratio of the two, and the median time of the work, milliseconds of processor time."""
+        pairs = [(spent(self.work), spent(self.fixed)) for _ in range(samples)]
+        return statistics.median(work / fixed for work, fixed in pairs), statistics.median(w for w, _ in pairs) * 1e3
+
+
+def spent(work: Work) -> float:
+    """Processor seconds of this process, and of the processes that it waited for."""
+    before = _used()
+    work()
+    return _used() - before
+
+
+def _used() -> float:
+    both = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    return sum(usage.ru_utime + usage.ru_stime for usage in both)
+
+
+def figures() -> Iterator[Figure]:
+    """Yield the figures. Each is warm: what is loaded once is loaded before it is measured."""
+    plugins = Plugins.discover()
+    yield Figure("chunk of motion, lite", _chunks(plugins), _matrices())
+    yield Figure("view, 512 x 512", _views(plugins), _passes())
+    yield Figure("half-physics among 360 objects, Bullet", _physics("bullet"), _bare_bullet)
+    yield Figure("half-physics among 360 objects, MuJoCo", _physics("mujoco"), _bare_mujoco())
+    yield Figure("start of an episode in a loaded house", _starts(plugins), _bare_bullet)
+    importing = _run("import click, pluggy, rich.console")
+    yield Figure("humanclaw --help", _run("from humanclaw.cli import main; main(['--help'])"), importing)
+    yield Figure("first line of humanclaw run", _run(_FIRST_LINE), importing)
+
+
+# -- the body's work ---------------------------------------------------------------------------------------------------
+def _chunks(plugins: Plugins, count: int = 4) -> Work:
+    generator, adapter = DiTGenerator.shipped(), plugins.skills["walk"].adapter
+    history, key = generator.start(), [0]
+
+    def walk() -> None:
+        nonlocal history
+        for _ in range(count):
+            key[0] += 1
+            history = generator.generate(history, adapter, {"x": 0.0, "z": 0.4, "yaw": 0.1}, key)[-HISTORY:]
+
+    walk()
+    return walk
+
+
+def _views(plugins: Plugins, count: int = 4) -> Work:
+    body = Body(HOUSE, plugins=plugins)
+    renderer = plugins.make("renderers", body.backends.renderer)
+    renderer.load(body.scene)
+    state, camera = body.state(), ego_camera(body.state().body)
+
+    def look() -> None:
+        for _ in range(count):
+            renderer.render(state, camera)
+
+    look()
+    return look
+
+
+def _physics(engine: str, count: int = 3) -> Work:
+    """Load the house, stand, and play the same motion each time."""
+    fixture = Fixture.of(engine)
+    simulator, motions = fixture.simulator(), list[Motion]()
+    scene = crowded(fixture.plugins.scene(HOUSE))
+    history = fixture.stand(simulator, scene)
+    for number in range(count):
+        motion = fixture.generate(history, {FORWARD: 0.4, TURN: 0.35}, number)
+        history = re_rooted(history.then(motion)[-HISTORY:], simulator.execute(motion).simulated)
+        motions.append(motion)
+
+    def play() -> None:
+        fixture.stand(simulator, scene)
+        for motion in motions:
+            simulator.execute(motion)
+
+    return play
+
+
+def _starts(plugins: Plugins) -> Work:
+    body = Body(HOUSE, plugins=plugins)
+    return lambda: body.reset(body.scene)
+
+
+def _run(program: str) -> Work:
+    return lambda: subprocess.run([sys.executable, "-c", program], check=True, stdout=subprocess.DEVNULL)
+
+
+# -- fixed work --------------------------------------------------------------------------------------------------------
+def _matrices() -> Work:
+    rng = np.random.default_rng(0)
+    weights = [rng.standard_normal((192, 768), np.float32) for _ in range(24)]
+    tokens = rng.standard_normal((20, 192), np.float32)
+    one = ThreadpoolController()
+
+    def multiply() -> None:
+        with one.limit(limits=1, user_api="blas"):
+            for _ in range(12):
+                for matrix in weights:
+                    tokens @ matrix
+
+    return multiply
+
+
+def _passes() -> Work:
+    array = np.random.default_rng(0).random((512, 512, 16), np.float32)
+    return lambda: [np.sqrt(array * array + 1.0) for _ in range(2)]
+
+
+def _bare_bullet() -> None:
+    client = Client()
+    client.setGravity(0, 0, -9.81)
+    shape = client.createCollisionShape(client.GEOM_BOX, halfExtents=[0.2, 0.2, 0.2])
+    for k in range(150):
+        client.createMultiBody(float(k > 0), shape, -1, [0.5 * (k % 12), 0.5 * (k // 12), 0.45 * (k % 3)])
+    for _ in range(60):
+        client.stepSimulation()
+    client.close()
+
+
+def _bare_mujoco() -> Work:
+    boxes = "".join(
+        f'<body pos="{0.5 * (k % 12)} {0.5 * (k // 12)} {0.5 + 0.45 * (k % 3)}"><freejoint/>'
+        '<geom type="box" size=".2 .2 .2"/></body>'
+        for k in range(60)
+    )
+    plane = '<geom type="plane" size="20 20 1"/>'
+    model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{plane}{boxes}</worldbody></mujoco>")
+
+    def fall() -> None:
+        data = mujoco.MjData(model)
+        for _ in range(60):
+            mujoco.mj_step(model, data)
+
+    return fall
+
+
+# -- the table ---------------------------------------------------------------------------------------------------------
+def measured(samples: int, then: dict[str, float]) -> dict[str, tuple[float, float]]:
+    """Return ratio and milliseconds by name. A figure that seems slower is measured again, with three times as many
+    samples, before that is believed."""
+    found = {}
+    for figure in figures():
+        found[figure.name] = figure.ratio(samples)
+        if found[figure.name][0] > SLOWER * then.get(figure.name, np.inf):
+            found[figure.name] = min(found[figure.name], figure.ratio(3 * samples))
+    return found
+
+
+def markdown(found: dict[str, tuple[float, float]], then: dict[str, float]) -> str:
+    """Return the table of then and now."""
+    lines = ["| work | then | now | change | ms now |", "| --- | ---: | ---: | ---: | ---: |"]
+    for name, (ratio, milliseconds) in found.items():
+        before = then.get(name)
+        change = f"{ratio / before - 1:+.0%}" if before else "new"
+        lines.append(f"| {name} | {before or '-'} | {ratio:.3g} | {change} | {milliseconds:.1f} |")
+    return "\n".join(lines)
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--short", action="store_true", help="fewer samples")
+    parser.add_argument("--save", action="store_true", help="write today's figures to perf.json")
+    options = parser.parse_args()
+    os.environ["OMP_NUM_THREADS"] = "1"
+    began = time.perf_counter()
+    standard = json.loads(STANDARD.read_text("utf-8")) if STANDARD.exists() and not options.save else {}
+    then: dict[str, float] = standard.get("ratios", {})
+    found = measured(5 if options.short else 15, then)
+    show_markdown(markdown(found, then))
+    print(f"Ratios of processor time to fixed work of the same kind; {time.perf_counter() - began:.0f} s.")
+    if options.save:
+        ratios = {name: round(ratio, 3) for name, (ratio, _) in found.items()}
+        STANDARD.write_text(json.dumps({"processor": processor(), "ratios": ratios}, indent=1) + "\n", "utf-8")
+    slower = [name for name, (ratio, _) in found.items() if ratio > SLOWER * then.get(name, np.inf)]
+    if slower:
+        print(f"Slower by more than {SLOWER - 1:.0%}: {', '.join(slower)}. Find the cause, or save the new standard.")
+    if then and standard["processor"] != processor():
+        print(f"The standard is of another processor ({standard['processor']}): nothing fails here.")
+        return 0
+    return int(bool(slower))
+
+
+def processor() -> str:
+    """Return the processor's name."""
+    about = Path("/proc/cpuinfo")
+    lines = about.read_text("utf-8").splitlines() if about.exists() else []
+    models = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return models[0] if models else platform.processor()
+
+
+if __name__ == "__main__":
+    sys.exit(main())
