@@ -269,15 +269,27 @@ JERK_STRIDE: Final = 8
 """Frames between the points of the jerk's third difference: 0.27 s, the time scale of decisions."""
 
 
-def root_jerk(motion: Motion) -> float:
-    """Return the mean third derivative of the body's path and orientation, m/s^3 (paper, section 4.2); NaN for fewer
-    than 27 frames.
+def pelvis_jerk(motion: Motion) -> float:
+    """Return the mean third derivative of the pelvis's path, m/s^3 (paper, section 5.2); NaN for fewer than 27 frames.
 
-    Root translation and rotation carry the joints of the rest skeleton, hands excluded, so gait has no effect. Then
-    follow a moving average of 3 frames and the third difference of points 8 frames apart.
+    A moving average of 3 frames, then the third difference of points 8 frames apart.
+    """
+    return _jerk(motion.root[:, None])
+
+
+def root_jerk(motion: Motion) -> float:
+    """Return the mean third derivative of the body's path and orientation, m/s^3 (paper, table 1 of the appendix); NaN
+    for fewer than 27 frames.
+
+    As pelvis_jerk(), for all joints of the rest skeleton but the hands, which root translation and rotation carry. So
+    turns count, and gait has no effect.
     """
     rest = forward_kinematics(np.zeros(3), np.zeros((N_JOINTS, 3)))[0][:22]
-    points = np.einsum("tij,kj->tki", matrix_from_vector(motion.rotations[:, 0]), rest) + motion.root[:, None]
+    return _jerk(np.einsum("tij,kj->tki", matrix_from_vector(motion.rotations[:, 0]), rest) + motion.root[:, None])
+
+
+def _jerk(points: Array) -> float:
+    """Return the mean jerk of (T, K, 3) points, m/s^3."""
     smooth = (points[:-2] + points[1:-1] + points[2:]) / 3
     if len(smooth) <= 3 * JERK_STRIDE:
         return float("nan")

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
         REACHED as REACHED,
         SEEN_PIXELS as SEEN_PIXELS,
         end_distance as end_distance,
+        ever_reached as ever_reached,
         footing as footing,
         in_view as in_view,
         on_target as on_target,

@@ -87,6 +87,11 @@ def _distance(step: StepRecord) -> float:
     return float("inf") if step.target_distance is None else step.target_distance
 
 
+def ever_reached(recorded: RecordedEpisode) -> bool:
+    """Tell whether the body is within reach of a target after any step."""
+    return any(_distance(step) <= REACHED for step in recorded.steps)
+
+
 def reached(recorded: RecordedEpisode) -> bool:
     """Tell whether the body ends within reach of a target, stopped or not."""
     return end_distance(recorded) <= REACHED

@@ -68,8 +68,8 @@ FALSE_CLAIMS: Final = _mean("false claims", lambda s: s.false_claims, percent=Tr
 """The price of FindSR for an agent that always claims to see its target."""
 MAIN: Final = (
     FIND, FALSE_CLAIMS, NAV, INTERACT, COLLISIONS,
-    _mean("#Dtb", lambda s: s.disturbed, 2),
-    Metric("dDtb (m)", "lower", lambda s: (s.disturbed_path, s.disturbed), digits=2),
+    _mean("#Dtb", lambda s: s.displaced, 2),
+    Metric("dDtb (m)", "lower", lambda s: (s.displacement, s.displaced), digits=2),
     _mean("Jerk", lambda s: s.jerk),
     _mean("steps", lambda s: s.steps, better=""),
     *COST,
@@ -85,7 +85,14 @@ BODY: Final = (
     COLLISIONS, _collision("Arm/Hand", "arm_hand"), _collision("Torso", "torso"), _collision("Leg/Foot", "leg_foot"),
     _collision("Head", "head"),
 )  # fmt: skip
-ALL: Final = tuple(dict.fromkeys((*MAIN, *VARIANTS, *BODY)))
+OWN: Final = (
+    _rate("near at the end", "ends_near"), _collision("Coll. fixed", "fixed"),
+    _mean("disturbed", lambda s: s.disturbed, 2),
+    Metric("path (m)", "lower", lambda s: (s.disturbed_path, s.disturbed), digits=2),
+    _mean("rigid jerk", lambda s: s.rigid_jerk),
+)  # fmt: skip
+"""Other readings of what the paper measures with GeoNavSR, Coll., #Dtb, dDtb and Jerk."""
+ALL: Final = tuple(dict.fromkeys((*MAIN, *VARIANTS, *BODY, *OWN)))
 
 
 def extra_metric(name: str) -> Metric:

@@ -17,7 +17,7 @@ from humanclaw_bench.statistics import Difference
 from humanclaw_bench.tables import Column, ResultTable, all_tables
 from humanclaw_bench.writers import texts
 
-SHOWN = ("main", "funnel", "causes", "difficulty", "category", "variants", "body", "plugins")
+SHOWN = ("main", "funnel", "causes", "difficulty", "category", "variants", "body", "own", "plugins")
 DRAWN = ("funnel", "causes")
 """Tables of shares that the page also draws as bars."""
 

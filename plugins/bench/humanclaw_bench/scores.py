@@ -13,11 +13,12 @@ from typing import Final
 import numpy as np
 
 from humanclaw import EpisodeSpec, Motion, RecordedEpisode, StepRecord, Verdict
-from humanclaw.body import BODY_GROUPS, FUTURE, HISTORY, Array, Pose2D, root_jerk
+from humanclaw.body import BODY_GROUPS, FUTURE, HISTORY, Array, Pose2D, pelvis_jerk, rest_pose, root_jerk
 from humanclaw.records import (
     Outcome,
     acknowledges,
     end_distance,
+    ever_reached,
     in_view,
     on_target,
     reached,
@@ -31,6 +32,8 @@ from humanclaw_bench.difficulty import overall
 
 MOVES: Final = 0.001
 """Smallest movement per frame that counts as moving, metres. Less is jitter of the physics."""
+DISPLACED: Final = 0.01
+"""Smallest displacement of an object that counts, metres; the paper gives none."""
 NEARBY: Final = 1.0
 """The looser threshold of NavSR@1m, metres."""
 FINISHED: Final = ("stopped", "out_of_steps", "plugin_error")
@@ -61,27 +64,29 @@ def sat_down(recorded: RecordedEpisode) -> bool:
 
 # -- collisions and disturbed objects ----------------------------------------------------------------------------------
 def collisions(recorded: RecordedEpisode) -> dict[str, float]:
-    """Return the share of half seconds of motion in which the body touches a fixed object above the ground (Coll.).
+    """Return the share of half seconds of motion in which the body touches an object above the ground (Coll.).
 
-    Keys: 'any' and the body groups. A foot on stairs or on an upper floor stands on the ground (the paper's houses have
-    one level). NaN without motion.
+    Keys: 'any', the body groups, and 'fixed' for objects that do not move. A foot on stairs or on an upper floor stands
+    on the ground (the paper's houses have one level). NaN without motion.
     """
     hit = [groups for step in recorded.steps for groups in _hit(recorded, step)]
     count = len(hit) or float("nan")
     return {"any": sum(map(bool, hit)) / count} | {
-        group: sum(group in groups for groups in hit) / count for group in BODY_GROUPS
+        group: sum(group in groups for groups in hit) / count for group in (*BODY_GROUPS, "fixed")
     }
 
 
 def _hit(recorded: RecordedEpisode, step: StepRecord) -> Iterator[set[str]]:
-    """Yield for each chunk of a step the body groups that touch a fixed object above the ground."""
-    touched = [contact for contact in touched_above_ground(recorded, step) if not contact.movable]
+    """Yield for each chunk of a step the body groups that touch an object above the ground, and 'fixed' if one of the
+    objects is."""
+    touched = touched_above_ground(recorded, step)
     for chunk in range(step.chunks):
-        yield {c.group for c in touched if any(frame // FUTURE == chunk for frame in c.frames)}
+        met = [contact for contact in touched if any(frame // FUTURE == chunk for frame in contact.frames)]
+        yield {contact.group for contact in met} | {"fixed" for contact in met if not contact.movable}
 
 
 def disturbed(recorded: RecordedEpisode, moved: Mapping[int, Array]) -> dict[int, int]:
-    """Return the disturbed objects: touched by the body, or later by a disturbed object (#Dtb).
+    """Return the objects touched by the body, or later by a disturbed object.
 
     moved: object paths of the record. Returns the first frame of the disturbance by object id, as motion() counts them.
     """
@@ -118,6 +123,16 @@ def _reached(sources: set[int], pairs: Sequence[tuple[int, int]], movable: set[i
         more = set().union(*(link for link in links if link & reached)) - reached
         reached, grown = reached | more, bool(more)
     return reached
+
+
+def displacements(since: Mapping[int, int], moved: Mapping[int, Array]) -> list[float]:
+    """Return how far each displaced object lies at the end from where it was when it was disturbed, metres (#Dtb,
+    dDtb).
+
+    An object is displaced from DISPLACED on. since: as disturbed() returns it.
+    """
+    ways = [moved[key][-1, :3] - moved[key][max(first - 1, 0), :3] for key, first in since.items() if key in moved]
+    return [length for way in ways if (length := float(np.linalg.norm(way))) >= DISPLACED]
 
 
 def disturbed_path(since: Mapping[int, int], moved: Mapping[int, Array]) -> float:
@@ -176,17 +191,27 @@ class Scores:
     """Share of steps without a target pixel in view that claim to see the target; NaN without such steps."""
     nav: bool | None
     geo_nav: bool | None
+    """Within reach of a target after any step."""
+    ends_near: bool | None
+    """Within reach of a target at the end."""
     nav_1m: bool | None
     interact: bool | None
     geo_interact: bool | None
     distance: float
     """Distance from the body to the nearest target at the end, metres."""
     collisions: Mapping[str, float]
+    displaced: int
+    """Number of displaced objects."""
+    displacement: float
+    """Their total displacement, metres."""
     disturbed: int
+    """Number of objects touched by the body or by another of them."""
     disturbed_path: float
-    """Total path of all disturbed objects, metres."""
+    """The total path of these, metres."""
     jerk: float
-    """m/s^3."""
+    """Of the pelvis, m/s^3."""
+    rigid_jerk: float
+    """Of the whole body as the root carries it, m/s^3."""
     steps: int
     invalid: int
     """Number of steps without a usable call."""
@@ -240,8 +265,9 @@ def score(recorded: RecordedEpisode, extra: Extra | None = None) -> Scores:
     """Score one episode from its record. Raises RecordError if its motion cannot be read."""
     record, steps = recorded.record, recorded.steps
     spec = record.spec
-    moved, smoothness = _from_motion(recorded)
+    moved, motion = _from_motion(recorded)
     since = disturbed(recorded, moved)
+    displaced = displacements(since, moved)
     usages = [step.usage for step in steps]
     return Scores(
         episode=spec.id,
@@ -255,9 +281,12 @@ def score(recorded: RecordedEpisode, extra: Extra | None = None) -> Scores:
         false_claims=_false_claims(recorded),
         distance=end_distance(recorded),
         collisions=collisions(recorded),
+        displaced=len(displaced),
+        displacement=sum(displaced),
         disturbed=len(since),
         disturbed_path=disturbed_path(since, moved),
-        jerk=smoothness,
+        jerk=pelvis_jerk(motion),
+        rigid_jerk=root_jerk(motion),
         steps=len(steps),
         invalid=sum(step.status == "invalid" for step in steps),
         tokens_in=sum(usage.tokens_in for usage in usages),
@@ -331,21 +360,23 @@ def _measured(name: str, measure: Callable[[RecordedEpisode], float], recorded: 
 def _successes(recorded: RecordedEpisode) -> dict[str, bool | None]:
     spec, steps = recorded.record.spec, recorded.steps
     if not spec.target_category:
-        return dict.fromkeys(("find", "geo_find", "nav", "geo_nav", "nav_1m", "interact", "geo_interact"))
+        names = ("find", "geo_find", "nav", "geo_nav", "ends_near", "nav_1m", "interact", "geo_interact")
+        return dict.fromkeys(names)
     near = recorded.record.outcome == "stopped" and end_distance(recorded) <= NEARBY
     return {
         "find": any(in_view(step) and claims(step, spec.target_category) for step in steps),
         "geo_find": any(map(in_view, steps)),
         "nav": stopped_within_reach(steps),
-        "geo_nav": reached(recorded),
+        "geo_nav": ever_reached(recorded),
+        "ends_near": reached(recorded),
         "nav_1m": near,
         "interact": stopped_seated(spec, steps, sits_of(recorded)) if spec.interact else None,
         "geo_interact": sat_down(recorded) if spec.interact else None,
     }
 
 
-def _from_motion(recorded: RecordedEpisode) -> tuple[dict[int, Array], float]:
-    """Return object paths and jerk; empty and NaN if no motion was written."""
+def _from_motion(recorded: RecordedEpisode) -> tuple[dict[int, Array], Motion]:
+    """Return object paths and generated motion; both empty if no motion was written."""
     if not recorded.has_motion:
-        return {}, float("nan")
-    return recorded.objects(), root_jerk(generated_trajectory(recorded))
+        return {}, rest_pose(0)
+    return recorded.objects(), generated_trajectory(recorded)

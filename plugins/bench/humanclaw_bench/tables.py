@@ -17,6 +17,7 @@ from humanclaw_bench.metrics import (
     INTERACT,
     MAIN,
     NAV,
+    OWN,
     VARIANTS,
     Metric,
     clusters,
@@ -129,6 +130,11 @@ def body_table(results: Sequence[Result], *, paper: bool = True, seed: int = 0) 
     )
 
 
+def own_table(results: Sequence[Result], *, seed: int = 0) -> ResultTable:
+    """Return other readings of five of the paper's metrics; the paper has no figures for them."""
+    return _result_table("Other readings of GeoNavSR, Coll., #Dtb, dDtb and Jerk", OWN, results, {}, seed)
+
+
 def _result_table(
     title: str, metrics: Sequence[Metric], results: Sequence[Result], paper: Mapping[str, tuple[float, ...]], seed: int
 ) -> ResultTable:
@@ -239,6 +245,7 @@ def all_tables(results: Sequence[Result], *, paper: bool = True, seed: int = 0) 
         "repeats": repeats_table(results, seed=seed),
         "variants": variants_table(results, paper=paper, seed=seed),
         "body": body_table(results, paper=paper, seed=seed),
+        "own": own_table(results, seed=seed),
         "difficulty": difficulty_table(results, seed=seed),
         "category": category_table(results, seed=seed),
         "plugins": extra_table(results, seed=seed),

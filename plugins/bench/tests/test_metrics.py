@@ -11,7 +11,7 @@ import pytest
 from rollouts import BOOK, COUCH, LAMP, TABLE, VASE, rollout, step, touch
 
 from humanclaw import Chunk, Decision, Motion, RecordError, Verdict
-from humanclaw.body import FPS, HISTORY, JOINTS, OFFSETS, PARENTS, Pose2D, rest_pose, root_jerk
+from humanclaw.body import FPS, HISTORY, JOINTS, OFFSETS, PARENTS, Pose2D, pelvis_jerk, rest_pose, root_jerk
 from humanclaw.records import Answer, Attempt, PlayedPart, Usage, acknowledges
 from humanclaw.testing import contacts, touches
 from humanclaw.world import Contact, Execution
@@ -125,22 +125,22 @@ def test_what_counts_is_the_answer_that_was_used(tmp_path: Path) -> None:
 
 # -- navigate ----------------------------------------------------------------------------------------------------------
 @pytest.mark.parametrize(
-    ("steps", "nav", "geo", "one_metre"),
+    ("steps", "nav", "geo", "at_the_end", "one_metre"),
     [
-        ([step(away=0.1), step("stop", away=0.2)], True, True, True),
-        ([step(away=0.1), step("stop", away=0.21)], False, False, True),
-        ([step("stop", away=1.01)], False, False, False),
-        ([step(away=0.1)], False, True, False),
-        ([step(away=0.1), step("", away=0.1)], False, True, False),
-        ([step(away=0.1), step(away=3.0)], False, False, False),
-        ([step("", away=None)], False, False, False),
+        ([step(away=0.1), step("stop", away=0.2)], True, True, True, True),
+        ([step(away=0.1), step("stop", away=0.21)], False, True, False, True),
+        ([step("stop", away=1.01)], False, False, False, False),
+        ([step(away=0.1)], False, True, True, False),
+        ([step(away=0.1), step("", away=0.1)], False, True, True, False),
+        ([step(away=0.1), step(away=3.0)], False, True, False, False),
+        ([step("", away=None)], False, False, False, False),
     ],
 )
 def test_navigation_succeeds_with_an_active_stop_at_the_target(
-    tmp_path: Path, steps: list, nav: bool, geo: bool, one_metre: bool
+    tmp_path: Path, steps: list, nav: bool, geo: bool, at_the_end: bool, one_metre: bool
 ) -> None:
     scores = score(rollout(tmp_path, steps))
-    assert (scores.nav, scores.geo_nav, scores.nav_1m) == (nav, geo, one_metre)
+    assert (scores.nav, scores.geo_nav, scores.ends_near, scores.nav_1m) == (nav, geo, at_the_end, one_metre)
 
 
 # -- interact ----------------------------------------------------------------------------------------------------------
@@ -174,12 +174,13 @@ def test_an_episode_without_sitting_is_not_scored_for_it(tmp_path: Path) -> None
 
 def test_a_free_instruction_has_no_success_but_a_body(tmp_path: Path) -> None:
     scores = score(rollout(tmp_path, [step(away=None, contacts=(touch(TABLE),))], category="", interact=False))
-    assert {scores.find, scores.geo_find, scores.nav, scores.geo_nav, scores.nav_1m, scores.success} == {None}
+    assert {scores.find, scores.geo_find, scores.nav, scores.geo_nav, scores.ends_near, scores.nav_1m} == {None}
+    assert scores.success is None
     assert scores.collisions["any"] == 1.0
 
 
 # -- collisions --------------------------------------------------------------------------------------------------------
-def test_collisions_are_the_share_of_steps_that_hit_something_fixed_above_the_ground(tmp_path: Path) -> None:
+def test_collisions_are_the_share_of_steps_that_hit_something_above_the_ground(tmp_path: Path) -> None:
     steps = [
         step(contacts=(touch(TABLE, height=2.0205), touch(TABLE, joint="right_foot", height=1.9))),
         step(contacts=(touch(TABLE, height=2.021),)),
@@ -189,7 +190,9 @@ def test_collisions_are_the_share_of_steps_that_hit_something_fixed_above_the_gr
         step("stop"),
     ]
     shares = collisions(rollout(tmp_path, steps, start=Pose2D(x=0, z=0, yaw=0, floor=2.0)))
-    assert shares == {"any": 0.5, "leg_foot": 0.25, "head": 0.25, "torso": 0.25, "arm_hand": 0.0}
+    assert shares == {
+        "any": 0.75, "leg_foot": 0.5, "head": 0.25, "torso": 0.25, "arm_hand": 0.0, "fixed": 0.5,
+    }  # fmt: skip
 
 
 def test_feet_on_stairs_stand_and_a_knee_against_them_collides(tmp_path: Path) -> None:
@@ -285,11 +288,20 @@ def test_the_path_of_an_object_counts_from_the_frame_it_was_disturbed(tmp_path: 
     assert disturbed_path(disturbed(recorded, moved), moved) == pytest.approx(2.5)
     scores = score(recorded)
     assert (scores.disturbed, scores.disturbed_path) == (1, pytest.approx(2.5))
+    assert (scores.displaced, scores.displacement) == (1, pytest.approx(np.hypot(0.5, 2.0)))
 
 
-def test_the_disturbed_path_is_pooled_over_objects_and_not_over_episodes(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("way", "displaced"), [(0.0099, 0), (0.01, 1)])
+def test_a_touched_object_is_displaced_if_it_ends_a_centimetre_away(tmp_path: Path, way: float, displaced: int) -> None:
+    there_and_back = np.zeros((HISTORY + 15, 7))
+    there_and_back[HISTORY + 2 : -1, 0], there_and_back[-1, 2] = 3.0, way
+    scores = score(rollout(tmp_path, [step(contacts=(touch(LAMP, 0),))], objects={LAMP: there_and_back}))
+    assert (scores.disturbed, scores.displaced, scores.displacement) == (1, displaced, pytest.approx(displaced * way))
+
+
+def test_the_displacement_is_pooled_over_objects_and_not_over_episodes(tmp_path: Path) -> None:
     one = score(rollout(tmp_path, [step("stop")]))
-    many = [replace(one, disturbed=1, disturbed_path=4.0), replace(one, disturbed=3, disturbed_path=0.0), one]
+    many = [replace(one, displaced=1, displacement=4.0), replace(one, displaced=3, displacement=0.0), one]
     assert estimate(METRIC["dDtb (m)"], many).value == pytest.approx(1.0)
     assert estimate(METRIC["#Dtb"], many).value == pytest.approx(4 / 3)
 
@@ -351,6 +363,7 @@ TIME = np.arange(90) / FPS
 
 def test_the_jerk_of_a_cubic_is_six() -> None:
     assert root_jerk(track(TIME**3)) == pytest.approx(6.0)
+    assert pelvis_jerk(track(TIME**3)) == pytest.approx(6.0)
     assert root_jerk(track(TIME**3, 2 * TIME**3)) == pytest.approx(6.0 * 5**0.5)
 
 
@@ -369,6 +382,7 @@ def test_turning_carries_the_joints_on_circles() -> None:
     stride = 8 / 30
     gain = (2 * np.sin(speed * stride / 2) / stride) ** 3 * (1 + 2 * np.cos(speed / 30)) / 3
     assert root_jerk(track(0 * TIME, yaw=speed * TIME)) == pytest.approx(radius * gain)
+    assert pelvis_jerk(track(0 * TIME, yaw=speed * TIME)) == pytest.approx(0.0, abs=1e-9)
 
 
 def test_waving_is_no_jerk_and_neither_is_the_place(tmp_path: Path) -> None:

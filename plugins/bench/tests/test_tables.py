@@ -380,7 +380,7 @@ def test_a_comparison_tells_of_how_many_episodes_each_metric_is(base: Scores) ->
     a = [replace(one, jerk=float("nan") if k < 3 else 9.0) for k, one in enumerate(a)]
     caption = str(compare_table(compare(a, b), ALL, "a", "b").caption)
     assert caption.startswith("Over the 8 episodes that both finished")
-    assert "Fewer count for Coll., Arm/Hand, Torso, Leg/Foot, Head (6), Jerk (5)." in caption
+    assert "Fewer count for Coll., Arm/Hand, Torso, Leg/Foot, Head, Coll. fixed (6), Jerk (5)." in caption
 
 
 def test_a_hundred_points_on_two_episodes_are_too_few_to_tell(tmp_path: Path) -> None:
