@@ -143,8 +143,10 @@ def decider_options(function: F) -> F:
     return functools.reduce(lambda wrapped, option: option(wrapped), reversed(_DECIDERS), command)  # type: ignore[return-value]
 
 
-def check_options(options: Mapping[str, Any], name: str, agent: object, verifier: object | None) -> None:
+def check_options(options: Mapping[str, Any], name: str, agent: object | None, verifier: object | None) -> None:
     """Raise HumanclawError for an option that neither agent nor verifier knows: it may be misspelt.
+
+    name: of the agent, or of the verifier where there is no agent.
 
     The keys of their `settings` are the known options; without settings, any option passes. Raises PluginError if
     reading the settings fails.
@@ -159,7 +161,7 @@ def check_options(options: Mapping[str, Any], name: str, agent: object, verifier
     }  # Known without a verifier too, so that --no-verifier can be added to a working command.
     for key in options:
         if key not in known:
-            whose = f"agent {name}" + (" and its verifier" if verifier else "")
+            whose = f"verifier {name}" if agent is None else f"agent {name}" + (" and its verifier" if verifier else "")
             raise HumanclawError(f"there is no option {key!r} for {whose}.", _nearest(key, known))
 
 

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from humanclaw.body.pose import FUTURE, HISTORY, Array, Motion, Pose2D, re_rooted
 from humanclaw.episodes.backends import Backends
 from humanclaw.episodes.sensors import proprioception, tactile
-from humanclaw.episodes.tools import body_tools
+from humanclaw.episodes.tools import Verified, body_tools
 from humanclaw.errors import CheckpointError, blaming
 from humanclaw.motion.generator import MotionGenerator
-from humanclaw.plugins.agents import Observation
+from humanclaw.plugins.agents import Observation, Verifier
 from humanclaw.plugins.host import Plugins
 from humanclaw.records.feedback import Feedback, Proprioception, Touch
 from humanclaw.records.steps import PlayedPart
@@ -151,12 +151,15 @@ class Body:
         done = self.execute(Call(skill, self.plugins.skill(skill).check(params)))
         return self.observe(feedback=done.feedback)
 
-    def tools(self, framework: str) -> Any:
+    def tools(self, framework: str, *, verifier: Verifier | None = None, instruction: str = "") -> Any:
         """Return every skill that can run, and `look`, as tools of an agent framework ("openai", "langchain", ...).
 
+        verifier: checks each call before the body moves, as in an episode, and may replace it. instruction: the task,
+        as the verifier is told it.
         Raises PluginError if no plugin knows the framework (with the nearest names), or if it is not installed.
         """
-        return self.plugins.make("frameworks", framework, body_tools(self))
+        driven = Verified(self, verifier, instruction) if verifier else self
+        return self.plugins.make("frameworks", framework, body_tools(driven))
 
     def execute(self, call: Call, watch: Watcher | None = None) -> SkillExecution:
         """Execute a checked call, chunk by chunk.

@@ -18,7 +18,7 @@ from typing import Any, Final, Self
 
 from humanclaw.episodes.embodiment import Body, SkillExecution
 from humanclaw.episodes.history import History
-from humanclaw.episodes.panel import Panel
+from humanclaw.episodes.panel import Panel, settled
 from humanclaw.episodes.recorder import Recording, begin_record, ending, stand_at_start
 from humanclaw.episodes.replay import check_decision, check_end, check_place
 from humanclaw.episodes.step import Step, distance_to_goal, target_distance
@@ -31,7 +31,7 @@ from humanclaw.records.limits import Meter
 from humanclaw.records.outcomes import succeeded
 from humanclaw.records.specification import EpisodeSpec
 from humanclaw.records.steps import EpisodeRecord, Outcome, StepRecord
-from humanclaw.skills.call import Call, check_call
+from humanclaw.skills.call import Call
 from humanclaw.storage.pictures import jpeg
 from humanclaw.text.notebook import card
 from humanclaw.world.simulator import Chunk, DistanceFactory, WorldState
@@ -269,8 +269,7 @@ class Episode:
         return Refusal(error, left) if left else self._keep(self._measure(self.body.state()))
 
     def _verify(self, decision: Decision, call: Call) -> tuple[Verdict | None, Call]:
-        """Return the verdict and the call to execute. An illegal replacement lets the proposal through; the verdict
-        says so."""
+        """Return the verdict, if there is a verifier, and the call to execute."""
         if self._panel.verifier is None:
             return None, call
         skills = self.body.skills
@@ -278,12 +277,7 @@ class Episode:
         observation = Observation(len(self._recording.steps), self.spec.instruction, self._look().rgb)
         verdict = self._panel.verify(observation, call, skills[call.skill], decision.mid_level_goal)
         self._answered("verify", verdict.usage)
-        if verdict.accepted or verdict.replacement is None:
-            return verdict, call
-        try:
-            return verdict, check_call(verdict.replacement, skills)
-        except CallError as fault:
-            return replace(verdict, accepted=True, replacement=None, failed_open=f"replacement refused: {fault}"), call
+        return settled(verdict, call, skills)
 
     def _execute(self, call: Call, verdict: Verdict | None) -> StepRecord:
         """Execute a call. An active stop ends the episode without motion."""

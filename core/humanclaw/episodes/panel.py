@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import Any
 
-from humanclaw.errors import ANSWERING, PluginError, PluginRunError, blaming, in_words
+from humanclaw.errors import ANSWERING, CallError, PluginError, PluginRunError, blaming, in_words
 from humanclaw.plugins.agents import Agent, EpisodeContext, HistoryEntry, Observation, Verifier
 from humanclaw.plugins.deciders import admit, is_privileged, name_of, origin, settings_of
 from humanclaw.records.decisions import Decision, Verdict
-from humanclaw.skills.call import Call
+from humanclaw.skills.call import Call, check_call
 from humanclaw.skills.contract import Skill
 
 Decider = Agent | Verifier
@@ -100,3 +101,14 @@ class Panel:
         with self.noting():
             return name_of(decider)
         return origin(decider)
+
+
+def settled(verdict: Verdict, call: Call, skills: Mapping[str, Skill]) -> tuple[Verdict, Call]:
+    """Return a verdict and the call to execute. An illegal replacement lets the proposal through; the verdict says
+    so."""
+    if verdict.accepted or verdict.replacement is None:
+        return verdict, call
+    try:
+        return verdict, check_call(verdict.replacement, skills)
+    except CallError as fault:
+        return replace(verdict, accepted=True, replacement=None, failed_open=f"replacement refused: {fault}"), call

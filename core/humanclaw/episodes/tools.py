@@ -4,15 +4,20 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any, Final, Protocol
 
+from humanclaw.episodes.panel import Panel, settled
 from humanclaw.errors import CallError
-from humanclaw.plugins.agents import Observation
+from humanclaw.plugins.agents import EpisodeContext, Observation, Verifier
+from humanclaw.records.tasks import free_episode
 from humanclaw.skills.body_tool import LOOK, BodyTool, ToolResult
+from humanclaw.skills.call import Call, check_call
 from humanclaw.skills.contract import Skill
 from humanclaw.skills.publishing import Json, tellable, tool_spec
 from humanclaw.skills.reading import read_call
 from humanclaw.storage.pictures import jpeg
+from humanclaw.world.scene import Scene
 
 _LOOK: Final[Json] = {
     "name": LOOK,
@@ -25,11 +30,50 @@ class Driven(Protocol):
     """The part of Body that the tools use."""
 
     @property
+    def scene(self) -> Scene: ...
+
+    @property
     def skills(self) -> Mapping[str, Skill]: ...
 
-    def observe(self) -> Observation: ...
+    def observe(self, instruction: str = "") -> Observation: ...
 
     def call(self, skill: str, /, **params: Any) -> Observation: ...
+
+
+class Verified:
+    """A body whose calls a verifier checks before they move it (paper, section 3.2)."""
+
+    def __init__(self, body: Driven, verifier: Verifier, instruction: str) -> None:
+        """Begin the verifier's task. Raises PluginRunError for an error of the verifier."""
+        self._body, self._instruction, self._panel = body, instruction, Panel("", verifier)
+        spec = free_episode(instruction or "Do as you are asked.", body.scene)
+        self._panel.begin(EpisodeContext(spec, body.skills, spec.seed), lambda context: context)
+        if self._panel.fault:
+            raise self._panel.fault
+
+    @property
+    def scene(self) -> Scene:
+        return self._body.scene
+
+    @property
+    def skills(self) -> Mapping[str, Skill]:
+        return self._body.skills
+
+    def observe(self, instruction: str = "") -> Observation:
+        return self._body.observe(instruction)
+
+    def call(self, skill: str, /, **params: Any) -> Observation:
+        """Execute a call, or the one that the verifier puts in its place.
+
+        Raises CallError for a call that cannot be executed, before the verifier is asked.
+        """
+        proposed = check_call(Call(skill, params), self.skills)
+        verdict = self._panel.verify(self.observe(self._instruction), proposed, self.skills[skill], "")
+        verdict, call = settled(verdict, proposed, self.skills)
+        seen = self._body.call(call.skill, **call.params)
+        if call is proposed:
+            return seen
+        return replace(seen, feedback=replace(seen.feedback, replaced=proposed, failed=verdict.failed))
 
 
 def body_tools(body: Driven) -> tuple[BodyTool, ...]:

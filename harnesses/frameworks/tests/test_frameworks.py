@@ -13,8 +13,9 @@ from google.genai import types as google
 from openai.types.chat import ChatCompletionMessage
 from PIL import Image
 
-from humanclaw import PluginError, Plugins, hookimpl
+from humanclaw import Call, PluginError, Plugins, Verdict, hookimpl
 from humanclaw.episodes.tools import body_tools
+from humanclaw.records import Answer
 from humanclaw_frameworks import FRAMEWORKS
 
 
@@ -53,6 +54,43 @@ def test_what_a_model_can_mend_is_told_in_words_and_moves_nothing(home):
         assert " was not executed: " in refused.text or "Nothing was executed: " in refused.text
         assert refused.picture == b""
     assert home.step == before
+
+
+class Judge:
+    """Answers every question with one verdict."""
+
+    name = "judge"
+
+    def __init__(self, verdict):
+        self.verdict, self.asked = verdict, []
+
+    def begin(self, context):
+        self.task, self.scene = context.spec.instruction, context.scene
+
+    def verify(self, observation, call, skill, goal):
+        self.asked.append((str(call), skill.name, observation.rgb.shape))
+        return self.verdict
+
+
+def test_a_verifier_replaces_a_call_before_it_moves_the_body(home):
+    failed = (Answer("Is the way free?", False, "a wall"),)
+    judge = Judge(Verdict(False, Call("turn_in_place", {"yaw_deg": 10}), failed))
+    tools = home.tools("openai", verifier=judge, instruction="walk")
+    assert tools.answer(_asks(("walk", '{"z_cm": 40}')))[0]["content"].startswith(
+        "walk(x_cm=0, z_cm=40, yaw_deg=0) was not executed: the check before execution failed (a wall). "
+        "Executed turn_in_place(yaw_deg=10) in its place."
+    )
+    assert judge.asked == [("walk(x_cm=0, z_cm=40, yaw_deg=0)", "walk", (512, 512, 3))]
+    assert (judge.task, judge.scene) == ("walk", None)
+
+
+def test_a_verifier_is_not_asked_about_a_call_that_cannot_be_executed(home):
+    judge = Judge(Verdict(True))
+    tools = home.tools("openai", verifier=judge)
+    assert "was not executed" in tools.answer(_asks(("walk", '{"z_cm": 500}')))[0]["content"]
+    assert judge.asked == []
+    done = tools.answer(_asks(("walk", '{"z_cm": 40}')))[0]["content"]
+    assert done.startswith("Executed walk(x_cm=0, z_cm=40, yaw_deg=0).")
 
 
 def test_to_look_takes_no_step(home):

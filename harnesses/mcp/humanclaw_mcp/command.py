@@ -9,7 +9,7 @@ from typing import Any
 import click
 
 from humanclaw import SENSORS, Choice, HumanclawError
-from humanclaw.cli import engine_options, plugin_options
+from humanclaw.cli import check_options, engine_options, parse_pairs, plugin_options
 
 
 @click.command("mcp")
@@ -32,6 +32,8 @@ from humanclaw.cli import engine_options, plugin_options
 @click.option("--bodies", type=click.IntRange(1), default=4, show_default=True, help="Most bodies at one time.")
 @click.option("--idle", type=click.FloatRange(1), default=900, show_default=True, help="Seconds to keep an idle body.")
 @click.option("--reasoning/--no-reasoning", default=False, help="Also ask what is seen and why, as in the benchmark.")
+@click.option("--verifier", default="", help="Verifier by name: it checks each call before the body moves.")
+@click.option("--option", "pairs", multiple=True, metavar="KEY=VALUE", help="Option of the verifier. Repeatable.")
 @click.option("--profile", type=click.Choice(["default", "paper"]), default="default", show_default=True)
 @engine_options
 @click.option(
@@ -43,7 +45,9 @@ from humanclaw.cli import engine_options, plugin_options
 )
 @click.option("--out", type=click.Path(path_type=Path), help="Folder for records; without it none are kept.")
 @plugin_options
-def command(http: bool, port: int, files: tuple[Path, ...], choice: Choice, **options: Any) -> None:
+def command(
+    http: bool, port: int, files: tuple[Path, ...], choice: Choice, pairs: tuple[str, ...], **options: Any
+) -> None:
     """Serve the skills to agents over the Model Context Protocol."""
     import anyio
 
@@ -57,8 +61,12 @@ def command(http: bool, port: int, files: tuple[Path, ...], choice: Choice, **op
     logging.basicConfig(level=logging.WARNING, format="%(levelname)s %(name)s: %(message)s")
     if options["auth_env"] and not http:
         raise HumanclawError("--auth-env protects HTTP only; over standard streams there is one client.", "Add --http.")
-    settings = Settings(**{key: value for key, value in options.items() if value is not None})
-    handlers = Handlers(Bodies(settings, Plugins.discover(files, choice)))
+    given = {key: value for key, value in options.items() if value is not None}
+    settings, plugins = Settings(**given, options=parse_pairs(pairs)), Plugins.discover(files, choice)
+    if settings.verifier:  # A wrong name or option is told now, not to the first client.
+        verifier = plugins.make("verifiers", settings.verifier, settings.options)
+        check_options(settings.options, settings.verifier, None, verifier)
+    handlers = Handlers(Bodies(settings, plugins))
     try:
         if http:
             anyio.run(serve_http, handlers, port, lambda url: click.echo(f"Listening on {url}", err=True))

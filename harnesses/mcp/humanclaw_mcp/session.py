@@ -155,7 +155,8 @@ class Session:
         body, task, settings = self._embody(), self.task, self._settings
         spec = free_episode(task.instruction, body.scene, seed=task.seed, max_steps=settings.max_steps, name=self.title)
         folder: Path | None = settings.out / self.title if settings.out else None
-        self._episode = Episode(body, spec, self._name, folder=folder, distance=geodesics)
+        judge = self._plugins.make("verifiers", settings.verifier, settings.options) if settings.verifier else None
+        self._episode = Episode(body, spec, self._name, judge, folder=folder, distance=geodesics)
         return self._episode
 
     def _end(self) -> None:

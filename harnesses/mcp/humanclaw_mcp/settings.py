@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final, Literal
+from typing import Any, Final, Literal
 
 from humanclaw import Backends, HumanclawError
 
@@ -34,6 +35,10 @@ class Settings:
     """Sensors of an answer besides the view (humanclaw.episodes)."""
     reasoning: bool = False
     """Whether a call must also say what is seen and why, as in the benchmark."""
+    verifier: str = ""
+    """Name of the verifier that checks each call before the body moves; empty for none."""
+    options: Mapping[str, Any] = field(default_factory=dict)
+    """Options of the verifier, such as its model."""
     bodies: int = 4
     """Most bodies at one time, one for each session."""
     idle: float = 900.0
@@ -58,5 +63,7 @@ class Settings:
             raise HumanclawError("no scene is given.", "Name at least one, such as --scene house:0.")
         if self.bodies < 1 or self.max_steps < 1 or self.idle <= 0:
             raise HumanclawError("bodies, max_steps and idle must be positive.", "Leave them out for the defaults.")
+        if self.options and not self.verifier:
+            raise HumanclawError("--option belongs to a verifier, and none is named.", "Add --verifier NAME.")
         if not self.instruction.strip():
             raise HumanclawError("the instruction is empty.", "Say what the body is to do.")

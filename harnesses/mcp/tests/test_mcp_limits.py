@@ -6,7 +6,8 @@ import anyio
 import pytest
 from mcp import Client
 
-from humanclaw import HumanclawError, Keyframes, PluginError, skill
+from humanclaw import Call, HumanclawError, Keyframes, PluginError, Plugins, Verdict, hookimpl, skill
+from humanclaw.records import Answer
 from humanclaw_mcp import content
 from humanclaw_mcp.bodies import Bodies
 from humanclaw_mcp.handlers import Handlers
@@ -72,3 +73,37 @@ async def test_with_the_reasoning_a_call_says_what_is_seen_first():
 def test_settings_that_cannot_work_are_refused(wrong):
     with pytest.raises(HumanclawError):
         Settings(**wrong)
+
+
+class Turned:
+    """A plugin whose verifier replaces every walk by a turn."""
+
+    name, settings = "turned", {"strict": True}
+
+    @hookimpl
+    def humanclaw_verifiers(self, register):
+        register("turned", lambda options: self, "Turns instead of walking.")
+
+    def begin(self, context):
+        self.task = context.spec.instruction
+
+    def verify(self, observation, call, skill, goal):
+        replacement = None if call.skill != "walk" else Call("turn_in_place", {"yaw_deg": 10})
+        return Verdict(replacement is None, replacement, (Answer("Is the way free?", replacement is None),))
+
+
+async def test_a_verifier_checks_the_calls_of_a_client_before_the_body_moves():
+    plugins, judge = Plugins.discover(), Turned()
+    plugins.add(judge, "turned")
+    bodies = Bodies(Settings(verifier="turned", max_steps=3), plugins)
+    async with Client(make_server(Handlers(bodies))) as client:
+        result = await client.call_tool("walk", {"z_cm": 50})
+    assert "walk(z_cm=50) was not executed" in result.content[0].text
+    assert "Executed turn_in_place(yaw_deg=10) in its place." in result.content[0].text
+    assert judge.task == "Do as you are asked."
+    await bodies.close()
+
+
+def test_an_option_without_a_verifier_is_refused():
+    with pytest.raises(HumanclawError, match=r"--option belongs to a verifier, and none is named. Add --verifier NAME"):
+        Settings(options={"model": "x"})
