@@ -114,7 +114,8 @@ def test_an_adapter_of_another_base_is_refused_with_both_digests(copy):
     plugins = Plugins()
     plugins.add(Folders(folder), "other-base")
     assert (
-        f"against base 0123456789abcdef, and this base is {DiTGenerator.shipped().digest}." in plugins.disabled["stop"]
+        f"against base 0123456789abcdef; the installed ones are {DiTGenerator.shipped().digest}."
+        in plugins.disabled["stop"]
     )
 
 

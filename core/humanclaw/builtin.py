@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 from humanclaw.plugins.hookspecs import hookimpl
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     import click
 
     from humanclaw.motion.generator import MotionGenerator
@@ -29,6 +31,13 @@ def humanclaw_motion_generators(register: Register[GeneratorFactory]) -> None:
 
 
 @hookimpl
+def humanclaw_priors(register: Register[Path]) -> None:
+    from humanclaw.motion.checkpoint import shipped_base
+
+    register("lite", shipped_base(), "The shipped motion prior: 3.35 M parameters.")
+
+
+@hookimpl
 def humanclaw_commands(cli: click.Group) -> None:
     from humanclaw.cli import LazyCommand
 
@@ -36,7 +45,7 @@ def humanclaw_commands(cli: click.Group) -> None:
         cli.add_command(LazyCommand(name, f"humanclaw.cli.{target}", told))
 
 
-def _dit(profile: str = "default") -> MotionGenerator:
+def _dit(profile: str = "default", prior: Path | None = None) -> MotionGenerator:
     from humanclaw.motion.generator import DiTGenerator
 
-    return DiTGenerator.shipped(profile)
+    return DiTGenerator.load(prior, profile)

@@ -52,6 +52,7 @@ SIMULATOR_HELP: Final = "Simulator by name. The default is bullet if it is insta
 _ENGINES: Final = (
     click.option("--simulator", default="", help=SIMULATOR_HELP),
     click.option("--generator", default=Backends.generator, show_default=True, help="Motion generator by name."),
+    click.option("--prior", default=Backends.prior, show_default=True, help="Motion prior of the generator, by name."),
 )
 _DECIDERS: Final = (
     click.option("--agent", default="", help="Agent by name; the default is oracle, or the model if one is named."),
@@ -121,6 +122,7 @@ def decider_options(function: F) -> F:
         profile: str,
         simulator: str,
         generator: str,
+        prior: str,
         renderer: str,
         sensors: Sequence[str],
         pairs: Sequence[str],
@@ -137,7 +139,7 @@ def decider_options(function: F) -> F:
             options,
             parse_limits(limits),
         )
-        backends = Backends(simulator, renderer, generator, profile, check_sensors(sensors))
+        backends = Backends(simulator, renderer, generator, profile, check_sensors(sensors), prior)
         return function(*args, deciders=deciders, backends=backends, **rest)
 
     return functools.reduce(lambda wrapped, option: option(wrapped), reversed(_DECIDERS), command)  # type: ignore[return-value]

@@ -11,6 +11,8 @@ from humanclaw.errors import HumanclawError, PluginError
 if TYPE_CHECKING:
     from humanclaw.plugins.host import Plugins
 
+SHIPPED: Final = "lite"
+"""The motion prior that comes with the package."""
 SENSORS: Final = ("vision", "body", "touch")
 """Senses that an observation can report. Vision, the picture, is always on."""
 SIMULATORS: Final = ("bullet", "mujoco")
@@ -30,6 +32,8 @@ class Backends:
     """'default' or 'paper': settings of the simulator and of the motion solver."""
     sensors: tuple[str, ...] = ("vision",)
     """Senses that an observation reports (see SENSORS)."""
+    prior: str = SHIPPED
+    """The motion prior that the generator runs."""
 
     def chosen(self, plugins: Plugins) -> Self:
         """Return the same with defaults filled in and senses in a fixed order, as records name them.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from inspect import signature
 from pathlib import Path
 from typing import Any, Self, TypeVar
 
@@ -12,10 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanclaw.body.pose import FUTURE, HISTORY, Array, Motion, Pose2D, re_rooted
-from humanclaw.episodes.backends import Backends
+from humanclaw.episodes.backends import SHIPPED, Backends
 from humanclaw.episodes.sensors import proprioception, tactile
 from humanclaw.episodes.tools import Verified, body_tools
-from humanclaw.errors import CheckpointError, blaming
+from humanclaw.errors import CheckpointError, HumanclawError, blaming
+from humanclaw.motion.checkpoint import adapters_beside
 from humanclaw.motion.generator import MotionGenerator
 from humanclaw.plugins.agents import Observation, Verifier
 from humanclaw.plugins.host import Plugins
@@ -84,7 +86,8 @@ class Body:
         self.plugins = plugins or Plugins.discover()
         self.backends = (backends or Backends()).chosen(self.plugins)
         self.sensors = self.backends.sensors
-        self._generator: MotionGenerator = self._make("motion_generators", self.backends.generator)
+        self._adapters: dict[Path, Mapping[str, Path]] = {}
+        self._generator: MotionGenerator = self._moved_by(self.backends.generator, self.backends.prior)
         self._simulator: Simulator = self._make("simulators", self.backends.simulator)
         self._renderer: Renderer = self.plugins.make("renderers", self.backends.renderer)
         self._shown: Scene | None = None
@@ -94,6 +97,35 @@ class Body:
 
     def _make(self, kind: str, name: str) -> Any:
         return self.plugins.make(kind, name, profile=self.backends.profile)
+
+    def _moved_by(self, generator: str, prior: str) -> MotionGenerator:
+        """Make the generator with a prior. Raises HumanclawError for a generator that takes none, and without a skill
+        that fits."""
+        if prior == SHIPPED:
+            made: MotionGenerator = self._make("motion_generators", generator)
+            return made
+        checkpoint = self.plugins.offered("priors", prior)
+        if "prior" not in signature(self.plugins.offered("motion_generators", generator)).parameters:
+            raise HumanclawError(f"generator {generator!r} takes no prior; got {prior!r}.", "Leave out --prior.")
+        made = self.plugins.make("motion_generators", generator, profile=self.backends.profile, prior=checkpoint)
+        if not any(skill.adapter and self._fits(skill, made.digest) for skill in self.plugins.skills.values()):
+            raise HumanclawError(
+                f"no skill has an adapter for prior {prior!r}.",
+                f"Train one with `humanclaw train adapter --skill FOLDER --base {checkpoint}`.",
+            )
+        return made
+
+    def _fits(self, skill: Skill, base: str) -> bool:
+        """Whether a skill can be played with a prior: it needs no adapter, is not trained yet, or has one for it."""
+        installed = self.plugins.priors
+        if skill.adapter is None or not skill.trained or len(installed) < 2 or base not in installed:
+            return True
+        return base in self._adapters_of(skill.adapter)
+
+    def _adapters_of(self, adapter: Path) -> Mapping[str, Path]:
+        if adapter not in self._adapters:
+            self._adapters[adapter] = adapters_beside(adapter)
+        return self._adapters[adapter]
 
     def reset(self, scene: str | Scene, start: Pose2D | None = None, *, seed: int = 0) -> Observation:
         """Stand at a start of a scene, with every object at rest, and return the view."""
@@ -117,8 +149,8 @@ class Body:
 
     @property
     def skills(self) -> dict[str, Skill]:
-        """Every skill that can be called, by name."""
-        return self.plugins.skills
+        """Every skill that can be called, by name. A trained skill needs an adapter for the body's prior."""
+        return {name: one for name, one in self.plugins.skills.items() if self._fits(one, self.weights)}
 
     @property
     def history(self) -> Motion:
@@ -227,7 +259,8 @@ class Body:
     def _generated(self, declared: Declaration | None, part: Control, key: tuple[int, ...]) -> Motion:
         """Generate the motion of a control, and correct the heading error that earlier calls left."""
         values = part.values if declared is None else self._course.steer(declared, part.values)
-        motion = self._generator.generate(self._history, part.adapter, values, key)
+        adapter = self._adapters_of(part.adapter).get(self.weights, part.adapter)
+        motion = self._generator.generate(self._history, adapter, values, key)
         if declared is not None:
             self._course = self._course.after(declared, part.values, self._history, motion)
         return motion

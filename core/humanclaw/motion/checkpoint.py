@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
@@ -183,14 +184,24 @@ def check_checkpoint(path: Path, kind: str, remedy: str) -> dict[str, Any]:
     return header
 
 
-def check_adapter(path: Path, remedy: str) -> AdapterConfig:
-    """Compare the shapes of an adapter's weights with those that the shipped prior needs. Reads no weight: 1 ms.
+def adapters_beside(path: Path) -> Mapping[str, Path]:
+    """Return the adapters of one skill by the digest of the prior that each was trained against: the file itself, and
+    files beside it such as adapter-tiny.safetensors. Unreadable ones are left out."""
+    found: dict[str, Path] = {}
+    for file in (path, *sorted(path.parent.glob(f"{path.stem}-*{path.suffix}"))):
+        with suppress(CheckpointError):
+            found.setdefault(str(read_header(file).get("base")), file)
+    return found
+
+
+def check_adapter(path: Path, prior: Path, remedy: str) -> AdapterConfig:
+    """Compare the shapes of an adapter's weights with those that a prior needs. Reads no weight: 1 ms.
 
     Raises CheckpointError with that remedy.
     """
     try:
         config = _adapter_config(read_header(path, remedy))
-        shape = ModelConfig(**read_header(shipped_base())["model"])
+        shape = ModelConfig(**read_header(prior)["model"])
         expected = _shapes(shape, replace(config, skill="", centre=config.scale, measures=()))
         with safe_open(str(path), framework="np") as file:
             found = {name: tuple(file.get_slice(name).get_shape()) for name in file.keys()}  # noqa: SIM118

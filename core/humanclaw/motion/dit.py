@@ -47,7 +47,12 @@ class ModelConfig:
             raise ValueError(f"hidden must be even and a multiple of heads; got {self.hidden} and {self.heads}")
 
 
-SIZES: Final = {"paper": ModelConfig(512, 10, 8), "lite": ModelConfig(192, 6, 6, prediction="clean")}
+SIZES: Final = {
+    "paper": ModelConfig(512, 10, 8),
+    "lite": ModelConfig(192, 6, 6, prediction="clean"),
+    "tiny": ModelConfig(48, 2, 2, prediction="clean"),
+}
+"""`tiny` trains in seconds and walks badly: for trials."""
 
 Layer = Callable[[int, Array], Array]
 """Carry the tokens z_l (B, T, hidden) that enter layer l to z_{l+1}."""

@@ -73,7 +73,12 @@ class DiTGenerator:
 
     @classmethod
     def shipped(cls, profile: str = "default") -> DiTGenerator:
-        """Return the base that comes with the package.
+        """Return the base that comes with the package. Raises as load() does."""
+        return cls.load(None, profile)
+
+    @classmethod
+    def load(cls, prior: Path | None = None, profile: str = "default") -> DiTGenerator:
+        """Read a base checkpoint; None for the one that comes with the package.
 
         profile: `default` for few solver steps and all corrections, `paper` for the paper's 30 steps without
         corrections.
@@ -82,7 +87,7 @@ class DiTGenerator:
         """
         if profile not in PROFILES:
             raise HumanclawError(f"There is no motion profile {profile!r}.", f"Choose from: {', '.join(PROFILES)}.")
-        return cls(load_base(shipped_base()), PROFILES[profile], corrections=profile != "paper")
+        return cls(load_base(prior or shipped_base()), PROFILES[profile], corrections=profile != "paper")
 
     @property
     def digest(self) -> str:

@@ -43,6 +43,7 @@ if TYPE_CHECKING:
         humanclaw_hookspecs as humanclaw_hookspecs,
         humanclaw_measures as humanclaw_measures,
         humanclaw_motion_generators as humanclaw_motion_generators,
+        humanclaw_priors as humanclaw_priors,
         humanclaw_recipes as humanclaw_recipes,
         humanclaw_renderers as humanclaw_renderers,
         humanclaw_reports as humanclaw_reports,

@@ -118,7 +118,18 @@ def humanclaw_renderers(register: Register[RendererFactory]) -> None:
 
 @hookspec
 def humanclaw_motion_generators(register: Register[GeneratorFactory]) -> None:
-    """Register motion generators: factory(profile: str = "default") -> MotionGenerator."""
+    """Register motion generators: factory(profile: str = "default", prior: Path | None = None) -> MotionGenerator.
+
+    prior: the checkpoint of another prior than the shipped one; leave the parameter out if there can be none.
+    """
+
+
+@hookspec
+def humanclaw_priors(register: Register[Path]) -> None:
+    """Register motion priors: the path of a base checkpoint, as `humanclaw train base` writes it.
+
+    Adapters name by digest the prior that they were trained against, so several priors live side by side.
+    """
 
 
 @hookspec

@@ -25,7 +25,6 @@ from typing import Any, Final, TypeVar
 import pluggy
 
 from humanclaw.errors import PluginError, by_hand
-from humanclaw.motion.checkpoint import read_header, shipped_base
 from humanclaw.plugins import hookspecs
 from humanclaw.plugins.bounded import Bounded
 from humanclaw.plugins.choice import Choice, PluginInfo, Registration, is_owner
@@ -39,7 +38,7 @@ from humanclaw.plugins.loading import (
     origin_of,
     reason_of,
 )
-from humanclaw.plugins.lookup import Lookup
+from humanclaw.plugins.lookup import Lookup, by_digest
 from humanclaw.plugins.registry import Registry
 from humanclaw.skills.measures import MEASURES
 from humanclaw.text.words import did_you_mean
@@ -48,7 +47,7 @@ T = TypeVar("T")
 PREFIX: Final = "humanclaw_"
 _LOG: Final = logging.getLogger(__name__)
 EXTENSION: Final = "humanclaw_hookspecs"
-FIRST: Final = (EXTENSION, "humanclaw_measures")
+FIRST: Final = (EXTENSION, "humanclaw_measures", "humanclaw_priors")
 """Plugins with these hooks load first: others may need their definitions."""
 
 
@@ -66,7 +65,6 @@ class Plugins(Lookup):
         self._take(
             "measures", [Registration(k, hookspecs.PROJECT, one, one.description) for k, one in MEASURES.items()]
         )
-        self._base: str = read_header(shipped_base())["digest"]
 
     @classmethod
     def discover(cls, files: Sequence[Path] = (), choice: Choice = Choice()) -> Plugins:
@@ -219,7 +217,8 @@ class Plugins(Lookup):
         registry.notes = tuple(str(one.message) for one in told if issubclass(one.category, DeprecationWarning))
         registry.keep(self.choice)
         own = {one.name: one.value for one in registry.found.get("measures", [])}
-        registry.disable_faulty_skills({**own, **self.measures}, self._base)
+        priors = {**self.priors, **by_digest(registry.found.get("priors", []))}
+        registry.disable_faulty_skills({**own, **self.measures}, priors)
         return registry
 
     def _call_hooks(self, plugin: object, name: str) -> Registry:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any, Final
 
 from humanclaw.errors import ANSWERING, FactoryError, HumanclawError, PluginError, RecordError, by_hand
+from humanclaw.motion.checkpoint import read_header, shipped_base
 from humanclaw.plugins import distributions
 from humanclaw.plugins.choice import Choice, PluginInfo, Registration, means
 from humanclaw.plugins.deciders import Unmade
@@ -19,6 +21,11 @@ from humanclaw.skills.measures import Measure
 from humanclaw.text.words import did_you_mean, nearest
 
 _DECIDERS: Final = ("agents", "verifiers")
+
+
+def by_digest(priors: Iterable[Registration]) -> dict[str, Path]:
+    """Return the checkpoints of registered priors by digest. Raises CheckpointError for one that cannot be read."""
+    return {str(read_header(one.value)["digest"]): one.value for one in priors}
 
 
 class Lookup:
@@ -99,6 +106,11 @@ class Lookup:
             raise PluginError(f"{listed} are not installed.", f"Run `{distributions.install(bringing)}`.")
         for kind, name in missing:
             self._find(kind, name)
+
+    @property
+    def priors(self) -> dict[str, Path]:
+        """The checkpoints of the installed priors, by digest; the shipped one where no plugin registers any."""
+        return by_digest(self.registered("priors")) or {str(read_header(shipped_base())["digest"]): shipped_base()}
 
     @property
     def skills(self) -> dict[str, Skill]:

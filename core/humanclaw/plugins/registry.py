@@ -66,11 +66,11 @@ class Registry:
         self.disabled[name] = reason
         self.faulty.append(Registration(name, self.owner, value))
 
-    def disable_faulty_skills(self, measures: Mapping[str, Measure], base: str) -> None:
+    def disable_faulty_skills(self, measures: Mapping[str, Measure], priors: Mapping[str, Path]) -> None:
         """Check each skill against the contract, and take out those that break it."""
         kept = []
         for one in self.found.get("skills", []):
-            if faults := skill_faults(one.value, measures, base):
+            if faults := skill_faults(one.value, measures, priors):
                 self._disable(one.name, one.value, " ".join(map(str, faults)))
             else:
                 kept.append(one)

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from math import isfinite
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Final
 
 from humanclaw.errors import CheckpointError, ContractError
-from humanclaw.motion.checkpoint import WeightsError, check_adapter, check_checkpoint
+from humanclaw.motion.checkpoint import WeightsError, adapters_beside, check_adapter, check_checkpoint
 from humanclaw.skills.contract import Skill
 from humanclaw.skills.measures import Measure, Parameter, from_si
 
@@ -18,16 +19,19 @@ _SLACK: Final = 0.05
 """Share of the trained half-range by which a bound may lie outside it: the range is read off percentiles of the
 data."""
 Faults = Iterator[ContractError]
+Priors = Mapping[str, Path]
+ANY: Final[Priors] = MappingProxyType({})
+"""No prior in particular."""
 
 
 @dataclass(frozen=True)
 class Subject:
-    """A skill and the requirements on it. base: digest of the prior that its adapter has to fit; empty for any
-    prior."""
+    """A skill and the requirements on it. priors: by digest, the installed ones, of which an adapter has to fit one;
+    empty for any prior."""
 
     skill: Skill
     measures: Mapping[str, Measure]
-    base: str = ""
+    priors: Priors = field(default_factory=lambda: ANY)
 
     @cached_property
     def properties(self) -> Mapping[str, Any]:
@@ -50,13 +54,20 @@ def misfits(subject: Subject) -> Faults:
     skill = subject.skill
     if skill.adapter is None or not skill.adapter.is_file():
         return
-    header, faults = adapter_header(skill.adapter, subject.train, subject.base)
+    fitting = [path for base, path in adapters_beside(skill.adapter).items() if base in subject.priors]
+    for path in fitting or [skill.adapter]:
+        yield from _misfits(subject, path)
+
+
+def _misfits(subject: Subject, adapter: Path) -> Faults:
+    skill = subject.skill
+    header, faults = adapter_header(adapter, subject.train, subject.priors)
     yield from faults
     if not header:
         return
     config, trained = header["adapter"], ranges(header)
     if config.get("skill") != subject.owner:
-        message = f"{skill.adapter} is the adapter of {config.get('skill')!r}, not of {subject.owner!r}."
+        message = f"{adapter} is the adapter of {config.get('skill')!r}, not of {subject.owner!r}."
         remedy = f'{subject.train} Or say whose it is: "x-adapter": "{config.get("skill")}" in schema.json.'
         yield ContractError("adapter-skill", message, remedy)
     if {one.name for one in skill.parameters} != set(trained):
@@ -71,7 +82,7 @@ def misfits(subject: Subject) -> Faults:
             yield ContractError("adapter-measures", message, f"Mend its x-measure. {subject.train}")
 
 
-def adapter_header(path: Path, remedy: str, base: str = "") -> tuple[dict[str, Any], tuple[ContractError, ...]]:
+def adapter_header(path: Path, remedy: str, priors: Priors = ANY) -> tuple[dict[str, Any], tuple[ContractError, ...]]:
     """Return the header of an adapter (empty if it cannot be read), and the faults of the header and of the weights."""
     try:
         header = check_checkpoint(path, "adapter", remedy)
@@ -84,18 +95,20 @@ def adapter_header(path: Path, remedy: str, base: str = "") -> tuple[dict[str, A
     if ranged:
         message = f"{path} has no finite centre and positive scale of {', '.join(ranged)}."
         return {}, (ContractError("adapter-header", message, remedy),)
-    return header, tuple(_unfit(path, header, remedy, base))
+    return header, tuple(_unfit(path, header, remedy, priors))
 
 
-def _unfit(path: Path, header: Mapping[str, Any], remedy: str, base: str) -> Faults:
-    """Yield an adapter of another prior, or of another width."""
-    if not base:
+def _unfit(path: Path, header: Mapping[str, Any], remedy: str, priors: Priors) -> Faults:
+    """Yield an adapter of a prior that is not installed, or of another width."""
+    if not priors:
         return
-    if header.get("base") != base:
-        message = f"{path} was trained against base {header.get('base')}, and this base is {base}."
-        yield ContractError("adapter-base", message, remedy)
+    prior = priors.get(str(header.get("base")))
+    if prior is None:
+        message = f"{path} was trained against base {header.get('base')}; the installed ones are {', '.join(priors)}."
+        yield ContractError("adapter-base", message, f"Install its prior. {remedy}")
+        return
     try:
-        check_adapter(path, remedy)
+        check_adapter(path, prior, remedy)
     except CheckpointError as error:
         yield ContractError("adapter-width", error.message, error.remedy)
 

@@ -15,7 +15,7 @@ from typing import Any, Final, get_args
 import jsonschema
 
 from humanclaw.errors import ContractError, PluginError
-from humanclaw.skills.adapter_checks import Faults, Subject, misfits
+from humanclaw.skills.adapter_checks import ANY, Faults, Priors, Subject, misfits
 from humanclaw.skills.contract import OFFLINE, Skill, read_checks, refusals
 from humanclaw.skills.measures import MEASURES, Measure, Parameter, read_schema, si_unit
 from humanclaw.skills.publishing import REASONING_FIELDS, Format, parameter_schema, unpublishable
@@ -113,7 +113,10 @@ class Draft(Skill):
 
 
 def skill_faults(
-    skill: Skill, measures: Mapping[str, Measure] = MEASURES, base: str = "", formats: bool = False
+    skill: Skill,
+    measures: Mapping[str, Measure] = MEASURES,
+    priors: Priors = ANY,
+    formats: bool = False,
 ) -> tuple[ContractError, ...]:
     """Everything in which a skill breaks the contract, each with what mends it; nothing for a skill that keeps it.
 
@@ -122,14 +125,15 @@ def skill_faults(
     Args:
         skill: one without an adapter's file is held to its schema and checklist alone.
         measures: what parameters may command.
-        base: digest of the prior that its adapter has to fit; empty to leave that open.
+        priors: checkpoints of the installed priors by digest, of which its adapter has to fit one; empty to leave that
+            open.
         formats: also tell of tool formats in which it cannot be published; elsewhere it can be used.
     """
     found: list[ContractError] = []
     broken: list[Exception] = []
     for find in _FINDERS:
         try:
-            found += find(Subject(skill, measures, base))
+            found += find(Subject(skill, measures, priors))
         except Exception as error:
             broken.append(error)
     if broken and not found:  # Otherwise the found fault is the reason.

@@ -111,7 +111,7 @@ def examine(
 
 
 def _examined(skill: Skill, bench: Bench, unreadable: Sequence[ContractError]) -> Report:
-    said = (*unreadable, *skill_faults(skill, bench.measures, bench.base, formats=True))
+    said = (*unreadable, *skill_faults(skill, bench.measures, bench.plugins.priors, formats=True))
     if skill.adapter and not skill.adapter.is_file():
         missing = untrained(skill)
         said += (ContractError("adapter-there", missing.message, missing.remedy),)
@@ -215,7 +215,7 @@ _REMEDIES: Final = {
 
 
 def _control_faults(part: Control, call: str, bench: Bench) -> Faults:
-    header, faults = adapter_header(part.adapter, "Name the adapter of a skill that is trained.", bench.base)
+    header, faults = adapter_header(part.adapter, "Name the adapter of a skill that is trained.", bench.plugins.priors)
     for fault in faults:
         yield ContractError("control-adapter", f"{call}: {fault.message}", fault.remedy)
     if not header:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from typing import Any, Final
 
@@ -13,7 +13,6 @@ from humanclaw.body.pose import FUTURE
 from humanclaw.episodes.backends import Backends
 from humanclaw.episodes.embodiment import Body, SkillExecution
 from humanclaw.errors import ContractError, HumanclawError, in_words
-from humanclaw.motion.checkpoint import read_header, shipped_base
 from humanclaw.plugins.bounded import Bounded
 from humanclaw.plugins.hookspecs import hookimpl
 from humanclaw.plugins.host import Plugins
@@ -41,7 +40,6 @@ class Bench:
     """Plans a call with a timeout."""
     play: Bounded
     """Plays a call with a timeout."""
-    base: str = field(default_factory=lambda: str(read_header(shipped_base())["digest"]))
 
 
 # -- playing it --------------------------------------------------------------------------------------------------------

@@ -118,7 +118,9 @@ class Settings(BaseModel):
         """
         given = {key: value for key, value in options.items() if value is not None}
         if "model" not in given:
-            raise ModelError("no model is named.", "Name one with --model NAME or --option model=NAME, such as openai/gpt-4o-mini.")
+            raise ModelError(
+                "no model is named.", "Name one with --model or --option model=NAME, such as openai/gpt-4o-mini."
+            )
         for key in set(given) - set(cls.model_fields):
             cls._refuse_near_miss(key)
         _refuse_secrets(given)

@@ -168,7 +168,10 @@ class Session:
         """Return the body in the scene of the task; make or move it there if needed."""
         if self._body is None:
             self.doing, asked = _MAKING, self._settings
-            backends = Backends(asked.simulator, Backends.renderer, asked.generator, asked.profile, asked.sensors)
+            backends = Backends(
+                asked.simulator, generator=asked.generator, profile=asked.profile, sensors=asked.sensors,
+                prior=asked.prior,
+            )  # fmt: skip
             self._body = Body(self.task.scene, plugins=self._plugins, backends=backends)
             self.doing = _MOVING
         elif self._body.scene.name != self.task.scene:

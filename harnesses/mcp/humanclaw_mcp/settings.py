@@ -31,6 +31,7 @@ class Settings:
     simulator: str = ""
     """Name of the simulator; empty for the default one."""
     generator: str = Backends.generator
+    prior: str = Backends.prior
     sensors: tuple[str, ...] = ()
     """Sensors of an answer besides the view (humanclaw.episodes)."""
     reasoning: bool = False
