@@ -8,6 +8,7 @@ from pathlib import Path
 import click
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 import humanclaw_bench.hookspecs
 from humanclaw import Plugins
@@ -159,3 +160,29 @@ def test_the_picture_of_the_architecture_is_that_of_the_code():
     script = ROOT / "docs" / "_architecture.py"
     drawn = runpy.run_path(str(script))["picture"]()
     assert drawn == (ROOT / "docs" / "images" / "architecture.svg").read_text("utf-8"), "Run `make architecture`."
+
+
+PAPER = (ROOT / "docs" / "paper.md").read_text("utf-8")
+SWITCHES = [
+    command
+    for line in PAPER.splitlines()
+    if line.startswith("| ")
+    for command in re.findall(r"`(humanclaw [^`]+)`", line.rsplit("|", 2)[1])
+]
+
+
+def test_most_differences_from_the_paper_have_a_switch():
+    assert len(SWITCHES) >= 10
+
+
+@pytest.mark.parametrize("switch", SWITCHES)
+def test_a_switch_that_brings_the_papers_way_exists(plugins, switch):
+    """Its command is there, and its help knows the option and, of a choice, the value."""
+    words = switch.split()[1:]
+    place = next((k for k, word in enumerate(words) if word.startswith("--")), len(words))
+    done = CliRunner(env={"COLUMNS": "200"}).invoke(build(lambda: plugins), [*words[:place], "--help"])
+    shown = re.sub(r"\s+", " ", done.output)
+    assert done.exit_code == 0
+    for word in words[place:]:
+        if word.startswith("--") or not word.isupper():
+            assert word in shown

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Final
 
 import torch
 from torch import Tensor, nn
@@ -68,6 +69,12 @@ class Weights:
     outcome: float = 0.2
     """Root at the last frame, per (1 cm) and (0.4 degrees) squared, linear beyond: what the skills' parameters command.
     Small errors of heading add up over a long walk."""
+
+
+FULL: Final = Weights()
+PLAIN: Final = Weights(1.0, 1.0, 1.0, 1.0, joints=0.0, motion=0.0, feet=0.0, stance=0.0, outcome=0.0)
+"""The paper's: the mean square of what the model predicts, which for size `paper` is the velocity."""
+LOSSES: Final = {"full": FULL, "plain": PLAIN}
 
 
 class Loss:

@@ -44,7 +44,7 @@ from humanclaw_train.chunks import CHUNKS
 from humanclaw_train.control import Adapter
 from humanclaw_train.data import ChunkTensors
 from humanclaw_train.dit import DiT
-from humanclaw_train.flow import Loss, Weights, objective
+from humanclaw_train.flow import LOSSES, Loss, Weights, objective
 from humanclaw_train.rollouts import Measures, declared
 from humanclaw_train.trainer import Recipe, Trainer, run
 
@@ -64,9 +64,9 @@ def train_base(folders: Sequence[Path], out: Path, recipe: Recipe, device: torch
         return output
 
     def export() -> None:
-        save_base(path, trainer.mean, normaliser, start, _card(trainer, Weights(), "base"))
+        save_base(path, trainer.mean, normaliser, start, _card(trainer, LOSSES[recipe.terms], "base"))
 
-    problem = objective(forward, Loss(normaliser, Weights()), model.config.prediction, fast)
+    problem = objective(forward, Loss(normaliser, LOSSES[recipe.terms]), model.config.prediction, fast)
     run(trainer, problem, lambda values: values, out, export)
     return path
 
@@ -105,11 +105,11 @@ def train_adapter(
         return output
 
     def export() -> None:
-        save_adapter(path, trainer.mean, base.digest, _card(trainer, Weights(), skill))
+        save_adapter(path, trainer.mean, base.digest, _card(trainer, LOSSES[recipe.terms], skill))
         if look is not None and trainer.step:
             print(f"step {trainer.step:7d}  {look(path)}", flush=True)
 
-    problem = objective(forward, Loss(normaliser, Weights()), frozen.config.prediction, fast)
+    problem = objective(forward, Loss(normaliser, LOSSES[recipe.terms]), frozen.config.prediction, fast)
     run(trainer, problem, adapter.condition, out, export)
     return path
 
@@ -156,6 +156,8 @@ def main(arguments: Sequence[str] | None = None, measures: Measures = lambda: ME
         options.seed,
         options.history_noise,
         options.jitter,
+        options.tau,
+        options.loss,
         licences=tuple(options.licence),
     )
     folders = options.data or [CHUNKS]
@@ -250,6 +252,12 @@ def _parser() -> argparse.ArgumentParser:
         one.add_argument("--rate", type=float, default=1e-3, help="learning rate")
         one.add_argument("--seed", type=int, default=0, help="seed of all random numbers")
         one.add_argument("--history-noise", type=float, default=1.0, help="strength of the errors added to histories")
+        one.add_argument(
+            "--tau", choices=("squared", "uniform"), default="squared", help="flow times; the paper's are uniform"
+        )
+        one.add_argument(
+            "--loss", choices=list(LOSSES), default="full", help="plain: the paper's, without terms for joints and feet"
+        )
         one.add_argument("--jitter", type=float, default=0.01, help="noise on conditions, in standard deviations")
         one.add_argument(
             "--licence",

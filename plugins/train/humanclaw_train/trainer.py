@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, Generic, TypeVar
+from typing import Final, Generic, Literal, TypeVar
 
 import numpy as np
 import torch
@@ -37,6 +37,10 @@ class Recipe:
     history_noise: float = 1.0
     jitter: float = 0.01
     """Noise on a condition, in units of its standard deviation."""
+    tau: Literal["squared", "uniform"] = "squared"
+    """Flow times of training: the square of a uniform number, or the number itself as in the paper."""
+    terms: Literal["full", "plain"] = "full"
+    """Terms of the loss (flow.LOSSES)."""
     init: str = ""
     """Recipe digest of the checkpoint that the run began from; empty for a run from scratch."""
     licences: tuple[str, ...] = ()
@@ -90,9 +94,10 @@ class Trainer(Generic[M]):
         values = data.commanded(self.chunks.measures, self.chunks.params[chosen], clean, root)
         values = values + self.jitter * torch.randn(values.shape, generator=generator, device=device)
         noise = torch.randn(states[:, HISTORY:].shape, generator=generator, device=device)
-        # tau is denser close to 0: from tau 0.1 on, the 15 noisy frames together reveal the outcome, so a model learns
-        # to use its condition only below that.
-        return states, values, noise, torch.rand(size, generator=generator, device=device) ** 2
+        tau = torch.rand(size, generator=generator, device=device)
+        # Squared it is denser close to 0: from tau 0.1 on, the 15 noisy frames together reveal the outcome, so a model
+        # learns to use its condition only below that.
+        return states, values, noise, tau**2 if self.recipe.tau == "squared" else tau
 
     def advance(self, problem: Objective, encode: Encode) -> Tensor:
         """Do one optimisation step. Returns the loss before it."""
@@ -154,7 +159,9 @@ def run(trainer: Trainer[M], problem: Objective, encode: Encode, out: Path, expo
     out.mkdir(parents=True, exist_ok=True)
     trainer.resume(out / "state.pt")
     saved = reported = clock = time.monotonic()
-    total, begun = 0.0, trainer.step
+    recipe, total, begun = trainer.recipe, 0.0, trainer.step
+    until = f"to step {recipe.steps}" if recipe.steps else f"for {recipe.minutes:g} minutes"
+    print(f"{len(trainer.chunks)} chunks on {trainer.chunks.root.device}, from step {begun} {until}", flush=True)
     first = begun
     while trainer.progress < 1:
         total += float(trainer.advance(problem, encode))

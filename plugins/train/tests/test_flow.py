@@ -3,6 +3,7 @@ import pytest
 torch = pytest.importorskip("torch")
 
 from humanclaw_train import flow
+from humanclaw_train.checkpoint import Normaliser
 
 
 def _numbers(*shape: int, seed: int = 0) -> torch.Tensor:
@@ -27,3 +28,11 @@ def test_an_answer_in_clean_frames_and_one_in_velocities_mean_the_same():
     noisy, target = flow.noised(clean, noise, tau), flow.target(clean, noise)
     assert torch.allclose(flow.velocity("clean", clean, noisy, tau), target, atol=1e-5)
     assert torch.allclose(flow.clean("velocity", target, noisy, tau), clean, atol=1e-5)
+
+
+def test_the_plain_loss_is_the_mean_square_of_the_model_s_error():
+    normaliser = Normaliser(torch.zeros(219), torch.ones(219))
+    output, wanted, states = _numbers(2, 15, 219), _numbers(2, 15, 219, seed=1), _numbers(2, 20, 219, seed=2)
+    plain = flow.Loss(normaliser, flow.PLAIN)(output, wanted, output, states)
+    assert torch.allclose(plain, (output - wanted).square().mean())
+    assert flow.Loss(normaliser, flow.FULL)(output, wanted, output, states) > 2 * plain

@@ -12,11 +12,12 @@ torch = pytest.importorskip("torch")
 
 from humanclaw import HumanclawError
 from humanclaw.body import Motion, Pose2D, rest_pose
-from humanclaw.motion import DiTGenerator, ModelConfig, Solver, load_adapter, load_base
+from humanclaw.motion import DiTGenerator, ModelConfig, Solver, load_adapter, load_base, read_header
 from humanclaw_train import data, kinematics, train, trainer
 from humanclaw_train.data import commanded, noisy_history
 from humanclaw_train.flow import Loss, Weights
 from humanclaw_train.train import main
+from humanclaw_train.trainer import Recipe, Trainer
 
 COUNT = 64
 
@@ -162,6 +163,25 @@ def test_a_run_that_was_interrupted_ends_where_one_that_was_not_ends(backwards, 
     resumed = _adapter(backwards, base_file, tmp_path / "cut", "--steps", "12")
     assert len(calls) == 8 + (12 - 7)
     assert resumed.read_bytes() == whole.read_bytes()
+
+
+def test_the_papers_training_is_two_switches_and_the_header_tells(backwards, base_file, tmp_path, capsys):
+    ours = _adapter(backwards, base_file, tmp_path / "ours", "--steps", "3")
+    paper = _adapter(backwards, base_file, tmp_path / "paper", "--steps", "3", "--tau", "uniform", "--loss", "plain")
+    assert paper.read_bytes() != ours.read_bytes()
+    told = [read_header(path)["card"]["recipe"] for path in (ours, paper)]
+    assert [(one["tau"], one["terms"]) for one in told] == [("squared", "full"), ("uniform", "plain")]
+    assert told[1]["loss"]["joints"] == 0.0 < told[0]["loss"]["joints"]
+    assert capsys.readouterr().out.splitlines()[0].endswith("on cpu, from step 0 to step 3")
+
+
+def test_uniform_flow_times_are_the_roots_of_the_squared_ones(base_file, backwards):
+    chunks = data.load([backwards], "step_back")
+    taus = [
+        Trainer(torch.nn.Linear(1, 1), chunks, Recipe(batch=4000, tau=tau)).batch()[3] for tau in ("uniform", "squared")
+    ]
+    assert float(taus[0].mean()) == pytest.approx(0.5, abs=0.02)
+    assert torch.equal(taus[0] ** 2, taus[1])
 
 
 def test_another_seed_learns_other_weights_and_may_not_take_over_a_run(backwards, base_file, tmp_path, capsys):
