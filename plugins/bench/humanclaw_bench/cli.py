@@ -42,7 +42,19 @@ from humanclaw_bench.writers import WRITERS, plain, plain_differences, terminal
 
 RUN = click.Path(path_type=Path)
 PARTIAL = click.option("--partial", is_flag=True, help="Accept a run in which episodes are, or may be, missing.")
-NAMES = ("main", "repeats", "variants", "body", "own", "difficulty", "category", "plugins", "funnel", "causes")
+NAMES = (
+    "main",
+    "repeats",
+    "variants",
+    "body",
+    "own",
+    "difficulty",
+    "factors",
+    "category",
+    "plugins",
+    "funnel",
+    "causes",
+)
 
 
 @click.group()

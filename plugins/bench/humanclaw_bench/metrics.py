@@ -86,12 +86,17 @@ BODY: Final = (
     _collision("Head", "head"),
 )  # fmt: skip
 OWN: Final = (
+    Metric(
+        "landing", "higher", lambda s: None if s.find is None else (float(bool(s.nav)), float(s.find)), percent=True
+    ),
+    _mean("reversals", lambda s: s.reversals, percent=True),
     _rate("near at the end", "ends_near"), _collision("Coll. fixed", "fixed"),
     _mean("disturbed", lambda s: s.disturbed, 2),
     Metric("path (m)", "lower", lambda s: (s.disturbed_path, s.disturbed), digits=2),
     _mean("rigid jerk", lambda s: s.rigid_jerk),
 )  # fmt: skip
-"""Other readings of what the paper measures with GeoNavSR, Coll., #Dtb, dDtb and Jerk."""
+"""Figures of the paper's text (landing rate: NavSR over FindSR; turn reversals), and other readings of GeoNavSR, Coll.,
+#Dtb, dDtb and Jerk."""
 ALL: Final = tuple(dict.fromkeys((*MAIN, *VARIANTS, *BODY, *OWN)))
 
 

@@ -13,7 +13,18 @@ from typing import Final
 import numpy as np
 
 from humanclaw import EpisodeSpec, Motion, RecordedEpisode, StepRecord, Verdict
-from humanclaw.body import BODY_GROUPS, FUTURE, HISTORY, Array, Pose2D, pelvis_jerk, rest_pose, root_jerk
+from humanclaw.body import (
+    BODY_GROUPS,
+    FUTURE,
+    HISTORY,
+    Array,
+    Pose2D,
+    heading,
+    pelvis_jerk,
+    rest_pose,
+    root_jerk,
+    wrap_angle,
+)
 from humanclaw.records import (
     Outcome,
     acknowledges,
@@ -34,6 +45,8 @@ MOVES: Final = 0.001
 """Smallest movement per frame that counts as moving, metres. Less is jitter of the physics."""
 DISPLACED: Final = 0.01
 """Smallest displacement of an object that counts, metres; the paper gives none."""
+TURNS: Final = float(np.radians(5.0))
+"""Smallest turn of a step that counts, radians; the paper gives none."""
 NEARBY: Final = 1.0
 """The looser threshold of NavSR@1m, metres."""
 FINISHED: Final = ("stopped", "out_of_steps", "plugin_error")
@@ -145,6 +158,19 @@ def disturbed_path(since: Mapping[int, int], moved: Mapping[int, Array]) -> floa
     return float(sum(way[int(np.argmax(way > MOVES)) :].sum() for way in ways if (way > MOVES).any()))
 
 
+# -- turning -----------------------------------------------------------------------------------------------------------
+def reversals(recorded: RecordedEpisode) -> float:
+    """Return the share of steps that turn the body back, by TURNS or more, right after a step that turned it the other
+    way (paper, section 5.2); NaN without motion."""
+    if not recorded.has_motion or not recorded.steps:
+        return float("nan")
+    facing = heading(recorded.motion("simulated").rotations[:, 0])
+    bounds = [(first, first + step.motion_frames) for first, step in _starts(recorded.steps)]
+    turns = [float(wrap_angle(facing[max(last - 1, 0)] - facing[first - 1])) for first, last in bounds]
+    back = [a * b < 0 and min(abs(a), abs(b)) >= TURNS for a, b in pairwise(turns)]
+    return sum(back) / len(turns)
+
+
 # -- generated motion --------------------------------------------------------------------------------------------------
 def generated_trajectory(recorded: RecordedEpisode) -> Motion:
     """Return the generated motion of all steps as one, each chunk from the end of the one before it.
@@ -212,6 +238,8 @@ class Scores:
     """Of the pelvis, m/s^3."""
     rigid_jerk: float
     """Of the whole body as the root carries it, m/s^3."""
+    reversals: float
+    """Share of steps that turn the body back; NaN without motion."""
     steps: int
     invalid: int
     """Number of steps without a usable call."""
@@ -287,6 +315,7 @@ def score(recorded: RecordedEpisode, extra: Extra | None = None) -> Scores:
         disturbed_path=disturbed_path(since, moved),
         jerk=pelvis_jerk(motion),
         rigid_jerk=root_jerk(motion),
+        reversals=reversals(recorded),
         steps=len(steps),
         invalid=sum(step.status == "invalid" for step in steps),
         tokens_in=sum(usage.tokens_in for usage in usages),

@@ -9,7 +9,7 @@ from typing import Final, Literal
 import numpy as np
 
 from humanclaw_bench.attribution import CAUSES, STAGES, Cause, Funnel
-from humanclaw_bench.difficulty import TIERS
+from humanclaw_bench.difficulty import THRESHOLDS, TIERS, tiers
 from humanclaw_bench.metrics import (
     BODY,
     COLLISIONS,
@@ -131,8 +131,9 @@ def body_table(results: Sequence[Result], *, paper: bool = True, seed: int = 0) 
 
 
 def own_table(results: Sequence[Result], *, seed: int = 0) -> ResultTable:
-    """Return other readings of five of the paper's metrics; the paper has no figures for them."""
-    return _result_table("Other readings of GeoNavSR, Coll., #Dtb, dDtb and Jerk", OWN, results, {}, seed)
+    """Return landing rate and turn reversals (paper, section 5.2), and other readings of five metrics."""
+    title = "Landing, reversals, and other readings of GeoNavSR, Coll., #Dtb, dDtb and Jerk"
+    return _result_table(title, OWN, results, {}, seed)
 
 
 def _result_table(
@@ -186,19 +187,31 @@ def _share(cause: Cause, failures: Sequence[tuple[Cause, Scores]]) -> Estimate:
 
 def difficulty_table(results: Sequence[Result], *, seed: int = 0) -> ResultTable:
     """Return the main columns by tier of difficulty (paper, section 4.1)."""
-    return _broken_down("Results by difficulty", results, TIERS, lambda s: s.tier, seed)
+    return _broken_down("Results by difficulty", results, TIERS, lambda s, tier: s.tier == tier, seed)
+
+
+def factors_table(results: Sequence[Result], *, seed: int = 0) -> ResultTable:
+    """Return the main columns by tier of each dimension of difficulty apart (paper, section 4.1)."""
+    groups = [f"{dimension}: {tier}" for dimension in THRESHOLDS for tier in TIERS]
+
+    def of(scores: Scores, group: str) -> bool:
+        dimension, _, tier = group.partition(": ")
+        known = scores.spec.difficulty if scores.spec else None
+        return known is not None and tiers(known)[dimension] == tier
+
+    return _broken_down("Results by distance, choice and obstacle", results, groups, of, seed)
 
 
 def category_table(results: Sequence[Result], *, seed: int = 0) -> ResultTable:
     """Return the main columns by target category."""
-    return _broken_down("Results by category", results, CATEGORIES, lambda s: s.category, seed)
+    return _broken_down("Results by category", results, CATEGORIES, lambda s, one: s.category == one, seed)
 
 
 def _broken_down(
-    title: str, results: Sequence[Result], groups: Sequence[str], key: Callable[[Scores], str], seed: int
+    title: str, results: Sequence[Result], groups: Sequence[str], of: Callable[[Scores, str], bool], seed: int
 ) -> ResultTable:
     """Return a row for each agent and group that has episodes."""
-    parts = [(r, group, [s for s in r.scores if key(s) == group]) for r in results for group in groups]
+    parts = [(r, group, [s for s in r.scores if of(s, group)]) for r in results for group in groups]
     rows = tuple(
         Row(
             f"{result.name}, {group.replace('_', ' ')}",
@@ -247,6 +260,7 @@ def all_tables(results: Sequence[Result], *, paper: bool = True, seed: int = 0) 
         "body": body_table(results, paper=paper, seed=seed),
         "own": own_table(results, seed=seed),
         "difficulty": difficulty_table(results, seed=seed),
+        "factors": factors_table(results, seed=seed),
         "category": category_table(results, seed=seed),
         "plugins": extra_table(results, seed=seed),
         "funnel": funnel_table(results),

@@ -151,15 +151,34 @@ _TEX: Final = str.maketrans(
 
 def latex(table: ResultTable) -> str:
     """Return a LaTeX tabular (booktabs); notes follow as comments."""
-    head, rows = table.columns, []
+    head, rows, marks = table.columns, [], _marks(table)
     for index, row in enumerate(table.rows):
         rule = "\\midrule\n" if row.paper and index and not table.rows[index - 1].paper else ""
-        rows.append(rule + " & ".join([row.name.translate(_TEX), *map(_tex, head, row.cells)]) + r" \\")
+        cells = [marks.get((index, k), "%s") % _tex(head[k], cell) for k, cell in enumerate(row.cells)]
+        rows.append(rule + " & ".join([row.name.translate(_TEX), *cells]) + r" \\")
     titles = " & ".join([table.corner, *(column.head.translate(_TEX) for column in head)])
     lines = [f"% {table.title}", rf"\begin{{tabular}}{{l{'r' * len(head)}}}", r"\toprule", titles + r" \\", r"\midrule"]
     return (
         "\n".join([*lines, *rows, r"\bottomrule", r"\end{tabular}", *(f"% {note}" for note in table.all_notes)]) + "\n"
     )
+
+
+def _marks(table: ResultTable) -> dict[tuple[int, int], str]:
+    """Return how to mark the best and the second best of one's own rows, by row and column: in bold and underlined, as
+    the paper marks them by colour. Equal values share a mark."""
+    found: dict[tuple[int, int], str] = {}
+    own = [index for index, row in enumerate(table.rows) if not row.paper]
+    for k, column in enumerate(table.columns):
+        values = {index: table.rows[index].cells[k].value for index in own}
+        known = {index: column.number(value) for index, value in values.items() if np.isfinite(value)}
+        if len(known) < 2 or not column.better:
+            continue
+        order = sorted(known, key=lambda index: values[index], reverse=column.better == "higher")
+        ranks = list(dict.fromkeys(known[index] for index in order))
+        for index, shown in known.items():
+            if len(ranks) > 1 and shown in ranks[:2]:
+                found[index, k] = r"\textbf{%s}" if shown == ranks[0] else r"\underline{%s}"
+    return found
 
 
 def _tex(column: Column, cell: Estimate) -> str:

@@ -20,7 +20,7 @@ def scores(number: int, nav: bool, interact: bool | None = None) -> Scores:
     return Scores(
         f"e{number}", "faulty", "", "house:0", "abc", "couch", "stopped", True, True, 0.0, nav, nav, nav, nav, interact,
         interact, 0.1,
-        {}, 0, 0.0, 0, 0.0, 5.0, 5.0, 10, 0, 0, 0, 0.0,
+        {}, 0, 0.0, 0, 0.0, 5.0, 5.0, 0.0, 10, 0, 0, 0, 0.0,
     )  # fmt: skip
 
 

@@ -431,6 +431,24 @@ def test_being_stopped_by_a_wall_is_no_jerk_of_the_generated_motion(tmp_path: Pa
     assert root_jerk(whole[0][HISTORY:]) > 1.0
 
 
+# -- turning -----------------------------------------------------------------------------------------------------------
+def test_a_reversal_is_a_turn_right_after_one_to_the_other_side(tmp_path: Path) -> None:
+    """Left 20, right 20 (back), right 4 (too little), left 20 (after too little), left 20, right 6 (back) degrees."""
+    turns = np.radians([20, -20, -4, 20, 20, -6])
+    ways = np.interp(np.arange(1, 91), np.arange(0, 91, 15), [0, *np.cumsum(turns)])
+    yaw = np.concatenate([np.zeros(HISTORY), ways])
+    motion = track(0 * yaw, yaw=yaw)
+    recorded = rollout(tmp_path, [step() for _ in turns], motion=(motion, motion))
+    assert score(recorded).reversals == pytest.approx(2 / 6)
+
+
+def test_the_landing_rate_is_the_ratio_of_two_rates(tmp_path: Path) -> None:
+    one = score(rollout(tmp_path, [step("stop")]))
+    ends = ((True, True), (True, False), (True, False), (False, False))
+    many = [replace(one, find=found, nav=nav) for found, nav in ends]
+    assert estimate(METRIC["landing"], many).value == pytest.approx(1 / 3)
+
+
 # -- cost and what is left out -----------------------------------------------------------------------------------------
 def test_all_requests_count_those_of_refused_answers_and_of_the_verifier_too(tmp_path: Path) -> None:
     attempts = tuple(Attempt(Decision(usage=Usage(100, 10, 0.5))) for _ in range(2))

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import click
+import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 from manifests import tell
@@ -21,17 +22,17 @@ from rollouts import COUCH, rollout, step
 
 from humanclaw import PluginError, Plugins, RecordedEpisode, hookimpl, load_run
 from humanclaw.cli import Commands
-from humanclaw.records import StepRecord, Verdict, write_episodes
+from humanclaw.records import Difficulty, StepRecord, Verdict, write_episodes
 from humanclaw_bench.attribution import CAUSES, attribute
 from humanclaw_bench.cli import bench
 from humanclaw_bench.comparison import compare_table, compared, verdict
 from humanclaw_bench.export import metrics_of, scored
 from humanclaw_bench.metrics import ALL, MAIN, compare
 from humanclaw_bench.overview import overview
-from humanclaw_bench.results import named
+from humanclaw_bench.results import Result as Scored, named
 from humanclaw_bench.scores import Scores, score
-from humanclaw_bench.statistics import Difference, wilson
-from humanclaw_bench.tables import Column, ResultTable, all_tables, main_table
+from humanclaw_bench.statistics import Difference, Estimate, wilson
+from humanclaw_bench.tables import Column, ResultTable, Row, all_tables, factors_table, main_table
 from humanclaw_bench.writers import comma_separated, latex, markdown, terminal, texts
 
 SEE = "A couch is 2 m ahead."
@@ -445,6 +446,33 @@ def test_latex_escapes_names_and_rules_the_papers_rows_off(table: ResultTable) -
     assert {line.count(" & ") for line in text.splitlines() if line.endswith(r"\\")} == {len(MAIN)}
     assert text.count(r"\midrule") == 2
     assert "\u2020" not in text.split(r"\end{tabular}")[0]
+
+
+def test_latex_marks_the_best_and_the_second_best_of_ones_own_rows() -> None:
+    columns = (Column("NavSR", percent=True, better="higher"), Column("Jerk", better="lower"), Column("steps"))
+    values = {"a": (0.5, 4.0, 10), "b": (0.25, np.nan, 20), "c": (0.5001, 6.0, 30), "d": (0.1, 5.0, 40)}
+    rows = [Row(name, tuple(Estimate(float(one)) for one in cells)) for name, cells in values.items()]
+    printed = Row("GPT", (Estimate(0.9), Estimate(1.0), Estimate(1.0)), paper=True)
+    lines = latex(ResultTable("t", "agent", columns, (*rows, printed))).splitlines()
+    shown = {line.split(" & ")[0].removeprefix(r"\midrule "): line for line in lines if " & " in line}
+    assert shown["a"].startswith(r"a & \textbf{50.0\%} & \textbf{4.0} & 10.0")
+    assert shown["b"].startswith(r"b & \underline{25.0\%} & -- & 20.0")
+    assert shown["c"].startswith(r"c & \textbf{50.0\%} & 6.0 & 30.0")
+    assert shown["d"].startswith(r"d & 10.0\% & \underline{5.0} & 40.0")
+    assert "textbf" not in shown["GPT"]
+
+
+def test_results_are_told_by_each_dimension_of_difficulty_apart(base: Scores) -> None:
+    assert base.spec is not None
+    far = base.spec.model_copy(update={"difficulty": Difficulty(distance=9.0, turns=0, rooms=1, obstacles=3.0)})
+    near = base.spec.model_copy(update={"difficulty": Difficulty(distance=3.0, turns=2, rooms=1, obstacles=3.0)})
+    scores = (replace(base, episode="far", spec=far, nav=False), replace(base, episode="near", spec=near, nav=True))
+    found = factors_table([Scored("x", scores, (None, None))])
+    nav = [column.title for column in found.columns].index("NavSR")
+    assert {row.name: row.cells[nav].value for row in found.rows} == {
+        "x, distance: easy": 1.0, "x, distance: hard": 0.0, "x, choice: easy": 0.0, "x, choice: medium": 1.0,
+        "x, obstacle: medium": 0.5,
+    }  # fmt: skip
 
 
 def test_unknown_numbers_are_dashes() -> None:
