@@ -11,7 +11,8 @@ from model_servers import OpenAIServer, call, calls, delayed, status
 from humanclaw import Plugins, run_episode
 from humanclaw.cli import build
 from humanclaw.errors import HumanclawError
-from humanclaw.records import Meter, RecordedEpisode, free_episode
+from humanclaw.records import Meter, RecordedEpisode, free_episode, write_episodes
+from humanclaw_bench.splits import load_split
 
 KEY = "sk-planted-0123456789-abcdef"
 STEP = {"visible_state": "A hall, no couch.", "progress": "Nothing yet.", "reasoning": "The way is free.", "z_cm": 40}
@@ -171,3 +172,34 @@ def test_an_empty_key_is_told_before_the_first_step(shell, tmp_path, monkeypatch
     assert done.exit_code == 2
     assert re.search(r"OPENAI_API_KEY is not set\.\nSet OPENAI_API_KEY", done.stderr)
     assert not list(tmp_path.rglob("episode.json"))
+
+
+# -- the paper's ablation ----------------------------------------------------------------------------------------------
+def test_the_papers_ablation_plays_ten_settings_and_stands_beside_the_paper(tmp_path, monkeypatch):
+    monkeypatch.setenv("OPENAI_API_KEY", KEY)
+    monkeypatch.chdir(tmp_path)
+    (spec, *_) = load_split("smoke")
+    write_episodes(tmp_path / "one.jsonl", [spec.model_copy(update={"max_steps": 1})])
+    with OpenAIServer([call("walk", **STEP)] * 40) as server:
+        words = ["bench", "ablate", "--split", "one.jsonl", *at(server), "--json"]
+        done = CliRunner().invoke(build(Plugins.discover), words)
+        asked = len(server.requests)
+        again = CliRunner().invoke(build(Plugins.discover), words)
+    assert done.exit_code == 0, done.output
+    assert (asked, len(server.requests)) == (19, 19), "the verifier is asked in nine of ten settings; nothing twice"
+    table = json.loads(done.stdout[done.stdout.index("{") :])
+    own = [row["agent"] for row in table["rows"] if row["source"] == "run"]
+    printed = {row["agent"]: row["NavSR"]["value"] for row in table["rows"] if row["source"] == "paper"}
+    assert own == list(printed) == [
+        "baseline", "history 0", "history 20", "history 50", "history 100", "images 2", "images 5", "images 10",
+        "without verifier", "without mid-level",
+    ]  # fmt: skip
+    assert printed["without verifier"] == 0.02
+    assert again.stdout[again.stdout.index("{") :] == done.stdout[done.stdout.index("{") :]
+    settings = {
+        folder.name: RecordedEpisode(folder / spec.id).record.settings["agent"]
+        for folder in (tmp_path / "runs/ablation").iterdir()
+    }
+    assert (settings["history-50"]["history"], settings["images-5"]["images"]) == (50, 5)
+    assert (settings["baseline"]["history"], settings["baseline"]["images"]) == (10, 1)
+    assert not settings["without-mid-level"]["mid_level"]

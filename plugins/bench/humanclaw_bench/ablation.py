@@ -1,7 +1,9 @@
-"""The paper's ablation (table 3) with a scripted agent in place of a model: a check that the benchmark responds.
+"""The paper's ablation (table 3), with a model or with a scripted agent in its place.
 
-A bounded agent (humanclaw_scripted.faulty) plays the same episodes under different settings of the harness. The four
-directions of the paper must result from how the agent works; nothing in this module makes a success rate fall.
+With a model, ten settings of the harness are played and their rows stand beside the paper's. The scripted agent is a
+check that the benchmark responds: a bounded agent (humanclaw_scripted.faulty) plays the same episodes under five
+settings. The four directions of the paper must result from how the agent works; nothing in this module makes a success
+rate fall.
 """
 
 from __future__ import annotations
@@ -43,6 +45,26 @@ SETTINGS: Final = (
     Setting("history-0", {"history": 0}, falls=(NAV, INTERACT)),
     Setting("images-10", {"images": 10}, falls=(NAV,)),
 )
+
+
+MODEL_SETTINGS: Final[Mapping[str, Mapping[str, Any]]] = {
+    "baseline": {},
+    **{f"history {steps}": {"history": steps} for steps in (0, 20, 50, 100)},
+    **{f"images {count}": {"images": count} for count in (2, 5, 10)},
+    "without verifier": {"verifier": ""},
+    "without mid-level": {"mid_level": False},
+}
+"""The rows of the paper's table by name: what differs from `--profile paper`."""
+
+
+def model_jobs(options: Mapping[str, Any], limits: Mapping[str, float]) -> dict[str, Job]:
+    """Return the job of each row of the paper's table. options: of agent and verifier, the model included."""
+    found = {}
+    for name, changed in MODEL_SETTINGS.items():
+        given = {"profile": "paper", **options, **changed}
+        verifier = given.pop("verifier", "litellm")
+        found[name] = Job("litellm", given, verifier, Backends(profile="paper"), limits)
+    return found
 
 
 @dataclass(frozen=True)

@@ -3,25 +3,29 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
-from dataclasses import asdict
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, replace
 from itertools import count
 from pathlib import Path
+from typing import Any
 
 import click
 from rich.console import Console
 
 from humanclaw import Backends, EpisodeSpec, Plugins, load_run
-from humanclaw.cli import show_markdown
+from humanclaw.cli import parse_limits, parse_pairs, show_markdown
 from humanclaw_bench import ablation, repair
 from humanclaw_bench.attribution import Cause
 from humanclaw_bench.export import scored
 from humanclaw_bench.hookspecs import Fault
 from humanclaw_bench.progress import RunProgress
-from humanclaw_bench.runner import run_split
+from humanclaw_bench.results import Result
+from humanclaw_bench.runner import Forecast, run_split
 from humanclaw_bench.scores import Scores
 from humanclaw_bench.splits import load_split
+from humanclaw_bench.tables import ablation_table
 from humanclaw_bench.worker import Job
+from humanclaw_bench.writers import plain, terminal
 
 _SPLIT = click.option("--split", "name", default="mini", show_default=True, help="val, mini, smoke, or a file.")
 _WORKERS = click.option("--workers", type=click.IntRange(1), default=1, show_default=True, help="Episodes at a time.")
@@ -40,12 +44,26 @@ _JSON = click.option("--json", "as_json", is_flag=True, help="Print JSON.")
     help="Folder of the runs.",
 )
 @_JSON
-def ablate(name: str, workers: int, out: Path, as_json: bool) -> None:
-    """Run the paper's ablation with a scripted bounded agent.
+@click.option("--model", default="", help="Any litellm model. The default is a scripted bounded agent.")
+@click.option("--option", "pairs", multiple=True, metavar="KEY=VALUE", help="Option of the model. Repeatable.")
+@click.option("--limit", "limits", multiple=True, metavar="SCOPE.UNIT=N", help="Limit as in `bench run`. Repeatable.")
+@click.option("--yes", is_flag=True, help="Do not ask for confirmation after the estimate of time and cost.")
+def ablate(
+    name: str, workers: int, out: Path, as_json: bool, model: str, pairs: Sequence[str], limits: Sequence[str],
+    yes: bool,
+) -> None:  # fmt: skip
+    """Run the paper's ablation, or continue it.
 
-    Plays five settings and shows whether they reproduce the paper's four directions.
+    With --model, plays the ten settings of the paper's table and prints its columns. Otherwise a scripted bounded agent
+    plays five settings, and the table shows whether they reproduce the paper's four directions.
     """
-    specs, scores = load_split(name), {}
+    specs = load_split(name)
+    if model:
+        _ablate_model(specs, {"model": model, **parse_pairs(pairs)}, parse_limits(limits), out, workers, as_json, yes)
+        return
+    if pairs or limits:
+        raise click.UsageError("--option and --limit belong to a model: add --model NAME.")
+    scores = {}
     for setting in ablation.SETTINGS:
         click.echo(setting.name, err=True)
         scores[setting.name] = [one for one, _ in _played(specs, setting.job(Backends()), out / setting.name, workers)]
@@ -53,6 +71,24 @@ def ablate(name: str, workers: int, out: Path, as_json: bool) -> None:
         click.echo(json.dumps(ablation.plain(scores), indent=2))
     else:
         show_markdown(ablation.markdown(scores))
+
+
+def _ablate_model(
+    specs: Sequence[EpisodeSpec], options: Mapping[str, Any], limits: Mapping[str, float], out: Path, workers: int,
+    as_json: bool, yes: bool,
+) -> None:  # fmt: skip
+    """Play the settings one after another; the estimate of the first one covers all."""
+    results, jobs = [], ablation.model_jobs(options, limits)
+    for number, (setting, job) in enumerate(jobs.items()):
+        click.echo(setting, err=True)
+        left = (len(jobs) - number - 1) * len(specs)
+        played = _played(specs, job, out / setting.replace(" ", "-"), workers, ask=not (number or yes), later=left)
+        results.append(Result(setting, tuple(one for one, _ in played), tuple(cause for _, cause in played)))
+    table = ablation_table(results)
+    if as_json:
+        click.echo(json.dumps(plain(table), indent=2))
+    else:
+        Console().print(terminal(table, Console().width))
 
 
 @click.command("repair")
@@ -132,14 +168,23 @@ def _repaired(
     return {scores.episode: scores for scores, _ in played}
 
 
-def _played(specs: Sequence[EpisodeSpec], job: Job, out: Path, workers: int) -> list[tuple[Scores, Cause | None]]:
-    """Run the rest of a split, and score it."""
+def _played(
+    specs: Sequence[EpisodeSpec], job: Job, out: Path, workers: int, *, ask: bool = False, later: int = 0
+) -> list[tuple[Scores, Cause | None]]:
+    """Run the rest of a split, and score it. ask: for confirmation after an estimate, which covers as many later
+    episodes of other runs too."""
     if not specs:
         return []
     plugins = Plugins.discover()
     with RunProgress(Console(stderr=True), out) as progress:
         player = plugins.make("executors", "local", workers, "")
-        status = run_split(specs, job, player, out, plugins=plugins, watch=progress.watch)
+
+        def go_on(forecast: Forecast) -> bool:
+            share = (forecast.left + later) / forecast.left
+            whole = replace(forecast, left=forecast.left + later, seconds=share * forecast.seconds)
+            return not ask or progress.foresee(replace(whole, cost=share * forecast.cost), ask=True)
+
+        status = run_split(specs, job, player, out, plugins=plugins, watch=progress.watch, go_on=go_on)
         progress.end(status)
     if status.stopped:
         raise SystemExit(130)

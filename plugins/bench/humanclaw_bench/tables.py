@@ -116,6 +116,12 @@ def main_table(results: Sequence[Result], *, paper: bool = True, seed: int = 0) 
     return _result_table("Results", MAIN, results, printed, seed)
 
 
+def ablation_table(results: Sequence[Result], *, paper: bool = True, seed: int = 0) -> ResultTable:
+    """Return the main columns by setting of the harness (paper, table of the ablation)."""
+    printed = {name: (find, float("nan"), *rest) for name, (find, *rest) in PAPER_ABLATION.items()} if paper else {}
+    return _result_table("Ablation", MAIN, results, printed, seed)
+
+
 def variants_table(results: Sequence[Result], *, paper: bool = True, seed: int = 0) -> ResultTable:
     """Return success with and without the agent's own acknowledgement (paper, table of success-rate variants)."""
     return _result_table(
@@ -283,6 +289,18 @@ PAPER_MAIN: Final = {
     "Qwen3.6-35B-A3B": (44.6, 5.8, 0.0, 34.6, 1.45, 2.38, 7.4, 74.0, 4766, 477),
     "Qwen3.5-27B": (37.8, 13.5, 0.0, 34.5, 0.93, 2.38, 6.8, 37.6, 4641, 473),
     "InternVL3.5-38B": (46.8, 0.8, 0.0, 51.2, 1.90, 2.56, 7.2, 93.0, 4459, 309),
+}
+PAPER_ABLATION: Final = {
+    "baseline": (58.0, 27.0, 18.9, 41.4, 1.35, 9.38, 4.9, 78.5, 4676, 322),
+    "history 0": (65.0, 11.0, 0.0, 38.6, 1.27, 6.46, 5.1, 88.9, 2582, 292),
+    "history 20": (59.0, 27.0, 7.5, 42.9, 1.18, 1.56, 4.8, 80.3, 6692, 326),
+    "history 50": (60.0, 28.0, 7.5, 40.4, 1.24, 6.16, 4.8, 77.6, 10538, 320),
+    "history 100": (56.0, 26.0, 11.3, 37.6, 1.08, 7.23, 4.7, 79.7, 12904, 318),
+    "images 2": (57.0, 31.0, 9.4, 43.0, 1.19, 2.55, 4.7, 78.8, 5234, 321),
+    "images 5": (55.0, 28.0, 7.5, 41.1, 1.30, 8.86, 5.1, 82.7, 6335, 324),
+    "images 10": (53.0, 13.0, 3.8, 34.9, 0.95, 3.19, 5.2, 92.3, 7685, 303),
+    "without verifier": (51.0, 2.0, 0.0, 33.2, 0.71, 10.40, 4.8, 47.5, 4095, 247),
+    "without mid-level": (62.0, 30.0, 0.0, 35.4, 1.22, 2.08, 5.0, 70.3, 3769, 264),
 }
 PAPER_VARIANTS: Final = {
     "GPT-5.5": (55.1, 63.2, 13.9, 27.7, 15.5, 3.4, 9.7),
