@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from humanclaw import Call, CallError, Episode, HumanclawError, PluginError, Verdict, run_episode, skill
+from humanclaw import Body, Call, CallError, Episode, HumanclawError, PluginError, Verdict, run_episode, skill
 from humanclaw.errors import LimitError, PluginRunError, ProviderError, RecordError, ReplayError
 from humanclaw.records import Answer, Decision, RecordedEpisode, Usage, free_episode
 from humanclaw.testing import fake_body
@@ -245,6 +245,33 @@ def test_who_says_afterwards_that_it_is_privileged_is_told_no_more_than_is_recor
     agent = Sly(STOP)
     record = run_episode(body, spec, agent)
     assert (record.settings["privileged"], agent.scene) == ({"agent": False}, None)
+
+
+def test_an_agent_is_told_its_task_and_nothing_that_names_the_episode(body, house):
+    spec = free_episode("find a couch and sit on it", house, seed=11, max_steps=4, name="house-0-couch-2")
+
+    class Curious(Agent):
+        def begin(self, context):
+            self.context = context
+
+    for agent, verifier in ((Curious(STOP), None), (Curious(STOP), Curious(None))):
+        if verifier is not None:
+            verifier.verify = lambda *asked: Verdict(True)
+        run_episode(body, spec, agent, verifier)
+        for one in filter(None, (agent, verifier)):
+            told = one.context
+            assert told.spec.model_dump(exclude_defaults=True) == {
+                "id": "episode", "instruction": "find a couch and sit on it", "scene": "", "target_category": "couch",
+                "interact": True, "max_steps": 4,
+            }  # fmt: skip
+            assert told.seed not in (0, 11)
+            assert (told.scene, told.state, told.view) == (None, None, None)
+            with pytest.raises(HumanclawError):
+                Body(told.spec.scene, told.spec.start, seed=told.seed, plugins=body.plugins)
+    oracle = Curious(STOP)
+    oracle.privileged = True
+    run_episode(body, spec, oracle)
+    assert (oracle.context.spec, oracle.context.seed) == (spec, 11)
 
 
 def test_a_view_that_an_agent_blackens_is_the_same_to_everybody_else(body, spec):

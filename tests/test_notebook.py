@@ -69,7 +69,7 @@ def test_the_notebook_of_the_examples_shows_what_executing_it_shows() -> None:
     assert [html.partition("</strong>")[0] for html in outputs(kept)] == [
         "<div><strong>Body in house:0, step 0",
         "<div><strong>Body in house:0, step 0",
-        "<div><strong>0 episodes: 0 stopped",
+        "<div><strong>0 episodes: 0 out of steps",
         "<div><strong>Episode free-0",
     ]
 

@@ -16,6 +16,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final, Self
 
+import numpy as np
+
 from humanclaw.episodes.embodiment import Body, SkillExecution
 from humanclaw.episodes.history import History
 from humanclaw.episodes.panel import Panel, settled
@@ -38,6 +40,8 @@ from humanclaw.world.simulator import Chunk, DistanceFactory, WorldState
 from humanclaw.world.view import View
 
 _QUALITY: Final = 88
+_AGENTS: Final = 82
+"""Random stream of agents."""
 """JPEG quality of recorded frames."""
 MAX_ATTEMPTS: Final = 3
 """Answers that an agent may give in one step until one is usable. After the last one the step is lost."""
@@ -92,7 +96,8 @@ class Episode:
             self._distance = distance(body.scene, spec.target_ids, body.start.floor)
         record = record.model_copy(update={"geodesic": distance_to_goal(body.state(), self._distance)})
         # Before anything is written, so that a refusal leaves no folder behind.
-        self._panel.begin(EpisodeContext(spec, body.skills, spec.seed, meter=self._meter), self._privileged)
+        context = EpisodeContext(spec.told, body.skills, _own_seed(spec.seed), meter=self._meter)
+        self._panel.begin(context, self._privileged)
         self._recording = Recording(body, record, folder)
         self._history = History(_QUALITY)
         self._feedback, self._step = Feedback(), Step(0)
@@ -392,5 +397,13 @@ class Episode:
         self.body.plugins.tell("humanclaw_episode_end", episode=self.record, folder=self._recording.folder)
 
     def _privileged(self, context: EpisodeContext) -> EpisodeContext:
-        """Add the extra fields of privileged agents: scene, true state, and the view with depth and ids."""
-        return replace(context, scene=self.body.scene, state=self.body.state, view=self._look)
+        """Add what privileged agents know besides: the whole task, scene, true state, and the view with depth and
+        ids."""
+        return replace(
+            context, spec=self.spec, seed=self.spec.seed, scene=self.body.scene, state=self.body.state, view=self._look
+        )
+
+
+def _own_seed(seed: int) -> int:
+    """Derive the seed of an agent's own random numbers. The body's motion follows from the episode's seed."""
+    return int(np.random.SeedSequence([seed, _AGENTS]).generate_state(1)[0])

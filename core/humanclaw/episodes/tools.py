@@ -47,7 +47,7 @@ class Verified:
         """Begin the verifier's task. Raises PluginRunError for an error of the verifier."""
         self._body, self._instruction, self._panel = body, instruction, Panel("", verifier)
         spec = free_episode(instruction or "Do as you are asked.", body.scene)
-        self._panel.begin(EpisodeContext(spec, body.skills, spec.seed), lambda context: context)
+        self._panel.begin(EpisodeContext(spec.told, body.skills, 0), lambda context: context)
         if self._panel.fault:
             raise self._panel.fault
 

@@ -66,6 +66,13 @@ class EpisodeSpec(Record):
     difficulty: Difficulty | None = None
     """Given for the episodes of a split."""
 
+    @property
+    def told(self) -> EpisodeSpec:
+        """The part that an agent is told: the instruction, what follows from it, and the limit of steps. Scene, start,
+        targets, seed and id would let it play the episode elsewhere first."""
+        known = self.model_dump(include={"instruction", "target_category", "interact", "max_steps"})
+        return EpisodeSpec(id="episode", scene="", **known)
+
 
 def name_of(scene: str) -> str:
     """Return a scene reference as a part of an episode's id and folder: house:3 becomes house-3."""

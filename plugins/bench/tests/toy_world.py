@@ -43,7 +43,8 @@ def specs(count: int, houses: int = 2, steps: int = 4) -> list[EpisodeSpec]:
     """Episodes that a toy agent ends with its fourth call."""
     return [
         EpisodeSpec(
-            id=f"toy-{number}", instruction="find a couch", scene=f"toy:{number % houses}", target_category="couch",
+            id=f"toy-{number}", instruction=f"find a couch, toy-{number}", scene=f"toy:{number % houses}",
+            target_category="couch",
             target_ids=(20,), start=Pose2D(x=1.0, z=1.0, yaw=0.1 * number), max_steps=steps, seed=number,
         )
         for number in range(count)
@@ -130,7 +131,8 @@ class Walker:
         self._options = options
 
     def begin(self, context: object) -> None:
-        self._episode = context.spec.id
+        # An agent is not told the episode's id, so the instruction holds it.
+        self._episode = context.spec.instruction.removeprefix("find a couch, ")
         self._trouble = self._options.get("each", {}).get(self._episode, "")
         if self._trouble == "interrupted as it begins":
             raise KeyboardInterrupt
