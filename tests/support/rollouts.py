@@ -9,13 +9,15 @@ from typing import Any
 import numpy as np
 from declared import INFOS
 
-from humanclaw.body import HISTORY, Motion, Pose2D, rest_pose
+from humanclaw.body import HISTORY, STANDING_HEIGHT, Motion, Pose2D, rest_pose
 from humanclaw.records import Attempt, Decision, EpisodeRecord, EpisodeSpec, EpisodeWriter, RecordedEpisode, StepRecord
 from humanclaw.skills import Call
 from humanclaw.world import Contact
 
 COUCH, LAMP, VASE, BOOK, TABLE = 20, 31, 32, 33, 40
 """The couch is the target; lamp, vase and book can be moved; the table is fixed."""
+NOWHERE = (0.0, 0.0, 0.0)
+"""The place of a step that names none."""
 COUCH_BOX = ((5.0, 0.0, -1.0), (6.0, 0.8, 1.0))
 
 
@@ -58,12 +60,32 @@ def roaming(count: int, **more: object) -> list[StepRecord]:
     return [step(start=(0.4 * k, 1, 0), end=(0.4 * k + 0.4, 1, 0), **({"geodesic": 4.0} | more)) for k in range(count)]
 
 
+def placed(steps: Sequence[StepRecord]) -> list[StepRecord]:
+    here, found = (0.0, STANDING_HEIGHT, 0.0), []
+    for one in steps:
+        start = here if one.start == NOWHERE else one.start
+        here = start if one.end == NOWHERE else one.end
+        found.append(one.model_copy(update={"start": start, "end": here}))
+    return found
+
+
+def gliding(steps: Sequence[StepRecord]) -> Motion:
+    motion, frame = rest_pose(HISTORY + sum(one.motion_frames for one in steps)), HISTORY
+    for one in steps:
+        share = np.linspace(0.0, 1.0, one.motion_frames + 1)[1:, None]
+        motion.root[frame : frame + one.motion_frames] = np.array(one.start) * (1 - share) + np.array(one.end) * share
+        frame += one.motion_frames
+    return motion
+
+
 def rollout(
     folder: Path, steps: Sequence[StepRecord], *, name: str = "one", outcome: str = "", interact: bool = True,
     category: str = "couch", motion: tuple[Motion, Motion] | None = None, objects: dict[int, np.ndarray] | None = None,
     max_steps: int = 100, agent: str = "model", **record: Any,
 ) -> RecordedEpisode:  # fmt: skip
-    """Write an episode and read it back. motion: generated and simulated frames; by default the body stands still."""
+    """Write an episode and read it back. motion: generated and simulated frames; by default the body glides from place
+    to place of the steps. Steps that name no place begin where the one before them ends, and stay there."""
+    steps = placed(steps)
     fields = {
         "start": Pose2D(x=0, z=0, yaw=0), "targets": {COUCH: COUCH_BOX} if category else {}, "scene_digest": "abc",
         "movable": (LAMP, VASE, BOOK), "skills": INFOS,
@@ -74,7 +96,7 @@ def rollout(
     )  # fmt: skip
     begun = EpisodeRecord(spec=spec, agent=agent, **fields)
     writer = EpisodeWriter(folder / name, begun, [one.model_copy(update={"step": k}) for k, one in enumerate(steps)])
-    still = rest_pose(HISTORY + sum(one.motion_frames for one in steps))
+    still = gliding(steps)
     arrays = {f"object_{key}": path for key, path in (objects or {}).items()}
     for kind, frames in zip(("generated", "simulated"), motion or (still, still), strict=True):
         arrays |= {f"{kind}_root": frames.root, f"{kind}_rotations": frames.rotations}

