@@ -40,9 +40,9 @@ from humanclaw.world.simulator import Chunk, DistanceFactory, WorldState
 from humanclaw.world.view import View
 
 _QUALITY: Final = 88
+"""JPEG quality of recorded frames."""
 _AGENTS: Final = 82
 """Random stream of agents."""
-"""JPEG quality of recorded frames."""
 MAX_ATTEMPTS: Final = 3
 """Answers that an agent may give in one step until one is usable. After the last one the step is lost."""
 
@@ -63,6 +63,7 @@ class Episode:
         replay: Sequence[StepRecord] = (),
         meter: Meter | None = None,
         attempts: int = MAX_ATTEMPTS,
+        apart: Mapping[str, str] | None = None,
     ) -> None:
         """Put the body at the start, start agent and verifier, and begin the record.
 
@@ -75,6 +76,7 @@ class Episode:
                 the episode continues after them.
             meter: limits of the run, shared by all its episodes.
             attempts: number of refused decisions in a row that costs a step; at least 1.
+            apart: where "agent" and "verifier" play if not in this process, for the record.
 
         Raises:
             HumanclawError: attempts is below 1.
@@ -90,6 +92,7 @@ class Episode:
         self._max_attempts, self._meter = attempts, meter or Meter()
         self._meter.begin("episode")
         settings = self._panel.settings | {"privileged": self._panel.privileged, "limits": self._meter.limits}
+        settings["apart"] = dict(apart or {})
         record = begin_record(body, spec, *self._panel.names, options or {}, settings)
         self._distance = None
         if distance and spec.target_ids:
@@ -167,7 +170,7 @@ class Episode:
         if self._step.asked is None and not self.done:
             with self._closing():
                 self._question()
-        return Observation(len(self._recording.steps), self.spec.instruction, view.rgb, self._feedback)
+        return self._seen(view, self._feedback)
 
     def ask(self) -> StepRecord | Refusal:
         """Let the episode's agent decide, and submit its decision.
@@ -240,8 +243,12 @@ class Episode:
             with step.timed("observe"):
                 step.view = self.body.view()
             if self._recording.folder and not self.done:
-                step.frame_file = self._recording.frame(f"{step.number:04d}.jpg", jpeg(step.view.rgb, _QUALITY))
+                step.jpeg = jpeg(step.view.rgb, _QUALITY)
+                step.frame_file = self._recording.frame(f"{step.number:04d}.jpg", step.jpeg)
         return step.view
+
+    def _seen(self, view: View, feedback: Feedback) -> Observation:
+        return Observation(len(self._recording.steps), self.spec.instruction, view.rgb, feedback, self._step.jpeg)
 
     def _question(self) -> None:
         """Begin the account of one question to a model. Raises LimitError if a limit has been crossed."""
@@ -279,7 +286,7 @@ class Episode:
             return None, call
         skills = self.body.skills
         self._question()
-        observation = Observation(len(self._recording.steps), self.spec.instruction, self._look().rgb)
+        observation = self._seen(self._look(), Feedback())
         verdict = self._panel.verify(observation, call, skills[call.skill], decision.mid_level_goal)
         self._answered("verify", verdict.usage)
         return settled(verdict, call, skills)
@@ -360,8 +367,7 @@ class Episode:
         if privileged.get("agent"):
             feedback = self._feedback
             for attempt in step.attempts:
-                seen = Observation(step.step, self.spec.instruction, self._look().rgb, feedback)
-                found = self._panel.decide(seen, self.history)
+                found = self._panel.decide(self._seen(self._look(), feedback), self.history)
                 check_decision(found, attempt.decision, self.record.agent, step, self.spec)
                 feedback = Feedback(refusal=attempt.error)
         if privileged.get("verifier") and step.status != "invalid":

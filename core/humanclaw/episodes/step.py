@@ -29,6 +29,8 @@ class Step:
     view: View | None = None
     """The view that the decision is made from; drawn once."""
     frame_file: str = ""
+    jpeg: bytes = b""
+    """The view as the record keeps it."""
     asked: float | None = None
     """Time at which the agent was asked; None if no question is open."""
 

@@ -11,11 +11,20 @@ if TYPE_CHECKING:
         HistoryEntry as HistoryEntry,
         Installed as Installed,
         Observation as Observation,
+        RecalledEntry as RecalledEntry,
         Reporter as Reporter,
         Verifier as Verifier,
     )
     from humanclaw.plugins.bounded import Bounded as Bounded, OverdueError as OverdueError
     from humanclaw.plugins.choice import Choice as Choice, PluginInfo as PluginInfo, Registration as Registration
+    from humanclaw.plugins.deciders import (
+        StandIn as StandIn,
+        admit as admit,
+        name_of as name_of,
+        origin as origin,
+        settings_of as settings_of,
+    )
+    from humanclaw.plugins.distributions import own as own
     from humanclaw.plugins.hookspecs import (
         API_VERSION as API_VERSION,
         OBSERVERS as OBSERVERS,

@@ -5,16 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, Protocol, Self, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from humanclaw.records.decisions import Decision, Verdict
 from humanclaw.records.feedback import Feedback
+from humanclaw.records.folder import read_file
 from humanclaw.records.specification import EpisodeSpec
 from humanclaw.skills.call import Call
 from humanclaw.skills.contract import Skill
+from humanclaw.storage.pictures import from_jpeg
 from humanclaw.world.scene import Scene
 from humanclaw.world.simulator import WorldState
 from humanclaw.world.view import View
@@ -52,6 +54,8 @@ class Observation:
     """(512, 512, 3), read-only: the verifier sees the same."""
     feedback: Feedback = field(default_factory=Feedback)
     """Outcome of the last step, or the reason why the last answer was refused; str() gives words."""
+    jpeg: bytes = field(default=b"", repr=False)
+    """The view as the record keeps it; empty if nothing is recorded."""
 
 
 @dataclass(frozen=True)
@@ -68,6 +72,24 @@ class HistoryEntry:
     def executed(self) -> Call | None:
         """The call that was executed; None if there was none."""
         return self.feedback.executed
+
+
+class RecalledEntry(HistoryEntry):
+    """A past step whose view is decoded each time that somebody asks for it: a view takes 0.8 MB."""
+
+    _picture: bytes | Path
+
+    @classmethod
+    def seen(cls, step: int, decision: Decision, feedback: Feedback, picture: bytes | Path) -> Self:
+        """Return a step with its view as JPEG, or as the file of one."""
+        made = cls.__new__(cls)
+        for name, value in {"step": step, "decision": decision, "feedback": feedback, "_picture": picture}.items():
+            object.__setattr__(made, name, value)  # The dataclass is frozen.
+        return made
+
+    @property
+    def rgb(self) -> NDArray[np.uint8]:
+        return from_jpeg(self._picture if isinstance(self._picture, bytes) else read_file(self._picture))
 
 
 @dataclass(frozen=True)

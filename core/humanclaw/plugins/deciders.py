@@ -19,13 +19,20 @@ T = TypeVar("T")
 _SETTINGS: Final = TypeAdapter(dict[str, Any], config=ConfigDict(ser_json_inf_nan="strings"))
 
 
+class StandIn:
+    """Stands for an agent or a verifier that is elsewhere, or could not be made."""
+
+    name: str
+    owner: str
+    """The plugin that errors are blamed on."""
+
+
 @dataclass(frozen=True)
-class Unmade:
+class Unmade(StandIn):
     """Stand-in for an agent or a verifier that could not be made: its episode still has a record, which says why."""
 
     name: str
     owner: str
-    """The plugin whose factory raised."""
     fault: BaseException
     privileged: bool = False
 
@@ -37,8 +44,8 @@ class Unmade:
 
 
 def origin(decider: object) -> str:
-    """Return the package of an agent or a verifier, or the plugin whose factory failed."""
-    if isinstance(decider, Unmade):
+    """Return the package of an agent or a verifier, or the plugin that a stand-in names."""
+    if isinstance(decider, StandIn):
         return decider.owner
     return type(decider).__module__.partition(".")[0]
 

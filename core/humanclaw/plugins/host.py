@@ -15,7 +15,7 @@ import inspect
 import logging
 import threading
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from functools import partial
 from itertools import chain
 from pathlib import Path
@@ -59,6 +59,7 @@ class Plugins(Lookup):
         self._specs: list[ModuleType] = []
         self._members: list[tuple[str, object]] = []
         self._manager = pluggy.PluginManager(hookspecs.PROJECT)
+        self._absent: frozenset[str] = frozenset()
         self._threads = threading.local()
         """For each thread that calls observers: the bounded caller of each plugin."""
         self._extend(hookspecs)
@@ -67,13 +68,16 @@ class Plugins(Lookup):
         )
 
     @classmethod
-    def discover(cls, files: Sequence[Path] = (), choice: Choice = Choice()) -> Plugins:
+    def discover(cls, files: Sequence[Path] = (), choice: Choice = Choice(), absent: Collection[str] = ()) -> Plugins:
         """Load every installed plugin that the choice allows, then the given files.
+
+        absent: plugins that stay unloaded, whatever the choice, because their code plays elsewhere.
 
         Raises PluginError for a file that cannot be used, and for a file that registers a name of another plugin while
         the choice prefers neither.
         """
         host = cls(choice)
+        host._absent = frozenset(absent)
         points = sorted(importlib.metadata.entry_points(group=hookspecs.PROJECT), key=lambda point: origin_of(point)[0])
         loaded = [(point, host._load(point)) for point in points]
         # The core first, then those that others may extend or measure with.
@@ -192,6 +196,9 @@ class Plugins(Lookup):
         name, version, origin = origin_of(point)
         if origin != hookspecs.PROJECT and any(is_owner(text, name) for text in self.choice.without):
             self._infos.append(PluginInfo(name, version, origin, error="left out by --without"))
+            return None
+        if name in self._absent:
+            self._infos.append(PluginInfo(name, version, origin, error="plays elsewhere"))
             return None
         return self._try(point, lambda: held_to_requirements(point).load())
 

@@ -9,13 +9,14 @@ from multiprocessing import get_context
 from pathlib import Path
 
 import click
+import numpy as np
 from rich.console import Console, RenderableType
 from rich.text import Text
 from tqdm import tqdm
 
 from humanclaw import Backends, Choice, EpisodeSpec, PluginError, Plugins, RecordError, load_run
-from humanclaw.cli import Deciders, LazyCommand, counted, decider_options, plugin_files, plugin_options
-from humanclaw.records import write_episodes
+from humanclaw.cli import Deciders, LazyCommand, check_options, counted, decider_options, plugin_files, plugin_options
+from humanclaw.records import name_of, write_episodes
 from humanclaw.storage import write_atomically
 from humanclaw_bench import leaderboard as leaderboards, submission as submissions
 from humanclaw_bench.comparison import compare_table
@@ -23,6 +24,7 @@ from humanclaw_bench.export import FORMATS, metrics_of, row, scored
 from humanclaw_bench.integrity import RunFiles, check, is_told, standing
 from humanclaw_bench.metrics import ALL, common, compare
 from humanclaw_bench.progress import RunProgress
+from humanclaw_bench.replay import replayed
 from humanclaw_bench.results import Result, named, require_whole
 from humanclaw_bench.runner import run_split
 from humanclaw_bench.splits import (
@@ -96,24 +98,29 @@ for _name, _target, _told in (
     help="Play every episode N times, each with another seed, to show the variation between seeds.",
 )
 @click.option("--yes", is_flag=True, help="Do not ask for confirmation after the estimate of time and cost.")
+@click.option(
+    "--in-process", is_flag=True, help="For debugging: play the agent beside the body, not in a process of its own."
+)
+@click.option("--agent-url", default="", metavar="URL", help="Ask an agent that a server plays (see docs/wall.md).")
 @plugin_options
 def run_command(
     name: str, deciders: Deciders, backends: Backends, workers: int, executor: str, address: str | None,
-    out: Path | None, resume: bool, repeats: int, yes: bool, files: tuple[Path, ...],
+    out: Path | None, resume: bool, repeats: int, yes: bool, in_process: bool, agent_url: str, files: tuple[Path, ...],
     choice: Choice,
 ) -> None:  # fmt: skip
     """Run a split, or resume it. Finished episodes are kept; others continue after their last recorded step."""
     plugins = Plugins.discover(files, choice)
     specs = repeated(load_split(name), repeats)
     metrics_of(plugins)  # Refuses a metric with a reserved name now, not after hours of playing.
-    out = out or Path("runs") / f"{Path(name).stem}-{deciders.agent}"
+    agent = agent_url or deciders.agent
+    out = out or Path("runs") / f"{Path(name).stem}-{name_of(agent)}"
     if not resume and (out / "run.json").exists():
         raise RecordError(
             f"{out} already holds a run.", "Name another folder with --out, or continue it with --resume."
         )
     job = Job(
-        deciders.agent, deciders.options, deciders.verifier, backends.chosen(plugins), deciders.limits,
-        tuple(str(file.resolve()) for file in files), choice,
+        agent, deciders.options, deciders.verifier, backends.chosen(plugins), deciders.limits,
+        tuple(str(file.resolve()) for file in files), choice, in_process=in_process, agent_url=agent_url,
     )  # fmt: skip
     wanted = executor or ("ray" if address else "local")
     if wanted == "ray" and "ray" not in {one.name for one in plugins.registered("executors")}:
@@ -130,6 +137,30 @@ def run_command(
         plugins.tell("humanclaw_run_end", run=out, plugins=plugins, tell=click.echo)
     if status.failed or status.stopped:
         raise SystemExit(130 if status.stopped else 1)
+
+
+@bench.command("agent")
+@decider_options
+@click.option("--host", default="127.0.0.1", show_default=True, help="Address to listen at.")
+@click.option("--port", type=click.IntRange(0, 65535), default=0, help="Port to serve on; default: a free one.")
+@plugin_options
+def agent_command(
+    deciders: Deciders, backends: Backends, host: str, port: int, files: tuple[Path, ...], choice: Choice
+) -> None:
+    """Serve an agent for `humanclaw bench run --agent-url`, here or on another machine. Ctrl-C ends it."""
+    from humanclaw_bench.wall.serving import Sessions, server
+
+    plugins = Plugins.discover(files, choice)
+    made = plugins.make("agents", deciders.agent, deciders.options)
+    check_options(deciders.options, deciders.agent, made, None)
+    serving = server(Sessions(plugins, deciders.agent, dict(deciders.options)), host, port)
+    click.echo(f"http://{host}:{serving.server_address[1]}/")
+    try:
+        serving.serve_forever()
+    except KeyboardInterrupt:
+        click.echo("ended")
+    finally:
+        serving.server_close()
 
 
 @bench.command()
@@ -259,11 +290,47 @@ def rescore(run: Path, out: Path | None, as_json: bool, files: tuple[Path, ...])
 @bench.command()
 @click.argument("run", type=RUN)
 @click.option("--submission", type=RUN, help="Also score the records again and compare this file with them.")
-def verify(run: Path, submission: Path | None) -> None:
+@click.option(
+    "--replay", "sample", type=click.IntRange(1), is_flag=False, flag_value=10**6, metavar="[N]",
+    help="Also play the recorded calls of N episodes again (default: all) and compare every field of every step.",
+)  # fmt: skip
+@click.option("--seed", type=int, default=0, show_default=True, help="Draws the N episodes that are played again.")
+@click.option("--workers", type=click.IntRange(1), default=1, show_default=True, help="Episodes at a time.")
+@plugin_files
+def verify(
+    run: Path, submission: Path | None, sample: int | None, seed: int, workers: int, files: tuple[Path, ...]
+) -> None:
     """Check every file of a run against its digest, and the records against split and settings in run.json.
 
     Lists files that are damaged or belong to another run.
     """
+    faulty = _verify_files(run, submission)
+    if sample and not faulty:
+        faulty = _verify_replay(run, sample, seed, workers, files)
+    if faulty:
+        raise SystemExit(1)
+
+
+def _verify_replay(run: Path, sample: int, seed: int, workers: int, plugin_files: Sequence[Path]) -> bool:
+    """Play episodes again and tell what differs. Returns whether anything does."""
+    episodes = load_run(run)
+    drawn = np.random.default_rng(seed).permutation(len(episodes))[:sample]
+    with tqdm(total=len(drawn), desc="replay", unit="episode", disable=None, leave=False) as bar:
+        found = []
+        for one in replayed([episodes[k] for k in sorted(drawn)], plugin_files, workers):
+            found.append(one)
+            bar.update()
+    for one in found:
+        for what in (*one.differing, *filter(None, [one.incomparable])):
+            click.echo(f"{one.episode}: {what}.")
+    same = [one for one in found if not one.differing and not one.incomparable]
+    steps = counted(sum(one.steps for one in found), "step")
+    click.echo(f"{len(same)} of {counted(len(found), 'episode')} came out the same when played again ({steps}).")
+    return len(same) < len(found)
+
+
+def _verify_files(run: Path, submission: Path | None) -> bool:
+    """Check files and records, and tell what is wrong. Returns whether anything is."""
     files = RunFiles.read(run)
     count, faults = check(run, files)
     asked = max(count, files.asked)
@@ -274,13 +341,14 @@ def verify(run: Path, submission: Path | None) -> None:
     for fault in faults:
         click.echo(fault)
     for name in files.again:
-        click.echo(f"{name!r:.200} was played again after it had ended.")
+        click.echo(f"{name!r:.200} was played more than once from its first step.")
+    if files.beside:
+        click.echo(f"Code of others beside the body: {', '.join(files.beside)}.")
     if not is_told(run):
         click.echo(f"There is no run.json in {run}: split and settings of the records are unknown.")
     of = f"{count} of " if count < asked else ""
     click.echo(f"{of}{counted(asked, 'record')} in {run}: {told}")
-    if faults:
-        raise SystemExit(1)
+    return bool(faults)
 
 
 @bench.command()

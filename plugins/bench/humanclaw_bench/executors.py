@@ -10,7 +10,7 @@ import sys
 import threading
 import time
 from collections import deque
-from collections.abc import Generator, Iterable, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
@@ -46,8 +46,19 @@ DEATHS_IN_A_ROW: Final = 3
 class EpisodeQueue:
     """The episodes that no worker has taken yet, by house, so that a worker rarely builds a house twice."""
 
-    def __init__(self, specs: Iterable[EpisodeSpec], first: Iterable[EpisodeSpec] = ()) -> None:
-        """Fill the queue. first: those of specs that are taken before all others, whatever their house."""
+    def __init__(
+        self,
+        specs: Iterable[EpisodeSpec],
+        first: Iterable[EpisodeSpec] = (),
+        taken: Callable[[EpisodeSpec], None] = lambda spec: None,
+    ) -> None:
+        """Fill the queue.
+
+        Args:
+            first: those of specs that are taken before all others, whatever their house.
+            taken: called with each episode before it is handed out.
+        """
+        self._taken = taken
         self._houses: dict[str, deque[EpisodeSpec]] = {}
         self._entered: set[str] = set()
         self._first = deque(first)
@@ -63,16 +74,19 @@ class EpisodeQueue:
 
     def take(self, house: str = "") -> EpisodeSpec | None:
         """Take an episode in this house if there is one, else in a new house, else in the house with the most left."""
-        if self._first:
-            self._entered.add(self._first[0].scene)
-            return self._first.popleft()
+        spec = self._first.popleft() if self._first else self._next(house)
+        if spec:
+            self._entered.add(spec.scene)
+            self._taken(spec)
+        return spec
+
+    def _next(self, house: str) -> EpisodeSpec | None:
         left = {name: waiting for name, waiting in self._houses.items() if waiting}
         if not left:
             return None
         if house not in left:
             fresh = [name for name in left if name not in self._entered]
             house = fresh[0] if fresh else max(left, key=lambda name: len(left[name]))
-        self._entered.add(house)
         return left[house].popleft()
 
 
@@ -154,7 +168,7 @@ class LocalExecutor:
         log = out / "logs" / f"{name}.log"
         log.parent.mkdir(parents=True, exist_ok=True)
         process = self._context.Process(target=_serve, args=(theirs, job, out, self._stopping, name, log), name=name)
-        with _for_children(ONE_THREAD):
+        with for_children(ONE_THREAD):
             process.start()
         theirs.close()
         return _WorkerProcess(name, process, mine, log)
@@ -199,7 +213,7 @@ def _dismiss(processes: Iterable[_WorkerProcess]) -> None:
 
 
 @contextmanager
-def _for_children(variables: Mapping[str, str]) -> Iterator[None]:
+def for_children(variables: Mapping[str, str]) -> Iterator[None]:
     """Set environment and signals for processes that start meanwhile. They ignore Ctrl-C: the parent handles it."""
     before = {key: os.environ.get(key) for key in variables}
     os.environ.update(variables)

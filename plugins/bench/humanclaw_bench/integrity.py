@@ -109,13 +109,28 @@ class Standing:
     faults: tuple[str, ...] = ()
     """Contradictions to run.json, and records without a seal; one line each."""
     again: int = 0
-    """Number of episodes that were played again after they had ended."""
+    """Number of episodes that were played more than once from their first step."""
+    continued: int = 0
+    """Number of episodes that went on after their last recorded step."""
+    in_process: bool = False
+    """Whether an unprivileged agent or verifier of a run with a run.json played in the body's own process."""
+    beside: tuple[str, ...] = ()
+    """Code of others that was loaded beside the body."""
 
 
 def standing(run: Path, episodes: Sequence[RecordedEpisode]) -> Standing:
     """Check the episodes of a run, as they were read, against its run.json. Raises RecordError if that is damaged."""
     files = RunFiles.read(run)
-    return Standing(files.asked, faults(episodes, run, files), len(files.again))
+    told = files.journal
+    return Standing(
+        files.asked, faults(episodes, run, files), len(told.again), len(told.continued),
+        bool(files.manifest) and any(map(_in_process, episodes)), files.beside,
+    )  # fmt: skip
+
+
+def _in_process(one: RecordedEpisode) -> bool:
+    settings = one.record.settings
+    return any(not known and role not in settings.get("apart", {}) for role, known in settings["privileged"].items())
 
 
 def is_told(folder: Path) -> bool:
@@ -185,22 +200,43 @@ class End:
         return f"{self.outcome} after {counted(self.steps, 'step')}"
 
 
-def journal(run: Path) -> dict[str, list[End]]:
-    """Return the ends that count of each episode, according to the journal.
+@dataclass(frozen=True)
+class Journal:
+    """What a run noted of its episodes, by name: unreadable lines, which a full disk may leave, are skipped."""
 
-    Unreadable lines, which a full disk may leave, are skipped.
-    """
-    try:
-        lines = (run / JOURNAL).read_bytes().splitlines()
-    except OSError:
-        return {}
-    found: dict[str, list[End]] = defaultdict(list)
-    for line in lines:
-        with contextlib.suppress(ValueError, KeyError, TypeError, OverflowError, RecursionError):
-            told = json.loads(line)
-            if ended(str(told["outcome"]), str(told["limit"])):
-                found[str(told["episode"])].append(End(str(told["outcome"]), int(told["steps"])))
-    return found
+    ends: Mapping[str, Sequence[End]]
+    """Ends that count."""
+    starts: Mapping[str, int]
+    """How often each was started from its first step."""
+    continued: Mapping[str, int]
+    """How often each went on after its last recorded step."""
+
+    @classmethod
+    def read(cls, run: Path) -> Journal:
+        try:
+            lines = (run / JOURNAL).read_bytes().splitlines()
+        except OSError:
+            lines = []
+        ends: dict[str, list[End]] = defaultdict(list)
+        starts: Counter[str] = Counter()
+        continued: Counter[str] = Counter()
+        for line in lines:
+            with contextlib.suppress(ValueError, KeyError, TypeError, OverflowError, RecursionError):
+                told = json.loads(line)
+                if "from" in told:
+                    (continued if told["from"] else starts)[str(told["episode"])] += 1
+                elif ended(str(told["outcome"]), str(told["limit"])):
+                    ends[str(told["episode"])].append(End(str(told["outcome"]), int(told["steps"])))
+        return cls(ends, starts, continued)
+
+    @property
+    def again(self) -> tuple[str, ...]:
+        """Episodes that were played more than once from their first step, by name, whatever the reason: a damaged
+        record, a provider that failed, a worker that died, or somebody who threw the record away."""
+        played = {
+            name: max(len(self.ends.get(name, ())), self.starts.get(name, 0)) for name in {*self.ends, *self.starts}
+        }
+        return tuple(sorted(name for name, times in played.items() if times > 1))
 
 
 @dataclass(frozen=True)
@@ -209,13 +245,12 @@ class RunFiles:
 
     manifest: Manifest | None
     """None without a run.json."""
-    ends: Mapping[str, Sequence[End]]
-    """Ends that count of each episode, according to the journal."""
+    journal: Journal
 
     @classmethod
     def read(cls, run: Path) -> RunFiles:
         """Read both. Raises RecordError if run.json is damaged."""
-        return cls(read_manifest(run) if (run / MANIFEST).exists() else None, journal(run))
+        return cls(read_manifest(run) if (run / MANIFEST).exists() else None, Journal.read(run))
 
     @property
     def asked(self) -> int:
@@ -224,11 +259,13 @@ class RunFiles:
 
     @property
     def again(self) -> tuple[str, ...]:
-        """Episodes with more than one end that counts, by name.
+        """Episodes that were played more than once from their first step, by name."""
+        return self.journal.again
 
-        A damaged record is played again, and so is one that somebody threw away: the journal cannot tell them apart.
-        """
-        return tuple(sorted(name for name, ends in self.ends.items() if len(ends) > 1))
+    @property
+    def beside(self) -> tuple[str, ...]:
+        """Code of others that was loaded beside the body, according to run.json."""
+        return tuple(map(str, self.manifest.content.get("beside the body", ()))) if self.manifest else ()
 
 
 def _foreign(run: Path, files: RunFiles, episodes: Sequence[RecordedEpisode]) -> Iterator[str]:
@@ -244,7 +281,7 @@ def _foreign(run: Path, files: RunFiles, episodes: Sequence[RecordedEpisode]) ->
     for one in here:
         if differing := [*_other_episode(one, asked), *_other_settings(one.record, told, usual)]:
             yield f"{one.folder} is not of this run: {', '.join(differing)}."
-        yield from _other_end(one, files.ends.get(one.record.spec.id, []))
+        yield from _other_end(one, files.journal.ends.get(one.record.spec.id, []))
 
 
 def _other_split(run: Path, told: Manifest, here: int, asked: int) -> Iterator[str]:

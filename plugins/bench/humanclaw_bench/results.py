@@ -33,7 +33,13 @@ class Result:
     faults: tuple[str, ...] = ()
     """Contradictions to run.json, and records without a seal."""
     again: int = 0
-    """Number of episodes that were played again after they had ended."""
+    """Number of episodes that were played more than once from their first step."""
+    continued: int = 0
+    """Number of episodes that went on after their last recorded step, in another session."""
+    in_process: bool = False
+    """Whether agent or verifier played in the body's own process, unprivileged."""
+    beside: tuple[str, ...] = ()
+    """Code of others that was loaded beside the body."""
 
     @property
     def finished(self) -> tuple[Scores, ...]:
@@ -63,12 +69,19 @@ class Result:
         told = f"{of}{counted(self.total, 'episode')}" + ("" if self.asked else ", of an unknown total (no run.json)")
         note = (
             f"{self.name}: {told}{left_out}.{self._privileged}{self._again}{self._broken}{self._unasked}{self._foreign}"
+            f"{self._near}"
         )
         return " ".join(legible(note).split())  # One line, whatever text a foreign record holds.
 
     @property
+    def _near(self) -> str:
+        near = " Played in the body's own process, which agent and verifier can change." if self.in_process else ""
+        return near + (f" Code of others beside the body: {', '.join(self.beside)}." if self.beside else "")
+
+    @property
     def _again(self) -> str:
-        return f" Played again after they had ended: {self.again}." if self.again else ""
+        continued = f" Continued after the last recorded step: {self.continued}." if self.continued else ""
+        return (f" Played more than once from the first step: {self.again}." if self.again else "") + continued
 
     @property
     def _foreign(self) -> str:
@@ -120,6 +133,9 @@ def named(
             standing.asked,
             standing.faults,
             standing.again,
+            standing.continued,
+            standing.in_process,
+            standing.beside,
         )
         for (agent, run), found in groups.items()
         for standing in [(known or {}).get(run, Standing())]

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import importlib.util
 import json
 import os
 import signal
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -25,15 +26,18 @@ from filelock import FileLock, Timeout
 import humanclaw
 from humanclaw import Choice, EpisodeSpec, HumanclawError, Plugins, RecordError
 from humanclaw.cli import check_options
-from humanclaw.plugins import noun
+from humanclaw.plugins import PluginInfo, noun, own
 from humanclaw.records import EpisodeRecord, write_episodes
 from humanclaw.storage import within, write_atomically
 from humanclaw_bench.executors import EpisodeQueue, Executor
-from humanclaw_bench.integrity import JOURNAL, MANIFEST, SPLIT, End, journal, read_manifest, split_digest
+from humanclaw_bench.integrity import JOURNAL, MANIFEST, SPLIT, End, Journal, read_manifest, split_digest
 from humanclaw_bench.scores import ended
-from humanclaw_bench.worker import FAILED, Job, WorkerReport, mark, recorded, unpack
+from humanclaw_bench.wall.deciders import PROCESS
+from humanclaw_bench.worker import FAILED, Job, WorkerReport, mark, recorded, recorded_steps, unpack
 
 FORMAT: Final = 1
+UNTOLD: Final = ("files", "limits", "choice", "names", "in_process", "agent_url", "apart", "absent")
+"""Fields of a job that run.json tells otherwise, or that follow from others."""
 
 
 @dataclass(frozen=True)
@@ -123,7 +127,7 @@ def run_split(
         began, status = time.perf_counter(), RunStatus(len(specs), len(specs) - len(todo))
         watch(status, None)
         pilot = _Pilot(pilot_of(todo))
-        queue = EpisodeQueue(todo, pilot.specs)
+        queue = EpisodeQueue(todo, pilot.specs, lambda spec: _note(out, _start(out, spec)))
         with _stops(executor) as stopped, closing(executor.reports(job, queue, out)) as reports:
             for report in reports:
                 _keep(out, report)
@@ -226,6 +230,16 @@ def _keep(out: Path, report: WorkerReport) -> None:
     _note(out, line)
 
 
+def _start(out: Path, spec: EpisodeSpec) -> dict[str, Any]:
+    """Return the journal's line for a start: made before the first step, so that no attempt can be hidden by removing
+    its folder. from: number of steps that an earlier session left; 0 starts from the beginning."""
+    try:
+        steps = len(recorded_steps(out / spec.id))
+    except RecordError:
+        steps = 0
+    return {"episode": spec.id, "from": steps}
+
+
 def _note(out: Path, line: Mapping[str, Any]) -> None:
     """Append a line to the journal."""
     told = json.dumps({"time": round(time.time(), 1), **line}).encode() + b"\n"
@@ -237,7 +251,7 @@ def _note(out: Path, line: Mapping[str, Any]) -> None:
 
 def _catch_up(out: Path, records: Iterable[EpisodeRecord]) -> None:
     """Add journal lines for episodes that ended just before the run was killed."""
-    ends = journal(out)
+    ends = Journal.read(out).ends
     for record in records:
         name = record.spec.id
         if End(record.outcome, record.steps) not in ends.get(name, [])[-1:]:
@@ -246,18 +260,39 @@ def _catch_up(out: Path, records: Iterable[EpisodeRecord]) -> None:
 
 # -- settings ----------------------------------------------------------------------------------------------------------
 def _introduced(job: Job, plugins: Plugins) -> Job:
-    """Fill in the names that backends, agent and verifier have in records.
+    """Fill in the names of backends, agent and verifier, and where agent and verifier play.
 
     Raises HumanclawError if the job names something unknown, or options that neither agent nor verifier takes.
     """
-    agent = plugins.make("agents", job.agent, job.options)
-    verifier = plugins.make("verifiers", job.verifier, job.options) if job.verifier else None
-    check_options(job.options, job.agent, agent, verifier)
+    made = {"agents": None if job.agent_url else plugins.make("agents", job.agent, job.options)}
+    made["verifiers"] = plugins.make("verifiers", job.verifier, job.options) if job.verifier else None
+    check_options(job.options, job.agent, made["agents"], made["verifiers"])
     names = {}
-    for kind, made in (("agents", agent), ("verifiers", verifier)):
+    for kind, one in made.items():
         with contextlib.suppress(Exception):  # A broken name becomes an error of the episode.
-            names[kind] = str(getattr(made, "name", ""))
-    return replace(job, backends=job.backends.chosen(plugins), names=names)
+            names[kind] = str(getattr(one, "name", ""))
+    # Those who know everything already play beside the body; their records say that they are privileged.
+    open_to = [kind for kind, one in made.items() if one and not getattr(one, "privileged", False)]
+    apart = {} if job.in_process else dict.fromkeys(open_to, PROCESS)
+    if job.agent_url:
+        apart["agents"] = job.agent_url
+    absent = tuple(info.name for info in plugins.infos if apart and _only_decides(info, job.choice))
+    return replace(job, backends=job.backends.chosen(plugins), names=names, apart=apart, absent=absent)
+
+
+def _only_decides(info: PluginInfo, choice: Choice) -> bool:
+    """Whether a plugin of others brings nothing but agents and verifiers."""
+    named = [text.partition(":")[0] for text in (*choice.prefer, *choice.skills)]
+    brings = {item.rpartition(" ")[0] for item in info.provides}
+    deciding = brings and brings <= {noun("agents"), noun("verifiers")}
+    return bool(deciding) and info.origin not in own() and info.name not in named
+
+
+def beside(plugins: Plugins, absent: Collection[str]) -> list[str]:
+    """Return the code of others that is loaded beside the body, by name: it could change the body and the records."""
+    foreign = [info.name for info in plugins.infos if info.origin not in own() and not info.error]
+    startup = [name for name in ("sitecustomize", "usercustomize") if importlib.util.find_spec(name)]
+    return sorted({*foreign, *startup} - {*absent})
 
 
 def manifest(specs: Sequence[EpisodeSpec], job: Job, plugins: Plugins) -> dict[str, Any]:
@@ -268,16 +303,22 @@ def manifest(specs: Sequence[EpisodeSpec], job: Job, plugins: Plugins) -> dict[s
     base: str = plugins.make("motion_generators", job.backends.generator, profile=job.backends.profile).digest
     files = {skill.name: skill.adapter for skill in plugins.skills.values() if skill.trained and skill.adapter}
     adapters = {name: _digest(path.read_bytes()) for name, path in files.items()}
+    unusual = {
+        "in process": job.in_process,
+        "agent url": job.agent_url,
+        "beside the body": beside(plugins, job.absent),
+        "choice": asdict(job.choice) if job.choice != Choice() else None,
+    }
     return {
         "format": FORMAT,
         "episodes": len(specs),
         "split": split_digest(specs),
-        **{key: value for key, value in asdict(job).items() if key not in ("files", "limits", "choice", "names")},
+        **{key: value for key, value in asdict(job).items() if key not in UNTOLD},
         "limits": {name: most for name, most in job.limits.items() if not name.startswith("run.")},
         "versions": _versions(specs, job, plugins),
         "plugin files": {Path(file).name: _digest(Path(file).read_bytes()) for file in job.files},
         "weights": {"base": base} | adapters,
-        **({"choice": asdict(job.choice)} if job.choice != Choice() else {}),
+        **{key: told for key, told in unusual.items() if told},
     }
 
 

@@ -102,7 +102,7 @@ class Submission(_Value):
     """Cost of all episodes, unfinished ones included, US dollars."""
     tokens: Count
     again: Count = 0
-    """Number of episodes that were played again after they had ended, according to the journal."""
+    """Number of episodes that were played more than once from their first step, according to the journal."""
     run: dict[str, Any]
     """run.json: split and weights by digest, options, versions, limits."""
     rates: dict[str, tuple[float, float, float, int]]

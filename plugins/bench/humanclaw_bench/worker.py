@@ -6,7 +6,7 @@ import contextlib
 import time
 import traceback
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, Final, Self
@@ -28,8 +28,10 @@ from humanclaw import (
 from humanclaw.records import Outcome, Usage, close_record, writing
 from humanclaw.storage import within, write_atomically
 from humanclaw.world import geodesics
+from humanclaw_bench.wall.deciders import Wall
 
 FAILED: Final = "infra_error"
+ROLES: Final = {"agents": "agent", "verifiers": "verifier"}
 
 
 @dataclass(frozen=True)
@@ -49,6 +51,14 @@ class Job:
     """Choice of plugins and skills."""
     names: Mapping[str, str] = field(default_factory=dict)
     """Own names of agent ("agents") and verifier ("verifiers"), for records if they cannot be created."""
+    in_process: bool = False
+    """Whether unprivileged agents and verifiers play beside the body too, for debugging: they could change it."""
+    agent_url: str = ""
+    """Where the agent answers, for one on another machine or in another language; empty for a plugin's."""
+    apart: Mapping[str, str] = field(default_factory=dict)
+    """Kind to place of those that play on the other side of the wall. The privileged have no place there."""
+    absent: tuple[str, ...] = ()
+    """Plugins that are not loaded beside the body, since they bring agents and verifiers alone."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +91,9 @@ class Worker:
     ) -> None:
         """Load the plugins. out: folder of the run. stopping: called after each step; True ends the episode there."""
         self._job, self._out, self._name = job, out, name
-        self._plugins: Plugins = plugins or Plugins.discover([Path(file) for file in job.files], job.choice)
+        self._plugins: Plugins = plugins or _beside_the_body(job)
+        asked = {"agents": job.agent, "verifiers": job.verifier, "options": dict(job.options), "names": dict(job.names)}
+        self._wall = Wall(job.apart, asked, {"files": job.files, "choice": asdict(job.choice)})
         self._stopping = stopping
         self._meter = Meter(job.limits)
         self._body: Body | None = None
@@ -135,11 +147,13 @@ class Worker:
         """Begin or resume an episode. Raises ReplayError if the world no longer reproduces the record."""
         job, plugins = self._job, self._plugins
         body = self._body = self._body or Body(spec.scene, plugins=plugins, backends=job.backends)
-        agent, verifier = self._made("agents", job.agent), self._made("verifiers", job.verifier)
+        apart = self._wall.make()
+        agent = apart.get("agents") or self._made("agents", job.agent)
+        verifier = apart.get("verifiers") or self._made("verifiers", job.verifier)
         self._replayed = sum((step.usage for step in replay), Usage())
         return Episode(
             body, spec, agent, verifier, folder=folder, options=job.options, distance=geodesics, replay=replay,
-            meter=self._meter,
+            meter=self._meter, apart={one: job.apart[kind] for kind, one in ROLES.items() if kind in job.apart},
         )  # fmt: skip
 
     def _made(self, kind: str, name: str) -> Any:
@@ -159,6 +173,7 @@ class Worker:
 
     def close(self) -> None:
         body, self._body = self._body, None
+        self._wall.close()
         if body is not None:
             body.close()
 
@@ -167,6 +182,12 @@ class Worker:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+
+def _beside_the_body(job: Job) -> Plugins:
+    """Load the plugins of a job, but for those that bring agents and verifiers alone."""
+    files = [Path(file) for file in job.files if Path(file).stem not in job.absent]
+    return Plugins.discover(files, job.choice, absent=job.absent)
 
 
 def recorded_steps(folder: Path) -> tuple[StepRecord, ...]:

@@ -54,8 +54,8 @@ def toys():
 def play(toys, tmp_path):
     """Run toy episodes; returns the status, the reports and the folder."""
 
-    def run(specs, workers=0, name="run", agent="walker", limits=None, **options):
-        job = Job(agent, options, backends=TOY, limits=limits or {}, files=(toy_world.FILE,))
+    def run(specs, workers=0, name="run", agent="walker", limits=None, in_process=False, **options):
+        job = Job(agent, options, backends=TOY, limits=limits or {}, files=(toy_world.FILE,), in_process=in_process)
         reports = []
         status = run_split(
             specs, job, LocalExecutor(workers) if workers else Here(), tmp_path / name, plugins=toys,
@@ -365,7 +365,7 @@ def test_a_provider_that_fails_is_counted_apart_and_asked_again_in_the_next_sitt
 
 def test_a_worker_that_crashes_is_named_and_the_others_go_on(play, tmp_path):
     trouble = {"in": "toy-1", "what": "SIGSEGV", "once": str(tmp_path / "once")}
-    status, reports, folder = play(toy_world.specs(4), workers=2, **trouble)
+    status, reports, folder = play(toy_world.specs(4), workers=2, in_process=True, **trouble)
     assert (status.done, status.failed) == (3, 1)
     (died,) = [report for report in reports if report.outcome == "infra_error"]
     assert died.episode == "toy-1"
@@ -375,7 +375,7 @@ def test_a_worker_that_crashes_is_named_and_the_others_go_on(play, tmp_path):
     assert play(toy_world.specs(4), **trouble)[0].done == 4
 
 
-def test_a_bug_of_an_agent_fails_its_own_episode_alone_and_is_not_run_again(play, tmp_path, capsys):
+def test_a_bug_of_an_agent_fails_its_own_episode_alone_and_is_not_run_again(play, tmp_path, capfd):
     trouble = {"in": "toy-0", "what": "bug", "once": str(tmp_path / "once")}
     status, _, folder = play(toy_world.specs(3), **trouble)
     assert (status.done, status.failed) == (3, 0)
@@ -386,7 +386,7 @@ def test_a_bug_of_an_agent_fails_its_own_episode_alone_and_is_not_run_again(play
     scores = score(recorded)
     assert (scores.finished, scores.nav) == (True, False)
     assert attribute(recorded) is None
-    assert "in befall" in capsys.readouterr().err
+    assert "in befall" in capfd.readouterr().err
 
 
 def test_a_decision_that_no_record_can_hold_fails_its_own_episode_and_the_run_can_be_read(play):

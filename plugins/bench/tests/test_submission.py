@@ -568,9 +568,9 @@ def test_an_episode_that_was_thrown_away_and_played_once_more_is_told_of_everywh
     (run / "journal.jsonl").write_text("\n".join(lines))
     assert submission.read(submitted(run)).again == 1
     verified = invoke("verify", run)
-    assert (verified.exit_code, "'e0' was played again after it had ended" in verified.output) == (0, True)
+    assert (verified.exit_code, "'e0' was played more than once from its first step" in verified.output) == (0, True)
     assert "'e1' was" not in verified.output
-    assert "Played again after they had ended: 1." in invoke("table", run, "--format", "markdown").output
+    assert "Played more than once from the first step: 1." in invoke("table", run, "--format", "markdown").output
     invoke("leaderboard", run.parent)
     assert "4 of 4, 1 played again" in page(run)[0]
 
@@ -583,7 +583,7 @@ TORN += [json.dumps({"episode": "e0", "outcome": "stopped", "limit": "", "steps"
 def test_a_torn_line_of_the_journal_tells_of_nothing_and_the_others_count(run: Path, torn: str) -> None:
     end = json.dumps({"episode": "e0", "outcome": "stopped", "limit": "", "steps": 1})
     (run / "journal.jsonl").write_text(f"{end}\n{torn}\n{end}\n{torn}")
-    assert "Played again after they had ended: 1." in invoke("table", run, "--format", "markdown").output
+    assert "Played more than once from the first step: 1." in invoke("table", run, "--format", "markdown").output
 
 
 def test_verify_names_no_episode_of_a_journal_so_that_it_looks_like_a_line_of_its_own(run: Path) -> None:

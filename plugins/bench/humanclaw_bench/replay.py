@@ -1,0 +1,186 @@
+"""Play the recorded calls of an episode again, and compare every step with its record.
+
+Motion, physics and views are deterministic, so that an honest record comes out the same to the last bit. Neither agent
+nor verifier is asked: their answers are the record's.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from dataclasses import dataclass
+from functools import cache
+from multiprocessing import get_context
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, Final
+
+import numpy as np
+
+from humanclaw import (
+    Backends,
+    Body,
+    Call,
+    Choice,
+    Episode,
+    EpisodeContext,
+    HumanclawError,
+    Observation,
+    Plugins,
+    RecordedEpisode,
+    Skill,
+    StepRecord,
+    Verdict,
+)  # fmt: skip
+from humanclaw.records import EpisodeRecord
+from humanclaw.world import geodesics
+from humanclaw_bench.executors import ONE_THREAD, for_children
+
+UNTOLD: Final = frozenset({"seconds"})
+"""Fields of a step that differ from run to run."""
+SAME: Final = ("scene_digest", "start", "targets", "geodesic", "movable", "ground")
+"""Fields of a record that follow from its episode and from the scene."""
+DECIDED: Final = ("stopped", "out_of_steps")
+"""Outcomes that follow from the steps."""
+
+
+@dataclass(frozen=True)
+class Replayed:
+    """What playing an episode again has shown."""
+
+    episode: str
+    steps: int
+    """Number of steps that were compared."""
+    differing: tuple[str, ...] = ()
+    """The first differences from the record."""
+    incomparable: str = ""
+    """Why the episode, or its rest, cannot be compared here."""
+
+
+class _Recorded:
+    """A verifier that answers as recorded."""
+
+    privileged = False
+
+    def __init__(self, name: str, steps: Sequence[StepRecord]) -> None:
+        self.name, self._left = name, iter([step.verdict for step in steps if step.verdict])
+
+    def begin(self, context: EpisodeContext) -> None: ...
+
+    def verify(self, observation: Observation, call: Call, skill: Skill, goal: str) -> Verdict:
+        return next(self._left)
+
+
+def replay(recorded: RecordedEpisode, files: Sequence[Path] = (), body: Body | None = None) -> Replayed:
+    """Play an episode again in this process. files: plugin files of its run. body: one of the same backends.
+
+    The number of threads changes the last bits of a matrix product: replayed() plays with one, as runs do.
+    """
+    record = recorded.record
+    own = body or _body(record, tuple(files))
+    try:
+        with TemporaryDirectory() as folder:
+            return _compared(recorded, own, Path(folder) / record.spec.id)
+    except HumanclawError as fault:
+        return Replayed(record.spec.id, 0, incomparable=str(fault))
+    finally:
+        if body is None:
+            own.close()
+
+
+def _body(record: EpisodeRecord, files: tuple[Path, ...]) -> Body:
+    told = dict(record.settings.get("body", {}))
+    backends = Backends(**told | {"sensors": tuple(told.get("sensors", ("vision",)))})
+    choice = tuple((kind, tuple(texts)) for kind, texts in record.settings.get("plugins", {}).items())
+    return Body(record.spec.scene, plugins=_plugins(files, choice), backends=backends)
+
+
+@cache
+def _plugins(files: tuple[Path, ...], choice: tuple[tuple[str, tuple[str, ...]], ...]) -> Plugins:
+    return Plugins.discover(files, Choice(**dict(choice)))
+
+
+def _compared(recorded: RecordedEpisode, body: Body, folder: Path) -> Replayed:
+    record, steps = recorded.record, recorded.steps
+    broken = next((step.step for step in steps if step.cancelled), len(steps))
+    reason = f"step {broken} was broken off in its middle" if broken < len(steps) else ""
+    verifier = _Recorded(record.verifier, steps) if any(step.verdict for step in steps) else None
+    with Episode(body, record.spec, record.agent, verifier, folder=folder, distance=geodesics) as episode:
+        if other := list(_other_versions(record, episode.record, steps)):
+            return Replayed(record.spec.id, 0, incomparable=f"other versions are installed: {', '.join(other)}")
+        for step in steps[:broken]:
+            _submit(episode, step)
+    differing = [f"its {name} differs" for name in SAME if getattr(record, name) != getattr(episode.record, name)]
+    if not reason and record.outcome in DECIDED and episode.outcome != record.outcome:
+        differing.append(f"it ends as {record.outcome}; played again as {episode.outcome}")
+    differing += _differences(recorded, RecordedEpisode(folder), broken)
+    return Replayed(record.spec.id, broken, tuple(differing[:5]), reason)
+
+
+def _submit(episode: Episode, step: StepRecord) -> None:
+    """Give the recorded answers of a step, refused ones included."""
+    for attempt in step.attempts:
+        if not episode.done:
+            episode.submit(attempt.decision)
+
+
+def _other_versions(told: EpisodeRecord, here: EpisodeRecord, steps: Sequence[StepRecord]) -> Iterator[str]:
+    """Yield packages, weights and called skills that are not those of the record."""
+    called = {step.call.skill for step in steps if step.call}
+    skills = [{name: info.digest for name, info in one.skills.items() if name in called} for one in (told, here)]
+    for was, now in ((told.weights, here.weights), (skills[0], skills[1]), (told.versions, here.versions)):
+        known = was.keys() if was is not told.versions else was.keys() & now.keys()
+        for name in sorted(known):
+            if was[name] != now.get(name):
+                yield f"{name} was {was[name][:12]}, here {now.get(name, 'missing')[:12]}"
+
+
+def _differences(was: RecordedEpisode, now: RecordedEpisode, count: int) -> Iterator[str]:
+    """Yield the fields, views and arrays of motion in which the first steps differ."""
+    if len(now.steps) != count:
+        yield f"it has {count} steps; played again {len(now.steps)}"
+    for one, other in zip(was.steps[:count], now.steps, strict=False):
+        for name in sorted(StepRecord.model_fields.keys() - UNTOLD):
+            if getattr(one, name) != getattr(other, name):
+                yield f"step {one.step}: its {name} differs"
+        if one.frame_file and _bytes(was, one) != _bytes(now, other):
+            yield f"step {one.step}: its view differs"
+    yield from _other_motion(was, now, count)
+
+
+def _bytes(episode: RecordedEpisode, step: StepRecord) -> bytes:
+    return (episode.folder / step.frame_file).read_bytes()
+
+
+def _other_motion(was: RecordedEpisode, now: RecordedEpisode, count: int) -> Iterator[str]:
+    if not (was.has_motion and now.has_motion):
+        return
+    whole = count == len(was.steps)
+    for kind in ("generated", "simulated"):
+        one, other = was.motion(kind), now.motion(kind)
+        length = len(one) if whole else len(other)
+        if not all(np.array_equal(getattr(one, p)[:length], getattr(other, p)) for p in ("root", "rotations")):
+            yield f"its {kind} motion differs"
+    if whole and not _alike(was.objects(), now.objects()):
+        yield "the motion of its objects differs"
+
+
+def _alike(one: Mapping[int, Any], other: Mapping[int, Any]) -> bool:
+    return one.keys() == other.keys() and all(np.array_equal(one[key], other[key]) for key in one)
+
+
+# -- many --------------------------------------------------------------------------------------------------------------
+def replayed(episodes: Sequence[RecordedEpisode], files: Sequence[Path] = (), workers: int = 1) -> Iterator[Replayed]:
+    """Play episodes again in processes of one thread each, a house at a time; yield them as they end."""
+    houses: dict[str, list[Path]] = defaultdict(list)
+    for one in episodes:
+        houses[one.record.spec.scene].append(one.folder)
+    with for_children(ONE_THREAD), ProcessPoolExecutor(workers, get_context("spawn")) as pool:
+        jobs: list[Future[list[Replayed]]] = [pool.submit(_house, found, tuple(files)) for found in houses.values()]
+        for job in as_completed(jobs):
+            yield from job.result()
+
+
+def _house(folders: Sequence[Path], files: tuple[Path, ...]) -> list[Replayed]:
+    return [replay(RecordedEpisode(folder), files) for folder in folders]

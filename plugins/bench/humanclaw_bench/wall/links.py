@@ -1,0 +1,157 @@
+"""How requests reach the deciders' side: through the pipe of a process, or as POST to a URL."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import queue
+import subprocess
+import sys
+import threading
+import urllib.error
+import urllib.request
+import uuid
+from collections.abc import Sequence
+from typing import Any, Final, Protocol
+
+from humanclaw import LimitError, PluginError, ProviderError
+from humanclaw_bench.wall.messages import Json
+
+LARGEST: Final = 16 * 2**20
+"""Bytes that an answer may have."""
+GRACE: Final = 5.0
+"""Seconds that a decider may take beyond its time limit to say so by itself."""
+STARTING: Final = 600.0
+"""Seconds that the other side may take to import everything and make agent and verifier."""
+
+
+class OverdueError(Exception):
+    """No answer came in time."""
+
+
+class Link(Protocol):
+    """The way to the deciders of one worker."""
+
+    def ask(self, method: str, params: Json, seconds: float | None = None) -> Any:
+        """Return the result of a request.
+
+        Raises what the other side raised, RuntimeError if it died or answers nonsense, and OverdueError after these
+        seconds; the link starts anew after either.
+        """
+
+    def close(self) -> None: ...
+
+
+class ProcessLink:
+    """A process of this machine, which answers one request a line. Started when needed; one that died is replaced."""
+
+    def __init__(self, arguments: Sequence[str]) -> None:
+        """arguments: of `python -m humanclaw_bench.wall`."""
+        self._command = [sys.executable, "-m", "humanclaw_bench.wall", *arguments]
+        self._process: subprocess.Popen[bytes] | None = None
+        self._answers: queue.Queue[bytes] = queue.Queue()
+
+    def ask(self, method: str, params: Json, seconds: float | None = None) -> Any:
+        process = self._process or self._start()
+        request = {"jsonrpc": "2.0", "id": 1, "method": method, "params": params}
+        try:
+            assert process.stdin
+            process.stdin.write(json.dumps(request, separators=(",", ":")).encode() + b"\n")
+            process.stdin.flush()
+            answer = self._answers.get(timeout=seconds)
+        except queue.Empty:
+            self.close()
+            raise OverdueError(f"no answer to {method} within {seconds:.0f} s") from None
+        except OSError:
+            answer = b""
+        if not answer.endswith(b"\n"):
+            raise self._died(process, method, answer)
+        return result_of(answer)
+
+    def _start(self) -> subprocess.Popen[bytes]:
+        self._answers = queue.Queue()
+        alike = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+        self._process = subprocess.Popen(self._command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=alike)
+        threading.Thread(target=_read, args=(self._process, self._answers), daemon=True).start()
+        return self._process
+
+    def _died(self, process: subprocess.Popen[bytes], method: str, answer: bytes) -> RuntimeError:
+        """Return the error of a process that ended, or wrote too much, in the middle of a request."""
+        self.close()
+        if answer:
+            return RuntimeError(f"its answer to {method} has more than {LARGEST} bytes")
+        return RuntimeError(f"its process ended with exit code {process.returncode} at {method}; see the worker's log")
+
+    def close(self) -> None:
+        process, self._process = self._process, None
+        if process is None:
+            return
+        with contextlib.suppress(OSError):  # Its other end may be gone.
+            assert process.stdin
+            process.stdin.close()
+        try:
+            process.wait(timeout=1.0)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+
+
+def _read(process: subprocess.Popen[bytes], answers: queue.Queue[bytes]) -> None:
+    """Put every line of a process into a queue, and an empty one when it ends. A line too long ends it."""
+    assert process.stdout
+    with process.stdout as stream:
+        while line := stream.readline(LARGEST):
+            answers.put(line)
+            if not line.endswith(b"\n"):
+                break
+    answers.put(b"")
+
+
+class UrlLink:
+    """A server somewhere else. A network that fails ends the episode as infra_error, as a model's provider would."""
+
+    def __init__(self, url: str) -> None:
+        self._url, self._session = url, uuid.uuid4().hex
+
+    def ask(self, method: str, params: Json, seconds: float | None = None) -> Any:
+        told = {"jsonrpc": "2.0", "id": 1, "method": method, "params": params | {"session": self._session}}
+        head = {"Content-Type": "application/json"}
+        request = urllib.request.Request(self._url, json.dumps(told).encode(), head)
+        try:
+            with urllib.request.urlopen(request, timeout=seconds) as answer:
+                return result_of(answer.read(LARGEST + 1))
+        except TimeoutError:
+            raise OverdueError(f"no answer to {method} within {seconds} s") from None
+        except (OSError, ValueError) as error:
+            raise ProviderError(f"{self._url} does not answer {method}: {error}") from error
+
+    def close(self) -> None: ...
+
+
+def result_of(answer: bytes) -> Any:
+    """Return the result of a JSON-RPC answer.
+
+    Raises the error in it: PluginError, LimitError and ProviderError as such, others under their own name. Raises
+    RuntimeError for anything that is no answer.
+    """
+    try:
+        told = json.loads(answer)
+        if "result" in told:
+            return told["result"]
+        error, data = told["error"], told["error"].get("data", {})
+        message, kind = str(error["message"]), data.get("kind")
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        raise RuntimeError(f"it answers with no JSON-RPC: {answer[:80]!r}") from None
+    if kind == "PluginError":
+        raise PluginError(message, str(data.get("remedy", "")))
+    if kind == "LimitError":
+        raise LimitError(str(data.get("scope", "call")), message)
+    if kind == "ProviderError":
+        raise ProviderError(message)
+    raise _named(str(data.get("type", "RuntimeError")))(message)
+
+
+def _named(name: str) -> type[Exception]:
+    """Return an exception of this name, for records: the class itself is on the other side."""
+    return type(name, (Exception,), {}) if name.isidentifier() and len(name) < 80 else RuntimeError

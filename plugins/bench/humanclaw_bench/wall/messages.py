@@ -1,0 +1,128 @@
+"""Values of the protocol as JSON: pictures and tools in MCP's words, decisions and feedback as in records."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from functools import cache
+from typing import Any, Final, TypeVar
+
+from pydantic import TypeAdapter
+
+from humanclaw import Check, Decision, EpisodeContext, EpisodeSpec, HistoryEntry, Meter, Observation, Skill
+from humanclaw.plugins import RecalledEntry
+from humanclaw.records import Feedback
+from humanclaw.skills import Plan
+from humanclaw.storage import from_jpeg, jpeg
+
+PROTOCOL: Final = "1"
+"""Version of the protocol. A request with another one is refused."""
+QUALITY: Final = 88
+"""JPEG quality of pictures: that of recorded frames."""
+
+T = TypeVar("T")
+Json = dict[str, Any]
+
+
+@cache
+def _adapter(kind: Any) -> TypeAdapter[Any]:
+    return TypeAdapter(kind)
+
+
+def to_json(value: object) -> Any:
+    """Return a decision, a verdict or a feedback as JSON values."""
+    kind: Any = type(value)
+    return _adapter(kind).dump_python(value, mode="json")
+
+
+def from_json(kind: type[T], value: object) -> T:
+    """Return a decision, a verdict or a feedback. Raises pydantic.ValidationError, a ValueError."""
+    of: Any = kind
+    found: T = _adapter(of).validate_python(value)
+    return found
+
+
+def image(picture: bytes) -> Json:
+    """Return a JPEG as MCP's image content."""
+    return {"type": "image", "mimeType": "image/jpeg", "data": base64.b64encode(picture).decode()}
+
+
+def picture(content: Sequence[Mapping[str, Any]]) -> bytes:
+    """Return the JPEG of MCP's image content. Raises ValueError for another picture."""
+    if len(content) != 1 or content[0].get("mimeType") != "image/jpeg":
+        raise ValueError("expected one picture of type image/jpeg")
+    return base64.b64decode(content[0]["data"], validate=True)
+
+
+# -- the task ----------------------------------------------------------------------------------------------------------
+def task(context: EpisodeContext) -> Json:
+    """Return what an agent is told before the first step: neither scene nor start, targets or seed of the episode."""
+    spec, meter = context.spec, context.meter
+    known = spec.model_dump(include={"instruction", "target_category", "interact", "max_steps"})
+    return {
+        **known,
+        "seed": context.seed,
+        "tools": [tool(skill) for skill in context.skills.values() if skill.trained],
+        "limits": dict(meter.limits) if meter else {},
+    }
+
+
+def tool(skill: Skill) -> Json:
+    """Return a skill as MCP's tool, with its role and checklist."""
+    more = {"role": skill.role, "checks": [asdict(check) for check in skill.checks]}
+    return {"name": skill.name, "description": skill.description, "inputSchema": dict(skill.schema), "_meta": more}
+
+
+def context_of(told: Mapping[str, Any], meter: Meter) -> EpisodeContext:
+    """Return the context of a task. Its skills can be asked for and checked, but not played."""
+    known = {name: told[name] for name in ("instruction", "target_category", "interact", "max_steps")}
+    spec = EpisodeSpec(id="episode", scene="", **known)
+    skills = {one["name"]: _skill(one) for one in told["tools"]}
+    return EpisodeContext(spec, skills, int(told["seed"]), meter=meter)
+
+
+def _skill(told: Mapping[str, Any]) -> Skill:
+    more = told["_meta"]
+    checks = tuple(Check(**check) for check in more["checks"])
+    return Skill(told["name"], told["description"], told["inputSchema"], _unplayable, checks, role=more["role"])
+
+
+def _unplayable(params: Mapping[str, Any]) -> Plan:
+    raise RuntimeError("the body is on the other side of the wall: decide on the call, and the benchmark plays it")
+
+
+# -- a step ------------------------------------------------------------------------------------------------------------
+def seen(observation: Observation) -> Json:
+    """Return an observation: step, picture, and the outcome of the last step as values and in words."""
+    told, view = observation.feedback, observation.jpeg or jpeg(observation.rgb, QUALITY)
+    return {"step": observation.step, "content": [image(view)], "feedback": to_json(told), "text": str(told)}
+
+
+def observation_of(told: Mapping[str, Any], instruction: str) -> Observation:
+    """Return the observation of a message."""
+    view = picture(told["content"])
+    feedback = from_json(Feedback, told.get("feedback", {}))
+    return Observation(int(told["step"]), instruction, from_jpeg(view), feedback, view)
+
+
+def past(entries: Sequence[HistoryEntry], shown: int) -> list[Json]:
+    """Return steps of the history, with the pictures of those below `shown`: the agent's side has not seen them."""
+    return [
+        {
+            "step": entry.step,
+            "decision": to_json(entry.decision),
+            "feedback": to_json(entry.feedback),
+            **({"content": [image(jpeg(entry.rgb, QUALITY))]} if entry.step < shown else {}),
+        }
+        for entry in entries
+    ]
+
+
+def entry_of(told: Mapping[str, Any], views: Mapping[int, bytes]) -> HistoryEntry:
+    """Return a step of the history. views: the JPEGs that were seen, by step, for messages without one."""
+    step = int(told["step"])
+    if "content" not in told and step not in views:
+        raise ValueError(f"step {step} has no picture, and none was seen")
+    view = picture(told["content"]) if "content" in told else views[step]
+    return RecalledEntry.seen(step, from_json(Decision, told["decision"]), from_json(Feedback, told["feedback"]), view)

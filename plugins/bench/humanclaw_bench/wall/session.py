@@ -1,0 +1,135 @@
+"""The deciders' side of the wall: make agent and verifier, and answer requests about one episode after another."""
+
+from __future__ import annotations
+
+import time
+import traceback
+from collections.abc import Callable, Mapping
+from typing import Any, Final
+
+from humanclaw import (
+    Call,
+    Decision,
+    HistoryEntry,
+    HumanclawError,
+    LimitError,
+    Meter,
+    PluginError,
+    Plugins,
+    ProviderError,
+    Verdict,
+)  # fmt: skip
+from humanclaw.plugins import admit, name_of, origin, settings_of
+from humanclaw_bench.wall.messages import (
+    PROTOCOL,
+    Json,
+    context_of,
+    entry_of,
+    from_json,
+    observation_of,
+    to_json,
+)
+
+METHOD_NOT_FOUND: Final = -32601
+RAISED: Final = -32000
+"""JSON-RPC codes: no such method, and an error of agent or verifier."""
+LONGEST_ERROR: Final = 2000
+
+
+class Remaining(Meter):
+    """The budget of the other side, as its last request told it."""
+
+    _until = float("inf")
+
+    def tell(self, seconds: float | None) -> None:
+        """Note the seconds that are left from now on; None for no limit."""
+        self._until = float("inf") if seconds is None else time.monotonic() + seconds
+
+    def seconds_left(self) -> float:
+        return max(0.0, self._until - time.monotonic())
+
+
+class Session:
+    """Agent and verifier of a worker, and what they have seen of the current episode."""
+
+    def __init__(self, plugins: Plugins) -> None:
+        self._plugins = plugins
+        self._made: dict[str, Any] = {}
+        self._meter = Remaining()
+        self._history: list[HistoryEntry] = []
+        self._views: dict[int, bytes] = {}
+        self._methods: Mapping[str, Callable[[Json], Any]] = {
+            "initialize": self._initialize,
+            "begin": self._begin,
+            "decide": self._decide,
+            "verify": self._verify,
+        }
+
+    def answer(self, request: Json) -> Json:
+        """Answer a JSON-RPC request. What agent and verifier raise, even SystemExit, is in the answer."""
+        reply: Json = {"jsonrpc": "2.0", "id": request.get("id")}
+        method = self._methods.get(str(request.get("method")))
+        if method is None:
+            known = f"there is no method {request.get('method')!r:.50}; known: {', '.join(self._methods)}"
+            return reply | {"error": {"code": METHOD_NOT_FOUND, "message": known}}
+        try:
+            return reply | {"result": method(request.get("params", {}))}
+        except BaseException as fault:
+            if not isinstance(fault, PluginError | ProviderError | LimitError):
+                traceback.print_exc()
+            return reply | {"error": _told(fault)}
+
+    def _initialize(self, params: Json) -> Json:
+        """Make the agent and the verifier of an episode."""
+        if params.get("protocolVersion") != PROTOCOL:
+            raise PluginError(f"expected protocol {PROTOCOL}; got {params.get('protocolVersion')!r:.50}.")
+        self._history, self._views = [], {}
+        self._made = {kind: self._make(kind, params) for kind in ("agents", "verifiers") if params.get(kind)}
+        return {"protocolVersion": PROTOCOL} | {kind: _introduced(one) for kind, one in self._made.items()}
+
+    def _make(self, kind: str, params: Json) -> Any:
+        known_as = params.get("names", {}).get(kind, "")
+        return self._plugins.decider(kind, params[kind], params.get("options", {}), known_as)
+
+    def _begin(self, params: Json) -> Json:
+        """Tell the agent or the verifier its task."""
+        self._meter = Remaining(params.get("limits"))
+        self._meter.tell(params.get("seconds"))
+        self._context = context_of(params, self._meter)
+        self._made[params["role"]].begin(self._context)
+        return {}
+
+    def _decide(self, params: Json) -> Any:
+        """Let the agent decide. The history grows by the steps that ended since the last question."""
+        self._meter.tell(params.get("seconds"))
+        self._history += [entry_of(told, self._views) for told in params.get("history", [])]
+        agent, seen = self._made["agents"], observation_of(params, self._context.spec.instruction)
+        self._views[seen.step] = seen.jpeg
+        decision = agent.decide(seen, tuple(self._history))
+        return to_json(admit(decision, Decision, f"decide() of {name_of(agent)} returned"))
+
+    def _verify(self, params: Json) -> Any:
+        """Let the verifier judge a proposed call by the current view."""
+        self._meter.tell(params.get("seconds"))
+        verifier, seen = self._made["verifiers"], observation_of(params, self._context.spec.instruction)
+        call = from_json(Call, params["call"])
+        verdict = verifier.verify(seen, call, self._context.skills[call.skill], params["goal"])
+        return to_json(admit(verdict, Verdict, f"verify() of {name_of(verifier)} returned"))
+
+
+def _introduced(one: Any) -> Json:
+    """Return name, settings and package of an agent or a verifier."""
+    return {"name": name_of(one), "settings": settings_of(one), "owner": origin(one)}
+
+
+def _told(fault: BaseException) -> Json:
+    """Return an error as JSON-RPC has it, with what the other side needs to raise it again."""
+    data: Json = {"type": type(fault).__name__}
+    if isinstance(fault, PluginError):
+        data |= {"kind": "PluginError", "remedy": fault.remedy}
+    elif isinstance(fault, LimitError):
+        data |= {"kind": "LimitError", "scope": fault.scope}
+    elif isinstance(fault, ProviderError):
+        data |= {"kind": "ProviderError"}
+    message = fault.message if isinstance(fault, HumanclawError) else str(fault)
+    return {"code": RAISED, "message": message[:LONGEST_ERROR], "data": data}

@@ -1,0 +1,82 @@
+"""`bench verify --replay` plays recorded calls again: whatever a record tells, it must come out the same."""
+
+import json
+
+import pytest
+import toy_world
+from click.testing import CliRunner
+from test_wall import PLAIN, play  # noqa: F401
+
+from humanclaw import RecordedEpisode
+from humanclaw.records import write_record
+from humanclaw_bench.cli import bench
+
+VERIFIED = """
+class Mine(Agent):
+    def decide(self, observation, history):
+        bad = observation.step == 1 and not observation.feedback.refusal
+        call = Call("fly") if bad else Call("stop") if observation.step == 3 else Call("walk", {"z_cm": 30})
+        return Decision((call,))
+"""
+
+
+def verify(folder, *more):
+    return CliRunner().invoke(bench, ["verify", str(folder), "--replay", *more, "--plugin", toy_world.FILE])
+
+
+def test_an_honest_run_comes_out_the_same(play):  # noqa: F811
+    _, folder = play(VERIFIED, 3)
+    answer = verify(folder)
+    assert (answer.exit_code, "3 of 3 episodes came out the same" in answer.output) == (0, True), answer.output
+    assert len(RecordedEpisode(folder / "toy-0").steps[1].attempts) == 2
+
+
+def test_a_sample_is_played_if_it_is_asked_for(play):  # noqa: F811
+    _, folder = play(PLAIN, 3)
+    assert "2 of 2 episodes came out the same" in verify(folder, "2").output
+
+
+def test_a_body_that_an_agent_moved_by_hand_is_found(play):  # noqa: F811
+    cheats = """
+from dataclasses import replace
+class Mine(Agent):
+    def decide(self, observation, history):
+        frame = sys._getframe()
+        while not isinstance(frame.f_locals.get("self"), Episode):
+            frame = frame.f_back
+        simulator, closer = frame.f_locals["self"].body._simulator, [0.01, 0.0, 0.0]
+        real = type(simulator).state
+        def state():
+            told = real(simulator)
+            return replace(told, body=replace(told.body, root=told.body.root + closer))
+        simulator.state = state
+        return super().decide(observation, history)
+"""
+    _, folder = play(cheats, in_process=True)
+    answer = verify(folder)
+    assert answer.exit_code == 1
+    assert "toy-0: step 0: its" in answer.output
+
+
+@pytest.mark.parametrize(
+    ("field", "value"), [("geodesic", 0.1), ("target_pixels", {"20": 9}), ("pelvis_contacts", [20])]
+)
+def test_a_step_that_tells_more_than_happened_is_found(play, field, value):  # noqa: F811
+    _, folder = play(PLAIN)
+    episode = RecordedEpisode(folder / "toy-0")
+    lines = (folder / "toy-0" / "steps.jsonl").read_text().splitlines()
+    lines[3] = json.dumps(json.loads(lines[3]) | {field: value})
+    (folder / "toy-0" / "steps.jsonl").write_text("\n".join(lines) + "\n")
+    write_record(folder / "toy-0", episode.record.model_copy(update={"files": {}}))
+    answer = verify(folder)
+    assert f"step 3: its {field} differs" in answer.output
+
+
+def test_other_weights_are_named_and_not_called_a_lie(play):  # noqa: F811
+    _, folder = play(PLAIN)
+    record = RecordedEpisode(folder / "toy-0").record
+    write_record(folder / "toy-0", record.model_copy(update={"weights": {"base": "another"}, "files": {}}))
+    (folder / "run.json").unlink()
+    answer = verify(folder)
+    assert "toy-0: other versions are installed: base was another, here toy." in answer.output
+    assert "0 of 1 episode came out the same" in answer.output

@@ -1,0 +1,273 @@
+"""Agent and verifier play in a process of their own: they reach neither body nor records, and their end is named."""
+
+import json
+import threading
+from pathlib import Path
+
+import numpy as np
+import pytest
+import toy_world
+from click.testing import CliRunner
+from PIL import Image
+from test_runner import TOY, Here, digests, rewrite
+
+from humanclaw import Plugins, RecordedEpisode, load_run
+from humanclaw_bench.cli import bench
+from humanclaw_bench.executors import LocalExecutor
+from humanclaw_bench.integrity import Journal
+from humanclaw_bench.runner import run_split
+from humanclaw_bench.wall.serving import Sessions, server
+from humanclaw_bench.worker import Job
+
+HEAD = """
+import gc, os, sys, time
+from humanclaw import Call, Decision, Episode, ProviderError, Verdict, hookimpl
+
+class Agent:
+    name, privileged = "own", False
+    def __init__(self, options): self.options = options
+    def begin(self, context): self.context = context
+    def decide(self, observation, history):
+        return Decision((Call("stop") if observation.step == 3 else Call("walk", {"z_cm": 30}),))
+
+@hookimpl
+def humanclaw_agents(register): register("own", Mine)
+"""
+
+
+@pytest.fixture
+def play(tmp_path):
+    """Run toy episodes with an agent whose class is written here; returns the status and the folder."""
+
+    def run(written, count=1, name="run", in_process=False, limits=None, agent_url="", workers=0, **options):
+        file = tmp_path / "own.py"
+        file.write_text(HEAD + written)
+        files = (toy_world.FILE,) if agent_url else (toy_world.FILE, str(file))
+        job = Job(agent_url or "own", options, backends=TOY, limits=limits or {}, files=files,
+                  in_process=in_process, agent_url=agent_url)  # fmt: skip
+        plugins = Plugins.discover([Path(one) for one in files])
+        folder = tmp_path / name
+        return run_split(
+            toy_world.specs(count), job, LocalExecutor(workers) if workers else Here(), folder, plugins=plugins
+        ), folder
+
+    return run
+
+
+PLAIN = "\nclass Mine(Agent): ...\n"
+THIEF = """
+class Mine(Agent):
+    def decide(self, observation, history):
+        frame, found = sys._getframe(), []
+        while frame:
+            found += [value for value in frame.f_locals.values() if isinstance(value, Episode)]
+            frame = frame.f_back
+        found += [one for one in gc.get_objects() if isinstance(one, Episode)]
+        spec = self.context.spec
+        told = f"{len(found)} episodes, scene {spec.scene!r}, {spec.start}, {spec.target_ids}, {self.context.scene}"
+        return Decision((Call("stop"),), visible_state=told)
+"""
+
+
+def said(folder):
+    return RecordedEpisode(folder / "toy-0").steps[0].decision.visible_state
+
+
+def test_an_agent_finds_no_episode_on_the_stack_nor_in_memory(play):
+    _, folder = play(THIEF)
+    assert said(folder) == "0 episodes, scene '', None, (), None"
+
+
+def test_in_one_process_it_would_find_it_so_that_is_told_in_every_table(play):
+    _, folder = play(THIEF, in_process=True)
+    assert not said(folder).startswith("0 episodes")
+    table = CliRunner().invoke(bench, ["table", str(folder), "--format", "markdown"]).output
+    assert "in the body's own process" in table
+
+
+def test_a_table_says_nothing_of_it_where_the_wall_stood(play):
+    _, folder = play(PLAIN)
+    assert "own process" not in CliRunner().invoke(bench, ["table", str(folder), "--format", "markdown"]).output
+
+
+def test_an_agent_that_patches_the_episode_patches_its_own_copy(play):
+    _, honest = play(PLAIN, name="honest")
+    # A worker is a child of multiprocessing; neither these tests nor the agent's process are.
+    patch = """
+import multiprocessing
+if multiprocessing.parent_process():
+    Episode._execute = lambda self, call, verdict: 1 / 0
+"""
+    status, folder = play(PLAIN + patch, name="patched", workers=1)
+    assert (status.done, digests(folder)) == (1, digests(honest))
+
+
+def test_code_of_others_beside_the_body_is_named(play):
+    _, folder = play(PLAIN)
+    assert json.loads((folder / "run.json").read_text())["beside the body"] == ["toy_world"]
+    assert "Code of others beside the body: toy_world." in CliRunner().invoke(bench, ["verify", str(folder)]).output
+
+
+def test_records_are_the_same_on_both_sides_of_the_wall(play):
+    _, apart = play(PLAIN, 3, name="apart")
+    _, beside = play(PLAIN, 3, name="beside", in_process=True)
+    steps = [[(s.call, s.end, s.feedback) for s in one.steps] for run in (apart, beside) for one in load_run(run)]
+    assert steps[:3] == steps[3:]
+    assert RecordedEpisode(apart / "toy-0").record.settings["apart"] == {"agent": "process"}
+
+
+def test_an_agent_recalls_its_steps_with_their_views(play):
+    recalls = """
+class Mine(Agent):
+    def decide(self, observation, history):
+        told = [(e.step, str(e.executed), e.rgb.shape, int(e.rgb.mean())) for e in history]
+        call = Call("stop") if observation.step == 3 else Call("walk", {"z_cm": 30})
+        return Decision((call,), visible_state=repr(told))
+"""
+    _, folder = play(recalls)
+    told = eval(RecordedEpisode(folder / "toy-0").steps[3].decision.visible_state)
+    files = [folder / "toy-0" / step.frame_file for step in RecordedEpisode(folder / "toy-0").steps[:3]]
+    frames = [np.asarray(Image.open(file)) for file in files]
+    assert [entry[0] for entry in told] == [0, 1, 2]
+    assert told[1][1] == "walk(x_cm=0, z_cm=30, yaw_deg=0)"
+    assert [entry[3] for entry in told] == [int(frame.mean()) for frame in frames]
+
+
+def test_an_agent_of_a_resumed_episode_is_given_the_views_that_it_has_not_seen(play):
+    recalls = """
+class Mine(Agent):
+    def decide(self, observation, history):
+        told = [int(entry.rgb.mean()) for entry in history]
+        call = Call("stop") if observation.step == 3 else Call("walk", {"z_cm": 30})
+        return Decision((call,), visible_state=repr(told))
+"""
+    _, whole = play(recalls, name="whole")
+    _, folder = play(recalls)
+    lines = (folder / "toy-0" / "steps.jsonl").read_text().splitlines(keepends=True)
+    (folder / "toy-0" / "steps.jsonl").write_text("".join(lines[:2]))
+    rewrite(folder / "toy-0", outcome="running", steps=0)
+    (folder / "toy-0" / "motion.npz").unlink()
+    play(recalls)
+    assert digests(folder) == digests(whole)
+
+
+@pytest.mark.parametrize("ends", ["os._exit(7)", "os.kill(os.getpid(), 9)"])
+def test_an_agent_whose_process_ends_fails_its_episode_and_the_next_one_has_a_new_process(play, ends):
+    written = f"""
+class Mine(Agent):
+    def decide(self, observation, history):
+        if observation.step == 2 and not os.path.exists(self.options["once"]):
+            open(self.options["once"], "w").close()
+            {ends}
+        return super().decide(observation, history)
+"""
+    once = f"{play.__name__}-{ends[:7]}"
+    status, folder = play(written, 2, once=str(Path(folder_of(play)) / once))
+    record, other = (RecordedEpisode(folder / name).record for name in ("toy-0", "toy-1"))
+    assert (record.outcome, "process ended with exit code" in record.error) == ("plugin_error", True)
+    assert (status.done, other.outcome) == (2, "stopped")
+
+
+def test_an_agent_that_hangs_is_ended_by_the_time_limit(play, monkeypatch):
+    monkeypatch.setattr("humanclaw_bench.wall.deciders.GRACE", 0.2)
+    hangs = "\nclass Mine(Agent):\n    def decide(self, observation, history): time.sleep(600)\n"
+    _, folder = play(hangs, limits={"call.seconds": 1.0})
+    assert RecordedEpisode(folder / "toy-0").record.outcome == "limit_reached"
+
+
+def test_what_an_agent_prints_does_not_disturb_the_protocol(play, capfd):
+    prints = """
+print("at import")
+class Mine(Agent):
+    def decide(self, observation, history):
+        print('{"jsonrpc": "2.0"}')
+        os.write(1, b"raw\\n")
+        return super().decide(observation, history)
+"""
+    status, _ = play(prints)
+    told = capfd.readouterr()
+    assert (status.done, "raw" in told.err, "at import" in told.err) == (1, True, True)
+
+
+def test_an_error_of_an_agent_has_its_own_name_in_the_record(play):
+    bug = "\nclass Mine(Agent):\n    def decide(self, observation, history): {}['key']\n"
+    _, folder = play(bug)
+    assert RecordedEpisode(folder / "toy-0").record.error.endswith("raised KeyError: 'key'")
+
+
+def test_a_process_that_cannot_start_ends_the_run(play):
+    dies = "\nimport humanclaw_bench.wall\nif 'wall' in sys.argv[0]: os._exit(5)\n"
+    with pytest.raises(Exception, match="agent and verifier cannot be made: its process ended with exit code 5"):
+        play(PLAIN + dies)
+
+
+# -- attempts ----------------------------------------------------------------------------------------------------------
+def test_the_best_of_two_attempts_cannot_be_passed_off_as_the_first(play):
+    loses = """
+class Mine(Agent):
+    def decide(self, observation, history):
+        if observation.step == 2 and not os.path.exists(self.options["again"]):
+            raise ProviderError("503")
+        return super().decide(observation, history)
+"""
+    again = Path(folder_of(play)) / "again"
+    _, folder = play(loses, again=str(again))
+    again.touch()
+    for file in sorted((folder / "toy-0").rglob("*"), reverse=True):
+        file.rmdir() if file.is_dir() else file.unlink()
+    (folder / "toy-0").rmdir()
+    status, _ = play(loses, again=str(again))
+    assert (status.done, Journal.read(folder).again) == (1, ("toy-0",))
+    table = CliRunner().invoke(bench, ["table", str(folder), "--format", "markdown"]).output
+    assert "Played more than once from the first step: 1." in table
+
+
+def test_a_start_is_in_the_journal_before_the_first_step(play):
+    sees = """
+class Mine(Agent):
+    def decide(self, observation, history):
+        told = open(self.options["journal"]).read()
+        return Decision((Call("stop"),), visible_state=told)
+"""
+    _, folder = play(sees, journal=str(Path(folder_of(play)) / "run" / "journal.jsonl"))
+    assert '"episode": "toy-0", "from": 0' in said(folder)
+
+
+# -- over a network ----------------------------------------------------------------------------------------------------
+@pytest.fixture
+def served(tmp_path):
+    """Serve an agent, and return its URL."""
+    file = tmp_path / "served.py"
+    file.write_text(HEAD + PLAIN)
+    serving = server(Sessions(Plugins.discover([file]), "own", {}), "127.0.0.1", 0)
+    threading.Thread(target=serving.serve_forever, daemon=True).start()
+    yield f"http://127.0.0.1:{serving.server_address[1]}/"
+    serving.shutdown()
+    serving.server_close()
+
+
+def test_an_agent_at_a_url_plays_as_one_in_a_process_does(play, served):
+    _, here = play(PLAIN, 2, name="here")
+    status, there = play(PLAIN, 2, name="there", agent_url=served)
+    steps = [[(s.call, s.end) for s in one.steps] for run in (here, there) for one in load_run(run)]
+    assert (status.done, steps[:2]) == (2, steps[2:])
+    record = RecordedEpisode(there / "toy-0").record
+    assert (record.agent, record.settings["apart"]) == ("own", {"agent": served})
+
+
+def test_a_url_that_does_not_answer_is_a_provider_that_failed(play):
+    status, _ = play(PLAIN, agent_url="http://127.0.0.1:9/")
+    assert (status.done, status.failed) == (0, 1)
+
+
+def test_a_server_refuses_what_is_no_request(served):
+    import urllib.error
+    import urllib.request
+
+    with pytest.raises(urllib.error.HTTPError, match="400"):
+        urllib.request.urlopen(urllib.request.Request(served, b"[]"))
+
+
+def folder_of(play):
+    """Return the temporary folder of a test's runs."""
+    return next(cell.cell_contents for cell in play.__closure__ if isinstance(cell.cell_contents, Path))
