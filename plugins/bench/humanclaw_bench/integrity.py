@@ -130,7 +130,7 @@ def standing(run: Path, episodes: Sequence[RecordedEpisode]) -> Standing:
 
 def _in_process(one: RecordedEpisode) -> bool:
     settings = one.record.settings
-    return any(not known and role not in settings.get("apart", {}) for role, known in settings["privileged"].items())
+    return any(not known and role not in settings.get("apart", {}) for role, known in settings.get("privileged", {}).items())
 
 
 def is_told(folder: Path) -> bool:

@@ -36,7 +36,7 @@ def test_a_sample_is_played_if_it_is_asked_for(play):  # noqa: F811
     assert "2 of 2 episodes came out the same" in verify(folder, "2").output
 
 
-def test_a_body_that_an_agent_moved_by_hand_is_found(play):  # noqa: F811
+def test_two_millimetres_that_an_agent_added_by_hand_are_found(play):  # noqa: F811
     cheats = """
 from dataclasses import replace
 class Mine(Agent):
@@ -44,7 +44,7 @@ class Mine(Agent):
         frame = sys._getframe()
         while not isinstance(frame.f_locals.get("self"), Episode):
             frame = frame.f_back
-        simulator, closer = frame.f_locals["self"].body._simulator, [0.01, 0.0, 0.0]
+        simulator, closer = frame.f_locals["self"].body._simulator, [0.002, 0.0, 0.0]
         real = type(simulator).state
         def state():
             told = real(simulator)
