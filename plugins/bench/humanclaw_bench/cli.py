@@ -19,6 +19,7 @@ from humanclaw.records import write_episodes
 from humanclaw.storage import write_atomically
 from humanclaw_bench import leaderboard as leaderboards, submission as submissions
 from humanclaw_bench.comparison import compare_table
+from humanclaw_bench.conditions import differences as unlike
 from humanclaw_bench.export import FORMATS, metrics_of, row, scored
 from humanclaw_bench.integrity import RunFiles, check, is_told, standing
 from humanclaw_bench.metrics import ALL, common, compare
@@ -222,9 +223,11 @@ def compare_command(a: Path, b: Path, seed: int, across_engines: bool, as_json: 
         told = " and ".join(sorted(name or "an unknown one" for name in engines))
         raise RecordError(f"the runs use different simulators: {told}.", "Add --across-engines to compare them anyway.")
     differences = compare(one.scores, two.scores, seed=seed)
+    changed = unlike(one.conditions, two.conditions)
     if as_json:
-        _print_json(plain_differences(differences, ALL))
+        _print_json({"settings": changed, "metrics": plain_differences(differences, ALL)})
         return
+    _print(Text(f"Settings that differ (A and B): {', '.join(changed)}." if changed else "No setting differs."))
     _print(compare_table(differences, ALL, f"{one.name} ({a})", f"{two.name} ({b})"))
     for result in (one, two):
         _print(Text(result.note, style="dim"))
@@ -299,12 +302,15 @@ def submit(run: Path, who: str, model_date: str, out: Path | None, partial: bool
 
 @bench.command()
 @click.argument("folder", type=RUN)
-def leaderboard(folder: Path) -> None:
+@click.option(
+    "--any-pace", is_flag=True, help="Also rank runs whose calls move longer or faster than the paper's skills."
+)
+def leaderboard(folder: Path, any_pace: bool) -> None:
     """Make index.html from the submissions in a folder.
 
     A submission is checked against its run if that lies beside it in a folder of the same name.
     """
-    click.echo(leaderboards.leaderboard(folder))
+    click.echo(leaderboards.leaderboard(folder, any_pace=any_pace))
 
 
 @bench.command("export")

@@ -66,8 +66,8 @@ def row(scores: Scores, cause: Cause | None) -> dict[str, Any]:
 
     Unknown numbers are None. Collisions have one number per body group.
     """
-    values = asdict(replace(scores, spec=None))
-    del values["spec"]
+    values = asdict(replace(scores, spec=None, conditions={}))
+    del values["spec"], values["conditions"]
     collisions, extra = values.pop("collisions"), values.pop("extra")
     values |= {_COLLISIONS + group: share for group, share in collisions.items()}
     values |= {"success": scores.success} | extra

@@ -72,6 +72,7 @@ MAIN: Final = (
     Metric("dDtb (m)", "lower", lambda s: (s.displacement, s.displaced), digits=2),
     _mean("Jerk", lambda s: s.jerk),
     _mean("steps", lambda s: s.steps, better=""),
+    _mean("motion (s)", lambda s: s.motion, better=""),
     *COST,
     _mean("SPL", lambda s: s.spl, 3, better="higher"),
     _mean("SoftSPL", lambda s: s.soft_spl, 3, better="higher"),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field
@@ -14,9 +13,8 @@ import numpy as np
 
 from humanclaw import EpisodeSpec, Motion, RecordedEpisode, StepRecord, Verdict
 from humanclaw.body import (
-    BODY_GROUPS,
+    FPS,
     FUTURE,
-    HISTORY,
     Array,
     Pose2D,
     heading,
@@ -37,18 +35,19 @@ from humanclaw.records import (
     sits_of,
     stopped_seated,
     stopped_within_reach,
-    touched_above_ground,
 )
+from humanclaw_bench.conditions import Conditions, conditions_of
 from humanclaw_bench.difficulty import overall
+from humanclaw_bench.disturbance import collisions, displacements, disturbed, disturbed_path, starts
 
-MOVES: Final = 0.001
-"""Smallest movement per frame that counts as moving, metres. Less is jitter of the physics."""
-DISPLACED: Final = 0.01
-"""Smallest displacement of an object that counts, metres; the paper gives none."""
 TURNS: Final = float(np.radians(5.0))
 """Smallest turn of a step that counts, radians; the paper gives none."""
 NEARBY: Final = 1.0
 """The looser threshold of NavSR@1m, metres."""
+LONGEST: Final = FUTURE / FPS
+"""Most seconds of motion of a decision at the paper's pace: its skills play one chunk (paper, section 3.2)."""
+FARTHEST: Final = 1.0
+"""Most metres of the pelvis in a chunk at this pace. The paper gives none: `walk` is asked for at most 0.8 m here."""
 FINISHED: Final = ("stopped", "out_of_steps", "plugin_error")
 _LOG: Final = logging.getLogger("humanclaw")
 
@@ -56,6 +55,11 @@ _LOG: Final = logging.getLogger("humanclaw")
 def ended(outcome: str, limit: str) -> bool:
     """Tell whether an episode ended, failures included: its own, a plugin's, or a limit of an episode or call."""
     return outcome in FINISHED or (outcome == "limit_reached" and limit != "run")
+
+
+def keeps_pace(longest: float, fastest: float) -> bool:
+    """Tell whether an episode keeps the paper's pace. longest: seconds in a call. fastest: metres in half a second."""
+    return longest <= LONGEST + 1e-6 and fastest <= FARTHEST + 1e-6
 
 
 # -- the agent's answers -----------------------------------------------------------------------------------------------
@@ -75,89 +79,6 @@ def sat_down(recorded: RecordedEpisode) -> bool:
     return any(is_sit(recorded, step) and on_target(recorded, step) for step in recorded.steps)
 
 
-# -- collisions and disturbed objects ----------------------------------------------------------------------------------
-def collisions(recorded: RecordedEpisode) -> dict[str, float]:
-    """Return the share of half seconds of motion in which the body touches an object above the ground (Coll.).
-
-    Keys: 'any', the body groups, and 'fixed' for objects that do not move. A foot on stairs or on an upper floor stands
-    on the ground (the paper's houses have one level). NaN without motion.
-    """
-    hit = [groups for step in recorded.steps for groups in _hit(recorded, step)]
-    count = len(hit) or float("nan")
-    return {"any": sum(map(bool, hit)) / count} | {
-        group: sum(group in groups for groups in hit) / count for group in (*BODY_GROUPS, "fixed")
-    }
-
-
-def _hit(recorded: RecordedEpisode, step: StepRecord) -> Iterator[set[str]]:
-    """Yield for each chunk of a step the body groups that touch an object above the ground, and 'fixed' if one of the
-    objects is."""
-    touched = touched_above_ground(recorded, step)
-    for chunk in range(step.chunks):
-        met = [contact for contact in touched if any(frame // FUTURE == chunk for frame in contact.frames)]
-        yield {contact.group for contact in met} | {"fixed" for contact in met if not contact.movable}
-
-
-def disturbed(recorded: RecordedEpisode, moved: Mapping[int, Array]) -> dict[int, int]:
-    """Return the objects touched by the body, or later by a disturbed object.
-
-    moved: object paths of the record. Returns the first frame of the disturbance by object id, as motion() counts them.
-    """
-    movable = set(recorded.record.movable) | set(moved)
-    hits: dict[int, set[int]] = defaultdict(set)
-    pairs: dict[int, list[tuple[int, int]]] = defaultdict(list)
-    for first, step in _starts(recorded.steps):
-        for contact in step.contacts:
-            if contact.movable:
-                movable.add(contact.object_id)
-                for frame in contact.frames:
-                    hits[first + frame].add(contact.object_id)
-        for frame, a, b in step.touches:
-            pairs[first + frame].append((a, b))
-    since: dict[int, int] = {}
-    for frame in sorted(hits.keys() | pairs.keys()):
-        since = dict.fromkeys(_reached(hits[frame] | since.keys(), pairs[frame], movable), frame) | since
-    return since
-
-
-def _starts(steps: Sequence[StepRecord]) -> Iterator[tuple[int, StepRecord]]:
-    """Yield each step with the index of its first frame."""
-    frame = HISTORY
-    for step in steps:
-        yield frame, step
-        frame += step.motion_frames
-
-
-def _reached(sources: set[int], pairs: Sequence[tuple[int, int]], movable: set[int]) -> set[int]:
-    """Return the movable objects that contacts of one frame link to a source. Fixed objects pass nothing on."""
-    links = [set(pair) for pair in pairs if set(pair) <= movable]
-    reached, grown = set(sources), True
-    while grown:
-        more = set().union(*(link for link in links if link & reached)) - reached
-        reached, grown = reached | more, bool(more)
-    return reached
-
-
-def displacements(since: Mapping[int, int], moved: Mapping[int, Array]) -> list[float]:
-    """Return how far each displaced object lies at the end from where it was when it was disturbed, metres (#Dtb,
-    dDtb).
-
-    An object is displaced from DISPLACED on. since: as disturbed() returns it.
-    """
-    ways = [moved[key][-1, :3] - moved[key][max(first - 1, 0), :3] for key, first in since.items() if key in moved]
-    return [length for way in ways if (length := float(np.linalg.norm(way))) >= DISPLACED]
-
-
-def disturbed_path(since: Mapping[int, int], moved: Mapping[int, Array]) -> float:
-    """Return the total path length of disturbed objects, metres.
-
-    Each path begins with the first frame after the disturbance in which the object moves.
-    """
-    pieces = [moved[key][max(first - 1, 0) :, :3] for key, first in since.items() if key in moved]
-    ways = [np.linalg.norm(np.diff(piece, axis=0), axis=1) for piece in pieces]
-    return float(sum(way[int(np.argmax(way > MOVES)) :].sum() for way in ways if (way > MOVES).any()))
-
-
 # -- turning -----------------------------------------------------------------------------------------------------------
 def reversals(recorded: RecordedEpisode) -> float:
     """Return the share of steps that turn the body back, by TURNS or more, right after a step that turned it the other
@@ -165,7 +86,7 @@ def reversals(recorded: RecordedEpisode) -> float:
     if not recorded.has_motion or not recorded.steps:
         return float("nan")
     facing = heading(recorded.motion("simulated").rotations[:, 0])
-    bounds = [(first, first + step.motion_frames) for first, step in _starts(recorded.steps)]
+    bounds = [(first, first + step.motion_frames) for first, step in starts(recorded.steps)]
     turns = [float(wrap_angle(facing[max(last - 1, 0)] - facing[first - 1])) for first, last in bounds]
     back = [a * b < 0 and min(abs(a), abs(b)) >= TURNS for a, b in pairwise(turns)]
     return sum(back) / len(turns)
@@ -189,7 +110,7 @@ def generated_trajectory(recorded: RecordedEpisode) -> Motion:
 
 
 def _chunks(steps: Sequence[StepRecord]) -> Iterator[tuple[int, int]]:
-    for first, step in _starts(steps):
+    for first, step in starts(steps):
         last = first + step.motion_frames
         yield from ((start, min(start + FUTURE, last)) for start in range(first, last, FUTURE))
 
@@ -270,14 +191,27 @@ class Scores:
     """The specification of the episode."""
     chunks: int = 0
     """Number of half seconds of motion."""
+    motion: float = 0.0
+    """Seconds of motion."""
+    longest: float = 0.0
+    """Seconds of motion of the longest call."""
+    fastest: float = 0.0
+    """Longest way of the pelvis over the floor in half a second, metres."""
     sequences: int = 0
     """Number of steps whose call played a sequence."""
+    conditions: Conditions = field(default_factory=dict)
+    """What the episode was played with."""
     extra: Mapping[str, float] = field(default_factory=dict)
     """Metrics of plugins (hook humanclaw_metrics), by name."""
 
     @property
     def finished(self) -> bool:
         return ended(self.outcome, self.limit)
+
+    @property
+    def in_pace(self) -> bool:
+        """Whether no call moves the body longer, or farther in half a second, than skills of the paper's kind."""
+        return keeps_pace(self.longest, self.fastest)
 
     @property
     def success(self) -> bool | None:
@@ -333,7 +267,11 @@ def score(recorded: RecordedEpisode, extra: Extra | None = None) -> Scores:
         privileged=_privileged(record.settings),
         spec=spec,
         chunks=sum(step.chunks for step in steps),
+        motion=sum(step.motion_frames for step in steps) / FPS,
+        longest=max((step.motion_frames for step in steps), default=0) / FPS,
+        fastest=max(map(_pace, steps), default=0.0),
         sequences=sum(len(step.parts) > 1 for step in steps),
+        conditions=conditions_of(record),
         extra={name: _measured(name, measure, recorded) for name, measure in (extra or {}).items()},
     )
 
@@ -357,11 +295,21 @@ def path_weighted(recorded: RecordedEpisode) -> tuple[float, float]:
     way, steps = recorded.record.geodesic, recorded.steps
     if way is None or not recorded.record.spec.target_category:
         return float("nan"), float("nan")
-    path = sum(float(np.hypot(b[0] - a[0], b[2] - a[2])) for step in steps for a, b in pairwise(step.path))
+    path = sum(sum(_ways(step)) for step in steps)
     weight = way / max(path, way) if max(path, way) else 1.0
     left = 0.0 if reached(recorded) else next((s.geodesic for s in reversed(steps) if s.geodesic is not None), way)
     made = max(0.0, 1 - left / way) if way else float(left == 0)
     return float(stopped_within_reach(steps)) * weight, made * weight
+
+
+def _ways(step: StepRecord) -> list[float]:
+    """Return the way of the pelvis over the floor in each chunk, metres."""
+    return [float(np.hypot(b[0] - a[0], b[2] - a[2])) for a, b in pairwise(step.path)]
+
+
+def _pace(step: StepRecord) -> float:
+    """Return the longest way of the pelvis in a half second of a step, metres; 0 without motion."""
+    return max(_ways(step)) if step.motion_frames else 0.0
 
 
 def _false_claims(recorded: RecordedEpisode) -> float:

@@ -15,8 +15,9 @@ from humanclaw.body import FPS, HISTORY, JOINTS, OFFSETS, PARENTS, Pose2D, pelvi
 from humanclaw.records import Answer, Attempt, PlayedPart, Usage, acknowledges
 from humanclaw.testing import contacts, touches
 from humanclaw.world import Contact, Execution
+from humanclaw_bench.disturbance import collisions, disturbed, disturbed_path
 from humanclaw_bench.metrics import ALL, compare, estimate
-from humanclaw_bench.scores import Scores, collisions, disturbed, disturbed_path, generated_trajectory, score
+from humanclaw_bench.scores import Scores, generated_trajectory, score
 
 SEE = "A couch is 2 m ahead."
 METRIC = {metric.name: metric for metric in ALL}
