@@ -9,7 +9,7 @@ All facts come from the record. Two of the paper's quantities are made exact:
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final, Literal
 
@@ -17,10 +17,9 @@ import numpy as np
 
 from humanclaw import EpisodeRecord, RecordedEpisode, StepRecord
 from humanclaw.body import Array
-from humanclaw.records import REACHED, Vec3, in_view
+from humanclaw.records import REACHED, in_view
 from humanclaw.skills import to_si
-from humanclaw.world import distance_to_nearest
-from humanclaw_bench.scores import Scores, claims, is_sit, sat_down, score
+from humanclaw_bench.scores import Scores, claims, is_sit, sat_down, score, straight
 
 Stage = Literal["find", "nav", "interact"]
 STAGES: Final[tuple[Stage, ...]] = ("find", "nav", "interact")
@@ -93,18 +92,13 @@ def _way(record: EpisodeRecord, steps: Sequence[StepRecord]) -> tuple[float, ...
     begin = (
         record.geodesic
         if record.geodesic is not None
-        else _straight(record.targets, (record.start.x, floor, record.start.z))
+        else straight(record.targets, (record.start.x, floor, record.start.z))
     )
     rest = (
-        step.geodesic if step.geodesic is not None else _straight(step.targets or record.targets, step.end)
+        step.geodesic if step.geodesic is not None else straight(step.targets or record.targets, step.end)
         for step in steps
     )
     return (begin, *rest)
-
-
-def _straight(targets: Mapping[int, tuple[Vec3, Vec3]], point: Sequence[float]) -> float:
-    boxes = [(np.array(low)[[0, 2]], np.array(high)[[0, 2]]) for low, high in targets.values()]
-    return distance_to_nearest(np.array(point)[[0, 2]], boxes)
 
 
 def _asks(record: EpisodeRecord, step: StepRecord, measures: Sequence[str]) -> float | None:

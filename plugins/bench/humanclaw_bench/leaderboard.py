@@ -17,7 +17,7 @@ from humanclaw.cli import counted, legible
 from humanclaw.storage import write_atomically
 from humanclaw_bench.conditions import summary
 from humanclaw_bench.integrity import known_split
-from humanclaw_bench.metrics import FALSE_CLAIMS, FIND, INTERACT, NAV
+from humanclaw_bench.metrics import FALSE_CLAIMS, FIND
 from humanclaw_bench.statistics import Estimate
 from humanclaw_bench.submission import AGREE, RATES, Submission, contradictions, inconsistencies, read
 from humanclaw_bench.tables import Column
@@ -121,22 +121,23 @@ def _rank(one: Submission) -> tuple[float, ...]:
     return tuple(one.rates.get(metric.name, (-1.0,))[0] for metric in reversed(RATES))
 
 
+_LATER: Final = tuple(metric.name for metric in RATES if metric is not FIND)
 _TITLES: Final = (
-    "agent", "model of", "by", FIND.name, FALSE_CLAIMS.name, NAV.name, INTERACT.name, "episodes", "motion (s)",
+    "agent", "model of", "by", FIND.name, FALSE_CLAIMS.name, *_LATER, "episodes", "motion (s)",
     "cost ($)", "temperature", "verifier", "engine", "settings", "date", "records",
 )  # fmt: skip
 
 
 def _cells(entry: Entry) -> tuple[str, ...]:
     one = entry.submission
-    find, nav, interact = (_rate(Column.of(metric), one.rates.get(metric.name)) for metric in (FIND, NAV, INTERACT))
+    find, *later = (_rate(Column.of(metric), one.rates.get(metric.name)) for metric in RATES)
     claims = Column.of(FALSE_CLAIMS).number(_false_claims(one))
     again = f", {one.again} played again" if one.again else ""
     episodes = f"{_ended(one)} of {one.asked}{again}"
     warmth = "-" if one.temperature is None else f"{one.temperature:g}"
     agent = f"{one.agent} (privileged)" if any(e.scores.privileged for e in one.episodes) else one.agent
     return (
-        agent, one.model_date or "-", one.who, find, claims, nav, interact, episodes, _motion(one), f"{one.cost:.2f}",
+        agent, one.model_date or "-", one.who, find, claims, *later, episodes, _motion(one), f"{one.cost:.2f}",
         warmth, one.verifier or "-", one.engine, _settings(one), one.made.isoformat(), entry.records,
     )  # fmt: skip
 

@@ -25,6 +25,7 @@ from humanclaw.body import (
 )
 from humanclaw.records import (
     Outcome,
+    Vec3,
     acknowledges,
     end_distance,
     ever_reached,
@@ -36,6 +37,7 @@ from humanclaw.records import (
     stopped_seated,
     stopped_within_reach,
 )
+from humanclaw.world import distance_to_nearest
 from humanclaw_bench.conditions import Conditions, conditions_of
 from humanclaw_bench.difficulty import overall
 from humanclaw_bench.disturbance import collisions, displacements, disturbed, disturbed_path, starts
@@ -44,6 +46,12 @@ TURNS: Final = float(np.radians(5.0))
 """Smallest turn of a step that counts, radians; the paper gives none."""
 NEARBY: Final = 1.0
 """The looser threshold of NavSR@1m, metres."""
+WAY_LEFT: Final = 1.0
+"""Longest remaining way of an arrival, metres. Beside a target it is 0.99 m at most over 500 successes; a body behind a
+wall has several metres left."""
+PELVIS_NEAR: Final = 0.65
+"""Longest distance of an arrival from pelvis to target over the floor, metres. A walking body reaches 0.45 m ahead of
+its pelvis; an outstretched arm reaches farther, and is no arrival."""
 LONGEST: Final = FUTURE / FPS
 """Most seconds of motion of a decision at the paper's pace: its skills play one chunk (paper, section 3.2)."""
 FARTHEST: Final = 1.0
@@ -120,6 +128,34 @@ def _hips(motion: Motion) -> Pose2D:
     return Pose2D.of(motion, floor=float(motion.root[-1, 1]))
 
 
+# -- arriving ----------------------------------------------------------------------------------------------------------
+def arrived(recorded: RecordedEpisode) -> bool | None:
+    """Tell whether the body stopped at a target (ArriveSR): NavSR, with the pelvis near and a short way left.
+
+    None if the way was not measured. It is measured to the first place of a target.
+    """
+    record, steps = recorded.record, recorded.steps
+    if record.geodesic is None:
+        return None
+    if not stopped_within_reach(steps):
+        return False
+    pelvis = straight(steps[-1].targets or record.targets, steps[-1].end)
+    return pelvis <= PELVIS_NEAR and way_left(recorded) <= WAY_LEFT
+
+
+def way_left(recorded: RecordedEpisode) -> float:
+    """Return the last known way to a target, metres; infinite if none was measured."""
+    known = (step.geodesic for step in reversed(recorded.steps) if step.geodesic is not None)
+    begun = recorded.record.geodesic
+    return next(known, float("inf") if begun is None else begun)
+
+
+def straight(targets: Mapping[int, tuple[Vec3, Vec3]], point: Sequence[float]) -> float:
+    """Return the distance over the floor from a world position to the nearest of some boxes, metres."""
+    boxes = [(np.array(low)[[0, 2]], np.array(high)[[0, 2]]) for low, high in targets.values()]
+    return distance_to_nearest(np.array(point)[[0, 2]], boxes)
+
+
 # -- an episode --------------------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class Scores:
@@ -137,6 +173,8 @@ class Scores:
     false_claims: float
     """Share of steps without a target pixel in view that claim to see the target; NaN without such steps."""
     nav: bool | None
+    arrive: bool | None
+    """As arrived() returns it; None also if the way was not measured."""
     geo_nav: bool | None
     """Within reach of a target after any step."""
     ends_near: bool | None
@@ -297,7 +335,7 @@ def path_weighted(recorded: RecordedEpisode) -> tuple[float, float]:
         return float("nan"), float("nan")
     path = sum(sum(_ways(step)) for step in steps)
     weight = way / max(path, way) if max(path, way) else 1.0
-    left = 0.0 if reached(recorded) else next((s.geodesic for s in reversed(steps) if s.geodesic is not None), way)
+    left = 0.0 if reached(recorded) else way_left(recorded)
     made = max(0.0, 1 - left / way) if way else float(left == 0)
     return float(stopped_within_reach(steps)) * weight, made * weight
 
@@ -337,13 +375,14 @@ def _measured(name: str, measure: Callable[[RecordedEpisode], float], recorded: 
 def _successes(recorded: RecordedEpisode) -> dict[str, bool | None]:
     spec, steps = recorded.record.spec, recorded.steps
     if not spec.target_category:
-        names = ("find", "geo_find", "nav", "geo_nav", "ends_near", "nav_1m", "interact", "geo_interact")
+        names = ("find", "geo_find", "nav", "arrive", "geo_nav", "ends_near", "nav_1m", "interact", "geo_interact")
         return dict.fromkeys(names)
     near = recorded.record.outcome == "stopped" and end_distance(recorded) <= NEARBY
     return {
         "find": any(in_view(step) and claims(step, spec.target_category) for step in steps),
         "geo_find": any(map(in_view, steps)),
         "nav": stopped_within_reach(steps),
+        "arrive": arrived(recorded),
         "geo_nav": ever_reached(recorded),
         "ends_near": reached(recorded),
         "nav_1m": near,

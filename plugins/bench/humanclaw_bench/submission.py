@@ -17,14 +17,14 @@ from humanclaw.records import first_fault
 from humanclaw_bench.attribution import Cause
 from humanclaw_bench.export import row, scored
 from humanclaw_bench.integrity import MOST as EPISODES, Manifest, known_split, read_manifest, standing
-from humanclaw_bench.metrics import FIND, INTERACT, NAV, estimate
+from humanclaw_bench.metrics import ARRIVE, FIND, INTERACT, NAV, estimate
 from humanclaw_bench.results import named, require_whole
 from humanclaw_bench.scores import Scores, ended, keeps_pace
 from humanclaw_bench.splits import original_of
 from humanclaw_bench.statistics import Estimate, rate
 
 NAME: Final = "submission.json"
-RATES: Final = {FIND: "find", NAV: "nav", INTERACT: "interact"}
+RATES: Final = {FIND: "find", NAV: "nav", ARRIVE: "arrive", INTERACT: "interact"}
 """The ranked rates, from first to last stage, and their fields in an episode's numbers."""
 MOST: Final = 10**15
 """Maximum of any count."""
@@ -57,6 +57,7 @@ class Numbers(_Value):
     limit: str = ""
     find: bool | None
     nav: bool | None
+    arrive: bool | None = None
     interact: bool | None
     """None: not part of the task."""
     false_claims: Annotated[float, Field(ge=0, le=1)] | None
@@ -118,7 +119,7 @@ class Submission(_Value):
     conditions: dict[str, str] = {}
     """What the episodes were played with (humanclaw_bench.conditions)."""
     rates: dict[str, tuple[float, float, float, int]]
-    """FindSR, NavSR, InteractSR: value, interval, episodes."""
+    """FindSR, NavSR, ArriveSR, InteractSR: value, interval, episodes."""
     episodes: tuple[EpisodeResult, ...]
     digest: str = ""
     """SHA-256 of this file without this field."""
