@@ -37,7 +37,6 @@ from humanclaw.records import (
     stopped_seated,
     stopped_within_reach,
 )
-from humanclaw.world import distance_to_nearest
 from humanclaw_bench.conditions import Conditions, conditions_of
 from humanclaw_bench.difficulty import overall
 from humanclaw_bench.disturbance import collisions, displacements, disturbed, disturbed_path, starts
@@ -150,10 +149,20 @@ def way_left(recorded: RecordedEpisode) -> float:
     return next(known, float("inf") if begun is None else begun)
 
 
+def gap_to(targets: Mapping[int, tuple[Vec3, Vec3]], point: Sequence[float]) -> Array:
+    """Return the (2,) shortest way over the floor, x and z, from a world position to the nearest of some boxes, metres.
+
+    Infinite without boxes.
+    """
+    here = np.array(point)[[0, 2]]
+    boxes = (np.array(box)[:, [0, 2]] for box in targets.values())
+    gaps = (np.clip(here, low, high) - here for low, high in boxes)
+    return min(gaps, key=lambda gap: float(np.linalg.norm(gap)), default=np.full(2, np.inf))
+
+
 def straight(targets: Mapping[int, tuple[Vec3, Vec3]], point: Sequence[float]) -> float:
     """Return the distance over the floor from a world position to the nearest of some boxes, metres."""
-    boxes = [(np.array(low)[[0, 2]], np.array(high)[[0, 2]]) for low, high in targets.values()]
-    return distance_to_nearest(np.array(point)[[0, 2]], boxes)
+    return float(np.linalg.norm(gap_to(targets, point)))
 
 
 # -- an episode --------------------------------------------------------------------------------------------------------
@@ -239,6 +248,8 @@ class Scores:
     """Number of steps whose call played a sequence."""
     conditions: Conditions = field(default_factory=dict)
     """What the episode was played with."""
+    also: str = ""
+    """Further labels of a failure, after its root cause (attribution.also)."""
     extra: Mapping[str, float] = field(default_factory=dict)
     """Metrics of plugins (hook humanclaw_metrics), by name."""
 

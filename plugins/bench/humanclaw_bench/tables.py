@@ -8,7 +8,7 @@ from typing import Final, Literal
 
 import numpy as np
 
-from humanclaw_bench.attribution import CAUSES, STAGES, Cause, Funnel
+from humanclaw_bench.attribution import CAUSES, FURTHER, STAGES, Cause, Funnel
 from humanclaw_bench.difficulty import THRESHOLDS, TIERS, tiers
 from humanclaw_bench.metrics import (
     BODY,
@@ -180,10 +180,16 @@ def causes_table(results: Sequence[Result]) -> ResultTable:
     rows = tuple(
         Row(cause.label, tuple(_share(cause, failures[cause.stage]) for failures in failed)) for cause in CAUSES
     )
+    rows += tuple(
+        Row(f"also {cause.label}", tuple(_share_of_second(cause, failures[cause.stage]) for failures in failed))
+        for cause in (*CAUSES, *FURTHER)
+        if any(_is_second(cause, scores) for result in results for scores in result.scores)
+    )
     notes = tuple(
         f"{result.name}: failures " + ", ".join(f"{stage} {len(failures[stage])}" for stage in STAGES) + "."
         for result, failures in zip(results, failed, strict=True)
     )
+    notes += ("Rows that begin with 'also' are second labels: other rules that describe a failure.",)
     notes += tuple(result.note for result in results)
     return ResultTable("Root causes, share of the failures of each stage", "cause", columns, rows, notes)
 
@@ -191,6 +197,15 @@ def causes_table(results: Sequence[Result]) -> ResultTable:
 def _share(cause: Cause, failures: Sequence[tuple[Cause, Scores]]) -> Estimate:
     """Return the share of one root cause among the failures of its stage."""
     return rate([found is cause for found, _ in failures], *clusters([scores for _, scores in failures]))
+
+
+def _share_of_second(cause: Cause, failures: Sequence[tuple[Cause, Scores]]) -> Estimate:
+    """Return the share of the failures of a stage that have a cause as a second label."""
+    return rate([_is_second(cause, scores) for _, scores in failures], *clusters([scores for _, scores in failures]))
+
+
+def _is_second(cause: Cause, scores: Scores) -> bool:
+    return cause.label in scores.also.split("; ")
 
 
 def difficulty_table(results: Sequence[Result], *, seed: int = 0) -> ResultTable:
