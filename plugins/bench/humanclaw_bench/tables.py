@@ -38,7 +38,7 @@ PAPER_NOTE: Final = (
     "Do not compare it with rows of your own."
 )
 INTERVAL_NOTE: Final = (
-    f"Intervals: {CONFIDENCE:.0%} confidence, clustered by house. Rates: Wilson interval at the effective sample size. "
+    f"Intervals: {CONFIDENCE:.0%} confidence, clustered by house. Rates: beta-binomial profile likelihood. "
     f"Other columns: bootstrap over houses. With fewer than {FEW} houses the unit is the episode, and intervals hold "
     "for these houses alone. An episode with its repeats counts once."
 )

@@ -19,9 +19,8 @@ BY_LABEL = {cause.label: cause for cause in CAUSES}
 
 def scores(number: int, nav: bool, interact: bool | None = None) -> Scores:
     return Scores(
-        f"e{number}", "faulty", "", "house:0", "abc", "couch", "stopped", True, True, 0.0, nav, nav, nav, nav, interact,
-        interact, 0.1,
-        {}, 0, 0.0, 0, 0.0, 5.0, 5.0, 0.0, 10, 0, 0, 0, 0.0,
+        f"e{number}", "faulty", "", "house:0", "abc", "couch", "stopped", True, True, 0.0, nav, nav, nav, nav, nav,
+        interact, interact, 0.1, {}, 0, 0.0, 0, 0.0, 5.0, 5.0, 0.0, 10, 0, 0, 0, 0.0,
     )  # fmt: skip
 
 
@@ -73,11 +72,11 @@ def test_repair_counts_by_label_who_is_saved_by_the_blamed_capability():
 
 
 def test_a_second_label_can_blame_the_missing_capability():
-    hidden = replace(scores(0), also="find: ineffective actions; nav: turned to sit")
+    hidden = replace(scores(0, nav=False), also="find: ineffective actions; nav: turned to sit")
     assert repair.second_blames(hidden, "action")
     assert repair.second_blames(hidden, "body awareness")
     assert not repair.second_blames(hidden, "perception")
-    assert not repair.second_blames(scores(0), "action")
+    assert not repair.second_blames(scores(0, nav=False), "action")
 
 
 def test_of_two_faults_at_once_the_failure_goes_with_the_blamed_one_and_stays_with_the_other():
