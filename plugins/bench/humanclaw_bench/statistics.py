@@ -243,7 +243,7 @@ def compare_rates(
         drawn = ratio(second - first, np.ones(len(first)), houses, episodes, seed=seed)
         low, high = min(low, drawn.low), max(high, drawn.high)
     value = float(changes.sum() / len(first)) if len(first) else float("nan")
-    p = _sign_flips(changes.astype(int))
+    p = sign_flips(changes.astype(int))
     alike = np.array_equal(first, second)
     return Difference(_mean(first), _mean(second), value, low, high, p, len(first), _least(changes), alike)
 
@@ -257,7 +257,7 @@ def _agresti_min(changes: Array) -> tuple[float, float]:
     return max(-1.0, centre - spread), min(1.0, centre + spread)
 
 
-def _sign_flips(changes: NDArray[np.int64]) -> float:
+def sign_flips(changes: NDArray[np.int64]) -> float:
     """Return the exact probability of a sum at least as large if each of (U,) changes had a random sign."""
     # The distribution of the sum grows by one change at a time. Index k stands for the sum k - total.
     chances = np.ones(1)
