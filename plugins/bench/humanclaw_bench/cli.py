@@ -27,6 +27,7 @@ from humanclaw_bench.progress import RunProgress
 from humanclaw_bench.results import Result, named, require_whole
 from humanclaw_bench.runner import run_split
 from humanclaw_bench.splits import (
+    DEV_HOUSES,
     HOUSES,
     STARTS,
     candidates,
@@ -73,7 +74,7 @@ for _name, _target, _told in (
 
 @bench.command("run")
 @click.option(
-    "--split", "name", default="mini", show_default=True, help="val, val-400, mini, smoke, or a file of episodes."
+    "--split", "name", default="mini", show_default=True, help="val, val-400, mini, smoke, dev, or a file of episodes."
 )
 @decider_options
 @click.option("--workers", type=click.IntRange(1), default=1, show_default=True, help="Episodes at a time.")
@@ -153,11 +154,11 @@ def run_command(
 )
 @click.option("--workers", type=click.IntRange(1), default=1, show_default=True, help="Houses at a time.")
 def make(out: Path, starts: int, seed: int, secret: int | None, workers: int) -> None:
-    """Make the splits from seeds: 1,218 episodes in 41 houses and samples of them, or a hidden test."""
+    """Make the splits from seeds: val, samples of it and a development split, or a hidden test."""
     given = click.get_current_context().get_parameter_source("seed")
     if secret is not None and given is not click.core.ParameterSource.DEFAULT:
         raise click.UsageError("--seed has no effect with --secret, which determines everything: leave it out.")
-    houses = HOUSES if secret is None else secret_houses(secret)
+    houses = (*HOUSES, *DEV_HOUSES) if secret is None else secret_houses(secret)
     with ProcessPoolExecutor(workers, get_context("spawn")) as pool:
         drawn_from = (seed,) if secret is None else (secret, 2)
         jobs = [pool.submit(_candidates, house, number, starts, drawn_from) for number, house in enumerate(houses)]
