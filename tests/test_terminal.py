@@ -22,6 +22,7 @@ TABLES = {
     "bench table": "{a} {b}",
     "bench compare": "{a} {b} --partial",
     "bench rescore": "{a}",
+    "bench power": "--split smoke --trials 2",
     "bench ablate": None,
     "bench repair": None,
     "assets list": None,

@@ -5,11 +5,14 @@ All facts come from the record. Two of the paper's quantities are made exact:
 * "Within 0.2 m" uses the distance of NavSR, from the nearest point of the body. The pelvis of a body that stands at a
   low bed is never that near.
 * The last frame is the last view from which a decision was made, together with the agent's answer.
+
+The order hides causes: a failure has second labels for the other rules that describe it, and for causes that the
+paper does not name.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final, Literal
 
@@ -17,10 +20,9 @@ import numpy as np
 
 from humanclaw import EpisodeRecord, RecordedEpisode, StepRecord
 from humanclaw.body import Array
-from humanclaw.records import REACHED, Vec3, in_view
+from humanclaw.records import REACHED, in_view
 from humanclaw.skills import to_si
-from humanclaw.world import distance_to_nearest
-from humanclaw_bench.scores import Scores, claims, is_sit, sat_down, score
+from humanclaw_bench.scores import Scores, claims, gap_to, is_sit, sat_down, score, straight
 
 Stage = Literal["find", "nav", "interact"]
 STAGES: Final[tuple[Stage, ...]] = ("find", "nav", "interact")
@@ -63,6 +65,10 @@ class EpisodeFeatures:
     sits: bool
     sat: bool
     """Whether a sit ended on the target."""
+    roamed: bool
+    """Whether the last 25 steps, or all of fewer, left a box of 2 m."""
+    turned: bool
+    """Whether the body ended near a seat, with its back to it or after a sit."""
     touched: bool
     """Whether the pelvis ever touched anything, or a thigh did during a sit: thighs carry a body on an armrest."""
 
@@ -82,6 +88,8 @@ class EpisodeFeatures:
             claimed_last=bool(steps) and claims(steps[-1], record.spec.target_category),
             sits=any(is_sit(recorded, step) for step in steps),
             sat=sat_down(recorded),
+            roamed=bool(steps) and _extent(steps[-CONFINED_STEPS:]) > CONFINED_BOX,
+            turned=_turned(recorded),
             touched=any(s.pelvis_contacts or _touches(s, _PELVIS) for s in steps)
             or any(_touches(s, _THIGHS) for s in steps if is_sit(recorded, s)),
         )
@@ -93,18 +101,13 @@ def _way(record: EpisodeRecord, steps: Sequence[StepRecord]) -> tuple[float, ...
     begin = (
         record.geodesic
         if record.geodesic is not None
-        else _straight(record.targets, (record.start.x, floor, record.start.z))
+        else straight(record.targets, (record.start.x, floor, record.start.z))
     )
     rest = (
-        step.geodesic if step.geodesic is not None else _straight(step.targets or record.targets, step.end)
+        step.geodesic if step.geodesic is not None else straight(step.targets or record.targets, step.end)
         for step in steps
     )
     return (begin, *rest)
-
-
-def _straight(targets: Mapping[int, tuple[Vec3, Vec3]], point: Sequence[float]) -> float:
-    boxes = [(np.array(low)[[0, 2]], np.array(high)[[0, 2]]) for low, high in targets.values()]
-    return distance_to_nearest(np.array(point)[[0, 2]], boxes)
 
 
 def _asks(record: EpisodeRecord, step: StepRecord, measures: Sequence[str]) -> float | None:
@@ -164,6 +167,17 @@ def _confined(recorded: RecordedEpisode) -> bool:
     return any(all(acts[window]) and _extent(steps[window]) <= CONFINED_BOX for window in windows)
 
 
+def _turned(recorded: RecordedEpisode) -> bool:
+    """Return whether the body ended within NEAR of a target to sit on, with its back to it or after a sit."""
+    record, steps = recorded.record, recorded.steps
+    if not (record.spec.interact and steps):
+        return False
+    last = steps[-1]
+    gap = gap_to(last.targets or record.targets, last.end)
+    back = float(gap @ (np.sin(last.yaw_end), np.cos(last.yaw_end))) < 0
+    return float(np.linalg.norm(gap)) <= NEAR and (back or any(is_sit(recorded, step) for step in steps))
+
+
 def _windows(length: int, steps: int) -> Iterator[slice]:
     """Return all windows of a length in a number of steps."""
     return (slice(start, start + length) for start in range(steps - length + 1))
@@ -185,6 +199,12 @@ class Cause:
     capability: str
     rule: Callable[[EpisodeFeatures], bool]
     meaning: str
+    second: Callable[[EpisodeFeatures], bool] | None = None
+    """The rule of a second label, if it is not the same: a rule that follows others may presume that they failed."""
+
+    def describes(self, features: EpisodeFeatures) -> bool:
+        """Tell whether it describes an episode, whatever cause comes first."""
+        return (self.second or self.rule)(features)
 
     @property
     def label(self) -> str:
@@ -199,7 +219,7 @@ def _gave_up(features: EpisodeFeatures) -> bool:
 CAUSES: Final = (
     Cause("find", "target in view but not seen", "perception", lambda f: f.seen,
           "the target was in view and the agent never said so"),
-    Cause("find", "near but not in view", "mid-level reasoning", lambda f: min(f.way) < NEAR,
+    Cause("find", "near but not in view", "mid-level reasoning", lambda f: not f.seen and min(f.way) < NEAR,
           "the body came within 1.5 m and never looked at the target"),
     Cause("find", "too far", "task", lambda f: f.way[0] > TOO_FAR, "the way to the target is longer than 20 m"),
     Cause("find", "unaware jammed", "body awareness", lambda f: f.jammed,
@@ -208,7 +228,8 @@ CAUSES: Final = (
           "25 moving or turning calls in a row stayed within a box of 2 m"),
     Cause("find", "midpoint give up", "mid-level reasoning", _gave_up,
           "the way was more than halved, and then the body went back"),
-    Cause("find", "ineffective exploration", "mid-level reasoning", lambda f: True, "the target never came into view"),
+    Cause("find", "ineffective exploration", "mid-level reasoning", lambda f: True, "the target never came into view",
+          second=lambda f: f.roamed and not f.seen),
     Cause("nav", "unaware arrived/touch", "body awareness", lambda f: f.arrived and not f.stopped,
           "the body was within 0.2 m and the agent never stopped"),
     Cause("nav", "stop while far", "ego-spatial distance", lambda f: f.stopped and not f.arrived,
@@ -218,21 +239,30 @@ CAUSES: Final = (
     Cause("nav", "unaware jammed", "body awareness", lambda f: f.seen_last and f.jammed,
           "the target was in view at the end and the body was stuck for eight walking calls in a row"),
     Cause("nav", "ineffective actions", "action", lambda f: f.seen_last,
-          "the target was in view at the end and the body, though free, did not get there"),
+          "the target was in view at the end and the body, though free, did not get there",
+          second=lambda f: f.seen_last and not f.jammed),
     Cause("nav", "target hallucination", "perception", lambda f: f.claimed_last,
-          "the target was out of view at the end and the agent said it saw it"),
+          "the target was out of view at the end and the agent said it saw it",
+          second=lambda f: f.claimed_last and not f.seen_last),
     Cause("nav", "lost target", "mid-level reasoning", lambda f: True,
-          "the agent turned away from the target and did not find it again"),
+          "the agent turned away from the target and did not find it again",
+          second=lambda f: not (f.seen_last or f.claimed_last or f.turned)),
     Cause("interact", "stand after sit", "body awareness", lambda f: f.sat,
           "a sit reached the seat, and the body was off it at the end"),
     Cause("interact", "sit on air", "body awareness", lambda f: f.sits and not f.touched,
           "the agent sat down, and neither hips nor thighs came to rest on anything"),
     Cause("interact", "sit wrong", "body awareness", lambda f: f.sits,
-          "the agent sat down on something else, or beside the seat"),
+          "the agent sat down on something else, or beside the seat",
+          second=lambda f: f.sits and f.touched and not f.sat),
     Cause("interact", "stop but never sit", "decision", lambda f: True,
-    "the agent stopped at the seat and never sat down"),
+          "the agent stopped at the seat and never sat down", second=lambda f: not f.sits),
 )  # fmt: skip
-"""All root causes, in the order in which their rules are tried within each stage."""
+"""The paper's root causes, in the order in which their rules are tried within each stage."""
+FURTHER: Final = (
+    Cause("nav", "turned to sit", "body awareness", lambda f: f.turned and not f.seen_last,
+          "the body ended within 1.5 m of the seat, with its back to it or after a sit"),
+)  # fmt: skip
+"""Causes that the paper does not name, as second labels alone."""
 
 
 def failed_stage(scores: Scores) -> Stage | None:
@@ -254,6 +284,15 @@ def attribute(recorded: RecordedEpisode, scores: Scores | None = None) -> Cause 
         return None
     features = EpisodeFeatures.of(recorded)
     return next(cause for cause in CAUSES if cause.stage == stage and cause.rule(features))
+
+
+def also(recorded: RecordedEpisode, first: Cause | None) -> tuple[Cause, ...]:
+    """Return the other causes of a failed episode that its first one hides, in the order of the rules."""
+    if first is None:
+        return ()
+    features = EpisodeFeatures.of(recorded)
+    alike = (cause for cause in (*CAUSES, *FURTHER) if cause.stage == first.stage and cause is not first)
+    return tuple(cause for cause in alike if cause.describes(features))
 
 
 # -- the funnel --------------------------------------------------------------------------------------------------------

@@ -20,6 +20,7 @@ from humanclaw.records import name_of, write_episodes
 from humanclaw.storage import write_atomically
 from humanclaw_bench import leaderboard as leaderboards, submission as submissions
 from humanclaw_bench.comparison import compare_table
+from humanclaw_bench.conditions import differences as unlike
 from humanclaw_bench.export import FORMATS, metrics_of, row, scored
 from humanclaw_bench.integrity import RunFiles, check, is_told, standing
 from humanclaw_bench.metrics import ALL, common, compare
@@ -28,6 +29,7 @@ from humanclaw_bench.replay import replayed
 from humanclaw_bench.results import Result, named, require_whole
 from humanclaw_bench.runner import run_split
 from humanclaw_bench.splits import (
+    DEV_HOUSES,
     HOUSES,
     STARTS,
     candidates,
@@ -67,13 +69,14 @@ def bench() -> None:
 for _name, _target, _told in (
     ("ablate", "evidence:ablate", "Run the paper's ablation with a scripted bounded agent."),
     ("repair", "evidence:repair_command", "Check root causes with failures of known origin."),
+    ("power", "power:power_command", "Simulate which difference between two runs a split can show."),
 ):
     bench.add_command(LazyCommand(_name, f"humanclaw_bench.{_target}", _told))
 
 
 @bench.command("run")
 @click.option(
-    "--split", "name", default="mini", show_default=True, help="val, val-400, mini, smoke, or a file of episodes."
+    "--split", "name", default="mini", show_default=True, help="val, val-400, mini, smoke, dev, or a file of episodes."
 )
 @decider_options
 @click.option("--workers", type=click.IntRange(1), default=1, show_default=True, help="Episodes at a time.")
@@ -182,11 +185,11 @@ def agent_command(
 )
 @click.option("--workers", type=click.IntRange(1), default=1, show_default=True, help="Houses at a time.")
 def make(out: Path, starts: int, seed: int, secret: int | None, workers: int) -> None:
-    """Make the splits from seeds: 1,218 episodes in 41 houses and samples of them, or a hidden test."""
+    """Make the splits from seeds: val, samples of it and a development split, or a hidden test."""
     given = click.get_current_context().get_parameter_source("seed")
     if secret is not None and given is not click.core.ParameterSource.DEFAULT:
         raise click.UsageError("--seed has no effect with --secret, which determines everything: leave it out.")
-    houses = HOUSES if secret is None else secret_houses(secret)
+    houses = (*HOUSES, *DEV_HOUSES) if secret is None else secret_houses(secret)
     with ProcessPoolExecutor(workers, get_context("spawn")) as pool:
         drawn_from = (seed,) if secret is None else (secret, 2)
         jobs = [pool.submit(_candidates, house, number, starts, drawn_from) for number, house in enumerate(houses)]
@@ -253,9 +256,11 @@ def compare_command(a: Path, b: Path, seed: int, across_engines: bool, as_json: 
         told = " and ".join(sorted(name or "an unknown one" for name in engines))
         raise RecordError(f"the runs use different simulators: {told}.", "Add --across-engines to compare them anyway.")
     differences = compare(one.scores, two.scores, seed=seed)
+    changed = unlike(one.conditions, two.conditions)
     if as_json:
-        _print_json(plain_differences(differences, ALL))
+        _print_json({"settings": changed, "metrics": plain_differences(differences, ALL)})
         return
+    _print(Text(f"Settings that differ (A and B): {', '.join(changed)}." if changed else "No setting differs."))
     _print(compare_table(differences, ALL, f"{one.name} ({a})", f"{two.name} ({b})"))
     for result in (one, two):
         _print(Text(result.note, style="dim"))
@@ -367,12 +372,15 @@ def submit(run: Path, who: str, model_date: str, out: Path | None, partial: bool
 
 @bench.command()
 @click.argument("folder", type=RUN)
-def leaderboard(folder: Path) -> None:
+@click.option(
+    "--any-pace", is_flag=True, help="Also rank runs whose calls move longer or faster than the paper's skills."
+)
+def leaderboard(folder: Path, any_pace: bool) -> None:
     """Make index.html from the submissions in a folder.
 
     A submission is checked against its run if that lies beside it in a folder of the same name.
     """
-    click.echo(leaderboards.leaderboard(folder))
+    click.echo(leaderboards.leaderboard(folder, any_pace=any_pace))
 
 
 @bench.command("export")

@@ -17,8 +17,8 @@ def compare_table(differences: Mapping[str, Difference], metrics: Sequence[Metri
     """Return a table: for each metric both values, the difference with its interval, p, and a verdict."""
     caption = (
         f"{bearing(differences, metrics)} p: the runs are swapped house by house, exactly for rates (McNemar's test if "
-        "each house has one episode), at random for the rest; corrected (Holm) for the three success rates, and "
-        f"separately for the other metrics. Noise: p is {SIGNIFICANT} or more, and the interval contains 0 and "
+        "each house has one episode), at random for the rest; corrected (Holm) for FindSR, ArriveSR and InteractSR, "
+        f"and separately for the other metrics. Noise: p is {SIGNIFICANT} or more, and the interval contains 0 and "
         f"excludes {100 * TELLING:.0f} points (if not a share, {TELLING:.0%} of the mean of both) either way. Too few "
         f"to tell: p is as large and the interval is another, or this test cannot give less than {SIGNIFICANT}. "
         "The same: no episode differs."

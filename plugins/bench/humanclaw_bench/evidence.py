@@ -105,12 +105,12 @@ def _ablate_model(
 def repair_command(name: str, each: int, pairs: int, workers: int, out: Path, as_json: bool) -> None:
     """Check root causes with failures of known origin: repair the blamed capability and play again."""
     specs, faults = load_split(name), repair.known_faults(Plugins.discover())
-    causes = _failures(specs, faults, each, out, workers)
+    causes, second = _failures(specs, faults, each, out, workers)
     right: dict[str, Scores] = {}
     for capability in repair.capabilities(faults):
         folder = out / f"{capability}--repaired"
         right |= _repaired(repair.blamed(specs, causes, capability), faults, capability, folder, workers)
-    singly = repair.repaired(causes, right)
+    singly = repair.repaired(causes, right, second)
     paired = _pairs(specs, faults, pairs, out / "pairs", workers) if pairs else ()
     if as_json:
         found = {"one fault": [asdict(one) for one in singly], "two faults": [asdict(one) for one in paired]}
@@ -143,16 +143,21 @@ def _pairs(
 
 def _failures(
     specs: Sequence[EpisodeSpec], faults: Sequence[Fault], each: int, out: Path, workers: int
-) -> dict[str, Cause | None]:
-    """Play episodes with faults until every root cause occurred often enough, and attribute the failures."""
+) -> tuple[dict[str, Cause | None], set[str]]:
+    """Play episodes with faults until every root cause occurred often enough, and attribute the failures.
+
+    Returns the causes, and the episodes with a second label that blames the missing capability.
+    """
     causes: dict[str, Cause | None] = {}
+    second: set[str] = set()
     for number in count(1):
         if not (todo := repair.wanting(specs, causes, each, faults)):
             break
         for fault, mine in repair.by_fault(todo, faults):
             played = _played(mine, repair.job(fault), out / f"faulty-{number}" / fault.name, workers)
             causes |= {one.episode: cause for one, cause in played}
-    return causes
+            second |= {one.episode for one, _ in played if repair.second_blames(one, fault.capability)}
+    return causes, second
 
 
 def _repaired(

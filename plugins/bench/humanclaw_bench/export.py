@@ -21,7 +21,7 @@ from tqdm import tqdm
 from humanclaw import HumanclawError, PluginError, Plugins, RecordedEpisode, RecordError, StepRecord, load_run
 from humanclaw.body import HISTORY
 from humanclaw.storage import write_atomically
-from humanclaw_bench.attribution import Cause, attribute
+from humanclaw_bench.attribution import Cause, also, attribute
 from humanclaw_bench.scores import Extra, Scores, ended, score
 
 if TYPE_CHECKING:
@@ -52,7 +52,9 @@ def scored(episodes: Sequence[RecordedEpisode], extra: Extra | None = None, name
     found: list[Scored] = []
     for recorded in _with_progress(episodes, f"scoring {name}"):
         scores = score(recorded, extra)
-        found.append((scores, attribute(recorded, scores)))
+        cause = attribute(recorded, scores)
+        further = "; ".join(one.label for one in also(recorded, cause))
+        found.append((replace(scores, also=further), cause))
     return found
 
 
@@ -66,8 +68,8 @@ def row(scores: Scores, cause: Cause | None) -> dict[str, Any]:
 
     Unknown numbers are None. Collisions have one number per body group.
     """
-    values = asdict(replace(scores, spec=None))
-    del values["spec"]
+    values = asdict(replace(scores, spec=None, conditions={}))
+    del values["spec"], values["conditions"]
     collisions, extra = values.pop("collisions"), values.pop("extra")
     values |= {_COLLISIONS + group: share for group, share in collisions.items()}
     values |= {"success": scores.success} | extra

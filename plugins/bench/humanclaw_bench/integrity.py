@@ -129,8 +129,8 @@ def standing(run: Path, episodes: Sequence[RecordedEpisode]) -> Standing:
 
 
 def _in_process(one: RecordedEpisode) -> bool:
-    settings = one.record.settings
-    return any(not known and role not in settings.get("apart", {}) for role, known in settings.get("privileged", {}).items())
+    apart, privileged = (one.record.settings.get(what, {}) for what in ("apart", "privileged"))
+    return any(not known and role not in apart for role, known in privileged.items())
 
 
 def is_told(folder: Path) -> bool:

@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import html
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
 from humanclaw import RecordError
 from humanclaw.cli import counted, legible
 from humanclaw.storage import write_atomically
+from humanclaw_bench.conditions import summary
 from humanclaw_bench.integrity import known_split
-from humanclaw_bench.metrics import FALSE_CLAIMS, FIND, INTERACT, NAV
+from humanclaw_bench.metrics import FALSE_CLAIMS, FIND
 from humanclaw_bench.statistics import Estimate
 from humanclaw_bench.submission import AGREE, RATES, Submission, contradictions, inconsistencies, read
 from humanclaw_bench.tables import Column
@@ -34,13 +35,14 @@ class Entry:
     """Reason why it is not ranked; empty if it is."""
 
 
-def leaderboard(folder: Path) -> Path:
+def leaderboard(folder: Path, *, any_pace: bool = False) -> Path:
     """Write index.html of all submissions in a folder, the best InteractSR first, and return its path.
 
     Each split has a table of submissions whose records lie here and agree, and one of submissions without records.
-    Partial, contradicted and damaged ones are listed apart. Raises RecordError if there is no submission.
+    Partial, contradicted and damaged ones are listed apart. So are, without any_pace, runs whose calls move longer or
+    faster than the paper's skills. Raises RecordError if there is no submission.
     """
-    found, unread = _entries(folder)
+    found, unread = _entries(folder, any_pace)
     if not (found or unread):
         raise RecordError(f"there is no submission in {folder}.", "Put files of `humanclaw bench submit` there.")
     ranked: dict[tuple[str, int, bool], list[Entry]] = {}
@@ -55,12 +57,12 @@ def leaderboard(folder: Path) -> Path:
     return folder / "index.html"
 
 
-def _entries(folder: Path) -> tuple[list[Entry], list[str]]:
+def _entries(folder: Path, any_pace: bool) -> tuple[list[Entry], list[str]]:
     """Return the submissions of a folder, and the errors of files that could not be read."""
     found, unread = [], []
     for path in sorted(folder.glob("*.json")):
         try:
-            found.append(_entry(path, read(path)))
+            found.append(_entry(path, read(path), any_pace))
         except RecordError as error:
             unread.append(error.message)
         except Exception as error:  # A stranger's broken file must not hide the others.
@@ -68,7 +70,7 @@ def _entries(folder: Path) -> tuple[list[Entry], list[str]]:
     return found, unread
 
 
-def _entry(path: Path, one: Submission) -> Entry:
+def _entry(path: Path, one: Submission, any_pace: bool) -> Entry:
     """Check a submission against its records, if they lie here."""
     run = path.with_suffix("")
     try:
@@ -80,6 +82,8 @@ def _entry(path: Path, one: Submission) -> Entry:
         return Entry(path.name, one, "contradict it" if run.is_dir() else "not here", told)
     missing = one.asked - _ended(one)
     apart = f"partial: {counted(missing, 'episode')} missing" if missing else ""
+    if not (apart or any_pace or all(result.scores.in_pace for result in one.episodes)):
+        apart = f"not at the paper's pace ({_motion(one)}); --any-pace ranks it"
     return Entry(path.name, one, AGREE if run.is_dir() else "not here", apart)
 
 
@@ -117,37 +121,44 @@ def _rank(one: Submission) -> tuple[float, ...]:
     return tuple(one.rates.get(metric.name, (-1.0,))[0] for metric in reversed(RATES))
 
 
+_LATER: Final = tuple(metric.name for metric in RATES if metric is not FIND)
 _TITLES: Final = (
-    "agent", "model of", "by", FIND.name, FALSE_CLAIMS.name, NAV.name, INTERACT.name, "episodes", "cost ($)",
-    "temperature", "verifier", "engine", "settings", "date", "records",
+    "agent", "model of", "by", FIND.name, FALSE_CLAIMS.name, *_LATER, "episodes", "motion (s)",
+    "cost ($)", "temperature", "verifier", "engine", "settings", "date", "records",
 )  # fmt: skip
 
 
 def _cells(entry: Entry) -> tuple[str, ...]:
     one = entry.submission
-    find, nav, interact = (_rate(Column.of(metric), one.rates.get(metric.name)) for metric in (FIND, NAV, INTERACT))
+    find, *later = (_rate(Column.of(metric), one.rates.get(metric.name)) for metric in RATES)
     claims = Column.of(FALSE_CLAIMS).number(_false_claims(one))
     again = f", {one.again} played again" if one.again else ""
     episodes = f"{_ended(one)} of {one.asked}{again}"
     warmth = "-" if one.temperature is None else f"{one.temperature:g}"
     agent = f"{one.agent} (privileged)" if any(e.scores.privileged for e in one.episodes) else one.agent
     return (
-        agent, one.model_date or "-", one.who, find, claims, nav, interact, episodes, f"{one.cost:.2f}", warmth,
-        one.verifier or "-", one.engine, _settings(one.run), one.made.isoformat(), entry.records,
+        agent, one.model_date or "-", one.who, find, claims, *later, episodes, _motion(one), f"{one.cost:.2f}",
+        warmth, one.verifier or "-", one.engine, _settings(one), one.made.isoformat(), entry.records,
     )  # fmt: skip
 
 
-def _settings(run: Mapping[str, Any]) -> str:
-    """Return the settings of a run that may differ from other rows."""
-    told = {key: _given(run[key]) for key in ("options", "limits", "choice", "plugin files") if key in run}
+def _settings(one: Submission) -> str:
+    """Return the settings in which rows may differ."""
+    told = {key: one.run[key] for key in ("options", "plugin files") if one.run.get(key)}
     if told.get("options") == {"profile": "default"}:
         del told["options"]
-    return "; ".join(f"{key} {json.dumps(value, ensure_ascii=False)}" for key, value in told.items() if value) or "-"
+    given = [f"{key} {json.dumps(value, ensure_ascii=False)}" for key, value in told.items()]
+    return "; ".join([*given, summary(one.conditions)])
 
 
-def _given(value: object) -> object:
-    """Return a mapping without its empty entries."""
-    return {key: inner for key, inner in value.items() if inner not in ([], "")} if isinstance(value, dict) else value
+def _motion(one: Submission) -> str:
+    """Return the mean seconds of motion of an episode, and the longest and fastest call."""
+    known = [result.scores for result in one.episodes if result.scores.ended]
+    mean = float(np.mean([scores.motion for scores in known] or [np.nan]))
+    longest, fastest = (
+        max((getattr(scores, name) for scores in known), default=0.0) for name in ("longest", "fastest")
+    )
+    return f"{mean:.1f}, at most {longest:.1f} a call, {fastest:.2f} m in half a second"
 
 
 def _false_claims(one: Submission) -> float:

@@ -10,14 +10,14 @@ instead the other missing one. The failure should disappear in the first case an
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
 from humanclaw import EpisodeSpec, HumanclawError, Plugins
-from humanclaw_bench.attribution import CAUSES, Cause
+from humanclaw_bench.attribution import CAUSES, FURTHER, Cause
 from humanclaw_bench.hookspecs import Fault
 from humanclaw_bench.scores import Scores
 from humanclaw_bench.worker import Job
@@ -105,17 +105,31 @@ class Repaired:
     capability: str
     count: int
     repaired: int
+    second: int = 0
+    """Number of the others with a second label that blames the missing capability."""
 
 
-def repaired(causes: Causes, right: Mapping[str, Scores]) -> tuple[Repaired, ...]:
-    """Check every label, in the order of the rules. right: episode id to scores with the blamed capability repaired."""
+def repaired(causes: Causes, right: Mapping[str, Scores], second: Container[str] = ()) -> tuple[Repaired, ...]:
+    """Check every label, in the order of the rules.
+
+    right: episode id to scores with the blamed capability repaired. second: episodes with a second label that blames
+    the missing capability.
+    """
     played = {cause for episode, cause in causes.items() if episode in right}
-    return tuple(_repaired(cause, causes, right) for cause in CAUSES if cause in played)
+    return tuple(_repaired(cause, causes, right, second) for cause in CAUSES if cause in played)
 
 
-def _repaired(cause: Cause, causes: Causes, right: Mapping[str, Scores]) -> Repaired:
+def _repaired(cause: Cause, causes: Causes, right: Mapping[str, Scores], second: Container[str]) -> Repaired:
     mine = [episode for episode, found in causes.items() if found is cause]
-    return Repaired(cause.label, cause.capability, len(mine), sum(bool(right[episode].success) for episode in mine))
+    others = [episode for episode in mine if not right[episode].success]
+    hidden = sum(episode in second for episode in others)
+    return Repaired(cause.label, cause.capability, len(mine), len(mine) - len(others), hidden)
+
+
+def second_blames(scores: Scores, capability: str) -> bool:
+    """Tell whether a second label of a failure blames a capability."""
+    further = scores.also.split("; ")
+    return any(cause.label in further and cause.capability == capability for cause in (*CAUSES, *FURTHER))
 
 
 @dataclass(frozen=True)
@@ -169,8 +183,15 @@ def _paired(
 
 
 def markdown(rows: Sequence[Repaired]) -> str:
-    lines = ["| label | capability | episodes | mended by that capability |", "| --- | --- | ---: | ---: |"]
-    lines += [f"| {r.label} | {r.capability} | {r.count} | {_share(r.repaired, r.count)} |" for r in rows]
+    lines = [
+        "| label | capability | episodes | mended by that capability | others: a second label blames the missing one |",
+        "| --- | --- | ---: | ---: | ---: |",
+    ]
+    lines += [
+        f"| {r.label} | {r.capability} | {r.count} | {_share(r.repaired, r.count)} | "
+        f"{_share(r.second, r.count - r.repaired)} |"
+        for r in rows
+    ]
     return "\n".join(lines)
 
 

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 from humanclaw import RecordError
 from humanclaw.cli import counted, legible
 from humanclaw_bench.attribution import Cause
+from humanclaw_bench.conditions import Conditions, labels, of_world, summary
 from humanclaw_bench.integrity import Standing
-from humanclaw_bench.scores import Scores
+from humanclaw_bench.scores import LONGEST, Scores
 from humanclaw_bench.statistics import Estimate
 
 NONE: Final = Estimate(float("nan"))
@@ -40,6 +41,8 @@ class Result:
     """Whether agent or verifier played in the body's own process, unprivileged."""
     beside: tuple[str, ...] = ()
     """Code of others that was loaded beside the body."""
+    conditions: Conditions = field(default_factory=dict)
+    """What the episodes were played with."""
 
     @property
     def finished(self) -> tuple[Scores, ...]:
@@ -69,7 +72,7 @@ class Result:
         told = f"{of}{counted(self.total, 'episode')}" + ("" if self.asked else ", of an unknown total (no run.json)")
         note = (
             f"{self.name}: {told}{left_out}.{self._privileged}{self._again}{self._broken}{self._unasked}{self._foreign}"
-            f"{self._near}"
+            f"{self._near}{self._pace}{self._played}"
         )
         return " ".join(legible(note).split())  # One line, whatever text a foreign record holds.
 
@@ -77,6 +80,14 @@ class Result:
     def _near(self) -> str:
         near = " Played in the body's own process, which agent and verifier can change." if self.in_process else ""
         return near + (f" Code of others beside the body: {', '.join(self.beside)}." if self.beside else "")
+
+    @property
+    def _played(self) -> str:
+        return f" Played with {summary(self.conditions)}." if self.conditions else ""
+
+    @property
+    def _pace(self) -> str:
+        return "" if all(s.in_pace for s in self.scores) else f" Not at the paper's pace: {pace(self.scores)}."
 
     @property
     def _again(self) -> str:
@@ -112,22 +123,25 @@ class Result:
 def named(
     runs: Mapping[str, Sequence[tuple[Scores, Cause | None]]], known: Mapping[str, Standing] | None = None
 ) -> tuple[Result, ...]:
-    """Group scored episodes into one result per run, agent, verifier and simulator.
+    """Group scored episodes into one result per run, agent, verifier and conditions.
 
-    known: facts from each run's folder. A result's name includes the simulator if there are several, and the run if the
-    rest of the name repeats.
+    known: facts from each run's folder. A result's name includes the conditions in which it differs from others, and
+    the run if the rest of the name repeats.
     """
-    several = len({scores.simulator for found in runs.values() for scores, _ in found}) > 1
-    groups: dict[tuple[str, str], list[tuple[Scores, Cause | None]]] = {}
+    groups: dict[tuple[str, str, str], list[tuple[Scores, Cause | None]]] = defaultdict(list)
     for run, found in runs.items():
         for scores, cause in found:
             agent = scores.agent + (f" + {scores.verifier}" if scores.verifier else "")
-            agent += f", {scores.simulator or 'simulator unknown'}" if several else ""
-            groups.setdefault((agent, run), []).append((scores, cause))
-    repeated = Counter(agent for agent, _ in groups)
+            groups[agent, run, str(of_world(scores.conditions))].append((scores, cause))
+    played = [_conditions([scores for scores, _ in found]) for found in groups.values()]
+    told = labels([(agent, one) for (agent, *_), one in zip(groups, played, strict=True)])
+    names = [
+        agent + label + _calls([scores for scores, _ in found])
+        for ((agent, *_), found), label in zip(groups.items(), told, strict=True)
+    ]
     return tuple(
         Result(
-            agent if repeated[agent] == 1 else f"{agent} ({run})",
+            name if names.count(name) == 1 else f"{name} ({run})",
             tuple(scores for scores, _ in found),
             tuple(cause for _, cause in found),
             standing.asked,
@@ -136,10 +150,30 @@ def named(
             standing.continued,
             standing.in_process,
             standing.beside,
+            conditions,
         )
-        for (agent, run), found in groups.items()
+        for ((_, run, _), found), name, conditions in zip(groups.items(), names, played, strict=True)
         for standing in [(known or {}).get(run, Standing())]
     )
+
+
+def pace(scores: Sequence[Scores]) -> str:
+    """Return the longest motion of a call, and the farthest in half a second, as text."""
+    longest, fastest = max((s.longest for s in scores), default=0.0), max((s.fastest for s in scores), default=0.0)
+    return f"a call moves the body for up to {longest:.1f} s, and by up to {fastest:.2f} m in half a second"
+
+
+def _calls(scores: Sequence[Scores]) -> str:
+    """Return a label for calls that move the body longer, or faster, than skills of the paper's kind."""
+    if all(one.in_pace for one in scores):
+        return ""
+    longest = max(one.longest for one in scores)
+    return f", {longest:.1f} s a call" if longest > LONGEST else f", {max(one.fastest for one in scores):.2f} m a call"
+
+
+def _conditions(scores: Sequence[Scores]) -> Conditions:
+    """Return the conditions of some episodes. An agent whose plugin failed at once has no settings."""
+    return max((one.conditions for one in scores), key=len)
 
 
 def require_whole(results: Sequence[Result], partial: bool) -> None:

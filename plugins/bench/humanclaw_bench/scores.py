@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field
@@ -14,9 +13,8 @@ import numpy as np
 
 from humanclaw import EpisodeSpec, Motion, RecordedEpisode, StepRecord, Verdict
 from humanclaw.body import (
-    BODY_GROUPS,
+    FPS,
     FUTURE,
-    HISTORY,
     Array,
     Pose2D,
     heading,
@@ -27,6 +25,7 @@ from humanclaw.body import (
 )
 from humanclaw.records import (
     Outcome,
+    Vec3,
     acknowledges,
     end_distance,
     ever_reached,
@@ -37,18 +36,25 @@ from humanclaw.records import (
     sits_of,
     stopped_seated,
     stopped_within_reach,
-    touched_above_ground,
 )
+from humanclaw_bench.conditions import Conditions, conditions_of
 from humanclaw_bench.difficulty import overall
+from humanclaw_bench.disturbance import collisions, displacements, disturbed, disturbed_path, starts
 
-MOVES: Final = 0.001
-"""Smallest movement per frame that counts as moving, metres. Less is jitter of the physics."""
-DISPLACED: Final = 0.01
-"""Smallest displacement of an object that counts, metres; the paper gives none."""
 TURNS: Final = float(np.radians(5.0))
 """Smallest turn of a step that counts, radians; the paper gives none."""
 NEARBY: Final = 1.0
 """The looser threshold of NavSR@1m, metres."""
+WAY_LEFT: Final = 1.0
+"""Longest remaining way of an arrival, metres. Beside a target it is 0.99 m at most over 500 successes; a body behind a
+wall has several metres left."""
+PELVIS_NEAR: Final = 0.65
+"""Longest distance of an arrival from pelvis to target over the floor, metres. A walking body reaches 0.45 m ahead of
+its pelvis; an outstretched arm reaches farther, and is no arrival."""
+LONGEST: Final = FUTURE / FPS
+"""Most seconds of motion of a decision at the paper's pace: its skills play one chunk (paper, section 3.2)."""
+FARTHEST: Final = 1.0
+"""Most metres of the pelvis in a chunk at this pace. The paper gives none: `walk` is asked for at most 0.8 m here."""
 FINISHED: Final = ("stopped", "out_of_steps", "plugin_error")
 _LOG: Final = logging.getLogger("humanclaw")
 
@@ -56,6 +62,11 @@ _LOG: Final = logging.getLogger("humanclaw")
 def ended(outcome: str, limit: str) -> bool:
     """Tell whether an episode ended, failures included: its own, a plugin's, or a limit of an episode or call."""
     return outcome in FINISHED or (outcome == "limit_reached" and limit != "run")
+
+
+def keeps_pace(longest: float, fastest: float) -> bool:
+    """Tell whether an episode keeps the paper's pace. longest: seconds in a call. fastest: metres in half a second."""
+    return longest <= LONGEST + 1e-6 and fastest <= FARTHEST + 1e-6
 
 
 # -- the agent's answers -----------------------------------------------------------------------------------------------
@@ -75,89 +86,6 @@ def sat_down(recorded: RecordedEpisode) -> bool:
     return any(is_sit(recorded, step) and on_target(recorded, step) for step in recorded.steps)
 
 
-# -- collisions and disturbed objects ----------------------------------------------------------------------------------
-def collisions(recorded: RecordedEpisode) -> dict[str, float]:
-    """Return the share of half seconds of motion in which the body touches an object above the ground (Coll.).
-
-    Keys: 'any', the body groups, and 'fixed' for objects that do not move. A foot on stairs or on an upper floor stands
-    on the ground (the paper's houses have one level). NaN without motion.
-    """
-    hit = [groups for step in recorded.steps for groups in _hit(recorded, step)]
-    count = len(hit) or float("nan")
-    return {"any": sum(map(bool, hit)) / count} | {
-        group: sum(group in groups for groups in hit) / count for group in (*BODY_GROUPS, "fixed")
-    }
-
-
-def _hit(recorded: RecordedEpisode, step: StepRecord) -> Iterator[set[str]]:
-    """Yield for each chunk of a step the body groups that touch an object above the ground, and 'fixed' if one of the
-    objects is."""
-    touched = touched_above_ground(recorded, step)
-    for chunk in range(step.chunks):
-        met = [contact for contact in touched if any(frame // FUTURE == chunk for frame in contact.frames)]
-        yield {contact.group for contact in met} | {"fixed" for contact in met if not contact.movable}
-
-
-def disturbed(recorded: RecordedEpisode, moved: Mapping[int, Array]) -> dict[int, int]:
-    """Return the objects touched by the body, or later by a disturbed object.
-
-    moved: object paths of the record. Returns the first frame of the disturbance by object id, as motion() counts them.
-    """
-    movable = set(recorded.record.movable) | set(moved)
-    hits: dict[int, set[int]] = defaultdict(set)
-    pairs: dict[int, list[tuple[int, int]]] = defaultdict(list)
-    for first, step in _starts(recorded.steps):
-        for contact in step.contacts:
-            if contact.movable:
-                movable.add(contact.object_id)
-                for frame in contact.frames:
-                    hits[first + frame].add(contact.object_id)
-        for frame, a, b in step.touches:
-            pairs[first + frame].append((a, b))
-    since: dict[int, int] = {}
-    for frame in sorted(hits.keys() | pairs.keys()):
-        since = dict.fromkeys(_reached(hits[frame] | since.keys(), pairs[frame], movable), frame) | since
-    return since
-
-
-def _starts(steps: Sequence[StepRecord]) -> Iterator[tuple[int, StepRecord]]:
-    """Yield each step with the index of its first frame."""
-    frame = HISTORY
-    for step in steps:
-        yield frame, step
-        frame += step.motion_frames
-
-
-def _reached(sources: set[int], pairs: Sequence[tuple[int, int]], movable: set[int]) -> set[int]:
-    """Return the movable objects that contacts of one frame link to a source. Fixed objects pass nothing on."""
-    links = [set(pair) for pair in pairs if set(pair) <= movable]
-    reached, grown = set(sources), True
-    while grown:
-        more = set().union(*(link for link in links if link & reached)) - reached
-        reached, grown = reached | more, bool(more)
-    return reached
-
-
-def displacements(since: Mapping[int, int], moved: Mapping[int, Array]) -> list[float]:
-    """Return how far each displaced object lies at the end from where it was when it was disturbed, metres (#Dtb,
-    dDtb).
-
-    An object is displaced from DISPLACED on. since: as disturbed() returns it.
-    """
-    ways = [moved[key][-1, :3] - moved[key][max(first - 1, 0), :3] for key, first in since.items() if key in moved]
-    return [length for way in ways if (length := float(np.linalg.norm(way))) >= DISPLACED]
-
-
-def disturbed_path(since: Mapping[int, int], moved: Mapping[int, Array]) -> float:
-    """Return the total path length of disturbed objects, metres.
-
-    Each path begins with the first frame after the disturbance in which the object moves.
-    """
-    pieces = [moved[key][max(first - 1, 0) :, :3] for key, first in since.items() if key in moved]
-    ways = [np.linalg.norm(np.diff(piece, axis=0), axis=1) for piece in pieces]
-    return float(sum(way[int(np.argmax(way > MOVES)) :].sum() for way in ways if (way > MOVES).any()))
-
-
 # -- turning -----------------------------------------------------------------------------------------------------------
 def reversals(recorded: RecordedEpisode) -> float:
     """Return the share of steps that turn the body back, by TURNS or more, right after a step that turned it the other
@@ -165,7 +93,7 @@ def reversals(recorded: RecordedEpisode) -> float:
     if not recorded.has_motion or not recorded.steps:
         return float("nan")
     facing = heading(recorded.motion("simulated").rotations[:, 0])
-    bounds = [(first, first + step.motion_frames) for first, step in _starts(recorded.steps)]
+    bounds = [(first, first + step.motion_frames) for first, step in starts(recorded.steps)]
     turns = [float(wrap_angle(facing[max(last - 1, 0)] - facing[first - 1])) for first, last in bounds]
     back = [a * b < 0 and min(abs(a), abs(b)) >= TURNS for a, b in pairwise(turns)]
     return sum(back) / len(turns)
@@ -189,7 +117,7 @@ def generated_trajectory(recorded: RecordedEpisode) -> Motion:
 
 
 def _chunks(steps: Sequence[StepRecord]) -> Iterator[tuple[int, int]]:
-    for first, step in _starts(steps):
+    for first, step in starts(steps):
         last = first + step.motion_frames
         yield from ((start, min(start + FUTURE, last)) for start in range(first, last, FUTURE))
 
@@ -197,6 +125,44 @@ def _chunks(steps: Sequence[StepRecord]) -> Iterator[tuple[int, int]]:
 def _hips(motion: Motion) -> Pose2D:
     """Return the floor-projected hip frame of the last pose, in which the next chunk begins."""
     return Pose2D.of(motion, floor=float(motion.root[-1, 1]))
+
+
+# -- arriving ----------------------------------------------------------------------------------------------------------
+def arrived(recorded: RecordedEpisode) -> bool | None:
+    """Tell whether the body stopped at a target (ArriveSR): NavSR, with the pelvis near and a short way left.
+
+    None if the way was not measured. It is measured to the first place of a target.
+    """
+    record, steps = recorded.record, recorded.steps
+    if record.geodesic is None:
+        return None
+    if not stopped_within_reach(steps):
+        return False
+    pelvis = straight(steps[-1].targets or record.targets, steps[-1].end)
+    return pelvis <= PELVIS_NEAR and way_left(recorded) <= WAY_LEFT
+
+
+def way_left(recorded: RecordedEpisode) -> float:
+    """Return the last known way to a target, metres; infinite if none was measured."""
+    known = (step.geodesic for step in reversed(recorded.steps) if step.geodesic is not None)
+    begun = recorded.record.geodesic
+    return next(known, float("inf") if begun is None else begun)
+
+
+def gap_to(targets: Mapping[int, tuple[Vec3, Vec3]], point: Sequence[float]) -> Array:
+    """Return the (2,) shortest way over the floor, x and z, from a world position to the nearest of some boxes, metres.
+
+    Infinite without boxes.
+    """
+    here = np.array(point)[[0, 2]]
+    boxes = (np.array(box)[:, [0, 2]] for box in targets.values())
+    gaps = (np.clip(here, low, high) - here for low, high in boxes)
+    return min(gaps, key=lambda gap: float(np.linalg.norm(gap)), default=np.full(2, np.inf))
+
+
+def straight(targets: Mapping[int, tuple[Vec3, Vec3]], point: Sequence[float]) -> float:
+    """Return the distance over the floor from a world position to the nearest of some boxes, metres."""
+    return float(np.linalg.norm(gap_to(targets, point)))
 
 
 # -- an episode --------------------------------------------------------------------------------------------------------
@@ -216,6 +182,8 @@ class Scores:
     false_claims: float
     """Share of steps without a target pixel in view that claim to see the target; NaN without such steps."""
     nav: bool | None
+    arrive: bool | None
+    """As arrived() returns it; None also if the way was not measured."""
     geo_nav: bool | None
     """Within reach of a target after any step."""
     ends_near: bool | None
@@ -270,14 +238,29 @@ class Scores:
     """The specification of the episode."""
     chunks: int = 0
     """Number of half seconds of motion."""
+    motion: float = 0.0
+    """Seconds of motion."""
+    longest: float = 0.0
+    """Seconds of motion of the longest call."""
+    fastest: float = 0.0
+    """Longest way of the pelvis over the floor in half a second, metres."""
     sequences: int = 0
     """Number of steps whose call played a sequence."""
+    conditions: Conditions = field(default_factory=dict)
+    """What the episode was played with."""
+    also: str = ""
+    """Further labels of a failure, after its root cause (attribution.also)."""
     extra: Mapping[str, float] = field(default_factory=dict)
     """Metrics of plugins (hook humanclaw_metrics), by name."""
 
     @property
     def finished(self) -> bool:
         return ended(self.outcome, self.limit)
+
+    @property
+    def in_pace(self) -> bool:
+        """Whether no call moves the body longer, or farther in half a second, than skills of the paper's kind."""
+        return keeps_pace(self.longest, self.fastest)
 
     @property
     def success(self) -> bool | None:
@@ -333,7 +316,11 @@ def score(recorded: RecordedEpisode, extra: Extra | None = None) -> Scores:
         privileged=_privileged(record.settings),
         spec=spec,
         chunks=sum(step.chunks for step in steps),
+        motion=sum(step.motion_frames for step in steps) / FPS,
+        longest=max((step.motion_frames for step in steps), default=0) / FPS,
+        fastest=max(map(_pace, steps), default=0.0),
         sequences=sum(len(step.parts) > 1 for step in steps),
+        conditions=conditions_of(record),
         extra={name: _measured(name, measure, recorded) for name, measure in (extra or {}).items()},
     )
 
@@ -357,11 +344,21 @@ def path_weighted(recorded: RecordedEpisode) -> tuple[float, float]:
     way, steps = recorded.record.geodesic, recorded.steps
     if way is None or not recorded.record.spec.target_category:
         return float("nan"), float("nan")
-    path = sum(float(np.hypot(b[0] - a[0], b[2] - a[2])) for step in steps for a, b in pairwise(step.path))
+    path = sum(sum(_ways(step)) for step in steps)
     weight = way / max(path, way) if max(path, way) else 1.0
-    left = 0.0 if reached(recorded) else next((s.geodesic for s in reversed(steps) if s.geodesic is not None), way)
+    left = 0.0 if reached(recorded) else way_left(recorded)
     made = max(0.0, 1 - left / way) if way else float(left == 0)
     return float(stopped_within_reach(steps)) * weight, made * weight
+
+
+def _ways(step: StepRecord) -> list[float]:
+    """Return the way of the pelvis over the floor in each chunk, metres."""
+    return [float(np.hypot(b[0] - a[0], b[2] - a[2])) for a, b in pairwise(step.path)]
+
+
+def _pace(step: StepRecord) -> float:
+    """Return the longest way of the pelvis in a half second of a step, metres; 0 without motion."""
+    return max(_ways(step)) if step.motion_frames else 0.0
 
 
 def _false_claims(recorded: RecordedEpisode) -> float:
@@ -389,13 +386,14 @@ def _measured(name: str, measure: Callable[[RecordedEpisode], float], recorded: 
 def _successes(recorded: RecordedEpisode) -> dict[str, bool | None]:
     spec, steps = recorded.record.spec, recorded.steps
     if not spec.target_category:
-        names = ("find", "geo_find", "nav", "geo_nav", "ends_near", "nav_1m", "interact", "geo_interact")
+        names = ("find", "geo_find", "nav", "arrive", "geo_nav", "ends_near", "nav_1m", "interact", "geo_interact")
         return dict.fromkeys(names)
     near = recorded.record.outcome == "stopped" and end_distance(recorded) <= NEARBY
     return {
         "find": any(in_view(step) and claims(step, spec.target_category) for step in steps),
         "geo_find": any(map(in_view, steps)),
         "nav": stopped_within_reach(steps),
+        "arrive": arrived(recorded),
         "geo_nav": ever_reached(recorded),
         "ends_near": reached(recorded),
         "nav_1m": near,

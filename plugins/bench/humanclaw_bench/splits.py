@@ -27,10 +27,12 @@ from humanclaw.records import SEATS, instruction, name_of, read_episodes, route_
 from humanclaw.world import CELL, DistanceField, MultiFloorMap, OccupancyGrid, goals_at
 from humanclaw_bench.difficulty import THRESHOLDS, TIERS, overall, tiers
 
-SPLITS: Final = ("val", "val-400", "mini", "smoke")
+SPLITS: Final = ("val", "val-400", "mini", "smoke", "dev")
 DATA: Final = Path(str(importlib.resources.files("humanclaw_bench"))) / "data"
 """Folder of the splits in the package."""
 HOUSES: Final = tuple(f"house:{number}" for number in range(41))
+DEV_HOUSES: Final = tuple(f"house:train-{500_000 + number}" for number in range(41))
+"""Houses of the development split. No other split has them."""
 EPISODES: Final = {"chair": 231, "couch": 231, "bed": 218, "potted_plant": 205, "tv": 185, "toilet": 148}
 """Episodes of each category in the paper's validation split."""
 CATEGORIES: Final = tuple(EPISODES)
@@ -247,11 +249,15 @@ def _apart(one: Pose2D, other: Pose2D) -> bool:
 
 
 def make(found: Sequence[EpisodeSpec]) -> dict[str, tuple[EpisodeSpec, ...]]:
-    """Return all splits from the candidates of all houses: each is part of the one before it."""
-    val = named(choose(spaced(found), VAL))
+    """Return all splits from the candidates of HOUSES and DEV_HOUSES.
+
+    Of val, val-400, mini and smoke, each is part of the one before it. dev is as large as mini.
+    """
+    dev = named(choose(spaced([spec for spec in found if spec.scene in DEV_HOUSES]), MINI))
+    val = named(choose(spaced([spec for spec in found if spec.scene not in DEV_HOUSES]), VAL))
     mini = choose(val, MINI)
     smoke = choose([spec for spec in mini if not _long(spec)], SMOKE)
-    return {"val": val, "val-400": between(val, mini), "mini": mini, "smoke": smoke}
+    return {"val": val, "val-400": between(val, mini), "mini": mini, "smoke": smoke, "dev": dev}
 
 
 def between(val: Sequence[EpisodeSpec], mini: Sequence[EpisodeSpec]) -> tuple[EpisodeSpec, ...]:

@@ -7,13 +7,14 @@ Seeds make every result reproducible.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtr, ndtri, stdtrit  # Not scipy.stats, which takes a second to load.
+from scipy.optimize import brentq, minimize_scalar
+from scipy.special import betaln, expit, logit, ndtr, ndtri, stdtrit  # Not scipy.stats, which takes a second to load.
 
 from humanclaw.body import Array
 
@@ -22,12 +23,15 @@ RESAMPLES: Final = 2000
 SIGNIFICANT: Final = 0.05
 FEW: Final = 5
 """With fewer houses or episodes than this, their variance cannot be estimated."""
-RARE: Final = 10
-"""With fewer successes or failures than this, the variance between houses cannot be estimated: it would seem 0."""
 ROUNDING: Final = 1e-12
 """Relative difference that rounding can cause between sums of equal numbers; a real interval is wider."""
-ALIKE: Final = 0.13
-"""Assumed intraclass correlation of a house's episodes if RARE is not reached, as measured with several agents."""
+ALIKE: Final = 0.95
+"""Largest intraclass correlation of a house's episodes that intervals allow for."""
+EXTREME: Final = 12.0
+"""Largest logit of a chance: the search for a bound ends there."""
+_CORRELATIONS: Final = np.concatenate([[1e-4], np.linspace(0.01, ALIKE, 40)])
+_BELIEF: Final = 0.15 * np.log(_CORRELATIONS)
+"""Logarithm of the weight of each. Chosen by the coverage of rates of 1 % in plugins/bench/tests/house_effect.py."""
 
 
 @dataclass(frozen=True)
@@ -79,30 +83,62 @@ def wilson(successes: float, trials: int) -> Estimate:
 
 
 def rate(met: Sequence[bool], houses: Sequence[str] = (), episodes: Sequence[str] = ()) -> Estimate:
-    """Estimate a share of episodes, with Wilson's interval at the effective sample size.
+    """Estimate a share of episodes, with the profile likelihood interval of a beta-binomial model.
 
-    The effective sample size follows from the variance between houses (Korn and Graubard 1998), or between episodes if
-    that is larger. The quantile is Student's t for the number of houses. If RARE is not reached, the intraclass
-    correlation is taken to be ALIKE. Without houses, or with fewer than FEW, it is Wilson's plain interval.
+    Each house draws its own chance of success. The interval holds the mean chances that are plausible with some
+    intraclass correlation up to ALIKE; the quantile is Student's t for the number of houses. Without houses, or with
+    fewer than FEW, it is Wilson's plain interval.
 
-    episodes: names, equal for the repeats of one episode; without names, no episode is a repeat.
+    episodes: names, equal for the repeats of one episode; without names, no episode is a repeat. Repeats count for as
+    many episodes as their variance says: for one if they all end alike.
     """
     pairs = np.stack([np.asarray(met, float), np.ones(len(met))], -1)
-    each, drawn = units(pairs, (), episodes), units(pairs, houses, episodes)
-    plain = wilson(sum(met) * len(each) / max(1, len(met)), len(each))
+    worth = _worth(units(pairs, (), episodes)) / max(1, len(met))
+    plain = wilson(sum(met) * worth, len(met) * worth)
     if len(set(houses)) < FEW:
         return replace(plain, count=len(met))
+    low, high = _profile_interval(units(pairs, houses) * worth)
     share = plain.value
-    spread = max(_spread(each, share), len(drawn) / (len(drawn) - 1) * _spread(drawn, share))
-    worth = min(len(met), share * (1 - share) / spread) if spread > 0 else float(len(met))
-    if min(sum(met), len(met) - sum(met)) * len(each) < RARE * len(met):
-        worth = min(worth, len(each) / (1 + (len(each) / len(drawn) - 1) * ALIKE))
-    return Estimate(share, *_score_interval(share, worth, _student_quantile(len(drawn) - 1)), len(met))
+    return Estimate(share, min(low, share) if share > 0 else 0.0, max(high, share) if share < 1 else 1.0, len(met))
 
 
-def _spread(drawn: Array, share: float) -> float:
-    """Return the variance of a share over (U, 2) units of successes and trials."""
-    return float(((drawn[:, 0] - share * drawn[:, 1]) ** 2).sum() / drawn[:, 1].sum() ** 2)
+def _worth(each: Array) -> float:
+    """Return the number of independent trials that (E, 2) episodes with successes and trials are worth (Korn and
+    Graubard 1998)."""
+    hits, trials = each.sum(0)
+    share = hits / max(1, trials)
+    square = float(((each[:, 0] - share * each[:, 1]) ** 2).sum())
+    return float(np.clip(share * (1 - share) * trials**2 / square, len(each), trials)) if square > 0 else len(each)
+
+
+def _profile_interval(drawn: Array) -> tuple[float, float]:
+    """Return the interval of the mean chance of (U, 2) houses with successes and trials."""
+
+    def fit(place: float) -> float:
+        return _likelihood(float(expit(place)), drawn)
+
+    share = float(drawn[:, 0].sum() / drawn[:, 1].sum())
+    centre = float(np.clip(logit(share), 1 - EXTREME, EXTREME - 1))
+    best = minimize_scalar(lambda place: -fit(place), bounds=(centre - 1, centre + 1), options={"xatol": 1e-3})
+    least = -best.fun - _student_quantile(len(drawn) - 1) ** 2 / 2
+    low, high = (_crossing(lambda place: fit(place) - least, best.x, end) for end in (-EXTREME, EXTREME))
+    return float(expit(low)), float(expit(high))
+
+
+def _likelihood(share: float, drawn: Array) -> float:
+    """Return the log likelihood of a mean chance: the largest over the intraclass correlations.
+
+    A correlation of 0 is unlikely beforehand: few successes fall into few houses by chance, and houses seem alike.
+    """
+    weight = (1 / _CORRELATIONS - 1)[:, None]
+    hits, trials = drawn.T
+    a, b = share * weight, (1 - share) * weight
+    return float(((betaln(hits + a, trials - hits + b) - betaln(a, b)).sum(1) + _BELIEF).max())
+
+
+def _crossing(excess: Callable[[float], float], inside: float, end: float) -> float:
+    """Return where a function falls below 0 on the way to an end; the end if nowhere."""
+    return float(brentq(excess, inside, end, xtol=1e-3)) if excess(end) < 0 else end
 
 
 def _normal_quantile() -> float:
@@ -207,7 +243,7 @@ def compare_rates(
         drawn = ratio(second - first, np.ones(len(first)), houses, episodes, seed=seed)
         low, high = min(low, drawn.low), max(high, drawn.high)
     value = float(changes.sum() / len(first)) if len(first) else float("nan")
-    p = _sign_flips(changes.astype(int))
+    p = sign_flips(changes.astype(int))
     alike = np.array_equal(first, second)
     return Difference(_mean(first), _mean(second), value, low, high, p, len(first), _least(changes), alike)
 
@@ -221,7 +257,7 @@ def _agresti_min(changes: Array) -> tuple[float, float]:
     return max(-1.0, centre - spread), min(1.0, centre + spread)
 
 
-def _sign_flips(changes: NDArray[np.int64]) -> float:
+def sign_flips(changes: NDArray[np.int64]) -> float:
     """Return the exact probability of a sum at least as large if each of (U,) changes had a random sign."""
     # The distribution of the sum grows by one change at a time. Index k stands for the sum k - total.
     chances = np.ones(1)

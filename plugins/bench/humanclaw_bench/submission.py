@@ -17,14 +17,14 @@ from humanclaw.records import first_fault
 from humanclaw_bench.attribution import Cause
 from humanclaw_bench.export import row, scored
 from humanclaw_bench.integrity import MOST as EPISODES, Manifest, known_split, read_manifest, standing
-from humanclaw_bench.metrics import FIND, INTERACT, NAV, estimate
+from humanclaw_bench.metrics import ARRIVE, FIND, INTERACT, NAV, estimate
 from humanclaw_bench.results import named, require_whole
-from humanclaw_bench.scores import Scores, ended
+from humanclaw_bench.scores import Scores, ended, keeps_pace
 from humanclaw_bench.splits import original_of
 from humanclaw_bench.statistics import Estimate, rate
 
 NAME: Final = "submission.json"
-RATES: Final = {FIND: "find", NAV: "nav", INTERACT: "interact"}
+RATES: Final = {FIND: "find", NAV: "nav", ARRIVE: "arrive", INTERACT: "interact"}
 """The ranked rates, from first to last stage, and their fields in an episode's numbers."""
 MOST: Final = 10**15
 """Maximum of any count."""
@@ -32,6 +32,7 @@ LARGEST: Final = 100_000_000
 """Maximum bytes of a submission; 1,218 episodes take two million."""
 TOLERANCE: Final = 1e-6
 """Allowed difference of recomputed numbers: processors round differently."""
+_EXACT: Final = ("agent", "verifier", "engine", "temperature", "seeds", "asked", "tokens", "run", "conditions")
 _UNSCORED: Final = ("agent", "verifier", "error", "extra")
 
 
@@ -41,6 +42,8 @@ class _Value(BaseModel):
 
 Text = Annotated[str, Field(max_length=500)]
 Dollars = Annotated[float, Field(ge=0, le=MOST)]
+Measure = Annotated[float, Field(ge=0, le=MOST)]
+"""Of seconds or metres."""
 Count = Annotated[int, Field(ge=0, le=MOST)]
 
 
@@ -54,6 +57,7 @@ class Numbers(_Value):
     limit: str = ""
     find: bool | None
     nav: bool | None
+    arrive: bool | None = None
     interact: bool | None
     """None: not part of the task."""
     false_claims: Annotated[float, Field(ge=0, le=1)] | None
@@ -61,6 +65,13 @@ class Numbers(_Value):
     tokens_in: Count
     tokens_out: Count
     privileged: str | None = None
+    motion: Measure = 0.0
+    longest: Measure = 0.0
+    fastest: Measure = 0.0
+
+    @property
+    def in_pace(self) -> bool:
+        return keeps_pace(self.longest, self.fastest)
 
     @property
     def ended(self) -> bool:
@@ -105,8 +116,10 @@ class Submission(_Value):
     """Number of episodes that were played more than once from their first step, according to the journal."""
     run: dict[str, Any]
     """run.json: split and weights by digest, options, versions, limits."""
+    conditions: dict[str, str] = {}
+    """What the episodes were played with (humanclaw_bench.conditions)."""
     rates: dict[str, tuple[float, float, float, int]]
-    """FindSR, NavSR, InteractSR: value, interval, episodes."""
+    """FindSR, NavSR, ArriveSR, InteractSR: value, interval, episodes."""
     episodes: tuple[EpisodeResult, ...]
     digest: str = ""
     """SHA-256 of this file without this field."""
@@ -157,7 +170,8 @@ def _made(
         engine=str(first.settings.get("body", {}).get("simulator", "")),
         seeds=tuple(sorted({one.seed for one in results})), asked=manifest.episodes,
         cost=sum(one.cost for one in scores), tokens=sum(one.tokens_in + one.tokens_out for one in scores),
-        again=again, run=manifest.content, rates=_rates(scores), episodes=results,
+        again=again, run=manifest.content, conditions=dict(max((one.conditions for one in scores), key=len)),
+        rates=_rates(scores), episodes=results,
     )  # fmt: skip
 
 
@@ -275,8 +289,7 @@ def _off_rate(name: str, found: Estimate, told: tuple[float, float, float, int] 
 
 
 def _differing(claimed: Submission, found: Submission) -> list[str]:
-    plain = [key for key in ("agent", "verifier", "engine", "temperature", "seeds", "asked", "tokens", "run")
-             if getattr(claimed, key) != getattr(found, key)]  # fmt: skip
+    plain = [key for key in _EXACT if getattr(claimed, key) != getattr(found, key)]
     rates = claimed.rates.keys() == found.rates.keys() and all(
         _alike(a, b) for name, values in found.rates.items() for a, b in zip(values, claimed.rates[name], strict=True)
     )

@@ -8,7 +8,7 @@ from typing import Final, Literal
 
 import numpy as np
 
-from humanclaw_bench.attribution import CAUSES, STAGES, Cause, Funnel
+from humanclaw_bench.attribution import CAUSES, FURTHER, STAGES, Cause, Funnel
 from humanclaw_bench.difficulty import THRESHOLDS, TIERS, tiers
 from humanclaw_bench.metrics import (
     BODY,
@@ -38,7 +38,7 @@ PAPER_NOTE: Final = (
     "Do not compare it with rows of your own."
 )
 INTERVAL_NOTE: Final = (
-    f"Intervals: {CONFIDENCE:.0%} confidence, clustered by house. Rates: Wilson interval at the effective sample size. "
+    f"Intervals: {CONFIDENCE:.0%} confidence, clustered by house. Rates: beta-binomial profile likelihood. "
     f"Other columns: bootstrap over houses. With fewer than {FEW} houses the unit is the episode, and intervals hold "
     "for these houses alone. An episode with its repeats counts once."
 )
@@ -111,29 +111,24 @@ class ResultTable:
 # -- the tables of the paper -------------------------------------------------------------------------------------------
 def main_table(results: Sequence[Result], *, paper: bool = True, seed: int = 0) -> ResultTable:
     """Return success, disturbance, smoothness and cost (paper, table of the full validation results)."""
-    # The paper has no column for false claims.
-    printed = {name: (find, float("nan"), *rest) for name, (find, *rest) in PAPER_MAIN.items()} if paper else {}
-    return _result_table("Results", MAIN, results, printed, seed)
+    return _result_table("Results", MAIN, results, _named(PAPER_COLUMNS, PAPER_MAIN) if paper else {}, seed)
 
 
 def ablation_table(results: Sequence[Result], *, paper: bool = True, seed: int = 0) -> ResultTable:
     """Return the main columns by setting of the harness (paper, table of the ablation)."""
-    printed = {name: (find, float("nan"), *rest) for name, (find, *rest) in PAPER_ABLATION.items()} if paper else {}
-    return _result_table("Ablation", MAIN, results, printed, seed)
+    return _result_table("Ablation", MAIN, results, _named(PAPER_COLUMNS, PAPER_ABLATION) if paper else {}, seed)
 
 
 def variants_table(results: Sequence[Result], *, paper: bool = True, seed: int = 0) -> ResultTable:
     """Return success with and without the agent's own acknowledgement (paper, table of success-rate variants)."""
-    return _result_table(
-        "Success by geometry alone and as acknowledged", VARIANTS, results, PAPER_VARIANTS if paper else {}, seed
-    )
+    printed = _named([metric.name for metric in VARIANTS], PAPER_VARIANTS) if paper else {}
+    return _result_table("Success by geometry alone and as acknowledged", VARIANTS, results, printed, seed)
 
 
 def body_table(results: Sequence[Result], *, paper: bool = True, seed: int = 0) -> ResultTable:
     """Return the share of steps with a collision by body group; groups overlap (paper, table of collisions)."""
-    return _result_table(
-        "Steps with a collision, by part of the body", BODY, results, PAPER_BODY if paper else {}, seed
-    )
+    printed = _named([metric.name for metric in BODY], PAPER_BODY) if paper else {}
+    return _result_table("Steps with a collision, by part of the body", BODY, results, printed, seed)
 
 
 def own_table(results: Sequence[Result], *, seed: int = 0) -> ResultTable:
@@ -143,7 +138,11 @@ def own_table(results: Sequence[Result], *, seed: int = 0) -> ResultTable:
 
 
 def _result_table(
-    title: str, metrics: Sequence[Metric], results: Sequence[Result], paper: Mapping[str, tuple[float, ...]], seed: int
+    title: str,
+    metrics: Sequence[Metric],
+    results: Sequence[Result],
+    paper: Mapping[str, Mapping[str, float]],
+    seed: int,
 ) -> ResultTable:
     columns = tuple(map(Column.of, metrics))
     rows = [Row(r.name, tuple(estimate(m, r.scores, seed=seed) for m in metrics), counts=r.counts) for r in results]
@@ -151,12 +150,15 @@ def _result_table(
     return ResultTable(title, "agent", columns, tuple(rows), tuple(r.note for r in results))
 
 
-def _printed(columns: Sequence[Column], values: Sequence[float]) -> tuple[Estimate, ...]:
+def _named(columns: Sequence[str], rows: Mapping[str, tuple[float, ...]]) -> dict[str, dict[str, float]]:
+    """Return the paper's rows by name of the column."""
+    return {name: dict(zip(columns, values, strict=True)) for name, values in rows.items()}
+
+
+def _printed(columns: Sequence[Column], values: Mapping[str, float]) -> tuple[Estimate, ...]:
     """Return the paper's values, percentages as fractions; missing ones stay empty."""
-    padded = (*values, *[float("nan")] * (len(columns) - len(values)))
-    return tuple(
-        Estimate(value / 100 if column.percent else value) for column, value in zip(columns, padded, strict=True)
-    )
+    printed = ((column, values.get(column.title, float("nan"))) for column in columns)
+    return tuple(Estimate(value / 100 if column.percent else value) for column, value in printed)
 
 
 def funnel_table(results: Sequence[Result]) -> ResultTable:
@@ -178,10 +180,16 @@ def causes_table(results: Sequence[Result]) -> ResultTable:
     rows = tuple(
         Row(cause.label, tuple(_share(cause, failures[cause.stage]) for failures in failed)) for cause in CAUSES
     )
+    rows += tuple(
+        Row(f"also {cause.label}", tuple(_share_of_second(cause, failures[cause.stage]) for failures in failed))
+        for cause in (*CAUSES, *FURTHER)
+        if any(_is_second(cause, scores) for result in results for scores in result.scores)
+    )
     notes = tuple(
         f"{result.name}: failures " + ", ".join(f"{stage} {len(failures[stage])}" for stage in STAGES) + "."
         for result, failures in zip(results, failed, strict=True)
     )
+    notes += ("Rows that begin with 'also' are second labels: other rules that describe a failure.",)
     notes += tuple(result.note for result in results)
     return ResultTable("Root causes, share of the failures of each stage", "cause", columns, rows, notes)
 
@@ -189,6 +197,15 @@ def causes_table(results: Sequence[Result]) -> ResultTable:
 def _share(cause: Cause, failures: Sequence[tuple[Cause, Scores]]) -> Estimate:
     """Return the share of one root cause among the failures of its stage."""
     return rate([found is cause for found, _ in failures], *clusters([scores for _, scores in failures]))
+
+
+def _share_of_second(cause: Cause, failures: Sequence[tuple[Cause, Scores]]) -> Estimate:
+    """Return the share of the failures of a stage that have a cause as a second label."""
+    return rate([_is_second(cause, scores) for _, scores in failures], *clusters([scores for _, scores in failures]))
+
+
+def _is_second(cause: Cause, scores: Scores) -> bool:
+    return cause.label in scores.also.split("; ")
 
 
 def difficulty_table(results: Sequence[Result], *, seed: int = 0) -> ResultTable:
@@ -279,6 +296,9 @@ def inline(column: Column, cell: Estimate) -> str:
 
 
 # -- the paper's numbers -----------------------------------------------------------------------------------------------
+PAPER_COLUMNS: Final = (
+    "FindSR", "NavSR", "InteractSR", "Coll.", "#Dtb", "dDtb (m)", "Jerk", "steps", "in tok/step", "out tok/step",
+)  # fmt: skip
 PAPER_MAIN: Final = {
     "GPT-5.5": (55.1, 13.9, 3.4, 43.4, 1.53, 1.56, 4.2, 82.4, 4360, 354),
     "Gemini-3.1": (64.9, 42.4, 16.8, 39.5, 1.50, 1.22, 5.7, 59.1, 5890, 311),

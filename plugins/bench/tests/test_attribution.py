@@ -13,7 +13,7 @@ from humanclaw import Call, RecordedEpisode, StepRecord, run_episode
 from humanclaw.records import free_episode
 from humanclaw.testing import ScriptedAgent
 from humanclaw.world import geodesics
-from humanclaw_bench.attribution import CAUSES, Funnel, attribute, failed_stage
+from humanclaw_bench.attribution import CAUSES, FURTHER, Funnel, also, attribute, failed_stage
 from humanclaw_bench.scores import score
 
 SEE, BLIND = "A couch is 2 m ahead.", "A wall."
@@ -168,6 +168,40 @@ def test_every_failed_random_rollout_gets_one_label_of_its_stage(tmp_path: Path)
         assert (cause is None) == bool(scores.success)
         assert failed_stage(scores) == (cause.stage if cause else None)
         assert attribute(recorded, scores) is cause
+
+
+# -- second labels -----------------------------------------------------------------------------------------------------
+ASIDE = {"end": (4.0, 1.0, 0.0)}
+"""A metre in front of the couch."""
+
+
+@pytest.mark.parametrize(
+    ("steps", "first", "further"),
+    [
+        # It searched on for 25 steps after the first 25, which it spent on one spot.
+        ([*pacing(25, 1.0), *roaming(25)], "find: ineffective actions", ["find: ineffective exploration"]),
+        ([*roaming(25), *pacing(25, 1.0)], "find: ineffective actions", []),
+        ([*pacing(25, 1.0), *stuck(8)], "find: unaware jammed", ["find: ineffective actions"]),
+        # It turned its back to the couch, sat down too far in front of it, and stopped.
+        ([FOUND, step("sit_in_place", says=BLIND, away=0.4, **ASIDE), step("stop", away=0.4)], "nav: stop while far",
+         ["nav: turned to sit"]),
+        ([FOUND, step("turn_in_place", says=BLIND, yaw_end=-1.6, **ASIDE)], "nav: lost target", ["nav: turned to sit"]),
+        # It faces the couch.
+        ([FOUND, step("turn_in_place", says=BLIND, yaw_end=1.6, **ASIDE)], "nav: lost target", []),
+        ([FOUND, step("stop", away=0.3, says=SEE)], "nav: stop while far", ["nav: target hallucination"]),
+        (ROLLOUTS["interact: stand after sit"], "interact: stand after sit", []),
+    ],
+)  # fmt: skip
+def test_second_labels_tell_what_the_order_hides(tmp_path: Path, steps: list, first: str, further: list[str]) -> None:
+    recorded = rollout(tmp_path, steps, geodesic=4.0)
+    cause = attribute(recorded)
+    assert cause
+    assert (cause.label, [one.label for one in also(recorded, cause)]) == (first, further)
+
+
+def test_a_success_has_no_second_label(tmp_path: Path) -> None:
+    assert also(rollout(tmp_path, [step()]), None) == ()
+    assert [cause.label for cause in FURTHER] == ["nav: turned to sit"]
 
 
 # -- the funnel --------------------------------------------------------------------------------------------------------

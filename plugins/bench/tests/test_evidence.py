@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 
 from humanclaw import EpisodeSpec, Plugins
@@ -18,9 +19,8 @@ BY_LABEL = {cause.label: cause for cause in CAUSES}
 
 def scores(number: int, nav: bool, interact: bool | None = None) -> Scores:
     return Scores(
-        f"e{number}", "faulty", "", "house:0", "abc", "couch", "stopped", True, True, 0.0, nav, nav, nav, nav, interact,
-        interact, 0.1,
-        {}, 0, 0.0, 0, 0.0, 5.0, 5.0, 0.0, 10, 0, 0, 0, 0.0,
+        f"e{number}", "faulty", "", "house:0", "abc", "couch", "stopped", True, True, 0.0, nav, nav, nav, nav, nav,
+        interact, interact, 0.1, {}, 0, 0.0, 0, 0.0, 5.0, 5.0, 0.0, 10, 0, 0, 0, 0.0,
     )  # fmt: skip
 
 
@@ -64,10 +64,19 @@ def test_repair_counts_by_label_who_is_saved_by_the_blamed_capability():
     far, blind = BY_LABEL["nav: stop while far"], BY_LABEL["find: target in view but not seen"]
     causes = {"e0": far, "e1": far, "e2": far, "e3": blind, "e4": None}
     right = {f"e{k}": scores(k, nav=k != 1) for k in range(4)}
-    rows = repair.repaired(causes, right)
+    rows = repair.repaired(causes, right, second={"e0", "e1"})
+    assert [row.second for row in rows] == [0, 1]  # e0 was mended.
     assert [row.label for row in rows] == [blind.label, far.label]
     assert [(row.count, row.repaired) for row in rows] == [(1, 1), (3, 2)]
     assert "| nav: stop while far | ego-spatial distance | 3 | 2 (67 %) |" in repair.markdown(rows)
+
+
+def test_a_second_label_can_blame_the_missing_capability():
+    hidden = replace(scores(0, nav=False), also="find: ineffective actions; nav: turned to sit")
+    assert repair.second_blames(hidden, "action")
+    assert repair.second_blames(hidden, "body awareness")
+    assert not repair.second_blames(hidden, "perception")
+    assert not repair.second_blames(scores(0, nav=False), "action")
 
 
 def test_of_two_faults_at_once_the_failure_goes_with_the_blamed_one_and_stays_with_the_other():

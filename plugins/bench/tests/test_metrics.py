@@ -8,15 +8,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rollouts import BOOK, COUCH, LAMP, TABLE, VASE, rollout, step, touch
+from rollouts import BOOK, COUCH, COUCH_BOX, LAMP, TABLE, VASE, rollout, step, touch
 
 from humanclaw import Chunk, Decision, Motion, RecordError, Verdict
 from humanclaw.body import FPS, HISTORY, JOINTS, OFFSETS, PARENTS, Pose2D, pelvis_jerk, rest_pose, root_jerk
 from humanclaw.records import Answer, Attempt, PlayedPart, Usage, acknowledges
 from humanclaw.testing import contacts, touches
 from humanclaw.world import Contact, Execution
+from humanclaw_bench.disturbance import collisions, disturbed, disturbed_path
 from humanclaw_bench.metrics import ALL, compare, estimate
-from humanclaw_bench.scores import Scores, collisions, disturbed, disturbed_path, generated_trajectory, score
+from humanclaw_bench.scores import Scores, generated_trajectory, score
 
 SEE = "A couch is 2 m ahead."
 METRIC = {metric.name: metric for metric in ALL}
@@ -557,3 +558,30 @@ def test_an_episode_that_was_asked_otherwise_is_told_with_what_differs(base: Sco
 def test_an_episode_that_is_there_twice_cannot_be_paired(base: Scores) -> None:
     with pytest.raises(RecordError, match="twice"):
         compare([base, base], [base])
+
+
+# -- arriving ----------------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("pelvis", "left", "expected"),
+    [
+        (0.64, 0.99, True),  # Beside the couch.
+        (0.64, 3.7, False),  # Behind a wall.
+        (0.66, 0.5, False),  # With an outstretched arm.
+    ],
+)
+def test_an_arrival_needs_the_pelvis_near_and_a_short_way_left(
+    tmp_path: Path, pelvis: float, left: float, expected: bool
+) -> None:
+    place = (COUCH_BOX[0][0] - pelvis, 1.0, COUCH_BOX[0][2])
+    steps = [step("walk", away=0.18, end=place, geodesic=left), step("stop", away=0.18, geodesic=left)]
+    found = score(rollout(tmp_path, steps, geodesic=5.0))
+    assert (found.nav, found.arrive) == (True, expected)
+
+
+def test_without_a_measured_way_nobody_knows_whether_a_body_arrived(tmp_path: Path) -> None:
+    found = score(rollout(tmp_path, [step("stop", away=0.1)]))
+    assert (found.nav, found.arrive) == (True, None)
+
+
+def test_a_body_that_does_not_stop_has_not_arrived(tmp_path: Path) -> None:
+    assert score(rollout(tmp_path, [step(away=0.1, geodesic=0.2)], geodesic=5.0)).arrive is False

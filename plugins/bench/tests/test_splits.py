@@ -17,6 +17,7 @@ from humanclaw_bench.difficulty import overall, tiers
 from humanclaw_bench.splits import (
     BETWEEN,
     DATA,
+    DEV_HOUSES,
     EPISODES,
     HOUSES,
     MINI,
@@ -233,10 +234,19 @@ def test_the_readme_tells_the_figures_of_the_split_that_is_shipped():
 
 @shipped
 def test_the_small_splits_are_part_of_the_large_one():
-    val, large, mini, smoke = ({spec.id for spec in load_split(name)} for name in SPLITS)
+    val, large, mini, smoke = ({spec.id for spec in load_split(name)} for name in SPLITS if name != "dev")
     assert (len(large), len(mini), len(smoke)) == (400, 100, 5)
     assert smoke < mini < large < val
     assert len({spec.scene for spec in load_split("mini")}) == 41
+
+
+@shipped
+def test_the_development_split_shares_no_house_with_the_others():
+    dev, val = load_split("dev"), load_split("val")
+    assert (len(dev), len({spec.scene for spec in dev})) == (100, 41)
+    assert {spec.scene for spec in dev} == set(DEV_HOUSES)
+    assert not {spec.scene for spec in dev} & {spec.scene for spec in val}
+    assert Counter(spec.target_category for spec in dev) == Counter(spec.target_category for spec in load_split("mini"))
 
 
 @shipped
@@ -246,11 +256,14 @@ def test_the_splits_are_of_the_houses_that_are_installed(house):
 
 
 @shipped
-@pytest.mark.parametrize("number", [0, 3], ids=["one storey", "two storeys"])
-def test_making_the_splits_again_draws_the_episodes_that_are_shipped(plugins, number):
-    scene = plugins.scene(HOUSES[number])
-    ours = [spec for spec in load_split("val") if spec.scene == scene.name]
-    assert len(ours) >= 28
+@pytest.mark.parametrize(
+    ("split", "number", "least"), [("val", 0, 28), ("val", 3, 28), ("dev", 41, 1)],
+    ids=["one storey", "two storeys", "development"],
+)  # fmt: skip
+def test_making_the_splits_again_draws_the_episodes_that_are_shipped(plugins, split, number, least):
+    scene = plugins.scene((*HOUSES, *DEV_HOUSES)[number])
+    ours = [spec for spec in load_split(split) if spec.scene == scene.name]
+    assert len(ours) >= least
     unnamed = [spec.model_copy(update={"id": spec.target_category, "seed": 0}) for spec in ours]
     assert set(unnamed) <= set(candidates(scene, number))
 

@@ -61,9 +61,21 @@ def test_houses_that_do_not_differ_cost_a_rate_little() -> None:
 def test_a_rate_of_one_has_an_interval_all_the_same() -> None:
     found = rate([True] * 60, [f"house:{k % 10}" for k in range(60)])
     assert (found.value, found.high) == (1.0, 1.0)
-    # Six of a house at a correlation of .13 are worth 6 / 1.65; Student's t of nine degrees is 2.262.
-    assert found.low == pytest.approx(1 / (1 + 2.262**2 / (60 / 1.65)), abs=1e-4)
+    # If the six of a house always end alike, they are ten trials: ten times log(low) is half of t squared, and t of
+    # nine degrees is 2.262.
+    assert found.low == pytest.approx(np.exp(-(2.262**2) / 20), abs=0.03)
     assert found.low < wilson(60, 60).low
+
+
+def test_two_houses_that_alone_succeed_say_little_of_others() -> None:
+    """Clopper and Pearson give two trials in 41 [0.6, 16.5] %; the mean of chances has a narrower interval."""
+    found = rate([k < 60 for k in range(1230)], [f"house:{k // 30}" for k in range(1230)])
+    assert (found.low, found.high) == pytest.approx((0.006, 0.13), abs=0.01)
+
+
+@pytest.mark.parametrize("share", [0.03, 0.97])
+def test_intervals_of_rare_ends_hold_the_truth_where_houses_differ_much(share: float) -> None:
+    assert coverage(share, SIZES["val"], 300, icc=0.3)[1, 0] >= 0.93
 
 
 def test_fewer_than_five_houses_say_nothing_of_houses() -> None:

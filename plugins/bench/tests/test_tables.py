@@ -54,7 +54,7 @@ def write_run(folder: Path, sat: int, far: int, broken: int = 0, **more: object)
 
 @pytest.fixture
 def base(tmp_path: Path) -> Scores:
-    return score(rollout(tmp_path / "base", SAT))
+    return replace(score(rollout(tmp_path / "base", SAT)), conditions={})
 
 
 def results_of(base: Scores, *agents: str) -> tuple:
@@ -64,7 +64,7 @@ def results_of(base: Scores, *agents: str) -> tuple:
 
 
 def test_rows_of_two_simulators_are_never_one_row_and_each_names_its_own(base: Scores):
-    of = {name: [(replace(base, agent="model", simulator=name), None)] for name in ("bullet", "mujoco")}
+    of = {name: [(replace(base, agent="model", conditions={"simulator": name}), None)] for name in ("bullet", "mujoco")}
     mixed = named({"one run": of["bullet"] + of["mujoco"]})
     assert [(result.name, len(result.scores)) for result in mixed] == [("model, bullet", 1), ("model, mujoco", 1)]
     assert [result.name for result in named({"a": of["mujoco"]})] == ["model"]
@@ -271,9 +271,9 @@ def test_the_papers_rows_are_marked_as_such_and_say_why_they_are_no_comparison(b
     assert len(paper) == 9
     assert all(row.name.endswith("\u2020") for row in paper)
     gemini = next(row for row in paper if row.name.startswith("Gemini-3.1"))
-    told = [cell.value for cell in gemini.cells[:6]]
-    unknown = float("nan")  # Of false claims it tells nothing.
-    assert told == pytest.approx([0.649, unknown, 0.424, 0.168, 0.395, 1.50], nan_ok=True)
+    told = [cell.value for cell in gemini.cells[:7]]
+    unknown = float("nan")  # It has neither false claims nor ArriveSR.
+    assert told == pytest.approx([0.649, unknown, 0.424, unknown, 0.168, 0.395, 1.50], nan_ok=True)
     assert any("other scenes" in note for note in table.all_notes)
     assert not any("other scenes" in note for note in main_table(results_of(base, "model"), paper=False).all_notes)
 
@@ -503,7 +503,7 @@ def test_a_table_and_a_comparison_as_json_have_every_number_in_full(tmp_path: Pa
     (row,) = json.loads(invoke("table", run, "--json", "--no-paper", "--only", "main").output)["main"]["rows"]
     assert row["NavSR"]["value"] == 0.75
     assert row["NavSR"]["n"] == 4
-    (nav,) = [row for row in json.loads(invoke("compare", run, run, "--json", "--partial").output)
+    (nav,) = [row for row in json.loads(invoke("compare", run, run, "--json", "--partial").output)["metrics"]
                if row["metric"] == "NavSR"]  # fmt: skip
     assert (nav["a"], nav["b"], nav["difference"]["value"]) == (0.75, 0.75, 0.0)
 
