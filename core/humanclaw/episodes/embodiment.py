@@ -27,7 +27,9 @@ from humanclaw.skills.call import Call
 from humanclaw.skills.contract import Skill
 from humanclaw.skills.course import Course
 from humanclaw.skills.measures import Declaration
-from humanclaw.skills.plan import Control, Part, parts
+from humanclaw.skills.own_body import OwnBody
+from humanclaw.skills.plan import Control
+from humanclaw.skills.posing import Part, about, kind_of, posed
 from humanclaw.storage.pictures import jpeg
 from humanclaw.text.notebook import card
 from humanclaw.world.scene import Scene
@@ -55,11 +57,14 @@ class SkillExecution:
     """The parts of a sequence that were played, in order; empty for a call of one part."""
     cancelled: bool = False
     """Whether a part of the call was left out."""
+    limits: tuple[str, ...] = ()
+    """What the body could not do of the call, in words."""
 
     @property
     def feedback(self) -> Feedback:
         """The feedback that the agent gets for the call."""
-        return Feedback(self.call, proprioception=self.proprioception, tactile=self.tactile, cancelled=self.cancelled)
+        felt = {"proprioception": self.proprioception, "tactile": self.tactile}
+        return Feedback(self.call, **felt, cancelled=self.cancelled, limits=self.limits)
 
 
 class Body:
@@ -158,6 +163,11 @@ class Body:
         return self._history
 
     @property
+    def feeling(self) -> OwnBody:
+        """What the body feels of itself, as a skill is told it."""
+        return OwnBody.of(self._history)
+
+    @property
     def weights(self) -> str:
         """Digest of the motion prior's weights."""
         return self._generator.digest
@@ -200,7 +210,8 @@ class Body:
         """
         skill = self.plugins.skill(call.skill)
         with blaming(self.plugins.owner(call.skill)):
-            plan = parts(skill.plan(call.params))
+            plan = skill.planned(call.params, self.feeling)
+        self._limits: list[str] = []
         before, chunks, seconds = self._state.body, [], {"generate": 0.0, "simulate": 0.0}
         played: list[int] = []
         cancelled, moment = False, time.perf_counter()
@@ -216,7 +227,8 @@ class Body:
             moment = time.perf_counter()
         self.step += 1
         told = _played(plan, played) if len(plan) > 1 else ()
-        self.last = SkillExecution(call, tuple(chunks), seconds, *self._sense(before, chunks), told, cancelled)
+        senses, limits = self._sense(before, chunks), tuple(dict.fromkeys(self._limits))
+        self.last = SkillExecution(call, tuple(chunks), seconds, *senses, told, cancelled, limits)
         return self.last
 
     def _simulate(self, commanded: Motion) -> Chunk:
@@ -251,10 +263,13 @@ class Body:
             key = (self.seed, self.step, index)
             yield self._generated(self._declared(skill, part.adapter), part, key), False
             return
-        motion = part.over(self._history)
+        motion, limits = posed(part, self._history)
+        self._limits += limits
+        before = self._history[-1:]
         for first in range(0, len(motion), FUTURE):
             piece = motion[first : first + FUTURE]
-            yield _moved(piece, _offset(self._history[-1:], piece)), first + FUTURE < len(motion)
+            yield _moved(piece, _offset(self._history[-1:], before)), first + FUTURE < len(motion)
+            before = piece[-1:]
 
     def _generated(self, declared: Declaration | None, part: Control, key: tuple[int, ...]) -> Motion:
         """Generate the motion of a control, and correct the heading error that earlier calls left."""
@@ -297,7 +312,7 @@ def _played(plan: Sequence[Part], numbers: Sequence[int]) -> tuple[PlayedPart, .
     return tuple(
         PlayedPart("control", numbers.count(number), part.adapter.parent.name, dict(part.values))
         if isinstance(part, Control)
-        else PlayedPart("keyframes", numbers.count(number), ", ".join(part.rotations))
+        else PlayedPart(kind_of(part), numbers.count(number), about(part))
         for number, part in enumerate(plan)
         if number in numbers
     )

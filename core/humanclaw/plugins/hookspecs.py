@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from humanclaw.world.view import Renderer
 
 PROJECT: Final = "humanclaw"
-API_VERSION: Final = "1.1"
+API_VERSION: Final = "1.2"
 """Version of the plugin API, major.minor: the hooks below with the values that they pass, the skill contract, and the
 doors of docs/doors.md. A plugin may name the version that it was made for in HUMANCLAW_API. The host uses the plugin if
 the major is equal and the minor is not later, and otherwise refuses it with the reason (docs/stability.md)."""

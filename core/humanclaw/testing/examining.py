@@ -9,6 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from humanclaw.body.limits import JOINT_LIMITS, KNEE_BACK
 from humanclaw.body.pose import FPS, HISTORY, Array, Motion, matrix_from_vector, rest_pose, vector_from_matrix
 from humanclaw.body.skeleton import JOINTS
 from humanclaw.episodes.embodiment import untrained
@@ -19,19 +20,14 @@ from humanclaw.skills.adapter_checks import adapter_header, ranges, within
 from humanclaw.skills.checks import CHECKS, read_draft, skill_faults
 from humanclaw.skills.contract import Skill
 from humanclaw.skills.measures import MEASURES, Measure
-from humanclaw.skills.plan import Control, Keyframes, MotionError, parts
+from humanclaw.skills.own_body import OwnBody
+from humanclaw.skills.plan import Control, MotionError
+from humanclaw.skills.posing import Posed, wanted
 from humanclaw.testing.playing import Bench, Faults, motion_faults
 from humanclaw.testing.sampling import illegal_calls, legal_calls
 
 SPEED_LIMIT: Final = 1500.0
 """Degrees a second: about the speed of the knee in a kick and of the elbow in a throw."""
-_LIMITS: Final = {
-    "spine": 60, "hip": 135, "knee": 160, "ankle": 70, "foot": 70, "neck": 80, "collar": 60, "head": 85,
-    "shoulder": 180, "elbow": 160, "wrist": 100, "hand": 80,
-}  # fmt: skip
-"""Degrees that a joint can turn from the standing pose about any axis. Shoulders are not limited."""
-_KNEE_BACK: Final = 20.0
-"""Degrees that a knee bends the wrong way."""
 _UNCALLABLE: Final = frozenset(
     {"loads", "schema-file", "schema-object", "schema-valid", "references", "properties", "types", "bounds-order",
      "bounds-finite", "choices", "required-declared", "defaults-given", "defaults-legal"}
@@ -182,8 +178,10 @@ def _call_faults(skill: Skill, params: Mapping[str, Any], bench: Bench) -> Fault
         message = f"the schema of skill {skill.name!r} refuses a call at its own bounds: {error}"
         yield ContractError("accepts-bounds", message, "Mend bounds and pattern.")
         return
+    pose = rest_pose(HISTORY)
+    feeling = OwnBody.of(pose)
     try:
-        plan, again = (bench.ask(lambda: parts(skill.plan(checked))) for _ in range(2))
+        plan, again = (bench.ask(lambda: skill.planned(checked, feeling)) for _ in range(2))
     except MotionError as error:
         yield ContractError(error.check, f"{call}: {error}.", _REMEDIES.get(error.check, "Mend the keyframes."))
         return
@@ -194,9 +192,8 @@ def _call_faults(skill: Skill, params: Mapping[str, Any], bench: Bench) -> Fault
     if repr(plan) != repr(again):  # Keyframes may hold arrays, which == compares elementwise.
         message = f"{call} is planned otherwise the second time."
         yield ContractError("plan-repeats", message, "Plan from the parameters alone: no clock, no random numbers.")
-    pose = rest_pose(HISTORY)
     for part in plan:
-        if isinstance(part, Keyframes):
+        if isinstance(part, Posed):
             yield from _pose_faults(part, call, pose)
         elif part.adapter != skill.adapter:  # The skill's own adapter has been checked against its schema already.
             yield from _control_faults(part, call, bench)
@@ -234,14 +231,14 @@ def _control_faults(part: Control, call: str, bench: Bench) -> Faults:
             yield ContractError("control-range", f"{message}{centre - scale:.3g} to {centre + scale:.3g}.", remedy)
 
 
-def _pose_faults(part: Keyframes, call: str, pose: Motion) -> Faults:
-    motion = part.over(pose)
+def _pose_faults(part: Posed, call: str, pose: Motion) -> Faults:
+    motion = wanted(part, pose)
     angles = np.degrees(np.linalg.norm(motion.rotations - pose.rotations[-1], axis=-1))
     for index, joint in enumerate(JOINTS[1:], 1):
-        limit = next(most for kind, most in _LIMITS.items() if kind in joint)
+        limit = JOINT_LIMITS[joint]
         back = -np.degrees(motion.rotations[:, index, 0].min()) if "knee" in joint else 0.0
-        if angles[:, index].max() > limit or back > _KNEE_BACK:
-            most = f"{limit} degrees" if back <= _KNEE_BACK else f"{_KNEE_BACK:g} degrees backwards"
+        if angles[:, index].max() > limit or back > KNEE_BACK:
+            most = f"{limit} degrees" if back <= KNEE_BACK else f"{KNEE_BACK:g} degrees backwards"
             message = f"{call} turns {joint} by {max(angles[:, index].max(), back):.0f} degrees; it turns by {most}."
             yield ContractError("joint-limits", message, "Turn it less.")
     speeds = _speeds(pose[-1:].then(motion))
