@@ -132,6 +132,10 @@ class Lookup:
         first = self._find("skills", skill)
         return tuple(one.owner for one in self._offered["skills"] if one.name == first.name and one is not first)
 
+    def names_of(self, owner: str, kind: str) -> tuple[str, ...]:
+        """Return the names of a plugin's items of a kind, in the order in which it registered them."""
+        return tuple(one.name for one in self._offered.get(kind, ()) if one.owner == owner)
+
     @property
     def measures(self) -> dict[str, Measure]:
         """Every measure that a parameter can command, by name."""
