@@ -46,6 +46,11 @@ def within_limits(motion: Motion, pose: Motion) -> tuple[Motion, tuple[str, ...]
     return Motion(motion.root, rotations), tuple(joint for joint, beyond in zip(JOINTS, over, strict=True) if beyond)
 
 
+def angles_from_standing(rotations: Array) -> Array:
+    """Return how far each joint of (..., 24, 3) rotations is turned from the standing pose, (..., 24) degrees."""
+    return np.asarray(np.degrees(np.linalg.norm(_from_standing(rotations), axis=-1)))
+
+
 def _from_standing(rotations: Array) -> Array:
     """Return the turns (..., 24, 3) from the standing pose, rotation vectors."""
     return vector_from_matrix(np.swapaxes(_STANDING, -1, -2) @ matrix_from_vector(rotations))

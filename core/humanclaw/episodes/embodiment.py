@@ -63,8 +63,13 @@ class SkillExecution:
     @property
     def feedback(self) -> Feedback:
         """The feedback that the agent gets for the call."""
-        felt = {"proprioception": self.proprioception, "tactile": self.tactile}
-        return Feedback(self.call, **felt, cancelled=self.cancelled, limits=self.limits)
+        return Feedback(
+            self.call,
+            proprioception=self.proprioception,
+            tactile=self.tactile,
+            cancelled=self.cancelled,
+            limits=self.limits,
+        )
 
 
 class Body:

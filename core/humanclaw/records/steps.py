@@ -14,6 +14,7 @@ from humanclaw.records.decisions import Attempt, Decision, Usage, Verdict
 from humanclaw.records.feedback import Feedback, Proprioception, Touch
 from humanclaw.records.specification import EpisodeSpec, Name, Record
 from humanclaw.skills.call import Call
+from humanclaw.skills.posing import PartKind
 from humanclaw.text.json import STRICT
 from humanclaw.text.words import legible
 from humanclaw.world.scene import Vec3
@@ -29,7 +30,7 @@ class PlayedPart:
 
     __pydantic_config__: ClassVar = STRICT
 
-    kind: Literal["control", "keyframes", "reach", "gaze", "motion"]
+    kind: PartKind
     chunks: int
     """Number of half seconds."""
     what: str = ""
@@ -118,8 +119,13 @@ class StepRecord(Record):
 
     def _felt(self, feedback: Feedback) -> Feedback:
         """Add what the body felt of the call."""
-        felt = {"proprioception": self.proprioception, "tactile": self.tactile}
-        return replace(feedback, **felt, cancelled=self.cancelled, limits=self.limits)
+        return replace(
+            feedback,
+            proprioception=self.proprioception,
+            tactile=self.tactile,
+            cancelled=self.cancelled,
+            limits=self.limits,
+        )
 
 
 @dataclass(frozen=True)

@@ -95,10 +95,14 @@ class Skill:
             raise CallError(f"{self.name} was not executed: {odd[0]} is no finite number. {self.usage()}")
         return {key: _whole(filled[key], part) for key, part in properties.items() if key in filled}
 
+    @property
+    def feels(self) -> bool:
+        """Whether its plan depends on what the body feels of itself."""
+        return "body" in inspect.signature(self.plan).parameters
+
     def planned(self, params: Mapping[str, Any], body: OwnBody) -> tuple[Part, ...]:
         """Return the parts of a checked call. Raises MotionError for a plan that cannot be played."""
-        feels = "body" in inspect.signature(self.plan).parameters
-        return parts(self.plan(params, body) if feels else self.plan(params))
+        return parts(self.plan(params, body) if self.feels else self.plan(params))
 
     def usage(self) -> str:
         """Write one line that says how to call the skill."""

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final, Literal, Self, TypeAlias
 
+import numpy as np
+
 from humanclaw.body.pose import Array, Motion, Pose2D, support_height
 from humanclaw.body.skeleton import JOINT_INDEX, STANDING_HEIGHT
 
@@ -38,7 +40,7 @@ class OwnBody:
 
     def joint(self, name: str) -> Array:
         """Return the position (3,) of a joint, metres."""
-        return self.pose.joints()[0, JOINT_INDEX[name]]
+        return np.asarray(self.pose.joints()[0, JOINT_INDEX[name]])
 
 
 def posture_of(pelvis_height: float) -> Posture:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Final
+from collections.abc import Mapping, Sequence
+from typing import Final, Literal
 
 import numpy as np
 
@@ -17,6 +17,14 @@ Posed = Keyframes | Reach | Gaze | Motion
 Part = Control | Posed
 Plan = Part | Sequence[Part]
 """The plan of a call: one part, or a sequence of parts, each from the last pose of the one before."""
+PartKind = Literal["control", "keyframes", "reach", "gaze", "motion"]
+_KINDS: Final[Mapping[type, PartKind]] = {
+    Control: "control",
+    Keyframes: "keyframes",
+    Reach: "reach",
+    Gaze: "gaze",
+    Motion: "motion",
+}
 _EASE: Final = 10
 """Frames in which the body comes from its own pose into a ready motion."""
 
@@ -43,9 +51,9 @@ def frames_of(part: Part) -> int:
     return whole_chunks(part.seconds) if isinstance(part, Motion) else part.frames
 
 
-def kind_of(part: Part) -> str:
+def kind_of(part: Part) -> PartKind:
     """Return the kind of a part, as records name it."""
-    return type(part).__name__.lower()
+    return _KINDS[type(part)]
 
 
 def about(part: Posed) -> str:

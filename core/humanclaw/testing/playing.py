@@ -45,7 +45,7 @@ class Bench:
 
 
 # -- playing it --------------------------------------------------------------------------------------------------------
-def motion_faults(
+def played_faults(
     skill: Skill, calls: Sequence[dict[str, Any]], bench: Bench
 ) -> tuple[tuple[ContractError, ...], tuple[str, ...], tuple[str, ...]]:
     """Return the faults, the engines that played the skill, and notes on those that could not."""
