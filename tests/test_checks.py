@@ -102,6 +102,20 @@ def test_a_legal_skill_passes_every_check(made):
     assert report.calls >= 3
 
 
+def test_an_adapter_that_is_no_better_than_a_constant_is_a_fault(tmp_path):
+    def deaf(tensors):
+        """Take the command away: what is left of the adapter moves the body by one distance."""
+        for name in tensors:
+            if ".encode." in name:
+                tensors[name] = np.zeros_like(tensors[name])
+
+    folder = shutil.copytree(folder_of("step_back"), tmp_path / "step_back")
+    weights(deaf)(folder)
+    (fault,) = examine(folder, engines=()).faults
+    assert fault.check == "follows"
+    assert "a constant misses it by" in fault.message
+
+
 def test_an_adapter_may_be_reused_with_another_schema_by_who_says_whose_it_is(tmp_path):
     folder = shutil.copytree(folder_of("walk"), tmp_path / "saunter")
     rewrite(folder, lambda schema: schema["properties"]["z_cm"].update(minimum=20, maximum=40))
@@ -389,7 +403,7 @@ REPEATED = {
 
 
 @pytest.mark.parametrize(
-    ("made", "check"), zip(REPEATED.values(), ("joint-limits", "joint-speed"), strict=True), ids=REPEATED
+    ("made", "check"), [*zip(REPEATED.values(), ("joint-limits", "joint-speed"), strict=True)], ids=REPEATED
 )
 def test_a_skill_is_held_to_the_body_over_time_and_the_second_time(made, check):
     assert check in names(planned(lambda params: made))
@@ -413,6 +427,7 @@ def test_a_knee_does_not_bend_forward():
 
 
 ELSEWHERE = {
+    "follows": "test_an_adapter_that_is_no_better_than_a_constant_is_a_fault",
     "loads": "test_a_file_that_raises_is_a_fault_of_the_file",
     "publish-mcp": "what no MCP server takes is of no one type, which `types` finds first",
     "refuses-unknown": "a schema that is closed refuses it; `closed` finds the others",

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from humanclaw.doors import door
 
 if TYPE_CHECKING:
+    from humanclaw.skills.agreement import Agreement as Agreement
     from humanclaw.skills.aims import Gaze as Gaze, Point as Point, Reach as Reach
     from humanclaw.skills.body_tool import LOOK as LOOK, BodyTool as BodyTool, ToolResult as ToolResult
     from humanclaw.skills.call import Call as Call, check_call as check_call

@@ -99,6 +99,7 @@ CHECKS: Final[Mapping[str, str]] = {
     "self-contact": "no arm goes through the body",
     "parameters-used": "every parameter changes something",
     "default-moves": "its defaults move the body, if any call does",
+    "follows": "a trained skill follows each parameter better than the best constant would",
     "body-plays": "a body without dynamics plays it",
     "body-repeats": "the same call at the same moment is the same motion",
     "engine-plays": "every installed engine plays it",

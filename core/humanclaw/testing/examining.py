@@ -19,6 +19,7 @@ from humanclaw.skills.measures import MEASURES, Measure
 from humanclaw.skills.own_body import OwnBody
 from humanclaw.skills.plan import Control, MotionError
 from humanclaw.skills.posing import Part
+from humanclaw.testing.following import following_faults
 from humanclaw.testing.playing import Bench, Faults, played_faults
 from humanclaw.testing.quality import motion_faults, moves
 from humanclaw.testing.sampling import illegal_calls, legal_calls, values_of
@@ -113,7 +114,10 @@ def _examined(skill: Skill, bench: Bench, unreadable: Sequence[ContractError]) -
     if any(fault.check not in _ELSEWHERE for fault in (*said, *called)):
         return Report(skill.name, _once((*said, *called)), notes=tuple(_untold(skill)))
     played, engines, notes = played_faults(skill, calls, bench)
-    return Report(skill.name, _once((*said, *called, *played)), len(calls), engines, (*_untold(skill), *notes))
+    follows = following_faults(skill, bench)
+    return Report(
+        skill.name, _once((*said, *called, *played, *follows)), len(calls), engines, (*_untold(skill), *notes)
+    )
 
 
 _ELSEWHERE: Final = frozenset(name for name in CHECKS if name.startswith("publish-"))
