@@ -262,8 +262,8 @@ def _ratio(content: Mapping[str, Any] | None) -> Ratio | None:
 def markdown(rows: Sequence[Row]) -> str:
     """Return the rows as a Markdown table, with the paper's results."""
     heads = (
-        "skill", "generated", "after another", "slope", "R²", "error cm, deg", "of the best constant", "simulated", "error cm, deg", "median clip", "paper",
-        "paper's baseline",
+        "skill", "generated", "after another", "slope", "R²", "error cm, deg", "of the best constant", "simulated",
+        "error cm, deg", "median clip", "paper", "paper's baseline",
     )  # fmt: skip
     return table(heads, [
         (row.skill, _spread(row.generated), cell(row.generated.after_other, 3), cell(row.generated.slope, 2),
