@@ -202,14 +202,14 @@ def parse_limits(texts: Sequence[str]) -> dict[str, float]:
 
 
 def plugin_files(function: F) -> F:
-    """Add --plugin FILE (repeatable)."""
+    """Add --plugin FILE|FOLDER (repeatable)."""
     option = click.option(
         "--plugin",
         "files",
         type=click.Path(path_type=Path),
         multiple=True,
-        metavar="FILE",
-        help="Also load a plugin from one Python file, without packaging it. Repeatable.",
+        metavar="FILE|FOLDER",
+        help="Also load a plugin from a Python file or a package's folder, without installing it. Repeatable.",
     )
     return option(function)
 

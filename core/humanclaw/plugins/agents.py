@@ -53,6 +53,11 @@ class Observation:
     feedback: Feedback = field(default_factory=Feedback)
     """Outcome of the last step, or the reason why the last answer was refused; str() gives words."""
 
+    def __repr__(self) -> str:
+        """Return one line, without the pixels."""
+        size = " x ".join(map(str, self.rgb.shape))
+        return f"Observation(step={self.step}, {self.instruction!r}, rgb {size}, {str(self.feedback)!r})"
+
 
 @dataclass(frozen=True)
 class HistoryEntry:

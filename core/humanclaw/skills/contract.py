@@ -62,7 +62,8 @@ class Skill:
 
     def __post_init__(self) -> None:
         for fault in refusals(self):
-            raise fault
+            if fault.check != "name-reserved":  # The host refuses the name, and keeps the plugin's other skills.
+                raise fault
 
     @property
     def trained(self) -> bool:
