@@ -172,9 +172,8 @@ def test_every_snippet_passes_mypy_strict(tmp_path):
         "[mypy]\nstrict = True\nignore_missing_imports = True\nfollow_imports = silent\n"
     )
     paths = [ROOT / "core", *(path for part in ("plugins", "skills", "harnesses") for path in (ROOT / part).iterdir())]
-    done = subprocess.run(
-        [sys.executable, "-m", "mypy", "--config-file", tmp_path / "mypy.ini", *sorted(tmp_path.glob("*.py"))],
-        cwd=ROOT, env=os.environ | {"MYPYPATH": os.pathsep.join(map(str, paths))}, capture_output=True, text=True, check=False,
-    )  # fmt: skip
+    command = [sys.executable, "-m", "mypy", "--config-file", tmp_path / "mypy.ini", *sorted(tmp_path.glob("*.py"))]
+    found = os.environ | {"MYPYPATH": os.pathsep.join(map(str, paths))}
+    done = subprocess.run(command, cwd=ROOT, env=found, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout
     assert len(python) > 30

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from inspect import signature
 from pathlib import Path
 from typing import Any, Self, TypeVar
@@ -13,15 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanclaw.body.pose import FUTURE, HISTORY, Array, Motion, Pose2D, re_rooted
-from humanclaw.episodes.backends import SHIPPED, Backends
-from humanclaw.episodes.sensors import proprioception, tactile
+from humanclaw.episodes.backends import SENSORS, SHIPPED, VISION, Backends
 from humanclaw.episodes.tools import Verified, body_tools
 from humanclaw.errors import CheckpointError, HumanclawError, blaming
 from humanclaw.motion.checkpoint import adapters_beside
 from humanclaw.motion.generator import MotionGenerator
-from humanclaw.plugins.agents import Observation, Verifier
+from humanclaw.plugins.agents import Moment, Observation, Sense, Verifier
 from humanclaw.plugins.host import Plugins
-from humanclaw.records.feedback import Feedback, Proprioception, Touch
+from humanclaw.records.feedback import Feedback, Proprioception, Reading, Touch
 from humanclaw.records.steps import PlayedPart
 from humanclaw.skills.call import Call
 from humanclaw.skills.contract import Skill
@@ -32,6 +31,7 @@ from humanclaw.skills.plan import Control
 from humanclaw.skills.posing import Part, about, kind_of, posed
 from humanclaw.storage.pictures import jpeg
 from humanclaw.text.notebook import card
+from humanclaw.text.words import legible
 from humanclaw.world.scene import Scene
 from humanclaw.world.simulator import Chunk, Simulator, WorldState
 from humanclaw.world.view import Renderer, View, ego_camera
@@ -52,13 +52,15 @@ class SkillExecution:
     seconds: Mapping[str, float]
     proprioception: Proprioception | None = None
     tactile: tuple[Touch, ...] | None = None
-    """Readings of the senses beside vision; None for a sense that is off."""
+    """Readings of the core's senses beside vision; None for a sense that is off."""
     parts: tuple[PlayedPart, ...] = ()
     """The parts of a sequence that were played, in order; empty for a call of one part."""
     cancelled: bool = False
     """Whether a part of the call was left out."""
     limits: tuple[str, ...] = ()
     """What the body could not do of the call, in words."""
+    readings: tuple[Reading, ...] = ()
+    """Readings of the senses of plugins."""
 
     @property
     def feedback(self) -> Feedback:
@@ -69,6 +71,7 @@ class SkillExecution:
             tactile=self.tactile,
             cancelled=self.cancelled,
             limits=self.limits,
+            readings=self.readings,
         )
 
 
@@ -96,6 +99,9 @@ class Body:
         self.plugins = plugins or Plugins.discover()
         self.backends = (backends or Backends()).chosen(self.plugins)
         self.sensors = self.backends.sensors
+        self._senses: dict[str, Sense] = {
+            name: self.plugins.make("senses", name) for name in self.sensors if name != VISION
+        }
         self._adapters: dict[Path, Mapping[str, Path]] = {}
         self._generator: MotionGenerator = self._moved_by(self.backends.generator, self.backends.prior)
         self._simulator: Simulator = self._make("simulators", self.backends.simulator)
@@ -232,8 +238,9 @@ class Body:
             moment = time.perf_counter()
         self.step += 1
         told = _played(plan, played) if len(plan) > 1 else ()
-        senses, limits = self._sense(before, chunks), tuple(dict.fromkeys(self._limits))
-        self.last = SkillExecution(call, tuple(chunks), seconds, *senses, told, cancelled, limits)
+        limits = tuple(dict.fromkeys(self._limits))
+        body, touch, readings = self._sense(Moment(before, tuple(chunks), self.view))
+        self.last = SkillExecution(call, tuple(chunks), seconds, body, touch, told, cancelled, limits, readings)
         return self.last
 
     def _simulate(self, commanded: Motion) -> Chunk:
@@ -242,12 +249,15 @@ class Body:
         self._history = re_rooted(self._history.then(commanded)[-HISTORY:], execution.simulated)
         return Chunk(commanded, execution)
 
-    def _sense(self, before: Motion, chunks: Sequence[Chunk]) -> tuple[Proprioception | None, tuple[Touch, ...] | None]:
-        told = [(chunk.commanded, chunk.execution) for chunk in chunks]
-        return (
-            proprioception(before, told) if "body" in self.sensors else None,
-            tactile([execution for _, execution in told]) if "touch" in self.sensors else None,
-        )
+    def _sense(self, moment: Moment) -> tuple[Proprioception | None, tuple[Touch, ...] | None, tuple[Reading, ...]]:
+        """Return the readings of body, touch, and the senses of plugins."""
+        told: dict[str, Any] = {}
+        for name, sense in self._senses.items():
+            with blaming(self.plugins.owner(name, "senses")):
+                told[name] = sense.feel(moment)
+                if name not in SENSORS:
+                    told[name] = replace(_held(told[name], name), sense=name)
+        return told.get("body"), told.get("touch"), tuple(one for name, one in told.items() if name not in SENSORS)
 
     def _chunks(self, skill: Skill, plan: Sequence[Part]) -> Iterator[tuple[int, Motion, bool]]:
         """Yield the motion of a plan, 15 frames at a time, each beginning where the chunk before it ended.
@@ -305,6 +315,13 @@ class Body:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+
+def _held(reading: object, sense: str) -> Reading:
+    """Return a reading that a record can hold. Raises TypeError for anything else."""
+    if not isinstance(reading, Reading) or not isinstance(reading.words, str):
+        raise TypeError(f"feel() of sense {sense!r} returned {str(reading)[:100]!r} and no Reading")
+    return Reading(legible(reading.words), {str(key): float(value) for key, value in reading.values.items()})
 
 
 def _fixed(picture: NDArray[T]) -> NDArray[T]:

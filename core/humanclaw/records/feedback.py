@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar, Final
 
 import numpy as np
@@ -79,6 +79,21 @@ class Touch:
 
 
 @dataclass(frozen=True)
+class Reading:
+    """The reading of a sense of a plugin: words for the agent, values for the record."""
+
+    __pydantic_config__: ClassVar = STRICT
+
+    words: str
+    values: dict[str, float] = field(default_factory=dict)
+    sense: str = ""
+    """Name of the sense; the body fills it in."""
+
+    def __str__(self) -> str:
+        return self.words
+
+
+@dataclass(frozen=True)
 class Feedback:
     """Outcome of the last step, or the reason why the last answer was refused. str() gives words."""
 
@@ -96,6 +111,8 @@ class Feedback:
     """Whether the call was broken off."""
     limits: tuple[str, ...] = ()
     """What the body could not do of the call, in words: a joint's limit, a target out of reach."""
+    readings: tuple[Reading, ...] = ()
+    """Readings of the senses of plugins."""
 
     def __bool__(self) -> bool:
         return self.executed is not None or bool(self.refusal)
@@ -108,8 +125,9 @@ class Feedback:
 
     @property
     def sensor_readings(self) -> str:
-        """The readings of body and touch senses in words; empty if both are off."""
-        return f"{self.proprioception or ''} {_touched(self.tactile)}".strip()
+        """The readings of all senses beside vision in words; empty if they are off."""
+        told = (str(self.proprioception or ""), _touched(self.tactile), *map(str, self.readings))
+        return " ".join(filter(None, told))
 
     def _action(self) -> str:
         if self.replaced is None:

@@ -11,7 +11,7 @@ from pydantic import Field
 
 from humanclaw.body.pose import FUTURE, Pose2D
 from humanclaw.records.decisions import Attempt, Decision, Usage, Verdict
-from humanclaw.records.feedback import Feedback, Proprioception, Touch
+from humanclaw.records.feedback import Feedback, Proprioception, Reading, Touch
 from humanclaw.records.specification import EpisodeSpec, Name, Record
 from humanclaw.skills.call import Call
 from humanclaw.skills.posing import PartKind
@@ -52,6 +52,8 @@ class StepRecord(Record):
     proprioception: Proprioception | None = None
     tactile: tuple[Touch, ...] | None = None
     """Readings of the touch sense; None if it was off."""
+    readings: tuple[Reading, ...] = ()
+    """Readings of the senses of plugins."""
     target_pixels: dict[int, int] = {}
     """Pixels of each target in the view before the decision."""
     frame_file: Annotated[str, Field(pattern=r"^(frames/[A-Za-z0-9_-][A-Za-z0-9._-]*)?$")] = ""
@@ -125,6 +127,7 @@ class StepRecord(Record):
             tactile=self.tactile,
             cancelled=self.cancelled,
             limits=self.limits,
+            readings=self.readings,
         )
 
 
