@@ -1,5 +1,6 @@
 """What authors of plugins meet first: names, folders, one-line values, verdicts that mean something."""
 
+import asyncio
 import json
 import subprocess
 import sys
@@ -136,3 +137,25 @@ def test_dir_names_what_is_public(package):
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     listed, public = json.loads(done.stdout)
     assert [name for name in listed if not name.startswith("__")] == public
+
+
+def test_an_event_loop_goes_on_while_the_body_moves_and_calls_wait_for_one_another():
+    async def two():
+        ticks = []
+
+        async def tick():
+            while len(ticks) < 1000:
+                ticks.append(body.step)
+                await asyncio.sleep(0.001)
+
+        ticking = asyncio.create_task(tick())
+        seen = await asyncio.gather(body.acall("nod"), body.acall("nod"))
+        ticking.cancel()
+        return seen, ticks
+
+    with fake_body(nod) as body:
+        seen, ticks = asyncio.run(two())
+        (tool, *_) = body_tools(body)
+        assert asyncio.run(tool.acall()).picture
+    assert sorted(one.step for one in seen) == [1, 2]
+    assert ticks

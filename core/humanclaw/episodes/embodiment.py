@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import asyncio
+import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -107,6 +109,7 @@ class Body:
         self._simulator: Simulator = self._make("simulators", self.backends.simulator)
         self._renderer: Renderer = self.plugins.make("renderers", self.backends.renderer)
         self._shown: Scene | None = None
+        self._turn = threading.Lock()
         self.resets = 0
         """Number of resets. An episode of an earlier count is over."""
         self.place(scene, start, seed=seed)
@@ -203,6 +206,15 @@ class Body:
         """
         done = self.execute(Call(skill, self.plugins.skill(skill).check(params)))
         return self.observe(feedback=done.feedback)
+
+    async def acall(self, skill: str, /, **params: Any) -> Observation:
+        """Do the same as call() in a thread, so that an event loop goes on. Calls wait for one another."""
+
+        def turn() -> Observation:
+            with self._turn:
+                return self.call(skill, **params)
+
+        return await asyncio.to_thread(turn)
 
     def tools(self, framework: str, *, verifier: Verifier | None = None, instruction: str = "") -> Any:
         """Return every skill that can run, and `look`, as tools of an agent framework ("openai", "langchain", ...).
