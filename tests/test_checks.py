@@ -17,7 +17,7 @@ from declared import folder_of
 from pydantic import Field
 from safetensors.numpy import load_file, save
 
-from humanclaw import Call, Control, Keyframes, Plugins, hookimpl, run_episode, skill
+from humanclaw import Call, Control, Gaze, Keyframes, Motion, Plugins, Reach, hookimpl, run_episode, skill
 from humanclaw.cli import build
 from humanclaw.errors import CallError
 from humanclaw.records import free_episode
@@ -85,7 +85,8 @@ class Bar:
 def drumming(bar: Bar, sides: Annotated[list[Side], Field(max_length=2)], lead: Side = Side.RIGHT) -> Keyframes:
     """Nod along; types may be made of types."""
     assert {type(side) for side in [lead, bar["side"], *sides]} == {str}
-    return Keyframes.cycle(bar["beats"][0]["joint"], axis="x", degrees=5, seconds=0.5)
+    degrees = 5 + len(sides) + (lead == "left")
+    return Keyframes.cycle(bar["beats"][0]["joint"], axis="x", degrees=degrees, seconds=0.5)
 
 
 @skill(role="locomotion")
@@ -99,6 +100,20 @@ def test_a_legal_skill_passes_every_check(made):
     report = examine(made, engines=())
     assert (report.faults, report.notes) == ((), ())
     assert report.calls >= 3
+
+
+def test_an_adapter_that_is_no_better_than_a_constant_is_a_fault(tmp_path):
+    def deaf(tensors):
+        """Take the command away: what is left of the adapter moves the body by one distance."""
+        for name in tensors:
+            if ".encode." in name:
+                tensors[name] = np.zeros_like(tensors[name])
+
+    folder = shutil.copytree(folder_of("step_back"), tmp_path / "step_back")
+    weights(deaf)(folder)
+    (fault,) = examine(folder, engines=()).faults
+    assert fault.check == "follows"
+    assert "a constant misses it by" in fault.message
 
 
 def test_an_adapter_may_be_reused_with_another_schema_by_who_says_whose_it_is(tmp_path):
@@ -251,6 +266,19 @@ PLANS = {
     "keyframes-finite": planned(lambda params: Keyframes((0.0, 1.0), {"head": ((float("nan"), 0.0, 0.0),) * 2})),
     "joint-limits": planned(lambda params: Keyframes.cycle("neck", "y", 170, 2)),
     "joint-speed": planned(lambda params: Keyframes.cycle("right_shoulder", "x", 170, 0.2)),
+    "root-speed": planned(lambda params: Keyframes((0.0, 0.1), {}, root=((0, 0, 0), (0, 0, 5.0)))),
+    "upright": planned(lambda params: Keyframes((0.0, 2.0), {"pelvis": ((0, 0, 0), (3.0, 0, 0))})),
+    "self-contact": planned(lambda params: Keyframes.cycle("right_shoulder", "z", 60, 1)),
+    "parameters-used": planned(
+        lambda params: NOD, TIMES | {"times": {"type": "integer", "minimum": 1, "maximum": 3, "default": 1}}
+    ),
+    "default-moves": planned(
+        lambda params: Keyframes.cycle("head", "x", params["deg"], 1),
+        {"deg": {"type": "integer", "minimum": 0, "maximum": 30, "default": 0}},
+    ),
+    "aim-hand": planned(lambda params: Reach("both", (0.0, 1.0, 0.4))),
+    "aim-finite": planned(lambda params: Gaze((0.0, float("nan"), 1.0))),
+    "motion-finite": planned(lambda params: Motion(np.zeros((0, 3)), np.zeros((0, 24, 3)))),
     "accepts-bounds": planned(lambda params: NOD, {"word": {"type": "string", "pattern": "^q"}}, required=["word"]),
     "refuses-types": planned(lambda params: NOD, {"any": {"default": 1}}),
 }
@@ -368,11 +396,38 @@ def test_a_schema_that_is_too_deep_to_be_read_is_a_fault_of_its_file(tmp_path):
     assert names(folder) == {"schema-file"}
 
 
+REPEATED = {
+    "the head is turned further with each call": Keyframes((0.0, 0.5), {"head": ((0, 0, 0), (0, 0.7, 0))}),
+    "a spine jumps in a frame": Keyframes((0.0, 0.5, 0.53), {"spine1": ((0, 0, 0), (0, 0, 0), (0, 0.83, 0))}),
+}
+
+
+@pytest.mark.parametrize(
+    ("made", "check"), [*zip(REPEATED.values(), ("joint-limits", "joint-speed"), strict=True)], ids=REPEATED
+)
+def test_a_skill_is_held_to_the_body_over_time_and_the_second_time(made, check):
+    assert check in names(planned(lambda params: made))
+
+
+def test_a_skill_that_raises_its_arm_on_its_own_side_and_one_with_absolute_keys_are_not_refused():
+    up = Keyframes.cycle("right_shoulder", "z", -60, 1)
+    aside = Keyframes((0.5,), {"head": ((0, 0.7, 0),)}, absolute=True)
+    assert names(planned(lambda params: [up, aside])) == set()
+
+
+def test_a_plan_that_fails_only_from_a_walk_is_a_fault():
+    def plan(params, body):
+        return NOD if body.pose.root[0, 1] > 0.95 else None
+
+    assert names(planned(plan)) == {"body-plays"}
+
+
 def test_a_knee_does_not_bend_forward():
     assert names(planned(lambda params: Keyframes((0.0, 1.0), BENT))) == {"joint-limits"}
 
 
 ELSEWHERE = {
+    "follows": "test_an_adapter_that_is_no_better_than_a_constant_is_a_fault",
     "loads": "test_a_file_that_raises_is_a_fault_of_the_file",
     "publish-mcp": "what no MCP server takes is of no one type, which `types` finds first",
     "refuses-unknown": "a schema that is closed refuses it; `closed` finds the others",

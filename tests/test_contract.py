@@ -10,10 +10,11 @@ import sys
 import numpy as np
 import pytest
 
-from humanclaw import Control, Keyframes, Skill, skill
+from humanclaw import Control, Keyframes, Plugins, Skill, skill
 from humanclaw.body import FUTURE, rest_pose
 from humanclaw.errors import CallError, PluginError
 from humanclaw.skills import publish, tool_spec
+from humanclaw.testing.fakes import Fakes
 
 EIGHT = {
     "walk", "side_step", "step_back", "turn_in_place", "climb_upstairs", "walk_downstairs", "sit_in_place", "stop",
@@ -163,9 +164,11 @@ def test_a_name_that_is_not_one_whole_word_is_refused(name):
 
 
 @pytest.mark.parametrize("name", ["look", "reset", "verdict"])
-def test_a_name_that_a_harness_uses_for_itself_is_refused(name):
-    with pytest.raises(PluginError, match="is taken"):
-        Skill(name, "", {"type": "object"}, lambda params: None)
+def test_a_name_that_a_harness_uses_for_itself_is_refused_by_the_host(name):
+    plugins = Plugins()
+    closed = {"type": "object", "properties": {}, "additionalProperties": False}
+    plugins.add(Fakes([Skill(name, "Nod.", closed, lambda params: None)]), "odd")
+    assert "is taken" in plugins.disabled[name]
 
 
 @pytest.mark.parametrize(

@@ -46,9 +46,11 @@ if TYPE_CHECKING:
     from humanclaw.records.reading import RecordedEpisode as RecordedEpisode, load_run as load_run
     from humanclaw.records.specification import EpisodeSpec as EpisodeSpec
     from humanclaw.records.steps import EpisodeRecord as EpisodeRecord, StepRecord as StepRecord
+    from humanclaw.skills.aims import Gaze as Gaze, Reach as Reach
     from humanclaw.skills.call import Call as Call
     from humanclaw.skills.contract import Check as Check, Skill as Skill
     from humanclaw.skills.decorator import skill as skill
+    from humanclaw.skills.own_body import OwnBody as OwnBody
     from humanclaw.skills.plan import Control as Control, Keyframes as Keyframes
     from humanclaw.world.scene import Scene as Scene
     from humanclaw.world.simulator import Chunk as Chunk, Simulator as Simulator

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from humanclaw.plugins.hookspecs import hookimpl
@@ -12,10 +13,12 @@ if TYPE_CHECKING:
     import click
 
     from humanclaw.motion.generator import MotionGenerator
-    from humanclaw.plugins.hookspecs import GeneratorFactory, Register
+    from humanclaw.plugins.hookspecs import GeneratorFactory, Register, SceneFactory, SenseFactory
+    from humanclaw.world.scene import Scene
 
 _COMMANDS = (
     ("check", "check:check", "Check skills against the contract, and play them; exit code 1 if one has a fault."),
+    ("play", "play_skill:play", "Play one skill with these parameters, and film it."),
     ("skills", "show:skills", "List the skills: parameters, adapter, where they come from."),
     ("plugins", "show:plugins_command", "List the plugins, what they provide, and why one is disabled."),
     ("tools", "show:tools", "Print the skills as the tool list of a model's interface."),
@@ -38,6 +41,19 @@ def humanclaw_priors(register: Register[Path]) -> None:
 
 
 @hookimpl
+def humanclaw_scenes(register: Register[SceneFactory]) -> None:
+    register("floor", _floor, "an empty floor of 20 by 20 metres")
+
+
+@hookimpl
+def humanclaw_senses(register: Register[SenseFactory]) -> None:
+    from humanclaw.episodes.sensors import BodySense, TouchSense
+
+    register("body", BodySense, "posture, height of the hips, intended and actual displacement")
+    register("touch", TouchSense, "which part of the body something touched, and for how long")
+
+
+@hookimpl
 def humanclaw_commands(cli: click.Group) -> None:
     from humanclaw.cli import LazyCommand
 
@@ -49,3 +65,11 @@ def _dit(profile: str = "default", prior: Path | None = None) -> MotionGenerator
     from humanclaw.motion.generator import DiTGenerator
 
     return DiTGenerator.load(prior, profile)
+
+
+def _floor(argument: str) -> Scene:
+    from humanclaw.testing.scenes import SceneBuilder
+
+    builder = SceneBuilder()
+    builder.floor()
+    return replace(builder.scene(), name="floor")

@@ -52,7 +52,8 @@ def door(package: str) -> tuple[Callable[[str], Any], Callable[[], list[str]], l
         setattr(sys.modules[package], name, value)
         return value
 
-    return load, lambda: sorted({*vars(sys.modules[package]), *homes}), sorted(homes)
+    special = [name for name in vars(sys.modules[package]) if name.startswith("__")]
+    return load, lambda: sorted({*special, *homes}), sorted(homes)
 
 
 def _imported(module: ModuleType) -> Iterator[tuple[str, str]]:

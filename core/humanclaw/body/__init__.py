@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from humanclaw.doors import door
 
 if TYPE_CHECKING:
+    from humanclaw.body.limits import JOINT_LIMITS as JOINT_LIMITS
     from humanclaw.body.pose import (
         CHUNK as CHUNK,
         FPS as FPS,

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 import click
 
-from humanclaw.episodes.backends import SENSORS, Backends, check_sensors
+from humanclaw.episodes.backends import Backends
 from humanclaw.errors import HumanclawError, PluginError, PluginRunError, blaming
 from humanclaw.records.limits import Meter, check_limits
 from humanclaw.text.words import did_you_mean
@@ -86,9 +86,9 @@ _DECIDERS: Final = (
     click.option(
         "--sensor",
         "sensors",
-        type=click.Choice(SENSORS),
+        metavar="NAME",
         multiple=True,
-        help="Sense that the agent gets besides the view, which is always on. Repeatable.",
+        help="Sense besides the view, which is always on: body, touch, or one of a plugin. Repeatable.",
     ),
     click.option("--option", "pairs", multiple=True, metavar="KEY=VALUE", help="Any option of the agent. Repeatable."),
     click.option(
@@ -139,7 +139,7 @@ def decider_options(function: F) -> F:
             options,
             parse_limits(limits),
         )
-        backends = Backends(simulator, renderer, generator, profile, check_sensors(sensors), prior)
+        backends = Backends(simulator, renderer, generator, profile, tuple(sensors), prior)
         return function(*args, deciders=deciders, backends=backends, **rest)
 
     return functools.reduce(lambda wrapped, option: option(wrapped), reversed(_DECIDERS), command)  # type: ignore[return-value]
@@ -202,14 +202,14 @@ def parse_limits(texts: Sequence[str]) -> dict[str, float]:
 
 
 def plugin_files(function: F) -> F:
-    """Add --plugin FILE (repeatable)."""
+    """Add --plugin FILE|FOLDER (repeatable)."""
     option = click.option(
         "--plugin",
         "files",
         type=click.Path(path_type=Path),
         multiple=True,
-        metavar="FILE",
-        help="Also load a plugin from one Python file, without packaging it. Repeatable.",
+        metavar="FILE|FOLDER",
+        help="Also load a plugin from a Python file or a package's folder, without installing it. Repeatable.",
     )
     return option(function)
 

@@ -55,9 +55,9 @@ def play(
     status.update("Making the scene")
     scene: Scene = plugins.scene(reference)
     spec = free_episode(instruction, scene, seed=seed, max_steps=max_steps, name=f"{name_of(reference)}-{seed}")
-    out = out or _new_folder(deciders.agent)
+    out = out or new_folder(deciders.agent)
     folder = out / spec.id
-    _claim(folder)
+    claim(folder)
     progress = StepProgress(console, max_steps, distances=not getattr(agent, "at_terminal", False))
     plugins.add(progress, "console_progress")
     status.update(
@@ -65,7 +65,7 @@ def play(
         "machine)"
     )
     with (
-        _left_empty(folder),
+        left_empty(folder),
         _interrupted_by_sigterm(),
         _kept(folder),
         Body(scene, seed=seed, plugins=plugins, backends=backends) as body,
@@ -85,14 +85,14 @@ def play(
         recorded = RecordedEpisode(folder)
         console.print(summary(recorded.record, recorded.steps))
         status.update("Writing the report")
-        _report(plugins, backends, out, folder, film, console)
+        present(plugins, backends, out, folder, film, console)
     except KeyboardInterrupt:
         console.print(f"The report is not whole. `humanclaw report {out}` writes it.", soft_wrap=True)
         raise
-    _exit(recorded.record)
+    end(recorded.record)
 
 
-def _new_folder(agent: str) -> Path:
+def new_folder(agent: str) -> Path:
     """Make a new folder for a run. Two runs that begin in the same second get different folders."""
     first = Path("runs") / f"{datetime.datetime.now():%Y%m%d-%H%M%S}-{agent}"
     for name in chain([first.name], (f"{first.name}-{number}" for number in count(2))):
@@ -113,7 +113,7 @@ def _kept(folder: Path) -> Iterator[None]:
 
 
 @contextmanager
-def _left_empty(folder: Path) -> Iterator[None]:
+def left_empty(folder: Path) -> Iterator[None]:
     """Remove empty folders at the end, so that the same command can be given again."""
     try:
         yield
@@ -123,7 +123,7 @@ def _left_empty(folder: Path) -> Iterator[None]:
                 empty.rmdir()
 
 
-def _claim(folder: Path) -> None:
+def claim(folder: Path) -> None:
     """Make the folder of the record. Raises RecordError if it exists: of two processes only one may use it."""
     try:
         with writing(folder):
@@ -166,7 +166,7 @@ def _needed(plugins: Plugins, deciders: Deciders, backends: Backends, reference:
         yield "verifiers", deciders.verifier
 
 
-def _report(plugins: Plugins, backends: Backends, out: Path, folder: Path, film: str, console: Console) -> None:
+def present(plugins: Plugins, backends: Backends, out: Path, folder: Path, film: str, console: Console) -> None:
     """Let the installed reporters present the record, and print the paths of their files."""
     console.print(f"record: {folder}", soft_wrap=True)
     for one in plugins.registered("reports"):
@@ -175,7 +175,8 @@ def _report(plugins: Plugins, backends: Backends, out: Path, folder: Path, film:
             console.print(f"{name}: {path}", soft_wrap=True)
 
 
-def _exit(record: EpisodeRecord) -> None:
+def end(record: EpisodeRecord) -> None:
+    """Exit with the code of an episode that was not played to its end."""
     if record.outcome == "infra_error":
         raise click.ClickException(f"the provider failed: {record.error}")
     if record.outcome == "plugin_error":

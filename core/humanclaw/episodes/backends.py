@@ -7,14 +7,17 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final, Self
 
 from humanclaw.errors import HumanclawError, PluginError
+from humanclaw.text.words import did_you_mean
 
 if TYPE_CHECKING:
     from humanclaw.plugins.host import Plugins
 
 SHIPPED: Final = "lite"
 """The motion prior that comes with the package."""
-SENSORS: Final = ("vision", "body", "touch")
-"""Senses that an observation can report. Vision, the picture, is always on."""
+VISION: Final = "vision"
+"""The sense that is always on: the picture."""
+SENSORS: Final = (VISION, "body", "touch")
+"""Vision, and the senses that come with the core. Plugins add others (hook humanclaw_senses)."""
 SIMULATORS: Final = ("bullet", "mujoco")
 """Simulators by preference, if none is named. Bullet comes first because the benchmark's tables were made with it; it
 has no wheels for the newest Pythons."""
@@ -30,7 +33,7 @@ class Backends:
     generator: str = "dit"
     profile: str = "default"
     """'default' or 'paper': settings of the simulator and of the motion solver."""
-    sensors: tuple[str, ...] = ("vision",)
+    sensors: tuple[str, ...] = (VISION,)
     """Senses that an observation reports (see SENSORS)."""
     prior: str = SHIPPED
     """The motion prior that the generator runs."""
@@ -41,7 +44,7 @@ class Backends:
         Raises HumanclawError for an unknown sense, PluginError if no simulator is installed.
         """
         simulator = self.simulator or default_simulator(plugins)
-        return replace(self, simulator=simulator, sensors=check_sensors(self.sensors))
+        return replace(self, simulator=simulator, sensors=check_sensors(self.sensors, plugins))
 
 
 def default_simulator(plugins: Plugins) -> str:
@@ -53,10 +56,10 @@ def default_simulator(plugins: Plugins) -> str:
     return preferred[0]
 
 
-def check_sensors(names: Iterable[str]) -> tuple[str, ...]:
+def check_sensors(names: Iterable[str], plugins: Plugins) -> tuple[str, ...]:
     """Return the wanted senses and vision, in a fixed order. Raises HumanclawError for an unknown one."""
-    asked = set(names)
-    unknown = asked - set(SENSORS)
-    if unknown:
-        raise HumanclawError(f"there is no sensor {sorted(unknown)[0]!r}.", f"Choose from: {', '.join(SENSORS)}.")
-    return tuple(name for name in SENSORS if name in asked | {"vision"})
+    known, asked = [VISION, *(one.name for one in plugins.registered("senses"))], set(names)
+    if unknown := sorted(asked - set(known)):
+        nearest = did_you_mean(unknown[0], known) or f"Choose from: {', '.join(known)}."
+        raise HumanclawError(f"there is no sensor {unknown[0]!r}.", nearest)
+    return tuple(name for name in known if name in asked | {VISION})

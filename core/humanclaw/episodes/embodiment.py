@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import asyncio
+import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from inspect import signature
 from pathlib import Path
 from typing import Any, Self, TypeVar
@@ -13,23 +15,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanclaw.body.pose import FUTURE, HISTORY, Array, Motion, Pose2D, re_rooted
-from humanclaw.episodes.backends import SHIPPED, Backends
-from humanclaw.episodes.sensors import proprioception, tactile
+from humanclaw.episodes.backends import SENSORS, SHIPPED, VISION, Backends
 from humanclaw.episodes.tools import Verified, body_tools
 from humanclaw.errors import CheckpointError, HumanclawError, blaming
 from humanclaw.motion.checkpoint import adapters_beside
 from humanclaw.motion.generator import MotionGenerator
-from humanclaw.plugins.agents import Observation, Verifier
+from humanclaw.plugins.agents import Moment, Observation, Sense, Verifier
 from humanclaw.plugins.host import Plugins
-from humanclaw.records.feedback import Feedback, Proprioception, Touch
+from humanclaw.records.feedback import Feedback, Proprioception, Reading, Touch
 from humanclaw.records.steps import PlayedPart
 from humanclaw.skills.call import Call
 from humanclaw.skills.contract import Skill
 from humanclaw.skills.course import Course
 from humanclaw.skills.measures import Declaration
-from humanclaw.skills.plan import Control, Part, parts
+from humanclaw.skills.own_body import OwnBody
+from humanclaw.skills.plan import Control
+from humanclaw.skills.posing import Part, about, kind_of, posed
 from humanclaw.storage.pictures import jpeg
 from humanclaw.text.notebook import card
+from humanclaw.text.words import legible
 from humanclaw.world.scene import Scene
 from humanclaw.world.simulator import Chunk, Simulator, WorldState
 from humanclaw.world.view import Renderer, View, ego_camera
@@ -50,16 +54,27 @@ class SkillExecution:
     seconds: Mapping[str, float]
     proprioception: Proprioception | None = None
     tactile: tuple[Touch, ...] | None = None
-    """Readings of the senses beside vision; None for a sense that is off."""
+    """Readings of the core's senses beside vision; None for a sense that is off."""
     parts: tuple[PlayedPart, ...] = ()
     """The parts of a sequence that were played, in order; empty for a call of one part."""
     cancelled: bool = False
     """Whether a part of the call was left out."""
+    limits: tuple[str, ...] = ()
+    """What the body could not do of the call, in words."""
+    readings: tuple[Reading, ...] = ()
+    """Readings of the senses of plugins."""
 
     @property
     def feedback(self) -> Feedback:
         """The feedback that the agent gets for the call."""
-        return Feedback(self.call, proprioception=self.proprioception, tactile=self.tactile, cancelled=self.cancelled)
+        return Feedback(
+            self.call,
+            proprioception=self.proprioception,
+            tactile=self.tactile,
+            cancelled=self.cancelled,
+            limits=self.limits,
+            readings=self.readings,
+        )
 
 
 class Body:
@@ -86,11 +101,15 @@ class Body:
         self.plugins = plugins or Plugins.discover()
         self.backends = (backends or Backends()).chosen(self.plugins)
         self.sensors = self.backends.sensors
+        self._senses: dict[str, Sense] = {
+            name: self.plugins.make("senses", name) for name in self.sensors if name != VISION
+        }
         self._adapters: dict[Path, Mapping[str, Path]] = {}
         self._generator: MotionGenerator = self._moved_by(self.backends.generator, self.backends.prior)
         self._simulator: Simulator = self._make("simulators", self.backends.simulator)
         self._renderer: Renderer = self.plugins.make("renderers", self.backends.renderer)
         self._shown: Scene | None = None
+        self._turn = threading.Lock()
         self.resets = 0
         """Number of resets. An episode of an earlier count is over."""
         self.place(scene, start, seed=seed)
@@ -158,6 +177,11 @@ class Body:
         return self._history
 
     @property
+    def feeling(self) -> OwnBody:
+        """What the body feels of itself, as a skill is told it."""
+        return OwnBody.of(self._history)
+
+    @property
     def weights(self) -> str:
         """Digest of the motion prior's weights."""
         return self._generator.digest
@@ -183,6 +207,15 @@ class Body:
         done = self.execute(Call(skill, self.plugins.skill(skill).check(params)))
         return self.observe(feedback=done.feedback)
 
+    async def acall(self, skill: str, /, **params: Any) -> Observation:
+        """Do the same as call() in a thread, so that an event loop goes on. Calls wait for one another."""
+
+        def turn() -> Observation:
+            with self._turn:
+                return self.call(skill, **params)
+
+        return await asyncio.to_thread(turn)
+
     def tools(self, framework: str, *, verifier: Verifier | None = None, instruction: str = "") -> Any:
         """Return every skill that can run, and `look`, as tools of an agent framework ("openai", "langchain", ...).
 
@@ -200,7 +233,8 @@ class Body:
         """
         skill = self.plugins.skill(call.skill)
         with blaming(self.plugins.owner(call.skill)):
-            plan = parts(skill.plan(call.params))
+            plan = skill.planned(call.params, self.feeling)
+        self._limits: list[str] = []
         before, chunks, seconds = self._state.body, [], {"generate": 0.0, "simulate": 0.0}
         played: list[int] = []
         cancelled, moment = False, time.perf_counter()
@@ -216,7 +250,9 @@ class Body:
             moment = time.perf_counter()
         self.step += 1
         told = _played(plan, played) if len(plan) > 1 else ()
-        self.last = SkillExecution(call, tuple(chunks), seconds, *self._sense(before, chunks), told, cancelled)
+        limits = tuple(dict.fromkeys(self._limits))
+        body, touch, readings = self._sense(Moment(before, tuple(chunks), self.view))
+        self.last = SkillExecution(call, tuple(chunks), seconds, body, touch, told, cancelled, limits, readings)
         return self.last
 
     def _simulate(self, commanded: Motion) -> Chunk:
@@ -225,12 +261,15 @@ class Body:
         self._history = re_rooted(self._history.then(commanded)[-HISTORY:], execution.simulated)
         return Chunk(commanded, execution)
 
-    def _sense(self, before: Motion, chunks: Sequence[Chunk]) -> tuple[Proprioception | None, tuple[Touch, ...] | None]:
-        told = [(chunk.commanded, chunk.execution) for chunk in chunks]
-        return (
-            proprioception(before, told) if "body" in self.sensors else None,
-            tactile([execution for _, execution in told]) if "touch" in self.sensors else None,
-        )
+    def _sense(self, moment: Moment) -> tuple[Proprioception | None, tuple[Touch, ...] | None, tuple[Reading, ...]]:
+        """Return the readings of body, touch, and the senses of plugins."""
+        told: dict[str, Any] = {}
+        for name, sense in self._senses.items():
+            with blaming(self.plugins.owner(name, "senses")):
+                told[name] = sense.feel(moment)
+                if name not in SENSORS:
+                    told[name] = replace(_held(told[name], name), sense=name)
+        return told.get("body"), told.get("touch"), tuple(one for name, one in told.items() if name not in SENSORS)
 
     def _chunks(self, skill: Skill, plan: Sequence[Part]) -> Iterator[tuple[int, Motion, bool]]:
         """Yield the motion of a plan, 15 frames at a time, each beginning where the chunk before it ended.
@@ -251,10 +290,13 @@ class Body:
             key = (self.seed, self.step, index)
             yield self._generated(self._declared(skill, part.adapter), part, key), False
             return
-        motion = part.over(self._history)
+        motion, limits = posed(part, self._history)
+        self._limits += limits
+        before = self._history[-1:]
         for first in range(0, len(motion), FUTURE):
             piece = motion[first : first + FUTURE]
-            yield _moved(piece, _offset(self._history[-1:], piece)), first + FUTURE < len(motion)
+            yield _moved(piece, _offset(self._history[-1:], before)), first + FUTURE < len(motion)
+            before = piece[-1:]
 
     def _generated(self, declared: Declaration | None, part: Control, key: tuple[int, ...]) -> Motion:
         """Generate the motion of a control, and correct the heading error that earlier calls left."""
@@ -287,6 +329,13 @@ class Body:
         self.close()
 
 
+def _held(reading: object, sense: str) -> Reading:
+    """Return a reading that a record can hold. Raises TypeError for anything else."""
+    if not isinstance(reading, Reading) or not isinstance(reading.words, str):
+        raise TypeError(f"feel() of sense {sense!r} returned {str(reading)[:100]!r} and no Reading")
+    return Reading(legible(reading.words), {str(key): float(value) for key, value in reading.values.items()})
+
+
 def _fixed(picture: NDArray[T]) -> NDArray[T]:
     """Return a read-only copy, so that agent, verifier and record see the same picture."""
     return np.frombuffer(picture.tobytes(), picture.dtype).reshape(picture.shape)
@@ -297,7 +346,7 @@ def _played(plan: Sequence[Part], numbers: Sequence[int]) -> tuple[PlayedPart, .
     return tuple(
         PlayedPart("control", numbers.count(number), part.adapter.parent.name, dict(part.values))
         if isinstance(part, Control)
-        else PlayedPart("keyframes", numbers.count(number), ", ".join(part.rotations))
+        else PlayedPart(kind_of(part), numbers.count(number), about(part))
         for number, part in enumerate(plan)
         if number in numbers
     )

@@ -68,7 +68,11 @@ class Panel:
         assert self.verifier is not None
         with self._asking(self.verifier):
             verdict = self.verifier.verify(seen, call, skill, goal)
-            return admit(verdict, Verdict, f"verify() of {self.names[1]} returned")
+            verdict = admit(verdict, Verdict, f"verify() of {self.names[1]} returned")
+            if not verdict.accepted and verdict.replacement is None:
+                told = f"verify() of {self.names[1]} returned a Verdict that neither accepts nor replaces the call"
+                raise TypeError(f"{told}; expected Verdict(True), or Verdict(False, another call)")
+            return verdict
 
     @contextmanager
     def _asking(self, decider: Decider) -> Iterator[None]:

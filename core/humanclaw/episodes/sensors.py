@@ -1,4 +1,4 @@
-"""Optional senses beside vision: the positions of the own limbs (`body`) and their contacts (`touch`).
+"""The core's own senses beside vision: the positions of the own limbs (`body`) and their contacts (`touch`).
 
 The paper gives its agents vision alone, and finds them unaware of their own bodies (section 5.4). These senses report
 what a person would feel: heights above the soles, intended and actual displacement, which part of the body touches
@@ -15,6 +15,7 @@ import numpy as np
 
 from humanclaw.body.pose import Array, Motion, Pose2D, support_height, wrap_angle
 from humanclaw.body.skeleton import JOINT_INDEX
+from humanclaw.plugins.agents import Moment
 from humanclaw.records.feedback import Displacement, Proprioception, Touch
 from humanclaw.world.simulator import Contact, Execution
 
@@ -79,3 +80,18 @@ def _part(contact: Contact) -> str:
     side = contact.joint.split("_")[0]
     part = _PARTS[contact.group]
     return f"{side} {part}" if side in ("left", "right") else part
+
+
+# -- as plugins --------------------------------------------------------------------------------------------------------
+class BodySense:
+    """The sense `body`."""
+
+    def feel(self, moment: Moment) -> Proprioception:
+        return proprioception(moment.before, [(chunk.commanded, chunk.execution) for chunk in moment.chunks])
+
+
+class TouchSense:
+    """The sense `touch`."""
+
+    def feel(self, moment: Moment) -> tuple[Touch, ...]:
+        return tactile([chunk.execution for chunk in moment.chunks])

@@ -93,6 +93,8 @@ class Step:
             motion_frames=sum(len(chunk.commanded) for chunk in chunks),
             parts=done.parts if done else (),
             cancelled=done.cancelled if done else False,
+            limits=done.limits if done else (),
+            readings=done.readings if done else (),
             waypoints=tuple(vec3(chunk.execution.simulated.root[-1]) for chunk in chunks[:-1]),
             start=vec3(before.body.root[-1]),
             end=vec3(after.body.root[-1]),

@@ -35,6 +35,9 @@ class Driven(Protocol):
     @property
     def skills(self) -> Mapping[str, Skill]: ...
 
+    @property
+    def resets(self) -> int: ...
+
     def observe(self, instruction: str = "") -> Observation: ...
 
     def call(self, skill: str, /, **params: Any) -> Observation: ...
@@ -59,6 +62,10 @@ class Verified:
     def skills(self) -> Mapping[str, Skill]:
         return self._body.skills
 
+    @property
+    def resets(self) -> int:
+        return self._body.resets
+
     def observe(self, instruction: str = "") -> Observation:
         return self._body.observe(instruction)
 
@@ -78,15 +85,24 @@ class Verified:
 
 def body_tools(body: Driven) -> tuple[BodyTool, ...]:
     """Return a tool for every skill that can run, and `look`. A lock makes calls wait: a body does one thing at a
-    time."""
+    time.
+
+    After a skill of role stop the body moves no more until it is reset.
+    """
     turn = threading.Lock()
+    stopped: set[int] = set()
     ready = tellable((skill for skill in body.skills.values() if skill.trained), "openai")
     specs = [tool_spec(skill, reasoning=False) for skill in ready]
 
     def runner(name: str) -> Callable[[str | Mapping[str, Any]], ToolResult]:
         def run(arguments: str | Mapping[str, Any]) -> ToolResult:
             with turn:
-                return _run(body, name, arguments)
+                if name != LOOK and body.resets in stopped:
+                    return ToolResult("Nothing was executed: you have stopped, and the task is over.")
+                done = _run(body, name, arguments)
+                if done.picture and name != LOOK and body.skills[name].role == "stop":
+                    stopped.add(body.resets)
+                return done
 
         return run
 

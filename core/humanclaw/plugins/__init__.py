@@ -10,9 +10,11 @@ if TYPE_CHECKING:
         EpisodeContext as EpisodeContext,
         HistoryEntry as HistoryEntry,
         Installed as Installed,
+        Moment as Moment,
         Observation as Observation,
         RecalledEntry as RecalledEntry,
         Reporter as Reporter,
+        Sense as Sense,
         Verifier as Verifier,
     )
     from humanclaw.plugins.bounded import Bounded as Bounded, OverdueError as OverdueError
@@ -40,6 +42,7 @@ if TYPE_CHECKING:
         RendererFactory as RendererFactory,
         ReporterFactory as ReporterFactory,
         SceneFactory as SceneFactory,
+        SenseFactory as SenseFactory,
         SimulatorFactory as SimulatorFactory,
         VerifierFactory as VerifierFactory,
         hookimpl as hookimpl,
@@ -57,6 +60,7 @@ if TYPE_CHECKING:
         humanclaw_renderers as humanclaw_renderers,
         humanclaw_reports as humanclaw_reports,
         humanclaw_scenes as humanclaw_scenes,
+        humanclaw_senses as humanclaw_senses,
         humanclaw_simulators as humanclaw_simulators,
         humanclaw_skills as humanclaw_skills,
         humanclaw_step as humanclaw_step,

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from humanclaw.motion.generator import MotionGenerator
-    from humanclaw.plugins.agents import Agent, Reporter, Verifier
+    from humanclaw.plugins.agents import Agent, Reporter, Sense, Verifier
     from humanclaw.records.steps import EpisodeRecord, StepRecord
     from humanclaw.skills.body_tool import BodyTool
     from humanclaw.skills.contract import Skill
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from humanclaw.world.view import Renderer
 
 PROJECT: Final = "humanclaw"
-API_VERSION: Final = "1.1"
+API_VERSION: Final = "1.2"
 """Version of the plugin API, major.minor: the hooks below with the values that they pass, the skill contract, and the
 doors of docs/doors.md. A plugin may name the version that it was made for in HUMANCLAW_API. The host uses the plugin if
 the major is equal and the minor is not later, and otherwise refuses it with the reason (docs/stability.md)."""
@@ -71,6 +71,7 @@ GeneratorFactory: TypeAlias = "Callable[..., MotionGenerator]"
 AgentFactory: TypeAlias = "Callable[[Options], Agent]"
 VerifierFactory: TypeAlias = "Callable[[Options], Verifier]"
 ReporterFactory: TypeAlias = "Callable[..., Reporter]"
+SenseFactory: TypeAlias = "Callable[[], Sense]"
 FrameworkFactory: TypeAlias = "Callable[[Sequence[BodyTool]], Any]"
 
 
@@ -151,6 +152,11 @@ def humanclaw_reports(register: Register[ReporterFactory]) -> None:
 @hookspec
 def humanclaw_frameworks(register: Register[FrameworkFactory]) -> None:
     """Register agent frameworks, for Body.tools: factory(tools: Sequence[BodyTool]) -> the framework's own objects."""
+
+
+@hookspec
+def humanclaw_senses(register: Register[SenseFactory]) -> None:
+    """Register senses beside vision: factory() -> Sense, made anew for each body. `--sensor NAME` turns one on."""
 
 
 @hookspec

@@ -9,6 +9,7 @@ humanclaw_hookspecs).
 
 from __future__ import annotations
 
+import difflib
 import importlib.metadata
 import importlib.util
 import inspect
@@ -41,7 +42,6 @@ from humanclaw.plugins.loading import (
 from humanclaw.plugins.lookup import Lookup, by_digest
 from humanclaw.plugins.registry import Registry
 from humanclaw.skills.measures import MEASURES
-from humanclaw.text.words import did_you_mean
 
 T = TypeVar("T")
 PREFIX: Final = "humanclaw_"
@@ -106,7 +106,9 @@ class Plugins(Lookup):
             number, name = number + 1, f"{path.stem}-{number + 1}"
         self.add(load_file(path), name, origin=str(path))
         for reason in self._infos[-1].disabled.values():
-            raise PluginError(f"plugin file {path}: {reason}")
+            if not self.names_of(name, "skills"):
+                raise PluginError(f"plugin file {path}: {reason}")
+            _LOG.warning("plugin file %s: %s", path, reason)
         for found in self._offered.values():
             for one in found:
                 first = next(other for other in found if other.name == one.name)
@@ -253,7 +255,17 @@ class Plugins(Lookup):
         specified = [name for name in known if getattr(self._manager.hook, name).has_spec()]
         words = [word.strip("'\":,.") for word in reason_of(error).split()]
         wrong = [word for word in words if word.startswith(PREFIX) and word not in specified]
-        return did_you_mean(wrong[0], specified) if wrong else ""
+        if not wrong:
+            return ""
+        # Without the prefix, which would make every hook look near.
+        word, known = _bare(wrong[0]), [_bare(name) for name in specified]
+        begun = [name for name in known if name.startswith(word)]
+        near = begun or difflib.get_close_matches(word, known, n=1, cutoff=0.5)
+        return f"Did you mean {PREFIX}{near[0]}?" if near else f"The hooks are {', '.join(sorted(specified))}."
+
+
+def _bare(hook: str) -> str:
+    return hook.removeprefix(PREFIX)
 
 
 def _kinds(specs: ModuleType) -> Iterator[str]:

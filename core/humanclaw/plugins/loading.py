@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.metadata
 import importlib.util
 import logging
+import sys
 from pathlib import Path
 from types import ModuleType
 from typing import Any, Final
@@ -114,17 +115,34 @@ def reason_of(error: BaseException) -> str:
 
 
 def load_file(path: Path) -> ModuleType:
-    """Import one Python file as a plugin module. Raises PluginError if it is missing or fails."""
-    if not path.is_file():
-        raise PluginError(f"there is no plugin file {path}.", "Give the path of a Python file.")
-    spec = importlib.util.spec_from_file_location(f"humanclaw_plugin_{path.stem}", path)
+    """Import one Python file, or a package in a folder, as a plugin module. Raises PluginError if it is missing or
+    fails.
+
+    A package keeps its name, so that it can import its own modules, relatively or not.
+    """
+    file, name = path, f"humanclaw_plugin_{path.stem}"
+    if path.is_dir():
+        file, name = path / "__init__.py", path.resolve().name
+    if not file.is_file():
+        raise PluginError(f"there is no plugin file {file}.", "Give the path of a Python file, or of a package.")
+    spec = importlib.util.spec_from_file_location(name, file)
     if spec is None or spec.loader is None:
         raise PluginError(f"{path} is not a Python file.", "Give the path of a file that ends in .py.")
+    if path.is_dir() and name in sys.modules and not _is_from(sys.modules[name], file):
+        raise PluginError(f"a package {name!r} is loaded already, from elsewhere.", "Rename the folder.")
     module = importlib.util.module_from_spec(spec)
     try:
+        if path.is_dir():
+            sys.modules[name] = module
         spec.loader.exec_module(module)
     except KeyboardInterrupt:
         raise
     except BaseException as error:
+        if path.is_dir():
+            sys.modules.pop(name, None)
         raise PluginError(f"plugin file {path} failed to load: {reason_of(error)}.") from error
     return module
+
+
+def _is_from(module: ModuleType, file: Path) -> bool:
+    return Path(getattr(module, "__file__", None) or "").resolve() == file.resolve()

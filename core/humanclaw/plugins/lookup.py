@@ -123,14 +123,18 @@ class Lookup:
         """Return the skill of a name, or of owner:name. Raises PluginError with the nearest names if there is none."""
         return self._find("skills", name).value  # type: ignore[no-any-return]
 
-    def owner(self, skill: str) -> str:
-        """Return the plugin that brings a skill."""
-        return self._find("skills", skill).owner
+    def owner(self, name: str, kind: str = "skills") -> str:
+        """Return the plugin that brings a skill, or an item of another kind."""
+        return self._find(kind, name).owner
 
     def overridden(self, skill: str) -> tuple[str, ...]:
         """Return the other plugins that have a skill of this name."""
         first = self._find("skills", skill)
         return tuple(one.owner for one in self._offered["skills"] if one.name == first.name and one is not first)
+
+    def names_of(self, owner: str, kind: str) -> tuple[str, ...]:
+        """Return the names of a plugin's items of a kind, in the order in which it registered them."""
+        return tuple(one.name for one in self._offered.get(kind, ()) if one.owner == owner)
 
     @property
     def measures(self) -> dict[str, Measure]:

@@ -100,7 +100,10 @@ class Answer:
 
 @dataclass(frozen=True)
 class Verdict:
-    """Accept the proposed call, or replace it by another one from the same pool."""
+    """Accept the proposed call, or replace it by another one from the same pool.
+
+    A verdict that does not accept names a replacement: something is executed in every step.
+    """
 
     __pydantic_config__: ClassVar = HELD
 

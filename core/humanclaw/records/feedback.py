@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar, Final
 
 import numpy as np
 
 from humanclaw.body.pose import FPS
-from humanclaw.body.skeleton import STANDING_HEIGHT
 from humanclaw.records.decisions import Answer
 from humanclaw.skills.call import Call
+from humanclaw.skills.own_body import posture_of
 from humanclaw.text.json import STRICT
 
-_UPRIGHT: Final = 0.85
-_BENT: Final = 0.62
-"""Shares of the standing height down to which a body stands upright, and stands with bent knees."""
 _TILTED: Final = 20.0
 """Degrees from which a tilted trunk is mentioned."""
 
@@ -59,16 +56,10 @@ class Proprioception:
     def __str__(self) -> str:
         tilt = "" if self.trunk_tilt < _TILTED else f", trunk tilted by {self.trunk_tilt:.0f} degrees"
         return (
-            f"You feel yourself {self._posture()}{tilt}: your hips are {100 * self.hip_height:.0f} cm above your "
-            "soles. "
+            f"You feel yourself {posture_of(self.hip_height)}{tilt}: "
+            f"your hips are {100 * self.hip_height:.0f} cm above your soles. "
             f"Your limbs meant {self.intended}; your body went {self.moved}."
         )
-
-    def _posture(self) -> str:
-        share = self.hip_height / STANDING_HEIGHT
-        if share > _UPRIGHT:
-            return "standing upright"
-        return "standing with bent knees" if share > _BENT else "seated or squatting"
 
 
 @dataclass(frozen=True)
@@ -88,6 +79,21 @@ class Touch:
 
 
 @dataclass(frozen=True)
+class Reading:
+    """The reading of a sense of a plugin: words for the agent, values for the record."""
+
+    __pydantic_config__: ClassVar = STRICT
+
+    words: str
+    values: dict[str, float] = field(default_factory=dict)
+    sense: str = ""
+    """Name of the sense; the body fills it in."""
+
+    def __str__(self) -> str:
+        return self.words
+
+
+@dataclass(frozen=True)
 class Feedback:
     """Outcome of the last step, or the reason why the last answer was refused. str() gives words."""
 
@@ -103,6 +109,10 @@ class Feedback:
     """None without the sense; empty if nothing was touched."""
     cancelled: bool = False
     """Whether the call was broken off."""
+    limits: tuple[str, ...] = ()
+    """What the body could not do of the call, in words: a joint's limit, a target out of reach."""
+    readings: tuple[Reading, ...] = ()
+    """Readings of the senses of plugins."""
 
     def __bool__(self) -> bool:
         return self.executed is not None or bool(self.refusal)
@@ -110,12 +120,14 @@ class Feedback:
     def __str__(self) -> str:
         if self.executed is None:
             return self.refusal
-        return f"{self._action()} {self.sensor_readings}".strip()
+        held = f"Your body could not do all of it: {'; '.join(self.limits)}." if self.limits else ""
+        return " ".join(filter(None, (self._action(), held, self.sensor_readings)))
 
     @property
     def sensor_readings(self) -> str:
-        """The readings of body and touch senses in words; empty if both are off."""
-        return f"{self.proprioception or ''} {_touched(self.tactile)}".strip()
+        """The readings of all senses beside vision in words; empty if they are off."""
+        told = (str(self.proprioception or ""), _touched(self.tactile), *map(str, self.readings))
+        return " ".join(filter(None, told))
 
     def _action(self) -> str:
         if self.replaced is None:

@@ -4,22 +4,23 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
 from humanclaw.body.pose import FUTURE, Pose2D
 from humanclaw.records.decisions import Attempt, Decision, Usage, Verdict
-from humanclaw.records.feedback import Feedback, Proprioception, Touch
+from humanclaw.records.feedback import Feedback, Proprioception, Reading, Touch
 from humanclaw.records.specification import EpisodeSpec, Name, Record
 from humanclaw.skills.call import Call
+from humanclaw.skills.posing import PartKind
 from humanclaw.text.json import STRICT
 from humanclaw.text.words import legible
 from humanclaw.world.scene import Vec3
 from humanclaw.world.simulator import Contact
 
-FORMAT: Literal[2] = 2
+FORMAT: Literal[3] = 3
 Outcome = Literal["running", "stopped", "out_of_steps", "plugin_error", "infra_error", "limit_reached", "interrupted"]
 
 
@@ -29,11 +30,11 @@ class PlayedPart:
 
     __pydantic_config__: ClassVar = STRICT
 
-    kind: Literal["control", "keyframes"]
+    kind: PartKind
     chunks: int
     """Number of half seconds."""
     what: str = ""
-    """The adapter's folder, or the joints of keyframes."""
+    """The adapter's folder, the joints of keyframes, or the hand that reaches."""
     values: dict[str, float] = field(default_factory=dict)
     """Values of a control, SI."""
 
@@ -51,6 +52,8 @@ class StepRecord(Record):
     proprioception: Proprioception | None = None
     tactile: tuple[Touch, ...] | None = None
     """Readings of the touch sense; None if it was off."""
+    readings: tuple[Reading, ...] = ()
+    """Readings of the senses of plugins."""
     target_pixels: dict[int, int] = {}
     """Pixels of each target in the view before the decision."""
     frame_file: Annotated[str, Field(pattern=r"^(frames/[A-Za-z0-9_-][A-Za-z0-9._-]*)?$")] = ""
@@ -60,6 +63,8 @@ class StepRecord(Record):
     """The played parts of a sequence; empty for a call of one part."""
     cancelled: bool = False
     """Whether the call was broken off between two chunks."""
+    limits: tuple[str, ...] = ()
+    """What the body could not do of the call, in words."""
     waypoints: tuple[Vec3, ...] = ()
     """Pelvis after each chunk but the last, metres."""
     start: Vec3 = (0.0, 0.0, 0.0)
@@ -111,12 +116,19 @@ class StepRecord(Record):
         if self.call is None:
             return Feedback(refusal=self.attempts[-1].error if self.attempts else "")
         if self.verdict is None or self.verdict.accepted or self.verdict.replacement is None:
-            return Feedback(
-                self.call, proprioception=self.proprioception, tactile=self.tactile, cancelled=self.cancelled
-            )
-        proposed = self.decision.calls[0]
-        told = self.proprioception, self.tactile, self.cancelled
-        return Feedback(self.call, proposed, self.verdict.failed, "", *told)
+            return self._felt(Feedback(self.call))
+        return self._felt(Feedback(self.call, self.decision.calls[0], self.verdict.failed))
+
+    def _felt(self, feedback: Feedback) -> Feedback:
+        """Add what the body felt of the call."""
+        return replace(
+            feedback,
+            proprioception=self.proprioception,
+            tactile=self.tactile,
+            cancelled=self.cancelled,
+            limits=self.limits,
+            readings=self.readings,
+        )
 
 
 @dataclass(frozen=True)
@@ -143,7 +155,7 @@ class SkillInfo:
 class EpisodeRecord(Record):
     """episode.json: the task, the agent, the versions and weights in use, and the end."""
 
-    format: Literal[2] = FORMAT
+    format: Literal[2, 3] = FORMAT
     spec: EpisodeSpec
     start: Pose2D
     agent: Name

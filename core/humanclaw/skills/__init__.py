@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING
 from humanclaw.doors import door
 
 if TYPE_CHECKING:
+    from humanclaw.skills.agreement import Agreement as Agreement
+    from humanclaw.skills.aims import Gaze as Gaze, Point as Point, Reach as Reach
     from humanclaw.skills.body_tool import LOOK as LOOK, BodyTool as BodyTool, ToolResult as ToolResult
     from humanclaw.skills.call import Call as Call, check_call as check_call
     from humanclaw.skills.contract import Check as Check, Skill as Skill, bounds as bounds
@@ -28,14 +30,9 @@ if TYPE_CHECKING:
         suited as suited,
         to_si as to_si,
     )
-    from humanclaw.skills.plan import (
-        Control as Control,
-        Keyframes as Keyframes,
-        MotionError as MotionError,
-        Part as Part,
-        Plan as Plan,
-        parts as parts,
-    )
+    from humanclaw.skills.own_body import OwnBody as OwnBody, Posture as Posture
+    from humanclaw.skills.plan import Control as Control, Keyframes as Keyframes, MotionError as MotionError
+    from humanclaw.skills.posing import Part as Part, Plan as Plan, Posed as Posed, parts as parts, posed as posed
     from humanclaw.skills.publishing import (
         REASONING_FIELDS as REASONING_FIELDS,
         THOUGHTS as THOUGHTS,

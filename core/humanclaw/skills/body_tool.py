@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
@@ -55,3 +56,7 @@ class BodyTool:
     def __call__(self, **arguments: Any) -> ToolResult:
         """Call the tool with its parameters by name."""
         return self.run(arguments)
+
+    async def acall(self, **arguments: Any) -> ToolResult:
+        """Do the same in a thread, so that an event loop goes on."""
+        return await asyncio.to_thread(self.run, arguments)

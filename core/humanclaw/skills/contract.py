@@ -5,6 +5,7 @@ A skill is atomic and body-local (paper, section 3.3). It never sees a scene.
 
 from __future__ import annotations
 
+import inspect
 import math
 import re
 import tomllib
@@ -18,7 +19,9 @@ from referencing import Registry
 
 from humanclaw.errors import CallError, ContractError
 from humanclaw.skills.measures import ROLES, Declaration, Parameter, Role, parameters_of, read_schema, si_name, to_si
-from humanclaw.skills.plan import LONGEST_FAULT, Control, Plan
+from humanclaw.skills.own_body import OwnBody
+from humanclaw.skills.plan import LONGEST_FAULT, Control
+from humanclaw.skills.posing import Part, Plan, parts
 
 NAME_PATTERN: Final = re.compile(r"[a-zA-Z0-9_-]{1,64}")
 RESERVED: Final = frozenset({"look", "reset", "verdict"})
@@ -46,8 +49,8 @@ class Skill:
     description: str
     schema: Mapping[str, Any]
     """JSON Schema 2020-12 of the parameters: an object, integers in centimetres and degrees."""
-    plan: Callable[[Mapping[str, Any]], Plan] = field(repr=False)
-    """Checked parameters to motion."""
+    plan: Callable[..., Plan] = field(repr=False)
+    """Checked parameters to motion: plan(params), or plan(params, body) for a skill that feels its own body."""
     checks: tuple[Check, ...] = ()
     adapter: Path | None = None
     """Checkpoint of the ControlNet branch; None for a skill that plays keyframes."""
@@ -59,7 +62,8 @@ class Skill:
 
     def __post_init__(self) -> None:
         for fault in refusals(self):
-            raise fault
+            if fault.check != "name-reserved":  # The host refuses the name, and keeps the plugin's other skills.
+                raise fault
 
     @property
     def trained(self) -> bool:
@@ -91,6 +95,15 @@ class Skill:
         if odd := [key for key, value in filled.items() if not _is_finite(value)]:
             raise CallError(f"{self.name} was not executed: {odd[0]} is no finite number. {self.usage()}")
         return {key: _whole(filled[key], part) for key, part in properties.items() if key in filled}
+
+    @property
+    def feels(self) -> bool:
+        """Whether its plan depends on what the body feels of itself."""
+        return "body" in inspect.signature(self.plan).parameters
+
+    def planned(self, params: Mapping[str, Any], body: OwnBody) -> tuple[Part, ...]:
+        """Return the parts of a checked call. Raises MotionError for a plan that cannot be played."""
+        return parts(self.plan(params, body) if self.feels else self.plan(params))
 
     def usage(self) -> str:
         """Write one line that says how to call the skill."""

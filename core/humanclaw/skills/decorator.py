@@ -12,14 +12,18 @@ from pydantic import TypeAdapter
 from humanclaw.errors import PluginError
 from humanclaw.skills.contract import Check, Skill
 from humanclaw.skills.measures import Role
-from humanclaw.skills.plan import Plan
+from humanclaw.skills.own_body import OwnBody
+from humanclaw.skills.posing import Plan
 
 F = TypeVar("F", bound=Callable[..., Plan])
 
 
 def skill(checks: Sequence[str | Check] = (), name: str | None = None, role: Role = "gesture") -> Callable[[F], Skill]:
     """Make a Skill of a function: its name, docstring and annotated arguments are the contract, its result the
-    motion."""
+    motion.
+
+    An argument of type OwnBody is no parameter: it gets what the body feels of itself.
+    """
 
     if callable(checks):
         raise PluginError("@skill stands without parentheses.", "Write @skill(), or @skill(checks=[...]).")
@@ -34,16 +38,25 @@ def skill(checks: Sequence[str | Check] = (), name: str | None = None, role: Rol
             for number, item in enumerate(checks, start=1)
         )
         told, source = inspect.getdoc(function) or "", Path(inspect.getfile(function))
-        return Skill(title, told, schema, lambda params: function(**params), listed, None, role, source)
+        return Skill(title, told, schema, _planner(function), listed, None, role, source)
 
     return wrap
+
+
+def _planner(function: Callable[..., Plan]) -> Callable[..., Plan]:
+    hints = inspect.get_annotations(function, eval_str=True)
+    feeling = [name for name, hint in hints.items() if hint is OwnBody]
+    if feeling:
+        return lambda params, body: function(**params, **dict.fromkeys(feeling, body))
+    return lambda params: function(**params)
 
 
 def _signature_schema(function: Callable[..., Plan]) -> dict[str, Any]:
     """Return the JSON schema of a function's arguments, read off its annotations."""
     hints = inspect.get_annotations(function, eval_str=True)
     arguments = inspect.signature(function).parameters
-    properties = {key: _argument_schema(function, argument, hints) for key, argument in arguments.items()}
+    asked = {key: argument for key, argument in arguments.items() if hints.get(key) is not OwnBody}
+    properties = {key: _argument_schema(function, argument, hints) for key, argument in asked.items()}
     types = _hoisted(function, properties)
     required = [key for key, part in properties.items() if "default" not in part]
     schema = {"type": "object", "properties": properties, "required": required, "additionalProperties": False}

@@ -1,9 +1,9 @@
-"""The plan of a call: a control of the motion model, keyframes, or a sequence of both."""
+"""The plan of a call: a control of the motion model, a posed part, or a sequence of both."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from numbers import Real
 from pathlib import Path
@@ -11,8 +11,19 @@ from typing import Any, Final
 
 import numpy as np
 
-from humanclaw.body.pose import FPS, FUTURE, Motion, matrix_from_vector, smoothstep, vector_from_matrix
+from humanclaw.body.pose import (
+    FPS,
+    FUTURE,
+    Array,
+    Motion,
+    Pose2D,
+    matrix_from_vector,
+    rest_pose,
+    smoothstep,
+    vector_from_matrix,
+)
 from humanclaw.body.skeleton import JOINT_INDEX
+from humanclaw.motion.planted import LEGS, planted
 
 LONGEST_FAULT: Final = 300
 LONGEST_CALL: Final = 10.0
@@ -47,28 +58,40 @@ class MotionError(ValueError):
 
 @dataclass(frozen=True)
 class Keyframes:
-    """Rotations added to the body's pose, played without the motion model.
+    """Rotations of joints, and a path of the pelvis, played without the motion model.
 
     times: seconds, increasing from 0 to at most 10. rotations: by joint name, one rotation vector (radians, joint
-    frame) for each time.
+    frame) for each time. root: for each time, the way of the pelvis since the beginning: left, up, ahead in metres.
+    Legs bend so that both feet stay, unless rotations name a joint of a leg.
+
+    Relative keyframes are added to the body's pose. Absolute ones are rotations from the rest pose, as in `Motion`, and
+    the height in root is that above the floor. Their times begin above 0: the body comes from its own pose.
     """
 
     times: tuple[float, ...]
     rotations: Mapping[str, tuple[tuple[float, float, float], ...]]
+    absolute: bool = False
+    root: tuple[tuple[float, float, float], ...] = ()
 
     def __post_init__(self) -> None:
         unknown = sorted(set(self.rotations) - set(JOINT_INDEX))
         if unknown:
             known = ", ".join(JOINT_INDEX)
             raise MotionError("keyframes-joints", f"unknown joint {unknown[0]!r}; the joints are {known}")
-        if len(self.times) < 2 or self.times[0] != 0 or not all(np.diff(self.times) > 0):
-            raise MotionError("keyframes-times", f"key times must start at 0 and increase; got {self.times[:9]}")
-        _check_duration(self.times[-1], "keyframes")
-        for joint, keys in self.rotations.items():
+        self._check_times()
+        check_duration(self.times[-1], "keyframes")
+        for joint, keys in {**self.rotations, **({"root": self.root} if len(self.root) else {})}.items():
             if len(keys) != len(self.times):
                 raise MotionError("keyframes-times", f"{joint} has {len(keys)} keys for {len(self.times)} times")
             if np.shape(keys) != (len(keys), 3) or not np.isfinite(keys).all():
                 raise MotionError("keyframes-finite", f"{joint} has keys that are not three finite numbers each")
+
+    def _check_times(self) -> None:
+        rising = bool(self.times) and all(np.diff(self.times) > 0)
+        if self.absolute and not (rising and self.times[0] > 0):
+            raise MotionError("keyframes-times", f"absolute keys begin above 0 s and increase; got {self.times[:9]}")
+        if not self.absolute and (len(self.times) < 2 or self.times[0] != 0 or not rising):
+            raise MotionError("keyframes-times", f"key times must start at 0 and increase; got {self.times[:9]}")
 
     @classmethod
     def cycle(cls, joint: str, axis: str, degrees: float, seconds: float, times: int = 1) -> Keyframes:
@@ -77,30 +100,70 @@ class Keyframes:
             raise ValueError(f"axis must be x, y or z; got {axis!r}")
         if not seconds * times > 0:
             raise MotionError("keyframes-times", f"keyframes last more than 0 s; got {seconds * times:g} s")
-        _check_duration(seconds * times, "keyframes")
+        check_duration(seconds * times, "keyframes")
         peak = tuple(np.radians(degrees) * (name == axis) for name in "xyz")
         rest = (0.0, 0.0, 0.0)
         marks = tuple(seconds / 2 * index for index in range(2 * times + 1))
         keys = tuple(peak if index % 2 else rest for index in range(2 * times + 1))
         return cls(marks, {joint: keys})
 
+    @classmethod
+    def relax(cls, seconds: float) -> Keyframes:
+        """Let trunk, head and arms return to the pose of standing."""
+        free = [name for name in JOINT_INDEX if name not in (*LEGS, "pelvis")]
+        usual = rest_pose().rotations[0]
+        return cls((seconds,), {name: (_triple(usual[JOINT_INDEX[name]]),) for name in free}, absolute=True)
+
     @property
     def frames(self) -> int:
         """Number of frames, rounded up to whole chunks of 15."""
-        return -(-int(np.ceil(self.times[-1] * FPS - 1e-9)) // FUTURE) * FUTURE
+        return whole_chunks(self.times[-1])
 
     def over(self, pose: Motion) -> Motion:
         """Return the motion of the keyframes over the last frame of a pose."""
-        frames = self.frames
-        clock = np.minimum(np.arange(1, frames + 1) / FPS, self.times[-1])
-        root = np.repeat(pose.root[-1:], frames, axis=0)
-        rotations = np.repeat(pose.rotations[-1:], frames, axis=0)
+        if not self.absolute and not len(self.root):
+            return self._over(pose)
+        here = Pose2D.of(pose)
+        return here.to_world(self._over(here.to_local(pose[-1:])))
+
+    def _over(self, pose: Motion) -> Motion:
+        """Return the motion in the frame of the pose."""
+        clock = np.minimum(np.arange(1, self.frames + 1) / FPS, self.times[-1])
+        root = np.repeat(pose.root[-1:], self.frames, axis=0)
+        rotations = np.repeat(pose.rotations[-1:], self.frames, axis=0)
         for joint, keys in self.rotations.items():
-            offsets = _smooth(clock, np.array(self.times), np.array(keys, float))
             index = JOINT_INDEX[joint]
-            turned = matrix_from_vector(rotations[:, index]) @ matrix_from_vector(offsets)
-            rotations[:, index] = vector_from_matrix(turned)
-        return Motion(root, rotations)
+            rotations[:, index] = self._turned(clock, rotations[0, index], np.array(keys, float))
+        if not len(self.root):
+            return Motion(root, rotations)
+        moved = Motion(root + self._moved(clock, pose), rotations)
+        return moved if set(self.rotations) & set(LEGS) else planted(moved, pose)
+
+    def _turned(self, clock: Array, start: Array, keys: Array) -> Array:
+        """Return a joint's rotations (T, 3)."""
+        times, first = np.array(self.times), matrix_from_vector(start)
+        if self.absolute:  # Interpolated as turns from the start, along the shortest arc.
+            times = np.array([0.0, *times])
+            keys = np.concatenate([np.zeros((1, 3)), vector_from_matrix(first.T @ matrix_from_vector(keys))])
+        return vector_from_matrix(first @ matrix_from_vector(_smooth(clock, times, keys)))
+
+    def _moved(self, clock: Array, pose: Motion) -> Array:
+        """Return the way of the pelvis (T, 3), metres."""
+        times, keys = np.array(self.times), np.array(self.root, float)
+        if self.absolute:
+            times = np.array([0.0, *times])
+            keys = np.concatenate([np.zeros((1, 3)), keys - [0.0, pose.root[-1, 1], 0.0]])
+        return np.asarray(_smooth(clock, times, keys))
+
+
+def whole_chunks(seconds: float) -> int:
+    """Return the frames of a duration, rounded up to whole chunks of 15."""
+    return -(-int(np.ceil(seconds * FPS - 1e-9)) // FUTURE) * FUTURE
+
+
+def _triple(vector: Array) -> tuple[float, float, float]:
+    x, y, z = map(float, vector)
+    return x, y, z
 
 
 def _smooth(clock: np.ndarray[Any, Any], times: np.ndarray[Any, Any], keys: np.ndarray[Any, Any]) -> Any:
@@ -111,21 +174,7 @@ def _smooth(clock: np.ndarray[Any, Any], times: np.ndarray[Any, Any], keys: np.n
     return keys[index] * (1 - ease) + keys[index + 1] * ease
 
 
-Part = Control | Keyframes
-Plan = Part | Sequence[Part]
-"""The plan of a call: one part, or a sequence of parts, each from the last pose of the one before."""
-
-
-def parts(plan: Plan) -> tuple[Part, ...]:
-    """Return the parts of a plan, in order. Raises MotionError for a value that is not a plan, or above 10 s."""
-    found = (plan,) if isinstance(plan, Part) else tuple(plan) if isinstance(plan, Sequence) else ()
-    if not found or not all(isinstance(part, Part) for part in found):
-        expected = "a skill returns a Control, Keyframes or a sequence of them"
-        raise MotionError("plan-kind", f"{expected}; got {str(plan)[:LONGEST_FAULT]!r}")
-    _check_duration(sum(part.frames if isinstance(part, Keyframes) else FUTURE for part in found) / FPS, "a call")
-    return found
-
-
-def _check_duration(seconds: float, what: str) -> None:
+def check_duration(seconds: float, what: str) -> None:
+    """Raise MotionError above 10 s."""
     if not seconds <= LONGEST_CALL:  # Also NaN.
         raise MotionError("duration", f"{what} may last at most {LONGEST_CALL:g} s; got {seconds:g} s")

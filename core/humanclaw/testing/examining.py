@@ -7,10 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-import numpy as np
-
-from humanclaw.body.pose import FPS, HISTORY, Array, Motion, matrix_from_vector, rest_pose, vector_from_matrix
-from humanclaw.body.skeleton import JOINTS
+from humanclaw.body.pose import HISTORY, Motion, rest_pose
 from humanclaw.episodes.embodiment import untrained
 from humanclaw.errors import CallError, ContractError, in_words
 from humanclaw.plugins.bounded import Bounded
@@ -19,19 +16,14 @@ from humanclaw.skills.adapter_checks import adapter_header, ranges, within
 from humanclaw.skills.checks import CHECKS, read_draft, skill_faults
 from humanclaw.skills.contract import Skill
 from humanclaw.skills.measures import MEASURES, Measure
-from humanclaw.skills.plan import Control, Keyframes, MotionError, parts
-from humanclaw.testing.playing import Bench, Faults, motion_faults
-from humanclaw.testing.sampling import illegal_calls, legal_calls
+from humanclaw.skills.own_body import OwnBody
+from humanclaw.skills.plan import Control, MotionError
+from humanclaw.skills.posing import Part
+from humanclaw.testing.following import following_faults
+from humanclaw.testing.playing import Bench, Faults, played_faults
+from humanclaw.testing.quality import motion_faults, moves
+from humanclaw.testing.sampling import illegal_calls, legal_calls, values_of
 
-SPEED_LIMIT: Final = 1500.0
-"""Degrees a second: about the speed of the knee in a kick and of the elbow in a throw."""
-_LIMITS: Final = {
-    "spine": 60, "hip": 135, "knee": 160, "ankle": 70, "foot": 70, "neck": 80, "collar": 60, "head": 85,
-    "shoulder": 180, "elbow": 160, "wrist": 100, "hand": 80,
-}  # fmt: skip
-"""Degrees that a joint can turn from the standing pose about any axis. Shoulders are not limited."""
-_KNEE_BACK: Final = 20.0
-"""Degrees that a knee bends the wrong way."""
 _UNCALLABLE: Final = frozenset(
     {"loads", "schema-file", "schema-object", "schema-valid", "references", "properties", "types", "bounds-order",
      "bounds-finite", "choices", "required-declared", "defaults-given", "defaults-legal"}
@@ -121,8 +113,11 @@ def _examined(skill: Skill, bench: Bench, unreadable: Sequence[ContractError]) -
     called = (*_refusal_faults(skill), *_plan_faults(skill, calls, bench))
     if any(fault.check not in _ELSEWHERE for fault in (*said, *called)):
         return Report(skill.name, _once((*said, *called)), notes=tuple(_untold(skill)))
-    played, engines, notes = motion_faults(skill, calls, bench)
-    return Report(skill.name, _once((*said, *called, *played)), len(calls), engines, (*_untold(skill), *notes))
+    played, engines, notes = played_faults(skill, calls, bench)
+    follows = following_faults(skill, bench)
+    return Report(
+        skill.name, _once((*said, *called, *played, *follows)), len(calls), engines, (*_untold(skill), *notes)
+    )
 
 
 _ELSEWHERE: Final = frozenset(name for name in CHECKS if name.startswith("publish-"))
@@ -171,6 +166,26 @@ def _plan_faults(skill: Skill, calls: Sequence[dict[str, Any]], bench: Bench) ->
         for fault in _call_faults(skill, params, bench):
             found.setdefault(fault.check, fault)
     yield from found.values()
+    if not found and skill.schema.get("properties"):
+        yield from _idle_faults(skill, calls)
+
+
+def _idle_faults(skill: Skill, calls: Sequence[dict[str, Any]]) -> Faults:
+    """Yield parameters that change nothing, and a default that moves nothing while other calls do."""
+    feeling = OwnBody.of(rest_pose(HISTORY))
+
+    def plan(params: Mapping[str, Any]) -> tuple[Part, ...]:
+        return skill.planned(skill.check(params), feeling)
+
+    for key in skill.schema.get("properties", {}):
+        pairs = [(call, call | {key: value}) for call in calls for value in values_of(skill, key)]
+        if pairs and all(repr(plan(one)) == repr(plan(other)) for one, other in pairs):
+            message = f"parameter {key!r} of skill {skill.name!r} changes nothing."
+            yield ContractError("parameters-used", message, "Use it, or remove it.")
+    given = [call for call in calls if set(call) <= set(skill.schema.get("required", ()))]
+    if given and not moves(plan(given[0])) and any(moves(plan(call)) for call in calls):
+        message = f"skill {skill.name!r} does nothing with its defaults."
+        yield ContractError("default-moves", message, "Choose defaults that move.")
 
 
 def _call_faults(skill: Skill, params: Mapping[str, Any], bench: Bench) -> Faults:
@@ -182,8 +197,13 @@ def _call_faults(skill: Skill, params: Mapping[str, Any], bench: Bench) -> Fault
         message = f"the schema of skill {skill.name!r} refuses a call at its own bounds: {error}"
         yield ContractError("accepts-bounds", message, "Mend bounds and pattern.")
         return
+    feeling = OwnBody.of(rest_pose(HISTORY))
+
+    def from_pose(pose: Motion) -> tuple[Part, ...]:
+        return skill.planned(checked, OwnBody.of(pose)) if skill.feels else plan
+
     try:
-        plan, again = (bench.ask(lambda: parts(skill.plan(checked))) for _ in range(2))
+        plan, again = (bench.ask(lambda: skill.planned(checked, feeling)) for _ in range(2))
     except MotionError as error:
         yield ContractError(error.check, f"{call}: {error}.", _REMEDIES.get(error.check, "Mend the keyframes."))
         return
@@ -194,17 +214,22 @@ def _call_faults(skill: Skill, params: Mapping[str, Any], bench: Bench) -> Fault
     if repr(plan) != repr(again):  # Keyframes may hold arrays, which == compares elementwise.
         message = f"{call} is planned otherwise the second time."
         yield ContractError("plan-repeats", message, "Plan from the parameters alone: no clock, no random numbers.")
-    pose = rest_pose(HISTORY)
     for part in plan:
-        if isinstance(part, Keyframes):
-            yield from _pose_faults(part, call, pose)
-        elif part.adapter != skill.adapter:  # The skill's own adapter has been checked against its schema already.
+        # The skill's own adapter has been checked against its schema already.
+        if isinstance(part, Control) and part.adapter != skill.adapter:
             yield from _control_faults(part, call, bench)
+    try:
+        yield from bench.play(lambda: tuple(motion_faults(from_pose, call)))
+    except (Exception, SystemExit) as error:
+        yield ContractError("body-plays", f"{call} raises {in_words(error)}.", "Plan for every pose of the body.")
 
 
 _REMEDIES: Final = {
     "duration": "Bound the parameters that set how long it lasts.",
-    "plan-kind": "Return a Control, Keyframes, or a list of them.",
+    "plan-kind": "Return a Control, Keyframes, a Reach, a Gaze, a Motion, or a list of them.",
+    "aim-hand": "Name the left or the right hand.",
+    "aim-finite": "Give three finite numbers, metres in the body's frame.",
+    "motion-finite": "Give one frame or more of finite numbers.",
     "control-adapter": "Name the adapter of a skill that is trained.",
     "control-values": "Give one value for each parameter that the adapter's header names.",
     "control-finite": "Command finite numbers: metres and radians.",
@@ -232,27 +257,3 @@ def _control_faults(part: Control, call: str, bench: Bench) -> Faults:
             message = f"{call} commands {name}={value:.3g}; its adapter was trained on "
             remedy = "Command what lies in it: metres and radians."
             yield ContractError("control-range", f"{message}{centre - scale:.3g} to {centre + scale:.3g}.", remedy)
-
-
-def _pose_faults(part: Keyframes, call: str, pose: Motion) -> Faults:
-    motion = part.over(pose)
-    angles = np.degrees(np.linalg.norm(motion.rotations - pose.rotations[-1], axis=-1))
-    for index, joint in enumerate(JOINTS[1:], 1):
-        limit = next(most for kind, most in _LIMITS.items() if kind in joint)
-        back = -np.degrees(motion.rotations[:, index, 0].min()) if "knee" in joint else 0.0
-        if angles[:, index].max() > limit or back > _KNEE_BACK:
-            most = f"{limit} degrees" if back <= _KNEE_BACK else f"{_KNEE_BACK:g} degrees backwards"
-            message = f"{call} turns {joint} by {max(angles[:, index].max(), back):.0f} degrees; it turns by {most}."
-            yield ContractError("joint-limits", message, "Turn it less.")
-    speeds = _speeds(pose[-1:].then(motion))
-    fastest = int(speeds.max(0).argmax())
-    if speeds.max() > SPEED_LIMIT:
-        message = f"{call} turns {JOINTS[fastest]} by {speeds.max():.0f} degrees a second; bodies stay below"
-        yield ContractError("joint-speed", f"{message} {SPEED_LIMIT:g}.", "Give it more time.")
-
-
-def _speeds(motion: Motion) -> Array:
-    """Return (T - 1, 24) the speed of every joint, degrees a second."""
-    turned = matrix_from_vector(motion.rotations)
-    steps = vector_from_matrix(turned[:-1].swapaxes(-1, -2) @ turned[1:])
-    return np.asarray(np.degrees(np.linalg.norm(steps, axis=-1)) * FPS)

@@ -9,7 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from humanclaw.body.pose import FUTURE
+from humanclaw.body.pose import FUTURE, rest_pose
 from humanclaw.episodes.backends import Backends
 from humanclaw.episodes.embodiment import Body, SkillExecution
 from humanclaw.errors import ContractError, HumanclawError, in_words
@@ -19,7 +19,9 @@ from humanclaw.plugins.host import Plugins
 from humanclaw.skills.call import Call
 from humanclaw.skills.contract import Skill
 from humanclaw.skills.measures import MEASURES, Measure
-from humanclaw.skills.plan import Control, Part, parts
+from humanclaw.skills.own_body import OwnBody
+from humanclaw.skills.plan import Control
+from humanclaw.skills.posing import Part
 from humanclaw.testing.fakes import FAKE, Fakes, fake_body, fake_scene
 
 _FAR: Final = 20.0
@@ -43,7 +45,7 @@ class Bench:
 
 
 # -- playing it --------------------------------------------------------------------------------------------------------
-def motion_faults(
+def played_faults(
     skill: Skill, calls: Sequence[dict[str, Any]], bench: Bench
 ) -> tuple[tuple[ContractError, ...], tuple[str, ...], tuple[str, ...]]:
     """Return the faults, the engines that played the skill, and notes on those that could not."""
@@ -137,7 +139,7 @@ def _engine_faults(body: Body, skill: Skill, calls: Sequence[dict[str, Any]], be
 
 
 def _parts(skill: Skill, params: Mapping[str, Any]) -> tuple[Part, ...]:
-    return parts(skill.plan(skill.check(params)))
+    return skill.planned(skill.check(params), OwnBody.of(rest_pose()))
 
 
 def _host(engine: str, skill: Skill, bench: Bench) -> Plugins:

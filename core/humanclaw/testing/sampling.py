@@ -32,6 +32,12 @@ def legal_calls(skill: Skill, samples: int = 3, seed: int = 0) -> list[dict[str,
     return [*corners(skill), plain, *(_drawn(skill, random.random) for _ in range(samples))]
 
 
+def values_of(skill: Skill, key: str) -> list[Any]:
+    """Return values of one parameter: its least, a middle one and its greatest."""
+    part = parameter_schema(skill)[key]
+    return [_value(part, lambda share=share: share) for share in (0.0, 0.5, 1.0)]
+
+
 def _drawn(skill: Skill, share: Any) -> dict[str, Any]:
     return {key: _value(part, share) for key, part in parameter_schema(skill).items()}
 

@@ -53,8 +53,9 @@ def _in_file(
     path: Path, patience: float = LOADING
 ) -> tuple[list[Skill | Path], dict[str, Measure], list[ContractError]]:
     if path.is_dir():
-        folders = sorted(one.parent for one in path.rglob("schema.json")) or [path]
-        return [*folders], {}, []
+        folders = sorted(one.parent for one in path.rglob("schema.json"))
+        if folders or not (path / "__init__.py").is_file():
+            return [*(folders or [path])], {}, []
     try:
         return Bounded(patience)(partial(_loaded, path))
     except OverdueError as error:

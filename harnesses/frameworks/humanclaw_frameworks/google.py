@@ -7,7 +7,8 @@ contents += [response.candidates[0].content, *tools.answer(response)]
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from google.genai import types
 
@@ -21,11 +22,15 @@ class Tools(list[types.Tool]):
         super().__init__(types.Tool.model_validate(one) for one in in_format([tool.spec for tool in tools], "gemini"))
         self._tools = {tool.name: tool for tool in tools}
 
-    def answer(self, response: types.GenerateContentResponse) -> list[types.Content]:
+    def answer(self, response: types.GenerateContentResponse | Mapping[str, Any]) -> list[types.Content]:
         """Execute the calls of a response in order; return the contents that answer it, none without a call.
+
+        response: the client's object, or the same as a dictionary.
 
         Pictures are a content of their own: only the newest models read pictures within a function's response.
         """
+        if isinstance(response, Mapping):
+            response = types.GenerateContentResponse.model_validate(response)
         answered = [(call, self._run(call)) for call in response.function_calls or ()]
         said = [_said(call, result) for call, result in answered]
         shown = [types.Part.from_bytes(data=one.picture, mime_type="image/jpeg") for _, one in answered if one.picture]

@@ -160,3 +160,11 @@ def test_an_eighth_framework_is_a_plugin(home):
 def test_the_hook_registers_seven(plugins):
     assert [one.name for one in plugins.registered("frameworks")] == list(FRAMEWORKS)
     assert len(FRAMEWORKS) == 7
+
+
+def test_openai_answers_a_message_that_is_a_dictionary(home):
+    called = {"id": "1", "type": "function", "function": {"name": "look", "arguments": "{}"}}
+    said, shown = home.tools("openai").answer({"role": "assistant", "tool_calls": [called]})
+    assert said["tool_call_id"] == "1"
+    assert shown["content"][0]["type"] == "image_url"
+    assert home.tools("openai").answer({"role": "assistant", "content": "Done."}) == []

@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from humanclaw import SENSORS, Choice, HumanclawError
+from humanclaw import Choice, HumanclawError
 from humanclaw.cli import check_options, engine_options, parse_pairs, plugin_options
 
 
@@ -39,7 +39,7 @@ from humanclaw.cli import check_options, engine_options, parse_pairs, plugin_opt
 @click.option(
     "--sensor",
     "sensors",
-    type=click.Choice(SENSORS),
+    metavar="NAME",
     multiple=True,
     help="Sensor besides the view. Repeatable.",
 )

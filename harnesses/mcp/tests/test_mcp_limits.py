@@ -6,8 +6,9 @@ import anyio
 import pytest
 from mcp import Client
 
-from humanclaw import Call, HumanclawError, Keyframes, PluginError, Plugins, Verdict, hookimpl, skill
+from humanclaw import Call, HumanclawError, Keyframes, Plugins, Verdict, hookimpl, skill
 from humanclaw.records import Answer
+from humanclaw.testing.fakes import Fakes
 from humanclaw_mcp import content
 from humanclaw_mcp.bodies import Bodies
 from humanclaw_mcp.handlers import Handlers
@@ -57,8 +58,9 @@ def test_a_skill_cannot_take_the_name_of_a_tool_of_the_server():
     tools = {tool.name for tool in content.tools([], Settings())}
     assert tools
     for name in tools:
-        with pytest.raises(PluginError, match=f"'{name}' is taken: a harness has a tool of that name"):
-            skill(name=name)(lambda: Keyframes.cycle("neck", axis="x", degrees=-20, seconds=0.5))
+        made, plugins = skill(name=name)(lambda: Keyframes.cycle("neck", axis="x", degrees=-20, seconds=0.5)), Plugins()
+        plugins.add(Fakes([made]), "odd")
+        assert f"'{name}' is taken: a harness has a tool of that name" in plugins.disabled[name]
 
 
 async def test_with_the_reasoning_a_call_says_what_is_seen_first():

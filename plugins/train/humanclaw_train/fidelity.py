@@ -23,12 +23,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 from tqdm import tqdm
 
 from humanclaw import CheckpointError, HumanclawError
 from humanclaw.body import Array, wrap_angle
 from humanclaw.motion import PROFILES, DiTGenerator, Solver, load_base, shipped_base
-from humanclaw.skills import MEASURES, Declaration, Measure, find, outcomes
+from humanclaw.skills import MEASURES, Agreement, Declaration, Measure, find, outcomes
 from humanclaw_train.chunks import Chunks, of_skill
 from humanclaw_train.notes import Notes
 from humanclaw_train.rollouts import (
@@ -65,6 +66,12 @@ class Ratio:
     error: float
     """Mean absolute error over all parameters; a centimetre counts as much as a degree."""
     chunks: int
+    slope: float = np.nan
+    """Of the line of achieved over commanded values of the primary parameter."""
+    r2: float = np.nan
+    """Share of the variance that the line explains."""
+    constant: float = np.nan
+    """The error of the best constant for each parameter, beside `error`."""
 
 
 @dataclass(frozen=True)
@@ -100,8 +107,17 @@ def achieved(command: Command, rollouts: Rollouts) -> Ratio:
     # Chunks of data, unlike commands, may have a displacement of exactly zero.
     wanted = np.where(rollouts.commands[:, primary] == 0, np.nan, rollouts.commands[:, primary])
     ratio = found[:, primary] / wanted
-    error = float(np.abs(difference).mean())
-    return Ratio(_mean(ratio), float(np.nanstd(ratio)), _mean(ratio[rollouts.after_other]), error, len(found))
+    error, constant = float(np.abs(difference).mean()), _constant(rollouts.commands, angle)
+    fit = Agreement.of(rollouts.commands[:, primary], found[:, primary])
+    spread = float(np.nanstd(ratio))
+    after = _mean(ratio[rollouts.after_other])
+    return Ratio(_mean(ratio), spread, after, error, len(found), fit.slope, fit.r2, constant)
+
+
+def _constant(commands: Array, angle: NDArray[np.bool_]) -> float:
+    """Return the error of the best constant for each parameter, centimetres and degrees."""
+    away = np.abs(commands - np.median(commands, 0)).mean(0)
+    return float(np.where(angle, np.degrees(away), 100 * away).mean())
 
 
 def _mean(values: Array) -> float:
@@ -246,11 +262,12 @@ def _ratio(content: Mapping[str, Any] | None) -> Ratio | None:
 def markdown(rows: Sequence[Row]) -> str:
     """Return the rows as a Markdown table, with the paper's results."""
     heads = (
-        "skill", "generated", "after another", "error cm, deg", "simulated", "error cm, deg", "median clip", "paper",
-        "paper's baseline",
+        "skill", "generated", "after another", "slope", "R²", "error cm, deg", "of the best constant", "simulated",
+        "error cm, deg", "median clip", "paper", "paper's baseline",
     )  # fmt: skip
     return table(heads, [
-        (row.skill, _spread(row.generated), cell(row.generated.after_other, 3), cell(row.generated.error),
+        (row.skill, _spread(row.generated), cell(row.generated.after_other, 3), cell(row.generated.slope, 2),
+         cell(row.generated.r2, 2), cell(row.generated.error), cell(row.generated.constant),
          _spread(row.simulated), cell(row.simulated.error if row.simulated else np.nan), _spread(row.baseline),
          _pair(row.paper), _pair(row.paper_baseline))
         for row in rows

@@ -66,6 +66,19 @@ def test_half_of_what_was_asked_is_a_ratio_of_a_half_and_the_rest_is_the_error(s
     ratio = achieved(Command.of("step_back", still[1]), rollouts)
     assert (ratio.mean, ratio.std, ratio.after_other) == pytest.approx((0.5, 0, 0.5), abs=1e-5)
     assert ratio.error == pytest.approx(15, abs=1e-3)
+    assert (ratio.slope, ratio.r2) == pytest.approx((0.5, 1.0), abs=1e-4)
+    assert ratio.constant == pytest.approx(10)  # The best constant for 20 and 40 cm.
+
+
+def test_a_constant_has_a_ratio_near_one_and_neither_slope_nor_a_smaller_error_than_the_best_constant(still):
+    chunks = _gliding(np.full(3, 0.3))
+    rollouts = Rollouts(
+        chunks.root.astype(float), chunks.rotations.astype(float), np.array([[0.25], [0.3], [0.35]]), np.ones(3, bool)
+    )
+    ratio = achieved(Command.of("step_back", still[1]), rollouts)
+    assert ratio.mean == pytest.approx(1.02, abs=0.01)
+    assert ratio.slope == pytest.approx(0, abs=1e-5)
+    assert ratio.error == pytest.approx(ratio.constant, abs=1e-4)
 
 
 def test_the_baseline_plays_the_median_clip_whatever_is_asked(still, tmp_path):

@@ -1,0 +1,175 @@
+"""`humanclaw play`: one skill alone, at once, with film and page."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final, Literal
+
+import click
+from rich.console import Console
+
+from humanclaw.cli.options import engine_options, plugin_options
+from humanclaw.cli.play import claim, end, left_empty, new_folder, present
+from humanclaw.episodes.backends import Backends
+from humanclaw.episodes.embodiment import Body
+from humanclaw.episodes.episode import Episode
+from humanclaw.errors import CallError, HumanclawError
+from humanclaw.plugins.choice import Choice
+from humanclaw.plugins.hookspecs import RegisterSkill, hookimpl
+from humanclaw.plugins.host import Plugins
+from humanclaw.records.decisions import Decision
+from humanclaw.records.tasks import free_episode
+from humanclaw.skills.call import Call
+from humanclaw.skills.contract import Skill
+from humanclaw.skills.measures import Declaration, from_si, suited
+
+Beginning = Literal["standing", "walking", "sitting"]
+_SEAT: Final = 0.5
+_STRIDE: Final = 0.4
+"""Metres: height of the hips, and of half a second of walking, before a skill that is played from there."""
+
+
+@click.command(context_settings={"ignore_unknown_options": True})
+@click.argument("target", metavar="FILE|FOLDER|NAME")
+@click.argument("words", nargs=-1, type=click.UNPROCESSED, metavar="[--PARAMETER VALUE | PARAMETER=VALUE]...")
+@click.option("--times", type=click.IntRange(1, 100), default=1, show_default=True, help="Calls in a row.")
+@click.option(
+    "--from",
+    "beginning",
+    type=click.Choice(["standing", "walking", "sitting"]),
+    default="standing",
+    show_default=True,
+    help="What the body does before, by skills that are installed.",
+)
+@click.option("--skill", default="", metavar="NAME", help="Which skill, if the file or folder holds several.")
+@click.option("--scene", "reference", default="floor", show_default=True, help="Where: source:argument.")
+@engine_options
+@click.option("--renderer", default=Backends.renderer, show_default=True, help="Renderer by name.")
+@click.option("--seed", type=int, default=0, show_default=True, help="All randomness derives from it.")
+@click.option("--out", type=click.Path(path_type=Path), help="Folder of the record; the default is a new one in runs/.")
+@click.option("--film", type=click.Choice(["mp4", "gif", "none"]), default="mp4", show_default=True)
+@plugin_options
+def play(
+    target: str,
+    words: Sequence[str],
+    times: int,
+    beginning: Beginning,
+    skill: str,
+    reference: str,
+    simulator: str,
+    generator: str,
+    prior: str,
+    renderer: str,
+    seed: int,
+    out: Path | None,
+    film: str,
+    files: tuple[Path, ...],
+    choice: Choice,
+) -> None:
+    """Play one skill with these parameters, and film it. No agent, no task.
+
+    A parameter that has the name of an option, such as times, is written times=2.
+    """
+    console = Console(markup=False, emoji=False, highlight=False)
+    plugins, chosen = _found(target, skill, files, choice)
+    calls = [*_before(beginning, plugins), *[_call(chosen, words)] * times]
+    backends = Backends(simulator, renderer, generator, sensors=("vision", "body", "touch"), prior=prior)
+    scene = plugins.scene(reference)
+    spec = free_episode(f"Play {calls[-1]}.", scene, seed=seed, max_steps=len(calls), name=f"{chosen.name}-{seed}")
+    out = out or new_folder(chosen.name)
+    claim(out / spec.id)
+    with (
+        left_empty(out / spec.id),
+        Body(scene, seed=seed, plugins=plugins, backends=backends) as body,
+        Episode(body, spec, "play", folder=out / spec.id) as episode,
+    ):
+        for call in calls:
+            episode.submit(Decision((call,)))
+            console.print(str(episode.steps[-1].feedback), soft_wrap=True)
+    present(plugins, backends, out, out / spec.id, film, console)
+    end(episode.record)
+
+
+def _found(target: str, skill: str, files: tuple[Path, ...], choice: Choice) -> tuple[Plugins, Skill]:
+    """Return the plugins and the skill of a file, a skill folder, or a name."""
+    path = Path(target)
+    if path.is_dir() and any(path.rglob("schema.json")):
+        plugins, name = Plugins.discover(files, choice), path.resolve().name
+        folders = sorted(one.parent for one in path.rglob("schema.json"))
+        plugins.add(_Folders(folders), name, origin=str(path))
+        return plugins, _one_of(plugins, name, skill)
+    if path.suffix == ".py" or path.exists():
+        plugins = Plugins.discover((*files, path), choice)
+        return plugins, _one_of(plugins, plugins.infos[-1].name, skill)
+    plugins = Plugins.discover(files, choice)
+    return plugins, plugins.skill(target)
+
+
+def _one_of(plugins: Plugins, owner: str, wanted: str) -> Skill:
+    """Return the wanted skill of a plugin, or its only one. Raises HumanclawError if it has several or none."""
+    names = plugins.names_of(owner, "skills")
+    if not wanted and len(names) != 1:
+        listed = f"--skill NAME: {', '.join(names)}" if names else "a file that registers a skill"
+        raise HumanclawError(f"{owner} holds {len(names)} skills; expected one.", f"Name {listed}.")
+    return plugins.skill(f"{owner}:{wanted or names[0]}")
+
+
+class _Folders:
+    """A plugin that registers skill folders."""
+
+    def __init__(self, folders: Sequence[Path]) -> None:
+        self._folders = folders
+
+    @hookimpl
+    def humanclaw_skills(self, register: RegisterSkill) -> None:
+        for folder in self._folders:
+            register(folder)
+
+
+def _call(skill: Skill, words: Sequence[str]) -> Call:
+    """Return the checked call. Raises HumanclawError, with the usage, for parameters outside the schema."""
+    try:
+        return Call(skill.name, skill.check(dict(_pairs(words))))
+    except CallError as error:
+        raise HumanclawError(str(error)) from None
+
+
+def _pairs(words: Sequence[str]) -> Iterator[tuple[str, Any]]:
+    """Yield name and value of each parameter, from `--name value`, `--name=value` and `name=value`."""
+    left = iter(words)
+    for word in left:
+        name, equals, value = word.removeprefix("--").partition("=")
+        if not equals:
+            if not word.startswith("--"):
+                raise HumanclawError(f"{word!r} has no name.", "Write --PARAMETER VALUE or PARAMETER=VALUE.")
+            value = next(left, "")
+        yield name.replace("-", "_"), _value(value)
+
+
+def _value(text: str) -> Any:
+    try:
+        return json.loads(text)
+    except ValueError:
+        return text
+
+
+def _before(beginning: Beginning, plugins: Plugins) -> list[Call]:
+    """Return the calls that bring the body to where the skill begins."""
+    declared = [one.declaration for one in plugins.skills.values() if one.trained]
+    if beginning == "standing":
+        return []
+    walks, sits = suited(declared, "hips.forward"), suited(declared, "hips.height", role="sit")
+    if beginning == "walking" and walks:
+        return [_commanding(walks, {"hips.forward": _STRIDE})] * 2
+    if beginning == "sitting" and sits:
+        return [_commanding(sits, {"hips.height": _SEAT})]
+    needed = "goes forward" if beginning == "walking" else "sits"
+    raise HumanclawError(f"no skill that {needed} is installed.", "Leave out --from.")
+
+
+def _commanding(skill: Declaration, amounts: Mapping[str, float]) -> Call:
+    return Call(
+        skill.skill, {one.key: round(from_si(one.key, amounts.get(one.measure, 0))) for one in skill.parameters}
+    )

@@ -1,0 +1,83 @@
+"""Whether the motion of a trained skill follows its commands: a gate of quality, in seconds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from humanclaw.body.pose import HISTORY, Array, Motion, Pose2D
+from humanclaw.errors import ContractError, HumanclawError
+from humanclaw.motion.checkpoint import read_header, shipped_base
+from humanclaw.motion.generator import DiTGenerator, MotionGenerator
+from humanclaw.skills.agreement import Agreement
+from humanclaw.skills.contract import Skill
+from humanclaw.skills.measures import Measure, Parameter, find, from_si
+from humanclaw.testing.playing import Bench
+
+_RUNS: Final = 8
+_CALLS: Final = 3
+"""Number of bodies that set out from standing, and of calls in a row of each."""
+
+
+def following_faults(skill: Skill, bench: Bench) -> Iterator[ContractError]:
+    """Yield each parameter that an adapter follows no better than a constant would."""
+    if skill.adapter is None or not skill.adapter.is_file() or not skill.parameters:
+        return
+    generator = _generator(skill, bench)
+    if generator is None:
+        return
+    commands, achieved = _rolled(skill, generator, bench.measures, bench.seed)
+    for column, one in enumerate(skill.parameters):
+        found = Agreement.of(commands[:, column], achieved[:, column])
+        if one.low < one.high and not found.follows:
+            yield ContractError("follows", _told(skill, one, found), "Train it longer, or on more clips.")
+
+
+def _told(skill: Skill, one: Parameter, found: Agreement) -> str:
+    error, constant = (from_si(one.key, value) for value in (found.error, found.constant))
+    unit = "degrees" if one.key.endswith("_deg") else "cm"
+    return (
+        f"skill {skill.name!r} misses {one.key} by {error:.1f} {unit} on average; a constant misses it by "
+        f"{constant:.1f} {unit} (slope {found.slope:.2f}, R squared {found.r2:.2f})."
+    )
+
+
+def _generator(skill: Skill, bench: Bench) -> MotionGenerator | None:
+    """Return a generator with the prior of the skill's adapter; None if that prior is not installed."""
+    base = str(read_header(skill.adapter)["base"]) if skill.adapter else ""
+    known = {**_shipped(), **bench.plugins.priors}
+    try:
+        return DiTGenerator.load(known[base], "default") if base in known else None
+    except HumanclawError:
+        return None
+
+
+def _shipped() -> dict[str, Path]:
+    return {str(read_header(shipped_base())["digest"]): shipped_base()}
+
+
+def _rolled(
+    skill: Skill, generator: MotionGenerator, measures: Mapping[str, Measure], seed: int
+) -> tuple[Array, Array]:
+    """Return commands and what was achieved, (N, parameters) each, SI."""
+    assert skill.adapter is not None
+    random = np.random.default_rng(seed)
+    low, high = (np.array([getattr(one, end) for one in skill.parameters]) for end in ("low", "high"))
+    commands = random.uniform(low, high, (_RUNS, _CALLS, len(low)))
+    chunks = []
+    for run in range(_RUNS):
+        history = generator.start()
+        for call in range(_CALLS):
+            values = {one.name: float(x) for one, x in zip(skill.parameters, commands[run, call], strict=True)}
+            motion = generator.generate(history, skill.adapter, values, (seed, run, call))
+            chunks.append(Pose2D.of_history(history).to_local(history.then(motion)))
+            history = motion[-HISTORY:]
+    return commands.reshape(-1, len(low)), _measured(skill, chunks, measures)
+
+
+def _measured(skill: Skill, chunks: list[Motion], measures: Mapping[str, Measure]) -> Array:
+    root, rotations = np.stack([one.root for one in chunks]), np.stack([one.rotations for one in chunks])
+    return np.stack([find(one, measures)(root, rotations) for one in skill.parameters], -1)

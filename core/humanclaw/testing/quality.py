@@ -1,0 +1,165 @@
+"""Look at the motion that a skill plans: from standing and from a walk, once and a second time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import product
+from typing import Final
+
+import numpy as np
+
+from humanclaw.body.limits import JOINT_LIMITS, KNEE_BACK, angles_from_standing, within_limits
+from humanclaw.body.pose import (
+    FPS,
+    FUTURE,
+    HISTORY,
+    Array,
+    Motion,
+    forward_kinematics,
+    matrix_from_vector,
+    rest_pose,
+    vector_from_matrix,
+)
+from humanclaw.body.skeleton import JOINT_INDEX, JOINTS, LINKS, Capsule, Link
+from humanclaw.errors import ContractError
+from humanclaw.motion.ik import SIDES
+from humanclaw.skills.plan import Control
+from humanclaw.skills.posing import Part, wanted
+from humanclaw.testing.motions import gait
+
+SPEED_LIMIT: Final = 1500.0
+"""Degrees a second: about the speed of the knee in a kick and of the elbow in a throw."""
+TRUNK_SPEED: Final = 700.0
+"""Degrees a second that pelvis, spine, neck and head stay below."""
+ROOT_SPEED: Final = 5.0
+"""Metres a second that the pelvis stays below."""
+TILT: Final = 75.0
+"""Degrees from upright that the pelvis stays below."""
+DEPTH: Final = 0.05
+"""Metres that an arm may sink into the body: skin and clothes give way."""
+STARTS: Final[Mapping[str, Motion]] = {"": rest_pose(HISTORY), " from a walk": gait(3, 0.5)[30 : 30 + HISTORY]}
+_TRUNK: Final = [index for index, name in enumerate(JOINTS) if name in ("pelvis", "neck", "head") or "spine" in name]
+_ARMS: Final = ("elbow", "wrist", "hand")
+_BODY: Final = ("pelvis", "spine", "head")
+Faults = Iterator[ContractError]
+
+
+def motion_faults(plan: Callable[[Motion], Sequence[Part]], call: str) -> Faults:
+    """Yield the faults of a call's motion. plan: returns its parts for a body in a pose."""
+    for where, start in STARTS.items():
+        pose = start
+        for again in ("", ", a second time"):
+            before = pose[-1:]
+            for part in plan(pose):
+                if isinstance(part, Control):  # The motion model's own motion is not held to these limits.
+                    pose = _held(pose)
+                    continue
+                motion = wanted(part, pose)
+                yield from _faults(motion, pose[-1:], f"{call}{where}{again}")
+                pose = pose.then(within_limits(motion, pose[-1:])[0])[-HISTORY:]
+            yield from _contacts(pose[-1:], before, f"{call}{where}{again}")
+
+
+def moves(parts: Sequence[Part]) -> bool:
+    """Whether anything moves in a plan, for a body that stands."""
+    start = rest_pose(HISTORY)
+    return any(
+        isinstance(part, Control)
+        or not np.allclose(wanted(part, start).rotations, start.rotations[-1], atol=1e-3)
+        or not np.allclose(wanted(part, start).root, start.root[-1], atol=1e-3)
+        for part in parts
+    )
+
+
+def _held(pose: Motion) -> Motion:
+    return Motion(np.repeat(pose.root[-1:], FUTURE, 0), np.repeat(pose.rotations[-1:], FUTURE, 0))[-HISTORY:]
+
+
+def _faults(motion: Motion, pose: Motion, call: str) -> Faults:
+    whole = pose.then(motion)
+    yield from _beyond_limits(motion, pose, call)
+    speeds = _speeds(whole)
+    most = np.full(len(JOINTS), SPEED_LIMIT)
+    most[_TRUNK] = TRUNK_SPEED
+    fastest = int((speeds.max(0) / most).argmax())
+    if speeds[:, fastest].max() > most[fastest]:
+        message = (
+            f"{call} turns {JOINTS[fastest]} by {speeds[:, fastest].max():.0f} degrees a second; bodies stay below"
+        )
+        yield ContractError("joint-speed", f"{message} {most[fastest]:g}.", "Give it more time.")
+    speed = float(np.linalg.norm(np.diff(whole.root, axis=0), axis=1).max()) * FPS
+    if speed > ROOT_SPEED:
+        message = f"{call} moves the pelvis by {speed:.1f} m/s; bodies stay below {ROOT_SPEED:g}."
+        yield ContractError("root-speed", message, "Give it more time, or a shorter way.")
+    up = matrix_from_vector(motion.rotations[:, 0])[:, 1, 1]
+    if (tilt := float(np.degrees(np.arccos(np.clip(up.min(), -1, 1))))) > TILT:
+        message = f"{call} tilts the pelvis by {tilt:.0f} degrees; a body that stands stays below {TILT:g}."
+        yield ContractError("upright", message, "Bend the spine and the hips instead.")
+    yield from _contacts(motion, pose, call)
+
+
+def _beyond_limits(motion: Motion, pose: Motion, call: str) -> Faults:
+    _, stopped = within_limits(motion, pose)
+    angles = angles_from_standing(motion.rotations).max(0)
+    for joint in stopped:
+        angle, most = angles[JOINT_INDEX[joint]], f"{JOINT_LIMITS[joint]} degrees"
+        if angle <= JOINT_LIMITS[joint]:
+            angle, most = -np.degrees(motion.rotations[:, JOINT_INDEX[joint], 0].min()), f"{KNEE_BACK:g} backwards"
+        message = f"{call} turns {joint} by {angle:.0f} degrees; it turns by {most}."
+        yield ContractError("joint-limits", message, "Turn it less, give absolute keys, or end where it began.")
+
+
+def _speeds(motion: Motion) -> Array:
+    """Return (T - 1, 24) the speed of every joint, degrees a second."""
+    turned = matrix_from_vector(motion.rotations)
+    steps = vector_from_matrix(turned[:-1].swapaxes(-1, -2) @ turned[1:])
+    return np.asarray(np.degrees(np.linalg.norm(steps, axis=-1)) * FPS)
+
+
+# -- the arms and the body ---------------------------------------------------------------------------------------------
+def _contacts(motion: Motion, pose: Motion, call: str) -> Faults:
+    """Yield a fault for the deepest place where an arm goes into the body, or into the other arm."""
+    found = {pair: _depth(motion, *pair).max() for pair in _PAIRS}
+    own = {pair: max(float(_depth(pose, *pair).max()), 0.0) for pair in _PAIRS}
+    (arm, other), depth = max(found.items(), key=lambda item: item[1] - own[item[0]])
+    if depth > DEPTH + own[arm, other]:
+        message = f"{call} puts {arm.joint} {100 * depth:.0f} cm into {other.joint}."
+        yield ContractError("self-contact", message, "Turn the joint the other way, or less.")
+
+
+def _depth(motion: Motion, one: Link, other: Link) -> Array:
+    """Return (T,) by how much two links overlap, metres; negative if they are apart."""
+    joints, turns = forward_kinematics(motion.root, motion.rotations)
+    ends = []
+    for link in (one, other):
+        index, (a, b, _) = JOINT_INDEX[link.joint], _capsule(link)
+        ends += [joints[:, index] + turns[:, index] @ point for point in (a, b)]
+    return _capsule(one)[2] + _capsule(other)[2] - _apart(*ends)
+
+
+def _capsule(link: Link) -> tuple[Array, Array, float]:
+    """Return a link as a capsule; the boxes of wrist and hand are flat, and lie along X."""
+    if isinstance(link.shape, Capsule):
+        return np.array(link.shape.a), np.array(link.shape.b), link.shape.radius
+    centre, (x, y, z) = np.array(link.shape.centre), link.shape.half
+    radius = (y + z) / 2
+    return centre - [x - radius, 0, 0], centre + [x - radius, 0, 0], radius
+
+
+def _apart(a: Array, b: Array, c: Array, d: Array) -> Array:
+    """Return the distances (T,) of the segments a-b and c-d, each end (T, 3), at nine points of the first."""
+    points = a[:, None] + np.linspace(0, 1, 9)[:, None] * (b - a)[:, None]
+    along = (d - c)[:, None]
+    length = np.maximum((along**2).sum(-1), 1e-12)
+    share = np.clip(((points - c[:, None]) * along).sum(-1) / length, 0, 1)
+    return np.asarray(np.linalg.norm(points - c[:, None] - share[..., None] * along, axis=-1).min(-1))
+
+
+def _pairs() -> Iterator[tuple[Link, Link]]:
+    left, right = ([one for one in LINKS if one.joint in [f"{side}_{part}" for part in _ARMS]] for side in SIDES)
+    body = [one for one in LINKS if one.joint.rstrip("123") in _BODY]
+    yield from product([*left, *right], body)
+    yield from product(left, right)
+
+
+_PAIRS: Final = tuple(_pairs())

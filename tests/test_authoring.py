@@ -1,0 +1,161 @@
+"""What authors of plugins meet first: names, folders, one-line values, verdicts that mean something."""
+
+import asyncio
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import humanclaw
+from humanclaw import (
+    Call,
+    Decision,
+    Episode,
+    Keyframes,
+    Observation,
+    Plugins,
+    Verdict,
+    body_tools,
+    skill,
+)
+from humanclaw.errors import PluginError, PluginRunError
+from humanclaw.records import free_episode
+from humanclaw.testing import fake_body
+
+TWO = '''
+from humanclaw import Keyframes, hookimpl, skill
+
+@skill()
+def nod() -> Keyframes:
+    """Nod."""
+    return Keyframes.cycle("head", "x", 20, 0.5)
+
+@skill(name="look")
+def peer() -> Keyframes:
+    """Look closely."""
+    return Keyframes.cycle("neck", "x", 20, 0.5)
+
+@hookimpl
+def humanclaw_skills(register):
+    register(nod)
+    register(peer)
+'''
+
+
+@skill()
+def nod() -> Keyframes:
+    """Nod."""
+    return Keyframes.cycle("head", "x", 20, 0.5)
+
+
+@skill(role="stop")
+def done() -> Keyframes:
+    """Declare the task complete."""
+    return Keyframes.cycle("head", "x", 5, 0.5)
+
+
+def test_a_reserved_name_disables_its_skill_and_no_neighbour(tmp_path):
+    (tmp_path / "two.py").write_text(TWO)
+    plugins = Plugins.discover([tmp_path / "two.py"])
+    assert "nod" in plugins.skills
+    assert "taken" in plugins.disabled["look"]
+
+
+def test_tools_move_the_body_no_more_after_a_stop_until_it_is_reset():
+    with fake_body(nod, done) as body:
+        tools = {tool.name: tool for tool in body_tools(body)}
+        assert tools["nod"]().picture
+        assert tools["done"]().picture
+        assert "you have stopped" in tools["nod"]().text
+        assert body.step == 2
+        assert tools["look"]().picture
+        body.reset(body.scene)
+        assert tools["nod"]().picture
+
+
+def test_a_verdict_that_neither_accepts_nor_replaces_is_refused():
+    class Undecided:
+        name = "undecided"
+
+        def begin(self, context): ...
+
+        def verify(self, observation, call, skill, goal):
+            return Verdict(False)
+
+    with fake_body(nod) as body:
+        episode = Episode(body, free_episode("nod", body.scene), "tester", Undecided())
+        with pytest.raises(PluginRunError, match="neither accepts nor replaces"):
+            episode.submit(Decision((Call("nod"),)))
+    assert episode.outcome == "plugin_error"
+
+
+def test_an_observation_is_one_line():
+    seen = Observation(3, "find the chair", np.zeros((512, 512, 3), np.uint8))
+    assert repr(seen) == "Observation(step=3, 'find the chair', rgb 512 x 512 x 3, '')"
+
+
+def test_a_package_in_a_folder_is_a_plugin_and_imports_its_own_modules(tmp_path):
+    folder = tmp_path / "my_nods"
+    folder.mkdir()
+    (folder / "skills.py").write_text(TWO.split("@hookimpl")[0])
+    (folder / "__init__.py").write_text(
+        "from humanclaw import hookimpl\nfrom .skills import nod\nfrom my_nods.skills import peer\n"
+        "@hookimpl\ndef humanclaw_skills(register):\n    register(nod)\n"
+    )
+    try:
+        assert "nod" in Plugins.discover([folder]).skills
+        assert "nod" in Plugins.discover([folder]).skills  # Also twice in one process.
+    finally:
+        for name in [name for name in sys.modules if name.partition(".")[0] == "my_nods"]:
+            del sys.modules[name]
+
+
+def test_a_folder_without_a_package_is_refused(tmp_path):
+    with pytest.raises(PluginError, match=r"there is no plugin file .*__init__\.py"):
+        Plugins.discover([tmp_path])
+
+
+@pytest.mark.parametrize(
+    ("wrong", "right"),
+    [("skill", "skills"), ("sim", "simulators"), ("agent", "agents"), ("on_step", "step"), ("scene", "scenes"),
+     ("renderer", "renderers"), ("report", "reports"), ("episode_ended", "episode_end"),
+     ("generators", "motion_generators")],
+)  # fmt: skip
+def test_a_misspelt_hook_is_matched_to_the_right_one(wrong, right):
+    class Plugin: ...
+
+    setattr(Plugin, f"humanclaw_{wrong}", humanclaw.hookimpl(lambda self, register: None))
+    with pytest.raises(PluginError, match=rf"Did you mean humanclaw_{right}\?"):
+        Plugins().add(Plugin(), "odd")
+
+
+@pytest.mark.parametrize("package", ["humanclaw", "humanclaw.skills", "humanclaw.testing"])
+def test_dir_names_what_is_public(package):
+    code = f"import json, {package} as it; print(json.dumps([dir(it), it.__all__]))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    listed, public = json.loads(done.stdout)
+    assert [name for name in listed if not name.startswith("__")] == public
+
+
+def test_an_event_loop_goes_on_while_the_body_moves_and_calls_wait_for_one_another():
+    async def two():
+        ticks = []
+
+        async def tick():
+            while len(ticks) < 1000:
+                ticks.append(body.step)
+                await asyncio.sleep(0.001)
+
+        ticking = asyncio.create_task(tick())
+        seen = await asyncio.gather(body.acall("nod"), body.acall("nod"))
+        ticking.cancel()
+        return seen, ticks
+
+    with fake_body(nod) as body:
+        seen, ticks = asyncio.run(two())
+        (tool, *_) = body_tools(body)
+        assert asyncio.run(tool.acall()).picture
+    assert sorted(one.step for one in seen) == [1, 2]
+    assert ticks

@@ -1,0 +1,79 @@
+"""`humanclaw play`: one skill, at once, without an agent."""
+
+import pytest
+from click.testing import CliRunner
+
+from humanclaw import Plugins
+from humanclaw.cli import build
+from humanclaw.records import RecordedEpisode
+
+NOD = '''
+from humanclaw import Keyframes, hookimpl, skill
+
+@skill()
+def nod(times: int = 1, degrees: int = 20) -> Keyframes:
+    """Nod."""
+    return Keyframes.cycle("head", axis="x", degrees=degrees, seconds=0.5, times=times)
+
+@skill()
+def bow() -> Keyframes:
+    """Bow."""
+    return Keyframes.cycle("spine1", axis="x", degrees=20, seconds=0.5)
+
+@hookimpl
+def humanclaw_skills(register):
+    register(nod)
+'''
+
+
+@pytest.fixture
+def play(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "nod.py").write_text(NOD)
+    (tmp_path / "both.py").write_text(NOD + "    register(bow)\n")
+
+    def play(*words):
+        words = ["play", *words, "--film", "none", "--out", "run"]
+        return CliRunner().invoke(build(Plugins.discover), words)
+
+    return play
+
+
+def steps(tmp_path, name):
+    return RecordedEpisode(tmp_path / "run" / f"{name}-0").steps
+
+
+def test_a_file_is_played_with_its_parameters_and_reported(play, tmp_path):
+    done = play("nod.py", "times=2", "--degrees", "-15", "--times", "2")
+    assert done.exit_code == 0, done.output
+    assert [str(one.call) for one in steps(tmp_path, "nod")] == ["nod(times=2, degrees=-15)"] * 2
+    assert (tmp_path / "run/report.html").is_file()
+    assert "Executed nod(times=2, degrees=-15)." in done.output
+
+
+@pytest.mark.parametrize(("beginning", "first"), [("walking", ["walk", "walk"]), ("sitting", ["sit_in_place"])])
+def test_a_skill_is_played_from_a_walk_or_a_seat(play, tmp_path, beginning, first):
+    assert play("turn_in_place", "--yaw-deg=20", "--from", beginning).exit_code == 0
+    assert [one.call.skill for one in steps(tmp_path, "turn_in_place")] == [*first, "turn_in_place"]
+
+
+def test_of_several_skills_one_is_named(play, tmp_path):
+    assert "Name --skill NAME: nod, bow." in play("both.py").output
+    assert play("both.py", "--skill", "bow").exit_code == 0
+    assert len(steps(tmp_path, "bow")) == 1
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["nod.py", "--degree", "3"], "Call nod with"),
+        (["nod.py", "3"], "'3' has no name"),
+        (["nod.py", "--degrees", "far"], "'far' is not of type 'integer'"),
+        (["nood"], "there is no skill 'nood'"),
+    ],
+)
+def test_what_cannot_be_played_is_told_before_anything_moves(play, tmp_path, words, told):
+    done = play(*words)
+    assert done.exit_code == 2
+    assert told in done.output
+    assert not (tmp_path / "run").exists()
