@@ -9,7 +9,7 @@ from humanclaw_train import train, trainer
 
 
 def main(step: int, arguments: list[str]) -> int:
-    advance = trainer.Trainer.advance
+    advance, seconds = trainer.Trainer.advance, trainer._SAVE_SECONDS
 
     def interrupted(self, problem):
         if self.step == step:
@@ -23,7 +23,7 @@ def main(step: int, arguments: list[str]) -> int:
     except KeyboardInterrupt:
         return 0
     finally:
-        trainer.Trainer.advance = advance
+        trainer.Trainer.advance, trainer._SAVE_SECONDS = advance, seconds
 
 
 if __name__ == "__main__":
