@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import os
-import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Final
@@ -37,14 +36,15 @@ class Processes:
             raise HumanclawError(told, f"Give a --batch that is a multiple of {self.count}.")
         return batch[self.rank :: self.count]
 
-    def together(self, problem: nn.Module) -> nn.Module:
-        """Return the problem with gradients that are the mean over all processes."""
+    def together(self, problem: nn.Module, batch: Sequence[Tensor]) -> nn.Module:
+        """Return the problem with gradients that are the mean over all processes. batch: an example."""
         if self.count == 1:
             return problem
-        # Otherwise DDP regroups the gradients after a run's first step. Then a resumed run would sum them in another
-        # order than an uninterrupted one, and differ in the last bits.
-        warnings.filterwarnings("ignore", message="find_unused_parameters=True was specified")
-        return DistributedDataParallel(problem, broadcast_buffers=False, find_unused_parameters=True)
+        wrapped = DistributedDataParallel(problem)
+        # DDP regroups gradients after its first backward pass, which changes the order of sums. Done here, a resumed
+        # run sums as an uninterrupted one does, bit for bit. The step itself discards these gradients.
+        wrapped(*map(self.share, batch)).backward()
+        return wrapped
 
     def agreed(self, seconds: float, device: torch.device) -> float:
         """Return the first process's time. All need the same, because it sets the learning rate and the run's end."""

@@ -237,7 +237,7 @@ def run(
     """
     out.mkdir(parents=True, exist_ok=True)
     trainer.resume(out / "state.pt")
-    problem, first = trainer.processes.together(problem), trainer.processes.first
+    problem, first = trainer.processes.together(problem, trainer.batch()), trainer.processes.first
     saved = time.monotonic()
     if first:
         _begin(trainer, "validated on held-out clips" if validate else "no held-out clips")

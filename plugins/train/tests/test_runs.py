@@ -13,8 +13,10 @@ torch = pytest.importorskip("torch")
 import cut_short
 from gliding import save_chunks
 
+from humanclaw import HumanclawError
 from humanclaw.motion import read_header
 from humanclaw_train import logs, train
+from humanclaw_train.parallel import Processes
 from humanclaw_train.trainer import Recipe
 from humanclaw_train.validation import Validation, held_out
 
@@ -51,20 +53,26 @@ def test_three_steps_and_three_more_are_six_steps_bit_for_bit(chunks, tmp_path, 
     assert _base(chunks, tmp_path / "cut", *mode).read_bytes() == whole.read_bytes()
 
 
-def test_two_processes_train_as_one_does_and_resume_bit_for_bit(chunks, tmp_path):
+def test_three_processes_train_as_one_does_and_resume_bit_for_bit(chunks, tmp_path):
     def arguments(name: str) -> list[str]:
-        more = ["--precision", "float32", "--export", str(tmp_path / f"{name}.safetensors")]
+        more = ["--precision", "float32", "--batch", "9", "--export", str(tmp_path / f"{name}.safetensors")]
         return ["base", "--data", str(chunks), "--out", str(tmp_path / name), *SIX, *more]
 
-    _torchrun(2, ["-m", "humanclaw_train.train", *arguments("whole")])
-    _torchrun(2, [str(SUPPORT / "cut_short.py"), "3", *arguments("cut")])
+    _torchrun(3, ["-m", "humanclaw_train.train", *arguments("whole")])
+    _torchrun(3, [str(SUPPORT / "cut_short.py"), "3", *arguments("cut")])
     assert torch.load(tmp_path / "cut" / "state.pt")["step"] == 3
-    _torchrun(2, ["-m", "humanclaw_train.train", *arguments("cut")])
+    _torchrun(3, ["-m", "humanclaw_train.train", *arguments("cut")])
     assert (tmp_path / "cut.safetensors").read_bytes() == (tmp_path / "whole.safetensors").read_bytes()
 
-    alone = _base(chunks, tmp_path / "alone", "--precision", "float32").parent / "state.pt"
+    alone = _base(chunks, tmp_path / "alone", "--precision", "float32", "--batch", "9").parent / "state.pt"
     one, two = (torch.load(path)["module"] for path in (alone, tmp_path / "whole" / "state.pt"))
     assert all(torch.allclose(one[name], two[name], atol=1e-5) for name in one)
+
+
+def test_a_batch_that_cannot_be_shared_evenly_is_refused():
+    assert Processes(1, 2).share(torch.arange(6)).tolist() == [1, 3, 5]
+    with pytest.raises(HumanclawError, match="multiple of 4"):
+        Processes(0, 4).share(torch.arange(6))
 
 
 def test_the_precision_of_a_run_is_chosen_and_told(chunks, tmp_path, capsys):
