@@ -52,7 +52,7 @@ def check(names: Iterable[str]) -> None:
     for name in names:
         if importlib.util.find_spec(name) is None:
             raise HumanclawError(
-                f"--log {name} needs the package {name}, which is not installed.",
+                f"--logger {name} needs the package {name}, which is not installed.",
                 f'Run: pip install "humanclaw-train[{name}]"',
             )
 

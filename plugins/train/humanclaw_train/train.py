@@ -182,9 +182,9 @@ def main(arguments: Sequence[str] | None = None, measures: Measures = lambda: ME
     torch.set_num_threads(options.threads)
     device = device_of(options.device)
     try:
-        logs.check(options.log)
+        logs.check(options.logger)
         with joined(device) as processes:
-            session = Session(device, processes, options.compile, tuple(options.log))
+            session = Session(device, processes, options.compile, tuple(options.logger))
             path, export = _trained(options, session, measures)
             if export and processes.first:
                 _copy(path, export)
@@ -309,7 +309,7 @@ def _parser() -> argparse.ArgumentParser:
             help="of the layers; auto takes bf16 where the device is fast at it",
         )
         one.add_argument(
-            "--log", choices=list(logs.LOGS), action="append", default=[], help="also log to this; repeatable"
+            "--logger", choices=list(logs.LOGS), action="append", default=[], help="also log to this; repeatable"
         )
         one.add_argument("--jitter", type=float, default=0.01, help="noise on conditions, in standard deviations")
         one.add_argument(

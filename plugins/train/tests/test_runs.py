@@ -113,7 +113,7 @@ def test_tensorboard_gets_the_losses_of_a_run(chunks, tmp_path):
     pytest.importorskip("tensorboard")
     from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
-    _base(chunks, tmp_path, "--log", "tensorboard")
+    _base(chunks, tmp_path, "--logger", "tensorboard")
     found = EventAccumulator(str(tmp_path / "tensorboard")).Reload()
     assert {"loss", "validation loss", "learning rate", "steps/s"} <= set(found.Tags()["scalars"])
     assert [event.step for event in found.Scalars("validation loss")] == [6]
@@ -123,7 +123,7 @@ def test_wandb_gets_the_losses_of_a_run_offline_and_a_resumed_run_goes_on(chunks
     pytest.importorskip("wandb")
     monkeypatch.setenv("WANDB_MODE", "offline")
     monkeypatch.setenv("WANDB_SILENT", "true")
-    arguments = ["base", "--data", str(chunks), "--out", str(tmp_path), *SIX, "--log", "wandb"]
+    arguments = ["base", "--data", str(chunks), "--out", str(tmp_path), *SIX, "--logger", "wandb"]
     assert cut_short.main(3, arguments) == 0
     known = (tmp_path / "wandb-run").read_text()
     assert train.main(arguments) == 0
@@ -137,6 +137,6 @@ def test_a_log_without_its_package_is_refused_with_the_command_that_installs_it(
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     arguments = ["base", "--data", str(chunks), "--out", str(tmp_path / "run"), *SIX]
     for name in logs.LOGS:
-        assert train.main([*arguments, "--log", name]) == 2
+        assert train.main([*arguments, "--logger", name]) == 2
         assert f'pip install "humanclaw-train[{name}]"' in capsys.readouterr().err
     assert not (tmp_path / "run").exists()
