@@ -79,12 +79,18 @@ def load_pack(folder: str | Path, unpacked: str | Path | None = None) -> list[Cl
         return [_clip(row, Path(temporary) if "!" in row["file"] else folder) for row in rows]
 
 
+_COLUMNS: Final = ("file", "source", "licence", "skill_tags", "notes")
+
+
 def _rows(folder: Path) -> Iterable[dict[str, str]]:
     table = folder / "clips.csv"
     if not table.is_file():
         raise MocapError(f"{table} is missing.", "Give the folder that contains clips.csv and its archives.")
     with table.open(newline="", encoding="utf-8") as lines:
-        yield from csv.DictReader(lines)
+        rows = csv.DictReader(lines)
+        if lacking := [name for name in _COLUMNS if name not in (rows.fieldnames or ())]:
+            raise MocapError(f"{table} has no column {', '.join(lacking)}.", f"It needs {', '.join(_COLUMNS)}.")
+        yield from rows
 
 
 def _unpack(archive: Path, folder: Path) -> None:

@@ -95,7 +95,7 @@ def flaws(root: Array, rotations: Array, limits: Limits | None = None) -> dict[s
 
 def without(flawed: Mapping[str, Mask], flat: bool) -> Mask:
     """Return which chunks have no flaw (N,). flat: on flat ground, where no foot may be under the floor."""
-    return ~np.any([mask for flaw, mask in flawed.items() if flat or flaw not in _ON_FLAT], axis=0)
+    return np.asarray(~np.any([mask for flaw, mask in flawed.items() if flat or flaw not in _ON_FLAT], axis=0))
 
 
 def sane(root: Array, rotations: Array, flat: bool) -> Mask:
@@ -124,7 +124,8 @@ def build_real(
     parts: dict[str, list[Chunks]] = {}
     for clip in clips:
         starts = np.arange(0, len(clip.motion) - CHUNK + 1, WINDOW_STRIDE)
-        found = _of_clip(clip, starts, skills, told) if len(starts) else told(Use(clip, 0, {}, {})) or {}
+        found, flawed = _of_clip(clip, starts, skills) if len(starts) else ({}, {})
+        told(Use(clip, len(starts), {skill: len(chunks) for skill, chunks in found.items()}, flawed))
         for skill, chunks in found.items():
             parts.setdefault(skill, []).append(chunks)
     joined = {skill: Chunks.join(chunks) for skill, chunks in parts.items()}
@@ -134,8 +135,9 @@ def build_real(
 
 
 def _of_clip(
-    clip: Clip, starts: NDArray[np.int_], skills: Sequence[Trained], told: Callable[[Use], object]
-) -> dict[str, Chunks]:
+    clip: Clip, starts: NDArray[np.int_], skills: Sequence[Trained]
+) -> tuple[dict[str, Chunks], dict[str, int]]:
+    """Return the chunks of each skill, and the number of windows with each flaw."""
     root, rotations = cut(clip.motion, starts)
     windows, flawed = travel(root, rotations), flaws(root, rotations)
     if clip.spans is None:
@@ -148,9 +150,7 @@ def _of_clip(
         if mask.any():
             parameters, measures = declared.get(skill, ((), MEASURES))
             found[skill] = Chunks.of(parameters, root[mask], rotations[mask], name, clip.real, measures)
-    counts = {skill: len(chunks) for skill, chunks in found.items()}
-    told(Use(clip, len(starts), counts, {flaw: int(mask.sum()) for flaw, mask in flawed.items()}))
-    return found
+    return found, {flaw: int(mask.sum()) for flaw, mask in flawed.items()}
 
 
 def _as_labelled(

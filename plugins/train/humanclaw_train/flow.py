@@ -155,5 +155,5 @@ def objective(
 def has_bfloat16(device: torch.device) -> bool:
     """Return whether bfloat16 is fast: processors without AVX-512 emulate it 13 times slower than float32 (on AVX2)."""
     if device.type == "cuda":
-        return torch.cuda.is_bf16_supported(including_emulation=False)
+        return bool(torch.cuda.is_bf16_supported(including_emulation=False))
     return device.type != "cpu" or torch.backends.cpu.get_cpu_capability() == "AVX512"

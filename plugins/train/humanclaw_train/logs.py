@@ -22,11 +22,11 @@ def _tensorboard(out: Path, settings: Settings, step: int) -> Iterator[Write]:
     from torch.utils.tensorboard import SummaryWriter
 
     # The steps after the last save are done again by a resumed run.
-    with SummaryWriter(str(out / "tensorboard"), purge_step=step) as writer:  # type: ignore[no-untyped-call]
+    with SummaryWriter(str(out / "tensorboard"), purge_step=step) as writer:
 
         def write(at: int, values: Mapping[str, float]) -> None:
             for name, value in values.items():
-                writer.add_scalar(name, value, at)  # type: ignore[no-untyped-call]
+                writer.add_scalar(name, value, at)
 
         yield write
 

@@ -53,12 +53,13 @@ def _walking(motion: Motion) -> Mask:
     turning = np.abs(_smooth(_rate(yaw[:, None])))[:, 0]
     aside = np.sqrt(np.maximum(np.sum(velocity**2, -1) - ahead**2, 0))
     low, high = _WALKING
-    return _upright(motion) & (ahead > low) & (ahead < high) & (aside < 0.3 * ahead) & (turning < 0.5)
+    straight = (aside < 0.3 * ahead) & (turning < 0.5)
+    return np.asarray(_upright(motion) & (ahead > low) & (ahead < high) & straight)
 
 
 def _idling(motion: Motion) -> Mask:
     toes = np.linalg.norm(_rate(motion.joints()[:, _TOES]), axis=-1).max(-1)
-    return _upright(motion) & (np.linalg.norm(_rate(motion.root), axis=-1) < 0.15) & (toes < 0.1)
+    return np.asarray(_upright(motion) & (np.linalg.norm(_rate(motion.root), axis=-1) < 0.15) & (toes < 0.1))
 
 
 def _upright(motion: Motion) -> Mask:

@@ -37,7 +37,7 @@ class Validation:
         device = self.chunks.root.device
         chosen = torch.linspace(0, len(self.chunks) - 1, len(self), device=device).long()
         total = 0.0
-        for number, part in enumerate(chosen.split(self.recipe.batch)):
+        for number, part in enumerate(torch.split(chosen, self.recipe.batch)):
             batch = draw(self.chunks, part, self.recipe, seeded(device, 0, number))
             total += len(part) * float(self.problem(*batch))
         return total / len(self)

@@ -151,6 +151,12 @@ def test_a_table_beside_the_files_labels_them(tmp_path):
     assert 0 < len(chunks["walk"]) < 0.6 * len(chunks["base"])
 
 
+def test_a_table_without_a_column_is_refused(tmp_path):
+    (tmp_path / "clips.csv").write_text("file,source,licence\n")
+    with pytest.raises(HumanclawError, match="no column skill_tags, notes"):
+        Folder.read(tmp_path)
+
+
 def test_one_folder_in_twenty_is_held_out_because_subjects_have_folders():
     motion = rest_pose(1)
     clips = [Clip(f"S/{who:02d}/{what}", motion, None, "S", "") for who in range(40) for what in "ab"]
