@@ -130,6 +130,8 @@ def _check(words, command_line):
         ours = [Requirement(word) for word in words[2:] if word.startswith("humanclaw")]
         assert {one.name for one in ours} <= NAMES
         assert {extra for one in ours if one.name == "humanclaw" for extra in one.extras} <= set(EXTRAS)
+    elif program == "torchrun":
+        _check(words[words.index("--no-python") + 1 :], command_line)
     elif program == "make":
         assert re.search(rf"^{words[1]}:", (ROOT / "Makefile").read_text(), re.MULTILINE), words
     else:

@@ -23,7 +23,7 @@ from humanclaw_train import data, flow, kinematics
 from humanclaw_train.checkpoint import Normaliser, load_base
 from humanclaw_train.dit import DiT
 from humanclaw_train.flow import Loss, Weights, objective
-from humanclaw_train.trainer import Recipe, Trainer
+from humanclaw_train.trainer import Problem, Recipe, Trainer
 
 WIDTHS: Final = (96, 192, 288)
 SHARES: Final = (0.25, 0.5)
@@ -77,10 +77,13 @@ def learned(
         output: Tensor = model(history, noisy, model.modulations(tau))
         return output
 
-    problem = objective(forward, Loss(normaliser, Weights()), shape.prediction)
+    bf16 = flow.has_bfloat16(chunks.root.device)
+    problem = Problem(
+        model, lambda values: values, objective(forward, Loss(normaliser, Weights()), shape.prediction, bf16)
+    )
     for until in (recipe.steps // 2, recipe.steps):
         while trainer.step < until:
-            trainer.advance(problem, lambda values: values)
+            trainer.advance(problem)
         mean = DiT(shape)
         mean.load_state_dict(trainer.mean.state_dict())
         found.append((until, mean))

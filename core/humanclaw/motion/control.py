@@ -8,12 +8,13 @@ which are the outcome that the chunk should have. In numpy; the definition that 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, Literal, Protocol, get_args
 
 import numpy as np
 
+from humanclaw.errors import CheckpointError
 from humanclaw.motion.dit import Array, Block, DiT, Layer, Linear, ModelConfig, Weights, modulate_blocks, silu
 
 Encoder = Literal["mlp", "fourier", "token"]
@@ -49,6 +50,24 @@ class AdapterConfig:
     def features(self) -> int:
         """How many numbers the encoder's MLP is given."""
         return len(self.params) * (1 + 2 * OCTAVES if self.encoder == "fourier" else 1)
+
+    def conditions(self, values: Sequence[Mapping[str, float]]) -> Array:
+        """Return values of B bodies as (B, k), in the order in which the adapter was trained.
+
+        Raises CheckpointError unless every body has one value for each parameter.
+        """
+        for row in values:
+            if set(row) != set(self.params):
+                raise CheckpointError(
+                    f"The adapter of {self.skill} takes {_listed(self.params)}; it got {_listed(row)}.",
+                    "Give one value for each parameter that its header names.",
+                )
+        rows = [[row[name] for name in self.params] for row in values]
+        return np.array(rows, np.float32).reshape(len(values), len(self.params))
+
+
+def _listed(names: Iterable[str]) -> str:
+    return ", ".join(names) or "no parameter"
 
 
 class Shaped(Protocol):

@@ -5,24 +5,22 @@ The motion is kinematic. The simulator computes the body's actual motion.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from functools import partial
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Protocol
 
 import numpy as np
-from threadpoolctl import ThreadpoolController
 
 from humanclaw.body.pose import HISTORY, Motion, Pose2D, decode, encode
-from humanclaw.errors import CheckpointError, HumanclawError
-from humanclaw.motion.checkpoint import Base, load_adapter, load_base, shipped_base
-from humanclaw.motion.control import AdapterConfig, Controlled
-from humanclaw.motion.dit import Array, Modulations
-from humanclaw.motion.flow import PROFILES, Solver, noise_of, velocity
+from humanclaw.errors import HumanclawError
+from humanclaw.motion.checkpoint import Base, load_base, shipped_base
+from humanclaw.motion.flow import PROFILES, Solver, noise_of
 from humanclaw.motion.foot_locking import lock_feet
 from humanclaw.motion.posture import settle
+from humanclaw.motion.runtime import NumpyRuntime, Runtime
 from humanclaw.motion.setting_out import set_out
+
+RuntimeFactory = Callable[[Base, Solver], Runtime]
 
 
 class MotionGenerator(Protocol):
@@ -43,14 +41,6 @@ class MotionGenerator(Protocol):
         """Digest of the prior's weights."""
 
 
-@dataclass(frozen=True)
-class _Branch:
-    """A skill's adapter beside the base, and when its file was modified."""
-
-    controlled: Controlled
-    modified: int
-
-
 class DiTGenerator:
     """The base with one skill's adapter at a time. Adapters are read on first use and again when their file changes.
 
@@ -58,18 +48,14 @@ class DiTGenerator:
     steps on which both feet slide (setting_out). Without them the motion is the model's raw output.
     """
 
-    def __init__(self, base: Base, solver: Solver, corrections: bool = True) -> None:
+    def __init__(
+        self, base: Base, solver: Solver, corrections: bool = True, runtime: RuntimeFactory = NumpyRuntime
+    ) -> None:
         self.base = base
         self.solver = solver
         self.corrections = corrections
         self._usual = base.usual
-        self._times = np.array(solver.times, np.float32)
-        self._branches: dict[Path, _Branch] = {}
-        # Twenty tokens are too few for two threads: a second one gains nothing, and on a busy machine waiting for it
-        # costs seconds. One thread also keeps the order of sums, and so the motion, whatever the number of cores.
-        self._one_thread = partial(ThreadpoolController().limit, limits=1, user_api="blas")
-        with self._one_thread():
-            self._modulations = base.model.modulations(self._times)
+        self._runtime = runtime(base, solver)
 
     @classmethod
     def shipped(cls, profile: str = "default") -> DiTGenerator:
@@ -77,17 +63,20 @@ class DiTGenerator:
         return cls.load(None, profile)
 
     @classmethod
-    def load(cls, prior: Path | None = None, profile: str = "default") -> DiTGenerator:
+    def load(
+        cls, prior: Path | None = None, profile: str = "default", runtime: RuntimeFactory = NumpyRuntime
+    ) -> DiTGenerator:
         """Read a base checkpoint; None for the one that comes with the package.
 
         profile: `default` for few solver steps and all corrections, `paper` for the paper's 30 steps without
-        corrections.
+        corrections. runtime: makes what computes the model's output.
 
         Raises HumanclawError for an unknown profile, CheckpointError if the weights are missing.
         """
         if profile not in PROFILES:
             raise HumanclawError(f"There is no motion profile {profile!r}.", f"Choose from: {', '.join(PROFILES)}.")
-        return cls(load_base(prior or shipped_base()), PROFILES[profile], corrections=profile != "paper")
+        base = load_base(prior or shipped_base())
+        return cls(base, PROFILES[profile], corrections=profile != "paper", runtime=runtime)
 
     @property
     def digest(self) -> str:
@@ -137,59 +126,12 @@ class DiTGenerator:
     ) -> list[Motion]:
         """Return futures in the frames of their histories."""
         clean = np.stack([encode(history) for history in local]).astype(np.float32)
-        with self._one_thread():
-            future = self._sample(self.base.normaliser.forward(clean), adapter, values, noise_of(keys))
+        future = self._runtime.solve(self.base.normaliser.forward(clean), noise_of(keys), adapter, values)
         futures = [decode(state) for state in self.base.normaliser.inverse(future)]
         if self.corrections:
             settled = [settle(*pair, self._usual) for pair in zip(local, futures, strict=True)]
             futures = [lock_feet(*pair) for pair in zip(local, settled, strict=True)]
         return futures
-
-    def _sample(self, history: Array, path: Path | None, values: Sequence[Mapping[str, float]], noise: Array) -> Array:
-        model = self.base.model
-        controlled = self._branch(path).controlled if path is not None else None
-        conditions = _conditions(controlled.config, values) if controlled else None
-
-        def field(index: int, noisy: Array) -> Array:
-            through = None
-            if controlled is not None and conditions is not None:
-                through = controlled.through(conditions, slice(index, index + 1))
-            output = model(history, noisy, _at(self._modulations, index), through)
-            return velocity(model.config.prediction, output, noisy, self.solver.times[index])
-
-        future: Array = self.solver.solve(field, noise)
-        return future
-
-    def _branch(self, path: Path) -> _Branch:
-        modified = path.stat().st_mtime_ns if path.exists() else -1
-        known = self._branches.get(path)
-        if known is None or known.modified != modified:
-            known = _Branch(Controlled(self.base.model, load_adapter(path, self.base), self._times), modified)
-            self._branches[path] = known
-        return known
-
-
-def _at(modulations: Modulations, index: int) -> Modulations:
-    """Return the modulations of one solver time, to broadcast over a batch."""
-    one = slice(index, index + 1)
-    return Modulations(modulations.blocks[:, :, one], modulations.final[:, one])
-
-
-def _conditions(adapter: AdapterConfig, values: Sequence[Mapping[str, float]]) -> Array:
-    """Return (B, k) values in the order in which the adapter was trained."""
-    params = adapter.params
-    for row in values:
-        if set(row) != set(params):
-            raise CheckpointError(
-                f"The adapter of {adapter.skill} takes {_listed(params)}; it got {_listed(row)}.",
-                "Give one value for each parameter that its header names.",
-            )
-    rows = [[row[name] for name in params] for row in values]
-    return np.array(rows, np.float32).reshape(len(values), len(params))
-
-
-def _listed(names: Iterable[str]) -> str:
-    return ", ".join(names) or "no parameter"
 
 
 def _checked(history: Motion) -> Motion:

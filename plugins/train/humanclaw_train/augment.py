@@ -16,12 +16,15 @@ from numpy.typing import NDArray
 
 from humanclaw import Motion
 from humanclaw.body import JOINT_INDEX, JOINTS, Array, matrix_from_vector
+from humanclaw_train import stretches
+from humanclaw_train.source_motion import MocapError
 
 UPPER: Final = tuple(
     JOINT_INDEX[name] for name in JOINTS if not any(part in name for part in ("pelvis", "hip", "knee", "ankle", "foot"))
 )
 CHANNELS: Final = 3 + 3 * len(UPPER)
 HARMONICS: Final = 4
+# Of the clips that the shipped prior learnt from: level walks at several speeds, and idlers who look ahead.
 _WALKS: Final = ("02_01", "005_01", "006_01", "007_02", "007_03", "007_09", "007_11")
 _IDLES: Final = ("000_genuine", "010_genuine", "014_genuine", "015_genuine")
 
@@ -106,12 +109,19 @@ class Profiles:
 
     @classmethod
     def of(cls, clips: Sequence[RealClip]) -> Profiles:
-        """Measure the profiles on real clips. Raises ValueError if none of the clips named above is among them."""
+        """Measure the profiles on the clips named above, or else on walks and idles that any clips show.
+
+        Raises MocapError if no clip shows a steady straight walk, or none quiet standing.
+        """
         named = {clip.name: clip.motion for clip in clips}
-        walks = [named[name] for name in _WALKS if name in named]
-        idles = [named[name] for name in _IDLES if name in named]
-        if not walks or not idles:
-            raise ValueError(f"expected a clip of {_WALKS} and one of {_IDLES}; got {sorted(named)[:8]} ...")
+        walks = [named[name] for name in _WALKS if name in named] or stretches.walks(named.values())
+        idles = [named[name] for name in _IDLES if name in named] or stretches.idles(named.values())
+        for shown, lacking in ((walks, "a straight walk"), (idles, "quiet standing")):
+            if not shown:
+                raise MocapError(
+                    f"None of {len(named)} clips shows {lacking} of 2 s, which synthetic motion is modelled on.",
+                    "Add such clips, or build without synthetic motion: --seconds 0.",
+                )
         gaits = np.stack([_gait(walk) for walk in walks])
         speeds = np.array([_speed(walk) for walk in walks])
         stance = np.mean([np.median(channels(idle), 0) for idle in idles], 0)

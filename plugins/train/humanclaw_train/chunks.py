@@ -48,20 +48,25 @@ Spans = Mapping[str, tuple[tuple[int, int], ...]]
 # -- clips -------------------------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class Clip:
-    """One retargeted clip. spans: tag to (first, last) frames at 30 fps, both included. real: False once edited."""
+    """One retargeted clip. real: False once edited."""
 
     name: str
     motion: Motion
-    spans: Spans
+    spans: Spans | None
+    """Tag to (first, last) frames at 30 fps, both included. None if nobody has labelled the clip."""
     source: str
     licence: str
     real: bool = True
+
+    def tagged(self, tag: str) -> tuple[tuple[int, int], ...]:
+        """Return the spans of a tag. An unlabelled clip may show anything anywhere."""
+        return ((0, len(self.motion) - 1),) if self.spans is None else self.spans.get(tag, ())
 
 
 def load_pack(folder: str | Path, unpacked: str | Path | None = None) -> list[Clip]:
     """Retarget every clip that `folder/clips.csv` lists.
 
-    Rows name their file as `archive.tar.xz!member`. Archives in `folder` are unpacked into a temporary folder, unless
+    Rows name their file, or `archive.tar.xz!member`. Archives in `folder` are unpacked into a temporary folder, unless
     `unpacked` already contains the members. Raises MocapError for a missing or broken file.
     """
     folder = Path(folder)
@@ -69,9 +74,12 @@ def load_pack(folder: str | Path, unpacked: str | Path | None = None) -> list[Cl
         return [_clip(row, Path(unpacked)) for row in _rows(folder)]
     with tempfile.TemporaryDirectory() as temporary:
         rows = list(_rows(folder))
-        for archive in sorted({row["file"].split("!")[0] for row in rows}):
+        for archive in sorted({row["file"].split("!")[0] for row in rows if "!" in row["file"]}):
             _unpack(folder / archive, Path(temporary))
-        return [_clip(row, Path(temporary)) for row in rows]
+        return [_clip(row, Path(temporary) if "!" in row["file"] else folder) for row in rows]
+
+
+_COLUMNS: Final = ("file", "source", "licence", "skill_tags", "notes")
 
 
 def _rows(folder: Path) -> Iterable[dict[str, str]]:
@@ -79,7 +87,10 @@ def _rows(folder: Path) -> Iterable[dict[str, str]]:
     if not table.is_file():
         raise MocapError(f"{table} is missing.", "Give the folder that contains clips.csv and its archives.")
     with table.open(newline="", encoding="utf-8") as lines:
-        yield from csv.DictReader(lines)
+        rows = csv.DictReader(lines)
+        if lacking := [name for name in _COLUMNS if name not in (rows.fieldnames or ())]:
+            raise MocapError(f"{table} has no column {', '.join(lacking)}.", f"It needs {', '.join(_COLUMNS)}.")
+        yield from rows
 
 
 def _unpack(archive: Path, folder: Path) -> None:

@@ -1,11 +1,12 @@
 """Curation: from retargeted clips to the real chunks of each skill and of the base (paper, section 3.3).
 
-A window belongs to a skill if the clip's spans name the skill and the window's geometry agrees. Needs only numpy.
+A window belongs to a skill if the clip's spans name the skill and the window's geometry agrees. In a clip without
+labels geometry decides alone, with stricter rules. Needs only numpy.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Final
@@ -26,8 +27,8 @@ from humanclaw.body import (
     heading,
     support_height,
 )
-from humanclaw.skills import WindowTravel
-from humanclaw_train.chunks import Chunks, Clip, cut
+from humanclaw.skills import MEASURES, WindowTravel
+from humanclaw_train.chunks import Chunks, Clip, Spans, cut
 from humanclaw_train.commands import Mask, Trained
 
 WINDOW_STRIDE: Final = 3
@@ -71,63 +72,123 @@ class Limits:
     """Metres above the floor."""
 
 
-def sane(root: Array, rotations: Array, flat: bool, limits: Limits | None = None) -> Mask:
-    """Return which canonical chunks are plausible (N,): no jump, no glitch, no lying down.
+_ON_FLAT: Final = ("lying down", "a foot under the floor")
+"""Flaws on flat ground alone. On stairs the floor of the canonical frame may lie above the lower tread."""
 
-    flat: on flat ground, where no foot may be under the floor.
-    """
+
+def flaws(root: Array, rotations: Array, limits: Limits | None = None) -> dict[str, Mask]:
+    """Return which canonical chunks have each flaw (N,)."""
     limits = limits or Limits()
     joints = forward_kinematics(root, rotations)[0]
     relative = np.diff(joints - joints[:, :, :1], axis=1) * FPS
-    fast = np.linalg.norm(relative, axis=-1).max(axis=(1, 2)) > limits.speed
-    flips = np.abs(np.diff(rotations, axis=1)).max(axis=(1, 2, 3)) > limits.turn
-    jerky = np.linalg.norm(np.diff(joints, 2, axis=1), axis=-1).max(axis=(1, 2)) * FPS**2 > limits.acceleration
-    # On stairs the floor of the canonical frame may lie above the lower tread, so the pelvis may be low.
-    low = root[..., 1].min(axis=1) < (limits.lowest_pelvis if flat else 0.0)
-    sunk = -support_height(joints).min(axis=1) > limits.sunk
-    return np.asarray(~(fast | flips | jerky | low | (flat & sunk)))
+    acceleration = np.linalg.norm(np.diff(joints, 2, axis=1), axis=-1).max(axis=(1, 2)) * FPS**2
+    lowest = root[..., 1].min(axis=1)
+    return {
+        "too fast": np.linalg.norm(relative, axis=-1).max(axis=(1, 2)) > limits.speed,
+        "a joint that flips": np.abs(np.diff(rotations, axis=1)).max(axis=(1, 2, 3)) > limits.turn,
+        "a glitch": acceleration > limits.acceleration,
+        "hips under the floor": lowest < 0.0,
+        "lying down": lowest < limits.lowest_pelvis,
+        "a foot under the floor": -support_height(joints).min(axis=1) > limits.sunk,
+    }
+
+
+def without(flawed: Mapping[str, Mask], flat: bool) -> Mask:
+    """Return which chunks have no flaw (N,). flat: on flat ground, where no foot may be under the floor."""
+    return np.asarray(~np.any([mask for flaw, mask in flawed.items() if flat or flaw not in _ON_FLAT], axis=0))
+
+
+def sane(root: Array, rotations: Array, flat: bool) -> Mask:
+    """Return which canonical chunks are plausible (N,), on flat ground or not."""
+    return without(flaws(root, rotations), flat)
 
 
 # -- building ----------------------------------------------------------------------------------------------------------
-def build_real(clips: Iterable[Clip], skills: Sequence[Trained]) -> dict[str, Chunks]:
+@dataclass(frozen=True)
+class Use:
+    """What became of a clip's windows: their number, the chunks of each skill, and how many windows have each flaw."""
+
+    clip: Clip
+    windows: int
+    chunks: Mapping[str, int]
+    flawed: Mapping[str, int]
+
+
+def build_real(
+    clips: Iterable[Clip], skills: Sequence[Trained], told: Callable[[Use], object] = lambda use: None
+) -> dict[str, Chunks]:
     """Return the real chunks of every skill that the clips show, and `base`: all plausible chunks.
 
-    Idling makes up at most IDLE_SHARE of the base.
+    Idling makes up at most IDLE_SHARE of the base. told: called with the use of each clip, before that.
     """
     parts: dict[str, list[Chunks]] = {}
     for clip in clips:
         starts = np.arange(0, len(clip.motion) - CHUNK + 1, WINDOW_STRIDE)
-        if len(starts):
-            for skill, chunks in _of_clip(clip, starts, skills).items():
-                parts.setdefault(skill, []).append(chunks)
+        found, flawed = _of_clip(clip, starts, skills) if len(starts) else ({}, {})
+        told(Use(clip, len(starts), {skill: len(chunks) for skill, chunks in found.items()}, flawed))
+        for skill, chunks in found.items():
+            parts.setdefault(skill, []).append(chunks)
     joined = {skill: Chunks.join(chunks) for skill, chunks in parts.items()}
     if "base" in joined:
         joined["base"] = _less_idle(joined["base"])
     return {skill: chunks for skill, chunks in joined.items() if len(chunks)}
 
 
-def _of_clip(clip: Clip, starts: NDArray[np.int_], skills: Sequence[Trained]) -> dict[str, Chunks]:
+def _of_clip(
+    clip: Clip, starts: NDArray[np.int_], skills: Sequence[Trained]
+) -> tuple[dict[str, Chunks], dict[str, int]]:
+    """Return the chunks of each skill, and the number of windows with each flaw."""
     root, rotations = cut(clip.motion, starts)
-    windows = travel(root, rotations)
-    uneven = any(skill.declaration.climbs and skill.tag in clip.spans for skill in skills)
-    good = sane(root, rotations, flat=not uneven)
-    name = f"{clip.source}: {clip.name}"
-    found = {}
+    windows, flawed = travel(root, rotations), flaws(root, rotations)
+    if clip.spans is None:
+        shown = _by_geometry(skills, windows, flawed, root[:, HISTORY - 1, 1])
+    else:
+        shown = _as_labelled(clip, clip.spans, starts, skills, windows, flawed)
+    found, name = {}, f"{clip.source}: {clip.name}"
+    declared = {skill.name: (skill.declaration.parameters, skill.measures) for skill in skills}
+    for skill, mask in shown.items():
+        if mask.any():
+            parameters, measures = declared.get(skill, ((), MEASURES))
+            found[skill] = Chunks.of(parameters, root[mask], rotations[mask], name, clip.real, measures)
+    return found, {flaw: int(mask.sum()) for flaw, mask in flawed.items()}
+
+
+def _as_labelled(
+    clip: Clip,
+    spans: Spans,
+    starts: NDArray[np.int_],
+    skills: Sequence[Trained],
+    windows: WindowTravel,
+    flawed: Mapping[str, Mask],
+) -> dict[str, Mask]:
+    """Return which windows (N,) show each skill, and `base`, by the clip's spans and the windows' geometry."""
+    uneven = any(skill.declaration.climbs and skill.tag in spans for skill in skills)
+    good, found = without(flawed, flat=not uneven), {}
     for skill in skills:
-        mask = good & skill.shown(windows) & covered(clip, skill.tag, starts)
+        found[skill.name] = good & skill.shown(windows) & covered(clip, skill.tag, starts)
         if uneven and not skill.declaration.climbs:  # A step onto the next block is neither a walk nor a turn.
-            mask &= windows.level
-        parameters = skill.declaration.parameters
-        found[skill.name] = Chunks.of(parameters, root[mask], rotations[mask], name, clip.real, skill.measures)
-    mask = good & covered(clip, "base", starts)
-    found["base"] = Chunks.of((), root[mask], rotations[mask], name, clip.real)
-    return {skill: chunks for skill, chunks in found.items() if len(chunks)}
+            found[skill.name] &= windows.level
+    return found | {"base": good & covered(clip, "base", starts)}
+
+
+def _by_geometry(
+    skills: Sequence[Trained], windows: WindowTravel, flawed: Mapping[str, Mask], pelvis: Array
+) -> dict[str, Mask]:
+    """Return which windows (N,) show each skill, and `base`, in a clip that nobody has labelled.
+
+    Only upright bodies with lowered hands show a skill: others may crawl or carry something. Feet that leave the
+    floor's height show a climb, and only they may be below it. pelvis: height at the end of the history (N,).
+    """
+    level = without(flawed, flat=True) & windows.level & windows.neutral
+    steps = without(flawed, flat=False) & ~windows.level & (pelvis > 0.88 * STANDING_HEIGHT)
+    found = {skill.name: skill.shown(windows) & (steps if skill.declaration.climbs else level) for skill in skills}
+    return found | {"base": np.any([without(flawed, flat=True), *found.values()], axis=0)}
 
 
 def covered(clip: Clip, tag: str, starts: NDArray[np.int_], share: float = 2 / 3) -> Mask:
     """Return whether spans of the tag cover at least `share` of the future of the chunk at each start (N,)."""
     inside = np.zeros(len(clip.motion) + 1)
-    for first, last in clip.spans.get(tag, ()):
+    for first, last in clip.tagged(tag):
         inside[first + 1 : last + 2] = 1.0
     total = np.cumsum(inside)
     return np.asarray(total[starts + CHUNK] - total[starts + HISTORY] >= share * FUTURE)

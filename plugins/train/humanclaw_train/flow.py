@@ -134,14 +134,16 @@ Objective = Callable[[Tensor, Tensor, Tensor, Tensor], Tensor]
 """Maps (states, encoded condition, noise, tau) to the loss."""
 
 
-def objective(forward: Forward, loss: Loss, prediction: Prediction, fast: bool = False) -> Objective:
-    """Return the loss of `forward` as a function of a batch. fast: compile it as a whole."""
+def objective(
+    forward: Forward, loss: Loss, prediction: Prediction, bf16: bool = False, fast: bool = False
+) -> Objective:
+    """Return the loss of `forward` as a function of a batch. bf16: compute its layers in bfloat16. fast: compile it."""
 
     def value(states: Tensor, condition: Tensor, noise: Tensor, tau: Tensor) -> Tensor:
         normal = loss.normaliser.forward(states)
         future = normal[:, HISTORY:]
         noisy = noised(future, noise, tau)
-        with torch.autocast(states.device.type, torch.bfloat16, enabled=_has_bfloat16(states.device)):
+        with torch.autocast(states.device.type, torch.bfloat16, enabled=bf16):
             output = forward(normal[:, :HISTORY], noisy, tau, condition)
         output = output.float()  # The loss in single precision: its metric terms are small differences.
         wanted = future if prediction == "clean" else target(future, noise)
@@ -150,6 +152,8 @@ def objective(forward: Forward, loss: Loss, prediction: Prediction, fast: bool =
     return torch.compile(value) if fast else value
 
 
-def _has_bfloat16(device: torch.device) -> bool:
+def has_bfloat16(device: torch.device) -> bool:
     """Return whether bfloat16 is fast: processors without AVX-512 emulate it 13 times slower than float32 (on AVX2)."""
+    if device.type == "cuda":
+        return bool(torch.cuda.is_bf16_supported(including_emulation=False))
     return device.type != "cpu" or torch.backends.cpu.get_cpu_capability() == "AVX512"

@@ -15,7 +15,7 @@ import numpy as np
 from humanclaw.body import JOINTS, OFFSETS, PARENTS, matrix_from_quaternion, matrix_from_vector
 from humanclaw_train.asf import load_amc, skeleton_of
 from humanclaw_train.bvh import load_bvh
-from humanclaw_train.source_motion import AXES, MocapError, Rest, SourceMotion, Tree, read_text
+from humanclaw_train.source_motion import AXES, UNREADABLE, MocapError, Rest, SourceMotion, Tree, read_text
 
 
 def load(path: str | Path, licence: str = "", unit: float = 1.0) -> SourceMotion:
@@ -48,7 +48,7 @@ def load_amass(path: str | Path, licence: str = "") -> SourceMotion:
             poses, trans = np.asarray(data["poses"], float), np.asarray(data["trans"], float)
             rate = data["mocap_framerate"] if "mocap_framerate" in data else data["mocap_frame_rate"]
             fps = float(rate)
-    except (OSError, KeyError, ValueError) as error:
+    except UNREADABLE as error:
         raise MocapError(
             f"{path} is no AMASS motion: {error}.", "Give an npz with poses, trans and mocap_framerate."
         ) from error

@@ -4,7 +4,8 @@
 
 FOLDER contains the skill's schema.json, which names the measure of each parameter. Every window of every clip is
 measured, and windows within the schema's bounds are kept. A recipe.py beside it may select among the windows. DIR
-contains .bvh files, .amc files with their .asf, AMASS .npz files, or motion.npz files of recorded episodes.
+contains .bvh files, .amc files with their .asf, AMASS .npz files, humanoid3d .txt files, or motion.npz files of
+recorded episodes, in subfolders too.
 """
 
 from __future__ import annotations
@@ -25,15 +26,13 @@ from humanclaw.body import CHUNK, FUTURE, HISTORY, Array
 from humanclaw.cli import show_markdown
 from humanclaw.motion import load_base, shipped_base
 from humanclaw.skills import MEASURES, Declaration, Measure, Parameter, Recipe, from_si, outcomes
-from humanclaw_train import mocap
 from humanclaw_train.build import histograms, table
-from humanclaw_train.chunks import CHUNKS, Chunks, Clip, cut, load_pack
+from humanclaw_train.chunks import CHUNKS, Chunks, Clip, cut
+from humanclaw_train.clips import Folder
 from humanclaw_train.commands import Trained
 from humanclaw_train.curate import WINDOW_STRIDE, sane, statistics, travel
-from humanclaw_train.retarget import retarget
 from humanclaw_train.retimed import retimed
 from humanclaw_train.rollouts import Measures
-from humanclaw_train.source_motion import MocapError
 from humanclaw_train.tables import as_json
 
 RETIMED: Final = "retimed"
@@ -71,43 +70,6 @@ def of_folder(folder: Path, measures: Mapping[str, Measure] = MEASURES) -> Train
     if not isinstance(recipe, Recipe):
         raise HumanclawError(f"{path} has no RECIPE.", "Set it to a humanclaw.skills.Recipe.")
     return Trained(recipe, declaration, measures)
-
-
-def clips_of(folder: Path) -> list[Clip]:
-    """Load and retarget every clip of a folder and its subfolders. Unreadable files are reported and left out.
-
-    Raises MocapError if no clip can be read.
-    """
-    if (folder / "clips.csv").is_file():
-        return load_pack(folder)
-    files = sorted(file for file in folder.glob("**/*") if file.suffix.lower() in (".amc", ".bvh", ".npz"))
-    found = []
-    for file in tqdm(files, unit="clip", disable=None):
-        try:
-            found.append(_clip(file, folder))
-        except MocapError as error:
-            tqdm.write(f"left out: {error}", file=sys.stderr)
-    if not found:
-        raise MocapError(f"{folder} holds no motion.", "Give a folder of .bvh, .amc with .asf, or .npz files.")
-    return found
-
-
-def _clip(file: Path, folder: Path) -> Clip:
-    recorded = _recorded(file) if file.suffix.lower() == ".npz" else None
-    motion = retarget(mocap.load(file)) if recorded is None else recorded
-    name = str(file.relative_to(folder).with_suffix(""))
-    return Clip(name, motion, {}, folder.resolve().name, "", real=recorded is None)
-
-
-def _recorded(file: Path) -> Motion | None:
-    """Return the body's motion in a recorded episode, which is not captured motion, or None for other files."""
-    try:
-        with np.load(file, allow_pickle=False) as arrays:
-            if "simulated_root" not in arrays:
-                return None
-            return Motion(arrays["simulated_root"].astype(float), arrays["simulated_rotations"].astype(float))
-    except (OSError, ValueError) as error:
-        raise MocapError(f"{file} cannot be read: {error}.", "Check that the file is complete.") from error
 
 
 # -- chunks ------------------------------------------------------------------------------------------------------------
@@ -206,8 +168,10 @@ def main(arguments: Sequence[str] | None = None, measures: Measures = lambda: ME
         skill = of_folder(options.skill, measures())
         standing = load_base(options.base or shipped_base())
         start = Motion(standing.start_root.astype(float), standing.start_rotations.astype(float))
-        clips = clips_of(options.clips)
-        chunks = chunks_of(skill, clips, options.seconds, options.seed, start[HISTORY - 1 :])
+        folder = Folder.read(options.clips)
+        for name, reason in folder.left_out.items():
+            print(f"left out: {name} {reason}", file=sys.stderr)
+        chunks = chunks_of(skill, folder.clips, options.seconds, options.seed, start[HISTORY - 1 :])
         chunks.save(options.out / f"{skill.name}.npz")
     except HumanclawError as error:
         print(f"error: {error}", file=sys.stderr)

@@ -7,7 +7,23 @@ from typing import TYPE_CHECKING
 from humanclaw import hookimpl
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     import click
+
+    from humanclaw.motion import MotionGenerator
+    from humanclaw.plugins import GeneratorFactory, Register
+
+
+@hookimpl
+def humanclaw_motion_generators(register: Register[GeneratorFactory]) -> None:
+    register("torch", _torch, "the same model as dit on PyTorch: on a GPU if there is one")
+
+
+def _torch(profile: str = "default", prior: Path | None = None) -> MotionGenerator:
+    from humanclaw_train.generator import torch_generator
+
+    return torch_generator(profile, prior)
 
 
 @hookimpl

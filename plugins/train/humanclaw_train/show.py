@@ -102,7 +102,7 @@ def nearest(
     spans = [
         (clip.name, clip.motion[start : min(end + 1, start + HISTORY + calls * FUTURE)])
         for clip in clips
-        for start, end in _stretches(clip.spans.get(skill.skill, ()), calls)
+        for start, end in _stretches(clip.tagged(skill.skill), calls)
     ]
     whole = [(name, motion) for name, motion in spans if len(motion) >= CHUNK]
     wanted = HISTORY + calls * FUTURE

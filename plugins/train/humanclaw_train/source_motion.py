@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,6 +13,8 @@ import numpy as np
 from humanclaw import HumanclawError
 from humanclaw.body import Array, matrix_from_vector
 
+UNREADABLE: Final = (OSError, EOFError, KeyError, ValueError, zipfile.BadZipFile)
+"""Errors of numpy for an npz that is missing, empty, cut off, or has other content."""
 AXES: Final = {axis: np.eye(3)["xyz".index(axis)] for axis in "xyz"}
 
 

@@ -8,9 +8,14 @@ With --skill, the skill has the folder's name, its chunks come from the default 
 the finished adapter is copied into the folder. If the skill's schema.json is found, every save also prints the fidelity
 of the adapter.
 
-A run saves its whole state every two minutes. Started again with the same --out, it resumes from there. Every random
-number depends on the seed and the step alone, so an interrupted run ends with the same weights as an uninterrupted one
-(with --steps; with --minutes the schedule follows the clock).
+A run saves its whole state every two minutes, and computes its loss on held-out chunks (DIR/held_out) if there are any.
+Started again with the same --out, it resumes from there. Every random number depends on the seed and the step alone, so
+an interrupted run ends with the same weights as an uninterrupted one (with --steps; with --minutes the schedule follows
+the clock).
+
+    torchrun --nproc-per-node 4 --no-python humanclaw train base --size paper --data CHUNKS --out DIR
+
+runs four processes, each on a GPU of its own; together they compute the batches that one process would compute.
 """
 
 from __future__ import annotations
@@ -18,7 +23,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -38,36 +43,64 @@ from humanclaw.motion import (
 )
 from humanclaw.skills import MEASURES, Declaration
 from humanclaw.storage import write_atomically
-from humanclaw_train import data
+from humanclaw_train import data, logs
 from humanclaw_train.checkpoint import Base, load_adapter, load_base, save_adapter, save_base
 from humanclaw_train.chunks import CHUNKS
 from humanclaw_train.control import Adapter
 from humanclaw_train.data import ChunkTensors
 from humanclaw_train.dit import DiT
-from humanclaw_train.flow import LOSSES, Loss, Weights, objective
+from humanclaw_train.flow import LOSSES, Loss, Weights, has_bfloat16, objective
+from humanclaw_train.parallel import ALONE, Processes, device_of, joined
 from humanclaw_train.rollouts import Measures, declared
-from humanclaw_train.trainer import Recipe, Trainer, run
+from humanclaw_train.trainer import M, Problem, Recipe, Trainer, run
+from humanclaw_train.validation import Validation, held_out
 
 
-def train_base(folders: Sequence[Path], out: Path, recipe: Recipe, device: torch.device, fast: bool = False) -> Path:
+@dataclass(frozen=True)
+class Session:
+    """Where and how a run computes, apart from its recipe. logs: names of humanclaw_train.logs.LOGS."""
+
+    device: torch.device
+    processes: Processes = ALONE
+    fast: bool = False
+    """Whether to compile the model."""
+    logs: tuple[str, ...] = ()
+
+    def run(
+        self,
+        trainer: Trainer[M],
+        problem: Callable[[M], Problem[M]],
+        out: Path,
+        export: Callable[[], None],
+        held_out: ChunkTensors | None,
+    ) -> None:
+        """Train to the end of the recipe. problem: returns the loss of a module. held_out: chunks to validate on."""
+        apart = held_out and Validation(problem(trainer.mean), held_out.to(self.device), trainer.recipe)
+        run(trainer, problem(trainer.module), out, export, apart.loss if apart else None, self.logs)
+
+
+def train_base(folders: Sequence[Path], out: Path, recipe: Recipe, session: Session) -> Path:
     """Train the prior on every file of chunks. Returns its checkpoint, out/base.safetensors."""
     chunks = data.load_all(folders)
-    normaliser = data.normaliser(chunks).to(device)
+    normaliser = data.normaliser(chunks).to(session.device)
     start = data.standing(chunks)
     torch.manual_seed(recipe.seed)  # For the initial weights; batches have generators of their own.
-    model = DiT(SIZES[recipe.size]).to(device)
-    trainer = Trainer(model, chunks.to(device), recipe)
-    path = out / "base.safetensors"
+    model = DiT(SIZES[recipe.size]).to(session.device)
+    trainer = Trainer(model, chunks.to(session.device), recipe, session.processes)
+    path, loss = out / "base.safetensors", Loss(normaliser, LOSSES[recipe.terms])
 
-    def forward(history: Tensor, noisy: Tensor, tau: Tensor, condition: Tensor) -> Tensor:
-        output: Tensor = model(history, noisy, model.modulations(tau))
-        return output
+    def problem(model: DiT) -> Problem[DiT]:
+        def forward(history: Tensor, noisy: Tensor, tau: Tensor, condition: Tensor) -> Tensor:
+            output: Tensor = model(history, noisy, model.modulations(tau))
+            return output
+
+        computed = objective(forward, loss, model.config.prediction, recipe.precision == "bf16", session.fast)
+        return Problem(model, lambda values: values, computed)
 
     def export() -> None:
-        save_base(path, trainer.mean, normaliser, start, _card(trainer, LOSSES[recipe.terms], "base"))
+        save_base(path, trainer.mean, normaliser, start, _card(trainer, loss.weights, "base"))
 
-    problem = objective(forward, Loss(normaliser, LOSSES[recipe.terms]), model.config.prediction, fast)
-    run(trainer, problem, lambda values: values, out, export)
+    session.run(trainer, problem, out, export, held_out(folders, "base"))
     return path
 
 
@@ -77,8 +110,7 @@ def train_adapter(
     base: Base,
     out: Path,
     recipe: Recipe,
-    device: torch.device,
-    fast: bool = False,
+    session: Session,
     init: Path | None = None,
     look: Callable[[Path], str] | None = None,
 ) -> Path:
@@ -87,6 +119,7 @@ def train_adapter(
     init: a checkpoint of this skill on this base to start from, instead of a copy of the base's blocks. look: called
     with each checkpoint; returns a text to print.
     """
+    device = session.device
     chunks = data.load(folders, skill).to(device)
     torch.manual_seed(recipe.seed)
     if init is None:
@@ -96,21 +129,24 @@ def train_adapter(
         adapter.config = replace(adapter.config, measures=chunks.measures)  # Older headers lack them.
         recipe = replace(recipe, init=str(read_header(init)["card"]["recipe_digest"]))
     frozen, normaliser, adapter = base.model.to(device), base.normaliser.to(device), adapter.to(device)
-    trainer = Trainer(adapter, chunks, recipe)
-    path = out / "adapter.safetensors"
+    trainer = Trainer(adapter, chunks, recipe, session.processes)
+    path, loss = out / "adapter.safetensors", Loss(normaliser, LOSSES[recipe.terms])
 
-    def forward(history: Tensor, noisy: Tensor, tau: Tensor, condition: Tensor) -> Tensor:
-        residual = adapter.residual(condition, adapter.modulations(frozen, tau))
-        output: Tensor = frozen(history, noisy, frozen.modulations(tau), residual)
-        return output
+    def problem(adapter: Adapter) -> Problem[Adapter]:
+        def forward(history: Tensor, noisy: Tensor, tau: Tensor, condition: Tensor) -> Tensor:
+            residual = adapter.residual(condition, adapter.modulations(frozen, tau))
+            output: Tensor = frozen(history, noisy, frozen.modulations(tau), residual)
+            return output
+
+        computed = objective(forward, loss, frozen.config.prediction, recipe.precision == "bf16", session.fast)
+        return Problem(adapter, adapter.condition, computed)
 
     def export() -> None:
-        save_adapter(path, trainer.mean, base.digest, _card(trainer, LOSSES[recipe.terms], skill))
+        save_adapter(path, trainer.mean, base.digest, _card(trainer, loss.weights, skill))
         if look is not None and trainer.step:
             print(f"step {trainer.step:7d}  {look(path)}", flush=True)
 
-    problem = objective(forward, Loss(normaliser, LOSSES[recipe.terms]), frozen.config.prediction, fast)
-    run(trainer, problem, adapter.condition, out, export)
+    session.run(trainer, problem, out, export, held_out(folders, skill))
     return path
 
 
@@ -144,48 +180,56 @@ def main(arguments: Sequence[str] | None = None, measures: Measures = lambda: ME
     """
     options = _parser().parse_args(arguments)
     torch.set_num_threads(options.threads)
-    device = torch.device(
-        options.device if options.device != "auto" else "cuda" if torch.cuda.is_available() else "cpu"
-    )
-    recipe = Recipe(
-        options.size,
-        options.batch,
-        options.rate,
-        options.minutes,
-        options.steps,
-        options.seed,
-        options.history_noise,
-        options.jitter,
-        options.tau,
-        options.loss,
-        licences=tuple(options.licence),
-    )
-    folders = options.data or [CHUNKS]
+    device = device_of(options.device)
     try:
-        if options.what == "base":
-            export = options.export
-            path = train_base(folders, options.out, recipe, device, options.compile)
-        else:
-            skill, declared = _named(options)
-            export = options.export or (options.folder / "adapter.safetensors" if options.folder else None)
-            path = train_adapter(
-                skill,
-                folders,
-                load_base(options.base),
-                options.out or Path(".data") / skill,
-                recipe,
-                device,
-                options.compile,
-                options.init,
-                _live(options.base, declared, measures),
-            )
+        logs.check(options.logger)
+        with joined(device) as processes:
+            session = Session(device, processes, options.compile, tuple(options.logger))
+            path, export = _trained(options, session, measures)
+            if export and processes.first:
+                _copy(path, export)
+                print(f"wrote {export}")
     except HumanclawError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
-    if export:
-        _copy(path, export)
-        print(f"wrote {export}")
     return 0
+
+
+def _trained(options: argparse.Namespace, session: Session, measures: Measures) -> tuple[Path, Path | None]:
+    """Train what the options say. Returns the checkpoint, and the file to copy it to."""
+    folders, recipe = options.data or [CHUNKS], _recipe(options, session.device)
+    if options.what == "base":
+        return train_base(folders, options.out, recipe, session), options.export
+    skill, declared = _named(options)
+    path = train_adapter(
+        skill,
+        folders,
+        load_base(options.base),
+        options.out or Path(".data") / skill,
+        recipe,
+        session,
+        options.init,
+        _live(options.base, declared, measures),
+    )
+    return path, options.export or (options.folder / "adapter.safetensors" if options.folder else None)
+
+
+def _recipe(options: argparse.Namespace, device: torch.device) -> Recipe:
+    precision = options.precision
+    return Recipe(
+        size=options.size,
+        batch=options.batch,
+        rate=options.rate,
+        minutes=options.minutes,
+        steps=options.steps,
+        seed=options.seed,
+        history_noise=options.history_noise,
+        jitter=options.jitter,
+        tau=options.tau,
+        precision=precision if precision != "auto" else "bf16" if has_bfloat16(device) else "float32",
+        terms=options.loss,
+        licences=tuple(options.licence),
+    )
 
 
 def _named(options: argparse.Namespace) -> tuple[str, Path]:
@@ -248,7 +292,7 @@ def _parser() -> argparse.ArgumentParser:
         one.add_argument("--size", choices=list(SIZES), default="lite", help="size of the base")
         one.add_argument("--minutes", type=float, default=40.0 if name == "base" else 8.0, help="training time")
         one.add_argument("--steps", type=int, default=0, help="end after this many steps instead of --minutes")
-        one.add_argument("--batch", type=int, default=64, help="chunks per step")
+        one.add_argument("--batch", type=int, default=64, help="chunks per step, of all processes together")
         one.add_argument("--rate", type=float, default=1e-3, help="learning rate")
         one.add_argument("--seed", type=int, default=0, help="seed of all random numbers")
         one.add_argument("--history-noise", type=float, default=1.0, help="strength of the errors added to histories")
@@ -257,6 +301,15 @@ def _parser() -> argparse.ArgumentParser:
         )
         one.add_argument(
             "--loss", choices=list(LOSSES), default="full", help="plain: the paper's, without terms for joints and feet"
+        )
+        one.add_argument(
+            "--precision",
+            choices=("auto", "float32", "bf16"),
+            default="auto",
+            help="of the layers; auto takes bf16 where the device is fast at it",
+        )
+        one.add_argument(
+            "--logger", choices=list(logs.LOGS), action="append", default=[], help="also log to this; repeatable"
         )
         one.add_argument("--jitter", type=float, default=0.01, help="noise on conditions, in standard deviations")
         one.add_argument(

@@ -5,10 +5,10 @@ from __future__ import annotations
 import copy
 import math
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Final, Generic, Literal, TypeVar
+from typing import Any, Final, Generic, Literal, TypeVar
 
 import numpy as np
 import torch
@@ -19,6 +19,8 @@ from humanclaw.body import HISTORY
 from humanclaw_train import data, kinematics
 from humanclaw_train.data import ChunkTensors
 from humanclaw_train.flow import Objective
+from humanclaw_train.logs import Write, opened
+from humanclaw_train.parallel import ALONE, Processes
 
 _SAVE_SECONDS: Final = 120
 _REPORT_SECONDS: Final = 15
@@ -39,6 +41,8 @@ class Recipe:
     """Noise on a condition, in units of its standard deviation."""
     tau: Literal["squared", "uniform"] = "squared"
     """Flow times of training: the square of a uniform number, or the number itself as in the paper."""
+    precision: Literal["float32", "bf16"] = "float32"
+    """Of the model's layers. Weights, loss and optimiser are in single precision."""
     terms: Literal["full", "plain"] = "full"
     """Terms of the loss (flow.LOSSES)."""
     init: str = ""
@@ -47,18 +51,58 @@ class Recipe:
     """Licences of the data, for the checkpoint's header."""
 
 
-Encode = Callable[[Tensor], Tensor]
-"""Maps condition values (B, k) to (B, 1, hidden). Not compiled, so that one compilation serves all skills."""
+Batch = tuple[Tensor, Tensor, Tensor, Tensor]
+"""States (B, 20, 219) in metres, conditions (B, k), noise (B, 15, 219) and flow times (B,)."""
 M = TypeVar("M", bound=nn.Module)
+
+
+class Problem(nn.Module, Generic[M]):
+    """The loss of a batch as one module: what DistributedDataParallel wraps.
+
+    encode: maps condition values (B, k) to (B, 1, hidden). Not compiled, so that one compilation serves all skills.
+    """
+
+    def __init__(self, module: M, encode: Callable[[Tensor], Tensor], objective: Objective) -> None:
+        super().__init__()
+        self.module, self.encode, self.objective = module, encode, objective
+
+    def forward(self, states: Tensor, values: Tensor, noise: Tensor, tau: Tensor) -> Tensor:
+        """Return the loss of a Batch."""
+        return self.objective(states, self.encode(values), noise, tau)
+
+
+def seeded(device: torch.device, *key: int) -> torch.Generator:
+    """Return random numbers that depend on the key alone."""
+    # A hash of the key; torch takes 63 bits.
+    state = np.random.SeedSequence(key).generate_state(1, np.uint64)[0]
+    return torch.Generator(device).manual_seed(int(state >> 1))
+
+
+def draw(
+    chunks: ChunkTensors, chosen: Tensor, recipe: Recipe, generator: torch.Generator, jitter: Tensor | float = 0.0
+) -> Batch:
+    """Draw errors of histories, noise and flow times for chosen chunks (B,). jitter: of the conditions (k,), SI."""
+    device = chunks.root.device
+    clean = chunks.root[chosen]
+    root, rotations = data.noisy_history(clean, chunks.rotations[chosen], generator, recipe.history_noise)
+    states = kinematics.encode(root, rotations)
+    values = data.commanded(chunks.measures, chunks.params[chosen], clean, root)
+    values = values + jitter * torch.randn(values.shape, generator=generator, device=device)
+    noise = torch.randn(states[:, HISTORY:].shape, generator=generator, device=device)
+    tau = torch.rand(len(chosen), generator=generator, device=device)
+    # Squared it is denser close to 0: from tau 0.1 on, the 15 noisy frames together reveal the outcome, so a model
+    # learns to use its condition only below that.
+    return states, values, noise, tau**2 if recipe.tau == "squared" else tau
 
 
 class Trainer(Generic[M]):
     """One run: the trainable module, its optimiser, its running mean and its progress."""
 
-    def __init__(self, module: M, chunks: ChunkTensors, recipe: Recipe) -> None:
+    def __init__(self, module: M, chunks: ChunkTensors, recipe: Recipe, processes: Processes = ALONE) -> None:
         self.module = module
         self.chunks = chunks
         self.recipe = recipe
+        self.processes = processes
         # Checkpoints get the running mean, because single steps of the weights are noisy.
         self.mean = copy.deepcopy(module).eval().requires_grad_(False)
         self.parameters = [parameter for parameter in module.parameters() if parameter.requires_grad]
@@ -75,34 +119,21 @@ class Trainer(Generic[M]):
         recipe = self.recipe
         return self.step / recipe.steps if recipe.steps else self.seconds / (60 * recipe.minutes)
 
-    def batch(self) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-        """Draw the current step's states (B, 20, 219) in metres, conditions (B, k), noise (B, 15, 219) and tau (B,).
+    def batch(self) -> Batch:
+        """Draw the current step's batch.
 
-        The draw depends on the seed and the step alone, so that a resumed run sees the same batches.
+        It depends on the seed and the step alone, so that a resumed run sees the same batches, and so do several
+        processes together.
         """
-        device = self.chunks.root.device
-        generator = torch.Generator(device)
-        # A hash of seed and step; torch takes 63 bits.
-        generator.manual_seed(
-            int(np.random.SeedSequence([self.recipe.seed, self.step]).generate_state(1, np.uint64)[0] >> 1)
+        generator = seeded(self.chunks.root.device, self.recipe.seed, self.step)
+        chosen = torch.randint(
+            len(self.chunks), (self.recipe.batch,), generator=generator, device=self.chunks.root.device
         )
-        size = self.recipe.batch
-        chosen = torch.randint(len(self.chunks), (size,), generator=generator, device=device)
-        clean = self.chunks.root[chosen]
-        root, rotations = data.noisy_history(clean, self.chunks.rotations[chosen], generator, self.recipe.history_noise)
-        states = kinematics.encode(root, rotations)
-        values = data.commanded(self.chunks.measures, self.chunks.params[chosen], clean, root)
-        values = values + self.jitter * torch.randn(values.shape, generator=generator, device=device)
-        noise = torch.randn(states[:, HISTORY:].shape, generator=generator, device=device)
-        tau = torch.rand(size, generator=generator, device=device)
-        # Squared it is denser close to 0: from tau 0.1 on, the 15 noisy frames together reveal the outcome, so a model
-        # learns to use its condition only below that.
-        return states, values, noise, tau**2 if self.recipe.tau == "squared" else tau
+        return draw(self.chunks, chosen, self.recipe, generator, self.jitter)
 
-    def advance(self, problem: Objective, encode: Encode) -> Tensor:
-        """Do one optimisation step. Returns the loss before it."""
-        states, values, noise, tau = self.batch()
-        value = problem(states, encode(values), noise, tau)
+    def advance(self, problem: nn.Module) -> Tensor:
+        """Do one optimisation step. Returns the loss before it, of this process's share of the batch."""
+        value: Tensor = problem(*map(self.processes.share, self.batch()))
         self._update(value)
         return value.detach()
 
@@ -154,30 +185,88 @@ def _schedule(step: int, progress: float) -> float:
     )
 
 
-def run(trainer: Trainer[M], problem: Objective, encode: Encode, out: Path, export: Callable[[], None]) -> None:
-    """Train to the end of the recipe; resume, save and report on the way. export: writes the checkpoint."""
+@dataclass
+class _Meter:
+    """Counts losses and time of a run, and reports their means every quarter of a minute."""
+
+    trainer: Trainer[Any]
+    write: Write
+    total: float = 0.0
+    steps: int = 0
+    begun: bool = False
+
+    def __post_init__(self) -> None:
+        self.clock = self.reported = time.monotonic()
+
+    def count(self, loss: float) -> None:
+        """Count a step, and report if it is time to."""
+        trainer, now = self.trainer, time.monotonic()
+        # The first step may compile, so the clock starts with the second.
+        trainer.seconds += now - self.clock if self.begun else 0.0
+        if not trainer.recipe.steps:
+            trainer.seconds = trainer.processes.agreed(trainer.seconds, trainer.chunks.root.device)
+        self.clock, self.begun = now, True
+        self.total, self.steps = self.total + loss, self.steps + 1
+        if now - self.reported > _REPORT_SECONDS:
+            self.report()
+
+    def report(self) -> None:
+        """Print and log what was counted since the last report, if anything was."""
+        if not self.steps:
+            return
+        now = time.monotonic()
+        loss, rate = self.total / self.steps, self.steps / max(now - self.reported, 1e-9)
+        self.total, self.steps, self.reported = 0.0, 0, now
+        if self.trainer.processes.first:
+            _report(self.trainer, loss, rate)
+            learning = self.trainer.optimiser.param_groups[0]["lr"]
+            self.write(self.trainer.step, {"loss": loss, "learning rate": learning, "steps/s": rate})
+
+
+def run(
+    trainer: Trainer[M],
+    problem: nn.Module,
+    out: Path,
+    export: Callable[[], None],
+    validate: Callable[[], float] | None = None,
+    logs: Sequence[str] = (),
+) -> None:
+    """Train to the end of the recipe; resume, save, validate and report on the way.
+
+    export: writes the checkpoint. validate: returns the loss on held-out clips. logs: names of LOGS.
+    """
     out.mkdir(parents=True, exist_ok=True)
     trainer.resume(out / "state.pt")
-    saved = reported = clock = time.monotonic()
-    recipe, total, begun = trainer.recipe, 0.0, trainer.step
-    until = f"to step {recipe.steps}" if recipe.steps else f"for {recipe.minutes:g} minutes"
-    print(f"{len(trainer.chunks)} chunks on {trainer.chunks.root.device}, from step {begun} {until}", flush=True)
-    first = begun
-    while trainer.progress < 1:
-        total += float(trainer.advance(problem, encode))
-        now = time.monotonic()
-        # The first step may compile, so the clock starts with the second.
-        trainer.seconds += now - clock if trainer.step > begun + 1 else 0.0
-        clock = now
-        if now - reported > _REPORT_SECONDS:
-            _report(trainer, total / (trainer.step - first), (trainer.step - first) / (now - reported))
-            reported, total, first = now, 0.0, trainer.step
-        if now - saved > _SAVE_SECONDS:
+    problem, first = trainer.processes.together(problem, trainer.batch()), trainer.processes.first
+    saved = time.monotonic()
+    if first:
+        _begin(trainer, "validated on held-out clips" if validate else "no held-out clips")
+    with opened(logs if first else (), out, asdict(trainer.recipe), trainer.step) as write:
+
+        def save() -> None:
             trainer.save(out / "state.pt")
             export()
-            saved = now
-    trainer.save(out / "state.pt")
-    export()
+            if validate is not None:
+                loss = validate()
+                print(f"step {trainer.step:7d}  validation loss {loss:.4f}", flush=True)
+                write(trainer.step, {"validation loss": loss})
+
+        meter = _Meter(trainer, write)
+        while trainer.progress < 1:
+            meter.count(float(trainer.advance(problem)))
+            if first and time.monotonic() - saved > _SAVE_SECONDS:
+                save()
+                saved = time.monotonic()
+        meter.report()
+        if first:
+            save()
+
+
+def _begin(trainer: Trainer[M], validation: str) -> None:
+    recipe, many = trainer.recipe, trainer.processes.count
+    until = f"to step {recipe.steps}" if recipe.steps else f"for {recipe.minutes:g} minutes"
+    where = f"{recipe.precision}{f', {many} processes' if many > 1 else ''} on {trainer.chunks.root.device}"
+    print(f"{len(trainer.chunks)} chunks, {validation}, {where}, from step {trainer.step} {until}", flush=True)
 
 
 def _report(trainer: Trainer[M], loss: float, rate: float) -> None:

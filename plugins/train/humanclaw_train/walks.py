@@ -95,7 +95,7 @@ def real_gaits(clips: Iterable[Clip], tag: str) -> dict[str, Gait]:
     """Measure the longest straight span of a tag in each clip, if it has two steps and lasts a second. By clip."""
     found = {}
     for clip in clips:
-        spans = sorted(clip.spans.get(tag, ()), key=lambda span: span[0] - span[1])
+        spans = sorted(clip.tagged(tag), key=lambda span: span[0] - span[1])
         walk = clip.motion[spans[0][0] : spans[0][1] + 1] if spans else None
         # Curves and slow steps have another gait than the straight generated walks.
         if walk is not None and len(walk) > FPS and _straightness(walk) > _STRAIGHT:

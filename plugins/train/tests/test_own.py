@@ -11,6 +11,7 @@ from humanclaw.motion import load_base, read_header, shipped_base
 from humanclaw.skills import MEASURES, Measure
 from humanclaw_train import cards, fidelity, own
 from humanclaw_train.chunks import Chunks
+from humanclaw_train.clips import Folder
 from humanclaw_train.source_motion import MocapError
 
 SCHEMA = {
@@ -161,7 +162,7 @@ def test_clips_that_do_not_show_the_skill_are_refused(skill, tmp_path, capsys):
 
 def test_a_folder_without_motion_is_refused(tmp_path):
     with pytest.raises(MocapError, match="holds no motion"):
-        own.clips_of(tmp_path)
+        Folder.read(tmp_path)
 
 
 def test_a_recipe_that_is_none_is_refused(skill):

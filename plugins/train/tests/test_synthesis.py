@@ -5,13 +5,14 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from amass_tree import swinging
 from declared import STROLL
 
 from humanclaw import HumanclawError, Motion, Plugins
 from humanclaw.body import CHUNK, FUTURE, HISTORY, JOINT_INDEX, SOLE, STANDING_HEIGHT, TOE_SOLE, rest_pose
 from humanclaw.skills import Declaration, Draw, GaitParameters, Recipe
 from humanclaw_train import synthesis
-from humanclaw_train.augment import CHANNELS, HARMONICS, Profiles, channel, channels
+from humanclaw_train.augment import Profiles, channel
 from humanclaw_train.chunks import outcome
 from humanclaw_train.commands import Trained, named, trained
 from humanclaw_train.synthetic import sample_calls, synthetic_chunks
@@ -23,14 +24,7 @@ TOES = [JOINT_INDEX["left_foot"], JOINT_INDEX["right_foot"]]
 
 @pytest.fixture(scope="module")
 def profiles():
-    """Profiles of a walker that swings the arms, turns the pelvis and sways slightly when idle."""
-    stance = channels(rest_pose(4))[0]
-    gait = np.zeros((2, 1 + 2 * HARMONICS, CHANNELS))
-    gait[:, 0] = stance
-    gait[:, 2, 2] = 0.06
-    gait[:, 1, channel("left_shoulder", 1)] = gait[:, 1, channel("right_shoulder", 1)] = 0.3
-    sway = 0.02 * np.sin(np.linspace(0, 20, 300))[:, None] * np.eye(CHANNELS)[channel("spine2", 2)]
-    return Profiles(gait, np.array([1.2, 1.2]), stance, sway)
+    return swinging()
 
 
 SKILLS = named(trained(Plugins.discover()))
@@ -296,9 +290,19 @@ def test_profiles_are_read_off_real_walks(profiles):
     np.testing.assert_allclose(found.stance, profiles.stance, atol=0.15)
 
 
-def test_profiles_without_the_clips_they_need_are_refused():
-    with pytest.raises(ValueError, match="02_01"):
-        Profiles.of([_Clip("somebody", rest_pose(40))])
+def test_profiles_of_clips_with_other_names_are_read_off_the_walks_and_idles_that_they_show(profiles):
+    both = compose(profiles, [("walk", {"z": 0.575})] * 12 + [("stop", {})] * 12, 0)
+
+    found = Profiles.of([_Clip("somebody", both)])
+
+    assert found.speed[0] == pytest.approx(1.15, abs=0.05)
+    np.testing.assert_allclose(found.stance, profiles.stance, atol=0.15)
+    assert 60 < len(found.sway) < 12 * FUTURE
+
+
+def test_profiles_without_a_walk_are_refused():
+    with pytest.raises(HumanclawError, match="None of 1 clips shows a straight walk"):
+        Profiles.of([_Clip("somebody", rest_pose(80))])
 
 
 def test_a_walker_brakes_where_no_travel_is_commanded(profiles):

@@ -10,6 +10,8 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
+from gliding import gliding, save_chunks
+
 from humanclaw import HumanclawError
 from humanclaw.body import Motion, Pose2D, rest_pose
 from humanclaw.motion import DiTGenerator, ModelConfig, Solver, load_adapter, load_base, read_header
@@ -22,33 +24,12 @@ from humanclaw_train.trainer import Recipe, Trainer
 COUNT = 64
 
 
-def _gliding(distance: np.ndarray, moving: bool = False) -> tuple[np.ndarray, np.ndarray]:
-    """Return chunks that cover a distance (metres) evenly while nodding, from standing or already moving."""
-    rest = rest_pose(20)
-    ahead = (np.arange(20) - 4) / 15
-    ahead = ahead if moving else ahead.clip(0)
-    root = np.repeat(rest.root[None], len(distance), 0)
-    root[:, :, 2] = distance[:, None] * ahead
-    rotations = np.repeat(rest.rotations[None], len(distance), 0)
-    rotations[:, :, 15, 0] = 0.2 * ahead
-    return root, rotations
-
-
-def _save(path: Path, distance: np.ndarray, params: np.ndarray, moving: bool = False) -> None:
-    names, measures = (np.array(text[: params.shape[1]], np.str_) for text in (["z"], ["hips.back"]))
-    root, rotations = _gliding(distance, moving)
-    real = np.arange(len(distance)) % 4 == 0
-    source = np.array(["a studio: clip"] * len(distance))
-    content = {"root": root, "rotations": rotations, "params": params, "names": names, "measures": measures}
-    np.savez(path, **content, real=real, source=source)
-
-
 @pytest.fixture(scope="module")
 def chunks(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("chunks")
-    _save(folder / "stop.npz", np.zeros(COUNT), np.zeros((COUNT, 0)))
+    save_chunks(folder / "stop.npz", np.zeros(COUNT), np.zeros((COUNT, 0)))
     # A prior must have seen that bodies move; here the history shows how fast.
-    _save(folder / "base.npz", np.linspace(-0.5, 0.5, COUNT), np.zeros((COUNT, 0)), moving=True)
+    save_chunks(folder / "base.npz", np.linspace(-0.5, 0.5, COUNT), np.zeros((COUNT, 0)), moving=True)
     return folder
 
 
@@ -56,7 +37,7 @@ def chunks(tmp_path_factory) -> Path:
 def backwards(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("backwards")
     distance = np.linspace(0.05, 0.45, COUNT)
-    _save(folder / "step_back.npz", -distance, distance[:, None])
+    save_chunks(folder / "step_back.npz", -distance, distance[:, None])
     return folder
 
 
@@ -226,7 +207,7 @@ def test_training_imports_on_a_machine_that_has_torch_and_no_plugin_host():
 
 # -- histories ---------------------------------------------------------------------------------------------------------
 def _spoilt(strength: float = 1.0) -> tuple[np.ndarray, ...]:
-    clean = tuple(torch.from_numpy(part).float() for part in _gliding(np.linspace(0.05, 0.45, COUNT)))
+    clean = tuple(torch.from_numpy(part).float() for part in gliding(np.linspace(0.05, 0.45, COUNT)))
     off = noisy_history(*clean, torch.Generator().manual_seed(0), strength)
     return tuple(part.numpy().astype(float) for part in (*clean, *off))
 
@@ -253,7 +234,7 @@ def test_only_moving_bodies_get_larger_errors():
     """Larger errors of standing feet would hide which foot moves first."""
 
     def most(moving, strength):
-        clean = tuple(torch.from_numpy(part).float() for part in _gliding(np.full(COUNT, 0.5), moving))
+        clean = tuple(torch.from_numpy(part).float() for part in gliding(np.full(COUNT, 0.5), moving))
         off = noisy_history(*clean, torch.Generator().manual_seed(0), strength)
         return float((off[1] - clean[1]).abs().max())
 
@@ -281,7 +262,7 @@ def test_a_rise_is_measured_from_where_the_spoilt_pelvis_is():
 
 # -- the loss ----------------------------------------------------------------------------------------------------------
 def _loss_of(shift, **weights: float) -> float:
-    root, rotations = (torch.from_numpy(part).float() for part in _gliding(np.array([0.3])))
+    root, rotations = (torch.from_numpy(part).float() for part in gliding(np.array([0.3])))
     states = kinematics.encode(root, rotations)
     normaliser = data.normaliser(data.ChunkTensors("x", root, rotations, torch.zeros(1, 0), {}))
     future = states[:, 5:].clone()
@@ -315,7 +296,7 @@ def test_what_two_folders_both_hold_of_real_clips_is_learnt_from_once(tmp_path):
         (tmp_path / str(seed)).mkdir()
         distance = np.linspace(0.05, 0.45, COUNT)
         distance[np.arange(COUNT) % 4 != 0] += metres  # Every fourth is real; the rest has another seed.
-        _save(tmp_path / str(seed) / "step_back.npz", -distance, distance[:, None], moving=True)
+        save_chunks(tmp_path / str(seed) / "step_back.npz", -distance, distance[:, None], moving=True)
     loaded = data.load([tmp_path / "0", tmp_path / "1"], "step_back")
     assert loaded.statistics["real"] == 16
     assert len(loaded) == loaded.statistics["chunks"] == 16 + 48 + 48

@@ -1,0 +1,83 @@
+"""Runtimes of the motion model: they carry noise to motion. This one computes in numpy."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Generic, Protocol, TypeVar
+
+import numpy as np
+from threadpoolctl import ThreadpoolController
+
+from humanclaw.motion.checkpoint import Base, load_adapter
+from humanclaw.motion.control import Controlled
+from humanclaw.motion.dit import Array, Modulations
+from humanclaw.motion.flow import Solver, velocity
+
+T = TypeVar("T")
+
+
+class Runtime(Protocol):
+    """Runs a base with the adapters of skills."""
+
+    def solve(self, history: Array, noise: Array, adapter: Path | None, values: Sequence[Mapping[str, float]]) -> Array:
+        """Return the normalised futures (B, 15, 219) that continue normalised histories (B, 5, 219).
+
+        noise: (B, 15, 219). adapter: a skill's checkpoint, or None for the base alone. values: of each body, every
+        parameter that the adapter's header names, in SI. Raises CheckpointError for an adapter that cannot be used with
+        this base or these values.
+        """
+
+
+class Reread(Generic[T]):
+    """Read files by a function: on first use, and again when a file has changed."""
+
+    def __init__(self, read: Callable[[Path], T]) -> None:
+        self._read = read
+        self._known: dict[Path, tuple[int, T]] = {}
+
+    def __call__(self, path: Path) -> T:
+        """Return what the file holds."""
+        modified = path.stat().st_mtime_ns if path.exists() else -1
+        known = self._known.get(path)
+        if known is None or known[0] != modified:
+            known = self._known[path] = (modified, self._read(path))
+        return known[1]
+
+
+class NumpyRuntime:
+    """Runs a base on one processor thread."""
+
+    def __init__(self, base: Base, solver: Solver) -> None:
+        self._base, self._solver = base, solver
+        times = np.array(solver.times, np.float32)
+        self._controlled = Reread(lambda path: Controlled(base.model, load_adapter(path, base), times))
+        # Twenty tokens are too few for two threads: a second one gains nothing, and on a busy machine waiting for it
+        # costs seconds. One thread also keeps the order of sums, and so the motion, whatever the number of cores.
+        self._one_thread = partial(ThreadpoolController().limit, limits=1, user_api="blas")
+        with self._one_thread():
+            self._modulations = base.model.modulations(times)
+
+    def solve(self, history: Array, noise: Array, adapter: Path | None, values: Sequence[Mapping[str, float]]) -> Array:
+        """Return the futures that continue histories (Runtime.solve)."""
+        with self._one_thread():
+            model = self._base.model
+            controlled = self._controlled(adapter) if adapter is not None else None
+            conditions = controlled.config.conditions(values) if controlled else None
+
+            def field(index: int, noisy: Array) -> Array:
+                through = None
+                if controlled is not None and conditions is not None:
+                    through = controlled.through(conditions, slice(index, index + 1))
+                output = model(history, noisy, _at(self._modulations, index), through)
+                return velocity(model.config.prediction, output, noisy, self._solver.times[index])
+
+            future: Array = self._solver.solve(field, noise)
+            return future
+
+
+def _at(modulations: Modulations, index: int) -> Modulations:
+    """Return the modulations of one solver time, to broadcast over a batch."""
+    one = slice(index, index + 1)
+    return Modulations(modulations.blocks[:, :, one], modulations.final[:, one])

@@ -1,0 +1,171 @@
+"""Tests of training data from a folder tree in AMASS's format, which a program writes (tests/support/amass_tree.py)."""
+
+import csv
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from amass_tree import swinging, write_amass, write_clip
+
+from humanclaw import HumanclawError, Plugins
+from humanclaw.body import JOINT_INDEX, rest_pose
+from humanclaw.motion import read_header
+from humanclaw_train import build as building
+from humanclaw_train.chunks import Chunks, Clip
+from humanclaw_train.clips import Folder
+from humanclaw_train.commands import named, trained
+from humanclaw_train.curate import build_real
+from humanclaw_train.synthesis import synthesize
+
+SKILLS = named(trained(Plugins.discover()))
+
+
+@pytest.fixture(scope="module")
+def tree(tmp_path_factory) -> Path:
+    return write_amass(tmp_path_factory.mktemp("amass"))
+
+
+def _build(source: Path, out: Path, *more: str) -> int:
+    return building.main([str(source), "--out", str(out), *more], skills=lambda: list(SKILLS.values()))
+
+
+def _report(folder: Path) -> list[dict[str, str]]:
+    with (folder / "report.csv").open(encoding="utf-8") as lines:
+        return list(csv.DictReader(lines))
+
+
+def _walk(z: float = 0.55, calls: int = 6):
+    return synthesize(swinging(), [(SKILLS["walk"], {"z": z})] * calls, 0)
+
+
+def test_from_an_amass_tree_to_an_adapter(tree, tmp_path, capsys):
+    pytest.importorskip("torch")
+    from humanclaw_train import train
+
+    chunks, base, skill = (tmp_path / name for name in ("chunks", "base", "walk"))
+    assert _build(tree, chunks, "--seconds", "8") == 0
+    assert "trained on" in capsys.readouterr().out
+    few = ["--data", str(chunks), "--steps", "3", "--batch", "8", "--device", "cpu"]
+    assert train.main(["base", *few, "--out", str(base), "--size", "tiny"]) == 0
+    assert train.main(["adapter", "walk", *few, "--out", str(skill), "--base", str(base / "base.safetensors")]) == 0
+    card = read_header(skill / "adapter.safetensors")["card"]["data"]
+    assert card["sources"].keys() == {"STUDIO", "composed"}
+    assert card["real"] == Chunks.load(chunks / "walk.npz").real.sum()
+
+
+def test_windows_of_unlabelled_clips_show_what_their_geometry_says(tree, tmp_path):
+    assert _build(tree, tmp_path, "--seconds", "0", "--hold-out", "STUDIO/02/*") == 0
+    found = {name: Chunks.load(tmp_path / f"{name}.npz") for name in ("walk", "turn_in_place", "side_step", "base")}
+    assert set(found["base"].clips) == {
+        f"STUDIO: STUDIO/0{who}/{what}_poses" for who in "01" for what in ("walk", "stroll")
+    }
+    # The synthesised subjects walk 55 cm a half second straight ahead, turn by 0.9 and step 30 cm to the left.
+    assert np.median(found["walk"].params[:, 1]) == pytest.approx(0.55, abs=0.1)
+    assert found["turn_in_place"].params.max() == pytest.approx(0.9, abs=0.1)
+    assert found["side_step"].params.max() == pytest.approx(0.3, abs=0.05)
+    assert not (tmp_path / "climb_upstairs.npz").exists()
+
+
+def test_a_report_names_every_file_with_what_became_of_it(tree, tmp_path, capsys):
+    assert _build(tree, tmp_path, "--seconds", "0", "--hold-out", "*/02/*") == 0
+    outcomes = {row["name"]: (row["outcome"], row["reason"]) for row in _report(tmp_path)}
+    assert outcomes["STUDIO/00/walk_poses"] == ("trained on", "")
+    assert outcomes["STUDIO/02/walk_poses"] == ("held out", "")
+    outcome, reason = outcomes["STUDIO/01/shape.npz"]
+    assert outcome == "left out"
+    assert "no AMASS motion" in reason
+    assert len(outcomes) == 9
+    assert "none was asked for" in capsys.readouterr().out
+
+
+def test_clips_are_left_out_for_a_reason(tmp_path):
+    walk = _walk()
+    lying = rest_pose(90)
+    lying.rotations[:, 0, 0] = np.pi / 2
+    write_clip(_in(tmp_path / "in" / "long.npz"), walk)
+    write_clip(tmp_path / "in" / "short.npz", walk[:10])
+    write_clip(tmp_path / "in" / "crawl.npz", _flipping(walk))
+    (tmp_path / "in" / "cut_off.npz").write_bytes((tmp_path / "in" / "long.npz").read_bytes()[:5000])
+    (tmp_path / "in" / "LICENSE.txt").write_text("All rights reserved.")
+    assert _build(tmp_path / "in", tmp_path / "out", "--seconds", "0", "--hold-out") == 0
+    reasons = {row["name"]: row["reason"] for row in _report(tmp_path / "out")}
+    assert reasons["long"] == ""
+    assert reasons["short"] == "shorter than 0.67 s"
+    assert reasons["crawl"] == "a joint that flips"
+    assert "cannot be read" in reasons["cut_off.npz"]
+    assert "expected JSON" in reasons["LICENSE.txt"]
+
+
+def _in(path: Path) -> Path:
+    path.parent.mkdir(parents=True)
+    return path
+
+
+def _flipping(motion):
+    rotations = motion.rotations.copy()
+    rotations[::5, JOINT_INDEX["head"], 1] += 2.0
+    return replace(motion, rotations=rotations)
+
+
+def test_a_body_with_a_raised_hand_trains_the_prior_but_no_skill():
+    walk = _walk()
+    rotations = walk.rotations.copy()
+    rotations[:, JOINT_INDEX["left_shoulder"], 2] = 1.5
+    carrying = Clip("carry", replace(walk, rotations=rotations), None, "STUDIO", "")
+    assert set(build_real([carrying], list(SKILLS.values()))) == {"base"}
+    assert "walk" in build_real([replace(carrying, motion=walk)], list(SKILLS.values()))
+
+
+def test_without_a_straight_walk_there_is_no_synthetic_motion_and_the_report_says_why(tmp_path, capsys):
+    write_clip(
+        _in(tmp_path / "in" / "turn.npz"), synthesize(swinging(), [(SKILLS["turn_in_place"], {"yaw": 0.9})] * 4, 0)
+    )
+    assert _build(tmp_path / "in", tmp_path / "out", "--seconds", "20") == 0
+    assert "No synthetic motion: None of 1 clips shows a straight walk" in capsys.readouterr().out
+    assert Chunks.load(tmp_path / "out" / "base.npz").real.all()
+
+
+def test_clips_of_which_none_is_plausible_are_refused_with_the_report(tmp_path, capsys):
+    write_clip(_in(tmp_path / "in" / "short.npz"), rest_pose(10))
+    assert _build(tmp_path / "in", tmp_path / "out") == 2
+    told = capsys.readouterr().err
+    assert "No clip of" in told
+    assert "shorter than 0.67 s" in told
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_folder_without_motion_is_refused(tmp_path):
+    with pytest.raises(HumanclawError, match="holds no motion"):
+        Folder.read(tmp_path)
+
+
+def test_a_table_beside_the_files_labels_them(tmp_path):
+    write_clip(_in(tmp_path / "in" / "a.npz"), _walk(calls=8))
+    head = "file,source,licence,subject,frames,fps,description,skill_tags,notes"
+    row = "a.npz,STUDIO,CC0,1,480,120,walk,base walk,frames walk 0-239. stops then"
+    (tmp_path / "in" / "clips.csv").write_text(f"{head}\n{row}\n")
+    assert _build(tmp_path / "in", tmp_path / "out", "--seconds", "0") == 0
+    chunks = {name: Chunks.load(tmp_path / "out" / f"{name}.npz") for name in ("walk", "base")}
+    assert 0 < len(chunks["walk"]) < 0.6 * len(chunks["base"])
+
+
+def test_a_table_without_a_column_is_refused(tmp_path):
+    (tmp_path / "clips.csv").write_text("file,source,licence\n")
+    with pytest.raises(HumanclawError, match="no column skill_tags, notes"):
+        Folder.read(tmp_path)
+
+
+def test_one_folder_in_twenty_is_held_out_because_subjects_have_folders():
+    motion = rest_pose(1)
+    clips = [Clip(f"S/{who:02d}/{what}", motion, None, "S", "") for who in range(40) for what in "ab"]
+    assert building.held_out(clips) == {"S/19/a", "S/19/b", "S/39/a", "S/39/b"}
+    assert building.held_out(clips[:30]) == {"S/04/b", "S/14/b"}
+    assert building.held_out(clips[:1]) == set()
+    assert building.held_out(clips, ["S/0?/a"]) == {f"S/0{who}/a" for who in range(10)}
+
+
+def test_the_statistics_are_json_on_request(tree, tmp_path, capsys):
+    assert _build(tree, tmp_path, "--seconds", "0", "--json") == 0
+    assert json.loads(capsys.readouterr().out)["walk"]["real"] > 50

@@ -1,0 +1,142 @@
+"""Tests of how a run computes, validates, logs and resumes, on a few artificial chunks."""
+
+import importlib.util
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch")
+
+import cut_short
+from gliding import save_chunks
+
+from humanclaw import HumanclawError
+from humanclaw.motion import read_header
+from humanclaw_train import logs, train
+from humanclaw_train.parallel import Processes
+from humanclaw_train.trainer import Recipe
+from humanclaw_train.validation import Validation, held_out
+
+SUPPORT = Path(__file__).parents[3] / "tests" / "support"
+SIX = ["--steps", "6", "--batch", "8", "--size", "tiny", "--device", "cpu"]
+
+
+@pytest.fixture(scope="module")
+def chunks(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("chunks")
+    distance = np.linspace(-0.5, 0.5, 64)
+    save_chunks(folder / "base.npz", distance, np.zeros((64, 0)), moving=True)
+    save_chunks(folder / "held_out" / "base.npz", distance[::5] * 0.9, np.zeros((13, 0)), moving=True)
+    return folder
+
+
+def _base(chunks: Path, out: Path, *more: str) -> Path:
+    assert train.main(["base", "--data", str(chunks), "--out", str(out), *SIX, *more]) == 0
+    return out / "base.safetensors"
+
+
+def _torchrun(count: int, program: list[str]) -> None:
+    command = [sys.executable, "-m", "torch.distributed.run", "--standalone", "--nproc-per-node", str(count), *program]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize("mode", [(), ("--precision", "bf16"), ("--precision", "float32"), ("--tau", "uniform")])
+def test_three_steps_and_three_more_are_six_steps_bit_for_bit(chunks, tmp_path, mode):
+    whole = _base(chunks, tmp_path / "whole", *mode)
+    arguments = ["base", "--data", str(chunks), "--out", str(tmp_path / "cut"), *SIX, *mode]
+    assert cut_short.main(3, arguments) == 0
+    assert torch.load(tmp_path / "cut" / "state.pt")["step"] == 3
+    assert _base(chunks, tmp_path / "cut", *mode).read_bytes() == whole.read_bytes()
+
+
+def test_three_processes_train_as_one_does_and_resume_bit_for_bit(chunks, tmp_path):
+    def arguments(name: str) -> list[str]:
+        more = ["--precision", "float32", "--batch", "9", "--export", str(tmp_path / f"{name}.safetensors")]
+        return ["base", "--data", str(chunks), "--out", str(tmp_path / name), *SIX, *more]
+
+    _torchrun(3, ["-m", "humanclaw_train.train", *arguments("whole")])
+    _torchrun(3, [str(SUPPORT / "cut_short.py"), "3", *arguments("cut")])
+    assert torch.load(tmp_path / "cut" / "state.pt")["step"] == 3
+    _torchrun(3, ["-m", "humanclaw_train.train", *arguments("cut")])
+    assert (tmp_path / "cut.safetensors").read_bytes() == (tmp_path / "whole.safetensors").read_bytes()
+
+    alone = _base(chunks, tmp_path / "alone", "--precision", "float32", "--batch", "9").parent / "state.pt"
+    one, two = (torch.load(path)["module"] for path in (alone, tmp_path / "whole" / "state.pt"))
+    assert all(torch.allclose(one[name], two[name], atol=1e-5) for name in one)
+
+
+def test_a_batch_that_cannot_be_shared_evenly_is_refused():
+    assert Processes(1, 2).share(torch.arange(6)).tolist() == [1, 3, 5]
+    with pytest.raises(HumanclawError, match="multiple of 4"):
+        Processes(0, 4).share(torch.arange(6))
+
+
+def test_the_precision_of_a_run_is_chosen_and_told(chunks, tmp_path, capsys):
+    half, single = (_base(chunks, tmp_path / one, "--precision", one) for one in ("bf16", "float32"))
+    assert read_header(half)["card"]["recipe"]["precision"] == "bf16"
+    assert half.read_bytes() != single.read_bytes()
+    assert "bf16 on cpu" in capsys.readouterr().out
+
+
+def test_the_loss_on_held_out_clips_is_printed_and_does_not_change_the_training(chunks, tmp_path, capsys):
+    with_validation = _base(chunks, tmp_path / "one")
+    first, *lines = capsys.readouterr().out.splitlines()
+    assert "validated on held-out clips" in first
+    assert lines[-1].startswith("step       6  validation loss ")
+    bare = tmp_path / "bare"
+    save_chunks(bare / "base.npz", np.linspace(-0.5, 0.5, 64), np.zeros((64, 0)), moving=True)
+    assert _base(bare, tmp_path / "two").read_bytes() == with_validation.read_bytes()
+    assert "validation" not in capsys.readouterr().out
+
+
+def test_the_validation_loss_falls_as_the_model_learns(chunks, tmp_path, capsys):
+    for steps in ("2", "80"):
+        _base(chunks, tmp_path / steps, "--steps", steps, "--rate", "3e-3", "--history-noise", "0")
+    losses = [float(line.split()[-1]) for line in capsys.readouterr().out.splitlines() if "validation loss" in line]
+    assert losses[1] < losses[0]
+
+
+def test_every_held_out_chunk_counts_once_in_the_validation_loss(tmp_path):
+    distance = np.arange(13.0)
+    save_chunks(tmp_path / "held_out" / "base.npz", distance, np.zeros((13, 0)))
+    chunks = held_out([tmp_path], "base")
+    covered = Validation(lambda states, *_: states[:, -1, 2].mean(), chunks, Recipe(batch=8, history_noise=0))
+    assert covered.loss() == pytest.approx(6.0, abs=1e-4)  # The mean of 0 to 12, in batches of 8 and 5.
+    assert held_out([tmp_path], "walk") is None
+
+
+def test_tensorboard_gets_the_losses_of_a_run(chunks, tmp_path):
+    pytest.importorskip("tensorboard")
+    from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+
+    _base(chunks, tmp_path, "--logger", "tensorboard")
+    found = EventAccumulator(str(tmp_path / "tensorboard")).Reload()
+    assert {"loss", "validation loss", "learning rate", "steps/s"} <= set(found.Tags()["scalars"])
+    assert [event.step for event in found.Scalars("validation loss")] == [6]
+
+
+def test_wandb_gets_the_losses_of_a_run_offline_and_a_resumed_run_goes_on(chunks, tmp_path, monkeypatch):
+    pytest.importorskip("wandb")
+    monkeypatch.setenv("WANDB_MODE", "offline")
+    monkeypatch.setenv("WANDB_SILENT", "true")
+    arguments = ["base", "--data", str(chunks), "--out", str(tmp_path), *SIX, "--logger", "wandb"]
+    assert cut_short.main(3, arguments) == 0
+    known = (tmp_path / "wandb-run").read_text()
+    assert train.main(arguments) == 0
+    assert (tmp_path / "wandb-run").read_text() == known
+    written = sorted((tmp_path / "wandb").glob(f"offline-run-*-{known}/*.wandb"))
+    assert written
+    assert b"validation loss" in b"".join(path.read_bytes() for path in written)
+
+
+def test_a_log_without_its_package_is_refused_with_the_command_that_installs_it(chunks, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    arguments = ["base", "--data", str(chunks), "--out", str(tmp_path / "run"), *SIX]
+    for name in logs.LOGS:
+        assert train.main([*arguments, "--logger", name]) == 2
+        assert f'pip install "humanclaw-train[{name}]"' in capsys.readouterr().err
+    assert not (tmp_path / "run").exists()

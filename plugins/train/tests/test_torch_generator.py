@@ -1,0 +1,85 @@
+"""Tests that episodes move the same with the model on torch as in numpy, within a tenth of a millimetre."""
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch")
+
+from tiny_motion import WALK, write_adapter, write_base
+
+from humanclaw import Backends, Body, Plugins
+from humanclaw.errors import CheckpointError
+from humanclaw.motion import SIZES, DiTGenerator
+from humanclaw.testing import SceneBuilder
+from humanclaw_train.generator import torch_generator
+
+AHEAD = {"x": 0.05, "z": 0.4, "yaw": 0.1}
+
+
+def _difference(one, other) -> float:
+    return max(np.abs(one.root - other.root).max(), np.abs(one.rotations - other.rotations).max())
+
+
+@pytest.fixture(scope="module")
+def plugins():
+    return Plugins.discover()
+
+
+@pytest.mark.parametrize("name", ["walk", "turn_in_place", "stop", "climb_upstairs"])
+@pytest.mark.parametrize("profile", ["default", "paper"])
+def test_shipped_skills_move_as_in_numpy(plugins, name, profile):
+    skill = plugins.skill(name)
+    values = {one.name: (one.low + one.high) / 2 for one in skill.parameters}
+    motions = []
+    for generator in (plugins.make("motion_generators", which, profile=profile) for which in ("dit", "torch")):
+        motion = generator.start()
+        for call in range(2):
+            motion = motion.then(generator.generate(motion[len(motion) - 5 :], skill.adapter, values, (1, call)))
+        motions.append(motion)
+    assert _difference(*motions) < 1e-4
+
+
+@pytest.mark.parametrize("device", ["cpu", "cuda"])
+def test_a_base_of_the_papers_size_moves_as_in_numpy_by_the_papers_solver(tmp_path, device):
+    if device == "cuda" and not torch.cuda.is_available():
+        pytest.skip("no GPU")
+    path = tmp_path / "base.safetensors"
+    base = write_base(path, SIZES["paper"], scale=0.02)
+    adapter = write_adapter(tmp_path / "walk.safetensors", base, WALK, scale=0.02)
+    one, other = DiTGenerator.load(path, "paper"), torch_generator("paper", path, device)
+    motions = [generator.generate(generator.start(), adapter, AHEAD, (7,)) for generator in (one, other)]
+    assert np.abs(motions[0].root - one.start().root[-1]).max() > 0.01
+    assert _difference(*motions) < 1e-4
+    assert one.digest == other.digest
+
+
+def test_an_adapter_is_read_again_when_its_file_has_changed(tmp_path):
+    path, walk = tmp_path / "base.safetensors", tmp_path / "walk.safetensors"
+    base = write_base(path)
+    generator = torch_generator("default", path, "cpu")
+    motions = []
+    for seed in (2, 3):
+        write_adapter(walk, base, seed=seed)
+        motions.append(generator.generate(generator.start(), walk, AHEAD, (0,)))
+    assert _difference(*motions) > 1e-3
+
+
+def test_values_that_an_adapter_does_not_take_are_refused(tmp_path):
+    path = tmp_path / "base.safetensors"
+    walk = write_adapter(tmp_path / "walk.safetensors", write_base(path))
+    generator = torch_generator("default", path, "cpu")
+    with pytest.raises(CheckpointError, match="takes x, z, yaw; it got z"):
+        generator.generate(generator.start(), walk, {"z": 0.1}, (0,))
+
+
+def test_an_episode_on_torch_walks_where_one_in_numpy_walks(plugins):
+    builder = SceneBuilder()
+    builder.floor()
+    ends = []
+    for name in ("dit", "torch"):
+        with Body(builder.scene(), plugins=plugins, backends=Backends(generator=name)) as body:
+            for _ in range(3):
+                body.call("walk", z_cm=50)
+            ends.append(body.history.root[-1])
+    assert np.abs(ends[1] - ends[0]).max() < 1e-3
+    assert ends[0][2] - builder.scene().start.z > 1.0

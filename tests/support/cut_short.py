@@ -1,0 +1,30 @@
+"""A program that trains as `humanclaw train` does, saves after every step, and is interrupted before a step.
+
+python cut_short.py STEP base --data CHUNKS ...
+"""
+
+import sys
+
+from humanclaw_train import train, trainer
+
+
+def main(step: int, arguments: list[str]) -> int:
+    advance, seconds = trainer.Trainer.advance, trainer._SAVE_SECONDS
+
+    def interrupted(self, problem):
+        if self.step == step:
+            raise KeyboardInterrupt
+        return advance(self, problem)
+
+    trainer._SAVE_SECONDS = 0
+    trainer.Trainer.advance = interrupted
+    try:
+        return train.main(arguments)
+    except KeyboardInterrupt:
+        return 0
+    finally:
+        trainer.Trainer.advance, trainer._SAVE_SECONDS = advance, seconds
+
+
+if __name__ == "__main__":
+    sys.exit(main(int(sys.argv[1]), sys.argv[2:]))
