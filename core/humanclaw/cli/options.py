@@ -82,6 +82,13 @@ _DECIDERS: Final = (
         help="Settings of simulator, motion solver and agent. The switches above override it.",
     ),
     *_ENGINES,
+    click.option(
+        "--gaze",
+        type=click.Choice(["body", "far"]),
+        default=Backends.gaze,
+        show_default=True,
+        help="Where the eyes look: with the own body in view, or farther ahead.",
+    ),
     click.option("--renderer", default=Backends.renderer, show_default=True, help="Renderer by name."),
     click.option(
         "--sensor",
@@ -123,6 +130,7 @@ def decider_options(function: F) -> F:
         simulator: str,
         generator: str,
         prior: str,
+        gaze: str,
         renderer: str,
         sensors: Sequence[str],
         pairs: Sequence[str],
@@ -139,7 +147,7 @@ def decider_options(function: F) -> F:
             options,
             parse_limits(limits),
         )
-        backends = Backends(simulator, renderer, generator, profile, check_sensors(sensors), prior)
+        backends = Backends(simulator, renderer, generator, profile, check_sensors(sensors), prior, gaze)
         return function(*args, deciders=deciders, backends=backends, **rest)
 
     return functools.reduce(lambda wrapped, option: option(wrapped), reversed(_DECIDERS), command)  # type: ignore[return-value]

@@ -34,6 +34,8 @@ class Backends:
     """Senses that an observation reports (see SENSORS)."""
     prior: str = SHIPPED
     """The motion prior that the generator runs."""
+    gaze: str = "body"
+    """Where the eyes look (humanclaw.world.GAZES)."""
 
     def chosen(self, plugins: Plugins) -> Self:
         """Return the same with defaults filled in and senses in a fixed order, as records name them.

@@ -32,7 +32,7 @@ from humanclaw.storage.pictures import jpeg
 from humanclaw.text.notebook import card
 from humanclaw.world.scene import Scene
 from humanclaw.world.simulator import Chunk, Simulator, WorldState
-from humanclaw.world.view import Renderer, View, ego_camera
+from humanclaw.world.view import Gaze, Renderer, View, ego_camera, gaze_of
 
 T = TypeVar("T", bound=np.generic)
 
@@ -86,6 +86,7 @@ class Body:
         self.plugins = plugins or Plugins.discover()
         self.backends = (backends or Backends()).chosen(self.plugins)
         self.sensors = self.backends.sensors
+        self.gaze: Gaze = gaze_of(self.backends.gaze)
         self._adapters: dict[Path, Mapping[str, Path]] = {}
         self._generator: MotionGenerator = self._moved_by(self.backends.generator, self.backends.prior)
         self._simulator: Simulator = self._make("simulators", self.backends.simulator)
@@ -168,7 +169,7 @@ class Body:
 
     def view(self) -> View:
         """Render what the eyes see: colours, depth and object ids, as read-only arrays."""
-        seen = self._renderer.render(self._state, ego_camera(self._state.body))
+        seen = self._renderer.render(self._state, ego_camera(self._state.body, gaze=self.gaze))
         return View(_fixed(seen.rgb), _fixed(seen.depth), _fixed(seen.ids))
 
     def observe(self, instruction: str = "", feedback: Feedback | None = None) -> Observation:

@@ -11,7 +11,7 @@ from humanclaw import RecordError
 from humanclaw.cli import counted, legible
 from humanclaw_bench.attribution import Cause
 from humanclaw_bench.integrity import Standing
-from humanclaw_bench.scores import Scores
+from humanclaw_bench.scores import BODY_PARTS, Scores
 from humanclaw_bench.statistics import Estimate
 
 NONE: Final = Estimate(float("nan"))
@@ -61,9 +61,8 @@ class Result:
         left_out = "".join(f"; not in any number: {count} {outcome}" for outcome, count in sorted(apart.items()))
         of = f"{len(self.finished)} of " if len(self.finished) < self.total else ""
         told = f"{of}{counted(self.total, 'episode')}" + ("" if self.asked else ", of an unknown total (no run.json)")
-        note = (
-            f"{self.name}: {told}{left_out}.{self._privileged}{self._again}{self._broken}{self._unasked}{self._foreign}"
-        )
+        warned = f"{self._privileged}{self._again}{self._broken}{self._unasked}{self._foreign}"
+        note = f"{self.name}: {told}{left_out}.{self._body}{warned}"
         return " ".join(legible(note).split())  # One line, whatever text a foreign record holds.
 
     @property
@@ -74,6 +73,12 @@ class Result:
     def _foreign(self) -> str:
         more = f" ({len(self.faults)} such faults: see `humanclaw bench verify`)" if len(self.faults) > 1 else ""
         return f" Warning: {self.faults[0]}{more}" if self.faults else ""
+
+    @property
+    def _body(self) -> str:
+        found = {part: sorted({getattr(s, part) for s in self.scores} - {""}) for part in BODY_PARTS}
+        told = ", ".join(f"{part} {' and '.join(names)}" for part, names in found.items() if names)
+        return f" Body: {told}." if told else ""
 
     @property
     def _privileged(self) -> str:
@@ -99,17 +104,18 @@ class Result:
 def named(
     runs: Mapping[str, Sequence[tuple[Scores, Cause | None]]], known: Mapping[str, Standing] | None = None
 ) -> tuple[Result, ...]:
-    """Group scored episodes into one result per run, agent, verifier and simulator.
+    """Group scored episodes into one result per run, agent, verifier and body.
 
-    known: facts from each run's folder. A result's name includes the simulator if there are several, and the run if the
-    rest of the name repeats.
+    known: facts from each run's folder. A result's name includes each part of the body that differs between them, and
+    the run if the rest of the name repeats.
     """
-    several = len({scores.simulator for found in runs.values() for scores, _ in found}) > 1
+    every = [scores for found in runs.values() for scores, _ in found]
+    several = [part for part in BODY_PARTS if len({getattr(scores, part) for scores in every}) > 1]
     groups: dict[tuple[str, str], list[tuple[Scores, Cause | None]]] = {}
     for run, found in runs.items():
         for scores, cause in found:
             agent = scores.agent + (f" + {scores.verifier}" if scores.verifier else "")
-            agent += f", {scores.simulator or 'simulator unknown'}" if several else ""
+            agent += "".join(f", {_named(part, scores)}" for part in several)
             groups.setdefault((agent, run), []).append((scores, cause))
     repeated = Counter(agent for agent, _ in groups)
     return tuple(
@@ -124,6 +130,13 @@ def named(
         for (agent, run), found in groups.items()
         for standing in [(known or {}).get(run, Standing())]
     )
+
+
+def _named(part: str, scores: Scores) -> str:
+    found: str = getattr(scores, part)
+    if part == "simulator":
+        return found or "simulator unknown"
+    return f"{part} {found or 'unknown'}"
 
 
 def require_whole(results: Sequence[Result], partial: bool) -> None:

@@ -50,6 +50,8 @@ TURNS: Final = float(np.radians(5.0))
 NEARBY: Final = 1.0
 """The looser threshold of NavSR@1m, metres."""
 FINISHED: Final = ("stopped", "out_of_steps", "plugin_error")
+BODY_PARTS: Final = ("simulator", "profile", "prior", "gaze")
+"""The settings of a body that rows and notes of tables name."""
 _LOG: Final = logging.getLogger("humanclaw")
 
 
@@ -264,6 +266,10 @@ class Scores:
     """easy, medium or hard; empty if unknown."""
     simulator: str = ""
     """Name of the simulator; empty if the record does not say."""
+    profile: str = ""
+    prior: str = ""
+    gaze: str = ""
+    """Of the body, by name; empty if the record does not say."""
     privileged: str | None = None
     """Who got scene and true state: "agent", "verifier" or both; empty for nobody, None if the record does not say."""
     spec: EpisodeSpec | None = None
@@ -329,7 +335,7 @@ def score(recorded: RecordedEpisode, extra: Extra | None = None) -> Scores:
         verified=sum(step.verdict is not None and _asked(step.verdict) for step in steps),
         unasked=sum(step.verdict is not None and bool(step.verdict.failed_open) for step in steps),
         tier=overall(spec.difficulty) if spec.difficulty else "",
-        simulator=record.settings.get("body", {}).get("simulator", ""),
+        **{part: str(record.settings.get("body", {}).get(part, "")) for part in BODY_PARTS},
         privileged=_privileged(record.settings),
         spec=spec,
         chunks=sum(step.chunks for step in steps),
