@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 import click
 
-from humanclaw.episodes.backends import SENSORS, Backends, check_sensors
+from humanclaw.episodes.backends import MOTION_HISTORIES, SENSORS, Backends, check_sensors
 from humanclaw.errors import HumanclawError, PluginError, PluginRunError, blaming
 from humanclaw.records.limits import Meter, check_limits
 from humanclaw.text.words import did_you_mean
@@ -89,6 +89,13 @@ _DECIDERS: Final = (
         show_default=True,
         help="Where the eyes look: with the own body in view, or farther ahead.",
     ),
+    click.option(
+        "--motion-history",
+        type=click.Choice(MOTION_HISTORIES),
+        default=Backends.motion_history,
+        show_default=True,
+        help="The poses that a motion continues: the motion model's own, or the simulated body's.",
+    ),
     click.option("--renderer", default=Backends.renderer, show_default=True, help="Renderer by name."),
     click.option(
         "--sensor",
@@ -131,6 +138,7 @@ def decider_options(function: F) -> F:
         generator: str,
         prior: str,
         gaze: str,
+        motion_history: str,
         renderer: str,
         sensors: Sequence[str],
         pairs: Sequence[str],
@@ -147,7 +155,8 @@ def decider_options(function: F) -> F:
             options,
             parse_limits(limits),
         )
-        backends = Backends(simulator, renderer, generator, profile, check_sensors(sensors), prior, gaze)
+        senses = check_sensors(sensors)
+        backends = Backends(simulator, renderer, generator, profile, senses, prior, gaze, motion_history)
         return function(*args, deciders=deciders, backends=backends, **rest)
 
     return functools.reduce(lambda wrapped, option: option(wrapped), reversed(_DECIDERS), command)  # type: ignore[return-value]

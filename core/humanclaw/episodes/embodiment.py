@@ -12,7 +12,7 @@ from typing import Any, Self, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from humanclaw.body.pose import FUTURE, HISTORY, Array, Motion, Pose2D, re_rooted
+from humanclaw.body.pose import FUTURE, Array, Motion, Pose2D, next_history, re_rooted
 from humanclaw.episodes.backends import SHIPPED, Backends
 from humanclaw.episodes.sensors import proprioception, tactile
 from humanclaw.episodes.tools import Verified, body_tools
@@ -223,7 +223,8 @@ class Body:
     def _simulate(self, commanded: Motion) -> Chunk:
         execution = self._simulator.execute(commanded)
         self._state = self._simulator.state()
-        self._history = re_rooted(self._history.then(commanded)[-HISTORY:], execution.simulated)
+        source = self.backends.motion_history
+        self._history = next_history(self._history, commanded, execution.simulated, source)
         return Chunk(commanded, execution)
 
     def _sense(self, before: Motion, chunks: Sequence[Chunk]) -> tuple[Proprioception | None, tuple[Touch, ...] | None]:

@@ -77,7 +77,7 @@ class Result:
     @property
     def _body(self) -> str:
         found = {part: sorted({getattr(s, part) for s in self.scores} - {""}) for part in BODY_PARTS}
-        told = ", ".join(f"{part} {' and '.join(names)}" for part, names in found.items() if names)
+        told = ", ".join(f"{_worded(part)} {' and '.join(names)}" for part, names in found.items() if names)
         return f" Body: {told}." if told else ""
 
     @property
@@ -136,7 +136,11 @@ def _named(part: str, scores: Scores) -> str:
     found: str = getattr(scores, part)
     if part == "simulator":
         return found or "simulator unknown"
-    return f"{part} {found or 'unknown'}"
+    return f"{_worded(part)} {found or 'unknown'}"
+
+
+def _worded(part: str) -> str:
+    return part.replace("_", " ")
 
 
 def require_whole(results: Sequence[Result], partial: bool) -> None:

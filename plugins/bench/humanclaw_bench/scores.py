@@ -50,7 +50,7 @@ TURNS: Final = float(np.radians(5.0))
 NEARBY: Final = 1.0
 """The looser threshold of NavSR@1m, metres."""
 FINISHED: Final = ("stopped", "out_of_steps", "plugin_error")
-BODY_PARTS: Final = ("simulator", "profile", "prior", "gaze")
+BODY_PARTS: Final = ("simulator", "profile", "prior", "gaze", "motion_history")
 """The settings of a body that rows and notes of tables name."""
 _LOG: Final = logging.getLogger("humanclaw")
 
@@ -269,6 +269,7 @@ class Scores:
     profile: str = ""
     prior: str = ""
     gaze: str = ""
+    motion_history: str = ""
     """Of the body, by name; empty if the record does not say."""
     privileged: str | None = None
     """Who got scene and true state: "agent", "verifier" or both; empty for nobody, None if the record does not say."""
