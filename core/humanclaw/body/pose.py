@@ -233,6 +233,17 @@ def re_rooted(generated: Motion, simulated: Motion) -> Motion:
     return there.to_world(here.to_local(generated))
 
 
+def next_history(history: Motion, commanded: Motion, simulated: Motion, source: str = "generated") -> Motion:
+    """Return the five frames that the next motion continues (world frame).
+
+    source: `generated` for the model's own poses, re-rooted where the body is; `simulated` for the body's own, as in
+    the paper (section 3.1).
+    """
+    if source == "simulated":
+        return simulated[-HISTORY:]
+    return re_rooted(history.then(commanded)[-HISTORY:], simulated)
+
+
 def _turned(motion: Motion, turn: Array) -> Motion:
     rotations = motion.rotations.copy()
     rotations[:, 0] = vector_from_matrix(turn @ matrix_from_vector(motion.rotations[:, 0]))

@@ -60,8 +60,8 @@ TOE_SOLE: Final = 0.02
 STANDING_HEIGHT: Final = 0.07 + 0.405 + 0.415 + SOLE
 """Pelvis height with straight legs, metres (0.965)."""
 
-EYE: Final = (0.0, 0.08, 0.11)
-"""Optical centre of the ego camera in the frame of the head joint, metres: just in front of the skull."""
+EYE: Final = (0.0, 0.08, 0.05)
+"""Optical centre of the ego camera in the frame of the head joint, metres: behind the face, so that it sees limbs."""
 
 BodyGroup = Literal["head", "torso", "arm_hand", "leg_foot"]
 BODY_GROUPS: Final[tuple[BodyGroup, ...]] = ("head", "torso", "arm_hand", "leg_foot")

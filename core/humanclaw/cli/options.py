@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 import click
 
-from humanclaw.episodes.backends import Backends
+from humanclaw.episodes.backends import MOTION_HISTORIES, Backends
 from humanclaw.errors import HumanclawError, PluginError, PluginRunError, blaming
 from humanclaw.records.limits import Meter, check_limits
 from humanclaw.text.words import did_you_mean
@@ -82,6 +82,20 @@ _DECIDERS: Final = (
         help="Settings of simulator, motion solver and agent. The switches above override it.",
     ),
     *_ENGINES,
+    click.option(
+        "--gaze",
+        type=click.Choice(["body", "far"]),
+        default=Backends.gaze,
+        show_default=True,
+        help="Where the eyes look: with the own body in view, or farther ahead.",
+    ),
+    click.option(
+        "--motion-history",
+        type=click.Choice(MOTION_HISTORIES),
+        default=Backends.motion_history,
+        show_default=True,
+        help="The poses that a motion continues: the motion model's own, or the simulated body's.",
+    ),
     click.option("--renderer", default=Backends.renderer, show_default=True, help="Renderer by name."),
     click.option(
         "--sensor",
@@ -123,6 +137,8 @@ def decider_options(function: F) -> F:
         simulator: str,
         generator: str,
         prior: str,
+        gaze: str,
+        motion_history: str,
         renderer: str,
         sensors: Sequence[str],
         pairs: Sequence[str],
@@ -139,7 +155,7 @@ def decider_options(function: F) -> F:
             options,
             parse_limits(limits),
         )
-        backends = Backends(simulator, renderer, generator, profile, tuple(sensors), prior)
+        backends = Backends(simulator, renderer, generator, profile, tuple(sensors), prior, gaze, motion_history)
         return function(*args, deciders=deciders, backends=backends, **rest)
 
     return functools.reduce(lambda wrapped, option: option(wrapped), reversed(_DECIDERS), command)  # type: ignore[return-value]

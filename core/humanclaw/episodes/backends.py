@@ -18,6 +18,8 @@ VISION: Final = "vision"
 """The sense that is always on: the picture."""
 SENSORS: Final = (VISION, "body", "touch")
 """Vision, and the senses that come with the core. Plugins add others (hook humanclaw_senses)."""
+MOTION_HISTORIES: Final = ("generated", "simulated")
+"""Sources of the frames that a motion continues: the model's own poses, or the body's (humanclaw.body.next_history)."""
 SIMULATORS: Final = ("bullet", "mujoco")
 """Simulators by preference, if none is named. Bullet comes first because the benchmark's tables were made with it; it
 has no wheels for the newest Pythons."""
@@ -37,12 +39,20 @@ class Backends:
     """Senses that an observation reports (see SENSORS)."""
     prior: str = SHIPPED
     """The motion prior that the generator runs."""
+    gaze: str = "body"
+    """Where the eyes look (humanclaw.world.GAZES)."""
+    motion_history: str = "generated"
+    """The frames that a motion continues: one of MOTION_HISTORIES."""
 
     def chosen(self, plugins: Plugins) -> Self:
         """Return the same with defaults filled in and senses in a fixed order, as records name them.
 
-        Raises HumanclawError for an unknown sense, PluginError if no simulator is installed.
+        Raises HumanclawError for an unknown sense or motion history, PluginError if no simulator is installed.
         """
+        if self.motion_history not in MOTION_HISTORIES:
+            raise HumanclawError(
+                f"there is no motion history {self.motion_history!r}.", f"Choose from: {', '.join(MOTION_HISTORIES)}."
+            )
         simulator = self.simulator or default_simulator(plugins)
         return replace(self, simulator=simulator, sensors=check_sensors(self.sensors, plugins))
 

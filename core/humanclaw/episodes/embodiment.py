@@ -14,7 +14,7 @@ from typing import Any, Self, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from humanclaw.body.pose import FUTURE, HISTORY, Array, Motion, Pose2D, re_rooted
+from humanclaw.body.pose import FUTURE, Array, Motion, Pose2D, next_history, re_rooted
 from humanclaw.episodes.backends import SENSORS, SHIPPED, VISION, Backends
 from humanclaw.episodes.tools import Verified, body_tools
 from humanclaw.errors import CheckpointError, HumanclawError, blaming
@@ -36,7 +36,7 @@ from humanclaw.text.notebook import card
 from humanclaw.text.words import legible
 from humanclaw.world.scene import Scene
 from humanclaw.world.simulator import Chunk, Simulator, WorldState
-from humanclaw.world.view import Renderer, View, ego_camera
+from humanclaw.world.view import Gaze, Renderer, View, ego_camera, gaze_of
 
 T = TypeVar("T", bound=np.generic)
 
@@ -104,6 +104,7 @@ class Body:
         self._senses: dict[str, Sense] = {
             name: self.plugins.make("senses", name) for name in self.sensors if name != VISION
         }
+        self.gaze: Gaze = gaze_of(self.backends.gaze)
         self._adapters: dict[Path, Mapping[str, Path]] = {}
         self._generator: MotionGenerator = self._moved_by(self.backends.generator, self.backends.prior)
         self._simulator: Simulator = self._make("simulators", self.backends.simulator)
@@ -192,7 +193,7 @@ class Body:
 
     def view(self) -> View:
         """Render what the eyes see: colours, depth and object ids, as read-only arrays."""
-        seen = self._renderer.render(self._state, ego_camera(self._state.body))
+        seen = self._renderer.render(self._state, ego_camera(self._state.body, gaze=self.gaze))
         return View(_fixed(seen.rgb), _fixed(seen.depth), _fixed(seen.ids))
 
     def observe(self, instruction: str = "", feedback: Feedback | None = None) -> Observation:
@@ -258,7 +259,8 @@ class Body:
     def _simulate(self, commanded: Motion) -> Chunk:
         execution = self._simulator.execute(commanded)
         self._state = self._simulator.state()
-        self._history = re_rooted(self._history.then(commanded)[-HISTORY:], execution.simulated)
+        source = self.backends.motion_history
+        self._history = next_history(self._history, commanded, execution.simulated, source)
         return Chunk(commanded, execution)
 
     def _sense(self, moment: Moment) -> tuple[Proprioception | None, tuple[Touch, ...] | None, tuple[Reading, ...]]:

@@ -99,7 +99,7 @@ class Episode:
             self._distance = distance(body.scene, spec.target_ids, body.start.floor)
         record = record.model_copy(update={"geodesic": distance_to_goal(body.state(), self._distance)})
         # Before anything is written, so that a refusal leaves no folder behind.
-        context = EpisodeContext(spec.told, body.skills, _own_seed(spec.seed), meter=self._meter)
+        context = EpisodeContext(spec.told, body.skills, _own_seed(spec.seed), meter=self._meter, gaze=body.gaze)
         self._panel.begin(context, self._privileged)
         self._recording = Recording(body, record, folder)
         self._history = History(_QUALITY)

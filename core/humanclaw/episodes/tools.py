@@ -18,6 +18,7 @@ from humanclaw.skills.publishing import Json, tellable, tool_spec
 from humanclaw.skills.reading import read_call
 from humanclaw.storage.pictures import jpeg
 from humanclaw.world.scene import Scene
+from humanclaw.world.view import Gaze
 
 _LOOK: Final[Json] = {
     "name": LOOK,
@@ -38,6 +39,9 @@ class Driven(Protocol):
     @property
     def resets(self) -> int: ...
 
+    @property
+    def gaze(self) -> Gaze: ...
+
     def observe(self, instruction: str = "") -> Observation: ...
 
     def call(self, skill: str, /, **params: Any) -> Observation: ...
@@ -50,7 +54,7 @@ class Verified:
         """Begin the verifier's task. Raises PluginRunError for an error of the verifier."""
         self._body, self._instruction, self._panel = body, instruction, Panel("", verifier)
         spec = free_episode(instruction or "Do as you are asked.", body.scene)
-        self._panel.begin(EpisodeContext(spec.told, body.skills, 0), lambda context: context)
+        self._panel.begin(EpisodeContext(spec.told, body.skills, 0, gaze=body.gaze), lambda context: context)
         if self._panel.fault:
             raise self._panel.fault
 
@@ -65,6 +69,10 @@ class Verified:
     @property
     def resets(self) -> int:
         return self._body.resets
+
+    @property
+    def gaze(self) -> Gaze:
+        return self._body.gaze
 
     def observe(self, instruction: str = "") -> Observation:
         return self._body.observe(instruction)

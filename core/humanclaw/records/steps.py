@@ -19,6 +19,7 @@ from humanclaw.text.json import STRICT
 from humanclaw.text.words import legible
 from humanclaw.world.scene import Vec3
 from humanclaw.world.simulator import Contact
+from humanclaw.world.view import Gaze, gaze_of
 
 FORMAT: Literal[3] = 3
 Outcome = Literal["running", "stopped", "out_of_steps", "plugin_error", "infra_error", "limit_reached", "interrupted"]
@@ -197,6 +198,11 @@ class EpisodeRecord(Record):
     def ended(self, outcome: Outcome, error: str = "", **also: Any) -> EpisodeRecord:
         """Return the record with its end. error: may quote text of a model or a plugin; it is made safe to print."""
         return self.model_copy(update={"outcome": outcome, "error": legible(error)} | also)
+
+    @property
+    def gaze(self) -> Gaze:
+        """Where the eyes looked. Records that do not say are of `far`."""
+        return gaze_of(self.settings.get("body", {}).get("gaze", "far"))
 
     @property
     def sealed(self) -> EpisodeRecord:

@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from humanclaw.body.pose import HISTORY, Array, Motion, re_rooted
+from humanclaw.body.pose import HISTORY, Array, Motion, next_history
 from humanclaw.episodes.backends import default_simulator
 from humanclaw.episodes.embodiment import stand
 from humanclaw.errors import HumanclawError
@@ -136,7 +136,7 @@ class Fixture:
         for number, command in enumerate(commands):
             motion = self.generate(history, command, number)
             execution = simulator.execute(motion)
-            history = re_rooted(history.then(motion)[-HISTORY:], execution.simulated)
+            history = next_history(history, motion, execution.simulated)
             commanded.append(motion)
             executions.append(execution)
         objects = dict(simulator.state().objects)

@@ -11,7 +11,7 @@ from typing import Final, TypeVar
 
 import numpy as np
 
-from humanclaw.body.pose import HISTORY, Array, re_rooted
+from humanclaw.body.pose import Array, next_history
 from humanclaw.testing.fixture import FORWARD, TURN, Fixture, Tick
 from humanclaw.world.scene import Scene, SceneObject
 from humanclaw.world.simulator import Simulator
@@ -63,7 +63,7 @@ def chunk_times(fixture: Fixture, scene: Scene, count: int, tick: Tick) -> list[
         motion = fixture.generate(history, command, number)
         milliseconds, execution = _timed(lambda motion=motion: simulator.execute(motion))  # type: ignore[misc]
         times.append(milliseconds)
-        history = re_rooted(history.then(motion)[-HISTORY:], execution.simulated)
+        history = next_history(history, motion, execution.simulated)
         tick()
     simulator.close()
     return times

@@ -103,11 +103,15 @@ if TYPE_CHECKING:
     )
     from humanclaw.world.view import (
         BODY_ID as BODY_ID,
+        DEFAULT_GAZE as DEFAULT_GAZE,
         GAZE_PITCH as GAZE_PITCH,
+        GAZES as GAZES,
         Camera as Camera,
+        Gaze as Gaze,
         Renderer as Renderer,
         View as View,
         ego_camera as ego_camera,
+        gaze_of as gaze_of,
     )
 
 if not TYPE_CHECKING:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final, Protocol
 
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 
 from humanclaw.body.pose import Array, Motion, forward_kinematics, yaw_matrix
 from humanclaw.body.skeleton import EYE, JOINT_INDEX
+from humanclaw.errors import HumanclawError
 from humanclaw.world.scene import Scene
 from humanclaw.world.simulator import WorldState
 
@@ -48,21 +50,42 @@ class Renderer(Protocol):
     def close(self) -> None: ...
 
 
-GAZE_PITCH: Final = np.radians(-20.0)
-"""Pitch of the eyes, radians: level and 20 degrees below the horizon. As with the vestibulo-ocular reflex, steps do not
-shake them."""
+@dataclass(frozen=True)
+class Gaze:
+    """Where the eyes sit in the head, and how far below the horizon they look."""
+
+    ahead: float
+    """Metres before the head joint."""
+    pitch: float
+    """Radians; negative is down. As with the vestibulo-ocular reflex, steps do not shake it."""
 
 
-def ego_camera(body: Motion, size: int = 512) -> Camera:
+GAZES: Final[Mapping[str, Gaze]] = {
+    "body": Gaze(EYE[2], float(np.radians(-30.0))),
+    "far": Gaze(0.11, float(np.radians(-20.0))),
+}
+"""By name. `body` often has the own limbs in view; `far` is before the skull and seldom has."""
+DEFAULT_GAZE: Final = "body"
+GAZE_PITCH: Final = GAZES[DEFAULT_GAZE].pitch
+
+
+def gaze_of(name: str) -> Gaze:
+    """Return a gaze by name. Raises HumanclawError for an unknown one."""
+    if name not in GAZES:
+        raise HumanclawError(f"there is no gaze {name!r}.", f"Choose from: {', '.join(GAZES)}.")
+    return GAZES[name]
+
+
+def ego_camera(body: Motion, size: int = 512, gaze: Gaze = GAZES[DEFAULT_GAZE]) -> Camera:
     """Return the camera at the eyes of the last frame of a motion.
 
     It turns with the head and keeps the horizon level.
     """
     positions, orientations = forward_kinematics(body.root[-1], body.rotations[-1])
     head = orientations[JOINT_INDEX["head"]]
-    eye = positions[JOINT_INDEX["head"]] + head @ np.array(EYE)
+    eye = positions[JOINT_INDEX["head"]] + head @ np.array([0.0, EYE[1], gaze.ahead])
     facing = float(np.arctan2(head[0, 2], head[2, 2]))
     turn = yaw_matrix(facing)
-    forward = turn @ np.array([0.0, np.sin(GAZE_PITCH), np.cos(GAZE_PITCH)])
-    up = turn @ np.array([0.0, np.cos(GAZE_PITCH), -np.sin(GAZE_PITCH)])
+    forward = turn @ np.array([0.0, np.sin(gaze.pitch), np.cos(gaze.pitch)])
+    up = turn @ np.array([0.0, np.cos(gaze.pitch), -np.sin(gaze.pitch)])
     return Camera(eye, forward, up, 90.0, size, size)

@@ -22,11 +22,11 @@ from humanclaw.body import N_JOINTS, STANDING_HEIGHT
 from humanclaw.records import REACHED
 from humanclaw.skills import Role, bounds, from_si, parameter_schema, suited
 from humanclaw.storage import jpeg
-from humanclaw.world import ego_camera
+from humanclaw.world import Gaze, ego_camera
 from humanclaw_litellm.settings import Settings
 
 Json = dict[str, Any]
-_ROWS: Final = (40, 50, 60, 70, 80, 90, 100)
+_ROWS: Final = (30, 40, 50, 60, 70, 80, 90, 100)
 """Rows of a picture, per cent of its height and not pixels, because providers scale pictures."""
 
 
@@ -48,8 +48,8 @@ class Eyes:
 
 
 @functools.cache
-def eyes() -> Eyes:
-    camera = ego_camera(Motion(np.array([[0.0, STANDING_HEIGHT, 0.0]]), np.zeros((1, N_JOINTS, 3))))
+def eyes(gaze: Gaze) -> Eyes:
+    camera = ego_camera(Motion(np.array([[0.0, STANDING_HEIGHT, 0.0]]), np.zeros((1, N_JOINTS, 3))), gaze=gaze)
     pitch, height = float(-np.arcsin(camera.forward[1])), float(camera.position[1])
     lowest = pitch + float(np.radians(camera.fov / 2))
     centre, bottom = (round(height / float(np.tan(angle)), 1) for angle in (pitch, lowest))
@@ -132,7 +132,7 @@ def system_prompt(context: EpisodeContext, skills: Sequence[Skill], settings: Se
         spec=context.spec,
         skills=[_sheet(skill) for skill in skills],
         endings=[skill.name for skill in skills if skill.role == "stop"],
-        eyes=eyes(),
+        eyes=eyes(context.gaze),
         mid_level=settings.mid_level,
         schema=_dump(schema),
         brief=settings.brief and schema is None,
@@ -201,9 +201,10 @@ def _past(history: Sequence[HistoryEntry], index: int, mid_level: bool) -> str:
     )
 
 
-def verifier_prompt(skills: Sequence[Skill], schema: Json | None) -> str:
+def verifier_prompt(skills: Sequence[Skill], gaze: Gaze, schema: Json | None) -> str:
     """Return the verifier's system prompt. It is the same for every call of a skill."""
-    return _fill("verifier_system.jinja", skills=[_gist(skill) for skill in skills], eyes=eyes(), schema=_dump(schema))
+    gists = [_gist(skill) for skill in skills]
+    return _fill("verifier_system.jinja", skills=gists, eyes=eyes(gaze), schema=_dump(schema))
 
 
 def verifier_content(

@@ -35,7 +35,7 @@ class ModelVerifier:
     def begin(self, context: EpisodeContext) -> None:
         """Begin an episode. Raises ModelError if the model cannot be reached."""
         self._negotiator.begin(context.meter)
-        self._skills = usable(context)
+        self._skills, self._gaze = usable(context), context.gaze
 
     def verify(self, observation: Observation, call: Call, skill: Skill, goal: str) -> Verdict:
         """Ask the model about a call. Raises ModelError if the provider rejects the model or the key."""
@@ -47,7 +47,7 @@ class ModelVerifier:
         form = _form(checks, self._skills)
 
         def messages(mode: Mode) -> list[Json]:
-            system = verifier_prompt(self._skills, form.schema if mode in ("schema", "prompt") else None)
+            system = verifier_prompt(self._skills, self._gaze, form.schema if mode in ("schema", "prompt") else None)
             content = verifier_content(observation, call, skill, goal, checks.items(), self._settings.detail)
             return [{"role": "system", "content": system}, {"role": "user", "content": content}]
 

@@ -204,10 +204,10 @@ def test_the_guide_speaks_of_the_camera_and_of_the_skills_that_there_are(begin, 
     with OpenAIServer([call("stop")]) as server:
         begin(server).decide(view(), ())
     told = server.requests[0].role("system")
-    # By hand: eyes 1.58 m up, 20 degrees down, 45 degrees to the lower edge: 1.58 / tan(65 degrees) = 0.74.
-    assert "100 %: 0.7 m" in told
-    assert "50 %: 4.4 m" in told
-    assert "At 32 % is the horizon." in told, "(1 - tan 20 / tan 45) / 2"
+    # By hand: eyes 1.58 m up, 30 degrees down, 45 degrees to the lower edge: 1.58 / tan(75 degrees) = 0.42.
+    assert "100 %: 0.4 m" in told
+    assert "50 %: 2.8 m" in told, "1.59 / tan 30"
+    assert "At 21 % is the horizon." in told, "(1 - tan 30 / tan 45) / 2"
     assert "5 of the largest turns of turn_in_place make a full circle." in told, "360 / 75 = 4.8"
     assert "within 0.2 m" in told
     assert "turn_in_place(yaw_deg=60) 3 times" in told

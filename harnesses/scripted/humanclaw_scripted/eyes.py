@@ -20,7 +20,7 @@ import numpy as np
 from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
 
 from humanclaw import EpisodeSpec, HumanclawError
-from humanclaw.world import BODY_ID, View
+from humanclaw.world import BODY_ID, Gaze, View
 from humanclaw_scripted.options import DetectorOptions
 from humanclaw_scripted.sight import Mask, Sight
 
@@ -38,7 +38,7 @@ class Eyes(Protocol):
 
     settings: Mapping[str, Any]
 
-    def begin(self, spec: EpisodeSpec) -> None:
+    def begin(self, spec: EpisodeSpec, gaze: Gaze) -> None:
         """Begin an episode with its target."""
 
     def look(self, view: View) -> Sight:
@@ -50,11 +50,12 @@ class PerfectEyes:
 
     settings: Mapping[str, Any] = {}
 
-    def begin(self, spec: EpisodeSpec) -> None:
-        self._targets = list(spec.target_ids)
+    def begin(self, spec: EpisodeSpec, gaze: Gaze) -> None:
+        self._targets, self._gaze = list(spec.target_ids), gaze
 
     def look(self, view: View) -> Sight:
-        return Sight.of(view, (view.ids != 0) & (view.ids != BODY_ID), np.isin(view.ids, self._targets))
+        shown = (view.ids != 0) & (view.ids != BODY_ID)
+        return Sight.of(view, shown, np.isin(view.ids, self._targets), self._gaze)
 
 
 class DetectorEyes:
@@ -64,12 +65,12 @@ class DetectorEyes:
         self.settings: Mapping[str, Any] = options.model_dump()
         self._options, self._detector = options, Detector(options.detector, options.seconds)
 
-    def begin(self, spec: EpisodeSpec) -> None:
-        self._name = spec.target_category.replace("_", " ")
+    def begin(self, spec: EpisodeSpec, gaze: Gaze) -> None:
+        self._name, self._gaze = spec.target_category.replace("_", " "), gaze
 
     def look(self, view: View) -> Sight:
         boxes = [box for box in self._detector(view.rgb) if box[5] == self._name and box[4] >= self._options.score]
-        return Sight.of(view, np.isfinite(view.depth), filled(boxes, view)).apart()
+        return Sight.of(view, np.isfinite(view.depth), filled(boxes, view), self._gaze).apart()
 
 
 def filled(boxes: Sequence[Box], view: View) -> Mask:

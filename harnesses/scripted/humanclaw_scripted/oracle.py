@@ -84,6 +84,7 @@ class OracleAgent:
         if context.scene is None or context.state is None:
             raise PluginError("the oracle needs the scene and the state.", "Run it through the loop.")
         self._context, self._scene, self._state = context, context.scene, context.state
+        self._gaze = context.gaze
         self._stop = ending(context.skills)
         for needed in (WALK, TURN, SIDE, BACK, *([SIT] if context.spec.interact else [])):
             skill_for(context.skills, needed)
@@ -376,7 +377,7 @@ class OracleAgent:
         room = room_at(self._scene, float(pose.point[0]), float(pose.point[1]), plan.floor)
         on = "on" if room == "stairs" else "in"
         here = f"I am {on} the {room.replace('_', ' ')}." if room else "I am between two rooms."
-        seen = [found for key in self._spec.target_ids if (found := in_view(plan, self._scene, state, key))]
+        seen = [found for key in self._spec.target_ids if (found := in_view(plan, self._scene, state, key, self._gaze))]
         if not seen:
             return f"{here} No {self._noun} is in view." if self._spec.target_ids else here
         angle, distance = min(seen, key=lambda found: found[1])

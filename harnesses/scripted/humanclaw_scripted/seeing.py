@@ -88,7 +88,7 @@ class SeeingAgent:
         if context.view is None:
             raise HumanclawError("the seeing agent needs its view with depth and ids.", "Run it through the loop.")
         self._view, self._skills, self._spec = context.view, context.skills, context.spec
-        self._eyes.begin(context.spec)
+        self._eyes.begin(context.spec, context.gaze)
         self._stop = ending(context.skills)
         self._memory = SeeingMemory()
 

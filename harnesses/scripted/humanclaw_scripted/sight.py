@@ -15,7 +15,7 @@ from scipy.ndimage import binary_closing, binary_dilation, distance_transform_ed
 from scipy.spatial import cKDTree
 
 from humanclaw.body import Array, Pose2D, rest_pose, wrap_angle
-from humanclaw.world import CELL, GAZE_PITCH, RADIUS, OccupancyGrid, View, ego_camera
+from humanclaw.world import CELL, RADIUS, Gaze, OccupancyGrid, View, ego_camera
 
 STRIDE: Final = 2
 """Only every STRIDE-th pixel of each row and column is used."""
@@ -51,7 +51,7 @@ class Sight:
     pixels: int
 
     @classmethod
-    def of(cls, view: View, shown: Mask, mine: Mask) -> Sight:
+    def of(cls, view: View, shown: Mask, mine: Mask, gaze: Gaze) -> Sight:
         """Back-project a view of the ego camera. The floor in view corrects the height of the eyes.
 
         shown: (H, W) pixels that show the surroundings. mine: (H, W) pixels that show a target.
@@ -61,9 +61,9 @@ class Sight:
         rows, columns = np.nonzero(drawn)
         half, ahead = len(view.depth) / 2, depth[drawn]
         right, up = ((STRIDE * columns + 0.5) / half - 1) * ahead, (1 - (STRIDE * rows + 0.5) / half) * ahead
-        sine, cosine = np.sin(GAZE_PITCH), np.cos(GAZE_PITCH)
+        sine, cosine = np.sin(gaze.pitch), np.cos(gaze.pitch)
         standing = rest_pose()
-        eye = ego_camera(standing).position - standing.root[-1] * [1, 0, 1]
+        eye = ego_camera(standing, gaze=gaze).position - standing.root[-1] * [1, 0, 1]
         points = np.stack([-right, eye[1] + ahead * sine + up * cosine, eye[2] + ahead * cosine - up * sine], -1)
         # The body bends and sways, so its eyes are not exactly at standing height.
         floor = (np.abs(points[:, 1]) < 2 * LEVEL) & (points[:, 2] < 3.0)

@@ -9,7 +9,7 @@ import numpy as np
 
 from humanclaw import EpisodeContext, HumanclawError, Scene
 from humanclaw.body import LINKS, Array, Capsule, Pose2D, matrix_from_vector
-from humanclaw.world import OccupancyGrid, WorldState, distance_to_nearest, ego_camera
+from humanclaw.world import Gaze, OccupancyGrid, WorldState, distance_to_nearest, ego_camera
 
 TOUCHING: Final = 0.005
 """Gap between hips and seat that counts as contact, metres."""
@@ -109,12 +109,14 @@ def on_seat(scene: Scene, state: WorldState, target: int) -> bool:
     return bool(seat is not None and inside and _hip_bottom(state) <= obj.position[1] + seat + TOUCHING)
 
 
-def in_view(plan: OccupancyGrid, scene: Scene, state: WorldState, target: int) -> tuple[float, float] | None:
+def in_view(
+    plan: OccupancyGrid, scene: Scene, state: WorldState, target: int, gaze: Gaze
+) -> tuple[float, float] | None:
     """Return bearing (radians, left positive) and distance (metres) of a target in view; None if it is not.
 
     A target is in view if at least three of 27 points of its bounding box are in the view cone and not hidden.
     """
-    camera = ego_camera(state.body)
+    camera = ego_camera(state.body, gaze=gaze)
     low, high = box(scene, state, target)
     grid = np.stack(np.meshgrid([0.05, 0.5, 0.95], [0.05, 0.5, 0.95], [0.05, 0.5, 0.95]), -1).reshape(-1, 3)
     points = low + grid * (high - low)

@@ -23,7 +23,7 @@ from humanclaw import (
     Scene,
 )
 from humanclaw.records import Feedback
-from humanclaw.world import OccupancyGrid, distance_to_box
+from humanclaw.world import GAZES, OccupancyGrid, distance_to_box
 from humanclaw_scripted.blind import RandomAgent, StillAgent
 from humanclaw_scripted.oracle import OracleAgent
 from humanclaw_scripted.truth import in_view
@@ -268,10 +268,10 @@ def test_a_target_counts_as_in_view_only_in_front_of_the_eyes_and_not_behind_a_w
     scene = two_rooms()
     plan, walker = OccupancyGrid.of(scene), Walker(scene)
     walker.x, walker.z, walker.yaw = 5.5, 2.5, np.pi / 2
-    seen = in_view(plan, scene, walker.state(), 20)
+    seen = in_view(plan, scene, walker.state(), 20, GAZES["body"])
     assert seen is not None
     assert abs(seen[0]) < 0.1
-    assert in_view(plan, scene, walker.state(), 22) is None
+    assert in_view(plan, scene, walker.state(), 22, GAZES["body"]) is None
     walker.yaw = -np.pi / 2
-    assert in_view(plan, scene, walker.state(), 20) is None
-    assert in_view(plan, scene, walker.state(), 22) is None, "the bed is behind the wall"
+    assert in_view(plan, scene, walker.state(), 20, GAZES["body"]) is None
+    assert in_view(plan, scene, walker.state(), 22, GAZES["body"]) is None, "the bed is behind the wall"

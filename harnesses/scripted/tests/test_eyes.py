@@ -61,11 +61,11 @@ def says(agent: Agent) -> str:
 
 def test_it_sees_what_the_program_knows_and_how_far_away_that_is(tmp_path: Path) -> None:
     agent = begun(written(tmp_path, DETECTOR), view_of((255, 0, 0)))
-    # Along the optical axis the wall is 2 m away, and the axis points 20 degrees down. The square is 130 of 256 pixels
-    # over the axis at its middle: ahead of the eyes by 2 (cos 20 + .508 sin 20) = 2.23 m, 100 at its bottom (2.13).
+    # Along the optical axis the wall is 2 m away, and the axis points 30 degrees down. The square is 130 of 256 pixels
+    # over the axis at its middle: ahead of the eyes by 2 (cos 30 + .508 sin 30) = 2.24 m, 96 at its bottom (2.11).
     eye = float(ego_camera(rest_pose()).position[2])
     left = AWAY * (300 - 256) / 256
-    least = np.hypot(left, AWAY * (np.cos(np.radians(20)) + (256 - 160) / 256 * np.sin(np.radians(20))) + eye)
+    least = np.hypot(left, AWAY * (np.cos(np.radians(30)) + (256 - 160) / 256 * np.sin(np.radians(30))) + eye)
     assert says(agent) == f"A couch is in view, about {least:.1f} m away."
 
 

@@ -13,10 +13,11 @@ from walker import PICTURE, SKILLS, Walker
 from humanclaw import Agent, Call, EpisodeContext, EpisodeSpec, HistoryEntry, HumanclawError, Observation, Plugins
 from humanclaw.body import Pose2D, rest_pose
 from humanclaw.records import Feedback
-from humanclaw.world import GAZE_PITCH, View, distance_to_box, ego_camera
+from humanclaw.world import DEFAULT_GAZE, GAZES, View, distance_to_box, ego_camera
 from humanclaw_scripted.blind import WanderingAgent
 from humanclaw_scripted.sight import SeenMap, Sight, aligned, edges, gap_to, moved, placed
 
+GAZE = GAZES[DEFAULT_GAZE]
 WALL = 3.0
 """Distance of a wall across the way from the eyes, metres."""
 
@@ -29,8 +30,8 @@ def before_a_wall() -> View:
     """Return a view of a level floor and a wall: each pixel's ray meets the nearer of the two."""
     size, eye = 512, float(ego_camera(rest_pose()).position[1])
     up = 1 - 2 * (np.arange(size) + 0.5) / size
-    rise = np.sin(GAZE_PITCH) + up * np.cos(GAZE_PITCH)
-    ahead = np.cos(GAZE_PITCH) - up * np.sin(GAZE_PITCH)
+    rise = np.sin(GAZE.pitch) + up * np.cos(GAZE.pitch)
+    ahead = np.cos(GAZE.pitch) - up * np.sin(GAZE.pitch)
     with np.errstate(divide="ignore"):
         floor = np.where(rise < 0, -eye / rise, np.inf)
     depth = np.minimum(floor, WALL / ahead)
@@ -41,7 +42,7 @@ def before_a_wall() -> View:
 
 def sight_of(view: View) -> Sight:
     """Return the view as points, with the wall as target."""
-    return Sight.of(view, view.ids != 0, view.ids == 2)
+    return Sight.of(view, view.ids != 0, view.ids == 2, GAZE)
 
 
 def test_depth_becomes_points_on_the_floor_and_on_the_wall() -> None:

@@ -232,6 +232,7 @@ class Scores:
     """easy, medium or hard; empty if unknown."""
     simulator: str = ""
     """Name of the simulator; empty if the record does not say."""
+    """Of the body, by name; empty if the record does not say."""
     privileged: str | None = None
     """Who got scene and true state: "agent", "verifier" or both; empty for nobody, None if the record does not say."""
     spec: EpisodeSpec | None = None
@@ -312,7 +313,7 @@ def score(recorded: RecordedEpisode, extra: Extra | None = None) -> Scores:
         verified=sum(step.verdict is not None and _asked(step.verdict) for step in steps),
         unasked=sum(step.verdict is not None and bool(step.verdict.failed_open) for step in steps),
         tier=overall(spec.difficulty) if spec.difficulty else "",
-        simulator=record.settings.get("body", {}).get("simulator", ""),
+        simulator=str(record.settings.get("body", {}).get("simulator", "")),
         privileged=_privileged(record.settings),
         spec=spec,
         chunks=sum(step.chunks for step in steps),

@@ -23,6 +23,7 @@ from rollouts import COUCH, rollout, step
 from humanclaw import PluginError, Plugins, RecordedEpisode, hookimpl, load_run
 from humanclaw.cli import Commands
 from humanclaw.records import Difficulty, StepRecord, Verdict, write_episodes
+from humanclaw.world import GAZES
 from humanclaw_bench.attribution import CAUSES, attribute
 from humanclaw_bench.cli import bench
 from humanclaw_bench.comparison import compare_table, compared, verdict
@@ -68,6 +69,13 @@ def test_rows_of_two_simulators_are_never_one_row_and_each_names_its_own(base: S
     mixed = named({"one run": of["bullet"] + of["mujoco"]})
     assert [(result.name, len(result.scores)) for result in mixed] == [("model, bullet", 1), ("model, mujoco", 1)]
     assert [result.name for result in named({"a": of["mujoco"]})] == ["model"]
+
+
+def test_rows_of_two_gazes_name_theirs_and_the_note_names_the_whole_body(base: Scores):
+    bodies = [replace(base, conditions={"simulator": "bullet", "profile": "paper", "gaze": name}) for name in GAZES]
+    near, far = named({"one run": [(one, None) for one in bodies]})
+    assert (near.name, far.name) == (f"{base.agent}, gaze body", f"{base.agent}, gaze far")
+    assert all(text in far.note for text in ("bullet", "paper", "far"))
 
 
 # -- the values --------------------------------------------------------------------------------------------------------

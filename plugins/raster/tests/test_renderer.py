@@ -147,7 +147,9 @@ def test_standing_eyes_see_no_part_of_their_own_head(builder):
 
 def test_eyes_that_look_down_see_their_own_feet(builder, camera):
     builder.floor()
-    view = builder.look(camera(ego_camera(STANDING.body).position, (0, -1, 0.3)), STANDING)
+    body = rest_pose()
+    body.rotations[0, JOINT_INDEX["neck"]] = (0.6, 0.0, 0.0)
+    view = builder.look(camera(ego_camera(body).position, (0, -1, 0.3)), WorldState(body, {}))
     assert (view.ids == BODY_ID).sum() > 100
     assert view.depth[view.ids == BODY_ID].max() > 1.2
 

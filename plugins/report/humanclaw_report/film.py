@@ -70,7 +70,8 @@ def poster(
     outside = list(_shots(replay, renderer, frames, (side, side)))
     # The scene of the outside views has no ceiling, but the eyes see it: the ego views need the whole scene.
     renderer.load(scene)
-    inside = [renderer.render(replay.state(frame), ego_camera(replay.state(frame).body, side)).rgb for frame in frames]
+    states, gaze = [replay.state(frame) for frame in frames], episode.record.gaze
+    inside = [renderer.render(state, ego_camera(state.body, side, gaze)).rgb for state in states]
     sheet = Image.new("RGB", (width, 2 * side + 3 * GAP), "white")
     for column in range(moments):
         for row, picture in enumerate((outside[column], inside[column])):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import gzip
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from typing import Any, Final
 
 import numpy as np
@@ -26,7 +27,7 @@ from humanclaw.body import (
 )
 from humanclaw.records import touched_above_ground
 from humanclaw.storage import jpeg
-from humanclaw.world import GAZE_PITCH, STRUCTURE, Asset, Mesh, floors_of
+from humanclaw.world import STRUCTURE, Asset, Gaze, Mesh, floors_of
 from humanclaw_report.facts import name_of_object
 
 EVERY: Final = 2
@@ -52,8 +53,8 @@ def packed(arrays: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
 
 
 # -- the body ----------------------------------------------------------------------------------------------------------
-def skeleton() -> dict[str, Any]:
-    """Return the body's joints and the shape of each link."""
+def skeleton(gaze: Gaze) -> dict[str, Any]:
+    """Return the body's joints, the shape of each link, and where its eyes look."""
     links = [
         {"joint": JOINT_INDEX[link.joint], "name": link.joint.replace("_", " ")} | _shape(link.shape) for link in LINKS
     ]
@@ -62,7 +63,7 @@ def skeleton() -> dict[str, Any]:
         "parents": list(PARENTS),
         "links": links,
         "head": JOINT_INDEX["head"],
-        "gaze": float(GAZE_PITCH),
+        "gaze": asdict(gaze),
     }
 
 
@@ -90,7 +91,7 @@ def replay(recorded: RecordedEpisode, scene: Scene | None) -> dict[str, Any] | N
     return {
         "fps": FPS / EVERY,
         "frames": len(_kept(len(simulated))),
-        "body": skeleton(),
+        "body": skeleton(recorded.record.gaze),
         "steps": [[first / EVERY, end / EVERY] for first, end in spans(recorded)],
         "moved": sorted(moved),
         "contacts": _contacts(recorded, scene),

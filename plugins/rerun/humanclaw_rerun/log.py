@@ -44,7 +44,7 @@ class EpisodeLog:
 
         Raises RecordError if the file cannot be written.
         """
-        spec = record.spec
+        spec, self._gaze = record.spec, record.gaze
         self._names: dict[int, str] = {}
         self._stream = rr.RecordingStream("humanclaw", recording_id=f"{spec.id} {record.created}".strip())
         if "://" in str(target):
@@ -94,7 +94,7 @@ class EpisodeLog:
         """Log an ego view (JPEG). body: motion whose last frame gives the place of the eyes; None if it is unknown."""
         self._stream.set_time(TIME, duration=frame / FPS)
         if body is not None:
-            eyes = ego_camera(body)
+            eyes = ego_camera(body, gaze=self._gaze)
             axes = np.stack([np.cross(eyes.forward, eyes.up), eyes.up, -eyes.forward], -1)
             self._stream.log("world/eyes", rr.Transform3D(translation=eyes.position, mat3x3=axes))
         self._stream.log("world/eyes", rr.EncodedImage(contents=picture, media_type="image/jpeg"))

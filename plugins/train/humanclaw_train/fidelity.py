@@ -175,12 +175,13 @@ def simulated(
     seed: int = 0,
     before: Sequence[Command] = (),
     measures: Mapping[str, Measure] = MEASURES,
+    source: str = "generated",
 ) -> dict[str, Ratio]:
     """Measure skills with parameters in half-physics. before: further skills that may come before one."""
     commands = [Command.of(skill, path, measures) for skill, path in paths.items()]
     known = [*commands, *before]
     wanted = [command for command in commands if len(command.low)]
-    actor, ratios = Actor(generator, simulator), {}
+    actor, ratios = Actor(generator, simulator, source), {}
     with tqdm(total=len(wanted) * rollouts, unit="rollout", disable=None) as bar:
         for command in wanted:
             bar.set_description(command.skill)
@@ -333,7 +334,9 @@ def _measure(
             raise HumanclawError(
                 "--simulated needs a simulator from the plugin host.", "Use the command: humanclaw fidelity --simulated"
             )
-        ratios = simulated(generator, simulator(), paths, options.rollouts, options.seed, before, measures)
+        ratios = simulated(
+            generator, simulator(), paths, options.rollouts, options.seed, before, measures, options.motion_history
+        )
         rows = [replace(row, simulated=ratios.get(row.skill)) for row in rows]
     first = next(iter(paths))  # All adapters have the same size, so any of them gives the time.
     command = Command.of(first, paths[first], measures)
@@ -372,6 +375,12 @@ def _parser() -> argparse.ArgumentParser:
     generator_options(parser)
     parser.add_argument("--json", action="store_true", help="print JSON")
     parser.add_argument("--simulated", action="store_true", help="also measure in half-physics (takes minutes)")
+    parser.add_argument(
+        "--motion-history",
+        choices=("generated", "simulated"),
+        default="generated",
+        help="with --simulated: the poses that a motion continues (default: generated)",
+    )
     parser.add_argument(
         "--baseline", type=Path, nargs="+", default=[], metavar="CHUNKS", help="folders of chunks for the baseline"
     )

@@ -1,6 +1,7 @@
 """Rollouts in half-physics: on a flat floor, and on stairs and seats that fit the command.
 
-The loop is that of an episode: the motion model continues its own poses, re-rooted where physics left the body. Before
+The loop is that of an episode: the motion model continues its own poses, re-rooted where physics left the body, or the
+body's own. Before
 stairs or a seat, the previous skill runs on a flat floor. Then the body is put in front of the stage, takes up its last
 pose and goes on from there. Half-physics drives velocities from pose to pose, so the pose is the whole state.
 """
@@ -13,7 +14,19 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from humanclaw import Motion, Scene, stand
-from humanclaw.body import CHUNK, HISTORY, JOINT_INDEX, LINKS, OFFSETS, Array, Box, Capsule, Pose2D, re_rooted
+from humanclaw.body import (
+    CHUNK,
+    HISTORY,
+    JOINT_INDEX,
+    LINKS,
+    OFFSETS,
+    Array,
+    Box,
+    Capsule,
+    Pose2D,
+    next_history,
+    re_rooted,
+)
 from humanclaw.motion import DiTGenerator
 from humanclaw.skills import Declaration
 from humanclaw.world import Asset, Mesh, SceneObject
@@ -126,8 +139,9 @@ def _asset(name: str, category: str, size: tuple[float, float, float]) -> Asset:
 class Actor:
     """A body that a generator moves in a simulator. `simulated`: its motion since it was last placed."""
 
-    def __init__(self, generator: DiTGenerator, simulator: Simulator) -> None:
-        self._generator, self._simulator = generator, simulator
+    def __init__(self, generator: DiTGenerator, simulator: Simulator, source: str = "generated") -> None:
+        """source: of the history (humanclaw.body.next_history)."""
+        self._generator, self._simulator, self._source = generator, simulator, source
         self.simulated = self._history = generator.start()
 
     def stand(self, scene: Scene) -> None:
@@ -149,7 +163,7 @@ class Actor:
         commanded = self._generator.generate(self._history, command.adapter, command.named(values), key)
         execution = self._simulator.execute(commanded)
         self.simulated = self.simulated.then(execution.simulated)
-        self._history = re_rooted(self._history.then(commanded)[-HISTORY:], execution.simulated)
+        self._history = next_history(self._history, commanded, execution.simulated, self._source)
 
     def _put(self, scene: Scene) -> None:
         body = self._simulator.reset(scene, scene.start).body

@@ -5,7 +5,7 @@
 /** @typedef {{name: string, type: "int16" | "uint16" | "uint32" | "float32", shape: number[]}} Head */
 /** @typedef {{arrays: Head[], bytes: string}} Packed */
 /** @typedef {{joint: number, name: string, box?: number[][], capsule?: [number[], number[], number]}} Link */
-/** @typedef {{offsets: number[][], parents: number[], links: Link[], head: number, gaze: number}} BodyData */
+/** @typedef {{offsets: number[][], parents: number[], links: Link[], head: number, gaze: {ahead: number, pitch: number}}} BodyData */
 /** @typedef {{vertices: [number, number], faces: [number, number], picture: number}} AssetData */
 /** @typedef {{id: number, asset: number, name: string, kind: string, place: number[], box: number[][]}} ObjectData */
 /** @typedef {{assets: AssetData[], objects: ObjectData[], pictures: string[], meshes: Packed}} House */
@@ -275,9 +275,9 @@ class Stage {
   lookOut() {
     const head = this.body.joints[this.replay.body.head];
     const facing = new THREE.Vector3(0, 0, 1).transformDirection(head.matrixWorld);
-    const eye = head.localToWorld(new THREE.Vector3(0, 0.08, 0.11));
+    const eye = head.localToWorld(new THREE.Vector3(0, 0.08, this.replay.body.gaze.ahead));
     const level = Math.atan2(facing.x, facing.z);
-    const forward = new THREE.Vector3(Math.sin(level), Math.tan(this.replay.body.gaze), Math.cos(level));
+    const forward = new THREE.Vector3(Math.sin(level), Math.tan(this.replay.body.gaze.pitch), Math.cos(level));
     this.camera.fov = 90;
     this.camera.position.copy(eye);
     this.camera.lookAt(eye.add(forward));

@@ -1,0 +1,47 @@
+"""The poses that a motion continues: the model's own, or the simulated body's."""
+
+import numpy as np
+import pytest
+
+from humanclaw import Backends, Body, HumanclawError, Plugins
+from humanclaw.body import HISTORY, heading
+from humanclaw.testing import SceneBuilder
+
+
+@pytest.fixture
+def walked():
+    """Return a function that walks three calls into a wall and gives the body and its last chunk."""
+    builder = SceneBuilder()
+    builder.floor()
+    builder.box("wall", (3.0, 2.0, 0.2), (0.0, 0.0, 0.9))
+    scene = builder.scene()
+
+    def play(source):
+        with Body(scene, plugins=Plugins.discover(), backends=Backends(motion_history=source)) as body:
+            for _ in range(3):
+                body.call("walk", z_cm=50)
+            return body, body.last.chunks[-1]
+
+    return play
+
+
+def test_the_simulated_history_is_what_the_body_did(walked):
+    body, chunk = walked("simulated")
+    played = chunk.execution.simulated[-HISTORY:]
+    assert np.array_equal(body.history.root, played.root)
+    assert np.array_equal(body.history.rotations, played.rotations)
+
+
+def test_the_generated_history_keeps_the_models_poses_and_stands_where_the_body_is(walked):
+    body, chunk = walked("generated")
+    simulated = chunk.execution.simulated
+    assert body.history.root[-1, [0, 2]] == pytest.approx(simulated.root[-1, [0, 2]], abs=1e-6)
+    assert heading(body.history.rotations[-1, 0]) == pytest.approx(heading(simulated.rotations[-1, 0]), abs=1e-6)
+    # The wall bends the limbs of the body, not those of the history.
+    assert np.allclose(body.history.rotations[-1, 1:], chunk.commanded.rotations[-1, 1:])
+    assert not np.allclose(body.history.rotations[-1, 1:], simulated.rotations[-1, 1:], atol=0.01)
+
+
+def test_an_unknown_source_is_refused_with_the_known_ones():
+    with pytest.raises(HumanclawError, match=r"no motion history 'mine'\. Choose from: generated, simulated"):
+        Body(backends=Backends(motion_history="mine"))
