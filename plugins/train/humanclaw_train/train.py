@@ -69,14 +69,20 @@ class Session:
     def run(
         self,
         trainer: Trainer[M],
-        problem: Callable[[M], Problem[M]],
+        problem: Callable[[M, bool], Problem[M]],
         out: Path,
         export: Callable[[], None],
         held_out: ChunkTensors | None,
     ) -> None:
-        """Train to the end of the recipe. problem: returns the loss of a module. held_out: chunks to validate on."""
-        apart = held_out and Validation(problem(trainer.mean), held_out.to(self.device), trainer.recipe)
-        run(trainer, problem(trainer.module), out, export, apart.loss if apart else None, self.logs)
+        """Train to the end of the recipe.
+
+        problem: returns the loss of a module, compiled or not. held_out: chunks to validate on.
+        """
+        validate = None
+        if held_out is not None:
+            # Not compiled: that takes longer than all validations of a short run.
+            validate = Validation(problem(trainer.mean, False), held_out.to(self.device), trainer.recipe).loss
+        run(trainer, problem(trainer.module, self.fast), out, export, validate, self.logs)
 
 
 def train_base(folders: Sequence[Path], out: Path, recipe: Recipe, session: Session) -> Path:
@@ -89,12 +95,12 @@ def train_base(folders: Sequence[Path], out: Path, recipe: Recipe, session: Sess
     trainer = Trainer(model, chunks.to(session.device), recipe, session.processes)
     path, loss = out / "base.safetensors", Loss(normaliser, LOSSES[recipe.terms])
 
-    def problem(model: DiT) -> Problem[DiT]:
+    def problem(model: DiT, fast: bool) -> Problem[DiT]:
         def forward(history: Tensor, noisy: Tensor, tau: Tensor, condition: Tensor) -> Tensor:
             output: Tensor = model(history, noisy, model.modulations(tau))
             return output
 
-        computed = objective(forward, loss, model.config.prediction, recipe.precision == "bf16", session.fast)
+        computed = objective(forward, loss, model.config.prediction, recipe.precision == "bf16", fast)
         return Problem(model, lambda values: values, computed)
 
     def export() -> None:
@@ -132,13 +138,13 @@ def train_adapter(
     trainer = Trainer(adapter, chunks, recipe, session.processes)
     path, loss = out / "adapter.safetensors", Loss(normaliser, LOSSES[recipe.terms])
 
-    def problem(adapter: Adapter) -> Problem[Adapter]:
+    def problem(adapter: Adapter, fast: bool) -> Problem[Adapter]:
         def forward(history: Tensor, noisy: Tensor, tau: Tensor, condition: Tensor) -> Tensor:
             residual = adapter.residual(condition, adapter.modulations(frozen, tau))
             output: Tensor = frozen(history, noisy, frozen.modulations(tau), residual)
             return output
 
-        computed = objective(forward, loss, frozen.config.prediction, recipe.precision == "bf16", session.fast)
+        computed = objective(forward, loss, frozen.config.prediction, recipe.precision == "bf16", fast)
         return Problem(adapter, adapter.condition, computed)
 
     def export() -> None:
