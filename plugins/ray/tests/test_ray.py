@@ -1,5 +1,6 @@
 """A run on a cluster leaves the same files as a run on one machine, even if nodes die."""
 
+import os
 import sys
 from itertools import pairwise
 from pathlib import Path
@@ -23,7 +24,8 @@ TOY = Backends("toy", "toy", "toy")
 
 
 @pytest.fixture
-def cluster():
+def cluster(monkeypatch):
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join(sys.path))  # Actors import the toy world too.
     made = Cluster(initialize_head=True, head_node_args={"num_cpus": 0})
     made.nodes = [made.add_node(num_cpus=1) for _ in range(2)]
     ray.init(address=made.address, log_to_driver=False)
