@@ -83,6 +83,16 @@ def recorded(body, spec, tmp_path):
     return RecordedEpisode(tmp_path / "one")
 
 
+def test_a_record_has_the_versions_of_the_plugins_in_use_and_of_no_other(body, spec, tmp_path):
+    with Episode(body, spec, folder=tmp_path / "one"):
+        pass
+    versions = RecordedEpisode(tmp_path / "one").record.versions
+    installed = {info.origin for info in body.plugins.infos}
+    assert {"humanclaw", "humanclaw-raster", "humanclaw-skill-walk"} <= versions.keys()
+    assert "humanclaw-report" in installed
+    assert not {"humanclaw-report", "humanclaw-litellm", "humanclaw-habitat"} & versions.keys()
+
+
 def test_a_replay_that_goes_another_way_leaves_the_record_as_it_was(body, recorded):
     before = {path: path.read_bytes() for path in recorded.folder.rglob("*") if path.is_file()}
     other = recorded.steps[0].model_copy(update={"end": (9.0, 9.0, 9.0)})

@@ -93,7 +93,7 @@ class Episode:
         self._meter.begin("episode")
         settings = self._panel.settings | {"privileged": self._panel.privileged, "limits": self._meter.limits}
         settings["apart"] = dict(apart or {})
-        record = begin_record(body, spec, *self._panel.names, options or {}, settings)
+        record = begin_record(body, spec, *self._panel.names, options or {}, settings, self._panel.packages)
         self._distance = None
         if distance and spec.target_ids:
             self._distance = distance(body.scene, spec.target_ids, body.start.floor)

@@ -33,6 +33,7 @@ class Panel:
         self.privileged = {role: self._is_privileged(one) for role, one in self._present().items()}
         self.settings = {"agent": self._settings(agent), "verifier": self._settings(verifier)}
         """Settings of agent and verifier; empty if asking for them failed."""
+        self.packages = {origin(one) for one in self._present().values()}
         self.names = self._name(agent), self._name(verifier)
         """Names of agent and verifier; the package instead of a name that a record cannot hold."""
 

@@ -6,7 +6,7 @@ import datetime
 import functools
 import hashlib
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,7 @@ from humanclaw.episodes.step import target_boxes
 from humanclaw.errors import HumanclawError, LimitError, PluginRunError, ProviderError, SceneError
 from humanclaw.plugins.choice import PluginInfo
 from humanclaw.plugins.distributions import version
+from humanclaw.plugins.hookspecs import noun
 from humanclaw.plugins.host import Plugins
 from humanclaw.records.folder import EpisodeWriter
 from humanclaw.records.specification import EpisodeSpec
@@ -142,14 +143,16 @@ def stand_at_start(body: Body, spec: EpisodeSpec) -> None:
 
 
 def begin_record(
-    body: Body, spec: EpisodeSpec, agent: str, verifier: str, options: Mapping[str, Any], settings: Mapping[str, Any]
-) -> EpisodeRecord:
+    body: Body, spec: EpisodeSpec, agent: str, verifier: str, options: Mapping[str, Any], settings: Mapping[str, Any],
+    packages: Container[str] = (),
+) -> EpisodeRecord:  # fmt: skip
     """Return the record that an episode begins with.
 
     Args:
         body: at the start of the episode.
         options: options of the run, as given.
         settings: effective settings of agent, verifier and limits; empty ones are left out.
+        packages: packages of agent and verifier.
     """
     chosen = {key: list(texts) for key, texts in asdict(body.plugins.choice).items() if texts}
     in_force = {**settings, "plugins": chosen, "body": asdict(body.backends) | {"sensors": list(body.sensors)}}
@@ -161,7 +164,7 @@ def begin_record(
         verifier=verifier,
         options=dict(options),
         settings={part: dict(found) for part, found in in_force.items() if found},
-        versions={"humanclaw": version()} | {i.origin: i.version for i in body.plugins.infos if i.version},
+        versions=_versions(body, packages),
         weights={"base": body.weights},
         scene_digest=body.scene.digest,
         licences=body.scene.licences,
@@ -171,6 +174,22 @@ def begin_record(
         skills=skill_infos(body.plugins),
         created=datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
     )
+
+
+def _versions(body: Body, packages: Container[str]) -> dict[str, str]:
+    """Return the versions of humanclaw and of the plugins in use. A plugin that is only installed changes no record."""
+    backends, plugins = body.backends, body.plugins
+    items = {
+        "simulators": backends.simulator, "renderers": backends.renderer, "motion_generators": backends.generator,
+        "priors": backends.prior, "scenes": body.scene.name.partition(":")[0],
+    }  # fmt: skip
+    used = {f"{noun(kind)} {name}" for kind, name in items.items()} | {f"skill {name}" for name in plugins.skills}
+    owners = {
+        one.owner for kind in ("agents", "verifiers") for one in plugins.registered(kind)
+        if one.owner in packages or getattr(one.value, "__module__", "").partition(".")[0] in packages
+    }  # fmt: skip
+    found = (info for info in plugins.infos if info.name in owners or used & set(info.provides))
+    return {"humanclaw": version()} | {info.origin: info.version for info in found if info.version}
 
 
 def skill_infos(plugins: Plugins) -> dict[str, SkillInfo]:

@@ -240,7 +240,7 @@ CAUSES: Final = (
           "the target was in view at the end and the body was stuck for eight walking calls in a row"),
     Cause("nav", "ineffective actions", "action", lambda f: f.seen_last,
           "the target was in view at the end and the body, though free, did not get there",
-          second=lambda f: f.seen_last and not f.jammed),
+          second=lambda f: f.seen_last and not (f.jammed or f.stopped or f.arrived)),
     Cause("nav", "target hallucination", "perception", lambda f: f.claimed_last,
           "the target was out of view at the end and the agent said it saw it",
           second=lambda f: f.claimed_last and not f.seen_last),

@@ -352,15 +352,14 @@ def _other_settings(record: EpisodeRecord, told: Manifest, usual: Mapping[str, s
 def _other_parts(record: EpisodeRecord, told: Manifest) -> Iterator[str]:
     """Yield differing backends, versions and weights.
 
-    A record has versions of more packages than the run depends on. Weights of adapters are compared by the digests of
-    skills.
+    A record has the versions of its own episode, and run.json those of all. Weights of adapters are compared by the
+    digests of skills.
     """
     body = record.settings.get("body", {})
     origins = {info.origin for info in record.skills.values()} & record.versions.keys()
     parts = [("backends", name, body, told.backends) for name in sorted(body.keys() | told.backends.keys())]
-    parts += [
-        ("versions", name, record.versions, told.versions) for name in sorted({"humanclaw", *origins, *told.versions})
-    ]
+    named = {"humanclaw", *origins, *(told.versions.keys() & record.versions.keys())}
+    parts += [("versions", name, record.versions, told.versions) for name in sorted(named)]
     parts += [("weights", name, record.weights, told.weights) for name in sorted(record.weights)]
     for kind, name, found, wanted in parts:
         if found.get(name) != wanted.get(name):

@@ -189,6 +189,8 @@ ASIDE = {"end": (4.0, 1.0, 0.0)}
         # It faces the couch.
         ([FOUND, step("turn_in_place", says=BLIND, yaw_end=1.6, **ASIDE)], "nav: lost target", []),
         ([FOUND, step("stop", away=0.3, says=SEE)], "nav: stop while far", ["nav: target hallucination"]),
+        ([FOUND, step("stop", away=0.3, says=SEE, pixels=500)], "nav: stop while far", []),
+        ([*roaming(70), step(says=SEE, pixels=500)], "nav: find too late", ["nav: ineffective actions"]),
         (ROLLOUTS["interact: stand after sit"], "interact: stand after sit", []),
     ],
 )  # fmt: skip

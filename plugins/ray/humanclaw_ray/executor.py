@@ -110,10 +110,11 @@ class _Pool:
             if report:
                 self._deaths = 0
                 yield report
-            self._assign(actor, stopping)
+            self._assign(actor, spec.scene if spec else "", stopping)
 
-    def _assign(self, actor: Any, stopping: bool) -> None:
-        spec = None if stopping else self._queue.take()
+    def _assign(self, actor: Any, house: str, stopping: bool) -> None:
+        """Give an actor its next episode, if possible in the house that it has built."""
+        spec = None if stopping else self._queue.take(house)
         if spec is None:
             ray.kill(actor)
             return
