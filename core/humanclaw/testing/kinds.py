@@ -5,7 +5,9 @@ from __future__ import annotations
 import logging
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import redirect_stdout
 from dataclasses import replace
+from io import StringIO
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
@@ -240,7 +242,8 @@ def _commands(owner: str, plugin: Any) -> Report:
     try:
         plugin.humanclaw_commands(cli=group)
         for name, command in group.commands.items():
-            command.main(["--help"], prog_name=name, standalone_mode=False)
+            with redirect_stdout(StringIO()):
+                command.main(["--help"], prog_name=name, standalone_mode=False)
     except (Exception, SystemExit) as error:
         message = f"its commands raise {in_words(error)}."
         faults.append(ContractError("command-works", message, "Add click commands to the group."))
