@@ -49,8 +49,10 @@ def check(
 ) -> None:
     """Check skills against the contract, and play them; exit code 1 if one has a fault.
 
-    NAME is an installed skill (owner:skill if two plugins have it). FOLDER holds one or more skill folders. FILE is a
-    Python file with a hook humanclaw_skills. Without arguments, all installed skills are checked.
+    Items of other kinds (agents, scenes, renderers, ...) are made and used once.
+
+    NAME is an installed skill (owner:skill if two plugins have it) or an installed plugin. FOLDER holds one or more
+    skill folders, or a package. FILE is a Python file with hooks. Without arguments, all installed skills are checked.
     """
     if listing:
         _list_checks(as_json)
@@ -98,15 +100,15 @@ def _print(reports: Sequence[Report]) -> None:
             console.print(line, highlight=False, soft_wrap=True)
     broken = sum(not report.passed for report in reports)
     found = sum(len(report.faults) for report in reports)
-    skills = counted(len(reports), "skill")
+    skills = counted(len(reports), "skill" if all(report.calls or report.faults for report in reports) else "item")
     told = f"{counted(found, 'fault')} in {broken} of {skills}" if broken else f"{skills}, no fault"
     console.print(f"{told}; {len(CHECKS)} named checks.", highlight=False, soft_wrap=True)
 
 
 def _lines(report: Report) -> Iterator[str]:
     if report.passed:
-        played = f"{counted(report.calls, 'call')} played on {', '.join(['a fake body', *report.engines])}"
-        yield f"[green]ok[/]    {escape(report.skill)}: {escape(played)}"
+        played = f": {counted(report.calls, 'call')} played on {', '.join(['a fake body', *report.engines])}"
+        yield f"[green]ok[/]    {escape(report.skill)}{escape(played) if report.calls else ''}"
     else:
         yield f"[red]fault[/] {escape(report.skill)}"
     for fault in report.faults:

@@ -157,6 +157,13 @@ class Plugins(Lookup):
         for name, plugin in self._members:
             self._manager.register(plugin, name)
 
+    def plugin(self, owner: str) -> object:
+        """Return a plugin that is in use: its module or object. Raises PluginError if there is none of that name."""
+        for name, member in self._members:
+            if is_owner(owner, name):
+                return member
+        raise PluginError(f"there is no plugin {owner!r}.", "See `humanclaw plugins`.")
+
     def tell(self, hook: str, **event: Any) -> None:
         """Call a hook of every plugin that has it. A plugin that raises, or keeps an episode waiting too long, is
         logged; the others are called all the same."""

@@ -134,7 +134,16 @@ class Lookup:
 
     def names_of(self, owner: str, kind: str) -> tuple[str, ...]:
         """Return the names of a plugin's items of a kind, in the order in which it registered them."""
-        return tuple(one.name for one in self._offered.get(kind, ()) if one.owner == owner)
+        return tuple(one.name for one in self.of_owner(owner, kind))
+
+    def of_owner(self, owner: str, kind: str) -> tuple[Registration, ...]:
+        """Return a plugin's items of a kind, in the order in which it registered them."""
+        return tuple(one for one in self._offered.get(kind, ()) if one.owner == owner)
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """The kinds of items that plugins can register."""
+        return tuple(self._found)
 
     @property
     def measures(self) -> dict[str, Measure]:

@@ -9,12 +9,14 @@ from typing import Any, Final
 
 from humanclaw.errors import ContractError, PluginError, in_words
 from humanclaw.plugins.bounded import Bounded, OverdueError
+from humanclaw.plugins.choice import is_owner
 from humanclaw.plugins.hookspecs import API_VERSION
 from humanclaw.plugins.host import Plugins
 from humanclaw.plugins.loading import check_api, load_file
 from humanclaw.skills.contract import Skill
 from humanclaw.skills.measures import Measure
 from humanclaw.testing.examining import Report, examine
+from humanclaw.testing.kinds import check_plugin
 
 LOADING: Final = 30.0
 """Seconds that importing a file and asking its hooks may take."""
@@ -43,10 +45,40 @@ def found_at(
 def check_target(target: str, plugins: Plugins, **options: Any) -> list[Report]:
     """Examine every skill of a target (see found_at). options: those of examine. Raises PluginError for an unknown
     name."""
+    if plugin := _other_plugin(target, plugins):
+        return plugin
     skills, measures, faults = found_at(target, plugins)
     known = {**plugins.measures, **measures}
     reports = [examine(one, known, plugins=plugins, **options) for one in skills]
-    return [*reports, *([Report(target, tuple(faults))] if faults else [])]
+    faulty = bool(faults) or any(one.faults for one in reports)
+    unreadable = [Report(target, tuple(faults))] if faults else []
+    return [*reports, *unreadable, *_beside_skills(target, plugins, faulty)]
+
+
+def _other_plugin(target: str, plugins: Plugins) -> list[Report]:
+    """Check an installed plugin by its name, or a file without skills; empty for any other target."""
+    if Path(target).exists() or target.endswith(".py"):
+        return []
+    owners = [info.name for info in plugins.infos if not info.error and is_owner(target, info.name)]
+    if target in plugins.skills or not owners:
+        return []
+    skills = [examine(one.value, plugins.measures, plugins=plugins) for one in plugins.of_owner(owners[0], "skills")]
+    return [*skills, *check_plugin(owners[0], plugins.plugin(owners[0]), plugins)]
+
+
+def _beside_skills(target: str, plugins: Plugins, faulty: bool) -> list[Report]:
+    """Check what a file or a package registers besides skills. faulty: whether its skills have told why it fails."""
+    path = Path(target)
+    if not (path.is_file() and path.suffix == ".py") and not (path / "__init__.py").is_file():
+        return []
+    host = Plugins.discover([], plugins.choice)
+    try:
+        module = load_file(path)
+        host.add(module, path.stem)
+    except PluginError as error:
+        fault = ContractError("loads", error.message, error.remedy or "Mend the file.")
+        return [] if faulty else [Report(target, (fault,))]
+    return check_plugin(path.stem, module, host)
 
 
 def _in_file(
@@ -90,6 +122,8 @@ def _registered(module: ModuleType) -> tuple[list[Skill | Path], dict[str, Measu
         except BaseException as error:  # As the plugin host does: not even SystemExit ends the program.
             message = f"{module.__name__} raises {in_words(error)} in {hook}."
             return [], {}, [ContractError("loads", message, "Mend the hook.")]
+    if not skills and any(name.startswith("humanclaw_") for name in vars(module)):
+        return [], {one.name: one for one in measures}, []
     odd = [one for one in skills if not isinstance(one, Skill | Path)]
     if odd or not skills:
         message = f"register() got {odd[0]!r}." if odd else f"{module.__name__} registers no skill."

@@ -1,0 +1,280 @@
+"""Check the items of a plugin that are not skills: each is made, and used once as an episode would use it."""
+
+from __future__ import annotations
+
+import logging
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import redirect_stdout
+from dataclasses import replace
+from io import StringIO
+from pathlib import Path
+from typing import Any, Final, TypeVar
+
+import click
+import numpy as np
+
+from humanclaw.body.pose import FUTURE, HISTORY, Motion, rest_pose
+from humanclaw.episodes.embodiment import Body
+from humanclaw.episodes.episode import Episode
+from humanclaw.episodes.tools import body_tools
+from humanclaw.errors import ContractError, HumanclawError, ProviderError, in_words
+from humanclaw.plugins.agents import EpisodeContext, Moment, Observation
+from humanclaw.plugins.choice import Registration
+from humanclaw.plugins.deciders import admit, name_of, settings_of
+from humanclaw.plugins.hookspecs import OBSERVERS, noun
+from humanclaw.plugins.host import Plugins
+from humanclaw.records.decisions import Decision, Verdict
+from humanclaw.records.feedback import Reading
+from humanclaw.records.reading import RecordedEpisode
+from humanclaw.records.tasks import free_episode
+from humanclaw.skills.call import Call
+from humanclaw.skills.contract import Skill
+from humanclaw.skills.decorator import skill
+from humanclaw.skills.measures import Measure
+from humanclaw.skills.plan import Keyframes
+from humanclaw.testing.examining import Report
+from humanclaw.testing.fakes import fake_body, fake_scene
+from humanclaw.world.scene import Scene
+from humanclaw.world.simulator import Execution, WorldState
+from humanclaw.world.view import View, ego_camera
+
+T = TypeVar("T")
+_JUMP: Final = 0.5
+"""Metres that a body does not move within a frame."""
+
+
+@skill()
+def nod() -> Keyframes:
+    """Nod the head to agree."""
+    return Keyframes.cycle("head", "x", 20, 0.5)
+
+
+@skill(role="stop")
+def finish() -> Keyframes:
+    """Declare the task complete."""
+    return Keyframes.cycle("head", "x", 5, 0.5)
+
+
+# -- each kind ---------------------------------------------------------------------------------------------------------
+def _agent(make: Callable[..., Any], plugins: Plugins) -> None:
+    with fake_body(*_skills(plugins)) as body:
+        agent = make({})
+        name_of(agent), settings_of(agent)
+        _expect(getattr(agent, "privileged", None), bool, "`privileged`")
+        spec = free_episode("find the chair", body.scene, max_steps=2)
+        told = EpisodeContext(spec, body.skills, 0)
+        whole = replace(told, scene=body.scene, state=body.state, view=body.view)
+        agent.begin(whole if agent.privileged else told)
+        admit(agent.decide(Observation(0, spec.instruction, body.view().rgb), ()), Decision, "decide() returned")
+
+
+def _verifier(make: Callable[..., Any], plugins: Plugins) -> None:
+    with fake_body(*_skills(plugins)) as body:
+        verifier = make({})
+        name_of(verifier), settings_of(verifier)
+        verifier.begin(EpisodeContext(free_episode("find the chair", body.scene), body.skills, 0))
+        seen = Observation(0, "find the chair", body.view().rgb)
+        verdict = admit(verifier.verify(seen, Call("nod"), nod, ""), Verdict, "verify() returned")
+        _hold(verdict.accepted or verdict.replacement, "verify() neither accepts nor replaces the call")
+
+
+def _sense(make: Callable[..., Any], plugins: Plugins) -> None:
+    with fake_body(nod) as body:
+        before, sense = body.state().body, make()
+        seen = body.view()
+        wall = View(seen.rgb, np.full_like(seen.depth, 2.0), seen.ids)
+        moment = Moment(before, body.execute(Call("nod")).chunks, lambda: wall)
+        reading = sense.feel(moment)
+        if isinstance(reading, Reading):
+            _expect(reading.words, str, "words of the reading")
+            _hold(np.isfinite([float(one) for one in reading.values.values()]).all(), "a value is no finite number")
+        else:
+            _hold(type(sense).__module__.startswith("humanclaw."), f"feel() returned {reading!r} and no Reading")
+
+
+def _scene(make: Callable[..., Any], plugins: Plugins) -> None:
+    scene, again = (_expect(make("0"), Scene, "the scene") for _ in range(2))
+    _hold(scene.digest == again.digest, "the same argument gives another scene the second time")
+    for one in scene.objects:
+        _hold(np.isfinite(np.array(scene.aabb(one.id))).all(), f"object {one.id} has no finite bounding box")
+    start = [scene.start.x, scene.start.z, scene.start.yaw, scene.start.floor]
+    _hold(np.isfinite(start).all(), f"its start is {scene.start}")
+    _hold(scene.objects, "it has no object, so that a body would fall")
+
+
+def _simulator(make: Callable[..., Any], plugins: Plugins) -> None:
+    simulator, scene = make(profile="default"), fake_scene()
+    try:
+        state = _expect(simulator.reset(scene, scene.start), WorldState, "reset()")
+        done = _expect(simulator.execute(rest_pose(FUTURE)), Execution, "execute()")
+        _frames(done.simulated, FUTURE, state.body, "execute()")
+        _hold(isinstance(simulator.state(), WorldState), "state() returned no WorldState")
+    finally:
+        simulator.close()
+
+
+def _renderer(make: Callable[..., Any], plugins: Plugins) -> None:
+    renderer, scene = make(), fake_scene()
+    try:
+        renderer.load(scene)
+        state = WorldState(scene.start.to_world(rest_pose()), {})
+        seen = _expect(renderer.render(state, ego_camera(state.body)), View, "render()")
+        for name, shape, kind in (("rgb", (512, 512, 3), "u1"), ("depth", (512, 512), "f4"), ("ids", (512, 512), "i4")):
+            picture = getattr(seen, name)
+            told = f"{name} is {getattr(picture, 'dtype', type(picture))} {np.shape(picture)}; expected {kind} {shape}"
+            _hold(np.shape(picture) == shape and picture.dtype == np.dtype(kind), told)
+    finally:
+        renderer.close()
+
+
+def _generator(make: Callable[..., Any], plugins: Plugins) -> None:
+    generator = make(profile="default")
+    _expect(generator.digest, str, "digest")
+    start = generator.start()
+    _frames(start, HISTORY, start, "start()")
+    known = [one for one in plugins.skills.values() if one.adapter and one.trained]
+    _hold(known, "no trained skill is installed to play with it")
+    middle = {one.name: (one.low + one.high) / 2 for one in known[0].parameters}
+    once, again = (generator.generate(start, known[0].adapter, middle, (0, 0, 0)) for _ in range(2))
+    _frames(once, FUTURE, start, "generate()")
+    _hold(np.array_equal(once.rotations, again.rotations), "generate() gives another motion for the same key")
+
+
+def _report(make: Callable[..., Any], plugins: Plugins) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "run" / "check"
+        with fake_body(nod, finish) as body, Episode(body, _task(body), "check", folder=path) as episode:
+            episode.submit(Decision((Call("nod"),)))
+        written = make(film="none", renderer="raster").write(path.parent, RecordedEpisode(path), plugins)
+        _hold(isinstance(written, Mapping), f"write() returned {written!r} and no mapping of files")
+        missing = [str(one) for one in written.values() if not Path(one).exists()]
+        _hold(not missing, f"write() names {missing[:1]}, which is no file")
+
+
+def _framework(make: Callable[..., Any], plugins: Plugins) -> None:
+    with fake_body(nod) as body:
+        _hold(make(body_tools(body)) is not None, "its factory returned None")
+
+
+def _measure(measure: Any, plugins: Plugins) -> None:
+    measure = _expect(measure, Measure, "register()")
+    rest = rest_pose(HISTORY + FUTURE)
+    found = measure(np.stack([rest.root] * 3), np.stack([rest.rotations] * 3))
+    _hold(np.shape(found) == (3,), f"it measures 3 chunks as an array of shape {np.shape(found)}; expected (3,)")
+    _hold(np.isfinite(found).all(), "its measure of a standing body is no finite number")
+    _hold(measure.unit in ("m", "rad"), f"its unit is {measure.unit!r}; expected m or rad")
+    _hold(measure.mirror in (1, -1), f"its mirror is {measure.mirror!r}; expected 1 or -1")
+
+
+def _other(value: Any, plugins: Plugins) -> None:
+    _hold(callable(value) or not isinstance(value, int | float | str | None), f"it is registered as {value!r}")
+
+
+CHECKED: Final[Mapping[str, Callable[[Any, Plugins], None]]] = {
+    "agents": _agent, "verifiers": _verifier, "senses": _sense, "scenes": _scene, "simulators": _simulator,
+    "renderers": _renderer, "motion_generators": _generator, "reports": _report, "frameworks": _framework,
+    "measures": _measure,
+}  # fmt: skip
+"""What is done with an item of each kind. Of other kinds only the type is checked."""
+_LEFT: Final = ("skills", "priors", "recipes")
+"""Kinds that the host and the checks of skills look at."""
+
+
+# -- a plugin ----------------------------------------------------------------------------------------------------------
+def check_plugin(owner: str, plugin: object, plugins: Plugins) -> list[Report]:
+    """Check every item that a plugin registers besides skills, its observers and its commands."""
+    items = [one for kind in plugins.kinds for one in plugins.of_owner(owner, kind) if kind not in _LEFT]
+    kinds = [kind for kind in plugins.kinds for _ in plugins.of_owner(owner, kind) if kind not in _LEFT]
+    reports = [_item(kind, one, plugins) for kind, one in zip(kinds, items, strict=True)]
+    if any(hasattr(plugin, hook) for hook in OBSERVERS):
+        reports.append(_observers(owner, plugin))
+    if hasattr(plugin, "humanclaw_commands"):
+        reports.append(_commands(owner, plugin))
+    return reports
+
+
+def _item(kind: str, one: Registration, plugins: Plugins) -> Report:
+    what = f"{noun(kind)} {one.name}"
+    try:
+        CHECKED.get(kind, _other)(one.value, plugins)
+    except ProviderError as error:
+        return Report(what, (), notes=(f"not asked: {error}",))
+    except HumanclawError as error:
+        if not isinstance(error, ContractError):
+            return Report(what, (), notes=(f"not used: {error}",))
+        return Report(what, (ContractError(f"{noun(kind)}-works", f"{what}: {error.message}.", error.remedy),))
+    except (Exception, SystemExit) as error:
+        told = f"{what} raises {in_words(error)}."
+        return Report(what, (ContractError(f"{noun(kind)}-works", told, "See its protocol in docs/hooks.md."),))
+    return Report(what, ())
+
+
+def _observers(owner: str, plugin: object) -> Report:
+    """Let observers watch an episode of a fake body; the host logs those that fail."""
+    heard: list[str] = []
+    handler, log = _Heard(heard), logging.getLogger("humanclaw.plugins.host")
+    log.addHandler(handler)
+    try:
+        with fake_body(nod, finish) as body:
+            body.plugins.add(plugin, owner)
+            with Episode(body, _task(body), "check") as episode:
+                episode.submit(Decision((Call("nod"),)))
+                episode.submit(Decision((Call("finish"),)))
+    finally:
+        log.removeHandler(handler)
+    faults = tuple(ContractError("observer-works", f"{told}.", "See docs/hooks.md.") for told in dict.fromkeys(heard))
+    return Report(f"observer {owner}", faults)
+
+
+class _Heard(logging.Handler):
+    def __init__(self, heard: list[str]) -> None:
+        super().__init__()
+        self._heard = heard
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self._heard.append(record.getMessage().rstrip("."))
+
+
+def _commands(owner: str, plugin: Any) -> Report:
+    """Ask each command for its help."""
+    group, faults = click.Group("humanclaw"), []
+    try:
+        plugin.humanclaw_commands(cli=group)
+        for name, command in group.commands.items():
+            with redirect_stdout(StringIO()):
+                command.main(["--help"], prog_name=name, standalone_mode=False)
+    except (Exception, SystemExit) as error:
+        message = f"its commands raise {in_words(error)}."
+        faults.append(ContractError("command-works", message, "Add click commands to the group."))
+    if not group.commands and not faults:
+        faults.append(ContractError("command-works", "it adds no command.", "Call cli.add_command(...)."))
+    return Report(f"commands of {owner}", tuple(faults))
+
+
+# -- helpers -----------------------------------------------------------------------------------------------------------
+def _skills(plugins: Plugins) -> Sequence[Skill]:
+    """Return what agents may call: a nod, a stop, and the installed skills that are trained."""
+    return [nod, finish, *(one for one in plugins.skills.values() if one.trained and one.name not in ("nod", "finish"))]
+
+
+def _task(body: Body) -> Any:
+    return free_episode("nod", body.scene, max_steps=2)
+
+
+def _frames(motion: object, count: int, before: Motion, what: str) -> None:
+    motion = _expect(motion, Motion, what)
+    _hold(len(motion) == count, f"{what} returned {len(motion)} frames; expected {count}")
+    _hold(np.isfinite(motion.root).all() and np.isfinite(motion.rotations).all(), f"{what} returned NaN or infinity")
+    steps = np.linalg.norm(np.diff(np.concatenate([before.root[-1:], motion.root]), axis=0), axis=1)
+    _hold(steps.max() < _JUMP, f"{what} moves the pelvis by {steps.max():.1f} m within a frame")
+
+
+def _expect(value: object, kind: type[T], what: str) -> T:
+    _hold(isinstance(value, kind), f"{what} is {str(value)[:80]!r} and no {kind.__name__}")
+    return value  # type: ignore[return-value]
+
+
+def _hold(true: object, else_: str) -> None:
+    if not true:
+        raise ContractError("works", else_, "See its protocol in docs/hooks.md.")

@@ -1,0 +1,147 @@
+"""`humanclaw check` uses an item of every kind once: deliberate faults are named, legal plugins are not refused."""
+
+import pytest
+from snippets import snippets
+
+from humanclaw import Plugins
+from humanclaw.testing import check_target
+
+HEAD = """
+import numpy as np
+from dataclasses import replace
+from types import SimpleNamespace
+from humanclaw import Call, Decision, Scene, Verdict, hookimpl
+from humanclaw.body import Motion, Pose2D
+from humanclaw.records import Reading
+from humanclaw.skills import Measure
+from humanclaw.world import View
+from humanclaw.testing import FakeGenerator, FakeRenderer, FakeWorld
+
+class Begins:
+    def begin(self, context):
+        pass
+
+"""
+
+
+def item(kind, value, body=""):
+    return f"{body}\n@hookimpl\ndef humanclaw_{kind}(register):\n    register('mine', {value})\n"
+
+
+def made(kind, factory, base, method, *lines):
+    body = "\n".join(f"        {line}" for line in lines)
+    return item(kind, factory, f"class It{base}:\n    name, privileged = 'it', False\n    def {method}:\n{body}\n")
+
+
+def agent(*decide):
+    return made("agents", "lambda o: It()", "(Begins)", "decide(self, seen, history)", *decide)
+
+
+def judge(*verify):
+    return made("verifiers", "lambda o: It()", "(Begins)", "verify(self, seen, call, skill, goal)", *verify)
+
+
+def sense(*feel):
+    return made("senses", "It", "", "feel(self, moment)", *feel)
+
+
+def world(result):
+    done = "done = super().execute(motion)", f"return {result}"
+    return made("simulators", "lambda profile: It()", "(FakeWorld)", "execute(self, motion)", *done)
+
+
+def eyes(result):
+    seen = "seen = super().render(state, camera)", f"return {result}"
+    return made("renderers", "It", "(FakeRenderer)", "render(self, state, camera)", *seen)
+
+
+def prior(result):
+    moved = "it = super().generate(*args)", f"return {result}"
+    return made("motion_generators", "lambda profile: It()", "(FakeGenerator)", "generate(self, *args)", *moved)
+
+
+def report(files):
+    return made("reports", "lambda film, renderer: It()", "", "write(self, run, episode, plugins)", f"return {files}")
+
+
+def measure(function, unit="m"):
+    registered = f"register(Measure('m', '{unit}', 'x', 1, lambda p, r: {function}))"
+    return f"@hookimpl\ndef humanclaw_measures(register):\n    {registered}\n"
+
+
+def hook(signature, line="pass"):
+    return f"@hookimpl\ndef humanclaw_{signature}:\n    {line}\n"
+
+
+FAULTS = {
+    "an agent that returns a call": agent("return Call('nod')"),
+    "an agent that raises": agent("return 1 / 0"),
+    "an agent that decides nothing": agent("pass"),
+    "an agent whose calls are no tuple": agent("return Decision(Call('nod'))"),
+    "an agent without a name": item("agents", "lambda o: SimpleNamespace(privileged=False)"),
+    "an agent of None": item("agents", "lambda o: None"),
+    "a factory that takes no options": item("agents", "lambda: None"),
+    "a verifier that neither accepts nor replaces": judge("return Verdict(False)"),
+    "a verifier that returns True": judge("return True"),
+    "a verifier that raises": judge("raise KeyError('x')"),
+    "a sense of a text": sense("return 'a wall'"),
+    "a sense of NaN": sense("return Reading('x', {'m': float('nan')})"),
+    "a sense that raises": sense("return moment.nothing"),
+    "a scene of None": item("scenes", "lambda argument: None"),
+    "a scene without an object": item("scenes", "lambda argument: Scene('x', {}, (), (), Pose2D())"),
+    "a scene that raises": item("scenes", "lambda argument: 1 / 0"),
+    "an engine of 14 frames": world("replace(done, simulated=done.simulated[:14])"),
+    "an engine that jumps 5 m": world("replace(done, simulated=Motion(motion.root + [5, 0, 0], motion.rotations))"),
+    "an engine of NaN": world("replace(done, simulated=Motion(motion.root * np.nan, motion.rotations))"),
+    "an engine of None": world("None"),
+    "a renderer of None": eyes("None"),
+    "a picture of 10 rows": eyes("View(seen.rgb[:10], seen.depth, seen.ids)"),
+    "a depth of float64": eyes("View(seen.rgb, seen.depth.astype(float), seen.ids)"),
+    "a generator of 14 frames": prior("it[:14]"),
+    "a generator that jumps": prior("Motion(it.root + [0, 0, 5], it.rotations)"),
+    "a generator of NaN": prior("Motion(it.root, it.rotations * np.nan)"),
+    "a generator without a seed": prior("Motion(it.root, it.rotations + np.random.rand() / 100)"),
+    "a reporter of None": report("None"),
+    "a reporter of a file that is not there": report("{'page': run / 'none.html'}"),
+    "a framework of None": item("frameworks", "lambda tools: None"),
+    "a framework that raises": item("frameworks", "lambda tools: tools.nothing"),
+    "a measure of one number": measure("p[0, 0, 0]"),
+    "a measure in feet": measure("p[:, 0, 0]", "ft"),
+    "a measure of NaN": measure("p[:, 0, 0] * np.nan"),
+    "an observer that raises": hook("step(episode, step)", "step.nothing"),
+    "an observer of chunks that raises": hook("chunk(chunk)", "1 / 0"),
+    "an observer with an unknown argument": hook("step(episode, stride)"),
+    "a misspelt hook": hook("agent(register)"),
+    "commands that raise": hook("commands(cli)", "1 / 0"),
+    "no command": hook("commands(cli)"),
+    "a command that is a function": hook("commands(cli)", "cli.add_command(print)"),
+}
+
+
+def faults(tmp_path, text, name="mine"):
+    (tmp_path / f"{name}.py").write_text(HEAD + text)
+    reports = check_target(str(tmp_path / f"{name}.py"), Plugins.discover())
+    return [fault for report in reports for fault in report.faults]
+
+
+@pytest.mark.parametrize("text", FAULTS.values(), ids=FAULTS)
+def test_a_deliberate_fault_is_named(tmp_path, text):
+    found = faults(tmp_path, text)
+    assert found
+    assert all(fault.message and fault.remedy for fault in found)
+
+
+LEGAL = [one for one in snippets() if one.page == "docs/hooks.md" and one.language == "python"]
+PARTLY = ("my_engine", "my_prior", "my_cluster", "optionalhook")
+
+
+@pytest.mark.parametrize("snippet", [one for one in LEGAL if not any(word in one.code for word in PARTLY)], ids=str)
+def test_no_plugin_of_the_docs_is_refused(tmp_path, snippet):
+    assert faults(tmp_path, snippet.code, "docs_snippet") == []
+
+
+@pytest.mark.parametrize("name", ["humanclaw-scripted", "humanclaw-raster", "humanclaw-frameworks", "humanclaw-houses"])
+def test_an_installed_plugin_is_checked_by_its_name(name):
+    reports = check_target(name, Plugins.discover())
+    assert reports
+    assert [fault for report in reports for fault in report.faults] == []
