@@ -94,6 +94,7 @@ class Episode:
         settings = self._panel.settings | {"privileged": self._panel.privileged, "limits": self._meter.limits}
         settings["apart"] = dict(apart or {})
         record = begin_record(body, spec, *self._panel.names, options or {}, settings, self._panel.packages)
+        record = record.model_copy(update={"versions": record.versions | self._panel.versions})
         self._distance = None
         if distance and spec.target_ids:
             self._distance = distance(body.scene, spec.target_ids, body.start.floor)

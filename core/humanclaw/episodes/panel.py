@@ -9,7 +9,7 @@ from typing import Any
 
 from humanclaw.errors import ANSWERING, CallError, PluginError, PluginRunError, blaming, in_words
 from humanclaw.plugins.agents import Agent, EpisodeContext, HistoryEntry, Observation, Verifier
-from humanclaw.plugins.deciders import admit, is_privileged, name_of, origin, settings_of
+from humanclaw.plugins.deciders import StandIn, admit, is_privileged, name_of, origin, settings_of
 from humanclaw.records.decisions import Decision, Verdict
 from humanclaw.skills.call import Call, check_call
 from humanclaw.skills.contract import Skill
@@ -34,6 +34,9 @@ class Panel:
         self.settings = {"agent": self._settings(agent), "verifier": self._settings(verifier)}
         """Settings of agent and verifier; empty if asking for them failed."""
         self.packages = {origin(one) for one in self._present().values()}
+        apart = [one.versions for one in self._present().values() if isinstance(one, StandIn)]
+        self.versions = {name: found for versions in apart for name, found in versions.items()}
+        """Versions of distributions that are not loaded here."""
         self.names = self._name(agent), self._name(verifier)
         """Names of agent and verifier; the package instead of a name that a record cannot hold."""
 

@@ -5,7 +5,9 @@ from __future__ import annotations
 import functools
 import json
 import reprlib
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any, Final, TypeVar
 
 from pydantic import ConfigDict, TypeAdapter, ValidationError
@@ -25,6 +27,8 @@ class StandIn:
     name: str
     owner: str
     """The plugin that errors are blamed on."""
+    versions: Mapping[str, str] = MappingProxyType({})
+    """Version of the distribution that brings it, for records; empty if this host knows it."""
 
 
 @dataclass(frozen=True)

@@ -201,6 +201,23 @@ def test_a_process_that_cannot_start_ends_the_run(play):
         play(PLAIN + dies)
 
 
+def test_an_installed_agent_that_is_not_loaded_beside_the_body_is_of_this_run_by_its_version(tmp_path, monkeypatch):
+    site = tmp_path / "site"
+    (site / "own_agents-2.5.dist-info").mkdir(parents=True)
+    (site / "own_agents.py").write_text(HEAD + PLAIN)
+    (site / "own_agents-2.5.dist-info" / "METADATA").write_text(
+        "Metadata-Version: 2.1\nName: own-agents\nVersion: 2.5\n"
+    )
+    (site / "own_agents-2.5.dist-info" / "entry_points.txt").write_text("[humanclaw]\nown = own_agents\n")
+    monkeypatch.syspath_prepend(site)
+    job = Job("own", {}, backends=TOY, files=(toy_world.FILE,))
+    plugins = Plugins.discover([Path(toy_world.FILE)])
+    run_split(toy_world.specs(1), job, Here(), tmp_path / "run", plugins=plugins)
+    assert RecordedEpisode(tmp_path / "run" / "toy-0").record.versions["own-agents"] == "2.5"
+    answer = CliRunner().invoke(bench, ["verify", str(tmp_path / "run")])
+    assert (answer.exit_code, "own-agents" in answer.output) == (0, False), answer.output
+
+
 # -- attempts ----------------------------------------------------------------------------------------------------------
 def test_the_best_of_two_attempts_cannot_be_passed_off_as_the_first(play):
     loses = """

@@ -28,7 +28,7 @@ class _Apart(StandIn):
     def __init__(self, link: Link, role: str, told: Mapping[str, Any]) -> None:
         """told: how the other side introduced it: name, settings, package."""
         self.name, self.owner = told.get("name", ""), str(told.get("owner", "")) or "the agent's side"
-        self.settings = told.get("settings", {})
+        self.settings, self.versions = told.get("settings", {}), told.get("versions", {})
         self._link, self._role, self._meter = link, role, Meter()
 
     def begin(self, context: EpisodeContext) -> None:

@@ -19,7 +19,7 @@ from humanclaw import (
     ProviderError,
     Verdict,
 )  # fmt: skip
-from humanclaw.plugins import admit, name_of, origin, settings_of
+from humanclaw.plugins import admit, name_of, noun, origin, settings_of
 from humanclaw_bench.wall.messages import (
     PROTOCOL,
     Json,
@@ -85,7 +85,17 @@ class Session:
             raise PluginError(f"expected protocol {PROTOCOL}; got {params.get('protocolVersion')!r:.50}.")
         self._history, self._views = [], {}
         self._made = {kind: self._make(kind, params) for kind in ("agents", "verifiers") if params.get(kind)}
-        return {"protocolVersion": PROTOCOL} | {kind: _introduced(one) for kind, one in self._made.items()}
+        told = {
+            kind: _introduced(one) | {"versions": self._versions(kind, params[kind])}
+            for kind, one in self._made.items()
+        }
+        return {"protocolVersion": PROTOCOL} | told
+
+    def _versions(self, kind: str, name: str) -> dict[str, str]:
+        """Return the version of the distribution that brings an agent or a verifier, by its name."""
+        item = f"{noun(kind)} {name.rpartition(':')[2]}"
+        found = [info for info in self._plugins.infos if item in info.provides and info.version]
+        return {info.origin: info.version for info in found}
 
     def _make(self, kind: str, params: Json) -> Any:
         known_as = params.get("names", {}).get(kind, "")
