@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
+from typing import TypeVar
 
 import click
-import numpy as np
 from rich.console import Console, RenderableType
 from rich.text import Text
 from tqdm import tqdm
@@ -25,7 +25,7 @@ from humanclaw_bench.export import FORMATS, metrics_of, row, scored
 from humanclaw_bench.integrity import RunFiles, check, is_told, standing
 from humanclaw_bench.metrics import ALL, common, compare
 from humanclaw_bench.progress import RunProgress
-from humanclaw_bench.replay import replayed
+from humanclaw_bench.replay import Replayed, replayed, sample
 from humanclaw_bench.results import Result, named, require_whole
 from humanclaw_bench.runner import run_split
 from humanclaw_bench.splits import (
@@ -59,6 +59,24 @@ NAMES = (
     "funnel",
     "causes",
 )
+
+
+F = TypeVar("F", bound=Callable[..., object])
+
+
+def replay_options(command: F) -> F:
+    """Add the options for playing recorded calls again."""
+    every = 10**6
+    told = "Also play the recorded calls of N episodes again (default: all) and compare every field of every step."
+    drawn = "Draws the N episodes that are played again."
+    how = click.option(
+        "--replay", "again", type=click.IntRange(1), is_flag=False, flag_value=every, metavar="[N]", help=told
+    )
+    seed = click.option("--seed", type=int, default=0, show_default=True, help=drawn)
+    workers = click.option(
+        "--workers", type=click.IntRange(1), default=1, show_default=True, help="Episodes at a time."
+    )
+    return how(seed(workers(command)))
 
 
 @click.group()
@@ -295,43 +313,37 @@ def rescore(run: Path, out: Path | None, as_json: bool, files: tuple[Path, ...])
 @bench.command()
 @click.argument("run", type=RUN)
 @click.option("--submission", type=RUN, help="Also score the records again and compare this file with them.")
-@click.option(
-    "--replay", "sample", type=click.IntRange(1), is_flag=False, flag_value=10**6, metavar="[N]",
-    help="Also play the recorded calls of N episodes again (default: all) and compare every field of every step.",
-)  # fmt: skip
-@click.option("--seed", type=int, default=0, show_default=True, help="Draws the N episodes that are played again.")
-@click.option("--workers", type=click.IntRange(1), default=1, show_default=True, help="Episodes at a time.")
+@replay_options
 @plugin_files
 def verify(
-    run: Path, submission: Path | None, sample: int | None, seed: int, workers: int, files: tuple[Path, ...]
+    run: Path, submission: Path | None, again: int | None, seed: int, workers: int, files: tuple[Path, ...]
 ) -> None:
     """Check every file of a run against its digest, and the records against split and settings in run.json.
 
     Lists files that are damaged or belong to another run.
     """
     faulty = _verify_files(run, submission)
-    if sample and not faulty:
-        faulty = _verify_replay(run, sample, seed, workers, files)
+    if again and not faulty:
+        faulty = _verify_replay(run, again, seed, workers, files)
     if faulty:
         raise SystemExit(1)
 
 
-def _verify_replay(run: Path, sample: int, seed: int, workers: int, plugin_files: Sequence[Path]) -> bool:
+def _verify_replay(run: Path, again: int, seed: int, workers: int, plugin_files: Sequence[Path]) -> bool:
     """Play episodes again and tell what differs. Returns whether anything does."""
-    episodes = load_run(run)
-    drawn = np.random.default_rng(seed).permutation(len(episodes))[:sample]
-    with tqdm(total=len(drawn), desc="replay", unit="episode", disable=None, leave=False) as bar:
-        found = []
-        for one in replayed([episodes[k] for k in sorted(drawn)], plugin_files, workers):
-            found.append(one)
-            bar.update()
+    found = _played_again(run, again, seed, workers, plugin_files)
     for one in found:
         for what in (*one.differing, *filter(None, [one.incomparable])):
             click.echo(f"{one.episode}: {what}.")
-    same = [one for one in found if not one.differing and not one.incomparable]
-    steps = counted(sum(one.steps for one in found), "step")
-    click.echo(f"{len(same)} of {counted(len(found), 'episode')} came out the same when played again ({steps}).")
-    return len(same) < len(found)
+    same, steps = sum(map(Replayed.same, found)), counted(sum(one.steps for one in found), "step")
+    click.echo(f"{same} of {counted(len(found), 'episode')} came out the same when played again ({steps}).")
+    return same < len(found)
+
+
+def _played_again(run: Path, count: int, seed: int, workers: int, plugin_files: Sequence[Path]) -> list[Replayed]:
+    episodes = sample(run, count, seed)
+    playing = replayed(episodes, plugin_files, workers)
+    return list(tqdm(playing, "replay", len(episodes), unit="episode", disable=None, leave=False))
 
 
 def _verify_files(run: Path, submission: Path | None) -> bool:
@@ -375,12 +387,20 @@ def submit(run: Path, who: str, model_date: str, out: Path | None, partial: bool
 @click.option(
     "--any-pace", is_flag=True, help="Also rank runs whose calls move longer or faster than the paper's skills."
 )
-def leaderboard(folder: Path, any_pace: bool) -> None:
+@replay_options
+@plugin_files
+def leaderboard(
+    folder: Path, any_pace: bool, again: int | None, seed: int, workers: int, files: tuple[Path, ...]
+) -> None:
     """Make index.html from the submissions in a folder.
 
     A submission is checked against its run if that lies beside it in a folder of the same name.
     """
-    click.echo(leaderboards.leaderboard(folder, any_pace=any_pace))
+
+    def played(run: Path) -> list[Replayed]:
+        return _played_again(run, again or 0, seed, workers, files)
+
+    click.echo(leaderboards.leaderboard(folder, any_pace=any_pace, again=played if again else None))
 
 
 @bench.command("export")

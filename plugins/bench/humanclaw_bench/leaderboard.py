@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import html
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -18,9 +18,13 @@ from humanclaw.storage import write_atomically
 from humanclaw_bench.conditions import summary
 from humanclaw_bench.integrity import known_split
 from humanclaw_bench.metrics import FALSE_CLAIMS, FIND
+from humanclaw_bench.replay import Replayed
 from humanclaw_bench.statistics import Estimate
 from humanclaw_bench.submission import AGREE, RATES, Submission, contradictions, inconsistencies, read
 from humanclaw_bench.tables import Column
+
+Again = Callable[[Path], Sequence[Replayed]]
+"""Plays episodes of a run again."""
 
 
 @dataclass(frozen=True)
@@ -35,20 +39,22 @@ class Entry:
     """Reason why it is not ranked; empty if it is."""
 
 
-def leaderboard(folder: Path, *, any_pace: bool = False) -> Path:
+def leaderboard(folder: Path, *, any_pace: bool = False, again: Again | None = None) -> Path:
     """Write index.html of all submissions in a folder, the best InteractSR first, and return its path.
 
     Each split has a table of submissions whose records lie here and agree, and one of submissions without records.
     Partial, contradicted and damaged ones are listed apart. So are, without any_pace, runs whose calls move longer or
-    faster than the paper's skills. Raises RecordError if there is no submission.
+    faster than the paper's skills. again: plays recorded calls again where the records lie here.
+
+    Raises RecordError if there is no submission.
     """
-    found, unread = _entries(folder, any_pace)
+    found, unread = _entries(folder, any_pace, again)
     if not (found or unread):
         raise RecordError(f"there is no submission in {folder}.", "Put files of `humanclaw bench submit` there.")
     ranked: dict[tuple[str, int, bool], list[Entry]] = {}
     for one in found:
         if not one.apart:
-            split, told = str(one.submission.run.get("split", "")), one.records != AGREE
+            split, told = str(one.submission.run.get("split", "")), not one.records.startswith(AGREE)
             ranked.setdefault((split, one.submission.asked, told), []).append(one)
     body = "".join(_section(*key, entries) for key, entries in sorted(ranked.items()))
     body += _unranked([one for one in found if one.apart], unread)
@@ -57,12 +63,12 @@ def leaderboard(folder: Path, *, any_pace: bool = False) -> Path:
     return folder / "index.html"
 
 
-def _entries(folder: Path, any_pace: bool) -> tuple[list[Entry], list[str]]:
+def _entries(folder: Path, any_pace: bool, again: Again | None) -> tuple[list[Entry], list[str]]:
     """Return the submissions of a folder, and the errors of files that could not be read."""
     found, unread = [], []
     for path in sorted(folder.glob("*.json")):
         try:
-            found.append(_entry(path, read(path), any_pace))
+            found.append(_entry(path, read(path), any_pace, again))
         except RecordError as error:
             unread.append(error.message)
         except Exception as error:  # A stranger's broken file must not hide the others.
@@ -70,7 +76,7 @@ def _entries(folder: Path, any_pace: bool) -> tuple[list[Entry], list[str]]:
     return found, unread
 
 
-def _entry(path: Path, one: Submission, any_pace: bool) -> Entry:
+def _entry(path: Path, one: Submission, any_pace: bool, again: Again | None) -> Entry:
     """Check a submission against its records, if they lie here."""
     run = path.with_suffix("")
     try:
@@ -84,7 +90,14 @@ def _entry(path: Path, one: Submission, any_pace: bool) -> Entry:
     apart = f"partial: {counted(missing, 'episode')} missing" if missing else ""
     if not (apart or any_pace or all(result.scores.in_pace for result in one.episodes)):
         apart = f"not at the paper's pace ({_motion(one)}); --any-pace ranks it"
-    return Entry(path.name, one, AGREE if run.is_dir() else "not here", apart)
+    if not run.is_dir():
+        return Entry(path.name, one, "not here", apart)
+    if again is None:
+        return Entry(path.name, one, AGREE, apart)
+    played = again(run)
+    same = f"{AGREE}; {sum(map(Replayed.same, played))} of {len(played)} episodes played again the same"
+    lies = [f"{each.episode}: {each.differing[0]}" for each in played if each.differing]
+    return Entry(path.name, one, same, f"contradicted by playing again: {lies[0]}" if lies else apart)
 
 
 def _ended(one: Submission) -> int:
@@ -144,7 +157,8 @@ def _cells(entry: Entry) -> tuple[str, ...]:
 
 def _settings(one: Submission) -> str:
     """Return the settings in which rows may differ."""
-    told = {key: one.run[key] for key in ("options", "plugin files") if one.run.get(key)}
+    unusual = ("options", "plugin files", "in process", "beside the body")
+    told = {key: one.run[key] for key in unusual if one.run.get(key)}
     if told.get("options") == {"profile": "default"}:
         del told["options"]
     given = [f"{key} {json.dumps(value, ensure_ascii=False)}" for key, value in told.items()]
@@ -181,6 +195,7 @@ caption {{ text-align: left; font-weight: 600; }}
 th, td {{ padding: .3rem .4rem; text-align: left; border-bottom: 1px solid #ccc; font-variant-numeric: tabular-nums; }}
 </style></head><body><h1>HumanCLAW-Bench</h1>
 <p>Rates with 95 % intervals that know houses. "agree": the records lie here, and scored again they say the same;
-that nobody invented them they cannot say. Rows of different tables are no comparison. Made {made}.</p>
+only "played again the same" says that these calls do what they tell. Rows of different tables are no comparison.
+Made {made}.</p>
 {body}</body></html>
 """

@@ -32,6 +32,7 @@ from humanclaw import (
     Skill,
     StepRecord,
     Verdict,
+    load_run,
 )  # fmt: skip
 from humanclaw.records import EpisodeRecord
 from humanclaw.world import geodesics
@@ -56,6 +57,10 @@ class Replayed:
     """The first differences from the record."""
     incomparable: str = ""
     """Why the episode, or its rest, cannot be compared here."""
+
+    def same(self) -> bool:
+        """Whether all of it came out as recorded."""
+        return not (self.differing or self.incomparable)
 
 
 class _Recorded:
@@ -180,6 +185,12 @@ def replayed(episodes: Sequence[RecordedEpisode], files: Sequence[Path] = (), wo
         jobs: list[Future[list[Replayed]]] = [pool.submit(_house, found, tuple(files)) for found in houses.values()]
         for job in as_completed(jobs):
             yield from job.result()
+
+
+def sample(run: Path, count: int, seed: int) -> list[RecordedEpisode]:
+    """Draw some episodes of a run, in their order; all if there are fewer."""
+    episodes = load_run(run)
+    return [episodes[k] for k in sorted(np.random.default_rng(seed).permutation(len(episodes))[:count])]
 
 
 def _house(folders: Sequence[Path], files: tuple[Path, ...]) -> list[Replayed]:

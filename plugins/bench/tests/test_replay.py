@@ -1,6 +1,7 @@
 """`bench verify --replay` plays recorded calls again: whatever a record tells, it must come out the same."""
 
 import json
+import shutil
 
 import pytest
 import toy_world
@@ -80,3 +81,14 @@ def test_other_weights_are_named_and_not_called_a_lie(play):  # noqa: F811
     answer = verify(folder)
     assert "toy-0: other versions are installed: base was another, here toy." in answer.output
     assert "0 of 1 episode came out the same" in answer.output
+
+
+def test_the_leaderboard_plays_records_again_that_lie_beside_a_submission(play, tmp_path):  # noqa: F811
+    _, folder = play(PLAIN, 2)
+    board = tmp_path / "board"
+    shutil.copytree(folder, board / "mine")
+    told = ["submit", str(board / "mine"), "--who", "me", "--out", str(board / "mine.json")]
+    assert CliRunner().invoke(bench, told).exit_code == 0
+    ranked = ["leaderboard", str(board), "--replay", "--plugin", toy_world.FILE]
+    assert CliRunner().invoke(bench, ranked).exit_code == 0
+    assert "2 of 2 episodes played again the same" in (board / "index.html").read_text()
