@@ -40,7 +40,7 @@ from humanclaw_bench.splits import (
     secret_houses,
     summary,
 )  # fmt: skip
-from humanclaw_bench.tables import all_tables, main_table
+from humanclaw_bench.tables import all_tables, chosen_table, main_table
 from humanclaw_bench.worker import Job
 from humanclaw_bench.writers import WRITERS, plain, plain_differences, terminal
 
@@ -230,21 +230,32 @@ def _candidates(house: str, number: int, starts: int, seed: Sequence[int]) -> li
 @click.option(
     "--only", type=click.Choice(NAMES), multiple=True, help="Print only this table (repeatable; default: all)."
 )
+@click.option(
+    "--column",
+    "columns",
+    multiple=True,
+    help="Print one table with this column (repeatable). It may be a metric of a plugin.",
+)
 @click.option("--paper/--no-paper", default=True, help="Add the paper's rows for reference.")
 @click.option("--seed", type=int, default=0, show_default=True, help="Seed of the bootstrap.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON: every number in full, shares as fractions.")
 @PARTIAL
 @plugin_files
 def table(
-    runs: tuple[Path, ...], form: str, only: tuple[str, ...], paper: bool, seed: int, as_json: bool, partial: bool,
-    files: tuple[Path, ...],
+    runs: tuple[Path, ...], form: str, only: tuple[str, ...], columns: tuple[str, ...], paper: bool, seed: int,
+    as_json: bool, partial: bool, files: tuple[Path, ...],
 ) -> None:  # fmt: skip
     """Print the paper's tables for one or more runs, one row per agent."""
     results = _results(runs, files)
     if form == "latex":
         require_whole(results, partial)
-    tables = all_tables(results, paper=paper, seed=seed)
-    chosen = only or [name for name in NAMES if tables[name].rows and tables[name].columns]
+    if columns and only:
+        raise click.UsageError("--only and --column exclude each other.")
+    if columns:
+        tables = {"columns": chosen_table(results, columns, paper=paper, seed=seed)}
+    else:
+        tables = all_tables(results, paper=paper, seed=seed)
+    chosen = only or [name for name, found in tables.items() if found.rows and found.columns]
     if as_json:
         _print_json({name: plain(tables[name]) for name in chosen})
         return

@@ -14,6 +14,7 @@ from typing import Final
 
 import click
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import betaincinv, ndtr
 
 from humanclaw.body import Array
@@ -62,13 +63,15 @@ def power(sizes: Sequence[int], difference: float, assumed: Assumption, seed: in
     return sum(p < SIGNIFICANT for p in found) / assumed.trials
 
 
-def _changes(rng: np.random.Generator, sizes: Sequence[int], difference: float, assumed: Assumption) -> Array:
+def _changes(
+    rng: np.random.Generator, sizes: Sequence[int], difference: float, assumed: Assumption
+) -> NDArray[np.int64]:
     """Draw two runs. Returns (H,) successes of the second run minus those of the first, by house."""
     means, weight = np.array([assumed.rate, assumed.rate + difference]), 1 / assumed.icc - 1
     chances = betaincinv(means * weight, (1 - means) * weight, _alike(rng, len(sizes), assumed.alike))
     houses = np.repeat(np.arange(len(sizes)), sizes)
     met = (_alike(rng, len(houses), assumed.alike) < chances[houses]).astype(int)
-    return np.bincount(houses, met[:, 1] - met[:, 0], len(sizes)).astype(int)
+    return np.bincount(houses, met[:, 1] - met[:, 0], len(sizes)).astype(np.int64)
 
 
 def _alike(rng: np.random.Generator, count: int, correlation: float) -> Array:

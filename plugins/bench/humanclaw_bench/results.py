@@ -133,7 +133,7 @@ def named(
         for scores, cause in found:
             agent = scores.agent + (f" + {scores.verifier}" if scores.verifier else "")
             groups[agent, run, str(of_world(scores.conditions))].append((scores, cause))
-    played = [_conditions([scores for scores, _ in found]) for found in groups.values()]
+    played = [shared_conditions([scores for scores, _ in found]) for found in groups.values()]
     told = labels([(agent, one) for (agent, *_), one in zip(groups, played, strict=True)])
     names = [
         agent + label + _calls([scores for scores, _ in found])
@@ -171,7 +171,7 @@ def _calls(scores: Sequence[Scores]) -> str:
     return f", {longest:.1f} s a call" if longest > LONGEST else f", {max(one.fastest for one in scores):.2f} m a call"
 
 
-def _conditions(scores: Sequence[Scores]) -> Conditions:
+def shared_conditions(scores: Sequence[Scores]) -> Conditions:
     """Return the conditions of some episodes. An agent whose plugin failed at once has no settings."""
     return max((one.conditions for one in scores), key=len)
 

@@ -322,6 +322,7 @@ def score(recorded: RecordedEpisode, extra: Extra | None = None) -> Scores:
         fastest=max(map(_pace, steps), default=0.0),
         sequences=sum(len(step.parts) > 1 for step in steps),
         conditions=conditions_of(record),
+        also="",
         extra={name: _measured(name, measure, recorded) for name, measure in (extra or {}).items()},
     )
 

@@ -74,12 +74,12 @@ class Difference:
 
 
 # -- one run -----------------------------------------------------------------------------------------------------------
-def wilson(successes: float, trials: int) -> Estimate:
+def wilson(successes: float, trials: float) -> Estimate:
     """Return a rate with Wilson's score interval, valid near 0 and 1 and for few trials. NaN without trials."""
     if trials == 0:
         return Estimate(float("nan"))
     interval = _score_interval(successes / trials, trials, _normal_quantile())
-    return Estimate(successes / trials, *interval, trials)
+    return Estimate(successes / trials, *interval, round(trials))
 
 
 def rate(met: Sequence[bool], houses: Sequence[str] = (), episodes: Sequence[str] = ()) -> Estimate:

@@ -18,7 +18,7 @@ from humanclaw_bench.attribution import Cause
 from humanclaw_bench.export import row, scored
 from humanclaw_bench.integrity import MOST as EPISODES, Manifest, known_split, read_manifest, standing
 from humanclaw_bench.metrics import ARRIVE, FIND, INTERACT, NAV, estimate
-from humanclaw_bench.results import named, require_whole
+from humanclaw_bench.results import named, require_whole, shared_conditions
 from humanclaw_bench.scores import Scores, ended, keeps_pace
 from humanclaw_bench.splits import original_of
 from humanclaw_bench.statistics import Estimate, rate
@@ -170,7 +170,7 @@ def _made(
         engine=str(first.settings.get("body", {}).get("simulator", "")),
         seeds=tuple(sorted({one.seed for one in results})), asked=manifest.episodes,
         cost=sum(one.cost for one in scores), tokens=sum(one.tokens_in + one.tokens_out for one in scores),
-        again=again, run=manifest.content, conditions=dict(max((one.conditions for one in scores), key=len)),
+        again=again, run=manifest.content, conditions=dict(shared_conditions(scores)),
         rates=_rates(scores), episodes=results,
     )  # fmt: skip
 

@@ -8,9 +8,11 @@ from typing import Final, Literal
 
 import numpy as np
 
+from humanclaw import HumanclawError
 from humanclaw_bench.attribution import CAUSES, FURTHER, STAGES, Cause, Funnel
 from humanclaw_bench.difficulty import THRESHOLDS, TIERS, tiers
 from humanclaw_bench.metrics import (
+    ALL,
     BODY,
     COLLISIONS,
     FIND,
@@ -268,10 +270,34 @@ def _repeats(result: Result, seed: int) -> Iterator[Row]:
     yield Row(f"{result.name}, deviation", tuple(map(Estimate, spread)), counts=result.counts)
 
 
+def chosen_table(results: Sequence[Result], names: Sequence[str], *, paper: bool = True, seed: int = 0) -> ResultTable:
+    """Return a table of chosen columns: any of the benchmark's, and metrics of plugins.
+
+    Raises HumanclawError for an unknown name.
+    """
+    known = {metric.name: metric for metric in ALL} | {name: extra_metric(name) for name in _extra(results)}
+    for name in names:
+        if name not in known:
+            raise HumanclawError(f"there is no column {name!r}.", f"The columns are {', '.join(known)}.")
+    return _result_table("Results", [known[name] for name in names], results, _all_printed() if paper else {}, seed)
+
+
+def _all_printed() -> dict[str, dict[str, float]]:
+    """Return all numbers that the paper prints of an agent, by agent and column."""
+    main = _named(PAPER_COLUMNS, PAPER_MAIN)
+    variants = _named([metric.name for metric in VARIANTS], PAPER_VARIANTS)
+    body = _named([metric.name for metric in BODY], PAPER_BODY)
+    return {agent: variants[agent] | body[agent] | values for agent, values in main.items()}
+
+
+def _extra(results: Sequence[Result]) -> dict[str, None]:
+    """Return the names of the metrics of plugins."""
+    return dict.fromkeys(name for result in results for scores in result.scores for name in scores.extra)
+
+
 def extra_table(results: Sequence[Result], *, seed: int = 0) -> ResultTable:
     """Return the metrics of plugins, averaged over episodes."""
-    names = dict.fromkeys(name for result in results for scores in result.scores for name in scores.extra)
-    return _result_table("Metrics of plugins", [extra_metric(name) for name in names], results, {}, seed)
+    return _result_table("Metrics of plugins", [extra_metric(name) for name in _extra(results)], results, {}, seed)
 
 
 def all_tables(results: Sequence[Result], *, paper: bool = True, seed: int = 0) -> dict[str, ResultTable]:

@@ -109,5 +109,5 @@ def test_a_lerobot_dataset_reads_back_as_the_decisions(run, tmp_path):
     assert last["action"][names.index("stop")] == 1.0
     assert (bool(first["next.done"]), bool(last["next.done"]), bool(last["next.success"])) == (False, True, True)
     assert first["observation.images.ego"].shape == (3, 256, 256)
-    with pytest.raises(RecordError, match=r"exists already.*--out"):
+    with pytest.raises(RecordError, match=r"already exists"):
         to_lerobot(run, out)

@@ -516,6 +516,24 @@ def test_a_table_and_a_comparison_as_json_have_every_number_in_full(tmp_path: Pa
     assert (nav["a"], nav["b"], nav["difference"]["value"]) == (0.75, 0.75, 0.0)
 
 
+def test_a_latex_table_has_the_chosen_columns_in_their_order_and_metrics_of_plugins(tmp_path: Path) -> None:
+    run, plugin = write_run(tmp_path, 3, 1), tmp_path / "height.py"
+    plugin.write_text(
+        "from humanclaw import hookimpl\n\n\n@hookimpl(optionalhook=True)\n"
+        "def humanclaw_metrics(register):\n    register('height', lambda recorded: 1.75)\n"
+    )
+    words = ("--column", "NavSR", "--column", "height", "--column", "GeoNavSR", "--format", "latex")
+    result = invoke("table", run, *words, "--partial", "--plugin", plugin)
+    text = result.output
+    assert r"agent & NavSR $\uparrow$ & height & GeoNavSR $\uparrow$ \\" in text
+    assert "75.0\\%" in text
+    assert "1.750" in text
+    assert r"GPT-5.5 $^\dagger$ & 13.9\% & -- & 27.7\% \\" in text
+    refused = invoke("table", run, "--column", "NavSr", "--partial")
+    assert (refused.exit_code, "there is no column 'NavSr'" in refused.output) == (2, True)
+    assert invoke("table", run, "--column", "NavSR", "--only", "main").exit_code == 2
+
+
 def test_table_prints_every_table_of_a_run(tmp_path: Path) -> None:
     result = invoke("table", write_run(tmp_path, 3, 1, 1))
     assert result.exit_code == 0
