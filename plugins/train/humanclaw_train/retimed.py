@@ -59,10 +59,12 @@ def retimed(clip: Motion, standing: Motion, chunks: int, rng: np.random.Generato
 
 
 def _moving(clip: Motion) -> slice:
-    """Return the clip's frames without rest at the beginning and the end."""
+    """Return the clip's frames without rest at the beginning and the end; all of them if the hips hardly move."""
     away = [np.linalg.norm(clip.root - clip.root[end], axis=-1) > _QUIET for end in (0, -1)]
     first, last = (int(one.argmax()) if one.any() else 0 for one in (away[0], away[1][::-1]))
-    return slice(max(first - 1, 0), len(clip) - max(last - 1, 0))
+    moving = slice(max(first - 1, 0), len(clip) - max(last - 1, 0))
+    # Hips that drift by less than twice _QUIET leave the start only after they are near the end: nothing is between.
+    return moving if moving.stop - moving.start >= 2 else slice(0, len(clip))
 
 
 def _clock(length: int, chunks: int, rng: np.random.Generator) -> Array:

@@ -12,6 +12,7 @@ from humanclaw.skills import MEASURES, Measure
 from humanclaw_train import cards, fidelity, own
 from humanclaw_train.chunks import Chunks
 from humanclaw_train.clips import Folder
+from humanclaw_train.retimed import _QUIET, retimed
 from humanclaw_train.source_motion import MocapError
 
 SCHEMA = {
@@ -209,3 +210,12 @@ def test_training_asks_for_a_skill_and_no_more_than_one(skill, capsys):
 def test_the_error_for_a_skill_without_adapter_says_how_to_train_one(skill, capsys):
     assert fidelity.main(["--skill", str(skill)]) == 2
     assert f"humanclaw train adapter --skill {skill}" in capsys.readouterr().err
+
+
+def test_a_clip_whose_hips_hardly_move_is_retimed_as_a_whole():
+    """The hips drift by 1.5 times the distance that counts as rest: no frame is away from both ends."""
+    clip = rest_pose(60)
+    root = clip.root + np.linspace(0, 1.5 * _QUIET, 60)[:, None] * [1.0, 0.0, 0.0]
+    made = retimed(Motion(root, clip.rotations), rest_pose(5), 4, np.random.default_rng(0))
+    assert len(made) == 65
+    assert np.isfinite(made.rotations).all()
