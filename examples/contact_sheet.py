@@ -14,7 +14,7 @@ from PIL import Image, ImageDraw
 
 from humanclaw import Plugins, Renderer, Scene
 from humanclaw.body import Pose2D, matrix_from_quaternion, rest_pose
-from humanclaw.world import Camera, MultiFloorMap, WorldState, ego_camera
+from humanclaw.world import Camera, MultiFloorMap, WorldState, ego_camera, gaze_of
 from humanclaw_scripted.truth import in_view
 
 SUBJECTS = ("couch", "bed", "toilet", "stairs", "tv", "chair", "potted_plant", "couch", "stairs", "bed", "chair", "tv")
@@ -80,7 +80,7 @@ def viewpoint(scene: Scene, category: str, rng: np.random.Generator) -> Pose2D:
             yaw = float(np.arctan2(towards[0], towards[2]))
             here = Pose2D(float(place[0]), float(place[2]), yaw, float(place[1]))
             plan = floors.grids[int(floors.level(place))]
-            if in_view(plan, scene, standing(here), obj.id) and np.linalg.norm(towards) < 4.0:
+            if in_view(plan, scene, standing(here), obj.id, gaze_of("body")) and np.linalg.norm(towards) < 4.0:
                 return here
     return scene.start
 

@@ -36,6 +36,7 @@ TABLES = {
 """Commands that print a table, and how each is asked for a small one; None: it takes minutes, motion capture or models,
 and tests beside its plugin hold what it prints."""
 NO_TABLE = {
+    "bench agent": "a line when it listens",
     "bench run": "its scores are those of `bench table`",
     "bench make": "the splits that it wrote, and what is in each",
     "bench verify": "a line",
@@ -49,6 +50,7 @@ NO_TABLE = {
     "habitat scenes": "a line a scene",
     "mcp": "the protocol",
     "new": "the folder",
+    "play": "a line, and the files",
     "report": "the file",
     "rerun": "the files",
     "run": "a line a step, as it is played",

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from humanclaw.body.limits import JOINT_LIMITS, centre_of_mass
 from humanclaw.body.pose import (
@@ -84,6 +83,8 @@ class Reach:
             usual[0] = start.root[0, 1]
             low[0], high[0] = usual[0] - 1e-6, usual[0] + 1e-6
         usual = np.clip(usual, low, high)
+
+        from scipy.optimize import least_squares  # Every command loads this module; few aim a hand.
 
         def cost(bend: Array) -> Array:
             return self._cost(_bent(start, bend), start, _EFFORT * (bend - usual))
