@@ -77,5 +77,7 @@ def joined(device: torch.device) -> Iterator[Processes]:
     dist.init_process_group("nccl" if device.type == "cuda" else "gloo")
     try:
         yield Processes(dist.get_rank(), dist.get_world_size())
+        # One that leaves while another still talks to it may end in an abort.
+        dist.barrier()
     finally:
         dist.destroy_process_group()
