@@ -42,6 +42,8 @@ class Kind:
     file: Path
     template: Template
     root: Path
+    others: tuple[str, ...] = ()
+    """Templates that the name fits too; as in Habitat, the first by path is taken."""
 
     def path(self, asset: str) -> Path:
         """Return the path of an asset. A primitive of Habitat has no file; its path is only its name.
@@ -203,7 +205,8 @@ class Dataset:
                 self.config.parent,
             )
         found, source, values = self._found(section, name)
-        return Kind(found, source.file, checked(Template, values, source.file), self._home(source.file))
+        others = tuple(self._fitting(section, name)[1:])
+        return Kind(found, source.file, checked(Template, values, source.file), self._home(source.file), others)
 
     def _home(self, file: Path) -> Path:
         """Return the folder that a template's models must stay in.
@@ -218,18 +221,25 @@ class Dataset:
         return self.config.parent
 
     def _found(self, section: str, name: str) -> tuple[str, _Source, dict[str, Any]]:
-        """Return name, source and attributes of a template. As in Habitat, a unique part of its name is enough.
+        """Return name, source and attributes of a template. As in Habitat, a part of its name is enough.
 
         Raises SceneError.
         """
-        known = self._templates[section]
-        base = _stem(Path(name))
-        found = [base] if base in known else [key for key in known if name and base in key]
-        if len(found) != 1:
-            many = f"matches {len(found)} {section}" if found else f"is not among the {len(known)} {section}"
-            raise SceneError(f"template {name!r} {many} of {self.config}.", "Check that the dataset is complete.")
+        known, found = self._templates[section], self._fitting(section, name)
+        if not found:
+            told = f"template {name!r} is not among the {len(known)} {section} of {self.config}."
+            raise SceneError(told, "Check that the dataset is complete.")
         source = known[found[0]]
         return found[0], source, self._section(section).get("default_attributes", {}) | source.values
+
+    def _fitting(self, section: str, name: str) -> list[str]:
+        """Return the template of a name; without one, those whose names contain it, sorted by path as Habitat sorts."""
+        known, base = self._templates[section], _stem(Path(name))
+        if base in known:
+            return [base]
+        return sorted(
+            (key for key in known if name and base in key), key=lambda key: (str(known[key].file.parent), key)
+        )
 
     def regions(self, name: str, scene: SceneInstance) -> tuple[Region, ...]:
         """Return the annotated rooms of a scene; empty if it has no annotation."""

@@ -52,9 +52,9 @@ from humanclaw_habitat.dataset import Kind
 from humanclaw_habitat.frames import axes, quarter, quaternion
 from humanclaw_habitat.gltf import readable
 from humanclaw_habitat.primitives import is_primitive, primitive
-from humanclaw_habitat.stage import floor_levels, pieces
+from humanclaw_habitat.stage import floor_levels, pieces, righted
 
-VERSION: Final = 3
+VERSION: Final = 4
 """Part of the cache key. Raise it when a change of the code makes another asset from the same files."""
 _LIMIT: Final = 1 << 32
 _SMALL: Final = 0.35
@@ -183,10 +183,9 @@ class Models:
 
     def _stage(self, kind: Kind) -> Scene:
         template = kind.template
-        parts = _scaled(self._parts(kind.path(template.render_asset), template), _size(template))
-        shell = None
+        parts, shell = self._shell(kind, template.render_asset), None
         if template.collision_asset:
-            shell = _scaled(self._parts(kind.path(template.collision_asset), template), _size(template))
+            shell = self._shell(kind, template.collision_asset)
         assets, objects = {}, []
         for number, piece in enumerate(pieces(parts, shell, template.is_collidable), 1):
             base = base_of(piece.mesh.vertices)
@@ -217,6 +216,9 @@ class Models:
         obj = _object(1, asset, base, quarter(-quarters), kind)
         middle = json.dumps(((low + high) / 2).tolist())
         return Scene(name, {name: asset}, (obj,), (), Pose2D(0, 0, 0), {"middle": middle})
+
+    def _shell(self, kind: Kind, asset: str) -> Sequence[Part]:
+        return righted(_scaled(self._parts(kind.path(asset), kind.template), _size(kind.template)))
 
     def _given(self, kind: Kind, scale: Array) -> list[NDArray[np.float32]]:
         """Return the pieces of a template's own collision model; pieces that are not convex are decomposed."""

@@ -19,7 +19,7 @@ from humanclaw.body import Array, Pose2D, matrix_from_quaternion
 from humanclaw.world import Asset, Room, SceneObject
 from humanclaw_habitat.attributes import Placing, SceneInstance, Template
 from humanclaw_habitat.categories import MOVABLE, category_of
-from humanclaw_habitat.dataset import Dataset
+from humanclaw_habitat.dataset import Dataset, Kind
 from humanclaw_habitat.frames import quaternion, rotation
 from humanclaw_habitat.models import VERSION, Models, Origin
 from humanclaw_habitat.reference import Reference
@@ -97,8 +97,12 @@ class _Assembly:
         self._try(f"stage {self.instance.stage_instance.template_name!r}", self._build)
         if self.instance.default_lighting:
             self.ignored.append(f"light setup {self.instance.default_lighting}: a scene is lit by the renderer")
+        slabs = self._slabs()
         regions = rooms(self.dataset.regions(self.name, self.instance), self.levels)
-        return self._finished(name, regions or floors(self._slabs(), [level for level, _ in self.levels]))
+        inside = [region for region in regions if _has_floor(region, slabs)]
+        empty = sorted({region.name for region in regions} - {region.name for region in inside})
+        self.ignored += [f"room {name!r}: no floor is under it" for name in empty]
+        return self._finished(name, inside or floors(slabs, [level for level, _ in self.levels]))
 
     def _try(self, what: str, place: Callable[[], None]) -> None:
         """Place an object. If that fails, raise the error, or with missing=skip note it and continue."""
@@ -110,8 +114,14 @@ class _Assembly:
                                  f"{error.remedy} {_REMEDY}".strip()) from error  # fmt: skip
             self.left_out.append(f"{what}: {error.message}")
 
+    def _known(self, kind: Kind, wanted: str) -> Kind:
+        """Return a template; note it if its name fits others too."""
+        if kind.others:
+            self.ignored.append(f"template {wanted!r} fits {kind.name}, which is taken, and {', '.join(kind.others)}")
+        return kind
+
     def _place(self, number: int, placing: Placing) -> None:
-        kind = self.dataset.furniture(placing.template_name)
+        kind = self._known(self.dataset.furniture(placing.template_name), placing.template_name)
         template = kind.template
         # Exports hold 0.9999998807907176 for a scale of 1. Rounded, equal scales share one asset.
         factors = np.array([template.scale, placing.non_uniform_scale]).prod(axis=0)
@@ -162,7 +172,8 @@ class _Assembly:
     def _build(self) -> None:
         if not self.instance.stage_instance.template_name:
             return
-        fragment = self.models.building(self.dataset.stage(self.instance.stage_instance.template_name))
+        wanted = self.instance.stage_instance.template_name
+        fragment = self.models.building(self._known(self.dataset.stage(wanted), wanted))
         self.levels = [(level, area) for level, area in json.loads(fragment.notes["levels"])]
         self.assets |= fragment.assets
         first = len(self.instance.object_instances) + len(self.instance.articulated_object_instances)
@@ -182,10 +193,10 @@ class _Assembly:
             raise SceneError(
                 f"nothing of the scene {self.name} could be loaded.", "Check that the dataset is complete."
             )
-        known = {room.floor for room in regions} or {level for level, _ in self.levels} or {0.0}
+        areas = dict(self.levels)
         floor = max(
-            (area, level) for level, area in [*self.levels, *((level, 0.0) for level in known)] if level in known
-        )[1]
+            {room.floor for room in regions} or areas or {0.0}, key=lambda level: (areas.get(level, 0.0), level)
+        )
         objects = tuple(replace(thing, room=_room_of(thing, regions)) for thing in self.objects)
         notes = {
             "dataset": self.dataset.name, "files": self._files(), "left_out": json.dumps(self.left_out),
@@ -216,6 +227,17 @@ def _placed(thing: SceneObject, turn: Array, place: Array) -> SceneObject:
     x, y, z = (np.round(turn @ np.array(thing.position) + place, 5) + 0.0).tolist()
     return replace(
         thing, position=(x, y, z), rotation=quaternion(turn @ matrix_from_quaternion(np.array(thing.rotation)))
+    )
+
+
+def _has_floor(room: Room, slabs: Sequence[Array]) -> bool:
+    """Tell whether a piece of floor, (K, 3) points, is at the room's height and overlaps its rectangle."""
+    low, high = np.array([room.x0, room.z0]), np.array([room.x1, room.z1])
+    return any(
+        abs(slab[:, 1].max() - room.floor) < 0.05
+        and (slab[:, [0, 2]].min(axis=0) < high).all()
+        and (slab[:, [0, 2]].max(axis=0) > low).all()
+        for slab in slabs
     )
 
 

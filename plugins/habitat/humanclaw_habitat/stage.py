@@ -79,14 +79,29 @@ def _roof(parts: Sequence[Part]) -> float:
 
 def _sorted(part: Part, roof: float) -> Iterator[tuple[str, Faces]]:
     """Yield the faces of a part by category: level faces that look up below the roof are floor, others ceiling."""
-    points = part.vertices[part.faces]
-    normal = np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])
-    up = normal[:, 1] / np.maximum(np.linalg.norm(normal, axis=1), 1e-12)
+    points, up = part.vertices[part.faces], _up(part)
     low = points[..., 1].min(axis=1) <= roof
     kinds = np.where(np.abs(up) < _LEVEL, "wall", np.where((up > 0) & low, "floor", "ceiling"))
     for name in ("floor", "ceiling", "wall"):
         if (kinds == name).any():
             yield name, part.faces[kinds == name]
+
+
+def _up(part: Part) -> Array:
+    """Return (M,) the vertical component of the unit normal of each face."""
+    points = part.vertices[part.faces]
+    normal = np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])
+    return np.asarray(normal[:, 1] / np.maximum(np.linalg.norm(normal, axis=1), 1e-12))
+
+
+def righted(parts: Sequence[Part]) -> Sequence[Part]:
+    """Turn over the level faces of a building without one that looks up: a single sheet has two sides."""
+    if any((_up(part) >= _LEVEL).any() for part in parts):
+        return parts
+    return [
+        replace(part, faces=np.where((_up(part) <= -_LEVEL)[:, None], part.faces[:, ::-1], part.faces))
+        for part in parts
+    ]
 
 
 def floor_levels(parts: Sequence[Part]) -> list[tuple[float, float]]:

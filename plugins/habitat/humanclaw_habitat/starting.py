@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Final
 
 import numpy as np
@@ -14,6 +15,8 @@ from humanclaw.world import CELL, OccupancyGrid
 
 _HEAD: Final = 1.9
 """Smallest height of a ceiling over its floor, metres."""
+_NEAR: Final = 0.05
+"""Largest distance of a floor from the height of its storey, metres."""
 _ROOF: Final = 4.0
 """A scene with this much free floor below ceilings is a building, with an outside; square metres."""
 
@@ -21,19 +24,22 @@ _ROOF: Final = 4.0
 def indoors(scene: Scene, plan: OccupancyGrid) -> NDArray[np.bool_]:
     """Return the cells where a body can start: free cells, in a building only those below its ceilings."""
     free = ~(plan.blocked | plan.movable)
-    roofed = free & _roofed(scene, plan)
+    free &= _covered(scene, plan, "floor", lambda low, high: low - _NEAR <= plan.floor <= high + _NEAR)
+    roofed = free & _covered(scene, plan, "ceiling", lambda low, _: low >= plan.floor + _HEAD)
     return np.asarray(roofed if roofed.sum() * CELL**2 >= _ROOF else free)
 
 
-def _roofed(scene: Scene, plan: OccupancyGrid) -> NDArray[np.bool_]:
-    """Return the cells of a floor that lie below a ceiling."""
-    over = np.zeros(plan.blocked.shape, bool)
+def _covered(
+    scene: Scene, plan: OccupancyGrid, category: str, fits: Callable[[float, float], bool]
+) -> NDArray[np.bool_]:
+    """Return the cells over or under pieces of a category. fits: takes a piece's lowest and highest point, metres."""
+    cells = np.zeros(plan.blocked.shape, bool)
     for thing in scene.objects:
-        for hull in scene.assets[thing.asset].hulls if thing.category == "ceiling" else ():
+        for hull in scene.assets[thing.asset].hulls if thing.category == category else ():
             points = hull + np.array(thing.position)
-            if points[:, 1].min() >= plan.floor + _HEAD:
-                _mark(over, points[:, [0, 2]], plan)
-    return over
+            if fits(float(points[:, 1].min()), float(points[:, 1].max())):
+                _mark(cells, points[:, [0, 2]], plan)
+    return cells
 
 
 def _mark(cells: NDArray[np.bool_], points: Array, plan: OccupancyGrid) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import trimesh
 from click.testing import CliRunner, Result
 from toy_dataset import box, model, walls, write
 
@@ -40,12 +41,29 @@ def test_a_building_that_bears_nobody_fails(mine: Path) -> None:
     assert "no floor" in result.output
 
 
-def test_a_start_on_nothing_fails(mine: Path) -> None:
-    # A room is annotated under a roof but without a floor: only the half from x = 4 has a floor.
+def test_the_start_is_where_an_annotated_room_really_has_a_floor(mine: Path) -> None:
     model(mine / "stages" / "toy.glb", box((6, -0.1, 0), (8, 0, 6)), *walls()[1:])
     result = check(mine)
-    assert result.exit_code == 1
-    assert "it moved by [0.0, -1.2" in result.output
+    assert "room 'living room': no floor is under it" in result.output
+    assert result.exit_code == 0, result.output
+
+
+def test_rooms_annotated_two_metres_below_the_building_leave_the_start_on_its_floor(mine: Path) -> None:
+    below = {"name": "cellar", "poly_loop": [[x, -2, z] for x, z in ((-9, -9), (9, -9), (9, 9), (-9, 9))],
+             "floor_height": -2.0, "extrusion_height": 4.0}  # fmt: skip
+    edit(mine / "semantics" / "scenes" / "toy1.semantic_config.json", region_annotations=[below])
+    result = check(mine)
+    assert "room 'cellar': no floor is under it" in result.output
+    assert result.exit_code == 0, result.output
+
+
+def test_a_stage_of_one_thin_sheet_is_a_floor_whichever_way_it_faces(mine: Path) -> None:
+    for turned in (False, True):
+        sheet = trimesh.Trimesh([(0, 0, 0), (8, 0, 0), (8, 0, 6), (0, 0, 6)], [(0, 2, 1), (0, 3, 2)])
+        sheet.invert() if turned else None
+        model(mine / "stages" / "toy.glb", sheet)
+        result = check(mine)
+        assert result.exit_code == 0, (turned, result.output)
 
 
 def test_a_start_in_something_fails(mine: Path) -> None:

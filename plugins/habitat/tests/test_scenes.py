@@ -531,6 +531,16 @@ def test_the_rest_is_loaded_if_asked_for_and_what_was_left_out_is_listed(mine: P
     assert "tv1.glb" in said
 
 
+def test_a_name_that_fits_two_templates_is_the_first_by_path_as_in_habitat_and_that_is_said(mine: Path) -> None:
+    edit(mine / "scenes" / "toy1.scene_instance.json", stage_instance={"template_name": "modified_stage"})
+    nest(mine, "stages", *({"original_file": "stages/toy.stage_config.json", "template_handle": f"modified_stage_{k}",
+                            "attributes": {"is_collidable": not k}} for k in (1, 0)))  # fmt: skip
+    scene = load(mine)
+    (said,) = json.loads(scene.notes["ignored"])
+    assert said == "template 'modified_stage' fits modified_stage_0, which is taken, and modified_stage_1"
+    assert all(scene.assets[thing.asset].hulls for thing in scene.objects if thing.category == "floor")
+
+
 def test_a_template_that_nobody_defines_is_named(mine: Path) -> None:
     (mine / "objects" / "t" / "tv1.object_config.json").unlink()
     fails(mine, "object 1 (tv1)", "is not among the 4 objects")
