@@ -163,11 +163,16 @@ def test_the_picture_of_the_architecture_is_that_of_the_code():
 
 
 PAPER = (ROOT / "docs" / "paper.md").read_text("utf-8")
+ITEMS = [
+    [cell.strip() for cell in line.strip("|").split("|")]
+    for line in (ROOT / "docs" / "paper-items.md").read_text("utf-8").splitlines()[6:]
+]
+"""section, item, state, code, what checks it"""
 SWITCHES = [
     command
-    for line in PAPER.splitlines()
-    if line.startswith("| ")
-    for command in re.findall(r"`(humanclaw [^`]+)`", line.rsplit("|", 2)[1])
+    for line in [*PAPER.splitlines(), *(item[-1] + " |" for item in ITEMS)]
+    if line.endswith("|")
+    for command in re.findall(r"`(humanclaw [^`]+)`", line.rsplit("|", 2)[-2])
 ]
 
 
@@ -175,7 +180,22 @@ def test_most_differences_from_the_paper_have_a_switch():
     assert len(SWITCHES) >= 10
 
 
-@pytest.mark.parametrize("switch", SWITCHES)
+def test_every_item_of_the_paper_has_a_place_in_the_code_and_a_check():
+    assert {state for _, _, state, _, _ in ITEMS} == {"as", "differs", "more", "open"}
+    for _, item, _, code, check in ITEMS:
+        places = [word for word in re.findall(r"`([^`]+)`", f"{code} {check}") if not word.startswith("humanclaw ")]
+        assert places, item
+        assert [place for place in places if not (ROOT / place).is_file()] == [], item
+
+
+def test_the_two_pages_of_the_paper_tell_of_differences_in_the_same_sections():
+    rows = re.findall(r"^\| ([\d., AB]+) \|", PAPER, re.MULTILINE)
+    told = {section for row in rows for section in row.split(", ")}
+    assert {section for section, _, state, _, _ in ITEMS if state in ("differs", "open")} <= told
+    assert told <= {section for section, *_ in ITEMS}
+
+
+@pytest.mark.parametrize("switch", sorted(set(SWITCHES)))
 def test_a_switch_that_brings_the_papers_way_exists(plugins, switch):
     """Its command is there, and its help knows the option and, of a choice, the value."""
     words = switch.split()[1:]

@@ -203,3 +203,20 @@ def test_the_papers_ablation_plays_ten_settings_and_stands_beside_the_paper(tmp_
     assert (settings["history-50"]["history"], settings["images-5"]["images"]) == (50, 5)
     assert (settings["baseline"]["history"], settings["baseline"]["images"]) == (10, 1)
     assert not settings["without-mid-level"]["mid_level"]
+
+
+def test_an_ablation_plays_the_settings_that_are_named_memory_among_them(tmp_path, monkeypatch):
+    monkeypatch.setenv("OPENAI_API_KEY", KEY)
+    monkeypatch.chdir(tmp_path)
+    (spec, *_) = load_split("smoke")
+    write_episodes(tmp_path / "one.jsonl", [spec.model_copy(update={"max_steps": 2})])
+    with OpenAIServer([call("walk", **STEP, note_to_self="the hall is empty")] * 12) as server:
+        chosen = ["--setting", "without verifier", "--setting", "memory notes", "--setting", "memory map"]
+        done = CliRunner().invoke(
+            build(Plugins.discover), ["bench", "ablate", "--split", "one.jsonl", *at(server), *chosen]
+        )
+        last = [json.dumps(request.body) for request in server.requests if request.tool_names != ["verdict"]]
+    assert done.exit_code == 0, done.output
+    assert [("the hall is empty" in body, "where you have been" in body) for body in last] == [
+        (False, False), (False, False), (False, False), (True, False), (False, False), (True, True),
+    ]  # fmt: skip

@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 
-from humanclaw import Backends, Body, HumanclawError, Plugins
+from humanclaw import Backends, Body, HumanclawError, Plugins, hookimpl
 from humanclaw.body import HISTORY, heading
-from humanclaw.testing import SceneBuilder
+from humanclaw.motion import DiTGenerator
+from humanclaw.testing import SceneBuilder, fake_scene
+from humanclaw.testing.fakes import FAKE, FakeGenerator, Fakes
 
 
 @pytest.fixture
@@ -45,3 +47,29 @@ def test_the_generated_history_keeps_the_models_poses_and_stands_where_the_body_
 def test_an_unknown_source_is_refused_with_the_known_ones():
     with pytest.raises(HumanclawError, match=r"no motion history 'mine'\. Choose from: generated, simulated"):
         Body(backends=Backends(motion_history="mine"))
+
+
+class Veering(FakeGenerator):
+    """Turns two degrees too far in every call."""
+
+    digest = DiTGenerator.shipped().digest
+
+    def generate(self, history, adapter, values, key):
+        return super().generate(history, adapter, values | {"yaw": values["yaw"] + np.radians(2)}, key)
+
+
+@pytest.mark.parametrize(("profile", "asked"), [("default", [30, 28, 28]), ("paper", [30, 30, 30])])
+def test_the_papers_profile_alone_leaves_heading_errors_as_they_are(profile, asked):
+    generator, plugins = Veering(), Plugins.discover()
+
+    class Mine:
+        @hookimpl
+        def humanclaw_motion_generators(self, register):
+            register("veering", lambda profile="default": generator)
+
+    plugins.add(Fakes(), FAKE)
+    plugins.add(Mine(), "mine")
+    with Body(fake_scene(), plugins=plugins, backends=Backends(FAKE, FAKE, "veering", profile)) as body:
+        for _ in asked:
+            body.call("turn_in_place", yaw_deg=30)
+    assert [np.degrees(values["yaw"]) - 2 for _, values in generator.asked] == pytest.approx(asked)

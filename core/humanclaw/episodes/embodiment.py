@@ -301,7 +301,8 @@ class Body:
             before = piece[-1:]
 
     def _generated(self, declared: Declaration | None, part: Control, key: tuple[int, ...]) -> Motion:
-        """Generate the motion of a control, and correct the heading error that earlier calls left."""
+        """Generate the motion of a control. But for the paper's profile, correct the heading error of earlier calls."""
+        declared = None if self.backends.profile == "paper" else declared
         values = part.values if declared is None else self._course.steer(declared, part.values)
         adapter = self._adapters_of(part.adapter).get(self.weights, part.adapter)
         motion = self._generator.generate(self._history, adapter, values, key)

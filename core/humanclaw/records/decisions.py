@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
-from typing import Any, ClassVar, TypeVar
+from typing import Annotated, Any, ClassVar, TypeVar
+
+from pydantic import Field
 
 from humanclaw.errors import CallError
 from humanclaw.skills.call import Call, check_call
@@ -63,6 +65,10 @@ class Decision:
     mid_level_change: str = ""
     """'keep' or 'revise'."""
     reasoning: str = ""
+    note_to_self: str = ""
+    """What the agent wants to read again in later steps; it replaces the note before it."""
+    expected_success: Annotated[float, Field(ge=0, le=1)] | None = None
+    """How likely the goal would count as reached if the episode ended now; None if the agent does not say."""
     raw: str = ""
     prompt_digest: str = ""
     usage: Usage = field(default_factory=Usage)

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from humanclaw.skills.plan import Control as Control, Keyframes as Keyframes, MotionError as MotionError
     from humanclaw.skills.posing import Part as Part, Plan as Plan, Posed as Posed, parts as parts, posed as posed
     from humanclaw.skills.publishing import (
+        OPTIONAL_FIELDS as OPTIONAL_FIELDS,
         REASONING_FIELDS as REASONING_FIELDS,
         THOUGHTS as THOUGHTS,
         Format as Format,

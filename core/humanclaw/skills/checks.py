@@ -18,7 +18,7 @@ from humanclaw.errors import ContractError, PluginError
 from humanclaw.skills.adapter_checks import ANY, Faults, Priors, Subject, misfits
 from humanclaw.skills.contract import OFFLINE, Skill, read_checks, refusals
 from humanclaw.skills.measures import MEASURES, Measure, Parameter, read_schema, si_unit
-from humanclaw.skills.publishing import REASONING_FIELDS, Format, parameter_schema, unpublishable
+from humanclaw.skills.publishing import OPTIONAL_FIELDS, REASONING_FIELDS, Format, parameter_schema, unpublishable
 
 CHECKS: Final[Mapping[str, str]] = {
     # Name and schema.
@@ -176,7 +176,7 @@ def _odd_properties(subject: Subject) -> Faults:
 
 def _unpublishable(subject: Subject) -> Faults:
     try:
-        clash = sorted(set(parameter_schema(subject.skill)) & set(REASONING_FIELDS))
+        clash = sorted(set(parameter_schema(subject.skill)) & {*REASONING_FIELDS, *OPTIONAL_FIELDS})
     except PluginError as error:
         yield ContractError("types", error.message, error.remedy)
         return

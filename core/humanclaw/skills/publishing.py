@@ -35,7 +35,21 @@ REASONING_FIELDS: Final[Mapping[str, Json]] = {
     "mid_level_goal": {"type": "string", "description": "The objective of the next few seconds."},
     "reasoning": {"type": "string", "description": "Why this skill with these parameters serves that objective now."},
 }
-"""Fields that a model fills before a skill's parameters; those of Reasoning."""
+"""Fields that a model fills before a skill's parameters."""
+OPTIONAL_FIELDS: Final[Mapping[str, Json]] = {
+    "expected_success": {
+        "type": "integer",
+        "minimum": 0,
+        "maximum": 100,
+        "description": "How likely the goal would count as reached if you ended the episode now, per cent.",
+    },
+    "note_to_self": {
+        "type": "string",
+        "description": "All that is worth keeping beyond the last steps. It replaces the note before it; empty keeps "
+        "that one.",
+    },
+}
+"""Fields that are asked for by name alone, after the others (paper, section 6: calibrated termination, memory)."""
 THOUGHTS: Final = "thoughts"
 """One text field instead of the reasoning fields, one line each, with the field's name first. With many tools it makes
 prompts much shorter."""
@@ -66,30 +80,33 @@ _GEMINI_WORDS: Final = frozenset(
 
 
 # -- publishing --------------------------------------------------------------------------------------------------------
-def reasoning_schema(mid_level: bool = True, described: bool = True) -> Json:
+def reasoning_schema(mid_level: bool = True, described: bool = True, optional: Sequence[str] = ()) -> Json:
     """Return the reasoning fields in order. mid_level=False leaves out the mid-level goal (an ablation of the paper).
 
-    described=False leaves out the descriptions of the fields, for prompts that give them once.
+    described=False leaves out the descriptions of the fields, for prompts that give them once. optional: names of
+    OPTIONAL_FIELDS to add.
     """
     kept = {key: part for key, part in REASONING_FIELDS.items() if mid_level or key not in _MID_LEVEL}
+    kept |= {key: part for key, part in OPTIONAL_FIELDS.items() if key in optional}
     return {key: {w: v for w, v in part.items() if described or w != "description"} for key, part in kept.items()}
 
 
 def tool_spec(
-    skill: Skill, mid_level: bool = True, reasoning: bool = True, described: bool = True, brief: bool = False
-) -> Json:
+    skill: Skill, mid_level: bool = True, reasoning: bool = True, described: bool = True, brief: bool = False,
+    optional: Sequence[str] = (),
+) -> Json:  # fmt: skip
     """Describe a skill as name, description and parameters: a JSON schema without $ref, anyOf, oneOf and allOf.
 
     brief: ask for the reasoning as one text, THOUGHTS. Raises PluginError if a parameter has the name of a reasoning
     field or several types.
     """
     properties = parameter_schema(skill)
-    clash = sorted(set(properties) & {*REASONING_FIELDS, THOUGHTS})
+    clash = sorted(set(properties) & {*REASONING_FIELDS, *OPTIONAL_FIELDS, THOUGHTS})
     if clash:
         raise PluginError(
             f"skill {skill.name!r} has a parameter {clash[0]!r}, the name of a reasoning field.", "Rename it."
         )
-    fields = {THOUGHTS: {"type": "string"}} if brief else reasoning_schema(mid_level, described)
+    fields = {THOUGHTS: {"type": "string"}} if brief else reasoning_schema(mid_level, described, optional)
     said = fields if reasoning else {}
     parameters: Json = {
         "type": "object",
@@ -107,6 +124,7 @@ def publish(
     reasoning: bool = True,
     described: bool = True,
     brief: bool = False,
+    optional: Sequence[str] = (),
 ) -> list[Json]:
     """Return the tool list in a provider's format. Raises ValueError for an unknown format.
 
@@ -115,7 +133,8 @@ def publish(
     if format not in get_args(Format):
         raise ValueError(f"format must be one of {', '.join(get_args(Format))}; got {format!r}")
     told = tellable(skills, format)
-    return in_format([tool_spec(skill, mid_level, reasoning, described, brief) for skill in told], format)
+    specs = [tool_spec(skill, mid_level, reasoning, described, brief, optional) for skill in told]
+    return in_format(specs, format)
 
 
 def unpublishable(skill: Skill, format: Format) -> PluginError | None:  # noqa: A002
@@ -166,9 +185,10 @@ def openai_tools(
     mid_level: bool = True,
     described: bool = True,
     brief: bool = False,
+    optional: Sequence[str] = (),
 ) -> list[Json]:
     """Return the tool list for OpenAI's chat completions, which most servers and clients accept."""
-    return publish(skills, "openai", mid_level, reasoning, described, brief)
+    return publish(skills, "openai", mid_level, reasoning, described, brief, optional)
 
 
 def in_format(specs: Sequence[Json], form: Format) -> list[Json]:
@@ -181,7 +201,9 @@ def in_format(specs: Sequence[Json], form: Format) -> list[Json]:
     return [{"name": spec["name"], "description": spec["description"], key: spec["parameters"]} for spec in specs]
 
 
-def answer_schema(skills: Iterable[Skill], mid_level: bool = True, described: bool = True) -> Json:
+def answer_schema(
+    skills: Iterable[Skill], mid_level: bool = True, described: bool = True, optional: Sequence[str] = ()
+) -> Json:
     """Return one object that holds the reasoning fields, the skill's name and its parameters: for models without tool
     calling.
 
@@ -189,7 +211,7 @@ def answer_schema(skills: Iterable[Skill], mid_level: bool = True, described: bo
     alternatives.
     """
     pool = list(skills)
-    said = reasoning_schema(mid_level, described)
+    said = reasoning_schema(mid_level, described, optional)
     properties = {**said, **call_schema(pool)}
     return {"type": "object", "properties": properties, "required": list(properties), "additionalProperties": False}
 

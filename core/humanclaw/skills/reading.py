@@ -14,11 +14,13 @@ from typing import Any, Final
 
 from humanclaw.errors import CallError
 from humanclaw.skills.call import Call
-from humanclaw.skills.publishing import REASONING_FIELDS, THOUGHTS, Json
+from humanclaw.skills.publishing import OPTIONAL_FIELDS, REASONING_FIELDS, THOUGHTS, Json
 from humanclaw.text.json import DEEPEST, LARGEST, once
 from humanclaw.text.words import LONGEST
 
-_FIELD: Final = re.compile(rf"[\W\d]*({'|'.join(REASONING_FIELDS)})\W*?:\W*(.*)", re.IGNORECASE)
+_FIELDS: Final = (*REASONING_FIELDS, *OPTIONAL_FIELDS)
+_FIELD: Final = re.compile(rf"[\W\d]*({'|'.join(_FIELDS)})\W*?:\W*(.*)", re.IGNORECASE)
+_PER_CENT: Final = re.compile(r"(\d{1,3})\s*(%|per ?cent)?\.?", re.IGNORECASE)
 _TRIES: Final = 200
 """Maximum opening braces that open no object: each costs time in proportion to the text after it."""
 _BARE: Final = re.compile(r"\s*(?:```\w*)?\s*(\{.*\})\s*(?:```)?\s*", re.DOTALL)
@@ -34,6 +36,9 @@ class Reasoning:
     mid_level_change: str = ""
     mid_level_goal: str = ""
     reasoning: str = ""
+    note_to_self: str = ""
+    expected_success: float | None = None
+    """From 0 to 1; None if it was not told, or not as a whole per cent."""
 
 
 # -- reading -----------------------------------------------------------------------------------------------------------
@@ -47,10 +52,11 @@ def read_call(name: str, arguments: str | Mapping[str, Any]) -> tuple[Reasoning,
     if fault := _fault(values):
         raise CallError(f"{name} was not executed: {fault}.")
     thoughts = _thoughts(_text(values.pop(THOUGHTS, "")))
-    said = thoughts | {key: _text(values.pop(key)) for key in REASONING_FIELDS if key in values}
+    said = thoughts | {key: _text(values.pop(key)) for key in _FIELDS if key in values}
     change = said.get("mid_level_change", "").strip().lower()
     said["mid_level_change"] = change if change in REASONING_FIELDS["mid_level_change"]["enum"] else ""
-    return Reasoning(**said), Call(name, values)
+    expected = _share(said.pop("expected_success", ""))
+    return Reasoning(**said, expected_success=expected), Call(name, values)
 
 
 def read_answer(answer: Mapping[str, Any]) -> tuple[Reasoning, Call]:
@@ -66,7 +72,7 @@ def read_answer(answer: Mapping[str, Any]) -> tuple[Reasoning, Call]:
     given = _parse(inner, name) if isinstance(inner, str) else inner
     if not isinstance(given, Mapping):
         raise CallError(f"{name} was not executed: 'parameters' must be an object; got {given!r}.")
-    if twice := [key for key in given if key in rest and key not in REASONING_FIELDS and given[key] != rest[key]]:
+    if twice := [key for key in given if key in rest and key not in _FIELDS and given[key] != rest[key]]:
         raise CallError(f"{name} was not executed: {twice[0][:64]!r} is given twice; give it once.")
     return read_call(name, {key: value for key, value in {**rest, **given}.items() if value is not None})
 
@@ -176,6 +182,12 @@ def _thoughts(text: str) -> dict[str, str]:
         field, words = (named[1].lower(), named[2]) if named else (field, line)
         found[field] = f"{found.get(field, '')} {words}".strip()
     return found
+
+
+def _share(text: str) -> float | None:
+    """Read a whole per cent as a share; None for anything else."""
+    found = _PER_CENT.fullmatch(text.strip())
+    return int(found[1]) / 100 if found and int(found[1]) <= 100 else None
 
 
 def _text(value: Any) -> str:

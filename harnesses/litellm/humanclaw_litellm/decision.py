@@ -45,11 +45,10 @@ class ModelAgent:
     def begin(self, context: EpisodeContext) -> None:
         """Begin an episode. Raises ModelError if the model cannot be reached or if there is no skill to call."""
         self._negotiator.begin(context.meter)
-        skills = usable(context)
-        mid_level = self._settings.mid_level
+        skills, settings = usable(context), self._settings
         # The prompt explains the fields, so the schemas need not.
-        tools = openai_tools(skills, mid_level=mid_level, described=False, brief=self._settings.brief)
-        form = Form(tuple(tools), answer_schema(skills, mid_level, described=False))
+        asked: Json = {"mid_level": settings.mid_level, "described": False, "optional": settings.optional}
+        form = Form(tuple(openai_tools(skills, brief=settings.brief, **asked)), answer_schema(skills, **asked))
         self._episode, self._note = _Episode(context, skills, form), ""
 
     def decide(self, observation: Observation, history: Sequence[HistoryEntry]) -> Decision:

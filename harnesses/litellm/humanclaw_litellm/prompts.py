@@ -20,9 +20,10 @@ from numpy.typing import NDArray
 from humanclaw import Call, Check, EpisodeContext, HistoryEntry, Motion, Observation, Skill
 from humanclaw.body import N_JOINTS, STANDING_HEIGHT
 from humanclaw.records import REACHED
-from humanclaw.skills import Role, bounds, from_si, parameter_schema, suited
+from humanclaw.skills import OPTIONAL_FIELDS, Role, bounds, from_si, parameter_schema, suited
 from humanclaw.storage import jpeg
 from humanclaw.world import Gaze, ego_camera
+from humanclaw_litellm.memory import last_note, sketch
 from humanclaw_litellm.settings import Settings
 
 Json = dict[str, Any]
@@ -137,6 +138,7 @@ def system_prompt(context: EpisodeContext, skills: Sequence[Skill], settings: Se
         schema=_dump(schema),
         brief=settings.brief and schema is None,
         guide=settings.guide,
+        optional={key: OPTIONAL_FIELDS[key]["description"] for key in settings.optional},
         reached=REACHED,
         circle=circle(skills),
         sitting=sitting(skills),
@@ -170,6 +172,8 @@ def step_content(
         "note": note,
         "feedback": "" if told and told[-1].feedback == observation.feedback else observation.feedback,
         "goal": told[-1].decision.mid_level_goal if told and settings.mid_level else "",
+        "kept": last_note(history) if settings.memory else "",
+        "places": sketch(history, context.skills) if settings.memory == "map" else (),
     }
     shown = [picture(observation.rgb, settings.detail)] if settings.images else []
     return [*content, _text(_fill("step.jinja", **situation)), *shown]

@@ -92,6 +92,11 @@ class Settings(BaseModel):
     reached, how many turns make a circle, and one worked example."""
     brief: bool = True
     """Whether a tool takes the reasoning as one text of named lines instead of five fields."""
+    memory: Literal["", "notes", "map"] = ""
+    """What the prompt holds beyond the past steps: nothing, a note that the model writes and replaces, or that and a
+    sketch map of its own motion and words."""
+    expected_success: bool = False
+    """Whether each answer says how likely the goal would count as reached if the episode ended now."""
     detail: Literal["", "low", "high", "auto"] = ""
     """Resolution at which the provider reads a picture, if it supports the parameter; empty for its default."""
     temperature: Annotated[float, Field(ge=0)] | None = None
@@ -142,6 +147,11 @@ class Settings(BaseModel):
             shared.pop("api_base", None)
             shared.pop("auth_env", None)
         return cls.of({**VERIFIER, **shared, **own})
+
+    @property
+    def optional(self) -> tuple[str, ...]:
+        """Names of the OPTIONAL_FIELDS of an answer."""
+        return ("expected_success",) * self.expected_success + ("note_to_self",) * bool(self.memory)
 
     @property
     def marks_cache(self) -> bool:

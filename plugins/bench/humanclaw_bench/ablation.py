@@ -55,12 +55,20 @@ MODEL_SETTINGS: Final[Mapping[str, Mapping[str, Any]]] = {
     "without mid-level": {"mid_level": False},
 }
 """The rows of the paper's table by name: what differs from `--profile paper`."""
+FURTHER_SETTINGS: Final[Mapping[str, Mapping[str, Any]]] = {
+    "memory notes": {"memory": "notes"},
+    "memory map": {"memory": "map"},
+}
+"""Rows that the paper does not have; they are played if named."""
 
 
-def model_jobs(options: Mapping[str, Any], limits: Mapping[str, float]) -> dict[str, Job]:
-    """Return the job of each row of the paper's table. options: of agent and verifier, the model included."""
-    found = {}
-    for name, changed in MODEL_SETTINGS.items():
+def model_jobs(
+    options: Mapping[str, Any], limits: Mapping[str, float], names: Sequence[str] = tuple(MODEL_SETTINGS)
+) -> dict[str, Job]:
+    """Return the jobs of these rows. options: of agent and verifier, the model included."""
+    found, known = {}, {**MODEL_SETTINGS, **FURTHER_SETTINGS}
+    for name in names:
+        changed = known[name]
         given = {"profile": "paper", **options, **changed}
         verifier = given.pop("verifier", "litellm")
         found[name] = Job("litellm", given, verifier, Backends(profile="paper"), limits)

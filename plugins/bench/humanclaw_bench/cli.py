@@ -87,6 +87,7 @@ def bench() -> None:
 for _name, _target, _told in (
     ("ablate", "evidence:ablate", "Run the paper's ablation with a scripted bounded agent."),
     ("repair", "evidence:repair_command", "Check root causes with failures of known origin."),
+    ("difficulty", "distribution:difficulty_command", "Show how difficult the episodes of a split are."),
     ("power", "power:power_command", "Simulate which difference between two runs a split can show."),
 ):
     bench.add_command(LazyCommand(_name, f"humanclaw_bench.{_target}", _told))

@@ -12,14 +12,20 @@ THRESHOLDS: Final = {"distance": (3.5, 8.0), "choice": (2.0, 5.0), "obstacle": (
 """Largest value that is easy, and largest value that is medium."""
 
 
+def scores_of(difficulty: Difficulty) -> dict[str, float]:
+    """Return the value of each dimension: metres, turns and rooms, obstacles."""
+    choice = difficulty.turns + difficulty.rooms
+    return {"distance": difficulty.distance, "choice": choice, "obstacle": difficulty.obstacles}
+
+
+def tier_of(dimension: str, value: float) -> Tier:
+    """Return the tier of a value of a dimension."""
+    return TIERS[sum(value > bound for bound in THRESHOLDS[dimension])]
+
+
 def tiers(difficulty: Difficulty) -> dict[str, Tier]:
     """Return the tier of each dimension: distance, choice and obstacle."""
-    values = {
-        "distance": difficulty.distance,
-        "choice": difficulty.turns + difficulty.rooms,
-        "obstacle": difficulty.obstacles,
-    }
-    return {name: TIERS[sum(values[name] > bound for bound in bounds)] for name, bounds in THRESHOLDS.items()}
+    return {name: tier_of(name, value) for name, value in scores_of(difficulty).items()}
 
 
 def overall(difficulty: Difficulty) -> Tier:

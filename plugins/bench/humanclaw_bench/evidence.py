@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from itertools import count
 from pathlib import Path
-from typing import Any
 
 import click
 from rich.console import Console
@@ -47,22 +46,30 @@ _JSON = click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 @click.option("--model", default="", help="Any litellm model. The default is a scripted bounded agent.")
 @click.option("--option", "pairs", multiple=True, metavar="KEY=VALUE", help="Option of the model. Repeatable.")
 @click.option("--limit", "limits", multiple=True, metavar="SCOPE.UNIT=N", help="Limit as in `bench run`. Repeatable.")
+@click.option(
+    "--setting",
+    "settings",
+    multiple=True,
+    type=click.Choice([*ablation.MODEL_SETTINGS, *ablation.FURTHER_SETTINGS]),
+    help="Setting of the model. Repeatable; the default is the paper's ten.",
+)
 @click.option("--yes", is_flag=True, help="Do not ask for confirmation after the estimate of time and cost.")
 def ablate(
     name: str, workers: int, out: Path, as_json: bool, model: str, pairs: Sequence[str], limits: Sequence[str],
-    yes: bool,
+    settings: Sequence[str], yes: bool,
 ) -> None:  # fmt: skip
     """Run the paper's ablation, or continue it.
 
-    With --model, plays the ten settings of the paper's table and prints its columns. Otherwise a scripted bounded agent
+    With --model, plays the settings of the paper's table and prints its columns. Otherwise a scripted bounded agent
     plays five settings, and the table shows whether they reproduce the paper's four directions.
     """
     specs = load_split(name)
     if model:
-        _ablate_model(specs, {"model": model, **parse_pairs(pairs)}, parse_limits(limits), out, workers, as_json, yes)
+        given, chosen = {"model": model, **parse_pairs(pairs)}, settings or tuple(ablation.MODEL_SETTINGS)
+        _ablate_model(specs, ablation.model_jobs(given, parse_limits(limits), chosen), out, workers, as_json, yes)
         return
-    if pairs or limits:
-        raise click.UsageError("--option and --limit belong to a model: add --model NAME.")
+    if pairs or limits or settings:
+        raise click.UsageError("--option, --limit and --setting belong to a model: add --model NAME.")
     scores = {}
     for setting in ablation.SETTINGS:
         click.echo(setting.name, err=True)
@@ -74,11 +81,10 @@ def ablate(
 
 
 def _ablate_model(
-    specs: Sequence[EpisodeSpec], options: Mapping[str, Any], limits: Mapping[str, float], out: Path, workers: int,
-    as_json: bool, yes: bool,
-) -> None:  # fmt: skip
+    specs: Sequence[EpisodeSpec], jobs: Mapping[str, Job], out: Path, workers: int, as_json: bool, yes: bool
+) -> None:
     """Play the settings one after another; the estimate of the first one covers all."""
-    results, jobs = [], ablation.model_jobs(options, limits)
+    results = []
     for number, (setting, job) in enumerate(jobs.items()):
         click.echo(setting, err=True)
         left = (len(jobs) - number - 1) * len(specs)

@@ -97,9 +97,10 @@ OWN: Final = (
     _mean("disturbed", lambda s: s.disturbed, 2),
     Metric("path (m)", "lower", lambda s: (s.disturbed_path, s.disturbed), digits=2),
     _mean("rigid jerk", lambda s: s.rigid_jerk),
+    _mean("Brier", lambda s: s.brier, 3),
 )  # fmt: skip
-"""Figures of the paper's text (landing rate: NavSR over FindSR; turn reversals), and other readings of GeoNavSR, Coll.,
-#Dtb, dDtb and Jerk."""
+"""Figures of the paper's text (landing rate: NavSR over FindSR; turn reversals), other readings of GeoNavSR, Coll.,
+#Dtb, dDtb and Jerk, and the Brier score of the success that the agent expected."""
 ALL: Final = tuple(dict.fromkeys((*MAIN, *VARIANTS, *BODY, *OWN)))
 
 

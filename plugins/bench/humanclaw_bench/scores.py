@@ -220,6 +220,8 @@ class Scores:
     spl: float = float("nan")
     soft_spl: float = float("nan")
     """As path_weighted() returns them: NavSR, and the covered share of the distance; NaN without a geodesic."""
+    brier: float = float("nan")
+    """As brier() returns it."""
     limit: str = ""
     """Scope of the limit that ended the episode; empty if none did."""
     error: str = ""
@@ -280,7 +282,7 @@ def score(recorded: RecordedEpisode, extra: Extra | None = None) -> Scores:
     moved, motion = _from_motion(recorded)
     since = disturbed(recorded, moved)
     displaced = displacements(since, moved)
-    usages = [step.usage for step in steps]
+    usages, met = [step.usage for step in steps], _successes(recorded)
     return Scores(
         episode=spec.id,
         agent=record.agent,
@@ -289,7 +291,8 @@ def score(recorded: RecordedEpisode, extra: Extra | None = None) -> Scores:
         scene_digest=record.scene_digest,
         category=spec.target_category,
         outcome=record.outcome,
-        **_successes(recorded),
+        **met,
+        brier=brier(recorded, met["nav"] if met["interact"] is None else met["interact"]),
         false_claims=_false_claims(recorded),
         distance=end_distance(recorded),
         collisions=collisions(recorded),
@@ -351,6 +354,17 @@ def path_weighted(recorded: RecordedEpisode) -> tuple[float, float]:
     left = 0.0 if reached(recorded) else way_left(recorded)
     made = max(0.0, 1 - left / way) if way else float(left == 0)
     return float(stopped_within_reach(steps)) * weight, made * weight
+
+
+def brier(recorded: RecordedEpisode, success: bool | None) -> float:
+    """Return the squared error of the success that the agent expected when it stopped (Brier score).
+
+    NaN without an active stop, an expectation or a scored task.
+    """
+    if recorded.record.outcome != "stopped" or success is None:
+        return float("nan")
+    expected = recorded.steps[-1].decision.expected_success
+    return float("nan") if expected is None else (expected - success) ** 2
 
 
 def _ways(step: StepRecord) -> list[float]:

@@ -134,8 +134,8 @@ def body_table(results: Sequence[Result], *, paper: bool = True, seed: int = 0) 
 
 
 def own_table(results: Sequence[Result], *, seed: int = 0) -> ResultTable:
-    """Return landing rate and turn reversals (paper, section 5.2), and other readings of five metrics."""
-    title = "Landing, reversals, and other readings of GeoNavSR, Coll., #Dtb, dDtb and Jerk"
+    """Return landing rate and turn reversals (paper, section 5.2), other readings of five metrics, and calibration."""
+    title = "Landing, reversals, other readings of GeoNavSR, Coll., #Dtb, dDtb and Jerk, and calibration"
     return _result_table(title, OWN, results, {}, seed)
 
 

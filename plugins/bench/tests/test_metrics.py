@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from rollouts import BOOK, COUCH, COUCH_BOX, LAMP, TABLE, VASE, rollout, step, touch
 
-from humanclaw import Chunk, Decision, Motion, RecordError, Verdict
+from humanclaw import Call, Chunk, Decision, Motion, RecordError, StepRecord, Verdict
 from humanclaw.body import FPS, HISTORY, JOINTS, OFFSETS, PARENTS, Pose2D, pelvis_jerk, rest_pose, root_jerk
 from humanclaw.records import Answer, Attempt, PlayedPart, Usage, acknowledges
 from humanclaw.testing import contacts, touches
@@ -491,6 +491,23 @@ def test_a_motion_file_that_is_broken_is_named(tmp_path: Path, content: bytes) -
     (recorded.folder / "motion.npz").write_bytes(content)
     with pytest.raises(RecordError, match=r"motion\.npz cannot be read"):
         score(recorded)
+
+
+# -- calibration -------------------------------------------------------------------------------------------------------
+def stopping(expected: float | None, **more: object) -> StepRecord:
+    return step("stop", attempts=(Attempt(Decision((Call("stop"),), expected_success=expected)),), **more)
+
+
+def test_brier_is_the_squared_error_of_the_success_expected_before_a_stop(tmp_path: Path) -> None:
+    def scored(name: str, last: StepRecord, **more: object) -> Scores:
+        return score(rollout(tmp_path, [last], name=name, interact=False, **more))
+
+    told = [scored("a", stopping(0.8, away=0.1)), scored("b", stopping(0.9, away=4.0)), scored("c", stopping(0.2))]
+    assert [one.nav for one in told] == [True, False, False]
+    assert [one.brier for one in told] == pytest.approx([0.04, 0.81, 0.04])
+    silent = [scored("d", stopping(None)), scored("e", stopping(0.9), outcome="out_of_steps")]
+    assert estimate(METRIC["Brier"], [*told, *silent]).value == pytest.approx(0.89 / 3)
+    assert np.isnan(estimate(METRIC["Brier"], silent).value)
 
 
 # -- comparing ---------------------------------------------------------------------------------------------------------

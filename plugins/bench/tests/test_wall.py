@@ -2,6 +2,7 @@
 
 import json
 import threading
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from PIL import Image
 from test_runner import TOY, Here, digests, rewrite
 
 from humanclaw import Plugins, RecordedEpisode, load_run
+from humanclaw.world import GAZES
 from humanclaw_bench.cli import bench
 from humanclaw_bench.executors import LocalExecutor
 from humanclaw_bench.integrity import Journal
@@ -39,11 +41,12 @@ def humanclaw_agents(register): register("own", Mine)
 def play(tmp_path):
     """Run toy episodes with an agent whose class is written here; returns the status and the folder."""
 
-    def run(written, count=1, name="run", in_process=False, limits=None, agent_url="", workers=0, **options):
+    def run(written, count=1, name="run", in_process=False, limits=None, agent_url="", workers=0,
+            backends=TOY, **options):  # fmt: skip
         file = tmp_path / "own.py"
         file.write_text(HEAD + written)
         files = (toy_world.FILE,) if agent_url else (toy_world.FILE, str(file))
-        job = Job(agent_url or "own", options, backends=TOY, limits=limits or {}, files=files,
+        job = Job(agent_url or "own", options, backends=backends, limits=limits or {}, files=files,
                   in_process=in_process, agent_url=agent_url)  # fmt: skip
         plugins = Plugins.discover([Path(one) for one in files])
         folder = tmp_path / name
@@ -88,6 +91,17 @@ def test_in_one_process_it_would_find_it_so_that_is_told_in_every_table(play):
 def test_a_table_says_nothing_of_it_where_the_wall_stood(play):
     _, folder = play(PLAIN)
     assert "own process" not in CliRunner().invoke(bench, ["table", str(folder), "--format", "markdown"]).output
+
+
+def test_an_agent_is_told_where_the_eyes_look(play):
+    """A model's prompt describes its view by it."""
+    watcher = """
+class Mine(Agent):
+    def decide(self, observation, history):
+        return Decision((Call("stop"),), visible_state=str(self.context.gaze))
+"""
+    _, folder = play(watcher, backends=replace(TOY, gaze="far"))
+    assert said(folder) == str(GAZES["far"])
 
 
 def test_an_agent_that_patches_the_episode_patches_its_own_copy(play):

@@ -15,6 +15,7 @@ from humanclaw.plugins import RecalledEntry
 from humanclaw.records import Feedback
 from humanclaw.skills import Plan
 from humanclaw.storage import from_jpeg, jpeg
+from humanclaw.world import Gaze
 
 PROTOCOL: Final = "1"
 """Version of the protocol. A request with another one is refused."""
@@ -65,6 +66,7 @@ def task(context: EpisodeContext) -> Json:
         "seed": context.seed,
         "tools": [tool(skill) for skill in context.skills.values() if skill.trained],
         "limits": dict(meter.limits) if meter else {},
+        "gaze": to_json(context.gaze),
     }
 
 
@@ -79,7 +81,7 @@ def context_of(told: Mapping[str, Any], meter: Meter) -> EpisodeContext:
     known = {name: told[name] for name in ("instruction", "target_category", "interact", "max_steps")}
     spec = EpisodeSpec(id="episode", scene="", **known)
     skills = {one["name"]: _skill(one) for one in told["tools"]}
-    return EpisodeContext(spec, skills, int(told["seed"]), meter=meter)
+    return EpisodeContext(spec, skills, int(told["seed"]), meter=meter, gaze=from_json(Gaze, told["gaze"]))
 
 
 def _skill(told: Mapping[str, Any]) -> Skill:
