@@ -17,6 +17,7 @@ if TYPE_CHECKING:
         plugin_options as plugin_options,
     )
     from humanclaw.cli.tables import show_markdown as show_markdown
+    from humanclaw.cli.terminal import Console as Console
     from humanclaw.text.words import counted as counted, legible as legible
 
 if not TYPE_CHECKING:

@@ -9,11 +9,11 @@ from dataclasses import asdict
 from typing import Any, Final
 
 import click
-from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from humanclaw.cli.options import SIMULATOR_HELP
 from humanclaw.cli.tables import show_markdown
+from humanclaw.cli.terminal import Console
 from humanclaw.world.half_physics.profile import PROFILES
 
 _CHECKS: Final = (

@@ -12,11 +12,11 @@ from itertools import chain, count
 from pathlib import Path
 
 import click
-from rich.console import Console
 from rich.status import Status
 
 from humanclaw.cli.options import INTERRUPTED, Deciders
 from humanclaw.cli.progress import StepProgress, summary
+from humanclaw.cli.terminal import Console
 from humanclaw.episodes.backends import SIMULATORS, Backends
 from humanclaw.episodes.embodiment import Body
 from humanclaw.episodes.loop import run_episode

@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Any, Final, Literal
 
 import click
-from rich.console import Console
 
 from humanclaw.cli.options import engine_options, plugin_options
 from humanclaw.cli.play import claim, end, left_empty, new_folder, present
+from humanclaw.cli.terminal import Console
 from humanclaw.episodes.backends import Backends
 from humanclaw.episodes.embodiment import Body
 from humanclaw.episodes.episode import Episode
