@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from rich.text import Text
 
-from humanclaw.cli.options import INTERRUPTED, Deciders, decider_options, plugin_options
+from humanclaw.cli.options import INTERRUPTED, Deciders, decider_options, plugin_options, scene_option
 from humanclaw.cli.terminal import Console, guarded
 from humanclaw.errors import HumanclawError, PluginError
 from humanclaw.plugins.distributions import bringing, install, table
@@ -134,7 +134,7 @@ class LazyCommand(click.Command):
 
 @click.command()
 @click.option("--instruction", default="find a couch and sit on it", show_default=True, help="What the body is to do.")
-@click.option("--scene", "reference", default="house:0", show_default=True, help="Where: source:argument.")
+@scene_option(default="house:0")
 @decider_options
 @click.option("--max-steps", type=click.IntRange(1, 10_000), default=100, show_default=True, help="Decisions at most.")
 @click.option("--seed", type=int, default=0, show_default=True, help="All randomness derives from it.")
