@@ -109,6 +109,16 @@ def test_what_the_user_can_mend_is_one_sentence_and_a_remedy(cli, args, message,
     assert len(done.stderr.strip().splitlines()) <= 2
 
 
+@pytest.mark.parametrize("out", ["bench", "bench/more"])
+def test_no_record_is_added_to_the_run_of_a_benchmark(cli, tmp_path, out):
+    (tmp_path / "bench").mkdir()
+    (tmp_path / "bench/run.json").write_text("{}")
+    done = cli("run", "--agent", "still", "--out", out, "--film", "none")
+    assert done.returncode == 2
+    assert "would change its numbers. Name another folder" in " ".join(done.stderr.split())
+    assert [path.name for path in tmp_path.rglob("*")] == ["bench", "run.json"]
+
+
 def test_an_unwritable_output_folder_is_said_before_the_run(cli, tmp_path):
     (tmp_path / "file").write_text("in the way")
     done = cli("run", "--agent", "still", "--out", "file/run", "--film", "none")

@@ -124,7 +124,14 @@ def left_empty(folder: Path) -> Iterator[None]:
 
 
 def claim(folder: Path) -> None:
-    """Make the folder of the record. Raises RecordError if it exists: of two processes only one may use it."""
+    """Make the folder of the record.
+
+    Raises RecordError if it exists, since of two processes only one may use it, or if it would lie in the run of many
+    episodes, whose numbers it would change.
+    """
+    if run := next((above for above in folder.absolute().parents if (above / "run.json").exists()), None):
+        told = f"{run} holds a benchmark's run, and one more record would change its numbers."
+        raise RecordError(told, "Name another folder with --out.")
     try:
         with writing(folder):
             folder.mkdir(parents=True)
