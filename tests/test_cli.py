@@ -92,6 +92,9 @@ def test_the_ten_line_skill_can_be_called(cli, tmp_path):
         (["run", "--model", "openai/gpt-5"], "needs a key and OPENAI_API_KEY is not set", "Set OPENAI_API_KEY"),
         (["run", "--model", "nonsense"], "no provider is known for model 'nonsense'", "Write provider/name"),
         (["run", "--option", "api_key=1"], "looks like a secret", "environment"),
+        (["run", "--scene", "hssd:https://me:hunter2@example.org/x"], "--scene holds", "environment"),
+        (["play", "walk", "--scene", "hssd:x?token=hunter2"], "--scene holds", "environment"),
+        (["mcp", "--scene", "house:0", "--scene", "hssd:https://hunter2@example.org"], "--scene holds", "environment"),
         (["run", "--plugin", "none.py"], "there is no plugin file none.py", "path of a Python file"),
         (["report", "nowhere"], "there is no episode record in nowhere", "humanclaw bench run"),
     ],
@@ -102,7 +105,18 @@ def test_what_the_user_can_mend_is_one_sentence_and_a_remedy(cli, args, message,
     assert message in done.stderr
     assert remedy in done.stderr
     assert "Traceback" not in done.stderr
+    assert "hunter2" not in done.stdout + done.stderr
     assert len(done.stderr.strip().splitlines()) <= 2
+
+
+@pytest.mark.parametrize("out", ["bench", "bench/more"])
+def test_no_record_is_added_to_the_run_of_a_benchmark(cli, tmp_path, out):
+    (tmp_path / "bench").mkdir()
+    (tmp_path / "bench/run.json").write_text("{}")
+    done = cli("run", "--agent", "still", "--out", out, "--film", "none")
+    assert done.returncode == 2
+    assert "would change its numbers. Name another folder" in " ".join(done.stderr.split())
+    assert [path.name for path in tmp_path.rglob("*")] == ["bench", "run.json"]
 
 
 def test_an_unwritable_output_folder_is_said_before_the_run(cli, tmp_path):

@@ -1,5 +1,6 @@
 """`humanclaw new` writes packages that work as they stand. test_distributions.py compares ours with them."""
 
+import ast
 import importlib
 import os
 import re
@@ -13,8 +14,8 @@ import pytest
 from click.testing import CliRunner
 from environments import like_this
 
-from humanclaw import EpisodeContext, EpisodeSpec, Observation
-from humanclaw.cli.new import KINDS, new
+from humanclaw import EpisodeContext, EpisodeSpec, HumanclawError, Observation
+from humanclaw.cli.new import KINDS, TRAINED, Distribution, new, write
 
 ROOT = Path(__file__).parents[1]
 MADE = {kind: f"my_{kind}" for kind in KINDS} | {"trained": "bow"}
@@ -113,3 +114,24 @@ def test_it_installs_and_its_wheel_holds_all_of_it(made, kind, tmp_path):
     subprocess.run(["pip", "install", "-q", "--no-deps", str(made[kind])], env=environment, check=True)
     done = subprocess.run(["pytest", "-q", "tests"], cwd=made[kind], env=environment, check=False)
     assert done.returncode == 0
+
+
+@pytest.mark.parametrize("words", [["class"], ["x" * 300], ["bow", "--call", "lambda"], ["bow", "--call", "b" * 65],
+                                   ["bow", "--about", "a\nb"], ["bow", "--author", "A\x1b[2K"], ["bow\n"]])  # fmt: skip
+def test_a_name_or_text_that_no_file_can_hold_is_refused(tmp_path, words):
+    done = CliRunner().invoke(new, ["skill", *words, "--out", str(tmp_path / "made")])
+    assert isinstance(done.exception, HumanclawError)
+    assert not (tmp_path / "made").exists()
+
+
+@pytest.mark.parametrize("kind", MADE)
+def test_quotes_in_description_and_author_stay_quoted(tmp_path, kind):
+    about, author = '"""; import os; os.abort() #\\', "Ada \"x\", { name = 'y' }\\"
+    made = Distribution.of(TRAINED if kind == "trained" else KINDS[kind], "bow", about=about, author=author)
+    write(made, tmp_path)
+    project = tomllib.loads((tmp_path / "pyproject.toml").read_text("utf-8"))["project"]
+    assert project["description"] == made.description
+    assert project["authors"] == [{"name": author}]
+    module = ast.parse((tmp_path / f"humanclaw_{made.entry}/__init__.py").read_text("utf-8"))
+    assert ast.get_docstring(module) == made.description
+    assert about in (tmp_path / "README.md").read_text("utf-8")

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
+import os
 import re
+import subprocess
+import sys
 
 import click
 import pytest
@@ -12,6 +15,7 @@ from made import record_episode
 
 from humanclaw import HumanclawError, Plugins
 from humanclaw.cli import LazyCommand, build, show_markdown
+from humanclaw.records import RecordedEpisode, write_record
 
 TABLES = {
     "skills": "",
@@ -147,3 +151,60 @@ def test_a_markdown_table_that_fits_is_printed_as_it_stands(capsys):
     text = "| a | b |\n| --- | --- |\n| 1 | [x] \\| y |"
     show_markdown(text)
     assert capsys.readouterr().out == text + "\n"
+
+
+HOSTILE = "a\x1b[2K\x1b[1A\x9b31m\u202egnol\rb\x07"
+
+
+def shown(cwd, *words, **environment):
+    command = [sys.executable, "-m", "humanclaw", *map(str, words)]
+    done = subprocess.run(command, cwd=cwd, capture_output=True, timeout=300, check=False, env=os.environ | environment)
+    return (done.stdout + done.stderr).decode()
+
+
+@pytest.mark.parametrize(
+    ("words", "environment"),
+    [
+        ("verify {}", {}),
+        ("submit {} --who x --out {}/s.json", {}),
+        ("compare {} {} --partial", {}),
+        ("compare {} {} --partial", {"FORCE_COLOR": "1"}),
+        ("table {} --format markdown", {"PYTHONIOENCODING": "ascii"}),
+        ("table {} --json", {}),
+        ("rescore {}/nothing", {"FORCE_COLOR": "1"}),
+    ],
+)
+def test_no_name_in_a_record_controls_the_terminal(tmp_path, words, environment):
+    pytest.importorskip("humanclaw_bench")
+    run = tmp_path / HOSTILE
+    record_episode(run / "couch-0")
+    record = RecordedEpisode(run / "couch-0").record
+    write_record(run / "couch-0", record.model_copy(update={"agent": HOSTILE}))
+    told = shown(tmp_path, "bench", *words.replace("{}", run.name).split(" "), **environment)
+    assert "\\u202egnol" in told
+    assert not re.search("[\x00-\x08\x0b-\x1a\x1c-\x1f\x7f-\x9f\u202a-\u202e]|\x1b(?!\\[[0-9;]*m)", told)
+
+
+TALKING = """
+import sys
+print("hello from the import")
+from humanclaw import hookimpl
+
+@hookimpl
+def humanclaw_skills(register):
+    print("hello from a hook")
+
+@hookimpl
+def humanclaw_commands(cli):
+    print("hello from the commands")
+"""
+
+
+def test_a_plugin_that_prints_while_it_loads_stands_beside_the_answer(tmp_path):
+    (tmp_path / "talking.py").write_text(TALKING)
+    command = [sys.executable, "-m", "humanclaw", "tools", "--plugin", "talking.py"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=300, check=True)
+    assert json.loads(done.stdout)
+    assert [line for line in done.stderr.splitlines() if line.startswith("hello")] == [
+        "hello from the import", "hello from a hook"
+    ]  # fmt: skip

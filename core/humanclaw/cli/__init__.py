@@ -15,8 +15,10 @@ if TYPE_CHECKING:
         parse_pairs as parse_pairs,
         plugin_files as plugin_files,
         plugin_options as plugin_options,
+        scene_option as scene_option,
     )
     from humanclaw.cli.tables import show_markdown as show_markdown
+    from humanclaw.cli.terminal import Console as Console
     from humanclaw.text.words import counted as counted, legible as legible
 
 if not TYPE_CHECKING:

@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
-from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
 from humanclaw.cli.options import plugin_options
+from humanclaw.cli.terminal import Console
 from humanclaw.plugins.choice import Choice
 from humanclaw.plugins.host import Plugins
 from humanclaw.skills.checks import CHECKS

@@ -11,14 +11,14 @@ import logging
 import pkgutil
 import sys
 from collections.abc import Callable, Sequence
-from io import TextIOWrapper
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
-from rich.console import Console
+from rich.text import Text
 
-from humanclaw.cli.options import INTERRUPTED, Deciders, decider_options, plugin_options
+from humanclaw.cli.options import INTERRUPTED, Deciders, decider_options, plugin_options, scene_option
+from humanclaw.cli.terminal import Console, guarded
 from humanclaw.errors import HumanclawError, PluginError
 from humanclaw.plugins.distributions import bringing, install, table
 from humanclaw.text.words import nearest
@@ -80,18 +80,22 @@ class Commands(click.Group):
         try:
             return super().invoke(ctx)
         except HumanclawError as error:
-            click.secho(f"error: {error.message}", fg="red", err=True)
+            _complain(error.message)
             if error.remedy:
                 click.echo(error.remedy, err=True)
             ctx.exit(2)
         except OSError as error:
             if error.errno not in _NO_ROOM:
                 raise
-            click.secho(f"error: {error.filename or 'a file'} cannot be written: {error.strerror}.", fg="red", err=True)
+            _complain(f"{error.filename or 'a file'} cannot be written: {error.strerror}.")
             ctx.exit(2)
         except KeyboardInterrupt:
             click.echo("Interrupted.", err=True)
             ctx.exit(INTERRUPTED)
+
+
+def _complain(message: str) -> None:
+    Console(stderr=True).print(Text(f"error: {message}", "red"), soft_wrap=True)
 
 
 def _home(command: click.Command) -> str:
@@ -130,7 +134,7 @@ class LazyCommand(click.Command):
 
 @click.command()
 @click.option("--instruction", default="find a couch and sit on it", show_default=True, help="What the body is to do.")
-@click.option("--scene", "reference", default="house:0", show_default=True, help="Where: source:argument.")
+@scene_option(default="house:0")
 @decider_options
 @click.option("--max-steps", type=click.IntRange(1, 10_000), default=100, show_default=True, help="Decisions at most.")
 @click.option("--seed", type=int, default=0, show_default=True, help="All randomness derives from it.")
@@ -161,10 +165,9 @@ def build(plugins: Callable[[], Plugins | Modules]) -> click.Group:
 
 
 def main(args: Sequence[str] | None = None) -> None:
-    """Run the command line. A character that the output cannot encode, as in a pipe on Windows, is escaped."""
-    if isinstance(sys.stdout, TextIOWrapper):
-        sys.stdout.reconfigure(errors="backslashreplace")
-    sys.exit(build(_installed).main(args=args, prog_name="humanclaw"))
+    """Run the command line. What it prints cannot control the terminal."""
+    with guarded():
+        sys.exit(build(_installed).main(args=args, prog_name="humanclaw"))
 
 
 def _installed() -> Modules:

@@ -6,6 +6,8 @@ share, and each other folder the package, the tests and the README text of one k
 
 from __future__ import annotations
 
+import json
+import keyword
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +19,8 @@ from humanclaw.errors import HumanclawError
 
 TEMPLATES: Final = Path(__file__).parent / "templates"
 _NAME: Final = re.compile(r"[a-z][a-z0-9]*([_-][a-z0-9]+)*")
+_LONGEST: Final = 64
+"""Letters of a name: file systems allow 255 in a file's, which holds more."""
 _CORE: Final = "humanclaw>=0.1,<0.2"
 # Under their final names these files would act on this repository.
 _RENAMED: Final = {
@@ -70,11 +74,19 @@ class Distribution:
 
     @classmethod
     def of(cls, kind: Kind, name: str, call: str = "", about: str = "", author: str = "") -> Distribution:
-        """Fill in defaults for empty arguments. Raises HumanclawError for an invalid name."""
+        """Fill in defaults for empty arguments. Raises HumanclawError for an invalid name, or a text that is no line of
+        printable characters."""
         name = name.replace("-", "_")
-        if not _NAME.fullmatch(name) or not _NAME.fullmatch(call or name):
-            message = f"{call or name!r} is not a valid name for a {kind.what}."
-            raise HumanclawError(message, "Use lower-case letters, digits and _, and begin with a letter.")
+        for one in (name, call or name):
+            if not _NAME.fullmatch(one) or len(one) > _LONGEST or keyword.iskeyword(one):
+                message = f"{one[: _LONGEST + 1]!r} is not a valid name for a {kind.what}."
+                rule = f"Use up to {_LONGEST} lower-case letters, digits and _, begin with a letter"
+                raise HumanclawError(message, f"{rule}, and avoid Python's keywords.")
+        for text in (about, author):
+            if not text.isprintable():
+                raise HumanclawError(
+                    f"expected one line of text; got {text!r:.80}.", "Remove line breaks and controls."
+                )
         description = f"HumanCLAW {kind.what}: {(about or name.replace('_', ' ')).rstrip('.')}."
         made = cls(kind, name, call or name, description, author, kind.needs)
         return made if author else cls(**vars(made) | {"author": f"The authors of {made.project}"})
@@ -96,15 +108,24 @@ class Distribution:
         found["README.md"] = found["README.md"].replace("ABOUT", about).replace("RUN", self.kind.run, 1)
         made = {self.filled(_RENAMED.get(path, path)): text for path, text in found.items()}
         made[f"humanclaw_{self.entry}/py.typed"] = ""
-        return {path: (text if path == "LICENSE" else self.filled(text)).encode() for path, text in made.items()}
+        return {
+            path: (text if path == "LICENSE" else self.filled(text, quoted=not path.endswith(".md"))).encode()
+            for path, text in made.items()
+        }
 
-    def filled(self, text: str) -> str:
-        """Return a text of the templates with the values of this distribution."""
+    def filled(self, text: str, quoted: bool = False) -> str:
+        """Return a text of the templates with the values of this distribution.
+
+        quoted: whether description and author stand in quotation marks, as Python and TOML have them.
+        """
+        words = [self.description, self.author]
+        # Python and TOML read JSON's escapes.
+        description, author = (json.dumps(one, ensure_ascii=False)[1:-1] for one in words) if quoted else words
         requirements = ", ".join(f'"{one}"' for one in (_CORE, *self.needs))
         camel = "".join(word.capitalize() for word in self.name.split("_"))
         pairs = {
-            "DESCRIPTION": self.description,
-            "AUTHOR": self.author,
+            "DESCRIPTION": description,
+            "AUTHOR": author,
             "DEPENDENCIES": f"[{requirements}]",
             "INSTALL": f'"humanclaw[{self.kind.extra}]" {self.project}' if self.kind.extra else self.project,
             "example_call": self.call,

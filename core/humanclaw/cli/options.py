@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import json
+import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -261,6 +262,27 @@ _CHOICES: Final = (
     ),
     click.option("--skills", metavar="NAME,...", help="The skills that can be called, and no others; also owner:name."),
 )
+
+
+_SECRET: Final = re.compile(r"//[^/\s]*@|(key|token|secret|passw\w*)=", re.IGNORECASE)
+"""User and password of an address, or a key in its query."""
+
+
+def scene_option(*name: str, about: str = "Where: source:argument.", **settings: Any) -> Callable[[F], F]:
+    """Return the option --scene; the command gets it as `reference`, or under another name.
+
+    A scene that holds a secret is refused before anything is printed or written.
+    """
+
+    def check(
+        context: click.Context, parameter: click.Parameter, value: str | tuple[str, ...]
+    ) -> str | tuple[str, ...]:
+        if _SECRET.search(value if isinstance(value, str) else "\n".join(value)):
+            told = "--scene holds what looks like a user, a password or a key, and scenes are printed and recorded."
+            raise HumanclawError(told, "Put secrets into the environment instead.")
+        return value
+
+    return click.option("--scene", *(name or ("reference",)), callback=check, show_default=True, help=about, **settings)
 
 
 def parse_pairs(pairs: Sequence[str]) -> dict[str, Any]:

@@ -9,11 +9,11 @@ from dataclasses import asdict
 from typing import Any, Final
 
 import click
-from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from humanclaw.cli.options import SIMULATOR_HELP
+from humanclaw.cli.options import SIMULATOR_HELP, scene_option
 from humanclaw.cli.tables import show_markdown
+from humanclaw.cli.terminal import Console
 from humanclaw.world.half_physics.profile import PROFILES
 
 _CHECKS: Final = (
@@ -78,7 +78,7 @@ def physics(
 
 @click.command("bench-world")
 @_world_options
-@click.option("--scene", default="house:0", show_default=True, help="A house, filled up from itself.")
+@scene_option("scene", default="house:0", about="A house, filled up from itself.")
 @click.option("--chunks", type=click.IntRange(1), default=100, show_default=True, help="Half seconds of walking.")
 @click.option("--resets", type=click.IntRange(2), default=200, show_default=True, help="How often to load a scene.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")

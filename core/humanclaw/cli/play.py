@@ -12,11 +12,11 @@ from itertools import chain, count
 from pathlib import Path
 
 import click
-from rich.console import Console
 from rich.status import Status
 
 from humanclaw.cli.options import INTERRUPTED, Deciders
 from humanclaw.cli.progress import StepProgress, summary
+from humanclaw.cli.terminal import Console
 from humanclaw.episodes.backends import SIMULATORS, Backends
 from humanclaw.episodes.embodiment import Body
 from humanclaw.episodes.loop import run_episode
@@ -124,7 +124,14 @@ def left_empty(folder: Path) -> Iterator[None]:
 
 
 def claim(folder: Path) -> None:
-    """Make the folder of the record. Raises RecordError if it exists: of two processes only one may use it."""
+    """Make the folder of the record.
+
+    Raises RecordError if it exists, since of two processes only one may use it, or if it would lie in the run of many
+    episodes, whose numbers it would change.
+    """
+    if run := next((above for above in folder.absolute().parents if (above / "run.json").exists()), None):
+        told = f"{run} holds a benchmark's run, and one more record would change its numbers."
+        raise RecordError(told, "Name another folder with --out.")
     try:
         with writing(folder):
             folder.mkdir(parents=True)

@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Any, Final, Literal
 
 import click
-from rich.console import Console
 
-from humanclaw.cli.options import engine_options, plugin_options
+from humanclaw.cli.options import engine_options, plugin_options, scene_option
 from humanclaw.cli.play import claim, end, left_empty, new_folder, present
+from humanclaw.cli.terminal import Console
 from humanclaw.episodes.backends import Backends
 from humanclaw.episodes.embodiment import Body
 from humanclaw.episodes.episode import Episode
@@ -44,7 +44,7 @@ _STRIDE: Final = 0.4
     help="What the body does before, by skills that are installed.",
 )
 @click.option("--skill", default="", metavar="NAME", help="Which skill, if the file or folder holds several.")
-@click.option("--scene", "reference", default="floor", show_default=True, help="Where: source:argument.")
+@scene_option(default="floor")
 @engine_options
 @click.option("--renderer", default=Backends.renderer, show_default=True, help="Renderer by name.")
 @click.option("--seed", type=int, default=0, show_default=True, help="All randomness derives from it.")

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from rich.console import Console
-
+from humanclaw.cli.terminal import Console
 from humanclaw.plugins.hookspecs import hookimpl
 from humanclaw.records.steps import EpisodeRecord, StepRecord
 from humanclaw.text.words import counted

@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Any, Final, get_args
 
 import click
-from rich.console import Console
 from rich.table import Table
 
 from humanclaw.cli.options import plugin_options
+from humanclaw.cli.terminal import Console
 from humanclaw.plugins.choice import Choice, PluginInfo
 from humanclaw.plugins.host import Plugins
 from humanclaw.skills.contract import Skill, bounds

@@ -8,9 +8,10 @@ from itertools import groupby
 from typing import Final
 
 from rich import box
-from rich.console import Console
 from rich.table import Table
 from rich.text import Text
+
+from humanclaw.cli.terminal import Console
 
 _BETWEEN: Final = re.compile(r"\s*(?<!\\)\|\s*")
 _WIDEST: Final = 30

@@ -14,9 +14,11 @@ import importlib.metadata
 import importlib.util
 import inspect
 import logging
+import sys
 import threading
 import warnings
 from collections.abc import Callable, Collection, Iterator, Sequence
+from contextlib import redirect_stdout
 from functools import partial
 from itertools import chain
 from pathlib import Path
@@ -73,13 +75,20 @@ class Plugins(Lookup):
 
         absent: plugins that stay unloaded, whatever the choice, because their code plays elsewhere.
 
+        What plugins print meanwhile goes to stderr: stdout may carry JSON or a protocol.
+
         Raises PluginError for a file that cannot be used, and for a file that registers a name of another plugin while
         the choice prefers neither.
         """
         host = cls(choice)
         host._absent = frozenset(absent)
+        with redirect_stdout(sys.stderr):
+            host._discover(files)
+        return host
+
+    def _discover(self, files: Sequence[Path]) -> None:
         points = sorted(importlib.metadata.entry_points(group=hookspecs.PROJECT), key=lambda point: origin_of(point)[0])
-        loaded = [(point, host._load(point)) for point in points]
+        loaded = [(point, self._load(point)) for point in points]
         # The core first, then those that others may extend or measure with.
         loaded.sort(
             key=lambda pair: (
@@ -90,11 +99,10 @@ class Plugins(Lookup):
         for point, plugin in loaded:
             if plugin is not None:
                 name, version, origin = origin_of(point)
-                host._try(point, partial(host.add, plugin, host._free(name, point.name), version, origin))
+                self._try(point, partial(self.add, plugin, self._free(name, point.name), version, origin))
         for path in files:
-            host._add_file(path)
-        host._check_choice()
-        return host
+            self._add_file(path)
+        self._check_choice()
 
     def _free(self, name: str, part: str) -> str:
         """Return the name of a plugin: its distribution's, with the entry point where that has several."""

@@ -6,6 +6,8 @@ import importlib.metadata
 import importlib.util
 import logging
 import sys
+from collections.abc import Mapping
+from contextlib import redirect_stdout
 from pathlib import Path
 from types import ModuleType
 from typing import Any, Final
@@ -63,21 +65,27 @@ class Modules:
     second less than a host needs."""
 
     def tell(self, hook: str, **event: Any) -> None:
-        """Call a hook of every plugin that has it, the core's first. A plugin that fails is logged and skipped."""
+        """Call a hook of every plugin that has it, the core's first. A plugin that fails is logged and skipped. What
+        plugins print goes to stderr."""
         points = importlib.metadata.entry_points(group=hookspecs.PROJECT)
         for point in sorted(points, key=lambda point: (origin_of(point)[2] != hookspecs.PROJECT, origin_of(point))):
-            manager = pluggy.PluginManager(hookspecs.PROJECT)
-            manager.add_hookspecs(hookspecs)
             try:
-                module = held_to_requirements(point).load()
-                if has_hook(module, hook):
-                    check_api(getattr(module, "HUMANCLAW_API", hookspecs.API_VERSION), point.name)
-                    manager.register(module)
-                    getattr(manager.hook, hook)(**event)
+                with redirect_stdout(sys.stderr):
+                    _tell(point, hook, event)
             except KeyboardInterrupt:
                 raise
             except BaseException as error:  # Third-party code: not even its SystemExit may end the program.
                 _LOG.warning("plugin %r failed at %s: %s", origin_of(point)[0], hook, reason_of(error))
+
+
+def _tell(point: importlib.metadata.EntryPoint, hook: str, event: Mapping[str, Any]) -> None:
+    manager = pluggy.PluginManager(hookspecs.PROJECT)
+    manager.add_hookspecs(hookspecs)
+    module = held_to_requirements(point).load()
+    if has_hook(module, hook):
+        check_api(getattr(module, "HUMANCLAW_API", hookspecs.API_VERSION), point.name)
+        manager.register(module)
+        getattr(manager.hook, hook)(**event)
 
 
 def has_hook(plugin: object, hook: str) -> bool:

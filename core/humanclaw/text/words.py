@@ -11,6 +11,8 @@ LONGEST: Final = 100_000
 _ORDER: Final = (*range(0x202A, 0x202F), *range(0x2066, 0x206A))
 _CONTROLS: Final = {code: "\ufffd" for code in (*range(0x20), *range(0x7F, 0xA0), *_ORDER) if chr(code) not in "\t\n\r"}
 """Characters that control a terminal (cursor, title, clipboard) or reverse the order of letters."""
+_ESCAPES: Final = {code: f"\\u{code:04x}" for code in (*_CONTROLS, 0x061C, 0x200E, 0x200F)}
+"""The same, and the marks of direction: right to keep in a text, hidden on a terminal."""
 
 
 def legible(text: str) -> str:
@@ -19,6 +21,11 @@ def legible(text: str) -> str:
     Half characters and terminal controls become U+FFFD; text beyond LONGEST characters is cut.
     """
     return text[:LONGEST].encode("utf-16", "surrogatepass").decode("utf-16", "replace").translate(_CONTROLS)
+
+
+def escaped(text: str) -> str:
+    """Return a text as a terminal may print it, with its controls as `\\u001b`."""
+    return text.translate(_ESCAPES)
 
 
 def counted(number: int, noun: str) -> str:

@@ -168,3 +168,12 @@ def test_openai_answers_a_message_that_is_a_dictionary(home):
     assert said["tool_call_id"] == "1"
     assert shown["content"][0]["type"] == "image_url"
     assert home.tools("openai").answer({"role": "assistant", "content": "Done."}) == []
+
+
+@pytest.mark.parametrize(("arguments", "status"), [({"z_cm": 900}, "error"), ({"z_cm": 10}, "success")])
+def test_langchain_is_told_whether_a_call_was_refused(home, arguments, status):
+    pytest.importorskip("langchain_core")
+    walk = next(tool for tool in home.tools("langchain") if tool.name == "walk")
+    told = walk.invoke({"type": "tool_call", "id": "1", "name": "walk", "args": arguments})
+    assert told.status == status
+    assert str(told.content)

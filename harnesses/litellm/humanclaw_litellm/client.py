@@ -32,10 +32,10 @@ from humanclaw_litellm.failures import (
     message_of,
     redirect,
     retry_after,
-    too_long,
+    unusable,
     wants_stream,
 )
-from humanclaw_litellm.library import load, missing_keys
+from humanclaw_litellm.library import WebPageError, load, missing_keys
 from humanclaw_litellm.rates import Gate
 from humanclaw_litellm.redaction import redact
 from humanclaw_litellm.settings import ModelError, Settings
@@ -248,8 +248,10 @@ class Client:
             return error
         if elsewhere := redirect(error):
             return self._redirected(elsewhere)
-        if endless := too_long(error):
-            return ProviderError(f"{self._where()} gave no answer: {endless}")
+        if reply := unusable(error):
+            told = f"{self._where()} gave no answer: {reply}"
+            wrong = isinstance(reply, WebPageError) and not self._worked
+            return ModelError(f"{told}.", "Check api_base; it often ends in /v1.") if wrong else ProviderError(told)
         told = self._tell(error)
         if is_refusal(error):
             return RefusalError(told)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import datetime
 import email.utils
+import math
 import re
 from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
 from humanclaw.skills import json_objects
-from humanclaw_litellm.library import TooLongError
+from humanclaw_litellm.library import UnusableReplyError
 
 Json = dict[str, Any]
 _NO_REFUSALS: Final = frozenset({"ContentPolicyViolationError", "ContextWindowExceededError"})
@@ -47,7 +48,7 @@ class NoAnswerError(Exception):
 
 def is_transient(error: BaseException) -> bool:
     """Tell whether the same request may succeed later."""
-    if redirect(error) or too_long(error) or _IN_PIECES.search(str(error)):
+    if redirect(error) or unusable(error) or _IN_PIECES.search(str(error)):
         return False
     status = getattr(error, "status_code", None)
     # A used-up quota also has status 429, but no retry brings it back.
@@ -84,9 +85,9 @@ def redirect(error: BaseException | None) -> str:
     return found
 
 
-def too_long(error: BaseException | None) -> TooLongError | None:
-    """Return the error that cut the reply off for its length; None if none did."""
-    return next((one for one in _causes(error) if isinstance(one, TooLongError)), None)
+def unusable(error: BaseException | None) -> UnusableReplyError | None:
+    """Return the error of a reply that is too long or a web page; None if it is neither."""
+    return next((one for one in _causes(error) if isinstance(one, UnusableReplyError)), None)
 
 
 def _causes(error: BaseException | None) -> Iterator[BaseException]:
@@ -99,7 +100,7 @@ def _causes(error: BaseException | None) -> Iterator[BaseException]:
 
 
 def retry_after(error: BaseException | None) -> float:
-    """Return the seconds that the provider asks to wait; 0 if it does not say.
+    """Return the seconds that the provider asks to wait; 0 if it does not say, or asks for ever.
 
     Reads the header Retry-After, a number or a date, and the retryDelay in the body of Gemini's errors.
     """
@@ -107,7 +108,8 @@ def retry_after(error: BaseException | None) -> float:
     in_body = _RETRY_DELAY.search(str(error))
     asked = headers.get("retry-after") or (in_body[1] if in_body else "0")
     try:
-        return max(0.0, float(asked))
+        seconds = float(asked)
+        return max(0.0, seconds) if math.isfinite(seconds) else 0.0
     except ValueError:
         return _until(asked)
 

@@ -13,8 +13,16 @@ LONGEST_REPLY: Final = 64 * 2**20
 """Longest reply, bytes. A streamed answer of a hundred thousand tokens, about the longest, has thirty million."""
 
 
-class TooLongError(Exception):
+class UnusableReplyError(Exception):
+    """A reply that no second request betters."""
+
+
+class TooLongError(UnusableReplyError):
     """A reply is longer than LONGEST_REPLY."""
+
+
+class WebPageError(UnusableReplyError):
+    """A successful reply is a web page: the address is that of a website, or of a network's login."""
 
 
 @functools.cache
@@ -72,7 +80,9 @@ def _restrained(make: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def _bound(response: Any) -> None:
-    """Bound the decompressed size of a reply to LONGEST_REPLY."""
+    """Refuse a web page, and bound the decompressed size of a reply to LONGEST_REPLY."""
+    if response.is_success and response.headers.get("content-type", "").startswith("text/html"):
+        raise WebPageError("it answers with a web page")
     read = response.iter_bytes
 
     def iter_bytes(chunk_size: int | None = None) -> Iterator[bytes]:

@@ -113,6 +113,22 @@ def test_a_wait_may_also_be_asked_for_until_a_date(begin, view):
     assert 0.9 < time.monotonic() - began < 5
 
 
+@pytest.mark.parametrize("asked", ["inf", "-inf", "nan", "1e999", "Infinity"])
+def test_a_wait_without_an_end_is_not_asked_for(begin, view, asked):
+    with OpenAIServer([status(429, headers={"Retry-After": asked}), call("stop")]) as server:
+        assert begin(server, timeout=5).decide(view(), ()).calls[0].skill == "stop"
+
+
+def test_a_web_page_is_called_one_and_asked_for_once():
+    page = Reply({}, headers={"Content-Type": "text/html; charset=utf-8"})
+    with OpenAIServer([page] * 9) as server:
+        client = Client(Settings.of({"model": "openai/x", "api_base": server.url}))
+        client.begin(Meter())
+        with pytest.raises(ModelError, match=r"a web page\. Check api_base"):
+            client.complete([{"role": "user", "content": "hello"}], {})
+        assert len(server.requests) == 1
+
+
 @pytest.mark.parametrize("zone", ["", " -0000", " GMT"])
 def test_a_date_without_a_zone_is_one_too(begin, view, zone):
     moment = datetime.datetime.now(datetime.UTC) - datetime.timedelta(seconds=2)

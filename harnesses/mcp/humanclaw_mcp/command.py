@@ -9,21 +9,14 @@ from typing import Any
 import click
 
 from humanclaw import Choice, HumanclawError
-from humanclaw.cli import check_options, engine_options, parse_pairs, plugin_options
+from humanclaw.cli import check_options, engine_options, parse_pairs, plugin_options, scene_option
 
 
 @click.command("mcp")
 @click.option("--http", is_flag=True, help="Serve streamable HTTP on 127.0.0.1 instead of the standard streams.")
 @click.option("--port", type=click.IntRange(0, 65535), default=8000, show_default=True, help="Port for --http.")
 @click.option("--auth-env", default="", metavar="NAME", help="Variable with a token that HTTP requests must carry.")
-@click.option(
-    "--scene",
-    "scenes",
-    multiple=True,
-    default=("house:0",),
-    show_default=True,
-    help="Scene that clients may choose. Repeatable.",
-)
+@scene_option("scenes", multiple=True, default=("house:0",), about="Scene that clients may choose. Repeatable.")
 @click.option("--instruction", help="The task, if the client gives none.")
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Seed of all random draws.")
 @click.option(

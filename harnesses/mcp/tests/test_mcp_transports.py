@@ -161,6 +161,7 @@ def test_a_port_that_is_taken_is_told_in_a_sentence(url):
 
 
 FAKES = """
+print("stray words")
 from humanclaw.testing.fakes import Fakes
 
 _fakes = Fakes()

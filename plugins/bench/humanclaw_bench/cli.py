@@ -10,12 +10,21 @@ from pathlib import Path
 from typing import TypeVar
 
 import click
-from rich.console import Console, RenderableType
+from rich.console import RenderableType
 from rich.text import Text
 from tqdm import tqdm
 
 from humanclaw import Backends, Choice, EpisodeSpec, PluginError, Plugins, RecordError, load_run
-from humanclaw.cli import Deciders, LazyCommand, check_options, counted, decider_options, plugin_files, plugin_options
+from humanclaw.cli import (
+    Console,
+    Deciders,
+    LazyCommand,
+    check_options,
+    counted,
+    decider_options,
+    plugin_files,
+    plugin_options,
+)
 from humanclaw.records import name_of, write_episodes
 from humanclaw.storage import write_atomically
 from humanclaw_bench import leaderboard as leaderboards, submission as submissions

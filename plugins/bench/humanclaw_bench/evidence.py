@@ -9,10 +9,9 @@ from itertools import count
 from pathlib import Path
 
 import click
-from rich.console import Console
 
 from humanclaw import Backends, EpisodeSpec, Plugins, load_run
-from humanclaw.cli import parse_limits, parse_pairs, show_markdown
+from humanclaw.cli import Console, parse_limits, parse_pairs, show_markdown
 from humanclaw_bench import ablation, repair
 from humanclaw_bench.attribution import Cause
 from humanclaw_bench.export import scored

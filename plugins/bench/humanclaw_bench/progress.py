@@ -7,10 +7,9 @@ from types import TracebackType
 from typing import Self
 
 import click
-from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn
 
-from humanclaw.cli import counted
+from humanclaw.cli import Console, counted
 from humanclaw_bench.runner import Forecast, RunStatus
 from humanclaw_bench.worker import WorkerReport
 

@@ -17,11 +17,10 @@ import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 from manifests import tell
-from rich.console import Console
 from rollouts import COUCH, rollout, step
 
 from humanclaw import PluginError, Plugins, RecordedEpisode, hookimpl, load_run
-from humanclaw.cli import Commands
+from humanclaw.cli import Commands, Console
 from humanclaw.records import Difficulty, StepRecord, Verdict, write_episodes
 from humanclaw.world import GAZES
 from humanclaw_bench.attribution import CAUSES, attribute

@@ -7,12 +7,11 @@ from collections import Counter
 from pathlib import Path
 
 import click
-from rich.console import Console
 from rich.table import Table
 from tqdm import tqdm
 
 from humanclaw import HumanclawError
-from humanclaw.cli import counted
+from humanclaw.cli import Console, counted
 from humanclaw_houses.asset_import import TRIANGLES, ImportReport, import_assets, listed_in
 from humanclaw_houses.importers import open_collection
 from humanclaw_houses.importers.folder import COLUMNS, FolderMetadata
