@@ -22,6 +22,7 @@ if TYPE_CHECKING:
         heading as heading,
         matrix_from_quaternion as matrix_from_quaternion,
         matrix_from_vector as matrix_from_vector,
+        mirrored as mirrored,
         next_history as next_history,
         pelvis_jerk as pelvis_jerk,
         quaternion_from_matrix as quaternion_from_matrix,

@@ -12,7 +12,7 @@ from typing import ClassVar, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from humanclaw.body.skeleton import JOINT_INDEX, N_JOINTS, OFFSETS, PARENTS, SOLE, STANDING_HEIGHT, TOE_SOLE
+from humanclaw.body.skeleton import JOINT_INDEX, JOINTS, N_JOINTS, OFFSETS, PARENTS, SOLE, STANDING_HEIGHT, TOE_SOLE
 
 Array = NDArray[np.float64]
 
@@ -26,6 +26,10 @@ _FEET: Final = (
     (JOINT_INDEX["left_ankle"], SOLE), (JOINT_INDEX["right_ankle"], SOLE),
     (JOINT_INDEX["left_foot"], TOE_SOLE), (JOINT_INDEX["right_foot"], TOE_SOLE),
 )  # fmt: skip
+_FLIPPED: Final = np.array([-1.0, 1.0, 1.0])
+_OTHER_SIDE: Final = [
+    JOINT_INDEX[name.replace("left", "?").replace("right", "left").replace("?", "right")] for name in JOINTS
+]
 
 
 # -- rotations ---------------------------------------------------------------------------------------------------------
@@ -164,6 +168,11 @@ def forward_kinematics(root: Array, rotations: Array) -> tuple[Array, Array]:
         positions.append(positions[parent] + orientations[parent] @ OFFSETS[joint])
         orientations.append(orientations[parent] @ local[..., joint, :, :])
     return np.stack(positions, -2), np.stack(orientations, -3)
+
+
+def mirrored(root: Array, rotations: Array) -> tuple[Array, Array]:
+    """Mirror root (..., 3) and rotations (..., 24, 3) at the plane x = 0: left and right change places."""
+    return root * _FLIPPED, rotations[..., _OTHER_SIDE, :] * -_FLIPPED
 
 
 def rest_pose(frames: int = 1) -> Motion:

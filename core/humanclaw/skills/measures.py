@@ -45,9 +45,14 @@ class Measure:
     name: str
     unit: Literal["m", "rad"]
     description: str
-    mirror: Literal[1, -1]
-    """Sign of the value once left and right have changed places."""
+    mirror: Literal[1, -1] | None
+    """Sign of the value once left and right have changed places; None for a measure of one side, such as the height of
+    the right hand, which is worked out anew from the mirrored motion."""
     function: Callable[[Array, Array], Array]
+
+    def mirrored(self, values: Array, root: Array, rotations: Array) -> Array:
+        """Return what chunks achieve, given their mirror images and what those achieve (N,), SI."""
+        return values * self.mirror if self.mirror else self(root, rotations)
 
     def __call__(self, root: Array, rotations: Array) -> Array:
         """Measure canonical chunks: root (N, 20, 3) and rotations (N, 20, 24, 3) to (N,), SI."""

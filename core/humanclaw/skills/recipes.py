@@ -21,7 +21,8 @@ from typing import Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from humanclaw.body.pose import Array
+from humanclaw.body.pose import CHUNK, Array, forward_kinematics
+from humanclaw.body.skeleton import N_JOINTS
 
 Mask: TypeAlias = NDArray[np.bool_]
 
@@ -29,11 +30,12 @@ Mask: TypeAlias = NDArray[np.bool_]
 # -- real motion -------------------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class WindowTravel:
-    """Displacements in N windows of real motion, from the last history frame to the last frame; all (N,).
+    """N windows of real motion, of 5 frames of history and 15 of future, for the rules of recipes.
 
-    across (positive to the left), up, forward: metres. yaw: radians. feet: mean horizontal path of the two feet,
-    metres. neutral: ends upright with the hands below the shoulders. level: the toes keep to one floor, as they do not
-    on stairs.
+    across (positive to the left), up, forward: displacement of the pelvis from the last history frame to the last
+    frame (N,), metres. yaw: turn, radians. feet: mean horizontal path of the two feet, metres. neutral: ends upright
+    with the hands below the shoulders. level: the toes keep to one floor, as they do not on stairs. root (N, 20, 3),
+    rotations (N, 20, 24, 3): of the whole body, in the canonical frame.
     """
 
     across: Array
@@ -43,6 +45,13 @@ class WindowTravel:
     feet: Array
     neutral: Mask
     level: Mask
+    root: Array = field(default_factory=lambda: np.zeros((0, CHUNK, 3)))
+    rotations: Array = field(default_factory=lambda: np.zeros((0, CHUNK, N_JOINTS, 3)))
+
+    @property
+    def joints(self) -> Array:
+        """Positions of the joints (N, 20, 24, 3), metres."""
+        return forward_kinematics(self.root, self.rotations)[0]
 
     @property
     def flat(self) -> Array:

@@ -14,7 +14,8 @@ from typing import Any, Final, TypeVar
 import click
 import numpy as np
 
-from humanclaw.body.pose import FUTURE, HISTORY, Motion, rest_pose
+from humanclaw.body.pose import FUTURE, HISTORY, Array, Motion, mirrored, rest_pose
+from humanclaw.body.skeleton import JOINT_INDEX
 from humanclaw.episodes.embodiment import Body
 from humanclaw.episodes.episode import Episode
 from humanclaw.episodes.tools import body_tools
@@ -35,6 +36,7 @@ from humanclaw.skills.measures import Measure
 from humanclaw.skills.plan import Keyframes
 from humanclaw.testing.examining import Report
 from humanclaw.testing.fakes import fake_body, fake_scene
+from humanclaw.testing.motions import gait
 from humanclaw.world.scene import Scene
 from humanclaw.world.simulator import Execution, WorldState
 from humanclaw.world.view import View, ego_camera
@@ -159,12 +161,26 @@ def _framework(make: Callable[..., Any], plugins: Plugins) -> None:
 
 def _measure(measure: Any, plugins: Plugins) -> None:
     measure = _expect(measure, Measure, "register()")
-    rest = rest_pose(HISTORY + FUTURE)
-    found = measure(np.stack([rest.root] * 3), np.stack([rest.rotations] * 3))
+    root, rotations = _crooked()
+    found = measure(root, rotations)
     _hold(np.shape(found) == (3,), f"it measures 3 chunks as an array of shape {np.shape(found)}; expected (3,)")
-    _hold(np.isfinite(found).all(), "its measure of a standing body is no finite number")
+    _hold(np.isfinite(found).all(), "its measure of a walking body is no finite number")
     _hold(measure.unit in ("m", "rad"), f"its unit is {measure.unit!r}; expected m or rad")
-    _hold(measure.mirror in (1, -1), f"its mirror is {measure.mirror!r}; expected 1 or -1")
+    _hold(measure.mirror in (1, -1, None), f"its mirror is {measure.mirror!r}; expected 1, -1 or None")
+    images = mirrored(root, rotations)
+    signed = np.allclose(measure.mirrored(found, *images), measure(*images), atol=1e-6)
+    _hold(signed, f"mirror={measure.mirror} is no sign of its value in mirrored motion; expected None")
+
+
+def _crooked() -> tuple[Array, Array]:
+    """Return three chunks of a body that walks, turns and drifts to the left with one arm raised."""
+    walk, share = gait(3, 0.5), np.linspace(0, 1, HISTORY + FUTURE)
+    chunks = [walk[first : first + len(share)] for first in (20, 30, 40)]
+    root, rotations = np.stack([one.root for one in chunks]), np.stack([one.rotations for one in chunks])
+    root[..., 0] += 0.2 * share
+    rotations[:, :, 0, 1] += 0.5 * share
+    rotations[:, :, JOINT_INDEX["left_shoulder"], 2] += share
+    return root, rotations
 
 
 def _other(value: Any, plugins: Plugins) -> None:

@@ -25,12 +25,12 @@ from humanclaw.body import (
     CHUNK,
     FPS,
     HISTORY,
-    JOINTS,
     N_JOINTS,
     Array,
     forward_kinematics,
     heading,
     matrix_from_vector,
+    mirrored,
     support_height,
     vector_from_matrix,
     yaw_matrix,
@@ -135,21 +135,6 @@ def _at_30_fps(spans: Iterable[tuple[int, int]], start: int, fps: float, length:
     scaled = ((round((first - start) * FPS / fps), round((last - start) * FPS / fps)) for first, last in spans)
     kept = ((max(first, 0), min(last, length - 1)) for first, last in scaled)
     return tuple((first, last) for first, last in kept if last > first)
-
-
-_MIRRORED: Final = [
-    JOINTS.index(name.replace("left", "?").replace("right", "left").replace("?", "right")) for name in JOINTS
-]
-
-
-def mirrored(motion: Motion) -> Motion:
-    """Mirror the motion at the plane x = 0: left and right change places."""
-    return Motion(motion.root * [-1.0, 1.0, 1.0], motion.rotations[:, _MIRRORED] * [1.0, -1.0, -1.0])
-
-
-def mirror(clip: Clip) -> Clip:
-    """Mirror the clip, which then is not real; its name ends in `_mirrored`."""
-    return replace(clip, name=f"{clip.name}_mirrored", motion=mirrored(clip.motion), real=False)
 
 
 # -- chunks ------------------------------------------------------------------------------------------------------------
@@ -273,16 +258,11 @@ class Chunks:
 
     def mirrored(self, known: Mapping[str, Measure] = MEASURES) -> Chunks:
         """Mirror the chunks, which then are not real."""
-        root = self.root * np.array([-1, 1, 1], np.float32)
-        rotations = self.rotations[:, :, _MIRRORED] * np.array([1, -1, -1], np.float32)
-        signs = [known[measure].mirror for measure in self.measures.tolist()]
-        return replace(
-            self,
-            root=root,
-            rotations=rotations,
-            params=self.params * np.array(signs, np.float32),
-            real=np.zeros_like(self.real),
-        )
+        root, rotations = (part.astype(np.float32) for part in mirrored(self.root, self.rotations))
+        params = self.params.copy()
+        for column, measure in enumerate(self.measures.tolist()):
+            params[:, column] = known[measure].mirrored(params[:, column], root, rotations)
+        return replace(self, root=root, rotations=rotations, params=params, real=np.zeros_like(self.real))
 
     def save(self, path: str | Path) -> None:
         """Write one npz. An interrupted save leaves the old file in place."""

@@ -52,7 +52,8 @@ def travel(root: Array, rotations: Array) -> WindowTravel:
     neutral = (last[:, 0] > 0.88 * STANDING_HEIGHT) & (last[:, _HANDS].max(axis=1) < last[:, _SHOULDERS].min(axis=1))
     toes = joints[:, HISTORY - 1 :, _FEET, 1] - TOE_SOLE
     level = (toes.min(axis=(1, 2)) > -0.03) & (toes.max(axis=(1, 2)) < 0.12)
-    return WindowTravel(moved[:, 0], moved[:, 1], moved[:, 2], heading(rotations[:, -1, 0]), path, neutral, level)
+    turned = heading(rotations[:, -1, 0])
+    return WindowTravel(*moved.T, turned, path, neutral, level, root, rotations)
 
 
 # -- sanity ------------------------------------------------------------------------------------------------------------

@@ -93,7 +93,9 @@ def chunks_of(
         origins = {part.source[0] for part in shown}
         parts += _retimed(skill, [clip for clip in clips if _source(clip) in origins], standing, seconds, seed)
     whole = Chunks.join(parts)
-    return Chunks.join([whole, whole.mirrored(skill.measures)])
+    images = whole.mirrored(skill.measures)
+    # The image of a skill of one side may not show it.
+    return Chunks.join([whole, images[_shown(skill, images.root.astype(float), images.rotations.astype(float))]])
 
 
 def _source(clip: Clip) -> str:
@@ -106,11 +108,14 @@ def _of_windows(skill: Trained, clip: Clip) -> Chunks:
 
 
 def _kept(skill: Trained, root: Array, rotations: Array, source: str, real: bool) -> Chunks:
-    parameters = skill.declaration.parameters
-    mask = sane(root, rotations, flat=not skill.declaration.climbs) & _within(skill, root, rotations)
-    if skill.recipe.windows is not None:
-        mask &= skill.shown(travel(root, rotations))
-    return Chunks.of(parameters, root[mask], rotations[mask], source, real, skill.measures)
+    mask = sane(root, rotations, flat=not skill.declaration.climbs) & _shown(skill, root, rotations)
+    return Chunks.of(skill.declaration.parameters, root[mask], rotations[mask], source, real, skill.measures)
+
+
+def _shown(skill: Trained, root: Array, rotations: Array) -> NDArray[np.bool_]:
+    """Return which canonical chunks show the skill (N,): those within its bounds that its recipe selects."""
+    within = _within(skill, root, rotations)
+    return within if skill.recipe.windows is None else within & skill.shown(travel(root, rotations))
 
 
 def _within(skill: Trained, root: Array, rotations: Array) -> NDArray[np.bool_]:
