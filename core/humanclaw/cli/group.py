@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from rich.console import Console
 
+from humanclaw.cli.completion import names_of
 from humanclaw.cli.options import INTERRUPTED, Deciders, decider_options, plugin_options
 from humanclaw.errors import HumanclawError, PluginError
 from humanclaw.plugins.distributions import bringing, install, table
@@ -130,7 +131,14 @@ class LazyCommand(click.Command):
 
 @click.command()
 @click.option("--instruction", default="find a couch and sit on it", show_default=True, help="What the body is to do.")
-@click.option("--scene", "reference", default="house:0", show_default=True, help="Where: source:argument.")
+@click.option(
+    "--scene",
+    "reference",
+    default="house:0",
+    show_default=True,
+    help="Where: source:argument.",
+    shell_complete=names_of("scenes", ":"),
+)
 @decider_options
 @click.option("--max-steps", type=click.IntRange(1, 10_000), default=100, show_default=True, help="Decisions at most.")
 @click.option("--seed", type=int, default=0, show_default=True, help="All randomness derives from it.")

@@ -10,6 +10,7 @@ from typing import Any, Final, Literal
 import click
 from rich.console import Console
 
+from humanclaw.cli.completion import names_of
 from humanclaw.cli.options import engine_options, plugin_options
 from humanclaw.cli.play import claim, end, left_empty, new_folder, present
 from humanclaw.episodes.backends import Backends
@@ -32,7 +33,7 @@ _STRIDE: Final = 0.4
 
 
 @click.command(context_settings={"ignore_unknown_options": True})
-@click.argument("target", metavar="FILE|FOLDER|NAME")
+@click.argument("target", metavar="FILE|FOLDER|NAME", shell_complete=names_of("skills"))
 @click.argument("words", nargs=-1, type=click.UNPROCESSED, metavar="[--PARAMETER VALUE | PARAMETER=VALUE]...")
 @click.option("--times", type=click.IntRange(1, 100), default=1, show_default=True, help="Calls in a row.")
 @click.option(
@@ -44,7 +45,14 @@ _STRIDE: Final = 0.4
     help="What the body does before, by skills that are installed.",
 )
 @click.option("--skill", default="", metavar="NAME", help="Which skill, if the file or folder holds several.")
-@click.option("--scene", "reference", default="floor", show_default=True, help="Where: source:argument.")
+@click.option(
+    "--scene",
+    "reference",
+    default="floor",
+    show_default=True,
+    help="Where: source:argument.",
+    shell_complete=names_of("scenes", ":"),
+)
 @engine_options
 @click.option("--renderer", default=Backends.renderer, show_default=True, help="Renderer by name.")
 @click.option("--seed", type=int, default=0, show_default=True, help="All randomness derives from it.")

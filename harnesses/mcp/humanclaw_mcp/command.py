@@ -9,7 +9,7 @@ from typing import Any
 import click
 
 from humanclaw import Choice, HumanclawError
-from humanclaw.cli import check_options, engine_options, parse_pairs, plugin_options
+from humanclaw.cli import check_options, engine_options, names_of, parse_pairs, plugin_options
 
 
 @click.command("mcp")
@@ -23,6 +23,7 @@ from humanclaw.cli import check_options, engine_options, parse_pairs, plugin_opt
     default=("house:0",),
     show_default=True,
     help="Scene that clients may choose. Repeatable.",
+    shell_complete=names_of("scenes", ":"),
 )
 @click.option("--instruction", help="The task, if the client gives none.")
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Seed of all random draws.")
@@ -63,7 +64,9 @@ def command(
         raise HumanclawError("--auth-env protects HTTP only; over standard streams there is one client.", "Add --http.")
     given = {key: value for key, value in options.items() if value is not None}
     settings, plugins = Settings(**given, options=parse_pairs(pairs)), Plugins.discover(files, choice)
-    if settings.verifier:  # A wrong name or option is told now, not to the first client.
+    # A wrong name or option is told now, not to the first client.
+    plugins.require(*(("scenes", reference.partition(":")[0]) for reference in settings.scenes))
+    if settings.verifier:
         verifier = plugins.make("verifiers", settings.verifier, settings.options)
         check_options(settings.options, settings.verifier, None, verifier)
     handlers = Handlers(Bodies(settings, plugins))

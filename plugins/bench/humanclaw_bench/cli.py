@@ -16,6 +16,7 @@ from tqdm import tqdm
 
 from humanclaw import Backends, Choice, EpisodeSpec, PluginError, Plugins, RecordError, load_run
 from humanclaw.cli import Deciders, LazyCommand, check_options, counted, decider_options, plugin_files, plugin_options
+from humanclaw.plugins import install
 from humanclaw.records import name_of, write_episodes
 from humanclaw.storage import write_atomically
 from humanclaw_bench import leaderboard as leaderboards, submission as submissions
@@ -33,6 +34,7 @@ from humanclaw_bench.splits import (
     HOUSES,
     STARTS,
     candidates,
+    complete_split,
     hidden,
     load_split,
     make as make_splits,
@@ -94,7 +96,12 @@ for _name, _target, _told in (
 
 @bench.command("run")
 @click.option(
-    "--split", "name", default="mini", show_default=True, help="val, val-400, mini, smoke, dev, or a file of episodes."
+    "--split",
+    "name",
+    default="mini",
+    show_default=True,
+    help="val, val-400, mini, smoke, dev, or a file of episodes.",
+    shell_complete=complete_split,
 )
 @decider_options
 @click.option("--workers", type=click.IntRange(1), default=1, show_default=True, help="Episodes at a time.")
@@ -145,7 +152,7 @@ def run_command(
     )  # fmt: skip
     wanted = executor or ("ray" if address else "local")
     if wanted == "ray" and "ray" not in {one.name for one in plugins.registered("executors")}:
-        raise PluginError("--ray needs a plugin that is not installed.", "Run `pip install humanclaw-ray`.")
+        raise PluginError("--ray needs a plugin that is not installed.", f"Run `{install(['humanclaw-ray'])}`.")
     player = plugins.make("executors", wanted, workers, address or "")
     with RunProgress(Console(), out) as progress:
         status = run_split(
