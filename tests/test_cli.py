@@ -88,6 +88,9 @@ def test_the_ten_line_skill_can_be_called(cli, tmp_path):
     [
         (["run", "--scene", "hause:0"], "there is no scene 'hause'", "Did you mean house?"),
         (["run", "--scene", "house:900"], "900", "house:"),
+        (["run", "--instruction", " "], "the instruction is empty", "find a couch"),
+        (["mcp", "--scene", "hous:1"], "there is no scene 'hous'", "Did you mean house"),
+        (["film", "run", "--out", "film.webm"], "a film ends in .mp4 or .gif; got film.webm", "film.mp4"),
         (["run", "--agent", "oracel"], "there is no agent 'oracel'", "Did you mean oracle?"),
         (["run", "--model", "openai/gpt-5"], "needs a key and OPENAI_API_KEY is not set", "Set OPENAI_API_KEY"),
         (["run", "--model", "nonsense"], "no provider is known for model 'nonsense'", "Write provider/name"),
@@ -175,6 +178,19 @@ def test_two_runs_that_begin_in_one_second_have_a_folder_each(cli, tmp_path):
     assert f"report: {report.relative_to(tmp_path)}" in done.stdout
 
 
+@pytest.mark.parametrize(
+    ("instruction", "said"),
+    [
+        ("finde ein Sofa und setz dich darauf", "Scored: reaching a couch."),
+        ("find a giraffe", "Not scored: the instruction names none of chair, couch, bed, potted plant, tv, toilet."),
+    ],
+)
+def test_a_run_says_how_it_understood_the_instruction_and_why_the_agent_stops(cli, instruction, said):
+    told = cli("run", "--instruction", instruction, "--film", "none", "--max-steps", "1").stdout
+    assert said in told
+    assert "so I stop." in told or "I walk on." in told
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_run_says_at_once_what_it_does_and_a_signal_leaves_a_record_and_a_report(tmp_path, number):
     if signal.getsignal(number) is signal.SIG_IGN:
@@ -184,6 +200,8 @@ def test_a_run_says_at_once_what_it_does_and_a_signal_leaves_a_record_and_a_repo
         command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, bufsize=1
     ) as run:
         assert run.stdout.readline() == 'wanderer in house:0: "find a couch and sit on it"\n'
+        assert run.stdout.readline() == "Scored: reaching a couch, sitting on it.\n"
+        assert run.stdout.readline().split() == ["call", "to", "target", "time"]
         assert run.stdout.readline().split()[0] == "0"  # the first step is over
         run.send_signal(number)
         told, _ = run.communicate(timeout=120)

@@ -1,6 +1,7 @@
 """The distributions of this repository are alike, stand in every list, and are named when one is missing."""
 
 import ast
+import importlib.metadata
 import re
 import shutil
 import sys
@@ -14,6 +15,7 @@ import package
 import pytest
 from click.testing import CliRunner
 from packaging.requirements import Requirement
+from snippets import pages
 from wheels import ROOT, distributions as folders
 
 from humanclaw.cli import LazyCommand, build
@@ -168,7 +170,8 @@ def test_a_command_that_is_not_installed_names_what_brings_it():
     done = CliRunner().invoke(build(Plugins), ["bench", "run"])
     assert done.exit_code == 2
     assert "command 'bench' is not installed." in done.output
-    assert "pip install humanclaw-bench" in done.output
+    assert "pip install -e " in done.output
+    assert "plugins/bench`" in done.output
 
 
 @pytest.mark.parametrize(
@@ -206,20 +209,53 @@ def test_all_that_is_missing_is_told_at_once_with_one_line_that_mends_it():
     with pytest.raises(PluginError) as refused:
         Plugins().require(("scenes", "house"), ("simulators", "mujoco"), ("renderers", "raster"))
     assert refused.value.message == "scene 'house', simulator 'mujoco' and renderer 'raster' are not installed."
-    assert refused.value.remedy == 'Run `pip install "humanclaw[demo]"`.'
+    for folder in ("houses", "mujoco", "raster"):
+        assert re.search(rf" -e \S*plugins/{folder}\b", refused.value.remedy)
 
 
-def test_what_the_extra_does_not_hold_is_added_to_the_line():
+def test_what_the_extra_does_not_hold_is_added_to_the_line(monkeypatch):
     missing = ("scenes", "house"), ("renderers", "raster"), ("verifiers", "litellm")
+    monkeypatch.setattr(distributions, "PUBLISHED", True)
     with pytest.raises(PluginError, match=r'pip install "humanclaw\[demo\]" humanclaw-litellm'):
         Plugins().require(*missing)
 
 
 @pytest.mark.parametrize(
+    ("direct_url", "published", "told"),
+    [
+        ('{"dir_info": {"editable": true}, "url": "file:///ROOT"}', False, "-e ./plugins/bench"),
+        ('{"dir_info": {"editable": true}, "url": "file:///ROOT"}', True, "humanclaw-bench"),
+        ('{"archive_info": {}, "url": "file:///dist/humanclaw.whl"}', False, "--find-links dist humanclaw-bench"),
+        (None, False, "--find-links dist humanclaw-bench"),
+        (None, True, "humanclaw-bench"),
+    ],
+)
+def test_the_command_that_installs_a_package_suits_how_the_core_was_installed(direct_url, published, told, monkeypatch):
+    class Installed:
+        requires = None
+
+        def read_text(self, name):
+            return direct_url and direct_url.replace("/ROOT", ROOT.as_posix())
+
+    monkeypatch.setattr(importlib.metadata, "distribution", lambda name: Installed())
+    monkeypatch.setattr(distributions, "PUBLISHED", published)
+    monkeypatch.chdir(ROOT)
+    assert distributions.install(["humanclaw-bench"]).endswith(f"pip install {told}")
+
+
+def test_pages_install_from_the_index_only_once_it_has_the_packages():
+    """On the day of the release the constant changes, and this test names the pages to change."""
+    names = "|".join(sorted(NAMES, key=len, reverse=True))
+    early, late = rf'pip install "?(?:{names})(?![\w-])', r"pip install (?:-e \.|--find-links) "
+    line = re.compile(late if distributions.PUBLISHED else early)
+    assert [str(page) for page in pages() if line.search(page.read_text("utf-8"))] == []
+
+
+@pytest.mark.parametrize(
     ("kind", "name", "remedy"),
     [
-        ("scenes", "house", "Run `pip install humanclaw-houses`."),
-        ("executors", "ray", "Run `pip install humanclaw-ray`."),
+        ("scenes", "house", "plugins/houses`."),
+        ("executors", "ray", "plugins/ray`."),
         ("simulators", "mujocco", "Did you mean mujoco (of humanclaw-mujoco)?"),
         ("renderers", "unheard-of", "Known: raster (of humanclaw-raster), raster-2x (of humanclaw-raster)."),
     ],
@@ -228,7 +264,7 @@ def test_a_name_that_is_not_there_is_answered_with_the_distribution_that_brings_
     with pytest.raises(PluginError) as refused:
         Plugins().require((kind, name))
     assert refused.value.message.startswith("there is no ")
-    assert refused.value.remedy == remedy
+    assert refused.value.remedy.endswith(remedy)
 
 
 IMPORTED_AS = {

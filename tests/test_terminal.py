@@ -21,6 +21,7 @@ TABLES = {
     "skills": "",
     "plugins": "",
     "check": "--list",
+    "doctor": "",
     "physics": "free-space",
     "bench-world": "--chunks 1 --resets 2",
     "bench table": "{a} {b}",

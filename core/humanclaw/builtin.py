@@ -24,6 +24,7 @@ _COMMANDS = (
     ("tools", "show:tools", "Print the skills as the tool list of a model's interface."),
     ("physics", "physics:physics", "Run the physics checks of half-physics and print them as a table."),
     ("bench-world", "physics:bench_world", "Time half-physics in a house of 300 fixed and 60 movable objects."),
+    ("doctor", "doctor:doctor", "Show what is installed here, what is missing, and the command that installs it."),
     ("new", "new:new", "Begin a skill, agent, scene ... of your own."),
 )
 

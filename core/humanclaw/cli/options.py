@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 import click
 
+from humanclaw.cli.completion import names_of
 from humanclaw.episodes.backends import MOTION_HISTORIES, Backends
 from humanclaw.errors import HumanclawError, PluginError, PluginRunError, blaming
 from humanclaw.records.limits import Meter, check_limits
@@ -51,19 +52,39 @@ class Deciders:
 
 SIMULATOR_HELP: Final = "Simulator by name. The default is bullet if it is installed, otherwise mujoco."
 _ENGINES: Final = (
-    click.option("--simulator", default="", help=SIMULATOR_HELP),
-    click.option("--generator", default=Backends.generator, show_default=True, help="Motion generator by name."),
-    click.option("--prior", default=Backends.prior, show_default=True, help="Motion prior of the generator, by name."),
+    click.option("--simulator", default="", help=SIMULATOR_HELP, shell_complete=names_of("simulators")),
+    click.option(
+        "--generator",
+        default=Backends.generator,
+        show_default=True,
+        help="Motion generator by name.",
+        shell_complete=names_of("motion_generators"),
+    ),
+    click.option(
+        "--prior",
+        default=Backends.prior,
+        show_default=True,
+        help="Motion prior of the generator, by name.",
+        shell_complete=names_of("priors"),
+    ),
 )
 _DECIDERS: Final = (
-    click.option("--agent", default="", help="Agent by name; the default is oracle, or the model if one is named."),
+    click.option(
+        "--agent",
+        default="",
+        help="Agent by name; the default is oracle, or the model if one is named.",
+        shell_complete=names_of("agents"),
+    ),
     click.option(
         "--model",
         default="",
         help="Any litellm model that can call tools, such as openai/gpt-5 or ollama_chat/qwen3-vl.",
     ),
     click.option(
-        "--verifier", default="", help="Verifier by name, or none. The default is the model's own, if one is named."
+        "--verifier",
+        default="",
+        help="Verifier by name, or none. The default is the model's own, if one is named.",
+        shell_complete=names_of("verifiers"),
     ),
     click.option("--no-verifier", is_flag=True, help="Same as --verifier none."),
     click.option(
@@ -97,13 +118,20 @@ _DECIDERS: Final = (
         show_default=True,
         help="The poses that a motion continues: the motion model's own, or the simulated body's.",
     ),
-    click.option("--renderer", default=Backends.renderer, show_default=True, help="Renderer by name."),
+    click.option(
+        "--renderer",
+        default=Backends.renderer,
+        show_default=True,
+        help="Renderer by name.",
+        shell_complete=names_of("renderers"),
+    ),
     click.option(
         "--sensor",
         "sensors",
         metavar="NAME",
         multiple=True,
         help="Sense besides the view, which is always on: body, touch, or one of a plugin. Repeatable.",
+        shell_complete=names_of("senses"),
     ),
     click.option("--option", "pairs", multiple=True, metavar="KEY=VALUE", help="Any option of the agent. Repeatable."),
     click.option(
@@ -260,7 +288,12 @@ _CHOICES: Final = (
         metavar="OWNER[:NAME]|SKILL",
         help="Leave out a distribution, something of it, or a skill. Repeatable.",
     ),
-    click.option("--skills", metavar="NAME,...", help="The skills that can be called, and no others; also owner:name."),
+    click.option(
+        "--skills",
+        metavar="NAME,...",
+        help="The skills that can be called, and no others; also owner:name.",
+        shell_complete=names_of("skills"),
+    ),
 )
 
 
@@ -282,7 +315,8 @@ def scene_option(*name: str, about: str = "Where: source:argument.", **settings:
             raise HumanclawError(told, "Put secrets into the environment instead.")
         return value
 
-    return click.option("--scene", *(name or ("reference",)), callback=check, show_default=True, help=about, **settings)
+    shared: Any = {"callback": check, "show_default": True, "help": about, "shell_complete": names_of("scenes", ":")}
+    return click.option("--scene", *(name or ("reference",)), **shared, **settings)
 
 
 def parse_pairs(pairs: Sequence[str]) -> dict[str, Any]:

@@ -15,7 +15,7 @@ import click
 from rich.status import Status
 
 from humanclaw.cli.options import INTERRUPTED, Deciders
-from humanclaw.cli.progress import StepProgress, summary
+from humanclaw.cli.progress import StepProgress, scoring, summary
 from humanclaw.cli.terminal import Console
 from humanclaw.episodes.backends import SIMULATORS, Backends
 from humanclaw.episodes.embodiment import Body
@@ -55,6 +55,7 @@ def play(
     status.update("Making the scene")
     scene: Scene = plugins.scene(reference)
     spec = free_episode(instruction, scene, seed=seed, max_steps=max_steps, name=f"{name_of(reference)}-{seed}")
+    console.print(scoring(spec), soft_wrap=True)
     out = out or new_folder(deciders.agent)
     folder = out / spec.id
     claim(folder)

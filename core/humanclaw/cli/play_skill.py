@@ -9,6 +9,7 @@ from typing import Any, Final, Literal
 
 import click
 
+from humanclaw.cli.completion import names_of
 from humanclaw.cli.options import engine_options, plugin_options, scene_option
 from humanclaw.cli.play import claim, end, left_empty, new_folder, present
 from humanclaw.cli.terminal import Console
@@ -32,7 +33,7 @@ _STRIDE: Final = 0.4
 
 
 @click.command(context_settings={"ignore_unknown_options": True})
-@click.argument("target", metavar="FILE|FOLDER|NAME")
+@click.argument("target", metavar="FILE|FOLDER|NAME", shell_complete=names_of("skills"))
 @click.argument("words", nargs=-1, type=click.UNPROCESSED, metavar="[--PARAMETER VALUE | PARAMETER=VALUE]...")
 @click.option("--times", type=click.IntRange(1, 100), default=1, show_default=True, help="Calls in a row.")
 @click.option(

@@ -3,12 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Final
+
+from rich.padding import Padding
 
 from humanclaw.cli.terminal import Console
 from humanclaw.plugins.hookspecs import hookimpl
+from humanclaw.records.specification import EpisodeSpec
 from humanclaw.records.steps import EpisodeRecord, StepRecord
+from humanclaw.records.tasks import ALIASES
 from humanclaw.text.words import counted
 from humanclaw.world.simulator import Chunk
+
+_WIDE: Final = 120
+"""Columns of a terminal that has room for a call and its reason on one line."""
 
 
 class StepProgress:
@@ -20,6 +28,9 @@ class StepProgress:
         self._console, self._distances = console, distances
         self._width = len(str(max_steps))
         self._step, self._chunks = -1, 0
+        self._wide = not console.is_terminal or console.width >= _WIDE
+        near = "to target" if distances else ""
+        self._console.print(f"{'':>{self._width}}  {'call':<44} {near:>9} {'time':>6}", style="dim")
 
     @hookimpl
     def humanclaw_chunk(self, episode: EpisodeRecord, step: int, chunk: Chunk) -> None:
@@ -34,13 +45,23 @@ class StepProgress:
     def humanclaw_step(self, episode: EpisodeRecord, step: StepRecord) -> None:
         thought = step.decision.reasoning.split("\n")[0]
         known = self._distances and step.target_distance is not None
-        near = f"{step.target_distance:5.2f} m" if known else ""
+        near = f"{step.target_distance:.2f} m" if known else ""
         call = str(step.call or "(no usable call)")
         took = f"{sum(step.seconds.values()):4.1f} s" if step.seconds else ""
-        line = f"{step.step:>{self._width}}  {call:<44} {near:>8} {took:>7}  {thought}"
-        # Long lines are cut on a terminal, and never in a file.
-        whole = not self._console.is_terminal
-        self._console.print(line, no_wrap=True, overflow="ellipsis", soft_wrap=whole)
+        line = f"{step.step:>{self._width}}  {call:<44} {near:>9} {took:>6}"
+        if self._wide:
+            self._console.print(f"{line}  {thought}".rstrip(), soft_wrap=True)
+        else:
+            self._console.print(line, soft_wrap=True)
+            self._console.print(Padding(thought, (0, 0, 0, self._width + 2)), style="dim")
+
+
+def scoring(spec: EpisodeSpec) -> str:
+    """Return one sentence about what the episode of a free instruction is scored by, as its words were understood."""
+    if not spec.target_category:
+        known = ", ".join(ALIASES).replace("_", " ")
+        return f"Not scored: the instruction names none of {known}."
+    return f"Scored: reaching a {spec.target_category.replace('_', ' ')}{', sitting on it' if spec.interact else ''}."
 
 
 def summary(record: EpisodeRecord, steps: Sequence[StepRecord]) -> str:

@@ -13,6 +13,7 @@ from rich.table import Table
 from humanclaw.cli.options import plugin_options
 from humanclaw.cli.terminal import Console
 from humanclaw.plugins.choice import Choice, PluginInfo
+from humanclaw.plugins.distributions import install
 from humanclaw.plugins.host import Plugins
 from humanclaw.skills.contract import Skill, bounds
 from humanclaw.skills.publishing import Format, publish
@@ -30,7 +31,7 @@ def skills(as_json: bool, files: tuple[Path, ...], choice: Choice) -> None:
     rows = [_skill_row(skill, plugins) for skill in sorted(plugins.skills.values(), key=lambda skill: skill.name)]
     rows += [_disabled_row(name, info) for info in plugins.infos for name in info.disabled]
     _print(rows, as_json, ("skill", "parameters", "from", "state"),
-           "No skill is installed. Run `pip install humanclaw-skill-walk`.")  # fmt: skip
+           f"No skill is installed. Run `{install(['humanclaw-skill-walk'])}`.")  # fmt: skip
 
 
 @click.command("plugins")

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final, Self
 
 from humanclaw.errors import HumanclawError, PluginError
+from humanclaw.plugins.distributions import install
 from humanclaw.text.words import did_you_mean
 
 if TYPE_CHECKING:
@@ -62,7 +63,7 @@ def default_simulator(plugins: Plugins) -> str:
     installed = [offer.name for offer in plugins.registered("simulators")]
     preferred = [name for name in SIMULATORS if name in installed] or installed
     if not preferred:
-        raise PluginError("no simulator is installed.", "Run `pip install humanclaw-mujoco`.")
+        raise PluginError("no simulator is installed.", f"Run `{install(['humanclaw-mujoco'])}`.")
     return preferred[0]
 
 

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
         origin as origin,
         settings_of as settings_of,
     )
-    from humanclaw.plugins.distributions import own as own
+    from humanclaw.plugins.distributions import install as install, own as own
     from humanclaw.plugins.hookspecs import (
         API_VERSION as API_VERSION,
         OBSERVERS as OBSERVERS,

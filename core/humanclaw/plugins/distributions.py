@@ -2,11 +2,22 @@
 
 from __future__ import annotations
 
+import json
+import shlex
+import shutil
+import sys
 import tomllib
 from collections.abc import Iterable, Mapping
 from functools import cache
 from pathlib import Path
+from typing import Final
+from urllib.parse import urlsplit
+from urllib.request import url2pathname
 
+PUBLISHED: Final = False
+"""Whether a package index has the distributions. The release sets it to True."""
+WHEELS: Final = "dist"
+"""The folder into which `make wheels` builds the distributions."""
 DEMO = "demo"
 """The extra with everything that `humanclaw run` needs."""
 
@@ -37,11 +48,43 @@ def bringing(kind: str, name: str) -> str:
 
 
 def install(distributions: Iterable[str]) -> str:
-    """Return the shortest command that installs some distributions: by the extra `demo` if it holds several of them."""
-    wanted, demo = list(dict.fromkeys(distributions)), _extra(DEMO)
+    """Return the command that installs first-party distributions from where the core was itself installed."""
+    wanted = list(dict.fromkeys(distributions))
+    if checkout := None if PUBLISHED else _checkout():
+        return " ".join(
+            [_pip(), "install", *(f"-e {shlex.quote(_short(folder))}" for folder in _folders(checkout, wanted))]
+        )
+    demo = _extra(DEMO)
     if len(demo & set(wanted)) > 1:
         wanted = [f'"humanclaw[{DEMO}]"', *(name for name in wanted if name not in demo)]
-    return f"pip install {' '.join(wanted)}"
+    source = () if PUBLISHED else ("--find-links", WHEELS)
+    return " ".join([_pip(), "install", *source, *wanted])
+
+
+def _pip() -> str:
+    """Return the pip of this interpreter: by its path, unless it is the first one on PATH."""
+    own = shutil.which("pip", path=str(Path(sys.executable).parent))
+    return "pip" if own in (None, shutil.which("pip")) else shlex.quote(str(own))
+
+
+def _checkout() -> Path | None:
+    """Return the folder from which the core was installed editable; None if it was installed from a wheel."""
+    import importlib.metadata
+
+    told = json.loads(importlib.metadata.distribution("humanclaw").read_text("direct_url.json") or "{}")
+    return Path(url2pathname(urlsplit(told["url"]).path)) if told.get("dir_info", {}).get("editable") else None
+
+
+def _folders(checkout: Path, wanted: Iterable[str]) -> list[Path]:
+    """Return the folder in the checkout of each distribution."""
+    files = [checkout / "pyproject.toml", *checkout.glob("*/*/pyproject.toml")]
+    found = {tomllib.loads(file.read_text("utf-8"))["project"]["name"]: file.parent for file in files}
+    return [found[name] for name in wanted]
+
+
+def _short(folder: Path) -> str:
+    """Return a path that pip does not take for a name: relative if the folder is in the current one."""
+    return f"./{folder.relative_to(Path.cwd()).as_posix()}" if folder.is_relative_to(Path.cwd()) else str(folder)
 
 
 def _extra(extra: str) -> set[str]:

@@ -39,7 +39,7 @@ def check_api(made_for: object, name: str) -> None:
     if major != ours[0] or minor > ours[1]:
         newer = "humanclaw" if (major, minor) > ours else name
         told = f"plugin {name!r} was made for plugin API {made_for}, this is {hookspecs.API_VERSION}."
-        raise PluginError(told, f"Run `pip install --upgrade {newer}`.")
+        raise PluginError(told, f"Upgrade {newer}.")
 
 
 def check_patience(seconds: object, name: str) -> None:
@@ -111,7 +111,7 @@ def _check_requirement(dist: importlib.metadata.Distribution) -> None:
         if canonicalize_name(requirement.name) == "humanclaw" and version() not in requirement.specifier:
             raise PluginError(
                 f"{dist.name} {dist.version} needs humanclaw{requirement.specifier}, this is {version()}.",
-                f"Run `pip install --upgrade {dist.name} humanclaw`.",
+                f"Upgrade {dist.name} and humanclaw.",
             )
 
 

@@ -46,7 +46,12 @@ def wants_to_sit(instruction: str) -> bool:
 
 
 def free_episode(instruction: str, scene: Scene, *, seed: int = 0, max_steps: int = 100, name: str = "") -> EpisodeSpec:
-    """Return an episode for a free instruction in a scene. Without a target category it is not scored."""
+    """Return an episode for a free instruction in a scene. Without a target category it is not scored.
+
+    Raises HumanclawError for an empty instruction.
+    """
+    if not instruction.strip():
+        raise HumanclawError("the instruction is empty.", "Say what the body is to do: 'find a couch and sit on it'.")
     category = category_of(instruction)
     return EpisodeSpec(
         id=name or f"free-{seed}",

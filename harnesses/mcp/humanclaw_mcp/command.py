@@ -56,7 +56,9 @@ def command(
         raise HumanclawError("--auth-env protects HTTP only; over standard streams there is one client.", "Add --http.")
     given = {key: value for key, value in options.items() if value is not None}
     settings, plugins = Settings(**given, options=parse_pairs(pairs)), Plugins.discover(files, choice)
-    if settings.verifier:  # A wrong name or option is told now, not to the first client.
+    # A wrong name or option is told now, not to the first client.
+    plugins.require(*(("scenes", reference.partition(":")[0]) for reference in settings.scenes))
+    if settings.verifier:
         verifier = plugins.make("verifiers", settings.verifier, settings.options)
         check_options(settings.options, settings.verifier, None, verifier)
     handlers = Handlers(Bodies(settings, plugins))

@@ -25,6 +25,7 @@ from humanclaw.cli import (
     plugin_files,
     plugin_options,
 )
+from humanclaw.plugins import install
 from humanclaw.records import name_of, write_episodes
 from humanclaw.storage import write_atomically
 from humanclaw_bench import leaderboard as leaderboards, submission as submissions
@@ -42,6 +43,7 @@ from humanclaw_bench.splits import (
     HOUSES,
     STARTS,
     candidates,
+    complete_split,
     hidden,
     load_split,
     make as make_splits,
@@ -104,7 +106,12 @@ for _name, _target, _told in (
 
 @bench.command("run")
 @click.option(
-    "--split", "name", default="mini", show_default=True, help="val, val-400, mini, smoke, dev, or a file of episodes."
+    "--split",
+    "name",
+    default="mini",
+    show_default=True,
+    help="val, val-400, mini, smoke, dev, or a file of episodes.",
+    shell_complete=complete_split,
 )
 @decider_options
 @click.option("--workers", type=click.IntRange(1), default=1, show_default=True, help="Episodes at a time.")
@@ -155,7 +162,7 @@ def run_command(
     )  # fmt: skip
     wanted = executor or ("ray" if address else "local")
     if wanted == "ray" and "ray" not in {one.name for one in plugins.registered("executors")}:
-        raise PluginError("--ray needs a plugin that is not installed.", "Run `pip install humanclaw-ray`.")
+        raise PluginError("--ray needs a plugin that is not installed.", f"Run `{install(['humanclaw-ray'])}`.")
     player = plugins.make("executors", wanted, workers, address or "")
     with RunProgress(Console(), out) as progress:
         status = run_split(

@@ -20,12 +20,19 @@ from humanclaw_bench.progress import RunProgress
 from humanclaw_bench.results import Result
 from humanclaw_bench.runner import Forecast, run_split
 from humanclaw_bench.scores import Scores
-from humanclaw_bench.splits import load_split
+from humanclaw_bench.splits import complete_split, load_split
 from humanclaw_bench.tables import ablation_table
 from humanclaw_bench.worker import Job
 from humanclaw_bench.writers import plain, terminal
 
-_SPLIT = click.option("--split", "name", default="mini", show_default=True, help="val, mini, smoke, or a file.")
+_SPLIT = click.option(
+    "--split",
+    "name",
+    default="mini",
+    show_default=True,
+    help="val, mini, smoke, or a file.",
+    shell_complete=complete_split,
+)
 _WORKERS = click.option("--workers", type=click.IntRange(1), default=1, show_default=True, help="Episodes at a time.")
 
 _JSON = click.option("--json", "as_json", is_flag=True, help="Print JSON.")

@@ -17,6 +17,7 @@ from typing import Final
 import numpy as np
 
 from humanclaw import EpisodeSpec, HumanclawError, Plugins
+from humanclaw.plugins import install
 from humanclaw_bench.attribution import CAUSES, FURTHER, Cause
 from humanclaw_bench.hookspecs import Fault
 from humanclaw_bench.scores import Scores
@@ -32,7 +33,7 @@ def known_faults(plugins: Plugins) -> tuple[Fault, ...]:
     """Return the faults of plugins. Raises HumanclawError if there are none."""
     faults = tuple(one.value for one in plugins.registered("faults"))
     if not faults:
-        raise HumanclawError("no plugin has an agent with a known fault.", "Run `pip install humanclaw-scripted`.")
+        raise HumanclawError("no plugin has an agent with a known fault.", f"Run `{install(['humanclaw-scripted'])}`.")
     return faults
 
 

@@ -53,6 +53,10 @@ class RunStatus:
     """Number of episodes that ended in this session."""
     steps: int = 0
     """Steps of the episodes of this session."""
+    playing: float = 0.0
+    """Seconds that they took, without starting the workers."""
+    workers: int = 1
+    """Number of episodes under way at a time."""
     seconds: float = 0.0
     """Time since this session began."""
     cost: float = 0.0
@@ -66,8 +70,8 @@ class RunStatus:
 
     @property
     def seconds_left(self) -> float:
-        """Remaining seconds at the rate of this session; NaN before its first episode."""
-        return self.left * self.seconds / self.played if self.played else float("nan")
+        """Remaining seconds at the rate of this session's episodes; NaN before the first."""
+        return self.left * self.playing / (self.played * self.workers) if self.played else float("nan")
 
     @property
     def cost_left(self) -> float:
@@ -131,12 +135,12 @@ def run_split(
         with _stops(executor) as stopped, closing(executor.reports(job, queue, out)) as reports:
             for report in reports:
                 _keep(out, report)
-                status = _counted(status, report, time.perf_counter() - began)
+                status = _counted(status, report, time.perf_counter() - began, len(queue))
                 watch(status, report)
                 if report.fatal:
                     raise HumanclawError(f"episode {report.episode} cannot be run: {report.error}")
                 asked = pilot.ends_with(report) and status.left > 0
-                refused = asked and not go_on(pilot.forecast(status, status.left - len(queue) + 1))
+                refused = asked and not go_on(pilot.forecast(status))
                 if report.limit == "run" or _spent(status, job.limits) or refused:
                     executor.stop()
                     stopped.set()
@@ -171,13 +175,13 @@ class _Pilot:
             self._ended.append(report)
         return bool(self._ended) and not self._awaited
 
-    def forecast(self, status: RunStatus, workers: int) -> Forecast:
+    def forecast(self, status: RunStatus) -> Forecast:
         """Estimate the rest: every remaining episode takes as much as the pilot's on average."""
         seconds, cost = (
             sum(getattr(one, what) for one in self._ended) / len(self._ended) for what in ("seconds", "cost")
         )
         return Forecast(
-            len(self._ended), status.left, seconds * status.left / workers, cost * status.left, status.tokens
+            len(self._ended), status.left, seconds * status.left / status.workers, cost * status.left, status.tokens
         )
 
 
@@ -207,12 +211,14 @@ def _spent(status: RunStatus, limits: Mapping[str, float]) -> bool:
     return any(amount >= limits.get(name, float("inf")) for name, amount in used.items())
 
 
-def _counted(status: RunStatus, report: WorkerReport, seconds: float) -> RunStatus:
+def _counted(status: RunStatus, report: WorkerReport, seconds: float, waiting: int) -> RunStatus:
+    """Add a report. seconds: since the session began; waiting: number of episodes that no worker has taken."""
     done, failed = ended(report.outcome, report.limit), report.outcome == FAILED
     return _with(
         status, done=status.done + done, failed=status.failed + failed, played=status.played + done,
         steps=status.steps + report.steps, seconds=seconds, cost=status.cost + report.cost,
-        tokens=status.tokens + report.tokens,
+        tokens=status.tokens + report.tokens, playing=status.playing + done * report.seconds,
+        workers=max(status.workers, status.left - waiting),
     )  # fmt: skip
 
 

@@ -64,7 +64,7 @@ def _check(head: dict[str, Any], name: str) -> None:
         extension for extension in head.get("extensionsRequired", ()) if not extension.startswith("KHR_materials_")
     }
     if _DRACO in required and not importlib.util.find_spec("DracoPy"):
-        raise SceneError(f"{name} is compressed with {_DRACO}.", "Run `pip install 'humanclaw-habitat[draco]'`.")
+        raise SceneError(f"{name} is compressed with {_DRACO}.", "Run `pip install DracoPy`.")
     unknown = sorted(required - _KNOWN - {_DRACO})
     if unknown:
         raise SceneError(

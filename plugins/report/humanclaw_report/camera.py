@@ -21,6 +21,9 @@ ELEVATIONS: Final = np.radians([25, 38, 52, 66, 80])
 PREFERRED_ELEVATION: Final = float(np.radians(32))
 _PARTS: Final = ("head", "pelvis", "left_wrist", "right_wrist", "left_knee", "right_knee", "left_foot", "right_foot")
 WATCHED: Final = [JOINT_INDEX[name] for name in _PARTS]
+BEHIND: Final = float(np.pi)
+FACING: Final = float(np.pi / 6)
+"""Sides from which a camera sees the body, radians from straight ahead of it."""
 KEY: Final = 8
 """Frames between two key frames; the camera chooses a direction at each key frame."""
 
@@ -40,15 +43,16 @@ def look_at(eye: Array, centre: Array, size: tuple[int, int], fov: float = 48.0)
     return Camera(eye, forward, up, fov, *size)
 
 
-def follow(plans: Sequence[OccupancyGrid], storeys: NDArray[np.int64], motion: Motion) -> Array:
-    """Return (T, 3) positions, metres, of a camera that sees the body from behind and moves as little as possible.
+def follow(plans: Sequence[OccupancyGrid], storeys: NDArray[np.int64], motion: Motion, side: float = BEHIND) -> Array:
+    """Return (T, 3) positions, metres, of a camera that sees the body from one side and moves as little as possible.
 
     A Viterbi search finds the cheapest sequence of directions. A direction costs more if something hides the body, if
-    it is far from behind the body, and if the camera swings far to get there.
+    it is far from the preferred side, and if the camera swings far to get there.
 
     Args:
         plans: Plan of each storey as it is shown.
         storeys: (T,) index of the storey that the body is on.
+        side: Preferred direction of the camera from the body, radians; 0 is ahead of it.
     """
     keys = np.arange(0, len(motion), KEY)
     azimuth, elevation = (grid.ravel() for grid in np.meshgrid(AZIMUTHS, ELEVATIONS, indexing="ij"))
@@ -57,7 +61,7 @@ def follow(plans: Sequence[OccupancyGrid], storeys: NDArray[np.int64], motion: M
     cost = np.empty((len(keys), len(ways)))
     for k, plan in enumerate(plans):
         here = storeys[keys] == k
-        cost[here] = _discomfort(plan, motion, keys[here], azimuth, elevation, ways)
+        cost[here] = _discomfort(plan, motion, keys[here], azimuth - side, elevation, ways)
     chosen = _cheapest(cost, 2.5 * swing)
     offsets = np.stack([np.interp(np.arange(len(motion)), keys, ways[chosen, axis]) for axis in range(3)], -1)
     offsets = smoothed(offsets, 9.0)
@@ -74,9 +78,9 @@ def smoothed(values: Array, frames: float) -> Array:
 def _discomfort(
     plan: OccupancyGrid, motion: Motion, keys: NDArray[np.int64], azimuth: Array, elevation: Array, ways: Array
 ) -> Array:
-    """Return the (K, W) cost of each direction at each key frame."""
+    """Return the (K, W) cost of each direction at each key frame. azimuth: from the preferred side."""
     joints, yaw = motion.joints()[keys], motion.yaw()[keys]
-    behind = 0.5 * (1 - np.cos(azimuth[None] - yaw[:, None] - np.pi))
+    aside = 0.5 * (1 - np.cos(azimuth[None] - yaw[:, None]))
     steep = np.abs(elevation - PREFERRED_ELEVATION)
     eyes = joints[:, None, 0] + DISTANCE * ways
     # The floor around the feet counts too: a picture says little if the top of a wall hides where the body stands.
@@ -84,7 +88,7 @@ def _discomfort(
     ground = joints[:, None, 0] * [1, 0, 1] + soles + [0, 0.05, 0] + _ring(0.8)
     hidden = 1 - plan.sees(eyes[:, :, None], joints[:, None, WATCHED]).mean(-1)
     veiled = 1 - plan.sees(eyes[:, :, None], ground[:, None]).mean(-1)
-    return np.asarray(12.0 * hidden + 4.0 * veiled + behind + steep[None])
+    return np.asarray(12.0 * hidden + 4.0 * veiled + aside + steep[None])
 
 
 def _ring(radius: float) -> Array:

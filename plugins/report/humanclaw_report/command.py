@@ -62,9 +62,11 @@ def film(folder: Path, out: Path | None, height: int, every: int, renderer: str,
 
     EPISODE is the folder of an episode, or of a run that holds only one.
     """
-    from humanclaw import Plugins
+    from humanclaw import HumanclawError, Plugins
     from humanclaw_report.film import film as make
 
+    if out and out.suffix not in (".gif", ".mp4"):
+        raise HumanclawError(f"a film ends in .mp4 or .gif; got {out}.", f"Name {out.with_suffix('.mp4')}.")
     episode, plugins = _episode(folder), Plugins.discover(files)
     out = out or episode.folder / "film.mp4"
     size = (2 * round(height * 8 / 9), height // 2 * 2)

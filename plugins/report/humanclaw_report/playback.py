@@ -12,7 +12,7 @@ from scipy.ndimage import maximum_filter1d
 from humanclaw import Motion, RecordedEpisode, RecordError, Scene, StepRecord
 from humanclaw.body import HISTORY, JOINT_INDEX, Array
 from humanclaw.world import GROUND, Camera, WorldState, floors_of
-from humanclaw_report.camera import follow, look_at, sight, smoothed
+from humanclaw_report.camera import BEHIND, FACING, follow, look_at, sight, smoothed
 from humanclaw_report.maps import storeys_at
 
 SHOWN: Final = [
@@ -55,7 +55,9 @@ class Replay:
         # Smoothed, so that the scene does not flicker between two storeys on stairs.
         storeys = storeys_at(floors, smoothed(motion.root[:, 1], 6.0))
         plans = [sight(shown, floor) for shown, floor in zip(scenes, floors, strict=True)]
-        eyes = follow(plans, storeys, motion)
+        # On an empty floor there is nothing ahead of the body to see, and gestures are seen best from the front.
+        empty = all(obj.category in GROUND for obj in scene.objects)
+        eyes = follow(plans, storeys, motion, FACING if empty else BEHIND)
         hidden = in_the_way(scene, motion, eyes)
         # A renderer keeps fixed objects where they are, so those that are ever left out become movable.
         loose = frozenset().union(*hidden)

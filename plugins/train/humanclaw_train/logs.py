@@ -53,7 +53,7 @@ def check(names: Iterable[str]) -> None:
         if importlib.util.find_spec(name) is None:
             raise HumanclawError(
                 f"--logger {name} needs the package {name}, which is not installed.",
-                f'Run: pip install "humanclaw-train[{name}]"',
+                f"Run `pip install {name}`.",
             )
 
 
