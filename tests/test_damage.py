@@ -144,7 +144,7 @@ def test_a_record_cut_in_half_is_named_with_the_line_where_it_ends(folder):
 def test_a_record_names_no_file_outside_its_folder(folder, name):
     record = EpisodeRecord.model_validate_json((folder / "episode.json").read_bytes())
     write_record(folder, record.model_copy(update={"files": {name: "0" * 64}}))
-    with pytest.raises(RecordError, match="lies elsewhere"):
+    with pytest.raises(RecordError, match="leads out of the folder"):
         RecordedEpisode(folder)
     lines = [json.loads(line) for line in (folder / "steps.jsonl").read_text().split("\n")[:-1]]
     lines[0]["frame_file"] = name

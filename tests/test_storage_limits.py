@@ -153,7 +153,7 @@ def test_a_file_that_a_record_names_lies_in_its_folder(tmp_path, name):
     record_episode(tmp_path / "couch-0")
     path = tmp_path / "couch-0" / "episode.json"
     path.write_text(json.dumps({**json.loads(path.read_text()), "seal": "", "files": {name: "aa"}}))
-    with pytest.raises(RecordError, match="which lies elsewhere"):
+    with pytest.raises(RecordError, match="leads out of the folder"):
         RecordedEpisode(tmp_path / "couch-0")
 
 

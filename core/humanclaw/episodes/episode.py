@@ -34,6 +34,7 @@ from humanclaw.records.outcomes import succeeded
 from humanclaw.records.specification import EpisodeSpec
 from humanclaw.records.steps import EpisodeRecord, Outcome, StepRecord
 from humanclaw.skills.call import Call
+from humanclaw.storage.files import Folder
 from humanclaw.storage.pictures import jpeg
 from humanclaw.text.notebook import card
 from humanclaw.world.simulator import Chunk, DistanceFactory, WorldState
@@ -57,7 +58,7 @@ class Episode:
         agent: Agent | str = "",
         verifier: Verifier | None = None,
         *,
-        folder: Path | None = None,
+        folder: Path | Folder | None = None,
         options: Mapping[str, Any] | None = None,
         distance: DistanceFactory | None = None,
         replay: Sequence[StepRecord] = (),

@@ -12,6 +12,7 @@ from humanclaw.plugins.agents import Agent, Verifier
 from humanclaw.records.limits import Meter
 from humanclaw.records.specification import EpisodeSpec
 from humanclaw.records.steps import EpisodeRecord, StepRecord
+from humanclaw.storage.files import Folder
 from humanclaw.world.simulator import DistanceFactory
 
 
@@ -21,7 +22,7 @@ def run_episode(
     agent: Agent,
     verifier: Verifier | None = None,
     *,
-    folder: Path | None = None,
+    folder: Path | Folder | None = None,
     options: Mapping[str, Any] | None = None,
     distance: DistanceFactory | None = None,
     replay: Sequence[StepRecord] = (),

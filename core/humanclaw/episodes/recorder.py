@@ -25,6 +25,7 @@ from humanclaw.records.folder import EpisodeWriter
 from humanclaw.records.specification import EpisodeSpec
 from humanclaw.records.steps import EpisodeRecord, Outcome, SkillInfo, StepRecord
 from humanclaw.skills.contract import Skill
+from humanclaw.storage.files import Folder
 from humanclaw.world.scene import GROUND
 from humanclaw.world.simulator import Chunk
 
@@ -32,11 +33,12 @@ from humanclaw.world.simulator import Chunk
 class Recording:
     """What an episode keeps: its record, its steps, its frames and its motion."""
 
-    def __init__(self, body: Body, record: EpisodeRecord, folder: Path | None) -> None:
+    def __init__(self, body: Body, record: EpisodeRecord, folder: Path | Folder | None) -> None:
         """folder: where to write; None keeps nothing on disk."""
         self.record = record
         self.steps: list[StepRecord] = []
-        self.folder = folder
+        self._files = Folder.of(folder) if folder else None
+        self.folder = self._files and self._files.path
         self._trajectory = TrajectoryBuffer(body)
         self._writer: EpisodeWriter | None = None
         self._drawn: dict[str, bytes] = {}
@@ -44,8 +46,8 @@ class Recording:
 
     def open(self) -> None:
         """Begin the folder. Call it after a replay, so that a failed one leaves the folder as it was."""
-        if self.folder:
-            self._writer = EpisodeWriter(self.folder, self.record, self.steps)
+        if self._files:
+            self._writer = EpisodeWriter(self._files, self.record, self.steps)
             for name, data in self._drawn.items():
                 self._writer.frame(name, data)
             self._drawn.clear()

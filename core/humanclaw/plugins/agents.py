@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 from humanclaw.body.pose import Motion
 from humanclaw.records.decisions import Decision, Verdict
 from humanclaw.records.feedback import Feedback, Proprioception, Reading, Touch
-from humanclaw.records.folder import read_file
+from humanclaw.records.folder import FRAME_BYTES, reading
 from humanclaw.records.specification import EpisodeSpec
 from humanclaw.skills.call import Call
 from humanclaw.skills.contract import Skill
+from humanclaw.storage.files import read_file
 from humanclaw.storage.pictures import from_jpeg
 from humanclaw.world.scene import Scene
 from humanclaw.world.simulator import Chunk, WorldState
@@ -115,7 +116,10 @@ class RecalledEntry(HistoryEntry):
 
     @property
     def rgb(self) -> NDArray[np.uint8]:
-        return from_jpeg(self._picture if isinstance(self._picture, bytes) else read_file(self._picture))
+        if isinstance(self._picture, bytes):
+            return from_jpeg(self._picture)
+        with reading(self._picture):
+            return from_jpeg(read_file(self._picture, FRAME_BYTES))
 
 
 @dataclass(frozen=True)

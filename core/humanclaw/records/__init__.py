@@ -22,6 +22,10 @@ if TYPE_CHECKING:
         Touch as Touch,
     )
     from humanclaw.records.folder import (
+        FRAME_BYTES as FRAME_BYTES,
+        MOTION_BYTES as MOTION_BYTES,
+        RECORD_BYTES as RECORD_BYTES,
+        STEPS_BYTES as STEPS_BYTES,
         EpisodeWriter as EpisodeWriter,
         close_record as close_record,
         write_record as write_record,

@@ -18,9 +18,9 @@ from pydantic import ValidationError
 
 from humanclaw.body.pose import Array, Motion
 from humanclaw.errors import RecordError
-from humanclaw.records.folder import AGAIN, read_file
+from humanclaw.records.folder import AGAIN, FRAME_BYTES, MOTION_BYTES, RECORD_BYTES, STEPS_BYTES, reading
 from humanclaw.records.steps import EpisodeRecord, StepRecord, seal_of
-from humanclaw.storage.files import within
+from humanclaw.storage.files import Folder
 from humanclaw.text.json import first_fault
 from humanclaw.text.notebook import card, spread, table
 from humanclaw.text.words import counted
@@ -35,11 +35,12 @@ _ARRAY: Final = re.compile(r"(?:(?:generated|simulated)_(root|rotations)|(object
 class RecordedEpisode:
     """An episode folder, read back. Raises RecordError, with file and line, if anything in it is damaged."""
 
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
-        self.record = _read_record(folder / "episode.json")
-        _verify(folder, self.record)
-        self.steps = tuple(_read_steps(folder / "steps.jsonl"))
+    def __init__(self, folder: Path | Folder) -> None:
+        self.files = Folder.of(folder)
+        self.folder = folder = self.files.path
+        self.record = _read_record(self.files)
+        _verify(self.files, self.record)
+        self.steps = tuple(_read_steps(self.files))
         if self.record.files and len(self.steps) != self.record.steps:
             raise RecordError(
                 f"{folder} holds {counted(len(self.steps), 'step')}; its record says {self.record.steps}.", AGAIN
@@ -48,7 +49,7 @@ class RecordedEpisode:
     @property
     def has_motion(self) -> bool:
         """Whether there is a motion.npz. A running or killed episode has none."""
-        return (self.folder / "motion.npz").is_file()
+        return self.files.has("motion.npz")
 
     def motion(self, kind: Literal["generated", "simulated"] = "simulated") -> Motion:
         """Return all frames of the episode (world frame): five of standing, then motion_frames for each step."""
@@ -64,23 +65,31 @@ class RecordedEpisode:
 
         Sizes are checked before memory is allocated.
         """
-        path = self.folder / "motion.npz"
         try:
-            with zipfile.ZipFile(path) as archive:
+            with self.files.open("motion.npz", MOTION_BYTES) as stream, zipfile.ZipFile(stream) as archive:
                 _check_arrays(archive)
-            with np.load(path) as data:
+                stream.seek(0)
+                data = np.load(stream)
                 found = {name: data[name] for name in names or sorted(data.files)}
             if not all(np.isfinite(array).all() for array in found.values()):
                 raise ValueError("it holds values that are not finite")
         except Exception as error:  # Damage raises a dozen kinds of errors in numpy, zipfile and its unpackers.
-            raise RecordError(f"{path} cannot be read: {error}.", AGAIN) from error
+            told = error.strerror if isinstance(error, OSError) else error
+            raise RecordError(f"{self.folder / 'motion.npz'} cannot be read: {told}.", AGAIN) from error
         return found
+
+    def view(self, step: StepRecord) -> bytes:
+        """Return the view before a step as JPEG; empty if the record does not hold it."""
+        name = step.frame_file
+        with reading(self.folder / name), suppress(FileNotFoundError):
+            return self.files.read(name, FRAME_BYTES) if name else b""
+        return b""
 
     def _repr_html_(self) -> str:
         """Return the task, the outcome and a strip of views, for a notebook."""
         spec, count = self.record.spec, len(self.steps)
-        kept = [step for step in self.steps if step.frame_file and (self.folder / step.frame_file).is_file()]
-        pictures = [(f"step {kept[k].step}", read_file(self.folder / kept[k].frame_file)) for k in spread(len(kept))]
+        kept = [step for step in self.steps if step.frame_file and self.files.has(step.frame_file)]
+        pictures = [(f"step {kept[k].step}", self.view(kept[k])) for k in spread(len(kept))]
         ended = f"{self.record.outcome.replace('_', ' ')} after {counted(count, 'step')}"
         return card(f"Episode {spec.id}", [f"{self.record.agent}: {spec.instruction}", ended], pictures)
 
@@ -94,8 +103,9 @@ class RecordedEpisode:
         for step in self.steps:
             state.update(step.model_dump_json(exclude={"seconds"}).encode())
             if step.frame_file:
-                state.update(read_file(_within(self.folder, step.frame_file)))
-        if (self.folder / "motion.npz").exists():
+                with reading(self.folder / step.frame_file):
+                    state.update(self.files.read(step.frame_file, FRAME_BYTES))
+        if self.has_motion:
             for key, array in self._arrays().items():
                 state.update(key.encode() + array.tobytes())
         return state.hexdigest()
@@ -126,15 +136,16 @@ def _cells(episode: RecordedEpisode) -> tuple[str, ...]:
 
 def load_run(folder: Path) -> RecordedRun:
     """Read all episodes under a folder, by name. Raises RecordError if there are none."""
-    found = sorted(path.parent for path in folder.rglob("episode.json"))
+    found = Folder(folder).holding("episode.json")
     if not found:
         raise RecordError(
             f"there is no episode record in {folder}.",
             "Name a folder that `humanclaw run` or `humanclaw bench run` wrote.",
         )
     episodes = RecordedRun(map(RecordedEpisode, found))
-    for run in {path.parent for path in found if (path.parent / "run.json").exists()}:
-        _refuse_copies([episode for episode in episodes if episode.folder.parent == run])
+    for run in {one.folder.parent for one in episodes}:
+        if Folder(run).has("run.json"):
+            _refuse_copies([episode for episode in episodes if episode.folder.parent == run])
     return episodes
 
 
@@ -145,9 +156,11 @@ def _refuse_copies(episodes: Sequence[RecordedEpisode]) -> None:
             raise RecordError(f"{episode.folder} holds the record of {episode.record.spec.id!r}.", "Remove the copy.")
 
 
-def _read_record(path: Path) -> EpisodeRecord:
+def _read_record(files: Folder) -> EpisodeRecord:
+    path = files.path / "episode.json"
     try:
-        data = read_file(path)
+        with reading(path):
+            data = files.read(path.name, RECORD_BYTES)
         record = EpisodeRecord.model_validate_json(data)
     except ValidationError as error:
         raise RecordError(f"{path}{_where(error)} is no record: {first_fault(error)}.", AGAIN) from error
@@ -156,23 +169,13 @@ def _read_record(path: Path) -> EpisodeRecord:
     return record
 
 
-def _verify(folder: Path, record: EpisodeRecord) -> None:
+def _verify(files: Folder, record: EpisodeRecord) -> None:
     """Raise RecordError if a file differs from its digest in the record."""
     for name, digest in record.files.items():
-        if hashlib.sha256(read_file(_within(folder, name))).hexdigest() != digest:
-            raise RecordError(f"{folder / name} has been changed since it was written.", AGAIN)
-
-
-def _within(folder: Path, name: str) -> Path:
-    """Return the path of a record's file. Raises RecordError if it leads out of the folder."""
-    try:
-        path = within(folder, name)
-        inside = path.resolve().is_relative_to(folder.resolve())
-    except ValueError:  # Also for names that no file can have.
-        inside = False
-    if not inside:
-        raise RecordError(f"the record in {folder} names {name!r}, which lies elsewhere.", AGAIN)
-    return path
+        with reading(files.path / name):
+            found = files.digest(name, MOTION_BYTES)
+        if found != digest:
+            raise RecordError(f"{files.path / name} has been changed since it was written.", AGAIN)
 
 
 def _check_arrays(archive: zipfile.ZipFile) -> None:
@@ -201,12 +204,13 @@ def _shape(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> tuple[int, ...]
     return shape
 
 
-def _read_steps(path: Path) -> Iterator[StepRecord]:
+def _read_steps(files: Folder) -> Iterator[StepRecord]:
     """Yield the complete lines. A line cut off by a crash is not a step."""
-    if not path.exists():
-        return
+    path, data = files.path / "steps.jsonl", b""
+    with reading(path), suppress(FileNotFoundError):
+        data = files.read(path.name, STEPS_BYTES)
     # str.splitlines would also break at characters that a model may write, such as U+2028.
-    for number, line in enumerate(read_file(path).split(b"\n")[:-1], 1):
+    for number, line in enumerate(data.split(b"\n")[:-1], 1):
         step = _parse(line, f"{path}:{number}")
         if step.step != number - 1:
             raise RecordError(f"{path}:{number} holds step {step.step}: lines are missing or in another order.", AGAIN)

@@ -12,10 +12,12 @@ from pydantic import ValidationError
 
 from humanclaw.errors import HumanclawError
 from humanclaw.records.specification import EpisodeSpec
-from humanclaw.storage.files import write_atomically
+from humanclaw.storage.files import MIB, Folder, read_file
 from humanclaw.text.json import first_fault, once
 from humanclaw.world.scene import Scene
 
+SPLIT: Final = 64 * MIB
+"""Maximum bytes of a file of episodes; 1,218 episodes take half a MiB."""
 SEATS: Final = ("bed", "couch", "toilet")
 """Categories that a body sits on: furniture that stays in place under its weight."""
 ALIASES: Final[Mapping[str, tuple[str, ...]]] = {
@@ -75,16 +77,17 @@ def instruction(category: str) -> str:
     return f"find a {noun} and navigate to it with zero distance."
 
 
-def read_episodes(path: Path) -> tuple[EpisodeSpec, ...]:
-    """Read a file of episodes, one a line.
+def read_episodes(path: Path, data: bytes | None = None) -> tuple[EpisodeSpec, ...]:
+    """Read a file of episodes, one a line. data: its content, if it has been read.
 
     Raises HumanclawError for an unreadable file, a malformed line, or an id that occurs twice. Ids name folders, so
     they are compared without regard to case.
     """
     try:
-        lines = path.read_bytes().removesuffix(b"\n").split(b"\n")
+        data = read_file(path, SPLIT) if data is None else data
     except OSError as error:
         raise HumanclawError(f"{path} cannot be read: {error.strerror}.", "Name a file of episodes.") from error
+    lines = data.removesuffix(b"\n").split(b"\n")
     specs = tuple(_spec(line, f"{path}:{number}") for number, line in enumerate(lines, 1))
     first: dict[str, int] = {}
     for number, spec in enumerate(specs, 1):
@@ -109,4 +112,4 @@ def write_episodes(path: Path, specs: Sequence[EpisodeSpec]) -> None:
     """Write episodes to a file, one a line."""
     path.parent.mkdir(parents=True, exist_ok=True)
     lines = (spec.model_dump_json(exclude_defaults=True) + "\n" for spec in specs)
-    write_atomically(path, "".join(lines).encode())
+    Folder(path.parent).write(path.name, "".join(lines).encode())

@@ -6,7 +6,15 @@ from humanclaw.doors import door
 
 if TYPE_CHECKING:
     from humanclaw.storage.cache import VARIABLE as VARIABLE, Cache as Cache
-    from humanclaw.storage.files import within as within, write_atomically as write_atomically
+    from humanclaw.storage.files import (
+        Folder as Folder,
+        add_line as add_line,
+        open_file as open_file,
+        read_file as read_file,
+        within as within,
+        write_atomically as write_atomically,
+        write_result as write_result,
+    )
     from humanclaw.storage.pictures import from_jpeg as from_jpeg, gif as gif, jpeg as jpeg
 
 if not TYPE_CHECKING:

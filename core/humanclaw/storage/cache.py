@@ -15,7 +15,7 @@ from typing import Final
 
 import platformdirs
 
-from humanclaw.storage.files import write_atomically
+from humanclaw.storage.files import Folder
 
 VARIABLE: Final = "HUMANCLAW_CACHE"
 LIMIT: Final = 1 << 30
@@ -33,55 +33,55 @@ class Cache:
     def __init__(self, name: str, limit: int = LIMIT, root: Path | None = None) -> None:
         base = os.environ.get(VARIABLE) or platformdirs.user_cache_dir("humanclaw", appauthor=False)
         self.folder = (root or Path(base)) / name
-        self._limit = limit
+        self._files, self._limit = Folder(self.folder), limit
 
     def get(self, key: str) -> bytes | None:
         """Return the bytes of a key; None if there are none, or they are damaged."""
-        path = self._path(key)
+        name = _checked(key)
         try:
-            content = path.read_bytes()
+            content = self._files.read(name, max(self._limit, LIMIT))
         except OSError:
             return None
         data = content[_DIGEST:]
-        if hashlib.sha256(data).digest() != content[:_DIGEST]:
+        if _digest(key, data) != content[:_DIGEST]:
             self.drop(key, "it is damaged")
             return None
         with contextlib.suppress(OSError):
-            os.utime(path)  # Entries are removed by time of last use, oldest first.
+            self._files.touch(name)  # Entries are removed by time of last use, oldest first.
         return data
 
     def put(self, key: str, data: bytes) -> None:
         """Store bytes under a key, and remove the least recently used entries beyond the limit."""
-        path = self._path(key)
+        name = _checked(key)
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
-            write_atomically(path, hashlib.sha256(data).digest() + data)
-            self._shrink(path)
+            self._files.write(name, _digest(key, data) + data)
+            self._shrink(name)
         except OSError as error:
             warnings.warn(f"nothing is cached in {self.folder}: {error.strerror}. Set {VARIABLE}.", stacklevel=2)
 
     def drop(self, key: str, reason: str) -> None:
         """Remove an unusable entry, with a warning."""
-        warnings.warn(f"{self._path(key)} is made anew: {reason}.", stacklevel=3)
+        warnings.warn(f"{self.folder / key} is made anew: {reason}.", stacklevel=3)
         with contextlib.suppress(OSError):
-            self._path(key).unlink(missing_ok=True)
+            self._files.remove(_checked(key))
 
-    def _path(self, key: str) -> Path:
-        if not _KEY.fullmatch(key):
-            raise ValueError(
-                f"a cache key must be 1 to 150 letters, digits, dots, dashes and underscores; got {key!r}."
-            )
-        return self.folder / key
-
-    def _shrink(self, new: Path) -> None:
-        files = []
-        for path in self.folder.iterdir():
-            with contextlib.suppress(OSError):  # Another process may have removed the file.
-                stat = path.stat()
-                files.append((path == new, stat.st_mtime_ns, stat.st_size, path))
-        excess = sum(size for _, _, size, _ in files) - self._limit
-        for _, _, size, path in sorted(files):
-            if excess <= 0 or path == new:
+    def _shrink(self, new: str) -> None:
+        found = {name: status for name in self._files.names() if (status := self._files.status(name))}
+        excess = sum(status.st_size for status in found.values()) - self._limit
+        for name in sorted(found, key=lambda name: (name == new, found[name].st_mtime_ns)):
+            if excess <= 0 or name == new:
                 return
-            path.unlink(missing_ok=True)
-            excess -= size
+            self._files.remove(name)
+            excess -= found[name].st_size
+
+
+def _checked(key: str) -> str:
+    if not _KEY.fullmatch(key):
+        raise ValueError(f"a cache key must be 1 to 150 letters, digits, dots, dashes and underscores; got {key!r}.")
+    return key
+
+
+def _digest(key: str, data: bytes) -> bytes:
+    """Return the digest that an entry begins with. It covers the key: an entry under another key is damaged."""
+    return hashlib.sha256(hashlib.sha256(key.encode()).digest() + data).digest()

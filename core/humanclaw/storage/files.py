@@ -1,49 +1,299 @@
-"""Write files atomically: no reader ever sees half of one, even after a power cut."""
+"""The one door to folders that may come from others: runs, records, submissions, caches, libraries of assets.
+
+Below a folder no link is followed, only regular files are opened, no more than a bound is read, and a file is replaced
+whole: no reader ever sees half of one, even after a power cut.
+"""
 
 from __future__ import annotations
 
+import errno
+import hashlib
 import os
+import shutil
+import stat
 import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
-from pathlib import Path
-from typing import BinaryIO
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass
+from io import BufferedReader
+from pathlib import Path, PurePath
+from tempfile import TemporaryDirectory
+from typing import BinaryIO, Final, cast
+
+from humanclaw.errors import RecordError
+
+MIB: Final = 1 << 20
+_DEEPEST: Final = 32
+"""Maximum depth at which a folder is searched."""
+_RELATIVE: Final = os.open in os.supports_dir_fd
+"""Whether files can be opened relative to an open folder. Windows cannot: there each part of the path is checked."""
+_PLAIN: Final = sum(getattr(os, name, 0) for name in ("O_NOFOLLOW", "O_NONBLOCK", "O_CLOEXEC", "O_BINARY"))
+"""Flags of every file. O_NONBLOCK: to open a pipe without a writer would take forever."""
+_JUNCTION: Final = 0xA0000003
+"""Tag of Windows' links to folders."""
+_FOLDER: Final = sum(getattr(os, name, 0) for name in ("O_DIRECTORY", "O_CLOEXEC"))
 
 
-def write_atomically(path: Path, data: bytes) -> None:
-    """Write a file as replacing() does. Raises OSError."""
-    with replacing(path) as stream:
-        stream.write(data)
+@dataclass(frozen=True)
+class Folder:
+    """A folder and the files below it, by names relative to it such as "frames/0001.jpg".
+
+    The methods raise OSError, with a sentence as strerror, for a link, for anything but a regular file, and for a name
+    that leads out of the folder.
+    """
+
+    root: Path
+    """The folder that the user named: links on the way to it are followed."""
+    inside: str = ""
+    """The folder's place below root: links there are refused."""
+
+    @classmethod
+    def of(cls, folder: Path | Folder) -> Folder:
+        return folder if isinstance(folder, Folder) else cls(folder)
+
+    @property
+    def path(self) -> Path:
+        return self.root / self.inside
+
+    def __truediv__(self, name: str) -> Folder:
+        return Folder(self.root, (PurePath(self.inside) / name).as_posix())
+
+    # -- reading -------------------------------------------------------------------------------------------------------
+    @contextmanager
+    def open(self, name: str, most: int) -> Iterator[BufferedReader]:
+        """Open a file for reading. Raises OSError if it has more than `most` bytes."""
+        with self._at(name) as place, cast(BufferedReader, place.opened(os.O_RDONLY)) as stream:
+            if os.fstat(stream.fileno()).st_size > most:
+                raise place.error(errno.EFBIG, f"is larger than {most / MIB:g} MiB")
+            yield stream
+
+    def read(self, name: str, most: int) -> bytes:
+        """Return the content of a file of at most `most` bytes."""
+        with self.open(name, most) as stream:
+            return stream.read(os.fstat(stream.fileno()).st_size)
+
+    def digest(self, name: str, most: int) -> str:
+        """Return the SHA-256 of a file of at most `most` bytes."""
+        with self.open(name, most) as stream:
+            return hashlib.file_digest(stream, "sha256").hexdigest()
+
+    def status(self, name: str) -> os.stat_result | None:
+        """Return size and times of a regular file; None for anything else, and if there is nothing."""
+        with suppress(OSError), self._at(name) as place:
+            found = os.stat(place.name, dir_fd=place.folder, follow_symlinks=False)
+            return found if stat.S_ISREG(found.st_mode) else None
+        return None
+
+    def has(self, name: str) -> bool:
+        """Tell whether there is a regular file of that name."""
+        return self.status(name) is not None
+
+    def names(self, ending: str = "") -> list[str]:
+        """Return the names in the folder that end so, sorted; none if there is no folder."""
+        with suppress(FileNotFoundError), self._held() as (path, descriptor):
+            found = os.listdir(path if descriptor is None else descriptor)
+            return sorted(name for name in found if name.endswith(ending))
+        return []
+
+    def holding(self, name: str) -> list[Folder]:
+        """Return each folder that holds a file of that name, this one and all below it, in order."""
+        found = []
+        for home, folders, files in os.walk(self.path):
+            below = PurePath(home).relative_to(self.path)
+            found += [below] if name in files else []
+            folders[:] = folders if len(below.parts) < _DEEPEST else []
+        return [self / part.as_posix() if part.parts else self for part in sorted(found)]
+
+    # -- writing -------------------------------------------------------------------------------------------------------
+    @contextmanager
+    def replacing(self, name: str) -> Iterator[BinaryIO]:
+        """Open a new file that takes the name when the block ends; if the block raises, the old one stays as it was.
+
+        Readers see the old or the whole new file, even if several processes write at once. The data are on disk after
+        the block. Missing folders below root are made. A link of that name is replaced, not followed.
+        """
+        with self._at(name, make=True) as place:
+            name = f"{place.path.name}.{os.getpid()}-{threading.get_ident()}.partial"
+            partial = _Place(place.path.with_name(name), place.folder)
+            partial.remove()  # A killed process of the same number may have left it.
+            try:
+                with partial.opened(os.O_WRONLY | os.O_CREAT | os.O_EXCL, "wb") as stream:
+                    yield stream
+                    stream.flush()
+                    os.fsync(stream.fileno())
+                os.replace(partial.name, place.name, src_dir_fd=place.folder, dst_dir_fd=place.folder)
+                if place.folder is not None:
+                    os.fsync(place.folder)  # The new name too is on disk then.
+            finally:
+                partial.remove()
+
+    @contextmanager
+    def placed(self, name: str) -> Iterator[Path]:
+        """Yield a path for a program that writes the file itself; it takes the name when the block ends."""
+        with TemporaryDirectory() as home:
+            yield (path := Path(home, PurePath(name).name))
+            with path.open("rb") as made, self.replacing(name) as stream:
+                shutil.copyfileobj(made, stream)
+
+    def write(self, name: str, data: bytes) -> None:
+        """Write a file as replacing() does."""
+        with self.replacing(name) as stream:
+            stream.write(data)
+
+    def append(self, name: str) -> BinaryIO:
+        """Open a file for reading and for adding to its end, unbuffered. Missing folders below root and the file are
+        made.
+
+        Raises OSError for a file with a second name elsewhere, since it would grow there too.
+        """
+        with self._at(name, make=True) as place:
+            stream = place.opened(os.O_RDWR | os.O_CREAT | os.O_APPEND, "ab+", 0)
+            if os.fstat(stream.fileno()).st_nlink > 1:
+                stream.close()
+                raise place.error(errno.EMLINK, "has a second name elsewhere")
+            return stream
+
+    def remove(self, name: str) -> None:
+        """Remove a file if it is there. Of a link, the link goes."""
+        with suppress(FileNotFoundError), self._at(name) as place:
+            place.remove()
+
+    def touch(self, name: str) -> None:
+        """Set the time of a file to now."""
+        with self._at(name) as place, place.opened(os.O_RDONLY) as stream:
+            os.utime(stream.fileno() if os.utime in os.supports_fd else place.name)
+
+    @contextmanager
+    def _at(self, name: str, make: bool = False) -> Iterator[_Place]:
+        """Yield the place of a file while its folder is open. make: make the folders below root."""
+        *above, last = _parts(name) or [""]
+        with self._held(above, make) as (path, descriptor):
+            yield _Place(path / last, descriptor)
+
+    @contextmanager
+    def _held(self, below: Sequence[str] = (), make: bool = False) -> Iterator[tuple[Path, int | None]]:
+        """Yield the path of a folder below this one and its descriptor, None on Windows, while it is open."""
+        with ExitStack() as opened:
+            path, descriptor = self.root, _descriptor(self.root, opened)
+            for part in (*_parts(self.inside), *below):
+                place = _Place(path / part, descriptor)
+                path, descriptor = place.path, place.entered(opened, make)
+            yield path, descriptor
+
+
+@dataclass(frozen=True)
+class _Place:
+    """A place in an open folder, whatever is there."""
+
+    path: Path
+    folder: int | None
+    """Descriptor of the open folder; None on Windows."""
+
+    @property
+    def name(self) -> str:
+        """How system calls that take `folder` as dir_fd name the place."""
+        return str(self.path) if self.folder is None else self.path.name
+
+    def error(self, number: int, reason: str) -> OSError:
+        return OSError(number, f"{self.path.name} {reason}", str(self.path))
+
+    def refuse_link(self) -> None:
+        """Raise OSError for a link, in words. O_NOFOLLOW refuses what becomes one after this."""
+        with suppress(FileNotFoundError):
+            found = os.stat(self.name, dir_fd=self.folder, follow_symlinks=False)
+            if stat.S_ISLNK(found.st_mode) or getattr(found, "st_reparse_tag", 0) == _JUNCTION:
+                raise self.error(errno.ELOOP, "is a link, which is not followed")
+
+    def entered(self, opened: ExitStack, make: bool) -> int | None:
+        """Open a folder."""
+        if make:
+            with suppress(FileExistsError):
+                os.mkdir(self.name, dir_fd=self.folder)
+        self.refuse_link()
+        return _descriptor(self.name, opened, self.folder)
+
+    def opened(self, flags: int, mode: str = "rb", buffering: int = -1) -> BinaryIO:
+        """Open a regular file."""
+        self.refuse_link()
+        descriptor = os.open(self.name, flags | _PLAIN, 0o666, dir_fd=self.folder)
+        if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+            os.close(descriptor)
+            raise self.error(errno.EINVAL, "is no regular file")
+        return cast(BinaryIO, os.fdopen(descriptor, mode, buffering))
+
+    def remove(self) -> None:
+        with suppress(FileNotFoundError):
+            os.unlink(self.name, dir_fd=self.folder)
+
+
+def _descriptor(folder: str | Path, opened: ExitStack, near: int | None = None) -> int | None:
+    if not _RELATIVE:
+        return None
+    descriptor = os.open(folder, _FOLDER | (_PLAIN if near is not None else 0), dir_fd=near)
+    opened.callback(os.close, descriptor)
+    return descriptor
+
+
+def _parts(name: str) -> tuple[str, ...]:
+    """Return the parts of a relative name. Raises OSError if it leads out of the folder, or no file can have it."""
+    path = PurePath(name)
+    try:
+        if ".." in path.parts or path.anchor or b"\0" in os.fsencode(name):
+            raise OSError(errno.EINVAL, f"{name!r:.200} leads out of the folder")
+    except UnicodeEncodeError:
+        raise OSError(errno.EINVAL, f"{name!r:.200} is no name of a file") from None
+    return path.parts
+
+
+def add_line(stream: BinaryIO, line: bytes) -> None:
+    """Add a line to the end of a file, whole or not at all; it is on disk afterwards. Raises OSError.
+
+    stream: of Folder.append().
+    """
+    before = stream.seek(0, os.SEEK_END)
+    try:
+        if stream.write(line + b"\n") <= len(line):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        os.fsync(stream.fileno())
+    except OSError:
+        stream.truncate(before)
+        raise
 
 
 @contextmanager
-def replacing(path: Path) -> Iterator[BinaryIO]:
-    """Open a new file that replaces path when the block ends; if the block raises, path stays as it was.
+def open_file(path: Path, most: int) -> Iterator[BufferedReader]:
+    """Open a regular file of at most `most` bytes that the user named. Links are followed. Raises OSError."""
+    place = Path(os.path.realpath(path))
+    with Folder(place.parent).open(place.name, most) as stream:
+        yield stream
 
-    Readers see the old or the whole new file, even if several processes write at once. The data are on disk after the
-    block. The folder must exist. Raises OSError.
+
+def read_file(path: Path, most: int) -> bytes:
+    """Return the content of a file as open_file() opens it."""
+    with open_file(path, most) as stream:
+        return stream.read()
+
+
+def write_atomically(path: Path, data: bytes) -> None:
+    """Write a file that the user named, as Folder.replacing() does. Links are followed. Raises OSError."""
+    place = Path(os.path.realpath(path))
+    if path.exists() and not path.is_file():
+        path.write_bytes(data)  # A device or a pipe, such as /dev/stdout.
+    else:
+        Folder(place.parent).write(place.name, data)
+
+
+def write_result(out: Path | None, folder: Path, name: str, data: bytes) -> Path:
+    """Write a result of a command to the file that the user named, or else under that name in the folder that it read.
+
+    Returns its path. Raises RecordError.
     """
-    partial = path.with_name(f"{path.name}.{os.getpid()}-{threading.get_ident()}.partial")
+    path = out or folder / name
     try:
-        with partial.open("wb") as stream:
-            yield stream
-            stream.flush()
-            os.fsync(stream.fileno())
-        partial.replace(path)
-        _sync_folder(path.parent)
-    finally:
-        partial.unlink(missing_ok=True)
-
-
-def _sync_folder(folder: Path) -> None:
-    """Flush a folder, so that new names are on disk. Windows cannot open folders, and needs no flush."""
-    if os.name == "nt":
-        return
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
+        write_atomically(out, data) if out else Folder(folder).write(name, data)
+    except OSError as error:
+        raise RecordError(f"cannot write {path}: {error.strerror}.", "Name another file with --out.") from error
+    return path
 
 
 def within(folder: Path, name: str | Path) -> Path:

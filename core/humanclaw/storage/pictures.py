@@ -20,8 +20,8 @@ def jpeg(rgb: NDArray[np.uint8], quality: int = 90) -> bytes:
 
 
 def from_jpeg(data: bytes) -> NDArray[np.uint8]:
-    """Decode a JPEG to (height, width, 3) uint8, not for writing."""
-    return np.asarray(Image.open(io.BytesIO(data)))
+    """Decode a JPEG to (height, width, 3) uint8, not for writing. Raises OSError for anything else."""
+    return np.asarray(Image.open(io.BytesIO(data), formats=["JPEG"]).convert("RGB"))
 
 
 def gif(pictures: Sequence[NDArray[np.uint8]], out: Path, fps: float) -> None:

@@ -41,6 +41,7 @@ if TYPE_CHECKING:
         top_of as top_of,
     )
     from humanclaw.world.meshes.reading import (
+        MODEL_BYTES as MODEL_BYTES,
         Part as Part,
         bounds as bounds,
         read_mesh as read_mesh,

@@ -16,7 +16,7 @@ from typing import Final
 
 from filelock import FileLock
 
-from humanclaw.storage import Cache
+from humanclaw.storage import Cache, Folder
 from humanclaw_litellm.settings import ModelError, Settings
 
 _LONGEST: Final = 3600.0
@@ -37,7 +37,7 @@ class Gate:
 
         clock: monotonic seconds, the same for all processes of the machine.
         """
-        self._path, self._clock = path, clock
+        self._path, self._files, self._clock = path, Folder(path.parent), clock
         self._requests, self._tokens = requests, tokens
 
     @classmethod
@@ -91,13 +91,13 @@ class Gate:
             free = [self._read()]
             yield free
             with contextlib.suppress(OSError):
-                self._path.write_text(repr(free[0]))
+                self._files.write(self._path.name, repr(free[0]).encode())
         finally:
             lock.release()
 
     def _read(self) -> float:
         try:
-            moment = float(self._path.read_text())
+            moment = float(self._files.read(self._path.name, 100))
         except (OSError, ValueError):
             return self._clock()
         return moment if abs(moment - self._clock()) < _LONGEST else self._clock()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import hmac
 import os
 import signal
@@ -11,6 +12,7 @@ from collections.abc import Callable
 from typing import Final
 
 import anyio
+import h11
 import uvicorn
 from mcp.server.auth.middleware.bearer_auth import BearerAuthBackend, RequireAuthMiddleware
 from mcp.server.auth.provider import AccessToken
@@ -21,6 +23,7 @@ from starlette.applications import Starlette
 from starlette.middleware.authentication import AuthenticationMiddleware
 from starlette.routing import Route
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
+from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from humanclaw import HumanclawError
 from humanclaw_mcp.bodies import Bodies
@@ -33,6 +36,12 @@ HOST: Final = "127.0.0.1"
 PATH: Final = "/mcp"
 _BODY_BYTES: Final = 256 * 1024
 """Longest request, bytes: a request holds a call and no file."""
+CONNECTIONS: Final = 128
+"""Maximum open connections, idle ones included: together with _BACKLOG far below the usual 1,024 open files."""
+REQUEST_SECONDS: Final = 10.0
+"""Maximum seconds from the first byte of a request, or from the connection, to the last byte."""
+_BACKLOG: Final = 64
+"""Connections that the system keeps until they are accepted; one turn of the loop accepts all of them."""
 _RETRY: Final = 1000
 """Milliseconds after which a client should resume a stream that was cut."""
 
@@ -65,7 +74,12 @@ async def serve_http(handlers: Handlers, port: int, announce: Callable[[str], No
     with _listen(port) as listening:
         number = listening.getsockname()[1]
         config = uvicorn.Config(
-            http_app(handlers, number), log_level="warning", access_log=False, timeout_graceful_shutdown=2
+            http_app(handlers, number),
+            log_level="warning",
+            access_log=False,
+            timeout_graceful_shutdown=2,
+            http=_Bounded,
+            backlog=_BACKLOG,
         )
         announce(f"http://{HOST}:{number}{PATH}")
         try:
@@ -97,6 +111,33 @@ def http_app(handlers: Handlers, port: int) -> Starlette:
     if token:
         app.add_middleware(AuthenticationMiddleware, backend=BearerAuthBackend(_OneToken(token)))
     return app
+
+
+class _Bounded(H11Protocol):
+    """Closes connections beyond CONNECTIONS, and those that take longer than REQUEST_SECONDS to send a request."""
+
+    _late: asyncio.TimerHandle | None = None
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        super().connection_made(transport)
+        if len(self.connections) > CONNECTIONS:
+            transport.abort()
+        self._wait()
+
+    def data_received(self, data: bytes) -> None:
+        self._wait()
+        super().data_received(data)
+        if self._late and self.conn.their_state not in (h11.IDLE, h11.SEND_BODY):
+            self._late.cancel()
+            self._late = None
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        if self._late:
+            self._late.cancel()
+        super().connection_lost(exc)
+
+    def _wait(self) -> None:
+        self._late = self._late or self.loop.call_later(REQUEST_SECONDS, self.transport.abort)
 
 
 class _OneToken:
@@ -141,5 +182,5 @@ def _listen(port: int) -> socket.socket:
         listening.close()
         reason = f"cannot listen on port {port} of {HOST}: {error.strerror}."
         raise HumanclawError(reason, "Name another with --port; 0 picks a free one.") from error
-    listening.listen(128)
+    listening.listen(_BACKLOG)
     return listening

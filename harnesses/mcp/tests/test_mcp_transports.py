@@ -22,7 +22,7 @@ from humanclaw_mcp.bodies import Bodies
 from humanclaw_mcp.command import command as mcp_command
 from humanclaw_mcp.content import LOG
 from humanclaw_mcp.handlers import Handlers
-from humanclaw_mcp.serve import http_app
+from humanclaw_mcp.serve import http_app, serve_http
 from humanclaw_mcp.settings import Settings
 
 pytestmark = pytest.mark.anyio
@@ -89,6 +89,40 @@ async def test_over_http_the_sessionless_protocol_falls_back_to_a_session(url):
 )
 def test_only_names_of_this_machine_are_answered(url, headers, status):
     assert httpx.post(url, json=HELLO, headers=ACCEPT | headers).status_code == status
+
+
+@pytest.fixture
+async def port(anyio_backend, monkeypatch):
+    """The port of a server in this process that takes eight connections, and half a second for a request."""
+    monkeypatch.setattr("humanclaw_mcp.serve.CONNECTIONS", 8)
+    monkeypatch.setattr("humanclaw_mcp.serve.REQUEST_SECONDS", 0.5)
+    told, told_to = anyio.create_memory_object_stream(1)
+    async with anyio.create_task_group() as tasks:
+        tasks.start_soon(serve_http, Handlers(Bodies(Settings())), 0, told.send_nowait)
+        yield int(re.search(r":(\d+)/", await told_to.receive())[1])
+        tasks.cancel_scope.cancel()
+
+
+@pytest.mark.parametrize(
+    "half",
+    [b"", b"POST /mcp HTTP/1.1\r\nHost: localhost\r\n", b"POST /mcp HTTP/1.1\r\nHost: x\r\nContent-Length: 9\r\n\r\n{"],
+    ids=["nothing", "half a head", "half a body"],
+)
+async def test_clients_that_never_finish_a_request_shut_nobody_out(port, half):
+    with anyio.fail_after(20):
+        await anyio.sleep(0.2)
+        slow = [await anyio.connect_tcp("127.0.0.1", port) for _ in range(20)]
+        for one in slow:
+            with contextlib.suppress(anyio.BrokenResourceError):
+                await one.send(half)
+        for one in slow:
+            with contextlib.suppress(anyio.EndOfStream, anyio.BrokenResourceError):
+                while await one.receive():
+                    ...
+        headers = ACCEPT | {"Host": f"127.0.0.1:{port}"}
+        async with httpx.AsyncClient() as client:
+            answer = await client.post(f"http://127.0.0.1:{port}/mcp", json=HELLO, headers=headers)
+        assert answer.status_code == 200
 
 
 @pytest.fixture

@@ -27,7 +27,7 @@ from humanclaw.cli import (
 )
 from humanclaw.plugins import install
 from humanclaw.records import name_of, write_episodes
-from humanclaw.storage import write_atomically
+from humanclaw.storage import Folder, write_result
 from humanclaw_bench import leaderboard as leaderboards, submission as submissions
 from humanclaw_bench.comparison import compare_table
 from humanclaw_bench.conditions import differences as unlike
@@ -152,7 +152,7 @@ def run_command(
     metrics_of(plugins)  # Refuses a metric with a reserved name now, not after hours of playing.
     agent = agent_url or deciders.agent
     out = out or Path("runs") / f"{Path(name).stem}-{name_of(agent)}"
-    if not resume and (out / "run.json").exists():
+    if not resume and Folder(out).has("run.json"):
         raise RecordError(
             f"{out} already holds a run.", "Name another folder with --out, or continue it with --resume."
         )
@@ -323,13 +323,10 @@ def compare_command(a: Path, b: Path, seed: int, across_engines: bool, as_json: 
 @plugin_files
 def rescore(run: Path, out: Path | None, as_json: bool, files: tuple[Path, ...]) -> None:
     """Score a run again from its records. Writes one line per episode, with every number and the root cause."""
-    out = out or run / "scores.jsonl"
     episodes = load_run(run)
     found = scored(episodes, metrics_of(Plugins.discover(files)), run.name)
-    try:
-        out.write_text("".join(json.dumps(row(*pair), ensure_ascii=False) + "\n" for pair in found), "utf-8")
-    except OSError as error:
-        raise RecordError(f"cannot write {out}: {error.strerror}.", "Name another file with --out.") from error
+    lines = "".join(json.dumps(row(*pair), ensure_ascii=False) + "\n" for pair in found)
+    out = write_result(out, run, "scores.jsonl", lines.encode())
     scores = main_table(named({run.name: found}, {run.name: standing(run, episodes)}), paper=False)
     if as_json:
         _print_json(plain(scores) | {"scores": str(out)})
@@ -405,9 +402,7 @@ def _verify_files(run: Path, submission: Path | None) -> bool:
 def submit(run: Path, who: str, model_date: str, out: Path | None, partial: bool) -> None:
     """Write one file with settings and results of a run, for `bench verify --submission` and `bench leaderboard`."""
     made = submissions.submit(run, who, model_date, partial)
-    out = out or run / submissions.NAME
-    write_atomically(out, made.model_dump_json(indent=1).encode())
-    click.echo(out)
+    click.echo(write_result(out, run, submissions.NAME, made.model_dump_json(indent=1).encode()))
 
 
 @bench.command()

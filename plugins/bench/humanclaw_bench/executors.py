@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import faulthandler
+import io
 import multiprocessing
 import os
 import signal
@@ -19,6 +20,7 @@ from pathlib import Path
 from typing import Any, Final, Protocol
 
 from humanclaw import EpisodeSpec, HumanclawError
+from humanclaw.storage import Folder
 from humanclaw_bench.worker import FAILED, Job, Worker, WorkerReport, pack, unpack
 
 __all__ = [
@@ -165,13 +167,12 @@ class LocalExecutor:
 
     def _spawn(self, job: Job, out: Path, name: str) -> _WorkerProcess:
         mine, theirs = self._context.Pipe()
-        log = out / "logs" / f"{name}.log"
-        log.parent.mkdir(parents=True, exist_ok=True)
+        log = f"logs/{name}.log"
         process = self._context.Process(target=_serve, args=(theirs, job, out, self._stopping, name, log), name=name)
         with for_children(ONE_THREAD):
             process.start()
         theirs.close()
-        return _WorkerProcess(name, process, mine, log)
+        return _WorkerProcess(name, process, mine, out / log)
 
     def _assign(self, worker: _WorkerProcess, queue: EpisodeQueue) -> None:
         alive = worker.ready and worker.process.is_alive()
@@ -229,11 +230,11 @@ def for_children(variables: Mapping[str, str]) -> Iterator[None]:
 
 
 # -- inside a worker ---------------------------------------------------------------------------------------------------
-def _serve(channel: Connection, job: Job, out: Path, stopping: Any, name: str, log: Path) -> None:
+def _serve(channel: Connection, job: Job, out: Path, stopping: Any, name: str, log: str) -> None:
     """Play the episodes that come through the channel, in a worker process, until None comes."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_die_with_parent, daemon=True).start()
-    _write_to(log)
+    _write_to(Folder(out), log)
     with Worker(job, out, lambda: bool(stopping.value), name) as worker:
         channel.send(None)
         for spec in iter(channel.recv, None):
@@ -247,9 +248,9 @@ def _die_with_parent() -> None:
     os._exit(1)
 
 
-def _write_to(log: Path) -> None:
+def _write_to(folder: Folder, log: str) -> None:
     """Send all output of this process to a file, including messages of libraries and tracebacks of crashes."""
-    stream = log.open("a", encoding="utf-8", buffering=1)
+    stream = io.TextIOWrapper(io.BufferedWriter(folder.append(log)), "utf-8", line_buffering=True)
     for standard in (1, 2):
         os.dup2(stream.fileno(), standard)
     sys.stdout = sys.stderr = stream

@@ -15,12 +15,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from PIL import Image
 from tqdm import tqdm
 
 from humanclaw import HumanclawError, PluginError, Plugins, RecordedEpisode, RecordError, StepRecord, load_run
 from humanclaw.body import HISTORY
-from humanclaw.storage import write_atomically
+from humanclaw.storage import Folder, from_jpeg
 from humanclaw_bench.attribution import Cause, also, attribute
 from humanclaw_bench.scores import Extra, Scores, ended, score
 
@@ -106,7 +105,7 @@ def to_csv(run: Path, out: Path) -> Path:
     writer = csv.DictWriter(stream, names, lineterminator="\n")
     writer.writeheader()
     writer.writerows(table)
-    write_atomically(out, stream.getvalue().encode())
+    Folder(out.parent).write(out.name, stream.getvalue().encode())
     return out
 
 
@@ -179,8 +178,7 @@ def _frames(recorded: RecordedEpisode, actions: Sequence[str]) -> Iterator[dict[
 
 
 def _picture(recorded: RecordedEpisode, step: StepRecord) -> Any:
-    with Image.open(recorded.folder / step.frame_file) as image:
-        return np.asarray(image.convert("RGB"))
+    return from_jpeg(recorded.view(step))
 
 
 def _action(step: StepRecord, names: Sequence[str]) -> Any:
@@ -217,7 +215,8 @@ def to_inspect(run: Path, out: Path) -> Path:
         total_samples=len(samples), completed_samples=len(finished),
         scores=[rate for name in ("find", "nav", "interact") for rate in _rate(log, name, finished)],
     )  # fmt: skip
-    log.write_eval_log(log.EvalLog(status="success", eval=spec, samples=samples, results=results), str(out))
+    with Folder(out.parent).placed(out.name) as file:
+        log.write_eval_log(log.EvalLog(status="success", eval=spec, samples=samples, results=results), str(file))
     return out
 
 

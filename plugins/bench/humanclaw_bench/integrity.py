@@ -22,6 +22,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from humanclaw import EpisodeSpec, HumanclawError, RecordedEpisode, RecordError
 from humanclaw.cli import counted
 from humanclaw.records import EpisodeRecord, first_fault, read_episodes
+from humanclaw.storage import Folder
 from humanclaw_bench.motion_check import contradicted
 from humanclaw_bench.scores import ended
 from humanclaw_bench.splits import SPLITS, load_split, repeated
@@ -31,6 +32,8 @@ SPLIT: Final = "split.jsonl"
 """File with the episodes of a run, in its folder."""
 JOURNAL: Final = "journal.jsonl"
 """File with a line for every episode that ended."""
+LARGEST: Final = 64 << 20
+"""Maximum bytes of each of the three."""
 MOST: Final = 100_000
 """Maximum episodes of a run."""
 REPEATS: Final = 100
@@ -67,7 +70,7 @@ def read_manifest(run: Path) -> Manifest:
     """Read run.json of a run. Raises RecordError if it is missing, damaged or invalid."""
     path = run / MANIFEST
     try:
-        return Manifest.model_validate_json(path.read_bytes())
+        return Manifest.model_validate_json(Folder(run).read(MANIFEST, LARGEST))
     except OSError as error:
         raise RecordError(
             f"{path} cannot be read: {error.strerror}.", "Name a folder of `humanclaw bench run`."
@@ -135,7 +138,7 @@ def _in_process(one: RecordedEpisode) -> bool:
 
 def is_told(folder: Path) -> bool:
     """Tell whether a run.json lies in, above or below a folder."""
-    return (folder.absolute().parent / MANIFEST).exists() or any(folder.rglob(MANIFEST))
+    return Folder(folder.absolute().parent).has(MANIFEST) or bool(Folder(folder).holding(MANIFEST))
 
 
 def check(run: Path, files: RunFiles | None = None) -> tuple[int, tuple[str, ...]]:
@@ -144,7 +147,8 @@ def check(run: Path, files: RunFiles | None = None) -> tuple[int, tuple[str, ...
     files: those of the run, if they have been read. Raises RecordError if there is no record, or if run.json is
     damaged.
     """
-    folders = sorted({path.parent for name in ("episode.json", "steps.jsonl") for path in run.rglob(name)})
+    held = {one.path: one for name in ("episode.json", "steps.jsonl") for one in Folder(run).holding(name)}
+    folders = [held[path] for path in sorted(held)]
     if not folders:
         raise RecordError(f"there is no episode record in {run}.", "Name a folder that `humanclaw bench run` wrote.")
     whole, damaged = [], []
@@ -186,7 +190,7 @@ def _home(folder: Path, root: Path) -> Path | None:
     A run inside of another belongs to the outer one; otherwise the outer run.json could be bypassed.
     """
     above = [parent for parent in folder.parents if parent in (folder.parent, root) or root in parent.parents]
-    return next((parent for parent in reversed(above) if (parent / MANIFEST).exists()), None)
+    return next((parent for parent in reversed(above) if Folder(parent).has(MANIFEST)), None)
 
 
 @dataclass(frozen=True)
@@ -214,9 +218,11 @@ class Journal:
     @classmethod
     def read(cls, run: Path) -> Journal:
         try:
-            lines = (run / JOURNAL).read_bytes().splitlines()
-        except OSError:
+            lines = Folder(run).read(JOURNAL, LARGEST).splitlines()
+        except FileNotFoundError:
             lines = []
+        except OSError as error:
+            raise RecordError(f"cannot read {run / JOURNAL}: {error.strerror}.", "Remove it.") from error
         ends: dict[str, list[End]] = defaultdict(list)
         starts: Counter[str] = Counter()
         continued: Counter[str] = Counter()
@@ -249,8 +255,9 @@ class RunFiles:
 
     @classmethod
     def read(cls, run: Path) -> RunFiles:
-        """Read both. Raises RecordError if run.json is damaged."""
-        return cls(read_manifest(run) if (run / MANIFEST).exists() else None, Journal.read(run))
+        """Read both. Raises RecordError if run.json is damaged, or one of them is a link or no regular file."""
+        there = MANIFEST in Folder(run).names()
+        return cls(read_manifest(run) if there else None, Journal.read(run))
 
     @property
     def asked(self) -> int:
@@ -311,9 +318,9 @@ def _asked(run: Path, told: Manifest, found: Sequence[EpisodeSpec]) -> Mapping[s
 
 def _splits(run: Path, told: Manifest) -> Iterator[Sequence[EpisodeSpec]]:
     """Yield candidates for the split of a run: the file beside its run.json, then the benchmark's own splits."""
-    if (run / SPLIT).exists():
+    if Folder(run).has(SPLIT):
         try:
-            yield read_episodes(run / SPLIT)
+            yield read_episodes(run / SPLIT, Folder(run).read(SPLIT, LARGEST))
         except HumanclawError as error:
             raise RecordError(error.message, error.remedy) from error
     yield known_split(told.split, told.episodes)[1]

@@ -14,7 +14,7 @@ import numpy as np
 
 from humanclaw import RecordError
 from humanclaw.cli import counted, legible
-from humanclaw.storage import write_atomically
+from humanclaw.storage import Folder
 from humanclaw_bench.conditions import summary
 from humanclaw_bench.integrity import known_split
 from humanclaw_bench.metrics import FALSE_CLAIMS, FIND
@@ -59,14 +59,14 @@ def leaderboard(folder: Path, *, any_pace: bool = False, again: Again | None = N
     body = "".join(_section(*key, entries) for key, entries in sorted(ranked.items()))
     body += _unranked([one for one in found if one.apart], unread)
     page = _PAGE.format(body=body, made=datetime.now(UTC).date().isoformat())
-    write_atomically(folder / "index.html", page.encode())
+    Folder(folder).write("index.html", page.encode())
     return folder / "index.html"
 
 
 def _entries(folder: Path, any_pace: bool, again: Again | None) -> tuple[list[Entry], list[str]]:
     """Return the submissions of a folder, and the errors of files that could not be read."""
     found, unread = [], []
-    for path in sorted(folder.glob("*.json")):
+    for path in map(folder.joinpath, Folder(folder).names(".json")):
         try:
             found.append(_entry(path, read(path), any_pace, again))
         except RecordError as error:
@@ -79,18 +79,19 @@ def _entries(folder: Path, any_pace: bool, again: Again | None) -> tuple[list[En
 def _entry(path: Path, one: Submission, any_pace: bool, again: Again | None) -> Entry:
     """Check a submission against its records, if they lie here."""
     run = path.with_suffix("")
+    here = run.is_dir() and not run.is_symlink()
     try:
-        wrong = contradictions(one, run) if run.is_dir() else (*inconsistencies(one),)
+        wrong = contradictions(one, run) if here else (*inconsistencies(one),)
     except RecordError as error:
         return Entry(path.name, one, "damaged, or not of this run", error.message)
     if wrong:
         told = f"contradicted: {wrong[0]}" + (f", and {len(wrong) - 1} more" if len(wrong) > 1 else "")
-        return Entry(path.name, one, "contradict it" if run.is_dir() else "not here", told)
+        return Entry(path.name, one, "contradict it" if here else "not here", told)
     missing = one.asked - _ended(one)
     apart = f"partial: {counted(missing, 'episode')} missing" if missing else ""
     if not (apart or any_pace or all(result.scores.in_pace for result in one.episodes)):
         apart = f"not at the paper's pace ({_motion(one)}); --any-pace ranks it"
-    if not run.is_dir():
+    if not here:
         return Entry(path.name, one, "not here", apart)
     if again is None:
         return Entry(path.name, one, AGREE, apart)

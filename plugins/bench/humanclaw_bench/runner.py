@@ -27,8 +27,8 @@ import humanclaw
 from humanclaw import Choice, EpisodeSpec, HumanclawError, Plugins, RecordError
 from humanclaw.cli import check_options
 from humanclaw.plugins import PluginInfo, noun, own
-from humanclaw.records import EpisodeRecord, write_episodes
-from humanclaw.storage import within, write_atomically
+from humanclaw.records import EpisodeRecord, write_episodes, writing
+from humanclaw.storage import Folder, add_line
 from humanclaw_bench.executors import EpisodeQueue, Executor
 from humanclaw_bench.integrity import JOURNAL, MANIFEST, SPLIT, End, Journal, read_manifest, split_digest
 from humanclaw_bench.scores import ended
@@ -125,7 +125,7 @@ def run_split(
         job = _introduced(job, plugins)
         _agree(out, manifest(specs, job, plugins))
         write_episodes(out / SPLIT, specs)
-        records = [ended_record(out / spec.id) for spec in specs]
+        records = [ended_record(Folder(out) / spec.id) for spec in specs]
         _catch_up(out, filter(None, records))
         todo = [spec for spec, record in zip(specs, records, strict=True) if record is None]
         began, status = time.perf_counter(), RunStatus(len(specs), len(specs) - len(todo))
@@ -194,7 +194,7 @@ def _check_ids(specs: Sequence[EpisodeSpec]) -> None:
         raise HumanclawError(f"episode {taken[0]!r} has the name of one of the run's own files.", "Give it another id.")
 
 
-def ended_record(folder: Path) -> EpisodeRecord | None:
+def ended_record(folder: Folder) -> EpisodeRecord | None:
     """Return the record of an episode that ended, by itself or by a limit that it would reach again.
 
     None for any other episode, and for a damaged record.
@@ -228,10 +228,10 @@ def _with(status: RunStatus, **changes: Any) -> RunStatus:
 
 def _keep(out: Path, report: WorkerReport) -> None:
     """Store a report: its files, the failure of a worker that died, and a line of the journal."""
-    folder = within(out, report.episode)
-    unpack(folder, report.files)
+    record = Folder(out) / report.episode
+    unpack(record, report.files)
     if report.outcome == FAILED:
-        mark(folder, FAILED, report.error)
+        mark(record, FAILED, report.error)
     line = {key: value for key, value in vars(report).items() if key not in ("files", "fatal")}
     _note(out, line)
 
@@ -240,7 +240,7 @@ def _start(out: Path, spec: EpisodeSpec) -> dict[str, Any]:
     """Return the journal's line for a start: made before the first step, so that no attempt can be hidden by removing
     its folder. from: number of steps that an earlier session left; 0 starts from the beginning."""
     try:
-        steps = len(recorded_steps(out / spec.id))
+        steps = len(recorded_steps(Folder(out) / spec.id))
     except RecordError:
         steps = 0
     return {"episode": spec.id, "from": steps}
@@ -248,11 +248,11 @@ def _start(out: Path, spec: EpisodeSpec) -> dict[str, Any]:
 
 def _note(out: Path, line: Mapping[str, Any]) -> None:
     """Append a line to the journal."""
-    told = json.dumps({"time": round(time.time(), 1), **line}).encode() + b"\n"
-    with (out / JOURNAL).open("ab+") as stream:
+    told = json.dumps({"time": round(time.time(), 1), **line}).encode()
+    with writing(out), Folder(out).append(JOURNAL) as stream:
         stream.seek(-min(1, stream.tell()), os.SEEK_END)
-        torn = stream.read() not in (b"", b"\n")  # A full disk may have cut off the last line.
-        stream.write(b"\n" * torn + told)
+        torn = stream.read() not in (b"", b"\n")  # A crash may have cut off the last line.
+        add_line(stream, b"\n" * torn + told)
 
 
 def _catch_up(out: Path, records: Iterable[EpisodeRecord]) -> None:
@@ -351,8 +351,9 @@ def _digest(data: bytes) -> str:
 def _agree(out: Path, wanted: dict[str, Any]) -> None:
     """Write run.json, or compare an earlier one with the wanted settings. Raises RecordError if they differ."""
     wanted = json.loads(json.dumps(wanted))
-    if not (out / MANIFEST).exists():
-        write_atomically(out / MANIFEST, json.dumps(wanted, indent=1).encode())
+    if not Folder(out).has(MANIFEST):
+        with writing(out):
+            Folder(out).write(MANIFEST, json.dumps(wanted, indent=1).encode())
         return
     found = read_manifest(out).content
     differing = sorted(key for key in wanted.keys() | found.keys() if wanted.get(key) != found.get(key))
@@ -377,6 +378,8 @@ def _short(value: Any) -> str:
 @contextmanager
 def _alone(out: Path) -> Iterator[None]:
     """Hold the folder's lock. The system frees it when this process ends, even by a crash."""
+    with writing(out):
+        Folder(out).append(".lock").close()  # FileLock itself would follow a link.
     lock = FileLock(out / ".lock", timeout=0)
     try:
         lock.acquire()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import hashlib
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -14,6 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from humanclaw import RecordedEpisode, RecordError, load_run
 from humanclaw.records import first_fault
+from humanclaw.storage import Folder
 from humanclaw_bench.attribution import Cause
 from humanclaw_bench.export import row, scored
 from humanclaw_bench.integrity import MOST as EPISODES, Manifest, known_split, read_manifest, standing
@@ -28,7 +28,7 @@ RATES: Final = {FIND: "find", NAV: "nav", ARRIVE: "arrive", INTERACT: "interact"
 """The ranked rates, from first to last stage, and their fields in an episode's numbers."""
 MOST: Final = 10**15
 """Maximum of any count."""
-LARGEST: Final = 100_000_000
+LARGEST: Final = 96 << 20
 """Maximum bytes of a submission; 1,218 episodes take two million."""
 TOLERANCE: Final = 1e-6
 """Allowed difference of recomputed numbers: processors round differently."""
@@ -194,22 +194,13 @@ def _rates(scores: Sequence[Scores]) -> dict[str, tuple[float, float, float, int
 def read(path: Path) -> Submission:
     """Read a submission. Raises RecordError if it is malformed or has been changed."""
     try:
-        found = Submission.model_validate_json(_bytes(path))
+        found = Submission.model_validate_json(Folder(path.parent).read(path.name, LARGEST))
     except (OSError, ValidationError) as error:
-        told = f"{path} is not a submission: {_first(error)}."  # Never quote the file: a link may lead anywhere.
+        told = f"{path} is not a submission: {_first(error)}."
         raise RecordError(told, "Write it with `humanclaw bench submit`.") from error
     if found.sealed.digest != found.digest:
         raise RecordError(f"{path} has been changed since it was written.", "Write it with `humanclaw bench submit`.")
     return found
-
-
-def _bytes(path: Path) -> bytes:
-    """Read a file that may be anything. Raises OSError also for a pipe or a device."""
-    if not path.is_file():
-        raise OSError(errno.EINVAL, "no file")
-    if path.stat().st_size > LARGEST:
-        raise OSError(errno.EFBIG, f"larger than {LARGEST // 10**6} MB")
-    return path.read_bytes()
 
 
 def _first(error: OSError | ValidationError) -> str:

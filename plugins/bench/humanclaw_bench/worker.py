@@ -25,8 +25,8 @@ from humanclaw import (
     ReplayError,
     StepRecord,
 )
-from humanclaw.records import Outcome, Usage, close_record, writing
-from humanclaw.storage import within, write_atomically
+from humanclaw.records import MOTION_BYTES, Outcome, Usage, close_record, writing
+from humanclaw.storage import Folder
 from humanclaw.world import geodesics
 from humanclaw_bench.wall.deciders import Wall
 
@@ -90,7 +90,7 @@ class Worker:
         self, job: Job, out: Path, stopping: Callable[[], bool] = lambda: False, name: str = "", *, plugins: Any = None
     ) -> None:
         """Load the plugins. out: folder of the run. stopping: called after each step; True ends the episode there."""
-        self._job, self._out, self._name = job, out, name
+        self._job, self._out, self._name = job, Folder(out), name
         self._plugins: Plugins = plugins or _beside_the_body(job)
         asked = {"agents": job.agent, "verifiers": job.verifier, "options": dict(job.options), "names": dict(job.names)}
         self._wall = Wall(job.apart, asked, {"files": job.files, "choice": asdict(job.choice)})
@@ -143,7 +143,7 @@ class Worker:
         if episode.fault:
             traceback.print_exception(episode.fault)
 
-    def _begun(self, spec: EpisodeSpec, folder: Path, replay: tuple[StepRecord, ...]) -> Episode:
+    def _begun(self, spec: EpisodeSpec, folder: Folder, replay: tuple[StepRecord, ...]) -> Episode:
         """Begin or resume an episode. Raises ReplayError if the world no longer reproduces the record."""
         job, plugins = self._job, self._plugins
         body = self._body = self._body or Body(spec.scene, plugins=plugins, backends=job.backends)
@@ -190,27 +190,27 @@ def _beside_the_body(job: Job) -> Plugins:
     return Plugins.discover(files, job.choice, absent=job.absent)
 
 
-def recorded_steps(folder: Path) -> tuple[StepRecord, ...]:
+def recorded_steps(folder: Folder) -> tuple[StepRecord, ...]:
     """Return the steps that an earlier session recorded, if any. Raises RecordError if they are damaged."""
     found = recorded(folder)
     return found.steps if found else ()
 
 
-def recorded(folder: Path) -> RecordedEpisode | None:
+def recorded(folder: Folder) -> RecordedEpisode | None:
     """Return the record in an episode's folder; None if there is none. Raises RecordError if it is damaged."""
-    if not (folder / "episode.json").exists():
+    if not folder.has("episode.json"):
         return None
-    found = RecordedEpisode(folder)
-    if found.record.spec.id != folder.name:
-        said = f"{folder} must hold the record of {folder.name!r}; it holds that of {found.record.spec.id!r}."
+    found, name = RecordedEpisode(folder), folder.path.name
+    if found.record.spec.id != name:
+        said = f"{folder.path} must hold the record of {name!r}; it holds that of {found.record.spec.id!r}."
         raise RecordError(said, "Remove the folder.")
     return found
 
 
-def mark(folder: Path, outcome: Outcome, error: str) -> None:
+def mark(folder: Path | Folder, outcome: Outcome, error: str) -> None:
     """Write the end of an episode into its record if the episode could not. Damaged records stay: they are replaced."""
     try:
-        found = recorded(folder)
+        found = recorded(Folder.of(folder))
     except RecordError:
         return
     if found:
@@ -218,24 +218,22 @@ def mark(folder: Path, outcome: Outcome, error: str) -> None:
 
 
 # -- sending records ---------------------------------------------------------------------------------------------------
-def pack(folder: Path) -> dict[str, bytes]:
+def pack(folder: Path | Folder) -> dict[str, bytes]:
     """Return path in the folder to content of every file of a record; empty if there is none."""
-    files = (path for path in sorted(folder.rglob("*")) if path.is_file() and path.suffix != ".partial")
-    return {str(path.relative_to(folder)): path.read_bytes() for path in files}
+    record = Folder.of(folder)
+    names = [*record.names(), *(f"frames/{name}" for name in (record / "frames").names())]
+    return {
+        name: record.read(name, MOTION_BYTES) for name in names if record.has(name) and not name.endswith(".partial")
+    }
 
 
-def unpack(folder: Path, files: Mapping[str, bytes]) -> None:
+def unpack(folder: Path | Folder, files: Mapping[str, bytes]) -> None:
     """Write a record. episode.json comes last, because a folder with it counts as a record.
 
-    Raises RecordError if it cannot be written. If a name leads out of the folder, nothing is written.
+    Raises RecordError if it cannot be written, as for a name that leads out of the folder.
     """
-    try:
-        places = {within(folder, name): data for name, data in files.items()}
-    except ValueError as error:
-        raise RecordError(
-            f"a worker sent a record with a file outside of its folder: {error}.", "Check that worker."
-        ) from None
-    with writing(folder):
-        for path, data in sorted(places.items(), key=lambda item: item[0].name == "episode.json"):
-            path.parent.mkdir(parents=True, exist_ok=True)
-            write_atomically(path, data)
+    record = Folder.of(folder)
+    with writing(record):
+        record.root.mkdir(parents=True, exist_ok=True)
+        for name, data in sorted(files.items(), key=lambda item: item[0] == "episode.json"):
+            record.write(name, data)

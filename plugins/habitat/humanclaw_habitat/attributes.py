@@ -8,13 +8,17 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, Final, TypeVar
 
 import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
 from humanclaw import SceneError
 from humanclaw.records import first_fault
+from humanclaw.storage import read_file
+
+LARGEST: Final = 64 << 20
+"""Maximum bytes of a text file of a dataset; of episodes, also unpacked."""
 
 Vec3 = tuple[float, float, float]
 Lower = Annotated[str, BeforeValidator(lambda value: value.lower() if isinstance(value, str) else value)]
@@ -139,7 +143,7 @@ class Nested(_Attributes):
 def read_json(path: Path) -> dict[str, Any]:
     """Read a JSON object. Raises SceneError if the file is missing or holds anything else."""
     try:
-        found = json.loads(path.read_text("utf-8"))
+        found = json.loads(read_file(path, LARGEST))
     except OSError as error:
         raise SceneError(f"{path} cannot be read: {error.strerror}.", "Download the dataset again.") from error
     except ValueError as error:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import difflib
+import io
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -12,8 +13,9 @@ from pathlib import Path
 from typing import Any, Final
 
 from humanclaw import SceneError
-from humanclaw.storage import within
+from humanclaw.storage import read_file, within
 from humanclaw_habitat.attributes import (
+    LARGEST,
     Articulated,
     Nested,
     Region,
@@ -103,7 +105,7 @@ class Dataset:
     def licence(self) -> str:
         """Licence in the front matter of README.md, as on Hugging Face; 'not stated' if it is not there."""
         readme = self.config.parent / "README.md"
-        text = readme.read_text("utf-8", errors="replace") if readme.is_file() else ""
+        text = read_file(readme, LARGEST).decode("utf-8", errors="replace") if readme.is_file() else ""
         found = re.match(r"---\n.*?^license:\s*(\S+)\s*$.*?^---$", text, re.DOTALL | re.MULTILINE)
         return found[1] if found else "not stated"
 
@@ -254,11 +256,10 @@ class Dataset:
         file = self.config.parent / "semantics" / "objects.csv"
         if not file.is_file():
             return None
-        with file.open(encoding="utf-8-sig", newline="") as text:
-            reader = csv.DictReader(text)
-            if "id" not in (reader.fieldnames or ()):
-                raise SceneError(f"{file} must have a column id; it has {', '.join(reader.fieldnames or ['none'])}.")
-            return {row["id"]: row for row in reader}
+        reader = csv.DictReader(io.StringIO(read_file(file, LARGEST).decode("utf-8-sig"), newline=""))
+        if "id" not in (reader.fieldnames or ()):
+            raise SceneError(f"{file} must have a column id; it has {', '.join(reader.fieldnames or ['none'])}.")
+        return {row["id"]: row for row in reader}
 
     @cached_property
     def _lexicon(self) -> Mapping[int, str]:

@@ -14,6 +14,7 @@ of the floor is new, because `start_position` hovers over the floor.
 from __future__ import annotations
 
 import gzip
+import io
 import json
 import re
 import zlib
@@ -29,8 +30,9 @@ from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 from humanclaw import EpisodeSpec, HumanclawError, Scene, SceneError
 from humanclaw.body import Array, Pose2D
 from humanclaw.records import SEATS, Difficulty, first_fault, instruction, name_of, route_difficulty
+from humanclaw.storage import read_file
 from humanclaw.world import DistanceField, MultiFloorMap, SceneObject, distance_to_box, goals_at
-from humanclaw_habitat.attributes import Vec3
+from humanclaw_habitat.attributes import LARGEST, Vec3
 from humanclaw_habitat.categories import GOALS, category_of
 from humanclaw_habitat.frames import heading
 from humanclaw_habitat.models import template_of
@@ -188,8 +190,8 @@ def _books(files: Iterable[Path], left_out: LeftOut) -> list[Book]:
 def _values(path: Path) -> Mapping[str, Any]:
     """Read a file. Raises HumanclawError if it is unreadable or has no list of episodes."""
     try:
-        data = path.read_bytes()
-        values = json.loads(gzip.decompress(data) if path.suffix == ".gz" else data)
+        data = read_file(path, LARGEST)
+        values = json.loads(gzip.GzipFile(fileobj=io.BytesIO(data)).read(LARGEST) if path.suffix == ".gz" else data)
     except (OSError, ValueError, EOFError, zlib.error) as error:
         raise HumanclawError(f"it cannot be read: {error}.", "Check that the .json.gz is complete.") from error
     goals = values.get("goals_by_category", {}) if isinstance(values, dict) else None

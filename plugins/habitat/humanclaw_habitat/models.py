@@ -9,7 +9,6 @@ from __future__ import annotations
 import hashlib
 import importlib.util
 import json
-import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -21,10 +20,11 @@ from numpy.typing import NDArray
 
 from humanclaw import Scene, SceneError
 from humanclaw.body import Array, Pose2D
-from humanclaw.storage import Cache
+from humanclaw.storage import Cache, read_file
 from humanclaw.world import (
     ANYWHERE,
     MIDDLE,
+    MODEL_BYTES,
     Asset,
     KeepOutBox,
     Mesh,
@@ -141,7 +141,7 @@ class Models:
             return path.name
         if path not in self.digests:
             try:
-                self.digests[path] = hashlib.sha256(path.read_bytes()).hexdigest()
+                self.digests[path] = hashlib.sha256(read_file(path, MODEL_BYTES)).hexdigest()
             except OSError as error:
                 raise SceneError(
                     f"{path} cannot be read: {error.strerror}.", "Check that the dataset is complete."
@@ -169,17 +169,10 @@ class Models:
             return primitive(path.name)
         if path.suffix.lower() != ".glb":
             return read_model(path)
-        data = path.read_bytes()
-        read, lost = readable(data, str(path))
+        data, lost = readable(read_file(path, MODEL_BYTES), str(path))
         if lost:
             self.lost[path] = lost
-        if read is data:
-            return read_model(path)
-        # read_model takes a path, not bytes.
-        with tempfile.NamedTemporaryFile(suffix=".glb") as file:
-            file.write(read)
-            file.flush()
-            return read_model(Path(file.name))
+        return read_model(path, data)
 
     def _stage(self, kind: Kind) -> Scene:
         template = kind.template

@@ -17,7 +17,9 @@ import numpy as np
 
 from humanclaw import SceneError
 from humanclaw.body import Array
+from humanclaw.storage import read_file
 from humanclaw.world import Part
+from humanclaw_habitat.attributes import LARGEST
 from humanclaw_habitat.primitives import primitive
 
 _MOVING: Final = ("revolute", "continuous", "prismatic", "planar", "floating")
@@ -55,7 +57,7 @@ def joints(path: Path) -> int:
 
 def _root(path: Path) -> ElementTree.Element:
     try:
-        robot = ElementTree.fromstring(path.read_bytes())
+        robot = ElementTree.fromstring(read_file(path, LARGEST))
     except OSError as error:
         raise SceneError(f"{path} cannot be read: {error.strerror}.", "Check that the dataset is complete.") from error
     except ElementTree.ParseError as error:

@@ -14,6 +14,7 @@ import numpy as np
 from humanclaw import HumanclawError
 from humanclaw.body import Array
 from humanclaw.records import ALIASES
+from humanclaw.storage import Folder, read_file
 from humanclaw.world import (
     ANYWHERE,
     MIDDLE,
@@ -102,15 +103,15 @@ def import_assets(
         raise HumanclawError(f"cannot write {library}: {error.strerror}.", "Name another folder with --out.") from error
     for entry in known.values():
         if entry.collection == collection.name and entry.id not in kept:
-            for path in paths(library, entry.id):
-                path.unlink(missing_ok=True)
+            for name in paths(entry.id):
+                Folder(library).remove(name)
     return report
 
 
 def listed_in(path: Path) -> frozenset[str]:
     """Return the ids in a file, one per line, with comments after #. Raises HumanclawError if it has none."""
     try:
-        lines = path.read_text("utf-8").splitlines()
+        lines = read_file(path, 1 << 24).decode("utf-8").splitlines()
     except (OSError, UnicodeDecodeError) as error:
         raise HumanclawError(f"{path} cannot be read: {error}.", "Give a text file with one id per line.") from error
     ids = frozenset(line.split("#")[0].strip() for line in lines) - {""}
@@ -150,7 +151,7 @@ def _take(
             if (
                 old
                 and (old.source_digest, old.recipe) == (digest, recipe)
-                and all(file.is_file() for file in paths(library, name))
+                and all(map(Folder(library).has, paths(name)))
             ):
                 report.unchanged += 1
                 return old

@@ -21,10 +21,12 @@ from safetensors.numpy import load, save
 
 from humanclaw import HumanclawError, SceneError
 from humanclaw.records import first_fault
-from humanclaw.storage import write_atomically
+from humanclaw.storage import Folder
 from humanclaw.world import Asset, Mesh, read_mesh, write_model
 
 INDEX: Final = "index.json"
+LARGEST: Final = 256 << 20
+"""Maximum bytes of each file."""
 _IMPORT: Final = "Make one with `humanclaw assets import SOURCE --out {}`."
 Metres = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 
@@ -105,7 +107,7 @@ class Library:
     @cached_property
     def digest(self) -> str:
         """Digest of the whole library: the index holds the digests of all files."""
-        return hashlib.sha256((self.folder / INDEX).read_bytes()).hexdigest()
+        return Folder(self.folder).digest(INDEX, LARGEST)
 
     def asset(self, entry: Entry) -> Asset:
         """Return an asset, read on first use. Raises a SceneError that names it if a file is missing or changed."""
@@ -114,32 +116,35 @@ class Library:
         return self._read[entry.id]
 
     def _load(self, entry: Entry) -> Asset:
-        glb, hulls = paths(self.folder, entry.id)
+        glb, hulls = paths(entry.id)
         try:
-            data = hulls.read_bytes()
-            if digest_of(glb.read_bytes(), data) != entry.digest:
-                raise SceneError(f"{glb} or its hulls were changed after the import.", "Import the source again.")
+            model, data = (Folder(self.folder).read(name, LARGEST) for name in (glb, hulls))
+            if digest_of(model, data) != entry.digest:
+                raise SceneError(
+                    f"{self.folder / glb} or its hulls were changed after the import.", "Import the source again."
+                )
             pieces = load(data)
-        except (OSError, SafetensorError) as error:
+            points = tuple(pieces[str(number)] for number in range(len(pieces)))
+        except (OSError, SafetensorError, KeyError) as error:
+            told = error.strerror if isinstance(error, OSError) else error
             raise SceneError(
-                f"asset {entry.id} of {self.folder} cannot be read: {error}.", "Import it again."
+                f"asset {entry.id} of {self.folder} cannot be read: {told}.", "Import it again."
             ) from error
-        points = tuple(pieces[str(number)] for number in range(len(pieces)))
         return Asset(
-            entry.id, entry.category, read_mesh(glb), points, entry.seat_height, source=entry.credit,
-            licence=entry.licence,
+            entry.id, entry.category, read_mesh(self.folder / glb, model), points, entry.seat_height,
+            source=entry.credit, licence=entry.licence,
         )  # fmt: skip
 
 
 def read_index(folder: Path) -> Index | None:
     """Return the index of a library; None if there is none. Raises HumanclawError if it is invalid."""
     path = folder / INDEX
-    if not path.is_file():
-        return None
     try:
-        return Index.model_validate_json(path.read_text("utf-8"))
-    except (ValidationError, UnicodeDecodeError) as error:
-        fault = first_fault(error) if isinstance(error, ValidationError) else str(error)
+        return Index.model_validate_json(Folder(folder).read(INDEX, LARGEST))
+    except FileNotFoundError:
+        return None
+    except (ValidationError, OSError) as error:
+        fault = first_fault(error) if isinstance(error, ValidationError) else error.strerror
         said = f"{path} is not the index of an asset library: {fault}."
         raise HumanclawError(said, "Remove it and import again.") from error
 
@@ -147,20 +152,21 @@ def read_index(folder: Path) -> Index | None:
 def write_index(folder: Path, entries: Sequence[Entry]) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     index = Index(assets=tuple(sorted(entries, key=lambda entry: entry.id)))
-    write_atomically(folder / INDEX, (index.model_dump_json(indent=1) + "\n").encode())
+    Folder(folder).write(INDEX, (index.model_dump_json(indent=1) + "\n").encode())
 
 
 def write_asset(folder: Path, name: str, mesh: Mesh, hulls: Sequence[NDArray[np.float32]]) -> str:
     """Write the two files of an asset and return their digest."""
     glb, packed = write_model(mesh), save({str(number): hull for number, hull in enumerate(hulls)})
-    (folder / "models").mkdir(parents=True, exist_ok=True)
-    for path, data in zip(paths(folder, name), (glb, packed), strict=True):
-        write_atomically(path, data)
+    folder.mkdir(parents=True, exist_ok=True)
+    for file, data in zip(paths(name), (glb, packed), strict=True):
+        Folder(folder).write(file, data)
     return digest_of(glb, packed)
 
 
-def paths(folder: Path, name: str) -> tuple[Path, Path]:
-    return folder / "models" / f"{name}.glb", folder / "models" / f"{name}.hulls"
+def paths(name: str) -> tuple[str, str]:
+    """Return the names of an asset's files in the library."""
+    return f"models/{name}.glb", f"models/{name}.hulls"
 
 
 def digest_of(*files: bytes) -> str:

@@ -15,6 +15,7 @@ import ray
 from ray.exceptions import RayActorError
 
 from humanclaw import EpisodeSpec, HumanclawError
+from humanclaw.storage import Folder
 from humanclaw_bench.executors import FAILED, ONE_THREAD, EpisodeQueue, Job, Worker, WorkerReport, pack, unpack
 
 LIVES: Final = 3
@@ -28,9 +29,9 @@ class Player:
 
     def __init__(self, job: Job) -> None:
         self._stopping = False
-        self._folder = Path(tempfile.mkdtemp(prefix="humanclaw-"))
+        self._folder = Folder(Path(tempfile.mkdtemp(prefix="humanclaw-")))
         name = f"node-{ray.get_runtime_context().get_node_id()[:8]}"
-        self._worker = Worker(job, self._folder, lambda: self._stopping, name)
+        self._worker = Worker(job, self._folder.path, lambda: self._stopping, name)
 
     def ready(self) -> None:
         """Do nothing. The call returns once the actor has started."""
@@ -41,7 +42,7 @@ class Player:
         unpack(folder, begun)
         report = self._worker.play(spec)
         files = pack(folder)
-        shutil.rmtree(folder, ignore_errors=True)
+        shutil.rmtree(folder.path, ignore_errors=True)
         return replace(report, files=files)
 
     def stop(self) -> None:
@@ -118,7 +119,7 @@ class _Pool:
         if spec is None:
             ray.kill(actor)
             return
-        self._waiting[actor.play.remote(spec, pack(self._out / spec.id))] = (actor, spec)
+        self._waiting[actor.play.remote(spec, pack(Folder(self._out) / spec.id))] = (actor, spec)
 
     def _lost(self, spec: EpisodeSpec | None, error: RayActorError) -> Iterator[WorkerReport]:
         """Replace an actor that died. Its episode is played again until it has lost LIVES actors."""

@@ -82,8 +82,9 @@ def film(folder: Path, out: Path | None, height: int, every: int, renderer: str,
 def _episode(folder: Path) -> RecordedEpisode:
     """Return the episode in a folder, or the only episode of a run."""
     from humanclaw import RecordedEpisode, RecordError, load_run
+    from humanclaw.storage import Folder
 
-    if (folder / "episode.json").exists():
+    if Folder(folder).has("episode.json"):
         return RecordedEpisode(folder)
     found = load_run(folder)
     if len(found) != 1:

@@ -24,6 +24,7 @@ from humanclaw import RecordedEpisode, Scene, StepRecord
 from humanclaw.body import Array
 from humanclaw.cli import counted
 from humanclaw.records import Usage, touched_above_ground
+from humanclaw.storage import Folder
 from humanclaw_report.facts import (
     ContactRow,
     Milestone,
@@ -200,20 +201,21 @@ def _view(recorded: RecordedEpisode, drawn: Drawn, page: Path, *, inside: bool) 
         maps=path_maps(recorded, drawn.maps, drawn.note),
         contacts=contacts_of(recorded, drawn.scene),
         charts=_charts(recorded),
-        film=_film(recorded.folder, page),
+        film=_film(recorded.files, page),
     )
 
 
 def _pictures(recorded: RecordedEpisode, page: Path, *, inside: bool) -> dict[int, str]:
     """Return the source of each step's view, by step; empty for a view that was not kept."""
-    files = {step.step: recorded.folder / step.frame_file for step in recorded.steps if step.frame_file}
-    kept = {step: path for step, path in files.items() if path.is_file()}
+    steps = [step for step in recorded.steps if step.frame_file]
+    sizes = {step.step: status.st_size for step in steps if (status := recorded.files.status(step.frame_file))}
     # All or none: a page with half of its views embedded would still need the folder.
-    inside = inside and sum(path.stat().st_size for path in kept.values()) <= FRAMES_BYTES
-    found = {
-        step: data_uri(path.read_bytes(), "image/jpeg") if inside else link(path, page) for step, path in kept.items()
-    }
-    return {step.step: found.get(step.step, "") for step in recorded.steps}
+    inside = inside and sum(sizes.values()) <= FRAMES_BYTES
+
+    def source(step: StepRecord) -> str:
+        return data_uri(recorded.view(step), "image/jpeg") if inside else link(recorded.folder / step.frame_file, page)
+
+    return {step.step: source(step) if step.step in sizes else "" for step in recorded.steps}
 
 
 def link(target: Path, page: Path) -> str:
@@ -221,13 +223,14 @@ def link(target: Path, page: Path) -> str:
     return quote(Path(os.path.relpath(target.resolve(), page.resolve().parent)).as_posix())
 
 
-def _film(folder: Path, page: Path) -> FilmView | None:
+def _film(files: Folder, page: Path) -> FilmView | None:
     """Return the film in the episode's folder, if there is one."""
     for kind, media in (("mp4", "video/mp4"), ("gif", "image/gif")):
-        path = folder / f"film.{kind}"
-        if path.is_file():
-            small = path.stat().st_size <= FILM_BYTES
-            return FilmView(kind, data_uri(path.read_bytes(), media) if small else link(path, page), small)
+        name = f"film.{kind}"
+        if status := files.status(name):
+            small = status.st_size <= FILM_BYTES
+            told = data_uri(files.read(name, FILM_BYTES), media) if small else link(files.path / name, page)
+            return FilmView(kind, told, small)
     return None
 
 

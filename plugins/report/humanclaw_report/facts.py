@@ -11,7 +11,8 @@ import numpy as np
 
 from humanclaw import RecordedEpisode, Scene, StepRecord
 from humanclaw.cli import counted
-from humanclaw.records import end_distance, in_view, on_target, reached, touched_above_ground
+from humanclaw.records import RECORD_BYTES, end_distance, in_view, on_target, reached, touched_above_ground
+from humanclaw.storage import Folder
 
 
 @dataclass(frozen=True)
@@ -35,8 +36,8 @@ class ContactRow:
 def episodes_asked(run: Path) -> int:
     """Return how many episodes a run was started with; 0 if its folder does not say."""
     try:
-        return int(json.loads((run / "run.json").read_bytes())["episodes"])
-    except (OSError, ValueError, TypeError, KeyError):
+        return int(json.loads(Folder(run).read("run.json", RECORD_BYTES))["episodes"])
+    except (OSError, ValueError, TypeError, KeyError, RecursionError):
         return 0
 
 

@@ -14,7 +14,7 @@ from tqdm import tqdm
 
 from humanclaw import RecordedEpisode, RecordError, Renderer, Scene, StepRecord
 from humanclaw.body import FPS, HISTORY
-from humanclaw.storage import gif
+from humanclaw.storage import Folder, from_jpeg, gif
 from humanclaw.world import ego_camera
 from humanclaw_report.chart import GAP, draw_chart
 from humanclaw_report.maps import house_maps, path_maps
@@ -48,7 +48,8 @@ def film(
     """
     pictures = _pictures(Replay.of(episode, scene), renderer, every, size)
     try:
-        _mp4(pictures, out, FPS / every, size) if kind == "mp4" else gif(list(pictures), out, FPS / every)
+        with Folder(out.parent).placed(out.name) as file:
+            _mp4(pictures, file, FPS / every, size) if kind == "mp4" else gif(list(pictures), file, FPS / every)
     except OSError as error:
         raise RecordError(f"cannot write {out}: {error}.", "Name another file with --out.") from error
     return out
@@ -78,7 +79,8 @@ def poster(
             sheet.paste(Image.fromarray(picture), (GAP + column * (side + GAP), GAP + row * (side + GAP)))
     left = GAP + moments * (side + GAP)
     sheet.paste(draw_chart(maps, (width - left - GAP, 2 * side + GAP)), (left, GAP))
-    sheet.save(out)
+    with Folder(out.parent).placed(out.name) as file:
+        sheet.save(file)
     return out
 
 
@@ -109,15 +111,14 @@ def _pictures(replay: Replay, renderer: Renderer, every: int, size: tuple[int, i
         step = replay.step(frame)
         # Each view is shown for all frames of its step, so it is read once.
         if step and step.frame_file != inset[0]:
-            inset = (step.frame_file, _ego(replay.episode.folder / step.frame_file, size[1] // 3))
+            inset = (step.frame_file, _ego(replay.episode.view(step), size[1] // 3))
         yield _caption(shot, step, inset[1])
 
 
-def _ego(path: Path, side: int) -> Image.Image | None:
-    if not path.is_file():
+def _ego(view: bytes, side: int) -> Image.Image | None:
+    if not view:
         return None
-    with Image.open(path) as image:
-        return image.convert("RGB").resize((side, side), Image.Resampling.LANCZOS)
+    return Image.fromarray(from_jpeg(view)).resize((side, side), Image.Resampling.LANCZOS)
 
 
 def _caption(picture: Picture, step: StepRecord | None, ego: Image.Image | None) -> Picture:

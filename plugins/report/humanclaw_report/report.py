@@ -10,6 +10,7 @@ from typing import Final
 from tqdm import tqdm
 
 from humanclaw import HumanclawError, RecordedEpisode, RecordError, Scene, load_run
+from humanclaw.storage import Folder, write_result
 from humanclaw_report.episode_page import Drawn, Shared, episode_page, house_script, link
 from humanclaw_report.facts import episodes_asked
 from humanclaw_report.run_page import Collected, run_page
@@ -17,6 +18,7 @@ from humanclaw_report.three import three
 
 FOLDER: Final = "report"
 """Folder in the run for files that the pages of its episodes share."""
+REPORT: Final = "report.html"
 PAGE: Final = "page.html"
 """File in the folder of each episode of a run."""
 
@@ -70,25 +72,26 @@ def write_report(
     """
     folders = [runs] if isinstance(runs, Path) else list(runs)
     found = {folder: load_run(folder) for folder in folders}
-    target = out or (folders[0] / "report.html" if len(folders) == 1 else Path("report.html"))
+    home = folders[0] if len(folders) == 1 else Path()
+    target = out or home / REPORT
     try:
-        _write(found, target, Houses(scenes), contribute)
+        page = _page(found, target, Houses(scenes), contribute)
     except OSError as error:
-        raise RecordError(f"cannot write {target}: {error.strerror}.", "Name another file with --out.") from error
-    return target
+        raise RecordError(f"cannot write {error.filename}: {error.strerror}.", "Move it away.") from error
+    return write_result(out, home, REPORT, page.encode())
 
 
-def _write(found: Runs, target: Path, houses: Houses, contribute: Contribute | None) -> None:
+def _page(found: Runs, target: Path, houses: Houses, contribute: Contribute | None) -> str:
+    """Return the page of one episode, or write those of several and return the page that lists them."""
     episodes = [episode for one in found.values() for episode in one]
     if len(episodes) == 1:
-        target.write_text(episode_page(episodes[0], houses.of(episodes[0]), target), "utf-8")
-        return
+        return episode_page(episodes[0], houses.of(episodes[0]), target)
     collected = Collected()
     if contribute:
         contribute(found, collected)
     _write_episodes(found, target, houses)
     asked = {run: episodes_asked(run) for run in found}
-    target.write_text(run_page(found, collected, target, lambda e: e.folder / PAGE, asked), "utf-8")
+    return run_page(found, collected, target, lambda e: e.folder / PAGE, asked)
 
 
 def _write_episodes(found: Runs, target: Path, houses: Houses) -> None:
@@ -96,20 +99,20 @@ def _write_episodes(found: Runs, target: Path, houses: Houses) -> None:
     total = sum(map(len, found.values()))
     with tqdm(total=total, desc="pages", unit="page", disable=None if total > 20 else True, leave=False) as bar:
         for run, episodes in found.items():
-            shelf, own = run / FOLDER, run / "report.html"
-            home = own if len(found) > 1 and own.exists() else target
-            shelf.mkdir(exist_ok=True)
-            (shelf / "three.js").write_text(three(), "utf-8")
+            shelf = Folder(run) / FOLDER
+            home = run / REPORT if len(found) > 1 and Folder(run).has(REPORT) else target
+            shelf.write("three.js", three().encode())
             for episode in sorted(episodes, key=lambda e: e.record.spec.scene):
                 page, drawn = episode.folder / PAGE, houses.of(episode)
-                page.write_text(episode_page(episode, drawn, page, _shared(shelf, drawn, page, home)), "utf-8")
+                shared = _shared(shelf, drawn, page, home)
+                episode.files.write(PAGE, episode_page(episode, drawn, page, shared).encode())
                 bar.update()
 
 
-def _shared(shelf: Path, drawn: Drawn, page: Path, run: Path) -> Shared:
+def _shared(shelf: Folder, drawn: Drawn, page: Path, run: Path) -> Shared:
     """Return where a page finds three.js and its house; write the house if it is not there yet."""
-    house = shelf / f"house-{drawn.scene.digest[:16] if drawn.scene else 'none'}.js"
+    house = f"house-{drawn.scene.digest[:16] if drawn.scene else 'none'}.js"
     # The name holds the digest of the scene, so an old file is still right.
-    if drawn.scene and not house.exists():
-        house.write_text(house_script(drawn.scene), "utf-8")
-    return Shared(link(shelf / "three.js", page), link(house, page), link(run, page))
+    if drawn.scene and not shelf.has(house):
+        shelf.write(house, house_script(drawn.scene).encode())
+    return Shared(link(shelf.path / "three.js", page), link(shelf.path / house, page), link(run, page))

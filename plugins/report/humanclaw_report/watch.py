@@ -14,6 +14,8 @@ from typing import Any, Final
 from urllib.parse import unquote, urlsplit
 
 from humanclaw import EpisodeRecord, RecordedEpisode, RecordError, Scene, StepRecord
+from humanclaw.records import FRAME_BYTES, RECORD_BYTES, STEPS_BYTES
+from humanclaw.storage import Folder
 from humanclaw_report.episode_page import environment
 from humanclaw_report.facts import episodes_asked
 from humanclaw_report.maps import path_maps
@@ -39,19 +41,19 @@ class Watcher:
     """For each episode: time of its last change (ns) and its table row, None if it cannot be read."""
 
     def __post_init__(self) -> None:
-        self.houses = Houses(self.scenes)
+        self.houses, self.files = Houses(self.scenes), Folder(self.folder)
 
     def rows(self) -> list[dict[str, Any]]:
         """Return the rows of all episodes, last changed first, without those that cannot be read yet."""
         found = []
-        for path in (*self.folder.glob("episode.json"), *self.folder.glob("*/episode.json")):
-            try:
-                changed = max(path.stat().st_mtime_ns, (path.parent / "steps.jsonl").stat().st_mtime_ns)
-            except OSError:
+        for episode in (self.files, *(self.files / name for name in self.files.names())):
+            times = [status.st_mtime_ns for status in map(episode.status, ("episode.json", "steps.jsonl")) if status]
+            if len(times) < 2:
                 continue
             # Thousands of ended episodes do not change, and parsing them each second would be slow.
+            path, changed = episode.path, max(times)
             if self.read.get(path, (0, None))[0] != changed:
-                self.read[path] = changed, _row(path.parent)
+                self.read[path] = changed, _row(episode)
             found.append(self.read[path])
         return [row for _, row in sorted(found, key=lambda pair: -pair[0]) if row]
 
@@ -61,9 +63,9 @@ class Watcher:
         ended = sum(row["outcome"] != "running" for row in rows)
         return {"ended": ended, "episodes": len(rows), "asked": episodes_asked(self.folder), "rows": rows, "live": LIVE}
 
-    def place(self, name: str) -> Path:
+    def place(self, name: str) -> Folder:
         """Return the folder of an episode: below the watched folder, or the watched folder itself."""
-        return self.folder if name == self.folder.resolve().name else self.folder / name
+        return self.files if name == self.folder.resolve().name else self.files / name
 
     def drawn(self, name: str) -> str:
         """Return the maps of an episode up to now, as HTML; empty if there is no such episode."""
@@ -80,24 +82,26 @@ class Watcher:
 
     def frame(self, name: str, file: str) -> bytes:
         """Return a view of an episode as JPEG; empty if there is no such file."""
-        path = self.place(name) / "frames" / file
-        return path.read_bytes() if path.is_file() else b""
+        try:
+            return (self.place(name) / "frames").read(file, FRAME_BYTES)
+        except OSError:
+            return b""
 
 
-def _row(folder: Path) -> dict[str, Any] | None:
+def _row(folder: Folder) -> dict[str, Any] | None:
     """Return the table row of an episode; None if it cannot be read.
 
     Only the record and the last complete step are parsed, since this runs thousands of times during a run.
     """
     try:
-        record = EpisodeRecord.model_validate_json((folder / "episode.json").read_bytes())
+        record = EpisodeRecord.model_validate_json(folder.read("episode.json", RECORD_BYTES))
         # The last piece is empty, or a line that is still being written.
-        lines = (folder / "steps.jsonl").read_bytes().split(b"\n")[:-1]
+        lines = folder.read("steps.jsonl", STEPS_BYTES).split(b"\n")[:-1]
         last = StepRecord.model_validate_json(lines[-1]) if lines else None
     except (OSError, ValueError):
         return None
-    name, now = folder.resolve().name, f"{len(lines):04d}.jpg"
-    frame = now if (folder / "frames" / now).exists() else Path(last.frame_file).name if last else ""
+    name, now = folder.path.resolve().name, f"{len(lines):04d}.jpg"
+    frame = now if folder.has(f"frames/{now}") else Path(last.frame_file).name if last else ""
     return {
         "id": name,
         "instruction": record.spec.instruction,

@@ -160,10 +160,9 @@ def log_views(log: EpisodeLog, recorded: RecordedEpisode) -> None:
         return
     motion = recorded.motion()
     for step, first in zip(recorded.steps, first_frames(recorded), strict=True):
-        picture = recorded.folder / step.frame_file
-        if step.frame_file and picture.is_file():
+        if picture := recorded.view(step):
             # The view was taken where the body stood in the frame before the step.
-            log.view(picture.read_bytes(), motion[first - 1 : first], first)
+            log.view(picture, motion[first - 1 : first], first)
 
 
 def first_frames(recorded: RecordedEpisode) -> list[int]:

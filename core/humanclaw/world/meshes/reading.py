@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
 from typing import Any, Final
 
@@ -13,9 +14,11 @@ from PIL import Image
 
 from humanclaw.body.pose import Array
 from humanclaw.errors import SceneError
-from humanclaw.storage.files import within
+from humanclaw.storage.files import MIB, Folder, read_file
 from humanclaw.world.scene import Mesh
 
+MODEL_BYTES: Final = 512 * MIB
+"""Maximum bytes of a model file, and of each file that it names."""
 _PIXELS: Final = 2048
 """The longest side at which a picture is read: an atlas keeps far less of it, and a larger one takes gigabytes."""
 
@@ -34,8 +37,8 @@ class Part:
     """(H, W, 3), first row at v = 1."""
 
 
-def read_model(path: Path) -> list[Part]:
-    """Read all parts of a model file, with the files that it names in its folder.
+def read_model(path: Path, data: bytes | None = None) -> list[Part]:
+    """Read all parts of a model file, with the files that it names in its folder. data: its content, if it is known.
 
     Raises SceneError if it cannot be read or holds no triangle.
     """
@@ -43,7 +46,8 @@ def read_model(path: Path) -> list[Part]:
 
     try:
         # Vertices stay as they are in the file: merging them would lose texture seams.
-        scene = trimesh.load_scene(path, process=False, resolver=_beside(path))
+        stream = BytesIO(read_file(path, MODEL_BYTES) if data is None else data)
+        scene = trimesh.load_scene(stream, path.suffix[1:].lower(), process=False, resolver=_beside(path.parent))
         parts = [part for name in scene.graph.nodes_geometry for part in _parts(scene, name)]
     except Exception as error:  # Third-party readers fail on broken files in every way there is.
         raise SceneError(f"{path.name} cannot be read: {type(error).__name__}: {error}.") from error
@@ -54,17 +58,15 @@ def read_model(path: Path) -> list[Part]:
     return parts
 
 
-def _beside(path: Path) -> Any:
+def _beside(folder: Path) -> Any:
     """Return what reads the materials and pictures that a model names: those in its own folder, and no others."""
     from trimesh.resolvers import FilePathResolver
 
     class Beside(FilePathResolver):
-        def get(self, name: str) -> Any:
-            inner = name.strip().lstrip("/")
-            within(path.parent, inner)
-            return super().get(inner)
+        def get(self, name: str) -> bytes:
+            return Folder(folder).read(name.strip().lstrip("/"), MODEL_BYTES)
 
-    return Beside(str(path))
+    return Beside(str(folder))
 
 
 def _parts(scene: Any, node: str) -> list[Part]:
@@ -128,9 +130,9 @@ def write_model(mesh: Mesh) -> bytes:
     return bytes(shape.export(file_type="glb"))
 
 
-def read_mesh(path: Path) -> Mesh:
-    """Read what write_model wrote, exactly. Raises SceneError."""
-    part, *others = read_model(path)
+def read_mesh(path: Path, data: bytes) -> Mesh:
+    """Read what write_model wrote, exactly. data: the content of the file. Raises SceneError."""
+    part, *others = read_model(path, data)
     if others or part.uv is None or part.picture is None:
         raise SceneError(f"{path} is not one mesh with one texture.", "Import the library again.")
     return Mesh(part.vertices.astype(np.float32), part.faces.astype(np.int32), part.uv.astype(np.float32), part.picture)

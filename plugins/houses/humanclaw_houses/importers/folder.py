@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import csv
+import io
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 from humanclaw import HumanclawError
+from humanclaw.storage import read_file
 from humanclaw_houses.importers.source_models import Collection, SourceModel
-from humanclaw_houses.importers.sweethome import slug
+from humanclaw_houses.importers.sweethome import rotation_of, slug
 
 SUFFIXES: Final = (".glb", ".gltf", ".obj")
 COLUMNS: Final = "file, name, category, creator, licence, width_m, height_m, depth_m, catalogue_rotation"
@@ -41,7 +43,6 @@ def _model(path: Path, inside: Path, row: Mapping[str, str], metadata: FolderMet
     stem = inside.with_suffix("")
     # chair/chair.glb is the model "chair": collections often keep each model in a folder of its name.
     parts = stem.parts[:-1] if len(stem.parts) > 1 and stem.parts[-1] == stem.parts[-2] else stem.parts
-    rotation = tuple(float(value) for value in row.get("catalogue_rotation", "").split())
     try:
         size = tuple(float(row[key]) for key in ("width_m", "height_m", "depth_m"))
     except (KeyError, ValueError):
@@ -52,7 +53,7 @@ def _model(path: Path, inside: Path, row: Mapping[str, str], metadata: FolderMet
         fetch=lambda _: path,
         group=row.get("category", "").replace("_", " "),
         size=size,  # type: ignore[arg-type]
-        rotation=rotation if len(rotation) == 9 else None,
+        rotation=rotation_of(row.get("catalogue_rotation", "")),
         front=metadata.front,
         author=row.get("creator") or metadata.author,
         licence=row.get("licence") or metadata.licence or "LicenseRef-unknown",
@@ -62,8 +63,8 @@ def _model(path: Path, inside: Path, row: Mapping[str, str], metadata: FolderMet
 def _rows(table: Path, source: Path) -> dict[Path, dict[str, str]]:
     """Return model path to its row of a table. Paths in the table are relative to the table or to the folder."""
     try:
-        with table.open(encoding="utf-8", newline="") as file:
-            rows = list(csv.DictReader(file))
+        text = read_file(table, 1 << 26).decode("utf-8")
+        rows = list(csv.DictReader(io.StringIO(text, newline="")))
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise HumanclawError(f"cannot read the table {table}: {error}.", f"It is a CSV file with {COLUMNS}.") from error
     if not rows or "file" not in rows[0]:

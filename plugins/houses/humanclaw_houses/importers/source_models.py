@@ -7,6 +7,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from humanclaw.storage import read_file
+from humanclaw.world import MODEL_BYTES
+
 Vec3 = tuple[float, float, float]
 
 
@@ -59,7 +62,7 @@ def digest_of(path: Path, statement: str) -> str:
     if path.suffix.lower() != ".glb":
         beside = sorted(p for p in path.parent.iterdir() if p.suffix.lower() in _ROLES)
     for file in beside:
-        state.update(file.name.encode() + file.read_bytes())
+        state.update(file.name.encode() + read_file(file, MODEL_BYTES))
     return state.hexdigest()
 
 

@@ -6,16 +6,29 @@ Models have +Y up and their front to +Z. The catalogue gives each its size in ce
 from __future__ import annotations
 
 import functools
+import lzma
+import math
 import re
 import zipfile
+import zlib
+from collections import defaultdict
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from pathlib import Path, PurePosixPath
 from typing import Final
 
 from humanclaw import HumanclawError
+from humanclaw.storage import Folder, open_file
+from humanclaw.world import MODEL_BYTES
 from humanclaw_houses.importers.source_models import Collection, SourceModel
 
 CATALOGUE: Final = "PluginFurnitureCatalog.properties"
+LIBRARY_BYTES: Final = 2 << 30
+"""Maximum bytes of a library in one file."""
+TEXT_BYTES: Final = 8 << 20
+"""Maximum bytes of its catalogue and of its licence."""
+UNREADABLE: Final = (zipfile.BadZipFile, zlib.error, lzma.LZMAError, OSError, EOFError, RuntimeError)
+"""Errors of zipfile and its unpackers; NotImplementedError is a RuntimeError."""
 _LICENCES: Final = (
     (r"public domain|cc-?0", "CC0-1.0"),
     (r"creative commons attribution 3\.0 us|by/3\.0/us", "CC-BY-3.0-US"),
@@ -30,32 +43,46 @@ _LICENCES: Final = (
 def open_zip(path: Path, name: str = "") -> Collection:
     """Open a library in one file. Raises HumanclawError if it is not a Sweet Home 3D library."""
     try:
-        archive = zipfile.ZipFile(path)
-        text = archive.read(CATALOGUE)
-    except (zipfile.BadZipFile, KeyError, OSError) as error:
+        with open_file(path, LIBRARY_BYTES) as file, zipfile.ZipFile(file) as archive:
+            text = _member(archive, CATALOGUE)
+            terms = _member(archive, "LICENSE.TXT") if "LICENSE.TXT" in archive.namelist() else b""
+    except (*UNREADABLE, KeyError) as error:
         raise HumanclawError(
             f"{path} is not a Sweet Home 3D furniture library: {error}.",
             f"Such a library is a zip file that holds {CATALOGUE}.",
         ) from error
-    terms = archive.read("LICENSE.TXT").decode("latin-1") if "LICENSE.TXT" in archive.namelist() else ""
     return _collection(text, terms, name or path.stem, lambda model: functools.partial(_unzip, path, model))
+
+
+def _member(archive: zipfile.ZipFile, name: str) -> bytes:
+    """Return a text of a library. Raises BadZipFile if it is too large."""
+    if archive.getinfo(name).file_size > TEXT_BYTES:
+        raise zipfile.BadZipFile(f"{name} is larger than {TEXT_BYTES >> 20} MiB")
+    return archive.read(name)
 
 
 def open_folder(path: Path, name: str = "") -> Collection:
     """Open an unpacked library."""
-    terms = (path / "LICENSE.TXT").read_text("latin-1") if (path / "LICENSE.TXT").is_file() else ""
-    text = (path / CATALOGUE).read_bytes()
+    files = Folder(path)
+    try:
+        text, terms = (files.read(name, TEXT_BYTES) if files.has(name) else b"" for name in (CATALOGUE, "LICENSE.TXT"))
+    except OSError as error:
+        raise HumanclawError(f"{path / CATALOGUE} cannot be read: {error.strerror}.") from error
     return _collection(text, terms, name or path.name, lambda model: lambda _: _inside(path, model))
 
 
-def _collection(text: bytes, terms: str, name: str, fetcher: Callable[[str], Callable[[Path], Path]]) -> Collection:
+def _collection(text: bytes, terms: bytes, name: str, fetcher: Callable[[str], Callable[[Path], Path]]) -> Collection:
     values = properties(text)
-    keys = sorted({int(key.partition("#")[2]) for key in values if re.fullmatch(r"id#\d+", key)})
-    licence = licence_of(f"{values.get('license', '')}\n{terms}")
+    rows: dict[int, dict[str, str]] = defaultdict(dict)
+    for key, value in values.items():
+        if found := re.fullmatch(r"(.*)#(\d{1,9})", key):
+            rows[int(found[2])][found[1]] = value
+    licence = licence_of(f"{values.get('license', '')}\n{terms.decode('latin-1')}")
     models = []
     passed_over = 0
-    for number in keys:
-        row = {key.partition("#")[0]: value for key, value in values.items() if key.endswith(f"#{number}")}
+    for _, row in sorted(rows.items()):
+        if "id" not in row:
+            continue
         if row.get("doorOrWindow") == "true" or "staircaseCutOutShape" in row:
             passed_over += 1
         else:
@@ -67,18 +94,26 @@ def _model(
     row: Mapping[str, str], licence: str, library: str, fetcher: Callable[[str], Callable[[Path], Path]]
 ) -> SourceModel:
     model = row.get("model", "").lstrip("/")
-    rotation = tuple(float(value) for value in row.get("modelRotation", "").split())
     return SourceModel(
         id=slug(row["id"].rpartition("#")[2]),
         name=row.get("name", row["id"]),
         fetch=fetcher(model),
         group=row.get("category", ""),
         size=_size(row),
-        rotation=rotation if len(rotation) == 9 else None,
+        rotation=rotation_of(row.get("modelRotation", "")),
         movable=row.get("movable") == "true",
         author=row.get("creator", library),
         licence=licence_of(row["license"]) if "license" in row else licence,
     )
+
+
+def rotation_of(text: str) -> tuple[float, ...] | None:
+    """Return the nine finite numbers of a matrix; None for any other text."""
+    words = text.split(maxsplit=9)
+    with suppress(ValueError):
+        found = tuple(float(word) for word in words)
+        return found if len(found) == 9 and all(map(math.isfinite, found)) else None
+    return None
 
 
 def _size(row: Mapping[str, str]) -> tuple[float, float, float] | None:
@@ -101,11 +136,16 @@ def slug(text: str) -> str:
 
 def _unzip(archive: Path, model: str, folder: Path) -> Path:
     """Extract the folder of one model."""
-    with zipfile.ZipFile(archive) as file:
-        home = str(PurePosixPath(model).parent) + "/"
-        for member in file.namelist():
-            if member.startswith(home) and not member.endswith("/"):
+    home = str(PurePosixPath(model).parent) + "/"
+    try:
+        with open_file(archive, LIBRARY_BYTES) as stream, zipfile.ZipFile(stream) as file:
+            members = [one for one in file.infolist() if one.filename.startswith(home) and not one.is_dir()]
+            if sum(one.file_size for one in members) > MODEL_BYTES:
+                raise HumanclawError(f"{model} is larger than {MODEL_BYTES >> 20} MiB with its textures.")
+            for member in members:
                 file.extract(member, folder)  # Stays inside the folder: zipfile drops ".." and absolute paths.
+    except UNREADABLE as error:
+        raise HumanclawError(f"{model} cannot be unpacked: {error}.") from error
     return _inside(folder, model)
 
 
