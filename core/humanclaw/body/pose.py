@@ -6,6 +6,7 @@ turn. Rotations are axis-angle vectors (rotation vectors) unless a name says oth
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import ClassVar, Final
 
@@ -36,14 +37,24 @@ _OTHER_SIDE: Final = [
 def matrix_from_vector(vector: Array) -> Array:
     """Map (..., 3) rotation vectors to (..., 3, 3) matrices (Rodrigues)."""
     vector = np.asarray(vector, float)
-    angle = np.linalg.norm(vector, axis=-1)[..., None, None]
+    angle = lengths(vector)[..., None]
     safe = np.where(angle < 1e-8, 1.0, angle)
-    x, y, z = np.moveaxis(vector, -1, 0)
-    zero = np.zeros_like(x)
-    cross = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=-1).reshape(*vector.shape[:-1], 3, 3)
     sin = np.where(angle < 1e-8, 1.0, np.sin(angle) / safe)
     cos = np.where(angle < 1e-8, 0.5, (1 - np.cos(angle)) / safe**2)
-    return np.asarray(np.eye(3) + sin * cross + cos * (cross @ cross))
+    # The square of the cross product's matrix is v v' - |v|^2. Flat matrices: many small products are slow in numpy.
+    outer = (vector[..., :, None] * vector[..., None, :]).reshape(*vector.shape[:-1], 9)
+    flat = np.cos(angle) * _IDENTITY + sin * (vector @ _CROSS) + cos * outer
+    return np.asarray(flat.reshape(*vector.shape, 3))
+
+
+def lengths(vector: Array) -> Array:
+    """Return (...) lengths of (..., n) vectors: numpy's own norm takes several times as long for few of them."""
+    return np.asarray(np.sqrt(np.einsum("...i,...i->...", vector, vector)))
+
+
+_IDENTITY: Final = np.eye(3).ravel()
+_CROSS: Final = np.cross(np.eye(3)[:, None], np.eye(3)).swapaxes(1, 2).reshape(3, 9)
+"""For each component of a vector its share of the matrix of the cross product with it, flattened."""
 
 
 def vector_from_matrix(matrix: Array) -> Array:
@@ -77,22 +88,19 @@ def quaternion_from_matrix(matrix: Array) -> Array:
 def matrix_from_quaternion(quaternion: Array) -> Array:
     """Map (..., 4) quaternions x, y, z, w to (..., 3, 3) matrices."""
     q = np.asarray(quaternion, float)
-    x, y, z, w = np.moveaxis(q / np.linalg.norm(q, axis=-1, keepdims=True), -1, 0)
-    return np.stack(
-        [
-            np.stack([1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)], -1),
-            np.stack([2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)], -1),
-            np.stack([2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)], -1),
-        ],
-        -2,
-    )
+    x, y, z, w = (q / np.linalg.norm(q, axis=-1, keepdims=True)).T
+    matrix = np.empty((3, 3, *x.shape))
+    matrix[0] = 1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)
+    matrix[1] = 2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)
+    matrix[2] = 2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)
+    return np.ascontiguousarray(matrix.T.swapaxes(-1, -2))
 
 
 def vector_from_quaternion(quaternion: Array) -> Array:
     """Map (..., 4) quaternions x, y, z, w to (..., 3) rotation vectors along the shortest arc."""
     q = np.asarray(quaternion, float)
     vector, w = q[..., :3], q[..., 3]
-    length = np.sqrt(np.einsum("...i,...i->...", vector, vector))
+    length = lengths(vector)
     small = length < 1e-9
     scale = np.where(small, 2.0, 2 * np.arctan2(length, np.abs(w)) / np.where(small, 1.0, length))
     return np.asarray(vector * np.where(w < 0, -scale, scale)[..., None])
@@ -160,14 +168,29 @@ class Motion:
 def forward_kinematics(root: Array, rotations: Array) -> tuple[Array, Array]:
     """Map (..., 3) root positions and (..., 24, 3) local rotations to (..., 24, 3) positions and (..., 24, 3, 3)
     orientations."""
-    local = matrix_from_vector(rotations)
-    positions: list[Array] = [np.asarray(root, float)]
-    orientations: list[Array] = [local[..., 0, :, :]]
-    for joint in range(1, N_JOINTS):
-        parent = PARENTS[joint]
-        positions.append(positions[parent] + orientations[parent] @ OFFSETS[joint])
-        orientations.append(orientations[parent] @ local[..., joint, :, :])
-    return np.stack(positions, -2), np.stack(orientations, -3)
+    orientations = matrix_from_vector(rotations)
+    for joints, parents in _LEVELS:
+        orientations[..., joints, :, :] = orientations[..., parents, :, :] @ orientations[..., joints, :, :]
+    positions = np.einsum("...ij,...j->...i", orientations[..., _PARENTS, :, :], OFFSETS)
+    positions[..., 0, :] = root
+    for joints, parents in _LEVELS:
+        positions[..., joints, :] += positions[..., parents, :]
+    return positions, orientations
+
+
+def _levels() -> Iterator[tuple[slice, slice | list[int]]]:
+    """Yield the joints as far from the pelvis as one another, and their parents, from the pelvis outwards."""
+    parents = [0]
+    while joints := [joint for joint in range(1, N_JOINTS) if PARENTS[joint] in parents]:
+        parents = [PARENTS[joint] for joint in joints]
+        run = parents == list(range(parents[0], parents[-1] + 1))
+        # Slices: numpy takes several times as long for a list of indices.
+        yield slice(joints[0], joints[-1] + 1), slice(parents[0], parents[-1] + 1) if run else parents
+        parents = joints
+
+
+_LEVELS: Final = tuple(_levels())
+_PARENTS: Final = [max(parent, 0) for parent in PARENTS]
 
 
 def mirrored(root: Array, rotations: Array) -> tuple[Array, Array]:

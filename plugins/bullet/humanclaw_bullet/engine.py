@@ -7,6 +7,7 @@ import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from typing import Any
 
 
@@ -47,13 +48,12 @@ class Client:
         if not callable(function):
             return function
 
-        def bound(*args: Any, **kwargs: Any) -> Any:
-            return function(*args, physicsClientId=self._id, **kwargs)
-
+        bound = partial(function, physicsClientId=self._id)
         setattr(self, name, bound)
         return bound
 
     def close(self) -> None:
         if self._id >= 0:
             pybullet.disconnect(self._id)
-            self._id = -1
+            # The bound functions go too: another world may get this number.
+            self.__dict__ = {"_id": -1}

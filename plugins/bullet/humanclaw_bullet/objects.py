@@ -5,7 +5,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -32,6 +32,8 @@ class Objects:
         self._movable: dict[int, tuple[int, Array]] = {}
         self._hinged: dict[int, tuple[int, Swing]] = {}
         self._still: dict[int, Array] = {}
+        self._read: tuple[list[Any], list[float]] = [], []
+        self._states: Mapping[int, Array] = {}
         # With caching, Bullet reads a file only once, but never frees it; switching caching off frees it.
         client.setPhysicsEngineParameter(enableFileCaching=1)
         for obj in scene.objects:
@@ -163,16 +165,23 @@ class Objects:
                 self._client.changeDynamics(body, -1, activationState=self._client.ACTIVATION_STATE_SLEEP)
 
     def states(self) -> Mapping[int, Array]:
-        """Return movable object id to (7,) position and quaternion of the asset's own frame."""
+        """Return movable object id to (7,) position and quaternion of the asset's own frame: the same mapping as long
+        as none has moved."""
+        poses = [self._client.getBasePositionAndOrientation(body) for body, _ in self._movable.values()]
+        angles = [self._client.getJointState(body, 0)[0] for body, _ in self._hinged.values()]
+        if (poses, angles) != self._read or not self._states:
+            self._read, self._states = (poses, angles), self._placed(poses, angles)
+        return self._states
+
+    def _placed(self, poses: Sequence[Any], angles: Sequence[float]) -> Mapping[int, Array]:
         found = dict(self._still)
-        if self._movable:
+        if poses:
             centres = np.array([centre for _, centre in self._movable.values()])
-            poses = [self._client.getBasePositionAndOrientation(body) for body, _ in self._movable.values()]
             position, turn = np.array([pose[0] for pose in poses]), np.array([pose[1] for pose in poses])
             corner = position - np.einsum("nij,nj->ni", matrix_from_quaternion(turn), centres)
             found.update(zip(self._movable, np.concatenate([corner, turn], axis=1), strict=True))
-        for key, (body, swing) in self._hinged.items():
-            found[key] = swing.place(self._client.getJointState(body, 0)[0])
+        for (key, (_, swing)), angle in zip(self._hinged.items(), angles, strict=True):
+            found[key] = swing.place(angle)
         return found
 
 

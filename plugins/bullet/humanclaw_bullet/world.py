@@ -24,6 +24,8 @@ _LINKS: Final = list(range(len(JOINTS) - 1))
 class BulletWorld:
     """The World of humanclaw.world on Bullet."""
 
+    travel: Final = 0.01
+
     def __init__(self, scene: Scene, profile: Profile, pose: Pose) -> None:
         """Load a scene with a body at rest in a pose.
 
@@ -84,12 +86,10 @@ class BulletWorld:
     def touching(self) -> Collection[tuple[int, int]]:
         # One query for all pairs is cheaper than one for each movable object.
         rows: Sequence[Any] = self._client.getContactPoints() or ()
-        known, found = self._objects.object_of, set()
-        for row in rows:
-            a, b = known.get(row[_BODY_A], 0), known.get(row[_BODY_B], 0)
-            if row[_DISTANCE] <= TOUCHING and a and b:
-                found.add((min(a, b), max(a, b)))
-        return found
+        known = self._objects.object_of
+        met = {(row[_BODY_A], row[_BODY_B]) for row in rows if row[_DISTANCE] <= TOUCHING}
+        pairs = {(known.get(a, 0), known.get(b, 0)) for a, b in met}
+        return {(min(pair), max(pair)) for pair in pairs if all(pair)}
 
     def top(self, object_id: int, above: Array, below: Array) -> float | None:
         body, _, _, at, face = self._client.rayTest(above, below)[0]

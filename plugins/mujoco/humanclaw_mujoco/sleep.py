@@ -37,6 +37,7 @@ class Sleep:
         self._asleep = np.zeros(len(keys), bool)
         self._slow = np.zeros(len(keys), int)
         self._woken = np.zeros(len(keys), bool)
+        self._held = np.zeros(0, np.int64)
         self._geoms = np.flatnonzero(self._place_of < len(keys))
         hinged = self._place_of[self._geoms] >= len(model.movable)
         self._meets = np.where(hinged, HINGED["conaffinity"], MOVABLE["conaffinity"])
@@ -45,7 +46,8 @@ class Sleep:
     def lull(self, data: Any) -> None:
         """Put every object to sleep that hardly moves."""
         self._asleep |= self._speeds(data) < _LULLED
-        data.qvel[self._dofs[self._asleep]] = 0.0
+        self._held = self._dofs[self._asleep].ravel()
+        data.qvel[self._held] = 0.0
         self._let_meet()
 
     def held(self) -> NDArray[np.int64]:
@@ -54,23 +56,32 @@ class Sleep:
         These are the sleepers, and the objects that woke in this step: when contacts were searched, they were still
         asleep, so the contacts with their supports are missing.
         """
-        return self._dofs[self._asleep | self._woken].ravel()
+        return self._held
 
-    def arrange(self, data: Any) -> None:
-        """Wake objects near an awake object or the body, and let still objects sleep."""
-        if not len(self._asleep):
+    def arrange(self, data: Any, geoms: NDArray[np.int32], gaps: Array) -> None:
+        """Wake objects near an awake object or the body, and let still objects sleep.
+
+        geoms: (contacts, 2). gaps: (contacts,) their distances, metres.
+        """
+        if self._undisturbed(data, geoms, gaps):
             return
         before = self._asleep
-        contact = data.contact
-        geoms, gaps = contact.geom, contact.dist
         places, body = self._place_of[geoms], self._body[geoms]
         others = self._active(places, body)[:, ::-1]
         stirred = places[others & (gaps <= _NEAR)[:, None]]
         self._stir(stirred[stirred < len(self._asleep)])
         self._rest(data)
         self._woken = before & ~self._asleep
+        self._held = self._dofs[self._asleep | self._woken].ravel()
         if (before != self._asleep).any():
             self._let_meet()
+
+    def _undisturbed(self, data: Any, geoms: NDArray[np.int32], gaps: Array) -> bool:
+        """Tell whether everything sleeps and goes on sleeping: nothing has moved a sleeper, and nothing is near one."""
+        if not self._asleep.all() or self._woken.any():
+            return False
+        near = self._place_of[geoms[gaps <= _NEAR]] < len(self._asleep)
+        return not near.any() and not data.qvel[self._held].any()
 
     def _active(self, places: NDArray[np.int64], body: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Return (contacts, 2) whether each of the two sides belongs to the body or to an awake object."""

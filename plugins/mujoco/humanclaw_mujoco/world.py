@@ -14,6 +14,7 @@ from typing import Final
 
 import mujoco as mj
 import numpy as np
+from numpy.typing import NDArray
 
 from humanclaw import Scene
 from humanclaw.body import Array, matrix_from_quaternion
@@ -28,6 +29,8 @@ _LEVEL: Final = 0.7
 """A surface counts as level if the upward component of its unit normal exceeds this: within 45 degrees."""
 _LIMIT: Final = int(mj.mjtConstraint.mjCNSTR_LIMIT_JOINT)
 """As a number: comparing an array with MuJoCo's own enumeration takes a Python call for each element."""
+_FASTEST: Final = 50.0
+"""Speed of an object along each axis, m/s and rad/s, that contacts may cause."""
 _XYZW: Final = [1, 2, 3, 0]
 _WXYZ: Final = [3, 0, 1, 2]
 _OBJECTS: Final = np.array([group == FIXED_GROUP for group in range(6)], np.uint8)
@@ -36,6 +39,8 @@ _OBJECTS: Final = np.array([group == FIXED_GROUP for group in range(6)], np.uint
 class MujocoWorld:
     """The World of humanclaw.world on MuJoCo."""
 
+    travel: Final = 0.02
+
     def __init__(self, model: Model, scene: Scene, profile: Profile, pose: Pose) -> None:
         """Put a scene and a body at rest in a pose."""
         self._model, self._m, self._d = model, model.mj, mj.MjData(model.mj)
@@ -43,6 +48,11 @@ class MujocoWorld:
         self._sleep = Sleep(model)
         self._tree = np.concatenate([np.arange(model.root_dof, model.root_dof + 6), model.spins.ravel()])
         self._still = {obj.id: np.array([*obj.position, *obj.rotation], float) for obj in scene.objects if obj.movable}
+        free = [at + k for at, _, _ in model.movable.values() for k in range(7)]
+        self._places = np.array([*free, *(at for at, _, _ in model.hinged.values())], int)
+        self._loose = np.setdiff1d(np.arange(self._m.nv), self._tree)
+        self._read = np.full(len(self._places), np.nan)
+        self._states: Mapping[int, Array] = self._still
         for key, (at, _, centre) in model.movable.items():
             place = self._still[key]
             self._d.qpos[at : at + 3] = place[:3] + matrix_from_quaternion(place[3:]) @ centre
@@ -76,9 +86,9 @@ class MujocoWorld:
         m, d = self._m, self._d
         m.opt.timestep = seconds
         # The stages of mj_step one by one, because contacts and accelerations are changed in between.
-        self._collide()
-        self._harden(seconds)
-        self._sleep.arrange(d)
+        geoms, gaps = self._collide()
+        self._harden(geoms, gaps, seconds)
+        self._sleep.arrange(d, geoms, gaps)
         mj.mj_makeConstraint(m, d)
         # The margin only activates a hinge's limit early; with it MuJoCo would stop the hinge that far before it.
         d.efc_margin[d.efc_type == _LIMIT] = 0.0
@@ -89,23 +99,29 @@ class MujocoWorld:
         mj.mj_fwdAcceleration(m, d)
         self._let_fall()
         mj.mj_fwdConstraint(m, d)
-        forces = self._forces()
+        touches = self._touches(geoms, gaps)
         mj.mj_Euler(m, d)
-        return self._touches(forces)
+        # A cup that a foot crushes against a wall would gain speed without end.
+        d.qvel[self._loose] = np.clip(d.qvel[self._loose], -_FASTEST, _FASTEST)
+        return touches
 
     def overlaps(self) -> Sequence[Touch]:
-        self._collide()
-        return self._touches(np.zeros(self._d.ncon))
+        geoms, gaps = self._collide()
+        self._d.contact.efc_address[:] = -1
+        return self._touches(geoms, gaps)
 
-    def _collide(self) -> None:
+    def _collide(self) -> tuple[NDArray[np.int32], Array]:
+        """Find the contacts: (contacts, 2) geoms, and (contacts,) distances, metres."""
         m, d = self._m, self._d
         mj.mj_kinematics(m, d)
         mj.mj_comPos(m, d)
         mj.mj_makeM(m, d)
         mj.mj_factorM(m, d)
         mj.mj_collision(m, d)
+        # MuJoCo copies these at each access.
+        return d.contact.geom, d.contact.dist
 
-    def _harden(self, seconds: float) -> None:
+    def _harden(self, geoms: NDArray[np.int32], gaps: Array, seconds: float) -> None:
         """Let each contact allow just the approach that closes its distance in this step.
 
         MuJoCo would let the shapes overlap first. Friction is at least MuJoCo's minimum: without any friction MuJoCo
@@ -114,14 +130,17 @@ class MujocoWorld:
         contact = self._d.contact
         contact.includemargin[:] = 0.0
         # Negative solref means stiffness and damping directly, per unit of effective mass: 1/s^2 and 1/s.
-        contact.solref[:, 0] = -np.where(contact.dist > 0, 1.0, _RECOVERY) / seconds**2
+        contact.solref[:, 0] = -np.where(gaps > 0, 1.0, _RECOVERY) / seconds**2
         contact.solref[:, 1] = -1 / seconds
-        contact.friction[:, :2] = np.maximum(self._model.friction[contact.geom].prod(axis=1), mj.mjMINMU)[:, None]
+        friction = self._model.friction[geoms]
+        contact.friction[:, :2] = np.maximum(friction[:, 0] * friction[:, 1], mj.mjMINMU)[:, None]
         self._harden_stops(seconds)
 
     def _harden_stops(self, seconds: float) -> None:
         """Let the limit of a hinge allow just the turn that reaches it in this step."""
         m, hinges = self._m, self._model.hinges
+        if not len(hinges):
+            return
         left = np.abs(m.jnt_range[hinges] - self._d.qpos[m.jnt_qposadr[hinges], None]).min(axis=1)
         within = (m.jnt_range[hinges].T - self._d.qpos[m.jnt_qposadr[hinges]]).prod(axis=0) <= 0
         m.jnt_solref[hinges, 0] = -np.where(within & (left > 0), 1.0, _RECOVERY) / seconds**2
@@ -138,16 +157,12 @@ class MujocoWorld:
         d.qacc_smooth[self._sleep.held()] = 0.0
         mj.mj_mulM(self._m, d, d.qfrc_smooth, d.qacc_smooth)
 
-    def _forces(self) -> Array:
-        """Return (contacts,) the forces along the contacts' normals, newtons."""
-        address = self._d.contact.efc_address
-        return np.where(address >= 0, np.append(self._d.efc_force, 0.0)[address], 0.0)
-
-    def _touches(self, forces: Array) -> Sequence[Touch]:
+    def _touches(self, geoms: NDArray[np.int32], gaps: Array) -> Sequence[Touch]:
         contact, model = self._d.contact, self._model
-        geoms, gaps = contact.geom, contact.dist
-        joints = model.joint_of[geoms]
-        met = np.flatnonzero((joints.max(axis=1, initial=-1) >= 0) & ((gaps <= TOUCHING) | (forces > 0)))
+        joints, address = model.joint_of[geoms], contact.efc_address
+        # Newtons along the normal; contacts without a constraint have address -1.
+        forces = np.append(self._d.efc_force, 0.0)[address]
+        met = np.flatnonzero((np.maximum(joints[:, 0], joints[:, 1]) >= 0) & ((gaps <= TOUCHING) | (forces > 0)))
         if not len(met):
             return ()
         second = (joints[met, 1] >= 0).astype(int)
@@ -162,8 +177,8 @@ class MujocoWorld:
     # -- objects -------------------------------------------------------------------------------------------------------
     def touching(self) -> Collection[tuple[int, int]]:
         contact = self._d.contact
-        pairs = np.sort(self._model.object_of[contact.geom[contact.dist <= TOUCHING]], axis=1)
-        return {(a, b) for a, b in pairs.tolist() if a}
+        pairs = self._model.object_of[contact.geom[contact.dist <= TOUCHING]]
+        return {(min(pair), max(pair)) for pair in pairs.tolist() if all(pair)}
 
     def top(self, object_id: int, above: Array, below: Array) -> float | None:
         geom, face = np.zeros(1, np.int32), np.zeros(3)
@@ -190,6 +205,12 @@ class MujocoWorld:
         self._set_moving(at, dof, motion.velocity, motion.spin)
 
     def objects(self) -> Mapping[int, Array]:
+        qpos = self._d.qpos[self._places]
+        if not np.array_equal(qpos, self._read):
+            self._read, self._states = qpos, self._placed()
+        return self._states
+
+    def _placed(self) -> Mapping[int, Array]:
         found = dict(self._still)
         if self._model.movable:
             at = np.array([place for place, _, _ in self._model.movable.values()])

@@ -2,14 +2,16 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 
 import mujoco as mj
 import numpy as np
 
 import humanclaw_mujoco
 from humanclaw.testing import SceneBuilder, reset_times
-from humanclaw.world import HalfPhysics
-from humanclaw_mujoco.world import mujoco
+from humanclaw.world import PROFILES, HalfPhysics, Pose
+from humanclaw_mujoco.model import build
+from humanclaw_mujoco.world import MujocoWorld, mujoco
 
 
 def offered(hook):
@@ -67,3 +69,19 @@ def test_what_mujoco_warns_of_is_logged_and_no_file_of_its_own_is_left_behind(tm
     mj.mj_step(model, data)
     assert "QVEL" in caplog.text
     assert list(tmp_path.iterdir()) == []
+
+
+def test_no_contact_makes_an_object_faster_than_fifty_metres_a_second():
+    """A small object that a foot crushes against a wall gained speed without end, until its place was no number."""
+    builder = SceneBuilder()
+    builder.floor()
+    cup = builder.box("cup", (0.1, 0.1, 0.1), (3, 0, 0), movable=True, mass=0.4)
+    scene, profile = builder.scene(), PROFILES["default"]
+    pose = Pose(np.array([0.0, 0.95, 0.0]), np.tile([0.0, 0.0, 0.0, 1.0], (24, 1)))
+    world = MujocoWorld(build(scene, profile), scene, profile, pose)
+    thrown = world.motion(cup)
+    world.set_motion(cup, replace(thrown, velocity=np.array([0.0, 0.0, 1e5]), spin=np.array([1e9, 0.0, 0.0])))
+    world.step(1 / 120)
+    after = world.motion(cup)
+    assert 49 < after.velocity[2] <= 50
+    assert np.linalg.norm(after.spin) <= 50 * np.sqrt(3)

@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from humanclaw.body.pose import FPS, Array, Motion, vector_from_quaternion
+from humanclaw.body.pose import FPS, Array, Motion, lengths, vector_from_quaternion
 from humanclaw.body.skeleton import JOINTS
 from humanclaw.world.half_physics.profile import Profile
 from humanclaw.world.half_physics.quaternions import Pose, blend, capped, conjugate, multiply
@@ -51,27 +51,29 @@ class Drive:
         self._before = self.pose
         speeds = self._joint_speeds(self._before.quaternions, left)
         self._give_way(speeds, reflex)
-        fastest = float((np.linalg.norm(speeds, axis=1) @ REACH).max())
+        fastest = float((lengths(speeds) @ REACH).max())
         speeds *= min(1.0, self._profile.max_link_speed / max(fastest, 1e-9))
         velocity = self._root_velocity(horizontal, reflex)
         self._sent = velocity
         self._world.drive(velocity, speeds[0])
         self._world.bend(self._before.quaternions[1:], speeds[1:])
-        return min(fastest, self._profile.max_link_speed, self._expected(speeds)) + float(np.linalg.norm(velocity))
+        return min(fastest, self._profile.max_link_speed, self._expected(speeds)) + float(lengths(velocity))
 
     def _expected(self, speeds: Array) -> float:
         """Return a bound of the fastest link's speed, m/s: its swing in the motion, plus the speed of joints that catch
         up."""
-        late = np.linalg.norm(speeds - self._way * FPS, axis=1)
-        late[0] = abs(np.linalg.norm(speeds[0]) - np.linalg.norm(self._way[0]) * FPS)  # Not in the same frame.
+        late = lengths(speeds - self._way * FPS)
+        late[0] = abs(lengths(speeds[0]) - lengths(self._way[0]) * FPS)  # Not in the same frame.
         return self._swing + float((late @ REACH).max())
 
     def _joint_speeds(self, actual: Array, left: int) -> Array:
         """(24, 3) angular velocities, the first in the world frame, the others in each joint's own."""
-        turn = vector_from_quaternion(multiply(conjugate(actual), self._target))
+        first, second = conjugate(actual), self._target.copy()
+        first[0], second[0] = self._target[0], first[0].copy()
+        missing = vector_from_quaternion(multiply(first, second))
         way = self._way * (left / self._profile.substeps)
-        turn = way + self._recovery * (turn - way)
-        turn[0] = vector_from_quaternion(multiply(self._target[0], conjugate(actual[0])))
+        turn = way + self._recovery * (missing - way)
+        turn[0] = missing[0]
         return capped(turn * (FPS * self._profile.substeps / left), self._profile.max_turn * FPS)
 
     def swings(self, motion: Motion) -> Array:
@@ -115,13 +117,13 @@ class Drive:
         profile = self._profile
         falling = self._sent[1] - profile.gravity / (FPS * profile.substeps)
         x, z = capped(speed[[0, 2]], profile.max_speed)
-        return np.array([x, np.clip(speed[1], min(falling, -profile.max_lift), profile.max_lift), z])
+        return np.array([x, max(min(falling, -profile.max_lift), min(speed[1], profile.max_lift)), z])
 
     def _root_velocity(self, horizontal: Array | None, reflex: Reflex) -> Array:
         velocity = np.array(self._world.velocity()[0])
         if horizontal is not None:
             velocity[[0, 2]] = capped(horizontal[[0, 2]], self._profile.max_speed)
-        velocity[1] = np.clip(velocity[1], -self._profile.max_fall, self._profile.max_rise)
+        velocity[1] = max(-self._profile.max_fall, min(velocity[1], self._profile.max_rise))
         if reflex.lift:
             velocity[1] = min(reflex.lift * FPS * self._profile.substeps, self._profile.max_lift)
         return velocity

@@ -36,11 +36,9 @@ class Profile:
     """Downward root speed is capped here, m/s, as after a fall of eleven metres."""
     max_link_speed: float = 20.0
     """A link's speed relative to the pelvis is held below this, m/s, by slowing all joints alike: a kick."""
-    travel: float = 0.01
-    """The faster the limbs, the more often contacts are looked for in a substep, so that between two looks no link
-    comes further than this, metres."""
     max_looks: int = 8
-    """But no more often than this in a substep."""
+    """The faster the limbs, the more often contacts are looked for in a substep (World.travel), but no more often than
+    this."""
     step_offset: float = 0.04
     """A foot held back by an edge that is no more than this above its sole is lifted over it, metres; 0: never."""
     yielding: float = 2.0

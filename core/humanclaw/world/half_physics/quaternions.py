@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from humanclaw.body.pose import Array, Motion, vector_from_quaternion
+from humanclaw.body.pose import Array, Motion, lengths, vector_from_quaternion
 
 _PRODUCT: Final = np.array([
     [[0, 0, 0, -1], [0, 0, -1, 0], [0, 1, 0, 0], [1, 0, 0, 0]],
@@ -39,8 +39,7 @@ def from_vector(vector: Array) -> Array:
 
 def capped(vector: Array, limit: float) -> Array:
     """Shorten (..., 3) rotation vectors (or velocities) to a length of at most limit, direction kept."""
-    length = np.sqrt(np.einsum("...i,...i->...", vector, vector))[..., None]
-    return np.asarray(vector * np.minimum(1.0, limit / np.maximum(length, 1e-12)))
+    return np.asarray(vector * np.minimum(1.0, limit / np.maximum(lengths(vector)[..., None], 1e-12)))
 
 
 def blend(a: Array, b: Array, share: float) -> Array:

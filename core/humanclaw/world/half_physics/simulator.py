@@ -55,6 +55,7 @@ class HalfPhysics:
         self._open = open_world
         self._profile = find_profile(profile) if isinstance(profile, str) else profile
         self._world: World | None = None
+        self._measured: Surroundings | None = None
 
     def reset(self, scene: Scene, start: Pose2D) -> WorldState:
         """Load a scene, stand the body on its start and let everything settle for half a second.
@@ -66,7 +67,9 @@ class HalfPhysics:
         self._world = world = self._open(scene, self._profile, pose)
         self._scene, self._reflex = scene, CALM
         self._building = {scene_object.id for scene_object in scene.objects if scene_object.category in STRUCTURE}
-        self._surroundings = Surroundings(scene)
+        if self._measured is None or self._measured.scene is not scene:
+            self._measured = Surroundings(scene)
+        self._surroundings = self._measured
         self._drive, self._exertion = Drive(world, self._profile, pose), Exertion(world, self._profile, scene)
         self._objects = world.objects()
         self._refuse_overlap(world, start)
@@ -137,7 +140,7 @@ class HalfPhysics:
         early part and have left it in the last one: the contacts are those of the last part that had any.
         """
         seconds = 1 / (FPS * self._profile.substeps)
-        parts = min(max(1, math.ceil(speed * seconds / self._profile.travel)), self._profile.max_looks)
+        parts = min(max(1, math.ceil(speed * seconds / world.travel)), self._profile.max_looks)
         touches: Sequence[Touch] = ()
         for _ in range(parts):
             self._exertion.brace()
@@ -205,7 +208,9 @@ class HalfPhysics:
 
 def _moved(began: Mapping[int, Array], paths: list[Mapping[int, Array]]) -> Mapping[int, Array]:
     """(frames, 7) path of each object that strayed from where it began."""
-    found = {}
+    found = dict[int, Array]()
+    if all(states is began for states in paths):
+        return found
     for key, first in began.items():
         path = np.stack([states[key] for states in paths])
         if np.abs(path[:, :3] - first[:3]).max() > MOVED or _turned(path[:, 3:], first[3:]):

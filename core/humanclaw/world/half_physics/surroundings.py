@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from humanclaw.body.pose import Array, Motion, forward_kinematics, matrix_from_quaternion
 from humanclaw.body.skeleton import JOINTS, LINKS, Box
+from humanclaw.world.half_physics.solids import box_of
 from humanclaw.world.scene import Scene
 
 _SLACK: Final = 0.03
@@ -53,13 +54,15 @@ class Surroundings:
 
     def __init__(self, scene: Scene) -> None:
         """Measure a scene."""
+        self.scene = scene
         fixed = [hull for obj in scene.objects if not obj.movable for hull in scene.hulls(obj.id)]
         self._fixed = _bounds(fixed)
+        self._filled = np.array([box_of(hull) is not None for hull in fixed], bool)
         moving = {obj.id: scene.assets[obj.asset].hulls for obj in scene.objects if obj.movable}
         self._ids = sorted(key for key, hulls in moving.items() if hulls)
         low, high = _bounds([np.concatenate(moving[key]) for key in self._ids])
         self._centres, self._halves = (low + high) / 2, (high - low) / 2
-        self._places = np.empty((0, 7))
+        self._places: Mapping[int, Array] = {}
         self._movable = np.empty((0, 3)), np.empty((0, 3))
 
     def look(self, before: Array, after: Array, objects: Mapping[int, Array]) -> tuple[float, tuple[int, ...]]:
@@ -78,17 +81,19 @@ class Surroundings:
             np.concatenate([self._fixed[0][still], low[close]]),
             np.concatenate([self._fixed[1][still], high[close]]),
         )
+        filled = np.append(self._filled[still], np.zeros(close.sum(), bool))
         steps = np.maximum.reduceat(np.abs(after - before), _FIRST)
-        return _approach(links, swept, steps, obstacles), tuple(self._ids[index] for index in np.flatnonzero(close))
+        towards = _approach(links, swept, steps, obstacles, filled)
+        return towards, tuple(self._ids[index] for index in np.flatnonzero(close))
 
     def _boxes_of(self, objects: Mapping[int, Array]) -> Boxes:
         """Return the boxes of the movable objects, worked out anew only when one has moved."""
-        places = np.array([objects[key] for key in self._ids]).reshape(-1, 7)
-        if not np.array_equal(places, self._places):
+        if objects is not self._places:
+            places = np.array([objects[key] for key in self._ids]).reshape(-1, 7)
             turns = matrix_from_quaternion(places[:, 3:])
             centres = places[:, :3] + np.einsum("nij,nj->ni", turns, self._centres)
             halves = np.einsum("nij,nj->ni", np.abs(turns), self._halves)
-            self._places, self._movable = places, (centres - halves, centres + halves)
+            self._places, self._movable = objects, (centres - halves, centres + halves)
         return self._movable
 
 
@@ -127,19 +132,19 @@ def _boxes(lowest: Array, highest: Array) -> Boxes:
     return low, high
 
 
-def _approach(links: Boxes, swept: Boxes, steps: Array, obstacles: Boxes) -> float:
+def _approach(links: Boxes, swept: Boxes, steps: Array, obstacles: Boxes, filled: NDArray[np.bool_]) -> float:
     """Return how far a link moves at most along the axis that separates it from a box that it may meet, metres.
 
-    A foot that swings over a floor comes no nearer to it. For a link that is close to a box, or inside it, the whole
-    way counts: a leaning hull fills its box only in part. steps: (links, 3) how far the points of each link move along
-    each axis.
+    A foot that swings over a floor, or slides on it, comes no nearer to it. For a link that is close to the box of a
+    leaning hull, or deep inside any box, the whole way counts: such a hull fills its box only in part. steps: (links,
+    3) how far the points of each link move along each axis. filled: whether a box is a hull's own shape.
     """
     link, box = np.nonzero(_meet(swept, obstacles, _SLACK))
     if not len(link):
         return 0.0
     gaps = np.maximum(obstacles[0][box] - links[1][link], links[0][link] - obstacles[1][box])
     along = np.where(
-        gaps.max(axis=1) > _CLOSE,
+        gaps.max(axis=1) > np.where(filled[box], -_CLOSE, _CLOSE),
         np.take_along_axis(steps[link], gaps.argmax(axis=1)[:, None], axis=1)[:, 0],
         np.linalg.norm(steps, axis=1)[link],
     )

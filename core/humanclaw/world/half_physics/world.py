@@ -52,6 +52,10 @@ class World(Protocol):
     with the body and with free objects. The same calls have the same outcome, bit for bit.
     """
 
+    @property
+    def travel(self) -> float:
+        """How far a link may come towards something between two looks for contacts, metres: they act that far ahead."""
+
     def pose(self) -> Pose:
         """Return the body's pose now."""
 
@@ -87,7 +91,8 @@ class World(Protocol):
         """Let it move otherwise; one on a hinge, as far as that allows."""
 
     def objects(self) -> Mapping[int, Array]:
-        """Movable object id to (7,) position and quaternion of its asset's own frame."""
+        """Movable object id to (7,) position and quaternion of its asset's own frame: the same mapping as long as none
+        has moved."""
 
     def settled(self) -> None:
         """Everything has come to rest: an engine may let still objects sleep."""

@@ -199,8 +199,20 @@ def length(path: Array) -> float:
 
 
 def samples(start: Array, end: Array) -> Array:
-    steps = max(2, int(np.ceil(np.linalg.norm(end - start) / (CELL / 2))) + 1)
-    return np.asarray(start + np.linspace(0.0, 1.0, steps)[:, None] * (np.asarray(end) - start))
+    """Return (M, 2) points from one to the other, ends included, at most half a cell apart."""
+    return samples_along(np.stack([start, end]))[0]
+
+
+def samples_along(path: Array) -> tuple[Array, NDArray[np.int64]]:
+    """Return (M, 2) points on a polyline of (N, 2), at most half a cell apart, and their (N - 1,) number on each
+    segment, ends included."""
+    ways = np.diff(path, axis=0)
+    counts = np.maximum(2, np.ceil(np.linalg.norm(ways, axis=1) / (CELL / 2)).astype(np.int64) + 1)
+    last = np.cumsum(counts) - 1
+    number = np.arange(counts.sum()) - np.repeat(last - counts + 1, counts)
+    share = number * np.repeat(1 / (counts - 1), counts)
+    share[last] = 1.0
+    return np.repeat(path[:-1], counts, axis=0) + share[:, None] * np.repeat(ways, counts, axis=0), counts
 
 
 def yaw_of(direction: Array) -> float:

@@ -22,6 +22,7 @@ from humanclaw.world.navigation.occupancy import (
     floors_of,
     on_floor,
     samples,
+    samples_along,
 )
 from humanclaw.world.navigation.stairs import staircase
 from humanclaw.world.scene import Scene
@@ -196,7 +197,7 @@ class Segment:
     @property
     def samples(self) -> Array:
         """(M, 2) points along it, at most half a cell apart."""
-        return np.concatenate([samples(a, b) for a, b in pairwise(self.points)])
+        return samples_along(self.points)[0]
 
     @property
     def length(self) -> float:
@@ -299,11 +300,10 @@ def _as_cheap(grid: OccupancyGrid, path: Array, first: int, last: int) -> bool:
 def _price(grid: OccupancyGrid, path: Array) -> float:
     """Cost of a polyline, metres. Impassable cells are expensive and not infinite: a body may begin in one, as on a
     seat."""
-    total = 0.0
-    for start, end in pairwise(path):
-        weights = grid.at(grid.cost, samples(start, end))
-        total += float(np.where(weights < 0, 200.0, weights).mean() * np.linalg.norm(end - start))
-    return total
+    points, counts = samples_along(path)
+    weights = grid.at(grid.cost, points)
+    sums = np.add.reduceat(np.where(weights < 0, 200.0, weights), np.cumsum(counts) - counts)
+    return float(sums / counts @ np.linalg.norm(np.diff(path, axis=0), axis=1))
 
 
 def _nearest(grid: OccupancyGrid, free: Mask, point: Array) -> NDArray[np.int64]:
