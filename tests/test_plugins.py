@@ -481,13 +481,14 @@ def test_a_misspelt_choice_is_not_passed_over(choice):
 
 def test_a_record_says_where_each_skill_is_from_and_what_gave_way(bows):
     plugins = Plugins.discover([bows], Choice(prefer=("mine",)))
-    info = skill_infos(plugins)["bow"]
+    info = skill_infos(plugins, plugins.skills)["bow"]
     assert (info.owner, info.origin, info.overrides) == ("mine", str(bows), ("aa-bow", "bb-bow"))
-    walk = skill_infos(plugins)["walk"]
+    walk = skill_infos(plugins, plugins.skills)["walk"]
     assert (walk.origin, walk.version) == ("humanclaw-skill-walk", importlib.metadata.version("humanclaw"))
     before = info.digest
     bows.write_text(bows.read_text().replace("degrees=30", "degrees=31"))
-    again = skill_infos(Plugins.discover([bows], Choice(prefer=("mine",))))["bow"]
+    other = Plugins.discover([bows], Choice(prefer=("mine",)))
+    again = skill_infos(other, other.skills)["bow"]
     assert again.digest != before
 
 

@@ -90,6 +90,8 @@ def test_an_episode_with_the_prior_moves_the_body_and_names_it(body, tmp_path):
     assert body.state().body.root[-1, 2] - before == pytest.approx(1.2, abs=0.4)
     assert record.weights["base"] == TINY
     assert record.settings["body"]["prior"] == "tiny"
+    assert "stroll" in record.skills
+    assert "walk" not in record.skills
 
 
 def test_two_priors_live_side_by_side(body, plugins, floor):

@@ -173,7 +173,7 @@ def begin_record(
         targets=target_boxes(body.scene, spec.target_ids, body.state()),
         movable=tuple(one.id for one in objects if one.movable),
         ground=tuple(one.id for one in objects if one.category in GROUND),
-        skills=skill_infos(body.plugins),
+        skills=skill_infos(body.plugins, body.skills),
         created=datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
     )
 
@@ -185,7 +185,7 @@ def _versions(body: Body, packages: Container[str]) -> dict[str, str]:
         "simulators": backends.simulator, "renderers": backends.renderer, "motion_generators": backends.generator,
         "priors": backends.prior, "scenes": body.scene.name.partition(":")[0],
     }  # fmt: skip
-    used = {f"{noun(kind)} {name}" for kind, name in items.items()} | {f"skill {name}" for name in plugins.skills}
+    used = {f"{noun(kind)} {name}" for kind, name in items.items()} | {f"skill {name}" for name in body.skills}
     owners = {
         one.owner for kind in ("agents", "verifiers") for one in plugins.registered(kind)
         if one.owner in packages or getattr(one.value, "__module__", "").partition(".")[0] in packages
@@ -194,10 +194,10 @@ def _versions(body: Body, packages: Container[str]) -> dict[str, str]:
     return {"humanclaw": version()} | {info.origin: info.version for info in found if info.version}
 
 
-def skill_infos(plugins: Plugins) -> dict[str, SkillInfo]:
-    """Describe every skill that can be called, by name."""
+def skill_infos(plugins: Plugins, skills: Mapping[str, Skill]) -> dict[str, SkillInfo]:
+    """Describe skills of these plugins, by name."""
     infos = {info.name: info for info in plugins.infos}
-    return {name: _info(skill, plugins, infos) for name, skill in sorted(plugins.skills.items())}
+    return {name: _info(skill, plugins, infos) for name, skill in sorted(skills.items())}
 
 
 def _info(skill: Skill, plugins: Plugins, infos: Mapping[str, PluginInfo]) -> SkillInfo:

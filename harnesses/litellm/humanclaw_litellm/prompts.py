@@ -175,8 +175,12 @@ def step_content(
         "kept": last_note(history) if settings.memory else "",
         "places": sketch(history, context.skills) if settings.memory == "map" else (),
     }
-    shown = [picture(observation.rgb, settings.detail)] if settings.images else []
-    return [*content, _text(_fill("step.jinja", **situation)), *shown]
+    return [*content, _text(_fill("step.jinja", **situation)), *_view(observation, settings)]
+
+
+def _view(observation: Observation, settings: Settings) -> list[Json]:
+    """Return the current view; nothing for a model that takes no pictures."""
+    return [picture(observation.rgb, settings.detail)] if settings.images else []
 
 
 def first_told(steps: int, settings: Settings) -> int:
@@ -217,11 +221,11 @@ def verifier_content(
     skill: Skill,
     goal: str,
     checks: Iterable[tuple[str, Check]],
-    detail: str = "",
+    settings: Settings,
 ) -> list[Json]:
     """Return the user message of a verification: the proposed call, its checklist and the current view, no history."""
     words = {"instruction": observation.instruction, "goal": goal, "call": call, "skill": skill, "checks": list(checks)}
-    return [_text(_fill("verifier_step.jinja", **words)), picture(observation.rgb, detail)]
+    return [_text(_fill("verifier_step.jinja", **words)), *_view(observation, settings)]
 
 
 def picture(rgb: NDArray[np.uint8], detail: str = "") -> Json:

@@ -48,7 +48,7 @@ class ModelVerifier:
 
         def messages(mode: Mode) -> list[Json]:
             system = verifier_prompt(self._skills, self._gaze, form.schema if mode in ("schema", "prompt") else None)
-            content = verifier_content(observation, call, skill, goal, checks.items(), self._settings.detail)
+            content = verifier_content(observation, call, skill, goal, checks.items(), self._settings)
             return [{"role": "system", "content": system}, {"role": "user", "content": content}]
 
         try:

@@ -62,6 +62,12 @@ def test_the_model_sees_one_view_this_checklist_and_nothing_of_the_past(verify, 
     assert len(request.messages) == 2
 
 
+def test_a_verifier_without_pictures_sends_none(verify, yes):
+    """images=0 is for a model that takes none; its server would refuse the request."""
+    found, (request,) = verify(call("verdict", **verdict(*yes)), images=0)
+    assert (found.accepted, request.images) == (True, [])
+
+
 def test_a_replacement_can_be_any_skill_of_the_pool_with_its_parameters(verify, yes, skills):
     _, (request,) = verify(call("verdict", **verdict(*yes)))
     properties = request.tools[0]["parameters"]["properties"]

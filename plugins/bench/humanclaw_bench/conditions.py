@@ -26,10 +26,10 @@ def conditions_of(record: EpisodeRecord) -> Conditions:
     """Return the conditions of an episode: backends, senses, limits, skills, their versions, and the deciders'
     settings."""
     settings = record.settings
-    mine = settings.get("agent", {})
+    mine, body = settings.get("agent", {}), settings.get("body", {})
     limits = {name: most for name, most in settings.get("limits", {}).items() if not name.startswith("run.")}
     kinds: Mapping[str, Mapping[str, Any]] = {
-        "": settings.get("body", {}),
+        "": body,
         "limit": limits,
         "choice": settings.get("plugins", {}),
         "skill": {name: info.digest[:_SHORT] or "unknown" for name, info in record.skills.items()},
@@ -37,7 +37,7 @@ def conditions_of(record: EpisodeRecord) -> Conditions:
         "version": record.versions,
         "verifier": settings.get("verifier", {}),
         "agent": mine,
-        "option": {name: value for name, value in record.options.items() if name not in mine},
+        "option": {name: value for name, value in record.options.items() if name not in {*mine, *body}},
     }
     return {f"{kind} {name}".strip(): _text(value) for kind, found in kinds.items() for name, value in found.items()}
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final, Literal
 
@@ -92,6 +92,13 @@ class Row:
     paper: bool = False
     counts: tuple[int, int] | None = None
     """Result.counts, if the row belongs to an agent."""
+    profile: str = ""
+    """The profile that it was played with, if the row belongs to an agent."""
+
+    @classmethod
+    def of(cls, result: Result, cells: Iterable[Estimate], more: str = "") -> Row:
+        """Return a row of an agent. more: what its name says besides."""
+        return cls(result.name + more, tuple(cells), False, result.counts, result.conditions.get("profile", ""))
 
 
 @dataclass(frozen=True)
@@ -147,7 +154,7 @@ def _result_table(
     seed: int,
 ) -> ResultTable:
     columns = tuple(map(Column.of, metrics))
-    rows = [Row(r.name, tuple(estimate(m, r.scores, seed=seed) for m in metrics), counts=r.counts) for r in results]
+    rows = [Row.of(r, (estimate(m, r.scores, seed=seed) for m in metrics)) for r in results]
     rows += [Row(f"{name} {MARK}", _printed(columns, values), paper=True) for name, values in paper.items()]
     return ResultTable(title, "agent", columns, tuple(rows), tuple(r.note for r in results))
 
@@ -167,7 +174,7 @@ def funnel_table(results: Sequence[Result]) -> ResultTable:
     """Return the share of episodes that pass each stage (paper, figure of the error analysis, a)."""
     columns = tuple(Column(title, percent=True) for title in ("in view", "found", "found, reached", "reached, sat"))
     shares = [tuple(rate(met, *clusters(asked)) for met, asked in Funnel.of(r.scores).shares) for r in results]
-    rows = tuple(Row(r.name, cells, counts=r.counts) for r, cells in zip(results, shares, strict=True))
+    rows = tuple(Row.of(r, cells) for r, cells in zip(results, shares, strict=True))
     notes = ("The last column is of the reached episodes whose task is to sit.", *(r.note for r in results))
     return ResultTable("Funnel", "agent", columns, rows, notes)
 
@@ -238,11 +245,7 @@ def _broken_down(
     """Return a row for each agent and group that has episodes."""
     parts = [(r, group, [s for s in r.scores if of(s, group)]) for r in results for group in groups]
     rows = tuple(
-        Row(
-            f"{result.name}, {group.replace('_', ' ')}",
-            tuple(estimate(m, chosen, seed=seed) for m in MAIN),
-            counts=result.counts,
-        )
+        Row.of(result, (estimate(m, chosen, seed=seed) for m in MAIN), f", {group.replace('_', ' ')}")
         for result, group, chosen in parts
         if chosen
     )
@@ -265,9 +268,9 @@ def _repeats(result: Result, seed: int) -> Iterator[Row]:
     for number in numbers:
         chosen = [s for s in result.finished if repeat_of(s.episode) == number]
         found.append(tuple(estimate(m, chosen, seed=seed) for m in REPEATED))
-        yield Row(f"{result.name}, repeat {number}", found[-1], counts=result.counts)
+        yield Row.of(result, found[-1], f", repeat {number}")
     spread = (float(np.std([cell.value for cell in cells], ddof=1)) for cells in zip(*found, strict=True))
-    yield Row(f"{result.name}, deviation", tuple(map(Estimate, spread)), counts=result.counts)
+    yield Row.of(result, map(Estimate, spread), ", deviation")
 
 
 def chosen_table(results: Sequence[Result], names: Sequence[str], *, paper: bool = True, seed: int = 0) -> ResultTable:

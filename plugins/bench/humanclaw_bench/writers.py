@@ -78,16 +78,19 @@ def markdown(table: ResultTable) -> str:
 def comma_separated(table: ResultTable) -> str:
     """Return CSV in full precision: value, low, high and count of every column; shares as fractions; empty if missing.
 
-    The columns `episodes` and `of` say how many of the run's episodes a row (or an agent's column) covers.
+    The columns `episodes` and `of` say how many of the run's episodes a row (or an agent's column) covers, `profile`
+    with which settings of simulator, motion and prompt it was played.
     """
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
-    writer.writerow([table.corner, "source", *_OF, *(name for column in table.columns for name in _titles(column))])
+    writer.writerow(
+        [table.corner, "source", "profile", *_OF, *(name for column in table.columns for name in _titles(column))]
+    )
     for row in table.rows:
         pairs = zip(table.columns, row.cells, strict=True)
         numbers = [number for column, cell in pairs for number in _numbers(column, cell)]
         source = "paper" if row.paper else "run"
-        writer.writerow([row.name.removesuffix(f" {MARK}"), source, *_counts(row.counts), *numbers])
+        writer.writerow([row.name.removesuffix(f" {MARK}"), source, row.profile, *_counts(row.counts), *numbers])
     return out.getvalue()
 
 
