@@ -112,6 +112,47 @@ def test_what_the_user_can_mend_is_one_sentence_and_a_remedy(cli, args, message,
     assert len(done.stderr.strip().splitlines()) <= 2
 
 
+LEAVING = """
+import multiprocessing, os
+from humanclaw import Keyframes, hookimpl, skill
+
+@skill()
+def bow() -> Keyframes:
+    "Bow."
+    child = multiprocessing.get_context("fork").Process(target=int)
+    child.start()
+    child.join()
+    os._exit(child.exitcode)
+
+class Agent:
+    name, privileged = "leaving", False
+    def begin(self, context): pass
+    def decide(self, observation, history):
+        from humanclaw import Call, Decision
+        return Decision((Call("bow"),), "nothing")
+
+@hookimpl
+def humanclaw_skills(register):
+    register(bow)
+
+@hookimpl
+def humanclaw_agents(register):
+    register("leaving", lambda options: Agent(), "leaves")
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows cannot fork")
+def test_a_plugin_that_leaves_the_process_is_blamed(cli, tmp_path):
+    (tmp_path / "leaving.py").write_text(LEAVING)
+    done = cli(
+        "run", "--agent", "leaving", "--plugin", "leaving.py", "--scene", "floor", "--out", "r", "--film", "none"
+    )
+    record = json.loads(next((tmp_path / "r").rglob("episode.json")).read_text())
+    assert record["outcome"] == "plugin_error"
+    assert "os._exit(0)" in record["error"]
+    assert done.returncode == 1
+
+
 @pytest.mark.parametrize("out", ["bench", "bench/more"])
 def test_no_record_is_added_to_the_run_of_a_benchmark(cli, tmp_path, out):
     (tmp_path / "bench").mkdir()
