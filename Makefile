@@ -154,6 +154,9 @@ wheels: install  ## Build a wheel of every package into dist/ and check its meta
 	$(BIN)/python tests/support/wheels.py $(WHEELS)
 	$(BIN)/python -m twine check --strict $(WHEELS)/*
 
+index: wheels  ## Make the index of first-party plugins from dist/
+	$(BIN)/humanclaw plugins index $(WHEELS) --by-name --out core/humanclaw/plugins/index.json
+
 audit: install  ## List the licence of every package and weight, and known vulnerabilities (needs the network)
 	$(BIN)/pip install --quiet pip-audit
 	$(BIN)/python tests/evidence/audit.py

@@ -1,4 +1,4 @@
-"""Generate pages for mkdocs: one for each package's README, the reference of commands, and the table of checks."""
+"""Generate pages for mkdocs: one for each package's README, the commands, and the tables of checks and plugins."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from mkdocs.structure.files import File, Files
 
 from humanclaw import Plugins
 from humanclaw.cli import LazyCommand, build
+from humanclaw.plugins.index import SHIPPED, Index
 from humanclaw.skills.checks import CHECKS
 
 ROOT = Path(__file__).parents[1]
@@ -86,13 +87,22 @@ def checks() -> str:
     return "\n".join(["| check | what holds for a skill that passes it |", "| --- | --- |", *rows])
 
 
+def plugins() -> str:
+    """Return the table of the index that the core brings, as Markdown."""
+    entries = Index.read(str(SHIPPED)).plugins
+    rows = (f"| `{one.name}` | {_cell(one.summary)} | {one.licence} |" for one in entries)
+    return "\n".join(["| plugin | | licence |", "| --- | --- | --- |", *rows])
+
+
 # -- commands ----------------------------------------------------------------------------------------------------------
 def on_page_markdown(markdown: str, page: Any, config: Any, files: Files) -> str:
-    """Replace the marks on the pages of commands and of checks with what the code says."""
+    """Replace the marks on the pages of commands, checks and plugins with what the code says."""
     if page.file.src_path == "commands.md":
         return markdown.replace("<!-- commands -->", "\n".join(commands()))
     if page.file.src_path == "check.md":
         return markdown.replace("<!-- checks -->", checks())
+    if page.file.src_path == "plugins.md":
+        return markdown.replace("<!-- plugins -->", plugins())
     return markdown
 
 
@@ -131,6 +141,8 @@ def walk(command: click.Command, words: tuple[str, ...]) -> Iterator[tuple[tuple
     if not isinstance(command, click.Group):
         yield words, command
         return
+    if command.invoke_without_command:
+        yield words, command
     context = click.Context(command, info_name=words[-1])
     for name in command.list_commands(context):
         found = command.get_command(context, name)

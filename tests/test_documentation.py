@@ -52,6 +52,8 @@ def _commands(command, words):
     if not isinstance(command, click.Group):
         yield words, command
         return
+    if command.invoke_without_command:
+        yield words, command
     context = click.Context(command, info_name=words)
     for name in command.list_commands(context):
         found = command.get_command(context, name)

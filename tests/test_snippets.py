@@ -141,7 +141,7 @@ def _check(words, command_line):
 def _parse(command, words):
     """Parse a command line as click would, without carrying it out."""
     context = click.Context(command, info_name="humanclaw")
-    while isinstance(command, click.Group):
+    while isinstance(command, click.Group) and not (command.invoke_without_command and not words):
         name, found, words = command.resolve_command(context, list(words))
         found = found.load() if isinstance(found, LazyCommand) else found
         context, command = click.Context(found, parent=context, info_name=name), found

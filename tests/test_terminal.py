@@ -57,6 +57,9 @@ NO_TABLE = {
     "mcp": "the protocol",
     "new": "the folder",
     "play": "a line, and the files",
+    "plugins index": "the file",
+    "plugins install": "what pip says",
+    "plugins search": "a few lines a plugin",
     "report": "the file",
     "rerun": "the files",
     "run": "a line a step, as it is played",
@@ -81,7 +84,7 @@ def tree():
             context = click.Context(command)
             for name in command.list_commands(context):
                 walk(command.get_command(context, name), [*words, name])
-        else:
+        if not isinstance(command, click.Group) or command.invoke_without_command:
             found[" ".join(words)] = command
 
     walk(build(Plugins.discover), [])

@@ -22,18 +22,22 @@ _CALLS: Final = 3
 """Number of bodies that set out from standing, and of calls in a row of each."""
 
 
-def following_faults(skill: Skill, bench: Bench) -> Iterator[ContractError]:
+def following_faults(skill: Skill, followed: Mapping[Parameter, Agreement]) -> Iterator[ContractError]:
     """Yield each parameter that an adapter follows no better than a constant would."""
-    if skill.adapter is None or not skill.adapter.is_file() or not skill.parameters:
-        return
-    generator = _generator(skill, bench)
-    if generator is None:
-        return
-    commands, achieved = _rolled(skill, generator, bench.measures, bench.seed)
-    for column, one in enumerate(skill.parameters):
-        found = Agreement.of(commands[:, column], achieved[:, column])
+    for one, found in followed.items():
         if one.low < one.high and not found.follows:
             yield ContractError("follows", _told(skill, one, found), "Train it longer, or on more clips.")
+
+
+def followed(skill: Skill, bench: Bench) -> dict[Parameter, Agreement]:
+    """Measure how a trained skill follows each parameter; empty without parameters, adapter or prior."""
+    if skill.adapter is None or not skill.adapter.is_file() or not skill.parameters:
+        return {}
+    generator = _generator(skill, bench)
+    if generator is None:
+        return {}
+    commands, achieved = _rolled(skill, generator, bench.measures, bench.seed)
+    return {one: Agreement.of(commands[:, k], achieved[:, k]) for k, one in enumerate(skill.parameters)}
 
 
 def _told(skill: Skill, one: Parameter, found: Agreement) -> str:

@@ -131,15 +131,16 @@ def _retimed(skill: Trained, clips: Sequence[Clip], standing: Motion, seconds: f
     """Cut retimed chunks: a third at the calls, a third anywhere in between, a third in the first two calls after
     standing."""
     random = np.random.default_rng(seed)
+    lowers = skill.declaration.commands("hips.height") is not None
     wanted = int(seconds * 2 / 2)  # Two a second; mirroring doubles them.
     for index in tqdm(range(-(-wanted // (2 * _ROW + 2 * _BEGUN))), unit="row", disable=None):
         clip = clips[index % len(clips)].motion
-        motion = retimed(clip, standing, _ROW, random)
+        motion = retimed(clip, standing, _ROW, random, lowers=lowers)
         loose = random.integers(0, len(motion) - CHUNK + 1, _ROW)
         starts = np.concatenate([np.arange(_ROW) * FUTURE, loose])
         yield _kept(skill, *cut(motion, starts), RETIMED, False)
         for _ in range(_BEGUN):
-            first = retimed(clip, standing, 2, random, begun=True)
+            first = retimed(clip, standing, 2, random, begun=True, lowers=lowers)
             yield _kept(skill, *cut(first, np.array([0, FUTURE])), RETIMED, False)
 
 

@@ -41,18 +41,30 @@ _DOWN: Final = 0.5
 """Drop of the root, as a share of its height, from which the trunk's pose is entirely the clip's."""
 _ARMS: Final = 0.35
 """Share of the clip's arms in that pose, because half a second is too short from overhead to hanging."""
+_AWAY: Final = 0.6
+"""Radians of a joint from which the pose of a skill that keeps the hips high is entirely the clip's."""
 _ANKLES: Final = [JOINT_INDEX[f"{side}_ankle"] for side in SIDES]
 _LIKENESS: Final = np.array([_ARMS if JOINTS[joint].startswith(("left", "right")) else 1.0 for joint in UPPER])
 
 
-def retimed(clip: Motion, standing: Motion, chunks: int, rng: np.random.Generator, *, begun: bool = False) -> Motion:
+def retimed(
+    clip: Motion,
+    standing: Motion,
+    chunks: int,
+    rng: np.random.Generator,
+    *,
+    begun: bool = False,
+    lowers: bool = True,
+) -> Motion:
     """Play the poses of a clip for `chunks` half seconds after a history at rest: 5 + 15 * chunks frames.
 
-    standing: the prior's standing pose; its last frame counts. begun: whether to start exactly in that pose.
+    standing: the prior's standing pose; its last frame counts. begun: whether to start exactly in that pose. lowers:
+    whether the skill lowers the hips; otherwise it moves the arms, as the clip does.
     """
-    clip = clip[_moving(clip)]  # Otherwise the clock would spend most of its time at rest.
+    if lowers:
+        clip = clip[_moving(clip)]  # Otherwise the clock would spend most of its time at rest.
     passed = _sampled(clip, _clock(len(clip), chunks, rng))
-    turned = _upright(passed, standing, float(clip.root[:, 1].max()))
+    turned = _upright(passed, standing, float(clip.root[:, 1].max())) if lowers else _at_rest(passed, standing, clip)
     if begun:
         return _replanted(_from_standing(turned, standing), _stance(turned, standing, share=1.0))
     return _replanted(turned, _stance(turned, standing, share=float(rng.random())))
@@ -94,10 +106,21 @@ def _sampled(clip: Motion, clock: Array) -> Motion:
 def _upright(motion: Motion, standing: Motion, height: float) -> Motion:
     """Blend trunk, arms and head from the standing pose, when the body is up, to the clip's, when it is down."""
     down = smoothstep((1 - motion.root[:, 1] / height).clip(0) / _DOWN)
+    return _blended(motion, standing, down[:, None] * _LIKENESS)
+
+
+def _at_rest(motion: Motion, standing: Motion, clip: Motion) -> Motion:
+    """Blend trunk, arms and head from the standing pose, when they are as at the clip's beginning, to the clip's."""
+    away = np.linalg.norm(motion.rotations[:, UPPER] - clip.rotations[0, UPPER], axis=-1).max(axis=1, keepdims=True)
+    return _blended(motion, standing, smoothstep(away / _AWAY))
+
+
+def _blended(motion: Motion, standing: Motion, share: Array) -> Motion:
+    """Blend the upper body from the standing pose to the motion. share: of the motion, (T, joints) or (T, 1)."""
     rotations = motion.rotations.copy()
     # Blend rotation vectors: only the root turns by half a turn, so no joint jumps.
     stood = standing.rotations[-1:, UPPER]
-    rotations[:, UPPER] = stood + (down[:, None] * _LIKENESS)[..., None] * (rotations[:, UPPER] - stood)
+    rotations[:, UPPER] = stood + share[..., None] * (rotations[:, UPPER] - stood)
     return Motion(motion.root, rotations)
 
 

@@ -1,0 +1,190 @@
+"""An index of plugins: made from wheels without running them, searched, and installed from by pip."""
+
+import hashlib
+import json
+import subprocess
+import sys
+import tomllib
+import zipfile
+from functools import cache
+from importlib.metadata import distribution
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+from wheels import ROOT, distributions
+
+from humanclaw import Plugins
+from humanclaw.cli import build
+from humanclaw.errors import HumanclawError
+from humanclaw.plugins.index import LARGEST, SHIPPED, Index, requirement
+
+STOP = ROOT / "skills/stop/humanclaw_skill_stop/stop"
+HOOK = "def humanclaw_agents(register): pass\n"
+
+
+def wheel(folder: Path, name="acme", files=None, metadata="", file="") -> Path:
+    """Write a wheel whose module would exit the program if it ran."""
+    path = folder / (file or f"{name}-1.0-py3-none-any.whl")
+    info = f"{name}-1.0.dist-info"
+    told = metadata or f"Metadata-Version: 2.4\nName: {name}\nVersion: 1.0\nSummary: Waves.\nLicense-Expression: MIT\n"
+    tags = "Wheel-Version: 1.0\nRoot-Is-Purelib: true\nTag: py3-none-any\n"
+    parts = {f"{name}.py": f"raise SystemExit\n{HOOK}", f"{info}/METADATA": told, f"{info}/WHEEL": tags}
+    parts |= {f"{info}/RECORD": ""} | (files or {})
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        for member, content in parts.items():
+            archive.writestr(member, content)
+    return path
+
+
+def skill(name="halt", **changed) -> dict[str, str]:
+    texts = {one: (STOP / one).read_text() for one in ("schema.json", "checklist.toml")} | changed
+    return {f"acme/{name}/{file}": text for file, text in texts.items()}
+
+
+def command(*words) -> tuple[int, str]:
+    done = CliRunner().invoke(build(cache(Plugins.discover)), ["plugins", *map(str, words)])
+    return done.exit_code, done.output
+
+
+def made(folder: Path) -> Index:
+    code, said = command("index", folder)
+    assert code == 0, said
+    return Index.read(str(folder / "index.json"))
+
+
+def test_a_wheel_is_indexed_with_its_licence_hooks_and_checks_and_does_not_run(tmp_path):
+    path = wheel(tmp_path, files=skill() | skill("worse", **{"checklist.toml": "[[check]]\nid = 3\n"}))
+    (entry,) = made(tmp_path).plugins
+    assert (entry.name, entry.version, entry.summary, entry.licence) == ("acme", "1.0", "Waves.", "MIT")
+    assert entry.hooks == ("agents",)
+    halt, worse = entry.skills
+    assert (halt.name, halt.faults, worse.faults) == ("halt", ("adapter-there",), ("checklist-tables", "adapter-there"))
+    assert entry.sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def test_a_trained_skill_is_measured_and_names_the_licences_of_its_data(tmp_path):
+    turn = ROOT / "skills/turn/humanclaw_skill_turn/turn_in_place"
+    files = {f"acme/turn_in_place/{one.name}": one.read_bytes() for one in turn.iterdir() if one.is_file()}
+    wheel(tmp_path, files=files)
+    ((turned,),) = (one.skills for one in made(tmp_path).plugins)
+    assert turned.faults == ()
+    assert turned.fidelity["yaw_deg"].slope == pytest.approx(1, abs=0.05)
+    assert turned.fidelity["yaw_deg"].error < turned.fidelity["yaw_deg"].constant / 10
+    assert any("MIT" in one for one in turned.data)
+
+
+def test_a_skill_whose_measure_is_code_of_the_wheel_is_listed_unchecked(tmp_path):
+    schema = '{"type": "object", "properties": {"h_cm": {"type": "integer", "x-measure": "ears.height"}}}'
+    wheel(tmp_path, files=skill(**{"schema.json": schema}))
+    ((one,),) = (entry.skills for entry in made(tmp_path).plugins)
+    assert one.unchecked.startswith("ears.height")
+
+
+@pytest.mark.parametrize(
+    ("fault", "said"),
+    [
+        ({"files": {"acme/x/schema.json": "0" * (2 << 20)}}, "larger than 1 MB"),
+        ({"files": {"acme/../../schema.json": "{}"}}, "folder has the name '..'"),
+        ({"files": {f"acme/{k}.txt": "" for k in range(5001)}}, "more than 5000 files"),
+        ({"files": {f"acme/s{k}/schema.json": "{}" for k in range(51)}}, "more than 50 skills"),
+        ({"files": {"acme.py": "print(1)"}}, "no plugin"),
+        ({"metadata": "Name: other\nVersion: 1.0\n"}, "another distribution"),
+        ({"metadata": "Name: acme\nVersion: 1.0\nSummary: \x1b[2J\n"}, "summary"),
+        ({"file": "acme.whl"}, "Invalid wheel filename"),
+    ],
+)  # fmt: skip
+def test_a_hostile_wheel_is_left_out_with_the_reason_and_harms_no_other(tmp_path, fault, said):
+    wheel(tmp_path, **fault)
+    wheel(tmp_path, "zebra")
+    code, told = command("index", tmp_path)
+    assert code == 0
+    assert "left out: acme" in told
+    assert said in told
+    assert [one.name for one in Index.read(str(tmp_path / "index.json")).plugins] == ["zebra"]
+
+
+def test_what_is_no_zip_is_left_out(tmp_path):
+    (tmp_path / "acme-1.0-py3-none-any.whl").write_bytes(b"PK\x03\x04 and nothing")
+    code, told = command("index", tmp_path)
+    assert code == 2
+    assert "left out: acme" in told
+
+
+A = {"name": "a", "version": "1"}
+
+
+@pytest.mark.parametrize(
+    ("plugins", "said"),
+    [
+        ([{}], "name"),
+        ([A | {"name": "-r"}], "name"),
+        ([A | {"wheel": "file:///etc/x"}], "wheel"),
+        ([A | {"summary": "\x1b[2J"}], "summary"),
+        ([A, {"name": "A", "version": "2"}], "twice"),
+        ("[" * LARGEST, "larger than"),
+    ],
+)
+def test_a_strangers_index_is_validated(tmp_path, plugins, said):
+    (tmp_path / "index.json").write_text(json.dumps({"format": "humanclaw-plugins-1", "plugins": plugins}))
+    with pytest.raises(HumanclawError, match=said):
+        Index.read(str(tmp_path / "index.json"))
+
+
+def test_addresses_without_encryption_and_wheels_without_a_digest_are_refused(tmp_path):
+    with pytest.raises(HumanclawError, match="not encrypted"):
+        Index.read("http://example.org/index.json")
+    wheel(tmp_path)
+    text = made(tmp_path).json().decode()
+    (entry,) = made(tmp_path).plugins
+    for odd in (text.replace(entry.sha256, ""), text.replace(entry.wheel, f"x/../../{entry.wheel}")):
+        (tmp_path / "odd.json").write_text(odd)
+        with pytest.raises(HumanclawError, match="no digest, or leads out"):
+            requirement(*Index.read(str(tmp_path / "odd.json")).plugins, str(tmp_path / "odd.json"))
+
+
+def test_pip_installs_what_the_index_names_and_refuses_another_wheel(tmp_path):
+    path = wheel(tmp_path)
+    wanted = requirement(*made(tmp_path).plugins, str(tmp_path / "index.json"))
+    pip = [
+        sys.executable,
+        "-m",
+        "pip",
+        "install",
+        "--no-index",
+        "--no-deps",
+        "--target",
+        str(tmp_path / "there"),
+        wanted,
+    ]
+    done = subprocess.run(pip, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "there/acme.py").is_file()
+    path.write_bytes(path.read_bytes() + b" ")
+    assert "HASH" in subprocess.run(pip, capture_output=True, text=True, check=False).stderr.upper()
+
+
+def test_search_finds_what_holds_every_word_and_install_names_the_nearest(tmp_path):
+    wheel(tmp_path, files=skill("crouch"))
+    wheel(tmp_path, "zebra")
+    made(tmp_path)
+    place = ("--index", tmp_path / "index.json")
+    assert "acme 1.0 (MIT)" in command("search", "crouch", *place)[1]
+    assert "zebra" not in command("search", "crouch", *place)[1]
+    assert "None of 2 plugins has hop" in command("search", "hop", *place)[1]
+    assert f"pip install 'acme @ {tmp_path.as_uri()}/acme" in command("install", "acme", "--dry-run", *place)[1]
+    assert "Did you mean acme?" in command("install", "acne", *place)[1]
+
+
+def test_the_shipped_index_has_every_first_party_plugin_with_its_version_and_licence():
+    entries = {one.name: one for one in Index.read(str(SHIPPED)).plugins}
+    projects = [tomllib.loads((one / "pyproject.toml").read_text("utf-8"))["project"] for one in distributions()[1:]]
+    names = {one["name"] for one in projects}
+    assert names - {*entries} <= {"humanclaw-gymnasium"}, "Run `make index`."
+    assert {*entries} <= names
+    for name, entry in entries.items():
+        assert entry.version == distribution("humanclaw").version
+        assert entry.licence == "Apache-2.0"
+        assert [one.name for one in entry.skills if one.faults] == [], name
+    skills = {one.name for entry in entries.values() for one in entry.skills}
+    assert skills == {path.parent.name for path in ROOT.glob("skills/*/*/*/schema.json")}
