@@ -186,3 +186,36 @@ def test_steps_that_follow_the_end_of_a_record_are_not_replayed(stroll, last):
     steps[1] = steps[1].model_copy(update={"status": last})
     with fake_body(stroll) as body, pytest.raises(ReplayError, match="has 4 steps, and the episode ends with step"):
         episode(body, replay=steps)
+
+
+@skill(role="posture")
+def squat() -> Keyframes:
+    """Squat."""
+    return Keyframes((0.0, 0.5), {}, root=((0.0, 0.0, 0.0), (0.0, -0.5, -0.3)))
+
+
+@skill()
+def nod() -> Keyframes:
+    """Nod."""
+    return NOD
+
+
+def test_a_body_that_is_down_rises_for_a_second_before_it_steps(stroll):
+    with fake_body(stroll, squat, nod) as body:
+        body.execute(Call("squat", {}))
+        feet = body.state().body.joints()[0, 7:9]
+        done = body.execute(Call("stroll", {"strides": 1}))
+        again = body.execute(Call("stroll", {"strides": 1}))
+    ends = [chunk.execution.simulated[-1:] for chunk in done.chunks]
+    assert (len(done.chunks), len(again.chunks)) == (2 + 1 + 2, 1 + 2)
+    assert [part.chunks for part in done.parts] == [3, 2]
+    assert ends[1].root[0, 1] == pytest.approx(0.96, abs=0.02)
+    np.testing.assert_allclose(ends[1].joints()[0, 7:9], feet, atol=0.01)
+    assert ends[2].root[0, 2] - ends[1].root[0, 2] == pytest.approx(0.4, abs=0.01)
+
+
+def test_a_body_that_is_down_stays_down_for_gestures_and_postures(stroll):
+    with fake_body(stroll, squat, nod) as body:
+        body.execute(Call("squat", {}))
+        assert len(body.execute(Call("nod", {})).chunks) == 2
+        assert body.state().body.root[-1, 1] < 0.5

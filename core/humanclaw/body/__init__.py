@@ -5,7 +5,11 @@ from typing import TYPE_CHECKING
 from humanclaw.doors import door
 
 if TYPE_CHECKING:
-    from humanclaw.body.limits import JOINT_LIMITS as JOINT_LIMITS
+    from humanclaw.body.limits import (
+        JOINT_LIMITS as JOINT_LIMITS,
+        centre_of_mass as centre_of_mass,
+        shoe_heights as shoe_heights,
+    )
     from humanclaw.body.pose import (
         CHUNK as CHUNK,
         FPS as FPS,

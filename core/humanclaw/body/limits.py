@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from itertools import product
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from humanclaw.body.pose import Array, Motion, matrix_from_vector, rest_pose, vector_from_matrix
-from humanclaw.body.skeleton import JOINT_INDEX, JOINTS, LINKS, Capsule
+from humanclaw.body.skeleton import JOINT_INDEX, JOINTS, LINKS, Box, Capsule
 
 _KINDS: Final = {
     "pelvis": 360, "spine": 60, "hip": 135, "knee": 160, "ankle": 70, "foot": 70, "neck": 50, "collar": 60, "head": 55,
@@ -26,6 +27,12 @@ _CENTRES: Final = np.array(
     [np.add(one.shape.a, one.shape.b) / 2 if isinstance(one.shape, Capsule) else one.shape.centre for one in LINKS]
 )
 _MASSES: Final = np.array([one.mass for one in LINKS])
+_SIGNS: Final = np.array(list(product((-1, 1), repeat=3)))
+_SHOES: Final = {
+    JOINT_INDEX[one.joint]: one.shape.centre + _SIGNS * one.shape.half for one in LINKS if isinstance(one.shape, Box)
+}
+_SHOE_PARTS: Final = [JOINT_INDEX[f"{side}_{part}"] for side in ("left", "right") for part in ("ankle", "foot")]
+_SHOE_CORNERS: Final = np.array([_SHOES[joint] for joint in _SHOE_PARTS])
 _LINKED: Final = [JOINT_INDEX[one.joint] for one in LINKS]
 
 
@@ -60,3 +67,12 @@ def centre_of_mass(joints: Array, orientations: Array) -> Array:
     """Map joint positions (..., 24, 3) and orientations (..., 24, 3, 3) to the centre of mass (..., 3), metres."""
     centres = joints[..., _LINKED, :] + np.einsum("...lij,lj->...li", orientations[..., _LINKED, :, :], _CENTRES)
     return np.asarray(np.einsum("l,...li->...i", _MASSES / _MASSES.sum(), centres))
+
+
+def shoe_heights(joints: Array, orientations: Array) -> Array:
+    """Map joint positions (..., 24, 3) and orientations (..., 24, 3, 3) to the height of the lowest point of each shoe
+    (..., 2), left first, metres. Unlike support_height, it knows how a foot tilts."""
+    corners = joints[..., _SHOE_PARTS, None, 1] + np.einsum(
+        "...lj,lcj->...lc", orientations[..., _SHOE_PARTS, 1, :], _SHOE_CORNERS
+    )
+    return np.asarray(corners.min(-1).reshape(*corners.shape[:-2], 2, 2).min(-1))

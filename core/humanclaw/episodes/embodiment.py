@@ -20,6 +20,7 @@ from humanclaw.episodes.tools import Verified, body_tools
 from humanclaw.errors import CheckpointError, HumanclawError, blaming
 from humanclaw.motion.checkpoint import adapters_beside
 from humanclaw.motion.generator import MotionGenerator
+from humanclaw.motion.rising import is_down, rise
 from humanclaw.plugins.agents import Moment, Observation, Sense, Verifier
 from humanclaw.plugins.host import Plugins
 from humanclaw.records.feedback import Feedback, Proprioception, Reading, Touch
@@ -291,11 +292,18 @@ class Body:
         if isinstance(part, Control):
             if part.adapter == skill.adapter:
                 require_trained(skill)
-            key = (self.seed, self.step, index)
-            yield self._generated(self._declared(skill, part.adapter), part, key), False
+            declared, key = self._declared(skill, part.adapter), (self.seed, self.step, index)
+            # The motion model steps from standing alone.
+            if (declared or skill).role == "locomotion" and is_down(self._state.body):
+                yield from ((piece, True) for piece, _ in self._played(rise(self._state.body, self._generator.start())))
+            yield self._generated(declared, part, key), False
             return
         motion, limits = posed(part, self._history)
         self._limits += limits
+        yield from self._played(motion)
+
+    def _played(self, motion: Motion) -> Iterator[tuple[Motion, bool]]:
+        """Yield a ready motion 15 frames at a time, each from where the body is, and whether more follows."""
         before = self._history[-1:]
         for first in range(0, len(motion), FUTURE):
             piece = motion[first : first + FUTURE]

@@ -1,4 +1,4 @@
-"""Move the pelvis over feet that stay where they are."""
+"""Move the pelvis over feet whose places are given."""
 
 from __future__ import annotations
 
@@ -11,24 +11,34 @@ from humanclaw.body.skeleton import JOINT_INDEX, OFFSETS
 from humanclaw.motion.ik import REACH, SIDES, Limb, solve
 
 LEGS: Final = tuple(f"{side}_{joint}" for side in SIDES for joint in ("hip", "knee", "ankle", "foot"))
+_UP: Final = np.array([0.0, 0.4, 0.0])
+"""Knees of a body that lies come up, and not through the floor."""
+ANKLES: Final = (JOINT_INDEX["left_ankle"], JOINT_INDEX["right_ankle"])
 
 
 def planted(motion: Motion, pose: Motion) -> Motion:
     """Return a motion with legs that keep both feet as they are in the last frame of a pose, as far as legs reach."""
     joints, orientations = forward_kinematics(pose.root[-1], pose.rotations[-1])
+    return on_feet(motion, joints[list(ANKLES)], orientations[list(ANKLES)])
+
+
+def on_feet(motion: Motion, ankles: Array, feet: Array) -> Motion:
+    """Return a motion with legs whose ankles (..., 2, 3) and feet (..., 2, 3, 3), left first, are where given, as far
+    as legs reach; for all frames, or each of T."""
     rotations = motion.rotations.copy()
     root = matrix_from_vector(rotations[:, 0])
-    for side in SIDES:
+    for index, side in enumerate(SIDES):
         hip, knee, ankle = (JOINT_INDEX[f"{side}_{joint}"] for joint in ("hip", "knee", "ankle"))
+        foot = np.broadcast_to(feet[..., index, :, :], root.shape)
         start = motion.root + root @ OFFSETS[hip]
-        thigh, shin = _leg(side, start, joints[ankle], orientations[ankle])
-        for joint, parent, turned in ((hip, root, thigh), (knee, thigh, shin), (ankle, shin, orientations[ankle])):
+        thigh, shin = _leg(side, start, ankles[..., index, :], foot)
+        for joint, parent, turned in ((hip, root, thigh), (knee, thigh, shin), (ankle, shin, foot)):
             rotations[:, joint] = vector_from_matrix(np.swapaxes(parent, -1, -2) @ turned)
     return Motion(motion.root, rotations)
 
 
 def _leg(side: str, start: Array, ankle: Array, foot: Array) -> tuple[Array, Array]:
-    """Return the orientations (T, 3, 3) of thigh and shin. The knee points where the foot does."""
+    """Return the orientations (T, 3, 3) of thigh and shin. The knee points where the foot does, and slightly up."""
     limb = Limb.leg(side)
-    ahead = np.broadcast_to(foot[:, 2], start.shape)
+    ahead = foot[..., 2] + _UP
     return solve(limb, start, np.broadcast_to(ankle, start.shape), ahead, slack=limb.reach - REACH)

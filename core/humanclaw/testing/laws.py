@@ -12,7 +12,17 @@ from typing import Final
 
 import numpy as np
 
-from humanclaw.body.pose import FPS, FUTURE, HISTORY, Array, Motion, matrix_from_vector, rest_pose
+from humanclaw.body.limits import shoe_heights
+from humanclaw.body.pose import (
+    FPS,
+    FUTURE,
+    HISTORY,
+    Array,
+    Motion,
+    forward_kinematics,
+    matrix_from_vector,
+    rest_pose,
+)
 from humanclaw.testing.fixture import DROP, FORWARD, GRAVITY, HEIGHT, RISE, Command, Finding, Fixture, Tick, walk
 from humanclaw.testing.object_laws import MASSES, boxes, chair, door, hinges
 from humanclaw.testing.scenes import SceneBuilder
@@ -25,6 +35,8 @@ RISES: Final = (0.10, 0.13, 0.16, 0.19, 0.22)
 STEPS: Final = 6
 SEATS: Final = (0.36, 0.42, 0.46, 0.50, 0.55, 0.60, 0.65)
 """Heights of seats, metres. The knees are at 0.49."""
+REACHED: Final = 0.5
+"""Highest seat from which the feet reach the floor, metres."""
 
 
 # -- the checks --------------------------------------------------------------------------------------------------------
@@ -111,8 +123,8 @@ def stairs(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
 
 
 def seats(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
-    """Check sitting down on benches of 36 to 65 cm, half a metre behind the body."""
-    touched, gaps = 0, []
+    """Check sitting down on benches of 36 to 65 cm, half a metre behind the body. Feet reach the floor from 50 cm."""
+    touched, gaps, shoes = 0, [], []
     for seat in SEATS:
         builder = SceneBuilder()
         builder.floor()
@@ -121,12 +133,16 @@ def seats(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
         last = played.executions[-1]
         touched += any(c.joint == "pelvis" and c.object_id == bench and FUTURE - 1 in c.frames for c in last.contacts)
         gaps.append(last.simulated.root[-1, 1] - seat - 0.14)
+        if seat <= REACHED:
+            shoes += shoe_heights(*forward_kinematics(last.simulated.root[-1], last.simulated.rotations[-1])).tolist()
         tick()
     share = 100 * touched / len(SEATS)
     yield Finding(
         "sitting touches the seat", f"pelvis on seats of {SEATS[0]:g} to {SEATS[-1]:g} m", share, "%", low=100
     )
     yield Finding("sitting touches the seat", "highest pelvis over its seat", 100 * float(max(gaps)), "cm", high=1.0)
+    what = f"highest shoe over the floor, seats up to {REACHED:g} m"
+    yield Finding("sitting touches the seat", what, 100 * max(shoes), "cm", high=1.0)
 
 
 def wild(fixture: Fixture, tick: Tick) -> Iterator[Finding]:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from humanclaw import HumanclawError
-from humanclaw.body import CHUNK, FPS, HISTORY, JOINT_INDEX, STATE_SIZE
+from humanclaw.body import CHUNK, FPS, FUTURE, HISTORY, JOINT_INDEX, STATE_SIZE
 from humanclaw_train import kinematics
 from humanclaw_train.checkpoint import Normaliser
 from humanclaw_train.chunks import EACH
@@ -183,6 +183,24 @@ def noisy_history(
     root = root + share * moved
     lowest = kinematics.support_height(kinematics.joints(root[:, :HISTORY], rotations[:, :HISTORY])).amin(-1)
     return root - lowest[:, None, None] * pose * torch.tensor([0.0, 1.0, 0.0], device=device), rotations
+
+
+def recovered(
+    root: Tensor, rotations: Tensor, history_root: Tensor, history_rotations: Tensor
+) -> tuple[Tensor, Tensor]:
+    """Return chunks with other canonical histories, (B, 5, 3) and (B, 5, 24, 3); the futures recover from them.
+
+    The future begins where the history ends, with its velocity, and returns within ten frames.
+    """
+    pose, drift, _ = (curve.to(root.device)[HISTORY:] for curve in _curves())
+    found = []
+    for true, met in ((root, history_root), (rotations, history_rotations)):
+        error = met - true[:, :HISTORY]
+        width = (1, FUTURE, *(1 for _ in true.shape[2:]))
+        rate = HISTORY * (error[:, -1:] - error[:, -2:-1])
+        future = true[:, HISTORY:] + error[:, -1:] * pose.view(width) + rate * drift.view(width)
+        found.append(torch.cat([met, future], 1))
+    return found[0], found[1]
 
 
 _FROM_HISTORY: Final = {"hips.rise": 1.0, "hips.drop": -1.0}

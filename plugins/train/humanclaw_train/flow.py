@@ -16,10 +16,7 @@ import torch
 from torch import Tensor, nn
 
 from humanclaw.body import CHUNK, FUTURE, HISTORY, N_JOINTS
-from humanclaw.motion import (
-    SIGMA_MIN,
-    Prediction,
-)
+from humanclaw.motion import PROFILES, SIGMA_MIN, Prediction
 from humanclaw_train import kinematics
 from humanclaw_train.checkpoint import Normaliser
 
@@ -150,6 +147,28 @@ def objective(
         return loss(output, wanted, clean(prediction, output, noisy, tau), states)
 
     return torch.compile(value) if fast else value
+
+
+def generated(
+    forward: Forward, normaliser: Normaliser, prediction: Prediction, encode: Callable[[Tensor], Tensor]
+) -> Callable[[Tensor, Tensor, Tensor], Tensor]:
+    """Return the generation of futures with the default solver, on states in metres and radians.
+
+    encode: maps conditions (B, k) to what `forward` takes.
+    """
+    solver = PROFILES["default"]
+
+    def solve(history: Tensor, values: Tensor, noise: Tensor) -> Tensor:
+        normal, condition = normaliser.forward(history), encode(values)
+
+        def field(index: int, noisy: Tensor) -> Tensor:
+            tau = torch.full((len(noisy),), solver.times[index], device=noisy.device)
+            return velocity(prediction, forward(normal, noisy, tau, condition), noisy, tau)
+
+        future: Tensor = normaliser.inverse(solver.solve(field, noise))
+        return future
+
+    return solve
 
 
 def has_bfloat16(device: torch.device) -> bool:

@@ -160,29 +160,36 @@ def frechet(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
 # -- gait --------------------------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class Gait:
-    """Measures of a straight walk over its whole steps."""
+    """Measures of a straight walk over its whole steps. Lengths in cm and angles in degrees, unless said otherwise."""
 
     speed: float
     """Speed of the pelvis over the floor, m/s."""
     cadence: float
     """Steps a second."""
     sway: float
-    """Peak to peak of the pelvis across its path, cm."""
+    """Peak to peak of the pelvis across its path."""
     bob: float
-    """Peak to peak of the pelvis' height, cm."""
+    """Peak to peak of the pelvis' height."""
     knee: float
-    """98th percentile of the knees' bend, degrees: the bend in the swing."""
-    ripple: float
-    """Standard deviation of the speed relative to its trend."""
+    """98th percentile of the knees' bend: the bend in the swing."""
+    toe_off: float
+    """Mean over the feet of the greatest heel pitch."""
+    pelvis: float
+    """Peak to peak of the pelvis' yaw,"""
+    shoulders: float
+    """and of that of the line of the shoulders."""
+    trunk: float
+    """Mean lean of the trunk, positive to the front."""
+    width: float
+    """Mean distance of standing ankles across the path."""
+    double: float
+    """Share of the time in which both feet stand, %."""
     arms: float
-    """Peak to peak of a wrist ahead of its shoulder, cm."""
+    """Peak to peak of a wrist ahead of its shoulder."""
     toe: float
     """Speed of the slower toe, cm/s."""
-
-    @property
-    def step(self) -> float:
-        """Length of a step, metres."""
-        return self.speed / self.cadence
+    jerk: float
+    """Mean jerk of all joints, m/s^3."""
 
     @classmethod
     def of(cls, walk: Motion) -> Gait | None:
@@ -193,21 +200,60 @@ class Gait:
         if len(crossed) < 3:
             return None
         part = slice(int(np.ceil(crossed[0])), int(crossed[-1]) + 1)
-        floor, velocity = walk.root[part][:, [0, 2]], np.gradient(walk.root[part][:, [0, 2]], axis=0)
-        speed = FPS * np.linalg.norm(velocity, axis=-1)
+        walk, joints, ahead = walk[part], joints[part], ahead[part]
+        floor, velocity = walk.root[:, [0, 2]], np.gradient(walk.root[:, [0, 2]], axis=0)
         along = (floor[-1] - floor[0]) / np.linalg.norm(floor[-1] - floor[0])
-        knees = np.linalg.norm(walk.rotations[part][:, [JOINT_INDEX["left_knee"], JOINT_INDEX["right_knee"]]], axis=-1)
-        arm = joints[part, JOINT_INDEX["left_wrist"]] - joints[part, JOINT_INDEX["left_shoulder"]]
+        aside = np.array([along[1], -along[0]])
+        knees = np.linalg.norm(walk.rotations[:, [JOINT_INDEX["left_knee"], JOINT_INDEX["right_knee"]]], axis=-1)
+        arm = joints[:, JOINT_INDEX["left_wrist"]] - joints[:, JOINT_INDEX["left_shoulder"]]
+        width, double = _stances(joints, aside)
         return cls(
-            speed=float(speed.mean()),
+            speed=float(FPS * np.linalg.norm(velocity, axis=-1).mean()),
             cadence=float(FPS * (len(crossed) - 1) / (crossed[-1] - crossed[0])),
-            sway=100 * _about_trend(floor @ np.array([along[1], -along[0]]), 3),
-            bob=100 * _about_trend(walk.root[part, 1], 1),
+            sway=100 * _about_trend(floor @ aside, 3),
+            bob=100 * _about_trend(walk.root[:, 1], 1),
             knee=float(np.degrees(np.percentile(knees, 98))),
-            ripple=float((speed / _trend(speed, 2)).std()),
-            arms=float(100 * np.ptp(np.sum(arm[:, [0, 2]] * ahead[part], -1))),
-            toe=slower_toe(joints[part]),
+            toe_off=_heel_pitch(walk),
+            pelvis=_about_trend(np.degrees(np.unwrap(walk.yaw())), 2),
+            shoulders=_about_trend(np.degrees(np.unwrap(_yaw(joints, "shoulder"))), 2),
+            trunk=_lean(joints, ahead),
+            width=width,
+            double=double,
+            arms=float(100 * np.ptp(np.sum(arm[:, [0, 2]] * ahead, -1))),
+            toe=slower_toe(joints),
+            jerk=joint_jerk(joints),
         )
+
+
+def _heel_pitch(walk: Motion) -> float:
+    _, turns = forward_kinematics(walk.root, walk.rotations)
+    down = -turns[:, [JOINT_INDEX["left_ankle"], JOINT_INDEX["right_ankle"]], 1, 2]
+    return float(np.degrees(np.arcsin(down.max(0).clip(-1, 1))).mean())
+
+
+def _yaw(joints: Array, pair: str) -> Array:
+    """Return the yaw of the line from the right to the left joint of a pair (T,)."""
+    line = joints[:, JOINT_INDEX[f"left_{pair}"]] - joints[:, JOINT_INDEX[f"right_{pair}"]]
+    return np.asarray(np.arctan2(-line[:, 2], line[:, 0]))
+
+
+def _lean(joints: Array, ahead: Array) -> float:
+    trunk = joints[:, JOINT_INDEX["neck"]] - joints[:, JOINT_INDEX["pelvis"]]
+    return float(np.degrees(np.arctan2(np.sum(trunk[:, [0, 2]] * ahead, -1), trunk[:, 1])).mean())
+
+
+_STANDS: Final = 40.0
+"""Speed of toes, cm/s, below which a foot stands."""
+
+
+def _stances(joints: Array, aside: Array) -> tuple[float, float]:
+    """Return the distance of standing ankles across the path, cm, and the share of frames in which both stand, %."""
+    stands = _toe_speed(joints) < _STANDS
+    ankles = 100 * joints[:-1, [JOINT_INDEX["left_ankle"], JOINT_INDEX["right_ankle"]]][..., [0, 2]] @ aside
+    ankles -= _trend(ankles.mean(1), 3)[:, None]
+    left, right = (ankles[stands[:, foot], foot] for foot in (0, 1))
+    width = float(left.mean() - right.mean()) if len(left) and len(right) else float("nan")
+    return width, float(100 * stands.all(1).mean())
 
 
 def _passings(joints: Array, ahead: Array) -> Array:

@@ -11,8 +11,8 @@
 * Transitions: peak joint acceleration where a second skill takes over, for every ordered pair of skills, over the peak
   in real motion (the 99.9th percentile of the same two-frame peak over real chunks that move).
 * Life: 120 random calls in a row.
-* Gait: cadence, sway, bob, swing knee, speed ripple and arms of straight walks, generated at several speeds and, with
-  --clips, real. Drift: where a hundred straight calls in a row end.
+* Gait: straight walks of several speeds, their first calls and later ones, beside people's with --clips. Drift: where
+  a hundred straight calls in a row end.
 * First steps: slide of the slower toe in the first chunk from standing, per skill.
 * Sequences: root-rigid jerk of the six sequences that the paper names.
 """

@@ -49,7 +49,8 @@ from humanclaw_train.chunks import CHUNKS
 from humanclaw_train.control import Adapter
 from humanclaw_train.data import ChunkTensors
 from humanclaw_train.dit import DiT
-from humanclaw_train.flow import LOSSES, Loss, Weights, has_bfloat16, objective
+from humanclaw_train.flow import LOSSES, Forward, Loss, Weights, generated, has_bfloat16, objective
+from humanclaw_train.own_histories import OwnHistories, predecessors
 from humanclaw_train.parallel import ALONE, Processes, device_of, joined
 from humanclaw_train.rollouts import Measures, declared
 from humanclaw_train.trainer import M, Problem, Recipe, Trainer, run
@@ -138,14 +139,21 @@ def train_adapter(
     trainer = Trainer(adapter, chunks, recipe, session.processes)
     path, loss = out / "adapter.safetensors", Loss(normaliser, LOSSES[recipe.terms])
 
-    def problem(adapter: Adapter, fast: bool) -> Problem[Adapter]:
+    def forward_of(adapter: Adapter) -> Forward:
         def forward(history: Tensor, noisy: Tensor, tau: Tensor, condition: Tensor) -> Tensor:
             residual = adapter.residual(condition, adapter.modulations(frozen, tau))
             output: Tensor = frozen(history, noisy, frozen.modulations(tau), residual)
             return output
 
-        computed = objective(forward, loss, frozen.config.prediction, recipe.precision == "bf16", fast)
-        return Problem(adapter, adapter.condition, computed)
+        return forward
+
+    def problem(adapter: Adapter, fast: bool) -> Problem[Adapter]:
+        forward, bf16 = forward_of(adapter), recipe.precision == "bf16"
+        return Problem(adapter, adapter.condition, objective(forward, loss, frozen.config.prediction, bf16, fast))
+
+    if recipe.rollout > 1:
+        made = generated(forward_of(trainer.mean), normaliser, frozen.config.prediction, trainer.mean.condition)
+        trainer.own = OwnHistories(chunks, predecessors(chunks), recipe.rollout - 1, made)
 
     def export() -> None:
         save_adapter(path, trainer.mean, base.digest, _card(trainer, loss.weights, skill))
@@ -234,6 +242,7 @@ def _recipe(options: argparse.Namespace, device: torch.device) -> Recipe:
         tau=options.tau,
         precision=precision if precision != "auto" else "bf16" if has_bfloat16(device) else "float32",
         terms=options.loss,
+        rollout=getattr(options, "rollout", 1),
         licences=tuple(options.licence),
     )
 
@@ -287,6 +296,9 @@ def _parser() -> argparse.ArgumentParser:
                 "--base", type=Path, default=shipped_base(), help="base to train against (default: the shipped one)"
             )
             one.add_argument("--init", type=Path, help="adapter to start from, instead of a copy of the base")
+            one.add_argument(
+                "--rollout", type=int, default=1, help="chunks in a row, the earlier ones generated (default: 1)"
+            )
         one.add_argument("--data", type=Path, action="append", help=f"folder of chunks; repeatable (default: {CHUNKS})")
         one.add_argument(
             "--out",

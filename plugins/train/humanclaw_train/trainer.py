@@ -20,6 +20,7 @@ from humanclaw_train import data, kinematics
 from humanclaw_train.data import ChunkTensors
 from humanclaw_train.flow import Objective
 from humanclaw_train.logs import Write, opened
+from humanclaw_train.own_histories import OwnHistories
 from humanclaw_train.parallel import ALONE, Processes
 
 _SAVE_SECONDS: Final = 120
@@ -45,6 +46,8 @@ class Recipe:
     """Of the model's layers. Weights, loss and optimiser are in single precision."""
     terms: Literal["full", "plain"] = "full"
     """Terms of the loss (flow.LOSSES)."""
+    rollout: int = 1
+    """Chunks in a row: over 1, histories are also those that the model leaves (own_histories)."""
     init: str = ""
     """Recipe digest of the checkpoint that the run began from; empty for a run from scratch."""
     licences: tuple[str, ...] = ()
@@ -79,12 +82,19 @@ def seeded(device: torch.device, *key: int) -> torch.Generator:
 
 
 def draw(
-    chunks: ChunkTensors, chosen: Tensor, recipe: Recipe, generator: torch.Generator, jitter: Tensor | float = 0.0
+    chunks: ChunkTensors,
+    chosen: Tensor,
+    recipe: Recipe,
+    generator: torch.Generator,
+    jitter: Tensor | float = 0.0,
+    own: OwnHistories | None = None,
 ) -> Batch:
     """Draw errors of histories, noise and flow times for chosen chunks (B,). jitter: of the conditions (k,), SI."""
     device = chunks.root.device
     clean = chunks.root[chosen]
     root, rotations = data.noisy_history(clean, chunks.rotations[chosen], generator, recipe.history_noise)
+    if own is not None:
+        root, rotations = own(chosen, root, rotations, generator)
     states = kinematics.encode(root, rotations)
     values = data.commanded(chunks.measures, chunks.params[chosen], clean, root)
     values = values + jitter * torch.randn(values.shape, generator=generator, device=device)
@@ -110,6 +120,7 @@ class Trainer(Generic[M]):
             self.parameters, lr=recipe.rate, betas=(0.9, 0.98), weight_decay=0.01, fused=True
         )
         self.jitter = recipe.jitter * chunks.params.std(0) if chunks.params.numel() else 0.0
+        self.own: OwnHistories | None = None
         self.step = 0
         self.seconds = 0.0
 
@@ -129,7 +140,7 @@ class Trainer(Generic[M]):
         chosen = torch.randint(
             len(self.chunks), (self.recipe.batch,), generator=generator, device=self.chunks.root.device
         )
-        return draw(self.chunks, chosen, self.recipe, generator, self.jitter)
+        return draw(self.chunks, chosen, self.recipe, generator, self.jitter, self.own)
 
     def advance(self, problem: nn.Module) -> Tensor:
         """Do one optimisation step. Returns the loss before it, of this process's share of the batch."""

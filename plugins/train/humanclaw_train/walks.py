@@ -100,7 +100,7 @@ def real_gaits(clips: Iterable[Clip], tag: str) -> dict[str, Gait]:
         # Curves and slow steps have another gait than the straight generated walks.
         if walk is not None and len(walk) > FPS and _straightness(walk) > _STRAIGHT:
             gait = Gait.of(walk)
-            if gait is not None and gait.speed > 0.7:
+            if gait is not None and gait.speed > SPEEDS[0] - _NEAR:
                 found[f"{clip.source.split()[0]} {clip.name}"] = gait
     return found
 
@@ -110,27 +110,46 @@ def _straightness(walk: Motion) -> float:
     return float(np.linalg.norm(floor[-1] - floor[0]) / np.linalg.norm(np.diff(floor, axis=0), axis=-1).sum())
 
 
+SPEEDS: Final = (0.6, 1.0, 1.4, 1.6)
+"""Speeds of generated walks, m/s: calls of 30, 50, 70 and 80 cm."""
+STRETCHES: Final = {"calls 3 to 10": (2, 10), "calls 11 to 20": (10, 20)}
+"""The first two calls start to walk."""
+
+
 def generated_gaits(
-    generator: DiTGenerator, command: Command, bodies: int = 24, calls: int = 8, seed: int = 0
-) -> dict[str, list[Gait]]:
-    """Measure generated walks at several speeds from the third call on. Bodies differ only in their noise."""
-    found = {}
-    for speed in (0.9, 1.0, 1.3, 1.6):
-        walks = straight_walks(generator, command, speed, bodies, calls, seed)
-        # Two calls of starting to walk are left out.
-        gaits = [Gait.of(walk[HISTORY + 2 * FUTURE :]) for walk in walks]
-        found[f"generated, {speed:.1f} m/s"] = [gait for gait in gaits if gait is not None]
-    return {name: gaits for name, gaits in found.items() if gaits}
+    generator: DiTGenerator, command: Command, bodies: int = 24, seed: int = 0
+) -> dict[float, dict[str, list[Gait]]]:
+    """Measure stretches of generated walks, by speed. Bodies differ only in their noise."""
+    found: dict[float, dict[str, list[Gait]]] = {}
+    last = max(stop for _, stop in STRETCHES.values())
+    for speed in SPEEDS:
+        walks = straight_walks(generator, command, speed, bodies, last, seed)
+        for name, (start, stop) in STRETCHES.items():
+            parts = slice(HISTORY + start * FUTURE, HISTORY + stop * FUTURE)
+            gaits = [gait for walk in walks if (gait := Gait.of(walk[parts])) is not None]
+            found.setdefault(speed, {})[name] = gaits
+    return found
 
 
-_GAIT: Final = ("speed", "cadence", "step", "sway", "bob", "knee", "ripple", "arms", "toe")
+_COLUMNS: Final = {
+    "cadence": "steps/s", "bob": "bob cm", "sway": "sway cm", "knee": "swing knee", "toe_off": "toe-off",
+    "pelvis": "pelvis yaw", "shoulders": "shoulder yaw", "trunk": "trunk", "width": "width cm",
+    "double": "both feet %", "arms": "arms cm", "toe": "slower toe cm/s", "jerk": "jerk m/s3",
+}  # fmt: skip
+_NEAR: Final = 0.15
+"""Difference in speed, m/s, up to which a person walks at the speed of a generated walk."""
 
 
-def gait_table(real: Mapping[str, Gait], made: Mapping[str, Sequence[Gait]]) -> str:
-    """Format one row per real clip and per generated speed: median, and 5th to 95th percentile over bodies."""
-    units = ("m/s", "steps/s", "step m", "sway cm", "bob cm", "swing knee", "ripple", "arms cm", "slower toe cm/s")
-    rows = [(name, *(cell(getattr(gait, key), 2) for key in _GAIT)) for name, gait in real.items()]
-    for name, gaits in made.items():
-        spread = [np.percentile([getattr(gait, key) for gait in gaits], [50, 5, 95]) for key in _GAIT]
-        rows.append((name, *(f"{mid:.2f} ({low:.2f} to {high:.2f})" for mid, low, high in spread)))
-    return table(("straight walk", *units), rows)
+def gait_table(real: Mapping[str, Gait], made: Mapping[float, Mapping[str, Sequence[Gait]]]) -> str:
+    """Format the medians of each generated stretch, and below them least to most of the people who walk as fast."""
+    rows = []
+    for speed, stretches in made.items():
+        for name, gaits in stretches.items():
+            values = np.median([[getattr(gait, key) for key in _COLUMNS] for gait in gaits], 0) if gaits else []
+            rows.append((f"{100 * speed * FUTURE / FPS:.0f} cm, {name}", *(cell(value) for value in values)))
+        people = [gait for gait in real.values() if abs(gait.speed - speed) < _NEAR]
+        if people:
+            values = [[getattr(gait, key) for gait in people] for key in _COLUMNS]
+            spread = (f"{cell(min(column))} to {cell(max(column))}" for column in values)
+            rows.append((f"people at {speed:.1f} m/s, {len(people)} clips", *spread))
+    return table(("straight walk, degrees", *_COLUMNS.values()), rows)

@@ -12,14 +12,16 @@ from typing import Final
 
 import numpy as np
 
-from humanclaw.body.pose import FPS, Array, Motion, lengths, vector_from_quaternion
+from humanclaw.body.pose import FPS, Array, Motion, lengths, matrix_from_quaternion, vector_from_quaternion
 from humanclaw.body.skeleton import JOINTS
 from humanclaw.world.half_physics.profile import Profile
 from humanclaw.world.half_physics.quaternions import Pose, blend, capped, conjugate, multiply
-from humanclaw.world.half_physics.reflexes import CALM, Reflex
+from humanclaw.world.half_physics.reflexes import CALM, LEG_OF, Reflex, reach_down
 from humanclaw.world.half_physics.skeleton import ARMS, REACH, tip_speeds
 from humanclaw.world.half_physics.world import World
 
+_LEAVING: Final = 0.05
+"""Hips that are to go up or ahead faster than this leave a seat, m/s; the legs then push as commanded."""
 _FLEX: Final = np.array([-1.0, 0.0, 0.0])
 """The axis about which a hip bends."""
 
@@ -50,7 +52,8 @@ class Drive:
         """
         self._before = self.pose
         speeds = self._joint_speeds(self._before.quaternions, left)
-        self._give_way(speeds, reflex)
+        if horizontal is None or not self._leaves(horizontal):
+            self._give_way(speeds, reflex)
         fastest = float((lengths(speeds) @ REACH).max())
         speeds *= min(1.0, self._profile.max_link_speed / max(fastest, 1e-9))
         velocity = self._root_velocity(horizontal, reflex)
@@ -82,11 +85,20 @@ class Drive:
         return tip_speeds(np.concatenate([vector_from_quaternion(self._target)[None], motion.rotations]))
 
     def _give_way(self, speeds: Array, reflex: Reflex) -> None:
-        """Let hips whose thighs carry weight follow the motion without catching up, and bend until the pelvis is
-        down."""
-        for hip, seconds in reflex.borne.items():
-            bends = seconds == 0.0 and not reflex.seated
-            speeds[hip] = self._way[hip] * FPS + (self._profile.yielding * _FLEX if bends else 0.0)
+        """Let the legs of a body that sits follow the motion without catching up; bend hips whose thighs or feet carry
+        it until the pelvis is down, and knees and ankles until the feet are."""
+        for hip, (knee, ankle, _) in LEG_OF.items() if reflex.borne else ():
+            leg = [hip, knee, ankle]
+            speeds[leg] = self._way[leg] * FPS
+            speeds[hip] += self._profile.yielding * reflex.gives(hip) * _FLEX
+            if hangs := reflex.hangs(hip):
+                rates = reach_down(self._before, hip, hangs * self._profile.reaching)
+                speeds[[knee, ankle]] -= np.outer(rates, _FLEX)
+
+    def _leaves(self, horizontal: Array) -> bool:
+        """Tell whether a commanded velocity (3,) takes the hips up or ahead, off a seat."""
+        left = matrix_from_quaternion(self._before.quaternions[0])[:, 0]
+        return float(max(horizontal[1], np.cross(left, [0.0, 1.0, 0.0]) @ horizontal)) > _LEAVING
 
     def restrain(self, touched: bool) -> None:
         """Limit the root's motion in the step since command to the speeds of a body. touched: whether contact pushed

@@ -1,21 +1,21 @@
-"""Reflexes of the body: it lifts a toe over an edge, and its thighs give way to a seat.
+"""Reflexes of the body: it lifts a toe over an edge, its thighs give way to a seat, and its feet reach for the floor.
 
-A generated motion does not know the scene: its feet clear a step by millimetres or miss it by millimetres, and its
-thighs slope where a seat is level. A person would not notice. Half-physics without reflexes would lose the stair, and
-would leave the body on its thighs with the hips in the air. Both reflexes are bounded: an edge higher than a toe still
-blocks.
+A generated motion does not know the scene: its feet clear a step by millimetres or miss it by millimetres, its thighs
+slope where a seat is level, and a seat is higher than it was told. A person would not notice. Half-physics without
+reflexes would lose the stair, leave the body on its thighs with the hips in the air, and its shoes over the floor. All
+reflexes are bounded: an edge higher than a toe still blocks.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
 
 from humanclaw.body.pose import FPS, Array, forward_kinematics
-from humanclaw.body.skeleton import JOINT_INDEX, LINKS, Box
+from humanclaw.body.skeleton import JOINT_INDEX, LINKS, OFFSETS, Box
 from humanclaw.world.half_physics.profile import Profile
 from humanclaw.world.half_physics.quaternions import Pose, motion_of
 from humanclaw.world.half_physics.world import TOUCHING, Touch, World
@@ -27,9 +27,24 @@ LEVEL: Final = 0.7
 _REACH: Final = 0.02
 """How far behind an edge its upper side is looked for, metres."""
 _PELVIS: Final = JOINT_INDEX["pelvis"]
-_THIGHS: Final = tuple(JOINT_INDEX[f"{side}_hip"] for side in ("left", "right"))
+LEG_OF: Final[Mapping[int, tuple[int, int, int]]] = {
+    JOINT_INDEX[f"{side}_hip"]: (JOINT_INDEX[f"{side}_knee"], JOINT_INDEX[f"{side}_ankle"], JOINT_INDEX[f"{side}_foot"])
+    for side in ("left", "right")
+}
+"""Joint of each hip to knee, ankle and foot of its leg."""
+_SHIN_UPRIGHT, _TOES_DOWN = 0.05, 0.75
+"""Sines of the slopes of a shin that is upright, and of toes that point down as far as they go."""
+_SHIN, _SHOE = float(np.linalg.norm(OFFSETS[JOINT_INDEX["left_ankle"]])), 0.2
+"""Lengths from knee to ankle and from ankle to the tip of the shoe, metres."""
 _PATIENCE: Final = 0.2
-"""A thigh that has carried nothing for so long carries no more, seconds."""
+"""A pelvis or thigh that has carried nothing for so long carries no more, seconds."""
+_HANGS, _HURRIES = 0.1, 0.4
+"""A foot that has touched nothing for so long begins to reach for the floor, and so much later does so at full speed,
+seconds."""
+_OFF, _LIGHTLY = 0.04, 0.1
+"""A pelvis that has carried nothing for so long (seconds) is off its seat. A hip whose foot holds it up bends at this
+share of the speed of one whose thigh does."""
+_CARRIERS: Final = (_PELVIS, *LEG_OF)
 _CORNERS: Final[Mapping[int, Array]] = {
     JOINT_INDEX[link.joint]: np.array(
         [
@@ -52,9 +67,21 @@ class Reflex:
     lift: float = 0.0
     """How far the body must rise for a foot to clear the edge that holds it back, metres."""
     borne: Mapping[int, float] = field(default_factory=dict)
-    """Joints of the hips whose thighs carry weight, or did a moment ago, to the seconds since."""
-    seated: bool = False
-    """Whether the pelvis carries some too."""
+    """Pelvis and joints of the hips whose thighs carry weight, or did a moment ago, to the seconds since."""
+    free: Mapping[int, float] = field(default_factory=dict)
+    """Joints of the hips of a body that sits to the seconds since their feet touched anything."""
+
+    def gives(self, hip: int) -> float:
+        """Return how fast a hip bends, 0 to 1, because its thigh carries the body while the pelvis hovers, or its foot
+        does."""
+        pelvis = self.borne.get(_PELVIS, np.inf)
+        if pelvis > 0.0 and self.borne.get(hip) == 0.0:
+            return 1.0
+        return _LIGHTLY if pelvis > _OFF and self.free[hip] == 0.0 else 0.0
+
+    def hangs(self, hip: int) -> float:
+        """Return how fast the foot of a hip's leg reaches for the floor, 0 to 1: the faster the longer it hangs."""
+        return min(max((self.free[hip] - _HANGS) / _HURRIES, 0.0), 1.0)
 
 
 CALM: Final = Reflex()
@@ -64,15 +91,40 @@ def feel(world: World, profile: Profile, movable: Collection[int], touches: Sequ
     """Read the contacts of the body that one physics step has left. movable: ids of the objects that are."""
     touches = [touch for touch in touches if touch.distance <= TOUCHING]
     carrying = {touch.joint for touch in touches if touch.normal[1] > LEVEL}
-    borne = _borne(carrying, before, 1 / (FPS * profile.substeps)) if profile.yielding else {}
-    return Reflex(_lift(world, profile, movable, touches), borne, _PELVIS in carrying)
+    lift = _lift(world, profile, movable, touches)
+    if not profile.yielding:
+        return Reflex(lift)
+    step = 1 / (FPS * profile.substeps)
+    borne = {part: seconds for part, seconds in _since(carrying, before.borne, step, _CARRIERS) if seconds < _PATIENCE}
+    standing = {hip for hip, leg in LEG_OF.items() if carrying.intersection(leg)}
+    return Reflex(lift, borne, dict(_since(standing, before.free, step, LEG_OF)) if borne else {})
 
 
-def _borne(carrying: set[int], before: Reflex, step: float) -> Mapping[int, float]:
-    """Let a thigh that loses touch for a moment stay down: else it would come back down and push the body off
-    the seat."""
-    since = {thigh: 0.0 if thigh in carrying else before.borne.get(thigh, np.inf) + step for thigh in _THIGHS}
-    return {thigh: seconds for thigh, seconds in since.items() if seconds < _PATIENCE}
+def reach_down(pose: Pose, hip: int, speed: float) -> tuple[float, float]:
+    """Return how fast knee and ankle of a leg turn, rad/s, for its foot to sink at a speed, m/s.
+
+    First the shin turns upright and the foot stays level; then the toes point down.
+    """
+    motion = motion_of([pose])
+    _, turns = forward_kinematics(motion.root[0], motion.rotations[0])
+    knee, ankle, _ = LEG_OF[hip]
+    ahead = float(-turns[knee, :, 1] @ np.cross(turns[0, :, 0], [0.0, 1.0, 0.0]))
+    if abs(ahead) > _SHIN_UPRIGHT:
+        rate = float(np.copysign(speed / max(_SHIN * abs(ahead), _SHOE / 2), ahead))
+        return rate, -rate
+    return 0.0, speed / _SHOE * float(turns[ankle, 1, 2] > -_TOES_DOWN)
+
+
+def _since(
+    touching: set[int], before: Mapping[int, float], step: float, parts: Iterable[int]
+) -> Iterator[tuple[int, float]]:
+    """Yield the seconds since each part touched.
+
+    A thigh that loses touch for a moment stays down: else it would come back down and push the body off the seat. A
+    foot waits: else it would push the body up as it flickers between touch and none.
+    """
+    for part in parts:
+        yield part, 0.0 if part in touching else before.get(part, np.inf) + step
 
 
 def _lift(world: World, profile: Profile, movable: Collection[int], touches: Sequence[Touch]) -> float:
