@@ -10,7 +10,6 @@ from model_servers import AnthropicServer, GeminiServer, OllamaServer, OpenAISer
 from humanclaw import Plugins
 from humanclaw.cli import build
 from humanclaw.records import write_episodes
-from humanclaw_bench import ablation
 from humanclaw_bench.splits import load_split
 
 PROVIDERS = {
@@ -64,13 +63,11 @@ def test_one_file_of_models_of_five_providers_becomes_one_page(reproduce, tmp_pa
         assert re.search(rf"^\| [^|]*{name}[^|]* \|", page, re.MULTILINE)
 
 
-def test_time_and_cost_are_estimated_first_and_a_second_call_asks_nothing_again(reproduce, tmp_path, monkeypatch):
-    settings = {name: ablation.MODEL_SETTINGS[name] for name in ("baseline", "history 0")}
-    monkeypatch.setattr(ablation, "MODEL_SETTINGS", settings)
+def test_time_and_cost_are_estimated_first_and_a_second_call_asks_nothing_again(reproduce, tmp_path):
     split_of(5, tmp_path / "five.jsonl")
     split_of(1, tmp_path / "one.jsonl")
     with OpenAIServer([call("walk", **STEP), call("verdict", **YES)] * 7) as server:
-        more = 'name = "mine"\nusd_per_million = [10, 50]\nablation = true'
+        more = 'name = "mine"\nusd_per_million = [10, 50]\nablation = ["baseline", "history 0"]'
         text = 'split = "five.jsonl"\nablation_split = "one.jsonl"' + row("openai/scripted", server, more)
         first, asked = reproduce(text), len(server.requests)
         page = (tmp_path / "paper/paper.md").read_text()
@@ -90,6 +87,7 @@ def test_time_and_cost_are_estimated_first_and_a_second_call_asks_nothing_again(
         ("", "models: Field required"),
         ('[[models]]\nmodel = "a/b"\nprice = 3', "models.0.price: Extra inputs are not permitted"),
         ('[[models]]\nmodel = "a/b"\n[[models]]\nmodel = "a-b"', "names two models alike"),
+        ('[[models]]\nmodel = "a/b"\nablation = ["histry 0"]', "'histry 0' is none of baseline, history 0"),
         ("models = [", "cannot be read"),
     ],
 )

@@ -20,7 +20,8 @@ def compare_table(differences: Mapping[str, Difference], metrics: Sequence[Metri
         "each house has one episode), at random for the rest; corrected (Holm) for FindSR, ArriveSR and InteractSR, "
         f"and separately for the other metrics. Noise: p is {SIGNIFICANT} or more, and the interval contains 0 and "
         f"excludes {100 * TELLING:.0f} points (if not a share, {TELLING:.0%} of the mean of both) either way. Too few "
-        f"to tell: p is as large, and the interval contains 0 and is wider, or this test cannot give less than {SIGNIFICANT}. "
+        "to tell: p is as large, and the interval contains 0 and is wider, or this test cannot give less than "
+        f"{SIGNIFICANT}. "
         "Not significant: p is as large although the interval excludes 0. "
         "The same: no episode differs."
     )

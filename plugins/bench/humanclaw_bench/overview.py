@@ -93,15 +93,12 @@ def _add_comparison(one: Result, two: Result, page: Page) -> None:
     rows = [compared(Column.of(metric), differences[metric.name]) for metric in differing]
     alike = ", ".join(metric.name for metric in told if metric not in differing)
     notes = (
-        f"No difference shown (the interval contains 0): {alike or 'none'}. {bearing(differences, told)} A: {one.name}. B: {two.name}. p: the runs are swapped house by house, exactly "
+        f"No difference shown (the interval contains 0): {alike or 'none'}.",
+        f"{bearing(differences, told)} A: {one.name}. B: {two.name}. p: the runs are swapped house by house, exactly "
         "for rates, at random for the rest; corrected (Holm).",
     )
-    page.table(
-        "Metrics that differ between the two runs",
-        ("metric", "A", "B", "B \u2212 A", "p", "verdict"),
-        rows,
-        notes=notes,
-    )
+    head = ("metric", "A", "B", "B \u2212 A", "p", "verdict")
+    page.table("Metrics that differ between the two runs", head, rows, notes=notes)
 
 
 def _unasked(metric: Metric, found: Difference) -> bool:

@@ -10,14 +10,13 @@ from pathlib import Path
 from typing import Annotated, Any, Final
 
 import click
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
-from rich.console import Console
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
 from humanclaw import EpisodeSpec, HumanclawError, Plugins
-from humanclaw.cli import counted
+from humanclaw.cli import Console, counted
 from humanclaw.records import name_of
 from humanclaw.storage import write_atomically
-from humanclaw_bench.ablation import model_jobs
+from humanclaw_bench.ablation import FURTHER_SETTINGS, MODEL_SETTINGS, model_jobs
 from humanclaw_bench.export import results_of
 from humanclaw_bench.progress import RunProgress, foresight
 from humanclaw_bench.runner import Forecast, RunStatus, run_split
@@ -28,6 +27,16 @@ from humanclaw_bench.writers import markdown
 
 MAIN: Final = "main"
 """Folder of a model's run for table 2; the other folders are settings of table 3."""
+
+
+def _known(name: str) -> str:
+    known = {**MODEL_SETTINGS, **FURTHER_SETTINGS}
+    if name not in known:
+        raise ValueError(f"{name!r} is none of {', '.join(known)}")
+    return name
+
+
+Setting = Annotated[str, AfterValidator(_known)]
 
 
 class Model(BaseModel):
@@ -45,21 +54,26 @@ class Model(BaseModel):
     """Further options of agent and verifier, as for `--option`."""
     limits: Mapping[str, float] = {}
     """Limits of each run, as for `--limit`."""
-    ablation: bool = False
-    """Whether to play the ten settings of table 3 too."""
+    ablation: bool | tuple[Setting, ...] = False
+    """Whether to play the ten settings of table 3 too, or the names of some."""
 
     @property
     def folder(self) -> str:
         return self.name or re.sub(r"[^\w.-]+", "-", self.model)
 
-    def jobs(self) -> dict[str, Job]:
-        """Return the jobs of table 3 by setting; the baseline is also the job of table 2."""
+    @property
+    def settings(self) -> tuple[str, ...]:
+        """The settings of table 3 to play."""
+        return (tuple(MODEL_SETTINGS) if self.ablation else ()) if isinstance(self.ablation, bool) else self.ablation
+
+    def jobs(self, settings: Sequence[str]) -> dict[str, Job]:
+        """Return the job of each setting; that of table 2 is the baseline's."""
         params: dict[str, Any] = dict(self.options.get("params", {}))
         if self.usd_per_million:
             costs = (usd / 1_000_000 for usd in self.usd_per_million)
             params |= dict(zip(("input_cost_per_token", "output_cost_per_token"), costs, strict=True))
         options = {**self.options, "model": self.model} | ({"params": params} if params else {})
-        return model_jobs(options, self.limits)
+        return model_jobs(options, self.limits, settings)
 
 
 class Plan(BaseModel):
@@ -83,7 +97,7 @@ class Plan(BaseModel):
         except (OSError, tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
             raise HumanclawError(f"{path} cannot be read: {error}.", "Name a TOML file of models.") from error
         except ValidationError as error:
-            fault = error.errors()[0]
+            fault = max(error.errors(), key=lambda one: len(one["loc"]))  # Of a choice of types the one that fits best.
             where = ".".join(map(str, fault["loc"]))
             raise HumanclawError(f"{path}: {where}: {fault['msg']}.", "See docs/howto/measure.md.") from error
         folders = [model.folder.lower() for model in plan.models]
@@ -93,9 +107,8 @@ class Plan(BaseModel):
 
     def runs(self, model: Model) -> Iterator[tuple[str, tuple[EpisodeSpec, ...], Job]]:
         """Yield folder, episodes and job of every run of a model."""
-        jobs = model.jobs()
-        yield MAIN, repeated(load_split(self.split), self.repeats), jobs["baseline"]
-        for setting, job in jobs.items() if model.ablation else ():
+        yield MAIN, repeated(load_split(self.split), self.repeats), model.jobs(["baseline"])["baseline"]
+        for setting, job in model.jobs(model.settings).items():
             yield name_of(setting).replace(" ", "-"), load_split(self.ablation_split), job
 
 

@@ -80,18 +80,20 @@ def write_report(
 
 def _write(found: Runs, target: Path, houses: Houses, contribute: Contribute | None) -> None:
     episodes = [episode for one in found.values() for episode in one]
-    if len(episodes) == 1:
-        target.write_text(episode_page(episodes[0], houses.of(episodes[0]), target), "utf-8")
-        return
     collected = Collected()
     if contribute:
         contribute(found, collected)
-    _write_episodes(found, target, houses)
+    if len(episodes) == 1:
+        (run,) = (run for run, one in found.items() if one)
+        cause = collected.cause(run, episodes[0].record.spec.id)
+        target.write_text(episode_page(episodes[0], houses.of(episodes[0]), target, cause=cause), "utf-8")
+        return
+    _write_episodes(found, target, houses, collected)
     asked = {run: episodes_asked(run) for run in found}
     target.write_text(run_page(found, collected, target, lambda e: e.folder / PAGE, asked), "utf-8")
 
 
-def _write_episodes(found: Runs, target: Path, houses: Houses) -> None:
+def _write_episodes(found: Runs, target: Path, houses: Houses, collected: Collected) -> None:
     """Write the page of every episode, and the files that the pages of a run share."""
     total = sum(map(len, found.values()))
     with tqdm(total=total, desc="pages", unit="page", disable=None if total > 20 else True, leave=False) as bar:
@@ -102,7 +104,8 @@ def _write_episodes(found: Runs, target: Path, houses: Houses) -> None:
             (shelf / "three.js").write_text(three(), "utf-8")
             for episode in sorted(episodes, key=lambda e: e.record.spec.scene):
                 page, drawn = episode.folder / PAGE, houses.of(episode)
-                page.write_text(episode_page(episode, drawn, page, _shared(shelf, drawn, page, home)), "utf-8")
+                cause = collected.cause(run, episode.record.spec.id)
+                page.write_text(episode_page(episode, drawn, page, _shared(shelf, drawn, page, home), cause), "utf-8")
                 bar.update()
 
 

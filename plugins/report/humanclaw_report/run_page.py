@@ -13,7 +13,7 @@ from humanclaw import RecordedEpisode
 from humanclaw.cli import counted
 from humanclaw.records import EpisodeSpec, Usage
 from humanclaw_report.episode_page import PARTS, environment, link
-from humanclaw_report.facts import Milestone, milestones
+from humanclaw_report.facts import Milestone, listed, milestones
 
 WORDS: Final = {True: "success", False: "failure", None: "not counted"}
 """The result of an episode in a word, for readers who do not see colours."""
@@ -83,6 +83,11 @@ class Collected:
 
     def episode(self, run: Path, name: str, *, success: bool | None, cause: str = "", tier: str = "") -> None:
         self.facts[run, name] = Facts(success, cause, tier)
+
+    def cause(self, run: Path, name: str) -> str:
+        """Return why an episode failed; empty if it did not, or no benchmark told."""
+        found = self.facts.get((run, name))
+        return found.cause if found else ""
 
 
 def _cells(row: Sequence[str], shares: Sequence[float]) -> tuple[Cell, ...]:
@@ -170,19 +175,14 @@ def run_page(
 def _title(runs: Runs, lines: Sequence[Line]) -> str:
     """Return what was run: agents, number of episodes and targets."""
     targets = sorted({line.spec.target_category.replace("_", " ") for line in lines} - {""})
-    wanted = f", to find a {_listed(targets, 'or')}" if targets else ""
+    wanted = f", to find a {listed(targets, 'or')}" if targets else ""
     agents = dict.fromkeys(e.record.agent for episodes in runs.values() for e in episodes)
-    return f"{_listed(list(agents), 'and')}: {counted(len(lines), 'episode')}{wanted}"
+    return f"{listed(list(agents))}: {counted(len(lines), 'episode')}{wanted}"
 
 
 def _won(lines: Sequence[Line], run: int) -> int:
     """Return the number of successes in a run."""
     return sum(line.results[run] is not None and line.results[run].word == WORDS[True] for line in lines)
-
-
-def _listed(words: Sequence[str], last: str) -> str:
-    """Return words as in a sentence: "chair, couch or bed"."""
-    return f" {last} ".join(filter(None, (", ".join(words[:-1]), *words[-1:])))
 
 
 def _common(tables: Sequence[Table]) -> tuple[str, ...]:
