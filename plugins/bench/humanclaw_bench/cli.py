@@ -31,7 +31,7 @@ from humanclaw.storage import Folder, write_result
 from humanclaw_bench import leaderboard as leaderboards, submission as submissions
 from humanclaw_bench.comparison import compare_table
 from humanclaw_bench.conditions import differences as unlike
-from humanclaw_bench.export import FORMATS, metrics_of, row, scored
+from humanclaw_bench.export import FORMATS, metrics_of, results_of as _results, row, scored
 from humanclaw_bench.integrity import RunFiles, check, is_told, standing
 from humanclaw_bench.metrics import ALL, common, compare
 from humanclaw_bench.progress import RunProgress
@@ -99,6 +99,7 @@ for _name, _target, _told in (
     ("ablate", "evidence:ablate", "Run the paper's ablation with a scripted bounded agent."),
     ("repair", "evidence:repair_command", "Check root causes with failures of known origin."),
     ("difficulty", "distribution:difficulty_command", "Show how difficult the episodes of a split are."),
+    ("reproduce", "reproduce:reproduce", "Play the paper's tables 2 and 3 for the models of a file."),
     ("power", "power:power_command", "Simulate which difference between two runs a split can show."),
 ):
     bench.add_command(LazyCommand(_name, f"humanclaw_bench.{_target}", _told))
@@ -434,15 +435,6 @@ def export_command(run: Path, form: str, out: Path | None) -> None:
     """Convert a run for other tools: a table, an inspect_ai log or a LeRobotDataset."""
     write, name = FORMATS[form]
     click.echo(write(run, out or run / name))
-
-
-def _results(runs: Sequence[Path], files: Sequence[Path] = ()) -> tuple[Result, ...]:
-    if len({run.resolve() for run in runs}) < len(runs):
-        raise RecordError("a run is named twice.", "Name each folder once.")
-    extra = metrics_of(Plugins.discover(files))
-    episodes = {run: load_run(run) for run in runs}
-    known = {str(run): standing(run, found) for run, found in episodes.items()}
-    return named({str(run): scored(found, extra, run.name) for run, found in episodes.items()}, known)
 
 
 def _one(run: Path) -> Result:

@@ -20,7 +20,9 @@ def compare_table(differences: Mapping[str, Difference], metrics: Sequence[Metri
         "each house has one episode), at random for the rest; corrected (Holm) for FindSR, ArriveSR and InteractSR, "
         f"and separately for the other metrics. Noise: p is {SIGNIFICANT} or more, and the interval contains 0 and "
         f"excludes {100 * TELLING:.0f} points (if not a share, {TELLING:.0%} of the mean of both) either way. Too few "
-        f"to tell: p is as large and the interval is another, or this test cannot give less than {SIGNIFICANT}. "
+        "to tell: p is as large, and the interval contains 0 and is wider, or this test cannot give less than "
+        f"{SIGNIFICANT}. "
+        "Not significant: p is as large although the interval excludes 0. "
         "The same: no episode differs."
     )
     grid = Table(
@@ -57,13 +59,15 @@ def compared(column: Column, found: Difference) -> tuple[str, ...]:
 
 
 def verdict(column: Column, found: Difference) -> str:
-    """Return the difference in words: the better run, noise, too few to tell, or the same.
+    """Return the difference in words: the better run, not significant, noise, too few to tell, or the same.
 
     If neither direction is better, it names the run with the higher value.
     """
     if not found.significant:
         # A rate has an interval even if no episode differs: a larger split could still show a difference.
         same = found.alike and not found.high > found.low
+        if found.low > 0 or found.high < 0:
+            return "not significant"
         return "the same" if same else "too few to tell" if _blunt(column, found) else "noise"
     higher = "B" if found.value > 0 else "A"
     other = "A" if higher == "B" else "B"

@@ -21,6 +21,8 @@ from humanclaw import HumanclawError, PluginError, Plugins, RecordedEpisode, Rec
 from humanclaw.body import HISTORY
 from humanclaw.storage import Folder, from_jpeg
 from humanclaw_bench.attribution import Cause, also, attribute
+from humanclaw_bench.integrity import standing
+from humanclaw_bench.results import Result, named
 from humanclaw_bench.scores import Extra, Scores, ended, score
 
 if TYPE_CHECKING:
@@ -55,6 +57,16 @@ def scored(episodes: Sequence[RecordedEpisode], extra: Extra | None = None, name
         further = "; ".join(one.label for one in also(recorded, cause))
         found.append((replace(scores, also=further), cause))
     return found
+
+
+def results_of(runs: Sequence[Path], files: Sequence[Path] = ()) -> tuple[Result, ...]:
+    """Score runs. files: plugins with further metrics. Raises RecordError if a run is named twice."""
+    if len({run.resolve() for run in runs}) < len(runs):
+        raise RecordError("a run is named twice.", "Name each folder once.")
+    extra = metrics_of(Plugins.discover(files))
+    episodes = {run: load_run(run) for run in runs}
+    known = {str(run): standing(run, found) for run, found in episodes.items()}
+    return named({str(run): scored(found, extra, run.name) for run, found in episodes.items()}, known)
 
 
 def _with_progress(episodes: Sequence[RecordedEpisode], doing: str) -> Iterable[RecordedEpisode]:

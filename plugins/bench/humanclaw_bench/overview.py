@@ -18,8 +18,8 @@ from humanclaw_bench.tables import Column, ResultTable, all_tables
 from humanclaw_bench.writers import texts
 
 SHOWN = ("main", "funnel", "causes", "difficulty", "category", "variants", "body", "own", "plugins")
-DRAWN = ("funnel", "causes")
-"""Tables of shares that the page also draws as bars."""
+DRAWN = {"funnel": True, "causes": False}
+"""Tables of shares that the page draws as charts, and whether the columns become the rows of the chart."""
 
 
 class Page(Protocol):
@@ -27,7 +27,7 @@ class Page(Protocol):
 
     def table(
         self, title: str, head: Sequence[str], rows: Sequence[Sequence[str]], *,
-        notes: Sequence[str] = (), shares: Sequence[Sequence[float]] = (),
+        notes: Sequence[str] = (), shares: Sequence[Sequence[float]] = (), turned: bool = False,
     ) -> None: ...  # fmt: skip
 
     def episode(self, run: Path, name: str, *, success: bool | None, cause: str = "", tier: str = "") -> None: ...
@@ -47,7 +47,7 @@ def overview(runs: Mapping[Path, Sequence[RecordedEpisode]], page: Page) -> None
     tables["causes"] = _happened(tables["causes"])
     for name in SHOWN:
         if tables[name].rows and tables[name].columns:
-            _add(tables[name], page, drawn=name in DRAWN)
+            _add(tables[name], page, name)
         if name == "main" and len(results) == 2:
             _add_comparison(results[0], results[1], page)
 
@@ -61,7 +61,7 @@ def _tell_episodes(run: Path, pairs: Sequence[Scored], page: Page) -> None:
 def _happened(causes: ResultTable) -> ResultTable:
     """Leave out the causes without a failure: they are most rows of the table."""
     rows = tuple(row for row in causes.rows if any(cell.value > 0 for cell in row.cells))
-    return replace(causes, rows=rows, notes=(*causes.notes, "Causes without a failure are left out."))
+    return replace(causes, rows=rows)
 
 
 def _spent(table: ResultTable) -> ResultTable:
@@ -75,11 +75,11 @@ def _spent(table: ResultTable) -> ResultTable:
     return replace(table, columns=tuple(table.columns[index] for index in kept), rows=rows)
 
 
-def _add(table: ResultTable, page: Page, *, drawn: bool) -> None:
+def _add(table: ResultTable, page: Page, name: str) -> None:
     table = _spent(table)
     head, rows = texts(table)
-    shares = [[cell.value for cell in row.cells] for row in table.rows] if drawn else ()
-    page.table(table.title, head, rows, notes=table.all_notes, shares=shares)
+    shares = [[cell.value for cell in row.cells] for row in table.rows] if name in DRAWN else ()
+    page.table(table.title, head, rows, notes=table.all_notes, shares=shares, turned=DRAWN.get(name, False))
 
 
 def _add_comparison(one: Result, two: Result, page: Page) -> None:
@@ -89,12 +89,16 @@ def _add_comparison(one: Result, two: Result, page: Page) -> None:
     except RecordError:
         return
     told = [metric for metric in ALL if metric.name in differences and not _unasked(metric, differences[metric.name])]
-    rows = [compared(Column.of(metric), differences[metric.name]) for metric in told]
+    differing = [m for m in told if differences[m.name].low > 0 or differences[m.name].high < 0]
+    rows = [compared(Column.of(metric), differences[metric.name]) for metric in differing]
+    alike = ", ".join(metric.name for metric in told if metric not in differing)
     notes = (
+        f"No difference shown (the interval contains 0): {alike or 'none'}.",
         f"{bearing(differences, told)} A: {one.name}. B: {two.name}. p: the runs are swapped house by house, exactly "
         "for rates, at random for the rest; corrected (Holm).",
     )
-    page.table("The two runs in pairs", ("metric", "A", "B", "B \u2212 A", "p", "verdict"), rows, notes=notes)
+    head = ("metric", "A", "B", "B \u2212 A", "p", "verdict")
+    page.table("Metrics that differ between the two runs", head, rows, notes=notes)
 
 
 def _unasked(metric: Metric, found: Difference) -> bool:

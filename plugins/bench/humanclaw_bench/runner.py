@@ -63,6 +63,8 @@ class RunStatus:
     """US dollars that this session has spent."""
     tokens: int = 0
     stopped: bool = False
+    limited: bool = False
+    """Whether a limit of the run stopped it."""
 
     @property
     def left(self) -> int:
@@ -141,7 +143,9 @@ def run_split(
                     raise HumanclawError(f"episode {report.episode} cannot be run: {report.error}")
                 asked = pilot.ends_with(report) and status.left > 0
                 refused = asked and not go_on(pilot.forecast(status))
-                if report.limit == "run" or _spent(status, job.limits) or refused:
+                limited = report.limit == "run" or _spent(status, job.limits)
+                status = _with(status, limited=status.limited or limited)
+                if limited or refused:
                     executor.stop()
                     stopped.set()
     return _with(status, stopped=stopped.is_set())

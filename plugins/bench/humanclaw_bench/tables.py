@@ -175,7 +175,7 @@ def funnel_table(results: Sequence[Result]) -> ResultTable:
     columns = tuple(Column(title, percent=True) for title in ("in view", "found", "found, reached", "reached, sat"))
     shares = [tuple(rate(met, *clusters(asked)) for met, asked in Funnel.of(r.scores).shares) for r in results]
     rows = tuple(Row.of(r, cells) for r, cells in zip(results, shares, strict=True))
-    notes = ("The last column is of the reached episodes whose task is to sit.", *(r.note for r in results))
+    notes = ("'reached, sat' is of the reached episodes whose task is to sit.", *(r.note for r in results))
     return ResultTable("Funnel", "agent", columns, rows, notes)
 
 
@@ -198,7 +198,8 @@ def causes_table(results: Sequence[Result]) -> ResultTable:
         f"{result.name}: failures " + ", ".join(f"{stage} {len(failures[stage])}" for stage in STAGES) + "."
         for result, failures in zip(results, failed, strict=True)
     )
-    notes += ("Rows that begin with 'also' are second labels: other rules that describe a failure.",)
+    if len(rows) > len(CAUSES):
+        notes += ("Rows that begin with 'also' are second labels: other rules that describe a failure.",)
     notes += tuple(result.note for result in results)
     return ResultTable("Root causes, share of the failures of each stage", "cause", columns, rows, notes)
 

@@ -8,6 +8,7 @@ import json
 import shutil
 import sys
 import threading
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -338,8 +339,8 @@ def test_a_difference_is_told_in_words(better: str, value: float, p: float, word
         (-0.09, 0.09, 0.01, "noise"),
         (-0.02, 0.11, 0.01, "too few to tell"),
         (-0.11, 0.02, 0.01, "too few to tell"),
-        (0.01, 0.09, 0.01, "too few to tell"),
-        (-0.145, -0.009, 0.01, "too few to tell"),
+        (0.01, 0.09, 0.01, "not significant"),
+        (-0.145, -0.009, 0.01, "not significant"),
         (0.0, 0.0, 0.5, "too few to tell"),
         (float("nan"), float("nan"), 0.01, "too few to tell"),
     ],
@@ -356,7 +357,7 @@ def test_a_share_is_noise_only_where_its_interval_holds_0_and_no_10_points(
     [
         (20.0, 22.0, -1.9, 2.0, "noise"),  # The level is 21, a tenth of it 2.1.
         (20.0, 22.0, -1.9, 2.2, "too few to tell"),
-        (20.0, 22.0, 0.1, 2.0, "too few to tell"),
+        (20.0, 22.0, 0.1, 2.0, "not significant"),
         (0.19, 0.86, -0.09, 1.65, "too few to tell"),
         (-4.0, -4.0, -0.3, 0.3, "noise"),
     ],
@@ -601,9 +602,13 @@ class Shown:
 
     def __init__(self) -> None:
         self.tables: dict[str, tuple[list[str], list[list[str]]]] = {}
+        self.notes: dict[str, str] = {}
 
-    def table(self, title: str, head: list[str], rows: list[list[str]], **more: object) -> None:
+    def table(
+        self, title: str, head: list[str], rows: list[list[str]], notes: Sequence[str] = (), **more: object
+    ) -> None:
         self.tables[title] = (list(head), [list(row) for row in rows])
+        self.notes[title] = " ".join(notes)
 
     def episode(self, run: Path, name: str, **more: object) -> None: ...
 
@@ -612,8 +617,8 @@ def test_a_page_of_two_runs_that_asked_no_model_speaks_of_no_tokens_and_no_cost(
     folders = write_run(tmp_path / "a", sat=3, far=1), write_run(tmp_path / "b", sat=1, far=3)
     page = Shown()
     overview({folder: load_run(folder) for folder in folders}, page)
-    _, rows = page.tables["The two runs in pairs"]
-    metrics = [row[0] for row in rows]
-    assert "NavSR ↑" in metrics
+    title = "Metrics that differ between the two runs"
+    alike = page.notes[title].partition(": ")[2].partition(".")[0].split(", ")
+    metrics = [row[0] for row in page.tables[title][1]] + alike
+    assert "NavSR" in alike, "75 and 25 % of four episodes"
     assert not [name for name in metrics if "tok" in name or "cost" in name]
-    assert next(row for row in rows if row[0] == "NavSR ↑")[1:3] == ["75.0%", "25.0%"]

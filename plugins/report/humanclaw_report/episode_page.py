@@ -5,6 +5,7 @@ All facts come from the record; the scene is only needed to draw the house.
 
 from __future__ import annotations
 
+import io
 import json
 import os
 from collections.abc import Mapping, Sequence
@@ -18,23 +19,25 @@ from urllib.parse import quote
 import jinja2
 import markupsafe
 import numpy as np
+from PIL import Image
 from scipy.ndimage import uniform_filter1d
 
 from humanclaw import RecordedEpisode, Scene, StepRecord
 from humanclaw.body import Array
 from humanclaw.cli import counted
-from humanclaw.records import Usage, touched_above_ground
-from humanclaw.storage import Folder
+from humanclaw.records import Usage
+from humanclaw.storage import Folder, jpeg
 from humanclaw_report.facts import (
     ContactRow,
     Milestone,
     contacts_of,
     in_words,
     milestones,
-    name_of_object,
+    touches,
     verdict_of,
 )
 from humanclaw_report.maps import HouseMap, PathMap, colour, house_maps, path_maps
+from humanclaw_report.marks import Mark, marks
 from humanclaw_report.replay import EVERY, data_uri, house, replay, spans
 from humanclaw_report.three import three
 
@@ -109,6 +112,8 @@ class FilmView:
     kind: str
     source: str
     inside: bool
+    poster: str
+    """Data URI of what is shown before the film plays; empty without one."""
 
 
 @dataclass(frozen=True)
@@ -124,12 +129,21 @@ class EpisodeView:
     maps: tuple[PathMap, ...]
     """The storeys that the path or a target is on, lowest first."""
     contacts: tuple[ContactRow, ...]
+    marks: tuple[Mark, ...]
     charts: tuple[Chart, ...]
     film: FilmView | None
 
 
-def episode_page(recorded: RecordedEpisode, drawn: Drawn, page: Path, shared: Shared | None = None) -> str:
-    """Return the HTML of an episode. page: path that it will be written to; shared: None for a self-contained page."""
+def episode_page(
+    recorded: RecordedEpisode, drawn: Drawn, page: Path, shared: Shared | None = None, cause: str = ""
+) -> str:
+    """Return the HTML of an episode.
+
+    Args:
+        page: Path that it will be written to.
+        shared: None for a self-contained page.
+        cause: Why the episode failed, as a benchmark told; empty if it did not.
+    """
     view = _view(recorded, drawn, page, inside=shared is None)
     moving = replay(recorded, drawn.scene)
     return environment().get_template("episode.html").render(
@@ -137,6 +151,7 @@ def episode_page(recorded: RecordedEpisode, drawn: Drawn, page: Path, shared: Sh
         record=recorded.record,
         house=drawn.maps if drawn.scene else (),
         parts=PARTS,
+        cause=cause,
         shared=shared,
         three="" if shared or not moving else script(three()),
         house_script="" if shared or not drawn.scene else script(house_script(drawn.scene)),
@@ -200,6 +215,7 @@ def _view(recorded: RecordedEpisode, drawn: Drawn, page: Path, *, inside: bool) 
         steps=tuple(_step(recorded, s, n, source[s.step], drawn.scene) for n, s in enumerate(recorded.steps)),
         maps=path_maps(recorded, drawn.maps, drawn.note),
         contacts=contacts_of(recorded, drawn.scene),
+        marks=marks(recorded, drawn.scene),
         charts=_charts(recorded),
         film=_film(recorded.files, page),
     )
@@ -230,16 +246,22 @@ def _film(files: Folder, page: Path) -> FilmView | None:
         if status := files.status(name):
             small = status.st_size <= FILM_BYTES
             told = data_uri(files.read(name, FILM_BYTES), media) if small else link(files.path / name, page)
-            return FilmView(kind, told, small)
+            return FilmView(kind, told, small, _poster(files))
     return None
+
+
+def _poster(files: Folder) -> str:
+    """Return a smaller copy of an episode's picture; empty if there is none."""
+    if not files.has("poster.png"):
+        return ""
+    with Image.open(io.BytesIO(files.read("poster.png", FILM_BYTES)), formats=["PNG"]) as image:
+        small = image.convert("RGB")
+    small.thumbnail((960, 960))
+    return data_uri(jpeg(np.asarray(small), quality=80), "image/jpeg")
 
 
 def _step(recorded: RecordedEpisode, step: StepRecord, number: int, picture: str, scene: Scene | None) -> StepView:
     kind, verdict = verdict_of(step)
-    touched = {
-        c.object_id: f"{c.joint.replace('_', ' ')} on {name_of_object(scene, c.object_id)}"
-        for c in touched_above_ground(recorded, step)
-    }
     return StepView(
         record=step,
         call=str(step.call or "no usable call"),
@@ -247,7 +269,7 @@ def _step(recorded: RecordedEpisode, step: StepRecord, number: int, picture: str
         refusals=tuple(attempt.error for attempt in step.attempts if attempt.error),
         verdict=verdict,
         verdict_kind=kind,
-        contacts="; ".join(touched.values()),
+        contacts=touches(recorded, step, scene),
         sensor_readings=step.feedback.sensor_readings if step.status == "executed" else "",
         pixels=sum(step.target_pixels.values()),
         colour=colour(number / max(1, len(recorded.steps) - 1)),

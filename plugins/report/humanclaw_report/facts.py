@@ -138,6 +138,19 @@ def _ranges(numbers: Sequence[int]) -> str:
     return ", ".join(f"{run[0]}\u2013{run[-1]}" if len(run) > 1 else str(run[0]) for run in runs)
 
 
+def touches(recorded: RecordedEpisode, step: StepRecord, scene: Scene | None) -> str:
+    """Return which parts of the body a step lays on which objects: "pelvis and right knee on couch 3; ..."."""
+    parts: dict[int, dict[str, None]] = {}
+    for contact in touched_above_ground(recorded, step):
+        parts.setdefault(contact.object_id, {})[contact.joint.replace("_", " ")] = None
+    return "; ".join(f"{listed(list(found))} on {name_of_object(scene, key)}" for key, found in parts.items())
+
+
+def listed(words: Sequence[str], last: str = "and") -> str:
+    """Return words as in a sentence: "chair, couch and bed"."""
+    return f" {last} ".join(filter(None, (", ".join(words[:-1]), *words[-1:])))
+
+
 def name_of_object(scene: Scene | None, key: int) -> str:
     obj = scene.by_id.get(key) if scene else None
     return f"{obj.category.replace('_', ' ')} {key}" if obj else f"object {key}"

@@ -28,16 +28,18 @@ class Overview(Protocol):
         *,
         notes: Sequence[str] = (),
         shares: Sequence[Sequence[float]] = (),
+        turned: bool = False,
     ) -> None:
-        """Add a table.
+        """Add a table. The first one stands open; those with shares are charts above it; the rest is folded.
 
         Args:
             title: Heading over the table.
             head: Heading of each column.
             rows: Cells as text; the first cell of a row is its heading.
             notes: Sentences under the table.
-            shares: For each row, shares from 0 to 1 that are drawn as bars under the cells after the first. NaN draws
+            shares: For each row, shares from 0 to 1 that are drawn as bars beside the cells after the first. NaN draws
                 no bar.
+            turned: Draw the columns of a chart as its rows.
         """
 
     def episode(self, run: Path, name: str, *, success: bool | None, cause: str = "", tier: str = "") -> None:

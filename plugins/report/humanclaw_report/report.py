@@ -84,17 +84,19 @@ def write_report(
 def _page(found: Runs, target: Path, houses: Houses, contribute: Contribute | None) -> str:
     """Return the page of one episode, or write those of several and return the page that lists them."""
     episodes = [episode for one in found.values() for episode in one]
-    if len(episodes) == 1:
-        return episode_page(episodes[0], houses.of(episodes[0]), target)
     collected = Collected()
     if contribute:
         contribute(found, collected)
-    _write_episodes(found, target, houses)
+    if len(episodes) == 1:
+        (run,) = (run for run, one in found.items() if one)
+        cause = collected.cause(run, episodes[0].record.spec.id)
+        return episode_page(episodes[0], houses.of(episodes[0]), target, cause=cause)
+    _write_episodes(found, target, houses, collected)
     asked = {run: episodes_asked(run) for run in found}
     return run_page(found, collected, target, lambda e: e.folder / PAGE, asked)
 
 
-def _write_episodes(found: Runs, target: Path, houses: Houses) -> None:
+def _write_episodes(found: Runs, target: Path, houses: Houses, collected: Collected) -> None:
     """Write the page of every episode, and the files that the pages of a run share."""
     total = sum(map(len, found.values()))
     with tqdm(total=total, desc="pages", unit="page", disable=None if total > 20 else True, leave=False) as bar:
@@ -104,8 +106,9 @@ def _write_episodes(found: Runs, target: Path, houses: Houses) -> None:
             shelf.write("three.js", three().encode())
             for episode in sorted(episodes, key=lambda e: e.record.spec.scene):
                 page, drawn = episode.folder / PAGE, houses.of(episode)
+                cause = collected.cause(run, episode.record.spec.id)
                 shared = _shared(shelf, drawn, page, home)
-                episode.files.write(PAGE, episode_page(episode, drawn, page, shared).encode())
+                episode.files.write(PAGE, episode_page(episode, drawn, page, shared, cause).encode())
                 bar.update()
 
 

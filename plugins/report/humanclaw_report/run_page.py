@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import isfinite
 from pathlib import Path
 from typing import Final
 
 from humanclaw import RecordedEpisode
+from humanclaw.cli import counted
 from humanclaw.records import EpisodeSpec, Usage
 from humanclaw_report.episode_page import PARTS, environment, link
-from humanclaw_report.facts import Milestone, milestones
+from humanclaw_report.facts import Milestone, listed, milestones
 
 WORDS: Final = {True: "success", False: "failure", None: "not counted"}
 """The result of an episode in a word, for readers who do not see colours."""
@@ -45,6 +46,15 @@ class Table:
     head: tuple[str, ...]
     rows: tuple[tuple[Cell, ...], ...]
     notes: tuple[str, ...] = ()
+    chart: bool = False
+    """Whether its shares are drawn as bars at the top of the page."""
+
+    @property
+    def turned(self) -> Table:
+        """The same with rows and columns exchanged."""
+        columns = list(zip(*(row[1:] for row in self.rows), strict=True))
+        rows = tuple((Cell(name), *column) for name, column in zip(self.head[1:], columns, strict=True))
+        return replace(self, head=("", *(row[0].text for row in self.rows)), rows=rows)
 
 
 @dataclass(frozen=True)
@@ -65,13 +75,19 @@ class Collected:
 
     def table(
         self, title: str, head: Sequence[str], rows: Sequence[Sequence[str]], *,
-        notes: Sequence[str] = (), shares: Sequence[Sequence[float]] = (),
+        notes: Sequence[str] = (), shares: Sequence[Sequence[float]] = (), turned: bool = False,
     ) -> None:  # fmt: skip
         lined = [_cells(row, shares[n] if n < len(shares) else ()) for n, row in enumerate(rows)]
-        self.tables.append(Table(title, tuple(head), tuple(lined), tuple(notes)))
+        made = Table(title, tuple(head), tuple(lined), tuple(notes), bool(shares))
+        self.tables.append(made.turned if turned else made)
 
     def episode(self, run: Path, name: str, *, success: bool | None, cause: str = "", tier: str = "") -> None:
         self.facts[run, name] = Facts(success, cause, tier)
+
+    def cause(self, run: Path, name: str) -> str:
+        """Return why an episode failed; empty if it did not, or no benchmark told."""
+        found = self.facts.get((run, name))
+        return found.cause if found else ""
 
 
 def _cells(row: Sequence[str], shares: Sequence[float]) -> tuple[Cell, ...]:
@@ -135,12 +151,17 @@ def run_page(
     every = [episode for episodes in runs.values() for episode in episodes]
     tables = found.tables or [_milestone_table(runs)]
     return environment().get_template("run.html").render(
-        title=" and ".join(run.resolve().name for run in runs),
+        title=_title(runs, lines),
+        folders=" and ".join(run.resolve().name for run in runs),
         names=_names(runs),
-        counts=[(len(episodes), max(asked.get(run, 0), len(episodes))) for run, episodes in runs.items()],
+        counts=[
+            (_won(lines, n), len(episodes), max(asked.get(run, 0), len(episodes)))
+            for n, (run, episodes) in enumerate(runs.items())
+        ],
         lines=lines,
         first=FIRST,
-        tables=tables,
+        charts=[table for table in tables if table.chart],
+        tables=[table for table in tables if not table.chart],
         common=_common(tables),
         totals=_totals(every),
         parts=PARTS,
@@ -149,6 +170,19 @@ def run_page(
         causes=sorted({cause for line in lines for cause in line.causes}),
         words=[word for word in WORDS.values() if any(word in line.words for line in lines)],
     )  # fmt: skip
+
+
+def _title(runs: Runs, lines: Sequence[Line]) -> str:
+    """Return what was run: agents, number of episodes and targets."""
+    targets = sorted({line.spec.target_category.replace("_", " ") for line in lines} - {""})
+    wanted = f", to find a {listed(targets, 'or')}" if targets else ""
+    agents = dict.fromkeys(e.record.agent for episodes in runs.values() for e in episodes)
+    return f"{listed(list(agents))}: {counted(len(lines), 'episode')}{wanted}"
+
+
+def _won(lines: Sequence[Line], run: int) -> int:
+    """Return the number of successes in a run."""
+    return sum(line.results[run] is not None and line.results[run].word == WORDS[True] for line in lines)
 
 
 def _common(tables: Sequence[Table]) -> tuple[str, ...]:
@@ -164,6 +198,7 @@ def _names(runs: Runs) -> list[str]:
 
 
 def _lines(runs: Runs, found: Collected, out: Path, page_of: Callable[[RecordedEpisode], Path]) -> list[Line]:
+    """Return every episode by its number; those whose result differs between runs come first."""
     by_name = [{episode.record.spec.id: episode for episode in episodes} for episodes in runs.values()]
     lines = []
     for name in sorted({name for episodes in by_name for name in episodes}, key=_natural):
@@ -174,7 +209,7 @@ def _lines(runs: Runs, found: Collected, out: Path, page_of: Callable[[RecordedE
         )
         spec = next(one.record.spec for one in there if one)
         lines.append(Line(spec, next((fact.tier for fact in facts if fact), ""), results))
-    return lines
+    return sorted(lines, key=lambda line: not line.changed)
 
 
 def _natural(name: str) -> list[tuple[int, str]]:
@@ -214,7 +249,7 @@ def _milestone_table(runs: Runs) -> Table:
         "From geometry and the active stop alone. A target is in view from 100 pixels on, reached within 0.2 m of its "
         "bounding box, and sat on while the hips touch it.",
     )
-    return Table("How far the episodes came", ("agent", *names), tuple(rows), notes)
+    return Table("How far the episodes came", ("agent", *names), tuple(rows), notes, chart=True).turned
 
 
 def _totals(episodes: Sequence[RecordedEpisode]) -> dict[str, object]:

@@ -7,6 +7,7 @@ from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 from urllib.parse import unquote, urljoin, urlsplit
 
 import numpy as np
@@ -16,9 +17,11 @@ from rooms import UPSTAIRS, asset, block, scene_object, two_rooms, two_storeys
 
 import humanclaw_report
 from humanclaw import RecordedEpisode, RecordError, Scene, SceneError
+from humanclaw.body import HISTORY
 from humanclaw_report.episode_page import house_script
-from humanclaw_report.facts import in_words, milestones
+from humanclaw_report.facts import in_words, milestones, touches
 from humanclaw_report.maps import house_maps, path_maps, storeys_at
+from humanclaw_report.marks import marks
 from humanclaw_report.report import write_report
 
 VOID = {"meta", "img", "br", "link", "input", "hr"}
@@ -216,6 +219,36 @@ def test_no_senses_are_told_of_a_record_without_them(page: Page) -> None:
 def test_contacts_name_the_object_and_the_part_of_the_body(page: Page, made: tuple[Path, Scene]) -> None:
     last = RecordedEpisode(made[0] / "one").steps[-1].step
     assert re.search(rf"couch 20 left ankle 18.{last}", page.text)
+
+
+def test_all_parts_of_the_body_that_touch_an_object_are_named(made: tuple[Path, Scene]) -> None:
+    episode = RecordedEpisode(made[0] / "one")
+    last = episode.steps[-1].contacts[-1]
+    on = tuple(replace(last, joint=joint) for joint in ("pelvis", "left_hip", "right_knee", "pelvis"))
+    step = episode.steps[-1].model_copy(update={"contacts": on})
+    assert touches(episode, step, made[1]) == "pelvis, left hip and right knee on couch 20"
+
+
+def test_contacts_and_events_stand_on_the_time_line_where_they_happened(made: tuple[Path, Scene]) -> None:
+    episode = RecordedEpisode(made[0] / "one")
+    frames, steps = HISTORY + 15 * len(episode.steps), range(18, len(episode.steps))
+    found = marks(episode, made[1])
+    sat = [mark.at for mark in found if mark.kind == "target"]
+    assert sat == pytest.approx([100 * (HISTORY + 15 * step + 14) / frames for step in steps])
+    (refused,) = (mark for mark in found if mark.kind == "refused")
+    assert (refused.words, refused.at) == ("step 3: the verifier replaced the call", 100 * (HISTORY + 45) / frames)
+    assert [mark.words.partition(": ")[2] for mark in found if mark.kind == "event"] == [
+        "target first in view",
+        "hips on the target",
+    ]
+
+
+def test_the_root_cause_stands_on_the_page_of_an_episode(made: tuple[Path, Scene], tmp_path: Path) -> None:
+    def contribute(runs: Any, page: Any) -> None:
+        page.episode(made[0], "couch-0", success=False, cause="nav: too far")
+
+    path = write_report(made[0], tmp_path / "out.html", lambda name: made[1], contribute=contribute)
+    assert "root cause: nav: too far" in Page(path.read_text("utf-8")).text
 
 
 def test_a_scene_that_cannot_be_loaded_leaves_a_note(made: tuple[Path, Scene], tmp_path: Path) -> None:

@@ -1,0 +1,221 @@
+"""`humanclaw bench reproduce`: play the paper's tables 2 and 3 for the models of a file, and write one page."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Any, Final
+
+import click
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
+
+from humanclaw import EpisodeSpec, HumanclawError, Plugins
+from humanclaw.cli import Console, counted
+from humanclaw.records import name_of
+from humanclaw.storage import write_atomically
+from humanclaw_bench.ablation import FURTHER_SETTINGS, MODEL_SETTINGS, model_jobs
+from humanclaw_bench.export import results_of
+from humanclaw_bench.progress import RunProgress, foresight
+from humanclaw_bench.runner import Forecast, RunStatus, run_split
+from humanclaw_bench.splits import load_split, repeated
+from humanclaw_bench.tables import ResultTable, ablation_table, all_tables
+from humanclaw_bench.worker import Job
+from humanclaw_bench.writers import markdown
+
+MAIN: Final = "main"
+"""Folder of a model's run for table 2; the other folders are settings of table 3."""
+
+
+def _known(name: str) -> str:
+    known = {**MODEL_SETTINGS, **FURTHER_SETTINGS}
+    if name not in known:
+        raise ValueError(f"{name!r} is none of {', '.join(known)}")
+    return name
+
+
+Setting = Annotated[str, AfterValidator(_known)]
+
+
+class Model(BaseModel):
+    """A row of the paper's tables."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, protected_namespaces=())
+
+    model: Annotated[str, Field(min_length=1)]
+    """Provider and name, as litellm writes them."""
+    name: Annotated[str, Field(pattern=r"^[\w.-]*$")] = ""
+    """Name of the row's folder; the default is made from the model."""
+    usd_per_million: tuple[float, float] | None = None
+    """US dollars for a million tokens in and out; the default is litellm's list of prices."""
+    options: Mapping[str, Any] = {}
+    """Further options of agent and verifier, as for `--option`."""
+    limits: Mapping[str, float] = {}
+    """Limits of each run, as for `--limit`."""
+    ablation: bool | tuple[Setting, ...] = False
+    """Whether to play the ten settings of table 3 too, or the names of some."""
+
+    @property
+    def folder(self) -> str:
+        return self.name or re.sub(r"[^\w.-]+", "-", self.model)
+
+    @property
+    def settings(self) -> tuple[str, ...]:
+        """The settings of table 3 to play."""
+        return (tuple(MODEL_SETTINGS) if self.ablation else ()) if isinstance(self.ablation, bool) else self.ablation
+
+    def jobs(self, settings: Sequence[str]) -> dict[str, Job]:
+        """Return the job of each setting; that of table 2 is the baseline's."""
+        params: dict[str, Any] = dict(self.options.get("params", {}))
+        if self.usd_per_million:
+            costs = (usd / 1_000_000 for usd in self.usd_per_million)
+            params |= dict(zip(("input_cost_per_token", "output_cost_per_token"), costs, strict=True))
+        options = {**self.options, "model": self.model} | ({"params": params} if params else {})
+        return model_jobs(options, self.limits, settings)
+
+
+class Plan(BaseModel):
+    """The file of models."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    models: Annotated[tuple[Model, ...], Field(min_length=1)]
+    split: str = "val"
+    """Split of table 2."""
+    ablation_split: str = "mini"
+    """Split of table 3."""
+    repeats: Annotated[int, Field(ge=1)] = 1
+    """How often each episode of table 2 is played, each time with another seed."""
+
+    @classmethod
+    def read(cls, path: Path) -> Plan:
+        """Read a file. Raises HumanclawError, which names the first fault."""
+        try:
+            plan = cls.model_validate(tomllib.loads(path.read_text("utf-8")))
+        except (OSError, tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+            raise HumanclawError(f"{path} cannot be read: {error}.", "Name a TOML file of models.") from error
+        except ValidationError as error:
+            fault = max(error.errors(), key=lambda one: len(one["loc"]))  # Of a choice of types the one that fits best.
+            where = ".".join(map(str, fault["loc"]))
+            raise HumanclawError(f"{path}: {where}: {fault['msg']}.", "See docs/howto/measure.md.") from error
+        folders = [model.folder.lower() for model in plan.models]
+        if len(set(folders)) < len(folders):
+            raise HumanclawError(f"{path} names two models alike.", "Give each a `name` of its own.")
+        return plan
+
+    def runs(self, model: Model) -> Iterator[tuple[str, tuple[EpisodeSpec, ...], Job]]:
+        """Yield folder, episodes and job of every run of a model."""
+        yield MAIN, repeated(load_split(self.split), self.repeats), model.jobs(["baseline"])["baseline"]
+        for setting, job in model.jobs(model.settings).items():
+            yield name_of(setting).replace(" ", "-"), load_split(self.ablation_split), job
+
+
+@click.command()
+@click.argument("what", type=click.Choice(["paper"]))
+@click.option("--models", "file", type=click.Path(path_type=Path), required=True, help="TOML file of models.")
+@click.option("--out", type=click.Path(path_type=Path), default=Path("runs/paper"), show_default=True, help="Folder.")
+@click.option("--workers", type=click.IntRange(1), default=1, show_default=True, help="Episodes at a time.")
+@click.option("--yes", is_flag=True, help="Do not ask for confirmation after the estimate of time and cost.")
+def reproduce(what: str, file: Path, out: Path, workers: int, yes: bool) -> None:
+    """Play the paper's tables 2 and 3 for the models of a file, or continue.
+
+    First each model plays three episodes, and the command estimates time and cost of everything. At the end, and after
+    Ctrl-C, `paper.md` in the folder holds the tables.
+    """
+    plan, player = Plan.read(file), _Player(workers)
+    if not yes and not _agreed([player.forecast(plan, model, out) for model in plan.models], plan.models):
+        return
+    try:
+        failed = [player.play(plan, model, out) for model in plan.models]
+    finally:
+        click.echo(f"page: {_write(plan, out)}")
+    if any(failed):
+        raise SystemExit(1)
+
+
+class _Player:
+    """Plays runs with the benchmark's local executor."""
+
+    def __init__(self, workers: int) -> None:
+        self._workers, self._plugins = workers, Plugins.discover()
+
+    def forecast(self, plan: Plan, model: Model, out: Path) -> Forecast | None:
+        """Play a model's first episodes and estimate the rest of all its runs; None if they are (almost) done."""
+        found: list[Forecast] = []
+        folder, specs, job = next(plan.runs(model))
+        self._run(specs, job, out / model.folder / folder, found, until_forecast=True)
+        if not found:
+            return None
+        later = sum(len(others) for name, others, _ in plan.runs(model) if name != MAIN)
+        share = (found[0].left + later) / found[0].left
+        return replace(
+            found[0], left=found[0].left + later, seconds=share * found[0].seconds, cost=share * found[0].cost
+        )
+
+    def play(self, plan: Plan, model: Model, out: Path) -> bool:
+        """Play a model's runs to their end or limit. Returns whether an episode failed by infrastructure.
+
+        Ctrl-C exits with 130.
+        """
+        failed = False
+        for folder, specs, job in plan.runs(model):
+            status = self._run(specs, job, out / model.folder / folder, [])
+            if status.stopped and not status.limited:
+                raise SystemExit(130)
+            failed |= status.failed > 0
+        return failed
+
+    def _run(
+        self, specs: Sequence[EpisodeSpec], job: Job, out: Path, found: list[Forecast], *, until_forecast: bool = False
+    ) -> RunStatus:
+        def go_on(forecast: Forecast) -> bool:
+            found.append(forecast)
+            return not until_forecast
+
+        with RunProgress(Console(stderr=True), out) as progress:
+            player = self._plugins.make("executors", "local", self._workers, "")
+            job = replace(job, backends=job.backends.chosen(self._plugins))
+            status = run_split(specs, job, player, out, plugins=self._plugins, watch=progress.watch, go_on=go_on)
+            progress.end(status)
+        if status.stopped and until_forecast and not found:  # Ctrl-C, or a limit, before there was an estimate.
+            raise SystemExit(130)
+        return status
+
+
+def _agreed(forecasts: Sequence[Forecast | None], models: Sequence[Model]) -> bool:
+    """Print the estimates and ask whether to play. Without a terminal nobody is asked."""
+    known = [(model, forecast) for model, forecast in zip(models, forecasts, strict=True) if forecast]
+    for model, forecast in known:
+        click.echo(f"{model.folder}: {foresight(forecast)}")
+    hours, cost = (sum(getattr(one, what) for _, one in known) for what in ("seconds", "cost"))
+    if not known or not Console().is_terminal:
+        return True
+    return click.confirm(f"All together: {hours / 3600:.1f} h and ${cost:.2f}. Continue?", default=True)
+
+
+def _write(plan: Plan, out: Path) -> Path:
+    """Write the page of everything that was played so far; return its path."""
+    runs = [out / model.folder / MAIN for model in plan.models]
+    parts = [f"# The paper's tables for {counted(len(runs), 'model')}"]
+    if played := [run for run in runs if _holds_episodes(run)]:
+        tables = all_tables(results_of(played)).values()
+        parts += [markdown(table) for table in tables if table.rows and table.columns]
+    for model in plan.models:
+        settings = {name: out / model.folder / name for name, _, _ in plan.runs(model) if name != MAIN}
+        if table := _ablation({name: run for name, run in settings.items() if _holds_episodes(run)}):
+            parts.append(markdown(replace(table, title=f"{table.title} of {model.folder}")))
+    path = out / "paper.md"
+    write_atomically(path, ("\n\n".join(parts) + "\n").encode())
+    return path
+
+
+def _ablation(runs: Mapping[str, Path]) -> ResultTable | None:
+    """Return table 3 of one model, from its runs by setting; None without runs."""
+    named = [replace(result, name=name.replace("-", " ")) for name, run in runs.items() for result in results_of([run])]
+    return ablation_table(named) if named else None
+
+
+def _holds_episodes(run: Path) -> bool:
+    return any(run.glob("*/episode.json"))

@@ -1,0 +1,67 @@
+"""Marks on the time line of an episode: contacts as spans, events as points."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+from humanclaw import RecordedEpisode, Scene, StepRecord
+from humanclaw.records import in_view, on_target, touched_above_ground
+from humanclaw_report.facts import name_of_object, verdict_of
+from humanclaw_report.replay import spans
+
+
+@dataclass(frozen=True)
+class Mark:
+    """A span or a point of the time line. at and wide: shares of the whole, per cent."""
+
+    kind: Literal["target", "fixed", "movable", "event", "refused"]
+    at: float
+    wide: float
+    words: str
+
+
+def marks(recorded: RecordedEpisode, scene: Scene | None) -> tuple[Mark, ...]:
+    """Return the contacts above the ground, then the events, each by its time."""
+    frames = max(1, spans(recorded)[-1][1]) if recorded.steps else 1
+    return (*_contacts(recorded, scene, frames), *_events(recorded, frames))
+
+
+def _contacts(recorded: RecordedEpisode, scene: Scene | None, frames: int) -> Iterator[Mark]:
+    """Yield one span for each object that a step touches."""
+    targets = set(recorded.record.spec.target_ids)
+    for step, (first, _) in zip(recorded.steps, spans(recorded), strict=True):
+        touched: dict[int, list[int]] = {}
+        movable: set[int] = set()
+        for contact in touched_above_ground(recorded, step):
+            touched.setdefault(contact.object_id, []).extend(contact.frames)
+            movable |= {contact.object_id} if contact.movable else set()
+        for key, found in touched.items():
+            if found:
+                kind: Literal["target", "fixed", "movable"] = (
+                    "target" if key in targets else "movable" if key in movable else "fixed"
+                )
+                at, wide = 100 * (first + min(found)) / frames, 100 * (max(found) - min(found) + 1) / frames
+                yield Mark(kind, at, wide, f"step {step.step}: touches {name_of_object(scene, key)}")
+
+
+def _events(recorded: RecordedEpisode, frames: int) -> Iterator[Mark]:
+    """Yield when the target was first in view, when the body sat, and what was refused, replaced or ended it."""
+    begun = {step.step: 100 * first / frames for step, (first, _) in zip(recorded.steps, spans(recorded), strict=True)}
+    first_views = [step for step in recorded.steps if in_view(step)][:1]
+    first_seats = [step for step in recorded.steps if on_target(recorded, step)][:1]
+    for words, steps in (("target first in view", first_views), ("hips on the target", first_seats)):
+        for step in steps:
+            yield Mark("event", begun[step.step], 0, f"step {step.step}: {words}")
+    for step in recorded.steps:
+        for words in _refused(step):
+            yield Mark("refused", begun[step.step], 0, f"step {step.step}: {words}")
+
+
+def _refused(step: StepRecord) -> Iterator[str]:
+    for attempt in step.attempts:
+        if attempt.error:
+            yield f"rejected: {attempt.error}"
+    if verdict_of(step)[0] == "replaced":
+        yield "the verifier replaced the call"
