@@ -182,7 +182,7 @@ def _title(runs: Runs, lines: Sequence[Line]) -> str:
 
 def _won(lines: Sequence[Line], run: int) -> int:
     """Return the number of successes in a run."""
-    return sum(line.results[run] is not None and line.results[run].word == WORDS[True] for line in lines)
+    return sum(result is not None and result.word == WORDS[True] for result in (line.results[run] for line in lines))
 
 
 def _common(tables: Sequence[Table]) -> tuple[str, ...]:

@@ -258,11 +258,13 @@ class Chunks:
 
     def mirrored(self, known: Mapping[str, Measure] = MEASURES) -> Chunks:
         """Mirror the chunks, which then are not real."""
-        root, rotations = (part.astype(np.float32) for part in mirrored(self.root, self.rotations))
-        params = self.params.copy()
+        root, rotations = mirrored(self.root.astype(float), self.rotations.astype(float))
+        params = self.params.astype(float)
         for column, measure in enumerate(self.measures.tolist()):
             params[:, column] = known[measure].mirrored(params[:, column], root, rotations)
-        return replace(self, root=root, rotations=rotations, params=params, real=np.zeros_like(self.real))
+        changed = {"root": root, "rotations": rotations, "params": params}
+        single = {name: values.astype(np.float32) for name, values in changed.items()}
+        return replace(self, **single, real=np.zeros_like(self.real))
 
     def save(self, path: str | Path) -> None:
         """Write one npz. An interrupted save leaves the old file in place."""

@@ -53,7 +53,8 @@ def travel(root: Array, rotations: Array) -> WindowTravel:
     toes = joints[:, HISTORY - 1 :, _FEET, 1] - TOE_SOLE
     level = (toes.min(axis=(1, 2)) > -0.03) & (toes.max(axis=(1, 2)) < 0.12)
     turned = heading(rotations[:, -1, 0])
-    return WindowTravel(*moved.T, turned, path, neutral, level, root, rotations)
+    across, up, forward = moved.T
+    return WindowTravel(across, up, forward, turned, path, neutral, level, root, rotations)
 
 
 # -- sanity ------------------------------------------------------------------------------------------------------------
