@@ -8,8 +8,9 @@ import math
 import re
 import zipfile
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
+from functools import lru_cache
 from pathlib import Path
 from typing import Final, Literal
 
@@ -66,15 +67,11 @@ class RecordedEpisode:
         """
         path = self.folder / "motion.npz"
         try:
-            with zipfile.ZipFile(path) as archive:
-                _check_arrays(archive)
-            with np.load(path) as data:
-                found = {name: data[name] for name in names or sorted(data.files)}
-            if not all(np.isfinite(array).all() for array in found.values()):
-                raise ValueError("it holds values that are not finite")
+            about = path.stat()
+            found = _read_arrays(path, about.st_mtime_ns, about.st_size)
+            return {name: found[name] for name in names or sorted(found)}
         except Exception as error:  # Damage raises a dozen kinds of errors in numpy, zipfile and its unpackers.
             raise RecordError(f"{path} cannot be read: {error}.", AGAIN) from error
-        return found
 
     def _repr_html_(self) -> str:
         """Return the task, the outcome and a strip of views, for a notebook."""
@@ -173,6 +170,18 @@ def _within(folder: Path, name: str) -> Path:
     if not inside:
         raise RecordError(f"the record in {folder} names {name!r}, which lies elsewhere.", AGAIN)
     return path
+
+
+@lru_cache(maxsize=1)
+def _read_arrays(path: Path, changed: int, size: int) -> Mapping[str, Array]:
+    """Read and check a motion.npz. Whoever scores or shows an episode asks for its arrays several times."""
+    with zipfile.ZipFile(path) as archive:
+        _check_arrays(archive)
+    with np.load(path) as data:
+        found = {name: data[name] for name in data.files}
+    if not all(np.isfinite(array).all() for array in found.values()):
+        raise ValueError("it holds values that are not finite")
+    return found
 
 
 def _check_arrays(archive: zipfile.ZipFile) -> None:
