@@ -5,11 +5,13 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import os
 import re
 import zipfile
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
+from functools import lru_cache
 from pathlib import Path
 from typing import Final, Literal
 
@@ -66,17 +68,13 @@ class RecordedEpisode:
         Sizes are checked before memory is allocated.
         """
         try:
-            with self.files.open("motion.npz", MOTION_BYTES) as stream, zipfile.ZipFile(stream) as archive:
-                _check_arrays(archive)
-                stream.seek(0)
-                data = np.load(stream)
-                found = {name: data[name] for name in names or sorted(data.files)}
-            if not all(np.isfinite(array).all() for array in found.values()):
-                raise ValueError("it holds values that are not finite")
+            with self.files.open("motion.npz", MOTION_BYTES) as stream:
+                about = os.fstat(stream.fileno())
+            found = _read_arrays(self.files, about.st_ino, about.st_mtime_ns, about.st_size)
+            return {name: found[name] for name in names or sorted(found)}
         except Exception as error:  # Damage raises a dozen kinds of errors in numpy, zipfile and its unpackers.
             told = error.strerror if isinstance(error, OSError) else error
             raise RecordError(f"{self.folder / 'motion.npz'} cannot be read: {told}.", AGAIN) from error
-        return found
 
     def view(self, step: StepRecord) -> bytes:
         """Return the view before a step as JPEG; empty if the record does not hold it."""
@@ -176,6 +174,22 @@ def _verify(files: Folder, record: EpisodeRecord) -> None:
             found = files.digest(name, MOTION_BYTES)
         if found != digest:
             raise RecordError(f"{files.path / name} has been changed since it was written.", AGAIN)
+
+
+@lru_cache(maxsize=1)
+def _read_arrays(files: Folder, number: int, changed: int, size: int) -> Mapping[str, Array]:
+    """Read and check a motion.npz. Whoever scores or shows an episode asks for its arrays several times.
+
+    number, changed, size: inode, time and size of the file; a changed file is read again.
+    """
+    with files.open("motion.npz", MOTION_BYTES) as stream, zipfile.ZipFile(stream) as archive:
+        _check_arrays(archive)
+        stream.seek(0)
+        data = np.load(stream)
+        found = {name: data[name] for name in data.files}
+    if not all(np.isfinite(array).all() for array in found.values()):
+        raise ValueError("it holds values that are not finite")
+    return found
 
 
 def _check_arrays(archive: zipfile.ZipFile) -> None:

@@ -9,6 +9,7 @@ An object on a hinge has leverage: a push near the hinge needs more force.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Final
@@ -24,6 +25,7 @@ from humanclaw.world.scene import Scene
 
 GROUND_FRICTION: Final = 0.5
 """Friction of a scene's floors."""
+_RISING: Final = np.array([-np.inf, 0.0, -np.inf])
 _LEAST_LEVER: Final = 0.02
 """A push that passes the hinge nearer than this turns nothing, metres."""
 
@@ -87,10 +89,8 @@ class Exertion:
             faster = abs(after.spin[1]) - abs(before.spin[1])
             return self._swings[key].inertia * max(0.0, float(faster)) / self._levers[key]
         faster = _speed(after, radius) > _speed(before, radius)
-        gain = np.hypot(
-            np.linalg.norm(_no_fall(after) - _no_fall(before)), radius * np.linalg.norm(after.spin - before.spin)
-        )
-        return self._mass[key] * float(gain) if faster else 0.0
+        gain = math.hypot(*(_no_fall(after) - _no_fall(before)), *(radius * (after.spin - before.spin)))
+        return self._mass[key] * gain if faster else 0.0
 
     def _holding(self, key: int) -> float:
         """Force that friction takes from a push, and a hinge's damping from one as fast as before, newtons."""
@@ -138,11 +138,11 @@ def _arm(point: Array, normal: Sequence[float]) -> float:
 
 def _no_fall(motion: ObjectMotion) -> Array:
     """(3,) velocity without what gravity does to it."""
-    return np.maximum(motion.velocity, [-np.inf, 0.0, -np.inf])
+    return np.asarray(np.maximum(motion.velocity, _RISING))
 
 
 def _speed(motion: ObjectMotion, radius: float) -> float:
-    return float(np.hypot(np.linalg.norm(_no_fall(motion)), radius * np.linalg.norm(motion.spin)))
+    return math.hypot(*_no_fall(motion), *(radius * motion.spin))
 
 
 def _shared(before: ObjectMotion, after: ObjectMotion, share: float, seconds: float) -> ObjectMotion:
@@ -164,14 +164,12 @@ def _at_middle(touches: Sequence[Touch], after: ObjectMotion) -> Sequence[Touch]
 
 def _lost(after: ObjectMotion, kept: ObjectMotion, touches: Sequence[Touch], seconds: float) -> Array:
     """(3,) how much less far, on the level and along the push, the touched part of an object has come."""
-    lost = np.zeros(3)
-    for touch in touches:
-        arm = np.array(touch.point) - after.position
-        way = (after.velocity - kept.velocity + np.cross(after.spin - kept.spin, arm)) * seconds
-        push = -np.array([touch.normal[0], 0.0, touch.normal[2]])
-        along = float(way @ push)
-        lost = _longer(lost, along * push / max(float(push @ push), 1e-9) if along > 0 else np.zeros(3))
-    return lost
+    arms = np.array([touch.point for touch in touches]) - after.position
+    ways = (after.velocity - kept.velocity + np.cross(after.spin - kept.spin, arms)) * seconds
+    pushes = np.array([touch.normal for touch in touches]) * [-1.0, 0.0, -1.0]
+    along = np.maximum((ways * pushes).sum(axis=1), 0.0) / np.maximum((pushes**2).sum(axis=1), 1e-9)
+    lost = along[:, None] * pushes
+    return np.asarray(lost[(lost**2).sum(axis=1).argmax()])
 
 
 def _longer(a: Array, b: Array) -> Array:
