@@ -37,8 +37,8 @@ def difficulty_command(name: str, as_json: bool) -> None:
     specs = load_split(name)
     found = {dimension: histogram(specs, dimension) for dimension in THRESHOLDS}
     if as_json:
-        bins = {dimension: [asdict(one) for one in bins] for dimension, bins in found.items()}
-        click.echo(json.dumps({"split": summary(specs), **bins}, indent=2))
+        counted = {dimension: [asdict(one) for one in bins] for dimension, bins in found.items()}
+        click.echo(json.dumps({"split": summary(specs), **counted}, indent=2))
         return
     for key, value in summary(specs).items():
         click.echo(f"{key:<12} {value}")
