@@ -43,7 +43,6 @@ TABLES = {
 and tests beside its plugin hold what it prints."""
 NO_TABLE = {
     "bench agent": "a line when it listens",
-    "bench difficulty": "bars",
     "bench reproduce": "a page of tables",
     "bench run": "its scores are those of `bench table`",
     "bench make": "the splits that it wrote, and what is in each",
