@@ -195,6 +195,7 @@ def test_the_papers_ablation_plays_ten_settings_and_stands_beside_the_paper(tmp_
         "without verifier", "without mid-level",
     ]  # fmt: skip
     assert printed["without verifier"] == 0.02
+    assert sum("1 episode." in note and ", profile paper, " in note for note in table["notes"]) == 10
     assert again.stdout[again.stdout.index("{") :] == done.stdout[done.stdout.index("{") :]
     settings = {
         folder.name: RecordedEpisode(folder / spec.id).record.settings["agent"]

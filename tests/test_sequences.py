@@ -10,7 +10,7 @@ from humanclaw import Backends, Body, Call, Control, Decision, Episode, Keyframe
 from humanclaw.errors import HumanclawError, ReplayError
 from humanclaw.records import PlayedPart, RecordedEpisode, free_episode
 from humanclaw.skills import MotionError, parts
-from humanclaw.testing import fake_body
+from humanclaw.testing import fake_body, fake_scene
 from humanclaw.testing.fakes import FAKE, Fakes
 
 NOD = Keyframes.cycle("head", axis="x", degrees=20, seconds=1)
@@ -209,9 +209,19 @@ def test_a_body_that_is_down_rises_for_a_second_before_it_steps(stroll):
     ends = [chunk.execution.simulated[-1:] for chunk in done.chunks]
     assert (len(done.chunks), len(again.chunks)) == (2 + 1 + 2, 1 + 2)
     assert [part.chunks for part in done.parts] == [3, 2]
+    assert (done.rise_frames, again.rise_frames) == (30, 0)
     assert ends[1].root[0, 1] == pytest.approx(0.96, abs=0.02)
     np.testing.assert_allclose(ends[1].joints()[0, 7:9], feet, atol=0.01)
     assert ends[2].root[0, 2] - ends[1].root[0, 2] == pytest.approx(0.4, abs=0.01)
+
+
+def test_with_the_papers_profile_the_motion_model_steps_from_any_pose(stroll):
+    plugins = Plugins()
+    plugins.add(Fakes((stroll, squat)), FAKE)
+    with Body(fake_scene(), plugins=plugins, backends=Backends(FAKE, FAKE, FAKE, "paper")) as body:
+        body.execute(Call("squat", {}))
+        done = body.execute(Call("stroll", {"strides": 1}))
+    assert (len(done.chunks), done.rise_frames) == (1 + 2, 0)
 
 
 def test_a_body_that_is_down_stays_down_for_gestures_and_postures(stroll):

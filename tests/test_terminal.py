@@ -27,6 +27,7 @@ TABLES = {
     "bench table": "{a} {b}",
     "bench compare": "{a} {b} --partial",
     "bench rescore": "{a}",
+    "bench difficulty": "--split val",
     "bench power": "--split smoke --trials 2",
     "bench ablate": None,
     "bench repair": None,
@@ -42,7 +43,6 @@ TABLES = {
 and tests beside its plugin hold what it prints."""
 NO_TABLE = {
     "bench agent": "a line when it listens",
-    "bench difficulty": "bars",
     "bench reproduce": "a page of tables",
     "bench run": "its scores are those of `bench table`",
     "bench make": "the splits that it wrote, and what is in each",

@@ -58,6 +58,8 @@ class SkillExecution:
     """Readings of the core's senses beside vision; None for a sense that is off."""
     parts: tuple[PlayedPart, ...] = ()
     """The parts of a sequence that were played, in order; empty for a call of one part."""
+    rise_frames: int = 0
+    """Frames in which the body first rose from a low pose; they are among those of `chunks`."""
     cancelled: bool = False
     """Whether a part of the call was left out."""
     limits: tuple[str, ...] = ()
@@ -239,6 +241,7 @@ class Body:
         with blaming(self.plugins.owner(call.skill)):
             plan = skill.planned(call.params, self.feeling)
         self._limits: list[str] = []
+        self._rise_frames = 0
         before, chunks, seconds = self._state.body, [], {"generate": 0.0, "simulate": 0.0}
         played: list[int] = []
         cancelled, moment = False, time.perf_counter()
@@ -256,7 +259,9 @@ class Body:
         told = _played(plan, played) if len(plan) > 1 else ()
         limits = tuple(dict.fromkeys(self._limits))
         body, touch, readings = self._sense(Moment(before, tuple(chunks), self.view))
-        self.last = SkillExecution(call, tuple(chunks), seconds, body, touch, told, cancelled, limits, readings)
+        self.last = SkillExecution(
+            call, tuple(chunks), seconds, body, touch, told, self._rise_frames, cancelled, limits, readings
+        )
         return self.last
 
     def _simulate(self, commanded: Motion) -> Chunk:
@@ -293,14 +298,19 @@ class Body:
             if part.adapter == skill.adapter:
                 require_trained(skill)
             declared, key = self._declared(skill, part.adapter), (self.seed, self.step, index)
-            # The motion model steps from standing alone.
-            if (declared or skill).role == "locomotion" and is_down(self._state.body):
-                yield from ((piece, True) for piece, _ in self._played(rise(self._state.body, self._generator.start())))
+            if (declared or skill).role == "locomotion" and self._must_rise():
+                for piece, _ in self._played(rise(self._state.body, self._generator.start())):
+                    self._rise_frames += len(piece)
+                    yield piece, True
             yield self._generated(declared, part, key), False
             return
         motion, limits = posed(part, self._history)
         self._limits += limits
         yield from self._played(motion)
+
+    def _must_rise(self) -> bool:
+        """Tell whether the body has to rise before it steps: the motion model steps from standing alone."""
+        return self.backends.profile != "paper" and is_down(self._state.body)
 
     def _played(self, motion: Motion) -> Iterator[tuple[Motion, bool]]:
         """Yield a ready motion 15 frames at a time, each from where the body is, and whether more follows."""

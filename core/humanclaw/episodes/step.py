@@ -91,6 +91,7 @@ class Step:
             target_pixels={key: int((view.ids == key).sum()) for key in targets},
             frame_file=self.frame_file,
             motion_frames=sum(len(chunk.commanded) for chunk in chunks),
+            rise_frames=done.rise_frames if done else 0,
             parts=done.parts if done else (),
             cancelled=done.cancelled if done else False,
             limits=done.limits if done else (),

@@ -60,6 +60,8 @@ class StepRecord(Record):
     frame_file: Annotated[str, Field(pattern=r"^(frames/[A-Za-z0-9_-][A-Za-z0-9._-]*)?$")] = ""
     motion_frames: int = 0
     """Number of frames in motion.npz that belong to this step."""
+    rise_frames: int = 0
+    """Those of them in which the body first rose from a low pose, before it could step."""
     parts: tuple[PlayedPart, ...] = ()
     """The played parts of a sequence; empty for a call of one part."""
     cancelled: bool = False

@@ -16,6 +16,7 @@ from humanclaw_bench import ablation, repair
 from humanclaw_bench.attribution import Cause
 from humanclaw_bench.export import scored
 from humanclaw_bench.hookspecs import Fault
+from humanclaw_bench.integrity import standing
 from humanclaw_bench.progress import RunProgress
 from humanclaw_bench.results import Result
 from humanclaw_bench.runner import Forecast, run_split
@@ -94,8 +95,9 @@ def _ablate_model(
     for number, (setting, job) in enumerate(jobs.items()):
         click.echo(setting, err=True)
         left = (len(jobs) - number - 1) * len(specs)
-        played = _played(specs, job, out / setting.replace(" ", "-"), workers, ask=not (number or yes), later=left)
-        results.append(Result(setting, tuple(one for one, _ in played), tuple(cause for _, cause in played)))
+        run = out / setting.replace(" ", "-")
+        played = _played(specs, job, run, workers, ask=not (number or yes), later=left)
+        results.append(Result.of(setting, played, standing(run, load_run(run))))
     table = ablation_table(results)
     if as_json:
         click.echo(json.dumps(plain(table), indent=2))

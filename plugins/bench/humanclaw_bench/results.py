@@ -44,6 +44,15 @@ class Result:
     conditions: Conditions = field(default_factory=dict)
     """What the episodes were played with."""
 
+    @classmethod
+    def of(cls, name: str, found: Sequence[tuple[Scores, Cause | None]], known: Standing) -> Result:
+        """Return the result of scored episodes with their root causes. known: facts from the run's folder."""
+        scores = tuple(one for one, _ in found)
+        return cls(
+            name, scores, tuple(cause for _, cause in found), known.asked, known.faults, known.again, known.continued,
+            known.in_process, known.beside, shared_conditions(scores),
+        )  # fmt: skip
+
     @property
     def finished(self) -> tuple[Scores, ...]:
         return tuple(s for s in self.scores if s.finished)
@@ -140,20 +149,8 @@ def named(
         for ((agent, *_), found), label in zip(groups.items(), told, strict=True)
     ]
     return tuple(
-        Result(
-            name if names.count(name) == 1 else f"{name} ({run})",
-            tuple(scores for scores, _ in found),
-            tuple(cause for _, cause in found),
-            standing.asked,
-            standing.faults,
-            standing.again,
-            standing.continued,
-            standing.in_process,
-            standing.beside,
-            conditions,
-        )
-        for ((_, run, _), found), name, conditions in zip(groups.items(), names, played, strict=True)
-        for standing in [(known or {}).get(run, Standing())]
+        Result.of(name if names.count(name) == 1 else f"{name} ({run})", found, (known or {}).get(run, Standing()))
+        for ((_, run, _), found), name in zip(groups.items(), names, strict=True)
     )
 
 

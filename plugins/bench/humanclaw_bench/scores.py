@@ -244,7 +244,7 @@ class Scores:
     motion: float = 0.0
     """Seconds of motion."""
     longest: float = 0.0
-    """Seconds of motion of the longest call."""
+    """Seconds of motion of the longest call, without the time to rise before it."""
     fastest: float = 0.0
     """Longest way of the pelvis over the floor in half a second, metres."""
     sequences: int = 0
@@ -321,7 +321,7 @@ def score(recorded: RecordedEpisode, extra: Extra | None = None) -> Scores:
         spec=spec,
         chunks=sum(step.chunks for step in steps),
         motion=sum(step.motion_frames for step in steps) / FPS,
-        longest=max((step.motion_frames for step in steps), default=0) / FPS,
+        longest=max((step.motion_frames - step.rise_frames for step in steps), default=0) / FPS,
         fastest=max(map(_pace, steps), default=0.0),
         sequences=sum(len(step.parts) > 1 for step in steps),
         conditions=conditions_of(record),

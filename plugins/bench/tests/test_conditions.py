@@ -53,6 +53,11 @@ def test_a_skill_that_moves_farther_in_half_a_second_than_the_papers_is_named_in
     assert rows(moved(1.25)) == ["model, 1.25 m a call"]
 
 
+def test_the_time_to_rise_before_a_step_does_not_break_the_pace(tmp_path: Path) -> None:
+    rollout(tmp_path, [step("walk", motion_frames=45, rise_frames=30), step("stop")])
+    assert rows(tmp_path) == ["model"]
+
+
 def rows(*runs: Path) -> list[str]:
     return [one.name for one in named({str(run): scored(load_run(run)) for run in runs})]
 
