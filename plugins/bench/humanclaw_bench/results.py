@@ -37,6 +37,8 @@ class Result:
     """Number of episodes that were played more than once from their first step."""
     continued: int = 0
     """Number of episodes that went on after their last recorded step, in another session."""
+    unstarted: int = 0
+    """Number of episodes without a start in the journal."""
     in_process: bool = False
     """Whether agent or verifier played in the body's own process, unprivileged."""
     beside: tuple[str, ...] = ()
@@ -91,8 +93,12 @@ class Result:
 
     @property
     def _again(self) -> str:
-        continued = f" Continued after the last recorded step: {self.continued}." if self.continued else ""
-        return (f" Played more than once from the first step: {self.again}." if self.again else "") + continued
+        told = {
+            "Played more than once from the first step": self.again,
+            "Continued after the last recorded step": self.continued,
+            "Missing from the journal, so that further attempts are not known": self.unstarted,
+        }
+        return "".join(f" {what}: {count}." for what, count in told.items() if count)
 
     @property
     def _foreign(self) -> str:
@@ -148,6 +154,7 @@ def named(
             standing.faults,
             standing.again,
             standing.continued,
+            standing.unstarted,
             standing.in_process,
             standing.beside,
             conditions,
