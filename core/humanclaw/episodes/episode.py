@@ -65,6 +65,7 @@ class Episode:
         meter: Meter | None = None,
         attempts: int = MAX_ATTEMPTS,
         apart: Mapping[str, str] | None = None,
+        agent_seed: int | None = None,
     ) -> None:
         """Put the body at the start, start agent and verifier, and begin the record.
 
@@ -78,6 +79,8 @@ class Episode:
             meter: limits of the run, shared by all its episodes.
             attempts: number of refused decisions in a row that costs a step; at least 1.
             apart: where "agent" and "verifier" play if not in this process, for the record.
+            agent_seed: for random numbers of agent and verifier; by default derived from the episode's, so that who
+                knows all episodes can tell from it which one this is.
 
         Raises:
             HumanclawError: attempts is below 1.
@@ -95,13 +98,14 @@ class Episode:
         settings = self._panel.settings | {"privileged": self._panel.privileged, "limits": self._meter.limits}
         settings["apart"] = dict(apart or {})
         record = begin_record(body, spec, *self._panel.names, options or {}, settings, self._panel.packages)
-        record = record.model_copy(update={"versions": record.versions | self._panel.versions})
+        record = record.model_copy(update={"versions": dict(self._panel.versions) | record.versions})
         self._distance = None
         if distance and spec.target_ids:
             self._distance = distance(body.scene, spec.target_ids, body.start.floor)
         record = record.model_copy(update={"geodesic": distance_to_goal(body.state(), self._distance)})
         # Before anything is written, so that a refusal leaves no folder behind.
-        context = EpisodeContext(spec.told, body.skills, _own_seed(spec.seed), meter=self._meter, gaze=body.gaze)
+        own = _own_seed(spec.seed) if agent_seed is None else agent_seed
+        context = EpisodeContext(spec.told, body.skills, own, meter=self._meter, gaze=body.gaze)
         self._panel.begin(context, self._privileged)
         self._recording = Recording(body, record, folder)
         self._history = History(_QUALITY)

@@ -172,6 +172,10 @@ class Plugins(Lookup):
                 return member
         raise PluginError(f"there is no plugin {owner!r}.", "See `humanclaw plugins`.")
 
+    def hooks(self, owner: str) -> frozenset[str]:
+        """Return the names of the hooks that a plugin implements. Raises PluginError if it is not in use."""
+        return frozenset(caller.name for caller in self._manager.get_hookcallers(self.plugin(owner)) or ())
+
     def tell(self, hook: str, **event: Any) -> None:
         """Call a hook of every plugin that has it. A plugin that raises, or keeps an episode waiting too long, is
         logged; the others are called all the same."""

@@ -79,11 +79,11 @@ def replay_options(command: F) -> F:
     """Add the options for playing recorded calls again."""
     every = 10**6
     told = "Also play the recorded calls of N episodes again (default: all) and compare every field of every step."
-    drawn = "Draws the N episodes that are played again."
+    drawn = "Draws the N episodes that are played again; the default is new each time."
     how = click.option(
         "--replay", "again", type=click.IntRange(1), is_flag=False, flag_value=every, metavar="[N]", help=told
     )
-    seed = click.option("--seed", type=int, default=0, show_default=True, help=drawn)
+    seed = click.option("--seed", type=click.IntRange(0), help=drawn)
     workers = click.option(
         "--workers", type=click.IntRange(1), default=1, show_default=True, help="Episodes at a time."
     )
@@ -138,14 +138,17 @@ for _name, _target, _told in (
 )
 @click.option("--yes", is_flag=True, help="Do not ask for confirmation after the estimate of time and cost.")
 @click.option(
+    "--seed", type=click.IntRange(0), help="Of the agent's random numbers and the order of episodes (default: new)."
+)
+@click.option(
     "--in-process", is_flag=True, help="For debugging: play the agent beside the body, not in a process of its own."
 )
 @click.option("--agent-url", default="", metavar="URL", help="Ask an agent that a server plays (see docs/wall.md).")
 @plugin_options
 def run_command(
     name: str, deciders: Deciders, backends: Backends, workers: int, executor: str, address: str | None,
-    out: Path | None, resume: bool, repeats: int, yes: bool, in_process: bool, agent_url: str, files: tuple[Path, ...],
-    choice: Choice,
+    out: Path | None, resume: bool, repeats: int, yes: bool, seed: int | None, in_process: bool, agent_url: str,
+    files: tuple[Path, ...], choice: Choice,
 ) -> None:  # fmt: skip
     """Run a split, or resume it. Finished episodes are kept; others continue after their last recorded step."""
     plugins = Plugins.discover(files, choice)
@@ -160,6 +163,7 @@ def run_command(
     job = Job(
         agent, deciders.options, deciders.verifier, backends.chosen(plugins), deciders.limits,
         tuple(str(file.resolve()) for file in files), choice, in_process=in_process, agent_url=agent_url,
+        seed=seed,
     )  # fmt: skip
     wanted = executor or ("ray" if address else "local")
     if wanted == "ray" and "ray" not in {one.name for one in plugins.registered("executors")}:
@@ -342,7 +346,7 @@ def rescore(run: Path, out: Path | None, as_json: bool, files: tuple[Path, ...])
 @replay_options
 @plugin_files
 def verify(
-    run: Path, submission: Path | None, again: int | None, seed: int, workers: int, files: tuple[Path, ...]
+    run: Path, submission: Path | None, again: int | None, seed: int | None, workers: int, files: tuple[Path, ...]
 ) -> None:
     """Check every file of a run against its digest, and the records against split and settings in run.json.
 
@@ -355,7 +359,7 @@ def verify(
         raise SystemExit(1)
 
 
-def _verify_replay(run: Path, again: int, seed: int, workers: int, plugin_files: Sequence[Path]) -> bool:
+def _verify_replay(run: Path, again: int, seed: int | None, workers: int, plugin_files: Sequence[Path]) -> bool:
     """Play episodes again and tell what differs. Returns whether anything does."""
     found = _played_again(run, again, seed, workers, plugin_files)
     for one in found:
@@ -366,7 +370,9 @@ def _verify_replay(run: Path, again: int, seed: int, workers: int, plugin_files:
     return same < len(found)
 
 
-def _played_again(run: Path, count: int, seed: int, workers: int, plugin_files: Sequence[Path]) -> list[Replayed]:
+def _played_again(
+    run: Path, count: int, seed: int | None, workers: int, plugin_files: Sequence[Path]
+) -> list[Replayed]:
     episodes = sample(run, count, seed)
     playing = replayed(episodes, plugin_files, workers)
     return list(tqdm(playing, "replay", len(episodes), unit="episode", disable=None, leave=False))
@@ -385,6 +391,8 @@ def _verify_files(run: Path, submission: Path | None) -> bool:
         click.echo(fault)
     for name in files.again:
         click.echo(f"{name!r:.200} was played more than once from its first step.")
+    if unstarted := files.unstarted(path.parent.name for path in run.glob("*/episode.json")):
+        click.echo(f"{counted(unstarted, 'record')} without a start in the journal: further attempts are not known.")
     if files.beside:
         click.echo(f"Code of others beside the body: {', '.join(files.beside)}.")
     if not is_told(run):
@@ -414,7 +422,7 @@ def submit(run: Path, who: str, model_date: str, out: Path | None, partial: bool
 @replay_options
 @plugin_files
 def leaderboard(
-    folder: Path, any_pace: bool, again: int | None, seed: int, workers: int, files: tuple[Path, ...]
+    folder: Path, any_pace: bool, again: int | None, seed: int | None, workers: int, files: tuple[Path, ...]
 ) -> None:
     """Make index.html from the submissions in a folder.
 

@@ -115,6 +115,8 @@ class Standing:
     """Number of episodes that were played more than once from their first step."""
     continued: int = 0
     """Number of episodes that went on after their last recorded step."""
+    unstarted: int = 0
+    """Number of records without a start in the journal, which may lack other attempts too."""
     in_process: bool = False
     """Whether an unprivileged agent or verifier of a run with a run.json played in the body's own process."""
     beside: tuple[str, ...] = ()
@@ -127,6 +129,7 @@ def standing(run: Path, episodes: Sequence[RecordedEpisode]) -> Standing:
     told = files.journal
     return Standing(
         files.asked, faults(episodes, run, files), len(told.again), len(told.continued),
+        files.unstarted(one.record.spec.id for one in episodes),
         bool(files.manifest) and any(map(_in_process, episodes)), files.beside,
     )  # fmt: skip
 
@@ -268,6 +271,10 @@ class RunFiles:
     def again(self) -> tuple[str, ...]:
         """Episodes that were played more than once from their first step, by name."""
         return self.journal.again
+
+    def unstarted(self, episodes: Iterable[str]) -> int:
+        """Return how many episodes, by name, have no start in the journal; 0 without a run.json."""
+        return sum(name not in self.journal.starts for name in episodes) if self.manifest else 0
 
     @property
     def beside(self) -> tuple[str, ...]:

@@ -146,8 +146,9 @@ def _cells(entry: Entry) -> tuple[str, ...]:
     one = entry.submission
     find, *later = (_rate(Column.of(metric), one.rates.get(metric.name)) for metric in RATES)
     claims = Column.of(FALSE_CLAIMS).number(_false_claims(one))
-    again = f", {one.again} played again" if one.again else ""
-    episodes = f"{_ended(one)} of {one.asked}{again}"
+    attempts = {"played again": one.again, "continued": one.continued, "not in the journal": one.unstarted}
+    told = [f"{count} {what}" for what, count in attempts.items() if count]
+    episodes = ", ".join([f"{_ended(one)} of {one.asked}", *told])
     warmth = "-" if one.temperature is None else f"{one.temperature:g}"
     agent = f"{one.agent} (privileged)" if any(e.scores.privileged for e in one.episodes) else one.agent
     return (

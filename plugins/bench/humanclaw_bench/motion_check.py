@@ -2,27 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Final
 
 import numpy as np
 
 from humanclaw import RecordedEpisode, StepRecord
 from humanclaw.body import HISTORY, Array
+from humanclaw.records import Vec3
 from humanclaw.world import distance_to_nearest
+from humanclaw_bench.scores import ended
 
 _SAME: Final = 0.005
 """Metres by which a recorded place may differ from the motion's: records are rounded."""
+_PELVIS: Final = 0.25
+"""Farthest distance of the pelvis joint from what its link touches, metres."""
 _FASTEST: Final = 0.6
 """Largest way of the hips in a frame, metres: half-physics caps a fall at 15 m/s and a sprint at 6 m/s."""
 
 
 def contradicted(recorded: RecordedEpisode) -> Iterator[str]:
-    """Yield what the motion of an episode contradicts: places and distances of its steps, and jumps between frames.
+    """Yield what the motion of an episode contradicts: places, distances, seats, and jumps between frames.
 
-    Nothing for a record without motion. Raises RecordError if the motion cannot be read.
+    An episode that did not end may have no motion. Raises RecordError if the motion cannot be read.
     """
     if not recorded.has_motion:
+        if ended(recorded.record.outcome, recorded.record.limit):
+            yield "it ended, and its motion is missing"
         return
     motion, frame = recorded.motion("simulated"), HISTORY
     if len(motion) != HISTORY + sum(step.motion_frames for step in recorded.steps):
@@ -34,7 +40,9 @@ def contradicted(recorded: RecordedEpisode) -> Iterator[str]:
     for step in recorded.steps:
         last = frame + step.motion_frames
         yield from _misplaced(step, motion.root[frame - 1], motion.root[last - 1])
-        yield from _distant(step, motion[last - 1 : last].joints())
+        joints = motion[last - 1 : last].joints()[0]
+        yield from _distant(step, joints)
+        yield from _off_seat(step, joints[:1])
         frame = last
 
 
@@ -48,7 +56,17 @@ def _misplaced(step: StepRecord, start: Array, end: Array) -> Iterator[str]:
 def _distant(step: StepRecord, joints: Array) -> Iterator[str]:
     if step.target_distance is None or not step.targets:
         return
-    boxes = [(np.array(low), np.array(high)) for low, high in step.targets.values()]
-    real = distance_to_nearest(joints[0], boxes)
+    real = _distance(joints, step.targets.values())
     if abs(real - step.target_distance) > _SAME:
         yield f"step {step.step} tells {step.target_distance:.2f} m to the target, its motion {real:.2f} m"
+
+
+def _off_seat(step: StepRecord, pelvis: Array) -> Iterator[str]:
+    for key in sorted(step.targets.keys() & {*step.pelvis_contacts}):
+        gap = _distance(pelvis, [step.targets[key]])
+        if gap > _PELVIS:
+            yield f"step {step.step} has the pelvis on target {key}, its motion {gap:.2f} m from it"
+
+
+def _distance(points: Array, boxes: Iterable[tuple[Vec3, Vec3]]) -> float:
+    return float(distance_to_nearest(points, [(np.array(low), np.array(high)) for low, high in boxes]))

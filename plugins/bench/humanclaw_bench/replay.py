@@ -117,6 +117,8 @@ def _compared(recorded: RecordedEpisode, body: Body, folder: Path) -> Replayed:
         for step in steps[:broken]:
             _submit(episode, step)
     differing = [f"its {name} differs" for name in SAME if getattr(record, name) != getattr(episode.record, name)]
+    other_skills = (name for name in sorted(_called(steps)) if _unlike(record, episode.record, name))
+    differing += [f"its skill {name} differs" for name in other_skills]
     if not reason and record.outcome in DECIDED and episode.outcome != record.outcome:
         differing.append(f"it ends as {record.outcome}; played again as {episode.outcome}")
     differing += _differences(recorded, RecordedEpisode(folder), broken)
@@ -132,13 +134,23 @@ def _submit(episode: Episode, step: StepRecord) -> None:
 
 def _other_versions(told: EpisodeRecord, here: EpisodeRecord, steps: Sequence[StepRecord]) -> Iterator[str]:
     """Yield packages, weights and called skills that are not those of the record."""
-    called = {step.call.skill for step in steps if step.call}
+    called = _called(steps)
     skills = [{name: info.digest for name, info in one.skills.items() if name in called} for one in (told, here)]
     for was, now in ((told.weights, here.weights), (skills[0], skills[1]), (told.versions, here.versions)):
         known = was.keys() if was is not told.versions else was.keys() & now.keys()
         for name in sorted(known):
             if was[name] != now.get(name):
                 yield f"{name} was {was[name][:12]}, here {now.get(name, 'missing')[:12]}"
+
+
+def _called(steps: Sequence[StepRecord]) -> frozenset[str]:
+    return frozenset(step.call.skill for step in steps if step.call)
+
+
+def _unlike(told: EpisodeRecord, here: EpisodeRecord, skill: str) -> bool:
+    """Whether a record declares a skill otherwise than it is: success and root causes depend on roles."""
+    one, other = told.skills.get(skill), here.skills.get(skill)
+    return one is None or other is None or (one.role, one.commands) != (other.role, other.commands)
 
 
 def _differences(was: RecordedEpisode, now: RecordedEpisode, count: int) -> Iterator[str]:
@@ -183,8 +195,11 @@ def replayed(episodes: Sequence[RecordedEpisode], files: Sequence[Path] = (), wo
             yield from job.result()
 
 
-def sample(run: Path, count: int, seed: int) -> list[RecordedEpisode]:
-    """Draw some episodes of a run, in their order; all if there are fewer."""
+def sample(run: Path, count: int, seed: int | None = None) -> list[RecordedEpisode]:
+    """Draw some episodes of a run, in their order; all if there are fewer.
+
+    seed: by default a new one, because who forges records must not know which are played.
+    """
     episodes = load_run(run)
     return [episodes[k] for k in sorted(np.random.default_rng(seed).permutation(len(episodes))[:count])]
 

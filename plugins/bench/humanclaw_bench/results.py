@@ -37,6 +37,8 @@ class Result:
     """Number of episodes that were played more than once from their first step."""
     continued: int = 0
     """Number of episodes that went on after their last recorded step, in another session."""
+    unstarted: int = 0
+    """Number of episodes without a start in the journal."""
     in_process: bool = False
     """Whether agent or verifier played in the body's own process, unprivileged."""
     beside: tuple[str, ...] = ()
@@ -50,7 +52,7 @@ class Result:
         scores = tuple(one for one, _ in found)
         return cls(
             name, scores, tuple(cause for _, cause in found), known.asked, known.faults, known.again, known.continued,
-            known.in_process, known.beside, shared_conditions(scores),
+            known.unstarted, known.in_process, known.beside, shared_conditions(scores),
         )  # fmt: skip
 
     @property
@@ -100,8 +102,12 @@ class Result:
 
     @property
     def _again(self) -> str:
-        continued = f" Continued after the last recorded step: {self.continued}." if self.continued else ""
-        return (f" Played more than once from the first step: {self.again}." if self.again else "") + continued
+        told = {
+            "Played more than once from the first step": self.again,
+            "Continued after the last recorded step": self.continued,
+            "Missing from the journal, so that further attempts are not known": self.unstarted,
+        }
+        return "".join(f" {what}: {count}." for what, count in told.items() if count)
 
     @property
     def _foreign(self) -> str:

@@ -16,7 +16,7 @@ from humanclaw.records import first_fault
 from humanclaw.storage import Folder
 from humanclaw_bench.attribution import Cause
 from humanclaw_bench.export import row, scored
-from humanclaw_bench.integrity import MOST as EPISODES, Manifest, known_split, read_manifest, standing
+from humanclaw_bench.integrity import MOST as EPISODES, Manifest, Standing, known_split, read_manifest, standing
 from humanclaw_bench.metrics import ARRIVE, FIND, INTERACT, NAV, estimate
 from humanclaw_bench.results import named, require_whole, shared_conditions
 from humanclaw_bench.scores import Scores, ended, keeps_pace
@@ -114,6 +114,10 @@ class Submission(_Value):
     tokens: Count
     again: Count = 0
     """Number of episodes that were played more than once from their first step, according to the journal."""
+    continued: Count = 0
+    """Number of episodes that went on after their last recorded step in another session."""
+    unstarted: Count = 0
+    """Number of episodes without a start in the journal."""
     run: dict[str, Any]
     """run.json: split and weights by digest, options, versions, limits."""
     conditions: dict[str, str] = {}
@@ -146,7 +150,7 @@ def submit(run: Path, who: str, model_date: str = "", partial: bool = True) -> S
     pairs = scored(episodes, name=run.name)
     require_whole(named({str(run): pairs}, {str(run): known}), partial)
     try:
-        return _made(episodes, pairs, manifest, known.again, who, model_date).sealed
+        return _made(episodes, pairs, manifest, known, who, model_date).sealed
     except ValidationError as error:
         said = f"no submission can be made of {run}: {first_fault(error)}."
         raise RecordError(said, "Fix that and try again.") from error
@@ -156,7 +160,7 @@ def _made(
     episodes: Sequence[RecordedEpisode],
     pairs: Sequence[tuple[Scores, Cause | None]],
     manifest: Manifest,
-    again: int,
+    known: Standing,
     who: str,
     model_date: str,
 ) -> Submission:
@@ -170,7 +174,8 @@ def _made(
         engine=str(first.settings.get("body", {}).get("simulator", "")),
         seeds=tuple(sorted({one.seed for one in results})), asked=manifest.episodes,
         cost=sum(one.cost for one in scores), tokens=sum(one.tokens_in + one.tokens_out for one in scores),
-        again=again, run=manifest.content, conditions=dict(shared_conditions(scores)),
+        again=known.again, continued=known.continued, unstarted=known.unstarted, run=manifest.content,
+        conditions=dict(shared_conditions(scores)),
         rates=_rates(scores), episodes=results,
     )  # fmt: skip
 
@@ -285,7 +290,7 @@ def _differing(claimed: Submission, found: Submission) -> list[str]:
         _alike(a, b) for name, values in found.rates.items() for a, b in zip(values, claimed.rates[name], strict=True)
     )
     # A host may have the records without their journal.
-    plain += ["again"] * (found.again > claimed.again)
+    plain += [key for key in ("again", "continued") if getattr(found, key) > getattr(claimed, key)]
     return plain + ([] if _alike(claimed.cost, found.cost) else ["cost"]) + ([] if rates else ["rates"])
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import time
 import traceback
 from collections.abc import Callable, Mapping
@@ -58,7 +59,15 @@ class Job:
     apart: Mapping[str, str] = field(default_factory=dict)
     """Kind to place of those that play on the other side of the wall. The privileged have no place there."""
     absent: tuple[str, ...] = ()
-    """Plugins that are not loaded beside the body, since they bring agents and verifiers alone."""
+    """Plugins, by name or by path of their file, that are not loaded beside the body, since they bring agents and
+    verifiers alone."""
+    seed: int | None = None
+    """Of the order of the episodes and of the deciders' random numbers. None draws one for a new run. Episodes number
+    their seeds, so that an agent that could compute its seed from theirs would know which episode it plays."""
+
+    def seed_of(self, spec: EpisodeSpec) -> int:
+        """Return the seed that agent and verifier are told in an episode."""
+        return int.from_bytes(hashlib.sha256(f"{self.seed} {spec.seed}".encode()).digest()[:4])
 
 
 @dataclass(frozen=True)
@@ -154,6 +163,7 @@ class Worker:
         return Episode(
             body, spec, agent, verifier, folder=folder, options=job.options, distance=geodesics, replay=replay,
             meter=self._meter, apart={one: job.apart[kind] for kind, one in ROLES.items() if kind in job.apart},
+            agent_seed=job.seed_of(spec),
         )  # fmt: skip
 
     def _made(self, kind: str, name: str) -> Any:
@@ -186,7 +196,7 @@ class Worker:
 
 def _beside_the_body(job: Job) -> Plugins:
     """Load the plugins of a job, but for those that bring agents and verifiers alone."""
-    files = [Path(file) for file in job.files if Path(file).stem not in job.absent]
+    files = [Path(file) for file in job.files if str(Path(file)) not in job.absent]
     return Plugins.discover(files, job.choice, absent=job.absent)
 
 

@@ -80,6 +80,20 @@ def test_a_step_that_tells_an_arrival_of_which_the_motion_knows_nothing_is_found
     assert told.startswith("step 2 tells 0.10 m to the target, its motion ")
 
 
+def test_a_seat_that_the_body_never_reached_is_found(bent):
+    told = bent(lambda step: {"pelvis_contacts": tuple(step.targets)} if step.step == 2 else {})
+    assert told[0].startswith("step 2 has the pelvis on target ")
+
+
+def test_a_record_that_ended_and_hides_its_motion_is_found(bent, tmp_path):
+    bent()
+    folder = tmp_path / "free-0"
+    record = RecordedEpisode(folder).record
+    (folder / "motion.npz").unlink()
+    close_record(folder, record)
+    assert list(contradicted(RecordedEpisode(folder))) == ["it ended, and its motion is missing"]
+
+
 def test_a_step_of_another_length_than_its_motion_is_found(bent):
     (told,) = bent(lambda step: {"motion_frames": 30} if step.step == 1 else {})
     assert told == "its steps last 60 frames, its motion another time"

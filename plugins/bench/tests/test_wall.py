@@ -1,7 +1,10 @@
 """Agent and verifier play in a process of their own: they reach neither body nor records, and their end is named."""
 
 import json
+import shutil
+import socket
 import threading
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,12 +15,13 @@ from click.testing import CliRunner
 from PIL import Image
 from test_runner import TOY, Here, digests, rewrite
 
-from humanclaw import Plugins, RecordedEpisode, load_run
+from humanclaw import PluginError, Plugins, RecordedEpisode, load_run
 from humanclaw.world import GAZES
 from humanclaw_bench.cli import bench
 from humanclaw_bench.executors import LocalExecutor
 from humanclaw_bench.integrity import Journal
 from humanclaw_bench.runner import run_split
+from humanclaw_bench.wall.deciders import Wall
 from humanclaw_bench.wall.serving import Sessions, server
 from humanclaw_bench.worker import Job
 
@@ -41,12 +45,14 @@ def humanclaw_agents(register): register("own", Mine)
 def play(tmp_path):
     """Run toy episodes with an agent whose class is written here; returns the status and the folder."""
 
-    def run(written, count=1, name="run", in_process=False, limits=None, agent_url="", workers=0,
-            backends=TOY, **options):  # fmt: skip
+    def run(
+        written, count=1, name="run", in_process=False, limits=None, agent_url="", workers=0, verifier="",
+        backends=TOY, **options
+    ):  # fmt: skip
         file = tmp_path / "own.py"
         file.write_text(HEAD + written)
         files = (toy_world.FILE,) if agent_url else (toy_world.FILE, str(file))
-        job = Job(agent_url or "own", options, backends=backends, limits=limits or {}, files=files,
+        job = Job(agent_url or "own", options, verifier, backends, limits or {}, files,
                   in_process=in_process, agent_url=agent_url)  # fmt: skip
         plugins = Plugins.discover([Path(one) for one in files])
         folder = tmp_path / name
@@ -81,6 +87,53 @@ def test_an_agent_finds_no_episode_on_the_stack_nor_in_memory(play):
     assert said(folder) == "0 episodes, scene '', None, (), None"
 
 
+def test_a_verifier_finds_no_episode_either(play):
+    thief = """
+class Judge(Agent):
+    name = "judge"
+    def verify(self, observation, call, skill, goal):
+        found, spec = [one for one in gc.get_objects() if isinstance(one, Episode)], self.context.spec
+        told = f"{len(found)} episodes, scene {spec.scene!r}, {spec.start}, {spec.target_ids}, {self.context.scene}"
+        return Verdict(True, failed_open=told)
+@hookimpl
+def humanclaw_verifiers(register): register("judge", Judge)
+"""
+    _, folder = play(PLAIN + thief, verifier="judge")
+    told = RecordedEpisode(folder / "toy-0").steps[0].verdict.failed_open
+    assert told == "0 episodes, scene '', None, (), None"
+
+
+TELLS_SEED = """
+class Mine(Agent):
+    def decide(self, observation, history):
+        return Decision((Call("stop"),), visible_state=str(self.context.seed))
+"""
+
+
+def test_the_seed_that_an_agent_is_told_does_not_tell_which_episode_it_plays(play):
+    # Episodes number their seeds, so a table from seeds to episodes would rebuild the world and play in its shadow.
+    _, one = play(TELLS_SEED, 3, name="one", in_process=True)
+    _, other = play(TELLS_SEED, 3, name="other", in_process=True)
+    seeds = [int(episode.steps[0].decision.visible_state) for run in (one, other) for episode in load_run(run)]
+    assert len({*seeds}) == 6
+
+
+def test_a_run_that_continues_keeps_its_seed(play):
+    _, folder = play(TELLS_SEED, in_process=True)
+    told = said(folder)
+    shutil.rmtree(folder / "toy-0")
+    play(TELLS_SEED, in_process=True)
+    assert said(folder) == told
+
+
+def test_the_order_of_the_episodes_does_not_tell_which_one_an_agent_plays(play):
+    def order(name):
+        _, folder = play(PLAIN, 9, name=name, in_process=True)
+        return [json.loads(line)["episode"] for line in (folder / "journal.jsonl").read_text().splitlines()]
+
+    assert order("one") != order("other")
+
+
 def test_in_one_process_it_would_find_it_so_that_is_told_in_every_table(play):
     _, folder = play(THIEF, in_process=True)
     assert not said(folder).startswith("0 episodes")
@@ -104,15 +157,21 @@ class Mine(Agent):
     assert said(folder) == str(GAZES["far"])
 
 
-def test_an_agent_that_patches_the_episode_patches_its_own_copy(play):
-    _, honest = play(PLAIN, name="honest")
-    # A worker is a child of multiprocessing; neither these tests nor the agent's process are.
-    patch = """
+# A worker is a child of multiprocessing; neither these tests nor the agent's process are.
+PATCH = """
 import multiprocessing
 if multiprocessing.parent_process():
     Episode._execute = lambda self, call, verdict: 1 / 0
 """
-    status, folder = play(PLAIN + patch, name="patched", workers=1)
+OBSERVER = """
+@hookimpl
+def humanclaw_step(episode, step, view): ...
+"""
+
+
+def test_an_agent_that_patches_the_episode_patches_its_own_copy(play):
+    _, honest = play(PLAIN, name="honest")
+    status, folder = play(PLAIN + PATCH, name="patched", workers=1)
     assert (status.done, digests(folder)) == (1, digests(honest))
 
 
@@ -120,6 +179,52 @@ def test_code_of_others_beside_the_body_is_named(play):
     _, folder = play(PLAIN)
     assert json.loads((folder / "run.json").read_text())["beside the body"] == ["toy_world"]
     assert "Code of others beside the body: toy_world." in CliRunner().invoke(bench, ["verify", str(folder)]).output
+
+
+def test_code_that_python_runs_at_its_start_is_named(play, tmp_path, monkeypatch):
+    (tmp_path / "site").mkdir()
+    (tmp_path / "site" / "sitecustomize.py").write_text("")
+    monkeypatch.syspath_prepend(tmp_path / "site")
+    _, folder = play(PLAIN)
+    told = CliRunner().invoke(bench, ["table", str(folder), "--format", "markdown"]).output
+    assert "Code of others beside the body: sitecustomize, toy_world." in told
+
+
+def test_a_plugin_with_an_agent_and_an_observer_is_loaded_and_named(play):
+    seen = 'open(os.path.join(os.path.dirname(__file__), "seen"), "w").close()'
+    _, folder = play(PLAIN + OBSERVER.replace("...", seen))
+    assert json.loads((folder / "run.json").read_text())["beside the body"] == ["own", "toy_world"]
+    assert (folder.parent / "seen").exists()
+
+
+def test_a_privileged_agent_plays_beside_the_body_and_its_verifier_apart(play):
+    both = """
+class Mine(Agent): privileged = True
+class Judge(Agent):
+    def verify(self, observation, call, skill, goal): return Verdict(True)
+@hookimpl
+def humanclaw_verifiers(register): register("judge", Judge)
+"""
+    status, folder = play(both, verifier="judge")
+    settings = RecordedEpisode(folder / "toy-0").record.settings
+    assert (status.done, settings["apart"], settings["privileged"]) == (
+        1, {"verifier": "process"}, {"agent": True, "verifier": False},
+    )  # fmt: skip
+
+
+def test_of_two_files_of_one_name_only_the_one_that_decides_stays_away_from_the_body(tmp_path):
+    for name, text in (("a", HEAD + PLAIN + PATCH), ("b", "from humanclaw import hookimpl\n" + OBSERVER)):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "own.py").write_text(text)
+    for order in (("a", "b"), ("b", "a")):
+        files = (toy_world.FILE, *(str(tmp_path / name / "own.py") for name in order))
+        job = Job("own", {}, backends=TOY, files=files)
+        plugins = Plugins.discover([Path(file) for file in files])
+        folder = tmp_path / "".join(order)
+        assert run_split(toy_world.specs(1), job, LocalExecutor(1), folder, plugins=plugins).done == 1
+        assert RecordedEpisode(folder / "toy-0").record.outcome == "stopped"
+        (told,) = {*json.loads((folder / "run.json").read_text())["beside the body"]} - {"toy_world"}
+        assert told == ("own-2" if order == ("a", "b") else "own")
 
 
 def test_records_are_the_same_on_both_sides_of_the_wall(play):
@@ -177,8 +282,8 @@ class Mine(Agent):
 """
     once = f"{play.__name__}-{ends[:7]}"
     status, folder = play(written, 2, once=str(Path(folder_of(play)) / once))
-    record, other = (RecordedEpisode(folder / name).record for name in ("toy-0", "toy-1"))
-    assert (record.outcome, "process ended with exit code" in record.error) == ("plugin_error", True)
+    failed, other = sorted((one.record for one in load_run(folder)), key=lambda record: record.outcome)
+    assert (failed.outcome, "process ended with exit code" in failed.error) == ("plugin_error", True)
     assert (status.done, other.outcome) == (2, "stopped")
 
 
@@ -187,6 +292,43 @@ def test_an_agent_that_hangs_is_ended_by_the_time_limit(play, monkeypatch):
     hangs = "\nclass Mine(Agent):\n    def decide(self, observation, history): time.sleep(600)\n"
     _, folder = play(hangs, limits={"call.seconds": 1.0})
     assert RecordedEpisode(folder / "toy-0").record.outcome == "limit_reached"
+
+
+def test_an_agent_that_stops_reading_is_ended_by_the_time_limit(play, monkeypatch):
+    monkeypatch.setattr("humanclaw_bench.wall.deciders.GRACE", 0.2)
+    # It sleeps once it has answered, and a view with its history is more than a pipe holds.
+    deaf = """
+import signal, threading
+class Mine(Agent):
+    def decide(self, observation, history):
+        threading.Timer(0.05, lambda: os.kill(os.getpid(), signal.SIGSTOP)).start()
+        return Decision((Call("walk", {"z_cm": 30}),), reasoning="word " * 50_000)
+"""
+    _, folder = play(deaf, limits={"call.seconds": 1.0})
+    assert RecordedEpisode(folder / "toy-0").record.outcome == "limit_reached"
+
+
+@pytest.mark.parametrize("told", ["5", "{'name': 5}", "{'name': 'x', 'versions': 7}", "{'name': 'x', 'settings': []}"])
+def test_who_introduces_itself_wrongly_ends_the_run_by_its_name(play, told):
+    wrong = f"""
+import humanclaw_bench.wall.session as session
+class Mine(Agent): ...
+if "wall" in sys.argv[0]:
+    session.Session._initialize = lambda self, params: {{"protocolVersion": "1", "agents": {told}}}
+"""
+    with pytest.raises(Exception, match="agent and verifier cannot be made: its answer to initialize is no Introduc"):
+        play(wrong)
+
+
+def test_an_agent_cannot_tell_versions_of_what_plays_beside_the_body(play):
+    lies = """
+import humanclaw_bench.wall.session as session
+class Mine(Agent): ...
+if "wall" in sys.argv[0]: session.Session._versions = lambda self, kind, name: {"humanclaw": "99", "own": "1"}
+"""
+    _, folder = play(lies)
+    versions = RecordedEpisode(folder / "toy-0").record.versions
+    assert (versions["humanclaw"] == "99", versions["own"]) == (False, "1")
 
 
 def test_what_an_agent_prints_does_not_disturb_the_protocol(play, capfd):
@@ -253,6 +395,50 @@ class Mine(Agent):
     assert "Played more than once from the first step: 1." in table
 
 
+KILLS = """
+class Mine(Agent):
+    def decide(self, observation, history):
+        if observation.step == 2 and not os.path.exists(self.options["again"]):
+            os.kill(os.getppid(), 9)
+            time.sleep(60)
+        return super().decide(observation, history)
+"""
+
+
+@pytest.mark.parametrize(
+    ("left", "words"),
+    [(None, "Played more than once from the first step: 1."), (1, "Continued after the last recorded step: 1.")],
+)
+def test_a_worker_that_is_killed_when_it_loses_does_not_hide_the_attempt(play, left, words):
+    """left: number of steps that somebody leaves of the lost attempt; None removes its folder."""
+    again = Path(folder_of(play)) / "again"
+    _, folder = play(KILLS, workers=1, again=str(again))
+    again.touch()
+    steps = folder / "toy-0" / "steps.jsonl"
+    if left is None:
+        shutil.rmtree(folder / "toy-0")
+    else:
+        rewrite(folder / "toy-0", outcome="running", steps=0, seal="")
+        steps.write_text("".join(steps.read_text().splitlines(keepends=True)[:left]))
+    status, _ = play(KILLS, workers=1, again=str(again))
+    assert status.done == 1
+    assert words in CliRunner().invoke(bench, ["table", str(folder), "--format", "markdown"]).output
+    board = folder.parent / "board"
+    shutil.copytree(folder, board / "mine")
+    told = ["submit", str(board / "mine"), "--who", "me", "--out", str(board / "mine.json")]
+    assert CliRunner().invoke(bench, told).exit_code == 0
+    CliRunner().invoke(bench, ["leaderboard", str(board)])
+    assert ("1 of 1, 1 " + ("played again" if left is None else "continued")) in (board / "index.html").read_text()
+
+
+def test_a_journal_that_was_removed_is_missed_everywhere(play):
+    _, folder = play(PLAIN)
+    (folder / "journal.jsonl").unlink()
+    table = CliRunner().invoke(bench, ["table", str(folder), "--format", "markdown"]).output
+    assert "Missing from the journal, so that further attempts are not known: 1." in table
+    assert "1 record without a start in the journal" in CliRunner().invoke(bench, ["verify", str(folder)]).output
+
+
 def test_a_start_is_in_the_journal_before_the_first_step(play):
     sees = """
 class Mine(Agent):
@@ -289,6 +475,24 @@ def test_an_agent_at_a_url_plays_as_one_in_a_process_does(play, served):
 def test_a_url_that_does_not_answer_is_a_provider_that_failed(play):
     status, _ = play(PLAIN, agent_url="http://127.0.0.1:9/")
     assert (status.done, status.failed) == (0, 1)
+
+
+def test_a_server_that_answers_a_byte_at_a_time_is_ended_by_the_time_limit(monkeypatch):
+    monkeypatch.setattr("humanclaw_bench.wall.deciders.STARTING", 1.0)
+    drips = socket.create_server(("127.0.0.1", 0))
+
+    def drip():
+        stream, _ = drips.accept()
+        with stream:
+            for byte in b"HTTP/1.1 200 OK\r\nContent-Length: 100\r\n\r\n" + b" " * 100:
+                stream.sendall(bytes([byte]))
+                time.sleep(0.3)
+
+    threading.Thread(target=drip, daemon=True).start()
+    url, began = f"http://127.0.0.1:{drips.getsockname()[1]}/", time.monotonic()
+    with pytest.raises(PluginError, match=r"no answer to initialize within 1\.0 s"):
+        Wall({"agents": url}, {"agents": "own"}, {}).make()
+    assert time.monotonic() - began < 3.0
 
 
 def test_a_server_refuses_what_is_no_request(served):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any, Final, TypeVar
 
 from pydantic import ValidationError
@@ -20,15 +21,25 @@ LONGEST: Final = 24 * 3600.0
 """Seconds to wait for an answer without a time limit."""
 
 
+@dataclass(frozen=True)
+class Introduction:
+    """What the other side says of an agent or a verifier."""
+
+    name: str
+    settings: dict[str, Any] = field(default_factory=dict)
+    owner: str = ""
+    """The package that brings it."""
+    versions: dict[str, str] = field(default_factory=dict)
+
+
 class _Apart(StandIn):
     """An agent or a verifier on the other side of the wall. It is told nothing but its task."""
 
     privileged: Final = False
 
-    def __init__(self, link: Link, role: str, told: Mapping[str, Any]) -> None:
-        """told: how the other side introduced it: name, settings, package."""
-        self.name, self.owner = told.get("name", ""), str(told.get("owner", "")) or "the agent's side"
-        self.settings, self.versions = told.get("settings", {}), told.get("versions", {})
+    def __init__(self, link: Link, role: str, told: Introduction) -> None:
+        self.name, self.owner = told.name, told.owner or "the agent's side"
+        self.settings, self.versions = told.settings, told.versions
         self._link, self._role, self._meter = link, role, Meter()
 
     def begin(self, context: EpisodeContext) -> None:
@@ -82,15 +93,16 @@ def _read(kind: type[T], answer: object, method: str) -> T:
 KINDS: Final = {"agents": ApartAgent, "verifiers": ApartVerifier}
 
 
-def introduce(link: Link, params: Json) -> Mapping[str, Any]:
-    """Have agent and verifier made. Returns name, settings and package of each, by kind.
+def introduce(link: Link, kinds: Sequence[str], params: Json) -> dict[str, Introduction]:
+    """Have agent and verifier made. Returns what is said of each, by kind.
 
-    Raises PluginError and ProviderError, as their factories may, and RuntimeError for a side that cannot answer.
+    Raises PluginError and ProviderError, as their factories may, RuntimeError for a side that cannot answer, and
+    TypeError for an answer that is no introduction.
     """
     told = link.ask("initialize", {"protocolVersion": PROTOCOL, **params}, STARTING)
     if not isinstance(told, Mapping) or told.get("protocolVersion") != PROTOCOL:
         raise RuntimeError(f"it does not speak protocol {PROTOCOL}: {str(told)[:80]}")
-    return told
+    return {kind: _read(Introduction, told.get(kind), "initialize") for kind in kinds}
 
 
 class Wall:
@@ -120,11 +132,11 @@ class Wall:
             kinds = [kind for kind, where in self._places.items() if where == place]
             elsewhere = KINDS.keys() - kinds
             try:
-                told = introduce(link, {name: one for name, one in self._asked.items() if name not in elsewhere})
-            except (RuntimeError, OverdueError) as fault:
+                asked = {name: one for name, one in self._asked.items() if name not in elsewhere}
+                made |= {kind: KINDS[kind](link, kind, told) for kind, told in introduce(link, kinds, asked).items()}
+            except (RuntimeError, TypeError, OverdueError) as fault:
                 said = f"agent and verifier cannot be made: {fault}."
                 raise PluginError(said, "Mend the plugin that brings them.") from fault
-            made |= {kind: KINDS[kind](link, kind, told.get(kind, {})) for kind in kinds}
         return made
 
     def close(self) -> None:

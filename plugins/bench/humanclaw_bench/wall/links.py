@@ -13,6 +13,8 @@ import urllib.error
 import urllib.request
 import uuid
 from collections.abc import Sequence
+from concurrent.futures import Future
+from http.client import HTTPException
 from typing import Any, Final, Protocol
 
 from humanclaw import LimitError, PluginError, ProviderError
@@ -50,30 +52,29 @@ class ProcessLink:
         """arguments: of `python -m humanclaw_bench.wall`."""
         self._command = [sys.executable, "-m", "humanclaw_bench.wall", *arguments]
         self._process: subprocess.Popen[bytes] | None = None
+        self._requests: queue.Queue[bytes] = queue.Queue()
         self._answers: queue.Queue[bytes] = queue.Queue()
 
     def ask(self, method: str, params: Json, seconds: float | None = None) -> Any:
         process = self._process or self._start()
         request = {"jsonrpc": "2.0", "id": 1, "method": method, "params": params}
+        self._requests.put(json.dumps(request, separators=(",", ":")).encode() + b"\n")
         try:
-            assert process.stdin
-            process.stdin.write(json.dumps(request, separators=(",", ":")).encode() + b"\n")
-            process.stdin.flush()
             answer = self._answers.get(timeout=seconds)
         except queue.Empty:
+            process.kill()
             self.close()
             raise OverdueError(f"no answer to {method} within {seconds:.0f} s") from None
-        except OSError:
-            answer = b""
         if not answer.endswith(b"\n"):
             raise self._died(process, method, answer)
         return result_of(answer)
 
     def _start(self) -> subprocess.Popen[bytes]:
-        self._answers = queue.Queue()
+        self._requests, self._answers = queue.Queue(), queue.Queue()
         alike = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
         self._process = subprocess.Popen(self._command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=alike)
-        threading.Thread(target=_read, args=(self._process, self._answers), daemon=True).start()
+        for target, lines in ((_write, self._requests), (_read, self._answers)):
+            threading.Thread(target=target, args=(self._process, lines), daemon=True).start()
         return self._process
 
     def _died(self, process: subprocess.Popen[bytes], method: str, answer: bytes) -> RuntimeError:
@@ -87,14 +88,22 @@ class ProcessLink:
         process, self._process = self._process, None
         if process is None:
             return
-        with contextlib.suppress(OSError):  # Its other end may be gone.
-            assert process.stdin
-            process.stdin.close()
+        self._requests.put(b"")
         try:
             process.wait(timeout=1.0)
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait()
+
+
+def _write(process: subprocess.Popen[bytes], requests: queue.Queue[bytes]) -> None:
+    """Write requests to a process until an empty one comes, then close its input. In a thread of its own, because a
+    process that does not read would hold up whoever writes."""
+    assert process.stdin
+    with contextlib.suppress(OSError), process.stdin as stream:  # Its other end may be gone.
+        for request in iter(requests.get, b""):
+            stream.write(request)
+            stream.flush()
 
 
 def _read(process: subprocess.Popen[bytes], answers: queue.Queue[bytes]) -> None:
@@ -118,15 +127,25 @@ class UrlLink:
         told = {"jsonrpc": "2.0", "id": 1, "method": method, "params": params | {"session": self._session}}
         head = {"Content-Type": "application/json"}
         request = urllib.request.Request(self._url, json.dumps(told).encode(), head)
+        answer: Future[bytes] = Future()
+        # In a thread, because a socket's timeout begins anew with every byte of a slow answer.
+        threading.Thread(target=_post, args=(request, seconds, answer), daemon=True).start()
         try:
-            with urllib.request.urlopen(request, timeout=seconds) as answer:
-                return result_of(answer.read(LARGEST + 1))
+            return result_of(answer.result(seconds))
         except TimeoutError:
             raise OverdueError(f"no answer to {method} within {seconds} s") from None
-        except (OSError, ValueError) as error:
+        except (OSError, ValueError, HTTPException) as error:
             raise ProviderError(f"{self._url} does not answer {method}: {error}") from error
 
     def close(self) -> None: ...
+
+
+def _post(request: urllib.request.Request, seconds: float | None, answer: Future[bytes]) -> None:
+    try:
+        with urllib.request.urlopen(request, timeout=seconds) as stream:
+            answer.set_result(stream.read(LARGEST + 1))
+    except Exception as error:
+        answer.set_exception(error)
 
 
 def result_of(answer: bytes) -> Any:

@@ -1,0 +1,155 @@
+"""The settings of a run: filled in before it begins, written to run.json, and held to when it continues."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import importlib.util
+import json
+import os
+import secrets
+from collections.abc import Collection, Sequence
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any, Final
+
+import humanclaw
+from humanclaw import Choice, EpisodeSpec, Plugins, RecordError
+from humanclaw.cli import check_options
+from humanclaw.plugins import PluginInfo, noun, own
+from humanclaw.records import writing
+from humanclaw.storage import Folder
+from humanclaw_bench.integrity import MANIFEST, read_manifest, split_digest
+from humanclaw_bench.wall.deciders import PROCESS
+from humanclaw_bench.worker import Job
+
+FORMAT: Final = 1
+UNTOLD: Final = ("files", "limits", "choice", "names", "in_process", "agent_url", "apart", "absent")
+"""Fields of a job that run.json tells otherwise, or that follow from others."""
+
+
+def seeded(job: Job, out: Path) -> Job:
+    """Draw the seed of a new run if the job has none. A run that continues keeps its own."""
+    if job.seed is not None:
+        return job
+    if Folder(out).has(MANIFEST):
+        return replace(job, seed=read_manifest(out).content.get("seed"))
+    return replace(job, seed=secrets.randbits(53))  # Readers of JSON lose the digits of more.
+
+
+def introduced(job: Job, plugins: Plugins) -> Job:
+    """Fill in the names of backends, agent and verifier, and where agent and verifier play.
+
+    Raises HumanclawError if the job names something unknown, or options that neither agent nor verifier takes.
+    """
+    made = {"agents": None if job.agent_url else plugins.make("agents", job.agent, job.options)}
+    made["verifiers"] = plugins.make("verifiers", job.verifier, job.options) if job.verifier else None
+    check_options(job.options, job.agent, made["agents"], made["verifiers"])
+    names = {}
+    for kind, one in made.items():
+        with contextlib.suppress(Exception):  # A broken name becomes an error of the episode.
+            names[kind] = str(getattr(one, "name", ""))
+    # Those who know everything already play beside the body; their records say that they are privileged.
+    open_to = [kind for kind, one in made.items() if one and not getattr(one, "privileged", False)]
+    apart = {} if job.in_process else dict.fromkeys(open_to, PROCESS)
+    if job.agent_url:
+        apart["agents"] = job.agent_url
+    asked = {"agents": job.agent, "verifiers": job.verifier}
+    needed = {f"{noun(kind)} {name.rpartition(':')[2]}" for kind, name in asked.items() if kind not in apart}
+    away = [info for info in plugins.infos if apart and not needed & {*info.provides}]
+    absent = tuple(_told_as(info) for info in away if _only_decides(info, plugins, job.choice))
+    return replace(job, backends=job.backends.chosen(plugins), names=names, apart=apart, absent=absent)
+
+
+def _only_decides(info: PluginInfo, plugins: Plugins, choice: Choice) -> bool:
+    """Whether a plugin of others brings nothing but agents and verifiers, observers included."""
+    named = [text.partition(":")[0] for text in (*choice.prefer, *choice.skills)]
+    if info.error or info.origin in own() or info.name in named:
+        return False
+    return plugins.hooks(info.name) <= {"humanclaw_agents", "humanclaw_verifiers"}
+
+
+def _told_as(info: PluginInfo) -> str:
+    """Return what names a plugin in Job.absent: its path if it is a file, because two files may share a name."""
+    return info.origin if os.sep in info.origin or info.origin.endswith(".py") else info.name
+
+
+def beside(plugins: Plugins, absent: Collection[str]) -> list[str]:
+    """Return the code of others that is loaded beside the body, by name: it could change the body and the records."""
+    there = [info for info in plugins.infos if info.origin not in own() and not info.error]
+    foreign = [info.name for info in there if _told_as(info) not in absent]
+    startup = [name for name in ("sitecustomize", "usercustomize") if importlib.util.find_spec(name)]
+    return sorted({*foreign, *startup})
+
+
+def manifest(specs: Sequence[EpisodeSpec], job: Job, plugins: Plugins) -> dict[str, Any]:
+    """Return all settings that must be equal in all sessions of a run.
+
+    Raises HumanclawError if the job names something unknown.
+    """
+    base: str = plugins.make("motion_generators", job.backends.generator, profile=job.backends.profile).digest
+    files = {skill.name: skill.adapter for skill in plugins.skills.values() if skill.trained and skill.adapter}
+    adapters = {name: _digest(path.read_bytes()) for name, path in files.items()}
+    unusual = {
+        "in process": job.in_process,
+        "agent url": job.agent_url,
+        "beside the body": beside(plugins, job.absent),
+        "choice": asdict(job.choice) if job.choice != Choice() else None,
+    }
+    return {
+        "format": FORMAT,
+        "episodes": len(specs),
+        "split": split_digest(specs),
+        **{key: value for key, value in asdict(job).items() if key not in UNTOLD},
+        "limits": {name: most for name, most in job.limits.items() if not name.startswith("run.")},
+        "versions": _versions(specs, job, plugins),
+        "plugin files": {Path(file).name: _digest(Path(file).read_bytes()) for file in job.files},
+        "weights": {"base": base} | adapters,
+        **{key: told for key, told in unusual.items() if told},
+    }
+
+
+def _versions(specs: Sequence[EpisodeSpec], job: Job, plugins: Plugins) -> dict[str, str]:
+    """Return the versions of humanclaw and of the distributions of the run's skills, backends, scenes and deciders."""
+    backends = job.backends
+    used = {
+        f"{noun('simulators')} {backends.simulator}",
+        f"{noun('renderers')} {backends.renderer}",
+        f"{noun('motion_generators')} {backends.generator}",
+        f"{noun('agents')} {job.agent}",
+        f"{noun('verifiers')} {job.verifier}",
+        *(f"{noun('scenes')} {spec.scene.partition(':')[0]}" for spec in specs),
+        *(f"skill {name}" for name in plugins.skills),
+    }
+    found = {info.origin: info.version for info in plugins.infos if info.version and used & set(info.provides)}
+    return {"humanclaw": humanclaw.__version__} | found
+
+
+def _digest(data: bytes) -> str:
+    return hashlib.sha256(data).hexdigest()
+
+
+def agree(out: Path, wanted: dict[str, Any]) -> None:
+    """Write run.json, or compare an earlier one with the wanted settings. Raises RecordError if they differ."""
+    wanted = json.loads(json.dumps(wanted))
+    if not Folder(out).has(MANIFEST):
+        with writing(out):
+            Folder(out).write(MANIFEST, json.dumps(wanted, indent=1).encode())
+        return
+    found = read_manifest(out).content
+    differing = sorted(key for key in wanted.keys() | found.keys() if wanted.get(key) != found.get(key))
+    if differing:
+        told = "; ".join(_difference(key, found.get(key), wanted.get(key)) for key in differing)
+        raise RecordError(f"{out} holds a run with other settings: {told}.", "Name another folder with --out.")
+
+
+def _difference(key: str, found: Any, wanted: Any) -> str:
+    if isinstance(found, dict) and isinstance(wanted, dict):
+        inner = sorted(name for name in found.keys() | wanted.keys() if found.get(name) != wanted.get(name))
+        return ", ".join(_difference(f"{key} {name}", found.get(name), wanted.get(name)) for name in inner)
+    return f"{key} was {_short(found)} and is now {_short(wanted)}"
+
+
+def _short(value: Any) -> str:
+    text = value if isinstance(value, str) else json.dumps(value)
+    return text[:12] if len(text) == 64 else text
