@@ -120,8 +120,8 @@ kill: install  ## Kill runs KILLS=200 times on two engines and check that resume
 
 FUZZ ?= 12500
 
-fuzz: install  ## Feed 100,000 hostile inputs to every reader, and 10,000 chunks to half-physics (an hour)
-	HUMANCLAW_FUZZ=$(FUZZ) $(BIN)/python -m pytest tests/test_fuzz.py harnesses/mcp/tests/test_mcp_fuzz.py -q
+fuzz: install  ## Feed 12,500 hostile inputs to each reader, plant hostile files in a run, 10,000 chunks of half-physics (hours)
+	HUMANCLAW_FUZZ=$(FUZZ) $(BIN)/python -m pytest tests/test_fuzz.py tests/test_fuzz_files.py plugins/bench/tests/test_strangers.py harnesses/mcp/tests/test_mcp_fuzz.py -q
 	for engine in mujoco bullet; do $(BIN)/humanclaw physics --simulator $$engine --chunks 5000 wild || exit 1; done
 
 perf: $(READY)  ## Guard speed: compare seven ratios with tests/evidence/perf.json (MORE="--short" or "--save")

@@ -3,32 +3,17 @@
 HUMANCLAW_FUZZ=N tries N examples of each (`make fuzz`); without it there are a few.
 """
 
-import functools
 import json
-import os
 from contextlib import suppress
 
 import jsonschema
 import numpy as np
-import pytest
-from hypothesis import HealthCheck, given, settings, strategies as st
-from made import record_episode
-from rooms import two_rooms
-from tiny_motion import write_base
+from fuzzing import fuzz
+from hypothesis import given, strategies as st
 
-from humanclaw import CallError, CheckpointError, HumanclawError, Plugins, RecordedEpisode, RecordError, SceneError
-from humanclaw.motion.checkpoint import load_base
-from humanclaw.records import read_episodes
+from humanclaw import CallError, Plugins
 from humanclaw.skills import json_objects, read_answer, read_call, read_text
-from humanclaw.world import pack_scene, unpack_scene
 
-fuzz = settings(
-    max_examples=int(os.environ.get("HUMANCLAW_FUZZ", "8")),
-    deadline=None,
-    derandomize="HUMANCLAW_FUZZ" not in os.environ,
-    suppress_health_check=list(HealthCheck),
-    database=None,
-)
 SKILLS = Plugins.discover().skills
 ANY = st.text(st.characters(exclude_categories=()), max_size=60)
 """Half characters included, which UTF-8 cannot hold."""
@@ -77,84 +62,6 @@ def test_any_text_is_read_or_refused(pieces):
         with suppress(CallError):
             for _, call in read_text(text, prose):
                 legal(call)
-
-
-# -- what lies on the disk ---------------------------------------------------------------------------------------------
-def damages():
-    """Changes of bytes: (place, what is put there, how many go)."""
-    one = st.tuples(st.integers(0, 2**20), st.binary(max_size=6), st.integers(0, 40))
-    return st.lists(one, min_size=1, max_size=3)
-
-
-def damaged(data, changes):
-    for place, new, gone in changes:
-        first = place % (len(data) + 1)
-        data = data[:first] + new + data[first + gone :]
-    return data
-
-
-@pytest.fixture(scope="module")
-def home(tmp_path_factory):
-    return tmp_path_factory.mktemp("fuzz")
-
-
-@functools.cache
-def record(home):
-    record_episode(home / "couch-0")
-    path = home / "couch-0" / "episode.json"
-    path.write_text(json.dumps({**json.loads(path.read_text()), "seal": "", "files": {}}))
-    return {name: (home / "couch-0" / name).read_bytes() for name in ("episode.json", "steps.jsonl", "motion.npz")}
-
-
-@fuzz
-@given(name=st.sampled_from(["episode.json", "steps.jsonl", "motion.npz"]), changes=damages())
-def test_any_damage_to_a_record_without_a_seal_is_read_or_refused(home, name, changes):
-    whole = record(home)
-    for other, data in whole.items():
-        (home / "couch-0" / other).write_bytes(damaged(data, changes) if other == name else data)
-    with suppress(RecordError):
-        found = RecordedEpisode(home / "couch-0")
-        found.motion()
-        found.objects()
-
-
-@fuzz
-@given(changes=damages())
-def test_any_damage_to_a_packed_scene_is_found(changes):
-    data = packed()
-    changed = damaged(data, changes)
-    with suppress(SceneError):
-        assert unpack_scene(changed).digest == two_rooms().digest
-
-
-@functools.cache
-def packed():
-    return pack_scene(two_rooms())
-
-
-@fuzz
-@given(changes=damages(), text=st.binary(max_size=60))
-def test_any_file_of_episodes_is_read_or_refused(home, changes, text):
-    line = b'{"id": "a", "instruction": "Find a couch.", "scene": "house:0", "start": {"x": 1, "z": 2, "yaw": 0}}\n'
-    for content in (damaged(line, changes), text):
-        (home / "split.jsonl").write_bytes(content)
-        with suppress(HumanclawError):
-            read_episodes(home / "split.jsonl")
-
-
-@fuzz
-@given(changes=damages())
-def test_any_damage_to_a_checkpoint_is_read_or_refused(home, changes):
-    path = home / "tiny.safetensors"
-    (home / "damaged.safetensors").write_bytes(damaged(checkpoint(path), changes))
-    with suppress(CheckpointError):
-        load_base(home / "damaged.safetensors")
-
-
-@functools.cache
-def checkpoint(path):
-    write_base(path)
-    return path.read_bytes()
 
 
 # -- what is seen ------------------------------------------------------------------------------------------------------

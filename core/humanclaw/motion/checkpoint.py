@@ -284,13 +284,14 @@ def _open(path: Path, remedy: str, weights: bool = False) -> tuple[dict[str, Any
         with safe_open(str(path), framework="np") as file:
             note = (file.metadata() or {}).get(HEADER)
             tensors = {name: file.get_tensor(name) for name in file.keys()} if weights else {}  # noqa: SIM118
-    except (SafetensorError, OSError, ValueError) as error:
+        header: dict[str, Any] = json.loads(note or "{}")
+    except (SafetensorError, OSError, ValueError, RecursionError) as error:
         raise broken(path, error, remedy) from error
     if note is None:
         raise CheckpointError(f"{path} is a safetensors file, but not a checkpoint of HumanCLAW.", remedy)
-    header: dict[str, Any] = json.loads(note)
-    if header.get("format") != FORMAT:
-        found = f"{path} has checkpoint format {header.get('format')}; this version reads format {FORMAT}."
+    if not isinstance(header, dict) or header.get("format") != FORMAT:
+        told = header.get("format") if isinstance(header, dict) else header
+        found = f"{path} has checkpoint format {told!r:.80}; this version reads format {FORMAT}."
         raise CheckpointError(found, remedy)
     return header, tensors
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from io import BytesIO
@@ -17,8 +18,18 @@ from humanclaw.errors import SceneError
 from humanclaw.storage.files import MIB, Folder, read_file
 from humanclaw.world.scene import Mesh
 
+KINDS: Final = ("dae", "glb", "gltf", "obj", "off", "ply", "stl")
+"""Suffixes of models that are read. trimesh also reads archives, whose size nobody knows."""
 MODEL_BYTES: Final = 512 * MIB
 """Maximum bytes of a model file, and of each file that it names."""
+TEXT_BYTES: Final = 32 * MIB
+"""Maximum bytes of a model in text: read, it takes twenty times as much."""
+_BLANK_BYTES: Final = 256 * MIB
+_MOST: Final = 20_000_000
+"""Maximum vertices and triangles of a model, copies included."""
+_LARGEST_PICTURE: Final = 8192 * 8192
+"""Maximum pixels of a picture."""
+_WIDTHS: Final = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 _PIXELS: Final = 2048
 """The longest side at which a picture is read: an atlas keeps far less of it, and a larger one takes gigabytes."""
 
@@ -44,10 +55,13 @@ def read_model(path: Path, data: bytes | None = None) -> list[Part]:
     """
     import trimesh
 
+    kind = path.suffix[1:].lower()
     try:
+        content = read_file(path, MODEL_BYTES if kind == "glb" else TEXT_BYTES) if data is None else data
+        _check_kind(kind, content)
         # Vertices stay as they are in the file: merging them would lose texture seams.
-        stream = BytesIO(read_file(path, MODEL_BYTES) if data is None else data)
-        scene = trimesh.load_scene(stream, path.suffix[1:].lower(), process=False, resolver=_beside(path.parent))
+        scene = trimesh.load_scene(BytesIO(content), kind, process=False, resolver=_beside(path.parent))
+        _check_size(scene)
         parts = [part for name in scene.graph.nodes_geometry for part in _parts(scene, name)]
     except Exception as error:  # Third-party readers fail on broken files in every way there is.
         raise SceneError(f"{path.name} cannot be read: {type(error).__name__}: {error}.") from error
@@ -56,6 +70,27 @@ def read_model(path: Path, data: bytes | None = None) -> list[Part]:
     if not all(np.isfinite(part.vertices).all() for part in parts):
         raise SceneError(f"{path.name} holds vertices that are not numbers.")
     return parts
+
+
+def _check_kind(kind: str, data: bytes) -> None:
+    """Raise ValueError for an archive, and for a glTF file that asks for more memory than its data fill."""
+    if kind not in KINDS:
+        raise ValueError(f"models are {', '.join(KINDS)}")
+    if kind not in ("glb", "gltf"):
+        return
+    size = int.from_bytes(data[12:16], "little")
+    head = json.loads(data[20 : 20 + size] if kind == "glb" else data)
+    # An accessor without a view of the data means zeros, or compressed data.
+    blank = [one for one in head.get("accessors", ()) if "bufferView" not in one]
+    if sum(4 * one["count"] * _WIDTHS[one["type"]] for one in blank) > _BLANK_BYTES:
+        raise ValueError(f"its arrays without data are larger than {_BLANK_BYTES // MIB} MiB")
+
+
+def _check_size(scene: Any) -> None:
+    """Raise ValueError if the copies of meshes have too many corners together."""
+    shapes = [scene.geometry[scene.graph[node][1]] for node in scene.graph.nodes_geometry]
+    if sum(len(getattr(one, "faces", ())) + len(getattr(one, "vertices", ())) for one in shapes) > _MOST:
+        raise ValueError(f"it holds more than {_MOST:,} vertices and triangles")
 
 
 def _beside(folder: Path) -> Any:
@@ -108,6 +143,8 @@ def _rgb(colour: Any) -> tuple[int, int, int]:
 
 def _pixels(image: Image.Image, tint: tuple[int, int, int]) -> NDArray[np.uint8]:
     """(H, W, 3); where the picture is see-through, the mean colour of the rest, since nothing here draws holes."""
+    if image.width * image.height > _LARGEST_PICTURE:
+        raise ValueError(f"its picture has {image.width} x {image.height} pixels, more than {_LARGEST_PICTURE:,}")
     picture = image.convert("RGBA")
     picture.thumbnail((_PIXELS, _PIXELS))
     rgba = np.asarray(picture, float)

@@ -63,7 +63,7 @@ def _model(path: Path, inside: Path, row: Mapping[str, str], metadata: FolderMet
 def _rows(table: Path, source: Path) -> dict[Path, dict[str, str]]:
     """Return model path to its row of a table. Paths in the table are relative to the table or to the folder."""
     try:
-        text = read_file(table, 1 << 26).decode("utf-8")
+        text = read_file(table, 1 << 24).decode("utf-8")
         rows = list(csv.DictReader(io.StringIO(text, newline="")))
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise HumanclawError(f"cannot read the table {table}: {error}.", f"It is a CSV file with {COLUMNS}.") from error

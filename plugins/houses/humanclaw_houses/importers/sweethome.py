@@ -25,8 +25,10 @@ from humanclaw_houses.importers.source_models import Collection, SourceModel
 CATALOGUE: Final = "PluginFurnitureCatalog.properties"
 LIBRARY_BYTES: Final = 2 << 30
 """Maximum bytes of a library in one file."""
-TEXT_BYTES: Final = 8 << 20
+TEXT_BYTES: Final = 4 << 20
 """Maximum bytes of its catalogue and of its licence."""
+MOST: Final = 20_000
+"""Maximum pieces of furniture of a library."""
 UNREADABLE: Final = (zipfile.BadZipFile, zlib.error, lzma.LZMAError, OSError, EOFError, RuntimeError)
 """Errors of zipfile and its unpackers; NotImplementedError is a RuntimeError."""
 _LICENCES: Final = (
@@ -78,6 +80,8 @@ def _collection(text: bytes, terms: bytes, name: str, fetcher: Callable[[str], C
         if found := re.fullmatch(r"(.*)#(\d{1,9})", key):
             rows[int(found[2])][found[1]] = value
     licence = licence_of(f"{values.get('license', '')}\n{terms.decode('latin-1')}")
+    if len(rows) > MOST:
+        raise HumanclawError(f"the catalogue of {name} has {len(rows):,} entries; at most {MOST:,} are read.")
     models = []
     passed_over = 0
     for _, row in sorted(rows.items()):
@@ -150,10 +154,9 @@ def _unzip(archive: Path, model: str, folder: Path) -> Path:
 
 
 def _inside(folder: Path, model: str) -> Path:
-    path = (folder / model).resolve()
-    if not path.is_relative_to(folder.resolve()) or not path.is_file():
+    if not Folder(folder).has(model):
         raise HumanclawError(f"the catalogue names {model or 'no model'}, which is not in the library.")
-    return path
+    return folder / model
 
 
 def properties(text: bytes) -> dict[str, str]:
