@@ -72,6 +72,9 @@ class RecordedEpisode:
                 found = {name: data[name] for name in names or sorted(data.files)}
             if not all(np.isfinite(array).all() for array in found.values()):
                 raise ValueError("it holds values that are not finite")
+            lasting, held = sum(step.motion_frames for step in self.steps), min(map(len, found.values()), default=0)
+            if held < lasting:
+                raise ValueError(f"it holds {held} frames, and its steps last {lasting}")
         except Exception as error:  # Damage raises a dozen kinds of errors in numpy, zipfile and its unpackers.
             raise RecordError(f"{path} cannot be read: {error}.", AGAIN) from error
         return found
