@@ -187,3 +187,24 @@ def test_nothing_costs_less_than_nothing_or_what_is_no_number(cost):
         Usage(10, 5, cost)
     with pytest.raises(ValueError, match="not below 0"):
         Usage(-10, 5)
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "told"),
+    [
+        ("motion_frames", -15, "greater than or equal to 0"),
+        ("motion_frames", 10**30, "less than or equal to"),
+        ("motion_frames", 9000, "frames, and its steps last"),
+        ("joint", "tail", "expected a joint of the body; got 'tail'"),
+    ],
+)
+def test_a_sealed_step_that_no_body_could_make_is_refused(folder, field, value, told):
+    path = folder / "steps.jsonl"
+    lines = [json.loads(line) for line in path.read_text().splitlines()]
+    (lines[2] if field in lines[2] else lines[2]["contacts"][0])[field] = value
+    path.write_text("".join(json.dumps(line) + "\n" for line in lines))
+    record = EpisodeRecord.model_validate_json((folder / "episode.json").read_bytes())
+    digests = record.files | {"steps.jsonl": hashlib.sha256(path.read_bytes()).hexdigest()}
+    write_record(folder, record.model_copy(update={"files": digests}))
+    with pytest.raises(RecordError, match=told):
+        RecordedEpisode(folder).motion()

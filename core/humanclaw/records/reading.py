@@ -71,6 +71,9 @@ class RecordedEpisode:
             with self.files.open("motion.npz", MOTION_BYTES) as stream:
                 about = os.fstat(stream.fileno())
             found = _read_arrays(self.files, about.st_ino, about.st_mtime_ns, about.st_size)
+            lasting, held = sum(step.motion_frames for step in self.steps), min(map(len, found.values()), default=0)
+            if held < lasting:
+                raise ValueError(f"it holds {held} frames, and its steps last {lasting}")
             return {name: found[name] for name in names or sorted(found)}
         except Exception as error:  # Damage raises a dozen kinds of errors in numpy, zipfile and its unpackers.
             told = error.strerror if isinstance(error, OSError) else error

@@ -5,11 +5,12 @@ from __future__ import annotations
 import hashlib
 import json
 from dataclasses import dataclass, field, replace
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Final, Literal
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
 from humanclaw.body.pose import FUTURE, Pose2D
+from humanclaw.body.skeleton import JOINT_INDEX
 from humanclaw.records.decisions import Attempt, Decision, Usage, Verdict
 from humanclaw.records.feedback import Feedback, Proprioception, Reading, Touch
 from humanclaw.records.specification import EpisodeSpec, Name, Record
@@ -23,6 +24,18 @@ from humanclaw.world.view import Gaze, gaze_of
 
 FORMAT: Literal[3] = 3
 Outcome = Literal["running", "stopped", "out_of_steps", "plugin_error", "infra_error", "limit_reached", "interrupted"]
+
+
+_MOST_FRAMES: Final = 100_000
+"""An hour in one step. No call lasts longer than seconds, but a step may hold a sequence of them."""
+
+
+def _of_the_body(contacts: tuple[Contact, ...]) -> tuple[Contact, ...]:
+    """Raise ValueError for a contact of a joint that no body has."""
+    for contact in contacts:
+        if contact.joint not in JOINT_INDEX:
+            raise ValueError(f"expected a joint of the body; got {contact.joint!r:.50}")
+    return contacts
 
 
 @dataclass(frozen=True)
@@ -58,7 +71,7 @@ class StepRecord(Record):
     target_pixels: dict[int, int] = {}
     """Pixels of each target in the view before the decision."""
     frame_file: Annotated[str, Field(pattern=r"^(frames/[A-Za-z0-9_-][A-Za-z0-9._-]*)?$")] = ""
-    motion_frames: int = 0
+    motion_frames: Annotated[int, Field(ge=0, le=_MOST_FRAMES)] = 0
     """Number of frames in motion.npz that belong to this step."""
     rise_frames: int = 0
     """Those of them in which the body first rose from a low pose, before it could step."""
@@ -77,7 +90,7 @@ class StepRecord(Record):
     yaw_start: float = 0.0
     """Heading before the step, radians."""
     yaw_end: float = 0.0
-    contacts: tuple[Contact, ...] = ()
+    contacts: Annotated[tuple[Contact, ...], AfterValidator(_of_the_body)] = ()
     touches: tuple[tuple[int, int, int], ...] = ()
     """(frame of the step, object id, object id): a movable object touches another object."""
     targets: dict[int, tuple[Vec3, Vec3]] = {}
