@@ -160,6 +160,13 @@ def test_a_deliberate_fault_is_named(tmp_path, text):
     assert all(fault.message and fault.remedy for fault in found)
 
 
+def test_a_sense_that_never_returns_is_a_fault_and_an_agent_may_wait_for_a_person(tmp_path, monkeypatch):
+    monkeypatch.setattr("humanclaw.testing.kinds.PATIENCE", 0.5)
+    waits = "__import__('threading').Event().wait()"
+    assert "did not return within 0.5 s" in faults(tmp_path, sense(waits))[0].message
+    assert faults(tmp_path, agent(waits), "waiting") == []
+
+
 @pytest.mark.parametrize("text", LEGAL_MEASURES.values(), ids=LEGAL_MEASURES)
 def test_a_measure_that_says_how_it_mirrors_is_legal(tmp_path, text):
     assert faults(tmp_path, text) == []

@@ -21,6 +21,7 @@ from humanclaw.episodes.episode import Episode
 from humanclaw.episodes.tools import body_tools
 from humanclaw.errors import CallError, ContractError, HumanclawError, ProviderError, in_words
 from humanclaw.plugins.agents import EpisodeContext, Moment, Observation
+from humanclaw.plugins.bounded import Bounded, OverdueError
 from humanclaw.plugins.choice import Registration
 from humanclaw.plugins.deciders import admit, name_of, settings_of
 from humanclaw.plugins.hookspecs import OBSERVERS, noun
@@ -42,6 +43,8 @@ from humanclaw.world.simulator import Execution, WorldState
 from humanclaw.world.view import View, ego_camera
 
 T = TypeVar("T")
+PATIENCE: Final = 60.0
+"""Seconds that an item may take."""
 _JUMP: Final = 0.5
 """Metres that a body does not move within a frame."""
 
@@ -223,9 +226,13 @@ def check_plugin(owner: str, plugin: object, plugins: Plugins) -> list[Report]:
 def _item(kind: str, one: Registration, plugins: Plugins) -> Report:
     what = f"{noun(kind)} {one.name}"
     try:
-        CHECKED.get(kind, _other)(one.value, plugins)
+        Bounded(PATIENCE)(lambda: CHECKED.get(kind, _other)(one.value, plugins))
     except ProviderError as error:
         return Report(what, (), notes=(f"not asked: {error}",))
+    except OverdueError as error:
+        if kind in ("agents", "verifiers"):  # A person may decide, or a slow model.
+            return Report(what, (), notes=(f"not asked to the end: {error}",))
+        return Report(what, (ContractError(f"{noun(kind)}-works", f"{what}: {error}.", "Let it return sooner."),))
     except HumanclawError as error:
         if not isinstance(error, ContractError):
             return Report(what, (), notes=(f"not used: {error}",))
