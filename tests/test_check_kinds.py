@@ -7,6 +7,7 @@ from humanclaw import Plugins
 from humanclaw.testing import check_target
 
 HEAD = """
+import click
 import numpy as np
 from dataclasses import replace
 from types import SimpleNamespace
@@ -15,7 +16,7 @@ from humanclaw.body import Motion, Pose2D
 from humanclaw.records import Reading
 from humanclaw.skills import Measure
 from humanclaw.world import View
-from humanclaw.testing import FakeGenerator, FakeRenderer, FakeWorld
+from humanclaw.testing import FakeGenerator, FakeRenderer, FakeWorld, fake_scene
 
 class Begins:
     def begin(self, context):
@@ -64,8 +65,8 @@ def report(files):
     return made("reports", "lambda film, renderer: It()", "", "write(self, run, episode, plugins)", f"return {files}")
 
 
-def measure(function, unit="m"):
-    registered = f"register(Measure('m', '{unit}', 'x', 1, lambda p, r: {function}))"
+def measure(function, unit="m", mirror=1):
+    registered = f"register(Measure('m', '{unit}', 'x', {mirror}, lambda p, r: {function}))"
     return f"@hookimpl\ndef humanclaw_measures(register):\n    {registered}\n"
 
 
@@ -80,15 +81,27 @@ FAULTS = {
     "an agent whose calls are no tuple": agent("return Decision(Call('nod'))"),
     "an agent without a name": item("agents", "lambda o: SimpleNamespace(privileged=False)"),
     "an agent of None": item("agents", "lambda o: None"),
+    "an agent that calls an unknown skill": agent("return Decision((Call('fly'),))"),
+    "an agent that calls with an unknown parameter": agent("return Decision((Call('nod', {'x': 1}),))"),
+    "an agent that calls twice": agent("return Decision((Call('nod'), Call('nod')))"),
+    "an agent whose reasoning is no text": agent("return Decision((Call('nod'),), reasoning=3)"),
+    "an agent that paints over the picture": agent("seen.rgb[:] = 0"),
+    "an agent that looks at the scene unasked": agent("return self.scene")
+    .replace("(Begins)", "")
+    .replace("    def decide", "    def begin(self, context):\n        context.scene.objects\n\n    def decide"),
     "a factory that takes no options": item("agents", "lambda: None"),
     "a verifier that neither accepts nor replaces": judge("return Verdict(False)"),
     "a verifier that returns True": judge("return True"),
+    "a verifier whose call is unknown": judge("return Verdict(False, Call('fly'))"),
+    "a verifier whose call is out of bounds": judge("return Verdict(False, Call('walk', {'z_cm': 9999}))"),
     "a verifier that raises": judge("raise KeyError('x')"),
     "a sense of a text": sense("return 'a wall'"),
     "a sense of NaN": sense("return Reading('x', {'m': float('nan')})"),
     "a sense that raises": sense("return moment.nothing"),
     "a scene of None": item("scenes", "lambda argument: None"),
     "a scene without an object": item("scenes", "lambda argument: Scene('x', {}, (), (), Pose2D())"),
+    "a scene that begins off its floor": item("scenes", "lambda a: replace(fake_scene(), start=Pose2D(500.0, 0.0))"),
+    "a scene that differs": item("scenes", "lambda a: replace(fake_scene(), start=Pose2D(np.random.rand(), 0.0))"),
     "a scene that raises": item("scenes", "lambda argument: 1 / 0"),
     "an engine of 14 frames": world("replace(done, simulated=done.simulated[:14])"),
     "an engine that jumps 5 m": world("replace(done, simulated=Motion(motion.root + [5, 0, 0], motion.rotations))"),
@@ -97,6 +110,9 @@ FAULTS = {
     "a renderer of None": eyes("None"),
     "a picture of 10 rows": eyes("View(seen.rgb[:10], seen.depth, seen.ids)"),
     "a depth of float64": eyes("View(seen.rgb, seen.depth.astype(float), seen.ids)"),
+    "a depth of NaN": eyes("View(seen.rgb, seen.depth * np.nan, seen.ids)"),
+    "a depth below 0": eyes("View(seen.rgb, -seen.depth, seen.ids)"),
+    "an object that is not there": eyes("View(seen.rgb, seen.depth, np.full_like(seen.ids, 777))"),
     "a generator of 14 frames": prior("it[:14]"),
     "a generator that jumps": prior("Motion(it.root + [0, 0, 5], it.rotations)"),
     "a generator of NaN": prior("Motion(it.root, it.rotations * np.nan)"),
@@ -104,8 +120,11 @@ FAULTS = {
     "a reporter of None": report("None"),
     "a reporter of a file that is not there": report("{'page': run / 'none.html'}"),
     "a framework of None": item("frameworks", "lambda tools: None"),
+    "a framework of nothing": item("frameworks", "lambda tools: []"),
     "a framework that raises": item("frameworks", "lambda tools: tools.nothing"),
     "a measure of one number": measure("p[0, 0, 0]"),
+    "a measure with the wrong sign in the mirror": measure("p[:, -1, 0]"),
+    "a measure of one arm with a sign": measure("r[:, -1, 16, 2]", mirror=-1),
     "a measure in feet": measure("p[:, 0, 0]", "ft"),
     "a measure of NaN": measure("p[:, 0, 0] * np.nan"),
     "an observer that raises": hook("step(episode, step)", "step.nothing"),
@@ -114,7 +133,17 @@ FAULTS = {
     "a misspelt hook": hook("agent(register)"),
     "commands that raise": hook("commands(cli)", "1 / 0"),
     "no command": hook("commands(cli)"),
+    "a command without help": hook("commands(cli)", "cli.add_command(click.Command('x', callback=print))"),
+    "an option without help": hook(
+        "commands(cli)", "cli.add_command(click.Command('x', help='X.', params=[click.Option(['--y'])]))"
+    ),
     "a command that is a function": hook("commands(cli)", "cli.add_command(print)"),
+}
+
+
+LEGAL_MEASURES = {
+    "sideways": measure("p[:, -1, 0]", mirror=-1),
+    "one arm": measure("r[:, -1, 16, 2]", mirror=None),
 }
 
 
@@ -129,6 +158,18 @@ def test_a_deliberate_fault_is_named(tmp_path, text):
     found = faults(tmp_path, text)
     assert found
     assert all(fault.message and fault.remedy for fault in found)
+
+
+def test_a_sense_that_never_returns_is_a_fault_and_an_agent_may_wait_for_a_person(tmp_path, monkeypatch):
+    monkeypatch.setattr("humanclaw.testing.kinds.PATIENCE", 0.5)
+    waits = "__import__('threading').Event().wait()"
+    assert "did not return within 0.5 s" in faults(tmp_path, sense(waits))[0].message
+    assert faults(tmp_path, agent(waits), "waiting") == []
+
+
+@pytest.mark.parametrize("text", LEGAL_MEASURES.values(), ids=LEGAL_MEASURES)
+def test_a_measure_that_says_how_it_mirrors_is_legal(tmp_path, text):
+    assert faults(tmp_path, text) == []
 
 
 LEGAL = [one for one in snippets() if one.page == "docs/hooks.md" and one.language == "python"]

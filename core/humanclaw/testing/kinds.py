@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence, Sized
 from contextlib import redirect_stdout
 from dataclasses import replace
 from io import StringIO
@@ -19,17 +19,18 @@ from humanclaw.body.skeleton import JOINT_INDEX
 from humanclaw.episodes.embodiment import Body
 from humanclaw.episodes.episode import Episode
 from humanclaw.episodes.tools import body_tools
-from humanclaw.errors import ContractError, HumanclawError, ProviderError, in_words
+from humanclaw.errors import CallError, ContractError, HumanclawError, ProviderError, in_words
 from humanclaw.plugins.agents import EpisodeContext, Moment, Observation
+from humanclaw.plugins.bounded import Bounded, OverdueError
 from humanclaw.plugins.choice import Registration
 from humanclaw.plugins.deciders import admit, name_of, settings_of
 from humanclaw.plugins.hookspecs import OBSERVERS, noun
 from humanclaw.plugins.host import Plugins
-from humanclaw.records.decisions import Decision, Verdict
+from humanclaw.records.decisions import Decision, Verdict, check
 from humanclaw.records.feedback import Reading
 from humanclaw.records.reading import RecordedEpisode
 from humanclaw.records.tasks import free_episode
-from humanclaw.skills.call import Call
+from humanclaw.skills.call import Call, check_call
 from humanclaw.skills.contract import Skill
 from humanclaw.skills.decorator import skill
 from humanclaw.skills.measures import Measure
@@ -42,6 +43,8 @@ from humanclaw.world.simulator import Execution, WorldState
 from humanclaw.world.view import View, ego_camera
 
 T = TypeVar("T")
+PATIENCE: Final = 60.0
+"""Seconds that an item may take."""
 _JUMP: Final = 0.5
 """Metres that a body does not move within a frame."""
 
@@ -68,7 +71,8 @@ def _agent(make: Callable[..., Any], plugins: Plugins) -> None:
         told = EpisodeContext(spec, body.skills, 0)
         whole = replace(told, scene=body.scene, state=body.state, view=body.view)
         agent.begin(whole if agent.privileged else told)
-        admit(agent.decide(Observation(0, spec.instruction, body.view().rgb), ()), Decision, "decide() returned")
+        decided = agent.decide(Observation(0, spec.instruction, body.view().rgb), ())
+        _legal(check, admit(decided, Decision, "decide() returned"), body.skills)
 
 
 def _verifier(make: Callable[..., Any], plugins: Plugins) -> None:
@@ -79,6 +83,8 @@ def _verifier(make: Callable[..., Any], plugins: Plugins) -> None:
         seen = Observation(0, "find the chair", body.view().rgb)
         verdict = admit(verifier.verify(seen, Call("nod"), nod, ""), Verdict, "verify() returned")
         _hold(verdict.accepted or verdict.replacement, "verify() neither accepts nor replaces the call")
+        if verdict.replacement:
+            _legal(check_call, verdict.replacement, body.skills)
 
 
 def _sense(make: Callable[..., Any], plugins: Plugins) -> None:
@@ -102,7 +108,10 @@ def _scene(make: Callable[..., Any], plugins: Plugins) -> None:
         _hold(np.isfinite(np.array(scene.aabb(one.id))).all(), f"object {one.id} has no finite bounding box")
     start = [scene.start.x, scene.start.z, scene.start.yaw, scene.start.floor]
     _hold(np.isfinite(start).all(), f"its start is {scene.start}")
-    _hold(scene.objects, "it has no object, so that a body would fall")
+    here = np.array([scene.start.x, scene.start.z])
+    boxes = [np.array(scene.aabb(one.id))[:, [0, 2]] for one in scene.objects]
+    held = any((low <= here).all() and (here <= high).all() for low, high in boxes)
+    _hold(held, "no object is under its start, so that a body would fall")
 
 
 def _simulator(make: Callable[..., Any], plugins: Plugins) -> None:
@@ -126,6 +135,9 @@ def _renderer(make: Callable[..., Any], plugins: Plugins) -> None:
             picture = getattr(seen, name)
             told = f"{name} is {getattr(picture, 'dtype', type(picture))} {np.shape(picture)}; expected {kind} {shape}"
             _hold(np.shape(picture) == shape and picture.dtype == np.dtype(kind), told)
+        _hold((seen.depth >= 0).all(), "depth is negative or NaN; expected metres, infinity where nothing is")
+        odd = set(np.unique(seen.ids[seen.ids > 0]).tolist()) - {one.id for one in scene.objects}
+        _hold(not odd, f"ids name the objects {sorted(odd)[:5]}, which the scene does not have")
     finally:
         renderer.close()
 
@@ -156,7 +168,8 @@ def _report(make: Callable[..., Any], plugins: Plugins) -> None:
 
 def _framework(make: Callable[..., Any], plugins: Plugins) -> None:
     with fake_body(nod) as body:
-        _hold(make(body_tools(body)) is not None, "its factory returned None")
+        found = make(body_tools(body))
+        _hold(found is not None and (not isinstance(found, Sized) or len(found)), f"its factory returned {found!r}")
 
 
 def _measure(measure: Any, plugins: Plugins) -> None:
@@ -213,9 +226,13 @@ def check_plugin(owner: str, plugin: object, plugins: Plugins) -> list[Report]:
 def _item(kind: str, one: Registration, plugins: Plugins) -> Report:
     what = f"{noun(kind)} {one.name}"
     try:
-        CHECKED.get(kind, _other)(one.value, plugins)
+        Bounded(PATIENCE)(lambda: CHECKED.get(kind, _other)(one.value, plugins))
     except ProviderError as error:
         return Report(what, (), notes=(f"not asked: {error}",))
+    except OverdueError as error:
+        if kind in ("agents", "verifiers"):  # A person may decide, or a slow model.
+            return Report(what, (), notes=(f"not asked to the end: {error}",))
+        return Report(what, (ContractError(f"{noun(kind)}-works", f"{what}: {error}.", "Let it return sooner."),))
     except HumanclawError as error:
         if not isinstance(error, ContractError):
             return Report(what, (), notes=(f"not used: {error}",))
@@ -258,8 +275,13 @@ def _commands(owner: str, plugin: Any) -> Report:
     try:
         plugin.humanclaw_commands(cli=group)
         for name, command in group.commands.items():
+            _hold(command.help, f"command {name} has no help text")
+            silent = [one.opts[0] for one in command.params if isinstance(one, click.Option) and not one.help]
+            _hold(not silent, f"option {''.join(silent[:1])} of command {name} has no help text")
             with redirect_stdout(StringIO()):
                 command.main(["--help"], prog_name=name, standalone_mode=False)
+    except ContractError as error:
+        faults.append(ContractError("command-works", f"{error.message}.", "Say in a sentence what it is for."))
     except (Exception, SystemExit) as error:
         message = f"its commands raise {in_words(error)}."
         faults.append(ContractError("command-works", message, "Add click commands to the group."))
@@ -289,6 +311,13 @@ def _frames(motion: object, count: int, before: Motion, what: str) -> None:
 def _expect(value: object, kind: type[T], what: str) -> T:
     _hold(isinstance(value, kind), f"{what} is {str(value)[:80]!r} and no {kind.__name__}")
     return value  # type: ignore[return-value]
+
+
+def _legal(checking: Callable[[Any, Mapping[str, Skill]], Call], given: object, skills: Mapping[str, Skill]) -> None:
+    try:
+        checking(given, skills)
+    except CallError as error:
+        raise ContractError("works", f"its call is refused: {str(error).rstrip('.')}", "Make legal calls.") from error
 
 
 def _hold(true: object, else_: str) -> None:
