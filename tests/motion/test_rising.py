@@ -101,3 +101,13 @@ def test_it_rises_where_the_body_is_and_faces():
 def test_one_who_stands_or_bends_the_knees_is_not_down():
     assert not is_down(STANCE)
     assert not is_down(seated(0.8, 0.1))
+
+
+def test_the_height_of_a_shoe_is_that_of_its_lowest_corner_in_every_frame():
+    """Toes that point down by 30 degrees: the tip is 22.5 cm ahead of the ankle and 7.5 below it when level."""
+    motion = rest_pose(3)
+    rotations = motion.rotations.copy()
+    rotations[1, ANKLES[0], 0] = np.radians(30)
+    heights = shoe_heights(*forward_kinematics(motion.root, rotations))
+    assert heights[[0, 2]] == pytest.approx(0, abs=1e-9)
+    assert heights[1] == pytest.approx([0.075 - 0.225 * 0.5 - 0.075 * np.sqrt(0.75), 0.0], abs=1e-9)

@@ -72,7 +72,7 @@ def centre_of_mass(joints: Array, orientations: Array) -> Array:
 def shoe_heights(joints: Array, orientations: Array) -> Array:
     """Map joint positions (..., 24, 3) and orientations (..., 24, 3, 3) to the height of the lowest point of each shoe
     (..., 2), left first, metres. Unlike support_height, it knows how a foot tilts."""
-    corners = joints[..., _SHOE_PARTS, None, 1] + np.einsum(
+    corners = joints[..., _SHOE_PARTS, 1][..., None] + np.einsum(
         "...lj,lcj->...lc", orientations[..., _SHOE_PARTS, 1, :], _SHOE_CORNERS
     )
     return np.asarray(corners.min(-1).reshape(*corners.shape[:-2], 2, 2).min(-1))

@@ -24,7 +24,7 @@ from humanclaw.body.pose import (
     yaw_matrix,
 )
 from humanclaw.body.skeleton import JOINT_INDEX, TOE_SOLE
-from humanclaw.motion.ik import REACH, SIDES, TOE_BASE, Array, Limb, solve
+from humanclaw.motion.ik import REACH, SIDES, TOE_BASE, Array, Limb, bent
 
 _SLOW: Final = 0.25
 """Metres a second below which a toe counts as standing."""
@@ -68,7 +68,8 @@ def _lock_foot(side: str, positions: Array, turns: Array, rotations: Array) -> N
     level = [stance for stance in stances if _level(stance, turns[:, ankle])]
     foot = matrix_from_vector(_corrections(level, _levelling(level, turns[:, ankle]))) @ turns[:, ankle]
     toes = positions[:, toe] + _corrections(stances, _holding(stances, positions[:, toe]))
-    thigh, shin = _bent(side, positions[:, [hip, knee, ankle]], turns[:, [hip, knee]], toes - foot @ TOE_BASE)
+    leg = positions[:, [hip, knee, ankle]]
+    thigh, shin = bent(Limb.leg(side), leg, turns[:, [hip, knee]], toes - foot @ TOE_BASE, REACH)
     for joint, parent, turn in ((hip, turns[:, 0], thigh), (knee, thigh, shin), (ankle, shin, foot)):
         local = vector_from_matrix(np.swapaxes(parent, -1, -2) @ turn)
         rotations[HISTORY:, joint] = local[HISTORY:]
@@ -137,23 +138,3 @@ def _corrections(stances: list[_Stance], inside: Array) -> Array:
         total += np.where(frames >= stance.stop, falling, 0.0)[:, None] * inside[stance.stop - 1]
     total[:HISTORY] = 0
     return total
-
-
-def _bent(side: str, joints: Array, turns: Array, ankle: Array) -> tuple[Array, Array]:
-    """Thigh and shin (T, 3, 3) turned just so much that the leg ends at `ankle` (T, 3); its knee keeps its direction.
-
-    joints: (T, 3, 3) hip, knee and ankle as they are. turns: (T, 2, 3, 3) of thigh and shin.
-    """
-    limb, (hip, knee, end) = Limb.leg(side), np.moveaxis(joints, 1, 0)
-    span = end - hip
-    along = span / np.linalg.norm(span, axis=-1, keepdims=True)
-    out = (knee - hip) - np.sum((knee - hip) * along, -1, keepdims=True) * along
-    # Of a straight leg the knee points nowhere; then it points where the thigh faces.
-    pole = out + 0.01 * turns[:, 0, :, 2]
-    farthest = np.maximum(REACH, np.linalg.norm(span, axis=-1))
-    wanted = ankle - hip
-    distance = np.linalg.norm(wanted, axis=-1)
-    reachable = hip + wanted * np.minimum(1.0, farthest / distance)[:, None]
-    old, new = solve(limb, hip, end, pole), solve(limb, hip, reachable, pole)
-    thigh, shin = (new[bone] @ np.swapaxes(old[bone], -1, -2) @ turns[:, bone] for bone in (0, 1))
-    return thigh, shin

@@ -71,6 +71,26 @@ def solve(limb: Limb, start: Array, end: Array, pole: Array, slack: float = 1e-4
     return upper, upper @ fold
 
 
+def bent(limb: Limb, joints: Array, turns: Array, end: Array, reach: float = np.inf) -> tuple[Array, Array]:
+    """Turn both bones just so much that a limb ends at `end` (T, 3), as far as `reach`; its hinge keeps its direction.
+
+    joints: (T, 3, 3) start, hinge and end as they are. turns: (T, 2, 3, 3) of the bones. Returns both (T, 3, 3).
+    """
+    start, hinge, tip = np.moveaxis(joints, 1, 0)
+    span = tip - start
+    along = span / np.linalg.norm(span, axis=-1, keepdims=True)
+    out = (hinge - start) - np.sum((hinge - start) * along, -1, keepdims=True) * along
+    # Of a straight limb the hinge points nowhere; then it points where the upper bone faces.
+    pole = out + 0.01 * turns[:, 0, :, 2]
+    farthest = np.maximum(reach, np.linalg.norm(span, axis=-1))
+    wanted = end - start
+    distance = np.linalg.norm(wanted, axis=-1)
+    reachable = start + wanted * np.minimum(1.0, farthest / distance)[:, None]
+    old, new = solve(limb, start, tip, pole), solve(limb, start, reachable, pole)
+    upper, lower = (new[bone] @ np.swapaxes(old[bone], -1, -2) @ turns[:, bone] for bone in (0, 1))
+    return upper, lower
+
+
 def _pole(limb: Limb) -> Array:
     """Where the hinge points in the rest pose: away from where the end goes when the limb bends."""
     return -np.cross(limb.hinge, limb.lower)

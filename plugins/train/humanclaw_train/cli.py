@@ -11,7 +11,7 @@ from typing import Any
 
 import click
 
-from humanclaw import CallError, Choice, HumanclawError, Plugins, Simulator, Skill, default_simulator
+from humanclaw import Body, CallError, Choice, HumanclawError, Plugins, Scene, Simulator, Skill, default_simulator
 from humanclaw.cli import plugin_options
 from humanclaw.skills import Measure
 
@@ -40,6 +40,11 @@ def _simulator() -> Simulator:
     return simulator
 
 
+def _place(scene: Scene, seed: int) -> Body:
+    """Put a body with the installed skills into a scene."""
+    return Body(scene, seed=seed)
+
+
 def _installed() -> dict[str, Path]:
     """Return the adapters of the installed skills."""
     skills = Plugins.discover().skills.values()
@@ -66,6 +71,7 @@ naturalness = _forward(
     "Compare generated motion with human motion.",
     installed=_installed,
     commanded=_measures,
+    seat=_place,
 )
 speed = _forward(
     "speed",

@@ -13,6 +13,8 @@
 * Life: 120 random calls in a row.
 * Gait: straight walks of several speeds, their first calls and later ones, beside people's with --clips. Drift: where
   a hundred straight calls in a row end.
+* Inside: share of frames in which hands are in thighs or trunk, or the legs in each other.
+* Seats: how installed skills sit down on seats in half-physics, and get up again.
 * First steps: slide of the slower toe in the first chunk from standing, per skill.
 * Sequences: root-rigid jerk of the six sequences that the paper names.
 """
@@ -33,9 +35,11 @@ from humanclaw.skills import MEASURES
 from humanclaw_train.chunks import load_pack
 from humanclaw_train.fidelity import generator_options, made_generator
 from humanclaw_train.first_steps import FirstSteps, first_steps, first_steps_table
+from humanclaw_train.inside import inside_table, self_penetration
 from humanclaw_train.life import life, life_line
 from humanclaw_train.likeness import PRIOR, NaturalnessRow, skills, skills_table
 from humanclaw_train.rollouts import Command, Installed, Measures, adapters, file_digest
+from humanclaw_train.seats import Place, seats, seats_table
 from humanclaw_train.sequences import sequence_jerks, sequences_table
 from humanclaw_train.tables import as_json, numbers, save
 from humanclaw_train.transitions import real_peak, transitions, transitions_table
@@ -99,9 +103,16 @@ class _Printer:
 
 
 def main(
-    arguments: Sequence[str] | None = None, installed: Installed | None = None, commanded: Measures = lambda: MEASURES
+    arguments: Sequence[str] | None = None,
+    installed: Installed | None = None,
+    commanded: Measures = lambda: MEASURES,
+    seat: Place | None = None,
 ) -> int:
-    """Run the command line. installed: returns the adapters to measure. commanded: returns the known measures."""
+    """Run the command line.
+
+    installed: returns the adapters to measure. commanded: returns the known measures. seat: puts a body into a scene;
+    without it no seats are measured.
+    """
     options = _parser().parse_args(arguments)
     show = _Printer(options.json)
     try:
@@ -122,6 +133,9 @@ def main(
             real = real_gaits(load_pack(options.clips) if options.clips else [], walks.skill)
             show("gaits", (real, made), lambda gaits: gait_table(*gaits))
             show("drift", drift(generator, walks, min(10, options.bodies), seed=options.seed), drift_line)
+        show("inside", self_penetration(generator, commands, options.rollouts, options.seed), inside_table)
+        if seat is not None:
+            show("seats", seats(seat, options.seed), seats_table)
         peak = real_peak(options.chunks, commands)
         show("transitions", transitions(generator, commands, peak, options.bodies, options.seed), transitions_table)
         show("life", life(generator, commands, options.calls, seed=options.seed), life_line)

@@ -88,13 +88,14 @@ def stage(skill: Declaration, values: Mapping[str, float], chunks: int = CHUNKS_
         return _scene("down", _descent(asked["hips.drop"], tread, chunks))
     if skill.role == "sit":
         # The seat's top is where the hips of a body at the commanded height would touch it.
-        top = max(asked.get("hips.height", _SEATED) - HIPS, 0.02)
-        boxes = [
-            ("floor", (30.0, 0.2, 30.0), (0.0, -0.2, 0.0)),
-            ("bench", (1.2, top, 1.0), (0.0, 0.0, _SEAT_FRONT - 0.5)),
-        ]
-        return _scene("seat", boxes)
+        return bench(max(asked.get("hips.height", _SEATED) - HIPS, 0.02))
     return flat()
+
+
+def bench(top: float) -> Scene:
+    """Return a scene with a bench of this height, metres, behind the body."""
+    seat = ("bench", (1.2, top, 1.0), (0.0, 0.0, _SEAT_FRONT - 0.5))
+    return _scene("seat", [("floor", (30.0, 0.2, 30.0), (0.0, -0.2, 0.0)), seat])
 
 
 _Boxes = list[tuple[str, tuple[float, float, float], tuple[float, float, float]]]

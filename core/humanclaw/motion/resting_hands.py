@@ -1,0 +1,70 @@
+"""Lay hands that rest on raised thighs flat on them.
+
+The model points the fingers of a seated body into its thighs, by up to 8 cm. The correction depends on the pose of each
+frame alone, so that it neither jumps nor adds up.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from humanclaw.body.pose import Array, Motion, forward_kinematics, matrix_from_vector, smoothstep, vector_from_matrix
+from humanclaw.body.skeleton import JOINT_INDEX, LINKS, Capsule
+from humanclaw.motion.ik import SIDES, Limb, bent
+
+_LOW: Final = 0.8
+"""Pelvis height, metres, over which no thigh is level."""
+_CLEAR: Final = sum(
+    one.shape.radius for one in LINKS if one.joint in ("left_hip", "left_elbow") and isinstance(one.shape, Capsule)
+)
+"""Distance of a wrist from the axis of the thigh that it rests on, metres."""
+_INWARDS: Final = 0.25
+"""Sine of the angle by which fingers point inwards."""
+
+
+def lay_hands(future: Motion) -> Motion:
+    """Return a motion (canonical frame of its chunk, T frames) whose hands do not reach into the thighs below them."""
+    if future.root[:, 1].min() > _LOW:
+        return future
+    positions, turns = forward_kinematics(future.root, future.rotations)
+    rotations = future.rotations.copy()
+    for side, sign in zip(SIDES, (1.0, -1.0), strict=True):
+        _lay_hand(side, sign, positions, turns, rotations)
+    return Motion(future.root, rotations)
+
+
+def _lay_hand(side: str, sign: float, positions: Array, turns: Array, rotations: Array) -> None:
+    """Move one arm, in place. positions (T, 24, 3), turns (T, 24, 3, 3), rotations (T, 24, 3). sign: 1 for the left."""
+    hip, collar, shoulder, elbow, wrist, hand = (
+        JOINT_INDEX[f"{side}_{joint}"] for joint in ("hip", "collar", "shoulder", "elbow", "wrist", "hand")
+    )
+    thigh = turns[:, hip]
+    local = np.einsum("tji,tj->ti", thigh, positions[:, wrist] - positions[:, hip])
+    rests = _rests(local, thigh[:, 1, 2])
+    raised = local.copy()
+    raised[:, 2] = np.maximum(local[:, 2], np.sqrt(np.maximum(_CLEAR**2 - local[:, 0] ** 2, 0.0)))
+    lift = np.einsum("tij,tj->ti", thigh, raised - local)
+    arm = positions[:, [shoulder, elbow, wrist]]
+    upper, fore = bent(Limb.arm(side), arm, turns[:, [shoulder, elbow]], arm[:, 2] + rests[:, None] * lift)
+    flat = thigh @ _flat(sign)
+    way = vector_from_matrix(np.swapaxes(turns[:, wrist], -1, -2) @ flat)
+    palm = turns[:, wrist] @ matrix_from_vector(rests[:, None] * way)
+    for joint, parent, turn in ((shoulder, turns[:, collar], upper), (elbow, upper, fore), (wrist, fore, palm)):
+        rotations[:, joint] = vector_from_matrix(np.swapaxes(parent, -1, -2) @ turn)
+    rotations[:, hand] *= (1 - rests)[:, None]
+
+
+def _rests(wrist: Array, level: Array) -> Array:
+    """Return how far a wrist (T, 3), in the frame of a thigh, rests on it (T,), 0 to 1. level: cosine of its slope."""
+    x, y, z = wrist.T
+    over = smoothstep((z + 0.12) / 0.08) * smoothstep((0.2 - z) / 0.05) * smoothstep((0.17 - np.abs(x)) / 0.06)
+    return np.asarray(over * smoothstep((-y - 0.02) / 0.08) * smoothstep((level - 0.2) / 0.4))
+
+
+def _flat(sign: float) -> Array:
+    """Return the orientation of a hand in the frame of the thigh: palm down, fingers to the knee."""
+    fingers = np.array([-sign * _INWARDS, -np.sqrt(1 - _INWARDS**2), 0.0])
+    back = np.array([0.0, 0.0, 1.0])
+    return np.stack([sign * fingers, back, np.cross(sign * fingers, back)], -1)

@@ -1,0 +1,122 @@
+"""Sitting down and getting up in half-physics, as a body with the installed skills does it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from humanclaw import Body, Call, Motion, Scene, Skill
+from humanclaw.body import JOINT_INDEX, Array, centre_of_mass, forward_kinematics, shoe_heights
+from humanclaw.skills import from_si
+from humanclaw_train.simulated import bench
+from humanclaw_train.tables import cell, table
+
+Place = Callable[[Scene, int], Body]
+"""Puts a body into a scene, with a seed."""
+TOPS: Final = (0.35, 0.40, 0.45, 0.50, 0.55)
+"""Heights of seats, metres."""
+_ASKED: Final = 0.10
+"""Height of the hips over the seat that the schema of sitting down advises, metres."""
+_LEFT: Final = 0.03
+"""Rise of the hips, metres, from which they have left the seat."""
+_STANDS: Final = 0.01
+"""Height of a shoe, metres, below which it stands on the floor."""
+_TOES, _ANKLES = ([JOINT_INDEX[f"{side}_{joint}"] for side in ("left", "right")] for joint in ("foot", "ankle"))
+_HEEL: Final = 0.06
+"""Distance of the heel behind the ankle, metres."""
+
+
+@dataclass(frozen=True)
+class Seat:
+    """One seat, with every skill that steps called once from it; the worst of them. Lengths in cm."""
+
+    top: float
+    hips: float
+    """Hips over the seat after sitting down and half a second of stopping, and"""
+    shoes: float
+    """the higher shoe over the floor then."""
+    balance: float
+    """Least distance of the centre of mass ahead of the heels when the hips leave the seat; negative behind them."""
+    lean: float
+    """Greatest lean of the trunk, degrees."""
+    slide: float
+    """Path of the further sliding toe on the floor until the body stands."""
+    standing: float
+    """Lowest hips after the call."""
+
+
+def seats(place: Place, seed: int = 0) -> list[Seat]:
+    """Sit down on each seat and get up again by each installed skill of role locomotion."""
+    return [_seat(place, top, seed) for top in TOPS]
+
+
+def _seat(place: Place, top: float, seed: int) -> Seat:
+    found, hips, shoes, ends = [], 0.0, 0.0, []
+    for name in _of_role(place, "locomotion"):
+        with place(bench(top), seed) as body:
+            sit = body.skills[_of_role(place, "sit")[0]]
+            _call(body, sit, {"hips.height": top + _ASKED})
+            _call(body, body.skills[_of_role(place, "stop")[0]], {})
+            seated = body.state().body
+            hips, shoes = float(seated.root[-1, 1]), float(shoe_heights(*_posed(seated)).max())
+            motion = _call(body, body.skills[name], {})
+            found.append(_rise(motion, hips))
+            ends.append(float(motion.root[-1, 1]))
+    worst = np.array(found)
+    return Seat(
+        100 * top, 100 * (hips - top), 100 * shoes, float(worst[:, 0].min()), float(worst[:, 1].max()),
+        float(worst[:, 2].max()), 100 * min(ends),
+    )  # fmt: skip
+
+
+def _of_role(place: Place, role: str) -> list[str]:
+    with place(bench(TOPS[0]), 0) as body:
+        return sorted(name for name, skill in body.skills.items() if skill.role == role and skill.trained)
+
+
+def _call(body: Body, skill: Skill, asked: Mapping[str, float]) -> Motion:
+    """Call a skill, with the middle of its range where nothing is asked for; returns the simulated motion."""
+    params: dict[str, Any] = {
+        one.key: round(from_si(one.key, asked.get(one.measure, (one.low + one.high) / 2))) for one in skill.parameters
+    }
+    chunks = body.execute(Call(skill.name, skill.check(params))).chunks
+    parts = [chunk.execution.simulated for chunk in chunks]
+    return Motion(np.concatenate([part.root for part in parts]), np.concatenate([part.rotations for part in parts]))
+
+
+def _posed(motion: Motion) -> tuple[Array, Array]:
+    return forward_kinematics(motion.root, motion.rotations)
+
+
+def _rise(motion: Motion, hips: float) -> tuple[float, float, float]:
+    """Return the balance as the hips leave the seat, the greatest lean, and a foot's slide until the body stands."""
+    joints, turns = _posed(motion)
+    left = motion.root[:, 1] > hips + _LEFT
+    off = int(np.argmax(left))
+    yaw = motion.yaw()[off]
+    ahead = np.array([np.sin(yaw), 0.0, np.cos(yaw)])
+    weight = (centre_of_mass(joints, turns)[off] - joints[off, _ANKLES].mean(0)) @ ahead + _HEEL
+    trunk = joints[:, JOINT_INDEX["neck"]] - joints[:, 0]
+    lean = np.degrees(np.arccos(np.clip(trunk[:, 1] / np.linalg.norm(trunk, axis=-1), -1.0, 1.0))).max()
+    # What follows once the body stands are steps, of which a foot may slide as in any.
+    stands = int(np.argmax(motion.root[:, 1] > 0.9 * motion.root[:, 1].max()))
+    steps = np.linalg.norm(np.diff(joints[: stands + 1, _TOES][..., [0, 2]], axis=0), axis=-1)
+    down = shoe_heights(joints, turns)[1 : stands + 1] < _STANDS
+    return 100 * float(weight), float(lean), 100 * float((steps * down).sum(0).max(initial=0.0))
+
+
+def seats_table(found: Sequence[Seat]) -> str:
+    heads = (
+        "seat cm",
+        "hips over it cm",
+        "shoes over the floor cm",
+        "weight ahead of the heels cm",
+        "lean",
+        "slide cm",
+        "hips after one call cm",
+    )
+    keys = ("top", "hips", "shoes", "balance", "lean", "slide", "standing")
+    return table(heads, [tuple(cell(getattr(one, key)) for key in keys) for one in found])

@@ -1,0 +1,57 @@
+"""Hands that rest on thighs lie on them, and not in them."""
+
+import numpy as np
+import pytest
+
+from humanclaw.body import JOINT_INDEX, Motion, forward_kinematics, rest_pose, vector_from_matrix
+from humanclaw.motion.ik import Limb, solve
+from humanclaw.motion.planted import planted
+from humanclaw.motion.resting_hands import lay_hands
+
+TIP = 0.085
+"""From the joint of a hand to the tip of its fingers, metres."""
+
+
+def seated(above: float) -> Motion:
+    """A seated body with wrists so many metres above the axes of its thighs; fingers go on as forearms do."""
+    stance = rest_pose(3)
+    motion = planted(Motion(stance.root * 0 + [0.0, 0.52, -0.4], stance.rotations), stance)
+    positions, turns = forward_kinematics(motion.root, motion.rotations)
+    rotations = motion.rotations.copy()
+    for side in ("left", "right"):
+        hip, collar, shoulder, elbow = (
+            JOINT_INDEX[f"{side}_{name}"] for name in ("hip", "collar", "shoulder", "elbow")
+        )
+        wrist = positions[:, hip] + turns[:, hip] @ np.array([0.0, -0.25, above])
+        upper, fore = solve(Limb.arm(side), positions[:, shoulder], wrist, np.array([0.0, -0.4, -1.0]))
+        rotations[:, shoulder] = vector_from_matrix(np.swapaxes(turns[:, collar], -1, -2) @ upper)
+        rotations[:, elbow] = vector_from_matrix(np.swapaxes(upper, -1, -2) @ fore)
+    return Motion(motion.root, rotations)
+
+
+def above_thigh(motion: Motion, side: str, joint: str, along: float = 0.0) -> np.ndarray:
+    """How far a point of a limb is in front of the axis of its thigh, metres."""
+    positions, turns = forward_kinematics(motion.root, motion.rotations)
+    hip, index = JOINT_INDEX[f"{side}_hip"], JOINT_INDEX[f"{side}_{joint}"]
+    point = positions[:, index] + turns[:, index] @ np.array([along if side == "left" else -along, 0.0, 0.0])
+    return np.einsum("tji,tj->ti", turns[:, hip], point - positions[:, hip])[:, 2]
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_fingers_that_point_into_a_thigh_are_laid_flat_on_it(side):
+    before = seated(0.1)
+    assert above_thigh(before, side, "hand", TIP).max() < 0.07
+    after = lay_hands(before)
+    # 7 cm of thigh and 3.6 of forearm under the wrist; the fingers lie level with it.
+    assert above_thigh(after, side, "wrist") == pytest.approx(0.106, abs=0.003)
+    assert above_thigh(after, side, "hand", TIP) == pytest.approx(0.106, abs=0.003)
+
+
+def test_a_hand_that_lies_flat_stays_so():
+    once = lay_hands(seated(0.1))
+    np.testing.assert_allclose(lay_hands(once).joints(), once.joints(), atol=1e-3)
+
+
+def test_hands_away_from_thighs_and_those_of_a_standing_body_stay_as_they_are():
+    for motion in (seated(0.35), rest_pose(15)):
+        np.testing.assert_allclose(lay_hands(motion).joints(), motion.joints(), atol=1e-9)
