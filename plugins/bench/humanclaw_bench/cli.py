@@ -51,7 +51,7 @@ from humanclaw_bench.splits import (
     secret_houses,
     summary,
 )  # fmt: skip
-from humanclaw_bench.tables import all_tables, chosen_table, main_table
+from humanclaw_bench.tables import all_tables, brief_tables, chosen_table, main_table
 from humanclaw_bench.worker import Job
 from humanclaw_bench.writers import WRITERS, plain, plain_differences, terminal
 
@@ -249,9 +249,8 @@ def _candidates(house: str, number: int, starts: int, seed: Sequence[int]) -> li
 @bench.command()
 @click.argument("runs", type=RUN, nargs=-1, required=True, metavar="RUN...")
 @click.option("--format", "form", type=click.Choice(["terminal", *WRITERS]), default="terminal", show_default=True)
-@click.option(
-    "--only", type=click.Choice(NAMES), multiple=True, help="Print only this table (repeatable; default: all)."
-)
+@click.option("--only", type=click.Choice(NAMES), multiple=True, help="Print only this table (repeatable).")
+@click.option("--full", is_flag=True, help="On a terminal, print all tables; the default are those that fit a screen.")
 @click.option(
     "--column",
     "columns",
@@ -265,18 +264,19 @@ def _candidates(house: str, number: int, starts: int, seed: Sequence[int]) -> li
 @plugin_files
 def table(
     runs: tuple[Path, ...], form: str, only: tuple[str, ...], columns: tuple[str, ...], paper: bool, seed: int,
-    as_json: bool, partial: bool, files: tuple[Path, ...],
+    full: bool, as_json: bool, partial: bool, files: tuple[Path, ...],
 ) -> None:  # fmt: skip
-    """Print the paper's tables for one or more runs, one row per agent."""
+    """Print the tables of one or more runs, one row per agent."""
     results = _results(runs, files)
     if form == "latex":
         require_whole(results, partial)
     if columns and only:
         raise click.UsageError("--only and --column exclude each other.")
+    brief = form == "terminal" and not (full or only or as_json)
     if columns:
         tables = {"columns": chosen_table(results, columns, paper=paper, seed=seed)}
     else:
-        tables = all_tables(results, paper=paper, seed=seed)
+        tables = brief_tables(results, seed=seed) if brief else all_tables(results, paper=paper, seed=seed)
     chosen = only or [name for name, found in tables.items() if found.rows and found.columns]
     if as_json:
         _print_json({name: plain(tables[name]) for name in chosen})
@@ -286,9 +286,14 @@ def table(
             click.echo(result.note, err=True)
     for name in chosen:
         if form == "terminal":
-            _print(terminal(tables[name], Console().width))
+            _print(terminal(tables[name], Console().width, notes=False))
         else:
             click.echo(WRITERS[form](tables[name]))
+    if form == "terminal":
+        for note in dict.fromkeys(note for name in chosen for note in tables[name].all_notes):
+            _print(Text(note, style="dim"))
+        if brief and not columns:
+            click.echo("--full prints all tables, with the paper's rows.")
 
 
 @bench.command("compare")

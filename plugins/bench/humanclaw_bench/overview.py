@@ -14,7 +14,7 @@ from humanclaw_bench.integrity import standing
 from humanclaw_bench.metrics import ALL, COST, Metric, compare
 from humanclaw_bench.results import Result, named
 from humanclaw_bench.statistics import Difference
-from humanclaw_bench.tables import Column, ResultTable, all_tables
+from humanclaw_bench.tables import Column, ResultTable, all_tables, happened
 from humanclaw_bench.writers import texts
 
 SHOWN = ("main", "funnel", "causes", "difficulty", "category", "variants", "body", "own", "plugins")
@@ -44,7 +44,7 @@ def overview(runs: Mapping[Path, Sequence[RecordedEpisode]], page: Page) -> None
     known = {str(run): standing(run, episodes) for run, episodes in runs.items()}
     results = named({str(run): pairs for run, pairs in found.items()}, known)
     tables = all_tables(results, paper=False)
-    tables["causes"] = _happened(tables["causes"])
+    tables["causes"] = happened(tables["causes"])
     for name in SHOWN:
         if tables[name].rows and tables[name].columns:
             _add(tables[name], page, name)
@@ -56,12 +56,6 @@ def _tell_episodes(run: Path, pairs: Sequence[Scored], page: Page) -> None:
     for scores, cause in pairs:
         success = scores.success if scores.finished else None
         page.episode(run, scores.episode, success=success, cause=cause.label if cause else "", tier=scores.tier)
-
-
-def _happened(causes: ResultTable) -> ResultTable:
-    """Leave out the causes without a failure: they are most rows of the table."""
-    rows = tuple(row for row in causes.rows if any(cell.value > 0 for cell in row.cells))
-    return replace(causes, rows=rows)
 
 
 def _spent(table: ResultTable) -> ResultTable:

@@ -13,6 +13,7 @@ from humanclaw_bench.attribution import CAUSES, FURTHER, STAGES, Cause, Funnel
 from humanclaw_bench.difficulty import THRESHOLDS, TIERS, tiers
 from humanclaw_bench.metrics import (
     ALL,
+    ARRIVE,
     BODY,
     COLLISIONS,
     FIND,
@@ -33,6 +34,8 @@ from humanclaw_bench.statistics import CONFIDENCE, FEW, Estimate, rate
 
 REPEATED: Final = (FIND, NAV, INTERACT, COLLISIONS)
 """Metrics whose variation between repeats is shown."""
+HEADLINE: Final = (FIND, ARRIVE, NAV, INTERACT, COLLISIONS)
+"""Columns of the table that fits a screen."""
 TELLING: Final = 0.1
 """Relevant difference, which the verdict "noise" must exclude: absolute for shares, else relative to the mean."""
 PAPER_NOTE: Final = (
@@ -302,6 +305,17 @@ def _extra(results: Sequence[Result]) -> dict[str, None]:
 def extra_table(results: Sequence[Result], *, seed: int = 0) -> ResultTable:
     """Return the metrics of plugins, averaged over episodes."""
     return _result_table("Metrics of plugins", [extra_metric(name) for name in _extra(results)], results, {}, seed)
+
+
+def brief_tables(results: Sequence[Result], *, seed: int = 0) -> dict[str, ResultTable]:
+    """Return what fits a screen: headline numbers, the funnel, and the root causes that occurred."""
+    headline = chosen_table(results, [metric.name for metric in HEADLINE], paper=False, seed=seed)
+    return {"main": headline, "funnel": funnel_table(results), "causes": happened(causes_table(results))}
+
+
+def happened(causes: ResultTable) -> ResultTable:
+    """Leave out the causes without a failure: they are most rows of the table."""
+    return replace(causes, rows=tuple(row for row in causes.rows if any(cell.value > 0 for cell in row.cells)))
 
 
 def all_tables(results: Sequence[Result], *, paper: bool = True, seed: int = 0) -> dict[str, ResultTable]:

@@ -20,11 +20,11 @@ from humanclaw_bench.statistics import Difference, Estimate
 from humanclaw_bench.tables import Column, ResultTable, inline
 
 
-def terminal(table: ResultTable, width: int = 80) -> Group:
+def terminal(table: ResultTable, width: int = 80, *, notes: bool = True) -> Group:
     """Return a table for rich, split into parts that fit the width; intervals stand below their value."""
     parts = [_part(table, first, last) for first, last in _cuts(table, width)]
-    notes = (Text(note, style="dim") for note in table.all_notes)
-    return Group(Text(table.title, style="bold"), *parts, *notes, "")
+    below = (Text(note, style="dim") for note in (table.all_notes if notes else ()))
+    return Group(Text(table.title, style="bold"), *parts, *below, "")
 
 
 def _cuts(table: ResultTable, width: int) -> Iterator[tuple[int, int]]:

@@ -534,8 +534,15 @@ def test_a_latex_table_has_the_chosen_columns_in_their_order_and_metrics_of_plug
     assert invoke("table", run, "--column", "NavSR", "--only", "main").exit_code == 2
 
 
+def test_a_table_fits_a_screen_and_says_every_note_once(tmp_path: Path) -> None:
+    shown = invoke("table", write_run(tmp_path, 3, 1, 1)).output
+    assert len(shown.splitlines()) <= 50
+    assert all(words in shown for words in ("75.0%", "ArriveSR", "Funnel", "nav: stop while far", "--full"))
+    assert shown.count("Intervals: 95%") == 1
+
+
 def test_table_prints_every_table_of_a_run(tmp_path: Path) -> None:
-    result = invoke("table", write_run(tmp_path, 3, 1, 1))
+    result = invoke("table", write_run(tmp_path, 3, 1, 1), "--full")
     assert result.exit_code == 0
     for words in ("75.0%", "GeoNavSR", "Leg/Foot", "Funnel", "nav: stop while far", "1 infra_error", "GPT-5.5"):
         assert words in result.output
