@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import html
 import json
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -15,13 +15,18 @@ import numpy as np
 from humanclaw import RecordError
 from humanclaw.cli import counted, legible
 from humanclaw.storage import Folder
-from humanclaw_bench.conditions import summary
+from humanclaw_bench.conditions import labels, summary
 from humanclaw_bench.integrity import known_split
-from humanclaw_bench.metrics import FALSE_CLAIMS, FIND
+from humanclaw_bench.metrics import FALSE_CLAIMS
 from humanclaw_bench.replay import Replayed
 from humanclaw_bench.statistics import Estimate
 from humanclaw_bench.submission import AGREE, RATES, Submission, contradictions, inconsistencies, read
 from humanclaw_bench.tables import Column
+
+
+class Markup(str):
+    """Text of a page whose parts are escaped already."""
+
 
 Again = Callable[[Path], Sequence[Replayed]]
 """Plays episodes of a run again."""
@@ -109,52 +114,81 @@ def _section(split: str, asked: int, told: bool, entries: Sequence[Entry]) -> st
     ordered = sorted(entries, key=lambda entry: _rank(entry.submission), reverse=True)
     name = known_split(split, asked)[0] or "not one of the benchmark's"
     how = "as told: nobody here has the records" if told else "scored again from the records"
-    return _table(f"{counted(asked, 'episode')}, split {split[:12]} ({name}), {how}", _TITLES, map(_cells, ordered))
+    return _table(f"{counted(asked, 'episode')}, split {split[:12]} ({name}), {how}", _TITLES, _rows(ordered))
 
 
 def _unranked(entries: Sequence[Entry], unread: Sequence[str]) -> str:
     """Return the unranked submissions, each with the reason."""
-    rows = [(*_cells(entry), entry.file, entry.apart) for entry in entries]
+    rows = [(*cells, entry.file, entry.apart) for cells, entry in zip(_rows(entries), entries, strict=True)]
     table = _table("Not ranked", (*_TITLES, "file", "why"), rows) if rows else ""
-    return table + "".join(f"<p>Not read: {html.escape(legible(reason))}</p>" for reason in unread)
+    return table + "".join(f"<p>Not read: {_escaped(reason)}</p>" for reason in unread)
 
 
-def _table(caption: str, titles: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+def _table(caption: str, titles: Sequence[str], rows: Iterable[Sequence[str | Markup]]) -> str:
     head = "".join(f"<th scope='col'>{html.escape(title)}</th>" for title in titles)
     body = "".join(f"<tr>{_row(texts)}</tr>" for texts in rows)
-    caption = f"<caption>{html.escape(caption)}</caption>"
-    return f"<table>{caption}<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+    caption = html.escape(caption)
+    return (
+        f"<div tabindex='0' role='region' aria-label='{caption}'><table><caption>{caption}</caption>"
+        f"<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>"
+    )
 
 
-def _row(texts: Sequence[str]) -> str:
-    first, *rest = (html.escape(legible(text)) for text in texts)
-    return f"<th scope='row'>{first}</th>" + "".join(f"<td>{text}</td>" for text in rest)
+def _row(cells: Sequence[str | Markup]) -> str:
+    first, *rest = (cell if isinstance(cell, Markup) else _escaped(cell) for cell in cells)
+    return f"<th scope='row'>{first}</th>" + "".join(f"<td>{cell}</td>" for cell in rest)
+
+
+def _escaped(text: str) -> str:
+    return html.escape(legible(text))
 
 
 def _rank(one: Submission) -> tuple[float, ...]:
     return tuple(one.rates.get(metric.name, (-1.0,))[0] for metric in reversed(RATES))
 
 
-_LATER: Final = tuple(metric.name for metric in RATES if metric is not FIND)
-_TITLES: Final = (
-    "agent", "model of", "by", FIND.name, FALSE_CLAIMS.name, *_LATER, "episodes", "motion (s)",
-    "cost ($)", "temperature", "verifier", "engine", "settings", "date", "records",
-)  # fmt: skip
+_TITLES: Final = ("agent", "by", *(metric.name for metric in RATES), "records", "played with")
 
 
-def _cells(entry: Entry) -> tuple[str, ...]:
+def _rows(entries: Sequence[Entry]) -> list[tuple[str | Markup, ...]]:
+    """Return the cells of each entry. The last one names the settings in which it differs from the others."""
+    differing = labels([(entry.submission.agent, entry.submission.conditions) for entry in entries])
+    return [_cells(entry, label) for entry, label in zip(entries, differing, strict=True)]
+
+
+def _cells(entry: Entry, label: str) -> tuple[str | Markup, ...]:
     one = entry.submission
-    find, *later = (_rate(Column.of(metric), one.rates.get(metric.name)) for metric in RATES)
-    claims = Column.of(FALSE_CLAIMS).number(_false_claims(one))
+    agent = f"{one.agent} (privileged)" if any(e.scores.privileged for e in one.episodes) else one.agent
+    rates = (_rate(Column.of(metric), one.rates.get(metric.name)) for metric in RATES)
+    return agent, one.who, *rates, _badge(entry.records), _details(one.engine + label, _facts(one))
+
+
+def _facts(one: Submission) -> dict[str, str]:
+    """Return what a row folds, by its name."""
     attempts = {"played again": one.again, "continued": one.continued, "not in the journal": one.unstarted}
     told = [f"{count} {what}" for what, count in attempts.items() if count]
-    episodes = ", ".join([f"{_ended(one)} of {one.asked}", *told])
-    warmth = "-" if one.temperature is None else f"{one.temperature:g}"
-    agent = f"{one.agent} (privileged)" if any(e.scores.privileged for e in one.episodes) else one.agent
-    return (
-        agent, one.model_date or "-", one.who, find, claims, *later, episodes, _motion(one), f"{one.cost:.2f}",
-        warmth, one.verifier or "-", one.engine, _settings(one), one.made.isoformat(), entry.records,
-    )  # fmt: skip
+    return {
+        "model of": one.model_date or "-",
+        FALSE_CLAIMS.name: Column.of(FALSE_CLAIMS).number(_false_claims(one)),
+        "episodes": ", ".join([f"{_ended(one)} of {one.asked}", *told]),
+        "motion (s)": _motion(one),
+        "cost ($)": f"{one.cost:.2f}",
+        "temperature": "-" if one.temperature is None else f"{one.temperature:g}",
+        "verifier": one.verifier or "-",
+        "engine": one.engine,
+        "settings": _settings(one),
+        "date": one.made.isoformat(),
+    }
+
+
+def _badge(records: str) -> Markup:
+    kind = "good" if records.startswith(AGREE) else "told" if records == "not here" else "bad"
+    return Markup(f"<span class='{kind}'>{_escaped(records)}</span>")
+
+
+def _details(title: str, facts: Mapping[str, str]) -> Markup:
+    listed = "".join(f"<dt>{html.escape(name)}</dt><dd>{_escaped(fact)}</dd>" for name, fact in facts.items())
+    return Markup(f"<details><summary>{_escaped(title)}</summary><dl>{listed}</dl></details>")
 
 
 def _settings(one: Submission) -> str:
@@ -183,21 +217,36 @@ def _false_claims(one: Submission) -> float:
     return float(np.mean([share for share in shares if share is not None] or [np.nan]))
 
 
-def _rate(column: Column, values: tuple[float, float, float, int] | None) -> str:
+def _rate(column: Column, values: tuple[float, float, float, int] | None) -> Markup:
+    """Return a rate, its interval, and the interval as a bar from 0 to 100 %."""
     found = Estimate(*values) if values else Estimate(float("nan"))
-    return f"{column.number(found.value)} {column.interval(found)}".strip()
+    text = html.escape(f"{column.number(found.value)} {column.interval(found)}".strip())
+    if not np.isfinite([found.low, found.high]).all():
+        return Markup(text)
+    place = f"left:{100 * found.low:.1f}%;width:{100 * (found.high - found.low):.1f}%"
+    return Markup(f"{text}<span class='bar'><span style='{place}'></span></span>")
 
 
 _PAGE: Final = """<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
 <title>HumanCLAW-Bench</title><style>
-body {{ font: 16px/1.5 system-ui, sans-serif; margin: 2rem auto; max-width: 110rem; padding: 0 1rem; }}
-table {{ border-collapse: collapse; width: 100%; margin: 1.5rem 0; font-size: .8rem; }}
+:root {{ color-scheme: light dark; }}
+body {{ font: 16px/1.5 system-ui, sans-serif; margin: 2rem auto; max-width: 90rem; padding: 0 1rem; }}
+div {{ overflow-x: auto; }}
+table {{ border-collapse: collapse; width: 100%; margin: 1.5rem 0; font-size: .9rem; }}
 caption {{ text-align: left; font-weight: 600; }}
-th, td {{ padding: .3rem .4rem; text-align: left; border-bottom: 1px solid #ccc; font-variant-numeric: tabular-nums; }}
-</style></head><body><h1>HumanCLAW-Bench</h1>
-<p>Rates with 95 % intervals that know houses. "agree": the records lie here, and scored again they say the same;
-only "played again the same" says that these calls do what they tell. Rows of different tables are no comparison.
+th, td {{ padding: .4rem .6rem; text-align: left; border-bottom: 1px solid #8886; font-variant-numeric: tabular-nums;
+  vertical-align: top; }}
+.bar {{ display: block; position: relative; height: .4rem; min-width: 6rem; margin-top: .2rem; border-radius: 3px;
+  background: #8883; }}
+.bar span {{ position: absolute; inset-block: 0; min-width: 3px; border-radius: 3px; background: #5b7fd4; }}
+.good::before {{ content: "✓ "; }} .told::before {{ content: "- "; }} .bad::before {{ content: "✗ "; }}
+dl {{ margin: .4rem 0; max-width: 30rem; overflow-wrap: anywhere; }}
+dd {{ margin: 0 0 .3rem; }} dt {{ font-size: .84em; opacity: .75; }}
+</style></head><body><main><h1>HumanCLAW-Bench</h1>
+<p>Rates with 95 % confidence intervals, clustered by house. "agree": the records lie here, and scored again they give
+the same numbers; only "played again the same" shows that these calls do what the records say. Do not compare rows of
+different tables, or rows that were played with other settings.
 Made {made}.</p>
-{body}</body></html>
+{body}</main></body></html>
 """

@@ -15,7 +15,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 from humanclaw import EpisodeSpec, HumanclawError, Plugins
 from humanclaw.cli import Console, counted
 from humanclaw.records import name_of
-from humanclaw.storage import write_atomically
+from humanclaw.storage import Folder, write_result
 from humanclaw_bench.ablation import FURTHER_SETTINGS, MODEL_SETTINGS, model_jobs
 from humanclaw_bench.export import results_of
 from humanclaw_bench.progress import RunProgress, foresight
@@ -206,9 +206,7 @@ def _write(plan: Plan, out: Path) -> Path:
         settings = {name: out / model.folder / name for name, _, _ in plan.runs(model) if name != MAIN}
         if table := _ablation({name: run for name, run in settings.items() if _holds_episodes(run)}):
             parts.append(markdown(replace(table, title=f"{table.title} of {model.folder}")))
-    path = out / "paper.md"
-    write_atomically(path, ("\n\n".join(parts) + "\n").encode())
-    return path
+    return write_result(None, out, "paper.md", ("\n\n".join(parts) + "\n").encode())
 
 
 def _ablation(runs: Mapping[str, Path]) -> ResultTable | None:
@@ -218,4 +216,4 @@ def _ablation(runs: Mapping[str, Path]) -> ResultTable | None:
 
 
 def _holds_episodes(run: Path) -> bool:
-    return any(run.glob("*/episode.json"))
+    return bool(Folder(run).holding("episode.json"))

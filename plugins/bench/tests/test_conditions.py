@@ -163,9 +163,9 @@ def test_a_leaderboard_tells_settings_and_seconds_of_motion(tmp_path: Path) -> N
     invoke("leaderboard", tmp_path, "--any-pace")
     page = (tmp_path / "index.html").read_text()
     assert "Not ranked" not in page
-    assert page.count("profile default") == 1
-    assert page.count("profile paper") == 1
-    assert page.count("<td>2.5, at most 2.0 a call, 0.00 m in half a second</td>") == 2
+    assert page.count("profile default</summary>") == 1
+    assert page.count("profile paper</summary>") == 1
+    assert page.count("<dd>2.5, at most 2.0 a call, 0.00 m in half a second</dd>") == 2
 
 
 def test_a_submission_that_tells_other_settings_contradicts_its_records(tmp_path: Path) -> None:

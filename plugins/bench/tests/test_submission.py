@@ -311,12 +311,12 @@ def test_the_leaderboard_shows_who_and_whether_the_records_agree(run: Path) -> N
     assert invoke("leaderboard", run.parent).exit_code == 0
     page = (run.parent / "index.html").read_text()
     assert "Ada &lt;ada@example.org&gt;" in page
-    assert "75.0% [30.1, 95.4]" in page
-    assert "<td>agree</td>" in page
-    assert "<th scope='col'>verifier</th>" in page
+    assert re.search(r"75\.0% \[30\.1, 95\.4\]<span class='bar'><span style='left:30\.1%;width:65\.\d%'>", page)
+    assert "<span class='good'>agree</span>" in page
+    assert "<dt>verifier</dt>" in page
     shutil.rmtree(run)
     invoke("leaderboard", run.parent)
-    assert "<td>not here</td>" in (run.parent / "index.html").read_text()
+    assert "<span class='told'>not here</span>" in (run.parent / "index.html").read_text()
 
 
 def test_a_privileged_decider_is_called_so_under_the_table_in_the_submission_and_on_the_leaderboard(run: Path) -> None:
@@ -473,7 +473,7 @@ def test_a_temperature_that_is_no_number_is_not_told(run: Path) -> None:
         rewrite(run, name, settings=WARM | {"agent": {"temperature": "default"}})
     assert submission.read(submitted(run)).temperature is None
     invoke("leaderboard", run.parent)
-    assert "<td>agree</td>" in page(run)[0]
+    assert "<span class='good'>agree</span>" in page(run)[0]
 
 
 def test_a_run_whose_host_has_no_journal_agrees(run: Path) -> None:
@@ -493,7 +493,7 @@ def test_the_page_tells_what_a_run_was_played_with(run: Path) -> None:
     submitted(run)
     invoke("leaderboard", run.parent)
     row = html.unescape(page(run)[0])
-    assert "<td>judge</td>" in row
+    assert "<dd>judge</dd>" in row
     assert 'options {"profile": "paper"}; plugin files {"mine.py": "' in row
 
 
@@ -537,7 +537,7 @@ def test_false_claims_that_are_whole_numbers_are_shown_too(run: Path) -> None:
     forged(run, always)
     shutil.rmtree(run)
     invoke("leaderboard", run.parent)
-    assert "<td>100.0%</td>" in page(run)[0]
+    assert "<dd>100.0%</dd>" in page(run)[0]
 
 
 def test_what_would_steer_a_terminal_is_not_on_the_page(run: Path) -> None:

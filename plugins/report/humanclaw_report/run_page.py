@@ -182,7 +182,8 @@ def _title(runs: Runs, lines: Sequence[Line]) -> str:
 
 def _won(lines: Sequence[Line], run: int) -> int:
     """Return the number of successes in a run."""
-    return sum(result is not None and result.word == WORDS[True] for result in (line.results[run] for line in lines))
+    results = (line.results[run] for line in lines)
+    return sum(result is not None and result.word == WORDS[True] for result in results)
 
 
 def _common(tables: Sequence[Table]) -> tuple[str, ...]:
