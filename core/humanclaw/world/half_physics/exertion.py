@@ -108,7 +108,8 @@ class Exertion:
 
     def _handed_on(self, pushed: set[int]) -> Sequence[int]:
         """Return the pushed objects, and those that they push."""
-        chain, links = set(pushed), [pair for pair in self._world.touching() if set(pair) <= set(self._before)]
+        near, chain = set(self._before), set(pushed)
+        links = [pair for pair in self._world.touching() if set(pair) <= near] if near - chain else []
         while more := {key for pair in links if chain & set(pair) for key in pair} - chain:
             chain |= more
         return sorted(chain)

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from humanclaw.body.pose import Array, Motion, forward_kinematics, matrix_from_quaternion
 from humanclaw.body.skeleton import JOINTS, LINKS, Box
-from humanclaw.world.half_physics.solids import box_of
 from humanclaw.world.scene import Scene
 
 _SLACK: Final = 0.03
@@ -57,7 +56,6 @@ class Surroundings:
         self.scene = scene
         fixed = [hull for obj in scene.objects if not obj.movable for hull in scene.hulls(obj.id)]
         self._fixed = _bounds(fixed)
-        self._filled = np.array([box_of(hull) is not None for hull in fixed], bool)
         moving = {obj.id: scene.assets[obj.asset].hulls for obj in scene.objects if obj.movable}
         self._ids = sorted(key for key, hulls in moving.items() if hulls)
         low, high = _bounds([np.concatenate(moving[key]) for key in self._ids])
@@ -81,10 +79,8 @@ class Surroundings:
             np.concatenate([self._fixed[0][still], low[close]]),
             np.concatenate([self._fixed[1][still], high[close]]),
         )
-        filled = np.append(self._filled[still], np.zeros(close.sum(), bool))
         steps = np.maximum.reduceat(np.abs(after - before), _FIRST)
-        towards = _approach(links, swept, steps, obstacles, filled)
-        return towards, tuple(self._ids[index] for index in np.flatnonzero(close))
+        return _approach(links, swept, steps, obstacles), tuple(self._ids[index] for index in np.flatnonzero(close))
 
     def _boxes_of(self, objects: Mapping[int, Array]) -> Boxes:
         """Return the boxes of the movable objects, worked out anew only when one has moved."""
@@ -132,19 +128,19 @@ def _boxes(lowest: Array, highest: Array) -> Boxes:
     return low, high
 
 
-def _approach(links: Boxes, swept: Boxes, steps: Array, obstacles: Boxes, filled: NDArray[np.bool_]) -> float:
+def _approach(links: Boxes, swept: Boxes, steps: Array, obstacles: Boxes) -> float:
     """Return how far a link moves at most along the axis that separates it from a box that it may meet, metres.
 
-    A foot that swings over a floor, or slides on it, comes no nearer to it. For a link that is close to the box of a
-    leaning hull, or deep inside any box, the whole way counts: such a hull fills its box only in part. steps: (links,
-    3) how far the points of each link move along each axis. filled: whether a box is a hull's own shape.
+    A foot that swings over a floor comes no nearer to it. For a link that is close to a box, or inside it, the whole
+    way counts: a leaning hull fills its box only in part. steps: (links, 3) how far the points of each link move along
+    each axis.
     """
     link, box = np.nonzero(_meet(swept, obstacles, _SLACK))
     if not len(link):
         return 0.0
     gaps = np.maximum(obstacles[0][box] - links[1][link], links[0][link] - obstacles[1][box])
     along = np.where(
-        gaps.max(axis=1) > np.where(filled[box], -_CLOSE, _CLOSE),
+        gaps.max(axis=1) > _CLOSE,
         np.take_along_axis(steps[link], gaps.argmax(axis=1)[:, None], axis=1)[:, 0],
         np.linalg.norm(steps, axis=1)[link],
     )
