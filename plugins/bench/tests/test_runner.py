@@ -559,7 +559,8 @@ from humanclaw import Backends
 from humanclaw import Plugins
 
 if __name__ == "__main__":
-    job = Job("walker", {{"pause": {pause}}}, backends=Backends("toy", "toy", "toy"), files=(toy_world.FILE,))
+    job = Job("walker", {{"pause": {pause}}}, backends=Backends("toy", "toy", "toy"), files=(toy_world.FILE,),
+              seed={seed})
     status = run_split(toy_world.specs(6), job, LocalExecutor(2), Path(sys.argv[1]),
                       plugins=Plugins.discover([Path(toy_world.FILE)]), watch=lambda *_: print("told", flush=True))
     print(status)
@@ -574,7 +575,7 @@ def process(tmp_path):
     def start(pause=0.15):
         script = tmp_path / "script.py"
         script.write_text(
-            SCRIPT.format(paths=[str(Path(__file__).parent), str(Path(rooms.__file__).parent)], pause=pause)
+            SCRIPT.format(paths=[str(Path(__file__).parent), str(Path(rooms.__file__).parent)], pause=pause, seed=SEED)
         )
         running = subprocess.Popen(
             [sys.executable, str(script), str(tmp_path / "run")],
