@@ -188,6 +188,9 @@ def test_code_that_python_runs_at_its_start_is_named(play, tmp_path, monkeypatch
     _, folder = play(PLAIN)
     told = CliRunner().invoke(bench, ["table", str(folder), "--format", "markdown"]).output
     assert "Code of others beside the body: sitecustomize, toy_world." in told
+    monkeypatch.setattr("sysconfig.get_path", lambda name: str(tmp_path / "site"))
+    _, folder = play(PLAIN, name="of-python")
+    assert json.loads((folder / "run.json").read_text())["beside the body"] == ["toy_world"]
 
 
 def test_a_plugin_with_an_agent_and_an_observer_is_loaded_and_named(play):
