@@ -8,6 +8,7 @@ import importlib.util
 import json
 import os
 import secrets
+import sysconfig
 from collections.abc import Collection, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -78,8 +79,14 @@ def beside(plugins: Plugins, absent: Collection[str]) -> list[str]:
     """Return the code of others that is loaded beside the body, by name: it could change the body and the records."""
     there = [info for info in plugins.infos if info.origin not in own() and not info.error]
     foreign = [info.name for info in there if _told_as(info) not in absent]
-    startup = [name for name in ("sitecustomize", "usercustomize") if importlib.util.find_spec(name)]
+    startup = [name for name in ("sitecustomize", "usercustomize") if _is_added(name)]
     return sorted({*foreign, *startup})
+
+
+def _is_added(module: str) -> bool:
+    """Whether a module is there, and not as a part of Python: Ubuntu's Python has a sitecustomize."""
+    found = importlib.util.find_spec(module)
+    return found is not None and Path(found.origin or "").parent != Path(sysconfig.get_path("stdlib"))
 
 
 def manifest(specs: Sequence[EpisodeSpec], job: Job, plugins: Plugins) -> dict[str, Any]:

@@ -13,7 +13,7 @@ import pytest
 import toy_world
 from click.testing import CliRunner
 from PIL import Image
-from test_runner import TOY, Here, digests, rewrite
+from test_runner import SEED, TOY, Here, digests, rewrite
 
 from humanclaw import PluginError, Plugins, RecordedEpisode, load_run
 from humanclaw.world import GAZES
@@ -47,13 +47,13 @@ def play(tmp_path):
 
     def run(
         written, count=1, name="run", in_process=False, limits=None, agent_url="", workers=0, verifier="",
-        backends=TOY, **options
+        backends=TOY, seed=SEED, **options
     ):  # fmt: skip
         file = tmp_path / "own.py"
         file.write_text(HEAD + written)
         files = (toy_world.FILE,) if agent_url else (toy_world.FILE, str(file))
         job = Job(agent_url or "own", options, verifier, backends, limits or {}, files,
-                  in_process=in_process, agent_url=agent_url)  # fmt: skip
+                  in_process=in_process, agent_url=agent_url, seed=seed)  # fmt: skip
         plugins = Plugins.discover([Path(one) for one in files])
         folder = tmp_path / name
         return run_split(
@@ -112,23 +112,23 @@ class Mine(Agent):
 
 def test_the_seed_that_an_agent_is_told_does_not_tell_which_episode_it_plays(play):
     # Episodes number their seeds, so a table from seeds to episodes would rebuild the world and play in its shadow.
-    _, one = play(TELLS_SEED, 3, name="one", in_process=True)
-    _, other = play(TELLS_SEED, 3, name="other", in_process=True)
+    _, one = play(TELLS_SEED, 3, name="one", in_process=True, seed=None)
+    _, other = play(TELLS_SEED, 3, name="other", in_process=True, seed=None)
     seeds = [int(episode.steps[0].decision.visible_state) for run in (one, other) for episode in load_run(run)]
     assert len({*seeds}) == 6
 
 
 def test_a_run_that_continues_keeps_its_seed(play):
-    _, folder = play(TELLS_SEED, in_process=True)
+    _, folder = play(TELLS_SEED, in_process=True, seed=None)
     told = said(folder)
     shutil.rmtree(folder / "toy-0")
-    play(TELLS_SEED, in_process=True)
+    play(TELLS_SEED, in_process=True, seed=None)
     assert said(folder) == told
 
 
 def test_the_order_of_the_episodes_does_not_tell_which_one_an_agent_plays(play):
     def order(name):
-        _, folder = play(PLAIN, 9, name=name, in_process=True)
+        _, folder = play(PLAIN, 9, name=name, in_process=True, seed=None)
         return [json.loads(line)["episode"] for line in (folder / "journal.jsonl").read_text().splitlines()]
 
     assert order("one") != order("other")
@@ -188,6 +188,9 @@ def test_code_that_python_runs_at_its_start_is_named(play, tmp_path, monkeypatch
     _, folder = play(PLAIN)
     told = CliRunner().invoke(bench, ["table", str(folder), "--format", "markdown"]).output
     assert "Code of others beside the body: sitecustomize, toy_world." in told
+    monkeypatch.setattr("sysconfig.get_path", lambda name: str(tmp_path / "site"))
+    _, folder = play(PLAIN, name="of-python")
+    assert json.loads((folder / "run.json").read_text())["beside the body"] == ["toy_world"]
 
 
 def test_a_plugin_with_an_agent_and_an_observer_is_loaded_and_named(play):
