@@ -333,3 +333,16 @@ def test_the_end_of_a_run_of_the_benchmark_writes_its_pages(tmp_path: Path) -> N
     scripts = [tag["src"] for tag in page.all("script") if "src" in tag]
     assert all((tmp_path / "couch-1" / (source or "")).is_file() for source in scripts)
     assert len(scripts) == 2
+
+
+def test_a_link_among_the_views_is_refused_and_its_goal_not_on_the_page(tmp_path):
+    record_episode(tmp_path / "couch-0")
+    broken_off(tmp_path / "couch-0")
+    (tmp_path / "secret").write_bytes(b"secret")
+    view = tmp_path / "couch-0" / "frames" / "0000.jpg"
+    view.unlink()
+    view.symlink_to(tmp_path / "secret")
+    write_report(tmp_path / "couch-0", tmp_path / "page.html", lambda name: two_rooms())
+    assert "c2VjcmV0" not in (tmp_path / "page.html").read_text(), "in base64"
+    with pytest.raises(RecordError, match=r"0000\.jpg is a link, which is not followed"):
+        RecordedEpisode(tmp_path / "couch-0").view(RecordedEpisode(tmp_path / "couch-0").steps[0])
