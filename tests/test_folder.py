@@ -152,7 +152,7 @@ OWN = {
     "plugins/houses/humanclaw_houses/caching.py": "code of this package",
     "plugins/houses/humanclaw_houses/importers/sweethome.py": "a stream of the door",
     "plugins/ray/humanclaw_ray/executor.py": "a temporary folder",
-    "plugins/report/humanclaw_report/": "a script of this package, and bytes",
+    "plugins/report/humanclaw_report/": "a script of this package",
     "plugins/train/": "motion capture and runs of the user",
 }
 """Modules that open files themselves, and which."""

@@ -25,9 +25,17 @@ def jpeg(rgb: NDArray[np.uint8], quality: int = 90) -> bytes:
 
 
 def from_jpeg(data: bytes) -> NDArray[np.uint8]:
-    """Decode a JPEG to (height, width, 3) uint8, not for writing. Raises OSError for anything else, or a larger one."""
+    """Decode a JPEG as decoded() does."""
+    return decoded(data, "JPEG")
+
+
+def decoded(data: bytes, kind: str) -> NDArray[np.uint8]:
+    """Decode a picture to (height, width, 3) uint8, not for writing. kind: as Pillow names it.
+
+    Raises OSError for anything else, and for more than PIXELS.
+    """
     try:
-        with Image.open(io.BytesIO(data), formats=["JPEG"]) as image:
+        with Image.open(io.BytesIO(data), formats=[kind]) as image:
             if image.width * image.height > PIXELS:
                 raise OSError(errno.EFBIG, f"the picture has more than {PIXELS:,} pixels")
             return np.asarray(image.convert("RGB"))
