@@ -146,7 +146,7 @@ OWN = {
     "core/humanclaw/testing/indexing.py": "a stream of the door, and a temporary folder",
     "core/humanclaw/testing/speed.py": "/proc",
     "harnesses/frameworks/humanclaw_frameworks/smolagents.py": "bytes",
-    "plugins/bench/humanclaw_bench/runner.py": "plugin files that the user named",
+    "plugins/bench/humanclaw_bench/settings.py": "plugin files that the user named, and weights of installed skills",
     "plugins/bullet/humanclaw_bullet/": "a temporary folder, and the null device",
     "plugins/habitat/humanclaw_habitat/gltf.py": "bytes",
     "plugins/houses/humanclaw_houses/caching.py": "code of this package",
