@@ -143,15 +143,16 @@ OWN = {
     "core/humanclaw/plugins/distributions.py": "a table of this package",
     "core/humanclaw/records/": "streams of the door",
     "core/humanclaw/skills/": "schema and recipe of an installed skill",
+    "core/humanclaw/testing/indexing.py": "a stream of the door, and a temporary folder",
     "core/humanclaw/testing/speed.py": "/proc",
     "harnesses/frameworks/humanclaw_frameworks/smolagents.py": "bytes",
-    "plugins/bench/humanclaw_bench/runner.py": "plugin files that the user named",
+    "plugins/bench/humanclaw_bench/settings.py": "plugin files that the user named, and weights of installed skills",
     "plugins/bullet/humanclaw_bullet/": "a temporary folder, and the null device",
     "plugins/habitat/humanclaw_habitat/gltf.py": "bytes",
     "plugins/houses/humanclaw_houses/caching.py": "code of this package",
     "plugins/houses/humanclaw_houses/importers/sweethome.py": "a stream of the door",
     "plugins/ray/humanclaw_ray/executor.py": "a temporary folder",
-    "plugins/report/humanclaw_report/three.py": "a script of this package",
+    "plugins/report/humanclaw_report/": "a script of this package",
     "plugins/train/": "motion capture and runs of the user",
 }
 """Modules that open files themselves, and which."""

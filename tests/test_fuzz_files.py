@@ -26,6 +26,7 @@ from humanclaw_bench.integrity import RunFiles, check
 from humanclaw_bench.leaderboard import leaderboard
 from humanclaw_bench.submission import Submission, submit
 from humanclaw_habitat import urdf
+from humanclaw_habitat.gltf import readable
 from humanclaw_houses.asset_import import import_assets
 from humanclaw_houses.importers.opening import open_collection
 
@@ -225,6 +226,8 @@ def imported(home, source):
 def test_any_glb_is_imported_or_rejected(home, changes, picks, new):
     (home / "models").mkdir(exist_ok=True)
     for content in (damaged(glb(), changes), with_head(glb(), picks, new)):
+        with bounded(SceneError):
+            readable(content, "chair.glb")
         (home / "models" / "chair.glb").write_bytes(content)
         with bounded(SceneError):
             read_model(home / "models" / "chair.glb")

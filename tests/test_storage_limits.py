@@ -9,6 +9,7 @@ import zipfile
 import numpy as np
 import pytest
 from made import broken_off, record_episode
+from PIL import Image
 
 from humanclaw import EpisodeSpec, HumanclawError, RecordedEpisode, RecordError
 from humanclaw.records import EpisodeRecord, EpisodeWriter, StepRecord, read_episodes
@@ -165,6 +166,19 @@ def test_what_a_zip_says_of_its_size_is_not_believed(tmp_path):
     (tmp_path / "couch-0" / "motion.npz").write_bytes(b"PK\x03\x04" + b"\0" * 40)
     with pytest.raises(RecordError, match="cannot be read"):
         RecordedEpisode(tmp_path / "couch-0").objects()
+
+
+@pytest.mark.parametrize("content", [b"no picture", "PNG", "JPEG"])
+def test_a_view_that_is_no_picture_or_too_large_is_refused(tmp_path, content):
+    record_episode(tmp_path / "couch-0")
+    broken_off(tmp_path / "couch-0")
+    episode, stream = RecordedEpisode(tmp_path / "couch-0"), io.BytesIO()
+    assert episode.picture(episode.steps[0]).shape == (256, 256, 3)
+    if isinstance(content, str):
+        Image.new("L", (9000, 9000)).save(stream, content)
+    (tmp_path / "couch-0" / "frames" / "0000.jpg").write_bytes(stream.getvalue() or content)
+    with pytest.raises(RecordError, match=r"cannot read .*0000\.jpg: (the picture has more|cannot identify)"):
+        episode.picture(episode.steps[0])
 
 
 # -- room --------------------------------------------------------------------------------------------------------------

@@ -27,6 +27,10 @@ _EPSILON: Final = 1e-5
 """Of a layer norm."""
 
 
+_WIDEST: Final = 4096
+"""Maximum of each size of a model: memory is asked for by the header of a file."""
+
+
 @dataclass(frozen=True)
 class ModelConfig:
     """The shape of a model, and the meaning of its output (flow.velocity).
@@ -43,6 +47,9 @@ class ModelConfig:
     prediction: Prediction = "velocity"
 
     def __post_init__(self) -> None:
+        sizes = (self.hidden, self.layers, self.heads, self.mlp_ratio)
+        if not all(isinstance(size, int) and 1 <= size <= _WIDEST for size in sizes):
+            raise ValueError(f"hidden, layers, heads and mlp_ratio must be 1 to {_WIDEST}; got {sizes!r:.80}")
         if self.hidden % self.heads or self.hidden % 2:
             raise ValueError(f"hidden must be even and a multiple of heads; got {self.hidden} and {self.heads}")
 

@@ -16,6 +16,7 @@ from pydantic import ConfigDict, StringConstraints, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass
 
 from humanclaw.errors import HumanclawError
+from humanclaw.storage.files import read_file
 from humanclaw.text.json import first_fault
 from humanclaw.text.words import counted, nearest
 
@@ -144,8 +145,7 @@ def requirement(entry: Entry, place: str) -> str:
 
 def _loaded(path: Path) -> bytes:
     try:
-        with path.open("rb") as file:
-            return file.read(LARGEST + 1)
+        return read_file(path, LARGEST)
     except OSError as error:
         raise HumanclawError(f"{path} cannot be read: {error.strerror}.", "Give a file or an https address.") from error
 

@@ -99,4 +99,4 @@ def reading(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        raise RecordError(f"cannot read {path}: {error.strerror}.", AGAIN) from error
+        raise RecordError(f"cannot read {path}: {error.strerror or error}.", AGAIN) from error

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Final, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from humanclaw.body.pose import Array, Motion
@@ -23,6 +24,7 @@ from humanclaw.errors import RecordError
 from humanclaw.records.folder import AGAIN, FRAME_BYTES, MOTION_BYTES, RECORD_BYTES, STEPS_BYTES, reading
 from humanclaw.records.steps import EpisodeRecord, StepRecord, seal_of
 from humanclaw.storage.files import Folder
+from humanclaw.storage.pictures import from_jpeg
 from humanclaw.text.json import first_fault
 from humanclaw.text.notebook import card, spread, table
 from humanclaw.text.words import counted
@@ -85,6 +87,12 @@ class RecordedEpisode:
         with reading(self.folder / name), suppress(FileNotFoundError):
             return self.files.read(name, FRAME_BYTES) if name else b""
         return b""
+
+    def picture(self, step: StepRecord) -> NDArray[np.uint8] | None:
+        """Return the view before a step as (height, width, 3); None if the record does not hold it."""
+        data = self.view(step)
+        with reading(self.folder / step.frame_file):
+            return from_jpeg(data) if data else None
 
     def _repr_html_(self) -> str:
         """Return the task, the outcome and a strip of views, for a notebook."""

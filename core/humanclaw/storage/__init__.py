@@ -15,7 +15,7 @@ if TYPE_CHECKING:
         write_atomically as write_atomically,
         write_result as write_result,
     )
-    from humanclaw.storage.pictures import from_jpeg as from_jpeg, gif as gif, jpeg as jpeg
+    from humanclaw.storage.pictures import decoded as decoded, from_jpeg as from_jpeg, gif as gif, jpeg as jpeg
 
 if not TYPE_CHECKING:
     __getattr__, __dir__, __all__ = door(__name__)

@@ -130,9 +130,9 @@ class Folder:
     @contextmanager
     def placed(self, name: str) -> Iterator[Path]:
         """Yield a path for a program that writes the file itself; it takes the name when the block ends."""
-        with TemporaryDirectory() as home:
+        with TemporaryDirectory() as home, self.replacing(name) as stream:
             yield (path := Path(home, PurePath(name).name))
-            with path.open("rb") as made, self.replacing(name) as stream:
+            with path.open("rb") as made:
                 shutil.copyfileobj(made, stream)
 
     def write(self, name: str, data: bytes) -> None:

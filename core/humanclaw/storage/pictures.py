@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import base64
+import errno
 import io
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
+
+PIXELS: Final = 1 << 26
+"""Maximum pixels of a picture that is decoded."""
 
 
 def jpeg(rgb: NDArray[np.uint8], quality: int = 90) -> bytes:
@@ -20,8 +25,22 @@ def jpeg(rgb: NDArray[np.uint8], quality: int = 90) -> bytes:
 
 
 def from_jpeg(data: bytes) -> NDArray[np.uint8]:
-    """Decode a JPEG to (height, width, 3) uint8, not for writing. Raises OSError for anything else."""
-    return np.asarray(Image.open(io.BytesIO(data), formats=["JPEG"]).convert("RGB"))
+    """Decode a JPEG as decoded() does."""
+    return decoded(data, "JPEG")
+
+
+def decoded(data: bytes, kind: str) -> NDArray[np.uint8]:
+    """Decode a picture to (height, width, 3) uint8, not for writing. kind: as Pillow names it.
+
+    Raises OSError for anything else, and for more than PIXELS.
+    """
+    try:
+        with Image.open(io.BytesIO(data), formats=[kind]) as image:
+            if image.width * image.height > PIXELS:
+                raise OSError(errno.EFBIG, f"the picture has more than {PIXELS:,} pixels")
+            return np.asarray(image.convert("RGB"))
+    except (Image.DecompressionBombError, SyntaxError) as error:
+        raise OSError(errno.EFBIG, f"the picture cannot be read: {error}") from error
 
 
 def gif(pictures: Sequence[NDArray[np.uint8]], out: Path, fps: float) -> None:

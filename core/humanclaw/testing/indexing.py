@@ -6,7 +6,6 @@ Python are listed by their hooks.
 
 from __future__ import annotations
 
-import hashlib
 import re
 import tempfile
 import zipfile
@@ -24,10 +23,12 @@ from humanclaw.plugins.index import HOOK, Entry, Followed, Index, IndexedSkill
 from humanclaw.skills.adapter_checks import adapter_header
 from humanclaw.skills.checks import read_draft
 from humanclaw.skills.measures import from_si
+from humanclaw.storage.files import Folder
 from humanclaw.testing.examining import Report, examine
 from humanclaw.text.json import first_fault
 
 _MEMBERS: Final = 5000
+_WHEEL: Final = 1 << 30
 _TEXT: Final = 1 << 20
 """Bytes of a module, a schema or metadata that are read at most."""
 _WEIGHTS: Final = 256 << 20
@@ -43,32 +44,31 @@ def index_of(folder: Path, plugins: Plugins, by_name: bool = False) -> tuple[Ind
     plugins: whose measures and priors are known. by_name: leave out where the wheels lie; pip finds them by name.
     """
     entries, left_out = {}, {}
-    for wheel in sorted(folder.glob("*.whl")):
+    for wheel in Folder(folder).names(".whl"):
         try:
-            one = _entry(wheel, plugins, by_name)
+            one = _entry(Folder(folder), wheel, plugins, by_name)
             if one.name in entries:
                 raise HumanclawError(f"it is another wheel of {one.name}.")
             entries[one.name] = one
         except HumanclawError as error:
-            left_out[wheel.name] = error.message
+            left_out[wheel] = error.message
         except ValidationError as error:
-            left_out[wheel.name] = first_fault(error)
+            left_out[wheel] = first_fault(error)
         except (OSError, zipfile.BadZipFile, NotImplementedError, RuntimeError, ValueError) as error:
-            left_out[wheel.name] = f"it cannot be read: {error}"
+            left_out[wheel] = f"it cannot be read: {error}"
     return Index("humanclaw-plugins-1", tuple(entries.values())), left_out
 
 
-def _entry(wheel: Path, plugins: Plugins, by_name: bool) -> Entry:
-    with zipfile.ZipFile(wheel) as archive:
+def _entry(folder: Folder, wheel: str, plugins: Plugins, by_name: bool) -> Entry:
+    with folder.open(wheel, _WHEEL) as file, zipfile.ZipFile(file) as archive:
         if len(archive.infolist()) > _MEMBERS:
             raise HumanclawError(f"it holds more than {_MEMBERS} files.")
-        told, hooks = _metadata(archive, wheel.name), _hooks(archive)
+        told, hooks = _metadata(archive, wheel), _hooks(archive)
         if not hooks or told["name"] == "humanclaw":
             raise HumanclawError("it is no plugin: no module of it defines a hook.")
         skills = tuple(_skills(archive, plugins))
-    with wheel.open("rb") as file:
-        digest = hashlib.file_digest(file, "sha256").hexdigest()
-    place = {} if by_name else {"wheel": wheel.name.replace("+", "%2B"), "sha256": digest}
+    digest = folder.digest(wheel, _WHEEL)
+    place = {} if by_name else {"wheel": wheel.replace("+", "%2B"), "sha256": digest}
     return Entry(**told, hooks=hooks, skills=skills, **place)
 
 

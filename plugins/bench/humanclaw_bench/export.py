@@ -19,7 +19,7 @@ from tqdm import tqdm
 
 from humanclaw import HumanclawError, PluginError, Plugins, RecordedEpisode, RecordError, StepRecord, load_run
 from humanclaw.body import HISTORY
-from humanclaw.storage import Folder, from_jpeg
+from humanclaw.storage import Folder
 from humanclaw_bench.attribution import Cause, also, attribute
 from humanclaw_bench.integrity import standing
 from humanclaw_bench.results import Result, named
@@ -190,7 +190,7 @@ def _frames(recorded: RecordedEpisode, actions: Sequence[str]) -> Iterator[dict[
 
 
 def _picture(recorded: RecordedEpisode, step: StepRecord) -> Any:
-    return from_jpeg(recorded.view(step))
+    return recorded.picture(step)
 
 
 def _action(step: StepRecord, names: Sequence[str]) -> Any:

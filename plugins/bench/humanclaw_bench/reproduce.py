@@ -15,7 +15,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 from humanclaw import EpisodeSpec, HumanclawError, Plugins
 from humanclaw.cli import Console, counted
 from humanclaw.records import name_of
-from humanclaw.storage import Folder, write_result
+from humanclaw.storage import Folder, read_file, write_result
 from humanclaw_bench.ablation import FURTHER_SETTINGS, MODEL_SETTINGS, model_jobs
 from humanclaw_bench.export import results_of
 from humanclaw_bench.progress import RunProgress, foresight
@@ -93,7 +93,7 @@ class Plan(BaseModel):
     def read(cls, path: Path) -> Plan:
         """Read a file. Raises HumanclawError, which names the first fault."""
         try:
-            plan = cls.model_validate(tomllib.loads(path.read_text("utf-8")))
+            plan = cls.model_validate(tomllib.loads(read_file(path, 1 << 20).decode("utf-8")))
         except (OSError, tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
             raise HumanclawError(f"{path} cannot be read: {error}.", "Name a TOML file of models.") from error
         except ValidationError as error:

@@ -30,6 +30,13 @@ def readable(data: bytes, name: str) -> tuple[bytes, tuple[str, ...]]:
     Raises SceneError if it is not a GLB or requires an unknown extension.
     """
     head, rest = _split(data, name)
+    try:
+        return _converted(data, head, rest, name)
+    except (AttributeError, IndexError, KeyError, TypeError, ValueError) as error:
+        raise SceneError(f"{name} is a broken GLB file: {type(error).__name__}: {error}.", _FETCH) from error
+
+
+def _converted(data: bytes, head: dict[str, Any], rest: bytes, name: str) -> tuple[bytes, tuple[str, ...]]:
     _check(head, name)
     images = {number for number, image in enumerate(head.get("images", ())) if _is_basis(image)}
     lost = [texture for texture in head.get("textures", ()) if _source(texture) in images]
@@ -54,7 +61,7 @@ def _split(data: bytes, name: str) -> tuple[dict[str, Any], bytes]:
         if kind != _JSON or len(data) < size:
             raise ValueError(f"it has {len(data)} of its {size} bytes")
         return json.loads(data[20 : 20 + length]), data[20 + length : size]
-    except (struct.error, ValueError) as error:
+    except (struct.error, ValueError, RecursionError) as error:
         raise SceneError(f"{name} is a broken GLB file: {error}.", _FETCH) from error
 
 

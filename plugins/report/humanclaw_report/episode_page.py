@@ -5,10 +5,10 @@ All facts come from the record; the scene is only needed to draw the house.
 
 from __future__ import annotations
 
-import io
 import json
 import os
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from importlib import resources
@@ -26,7 +26,7 @@ from humanclaw import RecordedEpisode, Scene, StepRecord
 from humanclaw.body import Array
 from humanclaw.cli import counted
 from humanclaw.records import Usage
-from humanclaw.storage import Folder, jpeg
+from humanclaw.storage import Folder, decoded, jpeg
 from humanclaw_report.facts import (
     ContactRow,
     Milestone,
@@ -252,12 +252,11 @@ def _film(files: Folder, page: Path) -> FilmView | None:
 
 def _poster(files: Folder) -> str:
     """Return a smaller copy of an episode's picture; empty if there is none."""
-    if not files.has("poster.png"):
-        return ""
-    with Image.open(io.BytesIO(files.read("poster.png", FILM_BYTES)), formats=["PNG"]) as image:
-        small = image.convert("RGB")
-    small.thumbnail((960, 960))
-    return data_uri(jpeg(np.asarray(small), quality=80), "image/jpeg")
+    with suppress(OSError):
+        small = Image.fromarray(decoded(files.read("poster.png", FILM_BYTES), "PNG"))
+        small.thumbnail((960, 960))
+        return data_uri(jpeg(np.asarray(small), quality=80), "image/jpeg")
+    return ""
 
 
 def _step(recorded: RecordedEpisode, step: StepRecord, number: int, picture: str, scene: Scene | None) -> StepView:

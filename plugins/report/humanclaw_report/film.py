@@ -14,7 +14,7 @@ from tqdm import tqdm
 
 from humanclaw import RecordedEpisode, RecordError, Renderer, Scene, StepRecord
 from humanclaw.body import FPS, HISTORY
-from humanclaw.storage import Folder, from_jpeg, gif
+from humanclaw.storage import Folder, gif
 from humanclaw.world import ego_camera
 from humanclaw_report.chart import GAP, draw_chart
 from humanclaw_report.maps import house_maps, path_maps
@@ -111,14 +111,12 @@ def _pictures(replay: Replay, renderer: Renderer, every: int, size: tuple[int, i
         step = replay.step(frame)
         # Each view is shown for all frames of its step, so it is read once.
         if step and step.frame_file != inset[0]:
-            inset = (step.frame_file, _ego(replay.episode.view(step), size[1] // 3))
+            inset = (step.frame_file, _ego(replay.episode.picture(step), size[1] // 3))
         yield _caption(shot, step, inset[1])
 
 
-def _ego(view: bytes, side: int) -> Image.Image | None:
-    if not view:
-        return None
-    return Image.fromarray(from_jpeg(view)).resize((side, side), Image.Resampling.LANCZOS)
+def _ego(view: Picture | None, side: int) -> Image.Image | None:
+    return None if view is None else Image.fromarray(view).resize((side, side), Image.Resampling.LANCZOS)
 
 
 def _caption(picture: Picture, step: StepRecord | None, ego: Image.Image | None) -> Picture:

@@ -77,7 +77,8 @@ def write_report(
     try:
         page = _page(found, target, Houses(scenes), contribute)
     except OSError as error:
-        raise RecordError(f"cannot write {error.filename}: {error.strerror}.", "Move it away.") from error
+        told = f"cannot write {error.filename or target}: {error.strerror or error}."
+        raise RecordError(told, "Move it away.") from error
     return write_result(out, home, REPORT, page.encode())
 
 

@@ -13,6 +13,7 @@ from urllib.parse import unquote, urljoin, urlsplit
 import numpy as np
 import pytest
 from made import broken_off, record_episode
+from PIL import Image
 from rooms import UPSTAIRS, asset, block, scene_object, two_rooms, two_storeys
 
 import humanclaw_report
@@ -333,3 +334,26 @@ def test_the_end_of_a_run_of_the_benchmark_writes_its_pages(tmp_path: Path) -> N
     scripts = [tag["src"] for tag in page.all("script") if "src" in tag]
     assert all((tmp_path / "couch-1" / (source or "")).is_file() for source in scripts)
     assert len(scripts) == 2
+
+
+def test_a_link_among_the_views_is_refused_and_its_goal_not_on_the_page(tmp_path):
+    record_episode(tmp_path / "couch-0")
+    broken_off(tmp_path / "couch-0")
+    (tmp_path / "secret").write_bytes(b"secret")
+    view = tmp_path / "couch-0" / "frames" / "0000.jpg"
+    view.unlink()
+    view.symlink_to(tmp_path / "secret")
+    write_report(tmp_path / "couch-0", tmp_path / "page.html", lambda name: two_rooms())
+    assert "c2VjcmV0" not in (tmp_path / "page.html").read_text(), "in base64"
+    with pytest.raises(RecordError, match=r"0000\.jpg is a link, which is not followed"):
+        RecordedEpisode(tmp_path / "couch-0").view(RecordedEpisode(tmp_path / "couch-0").steps[0])
+
+
+@pytest.mark.parametrize("content", [b"no picture", "PNG"])
+def test_a_picture_that_is_none_or_too_large_is_left_out(tmp_path, content):
+    record_episode(tmp_path / "couch-0")
+    (tmp_path / "couch-0" / "film.mp4").write_bytes(b"film")
+    poster = tmp_path / "couch-0" / "poster.png"
+    poster.write_bytes(content) if isinstance(content, bytes) else Image.new("L", (9000, 9000)).save(poster, content)
+    write_report(tmp_path / "couch-0", tmp_path / "page.html", lambda name: two_rooms())
+    assert "<video" in (tmp_path / "page.html").read_text()

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from humanclaw import EpisodeRecord, Motion, RecordedEpisode, RecordError, Scene, StepRecord
 from humanclaw.body import FPS, HISTORY, PARENTS, Array
+from humanclaw.storage import Folder
 from humanclaw.world import Camera, Mesh, SceneObject, ego_camera
 
 Kind = Literal["simulated", "generated"]
@@ -140,18 +141,25 @@ def write_recording(recorded: RecordedEpisode, scene: Scene | None, out: Path, n
     scene: None leaves the house out. note: a sentence that says why. Raises RecordError if the record is damaged or the
     file cannot be written.
     """
-    with EpisodeLog(recorded.record, out) as log:
-        if scene:
-            log.house(scene)
-        if note:
-            log.note(note)
-        if recorded.has_motion:
-            log.body("simulated", recorded.motion(), 0)
-            log.body("generated", recorded.motion("generated"), 0)
-            log.objects(recorded.objects(), 0)
-        for step, first in zip(recorded.steps, first_frames(recorded), strict=True):
-            log.step(step, first)
-        log_views(log, recorded)
+    try:
+        with Folder(out.parent).placed(out.name) as file, EpisodeLog(recorded.record, file) as log:
+            if scene:
+                log.house(scene)
+            if note:
+                log.note(note)
+            _log_episode(log, recorded)
+    except OSError as error:
+        raise RecordError(f"cannot write {out}: {error.strerror}.", "Name another file with --out.") from error
+
+
+def _log_episode(log: EpisodeLog, recorded: RecordedEpisode) -> None:
+    if recorded.has_motion:
+        log.body("simulated", recorded.motion(), 0)
+        log.body("generated", recorded.motion("generated"), 0)
+        log.objects(recorded.objects(), 0)
+    for step, first in zip(recorded.steps, first_frames(recorded), strict=True):
+        log.step(step, first)
+    log_views(log, recorded)
 
 
 def log_views(log: EpisodeLog, recorded: RecordedEpisode) -> None:
