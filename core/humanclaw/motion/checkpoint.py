@@ -288,7 +288,12 @@ def _open(path: Path, remedy: str, weights: bool = False) -> tuple[dict[str, Any
         raise broken(path, error, remedy) from error
     if note is None:
         raise CheckpointError(f"{path} is a safetensors file, but not a checkpoint of HumanCLAW.", remedy)
-    header: dict[str, Any] = json.loads(note)
+    try:
+        header = json.loads(note)
+    except (ValueError, RecursionError) as error:
+        raise broken(path, error, remedy) from error
+    if not isinstance(header, dict):
+        raise broken(path, ValueError("its header is not an object"), remedy)
     if header.get("format") != FORMAT:
         found = f"{path} has checkpoint format {header.get('format')}; this version reads format {FORMAT}."
         raise CheckpointError(found, remedy)

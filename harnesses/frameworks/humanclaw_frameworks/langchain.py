@@ -11,8 +11,8 @@ from humanclaw.skills import BodyTool
 
 
 def wrap(tools: Sequence[BodyTool]) -> list[StructuredTool]:
-    """Make a StructuredTool of each. A result is a list of content blocks: text, and the picture. A refused call becomes
-    a ToolMessage with status "error"."""
+    """Make a StructuredTool of each. A result is a list of content blocks: text, and the picture. A refused call
+    becomes a ToolMessage with status "error"."""
     return [_tool(tool) for tool in tools]
 
 
