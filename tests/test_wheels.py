@@ -1,6 +1,7 @@
 """Wheels are complete, and the demo runs from them. The slow tests too: HUMANCLAW_SLOW=1 pytest tests/test_wheels.py"""
 
 import os
+import shutil
 import subprocess
 import sys
 import zipfile
@@ -40,6 +41,20 @@ def test_every_wheel_holds_its_licence_its_types_and_its_weights(built):
         skills = {skill for skill in skills if "/templates/" not in skill}
         assert all(f"{skill}/adapter.safetensors" in names for skill in skills), wheel.name
     assert "humanclaw/motion/weights/base.safetensors" in zipfile.ZipFile(built[0]).namelist()
+
+
+@slow
+def test_two_builds_of_every_wheel_are_byte_identical(built, tmp_path, monkeypatch):
+    checkout = tmp_path / "elsewhere"
+    shutil.copytree(wheels.ROOT, checkout, ignore=shutil.ignore_patterns(".venv*", ".git", "runs", "dist", ".data"))
+    for path in checkout.rglob("*"):
+        os.utime(path, (1_000_000_000, 1_000_000_000))
+    monkeypatch.setattr(wheels, "ROOT", checkout)
+    again = wheels.build(tmp_path / "wheels")
+    assert [path.name for path in again] == [path.name for path in built]
+    assert [
+        path.name for path, other in zip(built, again, strict=True) if path.read_bytes() != other.read_bytes()
+    ] == []
 
 
 @slow

@@ -65,6 +65,13 @@ def test_somebody_elses_safetensors_are_refused(base, tmp_path):
         load_adapter(path, base, "walk")
 
 
+@pytest.mark.parametrize("header", ["[" * 100_000, "[]", "{", "7"], ids=["deep", "list", "cut", "number"])
+def test_a_header_that_is_no_object_is_refused(base, tmp_path, header):
+    save_file({"x": np.zeros(3, np.float16)}, tmp_path / "odd.safetensors", {"humanclaw": header})
+    with pytest.raises(CheckpointError, match="cannot be read as a checkpoint"):
+        load_base(tmp_path / "odd.safetensors")
+
+
 def test_another_format_is_refused(base_file, tmp_path):
     path = tmp_path / "base.safetensors"
     save_file(load_file(base_file), path, {"humanclaw": json.dumps({"format": 99})})

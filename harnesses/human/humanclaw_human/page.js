@@ -4,12 +4,12 @@
 
 /** @typedef {{name: string, description: string, minimum?: number, maximum?: number, value: number}} Parameter */
 /** @typedef {{name: string, description: string, parameters: Parameter[]}} Skill */
-/** @typedef {{secret: string, leave: string, keys: Record<string, string>, skills: Skill[]}} Controls */
+/** @typedef {{leave: string, keys: Record<string, string>, skills: Skill[]}} Controls */
 /** @typedef {{step: number, of: number, instruction: string, feedback: string, past: [string, string][]}} Moment */
 
 {
   const at = (/** @type {string} */ id) => /** @type {HTMLElement} */ (document.getElementById(id));
-  const { secret, leave, keys, skills } = /** @type {Controls} */ (JSON.parse(at("controls").textContent ?? ""));
+  const { leave, keys, skills } = /** @type {Controls} */ (JSON.parse(at("controls").textContent ?? ""));
   const seen = /** @type {HTMLInputElement} */ (at("seen"));
   const skill = /** @type {HTMLSelectElement} */ (at("skill"));
   /** @type {Record<string, string>} */
@@ -24,7 +24,7 @@
     const words = seen.value.trim(), before = at("step").textContent;
     at("step").textContent = line === leave ? "You leave the episode." : `The body moves: ${line}`;
     const body = words && line !== leave ? `${line} # ${words}` : line;
-    const answer = await fetch("call", { method: "POST", headers: { "X-HumanCLAW": secret }, body });
+    const answer = await fetch("call", { method: "POST", body });
     at("hint").textContent = answer.ok ? "" : await answer.text();
     if (answer.ok) seen.value = "";
     else at("step").textContent = before;
@@ -53,7 +53,7 @@
   async function follow() {
     try {
       const told = await (await fetch("state", { cache: "no-store" })).text();
-      if (at("hint").dataset.gone) location.reload(); // Another episode is served here, with a secret of its own.
+      if (at("hint").dataset.gone) location.reload(); // Another episode is served here.
       if (told !== shown && JSON.parse(told).step >= 0) show(JSON.parse(told));
       shown = told;
     } catch (error) {

@@ -9,6 +9,8 @@ import threading
 import weakref
 import webbrowser
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
+from pathlib import Path
 from typing import Any, Final, TextIO
 
 import click
@@ -68,12 +70,12 @@ class Person:
     def begin(self, context: EpisodeContext) -> None:
         self._skills, self._most = context.skills, context.spec.max_steps
         if self._window is None:
-            self._window = _opened(self._settings, self._lines.put, self._skills)
+            self._window, self._link, closing = _opened(self._settings, self._lines.put, self._skills)
             # One page serves all episodes of a run, so it closes with the agent.
-            weakref.finalize(self, self._window.close)
+            weakref.finalize(self, closing.close)
         click.echo(
-            f"{context.spec.instruction}\n{manual(self._skills)}\nAfter #, say what you see. The view: "
-            f"{self._window.address}"
+            f"{context.spec.instruction}\n{manual(self._skills)}\nAfter #, say what you see. "
+            f"Open the view: {self._link}"
         )
 
     def decide(self, observation: Observation, history: Sequence[HistoryEntry]) -> Decision:
@@ -140,14 +142,19 @@ def _is_nothing(stream: TextIO) -> bool:
         return False
 
 
-def _opened(settings: Settings, submit: Callable[[str | None], None], skills: Mapping[str, Skill]) -> Window:
-    controls = Controls(keys(skills), forms(skills))
+def _opened(
+    settings: Settings, submit: Callable[[str | None], None], skills: Mapping[str, Skill]
+) -> tuple[Window, Path, ExitStack]:
+    """Return the page, the file that leads to it, and what closes both."""
+    controls, closing = Controls(keys(skills), forms(skills)), ExitStack()
     try:
         window = Window(settings.port, submit, lambda line: parse(line, skills), controls)
     except OSError as error:
         raise PluginError(
             f"the view cannot be served on port {settings.port}: {error.strerror}.", "Choose another --option port=N."
         ) from error
+    closing.callback(window.close)
+    link = closing.enter_context(window.link())
     if settings.browser:
-        threading.Timer(_REVISIT, lambda: window.visited or webbrowser.open(window.address)).start()
-    return window
+        threading.Timer(_REVISIT, lambda: window.visited or webbrowser.open(link.as_uri())).start()
+    return window, link, closing

@@ -6,10 +6,13 @@ import hmac
 import json
 import secrets
 import threading
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib import resources
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, Final
 
 import numpy as np
@@ -20,6 +23,9 @@ from humanclaw.storage import jpeg
 
 _LONGEST: Final = 4000
 """Longest line with its report of what is seen, bytes."""
+_SECRET: Final = secrets.token_urlsafe(16)
+"""First part of every path, so that only this user can see the page and press its keys: not other users of this
+machine, nor other pages of the browser. One for all episodes of a process, so that the page can go on with the next."""
 LEAVE: Final = "leave the episode"
 """The line of a person who leaves the episode."""
 
@@ -73,15 +79,25 @@ class Window:
         self._asking = threading.Lock()
         """Free while the page may submit a call. It is held while the body moves, so that keys have no effect then."""
         self._asking.acquire()  # No episode has begun yet.
-        self._secret = secrets.token_urlsafe(16)
-        """Known only to the page, so that no other page of the browser can submit calls."""
         self._server = ThreadingHTTPServer(("127.0.0.1", port), self._handler())
         self._server.daemon_threads = True
         threading.Thread(target=self._server.serve_forever, daemon=True).start()
 
     @property
     def address(self) -> str:
-        return f"http://127.0.0.1:{self._server.server_port}/"
+        """The page's address. It is as secret as the page: print it nowhere, and give it to no other program."""
+        return f"http://127.0.0.1:{self._server.server_port}/{_SECRET}/"
+
+    @contextmanager
+    def link(self) -> Iterator[Path]:
+        """Write a file that leads a browser to the page, for this user's eyes only; it is removed at the end.
+
+        Other users of this machine can read a browser's arguments and the output of a run, but not this file.
+        """
+        with TemporaryDirectory(prefix="humanclaw-") as folder:
+            path = Path(folder) / "page.html"
+            path.write_text(f'<meta http-equiv="refresh" content="0; url={self.address}">', "utf-8")
+            yield path
 
     def show(self, rgb: NDArray[np.uint8], moment: Moment) -> None:
         """Show text and an (H, W, 3) picture, as the JPEG that a model gets; then accept one call."""
@@ -105,25 +121,31 @@ class Window:
             def do_GET(self) -> None:
                 if self._is_ours():
                     window.visited = True
-                    content, kind = window._content(self.path.split("?")[0])
+                    content, kind = window._content(self._resource())
                     self._answer(200 if content else 404, content, kind)
 
             def do_POST(self) -> None:
                 if self._is_ours():
                     told = self.headers.get("Content-Length", "")
-                    length = int(told) if told.isdecimal() else 0
-                    # Takes the same time for every wrong secret, so that nothing can be learned from it.
-                    known = hmac.compare_digest(self.headers.get("X-HumanCLAW", "").encode(), window._secret.encode())
-                    line = self.rfile.read(length).decode("utf-8", "replace") if known and 0 < length < _LONGEST else ""
-                    code, words = window._press(line) if known and self.path == "/call" else (403, "")
+                    length = int(told) if told.isdecimal() and len(told) < 9 else 0
+                    line = self.rfile.read(length).decode("utf-8", "replace") if 0 < length < _LONGEST else ""
+                    code, words = window._press(line) if self._resource() == "call" else (404, "")
                     self._answer(code, words.encode(), "text/plain; charset=utf-8")
 
+            def _resource(self) -> str:
+                return self.path.split("?")[0].split("/", 2)[2]
+
             def _is_ours(self) -> bool:
-                """Answer only to host names of this machine, against DNS rebinding."""
-                port = window._server.server_port
-                if self.headers.get("Host") in (f"127.0.0.1:{port}", f"localhost:{port}"):
+                """Answer only to host names of this machine, against DNS rebinding, and to those who know the
+                secret."""
+                port, parts = window._server.server_port, self.path.split("/", 2)
+                if self.headers.get("Host") not in (f"127.0.0.1:{port}", f"localhost:{port}"):
+                    self._answer(421)
+                # Takes the same time for every wrong secret, so that nothing can be learned from it.
+                elif len(parts) < 3 or not hmac.compare_digest(parts[1].encode(), _SECRET.encode()):
+                    self._answer(403)
+                else:
                     return True
-                self._answer(421)
                 return False
 
             def _answer(self, code: int, content: bytes = b"", kind: str = "text/plain") -> None:
@@ -151,15 +173,15 @@ class Window:
         return 204, ""
 
     def _content(self, path: str) -> tuple[bytes, str]:
-        if path == "/":
+        if not path:
             return self._page(), "text/html; charset=utf-8"
-        if path == "/state":
+        if path == "state":
             return json.dumps(self._state).encode(), "application/json"
-        return (self._picture, "image/jpeg") if path == "/view.jpg" else (b"", "text/plain")
+        return (self._picture, "image/jpeg") if path == "view.jpg" else (b"", "text/plain")
 
     def _page(self) -> bytes:
         """Return page, style, script and controls as one document."""
-        told = {"secret": self._secret, "leave": LEAVE, **asdict(self._controls)}
+        told = {"leave": LEAVE, **asdict(self._controls)}
         page = _source("page.html").replace("STYLE", _source("page.css"), 1).replace("SCRIPT", _source("page.js"), 1)
         # "<" is escaped, since a description of a skill may hold "</script>".
         return page.replace("CONTROLS", json.dumps(told).replace("<", "\\u003c"), 1).encode()

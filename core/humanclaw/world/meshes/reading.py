@@ -113,6 +113,8 @@ def _parts(scene: Any, node: str) -> list[Part]:
     vertices = np.asarray(geometry.vertices, float) @ transform[:3, :3].T + transform[:3, 3]
     if np.linalg.det(transform[:3, :3]) < 0:
         faces = faces[:, ::-1]
+    if faces.min() < 0 or faces.max() >= len(vertices):
+        raise ValueError(f"a triangle names vertex {faces.max()} of {len(vertices)}")
     uv = getattr(geometry.visual, "uv", None)
     uv = None if uv is None or len(uv) != len(vertices) or not np.isfinite(uv).all() else np.asarray(uv, float)
     colour, picture = _look(geometry.visual)
