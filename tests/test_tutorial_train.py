@@ -39,6 +39,7 @@ def test_the_page_leads_from_a_distribution_to_a_wheel():
 def test_every_command_of_the_page_does_what_the_page_says(tmp_path):
     environment = like_this(tmp_path / "environment")
     shutil.copytree(CLIPS, tmp_path / "HDM05")
+    (tmp_path / "HDM05/LICENCE.txt").write_text("HDM05: CC BY-SA 3.0\n")
     folder, told = tmp_path, ""
     for command in commands()[1:]:  # Of the first one this environment is the result.
         if command.startswith("cd "):

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import ClassVar, Final
+from typing import ClassVar, Final, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from humanclaw.body.skeleton import JOINT_INDEX, JOINTS, N_JOINTS, OFFSETS, PARENTS, SOLE, STANDING_HEIGHT, TOE_SOLE
 
 Array = NDArray[np.float64]
+F = TypeVar("F", np.float32, np.float64)
 
 FPS: Final = 30
 HISTORY: Final = 5
@@ -27,7 +28,6 @@ _FEET: Final = (
     (JOINT_INDEX["left_ankle"], SOLE), (JOINT_INDEX["right_ankle"], SOLE),
     (JOINT_INDEX["left_foot"], TOE_SOLE), (JOINT_INDEX["right_foot"], TOE_SOLE),
 )  # fmt: skip
-_FLIPPED: Final = np.array([-1.0, 1.0, 1.0])
 _OTHER_SIDE: Final = [
     JOINT_INDEX[name.replace("left", "?").replace("right", "left").replace("?", "right")] for name in JOINTS
 ]
@@ -193,9 +193,10 @@ _LEVELS: Final = tuple(_levels())
 _PARENTS: Final = [max(parent, 0) for parent in PARENTS]
 
 
-def mirrored(root: Array, rotations: Array) -> tuple[Array, Array]:
+def mirrored(root: NDArray[F], rotations: NDArray[F]) -> tuple[NDArray[F], NDArray[F]]:
     """Mirror root (..., 3) and rotations (..., 24, 3) at the plane x = 0: left and right change places."""
-    return root * _FLIPPED, rotations[..., _OTHER_SIDE, :] * -_FLIPPED
+    flipped = np.array([-1, 1, 1], root.dtype)
+    return root * flipped, rotations[..., _OTHER_SIDE, :] * -flipped
 
 
 def rest_pose(frames: int = 1) -> Motion:

@@ -50,10 +50,6 @@ class Measure:
     the right hand, which is worked out anew from the mirrored motion."""
     function: Callable[[Array, Array], Array]
 
-    def mirrored(self, values: Array, root: Array, rotations: Array) -> Array:
-        """Return what chunks achieve, given their mirror images and what those achieve (N,), SI."""
-        return values * self.mirror if self.mirror else self(root, rotations)
-
     def __call__(self, root: Array, rotations: Array) -> Array:
         """Measure canonical chunks: root (N, 20, 3) and rotations (N, 20, 24, 3) to (N,), SI."""
         return np.asarray(self.function(root, rotations))

@@ -9,7 +9,9 @@ from __future__ import annotations
 
 import argparse
 import math
+import re
 import sys
+import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
@@ -31,6 +33,8 @@ CARD: Final = "README.md"
 """File name of a card, which repository pages show with the folder."""
 _TEMPLATE: Final = Path(__file__).parent / "templates" / "card.md.j2"
 
+_BINDING: Final = re.compile(r"\b(SA|NC|GPL)\b|share.?alike|non.?commercial", re.IGNORECASE)
+"""What the licence of data says if it binds the weights that are made of them."""
 _NAMES: Final = {
     "composed": "synthesised by `humanclaw_train.synthesis`",
     "retimed": "the same clips at other paces, by `humanclaw_train.retimed`",
@@ -92,6 +96,7 @@ def _facts(checkpoint: Path, report: FidelityReport | None, naturalness: Natural
         ],
         "names": _NAMES,
         "licence_of": lambda source: _licence(source, notes["licences"]),
+        "terms": terms(notes["licences"]),
         "share": lambda count: f"{100 * count / max(data['chunks'], 1):.0f} %",
         "parameter_rows": _parameter_rows(adapter, data),
         "report": report if report and report.base == header.get("base", header.get("digest")) else None,
@@ -146,6 +151,12 @@ def _licence(source: str, licences: Sequence[str]) -> str:
     return found[0] if found else _DERIVED.get(source, "not given")
 
 
+def terms(licences: Sequence[str]) -> tuple[str, ...]:
+    """Return the licences of data that bind what is made of them: share-alike and non-commercial ones."""
+    named = dict.fromkeys(text.partition(": ")[2] for text in licences)
+    return tuple(one for one in named if _BINDING.search(one))
+
+
 def _ratio(ratio: Ratio) -> str:
     return f"{ratio.mean:.3f} ± {ratio.std:.3f}"
 
@@ -169,6 +180,20 @@ def write(files: Sequence[Path], base: Path, check: bool = False) -> list[Path]:
     return stale
 
 
+def _unlike(file: Path) -> str:
+    """Return a warning if the package of a checkpoint does not name a licence that its data bind it to."""
+    projects = [folder / "pyproject.toml" for folder in file.resolve().parents[1:4]]
+    project = next((one for one in projects if one.is_file()), None)
+    wanted = [one.replace(" ", "-") for one in terms(read_header(file)["card"]["licences"])]
+    if project is None or not wanted:
+        return ""
+    licence = tomllib.loads(project.read_text("utf-8")).get("project", {}).get("license", "")
+    lacking = [one for one in wanted if one not in str(licence)]
+    mended = " AND ".join([str(licence), *lacking])
+    told = f'warning: {project} says license = "{licence}", and the weights are made of data under'
+    return f'{told} {", ".join(lacking)}. Write license = "{mended}".\n' if lacking else ""
+
+
 def _beside(file: Path, base: Path, name: str) -> Path | None:
     return next((one for one in (file.with_name(name), base.with_name(name)) if one.is_file()), None)
 
@@ -186,6 +211,8 @@ def main(arguments: Sequence[str] | None = None, installed: Installed | None = N
     except HumanclawError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
+    for file in files:
+        print(_unlike(file), end="", file=sys.stderr)
     for path in stale:
         print(f"{'out of date' if options.check else 'wrote'}: {path}")
     return 1 if stale and options.check else 0

@@ -12,7 +12,7 @@ import re
 import tarfile
 import tempfile
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Final
@@ -181,6 +181,7 @@ class Chunks:
 
     root (N, 20, 3) and rotations (N, 20, 24, 3) float32; params (N, k) float32; real (N,) bool, False for synthetic
     motion; source (N,) text, the clip of each. names, measures (k,) text: of the parameters.
+    licences: "SOURCE: LICENCE" of the clips.
     """
 
     root: NDArray[np.float32]
@@ -190,6 +191,7 @@ class Chunks:
     source: NDArray[np.str_]
     names: NDArray[np.str_]
     measures: NDArray[np.str_]
+    licences: NDArray[np.str_] = field(default_factory=lambda: np.array([], np.str_))
 
     def __post_init__(self) -> None:
         n = len(self.root)
@@ -240,7 +242,8 @@ class Chunks:
         """Read a file that `save` wrote. Raises MocapError if it is missing or has other content."""
         try:
             with np.load(path, allow_pickle=False) as data:
-                return cls(*(data[field.name] for field in fields(cls)))
+                there = [one.name for one in fields(cls) if one.name in data or one.name != "licences"]
+                return cls(**{name: data[name] for name in there})
         except (OSError, KeyError, ValueError) as error:
             raise MocapError(
                 f"{path} holds no chunks: {error}.", "Build chunks with: humanclaw data build DIR"
@@ -258,13 +261,14 @@ class Chunks:
 
     def mirrored(self, known: Mapping[str, Measure] = MEASURES) -> Chunks:
         """Mirror the chunks, which then are not real."""
-        root, rotations = mirrored(self.root.astype(float), self.rotations.astype(float))
-        params = self.params.astype(float)
+        root, rotations = mirrored(self.root, self.rotations)
+        params = self.params.copy()
         for column, measure in enumerate(self.measures.tolist()):
-            params[:, column] = known[measure].mirrored(params[:, column], root, rotations)
-        changed = {"root": root, "rotations": rotations, "params": params}
-        single = {name: values.astype(np.float32) for name, values in changed.items()}
-        return replace(self, **single, real=np.zeros_like(self.real))
+            if sign := known[measure].mirror:
+                params[:, column] *= sign
+            else:
+                params[:, column] = known[measure](root.astype(float), rotations.astype(float))
+        return replace(self, root=root, rotations=rotations, params=params, real=np.zeros_like(self.real))
 
     def save(self, path: str | Path) -> None:
         """Write one npz. An interrupted save leaves the old file in place."""
@@ -273,7 +277,7 @@ class Chunks:
         # Renaming is atomic, so a reader never sees half a file.
         part = path.with_name(f"{path.name}.part")
         with part.open("wb") as file:
-            np.savez_compressed(file, **{field.name: getattr(self, field.name) for field in fields(self)})
+            np.savez_compressed(file, **{one.name: getattr(self, one.name) for one in fields(self)})
         os.replace(part, path)
 
 

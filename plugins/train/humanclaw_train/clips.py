@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import Final
 
@@ -16,6 +17,7 @@ from humanclaw_train.chunks import Clip, load_pack
 from humanclaw_train.retarget import retarget
 from humanclaw_train.source_motion import UNREADABLE, MocapError
 
+TERMS: Final = "LICENCE.txt"
 SUFFIXES: Final = (".amc", ".bvh", ".npz", ".txt")
 
 
@@ -34,7 +36,8 @@ class Folder:
         """
         if (folder / "clips.csv").is_file():
             return cls(load_pack(folder))
-        files = sorted(file for file in folder.glob("**/*") if file.suffix.lower() in SUFFIXES)
+        found = (file for file in folder.glob("**/*") if file.suffix.lower() in SUFFIXES)
+        files = sorted(file for file in found if file.name != TERMS)
         clips, left_out = [], {}
         for file in tqdm(files, unit="clip", disable=None):
             try:
@@ -55,8 +58,24 @@ def _clip(file: Path, folder: Path) -> Clip:
     motion = retarget(mocap.load(file)) if recorded is None else recorded
     below = file.relative_to(folder)
     # AMASS/STUDIO/SUBJECT/CLIP: licences belong to studios.
-    source = below.parts[0] if len(below.parts) > 2 else folder.resolve().name
-    return Clip(str(below.with_suffix("")), motion, None, source, "", real=recorded is None)
+    studio = folder / below.parts[0] if len(below.parts) > 2 else folder
+    source, licence = terms(studio)
+    return Clip(str(below.with_suffix("")), motion, None, source, licence, real=recorded is None)
+
+
+@cache
+def terms(folder: Path) -> tuple[str, str]:
+    """Return the source and licence of a folder of motion: `SOURCE: LICENCE` in the first line of its LICENCE.txt.
+
+    Without such a file, the folder's name and an empty licence. Raises MocapError for another first line.
+    """
+    file = folder / TERMS
+    if not file.is_file():
+        return folder.resolve().name, ""
+    source, _, licence = (line.strip() for line in file.read_text("utf-8").partition("\n")[0].partition(":"))
+    if not source or not licence:
+        raise MocapError(f"{file} does not begin with SOURCE: LICENCE.", 'Write such as "HDM05: CC BY-SA 3.0".')
+    return source, licence
 
 
 def _recorded(file: Path) -> Motion | None:

@@ -44,6 +44,8 @@ class ChunkTensors:
     """Names of the parameters (k,)."""
     measures: tuple[str, ...] = ()
     """Measures that they command (k,)."""
+    licences: tuple[str, ...] = ()
+    """`SOURCE: LICENCE` of the clips, where the chunks say so."""
 
     def __len__(self) -> int:
         return len(self.root)
@@ -71,7 +73,8 @@ def load(folders: Sequence[Path], name: str) -> ChunkTensors:
     whole = {key: np.concatenate([part[key] for part in parts])[kept] for key in EACH}
     root, rotations, params = (torch.from_numpy(whole[key].astype(np.float32)) for key in EACH[:3])
     names, measures = (tuple(parts[0][key].tolist()) for key in ("names", "measures"))
-    return ChunkTensors(name, root, rotations, params, _statistics(whole), names, measures)
+    licences = dict.fromkeys(text for part in parts for text in part["licences"].tolist())
+    return ChunkTensors(name, root, rotations, params, _statistics(whole), names, measures, tuple(licences))
 
 
 def _new(parts: Sequence[Arrays]) -> Iterator[NDArray[np.bool_]]:
@@ -87,6 +90,7 @@ def _new(parts: Sequence[Arrays]) -> Iterator[NDArray[np.bool_]]:
 def _read(file: Path) -> Arrays:
     with np.load(file, allow_pickle=False) as content:
         found = {key: content[key] for key in (*EACH, "names", "measures")}
+        found["licences"] = content["licences"] if "licences" in content else np.array([], np.str_)
     if found["root"].shape[1:] != (CHUNK, 3):
         raise HumanclawError(
             f"{file}: expected root (N, {CHUNK}, 3); got {found['root'].shape}.", "Build the chunks again."

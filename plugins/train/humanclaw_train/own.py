@@ -14,6 +14,7 @@ import argparse
 import importlib.util
 import sys
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -92,7 +93,8 @@ def chunks_of(
         # Only clips that show the skill: others would add poses that it does not have.
         origins = {part.source[0] for part in shown}
         parts += _retimed(skill, [clip for clip in clips if _source(clip) in origins], standing, seconds, seed)
-    whole = Chunks.join(parts)
+    told = {f"{clip.source}: {clip.licence}" for clip in clips if clip.licence}
+    whole = replace(Chunks.join(parts), licences=np.array(sorted(told), np.str_))
     images = whole.mirrored(skill.measures)
     # The image of a skill of one side may not show it.
     return Chunks.join([whole, images[_shown(skill, images.root.astype(float), images.rotations.astype(float))]])

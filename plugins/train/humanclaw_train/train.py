@@ -182,7 +182,7 @@ def _rounded(values: Tensor) -> tuple[float, ...]:
 
 def _card(trainer: Trainer[Any], weights: Weights, name: str) -> Card:
     recipe = {**asdict(trainer.recipe), "name": name, "loss": asdict(weights), "done_steps": trainer.step}
-    licences = recipe.pop("licences")
+    licences = dict.fromkeys((*recipe.pop("licences"), *trainer.chunks.licences))
     return Card(recipe, trainer.chunks.statistics, tuple(licences))
 
 
@@ -336,7 +336,7 @@ def _parser() -> argparse.ArgumentParser:
             default=[],
             type=_licence,
             metavar="SOURCE: LICENCE",
-            help="licence of a data source, for the checkpoint's header; repeatable",
+            help="licence of a data source that its folder does not tell; repeatable",
         )
         one.add_argument("--threads", type=int, default=1, help="CPU threads")
         one.add_argument("--device", default="auto", help="torch device; auto takes CUDA if there is any")

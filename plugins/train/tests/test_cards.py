@@ -60,6 +60,17 @@ def test_the_card_of_a_ninth_skill_says_nothing_of_how_ours_were_made(tmp_path):
         assert claim not in text
 
 
+def test_weights_of_share_alike_data_are_share_alike_and_their_package_is_told_so(weights, capsys):
+    folder = weights / "sit_in_place"
+    assert "distribute them under CC BY-SA 3.0" in card(folder / "adapter.safetensors")
+    project = weights / "pyproject.toml"
+    for licence, warned in (("Apache-2.0", True), ("Apache-2.0 AND CC-BY-SA-3.0", False)):
+        project.write_text(f'[project]\nname = "mine"\nlicense = "{licence}"\n')
+        assert main(["--skill", str(folder), "--base", str(weights / "base.safetensors")]) == 0
+        said = capsys.readouterr().err
+        assert ('Write license = "Apache-2.0 AND CC-BY-SA-3.0"' in said) == warned
+
+
 def test_a_card_tells_the_figures_of_the_header(weights):
     text = card(weights / "sit_in_place" / "adapter.safetensors")
     for fact in (

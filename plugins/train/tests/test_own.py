@@ -219,3 +219,32 @@ def test_a_clip_whose_hips_hardly_move_is_retimed_as_a_whole():
     made = retimed(Motion(root, clip.rotations), rest_pose(5), 4, np.random.default_rng(0))
     assert len(made) == 65
     assert np.isfinite(made.rotations).all()
+
+
+def test_the_image_of_a_one_sided_skill_is_measured_anew_and_kept_only_where_it_shows_the_skill(tmp_path):
+    """An arm goes up and comes down; in its mirror image it is the other one, and this one hangs."""
+    hand = JOINT_INDEX["right_hand"]
+    height = Measure("hand.height", "m", "Of it.", None, lambda p, r: forward_kinematics(p, r)[0][:, -1, hand, 1])
+    part = {"type": "integer", "minimum": 100, "maximum": 170, "x-measure": "hand.height", "description": "Height."}
+    folder = tmp_path / "reach_up"
+    folder.mkdir()
+    (folder / "schema.json").write_text(json.dumps(SCHEMA | {"properties": {"h_cm": part}, "x-role": "gesture"}))
+    rule = "lambda w: w.joints[:, -1, 23, 1] > w.joints[:, -1, 22, 1] + 0.1"
+    assert (JOINT_INDEX["left_hand"], hand) == (22, 23)
+    (folder / "recipe.py").write_text(
+        f"from humanclaw.skills import Recipe\nRECIPE = Recipe('reach_up', windows={rule}, retimed=True)\n"
+    )
+    motion = rest_pose(90)
+    raised = 2.2 * np.sin(np.pi * np.linspace(0, 1, 90)) ** 2
+    motion.rotations[:, JOINT_INDEX["right_shoulder"], 2] -= raised
+    record(tmp_path / "clips", motion)
+    (tmp_path / "clips/LICENCE.txt").write_text("Mine: CC BY-SA 3.0\n")
+    command = ["--skill", str(folder), "--clips", str(tmp_path / "clips"), "--out", str(tmp_path), "--seconds", "60"]
+    assert own.main(command, measures=lambda: MEASURES | {"hand.height": height}) == 0
+    chunks = Chunks.load(tmp_path / "reach_up.npz")
+    hands = forward_kinematics(chunks.root.astype(float), chunks.rotations.astype(float))[0][:, -1, :, 1]
+    assert len(chunks) > 20
+    assert np.allclose(chunks.params[:, 0], hands[:, hand], atol=1e-4)
+    assert (hands[:, hand] > hands[:, 22] + 0.1).all()
+    assert hands[chunks.source == "retimed", hand].max() > 1.3
+    assert chunks.licences.tolist() == ["Mine: CC BY-SA 3.0"]
