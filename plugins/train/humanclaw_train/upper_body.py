@@ -28,7 +28,6 @@ from humanclaw_train.curves import GRID, bump, quintic
 from humanclaw_train.state import SECONDS, State, Style
 from humanclaw_train.step_plan import StepPlan, seat_depth
 
-
 _TWIST: Final = 0.7
 """Swing of the trunk at most, in that of real walkers at 1.15 m/s: shoulders turn no more in a fast walk."""
 _TRUNK: Final = np.isin(np.arange(CHANNELS), [channel(joint, axis) for joint in (
