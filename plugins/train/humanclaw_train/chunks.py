@@ -15,7 +15,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -263,7 +263,7 @@ class Chunks:
         for column, measure in enumerate(self.measures.tolist()):
             params[:, column] = known[measure].mirrored(params[:, column], root, rotations)
         changed = {"root": root, "rotations": rotations, "params": params}
-        single = {name: values.astype(np.float32) for name, values in changed.items()}
+        single: dict[str, Any] = {name: values.astype(np.float32) for name, values in changed.items()}
         return replace(self, **single, real=np.zeros_like(self.real))
 
     def save(self, path: str | Path) -> None:
