@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from humanclaw import Backends, Body, HumanclawError, Plugins, hookimpl
+from humanclaw import Backends, Body, Call, HumanclawError, Plugins, hookimpl
 from humanclaw.body import HISTORY, heading
-from humanclaw.motion import DiTGenerator
+from humanclaw.motion import DiTGenerator, lay_hands
 from humanclaw.testing import SceneBuilder, fake_scene
 from humanclaw.testing.fakes import FAKE, FakeGenerator, Fakes
 
@@ -73,3 +73,28 @@ def test_the_papers_profile_alone_leaves_heading_errors_as_they_are(profile, ask
         for _ in asked:
             body.call("turn_in_place", yaw_deg=30)
     assert [np.degrees(values["yaw"]) - 2 for _, values in generator.asked] == pytest.approx(asked)
+
+
+def seated(source):
+    """Return the history and the simulated pose of a body that sat down."""
+    plugins = Plugins.discover()
+    plugins.add(Fakes(), FAKE)
+    backends = Backends(FAKE, FAKE, motion_history=source)
+    with Body(fake_scene(), plugins=plugins, backends=backends) as body:
+        body.execute(Call("sit_in_place", {"h_cm": 54}))
+        return body.history, body.state().body
+
+
+def moves(pose):
+    """How far laying the hands flat moves a joint of a pose, metres."""
+    return np.abs(lay_hands(pose[-1:]).joints() - pose[-1:].joints()).max()
+
+
+def test_hands_of_a_seated_body_lie_flat_and_the_model_goes_on_from_its_own():
+    history, body = seated("generated")
+    assert moves(history) > 0.05
+    assert moves(body) < 0.005
+    # A model that continues the body's own poses gets no hands that it has never seen.
+    history, body = seated("simulated")
+    assert moves(history) == pytest.approx(moves(body), abs=1e-6)
+    assert moves(body) > 0.05

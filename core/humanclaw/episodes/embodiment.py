@@ -20,6 +20,7 @@ from humanclaw.episodes.tools import Verified, body_tools
 from humanclaw.errors import CheckpointError, HumanclawError, blaming
 from humanclaw.motion.checkpoint import adapters_beside
 from humanclaw.motion.generator import MotionGenerator
+from humanclaw.motion.resting_hands import lay_hands
 from humanclaw.motion.rising import is_down, rise
 from humanclaw.plugins.agents import Moment, Observation, Sense, Verifier
 from humanclaw.plugins.host import Plugins
@@ -248,7 +249,7 @@ class Body:
         for number, commanded, left in self._chunks(skill, plan):
             seconds["generate"] += time.perf_counter() - moment
             moment = time.perf_counter()
-            chunks.append(self._simulate(commanded))
+            chunks.append(self._simulate(commanded, plan[number]))
             played.append(number)
             seconds["simulate"] += time.perf_counter() - moment
             if watch is not None and not watch(chunks[-1]) and left:
@@ -264,11 +265,14 @@ class Body:
         )
         return self.last
 
-    def _simulate(self, commanded: Motion) -> Chunk:
+    def _simulate(self, motion: Motion, part: Part) -> Chunk:
+        source = self.backends.motion_history
+        # A model that goes on from the simulated hands would meet hands that it has never seen.
+        corrects = isinstance(part, Control) and source == "generated" and self.backends.profile != "paper"
+        commanded = lay_hands(motion) if corrects else motion
         execution = self._simulator.execute(commanded)
         self._state = self._simulator.state()
-        source = self.backends.motion_history
-        self._history = next_history(self._history, commanded, execution.simulated, source)
+        self._history = next_history(self._history, motion, execution.simulated, source)
         return Chunk(commanded, execution)
 
     def _sense(self, moment: Moment) -> tuple[Proprioception | None, tuple[Touch, ...] | None, tuple[Reading, ...]]:

@@ -17,7 +17,6 @@ from humanclaw.motion.checkpoint import Base, load_base, shipped_base
 from humanclaw.motion.flow import PROFILES, Solver, noise_of
 from humanclaw.motion.foot_locking import lock_feet
 from humanclaw.motion.posture import settle
-from humanclaw.motion.resting_hands import lay_hands
 from humanclaw.motion.runtime import NumpyRuntime, Runtime
 from humanclaw.motion.setting_out import set_out
 
@@ -45,9 +44,8 @@ class MotionGenerator(Protocol):
 class DiTGenerator:
     """The base with one skill's adapter at a time. Adapters are read on first use and again when their file changes.
 
-    corrections: hold standing feet still (foot_locking), keep posture errors from adding up (posture), lay hands flat
-    on the thighs (resting_hands), and redraw first steps on which both feet slide (setting_out). Without them the
-    motion is the model's raw output.
+    corrections: hold standing feet still (foot_locking), keep posture errors from adding up (posture), and redraw first
+    steps on which both feet slide (setting_out). Without them the motion is the model's raw output.
     """
 
     def __init__(
@@ -132,7 +130,7 @@ class DiTGenerator:
         futures = [decode(state) for state in self.base.normaliser.inverse(future)]
         if self.corrections:
             settled = [settle(*pair, self._usual) for pair in zip(local, futures, strict=True)]
-            futures = [lay_hands(lock_feet(*pair)) for pair in zip(local, settled, strict=True)]
+            futures = [lock_feet(*pair) for pair in zip(local, settled, strict=True)]
         return futures
 
 

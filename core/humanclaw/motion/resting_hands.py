@@ -1,7 +1,7 @@
 """Lay hands that rest on raised thighs flat on them.
 
 The model points the fingers of a seated body into its thighs, by up to 8 cm. The correction depends on the pose of each
-frame alone, so that it neither jumps nor adds up.
+frame alone, so that it neither jumps nor adds up. The model must go on from its own hands: it has never seen others.
 """
 
 from __future__ import annotations
@@ -14,8 +14,9 @@ from humanclaw.body.pose import Array, Motion, forward_kinematics, matrix_from_v
 from humanclaw.body.skeleton import JOINT_INDEX, LINKS, Capsule
 from humanclaw.motion.ik import SIDES, Limb, bent
 
-_LOW: Final = 0.8
-"""Pelvis height, metres, over which no thigh is level."""
+_RAISED: Final = 0.9
+"""Bend of a hip, radians, below which nobody sits."""
+_HIPS: Final = [JOINT_INDEX[f"{side}_hip"] for side in SIDES]
 _CLEAR: Final = sum(
     one.shape.radius for one in LINKS if one.joint in ("left_hip", "left_elbow") and isinstance(one.shape, Capsule)
 )
@@ -24,15 +25,15 @@ _INWARDS: Final = 0.25
 """Sine of the angle by which fingers point inwards."""
 
 
-def lay_hands(future: Motion) -> Motion:
-    """Return a motion (canonical frame of its chunk, T frames) whose hands do not reach into the thighs below them."""
-    if future.root[:, 1].min() > _LOW:
-        return future
-    positions, turns = forward_kinematics(future.root, future.rotations)
-    rotations = future.rotations.copy()
+def lay_hands(motion: Motion) -> Motion:
+    """Return a motion (any frame) whose hands do not reach into the thighs below them."""
+    if -motion.rotations[:, _HIPS, 0].min() < _RAISED:
+        return motion
+    positions, turns = forward_kinematics(motion.root, motion.rotations)
+    rotations = motion.rotations.copy()
     for side, sign in zip(SIDES, (1.0, -1.0), strict=True):
         _lay_hand(side, sign, positions, turns, rotations)
-    return Motion(future.root, rotations)
+    return Motion(motion.root, rotations)
 
 
 def _lay_hand(side: str, sign: float, positions: Array, turns: Array, rotations: Array) -> None:

@@ -46,6 +46,11 @@ def pelvis_height(speed: Array) -> Array:
     return np.asarray(0.949 - 0.034 * np.clip(speed, 0.0, 1.8))
 
 
+def lean(speed: Array) -> Array:
+    """Return how far the trunk leans to the front beyond the walkers' mean, radians: 4 degrees more at 1.6 m/s."""
+    return np.asarray(0.07 * smoothstep((speed - 0.9) / 0.7))
+
+
 def pelvis(phase: Array) -> Array:
     """Return the swing of the pelvis to the side, ahead and up (..., 3), each between -1 and 1.
 
@@ -82,7 +87,7 @@ _PITCH: Final = _curve(
 
 def pitch(since: Array, speed: Array) -> Array:
     """Return the heel pitch in radians at a phase in [-1, 1) and a speed in m/s."""
-    return np.interp(since, *_PITCH) * np.clip(0.6 + 0.37 * speed, 0.6, 1.25)
+    return np.interp(since, *_PITCH) * np.clip(0.95 + 0.18 * speed, 0.95, 1.25)
 
 
 def swing_height(progress: Array) -> Array:

@@ -18,8 +18,9 @@ if TYPE_CHECKING:
 
 _LINK: Final = {link.joint: link for link in LINKS}
 _ARM, _SHOE = ("elbow", "wrist", "hand"), ("ankle", "foot")
+ARMS: Final = "arms in legs or trunk"
 PAIRS: Final[Mapping[str, Sequence[tuple[str, str]]]] = {
-    "arms in legs or trunk": [
+    ARMS: [
         (f"{side}_{part}", other)
         for side, part in product(("left", "right"), _ARM)
         for other in ("left_hip", "right_hip", "pelvis", "spine1", "spine2")
@@ -47,10 +48,16 @@ def inside(rollouts: Rollouts) -> dict[str, Inside]:
     """Measure the futures of one skill's chunks, by group of PAIRS."""
     joints, turns = forward_kinematics(rollouts.root[:, HISTORY:], rollouts.rotations[:, HISTORY:])
     found = {}
-    for group, pairs in PAIRS.items():
-        depth = np.max([_depth(joints, turns, *pair) for pair in pairs], axis=0)
-        found[group] = Inside(float(100 * (depth > _TOUCH).mean()), float(100 * max(depth.max(), 0.0)))
+    for group in PAIRS:
+        deep = depth(joints, turns, group)
+        found[group] = Inside(float(100 * (deep > _TOUCH).mean()), float(100 * max(deep.max(), 0.0)))
     return found
+
+
+def depth(joints: Array, turns: Array, group: str) -> Array:
+    """Return how deep links of a group are in each other (...), metres, for joints (..., 24, 3) and their orientations;
+    negative where they are apart."""
+    return np.asarray(np.max([_depth(joints, turns, *pair) for pair in PAIRS[group]], axis=0))
 
 
 def self_penetration(
@@ -89,10 +96,10 @@ def _outside(points: Array, joint: str) -> Array:
     shape = _LINK[joint].shape
     if isinstance(shape, Box):
         away = np.abs(points - shape.centre) - shape.half
-        return np.linalg.norm(np.maximum(away, 0.0), axis=-1) + np.minimum(away.max(-1), 0.0)
+        return np.asarray(np.linalg.norm(np.maximum(away, 0.0), axis=-1) + np.minimum(away.max(-1), 0.0))
     a, axis = np.array(shape.a), np.subtract(shape.b, shape.a)
     along = np.clip((points - a) @ axis / (axis @ axis), 0.0, 1.0)
-    return np.linalg.norm(points - a - along[..., None] * axis, axis=-1) - shape.radius
+    return np.asarray(np.linalg.norm(points - a - along[..., None] * axis, axis=-1) - shape.radius)
 
 
 def inside_table(found: Mapping[str, Mapping[str, Inside]]) -> str:

@@ -11,6 +11,7 @@ import numpy as np
 from humanclaw import Body, Call, Motion, Scene, Skill
 from humanclaw.body import JOINT_INDEX, Array, centre_of_mass, forward_kinematics, shoe_heights
 from humanclaw.skills import from_si
+from humanclaw_train.inside import ARMS, depth
 from humanclaw_train.simulated import bench
 from humanclaw_train.tables import cell, table
 
@@ -37,7 +38,11 @@ class Seat:
     hips: float
     """Hips over the seat after sitting down and half a second of stopping, and"""
     shoes: float
-    """the higher shoe over the floor then."""
+    """the higher shoe over the floor then,"""
+    settled: float
+    """and a second later."""
+    hands: float
+    """Greatest depth of an arm in the legs or the trunk meanwhile; 0 where they are apart."""
     balance: float
     """Least distance of the centre of mass ahead of the heels when the hips leave the seat; negative behind them."""
     lean: float
@@ -54,21 +59,21 @@ def seats(place: Place, seed: int = 0) -> list[Seat]:
 
 
 def _seat(place: Place, top: float, seed: int) -> Seat:
-    found, hips, shoes, ends = [], 0.0, 0.0, []
+    found, hips, shoes, hands, ends = [], 0.0, [0.0], 0.0, []
     for name in _of_role(place, "locomotion"):
         with place(bench(top), seed) as body:
             sit = body.skills[_of_role(place, "sit")[0]]
             _call(body, sit, {"hips.height": top + _ASKED})
-            _call(body, body.skills[_of_role(place, "stop")[0]], {})
-            seated = body.state().body
-            hips, shoes = float(seated.root[-1, 1]), float(shoe_heights(*_posed(seated)).max())
+            still = [_call(body, body.skills[_of_role(place, "stop")[0]], {}) for _ in range(3)]
+            hips, shoes = float(still[0].root[-1, 1]), [_shoes(motion) for motion in still]
+            hands = max(float(depth(*_posed(motion), ARMS).max()) for motion in still)
             motion = _call(body, body.skills[name], {})
             found.append(_rise(motion, hips))
             ends.append(float(motion.root[-1, 1]))
     worst = np.array(found)
     return Seat(
-        100 * top, 100 * (hips - top), 100 * shoes, float(worst[:, 0].min()), float(worst[:, 1].max()),
-        float(worst[:, 2].max()), 100 * min(ends),
+        100 * top, 100 * (hips - top), 100 * shoes[0], 100 * shoes[-1], 100 * max(hands, 0.0), float(worst[:, 0].min()),
+        float(worst[:, 1].max()), float(worst[:, 2].max()), 100 * min(ends),
     )  # fmt: skip
 
 
@@ -85,6 +90,11 @@ def _call(body: Body, skill: Skill, asked: Mapping[str, float]) -> Motion:
     chunks = body.execute(Call(skill.name, skill.check(params))).chunks
     parts = [chunk.execution.simulated for chunk in chunks]
     return Motion(np.concatenate([part.root for part in parts]), np.concatenate([part.rotations for part in parts]))
+
+
+def _shoes(motion: Motion) -> float:
+    """Return the height of the higher shoe over the floor at the end."""
+    return float(shoe_heights(*_posed(motion[-1:])).max())
 
 
 def _posed(motion: Motion) -> tuple[Array, Array]:
@@ -113,10 +123,12 @@ def seats_table(found: Sequence[Seat]) -> str:
         "seat cm",
         "hips over it cm",
         "shoes over the floor cm",
+        "1 s later",
+        "hands in thighs cm",
         "weight ahead of the heels cm",
         "lean",
         "slide cm",
         "hips after one call cm",
     )
-    keys = ("top", "hips", "shoes", "balance", "lean", "slide", "standing")
+    keys = ("top", "hips", "shoes", "settled", "hands", "balance", "lean", "slide", "standing")
     return table(heads, [tuple(cell(getattr(one, key)) for key in keys) for one in found])

@@ -35,7 +35,7 @@ def _striding_foot(
     velocity = np.concatenate([p.velocity, p.yaw_rate[:, None]], -1)
     over = gait.reached(steps, path, velocity, passing + 1.0)
     left = 1.0 if foot == 0 else -1.0
-    aside = np.stack([left * (0.05 + style.width), -0.03 - 0.045 * p.speed], -1)
+    aside = np.stack([left * (0.038 + style.width), -0.03 - 0.045 * p.speed], -1)
     target = np.concatenate([over[:, :2] + turned(aside, over[:, 2]), over[:, 2:] + left * TOE_OUT], -1)
     value = np.concatenate([floor(state.foot[:, foot]), state.foot_yaw[:, foot, None]], -1)
     rate = np.concatenate([floor(state.foot_velocity[:, foot]), state.foot_yaw_rate[:, foot, None]], -1)

@@ -10,6 +10,7 @@ from typing import Final
 
 import numpy as np
 
+from humanclaw import Motion
 from humanclaw.body import (
     FUTURE,
     JOINT_INDEX,
@@ -19,20 +20,26 @@ from humanclaw.body import (
     forward_kinematics,
     vector_from_matrix as to_vector,
 )
-from humanclaw.motion import Limb, solve
+from humanclaw.motion import Limb, lay_hands, solve
 from humanclaw_train import augment, gait
-from humanclaw_train.augment import UPPER, channel
+from humanclaw_train.augment import CHANNELS, UPPER, channel
 from humanclaw_train.commands import Commands, Ints
 from humanclaw_train.curves import GRID, bump, quintic
 from humanclaw_train.state import SECONDS, State, Style
 from humanclaw_train.step_plan import StepPlan, seat_depth
+
+_TWIST: Final = 0.7
+"""Swing of the trunk at most, in that of real walkers at 1.15 m/s: shoulders turn no more in a fast walk."""
+_TRUNK: Final = np.isin(np.arange(CHANNELS), [channel(joint, axis) for joint in (
+    "spine1", "spine2", "spine3", "neck", "head", "left_collar", "right_collar") for axis in range(3)])  # fmt: skip
 
 
 def pose_targets(state: State, p: StepPlan, c: Commands, style: Style, steps: gait.Cycle) -> Array:
     """Return the pose that the skill asks for at each instant (N, 16, CHANNELS)."""
     # A turn on the spot swings the arms as slow walking does.
     pace = np.hypot(p.speed, 0.35 * (p.yaw - state.yaw) / SECONDS)
-    amplitude = (c.gait["arms"] * np.clip(pace / 1.15, 0, 1.3))[:, None, None]
+    arms = (c.gait["arms"] * np.clip(pace / 1.15, 0, 1.3))[:, None, None]
+    amplitude = np.where(_TRUNK, np.minimum(arms, _TWIST), arms)
     # Walking backwards is the same poses in reverse.
     direction = np.where(c.does("stride") & (p.ahead < -0.02), -1.0, 1.0)[:, None]
     phase = np.where(p.stride[:, None], steps.phase, (1 - p.first)[:, None] + direction * GRID)
@@ -44,7 +51,8 @@ def pose_targets(state: State, p: StepPlan, c: Commands, style: Style, steps: ga
     still = 1 - np.minimum(amplitude, 1.0)
     standing = stance + (1 - still) * (mean - stance) + amplitude * (walk - mean) + 0.6 * still * sway
     target = np.where(p.sits[:, None, None], _seat_pose(style.seats, p.height)[:, None] + 0.5 * sway, standing)
-    target = _bent(target, {"pelvis": 0.5, "spine1": 0.5, "neck": -0.5, "head": -0.5}, 0, c.gait["lean"][:, None])
+    lean = c.gait["lean"] + np.where(p.stride, gait.lean(p.speed), 0.0)
+    target = _bent(target, {"pelvis": 0.5, "spine1": 0.5, "neck": -0.5, "head": -0.5}, 0, lean[:, None])
     return _bent(target, {"neck": 0.5, "head": 0.5}, 0, c.gait["gaze_pitch"][:, None])
 
 
@@ -74,7 +82,8 @@ def upper_body(state: State, p: StepPlan, c: Commands, target: Array) -> Array:
     values = target + quintic(np.minimum(GRID[:, None] / span, 1.0), gap, rate * span, zero, zero, zero)
     # In sitting down and rising the trunk leans forward to keep the weight over the feet; the head stays up.
     change = np.abs(p.height - (state.root[:, 1] - state.level))
-    lean = np.clip(change, 0, 0.6) * np.where(p.seat > state.seat, 1.1, 0.935)
+    # People (CMU subject 75) lean by 65 degrees to sit down and by 53 to rise, for hips that move by 0.58 m.
+    lean = np.clip(change, 0, 0.6) * np.where(p.seat > state.seat, 1.9, 1.6)
     shares = {"pelvis": 0.6, "spine1": 0.25, "spine2": 0.2, "neck": -0.2, "head": -0.35}
     values = _bent(values, shares, 0, lean[:, None] * bump(GRID))
     # A turn begins with the head.
@@ -115,12 +124,14 @@ def seat_table(stance: Array) -> Array:
         hip, shoulder = (position[:, JOINT_INDEX[f"{side}_{joint}"]] for joint in ("hip", "shoulder"))
         ankle = np.stack([np.full_like(low, sign * 0.09), np.full_like(low, SOLE), seat_depth(_SEATS) - 0.02], -1)
         thigh, _ = solve(Limb.leg(side), hip, ankle, np.array([sign * 0.12, 0.35, 0.94]))
+        rotations[:, JOINT_INDEX[f"{side}_hip"]] = to_vector(np.swapaxes(orientation[:, 0], -1, -2) @ thigh)
         wrist = hip + thigh @ np.array([0.0, -0.27, 0.085]) - [0.0, 0.0, 0.03]
         upper, fore = solve(Limb.arm(side), shoulder, wrist, np.array([sign * 0.6, -0.5, -0.8]))
         for joint, parent, own in (
             ("shoulder", orientation[:, JOINT_INDEX[f"{side}_collar"]], upper),
             ("elbow", upper, fore),
         ):
-            at = channel(f"{side}_{joint}")
-            pose[:, at : at + 3] = to_vector(np.swapaxes(parent, -1, -2) @ own)
+            rotations[:, JOINT_INDEX[f"{side}_{joint}"]] = to_vector(np.swapaxes(parent, -1, -2) @ own)
+    seated = lay_hands(Motion(_SEATS[:, None] * [0.0, 1.0, 0.0], rotations))
+    pose[:, 3:] = seated.rotations[:, UPPER].reshape(len(_SEATS), -1)
     return pose
