@@ -16,7 +16,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from humanclaw import CallError, Decision, EpisodeContext, HistoryEntry, HumanclawError, Observation, PluginError, Skill
 from humanclaw.records import first_fault
-from humanclaw_human.commands import forms, keys, manual, parse
+from humanclaw_human.commands import forms, in_words, keys, manual, parse
 from humanclaw_human.window import Controls, Moment, Window
 
 _REVISIT: Final = 1.0
@@ -141,7 +141,8 @@ def _is_nothing(stream: TextIO) -> bool:
 
 
 def _opened(settings: Settings, submit: Callable[[str | None], None], skills: Mapping[str, Skill]) -> Window:
-    controls = Controls(keys(skills), forms(skills))
+    lines = keys(skills)
+    controls = Controls(lines, in_words(lines, skills), forms(skills))
     try:
         window = Window(settings.port, submit, lambda line: parse(line, skills), controls)
     except OSError as error:
