@@ -85,7 +85,7 @@ def test_a_trained_skill_has_the_hooks_and_tests_that_humanclaw_new_writes(folde
 
 def test_the_core_has_the_terms_of_its_plugins():
     plugin = CONTENT[ROOT / "plugins/bench"]
-    for key in ("license", "license-files", "requires-python", "authors", "classifiers", "readme", "dynamic"):
+    for key in ("license", "license-files", "requires-python", "authors", "classifiers", "readme", "dynamic", "urls"):
         assert PROJECT[key] == plugin["project"][key]
     assert CONTENT[ROOT]["build-system"] == plugin["build-system"]
 

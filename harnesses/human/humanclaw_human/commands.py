@@ -19,6 +19,10 @@ _MOVES: Final[Mapping[str, tuple[int, tuple[str, ...]]]] = {
 }
 """Key to a sign and the measures of a skill. A key commands half the bound of the first measure."""
 _ENDS: Final[Mapping[str, Role]] = {"s": "sit", "End": "stop"}
+_WORDS: Final = {
+    "ArrowUp": "forward", "ArrowDown": "back", "ArrowLeft": "turn left", "ArrowRight": "turn right",
+    "Shift+ArrowLeft": "step left", "Shift+ArrowRight": "step right", "s": "sit down", "End": "stop",
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -114,6 +118,18 @@ def keys(skills: Mapping[str, Skill]) -> dict[str, str]:
     moves = {key: _move(ready, measures, sign) for key, (sign, measures) in _MOVES.items()}
     ends = {key: _line(skill) for key, role in _ENDS.items() for skill in ready.values() if skill.role == role}
     return {key: line for key, line in {**moves, **ends}.items() if line}
+
+
+def in_words(lines: Mapping[str, str], skills: Mapping[str, Skill]) -> dict[str, str]:
+    """Return what each key does, such as "forward 40 cm". lines: of `keys`."""
+    return {key: f"{_WORDS[key]} {_distance(parse(line, skills).call) if key in _MOVES else ''}".strip()
+            for key, line in lines.items()}  # fmt: skip
+
+
+def _distance(call: Call) -> str:
+    """Return the one parameter of a call that is not 0, with its unit."""
+    (key, value), *_ = [(key, value) for key, value in call.params.items() if value] or [("", 0)]
+    return f"{abs(value)}{'°' if key.endswith('_deg') else ' cm'}"
 
 
 def _move(skills: Mapping[str, Skill], measures: Sequence[str], sign: int) -> str:

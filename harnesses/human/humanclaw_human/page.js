@@ -4,12 +4,12 @@
 
 /** @typedef {{name: string, description: string, minimum?: number, maximum?: number, value: number}} Parameter */
 /** @typedef {{name: string, description: string, parameters: Parameter[]}} Skill */
-/** @typedef {{leave: string, keys: Record<string, string>, skills: Skill[]}} Controls */
+/** @typedef {{leave: string, keys: Record<string, string>, words: Record<string, string>, skills: Skill[]}} Controls */
 /** @typedef {{step: number, of: number, instruction: string, feedback: string, past: [string, string][]}} Moment */
 
 {
   const at = (/** @type {string} */ id) => /** @type {HTMLElement} */ (document.getElementById(id));
-  const { leave, keys, skills } = /** @type {Controls} */ (JSON.parse(at("controls").textContent ?? ""));
+  const { leave, keys, words, skills } = /** @type {Controls} */ (JSON.parse(at("controls").textContent ?? ""));
   const seen = /** @type {HTMLInputElement} */ (at("seen"));
   const skill = /** @type {HTMLSelectElement} */ (at("skill"));
   /** @type {Record<string, string>} */
@@ -21,9 +21,9 @@
 
   /** Send a call, and show an error. @param {string} line */
   async function send(line) {
-    const words = seen.value.trim(), before = at("step").textContent;
+    const told = seen.value.trim(), before = at("step").textContent;
     at("step").textContent = line === leave ? "You leave the episode." : `The body moves: ${line}`;
-    const body = words && line !== leave ? `${line} # ${words}` : line;
+    const body = told && line !== leave ? `${line} # ${told}` : line;
     const answer = await fetch("call", { method: "POST", body });
     at("hint").textContent = answer.ok ? "" : await answer.text();
     if (answer.ok) seen.value = "";
@@ -65,7 +65,8 @@
 
   at("keys").append(...Object.entries(keys).map(([key, line]) => {
     const button = made("button");
-    button.append(made("kbd", key.replace("Shift+", "⇧ ").replace(/Arrow\w+/, (name) => signs[name])), line);
+    button.append(made("kbd", key.replace("Shift+", "⇧ ").replace(/Arrow\w+/, (name) => signs[name])), words[key]);
+    button.title = line;
     button.type = "button";
     button.addEventListener("click", () => send(line));
     return button;

@@ -18,7 +18,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from humanclaw import CallError, Decision, EpisodeContext, HistoryEntry, HumanclawError, Observation, PluginError, Skill
 from humanclaw.records import first_fault
-from humanclaw_human.commands import forms, keys, manual, parse
+from humanclaw_human.commands import forms, in_words, keys, manual, parse
 from humanclaw_human.window import Controls, Moment, Window
 
 _REVISIT: Final = 1.0
@@ -146,7 +146,8 @@ def _opened(
     settings: Settings, submit: Callable[[str | None], None], skills: Mapping[str, Skill]
 ) -> tuple[Window, Path, ExitStack]:
     """Return the page, the file that leads to it, and what closes both."""
-    controls, closing = Controls(keys(skills), forms(skills)), ExitStack()
+    lines, closing = keys(skills), ExitStack()
+    controls = Controls(lines, in_words(lines, skills), forms(skills))
     try:
         window = Window(settings.port, submit, lambda line: parse(line, skills), controls)
     except OSError as error:

@@ -47,10 +47,12 @@ class Moment:
 class Controls:
     """The calls of the page.
 
-    keys: name of a key (KeyboardEvent.key) to its line. skills: names, descriptions and parameters, for a form.
+    keys: name of a key (KeyboardEvent.key) to its line. words: what each key does. skills: names, descriptions and
+    parameters, for a form.
     """
 
     keys: Mapping[str, str] = field(default_factory=dict)
+    words: Mapping[str, str] = field(default_factory=dict)
     skills: Sequence[Mapping[str, Any]] = ()
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from humanclaw import Plugins
-from humanclaw_human.commands import forms, keys, parse
+from humanclaw_human.commands import forms, in_words, keys, parse
 from humanclaw_human.window import Controls, Moment, Window
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "google-chrome", "chrome"))), None)
@@ -29,7 +29,12 @@ def lines():
 @pytest.fixture
 def window(lines):
     skills = Plugins.discover().skills
-    window = Window(0, lines.put, lambda line: parse(line, skills), Controls(keys(skills), forms(skills)))
+    window = Window(
+        0,
+        lines.put,
+        lambda line: parse(line, skills),
+        Controls(keys(skills), in_words(keys(skills), skills), forms(skills)),
+    )
     yield window
     window.close()
 
@@ -52,7 +57,7 @@ def test_keys_buttons_and_the_form_are_calls(window, lines, width, scheme):
         assert lines.get(timeout=5) == "walk 0 40 0"
         shown(1)
         tab.fill("#seen", "a couch")
-        tab.locator("#keys button", has_text="turn_in_place").first.click()
+        tab.locator("#keys button", has_text="turn left").first.click()
         assert lines.get(timeout=5).endswith("# a couch")
         shown(2)
         tab.get_by_text("Any call").click()

@@ -16,7 +16,7 @@ import pytest
 
 from humanclaw import Call, CallError, EpisodeContext, EpisodeSpec, HumanclawError, Observation, Plugins
 from humanclaw.storage import jpeg
-from humanclaw_human.commands import forms, keys, manual, parse
+from humanclaw_human.commands import forms, in_words, keys, manual, parse
 from humanclaw_human.person import Person, Settings
 from humanclaw_human.window import LEAVE, Moment, Window
 
@@ -223,6 +223,8 @@ def begun(skills, **settings):
 
 def test_every_key_stands_for_a_legal_call_of_the_skill_that_moves_that_way(skills):
     calls = {key: parse(line, skills).call for key, line in keys(skills).items()}
+    words = in_words(keys(skills), skills)
+    assert (words["ArrowUp"], words["ArrowRight"], words["s"]) == ("forward 40 cm", "turn right 37°", "sit down")
     assert calls["ArrowUp"] == Call("walk", {"x_cm": 0, "z_cm": 40, "yaw_deg": 0})
     assert calls["ArrowLeft"].params["yaw_deg"] == -calls["ArrowRight"].params["yaw_deg"] > 0
     assert [calls[key].skill for key in ("ArrowDown", "Shift+ArrowLeft", "s", "End")] == [
