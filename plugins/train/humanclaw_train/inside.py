@@ -89,10 +89,10 @@ def _outside(points: Array, joint: str) -> Array:
     shape = _LINK[joint].shape
     if isinstance(shape, Box):
         away = np.abs(points - shape.centre) - shape.half
-        return np.linalg.norm(np.maximum(away, 0.0), axis=-1) + np.minimum(away.max(-1), 0.0)
+        return np.asarray(np.linalg.norm(np.maximum(away, 0.0), axis=-1) + np.minimum(away.max(-1), 0.0))
     a, axis = np.array(shape.a), np.subtract(shape.b, shape.a)
     along = np.clip((points - a) @ axis / (axis @ axis), 0.0, 1.0)
-    return np.linalg.norm(points - a - along[..., None] * axis, axis=-1) - shape.radius
+    return np.asarray(np.linalg.norm(points - a - along[..., None] * axis, axis=-1) - shape.radius)
 
 
 def inside_table(found: Mapping[str, Mapping[str, Inside]]) -> str:
