@@ -132,6 +132,7 @@ def marked(data, place, value):
 def test_motion_that_is_none_is_refused_whatever_reads_it(tmp_path, content):
     record_episode(tmp_path / "couch-0")
     broken_off(tmp_path / "couch-0")
+    (tmp_path / "couch-0" / "steps.jsonl").write_bytes(b"")
     (tmp_path / "couch-0" / "motion.npz").write_bytes(zipped(WHOLE))
     assert RecordedEpisode(tmp_path / "couch-0").motion().root.shape == (5, 3)
     (tmp_path / "couch-0" / "motion.npz").write_bytes(content)
