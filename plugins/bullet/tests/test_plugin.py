@@ -7,11 +7,12 @@ import sys
 import numpy as np
 import pytest
 
-pytest.importorskip("pybullet", reason="PyBullet has no wheel for this Python")
+pybullet = pytest.importorskip("pybullet", reason="PyBullet has no wheel for this Python")
 
 import humanclaw_bullet
 from humanclaw.testing import SceneBuilder, reset_times
 from humanclaw.world import HalfPhysics
+from humanclaw_bullet.engine import Client
 from humanclaw_bullet.world import bullet
 
 
@@ -60,3 +61,13 @@ def test_resetting_keeps_no_memory():
         builder.solid(f"rock {number}", [hull], (random.uniform(-1.5, 1.5), 3, 1))
     _, memory = reset_times(bullet(), builder.scene(), 40, lambda: None)
     assert memory[-1] - memory[9] < 2.0
+
+
+def test_a_closed_world_does_not_reach_into_the_one_that_got_its_number():
+    closed = Client()
+    closed.setGravity(0, 0, -1)
+    closed.close()
+    other = Client()
+    with pytest.raises(pybullet.error):
+        closed.setGravity(0, 0, 1)
+    other.close()
