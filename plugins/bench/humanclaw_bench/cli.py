@@ -38,6 +38,7 @@ from humanclaw_bench.progress import RunProgress
 from humanclaw_bench.replay import Replayed, replayed, sample
 from humanclaw_bench.results import Result, named, require_whole
 from humanclaw_bench.runner import run_split
+from humanclaw_bench.signing import signer
 from humanclaw_bench.splits import (
     DEV_HOUSES,
     HOUSES,
@@ -348,15 +349,28 @@ def rescore(run: Path, out: Path | None, as_json: bool, files: tuple[Path, ...])
 @bench.command()
 @click.argument("run", type=RUN)
 @click.option("--submission", type=RUN, help="Also score the records again and compare this file with them.")
+@click.option(
+    "--signers", type=RUN, help="Also check the signature FILE.sig of the submission; OpenSSH's allowed signers."
+)
 @replay_options
 @plugin_files
 def verify(
-    run: Path, submission: Path | None, again: int | None, seed: int | None, workers: int, files: tuple[Path, ...]
+    run: Path,
+    submission: Path | None,
+    signers: Path | None,
+    again: int | None,
+    seed: int | None,
+    workers: int,
+    files: tuple[Path, ...],
 ) -> None:
     """Check every file of a run against its digest, and the records against split and settings in run.json.
 
     Lists files that are damaged or belong to another run.
     """
+    if signers:
+        if not submission:
+            raise click.UsageError("--signers checks the signature of a submission: add --submission FILE.")
+        click.echo(f"{submission} is signed by {signer(submission, signers)}.")
     faulty = _verify_files(run, submission)
     if again and not faulty:
         faulty = _verify_replay(run, again, seed, workers, files)

@@ -7,6 +7,7 @@ import json
 import os
 import re
 import shutil
+import subprocess
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -651,3 +652,40 @@ def test_the_page_names_the_split(tmp_path: Path) -> None:
     invoke("leaderboard", tmp_path)
     assert "5 episodes, split" in page(folder)[0]
     assert "(smoke)" in page(folder)[0]
+
+
+@pytest.fixture
+def keys(tmp_path: Path) -> Path:
+    """A folder with the keys of Ada, whom `allowed` names, and of Eve."""
+    if not shutil.which("ssh-keygen"):
+        pytest.skip("OpenSSH is not installed")
+    for name in ("ada", "eve"):
+        command = ["ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-C", name, "-f", str(tmp_path / name)]
+        subprocess.run(command, check=True)
+    (tmp_path / "allowed").write_text(f"ada@example.org {(tmp_path / 'ada.pub').read_text()}")
+    return tmp_path
+
+
+def sign(key: Path, path: Path, purpose: str = "humanclaw") -> None:
+    command = ["ssh-keygen", "-q", "-Y", "sign", "-n", purpose, "-f", str(key), str(path)]
+    subprocess.run(command, check=True, capture_output=True)
+
+
+def test_a_signed_submission_names_its_signer(run: Path, keys: Path) -> None:
+    path = submitted(run)
+    sign(keys / "ada", path)
+    done = invoke("verify", run, "--submission", path, "--signers", keys / "allowed")
+    assert done.exit_code == 0
+    assert "is signed by ada@example.org." in done.output
+
+
+@pytest.mark.parametrize(("who", "purpose", "then"), [("", "", ""), ("eve", "humanclaw", ""), ("ada", "file", ""),
+                                                      ("ada", "humanclaw", " ")])  # fmt: skip
+def test_no_other_signature_counts(run: Path, keys: Path, who: str, purpose: str, then: str) -> None:
+    path = submitted(run)
+    if who:
+        sign(keys / who, path, purpose)
+    path.write_text(path.read_text() + then)
+    done = invoke("verify", run, "--submission", path, "--signers", keys / "allowed")
+    assert isinstance(done.exception, RecordError)
+    assert "is not signed by anybody in" in str(done.exception)
