@@ -269,7 +269,8 @@ class Body:
         source = self.backends.motion_history
         # A model that goes on from the simulated hands would meet hands that it has never seen.
         corrects = isinstance(part, Control) and source == "generated" and self.backends.profile != "paper"
-        commanded = lay_hands(motion) if corrects else motion
+        body = self._state.body
+        commanded = lay_hands(motion, body if is_down(body) else None) if corrects else motion
         execution = self._simulator.execute(commanded)
         self._state = self._simulator.state()
         self._history = next_history(self._history, motion, execution.simulated, source)

@@ -25,11 +25,17 @@ _INWARDS: Final = 0.25
 """Sine of the angle by which fingers point inwards."""
 
 
-def lay_hands(motion: Motion) -> Motion:
-    """Return a motion (any frame) whose hands do not reach into the thighs below them."""
-    if -motion.rotations[:, _HIPS, 0].min() < _RAISED:
+def lay_hands(motion: Motion, seated: Motion | None = None) -> Motion:
+    """Return a motion (any frame) whose hands do not reach into the thighs below them.
+
+    seated: a pose whose last frame has the thighs as a seat holds them; None for those of the motion.
+    """
+    bent_legs = motion.rotations.copy()
+    if seated is not None:
+        bent_legs[:, _HIPS] = seated.rotations[-1, _HIPS]
+    if -bent_legs[:, _HIPS, 0].min() < _RAISED:
         return motion
-    positions, turns = forward_kinematics(motion.root, motion.rotations)
+    positions, turns = forward_kinematics(motion.root, bent_legs)
     rotations = motion.rotations.copy()
     for side, sign in zip(SIDES, (1.0, -1.0), strict=True):
         _lay_hand(side, sign, positions, turns, rotations)
