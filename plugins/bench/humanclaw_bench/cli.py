@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
-from typing import TypeVar
 
 import click
 from rich.console import RenderableType
@@ -20,7 +19,6 @@ from humanclaw.cli import (
     Deciders,
     LazyCommand,
     check_options,
-    counted,
     decider_options,
     plugin_files,
     plugin_options,
@@ -28,17 +26,14 @@ from humanclaw.cli import (
 from humanclaw.plugins import install
 from humanclaw.records import name_of, write_episodes
 from humanclaw.storage import Folder, write_result
-from humanclaw_bench import leaderboard as leaderboards, submission as submissions
 from humanclaw_bench.comparison import compare_table
 from humanclaw_bench.conditions import differences as unlike
 from humanclaw_bench.export import FORMATS, metrics_of, results_of as _results, row, scored
-from humanclaw_bench.integrity import RunFiles, check, is_told, standing
+from humanclaw_bench.integrity import standing
 from humanclaw_bench.metrics import ALL, common, compare
 from humanclaw_bench.progress import RunProgress
-from humanclaw_bench.replay import Replayed, replayed, sample
 from humanclaw_bench.results import Result, named, require_whole
 from humanclaw_bench.runner import run_split
-from humanclaw_bench.signing import signer
 from humanclaw_bench.splits import (
     DEV_HOUSES,
     HOUSES,
@@ -73,24 +68,6 @@ NAMES = (
 )
 
 
-F = TypeVar("F", bound=Callable[..., object])
-
-
-def replay_options(command: F) -> F:
-    """Add the options for playing recorded calls again."""
-    every = 10**6
-    told = "Also play the recorded calls of N episodes again (default: all) and compare every field of every step."
-    drawn = "Draws the N episodes that are played again; the default is new each time."
-    how = click.option(
-        "--replay", "again", type=click.IntRange(1), is_flag=False, flag_value=every, metavar="[N]", help=told
-    )
-    seed = click.option("--seed", type=click.IntRange(0), help=drawn)
-    workers = click.option(
-        "--workers", type=click.IntRange(1), default=1, show_default=True, help="Episodes at a time."
-    )
-    return how(seed(workers(command)))
-
-
 @click.group()
 def bench() -> None:
     """Run the benchmark and score it: the paper's tables with intervals, comparisons, root causes."""
@@ -102,6 +79,9 @@ for _name, _target, _told in (
     ("difficulty", "distribution:difficulty_command", "Show how difficult the episodes of a split are."),
     ("reproduce", "reproduce:reproduce", "Play the paper's tables 2 and 3 for the models of a file."),
     ("power", "power:power_command", "Simulate which difference between two runs a split can show."),
+    ("verify", "checking:verify", "Check every file of a run against its digest, and the records against run.json."),
+    ("submit", "checking:submit", "Write one file with settings and results of a run."),
+    ("leaderboard", "checking:leaderboard", "Make index.html from the submissions in a folder."),
 ):
     bench.add_command(LazyCommand(_name, f"humanclaw_bench.{_target}", _told))
 
@@ -344,114 +324,6 @@ def rescore(run: Path, out: Path | None, as_json: bool, files: tuple[Path, ...])
         return
     _print(terminal(scores, Console().width))
     click.echo(f"scores: {out}")
-
-
-@bench.command()
-@click.argument("run", type=RUN)
-@click.option("--submission", type=RUN, help="Also score the records again and compare this file with them.")
-@click.option(
-    "--signers", type=RUN, help="Also check the signature FILE.sig of the submission; OpenSSH's allowed signers."
-)
-@replay_options
-@plugin_files
-def verify(
-    run: Path,
-    submission: Path | None,
-    signers: Path | None,
-    again: int | None,
-    seed: int | None,
-    workers: int,
-    files: tuple[Path, ...],
-) -> None:
-    """Check every file of a run against its digest, and the records against split and settings in run.json.
-
-    Lists files that are damaged or belong to another run.
-    """
-    if signers:
-        if not submission:
-            raise click.UsageError("--signers checks the signature of a submission: add --submission FILE.")
-        click.echo(f"{submission} is signed by {signer(submission, signers)}.")
-    faulty = _verify_files(run, submission)
-    if again and not faulty:
-        faulty = _verify_replay(run, again, seed, workers, files)
-    if faulty:
-        raise SystemExit(1)
-
-
-def _verify_replay(run: Path, again: int, seed: int | None, workers: int, plugin_files: Sequence[Path]) -> bool:
-    """Play episodes again and tell what differs. Returns whether anything does."""
-    found = _played_again(run, again, seed, workers, plugin_files)
-    for one in found:
-        for what in (*one.differing, *filter(None, [one.incomparable])):
-            click.echo(f"{one.episode}: {what}.")
-    same, steps = sum(map(Replayed.same, found)), counted(sum(one.steps for one in found), "step")
-    click.echo(f"{same} of {counted(len(found), 'episode')} came out the same when played again ({steps}).")
-    return same < len(found)
-
-
-def _played_again(
-    run: Path, count: int, seed: int | None, workers: int, plugin_files: Sequence[Path]
-) -> list[Replayed]:
-    episodes = sample(run, count, seed)
-    playing = replayed(episodes, plugin_files, workers)
-    return list(tqdm(playing, "replay", len(episodes), unit="episode", disable=None, leave=False))
-
-
-def _verify_files(run: Path, submission: Path | None) -> bool:
-    """Check files and records, and tell what is wrong. Returns whether anything is."""
-    files = RunFiles.read(run)
-    count, faults = check(run, files)
-    asked = max(count, files.asked)
-    told = f"{len(faults)} damaged, or not of this run." if faults else "all whole."
-    if submission and not faults:
-        faults = submissions.contradictions(submissions.read(submission), run)
-        told = f"{submission} contradicts them." if faults else f"{submission} agrees with them."
-    for fault in faults:
-        click.echo(fault)
-    for name in files.again:
-        click.echo(f"{name!r:.200} was played more than once from its first step.")
-    if unstarted := files.unstarted(path.parent.name for path in run.glob("*/episode.json")):
-        click.echo(f"{counted(unstarted, 'record')} without a start in the journal: further attempts are not known.")
-    if files.beside:
-        click.echo(f"Code of others beside the body: {', '.join(files.beside)}.")
-    if not is_told(run):
-        click.echo(f"There is no run.json in {run}: split and settings of the records are unknown.")
-    of = f"{count} of " if count < asked else ""
-    click.echo(f"{of}{counted(asked, 'record')} in {run}: {told}")
-    return bool(faults)
-
-
-@bench.command()
-@click.argument("run", type=RUN)
-@click.option("--who", required=True, help="Author, as shown on the page.")
-@click.option("--model-date", default="", help="Version or date of the model from its provider.")
-@click.option("--out", type=RUN, help="File to write (default: submission.json in the run).")
-@PARTIAL
-def submit(run: Path, who: str, model_date: str, out: Path | None, partial: bool) -> None:
-    """Write one file with settings and results of a run, for `bench verify --submission` and `bench leaderboard`."""
-    made = submissions.submit(run, who, model_date, partial)
-    click.echo(write_result(out, run, submissions.NAME, made.model_dump_json(indent=1).encode()))
-
-
-@bench.command()
-@click.argument("folder", type=RUN)
-@click.option(
-    "--any-pace", is_flag=True, help="Also rank runs whose calls move longer or faster than the paper's skills."
-)
-@replay_options
-@plugin_files
-def leaderboard(
-    folder: Path, any_pace: bool, again: int | None, seed: int | None, workers: int, files: tuple[Path, ...]
-) -> None:
-    """Make index.html from the submissions in a folder.
-
-    A submission is checked against its run if that lies beside it in a folder of the same name.
-    """
-
-    def played(run: Path) -> list[Replayed]:
-        return _played_again(run, again or 0, seed, workers, files)
-
-    click.echo(leaderboards.leaderboard(folder, any_pace=any_pace, again=played if again else None))
 
 
 @bench.command("export")
