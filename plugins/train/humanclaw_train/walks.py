@@ -145,11 +145,12 @@ def gait_table(real: Mapping[str, Gait], made: Mapping[float, Mapping[str, Seque
     rows = []
     for speed, stretches in made.items():
         for name, gaits in stretches.items():
-            values = np.median([[getattr(gait, key) for key in _COLUMNS] for gait in gaits], 0) if gaits else []
-            rows.append((f"{100 * speed * FUTURE / FPS:.0f} cm, {name}", *(cell(value) for value in values)))
+            if gaits:
+                values = np.median([[getattr(gait, key) for key in _COLUMNS] for gait in gaits], 0)
+                rows.append((f"{100 * speed * FUTURE / FPS:.0f} cm, {name}", *(cell(value) for value in values)))
         people = [gait for gait in real.values() if abs(gait.speed - speed) < _NEAR]
         if people:
-            values = [[getattr(gait, key) for gait in people] for key in _COLUMNS]
-            spread = (f"{cell(min(column))} to {cell(max(column))}" for column in values)
+            columns = [[getattr(gait, key) for gait in people] for key in _COLUMNS]
+            spread = (f"{cell(min(column))} to {cell(max(column))}" for column in columns)
             rows.append((f"people at {speed:.1f} m/s, {len(people)} clips", *spread))
     return table(("straight walk, degrees", *_COLUMNS.values()), rows)
