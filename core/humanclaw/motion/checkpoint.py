@@ -285,13 +285,14 @@ def _open(path: Path, remedy: str, weights: bool = False) -> tuple[dict[str, Any
             note = (file.metadata() or {}).get(HEADER)
             tensors = {name: file.get_tensor(name) for name in file.keys()} if weights else {}  # noqa: SIM118
         header: dict[str, Any] = json.loads(note or "{}")
+        if not isinstance(header, dict):
+            raise ValueError("its header is not an object")
     except (SafetensorError, OSError, ValueError, RecursionError) as error:
         raise broken(path, error, remedy) from error
     if note is None:
         raise CheckpointError(f"{path} is a safetensors file, but not a checkpoint of HumanCLAW.", remedy)
-    if not isinstance(header, dict) or header.get("format") != FORMAT:
-        told = header.get("format") if isinstance(header, dict) else header
-        found = f"{path} has checkpoint format {told!r:.80}; this version reads format {FORMAT}."
+    if header.get("format") != FORMAT:
+        found = f"{path} has checkpoint format {header.get('format')!r:.80}; this version reads format {FORMAT}."
         raise CheckpointError(found, remedy)
     return header, tensors
 
