@@ -13,7 +13,7 @@ from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from itertools import chain, islice
+from itertools import chain
 from pathlib import Path, PureWindowsPath
 from typing import Annotated, Any, Final
 
@@ -23,7 +23,7 @@ from humanclaw import EpisodeSpec, HumanclawError, RecordedEpisode, RecordError
 from humanclaw.cli import counted
 from humanclaw.records import EpisodeRecord, first_fault, read_episodes
 from humanclaw.storage import Folder
-from humanclaw_bench.motion_check import contradicted
+from humanclaw_bench.motion_check import moved
 from humanclaw_bench.scores import ended
 from humanclaw_bench.splits import SPLITS, load_split, repeated
 
@@ -160,8 +160,7 @@ def check(run: Path, files: RunFiles | None = None) -> tuple[int, tuple[str, ...
             whole.append(RecordedEpisode(folder))
         except RecordError as error:
             damaged.append(error.message)
-    moved = [f"{one.folder}: {fault}." for one in whole for fault in islice(contradicted(one), 1)]
-    return len(folders), (*damaged, *moved, *faults(whole, run, files))
+    return len(folders), (*damaged, *moved(whole), *faults(whole, run, files))
 
 
 def faults(episodes: Sequence[RecordedEpisode], root: Path, files: RunFiles | None = None) -> tuple[str, ...]:
@@ -291,6 +290,9 @@ def _foreign(run: Path, files: RunFiles, episodes: Sequence[RecordedEpisode]) ->
     told = files.manifest or read_manifest(run)
     asked = _asked(run, told, [one.record.spec for one in here])
     yield from _other_split(run, told, len(here), len(asked))
+    # An agent that could not be made is recorded as unprivileged, whatever it is.
+    if not told.content.get("in process") and any(_in_process(o) for o in here if o.record.outcome != "plugin_error"):
+        yield f"{run / MANIFEST} does not say that agent or verifier played in the body's own process; the records do."
     usual = _usual([one.record for one in here])
     for one in here:
         if differing := [*_other_episode(one, asked), *_other_settings(one.record, told, usual)]:

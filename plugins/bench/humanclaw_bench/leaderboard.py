@@ -16,12 +16,15 @@ from humanclaw import RecordError
 from humanclaw.cli import counted, legible
 from humanclaw.storage import Folder
 from humanclaw_bench.conditions import labels, summary
-from humanclaw_bench.integrity import known_split
+from humanclaw_bench.integrity import RunFiles, known_split
 from humanclaw_bench.metrics import FALSE_CLAIMS
 from humanclaw_bench.replay import Replayed
 from humanclaw_bench.statistics import Estimate
 from humanclaw_bench.submission import AGREE, RATES, Submission, contradictions, inconsistencies, read
 from humanclaw_bench.tables import Column
+
+_HALF: Final = f"{AGREE}, but only"
+"""Beginning of the result of records that agree, of which some cannot be played again here."""
 
 
 class Markup(str):
@@ -92,6 +95,7 @@ def _entry(path: Path, one: Submission, any_pace: bool, again: Again | None) -> 
     if wrong:
         told = f"contradicted: {wrong[0]}" + (f", and {len(wrong) - 1} more" if len(wrong) > 1 else "")
         return Entry(path.name, one, "contradict it" if here else "not here", told)
+    one = _missed(one, run) if here else one
     missing = one.asked - _ended(one)
     apart = f"partial: {counted(missing, 'episode')} missing" if missing else ""
     if not (apart or any_pace or all(result.scores.in_pace for result in one.episodes)):
@@ -101,9 +105,21 @@ def _entry(path: Path, one: Submission, any_pace: bool, again: Again | None) -> 
     if again is None:
         return Entry(path.name, one, AGREE, apart)
     played = again(run)
-    same = f"{AGREE}; {sum(map(Replayed.same, played))} of {len(played)} episodes played again the same"
     lies = [f"{each.episode}: {each.differing[0]}" for each in played if each.differing]
-    return Entry(path.name, one, same, f"contradicted by playing again: {lies[0]}" if lies else apart)
+    return Entry(path.name, one, _replayed(played), f"contradicted by playing again: {lies[0]}" if lies else apart)
+
+
+def _replayed(played: Sequence[Replayed]) -> str:
+    """Return the result of records that agree and were played again."""
+    same = f"{sum(map(Replayed.same, played))} of {counted(len(played), 'episode')} played again the same"
+    unknown = [f"{each.episode}: {each.incomparable}" for each in played if each.incomparable]
+    return f"{_HALF} {same}: {unknown[0]}" if unknown else f"{AGREE}; {same}"
+
+
+def _missed(one: Submission, run: Path) -> Submission:
+    """Note the episodes without a start in the journal here, whatever the submission says of them."""
+    missed = RunFiles.read(run).unstarted(result.id for result in one.episodes)
+    return one.model_copy(update={"unstarted": max(missed, one.unstarted)})
 
 
 def _ended(one: Submission) -> int:
@@ -158,7 +174,8 @@ def _rows(entries: Sequence[Entry]) -> list[tuple[str | Markup, ...]]:
 
 def _cells(entry: Entry, label: str) -> tuple[str | Markup, ...]:
     one = entry.submission
-    agent = f"{one.agent} (privileged)" if any(e.scores.privileged for e in one.episodes) else one.agent
+    privileged, near = any(e.scores.privileged for e in one.episodes), one.run.get("in process")
+    agent = one.agent + " (privileged)" * privileged + " (in process)" * bool(near)
     rates = (_rate(Column.of(metric), one.rates.get(metric.name)) for metric in RATES)
     return agent, one.who, *rates, _badge(entry.records), _details(one.engine + label, _facts(one))
 
@@ -182,7 +199,8 @@ def _facts(one: Submission) -> dict[str, str]:
 
 
 def _badge(records: str) -> Markup:
-    kind = "good" if records.startswith(AGREE) else "told" if records == "not here" else "bad"
+    told = records == "not here" or records.startswith(_HALF)
+    kind = "told" if told else "good" if records.startswith(AGREE) else "bad"
     return Markup(f"<span class='{kind}'>{_escaped(records)}</span>")
 
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from itertools import islice
 from typing import Final
 
 import numpy as np
 
-from humanclaw import RecordedEpisode, StepRecord
+from humanclaw import RecordedEpisode, RecordError, StepRecord
 from humanclaw.body import HISTORY, Array
 from humanclaw.records import Vec3
 from humanclaw.world import distance_to_nearest
@@ -19,6 +20,15 @@ _PELVIS: Final = 0.25
 """Farthest distance of the pelvis joint from what its link touches, metres."""
 _FASTEST: Final = 0.6
 """Largest way of the hips in a frame, metres: half-physics caps a fall at 15 m/s and a sprint at 6 m/s."""
+
+
+def moved(episodes: Iterable[RecordedEpisode]) -> Iterator[str]:
+    """Yield of each record the first contradiction to its own motion, or that this cannot be read."""
+    for one in episodes:
+        try:
+            yield from (f"{one.folder}: {fault}." for fault in islice(contradicted(one), 1))
+        except RecordError as error:
+            yield error.message
 
 
 def contradicted(recorded: RecordedEpisode) -> Iterator[str]:

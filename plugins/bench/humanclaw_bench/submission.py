@@ -6,6 +6,7 @@ import hashlib
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from datetime import UTC, date, datetime
+from itertools import chain
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal
 
@@ -18,6 +19,7 @@ from humanclaw_bench.attribution import Cause
 from humanclaw_bench.export import row, scored
 from humanclaw_bench.integrity import MOST as EPISODES, Manifest, Standing, known_split, read_manifest, standing
 from humanclaw_bench.metrics import ARRIVE, FIND, INTERACT, NAV, estimate
+from humanclaw_bench.motion_check import moved
 from humanclaw_bench.results import named, require_whole, shared_conditions
 from humanclaw_bench.scores import Scores, ended, keeps_pace
 from humanclaw_bench.splits import original_of
@@ -142,8 +144,8 @@ def submit(run: Path, who: str, model_date: str = "", partial: bool = True) -> S
     """
     manifest, episodes = read_manifest(run), load_run(run)
     known = standing(run, episodes)
-    if known.faults:
-        raise RecordError(known.faults[0], f"`humanclaw bench verify {run}` lists everything that is wrong.")
+    if fault := next(chain(known.faults, moved(episodes)), None):
+        raise RecordError(fault, f"`humanclaw bench verify {run}` lists everything that is wrong.")
     agents = sorted({episode.record.agent for episode in episodes})
     if len(agents) > 1:
         raise RecordError(f"{run} holds runs of several agents ({', '.join(agents)}).", "Name the folder of one.")

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from humanclaw import Plugins, RecordedEpisode, run_episode
+from humanclaw import Plugins, RecordedEpisode, RecordError, run_episode
 from humanclaw.cli import build
 from humanclaw.records import Decision, close_record, free_episode
 from humanclaw.skills import Call
@@ -95,8 +95,16 @@ def test_a_record_that_ended_and_hides_its_motion_is_found(bent, tmp_path):
 
 
 def test_a_step_of_another_length_than_its_motion_is_found(bent):
-    (told,) = bent(lambda step: {"motion_frames": 30} if step.step == 1 else {})
-    assert told == "its steps last 60 frames, its motion another time"
+    (told,) = bent(lambda step: {"motion_frames": 0} if step.step == 1 else {})
+    assert told == "its steps last 30 frames, its motion another time"
+
+
+def test_verify_names_an_episode_whose_motion_ends_before_its_steps_do(bent, tmp_path):
+    with pytest.raises(RecordError, match="it holds 50 frames, and its steps last 60"):
+        bent(lambda step: {"motion_frames": 30} if step.step == 1 else {})
+    done = CliRunner().invoke(build(Plugins.discover), ["bench", "verify", str(tmp_path)])
+    assert (done.exit_code, "it holds 50 frames, and its steps last 60" in done.output) == (1, True)
+    assert "1 damaged, or not of this run" in done.output
 
 
 def test_verify_names_the_episode(bent, tmp_path):

@@ -1,13 +1,12 @@
 """`bench verify --replay` plays recorded calls again: whatever a record tells, it must come out the same."""
 
 import json
-import shutil
 from dataclasses import replace
 
 import pytest
 import toy_world
 from click.testing import CliRunner
-from test_wall import PLAIN, play  # noqa: F401
+from test_wall import PLAIN, board, play  # noqa: F401
 
 from humanclaw import RecordedEpisode
 from humanclaw.records import write_record
@@ -97,12 +96,30 @@ def test_other_weights_are_named_and_not_called_a_lie(play):  # noqa: F811
     assert "0 of 1 episode came out the same" in answer.output
 
 
-def test_the_leaderboard_plays_records_again_that_lie_beside_a_submission(play, tmp_path):  # noqa: F811
+def test_the_leaderboard_marks_records_that_cannot_be_played_again(play):  # noqa: F811
     _, folder = play(PLAIN, 2)
-    board = tmp_path / "board"
-    shutil.copytree(folder, board / "mine")
-    told = ["submit", str(board / "mine"), "--who", "me", "--out", str(board / "mine.json")]
-    assert CliRunner().invoke(bench, told).exit_code == 0
-    ranked = ["leaderboard", str(board), "--replay", "--plugin", toy_world.FILE]
-    assert CliRunner().invoke(bench, ranked).exit_code == 0
-    assert "2 of 2 episodes played again the same" in (board / "index.html").read_text()
+    other = {"base": "another"}
+    for name in ("toy-0", "toy-1"):
+        record = RecordedEpisode(folder / name).record
+        write_record(folder / name, record.model_copy(update={"weights": record.weights | other, "files": {}}))
+    told = json.loads((folder / "run.json").read_text())
+    (folder / "run.json").write_text(json.dumps(told | {"weights": told["weights"] | other}))
+    why = "agree, but only 0 of 2 episodes played again the same: toy-0: other versions are installed"
+    assert f"<span class='told'>{why}" in board(folder, "--replay", "--plugin", toy_world.FILE)
+
+
+def test_the_leaderboard_finds_what_the_motion_contradicts_without_a_simulator(play):  # noqa: F811
+    _, folder = play(PLAIN)
+    board(folder)
+    record = RecordedEpisode(folder / "toy-0").record
+    lines = (folder / "toy-0" / "steps.jsonl").read_text().splitlines()
+    lines[3] = json.dumps(json.loads(lines[3]) | {"target_distance": 0.05})
+    (folder / "toy-0" / "steps.jsonl").write_text("\n".join(lines) + "\n")
+    write_record(folder / "toy-0", record.model_copy(update={"files": {}}))
+    assert "step 3 tells 0.05 m to the target, its motion" in board(folder).partition("Not ranked")[2]
+
+
+def test_the_leaderboard_plays_records_again_that_lie_beside_a_submission(play):  # noqa: F811
+    _, folder = play(PLAIN, 2)
+    same = "agree; 2 of 2 episodes played again the same"
+    assert f"<span class='good'>{same}" in board(folder, "--replay", "--plugin", toy_world.FILE)

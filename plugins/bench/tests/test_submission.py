@@ -325,7 +325,7 @@ def test_a_privileged_decider_is_called_so_under_the_table_in_the_submission_and
     invoke("leaderboard", run.parent)
     assert "rivileged" not in invoke("table", run, "--format", "markdown").output + page(run)[0]
     for one in load_run(run):
-        told = {**one.record.settings, "privileged": {"agent": True, "verifier": False}}
+        told = {**one.record.settings, "privileged": {"agent": True}}
         rewrite(run, one.folder.name, settings=told)
     assert "Privileged (knows scene and true state): agent." in invoke("table", run, "--format", "markdown").output
     path = submitted(run)

@@ -21,6 +21,7 @@ from humanclaw_bench.cli import bench
 from humanclaw_bench.executors import LocalExecutor
 from humanclaw_bench.integrity import Journal
 from humanclaw_bench.runner import run_split
+from humanclaw_bench.submission import read
 from humanclaw_bench.wall.deciders import Wall
 from humanclaw_bench.wall.serving import Sessions, server
 from humanclaw_bench.worker import Job
@@ -139,6 +140,14 @@ def test_in_one_process_it_would_find_it_so_that_is_told_in_every_table(play):
     assert not said(folder).startswith("0 episodes")
     table = CliRunner().invoke(bench, ["table", str(folder), "--format", "markdown"]).output
     assert "in the body's own process" in table
+
+
+def test_the_leaderboard_says_so_too_and_no_edit_of_run_json_hides_it(play):
+    _, folder = play(PLAIN, in_process=True)
+    assert "own (in process)" in board(folder)
+    told = json.loads((folder / "run.json").read_text())
+    (folder / "run.json").write_text(json.dumps({key: one for key, one in told.items() if key != "in process"}))
+    assert "does not say that agent or verifier played in the body" in board(folder).partition("Not ranked")[2]
 
 
 def test_a_table_says_nothing_of_it_where_the_wall_stood(play):
@@ -440,6 +449,8 @@ def test_a_journal_that_was_removed_is_missed_everywhere(play):
     table = CliRunner().invoke(bench, ["table", str(folder), "--format", "markdown"]).output
     assert "Missing from the journal, so that further attempts are not known: 1." in table
     assert "1 record without a start in the journal" in CliRunner().invoke(bench, ["verify", str(folder)]).output
+    ranked = board(folder, unstarted=0)
+    assert "1 of 1, 1 not in the journal" in ranked
 
 
 def test_a_start_is_in_the_journal_before_the_first_step(play):
@@ -509,3 +520,17 @@ def test_a_server_refuses_what_is_no_request(served):
 def folder_of(play):
     """Return the temporary folder of a test's runs."""
     return next(cell.cell_contents for cell in play.__closure__ if isinstance(cell.cell_contents, Path))
+
+
+def board(folder, *words, **claims):
+    """Return the leaderboard of a run and its submission, in which somebody may claim more and seal it again."""
+    place = folder.parent / "board"
+    if not place.exists():
+        shutil.copytree(folder, place / "mine")
+        told = ["submit", str(place / "mine"), "--who", "me", "--out", str(place / "mine.json")]
+        assert CliRunner().invoke(bench, told).exit_code == 0
+    shutil.copytree(folder, place / "mine", dirs_exist_ok=True)
+    forged = read(place / "mine.json").model_copy(update=claims).sealed
+    (place / "mine.json").write_text(forged.model_dump_json())
+    assert CliRunner().invoke(bench, ["leaderboard", str(place), *words]).exit_code == 0
+    return (place / "index.html").read_text()
