@@ -27,6 +27,10 @@ $(VENV)/.installed: $(VENV)/.demo requirements.txt requirements-train.txt
 		$(BIN)/pip install --quiet --no-build-isolation --no-deps -e plugins/train
 	@touch $@
 
+locked:  ## Fill .venv from requirements-lock.txt; `make install` then adds what is ours
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/pip install --quiet --require-hashes --no-deps -r requirements-lock.txt
+
 demo: $(VENV)/.demo  ## Play one episode: find a couch and sit on it
 	$(BIN)/humanclaw run --instruction "find a couch and sit on it" --scene house:0
 
@@ -156,7 +160,17 @@ WHEELS ?= dist
 
 wheels: install  ## Build a wheel of every package into dist/ and check its metadata
 	$(BIN)/python tests/support/wheels.py $(WHEELS)
-	$(BIN)/python -m twine check --strict $(WHEELS)/*
+	$(BIN)/python -m twine check --strict $(WHEELS)/*.whl
+
+lock: install  ## Write requirements-lock.txt: the installed versions with their hashes (needs the network; a minute)
+	$(BIN)/python tests/support/lock.py requirements-lock.txt
+
+sbom: install  ## List what is installed, with licences, in dist/sbom.cdx.json (CycloneDX; needs the network)
+	$(PYTHON) -m venv .venv-sbom
+	.venv-sbom/bin/pip install --quiet cyclonedx-bom
+	.venv-sbom/bin/cyclonedx-py environment --pyproject pyproject.toml --output-reproducible -o .venv-sbom/sbom.json $(VENV)
+	@mkdir -p dist
+	sed 's|file://$(CURDIR)/||' .venv-sbom/sbom.json > dist/sbom.cdx.json
 
 index: wheels  ## Make the index of first-party plugins from dist/
 	$(BIN)/humanclaw plugins index $(WHEELS) --by-name --out core/humanclaw/plugins/index.json

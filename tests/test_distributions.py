@@ -15,6 +15,7 @@ import package
 import pytest
 from click.testing import CliRunner
 from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 from snippets import pages
 from wheels import ROOT, distributions as folders
 
@@ -48,6 +49,15 @@ SEVERAL_BOUNDS = {
 """Requirements whose bounds differ between distributions, and why."""
 NOT_INSTALLED = {"plugins/ray": "Ray is large", "plugins/rerun": "the Rerun viewer is large"}
 """Folders that the requirements files leave out, and why."""
+
+NOT_LOCKED = {
+    "torch": "its build and its index depend on the machine",
+    "xllamacpp": "for one example",
+    **dict.fromkeys(("ray", "rerun-sdk"), "not installed, because it is large"),
+    **dict.fromkeys(("langchain-core", "openai-agents", "pydantic-ai-slim", "smolagents"), "the caller has it already"),
+    **dict.fromkeys(("dracopy", "inspect-ai", "lerobot", "tensorboard", "wandb"), "an extra that no test needs"),
+}
+"""Requirements that are not in the lock, and why."""
 
 
 def _template(folder):
@@ -101,6 +111,17 @@ def test_a_requirement_has_the_same_bounds_everywhere():
     counts = Counter(name for name, _ in bounds)
     assert {name for name, count in counts.items() if count > 1} == SEVERAL_BOUNDS.keys()
     assert {bound for name, bound in bounds if name in NAMES} == {"<0.2,>=0.1"}
+
+
+def test_the_lock_holds_a_version_and_a_hash_of_every_requirement_within_its_bounds():
+    text = re.sub(r"^#.*\n", "", (ROOT / "requirements-lock.txt").read_text(), flags=re.MULTILINE)
+    line = re.compile(r"([a-z0-9-]+)==(\S+) \\\n    --hash=sha256:[0-9a-f]{64}\n")
+    locked = dict(line.findall(text))
+    assert line.sub("", text) == "", "nothing else stands in it, such as an index"
+    wanted = [one for project in PROJECTS.values() for one in _requirements(project) if one.name not in NAMES]
+    assert {name for one in wanted if (name := canonicalize_name(one.name)) not in locked} == NOT_LOCKED.keys()
+    versions = [(one, locked.get(canonicalize_name(one.name))) for one in wanted]
+    assert [str(one) for one, version in versions if version and version not in one.specifier] == []
 
 
 def test_the_requirements_files_name_every_distribution():

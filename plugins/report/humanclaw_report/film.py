@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 from tqdm import tqdm
 
-from humanclaw import RecordedEpisode, RecordError, Renderer, Scene, StepRecord
+from humanclaw import HumanclawError, RecordedEpisode, RecordError, Renderer, Scene, StepRecord
 from humanclaw.body import FPS, HISTORY
 from humanclaw.storage import Folder, gif
 from humanclaw.world import ego_camera
@@ -24,6 +24,8 @@ Picture = NDArray[np.uint8]
 FILM_SIZE: Final = (1280, 720)
 GIF_SIZE: Final = (480, 270)
 """Smaller than a film: GIF compresses poorly, and a larger one loads too slowly."""
+SIDES: Final = (16, 4096)
+"""Least and greatest width and height. H.264 encoders take no more than a few times this, and pictures fill memory."""
 
 
 def film(
@@ -41,11 +43,13 @@ def film(
 
     Args:
         every: Frames of motion for each frame of film.
-        size: Width and height, pixels.
+        size: Width and height, pixels, within SIDES.
 
     Raises:
+        HumanclawError: size or every is out of bounds.
         RecordError: The record holds no motion, or out cannot be written.
     """
+    _refuse(every, size)
     pictures = _pictures(Replay.of(episode, scene), renderer, every, size)
     try:
         with Folder(out.parent).placed(out.name) as file:
@@ -82,6 +86,15 @@ def poster(
     with Folder(out.parent).placed(out.name) as file:
         sheet.save(file)
     return out
+
+
+def _refuse(every: int, size: tuple[int, int]) -> None:
+    least, most = SIDES
+    if not all(least <= side <= most for side in size):
+        got = " x ".join(map(str, size))
+        raise HumanclawError(f"a film is {least} to {most} pixels wide and high; got {got}.", "Name another size.")
+    if every < 1:
+        raise HumanclawError(f"a film keeps every Nth frame; got every={every}.", "Name 1 or more.")
 
 
 # -- drawing -----------------------------------------------------------------------------------------------------------

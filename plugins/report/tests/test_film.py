@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import imageio_ffmpeg
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from made import broken_off, record_episode
 from PIL import Image
 from rooms import UPSTAIRS, asset, block, scene_object, two_rooms, two_storeys
 
-from humanclaw import RecordedEpisode, RecordError, Scene
+from humanclaw import HumanclawError, Plugins, RecordedEpisode, RecordError, Scene
+from humanclaw.cli import build
 from humanclaw.world import Camera, View, WorldState
 from humanclaw_report.camera import DISTANCE, follow, sight
 from humanclaw_report.film import GIF_SIZE, film, poster
@@ -180,6 +183,41 @@ def test_an_episode_without_motion_cannot_be_filmed(tmp_path: Path) -> None:
     (tmp_path / "motion.npz").unlink()
     with pytest.raises(RecordError, match="holds no motion"):
         film(RecordedEpisode(tmp_path), scene, Painter(), tmp_path / "film.mp4")
+
+
+@pytest.mark.parametrize(
+    ("wrong", "told"),
+    [
+        ({"size": (16_000, 9_000)}, "16 to 4096 pixels wide and high; got 16000 x 9000"),
+        ({"size": (160, 0)}, "got 160 x 0"),
+        ({"every": 0}, "got every=0"),
+    ],
+)
+def test_a_film_that_no_encoder_makes_is_refused_before_a_picture_is_drawn(
+    made: tuple[RecordedEpisode, Scene], tmp_path: Path, wrong: dict[str, Any], told: str
+) -> None:
+    painter = Painter()
+    with pytest.raises(HumanclawError, match=told):
+        film(*made, painter, tmp_path / "film.mp4", **wrong)
+    assert painter.scenes == []
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        (["--height", "16000"], "16000 is not in the range"),
+        (["--every", "0"], "0 is not in the range"),
+        (["--renderer", "unheard-of"], "there is no renderer 'unheard-of'"),
+        (["--out", "film.avi"], "a film ends in .mp4 or .gif; got film.avi"),
+    ],
+)
+def test_a_wrong_option_of_film_is_told_in_a_sentence(
+    made: tuple[RecordedEpisode, Scene], options: list[str], told: str
+) -> None:
+    done = CliRunner().invoke(build(Plugins.discover), ["film", str(made[0].folder), *options])
+    assert done.exit_code == 2
+    assert told in " ".join(done.output.split())
 
 
 def test_the_moving_picture_of_the_readme_is_small_enough_to_load() -> None:
