@@ -17,6 +17,9 @@ from humanclaw.cli import LazyCommand, build
 from humanclaw.plugins import hookspecs
 from humanclaw.plugins.host import PREFIX
 from humanclaw.plugins.loading import load_file
+from humanclaw.records import instruction, read_episodes
+from humanclaw.world import find_profile
+from humanclaw_bench.splits import DATA
 
 ROOT = Path(__file__).parents[1]
 HOOKS = {
@@ -188,6 +191,18 @@ def test_every_item_of_the_paper_has_a_place_in_the_code_and_a_check():
         places = [word for word in re.findall(r"`([^`]+)`", f"{code} {check}") if not word.startswith("humanclaw ")]
         assert places, item
         assert [place for place in places if not (ROOT / place).is_file()] == [], item
+
+
+def test_the_differences_from_the_paper_are_those_of_the_code(plugins):
+    """Limits of the body in motion, the task of the navigation subset, seats of mini, and the checks of stairs."""
+    body, mini = find_profile("paper"), read_episodes(DATA / "mini.jsonl")
+    told = (body.exertion, body.max_speed, body.max_lift, body.max_fall, body.max_link_speed)
+    assert "{:g} N; at most {:g} m/s over the floor, {:g} up, {:g} down, limbs {:g}".format(*told) in PAPER
+    assert f"{np.degrees(body.max_turn):.0f} degrees a frame" in PAPER
+    assert f"`{instruction('chair')}`" in PAPER
+    assert f"{sum(spec.interact for spec in mini)} of the 100 episodes of `mini`" in PAPER
+    stairs = [plugins.skills[name].checks[0].question for name in ("climb_upstairs", "walk_downstairs")]
+    assert all("in front of the feet" in words for words in (*stairs, PAPER))
 
 
 def test_the_two_pages_of_the_paper_tell_of_differences_in_the_same_sections():

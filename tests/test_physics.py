@@ -6,6 +6,7 @@ from click.testing import CliRunner
 from engines import BULLET, DEFAULT
 
 from humanclaw import Backends, default_simulator
+from humanclaw.body import FPS, JOINTS
 from humanclaw.cli import build
 from humanclaw.cli.physics import physics
 from humanclaw.errors import HumanclawError, PluginError
@@ -15,7 +16,14 @@ from humanclaw.testing.fixture import Finding, skill_with
 from humanclaw.testing.laws import table
 from humanclaw.testing.scenes import SceneBuilder
 from humanclaw.testing.speed import Quartiles, crowded, resident
+from humanclaw.world import find_profile
 from humanclaw.world.half_physics.swing import swings
+
+
+def test_the_papers_profile_runs_at_120_hertz_with_stiffness_one_in_every_joint():
+    paper = find_profile("paper")
+    assert paper.substeps * FPS == 120
+    assert {paper.stiffness_of(joint) for joint in JOINTS} == {1.0}
 
 
 def test_a_finding_outside_its_bounds_does_not_hold_and_the_table_says_so():

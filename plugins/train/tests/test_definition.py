@@ -11,7 +11,7 @@ from tiny_motion import WALK
 
 from humanclaw import Motion
 from humanclaw.body import decode, encode
-from humanclaw.motion import PROFILES, DiTGenerator, ModelConfig, Solver, noise_of, shipped_base
+from humanclaw.motion import PROFILES, SIZES, AdapterConfig, DiTGenerator, ModelConfig, Solver, noise_of, shipped_base
 from humanclaw_train import flow
 from humanclaw_train.checkpoint import load_adapter, load_base
 from humanclaw_train.control import Adapter
@@ -34,6 +34,32 @@ def _inputs() -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
     generator = torch.Generator().manual_seed(0)
     history, noisy = (torch.randn(2, frames, 219, generator=generator) for frames in (5, 15))
     return history, noisy, torch.tensor([0.2, 0.7])
+
+
+def test_the_papers_size_has_its_layers_heads_and_38_million_parameters():
+    """A block has 7 h^2 in its modulations and 8 h^2 beside them, so ten with h = 512 have nearly 37 million."""
+    size = SIZES["paper"]
+    assert (size.layers, size.heads, size.prediction) == (10, 8, "velocity")
+    base = DiT(size)
+    assert sum(weights.numel() for weights in base.parameters()) == pytest.approx(38e6, rel=0.01)
+    blocks = sum(weights.numel() for weights in base.blocks.parameters())
+    encoder = 2 * 512 + 512 * 513  # One number to the width, and once more to the width; each with biases.
+    adapter = Adapter(base, AdapterConfig("side_step", "mlp", ("x",), (0.0,), (0.2,)))
+    assert sum(weights.numel() for weights in adapter.parameters()) == blocks + 10 * 512**2 + encoder
+
+
+def test_scalars_have_an_mlp_as_encoder_and_displacement_with_yaw_fourier_features():
+    base = load_base(shipped_base())
+    kinds = {
+        name: load_adapter(SHIPPED[name], base, name).config.encoder for name in ("walk", "side_step", "turn_in_place")
+    }
+    assert kinds == {"walk": "fourier", "side_step": "mlp", "turn_in_place": "mlp"}
+
+
+def test_the_papers_solver_takes_30_midpoint_steps_through_the_flow():
+    solver = PROFILES["paper"]
+    assert (solver.method, solver.steps, len(solver.times)) == ("midpoint", 30, 60)
+    np.testing.assert_allclose(solver.times, np.arange(60) / 60, atol=1e-12)
 
 
 @pytest.mark.parametrize("prediction", ["clean", "velocity"])
