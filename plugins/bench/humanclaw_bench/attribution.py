@@ -213,7 +213,7 @@ class Cause:
 
 def _gave_up(features: EpisodeFeatures) -> bool:
     nearer, farther = GIVEN_UP
-    return min(features.way) < nearer * features.way[0] and features.way[-1] > farther * features.way[0]
+    return min(features.way) < nearer * features.way[0] and features.way[-1] > farther * features.way[0] + 1e-9
 
 
 CAUSES: Final = (

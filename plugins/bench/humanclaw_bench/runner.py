@@ -144,14 +144,18 @@ def run_split(
 
 
 def pilot_of(specs: Sequence[EpisodeSpec]) -> tuple[EpisodeSpec, ...]:
-    """Return the middle episode of each third by route length, at most PILOT.
+    """Return an episode of each third by route length, the first of specs in its middle half; at most PILOT.
 
     The first episodes of a split would not be typical: they share one house. Nor would the first that end: they are the
-    shortest.
+    shortest. The order of specs decides, because an agent that knows the split could name fixed ones.
     """
+    place = {spec.id: k for k, spec in enumerate(specs)}
     by_way = sorted(specs, key=lambda spec: spec.difficulty.distance if spec.difficulty else 0.0)
     count = min(PILOT, len(specs))
-    return tuple(by_way[(2 * k + 1) * len(specs) // (2 * count)] for k in range(count))
+    thirds = [by_way[k * len(specs) // count : (k + 1) * len(specs) // count] for k in range(count)]
+    middles = [third[len(third) // 4 : len(third) - len(third) // 4] for third in thirds]
+    chosen = [min(middle, key=lambda spec: place[spec.id]) for middle in middles]
+    return tuple(sorted(chosen, key=lambda spec: place[spec.id]))
 
 
 class _Pilot:

@@ -65,6 +65,7 @@ def test_there_are_the_papers_eighteen_labels() -> None:
         ([*roaming(3), *stuck(8)], 20.1, "find: too far"),
         ([step(pixels=100), *stuck(8)], 20.1, "find: target in view but not seen"),
         ([step(geodesic=1.0), *stuck(8)], 20.1, "find: near but not in view"),
+        ([*roaming(3), step(geodesic=2.9), *roaming(3, geodesic=3.6)], 6.0, "find: ineffective exploration"),
         ([*pacing(25, 1.0), *stuck(8)], 4.0, "find: unaware jammed"),
         (pacing(24, 2.0), 4.0, "find: ineffective exploration"),
         # It came near, stopped and had gone away again: neither of the first two rules.

@@ -138,16 +138,16 @@ def away(metres):
 
 @pytest.mark.parametrize("workers", [1, 2, 4, 8])
 def test_a_forecast_is_of_near_and_far_episodes_and_not_of_the_first_to_end(forecasts, workers):
-    # Way and steps from 1 to 30: the middles of the thirds take 6, 16 and 26, 16 on average; all take 15.5.
+    # Way and steps from 1 to 30: middle halves of the thirds take 3 to 8, 13 to 18 and 23 to 28; all take 15.5.
     (forecast,) = forecasts(workers, range(1, 31))
-    assert forecast.cost == pytest.approx(16 * forecast.left)
-    assert forecast.seconds == pytest.approx(160 * forecast.left / min(workers, forecast.left + 1))
+    assert 13 <= forecast.cost / forecast.left <= 18
+    assert forecast.seconds == pytest.approx(10 * forecast.cost / min(workers, forecast.left + 1))
 
 
 def test_a_forecast_does_without_an_episode_that_the_machine_broke(forecasts):
-    (forecast,) = forecasts(1, range(1, 31), broken=[15])
+    (forecast,) = forecasts(1, range(1, 31), broken=range(10, 20))
     assert forecast.episodes == 2
-    assert forecast.cost == pytest.approx(16 * 27)
+    assert 13 * 27 <= forecast.cost <= 18 * 27
 
 
 def test_what_has_fewer_than_four_episodes_is_not_foreseen(forecasts):

@@ -1,6 +1,7 @@
 """Agent and verifier play in a process of their own: they reach neither body nor records, and their end is named."""
 
 import json
+import random
 import shutil
 import socket
 import threading
@@ -20,7 +21,8 @@ from humanclaw.world import GAZES
 from humanclaw_bench.cli import bench
 from humanclaw_bench.executors import LocalExecutor
 from humanclaw_bench.integrity import Journal
-from humanclaw_bench.runner import run_split
+from humanclaw_bench.runner import pilot_of, run_split
+from humanclaw_bench.splits import load_split
 from humanclaw_bench.submission import read
 from humanclaw_bench.wall.deciders import Wall
 from humanclaw_bench.wall.serving import Sessions, server
@@ -133,6 +135,13 @@ def test_the_order_of_the_episodes_does_not_tell_which_one_an_agent_plays(play):
         return [json.loads(line)["episode"] for line in (folder / "journal.jsonl").read_text().splitlines()]
 
     assert order("one") != order("other")
+
+
+def test_the_pilot_does_not_tell_which_episodes_an_agent_plays_first():
+    mini = load_split("mini")
+    drawn = {pilot_of(random.Random(seed).sample(mini, len(mini))) for seed in range(20)}
+    assert len(drawn) == 20
+    assert all(len({*pilot}) == 3 for pilot in drawn)
 
 
 def test_in_one_process_it_would_find_it_so_that_is_told_in_every_table(play):
