@@ -268,6 +268,10 @@ class Plugins(Lookup):
             self._found.setdefault(kind, {})
             self._offered.setdefault(kind, [])
 
+    def use(self, kind: str) -> Callable[[Any, Plugins], None] | None:
+        """Return how `humanclaw check` uses an item of a plugin's own hook: `USES[kind]` beside its specification."""
+        return next((specs.USES[kind] for specs in self._specs if kind in getattr(specs, "USES", {})), None)
+
     def _hint(self, error: BaseException) -> str:
         """Suggest the nearest hook for a misspelt one."""
         known = [name for name in vars(self._manager.hook) if name.startswith(PREFIX)]

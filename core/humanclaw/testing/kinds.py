@@ -214,7 +214,7 @@ CHECKED: Final[Mapping[str, Callable[[Any, Plugins], None]]] = {
     "renderers": _renderer, "motion_generators": _generator, "reports": _report, "frameworks": _framework,
     "measures": _measure,
 }  # fmt: skip
-"""What is done with an item of each kind. Of other kinds only the type is checked."""
+"""What is done with an item of each kind. A plugin's own hooks say it in USES (Plugins.use)."""
 _LEFT: Final = ("skills", "priors", "recipes")
 """Kinds that the host and the checks of skills look at."""
 
@@ -233,9 +233,9 @@ def check_plugin(owner: str, plugin: object, plugins: Plugins) -> list[Report]:
 
 
 def _item(kind: str, one: Registration, plugins: Plugins) -> Report:
-    what = f"{noun(kind)} {one.name}"
+    what, use = f"{noun(kind)} {one.name}", CHECKED.get(kind) or plugins.use(kind) or _other
     try:
-        Bounded(PATIENCE)(lambda: CHECKED.get(kind, _other)(one.value, plugins))
+        Bounded(PATIENCE)(lambda: use(one.value, plugins))
     except ProviderError as error:
         return Report(what, (), notes=(f"not asked: {error}",))
     except OverdueError as error:
