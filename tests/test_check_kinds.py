@@ -173,6 +173,11 @@ def test_a_deliberate_fault_is_named(tmp_path, text):
     assert all(fault.message and fault.remedy for fault in found)
 
 
+def test_an_unknown_argument_is_answered_with_the_known_ones(tmp_path):
+    (fault,) = faults(tmp_path, hook("step(episode, stride)"))
+    assert fault.remedy == "It takes episode, step, view."
+
+
 def test_a_sense_that_never_returns_is_a_fault_and_an_agent_may_wait_for_a_person(tmp_path, monkeypatch):
     monkeypatch.setattr("humanclaw.testing.kinds.PATIENCE", 0.5)
     waits = "__import__('threading').Event().wait()"
