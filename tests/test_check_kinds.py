@@ -122,6 +122,15 @@ FAULTS = {
     "a framework of None": item("frameworks", "lambda tools: None"),
     "a framework of nothing": item("frameworks", "lambda tools: []"),
     "a framework that raises": item("frameworks", "lambda tools: tools.nothing"),
+    "a generator whose pelvis has no seed": prior("Motion(it.root + np.random.rand() / 100, it.rotations)"),
+    "a scene whose faces are no integers": item(
+        "scenes",
+        "lambda argument: yard()",
+        "def yard():\n    scene = fake_scene()\n"
+        "    asset = next(iter(scene.assets.values()))\n"
+        "    mesh = replace(asset.mesh, faces=asset.mesh.faces.astype(float))\n"
+        "    return replace(scene, assets={**scene.assets, asset.name: replace(asset, mesh=mesh)})\n",
+    ),
     "a measure of one number": measure("p[0, 0, 0]"),
     "a measure with the wrong sign in the mirror": measure("p[:, -1, 0]"),
     "a measure of one arm with a sign": measure("r[:, -1, 16, 2]", mirror=-1),
@@ -136,6 +145,10 @@ FAULTS = {
     "a command without help": hook("commands(cli)", "cli.add_command(click.Command('x', callback=print))"),
     "an option without help": hook(
         "commands(cli)", "cli.add_command(click.Command('x', help='X.', params=[click.Option(['--y'])]))"
+    ),
+    "a command that is there already": hook("commands(cli)", "cli.add_command(click.Command('play', help='X.'))"),
+    "a command named as the one of the core that no hook adds": hook(
+        "commands(cli)", "cli.add_command(click.Command('run', help='X.'))"
     ),
     "a command that is a function": hook("commands(cli)", "cli.add_command(print)"),
 }
@@ -158,6 +171,11 @@ def test_a_deliberate_fault_is_named(tmp_path, text):
     found = faults(tmp_path, text)
     assert found
     assert all(fault.message and fault.remedy for fault in found)
+
+
+def test_an_unknown_argument_is_answered_with_the_known_ones(tmp_path):
+    (fault,) = faults(tmp_path, hook("step(episode, stride)"))
+    assert fault.remedy == "It takes episode, step, view."
 
 
 def test_a_sense_that_never_returns_is_a_fault_and_an_agent_may_wait_for_a_person(tmp_path, monkeypatch):

@@ -100,7 +100,7 @@ def _print(reports: Sequence[Report]) -> None:
             console.print(line, highlight=False, soft_wrap=True)
     broken = sum(not report.passed for report in reports)
     found = sum(len(report.faults) for report in reports)
-    skills = counted(len(reports), "skill" if all(report.calls or report.faults for report in reports) else "item")
+    skills = counted(len(reports), "item" if any(" " in report.skill for report in reports) else "skill")
     told = f"{counted(found, 'fault')} in {broken} of {skills}" if broken else f"{skills}, no fault"
     console.print(f"{told}; {len(CHECKS)} named checks.", highlight=False, soft_wrap=True)
 

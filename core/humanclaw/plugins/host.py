@@ -268,11 +268,17 @@ class Plugins(Lookup):
             self._found.setdefault(kind, {})
             self._offered.setdefault(kind, [])
 
+    def use(self, kind: str) -> Callable[[Any, Plugins], None] | None:
+        """Return how `humanclaw check` uses an item of a plugin's own hook: `USES[kind]` beside its specification."""
+        return next((specs.USES[kind] for specs in self._specs if kind in getattr(specs, "USES", {})), None)
+
     def _hint(self, error: BaseException) -> str:
         """Suggest the nearest hook for a misspelt one."""
         known = [name for name in vars(self._manager.hook) if name.startswith(PREFIX)]
         specified = [name for name in known if getattr(self._manager.hook, name).has_spec()]
-        words = [word.strip("'\":,.") for word in reason_of(error).split()]
+        words = [word.strip("'\":,.").partition("(")[0] for word in reason_of(error).split()]
+        if isinstance(error, pluggy.PluginValidationError) and (named := [one for one in words if one in specified]):
+            return f"It takes {', '.join(getattr(self._manager.hook, named[0]).spec.argnames)}."
         wrong = [word for word in words if word.startswith(PREFIX) and word not in specified]
         if not wrong:
             return ""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import tempfile
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence, Sized
 from contextlib import redirect_stdout
 from dataclasses import replace
@@ -47,6 +48,7 @@ PATIENCE: Final = 60.0
 """Seconds that an item may take."""
 _JUMP: Final = 0.5
 """Metres that a body does not move within a frame."""
+_PICTURES: Final = (("rgb", (512, 512, 3), "uint8"), ("depth", (512, 512), "float32"), ("ids", (512, 512), "int32"))
 
 
 @skill()
@@ -106,6 +108,10 @@ def _scene(make: Callable[..., Any], plugins: Plugins) -> None:
     _hold(scene.digest == again.digest, "the same argument gives another scene the second time")
     for one in scene.objects:
         _hold(np.isfinite(np.array(scene.aabb(one.id))).all(), f"object {one.id} has no finite bounding box")
+    for asset in scene.assets.values():
+        faces, known = asset.mesh.faces, len(asset.mesh.vertices)
+        whole = faces.dtype.kind in "iu" and ((faces >= 0) & (faces < known)).all()
+        _hold(whole, f"the faces of asset {asset.name} are no integers from 0 to {known - 1}, its vertices")
     start = [scene.start.x, scene.start.z, scene.start.yaw, scene.start.floor]
     _hold(np.isfinite(start).all(), f"its start is {scene.start}")
     here = np.array([scene.start.x, scene.start.z])
@@ -131,7 +137,7 @@ def _renderer(make: Callable[..., Any], plugins: Plugins) -> None:
         renderer.load(scene)
         state = WorldState(scene.start.to_world(rest_pose()), {})
         seen = _expect(renderer.render(state, ego_camera(state.body)), View, "render()")
-        for name, shape, kind in (("rgb", (512, 512, 3), "u1"), ("depth", (512, 512), "f4"), ("ids", (512, 512), "i4")):
+        for name, shape, kind in _PICTURES:
             picture = getattr(seen, name)
             told = f"{name} is {getattr(picture, 'dtype', type(picture))} {np.shape(picture)}; expected {kind} {shape}"
             _hold(np.shape(picture) == shape and picture.dtype == np.dtype(kind), told)
@@ -152,7 +158,8 @@ def _generator(make: Callable[..., Any], plugins: Plugins) -> None:
     middle = {one.name: (one.low + one.high) / 2 for one in known[0].parameters}
     once, again = (generator.generate(start, known[0].adapter, middle, (0, 0, 0)) for _ in range(2))
     _frames(once, FUTURE, start, "generate()")
-    _hold(np.array_equal(once.rotations, again.rotations), "generate() gives another motion for the same key")
+    same = np.array_equal(once.root, again.root) and np.array_equal(once.rotations, again.rotations)
+    _hold(same, "generate() gives another motion for the same key")
 
 
 def _report(make: Callable[..., Any], plugins: Plugins) -> None:
@@ -207,7 +214,7 @@ CHECKED: Final[Mapping[str, Callable[[Any, Plugins], None]]] = {
     "renderers": _renderer, "motion_generators": _generator, "reports": _report, "frameworks": _framework,
     "measures": _measure,
 }  # fmt: skip
-"""What is done with an item of each kind. Of other kinds only the type is checked."""
+"""What is done with an item of each kind. A plugin's own hooks say it in USES (Plugins.use)."""
 _LEFT: Final = ("skills", "priors", "recipes")
 """Kinds that the host and the checks of skills look at."""
 
@@ -221,14 +228,14 @@ def check_plugin(owner: str, plugin: object, plugins: Plugins) -> list[Report]:
     if any(hasattr(plugin, hook) for hook in OBSERVERS):
         reports.append(_observers(owner, plugin))
     if hasattr(plugin, "humanclaw_commands"):
-        reports.append(_commands(owner, plugin))
+        reports.append(_commands(owner, plugin, plugins))
     return reports
 
 
 def _item(kind: str, one: Registration, plugins: Plugins) -> Report:
-    what = f"{noun(kind)} {one.name}"
+    what, use = f"{noun(kind)} {one.name}", CHECKED.get(kind) or plugins.use(kind) or _other
     try:
-        Bounded(PATIENCE)(lambda: CHECKED.get(kind, _other)(one.value, plugins))
+        Bounded(PATIENCE)(lambda: use(one.value, plugins))
     except ProviderError as error:
         return Report(what, (), notes=(f"not asked: {error}",))
     except OverdueError as error:
@@ -271,11 +278,27 @@ class _Heard(logging.Handler):
         self._heard.append(record.getMessage().rstrip("."))
 
 
-def _commands(owner: str, plugin: Any) -> Report:
+class _Names(click.Group):
+    """Counts how often a name is added. `run` is there before any plugin."""
+
+    def __init__(self) -> None:
+        super().__init__("humanclaw")
+        self.added = Counter(["run"])
+
+    def add_command(self, cmd: click.Command, name: str | None = None) -> None:
+        self.added[name or cmd.name or ""] += 1
+
+
+def _commands(owner: str, plugin: Any, plugins: Plugins) -> Report:
     """Ask each command for its help."""
-    group, faults = click.Group("humanclaw"), []
+    group, everyone, faults = click.Group("humanclaw"), _Names(), []
     try:
         plugin.humanclaw_commands(cli=group)
+        plugins.tell("humanclaw_commands", cli=everyone)
+        taken = [name for name in group.commands if everyone.added[name] > 1]
+        if taken:
+            told = f"command {taken[0]} is there already, and would be left out."
+            faults.append(ContractError("command-works", told, "Give it a name of its own."))
         for name, command in group.commands.items():
             _hold(command.help, f"command {name} has no help text")
             silent = [one.opts[0] for one in command.params if isinstance(one, click.Option) and not one.help]
@@ -311,7 +334,7 @@ def _frames(motion: object, count: int, before: Motion, what: str) -> None:
 
 
 def _expect(value: object, kind: type[T], what: str) -> T:
-    _hold(isinstance(value, kind), f"{what} is {str(value)[:80]!r} and no {kind.__name__}")
+    _hold(isinstance(value, kind), f"{what} is {str(value)[:80]} and no {kind.__name__}")
     return value  # type: ignore[return-value]
 
 

@@ -90,3 +90,13 @@ def humanclaw_faults(register: RegisterFault) -> None:
 @hookspec
 def humanclaw_run_end(run: Path, plugins: Plugins, tell: Callable[[str], None]) -> None:
     """React to the end of `humanclaw bench run`, when no episode is left to play. tell: prints a line."""
+
+
+def _use_metric(metric: MetricFunction, plugins: Plugins) -> None:
+    from humanclaw_bench.uses import use_metric
+
+    use_metric(metric)
+
+
+USES: Mapping[str, Callable[[Any, Plugins], None]] = {"metrics": _use_metric}
+"""How `humanclaw check` uses an item."""

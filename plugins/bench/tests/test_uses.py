@@ -1,0 +1,40 @@
+"""`humanclaw check` uses a metric once: on the record of an episode."""
+
+import pytest
+
+from humanclaw import Plugins
+from humanclaw.testing import check_target
+
+FILE = """
+import numpy as np
+from humanclaw import hookimpl
+
+@hookimpl(optionalhook=True)
+def humanclaw_metrics(register):
+    register("mine", lambda episode: {value}, "mine")
+"""
+
+
+def told(tmp_path, value):
+    path = tmp_path / "mine.py"
+    path.write_text(FILE.format(value=value))
+    return [fault.message for report in check_target(str(path), Plugins.discover()) for fault in report.faults]
+
+
+@pytest.mark.parametrize("value", ["len(episode.steps)", "float('nan')", "np.float32(0.5)", "episode.steps[0].yaw_end"])
+def test_a_metric_of_a_number_is_legal(tmp_path, value):
+    assert told(tmp_path, value) == []
+
+
+@pytest.mark.parametrize(
+    ("value", "fault"),
+    [
+        ("f'{len(episode.steps)} steps'", "it returned '1 steps' and no number"),
+        ("None", "it returned None and no number"),
+        ("1 / len([one for one in episode.steps if one.status == 'cancelled'])", "division by zero"),
+        ("episode.nothing", "nothing"),
+    ],
+)
+def test_a_metric_without_a_number_is_a_fault(tmp_path, value, fault):
+    (message,) = told(tmp_path, value)
+    assert fault in message
