@@ -81,3 +81,16 @@ def test_a_body_that_falls_does_not_enter_what_it_falls_on(drop):
     off = Motion(rest_pose().root + path, rest_pose(30).rotations)
     _, depth = looks(above(0.2 + drop), off)
     assert 0.0 < depth < 0.01
+
+
+def test_no_joint_of_a_body_that_sits_turns_more_than_thirty_degrees_in_a_frame():
+    builder, motion, knee = SceneBuilder(), rest_pose(30), JOINT_INDEX["left_knee"]
+    builder.floor()
+    hips = [JOINT_INDEX["left_hip"], JOINT_INDEX["right_hip"]]
+    motion.rotations[:, hips, 0] -= np.radians(np.linspace(9, 270, 30).clip(max=90))[:, None]
+    motion.rotations[25:, knee, 0] -= 2.0
+    simulator = HalfPhysics(BulletWorld)
+    simulator.reset(builder.scene(), Pose2D())
+    turns = -np.diff(simulator.execute(motion).simulated.rotations[:, knee, 0])
+    simulator.close()
+    assert np.radians(25) < turns.max() < np.radians(31)
