@@ -39,7 +39,7 @@ def swing(degrees: float) -> Motion:
 def looks(scene: Scene, motion: Motion) -> tuple[int, float]:
     """Return the engine's steps for a motion, and the deepest contact with anything but the floor, metres."""
     simulator = HalfPhysics(CountingWorld)
-    simulator.reset(scene, Pose2D())
+    simulator.reset(scene, scene.start)
     CountingWorld.steps = 0
     done = simulator.execute(motion)
     simulator.close()
@@ -64,3 +64,33 @@ def test_the_same_arm_before_a_thin_wall_takes_more_and_does_not_enter_it(degree
     steps, depth = looks(beside(0.6), swing(degrees))
     assert steps > 1.2 * STEPS
     assert 0.0 < depth < 0.01
+
+
+def above(height: float) -> Scene:
+    """Return a pillar that ends at a height, with a block of 20 cm all round, metres."""
+    builder = SceneBuilder()
+    builder.box("floor", (0.8, height, 0.8), (0, 0, 0))
+    builder.box("couch", (8.0, 0.2, 8.0), (0, 0, 0))
+    return builder.scene(height)
+
+
+@pytest.mark.parametrize("drop", [0.6, 0.8, 1.0, 1.2])
+def test_a_body_that_falls_does_not_enter_what_it_falls_on(drop):
+    # No command says so: after 1 m it falls at 4.4 m/s, 3.7 cm a physics step.
+    path = np.minimum(np.arange(1, 31), 10)[:, None] / 30 * [0.0, 0.0, 4.0]
+    off = Motion(rest_pose().root + path, rest_pose(30).rotations)
+    _, depth = looks(above(0.2 + drop), off)
+    assert 0.0 < depth < 0.01
+
+
+def test_no_joint_of_a_body_that_sits_turns_more_than_thirty_degrees_in_a_frame():
+    builder, motion, knee = SceneBuilder(), rest_pose(30), JOINT_INDEX["left_knee"]
+    builder.floor()
+    hips = [JOINT_INDEX["left_hip"], JOINT_INDEX["right_hip"]]
+    motion.rotations[:, hips, 0] -= np.radians(np.linspace(9, 270, 30).clip(max=90))[:, None]
+    motion.rotations[25:, knee, 0] -= 2.0
+    simulator = HalfPhysics(BulletWorld)
+    simulator.reset(builder.scene(), Pose2D())
+    turns = -np.diff(simulator.execute(motion).simulated.rotations[:, knee, 0])
+    simulator.close()
+    assert np.radians(25) < turns.max() < np.radians(31)

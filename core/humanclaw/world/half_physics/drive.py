@@ -15,7 +15,7 @@ import numpy as np
 from humanclaw.body.pose import FPS, Array, Motion, lengths, matrix_from_quaternion, vector_from_quaternion
 from humanclaw.body.skeleton import JOINTS
 from humanclaw.world.half_physics.profile import Profile
-from humanclaw.world.half_physics.quaternions import Pose, blend, capped, conjugate, multiply
+from humanclaw.world.half_physics.quaternions import Pose, blend, capped, conjugate, from_vector, motion_of, multiply
 from humanclaw.world.half_physics.reflexes import CALM, LEG_OF, Reflex, reach_down
 from humanclaw.world.half_physics.skeleton import ARMS, REACH, tip_speeds
 from humanclaw.world.half_physics.world import World
@@ -51,16 +51,33 @@ class Drive:
         y unread; None leaves it be.
         """
         self._before = self.pose
-        speeds = self._joint_speeds(self._before.quaternions, left)
-        if horizontal is None or not self._leaves(horizontal):
-            self._give_way(speeds, reflex)
-        fastest = float((lengths(speeds) @ REACH).max())
-        speeds *= min(1.0, self._profile.max_link_speed / max(fastest, 1e-9))
+        speeds = self._speeds(self._before, left, horizontal, reflex)
         velocity = self._root_velocity(horizontal, reflex)
         self._sent = velocity
         self._world.drive(velocity, speeds[0])
         self._world.bend(self._before.quaternions[1:], speeds[1:])
-        return min(fastest, self._profile.max_link_speed, self._expected(speeds)) + float(lengths(velocity))
+        return min(_fastest(speeds), self._expected(speeds)) + float(lengths(velocity))
+
+    def course(self, horizontal: Array, reflex: Reflex) -> Motion:
+        """Foresee the body now, halfway through the coming frame and at its end, if nothing touches it.
+
+        It falls as fast as it does now, and late limbs do not reach their pose. Arguments: as for command.
+        """
+        x, z = capped(horizontal[[0, 2]], self._profile.max_speed)
+        velocity, poses = np.array([x, self._world.velocity()[0][1], z]), [self.pose]
+        for left in (1.0, 0.5):
+            speeds = self._speeds(poses[-1], left * self._profile.substeps, horizontal, reflex)
+            poses.append(_moved_on(poses[-1], velocity, speeds, 0.5 / FPS))
+        return motion_of(poses)
+
+    def _speeds(self, pose: Pose, left: float, horizontal: Array | None, reflex: Reflex) -> Array:
+        """(24, 3) angular velocities that a body commands in a pose, none too fast: the first in the world frame, the
+        others in each joint's own."""
+        speeds = self._joint_speeds(pose.quaternions, left)
+        if horizontal is None or not self._leaves(pose, horizontal):
+            self._give_way(pose, speeds, reflex)
+        speeds = capped(speeds, self._profile.max_turn * FPS)
+        return speeds * min(1.0, self._profile.max_link_speed / max(_fastest(speeds), 1e-9))
 
     def _expected(self, speeds: Array) -> float:
         """Return a bound of the fastest link's speed, m/s: its swing in the motion, plus the speed of joints that catch
@@ -69,22 +86,22 @@ class Drive:
         late[0] = abs(lengths(speeds[0]) - lengths(self._way[0]) * FPS)  # Not in the same frame.
         return self._swing + float((late @ REACH).max())
 
-    def _joint_speeds(self, actual: Array, left: int) -> Array:
-        """(24, 3) angular velocities, the first in the world frame, the others in each joint's own."""
+    def _joint_speeds(self, actual: Array, left: float) -> Array:
+        """(24, 3) the speeds with which the pose is reached in time."""
         first, second = conjugate(actual), self._target.copy()
         first[0], second[0] = self._target[0], first[0].copy()
         missing = vector_from_quaternion(multiply(first, second))
         way = self._way * (left / self._profile.substeps)
         turn = way + self._recovery * (missing - way)
         turn[0] = missing[0]
-        return capped(turn * (FPS * self._profile.substeps / left), self._profile.max_turn * FPS)
+        return turn * (FPS * self._profile.substeps / left)
 
     def swings(self, motion: Motion) -> Array:
         """Compute (T,) how fast the fastest link moves in each frame of a motion to come, relative to the pelvis,
         m/s."""
         return tip_speeds(np.concatenate([vector_from_quaternion(self._target)[None], motion.rotations]))
 
-    def _give_way(self, speeds: Array, reflex: Reflex) -> None:
+    def _give_way(self, pose: Pose, speeds: Array, reflex: Reflex) -> None:
         """Let the legs of a body that sits follow the motion without catching up; bend hips whose thighs or feet carry
         it until the pelvis is down, and knees and ankles until the feet are."""
         for hip, (knee, ankle, _) in LEG_OF.items() if reflex.borne else ():
@@ -92,12 +109,12 @@ class Drive:
             speeds[leg] = self._way[leg] * FPS
             speeds[hip] += self._profile.yielding * reflex.gives(hip) * _FLEX
             if hangs := reflex.hangs(hip):
-                rates = reach_down(self._before, hip, hangs * self._profile.reaching)
+                rates = reach_down(pose, hip, hangs * self._profile.reaching)
                 speeds[[knee, ankle]] -= np.outer(rates, _FLEX)
 
-    def _leaves(self, horizontal: Array) -> bool:
+    def _leaves(self, pose: Pose, horizontal: Array) -> bool:
         """Tell whether a commanded velocity (3,) takes the hips up or ahead, off a seat."""
-        left = matrix_from_quaternion(self._before.quaternions[0])[:, 0]
+        left = matrix_from_quaternion(pose.quaternions[0])[:, 0]
         return float(max(horizontal[1], np.cross(left, [0.0, 1.0, 0.0]) @ horizontal)) > _LEAVING
 
     def restrain(self, touched: bool) -> None:
@@ -139,3 +156,15 @@ class Drive:
         if reflex.lift:
             velocity[1] = min(reflex.lift * FPS * self._profile.substeps, self._profile.max_lift)
         return velocity
+
+
+def _fastest(speeds: Array) -> float:
+    """Return a bound of the links' speeds relative to the pelvis, m/s."""
+    return float((lengths(speeds) @ REACH).max())
+
+
+def _moved_on(pose: Pose, velocity: Array, speeds: Array, seconds: float) -> Pose:
+    """Return a pose after some seconds at the velocity of its root and the speeds (24, 3) of its joints."""
+    turned = multiply(pose.quaternions, from_vector(speeds * seconds))
+    turned[0] = multiply(from_vector(speeds[0] * seconds), pose.quaternions[0])
+    return Pose(pose.root + velocity * seconds, turned)

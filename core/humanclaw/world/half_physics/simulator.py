@@ -87,11 +87,10 @@ class HalfPhysics:
         world = self._ready(motion)
         simulated, contacts, touches, paths = [], [], [], []
         began, before = self._objects, self._drive.pose.root
-        swings, links = self._drive.swings(motion), link_points(motion)
+        swings = self._drive.swings(motion)
         for frame, target in enumerate(poses_of(motion)):
             velocity = (target.root - before) * FPS
-            ahead = links[frame] + self._drive.pose.root + velocity / FPS - target.root
-            met = self._frame(world, target, velocity, ahead, float(swings[frame]))
+            met = self._frame(world, target, velocity, float(swings[frame]))
             before = target.root
             simulated.append(self._drive.pose)
             contacts += self._contacts(frame, met)
@@ -112,15 +111,11 @@ class HalfPhysics:
             self._world.close()
             self._world = None
 
-    def _frame(self, world: World, target: Pose, velocity: Array, ahead: Array, swing: float = 0.0) -> list[Touch]:
-        """One frame of physics; everything the body touched in any of its substeps.
-
-        ahead: (P, 3) the points of the links (surroundings.link_points) where the command would have them at its end.
-        """
+    def _frame(self, world: World, target: Pose, velocity: Array, swing: float = 0.0) -> list[Touch]:
+        """One frame of physics; everything the body touched in any of its substeps."""
         profile, met = self._profile, list[Touch]()
         self._drive.aim(target.quaternions, swing)
-        (here,) = link_points(motion_of([self._drive.pose]))
-        towards, near = self._surroundings.look(here, ahead, self._objects)
+        towards, near = self._surroundings.look(link_points(self._drive.course(velocity, self._reflex)), self._objects)
         self._exertion.look(near)
         for substep in range(profile.substeps):
             horizontal = velocity if substep % profile.horizontal_every == 0 else None
@@ -170,9 +165,8 @@ class HalfPhysics:
         return sorted((frame, *pair) for pair in pairs if not set(pair) & self._building)
 
     def _settle(self, world: World, pose: Pose, start: Pose2D) -> None:
-        (points,) = link_points(motion_of([pose]))
         for _ in range(_SETTLE_FRAMES):
-            self._frame(world, pose, np.zeros(3), points)
+            self._frame(world, pose, np.zeros(3))
         drift = world.pose().root - pose.root
         if np.abs(drift).max() > _MAX_DRIFT:
             raise SceneError(

@@ -1,7 +1,6 @@
 """The surroundings of the body: how often to look for contacts in a frame, and the objects that a push can reach.
 
-Both follow from boxes: those of a scene's hulls, and those that the links sweep from their present place to the
-commanded one.
+Both follow from boxes: those of a scene's hulls, and those that the links sweep on the way that the drive foresees.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ from humanclaw.body.skeleton import JOINTS, LINKS, Box
 from humanclaw.world.scene import Scene
 
 _SLACK: Final = 0.03
-"""Metres by which a link may stray from the straight way between two poses, or an object from its place, in a frame."""
+"""Metres by which a link may stray from the way foreseen, or an object from its place, in a frame."""
 _CLOSE: Final = 0.01
 """A link this close to a box may meet it in any direction, metres: engines let a contact act a little ahead."""
 _HANDS_ON: Final = 0.1
@@ -63,14 +62,13 @@ class Surroundings:
         self._places: Mapping[int, Array] = {}
         self._movable = np.empty((0, 3)), np.empty((0, 3))
 
-    def look(self, before: Array, after: Array, objects: Mapping[int, Array]) -> tuple[float, tuple[int, ...]]:
+    def look(self, course: Array, objects: Mapping[int, Array]) -> tuple[float, tuple[int, ...]]:
         """Return how far a link comes towards something in the coming frame, metres, and the ids of the movable objects
         that it may push, directly or through one another.
 
-        before, after: (P, 3) points of the links now, and where they are commanded to be at the end of the frame.
-        objects: as World.objects has them.
+        course: (T, P, 3) points of the links from now to the end of the frame. objects: as World.objects has them.
         """
-        links, swept = _boxes(before, before), _boxes(np.minimum(before, after), np.maximum(before, after))
+        links, swept = _boxes(course[0], course[0]), _boxes(course.min(axis=0), course.max(axis=0))
         body = swept[0].min(axis=0)[None], swept[1].max(axis=0)[None]
         low, high = self._boxes_of(objects)
         close = _pushed(body, low, high)
@@ -79,7 +77,7 @@ class Surroundings:
             np.concatenate([self._fixed[0][still], low[close]]),
             np.concatenate([self._fixed[1][still], high[close]]),
         )
-        steps = np.maximum.reduceat(np.abs(after - before), _FIRST)
+        steps = np.maximum.reduceat(np.abs(np.diff(course, axis=0)).sum(axis=0), _FIRST)
         return _approach(links, swept, steps, obstacles), tuple(self._ids[index] for index in np.flatnonzero(close))
 
     def _boxes_of(self, objects: Mapping[int, Array]) -> Boxes:
