@@ -356,6 +356,17 @@ def test_a_misspelt_command_is_answered_with_the_nearest_one(cli):
     assert done.stderr == "error: there is no command 'phisics'.\nDid you mean physics?\n"
 
 
+def test_a_traceback_does_not_control_the_terminal(monkeypatch, capsys):
+    def fails(self, hook, **event):
+        raise ValueError("a\x1b[2Jb\u202ec")
+
+    monkeypatch.setattr(Modules, "tell", fails)
+    with pytest.raises(SystemExit) as ended:
+        main(["bench"])
+    told = capsys.readouterr().err
+    assert (ended.value.code, "ValueError: a\\u001b[2Jb\\u202ec" in told, "\x1b" in told) == (1, True, False)
+
+
 def test_a_misspelt_command_of_a_distribution_that_is_not_installed_is_answered_with_that(monkeypatch, capsys):
     monkeypatch.setattr(Modules, "tell", lambda self, hook, **event: None)
     with pytest.raises(SystemExit) as ended:

@@ -10,6 +10,7 @@ import struct
 import warnings
 import zipfile
 
+import numpy as np
 import pytest
 from fuzzing import HOSTILE, PICKS, bounded, changed, damaged, damages, fuzz, rewritten
 from hypothesis import given, strategies as st
@@ -21,7 +22,7 @@ from humanclaw import CheckpointError, HumanclawError, RecordedEpisode, RecordEr
 from humanclaw.motion.checkpoint import load_base
 from humanclaw.records import read_episodes
 from humanclaw.storage import Cache
-from humanclaw.world import pack_scene, read_model, unpack_scene, write_model
+from humanclaw.world import Mesh, pack_scene, read_model, unpack_scene, write_model
 from humanclaw_bench.integrity import RunFiles, check
 from humanclaw_bench.leaderboard import leaderboard
 from humanclaw_bench.submission import Submission, submit
@@ -339,3 +340,19 @@ def test_a_model_that_asks_for_ten_gigabytes_is_refused(home):
     (home / "large.glb").write_bytes(with_head(b"glTF" + bytes(8) + struct.pack("<II", 2, 0) + b"{}", [0], head))
     with bounded(), pytest.raises(SceneError, match="arrays without data are larger than 256 MiB"):
         read_model(home / "large.glb")
+
+
+def test_a_model_whose_pieces_share_one_large_array_is_refused(home):
+    corners = np.zeros((200_000, 3), np.float32)
+    data = write_model(Mesh(corners, np.array([[0, 1, 2]]), corners[:, :2], np.zeros((1, 1, 3), np.uint8)))
+    head = json.loads(data[20 : 20 + struct.unpack_from("<I", data, 12)[0]])
+    head["meshes"][0]["primitives"] *= 500
+    (home / "copies.glb").write_bytes(with_head(data, [], head))
+    with bounded(), pytest.raises(SceneError, match="more than 20,000,000 vertices and triangles"):
+        read_model(home / "copies.glb")
+
+
+def test_a_model_of_thousands_of_materials_is_refused(home):
+    (home / "pieces.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\n" + "usemtl a\nf 1 2 3\n" * 3001)
+    with bounded(), pytest.raises(SceneError, match="more than 3,000 pieces"):
+        read_model(home / "pieces.obj")

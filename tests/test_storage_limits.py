@@ -150,6 +150,15 @@ def test_many_arrays_may_not_be_large_together(tmp_path, monkeypatch):
         RecordedEpisode(tmp_path / "couch-0").objects()
 
 
+def test_motion_of_far_more_frames_than_the_steps_last_is_refused(tmp_path):
+    record_episode(tmp_path / "couch-0")
+    broken_off(tmp_path / "couch-0")
+    long = {"object_1.npy": array((101_000, 7), bytes(101_000 * 56))}
+    (tmp_path / "couch-0" / "motion.npz").write_bytes(zipped(long))
+    with pytest.raises(RecordError, match="far more frames than its steps last"):
+        RecordedEpisode(tmp_path / "couch-0").objects()
+
+
 @pytest.mark.parametrize("name", ["a\0b", "../couch-1/steps.jsonl", "/etc/passwd"])
 def test_a_file_that_a_record_names_lies_in_its_folder(tmp_path, name):
     record_episode(tmp_path / "couch-0")

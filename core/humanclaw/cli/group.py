@@ -10,6 +10,7 @@ import errno
 import logging
 import pkgutil
 import sys
+import traceback
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -167,7 +168,11 @@ def build(plugins: Callable[[], Plugins | Modules]) -> click.Group:
 def main(args: Sequence[str] | None = None) -> None:
     """Run the command line. What it prints cannot control the terminal."""
     with guarded():
-        sys.exit(build(_installed).main(args=args, prog_name="humanclaw"))
+        try:
+            sys.exit(build(_installed).main(args=args, prog_name="humanclaw"))
+        except Exception:  # Python would print the traceback past the guard, with the controls in its message.
+            traceback.print_exc()
+            sys.exit(1)
 
 
 def _installed() -> Modules:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import io
 import json
 import math
 import os
@@ -22,7 +23,7 @@ from pydantic import ValidationError
 from humanclaw.body.pose import Array, Motion
 from humanclaw.errors import RecordError
 from humanclaw.records.folder import AGAIN, FRAME_BYTES, MOTION_BYTES, RECORD_BYTES, STEPS_BYTES, reading
-from humanclaw.records.steps import EpisodeRecord, StepRecord, seal_of
+from humanclaw.records.steps import MOST_FRAMES, EpisodeRecord, StepRecord, seal_of
 from humanclaw.storage.files import Folder
 from humanclaw.storage.pictures import from_jpeg
 from humanclaw.text.json import first_fault
@@ -72,8 +73,9 @@ class RecordedEpisode:
         try:
             with self.files.open("motion.npz", MOTION_BYTES) as stream:
                 about = os.fstat(stream.fileno())
-            found = _read_arrays(self.files, about.st_ino, about.st_mtime_ns, about.st_size)
-            lasting, held = sum(step.motion_frames for step in self.steps), min(map(len, found.values()), default=0)
+            lasting = sum(step.motion_frames for step in self.steps)
+            found = _read_arrays(self.files, lasting + MOST_FRAMES, about.st_ino, about.st_mtime_ns, about.st_size)
+            held = min(map(len, found.values()), default=0)
             if held < lasting:
                 raise ValueError(f"it holds {held} frames, and its steps last {lasting}")
             return {name: found[name] for name in names or sorted(found)}
@@ -188,13 +190,14 @@ def _verify(files: Folder, record: EpisodeRecord) -> None:
 
 
 @lru_cache(maxsize=1)
-def _read_arrays(files: Folder, number: int, changed: int, size: int) -> Mapping[str, Array]:
+def _read_arrays(files: Folder, most: int, number: int, changed: int, size: int) -> Mapping[str, Array]:
     """Read and check a motion.npz. Whoever scores or shows an episode asks for its arrays several times.
 
-    number, changed, size: inode, time and size of the file; a changed file is read again.
+    most: maximum frames, those of the steps and of one that broke off. number, changed, size: inode, time and size of
+    the file; a changed file is read again.
     """
     with files.open("motion.npz", MOTION_BYTES) as stream, zipfile.ZipFile(stream) as archive:
-        _check_arrays(archive)
+        _check_arrays(archive, most)
         stream.seek(0)
         data = np.load(stream)
         found = {name: data[name] for name in data.files}
@@ -203,9 +206,9 @@ def _read_arrays(files: Folder, number: int, changed: int, size: int) -> Mapping
     return found
 
 
-def _check_arrays(archive: zipfile.ZipFile) -> None:
+def _check_arrays(archive: zipfile.ZipFile, most: int) -> None:
     """Raise ValueError for an array of an unknown name or shape, one that differs from its header, arrays of different
-    lengths, and a total size above _LARGEST."""
+    lengths or more frames than most, and a total size above _LARGEST."""
     shapes = {member.filename: _shape(archive, member) for member in archive.infolist()}
     for name, shape in shapes.items():
         kind = _ARRAY.fullmatch(name)
@@ -213,6 +216,8 @@ def _check_arrays(archive: zipfile.ZipFile) -> None:
             raise ValueError(f"{name} {shape} is not an array of motion")
     if len({shape[0] for shape in shapes.values()}) > 1:
         raise ValueError("its arrays are of different lengths")
+    if any(shape[0] > most for shape in shapes.values()):
+        raise ValueError("it holds far more frames than its steps last")
     if sum(member.file_size for member in archive.infolist()) > _LARGEST:
         raise ValueError(f"its arrays are larger than {_LARGEST >> 20} MiB")
 
@@ -235,7 +240,9 @@ def _read_steps(files: Folder) -> Iterator[StepRecord]:
     with reading(path), suppress(FileNotFoundError):
         data = files.read(path.name, STEPS_BYTES)
     # str.splitlines would also break at characters that a model may write, such as U+2028.
-    for number, line in enumerate(data.split(b"\n")[:-1], 1):
+    for number, line in enumerate(io.BytesIO(data), 1):
+        if not line.endswith(b"\n"):
+            return
         step = _parse(line, f"{path}:{number}")
         if step.step != number - 1:
             raise RecordError(f"{path}:{number} holds step {step.step}: lines are missing or in another order.", AGAIN)

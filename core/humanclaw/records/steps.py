@@ -26,7 +26,7 @@ FORMAT: Literal[3] = 3
 Outcome = Literal["running", "stopped", "out_of_steps", "plugin_error", "infra_error", "limit_reached", "interrupted"]
 
 
-_MOST_FRAMES: Final = 100_000
+MOST_FRAMES: Final = 100_000
 """An hour in one step. No call lasts longer than seconds, but a step may hold a sequence of them."""
 
 
@@ -71,7 +71,7 @@ class StepRecord(Record):
     target_pixels: dict[int, int] = {}
     """Pixels of each target in the view before the decision."""
     frame_file: Annotated[str, Field(pattern=r"^(frames/[A-Za-z0-9_-][A-Za-z0-9._-]*)?$")] = ""
-    motion_frames: Annotated[int, Field(ge=0, le=_MOST_FRAMES)] = 0
+    motion_frames: Annotated[int, Field(ge=0, le=MOST_FRAMES)] = 0
     """Number of frames in motion.npz that belong to this step."""
     rise_frames: int = 0
     """Those of them in which the body first rose from a low pose, before it could step."""

@@ -6,6 +6,8 @@ import shutil
 import socket
 import threading
 import time
+import urllib.error
+import urllib.request
 from dataclasses import replace
 from pathlib import Path
 
@@ -493,6 +495,13 @@ def test_an_agent_at_a_url_plays_as_one_in_a_process_does(play, served):
     assert (status.done, steps[:2]) == (2, steps[2:])
     record = RecordedEpisode(there / "toy-0").record
     assert (record.agent, record.settings["apart"]) == ("own", {"agent": served})
+
+
+def test_a_page_in_a_browser_may_not_ask_the_agent(served):
+    told = json.dumps({"jsonrpc": "2.0", "id": 1, "method": "initialize", "params": {}}).encode()
+    head = {"Origin": "https://evil.example", "Content-Type": "text/plain"}
+    with pytest.raises(urllib.error.HTTPError, match="403"):
+        urllib.request.urlopen(urllib.request.Request(served, told, head), timeout=10)
 
 
 def test_a_url_that_does_not_answer_is_a_provider_that_failed(play):

@@ -236,7 +236,7 @@ def _pictures(recorded: RecordedEpisode, page: Path, *, inside: bool) -> dict[in
 
 def link(target: Path, page: Path) -> str:
     """Return the relative address of a file as seen from a page."""
-    return quote(Path(os.path.relpath(target.resolve(), page.resolve().parent)).as_posix())
+    return quote(Path(os.path.relpath(os.path.realpath(target), os.path.realpath(page.parent))).as_posix())
 
 
 def _film(files: Folder, page: Path) -> FilmView | None:

@@ -336,6 +336,13 @@ def test_the_end_of_a_run_of_the_benchmark_writes_its_pages(tmp_path: Path) -> N
     assert len(scripts) == 2
 
 
+def test_a_page_takes_the_place_of_a_link_to_itself(tmp_path):
+    record_episode(tmp_path / "couch-0")
+    (tmp_path / "page.html").symlink_to("page.html")
+    write_report(tmp_path / "couch-0", tmp_path / "page.html", lambda name: two_rooms())
+    assert not (tmp_path / "page.html").is_symlink()
+
+
 def test_a_link_among_the_views_is_refused_and_its_goal_not_on_the_page(tmp_path):
     record_episode(tmp_path / "couch-0")
     broken_off(tmp_path / "couch-0")

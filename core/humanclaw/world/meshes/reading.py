@@ -27,6 +27,8 @@ TEXT_BYTES: Final = 32 * MIB
 _BLANK_BYTES: Final = 256 * MIB
 _MOST: Final = 20_000_000
 """Maximum vertices and triangles of a model, copies included."""
+_PIECES: Final = 3000
+"""Maximum pieces of one material of a model in a file: trimesh takes seconds for more."""
 _LARGEST_PICTURE: Final = 8192 * 8192
 """Maximum pixels of a picture."""
 _WIDTHS: Final = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
@@ -73,9 +75,11 @@ def read_model(path: Path, data: bytes | None = None) -> list[Part]:
 
 
 def _check_kind(kind: str, data: bytes) -> None:
-    """Raise ValueError for an archive, and for a glTF file that asks for more memory than its data fill."""
+    """Raise ValueError for an archive, and for a model that asks for more memory or time than its size tells."""
     if kind not in KINDS:
         raise ValueError(f"models are {', '.join(KINDS)}")
+    if kind == "obj" and data.count(b"usemtl") > _PIECES:
+        raise ValueError(f"it has more than {_PIECES:,} pieces")
     if kind not in ("glb", "gltf"):
         return
     size = int.from_bytes(data[12:16], "little")
@@ -84,6 +88,20 @@ def _check_kind(kind: str, data: bytes) -> None:
     blank = [one for one in head.get("accessors", ()) if "bufferView" not in one]
     if sum(4 * one["count"] * _WIDTHS[one["type"]] for one in blank) > _BLANK_BYTES:
         raise ValueError(f"its arrays without data are larger than {_BLANK_BYTES // MIB} MiB")
+    _check_pieces(head)
+
+
+def _check_pieces(head: Any) -> None:
+    """Raise ValueError for a glTF file of too many pieces, or too many corners: pieces may share an array, and each
+    gets a copy."""
+    pieces = [piece for mesh in head.get("meshes", ()) for piece in mesh["primitives"]]
+    if len(pieces) > _PIECES:
+        raise ValueError(f"it has more than {_PIECES:,} pieces")
+    counts = [abs(one["count"]) for one in head.get("accessors", ())]
+    corners = sum(max(counts[key] for key in piece["attributes"].values()) for piece in pieces)
+    triangles = sum(counts[piece["indices"]] // 3 for piece in pieces if "indices" in piece)
+    if corners + triangles > _MOST:
+        raise ValueError(f"it holds more than {_MOST:,} vertices and triangles")
 
 
 def _check_size(scene: Any) -> None:

@@ -52,6 +52,9 @@ def server(sessions: Sessions, host: str, port: int) -> ThreadingHTTPServer:
         timeout = 60
 
         def do_POST(self) -> None:
+            if "Origin" in self.headers:  # A page in a browser: it would ask the agent, at its owner's cost.
+                self.send_error(403, "pages of a browser may not ask")
+                return
             try:
                 length = int(self.headers.get("Content-Length", ""))
                 request = json.loads(self.rfile.read(length)) if 0 <= length <= LARGEST else None
