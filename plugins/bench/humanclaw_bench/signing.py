@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from humanclaw import HumanclawError, RecordError
+from humanclaw.storage import read_file
 
 NAMESPACE: Final = "humanclaw"
 """Ties a signature to its purpose: one made for another is refused."""
@@ -20,13 +21,18 @@ def signer(path: Path, allowed: Path) -> str:
     """
     signature = path.absolute().with_name(f"{path.name}.sig")
     given = ["-s", str(signature), "-f", str(allowed.absolute())]
+    told = f"{path} is not signed by anybody in {allowed}."
+    refused = RecordError(told, f"Sign it with: ssh-keygen -Y sign -n {NAMESPACE} -f KEY {path}")
+    try:  # ssh-keygen would wait for a pipe forever.
+        content, _ = read_file(path, 96 << 20), read_file(signature, 1 << 20)
+    except OSError as error:
+        raise refused from error
     found = _keygen("find-principals", *given)
     name = found.stdout.decode("utf-8", "replace").partition("\n")[0]
     if found.returncode == 0 and name:
-        found = _keygen("verify", "-n", NAMESPACE, "-I", name, *given, content=path.read_bytes())
+        found = _keygen("verify", "-n", NAMESPACE, "-I", name, *given, content=content)
     if found.returncode != 0 or not name:
-        told = f"{path} is not signed by anybody in {allowed}."
-        raise RecordError(told, f"Sign it with: ssh-keygen -Y sign -n {NAMESPACE} -f KEY {path}")
+        raise refused
     return name
 
 

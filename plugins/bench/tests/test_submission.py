@@ -24,6 +24,7 @@ from humanclaw.records import EpisodeRecord, SkillInfo, write_episodes, write_re
 from humanclaw_bench import leaderboard, submission
 from humanclaw_bench.cli import bench
 from humanclaw_bench.integrity import split_digest
+from humanclaw_bench.signing import signer
 from humanclaw_bench.splits import load_split, repeated
 
 SAT = [
@@ -689,3 +690,12 @@ def test_no_other_signature_counts(run: Path, keys: Path, who: str, purpose: str
     done = invoke("verify", run, "--submission", path, "--signers", keys / "allowed")
     assert isinstance(done.exception, RecordError)
     assert "is not signed by anybody in" in str(done.exception)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs pipes")
+def test_a_pipe_in_the_place_of_a_signature_is_none(tmp_path):
+    (tmp_path / "one.json").write_text("{}")
+    (tmp_path / "allowed").write_text("")
+    os.mkfifo(tmp_path / "one.json.sig")
+    with pytest.raises(RecordError, match="is not signed by anybody"):
+        signer(tmp_path / "one.json", tmp_path / "allowed")
