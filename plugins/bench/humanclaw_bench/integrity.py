@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import json
+import re
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -220,17 +221,17 @@ class Journal:
     @classmethod
     def read(cls, run: Path) -> Journal:
         try:
-            lines = Folder(run).read(JOURNAL, LARGEST).splitlines()
+            text = Folder(run).read(JOURNAL, LARGEST)
         except FileNotFoundError:
-            lines = []
+            text = b""
         except OSError as error:
             raise RecordError(f"cannot read {run / JOURNAL}: {error.strerror}.", "Remove it.") from error
         ends: dict[str, list[End]] = defaultdict(list)
         starts: Counter[str] = Counter()
         continued: Counter[str] = Counter()
-        for line in lines:
+        for line in re.finditer(rb"[^\n]+", text):  # A list of lines of millions of empty ones would take gigabytes.
             with contextlib.suppress(ValueError, KeyError, TypeError, OverflowError, RecursionError):
-                told = json.loads(line)
+                told = json.loads(line[0])
                 if "from" in told:
                     (continued if told["from"] else starts)[str(told["episode"])] += 1
                 elif ended(str(told["outcome"]), str(told["limit"])):

@@ -6,6 +6,7 @@ HUMANCLAW_FUZZ=N tries everything at every path; without it, each path gets one 
 import os
 import shutil
 import signal
+import tracemalloc
 from itertools import cycle
 from pathlib import Path
 
@@ -17,6 +18,7 @@ from test_runner import TOY, Here
 from humanclaw import HumanclawError, Plugins
 from humanclaw.cli import build
 from humanclaw_bench.executors import LocalExecutor
+from humanclaw_bench.integrity import Journal
 from humanclaw_bench.runner import run_split
 from humanclaw_bench.worker import Job
 from humanclaw_report.watch import Watcher
@@ -163,3 +165,15 @@ def test_no_command_follows_reads_or_waits_for_what_a_stranger_plants(whole, plu
             wrong += planted(place, whole, name, plant, some, plugins)
             shutil.rmtree(place)
     assert wrong == []
+
+
+def test_a_journal_of_empty_lines_takes_no_more_memory_than_itself(tmp_path):
+    (tmp_path / "journal.jsonl").write_bytes(b"\n" * (8 << 20) + b'{"episode": "a", "from": 0}\n')
+    tracemalloc.start()
+    try:
+        found = Journal.read(tmp_path)
+        most = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert found.starts == {"a": 1}
+    assert most < 20 << 20
