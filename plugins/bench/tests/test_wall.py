@@ -27,6 +27,7 @@ from humanclaw_bench.runner import pilot_of, run_split
 from humanclaw_bench.splits import load_split
 from humanclaw_bench.submission import read
 from humanclaw_bench.wall.deciders import Wall
+from humanclaw_bench.wall.links import ProcessLink
 from humanclaw_bench.wall.serving import Sessions, server
 from humanclaw_bench.worker import Job
 
@@ -319,7 +320,14 @@ def test_an_agent_that_hangs_is_ended_by_the_time_limit(play, monkeypatch):
 
 def test_an_agent_that_stops_reading_is_ended_by_the_time_limit(play, monkeypatch):
     monkeypatch.setattr("humanclaw_bench.wall.deciders.GRACE", 0.2)
-    # It sleeps once it has answered, and a view with its history is more than a pipe holds.
+    # It sleeps once it has answered, before it is asked again; a view with its history is more than a pipe holds.
+    ask = ProcessLink.ask
+
+    def later(self, method, params, seconds=None):
+        time.sleep(0.3 if method == "decide" else 0.0)
+        return ask(self, method, params, seconds)
+
+    monkeypatch.setattr(ProcessLink, "ask", later)
     deaf = """
 import signal, threading
 class Mine(Agent):

@@ -69,10 +69,10 @@ def test_a_save_that_is_cut_short_leaves_the_old_checkpoint(base, tmp_path, monk
     save_adapter(path, Adapter(base.model, config), base.digest, Card())
     before = path.read_bytes()
 
-    def interrupted(self, target):
+    def interrupted(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(type(path), "replace", interrupted)
+    monkeypatch.setattr("os.replace", interrupted)
     with pytest.raises(KeyboardInterrupt):
         save_adapter(path, Adapter(base.model, config), "another", Card())
     assert path.read_bytes() == before
