@@ -12,7 +12,6 @@ from functools import cache
 from pathlib import Path
 from typing import Final
 from urllib.parse import urlsplit
-from urllib.request import url2pathname
 
 PUBLISHED: Final = False
 """Whether a package index has the distributions. The release sets it to True."""
@@ -70,6 +69,7 @@ def _pip() -> str:
 def _checkout() -> Path | None:
     """Return the folder from which the core was installed editable; None if it was installed from a wheel."""
     import importlib.metadata
+    from urllib.request import url2pathname  # It loads http, and only advice on installing needs it.
 
     told = json.loads(importlib.metadata.distribution("humanclaw").read_text("direct_url.json") or "{}")
     return Path(url2pathname(urlsplit(told["url"]).path)) if told.get("dir_info", {}).get("editable") else None
