@@ -5,6 +5,8 @@ python cut_short.py STEP base --data CHUNKS ...
 
 import sys
 
+import torch.distributed as dist
+
 from humanclaw_train import train, trainer
 
 
@@ -13,6 +15,8 @@ def main(step: int, arguments: list[str]) -> int:
 
     def interrupted(self, problem):
         if self.step == step:
+            if dist.is_initialized():
+                dist.barrier()  # One that leaves while another still talks to it may end in an abort.
             raise KeyboardInterrupt
         return advance(self, problem)
 
