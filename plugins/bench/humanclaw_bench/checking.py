@@ -13,9 +13,10 @@ from humanclaw.cli import counted, plugin_files
 from humanclaw.storage import write_result
 from humanclaw_bench import leaderboard as leaderboards, submission as submissions
 from humanclaw_bench.cli import PARTIAL, RUN
-from humanclaw_bench.integrity import RunFiles, check, is_told
+from humanclaw_bench.integrity import RunFiles, check, is_told, split_digest
 from humanclaw_bench.replay import Replayed, replayed, sample
 from humanclaw_bench.signing import signer
+from humanclaw_bench.splits import load_split
 
 F = TypeVar("F", bound=Callable[..., object])
 
@@ -127,10 +128,19 @@ def submit(run: Path, who: str, model_date: str, out: Path | None, partial: bool
 @click.option(
     "--any-pace", is_flag=True, help="Also rank runs whose calls move longer or faster than the paper's skills."
 )
+@click.option("--by", default="", metavar="NAME", help="Who plays recorded calls again, as the page names it.")
+@click.option("--hidden", type=RUN, metavar="FILE", help="Episodes of the hidden test, whose table is marked.")
 @replay_options
 @plugin_files
 def leaderboard(
-    folder: Path, any_pace: bool, again: int | None, seed: int | None, workers: int, files: tuple[Path, ...]
+    folder: Path,
+    any_pace: bool,
+    by: str,
+    hidden: Path | None,
+    again: int | None,
+    seed: int | None,
+    workers: int,
+    files: tuple[Path, ...],
 ) -> None:
     """Make index.html from the submissions in a folder.
 
@@ -140,4 +150,6 @@ def leaderboard(
     def played(run: Path) -> list[Replayed]:
         return _played_again(run, again or 0, seed, workers, files)
 
-    click.echo(leaderboards.leaderboard(folder, any_pace=any_pace, again=played if again else None))
+    test = split_digest(load_split(str(hidden))) if hidden else ""
+    checks = leaderboards.Checks(any_pace, played if again else None, by, test)
+    click.echo(leaderboards.leaderboard(folder, checks))

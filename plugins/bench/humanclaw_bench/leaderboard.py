@@ -36,6 +36,20 @@ Again = Callable[[Path], Sequence[Replayed]]
 
 
 @dataclass(frozen=True)
+class Checks:
+    """How the submissions are checked."""
+
+    any_pace: bool = False
+    """Whether to rank runs whose calls move longer or faster than the paper's skills too."""
+    again: Again | None = None
+    """Plays recorded calls again where the records lie here."""
+    by: str = ""
+    """Who plays them again, as the page names it."""
+    hidden: str = ""
+    """Digest of the hidden test; empty for none."""
+
+
+@dataclass(frozen=True)
 class Entry:
     """A submission on the page."""
 
@@ -47,16 +61,15 @@ class Entry:
     """Reason why it is not ranked; empty if it is."""
 
 
-def leaderboard(folder: Path, *, any_pace: bool = False, again: Again | None = None) -> Path:
+def leaderboard(folder: Path, checks: Checks = Checks()) -> Path:
     """Write index.html of all submissions in a folder, the best InteractSR first, and return its path.
 
     Each split has a table of submissions whose records lie here and agree, and one of submissions without records.
-    Partial, contradicted and damaged ones are listed apart. So are, without any_pace, runs whose calls move longer or
-    faster than the paper's skills. again: plays recorded calls again where the records lie here.
+    Partial, contradicted and damaged ones are listed apart. So are runs that are not at the paper's pace.
 
     Raises RecordError if there is no submission.
     """
-    found, unread = _entries(folder, any_pace, again)
+    found, unread = _entries(folder, checks)
     if not (found or unread):
         raise RecordError(f"there is no submission in {folder}.", "Put files of `humanclaw bench submit` there.")
     ranked: dict[tuple[str, int, bool], list[Entry]] = {}
@@ -64,19 +77,19 @@ def leaderboard(folder: Path, *, any_pace: bool = False, again: Again | None = N
         if not one.apart:
             split, told = str(one.submission.run.get("split", "")), not one.records.startswith(AGREE)
             ranked.setdefault((split, one.submission.asked, told), []).append(one)
-    body = "".join(_section(*key, entries) for key, entries in sorted(ranked.items()))
+    body = "".join(_section(*key, entries, checks.hidden) for key, entries in sorted(ranked.items()))
     body += _unranked([one for one in found if one.apart], unread)
     page = _PAGE.format(body=body, made=datetime.now(UTC).date().isoformat())
     Folder(folder).write("index.html", page.encode())
     return folder / "index.html"
 
 
-def _entries(folder: Path, any_pace: bool, again: Again | None) -> tuple[list[Entry], list[str]]:
+def _entries(folder: Path, checks: Checks) -> tuple[list[Entry], list[str]]:
     """Return the submissions of a folder, and the errors of files that could not be read."""
     found, unread = [], []
     for path in map(folder.joinpath, Folder(folder).names(".json")):
         try:
-            found.append(_entry(path, read(path), any_pace, again))
+            found.append(_entry(path, read(path), checks))
         except RecordError as error:
             unread.append(error.message)
         except Exception as error:  # A stranger's broken file must not hide the others.
@@ -84,7 +97,7 @@ def _entries(folder: Path, any_pace: bool, again: Again | None) -> tuple[list[En
     return found, unread
 
 
-def _entry(path: Path, one: Submission, any_pace: bool, again: Again | None) -> Entry:
+def _entry(path: Path, one: Submission, checks: Checks) -> Entry:
     """Check a submission against its records, if they lie here."""
     run = path.with_suffix("")
     here = run.is_dir() and not run.is_symlink()
@@ -98,20 +111,22 @@ def _entry(path: Path, one: Submission, any_pace: bool, again: Again | None) -> 
     one = _missed(one, run) if here else one
     missing = one.asked - _ended(one)
     apart = f"partial: {counted(missing, 'episode')} missing" if missing else ""
-    if not (apart or any_pace or all(result.scores.in_pace for result in one.episodes)):
+    if not (apart or checks.any_pace or all(result.scores.in_pace for result in one.episodes)):
         apart = f"not at the paper's pace ({_motion(one)}); --any-pace ranks it"
     if not here:
         return Entry(path.name, one, "not here", apart)
-    if again is None:
+    if checks.again is None:
         return Entry(path.name, one, AGREE, apart)
-    played = again(run)
+    played = checks.again(run)
     lies = [f"{each.episode}: {each.differing[0]}" for each in played if each.differing]
-    return Entry(path.name, one, _replayed(played), f"contradicted by playing again: {lies[0]}" if lies else apart)
+    apart = f"contradicted by playing again: {lies[0]}" if lies else apart
+    return Entry(path.name, one, _replayed(played, checks.by), apart)
 
 
-def _replayed(played: Sequence[Replayed]) -> str:
-    """Return the result of records that agree and were played again."""
+def _replayed(played: Sequence[Replayed], by: str) -> str:
+    """Return the result of records that agree and were played again. by: who did that."""
     same = f"{sum(map(Replayed.same, played))} of {counted(len(played), 'episode')} played again the same"
+    same += f" by {by}" if by else ""
     unknown = [f"{each.episode}: {each.incomparable}" for each in played if each.incomparable]
     return f"{_HALF} {same}: {unknown[0]}" if unknown else f"{AGREE}; {same}"
 
@@ -126,9 +141,9 @@ def _ended(one: Submission) -> int:
     return sum(result.scores.ended for result in one.episodes)
 
 
-def _section(split: str, asked: int, told: bool, entries: Sequence[Entry]) -> str:
+def _section(split: str, asked: int, told: bool, entries: Sequence[Entry], hidden: str) -> str:
     ordered = sorted(entries, key=lambda entry: _rank(entry.submission), reverse=True)
-    name = known_split(split, asked)[0] or "not one of the benchmark's"
+    name = "hidden test" if hidden and split == hidden else known_split(split, asked)[0] or "not one of the benchmark's"
     how = "as told: nobody here has the records" if told else "scored again from the records"
     return _table(f"{counted(asked, 'episode')}, split {split[:12]} ({name}), {how}", _TITLES, _rows(ordered))
 

@@ -9,7 +9,7 @@ from click.testing import CliRunner
 from test_wall import PLAIN, board, play  # noqa: F401
 
 from humanclaw import RecordedEpisode
-from humanclaw.records import write_record
+from humanclaw.records import write_episodes, write_record
 from humanclaw_bench.cli import bench
 from humanclaw_bench.replay import sample
 
@@ -121,5 +121,14 @@ def test_the_leaderboard_finds_what_the_motion_contradicts_without_a_simulator(p
 
 def test_the_leaderboard_plays_records_again_that_lie_beside_a_submission(play):  # noqa: F811
     _, folder = play(PLAIN, 2)
-    same = "agree; 2 of 2 episodes played again the same"
-    assert f"<span class='good'>{same}" in board(folder, "--replay", "--plugin", toy_world.FILE)
+    same = "agree; 2 of 2 episodes played again the same by the organisers"
+    page = board(folder, "--replay", "--by", "the organisers", "--plugin", toy_world.FILE)
+    assert f"<span class='good'>{same}" in page
+
+
+def test_the_leaderboard_marks_the_table_of_the_hidden_test(play):  # noqa: F811
+    _, folder = play(PLAIN, 2)
+    test = folder.parent / "test.jsonl"
+    write_episodes(test, [RecordedEpisode(folder / name).record.spec for name in ("toy-0", "toy-1")])
+    assert "(not one of the benchmark&#x27;s)" in board(folder)
+    assert "(hidden test)" in board(folder, "--hidden", test)
