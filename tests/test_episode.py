@@ -441,3 +441,22 @@ def test_an_episode_that_was_stopped_from_outside_says_so(body, spec):
     episode.stop()
     with pytest.raises(HumanclawError, match="stopped from outside"):
         episode.submit(STOP)
+
+
+@pytest.mark.parametrize("count", [0, 3])
+def test_an_agent_that_asks_sees_the_half_second_move(body, spec, count):
+    seen = []
+    agent = Agent(WALK)
+    agent.settings = {"views_between": count}
+    agent.decide = lambda observation, history: seen.append(observation) or WALK
+    run_episode(body, spec, agent)
+    assert [len(one.between) for one in seen] == [0, *[count] * 3]
+    assert len({*seen[1].between, *seen[2].between}) == 2 * count, "no view twice"
+
+
+@pytest.mark.parametrize("count", [-1, 15, 1.5, "3"])
+def test_an_odd_number_of_views_is_the_agents_error(body, spec, count):
+    agent = Agent(WALK)
+    agent.settings = {"views_between": count}
+    record = run_episode(body, spec, agent)
+    assert (record.outcome, "a whole number from 0 to 14" in record.error) == ("plugin_error", True)

@@ -202,6 +202,14 @@ class Body:
         seen = self._renderer.render(self._state, ego_camera(self._state.body, gaze=self.gaze))
         return View(_fixed(seen.rgb), _fixed(seen.depth), _fixed(seen.ids))
 
+    def views_during(self, chunk: Chunk, count: int) -> Iterator[View]:
+        """Render `count` views, evenly spaced, of the half second that the body has just moved; the last frame is not
+        among them."""
+        for frame in np.linspace(0, FUTURE, count + 1, endpoint=False, dtype=int)[1:]:
+            body, paths = chunk.execution.simulated[frame : frame + 1], chunk.execution.objects
+            objects = {**self._state.objects, **{key: path[frame] for key, path in paths.items()}}
+            yield self._renderer.render(WorldState(body, objects), ego_camera(body, gaze=self.gaze))
+
     def observe(self, instruction: str = "", feedback: Feedback | None = None) -> Observation:
         """Return the view, and the feedback of the last call."""
         return Observation(self.step, instruction, self.view().rgb, feedback or Feedback())

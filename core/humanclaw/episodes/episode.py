@@ -109,6 +109,7 @@ class Episode:
         self._panel.begin(context, self._privileged)
         self._recording = Recording(body, record, folder)
         self._history = History(_QUALITY)
+        self._between: list[bytes] = []
         self._feedback, self._step = Feedback(), Step(0)
         self._stopping = self._cancelling = False
         with self._closing():
@@ -254,7 +255,8 @@ class Episode:
         return step.view
 
     def _seen(self, view: View, feedback: Feedback) -> Observation:
-        return Observation(len(self._recording.steps), self.spec.instruction, view.rgb, feedback, self._step.jpeg)
+        told, between = (self.spec.instruction, view.rgb, feedback, self._step.jpeg), tuple(self._between)
+        return Observation(len(self._recording.steps), *told, between)
 
     def _question(self) -> None:
         """Begin the account of one question to a model. Raises LimitError if a limit has been crossed."""
@@ -302,14 +304,16 @@ class Episode:
         before = self.body.state()
         if self._stops(call):
             return self._measure(before, call, verdict)
-        self._cancelling = False
+        self._cancelling, self._between = False, []
         done = self.body.execute(call, self._watch)
         self._recording.move(done.chunks)
         self._step.seconds |= done.seconds
         return self._measure(before, call, verdict, done)
 
     def _watch(self, chunk: Chunk) -> bool:
-        """Call the observers of a chunk. Returns whether the call goes on."""
+        """Call the observers of a chunk, and keep views for an agent that asks. Returns whether the call goes on."""
+        if count := self._panel.views_between:
+            self._between += [jpeg(view.rgb, _QUALITY) for view in self.body.views_during(chunk, count)]
         self.body.plugins.tell("humanclaw_chunk", episode=self.record, step=len(self._recording.steps), chunk=chunk)
         return not (self._cancelling or self._stopping)
 

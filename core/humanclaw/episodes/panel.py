@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import reprlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
+from humanclaw.body.pose import FUTURE
 from humanclaw.errors import ANSWERING, CallError, PluginError, PluginRunError, blaming, in_words
 from humanclaw.plugins.agents import Agent, EpisodeContext, HistoryEntry, Observation, Verifier
 from humanclaw.plugins.deciders import StandIn, admit, is_privileged, name_of, origin, settings_of
@@ -33,6 +35,8 @@ class Panel:
         self.privileged = {role: self._is_privileged(one) for role, one in self._present().items()}
         self.settings = {"agent": self._settings(agent), "verifier": self._settings(verifier)}
         """Settings of agent and verifier; empty if asking for them failed."""
+        self.views_between = self._views_between()
+        """Number of views of each half second that the agent asks for."""
         self.packages = {origin(one) for one in self._present().values()}
         apart = [one.versions for one in self._present().values() if isinstance(one, StandIn)]
         self.versions = {name: found for versions in apart for name, found in versions.items()}
@@ -102,6 +106,14 @@ class Panel:
         with self.noting():
             return settings_of(decider)
         return {}
+
+    def _views_between(self) -> int:
+        asked = self.settings["agent"].get("views_between", 0)
+        with self.noting(), blaming(origin(self.agent)):
+            if not isinstance(asked, int) or not 0 <= asked < FUTURE:
+                raise TypeError(f"views_between is a whole number from 0 to {FUTURE - 1}; got {reprlib.repr(asked)}")
+            return asked
+        return 0
 
     def _name(self, decider: Decider | str | None) -> str:
         if decider is None or isinstance(decider, str):

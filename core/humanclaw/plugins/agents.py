@@ -78,6 +78,8 @@ class Observation:
     """Outcome of the last step, or the reason why the last answer was refused; str() gives words."""
     jpeg: bytes = field(default=b"", repr=False)
     """The view as the record keeps it; empty if nothing is recorded."""
+    between: tuple[bytes, ...] = field(default=(), repr=False)
+    """JPEGs of views during the last call, oldest first, if the agent's settings ask for them; otherwise empty."""
 
     def __repr__(self) -> str:
         """Return one line, without the pixels."""
@@ -147,8 +149,9 @@ class Agent(Protocol):
     """Anything that can call a tool: a model, a person, a script.
 
     Optional attributes. settings: a mapping that JSON can hold, with the defaults filled in. The record keeps it, and
-    an option that is not among its keys is refused. at_terminal: if true, a person decides at the terminal, and the
-    progress lines there leave out what only the scene knows.
+    an option that is not among its keys is refused. A number under its key `views_between`, up to 14, asks for so many
+    views of each half second that the body moves (Observation.between); models are shown none. at_terminal: if true,
+    a person decides at the terminal, and the progress lines there leave out what only the scene knows.
     """
 
     name: str

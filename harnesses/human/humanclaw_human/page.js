@@ -5,7 +5,7 @@
 /** @typedef {{name: string, description: string, minimum?: number, maximum?: number, value: number}} Parameter */
 /** @typedef {{name: string, description: string, parameters: Parameter[]}} Skill */
 /** @typedef {{leave: string, keys: Record<string, string>, words: Record<string, string>, skills: Skill[]}} Controls */
-/** @typedef {{step: number, of: number, instruction: string, feedback: string, past: [string, string][]}} Moment */
+/** @typedef {{step: number, of: number, instruction: string, feedback: string, past: [string, string][], between: number}} Moment */
 
 {
   const at = (/** @type {string} */ id) => /** @type {HTMLElement} */ (document.getElementById(id));
@@ -41,9 +41,20 @@
     }));
   }
 
+  /** Show the half second that led here, at its own speed, and then the view. @param {Moment} now */
+  function move(now) {
+    const view = /** @type {HTMLImageElement} */ (at("view")), still = matchMedia("(prefers-reduced-motion: reduce)").matches;
+    const moving = still ? [] : Array.from({ length: now.between }, (_, k) => `between-${k}.jpg`);
+    [...moving, "view.jpg"].forEach((name, k, all) => {
+      const frame = new Image(); // Loaded ahead, so that each one appears in time.
+      frame.src = `${name}?${now.step}-${Date.now()}`;
+      setTimeout(() => (view.src = frame.src), (500 * (k + 1)) / all.length);
+    });
+  }
+
   /** @param {Moment} now */
   function show(now) {
-    /** @type {HTMLImageElement} */ (at("view")).src = `view.jpg?${now.step}-${Date.now()}`;
+    move(now);
     at("instruction").textContent = now.instruction;
     at("step").textContent = `Step ${now.step} of ${now.of}`;
     at("feedback").textContent = now.feedback;

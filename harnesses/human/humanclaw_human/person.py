@@ -38,6 +38,8 @@ class Settings(BaseModel):
     """Whether to open the page in the browser."""
     port: int = Field(0, ge=0, le=65535)
     """Port of the page; 0 for any free port."""
+    views_between: int = Field(6, ge=0, le=14)
+    """Views that the page shows of each half second of motion. A model sees none, so the record tells their number."""
 
     @classmethod
     def of(cls, options: Mapping[str, Any]) -> Settings:
@@ -46,7 +48,7 @@ class Settings(BaseModel):
             return cls(**options)
         except ValidationError as error:
             raise HumanclawError(
-                f"--option {first_fault(error)}.", "A person's options are browser and port."
+                f"--option {first_fault(error)}.", "A person's options are browser, port and views_between."
             ) from None
 
 
@@ -82,7 +84,7 @@ class Person:
         assert self._window is not None
         past = tuple((str(entry.executed or "no call"), str(entry.feedback)) for entry in history)
         told = (observation.instruction, str(observation.feedback), past)
-        self._window.show(observation.rgb, Moment(observation.step, self._most, *told))
+        self._window.show(observation.rgb, Moment(observation.step, self._most, *told, observation.between))
         if observation.feedback:
             click.echo(str(observation.feedback))
         while True:

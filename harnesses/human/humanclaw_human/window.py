@@ -41,6 +41,8 @@ class Moment:
     feedback: str = ""
     past: tuple[tuple[str, str], ...] = ()
     """Calls so far, each with its result."""
+    between: tuple[bytes, ...] = ()
+    """JPEGs of the motion that led here, oldest first."""
 
 
 @dataclass(frozen=True)
@@ -74,6 +76,7 @@ class Window:
         submit: gets the line of a call, or None if the person leaves. check: raises CallError for an invalid line.
         """
         self._picture = b""
+        self._between: Sequence[bytes] = ()
         self._state: dict[str, Any] = {"step": -1}
         self._submit, self._check, self._controls = submit, check, controls
         self.visited = False
@@ -104,7 +107,8 @@ class Window:
     def show(self, rgb: NDArray[np.uint8], moment: Moment) -> None:
         """Show text and an (H, W, 3) picture, as the JPEG that a model gets; then accept one call."""
         self._picture = jpeg(rgb)
-        self._state = asdict(moment)
+        self._between = moment.between
+        self._state = asdict(moment) | {"between": len(moment.between)}
         self.settle()
         self._asking.release()
 
@@ -179,7 +183,8 @@ class Window:
             return self._page(), "text/html; charset=utf-8"
         if path == "state":
             return json.dumps(self._state).encode(), "application/json"
-        return (self._picture, "image/jpeg") if path == "view.jpg" else (b"", "text/plain")
+        pictures = {"view.jpg": self._picture} | {f"between-{k}.jpg": one for k, one in enumerate(self._between)}
+        return (pictures[path], "image/jpeg") if path in pictures else (b"", "text/plain")
 
     def _page(self) -> bytes:
         """Return page, style, script and controls as one document."""

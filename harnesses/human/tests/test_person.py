@@ -82,11 +82,13 @@ def test_a_person_is_asked_again_until_the_line_is_a_call(skills, capsys):
 def test_the_view_is_served_to_this_machine_with_the_words_of_the_step():
     window = Window()
     try:
-        window.show(PICTURE, Moment(3, 100, "Find a chair.", "You walked.", (("turn", "You turned."),)))
+        past, between = (("turn", "You turned."),), (b"first", b"second")
+        window.show(PICTURE, Moment(3, 100, "Find a chair.", "You walked.", past, between))
         assert json.load(urlopen(window.address + "state")) == {
             "step": 3, "of": 100, "instruction": "Find a chair.", "feedback": "You walked.",
-            "past": [["turn", "You turned."]],
+            "past": [["turn", "You turned."]], "between": 2,
         }  # fmt: skip
+        assert [urlopen(window.address + f"between-{k}.jpg").read() for k in range(2)] == [b"first", b"second"]
         assert urlopen(window.address + "view.jpg?3").read() == jpeg(PICTURE), "what a model would be shown"
         assert b"<img" in urlopen(window.address).read()
         with pytest.raises(HTTPError, match="404"):
@@ -254,5 +256,5 @@ def test_the_end_of_the_input_interrupts_the_episode(skills, monkeypatch):
 
 
 def test_an_option_of_a_model_is_no_option_of_a_person():
-    with pytest.raises(HumanclawError, match="browser and port"):
+    with pytest.raises(HumanclawError, match="browser, port and views_between"):
         Settings.of({"history": 10})

@@ -98,14 +98,16 @@ def _unplayable(params: Mapping[str, Any]) -> Plan:
 def seen(observation: Observation) -> Json:
     """Return an observation: step, picture, and the outcome of the last step as values and in words."""
     told, view = observation.feedback, observation.jpeg or jpeg(observation.rgb, QUALITY)
-    return {"step": observation.step, "content": [image(view)], "feedback": to_json(told), "text": str(told)}
+    found = {"step": observation.step, "content": [image(view)], "feedback": to_json(told), "text": str(told)}
+    return found | ({"between": [image(one) for one in observation.between]} if observation.between else {})
 
 
 def observation_of(told: Mapping[str, Any], instruction: str) -> Observation:
     """Return the observation of a message."""
     view = picture(told["content"])
     feedback = from_json(Feedback, told.get("feedback", {}))
-    return Observation(int(told["step"]), instruction, from_jpeg(view), feedback, view)
+    between = tuple(picture([one]) for one in told.get("between", ()))
+    return Observation(int(told["step"]), instruction, from_jpeg(view), feedback, view, between)
 
 
 def past(entries: Sequence[HistoryEntry], shown: int) -> list[Json]:
