@@ -18,6 +18,15 @@ if TYPE_CHECKING:
         plugin_options as plugin_options,
         scene_option as scene_option,
     )
+    from humanclaw.cli.serving import (
+        BACKLOG as BACKLOG,
+        CONNECTIONS as CONNECTIONS,
+        HOST as HOST,
+        REQUEST_SECONDS as REQUEST_SECONDS,
+        Handler as Handler,
+        Server as Server,
+        listening as listening,
+    )
     from humanclaw.cli.tables import show_markdown as show_markdown
     from humanclaw.cli.terminal import Console as Console
     from humanclaw.text.words import counted as counted, legible as legible

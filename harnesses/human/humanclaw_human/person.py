@@ -16,7 +16,7 @@ from typing import Any, Final, TextIO
 import click
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from humanclaw import CallError, Decision, EpisodeContext, HistoryEntry, HumanclawError, Observation, PluginError, Skill
+from humanclaw import CallError, Decision, EpisodeContext, HistoryEntry, HumanclawError, Observation, Skill
 from humanclaw.records import first_fault
 from humanclaw_human.commands import forms, in_words, keys, manual, parse
 from humanclaw_human.window import Controls, Moment, Window
@@ -150,12 +150,7 @@ def _opened(
     """Return the page, the file that leads to it, and what closes both."""
     lines, closing = keys(skills), ExitStack()
     controls = Controls(lines, in_words(lines, skills), forms(skills))
-    try:
-        window = Window(settings.port, submit, lambda line: parse(line, skills), controls)
-    except OSError as error:
-        raise PluginError(
-            f"the view cannot be served on port {settings.port}: {error.strerror}.", "Choose another --option port=N."
-        ) from error
+    window = Window(settings.port, submit, lambda line: parse(line, skills), controls)
     closing.callback(window.close)
     link = closing.enter_context(window.link())
     if settings.browser:

@@ -9,7 +9,7 @@ import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from http import HTTPStatus
 from importlib import resources
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanclaw import CallError
+from humanclaw.cli import Handler, Server
 from humanclaw.storage import jpeg
 
 _LONGEST: Final = 4000
@@ -71,7 +72,7 @@ class Window:
         check: Callable[[str], object] = lambda line: None,
         controls: Controls = NO_CONTROLS,
     ) -> None:
-        """Start the server; port 0 takes any free port. Raises OSError if the port is taken.
+        """Start the server; port 0 takes any free port. Raises HumanclawError if it is taken.
 
         submit: gets the line of a call, or None if the person leaves. check: raises CallError for an invalid line.
         """
@@ -84,8 +85,7 @@ class Window:
         self._asking = threading.Lock()
         """Free while the page may submit a call. It is held while the body moves, so that keys have no effect then."""
         self._asking.acquire()  # No episode has begun yet.
-        self._server = ThreadingHTTPServer(("127.0.0.1", port), self._handler())
-        self._server.daemon_threads = True
+        self._server = Server(self._handler(), port)
         threading.Thread(target=self._server.serve_forever, daemon=True).start()
 
     @property
@@ -120,63 +120,44 @@ class Window:
         self._server.shutdown()
         self._server.server_close()
 
-    def _handler(self) -> type[BaseHTTPRequestHandler]:
+    def _handler(self) -> type[Handler]:
         window = self
 
-        class Handler(BaseHTTPRequestHandler):
-            def do_GET(self) -> None:
-                if self._is_ours():
+        class Asked(Handler):
+            def get(self) -> None:
+                if (place := self._place()) is not None:
                     window.visited = True
-                    content, kind = window._content(self._resource())
-                    self._answer(200 if content else 404, content, kind)
+                    content, kind = window._content(place)
+                    self.answer(HTTPStatus.OK if content else HTTPStatus.NOT_FOUND, content, kind)
 
-            def do_POST(self) -> None:
-                if self._is_ours():
-                    told = self.headers.get("Content-Length", "")
-                    length = int(told) if told.isdecimal() and len(told) < 9 else 0
-                    line = self.rfile.read(length).decode("utf-8", "replace") if 0 < length < _LONGEST else ""
-                    code, words = window._press(line) if self._resource() == "call" else (404, "")
-                    self._answer(code, words.encode(), "text/plain; charset=utf-8")
+            def post(self) -> None:
+                line = self.body(_LONGEST).decode("utf-8", "replace")
+                if (place := self._place()) is not None:
+                    code, words = window._press(line) if place == "call" else (HTTPStatus.NOT_FOUND, "")
+                    self.answer(code, words.encode())
 
-            def _resource(self) -> str:
-                return self.path.split("?")[0].split("/", 2)[2]
-
-            def _is_ours(self) -> bool:
-                """Answer only to host names of this machine, against DNS rebinding, and to those who know the
-                secret."""
-                port, parts = window._server.server_port, self.path.split("/", 2)
-                if self.headers.get("Host") not in (f"127.0.0.1:{port}", f"localhost:{port}"):
-                    self._answer(421)
+            def _place(self) -> str | None:
+                """Return the path behind the secret; refuse who does not know it."""
+                secret, place = (*self.path.split("?")[0].split("/", 2), "", "")[1:3]
                 # Takes the same time for every wrong secret, so that nothing can be learned from it.
-                elif len(parts) < 3 or not hmac.compare_digest(parts[1].encode(), _SECRET.encode()):
-                    self._answer(403)
-                else:
-                    return True
-                return False
+                if hmac.compare_digest(secret.encode(), _SECRET.encode()):
+                    return place
+                self.answer(HTTPStatus.FORBIDDEN)
+                return None
 
-            def _answer(self, code: int, content: bytes = b"", kind: str = "text/plain") -> None:
-                self.send_response(code)
-                self.send_header("Content-Type", kind)
-                self.send_header("Content-Length", str(len(content)))
-                self.end_headers()
-                self.wfile.write(content)
+        return Asked
 
-            def log_message(self, format: str, *args: Any) -> None:  # noqa: A002
-                """Log nothing: the terminal belongs to the person."""
-
-        return Handler
-
-    def _press(self, line: str) -> tuple[int, str]:
+    def _press(self, line: str) -> tuple[HTTPStatus, str]:
         """Submit a line; return HTTP status and message."""
         try:
             if line != LEAVE:
                 self._check(line)
         except CallError as error:
-            return 400, str(error)
+            return HTTPStatus.BAD_REQUEST, str(error)
         if not self._asking.acquire(blocking=False):
-            return 409, "The body still moves."
+            return HTTPStatus.CONFLICT, "The body still moves."
         self._submit(None if line == LEAVE else " ".join(line.split()))
-        return 204, ""
+        return HTTPStatus.NO_CONTENT, ""
 
     def _content(self, path: str) -> tuple[bytes, str]:
         if not path:

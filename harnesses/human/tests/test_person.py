@@ -97,16 +97,6 @@ def test_the_view_is_served_to_this_machine_with_the_words_of_the_step():
         window.close()
 
 
-@pytest.mark.parametrize(
-    ("host", "status"),
-    [("127.0.0.1:{}", 200), ("localhost:{}", 200), ("evil.example:{}", 421), ("127.0.0.1", 421), ("", 421)],
-)
-def test_only_names_of_this_machine_are_answered(window, host, status):
-    port = urlsplit(window.address).port
-    asked = Request(window.address + "state", headers={"Host": host.format(port)})
-    assert answered(asked) == status
-
-
 @pytest.fixture
 def pressed():
     return []

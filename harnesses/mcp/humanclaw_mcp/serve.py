@@ -9,6 +9,7 @@ import signal
 import socket
 import sys
 from collections.abc import Callable
+from contextlib import ExitStack
 from typing import Final
 
 import anyio
@@ -25,23 +26,16 @@ from starlette.routing import Route
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
-from humanclaw import HumanclawError
+from humanclaw.cli import BACKLOG, CONNECTIONS, HOST, REQUEST_SECONDS, listening
 from humanclaw_mcp.bodies import Bodies
 from humanclaw_mcp.events import SessionManager
 from humanclaw_mcp.handlers import Handlers
 from humanclaw_mcp.server import make_server
 from humanclaw_mcp.settings import SESSION_HEADER, SESSIONS
 
-HOST: Final = "127.0.0.1"
 PATH: Final = "/mcp"
 _BODY_BYTES: Final = 256 * 1024
 """Longest request, bytes: a request holds a call and no file."""
-CONNECTIONS: Final = 128
-"""Maximum open connections, idle ones included: together with _BACKLOG far below the usual 1,024 open files."""
-REQUEST_SECONDS: Final = 10.0
-"""Maximum seconds from the first byte of a request, or from the connection, to the last byte."""
-_BACKLOG: Final = 64
-"""Connections that the system keeps until they are accepted; one turn of the loop accepts all of them."""
 _RETRY: Final = 1000
 """Milliseconds after which a client should resume a stream that was cut."""
 
@@ -71,19 +65,21 @@ async def _end_by_signal(bodies: Bodies) -> None:
 
 async def serve_http(handlers: Handlers, port: int, announce: Callable[[str], None] = lambda url: None) -> None:
     """Serve until interrupted. announce: gets the URL. Raises HumanclawError if the port is taken."""
-    with _listen(port) as listening:
-        number = listening.getsockname()[1]
+    with ExitStack() as opened:
+        with listening(port):
+            taken = opened.enter_context(socket.create_server((HOST, port), backlog=BACKLOG))
+        number = taken.getsockname()[1]
         config = uvicorn.Config(
             http_app(handlers, number),
             log_level="warning",
             access_log=False,
             timeout_graceful_shutdown=2,
             http=_Bounded,
-            backlog=_BACKLOG,
+            backlog=BACKLOG,
         )
         announce(f"http://{HOST}:{number}{PATH}")
         try:
-            await uvicorn.Server(config).serve(sockets=[listening])
+            await uvicorn.Server(config).serve(sockets=[taken])
         finally:
             with anyio.CancelScope(shield=True):
                 await handlers.bodies.close()
@@ -171,16 +167,3 @@ class _ReleasesBodies:
         if accepted and scope.get("method") == "DELETE":
             headers = dict(scope["headers"])
             await self._bodies.release(headers.get(SESSION_HEADER.encode(), b"").decode("latin-1"))
-
-
-def _listen(port: int) -> socket.socket:
-    listening = socket.socket()
-    listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-    try:
-        listening.bind((HOST, port))
-    except OSError as error:
-        listening.close()
-        reason = f"cannot listen on port {port} of {HOST}: {error.strerror}."
-        raise HumanclawError(reason, "Name another with --port; 0 picks a free one.") from error
-    listening.listen(_BACKLOG)
-    return listening

@@ -6,8 +6,6 @@ import shutil
 import socket
 import threading
 import time
-import urllib.error
-import urllib.request
 from dataclasses import replace
 from pathlib import Path
 
@@ -505,13 +503,6 @@ def test_an_agent_at_a_url_plays_as_one_in_a_process_does(play, served):
     assert (record.agent, record.settings["apart"]) == ("own", {"agent": served})
 
 
-def test_a_page_in_a_browser_may_not_ask_the_agent(served):
-    told = json.dumps({"jsonrpc": "2.0", "id": 1, "method": "initialize", "params": {}}).encode()
-    head = {"Origin": "https://evil.example", "Content-Type": "text/plain"}
-    with pytest.raises(urllib.error.HTTPError, match="403"):
-        urllib.request.urlopen(urllib.request.Request(served, told, head), timeout=10)
-
-
 def test_a_url_that_does_not_answer_is_a_provider_that_failed(play):
     status, _ = play(PLAIN, agent_url="http://127.0.0.1:9/")
     assert (status.done, status.failed) == (0, 1)
@@ -536,7 +527,6 @@ def test_a_server_that_answers_a_byte_at_a_time_is_ended_by_the_time_limit(monke
 
 
 def test_a_server_refuses_what_is_no_request(served):
-    import urllib.error
     import urllib.request
 
     with pytest.raises(urllib.error.HTTPError, match="400"):

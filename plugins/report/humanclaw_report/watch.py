@@ -8,12 +8,12 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from http import HTTPStatus
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any, Final
 from urllib.parse import unquote, urlsplit
 
 from humanclaw import EpisodeRecord, RecordedEpisode, RecordError, Scene, StepRecord
+from humanclaw.cli import Handler, Server
 from humanclaw.records import FRAME_BYTES, RECORD_BYTES, STEPS_BYTES
 from humanclaw.storage import Folder
 from humanclaw_report.episode_page import environment
@@ -28,7 +28,6 @@ LIVE: Final = 4
 _NAME: Final = r"[A-Za-z0-9_-][A-Za-z0-9._-]*"
 _FRAME: Final = re.compile(rf"/frame/({_NAME})/({_NAME}\.jpg)")
 _MAP: Final = re.compile(rf"/map/({_NAME})")
-_OWN: Final = re.compile(r"(127\.0\.0\.1|localhost|\[::1\])(:\d+)?")
 
 
 @dataclass
@@ -115,67 +114,44 @@ def _row(folder: Folder) -> dict[str, Any] | None:
     }
 
 
-def server(watcher: Watcher, port: int = 0) -> ThreadingHTTPServer:
-    """Return a server of a run on the loopback interface; shutdown() ends it. port: 0 picks a free one."""
-    made = ThreadingHTTPServer(("127.0.0.1", port), _handler(watcher))
-    made.daemon_threads = True
-    return made
+def server(watcher: Watcher, port: int = 0) -> Server:
+    """Return a server of a run on the loopback interface; shutdown() ends it. port: 0 picks a free one.
 
+    Raises HumanclawError.
+    """
 
-def _handler(watcher: Watcher) -> type[BaseHTTPRequestHandler]:
-    class Handler(BaseHTTPRequestHandler):
-        protocol_version = "HTTP/1.1"
-
-        def do_GET(self) -> None:
-            try:
-                self._answer()
-            except OSError:
-                # The page was closed, or the file vanished while it was sent.
-                self.close_connection = True
-
-        def _answer(self) -> None:
-            if not _OWN.fullmatch(self.headers.get("Host", "")):
-                # DNS rebinding: a foreign page could point its own host name at this address.
-                self._send(b"", "text/plain", HTTPStatus.FORBIDDEN)
-                return
+    class Asked(Handler):
+        def get(self) -> None:
             path = unquote(urlsplit(self.path).path)
-            if path == "/":
-                page = environment().get_template("watch.html").render(title=watcher.folder.resolve().name)
-                self._send(page.encode(), "text/html; charset=utf-8")
-            elif path == "/events":
+            if path == "/events":
                 self._events()
-            elif match := _FRAME.fullmatch(path):
-                self._send(watcher.frame(*match.groups()), "image/jpeg")
-            elif match := _MAP.fullmatch(path):
-                self._send(watcher.drawn(match[1]).encode(), "text/html; charset=utf-8")
-            else:
-                self._send(b"", "text/plain")
-
-        def _send(self, body: bytes, kind: str, status: HTTPStatus = HTTPStatus.OK) -> None:
-            self.send_response(status if body or status != HTTPStatus.OK else HTTPStatus.NOT_FOUND)
-            self.send_header("Content-Type", kind)
-            self.send_header("Content-Length", str(len(body)))
-            self.send_header("X-Content-Type-Options", "nosniff")
-            self.end_headers()
-            self.wfile.write(body)
+                return
+            content, kind = _content(watcher, path)
+            self.answer(HTTPStatus.OK if content else HTTPStatus.NOT_FOUND, content, kind)
 
         def _events(self) -> None:
             """Send the state each time it changes, until the page is closed."""
             self.send_response(HTTPStatus.OK)
             self.send_header("Content-Type", "text/event-stream")
             self.send_header("Cache-Control", "no-store")
-            self.send_header("Connection", "close")
             self.end_headers()
-            self.close_connection = True
             told = ""
             while True:
                 state = json.dumps(watcher.state())
                 # A comment line is sent if nothing changed: only a failed write reveals a closed page.
                 self.wfile.write(f"data: {state}\n\n".encode() if state != told else b": still here\n\n")
-                self.wfile.flush()
                 told = state
                 time.sleep(SECONDS)
 
-        def log_message(self, *args: Any) -> None: ...
+    return Server(Asked, port)
 
-    return Handler
+
+def _content(watcher: Watcher, path: str) -> tuple[bytes, str]:
+    """Return what lies at a path, and its media type; nothing if there is nothing."""
+    if path == "/":
+        page = environment().get_template("watch.html").render(title=watcher.folder.resolve().name)
+        return page.encode(), "text/html; charset=utf-8"
+    if match := _FRAME.fullmatch(path):
+        return watcher.frame(*match.groups()), "image/jpeg"
+    match = _MAP.fullmatch(path)
+    return watcher.drawn(match[1]).encode() if match else b"", "text/html; charset=utf-8"

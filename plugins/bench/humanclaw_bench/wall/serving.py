@@ -5,10 +5,11 @@ from __future__ import annotations
 import json
 import threading
 from collections import OrderedDict
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from typing import Any, Final
+from http import HTTPStatus
+from typing import Final
 
 from humanclaw import Plugins
+from humanclaw.cli import Handler, Server
 from humanclaw_bench.wall.links import LARGEST
 from humanclaw_bench.wall.messages import Json
 from humanclaw_bench.wall.session import Session
@@ -45,32 +46,21 @@ class Sessions:
         return found
 
 
-def server(sessions: Sessions, host: str, port: int) -> ThreadingHTTPServer:
-    """Return a server of these sessions; port 0 chooses a free one."""
+def server(sessions: Sessions, host: str, port: int) -> Server:
+    """Return a server of these sessions; port 0 chooses a free one. Raises HumanclawError."""
 
-    class Handler(BaseHTTPRequestHandler):
-        timeout = 60
+    class Asked(Handler):
+        timeout = 60.0
+        """Seconds for a request: it may hold megabytes of pictures, and come from another machine."""
 
-        def do_POST(self) -> None:
-            if "Origin" in self.headers:  # A page in a browser: it would ask the agent, at its owner's cost.
-                self.send_error(403, "pages of a browser may not ask")
-                return
+        def post(self) -> None:
             try:
-                length = int(self.headers.get("Content-Length", ""))
-                request = json.loads(self.rfile.read(length)) if 0 <= length <= LARGEST else None
+                request = json.loads(self.body(LARGEST))
             except (ValueError, RecursionError):
                 request = None
-            if not isinstance(request, dict) or not isinstance(request.get("params", {}), dict):
-                self.send_error(400, "expected one JSON-RPC request")
-                return
-            body = json.dumps(sessions.answer(request)).encode()
-            self.send_response(200)
-            self.send_header("Content-Type", "application/json")
-            self.send_header("Content-Length", str(len(body)))
-            self.end_headers()
-            self.wfile.write(body)
+            if isinstance(request, dict) and isinstance(request.get("params", {}), dict):
+                self.answer(HTTPStatus.OK, json.dumps(sessions.answer(request)).encode(), "application/json")
+            else:
+                self.answer(HTTPStatus.BAD_REQUEST, b"expected one JSON-RPC request")
 
-        def log_message(self, *args: Any) -> None:
-            """Stay silent: an episode has hundreds of requests."""
-
-    return ThreadingHTTPServer((host, port), Handler)
+    return Server(Asked, port, host)

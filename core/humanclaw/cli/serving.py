@@ -1,0 +1,140 @@
+"""What every server of ours holds to: bounded connections, bounded time for a request, and who is answered."""
+
+from __future__ import annotations
+
+import re
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from http import HTTPStatus
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from socket import SHUT_RDWR, socket
+from typing import Any, Final
+
+from humanclaw.errors import HumanclawError
+
+HOST: Final = "127.0.0.1"
+CONNECTIONS: Final = 128
+"""Maximum open connections, idle ones included: together with BACKLOG far below the usual 1,024 open files."""
+REQUEST_SECONDS: Final = 10.0
+"""Maximum seconds from the connection to the last byte of a request."""
+BACKLOG: Final = 64
+"""Connections that the system keeps until they are accepted."""
+_OWN: Final = re.compile(r"(127\.0\.0\.1|localhost|\[::1\])(:\d+)?")
+
+
+@contextmanager
+def listening(port: int, host: str = HOST) -> Iterator[None]:
+    """Raise HumanclawError if the block cannot listen there."""
+    try:
+        yield
+    except OSError as error:
+        reason = f"cannot listen on port {port} of {host}: {error.strerror}."
+        raise HumanclawError(reason, "Name another port; 0 picks a free one.") from error
+
+
+class Handler(BaseHTTPRequestHandler):
+    """Answers one request on each connection, and logs nothing: the terminal belongs to the command.
+
+    Override get() or post(), which end with answer(). timeout: seconds for a request, and for each write.
+    """
+
+    timeout = REQUEST_SECONDS
+    server: Server
+
+    def parse_request(self) -> bool:
+        """Read the head. Refuse other host names (DNS rebinding) and the pages of other origins."""
+        if not super().parse_request():
+            return False
+        if not self.server.knows(self.headers.get("Host", ""), self.headers.get("Origin")):
+            self.answer(HTTPStatus.FORBIDDEN)
+            return False
+        if self.command != "POST":
+            self.server.has_read(self.connection)
+        return True
+
+    def do_GET(self) -> None:
+        self.get()
+
+    def do_POST(self) -> None:
+        self.post()
+
+    def get(self) -> None:
+        """Answer a GET."""
+        self.answer(HTTPStatus.NOT_IMPLEMENTED)
+
+    def post(self) -> None:
+        """Answer a POST."""
+        self.answer(HTTPStatus.NOT_IMPLEMENTED)
+
+    def body(self, most: int) -> bytes:
+        """Return the body of a POST; empty if it has none, more than `most` bytes or no length."""
+        told = self.headers.get("Content-Length", "")
+        length = int(told) if told.isdecimal() and len(told) < 12 else 0
+        content = self.rfile.read(length) if length <= most else b""
+        self.server.has_read(self.connection)
+        return content if len(content) == length else b""
+
+    def answer(self, status: HTTPStatus, content: bytes = b"", kind: str = "text/plain; charset=utf-8") -> None:
+        """Send the answer."""
+        self.send_response(status)
+        self.send_header("Content-Type", kind)
+        self.send_header("Content-Length", str(len(content)))
+        self.send_header("X-Content-Type-Options", "nosniff")
+        self.end_headers()
+        self.wfile.write(content)
+
+    def log_message(self, *args: Any) -> None: ...
+
+
+class Server(ThreadingHTTPServer):
+    """Listens, here only unless another host is named. Connections beyond CONNECTIONS are closed, and late ones."""
+
+    request_queue_size = BACKLOG
+
+    def __init__(self, handler: type[Handler], port: int = 0, host: str = HOST) -> None:
+        """Listen; port 0 takes any free one. Raises HumanclawError if that is not possible."""
+        self._patience = handler.timeout
+        self._open: dict[socket, float] = {}
+        """For each connection, the time by which its request must have been read."""
+        with listening(port, host):
+            super().__init__((host, port), handler)
+
+    def knows(self, host: str, origin: str | None) -> bool:
+        """Whether a request may come with this Host and Origin. By which names others reach this machine is unknown,
+        but a page in a browser may only ask where it came from."""
+        ours = bool(_OWN.fullmatch(host))
+        return (ours and origin in (None, f"http://{host}")) or (self._is_public() and origin is None)
+
+    def _is_public(self) -> bool:
+        return not _OWN.fullmatch(str(self.server_address[0]))
+
+    def has_read(self, connection: socket) -> None:
+        """Note that the request is whole: its answer may take as long as it takes."""
+        self._open[connection] = float("inf")
+
+    def process_request(self, request: Any, client_address: Any) -> None:
+        """Take a connection, or close it if there are too many."""
+        if len(self._open) >= CONNECTIONS:
+            self.shutdown_request(request)
+            return
+        self._open[request] = time.monotonic() + self._patience
+        super().process_request(request, client_address)
+
+    def service_actions(self) -> None:
+        """End connections that are late; the server calls this twice a second."""
+        for connection, due in list(self._open.items()):
+            if due < time.monotonic():
+                with suppress(OSError):
+                    connection.shutdown(SHUT_RDWR)
+
+    def shutdown_request(self, request: Any) -> None:
+        """Close a connection."""
+        self._open.pop(request, None)
+        super().shutdown_request(request)
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """Say nothing of a client that has gone."""
+        if not isinstance(sys.exception(), OSError):
+            super().handle_error(request, client_address)

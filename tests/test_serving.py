@@ -1,0 +1,121 @@
+"""Every server of ours: clients that never finish, never read, are too many or come from elsewhere shut nobody out."""
+
+import http.client
+import re
+import socket
+import threading
+import time
+from contextlib import suppress
+from http import HTTPStatus
+from pathlib import Path
+
+import pytest
+
+from humanclaw import HumanclawError
+from humanclaw.cli import Handler, Server
+
+ROOT = Path(__file__).parents[1]
+
+
+class Echo(Handler):
+    timeout = 0.5
+
+    def get(self):
+        self.answer(HTTPStatus.OK, bytes(1 << 25) if self.path == "/much" else b"got")
+
+    def post(self):
+        self.answer(HTTPStatus.OK, self.body(9))
+
+
+@pytest.fixture
+def serving(monkeypatch):
+    """A server that takes eight connections, and half a second for a request."""
+    monkeypatch.setattr("humanclaw.cli.serving.CONNECTIONS", 8)
+    made = Server(Echo)
+    threading.Thread(target=made.serve_forever, args=(0.05,), daemon=True).start()
+    yield made
+    made.shutdown()
+    made.server_close()
+
+
+def asked(serving, method="GET", body=None, **headers):
+    connection = http.client.HTTPConnection(*serving.server_address, timeout=10)
+    connection.request(method, "/", body, headers)
+    answer = connection.getresponse()
+    return answer.status, answer.read()
+
+
+def connected(serving, count):
+    return [socket.create_connection(serving.server_address, timeout=10) for _ in range(count)]
+
+
+HALVES = {
+    "nothing": b"",
+    "half a head": b"GET / HTTP/1.1\r\nHost: loc",
+    "half a body": b"POST / HTTP/1.1\r\nHost: localhost\r\nContent-Length: 9\r\n\r\n1",
+    "nothing read": b"GET /much HTTP/1.1\r\nHost: localhost\r\n\r\n",
+}
+
+
+@pytest.mark.parametrize("half", HALVES)
+def test_clients_that_never_finish_make_room_in_time(serving, half):
+    slow = connected(serving, 20)
+    for one in slow:
+        with suppress(OSError):  # Of the twenty, twelve are closed at once.
+            one.sendall(HALVES[half])
+    until = time.monotonic() + 5
+    while True:
+        with suppress(OSError, http.client.HTTPException):
+            assert asked(serving) == (200, b"got")
+            break
+        assert time.monotonic() < until
+    assert len(serving._open) <= 8
+
+
+def test_a_byte_now_and_then_buys_no_more_time(serving):
+    (one,), began = connected(serving, 1), time.monotonic()
+    with suppress(OSError):
+        for byte in b"GET / HTTP/1.1\r\n" * 10:
+            one.sendall(bytes([byte]))
+            time.sleep(0.1)
+    assert time.monotonic() - began < 3
+
+
+@pytest.mark.parametrize(
+    ("headers", "status"),
+    [
+        ({}, 200),
+        ({"Host": "localhost:9"}, 200),
+        ({"Host": "evil.example"}, 403),
+        ({"Host": "127.0.0.1.evil.example:80"}, 403),
+        ({"Host": ""}, 403),
+        ({"Origin": "http://evil.example"}, 403),
+        ({"Host": "localhost:9", "Origin": "http://localhost:9"}, 200),
+        ({"Host": "localhost:9", "Origin": "http://localhost:10"}, 403),
+    ],
+)
+def test_only_names_of_this_machine_and_pages_of_its_own_are_answered(serving, headers, status):
+    assert asked(serving, "POST", b"got", **headers)[0] == status
+
+
+def test_a_server_for_others_answers_every_host_name_but_no_page(serving, monkeypatch):
+    monkeypatch.setattr(serving, "server_address", ("0.0.0.0", serving.server_port))
+    assert serving.knows("gpu-7.example:80", None)
+    assert not serving.knows("gpu-7.example:80", "http://gpu-7.example:80")
+
+
+@pytest.mark.parametrize("length", ["10", "-1", "9" * 5000, "1e3", "", "3, 3"])
+def test_a_body_of_no_length_or_too_many_bytes_is_none(serving, length):
+    assert asked(serving, "POST", b"abc", **{"Content-Length": length}) == (200, b"")
+
+
+def test_a_port_that_is_taken_is_said_in_words(serving):
+    with pytest.raises(HumanclawError, match=rf"cannot listen on port {serving.server_port} of 127\.0\.0\.1: "):
+        Server(Echo, serving.server_port)
+
+
+def test_nothing_else_of_ours_listens():
+    listens = re.compile(r"^(from|import) (http\.server|socketserver|uvicorn)", re.MULTILINE)
+    files = (path for part in ("core", "plugins", "harnesses") for path in (ROOT / part).rglob("humanclaw*/**/*.py"))
+    found = {f"{path.parent.name}/{path.name}" for path in files if listens.search(path.read_text("utf-8"))}
+    assert found == {"cli/serving.py", "humanclaw_mcp/serve.py"}, "derive from humanclaw.cli.Server"
