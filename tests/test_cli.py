@@ -153,6 +153,20 @@ def test_a_plugin_that_leaves_the_process_is_blamed(cli, tmp_path):
     assert done.returncode == 1
 
 
+THREAD = (
+    "import os, threading\none = threading.Thread(target=lambda: os._exit(0), name='quits')\none.start()\none.join()\n"
+)
+
+
+@pytest.mark.parametrize(("code", "status"), [(THREAD, 1), ("import os\nos._exit(0)\n", 2)])
+def test_a_plugin_that_leaves_the_process_at_its_import_is_named(cli, tmp_path, code, status):
+    (tmp_path / "leaving.py").write_text(code)
+    done = cli("tools", "--plugin", "leaving.py")
+    assert done.returncode == status
+    assert "os._exit(0)" in done.stderr
+    assert "leaving.py" in done.stderr
+
+
 @pytest.mark.parametrize("out", ["bench", "bench/more"])
 def test_no_record_is_added_to_the_run_of_a_benchmark(cli, tmp_path, out):
     (tmp_path / "bench").mkdir()

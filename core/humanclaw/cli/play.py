@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import datetime
-import os
 import signal
 import sys
 import threading
@@ -11,7 +10,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from itertools import chain, count
 from pathlib import Path
-from typing import NoReturn
 
 import click
 from rich.status import Status
@@ -35,24 +33,6 @@ from humanclaw.world.navigation.approach import geodesics
 from humanclaw.world.scene import Scene
 
 
-@contextmanager
-def exits_raised() -> Iterator[None]:
-    """Let os._exit raise SystemExit meanwhile, so that a plugin that calls it is blamed and the record closed."""
-    leave, process = os._exit, os.getpid()
-
-    def instead(status: int) -> NoReturn:
-        if os.getpid() != process:  # A forked child has to end like this.
-            leave(status)
-        raise SystemExit(f"os._exit({status})")
-
-    os._exit = instead
-    try:
-        yield
-    finally:
-        os._exit = leave
-
-
-@exits_raised()
 def play(
     instruction: str,
     reference: str,

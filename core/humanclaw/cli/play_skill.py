@@ -11,7 +11,7 @@ import click
 
 from humanclaw.cli.completion import names_of
 from humanclaw.cli.options import engine_options, plugin_options, scene_option
-from humanclaw.cli.play import claim, end, exits_raised, left_empty, new_folder, present
+from humanclaw.cli.play import claim, end, left_empty, new_folder, present
 from humanclaw.cli.terminal import Console
 from humanclaw.episodes.backends import Backends
 from humanclaw.episodes.embodiment import Body
@@ -52,7 +52,6 @@ _STRIDE: Final = 0.4
 @click.option("--out", type=click.Path(path_type=Path), help="Folder of the record; the default is a new one in runs/.")
 @click.option("--film", type=click.Choice(["mp4", "gif", "none"]), default="mp4", show_default=True)
 @plugin_options
-@exits_raised()
 def play(
     target: str,
     words: Sequence[str],

@@ -6,7 +6,6 @@ import hashlib
 import io
 import json
 import math
-import os
 import re
 import zipfile
 from collections import Counter
@@ -71,10 +70,10 @@ class RecordedEpisode:
         Sizes are checked before memory is allocated.
         """
         try:
-            with self.files.open("motion.npz", MOTION_BYTES) as stream:
-                about = os.fstat(stream.fileno())
+            about = self.files.status("motion.npz")
+            version = (about.st_ino, about.st_mtime_ns, about.st_size) if about else ()
             lasting = sum(step.motion_frames for step in self.steps)
-            found = _read_arrays(self.files, lasting + MOST_FRAMES, about.st_ino, about.st_mtime_ns, about.st_size)
+            found = _read_arrays(self.files, lasting + MOST_FRAMES, version)
             held = min(map(len, found.values()), default=0)
             if held < lasting:
                 raise ValueError(f"it holds {held} frames, and its steps last {lasting}")
@@ -190,11 +189,11 @@ def _verify(files: Folder, record: EpisodeRecord) -> None:
 
 
 @lru_cache(maxsize=1)
-def _read_arrays(files: Folder, most: int, number: int, changed: int, size: int) -> Mapping[str, Array]:
+def _read_arrays(files: Folder, most: int, version: tuple[int, ...]) -> Mapping[str, Array]:
     """Read and check a motion.npz. Whoever scores or shows an episode asks for its arrays several times.
 
-    most: maximum frames, those of the steps and of one that broke off. number, changed, size: inode, time and size of
-    the file; a changed file is read again.
+    most: maximum frames, those of the steps and of one that broke off. version: inode, time and size of the file; a
+    changed file is read again.
     """
     with files.open("motion.npz", MOTION_BYTES) as stream, zipfile.ZipFile(stream) as archive:
         _check_arrays(archive, most)

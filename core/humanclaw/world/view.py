@@ -15,13 +15,18 @@ from humanclaw.errors import HumanclawError
 from humanclaw.world.scene import Scene
 from humanclaw.world.simulator import WorldState
 
+LONGEST: Final = 8192
+"""Maximum width and height of a picture, pixels: larger ones fill memory."""
 BODY_ID: Final = -1
 """Id of the body's own pixels in an id image; 0 means that nothing was drawn."""
 
 
 @dataclass(frozen=True)
 class Camera:
-    """A pinhole camera. position, forward, up: (3,) world frame. fov: vertical, degrees."""
+    """A pinhole camera. position, forward, up: (3,) world frame. fov: vertical, degrees.
+
+    Raises HumanclawError for a width or height outside 1 to LONGEST pixels.
+    """
 
     position: Array
     forward: Array
@@ -29,6 +34,11 @@ class Camera:
     fov: float = 90.0
     width: int = 512
     height: int = 512
+
+    def __post_init__(self) -> None:
+        if not (0 < self.width <= LONGEST and 0 < self.height <= LONGEST):
+            got = f"{self.width} x {self.height}"
+            raise HumanclawError(f"a picture is 1 to {LONGEST} pixels wide and high; got {got}.", "Name another size.")
 
 
 @dataclass(frozen=True)

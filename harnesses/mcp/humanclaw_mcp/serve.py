@@ -26,7 +26,7 @@ from starlette.routing import Route
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
-from humanclaw.cli import BACKLOG, CONNECTIONS, HOST, REQUEST_SECONDS, listening
+from humanclaw.cli import BACKLOG, CONNECTIONS, HOST, REQUEST_SECONDS, leave, listening
 from humanclaw_mcp.bodies import Bodies
 from humanclaw_mcp.events import SessionManager
 from humanclaw_mcp.handlers import Handlers
@@ -54,13 +54,13 @@ async def serve_stdio(handlers: Handlers) -> None:
 async def _end_by_signal(bodies: Bodies) -> None:
     """Close the records at the first signal, and exit.
 
-    os._exit, because Python would wait for the thread that reads the client's next line, and nothing can wake it.
+    At once, because Python would wait for the thread that reads the client's next line, and nothing can wake it.
     """
     with anyio.open_signal_receiver(signal.SIGTERM, signal.SIGINT) as signals:
         async for number in signals:
             await bodies.close()
             print("Stopped.", file=sys.stderr, flush=True)
-            os._exit(128 + number)
+            leave(128 + number)
 
 
 async def serve_http(handlers: Handlers, port: int, announce: Callable[[str], None] = lambda url: None) -> None:

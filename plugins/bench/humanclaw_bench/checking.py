@@ -57,11 +57,12 @@ def verify(
 
     Lists files that are damaged or belong to another run.
     """
+    told = submissions.content(submission) if submission else b""
     if signers:
         if not submission:
             raise click.UsageError("--signers checks the signature of a submission: add --submission FILE.")
-        click.echo(f"{submission} is signed by {signer(submission, signers)}.")
-    faulty = _verify_files(run, submission)
+        click.echo(f"{submission} is signed by {signer(submission, told, signers)}.")
+    faulty = _verify_files(run, submission, told)
     if again and not faulty:
         faulty = _verify_replay(run, again, seed, workers, files)
     if faulty:
@@ -87,14 +88,14 @@ def _played_again(
     return list(tqdm(playing, "replay", len(episodes), unit="episode", disable=None, leave=False))
 
 
-def _verify_files(run: Path, submission: Path | None) -> bool:
+def _verify_files(run: Path, submission: Path | None, content: bytes) -> bool:
     """Check files and records, and tell what is wrong. Returns whether anything is."""
     files = RunFiles.read(run)
     count, faults = check(run, files)
     asked = max(count, files.asked)
     told = f"{len(faults)} damaged, or not of this run." if faults else "all whole."
     if submission and not faults:
-        faults = submissions.contradictions(submissions.read(submission), run)
+        faults = submissions.contradictions(submissions.parsed(submission, content), run)
         told = f"{submission} contradicts them." if faults else f"{submission} agrees with them."
     for fault in faults:
         click.echo(fault)

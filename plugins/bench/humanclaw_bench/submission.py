@@ -30,6 +30,7 @@ RATES: Final = {FIND: "find", NAV: "nav", ARRIVE: "arrive", INTERACT: "interact"
 """The ranked rates, from first to last stage, and their fields in an episode's numbers."""
 MOST: Final = 10**15
 """Maximum of any count."""
+_WRITE: Final = "Write it with `humanclaw bench submit`."
 LARGEST: Final = 96 << 20
 """Maximum bytes of a submission; 1,218 episodes take two million."""
 TOLERANCE: Final = 1e-6
@@ -200,20 +201,26 @@ def _rates(scores: Sequence[Scores]) -> dict[str, tuple[float, float, float, int
 
 def read(path: Path) -> Submission:
     """Read a submission. Raises RecordError if it is malformed or has been changed."""
+    return parsed(path, content(path))
+
+
+def content(path: Path) -> bytes:
+    """Return the bytes of a submission: whoever checks its signature too reads it once. Raises RecordError."""
     try:
-        found = Submission.model_validate_json(Folder(path.parent).read(path.name, LARGEST))
-    except (OSError, ValidationError) as error:
-        told = f"{path} is not a submission: {_first(error)}."
-        raise RecordError(told, "Write it with `humanclaw bench submit`.") from error
+        return Folder(path.parent).read(path.name, LARGEST)
+    except OSError as error:
+        raise RecordError(f"{path} is not a submission: {error.strerror}.", _WRITE) from error
+
+
+def parsed(path: Path, data: bytes) -> Submission:
+    """Return what content() returned as read() does."""
+    try:
+        found = Submission.model_validate_json(data)
+    except ValidationError as error:
+        raise RecordError(f"{path} is not a submission: {first_fault(error)}.", _WRITE) from error
     if found.sealed.digest != found.digest:
-        raise RecordError(f"{path} has been changed since it was written.", "Write it with `humanclaw bench submit`.")
+        raise RecordError(f"{path} has been changed since it was written.", _WRITE)
     return found
-
-
-def _first(error: OSError | ValidationError) -> str:
-    if isinstance(error, OSError):
-        return error.strerror or type(error).__name__
-    return first_fault(error)
 
 
 # -- checking ----------------------------------------------------------------------------------------------------------

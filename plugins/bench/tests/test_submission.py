@@ -680,6 +680,20 @@ def test_a_signed_submission_names_its_signer(run: Path, keys: Path) -> None:
     assert "is signed by ada@example.org." in done.output
 
 
+def test_what_is_compared_is_what_was_signed(run: Path, keys: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = submitted(run)
+    sign(keys / "ada", path)
+
+    def swapped(*given: Any) -> str:
+        name = signer(*given)
+        path.write_text("{}")
+        return name
+
+    monkeypatch.setattr("humanclaw_bench.checking.signer", swapped)
+    done = invoke("verify", run, "--submission", path, "--signers", keys / "allowed")
+    assert "agrees with them." in done.output
+
+
 @pytest.mark.parametrize(("who", "purpose", "then"), [("", "", ""), ("eve", "humanclaw", ""), ("ada", "file", ""),
                                                       ("ada", "humanclaw", " ")])  # fmt: skip
 def test_no_other_signature_counts(run: Path, keys: Path, who: str, purpose: str, then: str) -> None:
@@ -698,4 +712,4 @@ def test_a_pipe_in_the_place_of_a_signature_is_none(tmp_path):
     (tmp_path / "allowed").write_text("")
     os.mkfifo(tmp_path / "one.json.sig")
     with pytest.raises(RecordError, match="is not signed by anybody"):
-        signer(tmp_path / "one.json", tmp_path / "allowed")
+        signer(tmp_path / "one.json", b"{}", tmp_path / "allowed")

@@ -26,6 +26,8 @@ GIF_SIZE: Final = (480, 270)
 """Smaller than a film: GIF compresses poorly, and a larger one loads too slowly."""
 SIDES: Final = (16, 4096)
 """Least and greatest width and height. H.264 encoders take no more than a few times this, and pictures fill memory."""
+GIF_BYTES: Final = 1 << 30
+"""Maximum bytes of a GIF's pictures, which are all in memory at once."""
 
 
 def film(
@@ -46,11 +48,15 @@ def film(
         size: Width and height, pixels, within SIDES.
 
     Raises:
-        HumanclawError: size or every is out of bounds.
+        HumanclawError: size or every is out of bounds, or a GIF would be larger than GIF_BYTES.
         RecordError: The record holds no motion, or out cannot be written.
     """
     _refuse(every, size)
-    pictures = _pictures(Replay.of(episode, scene), renderer, every, size)
+    replay = Replay.of(episode, scene)
+    if kind == "gif" and len(replay.motion) // every * size[0] * size[1] * 3 > GIF_BYTES:
+        told = f"a GIF of {len(replay.motion)} frames is too large at every={every} and {size[0]} x {size[1]}."
+        raise HumanclawError(told, "Name a smaller size, a larger every, or an MP4 file.")
+    pictures = _pictures(replay, renderer, every, size)
     try:
         with Folder(out.parent).placed(out.name) as file:
             _mp4(pictures, file, FPS / every, size) if kind == "mp4" else gif(list(pictures), file, FPS / every)
@@ -64,12 +70,14 @@ def poster(
 ) -> Path:
     """Write a picture of an episode: moments from outside, ego views of the same moments below, and the map beside.
 
-    moments: columns of the strip; width: of the whole picture, pixels.
+    moments: columns of the strip; width: of the whole picture, pixels. Raises HumanclawError if the picture or one of
+    a moment is out of SIDES.
     """
     replay, maps = Replay.of(episode, scene), path_maps(episode, house_maps(scene, "house"))
     # The storeys are stacked in a column as high as both rows, so the map's shape sets how wide that column is.
     shape = max(one.box[2] / one.box[3] for one in maps) / len(maps)
-    side = int((width - GAP * (moments + 2 + shape * (2 - len(maps)))) / (moments + 2 * shape))
+    side = int((width - GAP * (moments + 2 + shape * (2 - len(maps)))) / (max(moments, 1) + 2 * shape))
+    _refuse(moments, (width, side))
     last = len(replay.motion) - 1
     frames = [int(frame) for frame in np.linspace(min(HISTORY, last), last, moments)]
     outside = list(_shots(replay, renderer, frames, (side, side)))
@@ -88,13 +96,13 @@ def poster(
     return out
 
 
-def _refuse(every: int, size: tuple[int, int]) -> None:
+def _refuse(count: int, size: tuple[int, int]) -> None:
     least, most = SIDES
     if not all(least <= side <= most for side in size):
         got = " x ".join(map(str, size))
-        raise HumanclawError(f"a film is {least} to {most} pixels wide and high; got {got}.", "Name another size.")
-    if every < 1:
-        raise HumanclawError(f"a film keeps every Nth frame; got every={every}.", "Name 1 or more.")
+        raise HumanclawError(f"a picture is {least} to {most} pixels wide and high; got {got}.", "Name another size.")
+    if count < 1:
+        raise HumanclawError(f"every Nth frame of a film and the moments of a poster begin at 1; got {count}.")
 
 
 # -- drawing -----------------------------------------------------------------------------------------------------------

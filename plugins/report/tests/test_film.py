@@ -190,7 +190,7 @@ def test_an_episode_without_motion_cannot_be_filmed(tmp_path: Path) -> None:
     [
         ({"size": (16_000, 9_000)}, "16 to 4096 pixels wide and high; got 16000 x 9000"),
         ({"size": (160, 0)}, "got 160 x 0"),
-        ({"every": 0}, "got every=0"),
+        ({"every": 0}, "begin at 1; got 0"),
     ],
 )
 def test_a_film_that_no_encoder_makes_is_refused_before_a_picture_is_drawn(
@@ -201,6 +201,27 @@ def test_a_film_that_no_encoder_makes_is_refused_before_a_picture_is_drawn(
         film(*made, painter, tmp_path / "film.mp4", **wrong)
     assert painter.scenes == []
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("wrong", "told"),
+    [
+        ({"width": 10**6}, "16 to 4096 pixels"),
+        ({"width": 80}, "16 to 4096 pixels"),
+        ({"moments": 10**9}, "16 to 4096 pixels"),
+        ({"moments": 0}, "begin at 1; got 0"),
+    ],
+)
+def test_a_poster_without_bounds_is_refused(
+    made: tuple[RecordedEpisode, Scene], tmp_path: Path, wrong: dict[str, Any], told: str
+) -> None:
+    with pytest.raises(HumanclawError, match=told):
+        poster(*made, Painter(), tmp_path / "poster.png", **wrong)
+
+
+def test_a_gif_that_would_fill_memory_is_refused(made: tuple[RecordedEpisode, Scene], tmp_path: Path) -> None:
+    with pytest.raises(HumanclawError, match=r"a GIF of \d+ frames is too large at every=1 and 4096 x 4096"):
+        film(*made, Painter(), tmp_path / "film.gif", kind="gif", every=1, size=(4096, 4096))
 
 
 @pytest.mark.parametrize(
