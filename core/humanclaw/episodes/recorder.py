@@ -38,7 +38,7 @@ class Recording:
         self.record = record
         self.steps: list[StepRecord] = []
         self._files = Folder.of(folder) if folder else None
-        self.folder = self._files and self._files.path
+        self.folder = self._files.path if self._files else None
         self._trajectory = TrajectoryBuffer(body)
         self._writer: EpisodeWriter | None = None
         self._drawn: dict[str, bytes] = {}
