@@ -142,7 +142,6 @@ OWN = {
     "core/humanclaw/motion/checkpoint.py": "weights that the user named",
     "core/humanclaw/plugins/distributions.py": "a table of this package",
     "core/humanclaw/records/": "streams of the door",
-    "core/humanclaw/skills/": "schema and recipe of an installed skill",
     "core/humanclaw/testing/indexing.py": "a stream of the door, and a temporary folder",
     "core/humanclaw/testing/speed.py": "/proc",
     "harnesses/frameworks/humanclaw_frameworks/smolagents.py": "bytes",

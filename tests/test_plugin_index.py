@@ -2,11 +2,15 @@
 
 import hashlib
 import json
+import os
+import shutil
 import subprocess
 import sys
+import threading
 import tomllib
 import zipfile
 from functools import cache
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib.metadata import distribution
 from pathlib import Path
 
@@ -119,7 +123,8 @@ A = {"name": "a", "version": "1"}
     [
         ([{}], "name"),
         ([A | {"name": "-r"}], "name"),
-        ([A | {"wheel": "file:///etc/x"}], "wheel"),
+        ([A | {"wheel": "file:///etc/x.whl"}], "wheel"),
+        ([A | {"wheel": "a-1.tar.gz"}], "wheel"),
         ([A | {"summary": "\x1b[2J"}], "summary"),
         ([A, {"name": "A", "version": "2"}], "twice"),
         ("[" * LARGEST, "larger than"),
@@ -137,10 +142,48 @@ def test_addresses_without_encryption_and_wheels_without_a_digest_are_refused(tm
     wheel(tmp_path)
     text = made(tmp_path).json().decode()
     (entry,) = made(tmp_path).plugins
-    for odd in (text.replace(entry.sha256, ""), text.replace(entry.wheel, f"x/../../{entry.wheel}")):
+    for odd in (
+        text.replace(entry.sha256, ""),
+        *(text.replace(entry.wheel, f"x/{up}/{up}/{entry.wheel}") for up in ("..", "%2e%2E", ".%2e")),
+    ):
         (tmp_path / "odd.json").write_text(odd)
         with pytest.raises(HumanclawError, match="no digest, or leads out"):
             requirement(*Index.read(str(tmp_path / "odd.json")).plugins, str(tmp_path / "odd.json"))
+
+
+@pytest.fixture
+def moved():
+    """The address of an index that sends whoever asks to another host, without encryption."""
+
+    class Moved(BaseHTTPRequestHandler):
+        def do_GET(self):
+            self.send_response(302 if self.path == "/first" else 200)
+            self.send_header("Location", f"http://127.0.0.2:{serving.server_port}/second")
+            self.end_headers()
+            self.wfile.write(b'{"format": "humanclaw-plugins-1", "plugins": []}')
+
+        def log_message(self, *args): ...
+
+    with ThreadingHTTPServer(("0.0.0.0", 0), Moved) as serving:
+        threading.Thread(target=serving.serve_forever, daemon=True).start()
+        yield f"http://127.0.0.1:{serving.server_port}/first"
+        serving.shutdown()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere 127.0.0.2 is not this machine")
+def test_an_index_that_sends_us_to_an_address_without_encryption_is_refused(moved):
+    with pytest.raises(HumanclawError, match=r"127\.0\.0\.2.* is not encrypted"):
+        Index.read(moved)
+
+
+def test_nothing_of_the_current_folder_runs_when_pip_does(tmp_path):
+    (tmp_path / "pip.py").write_text("print('a stranger was here')")
+    (tmp_path / "one.json").write_text(json.dumps({"format": "humanclaw-plugins-1", "plugins": [A | {"name": "a.b"}]}))
+    ours = [shutil.which("humanclaw", path=str(Path(sys.executable).parent)), "plugins", "install", "a.b", "--index"]
+    offline = {**os.environ, "PIP_NO_INDEX": "1"}
+    done = subprocess.run([*ours, "one.json"], cwd=tmp_path, env=offline, capture_output=True, text=True, check=False)
+    assert "No matching distribution found for a.b==1" in done.stderr
+    assert "stranger" not in done.stdout
 
 
 def test_pip_installs_what_the_index_names_and_refuses_another_wheel(tmp_path):

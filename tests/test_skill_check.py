@@ -3,6 +3,7 @@ harmed."""
 
 import importlib
 import json
+import os
 import re
 import shutil
 from pathlib import Path
@@ -10,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from fuzzing import bounded
 from safetensors.numpy import load_file, save
 
 from humanclaw import Plugins, hookimpl, skill
@@ -344,3 +346,24 @@ def test_the_command_line_lists_a_disabled_skill_and_why_and_offers_the_others(t
     assert rows["walk"]["state"] == "ready (adapter)"
     tools = json.loads(CliRunner().invoke(command, ["tools"]).output)
     assert {tool["function"]["name"] for tool in tools} == set(rows) - {"hop"}
+
+
+PLANTS = {
+    "pipe": os.mkfifo,
+    "endless": lambda path: path.symlink_to("/dev/zero"),
+    "oversized": lambda path: os.truncate(os.open(path, os.O_CREAT | os.O_WRONLY), 3 << 30),
+    "a link to itself": lambda path: path.symlink_to(path.name),
+    "brackets": lambda path: path.write_text("a=" * path.name.startswith("check") + "[" * 200_000),
+}
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs pipes")
+@pytest.mark.parametrize("plant", PLANTS)
+@pytest.mark.parametrize("name", ["schema.json", "checklist.toml"])
+def test_what_a_stranger_left_in_a_skill_folder_is_neither_waited_for_nor_taken_whole(copy, name, plant):
+    path = copy("stop") / name
+    path.unlink()
+    PLANTS[plant](path)
+    with bounded():
+        done = CliRunner().invoke(build(Plugins.discover), ["check", str(path.parent), "--engine", "none"])
+    assert (done.exit_code, "fault" in done.output) == (1, True)

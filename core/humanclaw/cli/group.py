@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import errno
 import logging
+import os
 import pkgutil
 import sys
 import traceback
@@ -168,6 +169,7 @@ def build(plugins: Callable[[], Plugins | Modules]) -> click.Group:
 
 def main(args: Sequence[str] | None = None) -> None:
     """Run the command line. What it prints cannot control the terminal, and no plugin ends it unseen."""
+    os.environ["PYTHONSAFEPATH"] = "1"  # A stranger's folder may hold a json.py, for the processes that we start in it.
     with guarded(), exits_raised() as left:
         try:
             sys.exit(build(_installed).main(args=args, prog_name="humanclaw"))

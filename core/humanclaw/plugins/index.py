@@ -8,7 +8,7 @@ from dataclasses import field
 from pathlib import Path
 from typing import Annotated, Final, Literal
 from urllib.error import URLError
-from urllib.parse import urljoin, urlsplit
+from urllib.parse import unquote, urljoin, urlsplit
 from urllib.request import urlopen
 
 from packaging.utils import canonicalize_name
@@ -16,6 +16,7 @@ from pydantic import ConfigDict, StringConstraints, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass
 
 from humanclaw.errors import HumanclawError
+from humanclaw.plugins.bounded import Bounded
 from humanclaw.storage.files import read_file
 from humanclaw.text.json import first_fault
 from humanclaw.text.words import counted, nearest
@@ -33,7 +34,10 @@ Line = Annotated[str, StringConstraints(max_length=1000, pattern=r"^[^\x00-\x1f\
 Name = Annotated[str, StringConstraints(max_length=200, pattern=r"^[A-Za-z0-9]([A-Za-z0-9._-]*[A-Za-z0-9])?$")]
 Version = Annotated[str, StringConstraints(max_length=100, pattern=r"^[0-9][A-Za-z0-9.!+_-]*$")]
 Wheel = Annotated[
-    str, StringConstraints(max_length=1000, pattern=r"^(https?://[A-Za-z0-9/._:%+-]+|[A-Za-z0-9][A-Za-z0-9/._%+-]*)?$")
+    str,
+    StringConstraints(
+        max_length=1000, pattern=r"^(https?://[A-Za-z0-9/._:%+-]+\.whl|[A-Za-z0-9][A-Za-z0-9/._%+-]*\.whl)?$"
+    ),
 ]
 Digest = Annotated[str, StringConstraints(pattern=r"^([0-9a-f]{64})?$")]
 
@@ -136,7 +140,7 @@ def requirement(entry: Entry, place: str) -> str:
         return f"{entry.name}=={entry.version}"
     address = place if urlsplit(place).scheme in ("https", "http") else Path(place).resolve().as_uri()
     found = urljoin(address, entry.wheel)
-    if not entry.sha256 or ".." in entry.wheel:
+    if not entry.sha256 or ".." in unquote(entry.wheel):
         raise HumanclawError(f"The entry of {entry.name} has no digest, or leads out of its folder.", "Make it anew.")
     if urlsplit(found).scheme != "file":
         _refuse_open(found)
@@ -152,9 +156,15 @@ def _loaded(path: Path) -> bytes:
 
 def _fetched(address: str) -> bytes:
     _refuse_open(address)
-    try:
+
+    def read() -> tuple[str, bytes]:
         with urlopen(address, timeout=_SECONDS) as answer:
-            return bytes(answer.read(LARGEST + 1))
+            return answer.url, answer.read(LARGEST + 1)
+
+    try:
+        found, content = Bounded(_SECONDS)(read)
+        _refuse_open(found)  # It may have sent us elsewhere.
+        return content
     except (URLError, OSError, ValueError) as error:
         raise HumanclawError(f"{address} does not answer: {error}.", "Check the address.") from error
 

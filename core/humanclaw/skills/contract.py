@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import inspect
 import math
+import os
 import re
 import tomllib
 from collections.abc import Callable, Iterator, Mapping
@@ -22,6 +23,7 @@ from humanclaw.skills.measures import ROLES, Declaration, Parameter, Role, param
 from humanclaw.skills.own_body import OwnBody
 from humanclaw.skills.plan import LONGEST_FAULT, Control
 from humanclaw.skills.posing import Part, Plan, parts
+from humanclaw.storage.files import MIB, read_file
 
 NAME_PATTERN: Final = re.compile(r"[a-zA-Z0-9_-]{1,64}")
 RESERVED: Final = frozenset({"look", "reset", "verdict"})
@@ -161,11 +163,11 @@ def refusals(skill: Skill) -> Iterator[ContractError]:
 
 def read_checks(path: Path) -> tuple[tuple[Check, ...], tuple[ContractError, ...]]:
     """Read `[[check]]` tables of id and question, and tell of anything else, which would go unasked."""
-    if not path.exists():
+    if not os.path.lexists(path):
         return (), ()
     try:
-        content = tomllib.loads(path.read_text("utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        content = tomllib.loads(read_file(path, MIB).decode("utf-8"))
+    except (OSError, ValueError, RecursionError) as error:
         return (), (_bad_checklist("checklist-file", path, str(error)),)
     faults = [_bad_checklist("checklist-words", path, f"it has {word!r}") for word in sorted(set(content) - {"check"})]
     entries = content.get("check", [])

@@ -21,6 +21,7 @@ import numpy as np
 
 from humanclaw.body.pose import HISTORY, Array, heading
 from humanclaw.errors import PluginError
+from humanclaw.storage.files import MIB, read_file
 from humanclaw.text.json import once
 
 Role = Literal["locomotion", "sit", "posture", "gesture", "stop"]
@@ -151,7 +152,8 @@ def suited(declarations: Iterable[Declaration], *measures: str, role: Role = "lo
 def read_schema(folder: Path) -> dict[str, Any]:
     """Read the schema.json of a skill's folder. Raises PluginError if it is missing or no JSON object."""
     try:
-        schema = json.loads((folder / "schema.json").read_text("utf-8"), object_pairs_hook=once)
+        text = read_file(folder / "schema.json", MIB).decode("utf-8")
+        schema = json.loads(text, object_pairs_hook=once)
     except KeyError as error:
         told = f"skill folder {folder.name!r}: schema.json holds the key {error} twice."
         raise PluginError(told, "Keep one of the two.") from error
