@@ -3,7 +3,7 @@
 A small model lets a standing foot creep by a few millimetres a frame. Here each stance (a foot whose toes hardly move)
 is held at one point with a level sole, and the leg follows by two-bone inverse kinematics. The pelvis, and with it the
 outcome of the skill, stays. A stance that began in the history is held where the history has it, so that errors do not
-add up.
+add up. A foot on its way first gives way to the other one, so that shoes do not pass through each other.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ from humanclaw.body.pose import (
 )
 from humanclaw.body.skeleton import JOINT_INDEX, TOE_SOLE
 from humanclaw.motion.ik import REACH, SIDES, TOE_BASE, Array, Limb, bent
+from humanclaw.motion.parting import apart, widened
 
 _SLOW: Final = 0.25
 """Metres a second below which a toe counts as standing."""
@@ -36,6 +37,8 @@ _FLAT: Final = 0.30
 """Radians. A foot tilted further stands on its toes or heel on purpose."""
 _STEP: Final = 0.03
 """Metres. A stance this close to the chunk's floor stands on it; a higher one stands on a stair."""
+_ASIDE: Final = 0.04
+"""Metres by which a foot gives way to the other at most: a leg of a body that walks on would not reach further."""
 _LEAST: Final = 3
 """Frames of the shortest stance."""
 
@@ -55,19 +58,33 @@ def lock_feet(history: Motion, future: Motion) -> Motion:
     whole = history.then(future)
     positions, turns = forward_kinematics(whole.root, whole.rotations)
     rotations = whole.rotations.copy()
-    for side in SIDES:
-        _lock_foot(side, positions, turns, rotations)
+    for side, toes in zip(SIDES, _parted(positions, turns), strict=True):
+        _lock_foot(side, toes, positions, turns, rotations)
     return Motion(future.root, rotations[HISTORY:])
 
 
-def _lock_foot(side: str, positions: Array, turns: Array, rotations: Array) -> None:
-    """Bend one leg, in place, so that its foot stands where its stances are. positions (T, 24, 3), turns (T, 24, 3,
-    3)."""
-    hip, knee, ankle, toe = (JOINT_INDEX[f"{side}_{part}"] for part in ("hip", "knee", "ankle", "foot"))
-    stances = _stances(positions[:, toe])
+def _parted(positions: Array, turns: Array) -> list[Array]:
+    """Return the toes of both feet (T, 3), each swinging around the other foot, without change in the history."""
+    ankles, toes = ([JOINT_INDEX[f"{side}_{part}"] for side in SIDES] for part in ("ankle", "foot"))
+    ahead = turns[:, ankles][..., 2]
+    yaw = np.arctan2(ahead[..., 0], ahead[..., 2])
+    begun = smoothstep((np.arange(len(yaw)) - HISTORY + 1) / _FADE)
+    found = []
+    for foot, side in ((0, 1.0), (1, -1.0)):
+        shift = apart(positions[:, ankles[foot]], yaw[:, foot], positions[:, ankles[1 - foot]], yaw[:, 1 - foot], side)
+        size, way = np.minimum(np.linalg.norm(shift, axis=-1), _ASIDE), shift.sum(0)
+        found.append(positions[:, toes[foot]] + (widened(size) * begun)[:, None] * way / max(np.linalg.norm(way), 1e-9))
+    return found
+
+
+def _lock_foot(side: str, toe: Array, positions: Array, turns: Array, rotations: Array) -> None:
+    """Bend one leg, in place, so that its foot stands where its stances are. toe: (T, 3) where it is to be. positions
+    (T, 24, 3), turns (T, 24, 3, 3)."""
+    hip, knee, ankle, base = (JOINT_INDEX[f"{side}_{part}"] for part in ("hip", "knee", "ankle", "foot"))
+    stances = _stances(positions[:, base])
     level = [stance for stance in stances if _level(stance, turns[:, ankle])]
     foot = matrix_from_vector(_corrections(level, _levelling(level, turns[:, ankle]))) @ turns[:, ankle]
-    toes = positions[:, toe] + _corrections(stances, _holding(stances, positions[:, toe]))
+    toes = toe + _corrections(stances, _holding(stances, toe))
     leg = positions[:, [hip, knee, ankle]]
     thigh, shin = bent(Limb.leg(side), leg, turns[:, [hip, knee]], toes - foot @ TOE_BASE, REACH)
     for joint, parent, turn in ((hip, turns[:, 0], thigh), (knee, thigh, shin), (ankle, shin, foot)):
