@@ -15,10 +15,10 @@ from humanclaw.body.skeleton import LINKS, Box
 from humanclaw.motion.ik import TOE_BASE
 
 _BOXES: Final = {one.joint: one.shape for one in LINKS if isinstance(one.shape, Box)}
-_SHOE, _TOES = (_BOXES[joint] for joint in ("left_ankle", "left_foot"))
-_REAR: Final = float(_SHOE.centre[2] - _SHOE.half[2])
-_TIP: Final = float(TOE_BASE[2] + _TOES.centre[2] + _TOES.half[2])
-_HALF: Final = np.array([_SHOE.half[0] + 0.004, (_TIP - _REAR) / 2])
+SHOE, TOES = (_BOXES[joint] for joint in ("left_ankle", "left_foot"))
+_REAR: Final = float(SHOE.centre[2] - SHOE.half[2])
+_TIP: Final = float(TOE_BASE[2] + TOES.centre[2] + TOES.half[2])
+_HALF: Final = np.array([SHOE.half[0] + 0.004, (_TIP - _REAR) / 2])
 """Half the width of a shoe, with a margin, and half its length, metres."""
 _LANE: Final = 0.045
 """Least distance of the feet across their heading, metres, where one is ahead of the other: legs never cross."""
