@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from humanclaw.body import JOINT_INDEX, SOLE, TOE_SOLE, Motion, forward_kinematics, rest_pose
+from humanclaw.body import JOINT_INDEX, SOLE, TOE_SOLE, Motion, forward_kinematics, rest_pose, shoe_heights, smoothstep
 from humanclaw.motion.foot_locking import lock_feet
 
 LEFT_TOE, LEFT_ANKLE = JOINT_INDEX["left_foot"], JOINT_INDEX["left_ankle"]
@@ -63,6 +63,15 @@ def test_a_foot_that_stands_with_raised_toes_is_laid_level():
     assert positions[-1, LEFT_ANKLE, 1] == pytest.approx(SOLE, abs=1e-3)
     first = np.abs(result.rotations[0] - askew(_standing(1)).rotations[0]).max()
     assert first < 0.02  # laid down, not thrown
+
+
+def test_a_heel_below_the_floor_is_lifted():
+    """Toes rise by 0.5 radians: the heel, 6 cm behind the ankle, sinks by 2 cm."""
+    tilted = _standing(15)
+    tilted.rotations[:, LEFT_ANKLE, 0] -= 0.5 * smoothstep(np.arange(15) / 10)
+    result = lock_feet(_standing(5), tilted)
+    assert shoe_heights(*forward_kinematics(tilted.root, tilted.rotations))[:, 0].min() < -0.01
+    assert shoe_heights(*forward_kinematics(result.root, result.rotations)).min() > -0.002
 
 
 def test_a_foot_on_a_stair_stays_on_its_stair():

@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     )
     from humanclaw.motion.generator import DiTGenerator as DiTGenerator, MotionGenerator as MotionGenerator
     from humanclaw.motion.ik import REACH as REACH, SIDES as SIDES, TOE_BASE as TOE_BASE, Limb as Limb, solve as solve
+    from humanclaw.motion.parting import apart as apart, widened as widened
     from humanclaw.motion.resting_hands import lay_hands as lay_hands
     from humanclaw.motion.runtime import Reread as Reread, Runtime as Runtime
 

@@ -3,7 +3,8 @@
 A small model lets a standing foot creep by a few millimetres a frame. Here each stance (a foot whose toes hardly move)
 is held at one point with a level sole, and the leg follows by two-bone inverse kinematics. The pelvis, and with it the
 outcome of the skill, stays. A stance that began in the history is held where the history has it, so that errors do not
-add up.
+add up. A foot on its way first gives way to the other one, so that shoes do not pass through each other. No
+shoe is below the floor: in half-physics each heel and toe tip there would be a push to the whole body.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from humanclaw.body.pose import (
 )
 from humanclaw.body.skeleton import JOINT_INDEX, TOE_SOLE
 from humanclaw.motion.ik import REACH, SIDES, TOE_BASE, Array, Limb, bent
+from humanclaw.motion.parting import SHOE, TOES, apart, widened
 
 _SLOW: Final = 0.25
 """Metres a second below which a toe counts as standing."""
@@ -36,6 +38,10 @@ _FLAT: Final = 0.30
 """Radians. A foot tilted further stands on its toes or heel on purpose."""
 _STEP: Final = 0.03
 """Metres. A stance this close to the chunk's floor stands on it; a higher one stands on a stair."""
+_SUNK: Final = 0.05
+"""Metres that no shoe sinks into a floor. A stair goes down further."""
+_ASIDE: Final = 0.04
+"""Metres by which a foot gives way to the other at most: a leg of a body that walks on would not reach further."""
 _LEAST: Final = 3
 """Frames of the shortest stance."""
 
@@ -55,24 +61,59 @@ def lock_feet(history: Motion, future: Motion) -> Motion:
     whole = history.then(future)
     positions, turns = forward_kinematics(whole.root, whole.rotations)
     rotations = whole.rotations.copy()
-    for side in SIDES:
-        _lock_foot(side, positions, turns, rotations)
+    for side, toes in zip(SIDES, _parted(positions, turns), strict=True):
+        _lock_foot(side, toes, positions, turns, rotations)
     return Motion(future.root, rotations[HISTORY:])
 
 
-def _lock_foot(side: str, positions: Array, turns: Array, rotations: Array) -> None:
-    """Bend one leg, in place, so that its foot stands where its stances are. positions (T, 24, 3), turns (T, 24, 3,
-    3)."""
-    hip, knee, ankle, toe = (JOINT_INDEX[f"{side}_{part}"] for part in ("hip", "knee", "ankle", "foot"))
-    stances = _stances(positions[:, toe])
+def _parted(positions: Array, turns: Array) -> list[Array]:
+    """Return the toes of both feet (T, 3), each swinging around the other foot, without change in the history."""
+    ankles, toes = ([JOINT_INDEX[f"{side}_{part}"] for side in SIDES] for part in ("ankle", "foot"))
+    ahead = turns[:, ankles][..., 2]
+    yaw = np.arctan2(ahead[..., 0], ahead[..., 2])
+    found = []
+    for foot, side in ((0, 1.0), (1, -1.0)):
+        shift = apart(positions[:, ankles[foot]], yaw[:, foot], positions[:, ankles[1 - foot]], yaw[:, 1 - foot], side)
+        size, way = np.minimum(np.linalg.norm(shift, axis=-1), _ASIDE), shift.sum(0)
+        found.append(
+            positions[:, toes[foot]]
+            + (widened(size) * _begun(len(yaw)))[:, None] * way / max(np.linalg.norm(way), 1e-9)
+        )
+    return found
+
+
+def _lock_foot(side: str, toe: Array, positions: Array, turns: Array, rotations: Array) -> None:
+    """Bend one leg, in place, so that its foot stands where its stances are. toe: (T, 3) where it is to be. positions
+    (T, 24, 3), turns (T, 24, 3, 3)."""
+    hip, knee, ankle, base = (JOINT_INDEX[f"{side}_{part}"] for part in ("hip", "knee", "ankle", "foot"))
+    stances = _stances(positions[:, base])
     level = [stance for stance in stances if _level(stance, turns[:, ankle])]
     foot = matrix_from_vector(_corrections(level, _levelling(level, turns[:, ankle]))) @ turns[:, ankle]
-    toes = positions[:, toe] + _corrections(stances, _holding(stances, positions[:, toe]))
+    toes = toe + _corrections(stances, _holding(stances, toe))
+    toes[:, 1] += _sunk(toes, foot, matrix_from_vector(rotations[:, base]))
     leg = positions[:, [hip, knee, ankle]]
     thigh, shin = bent(Limb.leg(side), leg, turns[:, [hip, knee]], toes - foot @ TOE_BASE, REACH)
     for joint, parent, turn in ((hip, turns[:, 0], thigh), (knee, thigh, shin), (ankle, shin, foot)):
         local = vector_from_matrix(np.swapaxes(parent, -1, -2) @ turn)
         rotations[HISTORY:, joint] = local[HISTORY:]
+
+
+def _sunk(toes: Array, foot: Array, bend: Array) -> Array:
+    """Return how far a shoe sinks into the floor (T,), metres; 0 for one that goes down a stair.
+
+    toes: (T, 3). foot, bend: (T, 3, 3) of the foot, and of the toes in it.
+    """
+    depth = np.zeros(len(toes))
+    for box, at, turn in ((SHOE, toes - foot @ TOE_BASE, foot), (TOES, toes, foot @ bend)):
+        lowest = at[:, 1] + turn[:, 1] @ np.array(box.centre) - np.abs(turn[:, 1]) @ np.array(box.half)
+        depth = np.maximum(depth, -lowest)
+    known = depth[HISTORY - 1] * (1 - _begun(len(depth)))
+    return np.maximum(depth - known, 0.0) if depth.max() < _SUNK else np.zeros_like(depth)
+
+
+def _begun(frames: int) -> Array:
+    """Return (frames,) from 0 at the end of the history to 1."""
+    return smoothstep((np.arange(frames) - HISTORY + 1) / _FADE)
 
 
 def _stances(toe: Array) -> list[_Stance]:

@@ -129,7 +129,7 @@ class DiTGenerator:
         future = self._runtime.solve(self.base.normaliser.forward(clean), noise_of(keys), adapter, values)
         futures = [decode(state) for state in self.base.normaliser.inverse(future)]
         if self.corrections:
-            settled = [settle(*pair, self._usual) for pair in zip(local, futures, strict=True)]
+            settled = [settle(future, self._usual) for future in futures]
             futures = [lock_feet(*pair) for pair in zip(local, settled, strict=True)]
         return futures
 

@@ -1,8 +1,9 @@
 """Keep posture errors from adding up: joints without a command return slowly to their usual pose.
 
-The model continues any pose of its history, its own small errors included. Without correction a wrist
-turns by a right angle within eighty calls. So each joint that carries no weight returns, within every chunk, by a tenth
-of its distance from its usual pose.
+The model continues any pose of its history, its own small errors included. Without correction a wrist turns by a right
+angle within eighty calls. So each joint that carries no weight comes closer to its usual pose, by a tenth of the
+distance of each frame. A shift by the distance of the history would drive the swing of the trunk: in straight walks of
+80 cm shoulders turned by 37 degrees instead of 22.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ _RAMP: Final = smoothstep(np.arange(1, FUTURE + 1) / _WITHIN)[:, None, None]
 _FREE: Final = _free()
 
 
-def settle(history: Motion, future: Motion, usual: Array) -> Motion:
+def settle(future: Motion, usual: Array) -> Motion:
     """Return the future with weightless joints nearer to their usual pose. usual: (24, 3) rotation vectors, radians."""
-    off = np.clip(history.rotations[-1] - usual, -_MOST, _MOST)
+    off = np.clip(future.rotations - usual, -_MOST, _MOST)
     return Motion(future.root, future.rotations - _BACK * _RAMP * _FREE * off)

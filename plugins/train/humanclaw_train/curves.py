@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from humanclaw.body import FUTURE, Array
 
@@ -57,3 +58,10 @@ def floor(points: Array) -> Array:
 def raised(points: Array, height: Array) -> Array:
     """Lift floor points (..., 2) to a height (...): (..., 3)."""
     return np.stack([points[..., 0], np.broadcast_to(height, points.shape[:-1]), points[..., 1]], -1)
+
+
+def moving(sole: Array) -> NDArray[np.bool_]:
+    """Return at which instants a foot (N, 16, 3) moves (N, 16)."""
+    moves = np.abs(np.diff(sole, axis=1, append=sole[:, -1:])).sum(-1) > 1e-4
+    moves[:, -1] = moves[:, -2]  # The last instant has no difference of its own.
+    return np.asarray(moves)

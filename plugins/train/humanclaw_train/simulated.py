@@ -72,7 +72,7 @@ _TREAD, _SEATED = 0.28, 0.5
 
 def flat() -> Scene:
     """Return a scene with a flat floor alone."""
-    return _scene("flat", [("floor", (30.0, 0.2, 30.0), (0.0, -0.2, 0.0))])
+    return _scene("flat", [("floor", (300.0, 0.2, 300.0), (0.0, -0.2, 0.0))])
 
 
 def stage(skill: Declaration, values: Mapping[str, float], chunks: int = CHUNKS_IN_A_ROW) -> Scene:

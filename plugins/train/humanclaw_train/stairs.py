@@ -8,9 +8,10 @@ from typing import Final
 import numpy as np
 
 from humanclaw.body import Array, smoothstep
+from humanclaw.motion import widened
 from humanclaw_train import ik
 from humanclaw_train.commands import Commands
-from humanclaw_train.curves import GRID, floor, smoother
+from humanclaw_train.curves import GRID, floor, moving, smoother
 from humanclaw_train.ik import Track
 from humanclaw_train.state import State, Style
 from humanclaw_train.step_plan import StepPlan
@@ -53,14 +54,7 @@ def cleared(state: State, p: StepPlan, c: Commands, edge: Array, track: Track) -
     """Lift the track of a foot where it would cut the edge of a tread."""
     sole, yaw, pitch, bend = track
     lack = clearance_lack(state, p, edge, track, NOSE) * (smoothstep(GRID / 0.2) * c.stairs[:, None])
-    moving = np.abs(np.diff(sole, axis=1, append=sole[:, -1:])).sum(-1) > 1e-4
-    moving[:, -1] = moving[:, -2]  # The last instant has no difference of its own.
-    kernel = np.hanning(7)[1:-1] / np.hanning(7)[1:-1].sum()
-    # Widen the lift by two frames on both sides before smoothing, so that smoothing does not lower its peak.
-    wide = np.lib.stride_tricks.sliding_window_view(
-        np.pad(lack * moving, ((0, 0), (4, 4)), mode="edge"), 5, axis=1
-    ).max(-1)
-    raised_by = np.lib.stride_tricks.sliding_window_view(wide, 5, axis=1) @ kernel
+    raised_by = widened(lack * moving(sole))
     sole = sole.copy()
     sole[..., 1] += raised_by * smoothstep(GRID / 0.15)
     return sole, yaw, pitch, bend

@@ -5,12 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from humanclaw.body import Array, smoothstep
+from humanclaw.motion import apart
 from humanclaw_train import gait
 from humanclaw_train.commands import Ints
 from humanclaw_train.curves import GRID, floor, raised, smoother, turned
 from humanclaw_train.ik import Feet, Track
 from humanclaw_train.state import TOE_OUT, State, Style
 from humanclaw_train.step_plan import StepPlan
+from humanclaw_train.swings import past
 
 
 def cycle(state: State, p: StepPlan, style: Style) -> gait.Cycle:
@@ -22,24 +24,47 @@ def cycle(state: State, p: StepPlan, style: Style) -> gait.Cycle:
 
 def striding_feet(state: State, p: StepPlan, style: Style, steps: gait.Cycle, root: Array, yaw: Array) -> Feet:
     """Return both feet of striding bodies. Each swings to where the hips will be when the other foot passes it."""
-    whose = np.stack([gait.foot_of(steps.first), gait.foot_of(steps.first + 1)], 1)
-    feet = [_striding_foot(foot, state, p, style, steps, root, yaw, whose) for foot in (0, 1)]
-    return Feet(*(np.stack(pair, 1) for pair in zip(*feet, strict=True)))
+    aims = _aims(state, p, style, steps, root, yaw)
+    left, right = (_striding_foot(foot, state, p, style, steps, aims[foot]) for foot in (0, 1))
+    side = np.ones(len(p.first))
+    pairs = zip(past(left, right, side), past(right, left, -side), strict=True)
+    return Feet(*(np.stack(pair, 1) for pair in pairs))
 
 
-def _striding_foot(
-    foot: int, state: State, p: StepPlan, style: Style, steps: gait.Cycle, root: Array, yaw: Array, whose: Ints
-) -> Track:
-    passing = steps.first + (whose[:, 1] == foot)
+def _aims(state: State, p: StepPlan, style: Style, steps: gait.Cycle, root: Array, yaw: Array) -> list[Array]:
+    """Return where each foot lands next: x, z and yaw (N, 3).
+
+    The foot that lands first keeps clear of where the other one stands, and the other one of where the first will land.
+    """
     path = np.concatenate([floor(root), yaw[..., None]], -1)
     velocity = np.concatenate([p.velocity, p.yaw_rate[:, None]], -1)
-    over = gait.reached(steps, path, velocity, passing + 1.0)
-    left = 1.0 if foot == 0 else -1.0
-    aside = np.stack([left * (0.038 + style.width), -0.03 - 0.045 * p.speed], -1)
-    target = np.concatenate([over[:, :2] + turned(aside, over[:, 2]), over[:, 2:] + left * TOE_OUT], -1)
+    aims, leads = [], gait.foot_of(steps.first)
+    for foot, left in ((0, 1.0), (1, -1.0)):
+        over = gait.reached(steps, path, velocity, np.asarray(_passing(steps, foot) + 1.0))
+        aside = np.stack([left * (gait.half_width(p.speed) + style.width), -0.03 - 0.045 * p.speed], -1)
+        aims.append(np.concatenate([over[:, :2] + turned(aside, over[:, 2]), over[:, 2:] + left * TOE_OUT], -1))
+    stands = [np.concatenate([floor(state.foot[:, foot]), state.foot_yaw[:, foot, None]], -1) for foot in (0, 1)]
+    first = [_clear(foot, aims[foot], stands[1 - foot]) for foot in (0, 1)]
+    later = [_clear(foot, aims[foot], first[1 - foot]) for foot in (0, 1)]
+    return [np.where((leads == foot)[:, None], first[foot], later[foot]) for foot in (0, 1)]
+
+
+def _clear(foot: int, aim: Array, other: Array) -> Array:
+    """Return an aim (N, 3) that is clear of the other foot's place (N, 3)."""
+    zero = np.zeros(len(aim))
+    shift = apart(raised(aim[:, :2], zero), aim[:, 2], raised(other[:, :2], zero), other[:, 2], 1.0 - 2.0 * foot)
+    return np.concatenate([aim[:, :2] + floor(shift), aim[:, 2:]], -1)
+
+
+def _passing(steps: gait.Cycle, foot: int) -> Ints:
+    return np.asarray(steps.first + (gait.foot_of(steps.first) != foot))
+
+
+def _striding_foot(foot: int, state: State, p: StepPlan, style: Style, steps: gait.Cycle, aim: Array) -> Track:
+    passing = _passing(steps, foot)
     value = np.concatenate([floor(state.foot[:, foot]), state.foot_yaw[:, foot, None]], -1)
     rate = np.concatenate([floor(state.foot_velocity[:, foot]), state.foot_yaw_rate[:, foot, None]], -1)
-    track = gait.swung(steps, passing, gait.Leg(value, rate), target)
+    track = gait.swung(steps, passing, gait.Leg(value, rate), aim)
     high = 0.07 * style.roll * np.clip(0.6 + 0.35 * p.speed, 0.6, 1.2)
     height = high[:, None] * gait.swing_height(steps.progress(passing))
     height = gait.settled(state.foot[:, foot, 1] - state.level, state.foot_velocity[:, foot, 1], height, 0.4)

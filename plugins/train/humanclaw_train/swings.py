@@ -8,8 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from humanclaw.body import FUTURE, Array, smoothstep
+from humanclaw.motion import apart, widened
 from humanclaw_train.commands import Commands, Ints, Mask
-from humanclaw_train.curves import GRID, bump, cubic, floor, raised, smoother, turned
+from humanclaw_train.curves import GRID, bump, cubic, floor, moving, raised, smoother, turned
 from humanclaw_train.ik import Feet, Track
 from humanclaw_train.stairs import before_the_riser, clearance_lack, cleared, ground_line, nosing
 from humanclaw_train.state import AIRBORNE, TOE_OUT, State, Style
@@ -77,6 +78,10 @@ class Swing:
         turn = np.clip(np.abs(self.yaw1 - self.yaw0) / 0.5, 0, 0.6)
         return np.clip(np.clip(self.distance / 0.15, 0, 1) + turn, 0, 1)
 
+    def beside(self, target: Array, other: Array, yaw: Array) -> Array:
+        """Return a target (N, 3) that is clear of the other foot at (N, 3) with its yaw (N,)."""
+        return np.asarray(target + apart(target, self.yaw1, other, yaw, np.where(self.foot == 0, 1.0, -1.0)))
+
     def settled(self, tolerance: Array, free: Mask | bool = True) -> Swing:
         """Return the swing without movement where the foot already stands within `tolerance` metres of its target."""
         near = (self.distance < tolerance) & (np.abs(self.yaw1 - self.yaw0) < 0.15)
@@ -95,7 +100,9 @@ def feet(state: State, p: StepPlan, c: Commands, style: Style, root: Array) -> t
     m = _timed(c, p, in_stance=~state.hanging | p.wrong)
     tolerance = np.where(c.does("settle"), 0.08, np.where(state.seated, 0.1, 0.0))
     first = _first_swing(state, p, c, m, root, tolerance)
-    second = _second_swing(state, p, c, m, tolerance)
+    second = _second_swing(state, p, c, m, tolerance, first)
+    side = np.where(p.first == 0, 1.0, -1.0)
+    first, second = past(first, second, side), past(second, first, -side)
     edge = nosing(p, c, style)
     first, second = (cleared(state, p, c, edge, track) for track in (first, second))
     lacking = np.maximum(*(clearance_lack(state, p, edge, track, 0.02).max(1) for track in (first, second)))
@@ -104,6 +111,19 @@ def feet(state: State, p: StepPlan, c: Commands, style: Style, root: Array) -> t
     swap = ((left.reshape(-1, *(1 for _ in a.shape[1:])), a, b) for a, b in pairs)
     both = Feet(*(np.stack([np.where(is_left, a, b), np.where(is_left, b, a)], 1) for is_left, a, b in swap))
     return both, np.where(c.stairs, lacking, 0.0)
+
+
+def past(track: Track, other: Track, side: Array) -> Track:
+    """Swing a foot around the other one: its track (N, 16, ...) without moments at which shoes are in each other.
+
+    side: (N,) 1 for a left foot, -1 for a right one.
+    """
+    sole, yaw, pitch, bend = track
+    shift = apart(sole, yaw, other[0], other[1], side[:, None]) * moving(sole)[..., None]
+    size = np.linalg.norm(shift, axis=-1, keepdims=True)
+    way = shift.sum(1, keepdims=True)
+    way = way / np.maximum(np.linalg.norm(way, axis=-1, keepdims=True), 1e-9)
+    return sole + (widened(size[..., 0]) * smoothstep(GRID / 0.15))[..., None] * way, yaw, pitch, bend
 
 
 def _timed(c: Commands, p: StepPlan, in_stance: Mask) -> Steps:
@@ -121,12 +141,10 @@ def _first_swing(state: State, p: StepPlan, c: Commands, m: Steps, root: Array, 
     in_stance = ~state.hanging | p.wrong
     swing = Swing.of(state, p, m, p.first, 0.0)
     stays = swing.settled(tolerance, in_stance)
-    moving = stays.distance > 0
-    swing = replace(
-        swing,
-        target=np.where(moving[:, None], _within_reach(swing.target, root, m.land, p), swing.start),
-        yaw1=stays.yaw1,
-    )
+    moves = stays.distance > 0
+    other = state.of_foot(state.foot, 1 - p.first), state.of_foot(state.foot_yaw, 1 - p.first)
+    aim = swing.beside(_within_reach(swing.target, root, m.land, p), *other)
+    swing = replace(swing, target=np.where(moves[:, None], aim, swing.start), yaw1=stays.yaw1)
     begin = np.select([p.wrong, in_stance], [0.14, 0.02], 0.0)
     span = m.land - begin
     u = (GRID - begin[:, None]) / span[:, None]
@@ -143,7 +161,7 @@ def _first_swing(state: State, p: StepPlan, c: Commands, m: Steps, root: Array, 
     line = np.where(sinks[:, None], p.level[:, None] + above, line)
     sole[..., 1] = line + arc[:, None] * bump(np.clip(u, 0, 1) ** 0.8)
     yaw = cubic(u, swing.yaw0[:, None], (swing.yaw_rate * span)[:, None], swing.yaw1[:, None], 0.0)
-    return sole, yaw, _landing_pitch(swing, p, m, u, in_stance, moving), np.zeros_like(yaw)
+    return sole, yaw, _landing_pitch(swing, p, m, u, in_stance, moves), np.zeros_like(yaw)
 
 
 def _within_reach(target: Array, root: Array, land: Array | float, p: StepPlan) -> Array:
@@ -157,10 +175,10 @@ def _within_reach(target: Array, root: Array, land: Array | float, p: StepPlan) 
     return raised(hips + turned(gap, p.yaw), target[:, 1])
 
 
-def _landing_pitch(swing: Swing, p: StepPlan, m: Steps, u: Array, in_stance: Mask, moving: Mask) -> Array:
+def _landing_pitch(swing: Swing, p: StepPlan, m: Steps, u: Array, in_stance: Mask, moves: Mask) -> Array:
     """Return the heel pitch of the first foot (N, 16): up to its value at the landing, then flat."""
     along = np.where(in_stance, 0.8 * np.sum(swing.travel * p.facing, -1), p.ahead)
-    land = (m.land_pitch * np.clip(np.abs(along), 0, 0.75) * moving)[:, None]
+    land = (m.land_pitch * np.clip(np.abs(along), 0, 0.75) * moves)[:, None]
     touch = np.asarray(m.land - 0.05)[:, None]
     swung = cubic(GRID / touch, swing.pitch0[:, None], swing.pitch_rate[:, None] * touch, land, 0.0)
     kick = np.where(in_stance, 0.8 * m.lift_pitch * np.clip(swing.distance, 0, 0.6), 0.0)
@@ -168,9 +186,10 @@ def _landing_pitch(swing: Swing, p: StepPlan, m: Steps, u: Array, in_stance: Mas
     return np.where(touch < GRID, land * (1 - smoothstep((GRID - touch) / 0.2)), swung)
 
 
-def _second_swing(state: State, p: StepPlan, c: Commands, m: Steps, tolerance: Array) -> Track:
+def _second_swing(state: State, p: StepPlan, c: Commands, m: Steps, tolerance: Array, first: Track) -> Track:
     lag = 0.03 * (1 - p.flow) * ~p.sits
     swing = Swing.of(state, p, m, 1 - p.first, lag)
+    swing = replace(swing, target=swing.beside(swing.target, first[0][:, -1], first[1][:, -1]))
     came = swing
     touch = raised(floor(swing.start + 0.06 * swing.velocity), state.level)
     hangs = swing.start[:, 1] - state.level > AIRBORNE

@@ -11,6 +11,7 @@ import numpy as np
 
 from humanclaw import Motion
 from humanclaw.body import FUTURE, HISTORY, Array
+from humanclaw.motion import lay_hands
 from humanclaw.skills import Draw
 from humanclaw_train.augment import Profiles, RealClip
 from humanclaw_train.chunks import Chunks, cut
@@ -138,7 +139,7 @@ def _batch(profiles: Profiles, skills: Sequence[Trained], rng: np.random.Generat
     bodies = CHUNKS_A_BATCH // length  # Fewer bodies for longer series, so that memory stays the same.
     series = sample_calls(skills, bodies, length, rng)
     roots, turns, lacking = play(profiles, [commands(skills, call) for call in series], rng, rested=0.3)
-    motions = [Motion(*pair) for pair in zip(roots, turns, strict=True)]
+    motions = [lay_hands(Motion(*pair)) for pair in zip(roots, turns, strict=True)]
     root, rotations = _stacked(cut(motion, np.arange(length) * FUTURE) for motion in motions)
     skill = np.stack([call.skill for call in series], 1).ravel()
     values = np.stack([call.values for call in series], 1).reshape(len(skill), -1)

@@ -30,6 +30,10 @@ from humanclaw_train.step_plan import StepPlan, seat_depth
 
 _TWIST: Final = 0.7
 """Swing of the trunk at most, in that of real walkers at 1.15 m/s: shoulders turn no more in a fast walk."""
+_OUT: Final = 0.08
+"""How far a walker's arms are away from the trunk, beyond the clips', radians: our hips are wider than the walkers'."""
+_ASIDE: Final = 0.8
+"""How far hands go aside for hips that sink or rise by 1 m, radians: they pass the thighs on the outside."""
 _TRUNK: Final = np.isin(np.arange(CHANNELS), [channel(joint, axis) for joint in (
     "spine1", "spine2", "spine3", "neck", "head", "left_collar", "right_collar") for axis in range(3)])  # fmt: skip
 
@@ -50,6 +54,8 @@ def pose_targets(state: State, p: StepPlan, c: Commands, style: Style, steps: ga
     # The mean posture follows the speed only up to that of the clips; the swing about it continues to grow.
     still = 1 - np.minimum(amplitude, 1.0)
     standing = stance + (1 - still) * (mean - stance) + amplitude * (walk - mean) + 0.6 * still * sway
+    for side, sign in (("left", 1.0), ("right", -1.0)):
+        standing[..., channel(f"{side}_shoulder", 2)] += sign * _OUT * np.minimum(arms[..., 0], 1.2)
     target = np.where(p.sits[:, None, None], _seat_pose(style.seats, p.height)[:, None] + 0.5 * sway, standing)
     lean = c.gait["lean"] + np.where(p.stride, gait.lean(p.speed), 0.0)
     target = _bent(target, {"pelvis": 0.5, "spine1": 0.5, "neck": -0.5, "head": -0.5}, 0, lean[:, None])
@@ -82,10 +88,12 @@ def upper_body(state: State, p: StepPlan, c: Commands, target: Array) -> Array:
     values = target + quintic(np.minimum(GRID[:, None] / span, 1.0), gap, rate * span, zero, zero, zero)
     # In sitting down and rising the trunk leans forward to keep the weight over the feet; the head stays up.
     change = np.abs(p.height - (state.root[:, 1] - state.level))
-    # People (CMU subject 75) lean by 65 degrees to sit down and by 53 to rise, for hips that move by 0.58 m.
-    lean = np.clip(change, 0, 0.6) * np.where(p.seat > state.seat, 1.9, 1.6)
+    # A person (CMU 75_19) leans by 63 to 65 degrees to sit down and by 50 to rise, for hips that move by 0.58 m.
+    lean = np.clip(change, 0, 0.6) * np.where(p.seat > state.seat, 1.9, 1.5)
     shares = {"pelvis": 0.6, "spine1": 0.25, "spine2": 0.2, "neck": -0.2, "head": -0.35}
     values = _bent(values, shares, 0, lean[:, None] * bump(GRID))
+    outwards = _ASIDE * np.clip(change, 0, 0.6)[:, None] * bump(GRID)
+    values = _bent(_bent(values, {"left_shoulder": 1.0}, 2, outwards), {"right_shoulder": -1.0}, 2, outwards)
     # A turn begins with the head.
     turn = c.gait["gaze_turn"] * (p.yaw - state.yaw)
     shares = {"spine2": 0.05, "spine3": 0.08, "neck": 0.1, "head": 0.12}

@@ -9,12 +9,23 @@ from amass_tree import swinging
 from declared import STROLL
 
 from humanclaw import HumanclawError, Motion, Plugins
-from humanclaw.body import CHUNK, FUTURE, HISTORY, JOINT_INDEX, SOLE, STANDING_HEIGHT, TOE_SOLE, rest_pose
+from humanclaw.body import (
+    CHUNK,
+    FUTURE,
+    HISTORY,
+    JOINT_INDEX,
+    SOLE,
+    STANDING_HEIGHT,
+    TOE_SOLE,
+    forward_kinematics,
+    rest_pose,
+)
 from humanclaw.skills import Declaration, Draw, GaitParameters, Recipe
 from humanclaw_train import synthesis
 from humanclaw_train.augment import Profiles, channel
 from humanclaw_train.chunks import outcome
 from humanclaw_train.commands import Trained, named, trained
+from humanclaw_train.inside import depth
 from humanclaw_train.synthetic import sample_calls, synthetic_chunks
 
 DEGREE = np.pi / 180
@@ -71,6 +82,20 @@ def test_a_command_moves_the_body_by_exactly_what_it_asks_for(profiles, before, 
     skill, given = command
     last = _chunks(compose(profiles, [before, before, command], 1))[-1]
     np.testing.assert_allclose(_outcome(skill, last), _wanted(skill, given), atol=1e-3)
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("walk", {"z": 0.2}),
+        ("walk", {"z": 0.5, "yaw": 15 * DEGREE}),
+        ("turn_in_place", {"yaw": 75 * DEGREE}),
+        ("side_step", {"x": 0.3}),
+    ],
+)
+def test_legs_keep_out_of_each_other(profiles, command):
+    motion = compose(profiles, [command] * 4, 1)
+    assert depth(*forward_kinematics(motion.root, motion.rotations), "legs in each other").max() < 0.005
 
 
 def test_an_unknown_skill_is_synthesised_from_its_declaration(profiles):
