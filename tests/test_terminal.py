@@ -191,9 +191,13 @@ def test_no_name_in_a_record_controls_the_terminal(tmp_path, words, environment)
     assert not re.search("[\x00-\x08\x0b-\x1a\x1c-\x1f\x7f-\x9f\u202a-\u202e]|\x1b(?!\\[[0-9;]*m)", told)
 
 
-def test_a_status_moves_the_cursor_and_prints_no_code_for_it(tmp_path):
-    told = shown(tmp_path, "run", "--agent", "nobody", FORCE_COLOR="1", TERM="xterm")
-    assert "Loading the plugins" in told
+@pytest.mark.parametrize(
+    ("words", "status"), [("run --agent nobody", "Loading the plugins"), ("play stop --film none", "Playing (the first")]
+)
+def test_a_status_is_one_line_that_moves_the_cursor_and_prints_no_code_for_it(tmp_path, words, status):
+    told = shown(tmp_path, *words.split(), FORCE_COLOR="1", TERM="xterm", COLUMNS="80")
+    assert status in told
+    assert "\x1b[1A" not in told
     assert "\\u001b" not in told
 
 

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from itertools import chain, count
 from pathlib import Path
-from typing import NoReturn
+from typing import Final, NoReturn
 
 import click
 from rich.status import Status
@@ -33,6 +33,9 @@ from humanclaw.records.steps import EpisodeRecord
 from humanclaw.records.tasks import free_episode
 from humanclaw.world.navigation.approach import geodesics
 from humanclaw.world.scene import Scene
+
+PLAYING: Final = "Playing (the first time on a machine, this compiles for up to a minute)"
+"""Shown from the making of the body on. One line of a terminal: Rich cannot take back a status that is wider."""
 
 
 @contextmanager
@@ -79,19 +82,16 @@ def play(
     out = out or new_folder(deciders.agent)
     folder = out / spec.id
     claim(folder)
-    progress = StepProgress(console, max_steps, distances=not getattr(agent, "at_terminal", False))
-    plugins.add(progress, "console_progress")
-    status.update(
-        "Loading the motion model, the simulator and the renderer (compiled on first use: up to a minute, once a "
-        "machine)"
-    )
+    status.update(PLAYING)
     with (
         left_empty(folder),
         _interrupted_by_sigterm(),
         _kept(folder),
         Body(scene, seed=seed, plugins=plugins, backends=backends) as body,
     ):
-        status.update(f"Playing; the record is in {folder}")
+        console.print(f"record: {folder}", soft_wrap=True)
+        progress = StepProgress(console, max_steps, distances=not getattr(agent, "at_terminal", False))
+        plugins.add(progress, "console_progress")
         run_episode(
             body,
             spec,
@@ -105,7 +105,7 @@ def play(
     try:
         recorded = RecordedEpisode(folder)
         console.print(summary(recorded.record, recorded.steps))
-        status.update("Writing the report")
+        status.stop()  # The film has a bar of its own.
         present(plugins, backends, out, folder, film, console)
     except KeyboardInterrupt:
         console.print(f"The report is not whole. `humanclaw report {out}` writes it.", soft_wrap=True)
@@ -196,7 +196,6 @@ def _needed(plugins: Plugins, deciders: Deciders, backends: Backends, reference:
 
 def present(plugins: Plugins, backends: Backends, out: Path, folder: Path, film: str, console: Console) -> None:
     """Let the installed reporters present the record, and print the paths of their files."""
-    console.print(f"record: {folder}", soft_wrap=True)
     for one in plugins.registered("reports"):
         reporter: Reporter = plugins.make("reports", one.name, film=film, renderer=backends.renderer)
         for name, path in reporter.write(out, RecordedEpisode(folder), plugins).items():

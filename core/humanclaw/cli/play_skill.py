@@ -11,7 +11,7 @@ import click
 
 from humanclaw.cli.completion import names_of
 from humanclaw.cli.options import engine_options, plugin_options, scene_option
-from humanclaw.cli.play import claim, end, exits_raised, left_empty, new_folder, present
+from humanclaw.cli.play import PLAYING, claim, end, exits_raised, left_empty, new_folder, present
 from humanclaw.cli.terminal import Console
 from humanclaw.episodes.backends import Backends
 from humanclaw.episodes.embodiment import Body
@@ -83,6 +83,7 @@ def play(
     out = out or new_folder(chosen.name)
     claim(out / spec.id)
     with (
+        console.status(PLAYING),
         left_empty(out / spec.id),
         Body(scene, seed=seed, plugins=plugins, backends=backends) as body,
         Episode(body, spec, "play", folder=out / spec.id) as episode,
@@ -90,6 +91,7 @@ def play(
         for call in calls:
             episode.submit(Decision((call,)))
             console.print(str(episode.steps[-1].feedback), soft_wrap=True)
+    console.print(f"record: {out / spec.id}", soft_wrap=True)
     present(plugins, backends, out, out / spec.id, film, console)
     end(episode.record)
 
