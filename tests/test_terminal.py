@@ -197,7 +197,7 @@ def test_no_name_in_a_record_controls_the_terminal(tmp_path, words, environment)
 def test_a_status_is_one_line_that_moves_the_cursor_and_prints_no_code_for_it(tmp_path, words, status):
     told = shown(tmp_path, *words.split(), FORCE_COLOR="1", TERM="xterm", COLUMNS="80")
     assert status in told
-    assert "\x1b[1A" not in told
+    assert "\x1b[2K\x1b[1A" not in told
     assert "\\u001b" not in told
 
 
