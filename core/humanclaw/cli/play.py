@@ -82,6 +82,8 @@ def play(
     out = out or new_folder(deciders.agent)
     folder = out / spec.id
     claim(folder)
+    progress = StepProgress(console, max_steps, distances=not getattr(agent, "at_terminal", False))
+    plugins.add(progress, "console_progress")
     status.update(PLAYING)
     with (
         left_empty(folder),
@@ -89,9 +91,6 @@ def play(
         _kept(folder),
         Body(scene, seed=seed, plugins=plugins, backends=backends) as body,
     ):
-        console.print(f"record: {folder}", soft_wrap=True)
-        progress = StepProgress(console, max_steps, distances=not getattr(agent, "at_terminal", False))
-        plugins.add(progress, "console_progress")
         run_episode(
             body,
             spec,
@@ -196,6 +195,7 @@ def _needed(plugins: Plugins, deciders: Deciders, backends: Backends, reference:
 
 def present(plugins: Plugins, backends: Backends, out: Path, folder: Path, film: str, console: Console) -> None:
     """Let the installed reporters present the record, and print the paths of their files."""
+    console.print(f"record: {folder}", soft_wrap=True)
     for one in plugins.registered("reports"):
         reporter: Reporter = plugins.make("reports", one.name, film=film, renderer=backends.renderer)
         for name, path in reporter.write(out, RecordedEpisode(folder), plugins).items():

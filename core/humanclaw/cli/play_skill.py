@@ -91,7 +91,6 @@ def play(
         for call in calls:
             episode.submit(Decision((call,)))
             console.print(str(episode.steps[-1].feedback), soft_wrap=True)
-    console.print(f"record: {out / spec.id}", soft_wrap=True)
     present(plugins, backends, out, out / spec.id, film, console)
     end(episode.record)
 
