@@ -191,9 +191,20 @@ def test_no_name_in_a_record_controls_the_terminal(tmp_path, words, environment)
     assert not re.search("[\x00-\x08\x0b-\x1a\x1c-\x1f\x7f-\x9f\u202a-\u202e]|\x1b(?!\\[[0-9;]*m)", told)
 
 
+@pytest.mark.parametrize(
+    ("words", "status"), [("run --agent nobody", "Loading the plugins"), ("play stop --film none", "Playing (the first")]
+)
+def test_a_status_is_one_line_that_moves_the_cursor_and_prints_no_code_for_it(tmp_path, words, status):
+    told = shown(tmp_path, *words.split(), FORCE_COLOR="1", TERM="xterm", COLUMNS="80")
+    assert status in told
+    assert "\x1b[2K\x1b[1A" not in told
+    assert "\\u001b" not in told
+
+
 TALKING = """
 import sys
-print("hello from the import")
+print("hello from the import\\x1b[0m", end="")
+print("\\x1b[0m")
 from humanclaw import hookimpl
 
 @hookimpl
@@ -212,5 +223,5 @@ def test_a_plugin_that_prints_while_it_loads_stands_beside_the_answer(tmp_path):
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=300, check=True)
     assert json.loads(done.stdout)
     assert [line for line in done.stderr.splitlines() if line.startswith("hello")] == [
-        "hello from the import", "hello from a hook"
+        "hello from the import\\u001b[0m\x1b[0m", "hello from a hook"
     ]  # fmt: skip

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from itertools import chain, count
 from pathlib import Path
+from typing import Final
 
 import click
 from rich.status import Status
@@ -31,6 +32,9 @@ from humanclaw.records.steps import EpisodeRecord
 from humanclaw.records.tasks import free_episode
 from humanclaw.world.navigation.approach import geodesics
 from humanclaw.world.scene import Scene
+
+PLAYING: Final = "Playing (the first time on a machine, this compiles for up to a minute)"
+"""Shown from the making of the body on. One line of a terminal: Rich cannot take back a status that is wider."""
 
 
 def play(
@@ -61,17 +65,13 @@ def play(
     claim(folder)
     progress = StepProgress(console, max_steps, distances=not getattr(agent, "at_terminal", False))
     plugins.add(progress, "console_progress")
-    status.update(
-        "Loading the motion model, the simulator and the renderer (compiled on first use: up to a minute, once a "
-        "machine)"
-    )
+    status.update(PLAYING)
     with (
         left_empty(folder),
         _interrupted_by_sigterm(),
         _kept(folder),
         Body(scene, seed=seed, plugins=plugins, backends=backends) as body,
     ):
-        status.update(f"Playing; the record is in {folder}")
         run_episode(
             body,
             spec,
@@ -85,7 +85,7 @@ def play(
     try:
         recorded = RecordedEpisode(folder)
         console.print(summary(recorded.record, recorded.steps))
-        status.update("Writing the report")
+        status.stop()  # The film has a bar of its own.
         present(plugins, backends, out, folder, film, console)
     except KeyboardInterrupt:
         console.print(f"The report is not whole. `humanclaw report {out}` writes it.", soft_wrap=True)

@@ -11,7 +11,7 @@ import click
 
 from humanclaw.cli.completion import names_of
 from humanclaw.cli.options import engine_options, plugin_options, scene_option
-from humanclaw.cli.play import claim, end, left_empty, new_folder, present
+from humanclaw.cli.play import PLAYING, claim, end, left_empty, new_folder, present
 from humanclaw.cli.terminal import Console
 from humanclaw.episodes.backends import Backends
 from humanclaw.episodes.embodiment import Body
@@ -82,6 +82,7 @@ def play(
     out = out or new_folder(chosen.name)
     claim(out / spec.id)
     with (
+        console.status(PLAYING),
         left_empty(out / spec.id),
         Body(scene, seed=seed, plugins=plugins, backends=backends) as body,
         Episode(body, spec, "play", folder=out / spec.id) as episode,

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from io import TextIOWrapper
-from typing import Any, Final, TextIO
+from typing import IO, Any, Final, TextIO
 
 import rich.console
 from rich.segment import Segment
@@ -16,10 +16,23 @@ from humanclaw.text.words import escaped
 
 _INSIDE: Final = re.compile(r"(?<!\A)\r(?!\n)")
 """A return that would overwrite the words before it. Progress bars begin with one."""
+_RESET: Final = "\x1b[0m"
+"""The end of all colours, which colorama writes when the process ends."""
 
 
 class Console(rich.console.Console):
     """Rich's console. Texts lose what controls a terminal; its own colours and movements stay."""
+
+    @property
+    def file(self) -> IO[str]:
+        """The stream below Escaping. While a status moves, a proxy of Rich lies over it, and Rich looks below that
+        one alone."""
+        file = super().file
+        return getattr(file, "rich_proxied_file", file)
+
+    @file.setter
+    def file(self, new_file: IO[str]) -> None:
+        self._file = new_file
 
     def render(
         self, renderable: rich.console.RenderableType, options: rich.console.ConsoleOptions | None = None
@@ -38,7 +51,7 @@ class Escaping:
 
     def write(self, text: str) -> int:
         """Write a text as `\\u001b` writes its controls: JSON stays the same JSON."""
-        self.rich_proxied_file.write(_INSIDE.sub(r"\\u000d", escaped(text)))
+        self.rich_proxied_file.write(text if text == _RESET else _INSIDE.sub(r"\\u000d", escaped(text)))
         return len(text)
 
     def __getattr__(self, name: str) -> Any:
