@@ -246,10 +246,13 @@ def test_contacts_and_events_stand_on_the_time_line_where_they_happened(made: tu
 
 def test_the_root_cause_stands_on_the_page_of_an_episode(made: tuple[Path, Scene], tmp_path: Path) -> None:
     def contribute(runs: Any, page: Any) -> None:
-        page.episode(made[0], "couch-0", success=False, cause="nav: too far")
+        page.episode(made[0], "couch-0", success=False, cause="nav: too far", step=3)
 
     path = write_report(made[0], tmp_path / "out.html", lambda name: made[1], contribute=contribute)
-    assert "root cause: nav: too far" in Page(path.read_text("utf-8")).text
+    page = Page(path.read_text("utf-8"))
+    assert "root cause: nav: too far decided at step 3" in " ".join(page.text.split())
+    (mark,) = [tag for tag in page.all("li") if tag.get("class") == "cause"]
+    assert mark["title"] == "step 3: root cause: nav: too far"
 
 
 def test_a_scene_that_cannot_be_loaded_leaves_a_note(made: tuple[Path, Scene], tmp_path: Path) -> None:
@@ -333,7 +336,7 @@ def test_the_end_of_a_run_of_the_benchmark_writes_its_pages(tmp_path: Path) -> N
     page = Page((tmp_path / "couch-1" / "page.html").read_text("utf-8"))
     scripts = [tag["src"] for tag in page.all("script") if "src" in tag]
     assert all((tmp_path / "couch-1" / (source or "")).is_file() for source in scripts)
-    assert len(scripts) == 2
+    assert len(scripts) == 3, "three.js, the skin and the house"
 
 
 def test_a_page_takes_the_place_of_a_link_to_itself(tmp_path):
