@@ -78,7 +78,7 @@ class Skin:
 
     @cached_property
     def _shares(self) -> csr_array:
-        """(N, 48) the share of each frame: sparse, as most vertices follow one or two, and a BLAS would start threads."""
+        """(N, 48) share of each frame: sparse, as most vertices follow one or two, and a BLAS would start threads."""
         rows = np.repeat(np.arange(len(self.frames)), self.frames.shape[1])
         shares = csr_array((self.weights.ravel(), (rows, self.frames.ravel())), (len(self.frames), 2 * N_JOINTS))
         shares.eliminate_zeros()

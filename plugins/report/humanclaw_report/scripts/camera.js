@@ -27,24 +27,23 @@ function clear(start, way, boxes, most) {
 
 /** Where the camera stands in every frame, as an offset from the body's chest. */
 class Way {
-  /** @param {THREE.Vector3[]} chests @param {number[]} headings @param {THREE.Box3[]} boxes */
-  constructor(chests, headings, boxes) {
+  /** sides: where from straight ahead of the body it is best seen, radians. @param {THREE.Vector3[]} chests @param {number[]} headings @param {number[]} sides @param {THREE.Box3[]} boxes */
+  constructor(chests, headings, sides, boxes) {
     this.boxes = boxes;
     const keys = chests.map((_, k) => k).filter((k) => k % EVERY_KEY === 0);
-    const scored = keys.map((k) => Way.scores(chests[k], headings[k] ?? 0, boxes));
+    const scored = keys.map((k) => Way.scores(chests[k], headings[k], sides[k], boxes));
     const chosen = Way.cheapest(scored.map((one) => one.map(({ cost }) => cost)));
     /** @type {THREE.Vector3[]} */
     this.offsets = chosen.map((state, k) => WAYS[state].way.clone().multiplyScalar(scored[k][state].reach));
   }
 
-  /** Cost of each direction, and how far away the camera can stand. @param {THREE.Vector3} chest @param {number} heading @param {THREE.Box3[]} boxes */
-  static scores(chest, heading, boxes) {
+  /** Cost of each direction, and how far away the camera can stand. @param {THREE.Vector3} chest @param {number} heading @param {number} side @param {THREE.Box3[]} boxes */
+  static scores(chest, heading, side, boxes) {
     const near = boxes.filter((box) => box.distanceToPoint(chest) < WANTED + MARGIN);
     return WAYS.map(({ elevation, azimuth, way }) => {
       const reach = clear(chest, way, near, WANTED + MARGIN) - MARGIN;
-      // Best seen from behind and a little from the side, so that what it walks to is in the picture.
-      const aside = Math.abs(Math.cos(azimuth - heading) - Math.cos(2.6));
-      return { reach: Math.max(reach, 0.3), cost: 4 * (1 - Math.min(1, reach / WANTED)) ** 2 + 0.5 * aside + 0.6 * Math.abs(elevation - 0.42) };
+      const aside = Math.abs(Math.cos(azimuth - heading) - Math.cos(side));
+      return { reach: Math.max(reach, 0.3), cost: 8 * (1 - Math.min(1, reach / WANTED)) ** 2 + 0.5 * aside + 0.6 * Math.abs(elevation - 0.42) };
     });
   }
 

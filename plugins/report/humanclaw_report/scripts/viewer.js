@@ -14,6 +14,7 @@
 
 const ARRAYS = { uint8: Uint8Array, int16: Int16Array, uint16: Uint16Array, uint32: Uint32Array, float32: Float32Array };
 const FADED = 0.1;
+const SEATED = 0.85; // A chest below this over the floor is that of a body that sits, metres.
 const STOREY = 2.2; // Objects that begin higher than this above a floor hide the body from above, metres.
 
 /** Unpack the arrays of `packed` in replay.py. @param {Packed} packed @returns {Promise<Record<string, Values>>} */
@@ -103,7 +104,7 @@ class Stage {
     this.ghost.root.visible = false;
     this.scene.add(this.body.root, this.ghost.root);
     this.heading = this.headings();
-    this.way = new Way([], [], []);
+    this.way = new Way([], [], [], []);
   }
 
   /** Shadows of the body and of furniture, in a square of 8 metres around the body. */
@@ -125,7 +126,9 @@ class Stage {
     this.centre.set(root[0], root[1], root[2]);
     const still = this.furnishings.filter(({ data }) => !this.motion[`object_${data.id}`]);
     const chests = this.heading.map((_, k) => this.chest(k));
-    this.way = new Way(chests, this.heading, still.map(({ box }) => box));
+    // From behind, what a body walks to is in the picture; one that sits is seen from the front.
+    const sides = chests.map(({ y }) => (y - this.floor(y) < SEATED ? 0.7 : 2.6));
+    this.way = new Way(chests, this.heading, sides, still.map(({ box }) => box));
   }
 
   /** @param {House} house */
@@ -228,7 +231,7 @@ class Stage {
     this.body.fold(this.ego);
     this.sun.target.position.copy(pelvis);
     this.sun.position.set(2, 6, 3).add(pelvis);
-    this.camera.fov = 55;
+    this.camera.fov = 60;
     this.camera.up.set(0, 1, 0);
     if (this.ego) return this.lookOut();
     if (this.view !== "free") this.centre.copy(this.chest(time));
