@@ -183,6 +183,15 @@ def test_the_path_is_drawn_on_the_storey_where_it_was_walked(climbed: tuple[Reco
     assert (len(lower.targets), len(upper.targets)) == (0, 1)
 
 
+def test_the_labels_of_targets_beside_one_another_do_not_overlap(tmp_path: Path) -> None:
+    chairs = {k: ((4.0 + 0.3 * k, 0.0, 2.0), (4.2 + 0.3 * k, 0.9, 2.2)) for k in range(2)} | {9: ((1, 0, 2), (2, 1, 3))}
+    record_episode(tmp_path)
+    episode = RecordedEpisode(tmp_path)
+    episode.record = episode.record.model_copy(update={"targets": chairs})
+    (drawn,) = path_maps(episode, house_maps(two_rooms(), "house"))
+    assert [bool(label) for *_, label in drawn.targets] == [True, False, True]
+
+
 def test_a_storey_with_neither_path_nor_target_is_left_out(tmp_path: Path) -> None:
     seat = asset("couch", "couch", block(1.6, 0.42, 0.9), seat=0.42)
     scene = record_episode(tmp_path, two_storeys((seat, scene_object(20, seat, 7.4, 1.5, -np.pi / 2))))
