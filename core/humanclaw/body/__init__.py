@@ -57,6 +57,7 @@ if TYPE_CHECKING:
         Capsule as Capsule,
         Link as Link,
     )
+    from humanclaw.body.skinning import REGIONS as REGIONS, SKINS as SKINS, Skin as Skin, skin as skin
 
 if not TYPE_CHECKING:
     __getattr__, __dir__, __all__ = door(__name__)

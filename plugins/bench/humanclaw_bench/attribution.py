@@ -82,8 +82,8 @@ class EpisodeFeatures:
             way=_way(record, steps),
             arrived=any(s.target_distance is not None and s.target_distance <= REACHED for s in steps),
             stopped=record.outcome == "stopped",
-            jammed=_jammed(recorded),
-            confined=_confined(recorded),
+            jammed=_jam(recorded) is not None,
+            confined=_confinement(recorded) is not None,
             seen_last=bool(steps) and in_view(steps[-1]),
             claimed_last=bool(steps) and claims(steps[-1], record.spec.target_category),
             sits=any(is_sit(recorded, step) for step in steps),
@@ -134,8 +134,8 @@ def _acts(record: EpisodeRecord, step: StepRecord) -> bool:
     return bool(_asks(record, step, (*_MOVES, *_TURNS)))
 
 
-def _jammed(recorded: RecordedEpisode) -> bool:
-    """Return whether the body was jammed for eight locomotion commands in a row, by one of two rules:
+def _jam(recorded: RecordedEpisode) -> int | None:
+    """Return the first of eight locomotion commands in a row in which the body was jammed, by one of two rules:
 
     * Each moved the body by less than 0.1 m. This is the paper's rule.
     * The body touched something other than the ground in each, and stayed in a box of 0.5 m. Bodies here rock by up to
@@ -145,10 +145,11 @@ def _jammed(recorded: RecordedEpisode) -> bool:
     walks = [_walks(record, step) for step in steps]
     still = [_moved(step) < JAMMED_MOVE for step in steps]
     held = [any(contact.object_id not in record.ground for contact in step.contacts) for step in steps]
-    return any(
-        all(walks[window]) and (all(still[window]) or (all(held[window]) and _extent(steps[window]) <= JAMMED_BOX))
-        for window in _windows(JAMMED_STEPS, len(steps))
-    )
+    jams = (
+        window.start for window in _windows(JAMMED_STEPS, len(steps))
+        if all(walks[window]) and (all(still[window]) or (all(held[window]) and _extent(steps[window]) <= JAMMED_BOX))
+    )  # fmt: skip
+    return next(jams, None)
 
 
 def _touches(step: StepRecord, joints: Sequence[str]) -> bool:
@@ -159,12 +160,12 @@ def _moved(step: StepRecord) -> float:
     return float(np.linalg.norm(np.subtract(step.end, step.start)))
 
 
-def _confined(recorded: RecordedEpisode) -> bool:
-    """Return whether 25 movement or turning commands in a row stayed within a box of 2 m."""
+def _confinement(recorded: RecordedEpisode) -> int | None:
+    """Return the first of 25 movement or turning commands in a row that stayed within a box of 2 m."""
     steps = recorded.steps
     acts = [_acts(recorded.record, step) for step in steps]
     windows = _windows(CONFINED_STEPS, len(steps))
-    return any(all(acts[window]) and _extent(steps[window]) <= CONFINED_BOX for window in windows)
+    return next((w.start for w in windows if all(acts[w]) and _extent(steps[w]) <= CONFINED_BOX), None)
 
 
 def _turned(recorded: RecordedEpisode) -> bool:
@@ -189,6 +190,25 @@ def _extent(steps: Sequence[StepRecord]) -> float:
     return float(np.ptp(places, axis=0).max())
 
 
+# -- the step at which a cause was decided -----------------------------------------------------------------------------
+def _last(recorded: RecordedEpisode) -> int | None:
+    return len(recorded.steps) - 1 if recorded.steps else None
+
+
+def _first(condition: Callable[[RecordedEpisode, StepRecord], bool]) -> Callable[[RecordedEpisode], int | None]:
+    return lambda recorded: next((k for k, step in enumerate(recorded.steps) if condition(recorded, step)), None)
+
+
+def _nearest(recorded: RecordedEpisode) -> int | None:
+    """Return the step that ended nearest to the target."""
+    return int(np.argmin(_way(recorded.record, recorded.steps)[1:])) if recorded.steps else None
+
+
+_first_view = _first(lambda _, step: in_view(step))
+_first_sit = _first(is_sit)
+_arrival = _first(lambda _, step: step.target_distance is not None and step.target_distance <= REACHED)
+
+
 # -- the rules ---------------------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class Cause:
@@ -201,6 +221,8 @@ class Cause:
     meaning: str
     second: Callable[[EpisodeFeatures], bool] | None = None
     """The rule of a second label, if it is not the same: a rule that follows others may presume that they failed."""
+    step: Callable[[RecordedEpisode], int | None] = _last
+    """The index of the step at which it was decided; None if no step did."""
 
     def describes(self, features: EpisodeFeatures) -> bool:
         """Tell whether it describes an episode, whatever cause comes first."""
@@ -218,26 +240,28 @@ def _gave_up(features: EpisodeFeatures) -> bool:
 
 CAUSES: Final = (
     Cause("find", "target in view but not seen", "perception", lambda f: f.seen,
-          "the target was in view and the agent never said so"),
+          "the target was in view and the agent never said so", step=_first_view),
     Cause("find", "near but not in view", "mid-level reasoning", lambda f: not f.seen and min(f.way) < NEAR,
-          "the body came within 1.5 m and never looked at the target"),
-    Cause("find", "too far", "task", lambda f: f.way[0] > TOO_FAR, "the way to the target is longer than 20 m"),
+          "the body came within 1.5 m and never looked at the target", step=_nearest),
+    Cause("find", "too far", "task", lambda f: f.way[0] > TOO_FAR, "the way to the target is longer than 20 m",
+          step=lambda recorded: None),
     Cause("find", "unaware jammed", "body awareness", lambda f: f.jammed,
-          "in eight walking calls in a row the body hardly moved, or rocked against something within 50 cm"),
+          "in eight walking calls in a row the body hardly moved, or rocked against something within 50 cm",
+          step=_jam),
     Cause("find", "ineffective actions", "action", lambda f: f.confined,
-          "25 moving or turning calls in a row stayed within a box of 2 m"),
+          "25 moving or turning calls in a row stayed within a box of 2 m", step=_confinement),
     Cause("find", "midpoint give up", "mid-level reasoning", _gave_up,
-          "the way was more than halved, and then the body went back"),
+          "the way was more than halved, and then the body went back", step=_nearest),
     Cause("find", "ineffective exploration", "mid-level reasoning", lambda f: True, "the target never came into view",
           second=lambda f: f.roamed and not f.seen),
     Cause("nav", "unaware arrived/touch", "body awareness", lambda f: f.arrived and not f.stopped,
-          "the body was within 0.2 m and the agent never stopped"),
+          "the body was within 0.2 m and the agent never stopped", step=_arrival),
     Cause("nav", "stop while far", "ego-spatial distance", lambda f: f.stopped and not f.arrived,
           "the agent stopped and was never within 0.2 m"),
     Cause("nav", "find too late", "exploration timing", lambda f: f.late,
-          "the target first came into view in the last 30 % of the steps"),
+          "the target first came into view in the last 30 % of the steps", step=_first_view),
     Cause("nav", "unaware jammed", "body awareness", lambda f: f.seen_last and f.jammed,
-          "the target was in view at the end and the body was stuck for eight walking calls in a row"),
+          "the target was in view at the end and the body was stuck for eight walking calls in a row", step=_jam),
     Cause("nav", "ineffective actions", "action", lambda f: f.seen_last,
           "the target was in view at the end and the body, though free, did not get there",
           second=lambda f: f.seen_last and not (f.jammed or f.stopped or f.arrived)),
@@ -250,10 +274,10 @@ CAUSES: Final = (
     Cause("interact", "stand after sit", "body awareness", lambda f: f.sat,
           "a sit reached the seat, and the body was off it at the end"),
     Cause("interact", "sit on air", "body awareness", lambda f: f.sits and not f.touched,
-          "the agent sat down, and neither hips nor thighs came to rest on anything"),
+          "the agent sat down, and neither hips nor thighs came to rest on anything", step=_first_sit),
     Cause("interact", "sit wrong", "body awareness", lambda f: f.sits,
           "the agent sat down on something else, or beside the seat",
-          second=lambda f: f.sits and f.touched and not f.sat),
+          second=lambda f: f.sits and f.touched and not f.sat, step=_first_sit),
     Cause("interact", "stop but never sit", "decision", lambda f: True,
           "the agent stopped at the seat and never sat down", second=lambda f: not f.sits),
 )  # fmt: skip

@@ -30,7 +30,9 @@ class Page(Protocol):
         notes: Sequence[str] = (), shares: Sequence[Sequence[float]] = (), turned: bool = False,
     ) -> None: ...  # fmt: skip
 
-    def episode(self, run: Path, name: str, *, success: bool | None, cause: str = "", tier: str = "") -> None: ...
+    def episode(
+        self, run: Path, name: str, *, success: bool | None, cause: str = "", tier: str = "", step: int | None = None
+    ) -> None: ...
 
 
 def overview(runs: Mapping[Path, Sequence[RecordedEpisode]], page: Page) -> None:
@@ -40,7 +42,7 @@ def overview(runs: Mapping[Path, Sequence[RecordedEpisode]], page: Page) -> None
     extra = metrics_of(Plugins.discover())
     found = {run: scored(episodes, extra, run.name) for run, episodes in runs.items()}
     for run, pairs in found.items():
-        _tell_episodes(run, pairs, page)
+        _tell_episodes(run, pairs, runs[run], page)
     known = {str(run): standing(run, episodes) for run, episodes in runs.items()}
     results = named({str(run): pairs for run, pairs in found.items()}, known)
     tables = all_tables(results, paper=False)
@@ -52,10 +54,11 @@ def overview(runs: Mapping[Path, Sequence[RecordedEpisode]], page: Page) -> None
             _add_comparison(results[0], results[1], page)
 
 
-def _tell_episodes(run: Path, pairs: Sequence[Scored], page: Page) -> None:
-    for scores, cause in pairs:
+def _tell_episodes(run: Path, pairs: Sequence[Scored], episodes: Sequence[RecordedEpisode], page: Page) -> None:
+    for (scores, cause), recorded in zip(pairs, episodes, strict=True):
         success = scores.success if scores.finished else None
-        page.episode(run, scores.episode, success=success, cause=cause.label if cause else "", tier=scores.tier)
+        label, step = (cause.label, cause.step(recorded)) if cause else ("", None)
+        page.episode(run, scores.episode, success=success, cause=label, tier=scores.tier, step=step)
 
 
 def _spent(table: ResultTable) -> ResultTable:

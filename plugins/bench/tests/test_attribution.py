@@ -43,14 +43,17 @@ ROLLOUTS: dict[str, list[StepRecord]] = {
     "interact: sit wrong": [*AT_SEAT, step("sit_in_place", pelvis_contacts=(TABLE,)), step("stop", away=0.1)],
     "interact: stop but never sit": [*AT_SEAT, step("stop", away=0.1)],
 }  # fmt: skip
+DECIDED = dict(zip(ROLLOUTS, (0, 3, None, 3, 0, 3, 35, 1, 1, 70, 70, 8, 9, 9, 4, 2, 2, 2), strict=True))
+"""Index of the step at which each was decided."""
 START = {"find: too far": 20.1, "find: midpoint give up": 6.0, "find: ineffective exploration": 6.0}
 
 
 @pytest.mark.parametrize("label", ROLLOUTS)
 def test_each_root_cause_has_its_rollout(tmp_path: Path, label: str) -> None:
-    cause = attribute(rollout(tmp_path, ROLLOUTS[label], geodesic=START.get(label, 4.0)))
+    recorded = rollout(tmp_path, ROLLOUTS[label], geodesic=START.get(label, 4.0))
+    cause = attribute(recorded)
     assert cause
-    assert cause.label == label
+    assert (cause.label, cause.step(recorded)) == (label, DECIDED[label])
 
 
 def test_there_are_the_papers_eighteen_labels() -> None:

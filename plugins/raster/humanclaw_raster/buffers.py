@@ -35,7 +35,6 @@ class Instances(NamedTuple):
 
     mesh: NDArray[np.int32]
     id: NDArray[np.int32]
-    shown: NDArray[np.bool_]
     turn: Array
     """(N, 3, 3) rotation from the mesh's frame to the world."""
     place: Array

@@ -23,8 +23,6 @@ def in_view(
     side_slant, rise_slant = np.sqrt(1 + side * side), np.sqrt(1 + rise * rise)
     count = 0
     for instance in range(instances.mesh.size):
-        if not instances.shown[instance]:
-            continue
         to_camera, shift = place_model(instances, instance, pinhole)
         for cluster in range(model.meshes[instances.mesh[instance], 0], model.meshes[instances.mesh[instance], 1]):
             x, y, z = move_point(to_camera, shift, model.spheres[cluster])

@@ -28,12 +28,11 @@ class OverheadMapper:
     def __init__(self, scene: Scene, model: Model, instances: Instances, movers: Sequence[int]) -> None:
         """Draw the maps of all objects.
 
-        instances: the links of the body, then the objects of the scene. movers: rows of the objects that can move.
+        instances: the body, then the objects of the scene. movers: rows of the objects that can move.
         """
         boxes = np.array([scene.aabb(obj.id) for obj in scene.objects]).reshape(-1, 2, 3)
-        links = len(instances.mesh) - len(boxes)
         self._model, self._rows = model, np.array(movers, int)
-        self._body, self._movers = _order(model, instances, range(links)), _order(model, instances, movers)
+        self._body, self._movers = _order(model, instances, [0]), _order(model, instances, movers)
         self._floors = np.array(sorted({room.floor for room in scene.rooms} or {boxes[:, 0, 1].min(initial=0.0)}))
         low, high = boxes[:, 0].min(axis=0, initial=0.0), boxes[:, 1].max(axis=0, initial=0.0)
         self._cell = max(CELL, float((high - low)[[0, 2]].max()) / MOST)
@@ -43,7 +42,7 @@ class OverheadMapper:
         for floor in self._floors:
             # 0.3 m lower, so that objects which sink into the floor count. TALLEST leaves out walls and ceilings.
             on_it = (boxes[:, 0, 1] > floor - 0.3) & (boxes[:, 1, 1] < floor + TALLEST)
-            rows = sorted({links + int(k) for k in np.flatnonzero(on_it)} - set(movers))
+            rows = sorted({1 + int(k) for k in np.flatnonzero(on_it)} - set(movers))
             self._still.append(self._drawn(instances, _order(model, instances, rows), float(floor), None))
         self._settle(instances)
 

@@ -52,7 +52,7 @@ def pack(meshes: Sequence[Mesh]) -> Model:
     first = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
     vertices = np.concatenate([mesh.vertices for mesh in meshes])
     faces = np.concatenate([mesh.faces + start for mesh, start in zip(meshes, first[:-1], strict=True)])
-    faces = faces[np.lexsort((_along_curve(vertices[faces], counts), owner))]
+    faces = faces[np.lexsort((along_curve(vertices[faces], counts), owner))]
     corners, uv = vertices[faces], np.concatenate([mesh.uv for mesh in meshes])[faces]
     sizes = np.array([mesh.texture.shape[1::-1] for mesh in meshes])
     clusters, ranges = _clusters(counts)
@@ -65,7 +65,7 @@ def pack(meshes: Sequence[Mesh]) -> Model:
     )  # fmt: skip
 
 
-def _along_curve(corners: Floats, counts: Sequence[int]) -> NDArray[np.int64]:
+def along_curve(corners: Floats, counts: Sequence[int]) -> NDArray[np.int64]:
     """Return (T,) the place of each face on a Morton curve through its mesh: successive faces are close to each other.
 
     The faces of a mesh with one cluster keep their order.

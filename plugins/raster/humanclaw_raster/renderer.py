@@ -1,4 +1,4 @@
-"""The Renderer: packs a scene once, places the body's rigid links, and runs the kernels in order."""
+"""The Renderer: packs a scene once, moves the body's skin, and runs the kernels in order."""
 
 from __future__ import annotations
 
@@ -9,23 +9,20 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from humanclaw import HumanclawError, Motion, Scene
-from humanclaw.body import JOINT_INDEX, Array, forward_kinematics, matrix_from_quaternion
+from humanclaw import HumanclawError, Scene
+from humanclaw.body import Array, Skin, matrix_from_quaternion, skin
 from humanclaw.world import BODY_ID, Camera, View, WorldState
 from humanclaw_raster.buffers import GBuffer, Instances, Pinhole
 from humanclaw_raster.drawing import draw, in_view
 from humanclaw_raster.overhead import OverheadMapper
 from humanclaw_raster.packing import Model, pack
 from humanclaw_raster.painting import paint, smooth_edges
-from humanclaw_raster.robot import robot
+from humanclaw_raster.person import Person
 from humanclaw_raster.shading import ambient_occlusion
 from humanclaw_raster.surfaces import prepare
 
 SKY: Final = np.array([[196, 221, 243], [240, 244, 247]], float)
 """Colours of empty pixels at the top and at the bottom of the picture."""
-_IN_HEAD: Final = 0.2
-"""A camera closer to the head's joint than this is the body's own eye, metres."""
-_EGO_HIDDEN: Final = ("head", "neck")
 
 
 class _LoadedScene(NamedTuple):
@@ -42,33 +39,33 @@ class RasterRenderer:
     Empty pixels have id 0, infinite depth and the colour of the sky. Not thread-safe.
     """
 
-    def __init__(self, *, smooth: bool = False) -> None:
+    def __init__(self, *, smooth: bool = False, looks: Skin | None = None) -> None:
         """Create a renderer without a scene.
 
         smooth: pixels on edges get the mean of 2 x 2 samples. Ids and depth are those of the pixel's centre either way.
+        looks: what the body looks like; the first of humanclaw.body.SKINS by default.
         """
         self._smooth = smooth
+        self._person = Person(looks or skin())
         self._loaded: _LoadedScene | None = None
 
     def load(self, scene: Scene) -> None:
         """Make a scene ready to be drawn; it replaces the previous one."""
         # Freed before packing: two scenes at once would fragment the heap of a process that visits many houses.
         self.close()
-        links, names = robot(), sorted({obj.asset for obj in scene.objects})
-        number = {name: len(links) + k for k, name in enumerate(names)}
-        model = pack([*links.values(), *(scene.assets[name].mesh for name in names)])
-        self._joints = np.array([JOINT_INDEX[joint] for joint in links])
-        self._head = np.array([joint in _EGO_HIDDEN for joint in links])
-        self._movers = {obj.id: len(links) + k for k, obj in enumerate(scene.objects) if obj.movable}
+        names = sorted({obj.asset for obj in scene.objects})
+        number = {name: 1 + k for k, name in enumerate(names)}
+        model = pack([self._person.mesh(), *(scene.assets[name].mesh for name in names)])
+        self._movers = {obj.id: 1 + k for k, obj in enumerate(scene.objects) if obj.movable}
         self._rest = {obj.id: np.array([*obj.position, *obj.rotation], float) for obj in scene.objects}
+        count = 1 + len(scene.objects)
         instances = Instances(
-            mesh=np.array([*range(len(links)), *(number[obj.asset] for obj in scene.objects)], np.int32),
-            id=np.array([BODY_ID] * len(links) + [obj.id for obj in scene.objects], np.int32),
-            shown=np.ones(len(links) + len(scene.objects), np.bool_),
-            turn=np.tile(np.eye(3), (len(links) + len(scene.objects), 1, 1)),
-            place=np.zeros((len(links) + len(scene.objects), 3)),
+            mesh=np.array([0, *(number[obj.asset] for obj in scene.objects)], np.int32),
+            id=np.array([BODY_ID, *(obj.id for obj in scene.objects)], np.int32),
+            turn=np.tile(np.eye(3), (count, 1, 1)),
+            place=np.zeros((count, 3)),
         )
-        _put(instances, range(len(links), len(instances.mesh)), list(self._rest.values()))
+        _put(instances, range(1, count), list(self._rest.values()))
         movers = list(self._movers.values())
         self._loaded = _LoadedScene(model, instances, OverheadMapper(scene, model, instances, movers))
 
@@ -82,10 +79,13 @@ class RasterRenderer:
         model, instances, overhead = self._loaded
         poses = [state.objects.get(key, self._rest[key]) for key in self._movers]
         _put(instances, list(self._movers.values()), poses)
-        self._put_body(instances, state.body, camera.position)
+        instances.place[0] = self._person.dress(model, state.body)
+        above = overhead.now(instances)
+        # Only now: the shadow has a head.
+        self._person.look_out(model, state.body, camera.position)
         pinhole = _pinhole(camera)
         gbuffer, sky = _gbuffer(model, instances, pinhole, camera), _sky(camera)
-        light = ambient_occlusion(pinhole, gbuffer, overhead.now(instances))
+        light = ambient_occlusion(pinhole, gbuffer, above)
         shape = (camera.height, camera.width)
         view = View(np.empty((*shape, 3), np.uint8), np.empty(shape, np.float32), np.empty(shape, np.int32))
         paint(model, instances, pinhole, gbuffer, light, sky, view.rgb, view.depth, view.ids)
@@ -99,13 +99,6 @@ class RasterRenderer:
     def close(self) -> None:
         """Free the scene; a closed renderer can load again."""
         self._loaded = None
-
-    def _put_body(self, instances: Instances, body: Motion, eye: Array) -> None:
-        positions, orientations = forward_kinematics(body.root[-1], body.rotations[-1])
-        instances.place[: len(self._joints)] = positions[self._joints]
-        instances.turn[: len(self._joints)] = orientations[self._joints]
-        ego = np.linalg.norm(positions[JOINT_INDEX["head"]] - eye) < _IN_HEAD
-        instances.shown[: len(self._joints)] = ~(self._head & ego)
 
 
 def _put(instances: Instances, rows: Sequence[int], poses: Sequence[Array]) -> None:

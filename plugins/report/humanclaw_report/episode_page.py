@@ -38,7 +38,7 @@ from humanclaw_report.facts import (
 )
 from humanclaw_report.maps import HouseMap, PathMap, colour, house_maps, path_maps
 from humanclaw_report.marks import Mark, marks
-from humanclaw_report.replay import EVERY, data_uri, house, replay, spans
+from humanclaw_report.replay import EVERY, data_uri, house, person, replay, spans
 from humanclaw_report.three import three
 
 PARTS: Final = ("observe", "decide", "verify", "generate", "simulate")
@@ -71,6 +71,7 @@ class Shared:
     """Addresses, relative to the page, of the files that the pages of a run share."""
 
     three: str
+    skin: str
     house: str
     run: str
     """The page of the run."""
@@ -135,16 +136,17 @@ class EpisodeView:
 
 
 def episode_page(
-    recorded: RecordedEpisode, drawn: Drawn, page: Path, shared: Shared | None = None, cause: str = ""
-) -> str:
+    recorded: RecordedEpisode, drawn: Drawn, page: Path, shared: Shared | None = None,
+    cause: tuple[str, int | None] = ("", None),
+) -> str:  # fmt: skip
     """Return the HTML of an episode.
 
     Args:
         page: Path that it will be written to.
         shared: None for a self-contained page.
-        cause: Why the episode failed, as a benchmark told; empty if it did not.
+        cause: Why the episode failed, as a benchmark told, and the step that decided it; empty if it did not.
     """
-    view = _view(recorded, drawn, page, inside=shared is None)
+    view = _view(recorded, drawn, page, cause, inside=shared is None)
     moving = replay(recorded, drawn.scene)
     return environment().get_template("episode.html").render(
         view=view,
@@ -154,6 +156,7 @@ def episode_page(
         cause=cause,
         shared=shared,
         three="" if shared or not moving else script(three()),
+        skin_script="" if shared or not moving else script(skin_script()),
         house_script="" if shared or not drawn.scene else script(house_script(drawn.scene)),
         replay=as_json(moving),
         moments=as_json(_moments(view, drawn.scene)),
@@ -165,6 +168,11 @@ def episode_page(
 def house_script(scene: Scene) -> str:
     """Return a script that gives a house to the page: a page opened from disk may load scripts, but no data files."""
     return f"window.humanclawHouse = {as_json(house(scene))};"
+
+
+def skin_script() -> str:
+    """Return a script that gives the body's skin to the page."""
+    return f"window.humanclawSkin = {as_json(person())};"
 
 
 def script(text: str) -> markupsafe.Markup:
@@ -203,7 +211,9 @@ def _seconds(value: float) -> str:
     return f"{value:.1f} s" if value >= 1 else f"{1000 * value:.0f} ms"
 
 
-def _view(recorded: RecordedEpisode, drawn: Drawn, page: Path, *, inside: bool) -> EpisodeView:
+def _view(
+    recorded: RecordedEpisode, drawn: Drawn, page: Path, cause: tuple[str, int | None], *, inside: bool
+) -> EpisodeView:
     met = milestones(recorded)
     source = _pictures(recorded, page, inside=inside)
     return EpisodeView(
@@ -215,7 +225,7 @@ def _view(recorded: RecordedEpisode, drawn: Drawn, page: Path, *, inside: bool) 
         steps=tuple(_step(recorded, s, n, source[s.step], drawn.scene) for n, s in enumerate(recorded.steps)),
         maps=path_maps(recorded, drawn.maps, drawn.note),
         contacts=contacts_of(recorded, drawn.scene),
-        marks=marks(recorded, drawn.scene),
+        marks=marks(recorded, drawn.scene, *cause),
         charts=_charts(recorded),
         film=_film(recorded.files, page),
     )

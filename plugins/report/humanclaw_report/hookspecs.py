@@ -42,7 +42,9 @@ class Overview(Protocol):
             turned: Draw the columns of a chart as its rows.
         """
 
-    def episode(self, run: Path, name: str, *, success: bool | None, cause: str = "", tier: str = "") -> None:
+    def episode(
+        self, run: Path, name: str, *, success: bool | None, cause: str = "", tier: str = "", step: int | None = None
+    ) -> None:
         """Add facts about an episode.
 
         Args:
@@ -51,6 +53,7 @@ class Overview(Protocol):
             success: Whether it succeeded; None if it counts in no rate.
             cause: Why it failed.
             tier: How difficult it is: easy, medium or hard.
+            step: Step at which the cause was decided.
         """
 
 

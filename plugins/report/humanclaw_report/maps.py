@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -58,6 +58,7 @@ class PathMap:
     """x, z and bearing in degrees, clockwise from up; None if the path begins on another storey."""
     end: tuple[float, float, float] | None
     targets: tuple[tuple[float, float, float, float, str], ...]
+    """x, z, width and depth in centimetres, and label; empty where it would lie over another one."""
     note: str = ""
     """Why the house is not drawn."""
 
@@ -211,12 +212,32 @@ def _path_map(
         house=house,
         box=house.box,
         pieces=pieces,
-        text=round(max(house.box[2], house.box[3]) / 34),
+        text=_text(house),
         start=_mark(walked[0][0], record.start.yaw) if here[0] else None,
         end=_mark(walked[-1][-1], _last_yaw(recorded)) if here[-1] else None,
-        targets=tuple((_c(a[0]), _c(a[2]), _c(b[0] - a[0]), _c(b[2] - a[2]), noun) for a, b in targets),
+        targets=tuple(_labelled(targets, noun, house)),
         note=note,
     )
+
+
+def _text(house: HouseMap) -> float:
+    return round(max(house.box[2], house.box[3]) / 34)
+
+
+def _labelled(targets: list[Corners], noun: str, house: HouseMap) -> Iterator[tuple[float, float, float, float, str]]:
+    """Yield the targets of a map, with the label in the middle of each box where there is room for it."""
+    size = _text(house)
+    taken = [(x + 14, z + 14, 0.5 * size * len(kind), size) for x, z, _, _, kind in house.rooms]
+    for low, high in targets:
+        x, z, wide, deep = _c(low[0]), _c(low[2]), _c(high[0] - low[0]), _c(high[2] - low[2])
+        label = (x + wide / 2 - 0.3 * size * len(noun), z + deep / 2 - size / 2, 0.6 * size * len(noun), size)
+        free = not any(_overlap(label, other) for other in taken)
+        taken += [label] if free else []
+        yield x, z, wide, deep, noun if free else ""
+
+
+def _overlap(a: Box, b: Box) -> bool:
+    return all(a[k] < b[k] + b[k + 2] and b[k] < a[k] + a[k + 2] for k in (0, 1))
 
 
 def _last_yaw(recorded: RecordedEpisode) -> float:

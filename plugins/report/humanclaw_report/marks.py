@@ -16,16 +16,25 @@ from humanclaw_report.replay import spans
 class Mark:
     """A span or a point of the time line. at and wide: shares of the whole, per cent."""
 
-    kind: Literal["target", "fixed", "movable", "event", "refused"]
+    kind: Literal["target", "fixed", "movable", "event", "refused", "cause"]
     at: float
     wide: float
     words: str
 
 
-def marks(recorded: RecordedEpisode, scene: Scene | None) -> tuple[Mark, ...]:
-    """Return the contacts above the ground, then the events, each by its time."""
+def marks(
+    recorded: RecordedEpisode, scene: Scene | None, cause: str = "", decided: int | None = None
+) -> tuple[Mark, ...]:
+    """Return the contacts above the ground, then the events, each by its time, then why the episode failed.
+
+    decided: index of the step that decided the cause.
+    """
     frames = max(1, spans(recorded)[-1][1]) if recorded.steps else 1
-    return (*_contacts(recorded, scene, frames), *_events(recorded, frames))
+    found = (*_contacts(recorded, scene, frames), *_events(recorded, frames))
+    if not cause or decided is None:
+        return found
+    at = 100 * spans(recorded)[decided][0] / frames
+    return (*found, Mark("cause", at, 0, f"step {recorded.steps[decided].step}: root cause: {cause}"))
 
 
 def _contacts(recorded: RecordedEpisode, scene: Scene | None, frames: int) -> Iterator[Mark]:

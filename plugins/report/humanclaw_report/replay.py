@@ -6,6 +6,7 @@ import base64
 import gzip
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
+from functools import cache
 from typing import Any, Final
 
 import numpy as np
@@ -17,13 +18,12 @@ from humanclaw.body import (
     FPS,
     HISTORY,
     JOINT_INDEX,
-    LINKS,
     OFFSETS,
     PARENTS,
     Array,
-    Box,
     matrix_from_vector,
     quaternion_from_matrix,
+    skin,
 )
 from humanclaw.records import touched_above_ground
 from humanclaw.storage import jpeg
@@ -54,23 +54,24 @@ def packed(arrays: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
 
 # -- the body ----------------------------------------------------------------------------------------------------------
 def skeleton(gaze: Gaze) -> dict[str, Any]:
-    """Return the body's joints, the shape of each link, and where its eyes look."""
-    links = [
-        {"joint": JOINT_INDEX[link.joint], "name": link.joint.replace("_", " ")} | _shape(link.shape) for link in LINKS
-    ]
-    return {
-        "offsets": OFFSETS.round(4).tolist(),
-        "parents": list(PARENTS),
-        "links": links,
-        "head": JOINT_INDEX["head"],
-        "gaze": asdict(gaze),
+    """Return the body's joints, and where its eyes look."""
+    return {"offsets": OFFSETS.round(4).tolist(), "parents": list(PARENTS), "gaze": asdict(gaze)}
+
+
+@cache
+def person() -> dict[str, Any]:
+    """Return the body's skin as the page poses it: see humanclaw.body.Skin."""
+    looks = skin()
+    arrays: dict[str, NDArray[Any]] = {
+        "vertices": np.round(looks.vertices * 1e4).astype(np.int16),
+        "normals": np.round(looks.normals * 1e4).astype(np.int16),
+        "faces": looks.faces.astype(np.uint16),
+        "frames": looks.frames,
+        "weights": np.round(looks.weights * 255).astype(np.uint8),
+        "colours": looks.colours[looks.regions],
+        "bind": quaternion_from_matrix(matrix_from_vector(looks.bind)).astype(np.float32),
     }
-
-
-def _shape(shape: Any) -> dict[str, Any]:
-    if isinstance(shape, Box):
-        return {"box": [shape.centre, shape.half]}
-    return {"capsule": [shape.a, shape.b, shape.radius]}
+    return packed(arrays)
 
 
 def spans(recorded: RecordedEpisode) -> list[tuple[int, int]]:
@@ -92,7 +93,6 @@ def replay(recorded: RecordedEpisode, scene: Scene | None) -> dict[str, Any] | N
         "fps": FPS / EVERY,
         "frames": len(_kept(len(simulated))),
         "body": skeleton(recorded.record.gaze),
-        "steps": [[first / EVERY, end / EVERY] for first, end in spans(recorded)],
         "moved": sorted(moved),
         "contacts": _contacts(recorded, scene),
         "floors": list(floors_of(scene)) if scene else [recorded.record.start.floor],

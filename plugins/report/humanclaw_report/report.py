@@ -11,7 +11,7 @@ from tqdm import tqdm
 
 from humanclaw import HumanclawError, RecordedEpisode, RecordError, Scene, load_run
 from humanclaw.storage import Folder, write_result
-from humanclaw_report.episode_page import Drawn, Shared, episode_page, house_script, link
+from humanclaw_report.episode_page import Drawn, Shared, episode_page, house_script, link, skin_script
 from humanclaw_report.facts import episodes_asked
 from humanclaw_report.run_page import Collected, run_page
 from humanclaw_report.three import three
@@ -105,6 +105,7 @@ def _write_episodes(found: Runs, target: Path, houses: Houses, collected: Collec
             shelf = Folder(run) / FOLDER
             home = run / REPORT if len(found) > 1 and Folder(run).has(REPORT) else target
             shelf.write("three.js", three().encode())
+            shelf.write("skin.js", skin_script().encode())
             for episode in sorted(episodes, key=lambda e: e.record.spec.scene):
                 page, drawn = episode.folder / PAGE, houses.of(episode)
                 cause = collected.cause(run, episode.record.spec.id)
@@ -119,4 +120,9 @@ def _shared(shelf: Folder, drawn: Drawn, page: Path, run: Path) -> Shared:
     # The name holds the digest of the scene, so an old file is still right.
     if drawn.scene and not shelf.has(house):
         shelf.write(house, house_script(drawn.scene).encode())
-    return Shared(link(shelf.path / "three.js", page), link(shelf.path / house, page), link(run, page))
+    return Shared(
+        link(shelf.path / "three.js", page),
+        link(shelf.path / "skin.js", page),
+        link(shelf.path / house, page),
+        link(run, page),
+    )

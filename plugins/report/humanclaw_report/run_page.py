@@ -64,6 +64,8 @@ class Facts:
     success: bool | None
     cause: str = ""
     tier: str = ""
+    step: int | None = None
+    """Step at which the cause was decided."""
 
 
 @dataclass
@@ -81,13 +83,15 @@ class Collected:
         made = Table(title, tuple(head), tuple(lined), tuple(notes), bool(shares))
         self.tables.append(made.turned if turned else made)
 
-    def episode(self, run: Path, name: str, *, success: bool | None, cause: str = "", tier: str = "") -> None:
-        self.facts[run, name] = Facts(success, cause, tier)
+    def episode(
+        self, run: Path, name: str, *, success: bool | None, cause: str = "", tier: str = "", step: int | None = None
+    ) -> None:
+        self.facts[run, name] = Facts(success, cause, tier, step)
 
-    def cause(self, run: Path, name: str) -> str:
-        """Return why an episode failed; empty if it did not, or no benchmark told."""
+    def cause(self, run: Path, name: str) -> tuple[str, int | None]:
+        """Return why an episode failed and the step that decided it; empty if it did not, or no benchmark told."""
         found = self.facts.get((run, name))
-        return found.cause if found else ""
+        return (found.cause, found.step) if found else ("", None)
 
 
 def _cells(row: Sequence[str], shares: Sequence[float]) -> tuple[Cell, ...]:

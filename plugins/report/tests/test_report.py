@@ -183,6 +183,15 @@ def test_the_path_is_drawn_on_the_storey_where_it_was_walked(climbed: tuple[Reco
     assert (len(lower.targets), len(upper.targets)) == (0, 1)
 
 
+def test_the_labels_of_targets_beside_one_another_do_not_overlap(tmp_path: Path) -> None:
+    chairs = {k: ((4.0 + 0.3 * k, 0.0, 2.0), (4.2 + 0.3 * k, 0.9, 2.2)) for k in range(2)} | {9: ((1, 0, 2), (2, 1, 3))}
+    record_episode(tmp_path)
+    episode = RecordedEpisode(tmp_path)
+    episode.record = episode.record.model_copy(update={"targets": chairs})
+    (drawn,) = path_maps(episode, house_maps(two_rooms(), "house"))
+    assert [bool(label) for *_, label in drawn.targets] == [True, False, True]
+
+
 def test_a_storey_with_neither_path_nor_target_is_left_out(tmp_path: Path) -> None:
     seat = asset("couch", "couch", block(1.6, 0.42, 0.9), seat=0.42)
     scene = record_episode(tmp_path, two_storeys((seat, scene_object(20, seat, 7.4, 1.5, -np.pi / 2))))
@@ -246,10 +255,13 @@ def test_contacts_and_events_stand_on_the_time_line_where_they_happened(made: tu
 
 def test_the_root_cause_stands_on_the_page_of_an_episode(made: tuple[Path, Scene], tmp_path: Path) -> None:
     def contribute(runs: Any, page: Any) -> None:
-        page.episode(made[0], "couch-0", success=False, cause="nav: too far")
+        page.episode(made[0], "couch-0", success=False, cause="nav: too far", step=3)
 
     path = write_report(made[0], tmp_path / "out.html", lambda name: made[1], contribute=contribute)
-    assert "root cause: nav: too far" in Page(path.read_text("utf-8")).text
+    page = Page(path.read_text("utf-8"))
+    assert "root cause: nav: too far decided at step 3" in " ".join(page.text.split())
+    (mark,) = [tag for tag in page.all("li") if tag.get("class") == "cause"]
+    assert mark["title"] == "step 3: root cause: nav: too far"
 
 
 def test_a_scene_that_cannot_be_loaded_leaves_a_note(made: tuple[Path, Scene], tmp_path: Path) -> None:
@@ -333,7 +345,7 @@ def test_the_end_of_a_run_of_the_benchmark_writes_its_pages(tmp_path: Path) -> N
     page = Page((tmp_path / "couch-1" / "page.html").read_text("utf-8"))
     scripts = [tag["src"] for tag in page.all("script") if "src" in tag]
     assert all((tmp_path / "couch-1" / (source or "")).is_file() for source in scripts)
-    assert len(scripts) == 2
+    assert len(scripts) == 3, "three.js, the skin and the house"
 
 
 def test_a_page_takes_the_place_of_a_link_to_itself(tmp_path):

@@ -45,8 +45,7 @@ class Live:
         # The view of the first step was taken before any motion; the first frame is closest to it.
         under_way.before = under_way.before or simulated[:1]
         under_way.body = simulated[-1:]
-        under_way.log.body("simulated", simulated, under_way.frame)
-        under_way.log.body("generated", chunk.commanded, under_way.frame)
+        under_way.log.body(simulated, chunk.commanded, under_way.frame)
         under_way.log.objects(chunk.execution.objects, under_way.frame)
         under_way.frame += len(chunk.commanded)
 

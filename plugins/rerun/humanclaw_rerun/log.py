@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Final, Literal, Self
+from typing import Final, Self
 
 import numpy as np
 import rerun as rr
@@ -16,17 +16,15 @@ import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
 from humanclaw import EpisodeRecord, Motion, RecordedEpisode, RecordError, Scene, StepRecord
-from humanclaw.body import FPS, HISTORY, PARENTS, Array
+from humanclaw.body import FPS, HISTORY, PARENTS, Array, skin
 from humanclaw.storage import Folder
 from humanclaw.world import Camera, Mesh, SceneObject, ego_camera
 
-Kind = Literal["simulated", "generated"]
 TIME: Final = "time"
-_LOOK: Final[Mapping[Kind, tuple[tuple[int, int, int, int], float]]] = {
-    "simulated": ((235, 130, 40, 255), 0.035),
-    "generated": ((120, 150, 255, 110), 0.012),
-}
-"""Colour and radius (metres) of the bones of the simulated motion, and of the generated motion as a ghost."""
+_GHOST: Final = ((120, 150, 255, 110), 0.012)
+"""Colour and radius (metres) of the bones of the generated motion."""
+EVERY: Final = 3
+"""Frames of motion for each pose of the skin: one takes 77 kB."""
 _LEFT_OUT: Final = "ceiling"
 """Category of objects that are not logged, so that the viewer can look in from above."""
 _BONES: Final = [(parent, joint) for joint, parent in enumerate(PARENTS) if parent >= 0]
@@ -61,8 +59,13 @@ class EpisodeLog:
         for key, (low, high) in record.targets.items():
             box = rr.Boxes3D(mins=[low], sizes=[np.subtract(high, low)], labels=[f"target {key}"])
             self._static(f"world/targets/{key}", box)
-        for kind, (colour, radius) in _LOOK.items():
-            self._static(f"world/body/{kind}", rr.LineStrips3D.from_fields(colors=[colour], radii=[radius]))
+        colour, radius = _GHOST
+        self._static("world/body/generated", rr.LineStrips3D.from_fields(colors=[colour], radii=[radius]))
+        self._skin = skin()
+        colours = self._skin.colours[self._skin.regions]
+        self._static(
+            "world/body/simulated", rr.Mesh3D.from_fields(triangle_indices=self._skin.faces, vertex_colors=colours)
+        )
         fov = np.radians(Camera.fov)
         self._static("world/eyes", rr.Pinhole(fov_y=fov, aspect_ratio=1.0, camera_xyz=rr.ViewCoordinates.RUB))
 
@@ -76,19 +79,24 @@ class EpisodeLog:
                 self._static(self._path(obj.id), _mesh(scene.assets[obj.asset].mesh))
 
     # -- motion --------------------------------------------------------------------------------------------------------
-    def body(self, kind: Kind, motion: Motion, first: int) -> None:
-        """Log the skeleton. first: frame at which the motion begins."""
-        path, ends = f"world/body/{kind}", bones(motion)
-        strips = rr.LineStrips3D.columns(strips=ends.astype(np.float32).reshape(-1, 2, 3)).partition(
-            [len(_BONES)] * len(ends)
-        )
-        self._columns(path, first, len(ends), strips)
+    def body(self, simulated: Motion, generated: Motion, first: int) -> None:
+        """Log the skin of the simulated body and the bones of the generated one. first: frame of the first pose."""
+        kept = range(-first % EVERY, len(simulated), EVERY)
+        poses = [self._skin.posed(simulated.root[k], simulated.rotations[k]) for k in kept]
+        if poses:
+            vertices, normals = map(np.concatenate, zip(*poses, strict=True))
+            skins = rr.Mesh3D.columns(vertex_positions=vertices, vertex_normals=normals)
+            sizes = [len(self._skin.vertices)] * len(poses)
+            self._columns("world/body/simulated", first + np.array(kept), skins.partition(sizes))
+        ends = bones(generated)
+        strips = rr.LineStrips3D.columns(strips=ends.astype(np.float32).reshape(-1, 2, 3))
+        self._columns("world/body/generated", first + np.arange(len(ends)), strips.partition([len(_BONES)] * len(ends)))
 
     def objects(self, paths: Mapping[int, Array], first: int) -> None:
         """Log (T, 7) positions (metres) and quaternions of movable objects, by id."""
         for key, path in paths.items():
             placed = rr.Transform3D.columns(translation=path[:, :3], quaternion=path[:, 3:])
-            self._columns(self._path(key), first, len(path), placed)
+            self._columns(self._path(key), first + np.arange(len(path)), placed)
 
     # -- views, calls and distance -------------------------------------------------------------------------------------
     def view(self, picture: bytes, body: Motion | None, frame: int) -> None:
@@ -129,9 +137,9 @@ class EpisodeLog:
     def _static(self, path: str, what: rr.AsComponents) -> None:
         self._stream.log(path, what, static=True)
 
-    def _columns(self, path: str, first: int, frames: int, columns: rr.ComponentColumnList) -> None:
+    def _columns(self, path: str, frames: NDArray[np.int64], columns: rr.ComponentColumnList) -> None:
         # Columns send a whole chunk at once, which is much faster than a log call for each frame.
-        times = rr.TimeColumn(TIME, duration=np.arange(first, first + frames) / FPS)
+        times = rr.TimeColumn(TIME, duration=frames / FPS)
         self._stream.send_columns(path, indexes=[times], columns=columns)
 
 
@@ -154,8 +162,7 @@ def write_recording(recorded: RecordedEpisode, scene: Scene | None, out: Path, n
 
 def _log_episode(log: EpisodeLog, recorded: RecordedEpisode) -> None:
     if recorded.has_motion:
-        log.body("simulated", recorded.motion(), 0)
-        log.body("generated", recorded.motion("generated"), 0)
+        log.body(recorded.motion(), recorded.motion("generated"), 0)
         log.objects(recorded.objects(), 0)
     for step, first in zip(recorded.steps, first_frames(recorded), strict=True):
         log.step(step, first)

@@ -27,7 +27,7 @@ from humanclaw import (  # noqa: E402
     SceneError,
     cli,
 )
-from humanclaw.body import FPS, HISTORY  # noqa: E402
+from humanclaw.body import FPS, HISTORY, skin  # noqa: E402
 from humanclaw_rerun.live import house_of  # noqa: E402
 from humanclaw_rerun.log import EpisodeLog, bones, write_recording  # noqa: E402
 
@@ -70,12 +70,22 @@ def recording(recorded: RecordedEpisode) -> Recording:
     return Recording(out)
 
 
-@pytest.mark.parametrize("kind", ["simulated", "generated"])
-def test_every_frame_of_the_body_is_where_the_record_says(recorded, recording, kind):
-    times, strips = recording.read(f"/world/body/{kind}", "LineStrips3D:strips")
-    motion = recorded.motion(kind)
-    assert times == pytest.approx(np.arange(len(motion)) / FPS, abs=1e-8)
-    assert np.array(strips) == pytest.approx(bones(motion), abs=1e-5)
+def assert_bodies(recording, recorded, first):
+    """Assert that the recording shows each third pose as a skin, and each generated pose as bones."""
+    simulated, generated = recorded.motion(), recorded.motion("generated")
+    times, strips = recording.read("/world/body/generated", "LineStrips3D:strips")
+    assert times == pytest.approx(np.arange(first, len(generated)) / FPS, abs=1e-8)
+    assert np.array(strips) == pytest.approx(bones(generated)[first:], abs=1e-4)
+    times, poses = recording.read("/world/body/simulated", "Mesh3D:vertex_positions")
+    kept = [k for k in range(first, len(simulated)) if k % 3 == 0]
+    assert times == pytest.approx(np.array(kept) / FPS, abs=1e-8)
+    for k in (0, -1):
+        posed, _ = skin().posed(simulated.root[kept[k]], simulated.rotations[kept[k]])
+        assert np.array(poses[k]) == pytest.approx(posed, abs=1e-4)
+
+
+def test_every_frame_of_the_body_is_where_the_record_says(recorded, recording):
+    assert_bodies(recording, recorded, 0)
 
 
 def test_a_bone_runs_from_a_joint_to_its_child(recorded):
@@ -178,10 +188,7 @@ def test_the_command_writes_an_episode_and_of_a_run_each(recorded, tmp_path):
     assert "holds 2 episodes" in refused.output
     assert invoke("rerun", tmp_path / "run").exit_code == 0
     for name in ("a", "b"):
-        _, strips = Recording(tmp_path / "run" / name / "episode.rrd").read(
-            "/world/body/simulated", "LineStrips3D:strips"
-        )
-        assert len(strips) == len(recorded.motion())
+        assert_bodies(Recording(tmp_path / "run" / name / "episode.rrd"), recorded, 0)
 
 
 def test_what_is_logged_while_an_episode_is_played_is_what_its_record_holds(tmp_path, monkeypatch):
@@ -194,10 +201,7 @@ def test_what_is_logged_while_an_episode_is_played_is_what_its_record_holds(tmp_
             episode.submit(Decision((Call(skill, values),)))
             told.append(len(views))
     done, live = RecordedEpisode(tmp_path / "record"), Recording(tmp_path / "live" / "live-0.rrd")
-    for kind in ("simulated", "generated"):
-        times, strips = live.read(f"/world/body/{kind}", "LineStrips3D:strips")
-        assert times == pytest.approx(np.arange(HISTORY, len(done.motion())) / FPS, abs=1e-8)
-        assert np.array(strips) == pytest.approx(bones(done.motion(kind))[HISTORY:], abs=1e-4)
+    assert_bodies(live, done, HISTORY)
     began, lines = live.read("/calls", "TextLog:text")
     ends = HISTORY + np.cumsum([step.motion_frames for step in done.steps])
     calls = {str(step.call): end - step.motion_frames for step, end in zip(done.steps, ends, strict=True)}

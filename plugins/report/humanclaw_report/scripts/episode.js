@@ -126,7 +126,7 @@ class Player {
     if (!root || !this.stage) return;
     const [frame, next, share] = between(this.time, root.length / 3);
     const place = mixed(root, frame, next, share, 3);
-    const heading = (this.stage.heading ?? [])[frame] ?? 0;
+    const heading = this.stage.heading[frame] ?? 0;
     const heights = this.markers.map((marker) => Number(marker.dataset.floor));
     const under = Math.max(...heights.filter((floor) => floor <= place.y + 0.1), Math.min(...heights));
     for (const marker of this.markers) {
@@ -185,7 +185,14 @@ function steer(player, stage) {
   const view = /** @type {HTMLSelectElement} */ (find("view"));
   view.addEventListener("change", () => {
     stage.view = /** @type {View} */ (view.value);
+    stage.cut = cut.checked = stage.view === "follow" || stage.view === "free";
     player.draw();
+  });
+  const cut = /** @type {HTMLInputElement} */ (find("cut"));
+  // A hand on the camera takes it from its own way.
+  stage.canvas.addEventListener("taken", () => {
+    view.value = stage.view;
+    cut.checked = stage.cut;
   });
   for (const [id, set] of /** @type {[string, (on: boolean) => void][]} */ ([
     ["ghost", (on) => (stage.ghost.root.visible = on)],
@@ -253,9 +260,8 @@ async function stageOf(replay) {
   const canvas = /** @type {HTMLCanvasElement} */ (find("stage"));
   try {
     if (!replay || typeof THREE === "undefined") throw new Error("The record of this episode holds no motion.");
-    const stage = new Stage(canvas, replay);
-    await stage.load(/** @type {any} */ (window).humanclawHouse ?? null);
-    return stage;
+    const { humanclawHouse, humanclawSkin } = /** @type {any} */ (window);
+    return await Stage.of(canvas, replay, humanclawHouse ?? null, humanclawSkin);
   } catch (fault) {
     // Without WebGL or motion, the page still shows views, words, map and charts.
     canvas.hidden = true;

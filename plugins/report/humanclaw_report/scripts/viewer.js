@@ -2,26 +2,27 @@
 // @ts-check
 "use strict";
 
-/** @typedef {{name: string, type: "int16" | "uint16" | "uint32" | "float32", shape: number[]}} Head */
+/** @typedef {{name: string, type: "uint8" | "int16" | "uint16" | "uint32" | "float32", shape: number[]}} Head */
 /** @typedef {{arrays: Head[], bytes: string}} Packed */
-/** @typedef {{joint: number, name: string, box?: number[][], capsule?: [number[], number[], number]}} Link */
-/** @typedef {{offsets: number[][], parents: number[], links: Link[], head: number, gaze: {ahead: number, pitch: number}}} BodyData */
 /** @typedef {{vertices: [number, number], faces: [number, number], picture: number}} AssetData */
 /** @typedef {{id: number, asset: number, name: string, kind: string, place: number[], box: number[][]}} ObjectData */
 /** @typedef {{assets: AssetData[], objects: ObjectData[], pictures: string[], meshes: Packed}} House */
-/** @typedef {{fps: number, frames: number, body: BodyData, steps: [number, number][], moved: number[], contacts: [number, number, number, string][], floors: number[], targets: number[][][], motion: Packed}} Replay */
-/** @typedef {"follow" | "free" | "above" | "ego"} View */
+/** @typedef {{fps: number, frames: number, body: BodyData, moved: number[], contacts: [number, number, number, string][], floors: number[], targets: number[][][], motion: Packed}} Replay */
+/** @typedef {"auto" | "follow" | "free" | "above" | "ego"} View */
 
-const ARRAYS = { int16: Int16Array, uint16: Uint16Array, uint32: Uint32Array, float32: Float32Array };
+/** @typedef {Uint8Array | Int16Array | Uint16Array | Uint32Array | Float32Array} Values */
+
+const ARRAYS = { uint8: Uint8Array, int16: Int16Array, uint16: Uint16Array, uint32: Uint32Array, float32: Float32Array };
 const FADED = 0.1;
+const SEATED = 0.85; // A chest below this over the floor is that of a body that sits, metres.
 const STOREY = 2.2; // Objects that begin higher than this above a floor hide the body from above, metres.
 
-/** Unpack the arrays of `packed` in replay.py. @param {Packed} packed @returns {Promise<Record<string, Int16Array | Uint16Array | Uint32Array | Float32Array>>} */
+/** Unpack the arrays of `packed` in replay.py. @param {Packed} packed @returns {Promise<Record<string, Values>>} */
 async function unpack(packed) {
   const zipped = Uint8Array.from(atob(packed.bytes), (letter) => letter.charCodeAt(0));
   const stream = new Blob([zipped]).stream().pipeThrough(new DecompressionStream("gzip"));
   const buffer = await new Response(stream).arrayBuffer();
-  /** @type {Record<string, Int16Array | Uint16Array | Uint32Array | Float32Array>} */
+  /** @type {Record<string, Values>} */
   const found = {};
   let start = 0;
   for (const { name, type, shape } of packed.arrays) {
@@ -30,65 +31,6 @@ async function unpack(packed) {
     start += 4 * Math.ceil((count * ARRAYS[type].BYTES_PER_ELEMENT) / 4);
   }
   return found;
-}
-
-/** A tree of joints, each with a solid. */
-class Figure {
-  /** @param {BodyData} body @param {THREE.Material} skin @param {THREE.Material} touched */
-  constructor(body, skin, touched) {
-    this.skin = skin;
-    this.touched = touched;
-    this.root = new THREE.Group();
-    this.joints = body.offsets.map(() => new THREE.Group());
-    this.joints.forEach((joint, index) => {
-      const parent = body.parents[index];
-      if (index) joint.position.fromArray(body.offsets[index]);
-      (parent < 0 ? this.root : this.joints[parent]).add(joint);
-    });
-    /** @type {Map<number, THREE.Mesh>} */
-    this.links = new Map();
-    for (const link of body.links) {
-      const mesh = Figure.solid(link, skin);
-      this.joints[link.joint].add(mesh);
-      this.links.set(link.joint, mesh);
-    }
-    this.from = new THREE.Quaternion();
-    this.to = new THREE.Quaternion();
-  }
-
-  /** @param {Link} link @param {THREE.Material} skin */
-  static solid(link, skin) {
-    if (link.box) {
-      const [centre, half] = link.box;
-      const mesh = new THREE.Mesh(new THREE.BoxGeometry(2 * half[0], 2 * half[1], 2 * half[2]), skin);
-      mesh.position.fromArray(centre);
-      return mesh;
-    }
-    const [start, end, radius] = /** @type {[number[], number[], number]} */ (link.capsule);
-    const a = new THREE.Vector3().fromArray(start);
-    const b = new THREE.Vector3().fromArray(end);
-    const mesh = new THREE.Mesh(new THREE.CapsuleGeometry(radius, a.distanceTo(b), 6, 14), skin);
-    mesh.quaternion.setFromUnitVectors(new THREE.Vector3(0, 1, 0), b.clone().sub(a).normalize());
-    mesh.position.copy(a.add(b).multiplyScalar(0.5));
-    return mesh;
-  }
-
-  /** @param {ArrayLike<number>} root @param {ArrayLike<number>} turns @param {number} time */
-  pose(root, turns, time) {
-    const [frame, next, share] = between(time, root.length / 3);
-    this.joints[0].position.copy(mixed(root, frame, next, share, 3));
-    this.joints.forEach((joint, index) => {
-      const at = (/** @type {number} */ f) => 4 * (f * this.joints.length + index);
-      this.from.set(turns[at(frame)], turns[at(frame) + 1], turns[at(frame) + 2], turns[at(frame) + 3]).normalize();
-      this.to.set(turns[at(next)], turns[at(next) + 1], turns[at(next) + 2], turns[at(next) + 3]).normalize();
-      joint.quaternion.slerpQuaternions(this.from, this.to, share);
-    });
-  }
-
-  /** @param {Set<number>} joints */
-  mark(joints) {
-    for (const [joint, mesh] of this.links) mesh.material = joints.has(joint) ? this.touched : this.skin;
-  }
 }
 
 /** The frames before and after a time, and the share of the way to the second. @param {number} time @param {number} count @returns {[number, number, number]} */
@@ -126,8 +68,15 @@ class Furnishing {
 }
 
 class Stage {
-  /** @param {HTMLCanvasElement} canvas @param {Replay} replay */
-  constructor(canvas, replay) {
+  /** @param {HTMLCanvasElement} canvas @param {Replay} replay @param {House | null} house @param {Packed} person */
+  static async of(canvas, replay, house, person) {
+    const stage = new Stage(canvas, replay, await unpack(replay.motion), new Skin(await unpack(person)));
+    await stage.load(house);
+    return stage;
+  }
+
+  /** @param {HTMLCanvasElement} canvas @param {Replay} replay @param {Record<string, Values>} motion @param {Skin} skin */
+  constructor(canvas, replay, motion, skin) {
     this.canvas = canvas;
     this.replay = replay;
     this.scene = new THREE.Scene();
@@ -135,36 +84,51 @@ class Stage {
     this.renderer = new THREE.WebGLRenderer({ canvas, antialias: true, preserveDrawingBuffer: true });
     this.renderer.outputEncoding = THREE.sRGBEncoding;
     const sun = new THREE.DirectionalLight(0xffffff, 0.55);
-    sun.position.set(2, 6, 3);
-    this.scene.add(new THREE.HemisphereLight(0xffffff, 0xb8b0a4, 0.75), sun);
-    const plain = (/** @type {number} */ colour) => new THREE.MeshLambertMaterial({ color: colour });
-    this.body = new Figure(replay.body, plain(0x3d6ceb), plain(0xffa21a));
-    const ghost = new THREE.MeshLambertMaterial({ color: 0x20b090, transparent: true, opacity: 0.35, depthWrite: false });
-    this.ghost = new Figure(replay.body, ghost, ghost);
-    this.scene.add(this.body.root, this.ghost.root);
+    this.scene.add(new THREE.HemisphereLight(0xffffff, 0xb8b0a4, 0.75), sun, sun.target);
+    this.sun = sun;
+    this.shade();
     /** @type {Furnishing[]} */
     this.furnishings = [];
     /** @type {View} */
-    this.view = "follow";
+    this.view = "auto";
     this.time = 0;
     this.around = { azimuth: 2.6, elevation: 0.55, distance: 3.6 };
     this.centre = new THREE.Vector3();
-    this.ghost.root.visible = false;
     this.marks = true;
-    this.cut = true;
-    /** @type {Record<string, Int16Array | Uint16Array | Uint32Array | Float32Array>} */
-    this.motion = {};
+    this.cut = false;
+    this.motion = motion;
+    this.skin = skin;
+    this.body = new Figure(replay.body, skin, new THREE.MeshLambertMaterial({ vertexColors: true }));
+    this.body.mesh.castShadow = this.body.mesh.receiveShadow = true;
+    this.ghost = new Figure(replay.body, skin, new THREE.MeshLambertMaterial({ color: 0x20b090, transparent: true, opacity: 0.35, depthWrite: false }));
+    this.ghost.root.visible = false;
+    this.scene.add(this.body.root, this.ghost.root);
+    this.heading = this.headings();
+    this.way = new Way([], [], [], []);
+  }
+
+  /** Shadows of the body and of furniture, in a square of 8 metres around the body. */
+  shade() {
+    this.renderer.shadowMap.enabled = true;
+    this.renderer.shadowMap.type = THREE.PCFSoftShadowMap;
+    this.sun.castShadow = true;
+    this.sun.shadow.mapSize.set(1024, 1024);
+    this.sun.shadow.normalBias = 0.03;
+    Object.assign(this.sun.shadow.camera, { left: -4, right: 4, top: 4, bottom: -4, near: 0.5, far: 14 });
   }
 
   /** @param {House | null} house */
   async load(house) {
-    this.motion = await unpack(this.replay.motion);
     if (house) await this.furnish(house);
     else this.scene.add(new THREE.GridHelper(40, 40, 0x888888, 0xcccccc));
     this.scene.add(this.path(), ...this.replay.targets.map(outline));
     const root = this.motion.simulated_root;
     this.centre.set(root[0], root[1], root[2]);
-    this.heading = this.headings();
+    const still = this.furnishings.filter(({ data }) => !this.motion[`object_${data.id}`]);
+    const chests = this.heading.map((_, k) => this.chest(k));
+    // From behind, what a body walks to is in the picture; one that sits is seen from the front.
+    const sides = chests.map(({ y }) => (y - this.floor(y) < SEATED ? 0.7 : 2.6));
+    this.way = new Way(chests, this.heading, sides, still.map(({ box }) => box));
   }
 
   /** @param {House} house */
@@ -179,10 +143,19 @@ class Stage {
       const mesh = new THREE.Mesh(shapes[data.asset], material);
       mesh.position.fromArray(data.place);
       mesh.quaternion.fromArray(data.place, 3);
+      mesh.castShadow = data.kind === "furniture" && data.box[0][1] < this.floor(data.box[0][1] + 0.3) + 1.8;
+      mesh.receiveShadow = true;
       this.scene.add(mesh);
       this.furnishings.push(new Furnishing(data, mesh));
     }
     for (const wall of this.furnishings.filter(({ data }) => data.kind === "wall")) wall.hung = this.hangings(wall);
+  }
+
+  /** The point that the camera looks at: above the hips. @param {number} time */
+  chest(time) {
+    const root = this.motion.simulated_root;
+    const [frame, next, share] = between(time, root.length / 3);
+    return mixed(root, frame, next, share, 3).add(new THREE.Vector3(0, 0.12, 0));
   }
 
   /** Objects that hang on a wall: they touch the wall and stand on no floor. @param {Furnishing} wall */
@@ -226,7 +199,7 @@ class Stage {
     this.time = time;
     this.body.pose(this.motion.simulated_root, this.motion.simulated_turns, time);
     this.ghost.pose(this.motion.generated_root, this.motion.generated_turns, time);
-    this.body.mark(new Set(this.marks ? this.touching(time).map(([, , joint]) => joint) : []));
+    this.skin.mark(new Set(this.marks ? this.touching(time).map(([, , joint]) => joint) : []));
     for (const furnishing of this.furnishings) this.move(furnishing, time);
     this.body.root.updateMatrixWorld(true);
     this.aim(time);
@@ -255,25 +228,31 @@ class Stage {
   aim(time) {
     const pelvis = this.body.joints[0].position;
     this.ego = this.view === "ego";
-    this.body.links.forEach((mesh, joint) => (mesh.visible = !(this.ego && joint === this.replay.body.head)));
+    this.body.fold(this.ego);
+    this.sun.target.position.copy(pelvis);
+    this.sun.position.set(2, 6, 3).add(pelvis);
+    this.camera.fov = 60;
+    this.camera.up.set(0, 1, 0);
     if (this.ego) return this.lookOut();
-    if (this.view === "follow") this.centre.lerp(pelvis, 1);
-    if (this.view === "above") this.centre.copy(pelvis);
-    const heading = this.view === "follow" ? (this.heading ?? [])[Math.round(time)] ?? 0 : 0;
+    if (this.view !== "free") this.centre.copy(this.chest(time));
+    this.camera.position.copy(this.view === "auto" ? this.way.at(this.centre, time) : this.orbit(time));
+    this.camera.lookAt(this.centre);
+  }
+
+  /** The camera's place on its sphere around the centre. @param {number} time */
+  orbit(time) {
+    const heading = this.view === "follow" ? this.heading[Math.round(time)] ?? 0 : 0;
     const { azimuth, elevation, distance } = this.around;
     const steep = this.view === "above" ? 1.45 : elevation;
     const far = this.view === "above" ? 2.2 * distance : distance;
     const angle = azimuth + heading;
     const flat = Math.cos(steep) * far;
-    this.camera.position.set(Math.sin(angle) * flat, Math.sin(steep) * far, Math.cos(angle) * flat).add(this.centre);
-    this.camera.fov = 50;
-    this.camera.up.set(0, 1, 0);
-    this.camera.lookAt(this.centre);
+    return new THREE.Vector3(Math.sin(angle) * flat, Math.sin(steep) * far, Math.cos(angle) * flat).add(this.centre);
   }
 
   /** Look from the eyes, with a level head, as in the recorded views. */
   lookOut() {
-    const head = this.body.joints[this.replay.body.head];
+    const head = this.body.joints[HEAD];
     const facing = new THREE.Vector3(0, 0, 1).transformDirection(head.matrixWorld);
     const eye = head.localToWorld(new THREE.Vector3(0, 0.08, this.replay.body.gaze.ahead));
     const level = Math.atan2(facing.x, facing.z);
@@ -287,9 +266,9 @@ class Stage {
   clear() {
     const pelvis = this.body.joints[0].position;
     const top = this.floor(pelvis.y) + STOREY;
-    const points = [pelvis, this.body.joints[this.replay.body.head].getWorldPosition(new THREE.Vector3())];
+    const points = [pelvis, this.body.place(HEAD)];
     points.push(new THREE.Vector3(pelvis.x, this.floor(pelvis.y) + 0.15, pelvis.z));
-    const cutting = this.cut && !this.ego;
+    const cutting = (this.cut || this.view === "above") && !this.ego;
     const between = this.furnishings.filter((one) => cutting && this.fades(one, points));
     const faded = new Set([...between, ...between.flatMap((one) => one.hung)]);
     for (const furnishing of this.furnishings) furnishing.show(!cutting || furnishing.box.min.y <= top, faded.has(furnishing));
@@ -309,14 +288,27 @@ class Stage {
     this.camera.updateProjectionMatrix();
   }
 
+  /** From here on the viewer moves the camera, and walls in its way fade. */
+  take() {
+    if (this.view !== "auto") return;
+    const offset = this.camera.position.clone().sub(this.centre);
+    const distance = offset.length();
+    this.around = { azimuth: Math.atan2(offset.x, offset.z) - (this.heading[Math.round(this.time)] ?? 0), elevation: Math.asin(offset.y / distance), distance };
+    this.view = "follow";
+    this.cut = true;
+    this.canvas.dispatchEvent(new Event("taken"));
+  }
+
   /** Turn and tilt the camera around what it looks at, radians. @param {number} azimuth @param {number} elevation */
   turn(azimuth, elevation) {
+    this.take();
     this.around.azimuth += azimuth;
     this.around.elevation = Math.max(-0.1, Math.min(1.5, this.around.elevation + elevation));
   }
 
   /** @param {number} factor */
   zoom(factor) {
+    this.take();
     this.around.distance = Math.max(0.8, Math.min(25, this.around.distance * factor));
   }
 }

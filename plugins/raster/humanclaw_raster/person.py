@@ -1,0 +1,68 @@
+"""The body in a Model: its skin's triangles come first, and their corners follow each pose."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from humanclaw import Motion
+from humanclaw.body import JOINT_INDEX, Array, Skin
+from humanclaw.world import Mesh
+from humanclaw_raster.buffers import compiled
+from humanclaw_raster.packing import Floats, Model, along_curve
+
+_IN_HEAD: Final = 0.2
+"""A camera closer to the head's joint than this is the body's own eye, metres."""
+
+
+class Person:
+    """Moves the first triangles of a model as a body moves."""
+
+    def __init__(self, skin: Skin) -> None:
+        self._skin = skin
+        # In the order that packing keeps, so that face k of the skin is face k of the model.
+        self._faces = skin.faces[np.argsort(along_curve(skin.vertices[skin.faces], [len(skin.faces)]), kind="stable")]
+
+    def mesh(self) -> Mesh:
+        """Return the skin in its bind pose, coloured by a texture of one row."""
+        uv = np.full((len(self._skin.vertices), 2), 0.5, np.float32)
+        uv[:, 0] = (self._skin.regions + 0.5) / len(self._skin.colours)
+        return Mesh(self._skin.vertices, self._faces, uv, self._skin.colours[None])
+
+    def dress(self, model: Model, body: Motion) -> Array:
+        """Put the model's first faces where the last frame of a motion has them; return the place of their frame."""
+        # Relative to the pelvis: float32 is coarse far from the origin.
+        self._posed = self._skin.posed(np.zeros(3), body.rotations[-1])
+        _move(model, self._faces, *self._posed)
+        return np.asarray(body.root[-1])
+
+    def look_out(self, model: Model, body: Motion, eye: Array) -> None:
+        """Fold away the head of the body that is dressed, if the eye is inside it. eye: (3,) metres."""
+        joints = body[-1:].joints()[0]
+        if np.linalg.norm(joints[JOINT_INDEX["head"]] - eye) < _IN_HEAD:
+            vertices, normals = self._posed
+            neck = joints[JOINT_INDEX["neck"]] - body.root[-1]
+            _move(model, self._faces, self._skin.headless(vertices, neck), normals)
+
+
+@compiled
+def _move(model: Model, faces: NDArray[np.int32], vertices: Floats, normals: Floats) -> None:
+    """Write corners, normals and bounding spheres of the model's first mesh."""
+    for cluster in range(model.meshes[0, 0], model.meshes[0, 1]):
+        first, end = model.clusters[cluster]
+        low, high = np.full(3, np.inf, np.float32), np.full(3, -np.inf, np.float32)
+        for face in range(first, end):
+            for corner in range(3):
+                vertex = faces[face, corner]
+                for axis in range(3):
+                    at = vertices[vertex, axis]
+                    model.corners[face, corner, axis] = at
+                    model.normals[face, corner, axis] = normals[vertex, axis]
+                    low[axis], high[axis] = min(low[axis], at), max(high[axis], at)
+        square = np.float32(0)
+        for axis in range(3):
+            model.spheres[cluster, axis] = (low[axis] + high[axis]) / 2
+            square += (high[axis] - low[axis]) ** 2
+        model.spheres[cluster, 3] = np.sqrt(square) / 2 * np.float32(1.0001) + np.float32(1e-6)

@@ -1,0 +1,79 @@
+// The camera's own way around the body: from inside the room, never behind a wall.
+// @ts-check
+/// <reference path="viewer.js" />
+"use strict";
+
+const WANTED = 3.2; // Distance to the body where there is room, metres.
+const MARGIN = 0.15; // Distance that the camera keeps from what is behind it, metres.
+const EVERY_KEY = 6; // Frames of the replay between two choices of a direction.
+const WAYS = [0.12, 0.42, 0.75].flatMap((elevation) =>
+  Array.from({ length: 16 }, (_, k) => ({ elevation, azimuth: (k * Math.PI) / 8 })),
+).map(({ elevation, azimuth }) => ({
+  elevation,
+  azimuth,
+  way: new THREE.Vector3(Math.cos(elevation) * Math.sin(azimuth), Math.sin(elevation), Math.cos(elevation) * Math.cos(azimuth)),
+}));
+
+/** Distance along a ray to the nearest box that does not hold its start. @param {THREE.Vector3} start @param {THREE.Vector3} way @param {THREE.Box3[]} boxes @param {number} most */
+function clear(start, way, boxes, most) {
+  const ray = new THREE.Ray(start, way);
+  const hit = new THREE.Vector3();
+  let found = most;
+  for (const box of boxes) {
+    if (!box.containsPoint(start) && ray.intersectBox(box, hit)) found = Math.min(found, hit.distanceTo(start));
+  }
+  return found;
+}
+
+/** Where the camera stands in every frame, as an offset from the body's chest. */
+class Way {
+  /** sides: where from straight ahead of the body it is best seen, radians. @param {THREE.Vector3[]} chests @param {number[]} headings @param {number[]} sides @param {THREE.Box3[]} boxes */
+  constructor(chests, headings, sides, boxes) {
+    this.boxes = boxes;
+    const keys = chests.map((_, k) => k).filter((k) => k % EVERY_KEY === 0);
+    const scored = keys.map((k) => Way.scores(chests[k], headings[k], sides[k], boxes));
+    const chosen = Way.cheapest(scored.map((one) => one.map(({ cost }) => cost)));
+    /** @type {THREE.Vector3[]} */
+    this.offsets = chosen.map((state, k) => WAYS[state].way.clone().multiplyScalar(scored[k][state].reach));
+  }
+
+  /** Cost of each direction, and how far away the camera can stand. @param {THREE.Vector3} chest @param {number} heading @param {number} side @param {THREE.Box3[]} boxes */
+  static scores(chest, heading, side, boxes) {
+    const near = boxes.filter((box) => box.distanceToPoint(chest) < WANTED + MARGIN);
+    return WAYS.map(({ elevation, azimuth, way }) => {
+      const reach = clear(chest, way, near, WANTED + MARGIN) - MARGIN;
+      const aside = Math.abs(Math.cos(azimuth - heading) - Math.cos(side));
+      return { reach: Math.max(reach, 0.3), cost: 8 * (1 - Math.min(1, reach / WANTED)) ** 2 + 0.5 * aside + 0.6 * Math.abs(elevation - 0.42) };
+    });
+  }
+
+  /** The states of least total cost (Viterbi). @param {number[][]} costs */
+  static cheapest(costs) {
+    const change = WAYS.map((one) => WAYS.map((other) => 1.5 * one.way.angleTo(other.way)));
+    let total = costs[0];
+    const back = costs.slice(1).map((row) => {
+      const came = row.map((_, to) => total.reduce((best, cost, from) => (cost + change[from][to] < total[best] + change[best][to] ? from : best), 0));
+      total = row.map((cost, to) => cost + total[came[to]] + change[came[to]][to]);
+      return came;
+    });
+    if (!total) return [];
+    const states = [total.indexOf(Math.min(...total))];
+    for (const came of back.reverse()) states.push(came[states[states.length - 1]]);
+    return states.reverse();
+  }
+
+  /** The camera's place. @param {THREE.Vector3} chest @param {number} time */
+  at(chest, time) {
+    // A mean over two seconds: the camera glides from one direction to the next.
+    const offset = new THREE.Vector3();
+    let weight = 0;
+    this.offsets.forEach((one, k) => {
+      const share = Math.exp(-(((k * EVERY_KEY - time) / 10) ** 2));
+      offset.addScaledVector(one, share);
+      weight += share;
+    });
+    offset.divideScalar(Math.max(weight, 1e-9));
+    const way = offset.clone().normalize();
+    return chest.clone().addScaledVector(way, Math.max(0.3, Math.min(offset.length(), clear(chest, way, this.boxes, 9) - MARGIN)));
+  }
+}
