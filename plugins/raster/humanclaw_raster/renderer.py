@@ -14,6 +14,7 @@ from humanclaw.body import Array, Skin, matrix_from_quaternion, skin
 from humanclaw.world import BODY_ID, Camera, View, WorldState
 from humanclaw_raster.buffers import GBuffer, Instances, Pinhole
 from humanclaw_raster.drawing import draw, in_view
+from humanclaw_raster.edges import soften
 from humanclaw_raster.overhead import OverheadMapper
 from humanclaw_raster.packing import Model, pack
 from humanclaw_raster.painting import paint, smooth_edges
@@ -94,6 +95,8 @@ class RasterRenderer:
             pinhole = _pinhole(fine)
             samples = _gbuffer(model, instances, pinhole, fine)
             smooth_edges(model, instances, pinhole, samples, gbuffer, light, sky, view.rgb)
+        else:
+            soften(pinhole, gbuffer, view.rgb)
         return view
 
     def close(self) -> None:
