@@ -41,7 +41,7 @@ def _mix(
 
     covered: (H, W) the share of each pixel that a neighbour has covered so far, changed in place.
     """
-    apart = 0
+    apart = np.int32(0)
     for channel in range(3):
         apart += abs(np.int32(before[row, column, channel]) - np.int32(before[row2, column2, channel]))
     if apart < ALIKE:
