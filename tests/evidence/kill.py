@@ -122,7 +122,8 @@ def kill_caches(home: Path, kills: int, when: random.Random) -> None:
     for _ in range(kills):
         running = started("-c", _PUT, home, stdout=subprocess.PIPE)
         with running:
-            assert running.stdout and running.stdout.readline() == b"\n"
+            assert running.stdout
+            assert running.stdout.readline() == b"\n"
             time.sleep(when.uniform(0.0, 0.5))
             os.killpg(running.pid, signal.SIGKILL)
         found = [data for data in map(cache.get, map(str, range(10))) if data]
