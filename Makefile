@@ -97,8 +97,8 @@ recognise: install  ## Run a detector trained on photos in 12 houses; fetches it
 	cd plugins/raster/recognise && npm install --no-audit --no-fund --no-package-lock
 	$(BIN)/python plugins/raster/recognise/recognise.py
 
-physics: install  ## Check half-physics: walls, stairs, falls, seats, 10,000 random commands (minutes)
-	$(BIN)/humanclaw physics
+physics: install  ## Check half-physics on two engines: walls, stairs, falls, seats, 10,000 random commands each (an hour)
+	for engine in mujoco bullet; do $(BIN)/humanclaw physics --simulator $$engine || exit 1; done
 
 bench-world: install  ## Time half-physics in a house of 360 objects: stepping, loading, memory (minutes)
 	$(BIN)/humanclaw bench-world
@@ -119,14 +119,13 @@ local-llm: install  ## Drive the body with a small language model on this machin
 
 KILLS ?= 200
 
-kill: install  ## Kill runs KILLS=200 times on two engines and check that resumed runs are byte-identical (an hour)
-	for engine in mujoco bullet; do $(BIN)/python tests/evidence/kill.py --kills $$(( $(KILLS) / 2 )) --simulator $$engine || exit 1; done
+kill: install  ## Kill runs, submissions and cache writers KILLS=200 times on two engines; CLOCK=libfaketime.so.1 lets the clock jump (an hour)
+	for engine in mujoco bullet; do $(BIN)/python tests/evidence/kill.py --kills $$(( $(KILLS) / 2 )) --simulator $$engine $(addprefix --clock ,$(CLOCK)) || exit 1; done
 
 FUZZ ?= 12500
 
-fuzz: install  ## Feed 12,500 hostile inputs to each reader, plant hostile files in a run, 10,000 chunks of half-physics (hours)
+fuzz: install  ## Feed 12,500 hostile inputs to each reader, plant hostile files in a run (hours)
 	HUMANCLAW_FUZZ=$(FUZZ) $(BIN)/python -m pytest tests/test_fuzz.py tests/test_fuzz_files.py plugins/bench/tests/test_strangers.py harnesses/mcp/tests/test_mcp_fuzz.py -q
-	for engine in mujoco bullet; do $(BIN)/humanclaw physics --simulator $$engine --chunks 5000 wild || exit 1; done
 
 perf: $(READY)  ## Guard speed: compare seven ratios with tests/evidence/perf.json (MORE="--short" or "--save")
 	$(BIN)/python tests/evidence/perf.py $(MORE)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from pathlib import Path
 
 import pytest
@@ -40,6 +41,22 @@ def test_a_thing_larger_than_the_cache_is_kept_alone(tmp_path: Path) -> None:
     cache.put("large", bytes(1000))
     assert cache.get("small") is None
     assert cache.get("large") == bytes(1000)
+
+
+def test_two_that_make_room_at_once_do_not_warn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    first, second = (Cache("things", limit=200, root=tmp_path) for _ in range(2))
+    synced = os.fsync
+
+    def meanwhile(descriptor: int) -> None:
+        monkeypatch.undo()
+        second.put("b", bytes(200))
+        synced(descriptor)
+
+    monkeypatch.setattr("humanclaw.storage.files.os.fsync", meanwhile)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        first.put("a", bytes(100))
+    assert (first.get("a"), first.get("b")) == (None, bytes(200))
 
 
 @pytest.mark.parametrize(

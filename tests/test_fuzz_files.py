@@ -200,6 +200,12 @@ def test_a_checkpoint_with_an_odd_description_is_refused(home, note):
         load_base(home / "odd.safetensors")
 
 
+def test_a_checkpoint_whose_header_would_fill_memory_is_refused(home):
+    (home / "head.safetensors").write_bytes(struct.pack("<Q", 9 << 20) + b" " * (9 << 20))
+    with bounded(), pytest.raises(CheckpointError, match="its header is too large"):
+        load_base(home / "head.safetensors")
+
+
 # -- models ------------------------------------------------------------------------------------------------------------
 @functools.cache
 def glb():

@@ -67,29 +67,6 @@ def array(shape, data=b"", kind="<f8"):
     return stream.getvalue() + data
 
 
-@pytest.mark.parametrize(
-    "content",
-    [
-        array((10**12, 20, 3)),
-        array((2**31, 2**31)),
-        array((3, 3), b"\0" * 71),
-        array((-1, 3)),
-        array((2,), b"\0" * 16, "|O"),
-        b"\x93NUMPY",
-        b"words",
-        b"",
-    ],
-)
-def test_an_array_that_says_it_is_larger_than_it_is_takes_no_memory(tmp_path, content):
-    record_episode(tmp_path / "couch-0")
-    broken_off(tmp_path / "couch-0")
-    with zipfile.ZipFile(tmp_path / "couch-0" / "motion.npz", "w", zipfile.ZIP_DEFLATED) as archive:
-        archive.writestr("simulated_root.npy", content)
-        archive.writestr("simulated_rotations.npy", array((0, 24, 3)))
-    with pytest.raises(RecordError, match=r"motion\.npz cannot be read"):
-        RecordedEpisode(tmp_path / "couch-0").motion()
-
-
 def zipped(members, how=zipfile.ZIP_DEFLATED):
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w", how) as archive:
@@ -106,6 +83,14 @@ WHOLE = {
 """Five frames, which are read."""
 
 
+NO_ARRAYS = (
+    array((10**12, 3)), array((2**31, 2**31)), array((5, 3), b"\0" * 119), array((-1, 3)),
+    array((5, 3), b"\0" * 120, "|O"),
+    b"\x93NUMPY", b"words", b"",
+)  # fmt: skip
+"""Files of arrays that say they are larger than they are, or are none."""
+
+
 def marked(data, place, value):
     """The same archive with another byte in both of the places where it tells of its first member."""
     changed = bytearray(data)
@@ -117,6 +102,8 @@ def marked(data, place, value):
     "content",
     [
         array((10**13,)),
+        b"PK\x03\x04" + b"\0" * 40,
+        *(zipped({**WHOLE, "simulated_root.npy": one}) for one in NO_ARRAYS),
         zipped({**WHOLE, "object_x.npy": array((5, 7), b"\0" * 280)}),
         zipped({**WHOLE, "object_1.npy": array((4, 7), b"\0" * 224)}),
         zipped({**WHOLE, "object_1.npy": array((5, 2), b"\0" * 80)}),
@@ -127,7 +114,6 @@ def marked(data, place, value):
         marked(zipped(WHOLE), 8, 99),
         marked(zipped(WHOLE, zipfile.ZIP_LZMA), 60, 255),
     ],
-    ids=["bare", "id", "length", "row", "text", "root", "header", "encrypted", "unknown", "lzma"],
 )
 def test_motion_that_is_none_is_refused_whatever_reads_it(tmp_path, content):
     record_episode(tmp_path / "couch-0")
@@ -156,25 +142,6 @@ def test_motion_of_far_more_frames_than_the_steps_last_is_refused(tmp_path):
     long = {"object_1.npy": array((101_000, 7), bytes(101_000 * 56))}
     (tmp_path / "couch-0" / "motion.npz").write_bytes(zipped(long))
     with pytest.raises(RecordError, match="far more frames than its steps last"):
-        RecordedEpisode(tmp_path / "couch-0").objects()
-
-
-@pytest.mark.parametrize("name", ["a\0b", "../couch-1/steps.jsonl", "/etc/passwd"])
-def test_a_file_that_a_record_names_lies_in_its_folder(tmp_path, name):
-    record_episode(tmp_path / "couch-0")
-    path = tmp_path / "couch-0" / "episode.json"
-    path.write_text(json.dumps({**json.loads(path.read_text()), "seal": "", "files": {name: "aa"}}))
-    with pytest.raises(RecordError, match="leads out of the folder"):
-        RecordedEpisode(tmp_path / "couch-0")
-
-
-def test_what_a_zip_says_of_its_size_is_not_believed(tmp_path):
-    record_episode(tmp_path / "couch-0")
-    before = RecordedEpisode(tmp_path / "couch-0").motion().root
-    assert np.isfinite(before).all(), "an honest file is read"
-    broken_off(tmp_path / "couch-0")
-    (tmp_path / "couch-0" / "motion.npz").write_bytes(b"PK\x03\x04" + b"\0" * 40)
-    with pytest.raises(RecordError, match="cannot be read"):
         RecordedEpisode(tmp_path / "couch-0").objects()
 
 

@@ -27,7 +27,9 @@ Start = Callable[[], "subprocess.Popen[bytes]"]
 _PUT = """
 import sys; from itertools import count; from pathlib import Path; from humanclaw.storage import Cache
 cache = Cache("things", root=Path(sys.argv[1]))
-for number in count(): cache.put(str(number % 10), bytes([number % 256]) * (1 << 20))
+for number in count():
+    cache.put(str(number % 10), bytes([number % 256]) * (1 << 20))
+    print(flush=True)
 """
 
 
@@ -41,10 +43,10 @@ def split(folder: Path, episodes: int, steps: int) -> Path:
     return folder / "kill.jsonl"
 
 
-def started(*words: str | Path, **variables: str) -> subprocess.Popen[bytes]:
+def started(*words: str | Path, stdout: int = subprocess.DEVNULL, **variables: str) -> subprocess.Popen[bytes]:
     """Start Python with these words and variables of the environment."""
     command, environment = [sys.executable, *map(str, words)], os.environ | variables
-    return subprocess.Popen(command, stdout=subprocess.DEVNULL, start_new_session=True, env=environment)
+    return subprocess.Popen(command, stdout=stdout, start_new_session=True, env=environment)
 
 
 def run(file: Path, out: Path, simulator: str, **variables: str) -> subprocess.Popen[bytes]:
@@ -118,10 +120,12 @@ def kill_caches(home: Path, kills: int, when: random.Random) -> None:
     cache, held = Cache("things", root=home), 0
     warnings.simplefilter("error")
     for _ in range(kills):
-        running = started("-c", _PUT, home)
-        time.sleep(when.uniform(0.2, 1.0))
-        os.killpg(running.pid, signal.SIGKILL)
-        running.wait()
+        running = started("-c", _PUT, home, stdout=subprocess.PIPE)
+        with running:
+            assert running.stdout
+            assert running.stdout.readline() == b"\n"
+            time.sleep(when.uniform(0.0, 0.5))
+            os.killpg(running.pid, signal.SIGKILL)
         found = [data for data in map(cache.get, map(str, range(10))) if data]
         assert all(data == data[:1] * (1 << 20) for data in found)
         held = max(held, len(found))

@@ -67,7 +67,7 @@ def rewritten(data: bytes, picks: list[int], new: Any) -> bytes:
 
 
 class TooLong(BaseException):
-    """A reader took too long."""
+    """A reader took too long, or waits for what never comes."""
 
 
 def _late(number: int, frame: Any) -> None:
@@ -77,7 +77,7 @@ def _late(number: int, frame: Any) -> None:
 @contextmanager
 def bounded(*ours: type[Exception]) -> Iterator[None]:
     """Read something hostile: it succeeds, or raises an error of ours, within the bounds."""
-    with _memory(), _time():
+    with _memory(), timed("PROF", SECONDS), timed("REAL", 12 * SECONDS):
         try:
             yield
         except ours as error:
@@ -86,17 +86,19 @@ def bounded(*ours: type[Exception]) -> Iterator[None]:
 
 
 @contextmanager
-def _time() -> Iterator[None]:
+def timed(clock: str, seconds: float) -> Iterator[None]:
+    """Raise TooLong in the block after so many seconds. clock: PROF, the processor's, or REAL."""
     if not hasattr(signal, "setitimer"):
         yield
         return
-    before = signal.signal(signal.SIGPROF, _late)
-    signal.setitimer(signal.ITIMER_PROF, SECONDS)
+    number, timer = getattr(signal, {"PROF": "SIGPROF", "REAL": "SIGALRM"}[clock]), getattr(signal, f"ITIMER_{clock}")
+    before = signal.signal(number, _late)
+    signal.setitimer(timer, seconds)
     try:
         yield
     finally:
-        signal.setitimer(signal.ITIMER_PROF, 0)
-        signal.signal(signal.SIGPROF, before)
+        signal.setitimer(timer, 0)
+        signal.signal(number, before)
 
 
 @contextmanager

@@ -12,6 +12,8 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from socket import SHUT_RDWR, socket
 from typing import Any, Final
 
+import click
+
 from humanclaw.errors import HumanclawError
 
 HOST: Final = "127.0.0.1"
@@ -105,10 +107,17 @@ class Server(ThreadingHTTPServer):
         """Whether a request may come with this Host and Origin. By which names others reach this machine is unknown,
         but a page in a browser may only ask where it came from."""
         ours = bool(_OWN.fullmatch(host))
-        return (ours and origin in (None, f"http://{host}")) or (self._is_public() and origin is None)
+        public = not _OWN.fullmatch(str(self.server_address[0]))
+        return (ours and origin in (None, f"http://{host}")) or (public and origin is None)
 
-    def _is_public(self) -> bool:
-        return not _OWN.fullmatch(str(self.server_address[0]))
+    def until_interrupted(self) -> None:
+        """Serve until Ctrl-C."""
+        try:
+            self.serve_forever()
+        except KeyboardInterrupt:
+            click.echo("ended")
+        finally:
+            self.server_close()
 
     def has_read(self, connection: socket) -> None:
         """Note that the request is whole: its answer may take as long as it takes."""

@@ -29,6 +29,7 @@ from humanclaw.motion.dit import Array, DiT, ModelConfig, Weights
 FORMAT: Final = 1
 HEADER: Final = "humanclaw"
 """The metadata key of the header."""
+_HEADER_BYTES: Final = 8 << 20
 MODEL: Final = "model."
 """Prefix of the names of a model's tensors."""
 _EXPONENTS: Final[Mapping[str, np.unsignedinteger[Any]]] = MappingProxyType(
@@ -281,6 +282,9 @@ def _open(path: Path, remedy: str, weights: bool = False) -> tuple[dict[str, Any
     if not path.is_file():
         raise CheckpointError(f"There is no checkpoint at {path}.", remedy)
     try:
+        with path.open("rb") as stream:  # Reading a header takes sixteen times its size.
+            if int.from_bytes(stream.read(8), "little") > _HEADER_BYTES:
+                raise ValueError("its header is too large")
         with safe_open(str(path), framework="np") as file:
             note = (file.metadata() or {}).get(HEADER)
             tensors = {name: file.get_tensor(name) for name in file.keys()} if weights else {}  # noqa: SIM118

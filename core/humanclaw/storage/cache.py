@@ -57,6 +57,8 @@ class Cache:
             self.folder.mkdir(parents=True, exist_ok=True)
             self._files.write(name, _digest(key, data) + data)
             self._shrink(name)
+        except FileNotFoundError:
+            pass  # Another process made room, and took the file before it was whole.
         except OSError as error:
             warnings.warn(f"nothing is cached in {self.folder}: {error.strerror}. Set {VARIABLE}.", stacklevel=2)
 

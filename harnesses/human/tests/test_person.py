@@ -140,17 +140,6 @@ def test_who_does_not_know_the_address_sees_and_presses_nothing(window, pressed,
     assert pressed == []
 
 
-@pytest.mark.parametrize("length", ["9" * 5000, "-1", "x", "\u0663", ""])
-def test_an_odd_length_is_an_empty_line(window, pressed, length, capfd):
-    window.show(PICTURE, Moment(0, 9, "Find a chair."))
-    assert (
-        answered(Request(window.address + "call", b"stop", {"Content-Length": length.encode().decode("latin-1")}))
-        == 400
-    )
-    assert not pressed
-    assert "Traceback" not in capfd.readouterr().err
-
-
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no such modes")
 def test_the_address_stands_in_a_file_of_this_user_alone(skills, capsys, monkeypatch):
     opened = queue.Queue()

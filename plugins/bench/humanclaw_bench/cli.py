@@ -179,12 +179,7 @@ def agent_command(
     check_options(deciders.options, deciders.agent, made, None)
     serving = server(Sessions(plugins, deciders.agent, dict(deciders.options)), host, port)
     click.echo(f"http://{host}:{serving.server_address[1]}/")
-    try:
-        serving.serve_forever()
-    except KeyboardInterrupt:
-        click.echo("ended")
-    finally:
-        serving.server_close()
+    serving.until_interrupted()
 
 
 @bench.command()

@@ -5,7 +5,6 @@ HUMANCLAW_FUZZ=N tries everything at every path; without it, each path gets one 
 
 import os
 import shutil
-import signal
 import tracemalloc
 from itertools import cycle
 from pathlib import Path
@@ -13,6 +12,7 @@ from pathlib import Path
 import pytest
 import toy_world
 from click.testing import CliRunner
+from fuzzing import timed
 from test_runner import TOY, Here
 
 from humanclaw import HumanclawError, Plugins
@@ -105,24 +105,6 @@ PLANTS = {
 }
 
 
-class TooLong(BaseException): ...
-
-
-def too_long(number, frame):
-    raise TooLong
-
-
-def held(command, run, plugins):
-    """Give a command; it takes ten seconds at most."""
-    before = signal.signal(signal.SIGALRM, too_long)
-    signal.alarm(10)
-    try:
-        return COMMANDS[command](run, plugins)
-    finally:
-        signal.alarm(0)
-        signal.signal(signal.SIGALRM, before)
-
-
 def planted(place, whole, name, plant, commands, plugins):
     """Put something in the place of a file or folder of a run, and give commands. Yields what they did wrong."""
     shelf, mine = place / "shelf", place / "mine"
@@ -135,7 +117,8 @@ def planted(place, whole, name, plant, commands, plugins):
     PLANTS[plant](shelf / "run" / name, mine)
     for command in commands:
         try:
-            told = held(command, shelf / "run", plugins)
+            with timed("REAL", 10):
+                told = COMMANDS[command](shelf / "run", plugins)
         except BaseException as error:
             yield f"{command}, a {plant} at {name}: {error!r}"
             continue

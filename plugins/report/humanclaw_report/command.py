@@ -103,9 +103,4 @@ def watch(folder: Path, port: int, files: tuple[Path, ...]) -> None:
 
     serving = server(Watcher(folder, Plugins.discover(files).scene), port)
     click.echo(f"http://127.0.0.1:{serving.server_address[1]}/")
-    try:
-        serving.serve_forever()
-    except KeyboardInterrupt:
-        click.echo("ended")
-    finally:
-        serving.server_close()
+    serving.until_interrupted()
