@@ -63,8 +63,7 @@ class Drive:
 
         It falls as fast as it does now, and late limbs do not reach their pose. Arguments: as for command.
         """
-        x, z = capped(horizontal[[0, 2]], self._profile.max_speed)
-        velocity, poses = np.array([x, self._world.velocity()[0][1], z]), [self.pose]
+        velocity, poses = self._root_velocity(horizontal, reflex), [self.pose]
         for left in (1.0, 0.5):
             speeds = self._speeds(poses[-1], left * self._profile.substeps, horizontal, reflex)
             poses.append(_moved_on(poses[-1], velocity, speeds, 0.5 / FPS))
