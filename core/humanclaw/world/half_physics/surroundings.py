@@ -85,7 +85,8 @@ class Surroundings:
         )
         full = np.append(self._full[still], np.zeros(close.sum(), bool))
         steps = np.maximum.reduceat(np.abs(np.diff(course, axis=0)).sum(axis=0), _FIRST)
-        return _approach(links, swept, steps, obstacles, full), tuple(self._ids[index] for index in np.flatnonzero(close))
+        near = tuple(self._ids[index] for index in np.flatnonzero(close))
+        return _approach(links, swept, steps, obstacles, full), near
 
     def _boxes_of(self, objects: Mapping[int, Array]) -> Boxes:
         """Return the boxes of the movable objects, worked out anew only when one has moved."""
@@ -137,8 +138,8 @@ def _approach(links: Boxes, swept: Boxes, steps: Array, obstacles: Boxes, full: 
     """Return how far a link comes at most towards a box that it may meet, along the axis that separates them, metres.
 
     A foot that glides over a floor or rises comes no nearer to it. For a link that is close to a box which its hull
-    does not fill, such as a leaning one's, or deep in any, the whole way counts. steps: (links,) how far their points
-    move. full: (obstacles,) whether the hull fills its box.
+    does not fill, such as a leaning one's, or deep in any, the whole way counts. steps: (links, 3) how far their points
+    move along each axis. full: (obstacles,) whether the hull fills its box.
     """
     link, box = np.nonzero(_meet(swept, obstacles, _SLACK))
     if not len(link):
