@@ -163,10 +163,10 @@ def test_a_view_that_is_no_picture_or_too_large_is_refused(tmp_path, content):
 def full(monkeypatch):
     """full(): from now on nothing more gets onto the disk."""
 
-    def refuse(descriptor):
+    def refuse(*names, **folders):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    return lambda: monkeypatch.setattr("os.fsync", refuse)
+    return lambda: [monkeypatch.setattr(write, refuse) for write in ("os.fsync", "os.replace")]
 
 
 def step(number):
@@ -185,6 +185,17 @@ def test_a_full_disk_is_told_in_a_sentence_and_leaves_whole_lines(tmp_path, full
     assert [json.loads(line)["step"] for line in found.splitlines()] == [0]
     assert not list((tmp_path / "a").rglob("*.partial"))
     assert RecordedEpisode(tmp_path / "a").record.outcome == "running"
+
+
+def test_a_frame_waits_for_no_disk_and_is_on_disk_when_the_record_ends(tmp_path, monkeypatch):
+    record = EpisodeRecord(spec=SPEC, start={"x": 0, "z": 0, "yaw": 0}, agent="a", scene_digest="d")
+    writer = EpisodeWriter(tmp_path / "a", record)
+    real, settled = os.fsync, set()
+    monkeypatch.setattr("os.fsync", lambda descriptor: (settled.add(os.fstat(descriptor).st_ino), real(descriptor)))
+    frames = {(tmp_path / "a" / writer.frame(f"{k}.jpg", b"x")).stat().st_ino for k in range(20)}
+    assert not settled & frames
+    writer.end(record, {})
+    assert settled >= {*frames, (tmp_path / "a" / "frames").stat().st_ino}
 
 
 @pytest.mark.parametrize("place", ['"x": NaN', '"z": Infinity', '"yaw": 1e999', '"x": 1e308', '"floor": -20000'])

@@ -37,9 +37,10 @@ class EpisodeWriter:
             self._steps = files.append("steps.jsonl")
 
     def frame(self, name: str, data: bytes) -> str:
-        """Write a picture. Returns its path relative to the folder."""
+        """Write a picture. Returns its path relative to the folder. It is on disk when the record ends: who continues
+        an episode draws its steps again."""
         with writing(self._files):
-            self._files.write(f"frames/{name}", data)
+            self._files.write(f"frames/{name}", data, settled=False)
         return f"frames/{name}"
 
     def step(self, step: StepRecord) -> None:
@@ -53,6 +54,9 @@ class EpisodeWriter:
         with writing(self._files):
             with self._files.replacing("motion.npz") as stream:
                 _write_npz(stream, arrays)
+            frames = self._files / "frames"
+            if pictures := frames.names(".jpg"):
+                frames.settle(pictures)
             close_record(self._files, record)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import Annotated, Any, ClassVar, Final, Literal
 
 from pydantic import AfterValidator, Field
@@ -36,6 +37,19 @@ def _of_the_body(contacts: tuple[Contact, ...]) -> tuple[Contact, ...]:
         if contact.joint not in JOINT_INDEX:
             raise ValueError(f"expected a joint of the body; got {contact.joint!r:.50}")
     return contacts
+
+
+_Meeting = tuple[int, int, int]
+
+
+@lru_cache(maxsize=1 << 16)
+def _same(meeting: _Meeting) -> _Meeting:
+    """Return one tuple for all that are equal: they were half the memory of a step, and most come again and again."""
+    return meeting
+
+
+def _shared(meetings: tuple[_Meeting, ...]) -> tuple[_Meeting, ...]:
+    return tuple(map(_same, meetings))
 
 
 @dataclass(frozen=True)
@@ -91,7 +105,7 @@ class StepRecord(Record):
     """Heading before the step, radians."""
     yaw_end: float = 0.0
     contacts: Annotated[tuple[Contact, ...], AfterValidator(_of_the_body)] = ()
-    touches: tuple[tuple[int, int, int], ...] = ()
+    touches: Annotated[tuple[_Meeting, ...], AfterValidator(_shared)] = ()
     """(frame of the step, object id, object id): a movable object touches another object."""
     targets: dict[int, tuple[Vec3, Vec3]] = {}
     """Bounding box of each target at the end of the step: movable targets change theirs."""

@@ -12,7 +12,8 @@ import os
 import shutil
 import stat
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from io import BufferedReader
@@ -106,11 +107,12 @@ class Folder:
 
     # -- writing -------------------------------------------------------------------------------------------------------
     @contextmanager
-    def replacing(self, name: str) -> Iterator[BinaryIO]:
+    def replacing(self, name: str, settled: bool = True) -> Iterator[BinaryIO]:
         """Open a new file that takes the name when the block ends; if the block raises, the old one stays as it was.
 
-        Readers see the old or the whole new file, even if several processes write at once. The data are on disk after
-        the block. Missing folders below root are made. A link of that name is replaced, not followed.
+        Readers see the old or the whole new file, even if several processes write at once. Missing folders below root
+        are made. A link of that name is replaced, not followed. settled: whether the data are on disk after the block,
+        for which it waits some milliseconds; otherwise after settle().
         """
         with self._at(name, make=True) as place:
             name = f"{place.path.name}.{os.getpid()}-{threading.get_ident()}.partial"
@@ -120,9 +122,10 @@ class Folder:
                 with partial.opened(os.O_WRONLY | os.O_CREAT | os.O_EXCL, "wb") as stream:
                     yield stream
                     stream.flush()
-                    os.fsync(stream.fileno())
+                    if settled:
+                        os.fsync(stream.fileno())
                 os.replace(partial.name, place.name, src_dir_fd=place.folder, dst_dir_fd=place.folder)
-                if place.folder is not None:
+                if settled and place.folder is not None:
                     os.fsync(place.folder)  # The new name too is on disk then.
             finally:
                 partial.remove()
@@ -135,10 +138,18 @@ class Folder:
             with path.open("rb") as made:
                 shutil.copyfileobj(made, stream)
 
-    def write(self, name: str, data: bytes) -> None:
+    def write(self, name: str, data: bytes, settled: bool = True) -> None:
         """Write a file as replacing() does."""
-        with self.replacing(name) as stream:
+        with self.replacing(name, settled) as stream:
             stream.write(data)
+
+    def settle(self, names: Iterable[str]) -> None:
+        """Wait until files of this folder itself, and their names, are on disk. The disk takes many at a time."""
+        with self._held() as (path, descriptor), ThreadPoolExecutor(8) as pool:
+            for done in [pool.submit(_settled, _Place(path / name, descriptor)) for name in names]:
+                done.result()
+            if descriptor is not None:
+                os.fsync(descriptor)
 
     def append(self, name: str) -> BinaryIO:
         """Open a file for reading and for adding to its end, unbuffered. Missing folders below root and the file are
@@ -224,6 +235,11 @@ class _Place:
     def remove(self) -> None:
         with suppress(FileNotFoundError):
             os.unlink(self.name, dir_fd=self.folder)
+
+
+def _settled(place: _Place) -> None:
+    with place.opened(os.O_RDWR, "r+b") as stream:
+        os.fsync(stream.fileno())
 
 
 def _descriptor(folder: str | Path, opened: ExitStack, near: int | None = None) -> int | None:

@@ -36,8 +36,10 @@ class Objects:
         self._states: Mapping[int, Array] = {}
         # With caching, Bullet reads a file only once, but never frees it; switching caching off frees it.
         client.setPhysicsEngineParameter(enableFileCaching=1)
-        for obj in scene.objects:
-            self._add(obj)
+        with tempfile.TemporaryDirectory() as folder:  # One for all: to remove a folder takes milliseconds.
+            self._files = Path(folder)
+            for obj in scene.objects:
+                self._add(obj)
         client.setPhysicsEngineParameter(enableFileCaching=0)
 
     def _add(self, obj: SceneObject) -> None:
@@ -129,10 +131,9 @@ class Objects:
 
         Bullet accepts several hulls in one shape only from a file, and never frees hulls that are passed as points.
         """
-        with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder) / "hulls.obj"
-            path.write_text(_wavefront(hulls), encoding="utf-8")
-            return int(self._client.createCollisionShape(self._client.GEOM_MESH, fileName=str(path)))
+        path = self._files / f"{len(list(self._files.iterdir()))}.obj"
+        path.write_text(_wavefront(hulls), encoding="utf-8")
+        return int(self._client.createCollisionShape(self._client.GEOM_MESH, fileName=str(path)))
 
     def motion(self, object_id: int) -> ObjectMotion:
         """Return the current motion of a movable object."""

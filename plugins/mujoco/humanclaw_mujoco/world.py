@@ -141,9 +141,8 @@ class MujocoWorld:
         m, hinges = self._m, self._model.hinges
         if not len(hinges):
             return
-        left = np.abs(m.jnt_range[hinges] - self._d.qpos[m.jnt_qposadr[hinges], None]).min(axis=1)
-        within = (m.jnt_range[hinges].T - self._d.qpos[m.jnt_qposadr[hinges]]).prod(axis=0) <= 0
-        m.jnt_solref[hinges, 0] = -np.where(within & (left > 0), 1.0, _RECOVERY) / seconds**2
+        left = (m.jnt_range[hinges].T - self._d.qpos[m.jnt_qposadr[hinges]]) * [[-1.0], [1.0]]
+        m.jnt_solref[hinges, 0] = -np.where(left.min(axis=0) > 0, 1.0, _RECOVERY) / seconds**2
         m.jnt_solref[hinges, 1] = -1 / seconds
 
     def _let_fall(self) -> None:

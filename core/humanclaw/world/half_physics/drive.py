@@ -63,8 +63,7 @@ class Drive:
 
         It falls as fast as it does now, and late limbs do not reach their pose. Arguments: as for command.
         """
-        x, z = capped(horizontal[[0, 2]], self._profile.max_speed)
-        velocity, poses = np.array([x, self._world.velocity()[0][1], z]), [self.pose]
+        velocity, poses = self._root_velocity(horizontal, reflex), [self.pose]
         for left in (1.0, 0.5):
             speeds = self._speeds(poses[-1], left * self._profile.substeps, horizontal, reflex)
             poses.append(_moved_on(poses[-1], velocity, speeds, 0.5 / FPS))
@@ -74,7 +73,7 @@ class Drive:
         """(24, 3) angular velocities that a body commands in a pose, none too fast: the first in the world frame, the
         others in each joint's own."""
         speeds = self._joint_speeds(pose.quaternions, left)
-        if horizontal is None or not self._leaves(pose, horizontal):
+        if reflex.borne and (horizontal is None or not self._leaves(pose, horizontal)):
             self._give_way(pose, speeds, reflex)
         speeds = capped(speeds, self._profile.max_turn * FPS)
         return speeds * min(1.0, self._profile.max_link_speed / max(_fastest(speeds), 1e-9))
@@ -104,7 +103,7 @@ class Drive:
     def _give_way(self, pose: Pose, speeds: Array, reflex: Reflex) -> None:
         """Let the legs of a body that sits follow the motion without catching up; bend hips whose thighs or feet carry
         it until the pelvis is down, and knees and ankles until the feet are."""
-        for hip, (knee, ankle, _) in LEG_OF.items() if reflex.borne else ():
+        for hip, (knee, ankle, _) in LEG_OF.items():
             leg = [hip, knee, ankle]
             speeds[leg] = self._way[leg] * FPS
             speeds[hip] += self._profile.yielding * reflex.gives(hip) * _FLEX
@@ -114,8 +113,8 @@ class Drive:
 
     def _leaves(self, pose: Pose, horizontal: Array) -> bool:
         """Tell whether a commanded velocity (3,) takes the hips up or ahead, off a seat."""
-        left = matrix_from_quaternion(pose.quaternions[0])[:, 0]
-        return float(max(horizontal[1], np.cross(left, [0.0, 1.0, 0.0]) @ horizontal)) > _LEAVING
+        x, _, z = matrix_from_quaternion(pose.quaternions[0])[:, 0]
+        return float(max(horizontal[1], x * horizontal[2] - z * horizontal[0])) > _LEAVING
 
     def restrain(self, touched: bool) -> None:
         """Limit the root's motion in the step since command to the speeds of a body. touched: whether contact pushed

@@ -11,14 +11,19 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from humanclaw.body.pose import Array, Motion, forward_kinematics, matrix_from_quaternion
+from humanclaw.body.pose import Array, Motion, forward_kinematics, lengths, matrix_from_quaternion
 from humanclaw.body.skeleton import JOINTS, LINKS, Box
+from humanclaw.world.half_physics.solids import box_of
 from humanclaw.world.scene import Scene
 
 _SLACK: Final = 0.03
 """Metres by which a link may stray from the way foreseen, or an object from its place, in a frame."""
 _CLOSE: Final = 0.01
-"""A link this close to a box may meet it in any direction, metres: engines let a contact act a little ahead."""
+"""A link this close to a box that its hull fills only in part may meet the hull in any direction, metres. One that is
+this deep in a full box may leave it in any."""
+_STRAYS: Final = 0.25
+"""Share of its way along an axis that a link may come nearer at least, since its way is foreseen at three moments
+alone."""
 _HANDS_ON: Final = 0.1
 """Objects whose boxes are this close may push one another within a frame, metres."""
 
@@ -55,6 +60,7 @@ class Surroundings:
         self.scene = scene
         fixed = [hull for obj in scene.objects if not obj.movable for hull in scene.hulls(obj.id)]
         self._fixed = _bounds(fixed)
+        self._full = np.array([box_of(hull) is not None for hull in fixed], bool)
         moving = {obj.id: scene.assets[obj.asset].hulls for obj in scene.objects if obj.movable}
         self._ids = sorted(key for key, hulls in moving.items() if hulls)
         low, high = _bounds([np.concatenate(moving[key]) for key in self._ids])
@@ -77,8 +83,10 @@ class Surroundings:
             np.concatenate([self._fixed[0][still], low[close]]),
             np.concatenate([self._fixed[1][still], high[close]]),
         )
+        full = np.append(self._full[still], np.zeros(close.sum(), bool))
         steps = np.maximum.reduceat(np.abs(np.diff(course, axis=0)).sum(axis=0), _FIRST)
-        return _approach(links, swept, steps, obstacles), tuple(self._ids[index] for index in np.flatnonzero(close))
+        near = tuple(self._ids[index] for index in np.flatnonzero(close))
+        return _approach(links, swept, steps, obstacles, full), near
 
     def _boxes_of(self, objects: Mapping[int, Array]) -> Boxes:
         """Return the boxes of the movable objects, worked out anew only when one has moved."""
@@ -126,20 +134,18 @@ def _boxes(lowest: Array, highest: Array) -> Boxes:
     return low, high
 
 
-def _approach(links: Boxes, swept: Boxes, steps: Array, obstacles: Boxes) -> float:
-    """Return how far a link moves at most along the axis that separates it from a box that it may meet, metres.
+def _approach(links: Boxes, swept: Boxes, steps: Array, obstacles: Boxes, full: NDArray[np.bool_]) -> float:
+    """Return how far a link comes at most towards a box that it may meet, along the axis that separates them, metres.
 
-    A foot that swings over a floor comes no nearer to it. For a link that is close to a box, or inside it, the whole
-    way counts: a leaning hull fills its box only in part. steps: (links, 3) how far the points of each link move along
-    each axis.
+    A foot that glides over a floor or rises comes no nearer to it. For a link that is close to a box which its hull
+    does not fill, such as a leaning one's, or deep in any, the whole way counts. steps: (links, 3) how far their points
+    move along each axis. full: (obstacles,) whether the hull fills its box.
     """
     link, box = np.nonzero(_meet(swept, obstacles, _SLACK))
     if not len(link):
         return 0.0
-    gaps = np.maximum(obstacles[0][box] - links[1][link], links[0][link] - obstacles[1][box])
-    along = np.where(
-        gaps.max(axis=1) > _CLOSE,
-        np.take_along_axis(steps[link], gaps.argmax(axis=1)[:, None], axis=1)[:, 0],
-        np.linalg.norm(steps, axis=1)[link],
-    )
-    return float(along.max())
+    gaps = np.stack([obstacles[0][box] - links[1][link], links[0][link] - obstacles[1][box]], axis=1).reshape(-1, 6)
+    ways = np.maximum([swept[1] - links[1], links[0] - swept[0]], _STRAYS * steps).swapaxes(0, 1)[link].reshape(-1, 6)
+    pair, widest = np.arange(len(link)), gaps.argmax(axis=1)
+    apart = gaps[pair, widest] > np.where(full[box], -_CLOSE, _CLOSE)
+    return float(np.where(apart, ways[pair, widest], lengths(steps)[link]).max())
