@@ -7,7 +7,8 @@ import pytest
 from declared import declaration, declare, folder_of
 from tiny_motion import write_adapter
 
-from humanclaw.body import rest_pose
+from humanclaw import Plugins
+from humanclaw.body import STANDING_HEIGHT, rest_pose
 from humanclaw.motion import AdapterConfig, DiTGenerator, Solver, load_base
 from humanclaw_train.chunks import Chunks
 from humanclaw_train.first_steps import FirstSteps, first_steps
@@ -23,10 +24,12 @@ from humanclaw_train.likeness import (
     skills,
     skills_table,
 )
+from humanclaw_train.long_walks import corners, physical_gaits
 from humanclaw_train.measures import Features
 from humanclaw_train.naturalness import NaturalnessReport, main
 from humanclaw_train.rollouts import Command, adapters, file_digest
 from humanclaw_train.sequences import SEQUENCES, agreement, sequence_jerks
+from humanclaw_train.simulated import Actor
 from humanclaw_train.transitions import real_peak, transitions
 from humanclaw_train.uncommanded import uncommanded
 from humanclaw_train.walks import drift, walker
@@ -128,6 +131,16 @@ def test_first_steps_and_drift_of_a_standing_body_are_zero(generator, commands):
     assert found.most == pytest.approx(0, abs=1e-3)
     assert walker(commands) is commands[0]
     assert drift(generator, commands[0], bodies=2, calls=2).side == pytest.approx((0, 0), abs=1e-3)
+
+
+def test_a_standing_body_keeps_its_hips_at_every_corner_and_has_no_gait(generator, commands):
+    simulator = Plugins.discover().make("simulators", "mujoco", profile="default")
+    actor, walks = Actor(generator, simulator), walker(commands)
+    found = corners(actor, walks, calls=1, bodies=1)
+    assert found[1].asked == pytest.approx({"x_cm": -30, "z_cm": 0, "yaw_deg": 30})
+    assert len(found) == 8
+    assert min(one.lowest for one in found) == pytest.approx(100 * STANDING_HEIGHT, abs=1.0)
+    assert not any(gaits for stretches in physical_gaits(actor, walks).values() for gaits in stretches.values())
 
 
 def test_first_steps_are_asked_for_straight_ahead_too_and_by_little(generator, commands, monkeypatch):
