@@ -146,6 +146,9 @@ pictures: install  ## Make the pictures of pages in docs/images again (needs Chr
 	for agent in seeing oracle; do $(BIN)/humanclaw bench run --split smoke --agent $$agent --out runs/pictures-$$agent --yes || exit 1; done
 	$(BIN)/python plugins/report/tests/pictures.py runs/pictures-seeing runs/pictures-oracle docs/images
 
+strips: install  ## Make the strips of all skills in docs/images/skills.jpg again (a minute)
+	$(BIN)/python plugins/train/strips.py docs/images/skills.jpg
+
 notebook: install  ## Execute examples/notebook.ipynb and save its outputs (a minute)
 	$(BIN)/python tests/support/notebook.py
 

@@ -19,6 +19,8 @@ from humanclaw_train.tables import cell, table
 from humanclaw_train.walks import SPEEDS, STRETCHES, Gaits, part_of, straight
 
 _BODIES: Final = 3
+_FLOOR: Final = 300.0
+"""Side of the floor, metres: a hundred calls go 80 m far."""
 
 
 def physical_gaits(actor: Actor, command: Command, seed: int = 0) -> Gaits:
@@ -54,7 +56,7 @@ def corners(actor: Actor, command: Command, calls: int, bodies: int, seed: int =
 
 def _walk(actor: Actor, command: Command, asked: Mapping[str, float], calls: int, key: tuple[int, ...]) -> Motion:
     """Call a skill again and again from standing. Like `humanclaw.Body`, correct heading errors in the next call."""
-    actor.stand(flat())
+    actor.stand(flat(_FLOOR))
     course = Course()
     for call in range(calls):
         steered = course.steer(command.declaration, asked)

@@ -70,9 +70,9 @@ _TREAD, _SEATED = 0.28, 0.5
 """Depth of a tread and height of seated hips, metres, for skills without such a parameter."""
 
 
-def flat() -> Scene:
-    """Return a scene with a flat floor alone."""
-    return _scene("flat", [("floor", (300.0, 0.2, 300.0), (0.0, -0.2, 0.0))])
+def flat(side: float = 30.0) -> Scene:
+    """Return a scene with a flat square floor alone. side: metres."""
+    return _scene("flat", [("floor", (side, 0.2, side), (0.0, -0.2, 0.0))])
 
 
 def stage(skill: Declaration, values: Mapping[str, float], chunks: int = CHUNKS_IN_A_ROW) -> Scene:
