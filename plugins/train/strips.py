@@ -20,7 +20,7 @@ from humanclaw_train.show import show
 CALLS: Final = 3
 WIDTH: Final = 1200
 """Width of the picture, pixels."""
-SHARE: Final = 0.8
+SHARE: Final = 0.6
 """Where in its range a parameter is, 0 to 1."""
 
 
