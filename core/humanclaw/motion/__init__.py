@@ -47,7 +47,12 @@ if TYPE_CHECKING:
     )
     from humanclaw.motion.generator import DiTGenerator as DiTGenerator, MotionGenerator as MotionGenerator
     from humanclaw.motion.ik import REACH as REACH, SIDES as SIDES, TOE_BASE as TOE_BASE, Limb as Limb, solve as solve
-    from humanclaw.motion.parting import apart as apart, widened as widened
+    from humanclaw.motion.parting import (
+        HEEL_END as HEEL_END,
+        TOE_END as TOE_END,
+        apart as apart,
+        widened as widened,
+    )
     from humanclaw.motion.resting_hands import lay_hands as lay_hands
     from humanclaw.motion.runtime import Reread as Reread, Runtime as Runtime
 

@@ -16,9 +16,10 @@ from humanclaw.motion.ik import TOE_BASE
 
 _BOXES: Final = {one.joint: one.shape for one in LINKS if isinstance(one.shape, Box)}
 SHOE, TOES = (_BOXES[joint] for joint in ("left_ankle", "left_foot"))
-_REAR: Final = float(SHOE.centre[2] - SHOE.half[2])
-_TIP: Final = float(TOE_BASE[2] + TOES.centre[2] + TOES.half[2])
-_HALF: Final = np.array([SHOE.half[0] + 0.004, (_TIP - _REAR) / 2])
+HEEL_END: Final = float(SHOE.centre[2] - SHOE.half[2])
+TOE_END: Final = float(TOE_BASE[2] + TOES.centre[2] + TOES.half[2])
+"""Ends of a shoe, metres ahead of the ankle."""
+_HALF: Final = np.array([SHOE.half[0] + 0.004, (TOE_END - HEEL_END) / 2])
 """Half the width of a shoe, with a margin, and half its length, metres."""
 _LANE: Final = 0.045
 """Least distance of the feet across their heading, metres, where one is ahead of the other: legs never cross."""
@@ -33,7 +34,7 @@ def apart(sole: Array, yaw: Array, other: Array, other_yaw: Array, side: Array |
     """
     aside = _aside((yaw + other_yaw) / 2) * np.asarray(side)[..., None]
     between = (sole - other)[..., [0, 2]]
-    centre = between + (_REAR + _TIP) / 2 * (_ahead(yaw) - _ahead(other_yaw))
+    centre = between + (HEEL_END + TOE_END) / 2 * (_ahead(yaw) - _ahead(other_yaw))
     across, along = _gaps(centre, yaw, other_yaw, aside)
     share = smoothstep(1 - along / _RAMP)
     lane = _LANE - np.sum(between * aside, -1)

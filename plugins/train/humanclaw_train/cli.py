@@ -33,10 +33,10 @@ def _forward(name: str, module: str, explanation: str, **given: Any) -> click.Co
     return command
 
 
-def _simulator() -> Simulator:
-    """Make the simulator that episodes run in. Modules get it as an argument, because they know no plugin host."""
+def _simulator(name: str = "") -> Simulator:
+    """Make a simulator, or that which episodes run in. Modules get it as an argument, as they know no plugin host."""
     plugins = Plugins.discover()
-    simulator: Simulator = plugins.make("simulators", default_simulator(plugins), profile="default")
+    simulator: Simulator = plugins.make("simulators", name or default_simulator(plugins), profile="default")
     return simulator
 
 
@@ -72,6 +72,7 @@ naturalness = _forward(
     installed=_installed,
     commanded=_measures,
     seat=_place,
+    simulator=_simulator,
 )
 speed = _forward(
     "speed",

@@ -47,7 +47,7 @@ class NaturalnessRow:
     free: float = np.nan
     """Frechet distance to real chunks; the model starts from standing and gets only their parameters."""
     unseen: tuple[str, ...] = ()
-    """The held-out clips. If empty, `frechet` is the distance to half of the training chunks."""
+    """The held-out clips; if there are too few chunks of them, there is no `frechet`."""
 
 
 def naturalness_of(skill: Declaration, source: str, root: Array, rotations: Array) -> NaturalnessRow:
@@ -90,12 +90,12 @@ def _compared(
     made: NaturalnessRow, true: NaturalnessRow,
 ) -> list[NaturalnessRow]:  # fmt: skip
     """Add the Frechet distances to a skill's rows."""
-    apart = held_out(folders, command.skill)
-    # Too few held-out chunks: one half of the data takes the place of unseen clips.
-    held, rest = apart or halves(data)
-    distance, least = likeness(generator, command, held, rest, features, seed)
     free = free_running(generator, command, data, features, seed)
-    unseen = held.clips if apart else ()
+    apart = held_out(folders, command.skill)
+    if apart is None:
+        return [replace(made, free=free), true]
+    distance, least = likeness(generator, command, *apart, features, seed)
+    unseen = apart[0].clips
     return [replace(made, frechet=distance, free=free, unseen=unseen), replace(true, frechet=least, unseen=unseen)]
 
 
@@ -169,24 +169,6 @@ def held_out(folders: Sequence[Path], skill: str) -> tuple[Chunks, Chunks] | Non
     return (held, rest) if held and rest and len(held) >= 2 * measures.COMPONENTS else None
 
 
-def halves(chunks: Chunks) -> tuple[Chunks, Chunks]:
-    """Split chunks into halves without a common clip; a single clip into its first and second half."""
-    names, counts = np.unique(chunks.source, return_counts=True)
-    if len(names) == 1:
-        middle = len(chunks) // 2
-        return chunks[:middle], chunks[middle:]
-    # The largest clips first, each to the smaller half, so that both halves get about the same size.
-    first: list[str] = []
-    sizes = [0, 0]
-    for index in np.argsort(-counts):
-        side = int(sizes[0] > sizes[1])
-        sizes[side] += int(counts[index])
-        if side == 0:
-            first.append(str(names[index]))
-    mask = np.isin(chunks.source, first)
-    return chunks[mask], chunks[~mask]
-
-
 def _features(folders: Sequence[Path]) -> Features | None:
     base = of_skill(folders, "base")
     return Features.of(base.root[:4000].astype(float), base.rotations[:4000].astype(float)) if base else None
@@ -212,11 +194,6 @@ def skills_table(rows: Sequence[NaturalnessRow]) -> str:
     )
     return table(heads, [
         (row.skill, row.source, str(row.chunks), cell(row.skate), cell(row.slower_toe), cell(row.sunk, 2),
-         cell(row.jerk, 0), f"{100 * row.beyond:.1f} %", _distance(row), cell(row.free))
+         cell(row.jerk, 0), f"{100 * row.beyond:.1f} %", cell(row.frechet), cell(row.free))
         for row in rows
     ])  # fmt: skip
-
-
-def _distance(row: NaturalnessRow) -> str:
-    """Format the distance, with a star if it is to training chunks."""
-    return cell(row.frechet) + "*" * (not np.isnan(row.frechet) and not row.unseen)

@@ -11,8 +11,9 @@
 * Transitions: peak joint acceleration where a second skill takes over, for every ordered pair of skills, over the peak
   in real motion (the 99.9th percentile of the same two-frame peak over real chunks that move).
 * Life: 120 random calls in a row.
-* Gait: straight walks of several speeds, their first calls and later ones, beside people's with --clips. Drift: where
-  a hundred straight calls in a row end.
+* Gait: straight walks of several speeds, their first calls and later ones, of the model and in half-physics, beside
+  people's with --clips. Drift: where a hundred straight calls in a row end. Corners: the lowest hips of walks at every
+  corner of the range, in half-physics.
 * Inside: share of frames in which hands are in thighs or trunk, or the legs in each other.
 * Seats: how installed skills sit down on seats in half-physics, and get up again.
 * First steps: slide of the slower toe in the first chunk from standing, per skill.
@@ -27,9 +28,9 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Final, TypeVar
+from typing import TYPE_CHECKING, Final, TypeVar
 
-from humanclaw import CheckpointError, HumanclawError
+from humanclaw import CheckpointError, HumanclawError, Simulator
 from humanclaw.cli import show_markdown
 from humanclaw.skills import MEASURES
 from humanclaw_train.chunks import load_pack
@@ -38,12 +39,17 @@ from humanclaw_train.first_steps import FirstSteps, first_steps, first_steps_tab
 from humanclaw_train.inside import inside_table, self_penetration
 from humanclaw_train.life import life, life_line
 from humanclaw_train.likeness import PRIOR, NaturalnessRow, skills, skills_table
+from humanclaw_train.long_walks import corners, corners_table, physical_gaits
 from humanclaw_train.rollouts import Command, Installed, Measures, adapters, file_digest
 from humanclaw_train.seats import Place, seats, seats_table
 from humanclaw_train.sequences import sequence_jerks, sequences_table
+from humanclaw_train.simulated import Actor
 from humanclaw_train.tables import as_json, numbers, save
 from humanclaw_train.transitions import real_peak, transitions, transitions_table
 from humanclaw_train.walks import drift, drift_line, gait_table, generated_gaits, real_gaits, walker
+
+if TYPE_CHECKING:
+    from humanclaw.motion import DiTGenerator
 
 T = TypeVar("T")
 
@@ -107,11 +113,12 @@ def main(
     installed: Installed | None = None,
     commanded: Measures = lambda: MEASURES,
     seat: Place | None = None,
+    simulator: Callable[[str], Simulator] | None = None,
 ) -> int:
     """Run the command line.
 
     installed: returns the adapters to measure. commanded: returns the known measures. seat: puts a body into a scene;
-    without it no seats are measured.
+    without it no seats are measured. simulator: makes the named one; without it nothing walks in half-physics.
     """
     options = _parser().parse_args(arguments)
     show = _Printer(options.json)
@@ -129,10 +136,7 @@ def main(
             report = NaturalnessReport(generator.digest, str(generator.solver), digests, tuple(rows), first)
             save(options.save, asdict(report))
         if (walks := walker(commands)) is not None:
-            made = generated_gaits(generator, walks, min(24, options.bodies), seed=options.seed)
-            real = real_gaits(load_pack(options.clips) if options.clips else [], walks.skill)
-            show("gaits", (real, made), lambda gaits: gait_table(*gaits))
-            show("drift", drift(generator, walks, min(10, options.bodies), seed=options.seed), drift_line)
+            _walks(show, generator, walks, options, simulator)
         show("inside", self_penetration(generator, commands, options.rollouts, options.seed), inside_table)
         if seat is not None:
             show("seats", seats(seat, options.seed), seats_table)
@@ -148,6 +152,27 @@ def main(
     return 0
 
 
+def _walks(
+    show: _Printer,
+    generator: DiTGenerator,
+    walks: Command,
+    options: argparse.Namespace,
+    simulator: Callable[[str], Simulator] | None,
+) -> None:
+    """Show the gaits, the drift and, in half-physics, the corners of the range."""
+    made = generated_gaits(generator, walks, min(24, options.bodies), seed=options.seed)
+    real = real_gaits(load_pack(options.clips) if options.clips else [], walks.skill)
+    actor = Actor(generator, simulator(options.simulator)) if simulator is not None else None
+    if actor is not None:
+        for speed, gaits in physical_gaits(actor, walks, options.seed).items():
+            made[speed] |= gaits
+    show("gaits", (real, made), lambda gaits: gait_table(*gaits))
+    show("drift", drift(generator, walks, min(10, options.bodies), seed=options.seed), drift_line)
+    if actor is not None and options.corners:
+        found = corners(actor, walks, options.corners, min(6, options.bodies), options.seed)
+        show("corners", found, corners_table)
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="humanclaw naturalness", description=(__doc__ or "").splitlines()[0])
     generator_options(parser)
@@ -159,6 +184,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--json", action="store_true", help="print JSON")
     parser.add_argument("--bodies", type=int, default=20, help="bodies per pair of skills (default: 20)")
     parser.add_argument("--calls", type=int, default=120, help="calls of the long life (default: 120)")
+    parser.add_argument("--corners", type=int, default=100, help="calls at every corner; 0 for none (default: 100)")
+    parser.add_argument("--simulator", default="", help="name of the simulator (default: as in episodes)")
     return parser
 
 

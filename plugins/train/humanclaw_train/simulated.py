@@ -17,17 +17,14 @@ from humanclaw import Motion, Scene, stand
 from humanclaw.body import (
     CHUNK,
     HISTORY,
-    JOINT_INDEX,
     LINKS,
-    OFFSETS,
     Array,
-    Box,
     Capsule,
     Pose2D,
     next_history,
     re_rooted,
 )
-from humanclaw.motion import DiTGenerator
+from humanclaw.motion import HEEL_END, TOE_END, DiTGenerator
 from humanclaw.skills import Declaration
 from humanclaw.world import Asset, Mesh, SceneObject
 from humanclaw_train.chunks import canonical, stacked
@@ -41,25 +38,12 @@ _HOLD: Final = 10
 
 
 # -- stages ------------------------------------------------------------------------------------------------------------
-def _shape(joint: str) -> Capsule | Box:
-    return next(link.shape for link in LINKS if link.joint == joint)
-
-
-def _toe_reach() -> tuple[float, float]:
-    """Return how far the shoe reaches behind and ahead of the ankle, metres."""
-    heel, toe = _shape("left_ankle"), _shape("left_foot")
-    assert isinstance(heel, Box)
-    assert isinstance(toe, Box)
-    return heel.half[2] - heel.centre[2], OFFSETS[JOINT_INDEX["left_foot"]][2] + toe.centre[2] + toe.half[2]
-
-
 def _hips_below() -> float:
-    pelvis = _shape("pelvis")
+    pelvis = next(link.shape for link in LINKS if link.joint == "pelvis")
     assert isinstance(pelvis, Capsule)
     return pelvis.radius - pelvis.a[1]
 
 
-HEEL, TOE = _toe_reach()
 HIPS: Final = _hips_below()
 """Distance from the pelvis joint down to the surface that touches a seat, metres."""
 _SEAT_FRONT: Final = -0.13
@@ -70,9 +54,9 @@ _TREAD, _SEATED = 0.28, 0.5
 """Depth of a tread and height of seated hips, metres, for skills without such a parameter."""
 
 
-def flat() -> Scene:
-    """Return a scene with a flat floor alone."""
-    return _scene("flat", [("floor", (300.0, 0.2, 300.0), (0.0, -0.2, 0.0))])
+def flat(side: float = 30.0) -> Scene:
+    """Return a scene with a flat square floor alone. side: metres."""
+    return _scene("flat", [("floor", (side, 0.2, side), (0.0, -0.2, 0.0))])
 
 
 def stage(skill: Declaration, values: Mapping[str, float], chunks: int = CHUNKS_IN_A_ROW) -> Scene:
@@ -103,7 +87,7 @@ _Boxes = list[tuple[str, tuple[float, float, float], tuple[float, float, float]]
 
 def _ascent(h: float, d: float, chunks: int) -> _Boxes:
     # As in real climbing, the landing foot has its ankle over the edge; the standing toes stay clear of the riser.
-    riser = max(TOE + _CLEAR, d + 2 * _CLEAR)
+    riser = max(TOE_END + _CLEAR, d + 2 * _CLEAR)
     treads: _Boxes = [("stairs", (2.0, h * (k + 1), d), (0.0, 0.0, riser + d * (k + 0.5))) for k in range(chunks)]
     landing = ("floor", (2.0, h * (chunks + 1), 4.0), (0.0, 0.0, riser + d * chunks + 2.0))
     return [("floor", (30.0, 0.2, 30.0), (0.0, -0.2, 0.0)), *treads, landing]
@@ -111,7 +95,7 @@ def _ascent(h: float, d: float, chunks: int) -> _Boxes:
 
 def _descent(h: float, d: float, chunks: int) -> _Boxes:
     # Downstairs the middle of the foot is over the edge, so that the next heel clears it.
-    edge, low = (TOE - HEEL) / 2, -h * (chunks + 2)  # Every tread is a box that reaches down to low.
+    edge, low = (TOE_END + HEEL_END) / 2, -h * (chunks + 2)  # Every tread is a box that reaches down to low.
     treads: _Boxes = [("stairs", (2.0, -h * (k + 1) - low, d), (0.0, low, edge + d * (k + 0.5))) for k in range(chunks)]
     upper = ("floor", (2.0, -low, 4.0), (0.0, low, edge - 2.0))
     return [upper, *treads, ("floor", (2.0, h, 4.0), (0.0, low, edge + d * chunks + 2.0))]

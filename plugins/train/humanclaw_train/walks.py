@@ -22,7 +22,7 @@ def straight_walks(
     generator: DiTGenerator, command: Command, speed: float, bodies: int, calls: int, seed: int
 ) -> list[Motion]:
     """Let bodies walk straight ahead from standing at a speed in m/s. All other parameters are zero."""
-    values = np.tile([speed * FUTURE / FPS if name == _ahead(command) else 0.0 for name in command.names], (bodies, 1))
+    values = np.tile(list(straight(command, speed).values()), (bodies, 1))
     motions, courses = [generator.start() for _ in range(bodies)], [Course()] * bodies
     for call in range(calls):
         _hold_course(generator, command, motions, courses, values, (seed, 11, call))
@@ -47,9 +47,10 @@ def _hold_course(
         courses[index] = courses[index].after(command.declaration, row, history, motions[index][-FUTURE:])
 
 
-def _ahead(command: Command) -> str:
-    """Return the name of the parameter that commands travel ahead; empty if there is none."""
-    return next((one.name for one in command.parameters if one.measure == "hips.forward"), "")
+def straight(command: Command, speed: float) -> dict[str, float]:
+    """Return the values that walk straight ahead at a speed in m/s."""
+    ahead = next((one.name for one in command.parameters if one.measure == "hips.forward"), "")
+    return {name: speed * FUTURE / FPS if name == ahead else 0.0 for name in command.names}
 
 
 def walker(commands: Sequence[Command]) -> Command | None:
@@ -116,17 +117,24 @@ STRETCHES: Final = {"calls 3 to 10": (2, 10), "calls 11 to 20": (10, 20)}
 """The first two calls start to walk."""
 
 
-def generated_gaits(
-    generator: DiTGenerator, command: Command, bodies: int = 24, seed: int = 0
-) -> dict[float, dict[str, list[Gait]]]:
+Gaits = dict[float, dict[str, list[Gait]]]
+"""Gaits of bodies by speed and stretch."""
+
+
+def part_of(walk: Motion, stretch: str) -> Motion:
+    """Return a stretch of a walk that begins with a history."""
+    start, stop = STRETCHES[stretch]
+    return walk[HISTORY + start * FUTURE : HISTORY + stop * FUTURE]
+
+
+def generated_gaits(generator: DiTGenerator, command: Command, bodies: int = 24, seed: int = 0) -> Gaits:
     """Measure stretches of generated walks, by speed. Bodies differ only in their noise."""
-    found: dict[float, dict[str, list[Gait]]] = {}
+    found: Gaits = {}
     last = max(stop for _, stop in STRETCHES.values())
     for speed in SPEEDS:
         walks = straight_walks(generator, command, speed, bodies, last, seed)
-        for name, (start, stop) in STRETCHES.items():
-            parts = slice(HISTORY + start * FUTURE, HISTORY + stop * FUTURE)
-            gaits = [gait for walk in walks if (gait := Gait.of(walk[parts])) is not None]
+        for name in STRETCHES:
+            gaits = [gait for walk in walks if (gait := Gait.of(part_of(walk, name))) is not None]
             found.setdefault(speed, {})[name] = gaits
     return found
 

@@ -113,7 +113,7 @@ def test_a_card_quotes_likeness_and_uncommanded_travel_of_its_own_weights(weight
     report = _report(weights)
     report = replace(report, rows=(replace(report.rows[0], uncommanded=besides),))
     text = card(path, report, likeness)
-    assert "| 3.2* |" in text
+    assert "| 3.2 |" in text
     assert "7.8" not in text
     assert "slides by 1.3 cm at the 99th percentile of 750 bodies" in text
     assert "the least to be hoped for" not in text
@@ -134,11 +134,8 @@ def test_a_card_names_the_clips_that_nothing_was_trained_on_or_says_that_there_a
 
     apart = of(replace(row, unseen=("CMU: 03_04", "CMU: 12_01")))
     assert "against CMU: 03_04; CMU: 12_01, **held out from training**" in apart
-    assert "were trained on" not in apart
-    assert "| 3.2 |" in apart
-    assert "**which were trained on**" in of(row)
     assert "held out from training" not in of(row)
-    assert "| 3.2* |" in of(row)
+    assert "show too little of it" in of(row)
 
 
 def test_every_reader_learns_that_sitting_and_stairs_are_synthetic(weights):
