@@ -651,8 +651,7 @@ def test_the_page_names_the_split(tmp_path: Path) -> None:
     folder = of_smoke(tmp_path / "mine")
     submitted(folder)
     invoke("leaderboard", tmp_path)
-    assert "5 episodes, split" in page(folder)[0]
-    assert "(smoke)" in page(folder)[0]
+    assert "<caption>smoke: 5 episodes, split" in page(folder)[0]
 
 
 @pytest.fixture
