@@ -89,6 +89,7 @@ def test_the_ten_line_skill_can_be_called(cli, tmp_path):
         (["run", "--scene", "hause:0"], "there is no scene 'hause'", "Did you mean house?"),
         (["run", "--scene", "house:900"], "900", "house:"),
         (["run", "--instruction", " "], "the instruction is empty", "find a couch"),
+        (["run", "--model", ""], "--model is empty", "Name one"),
         (["mcp", "--scene", "hous:1"], "there is no scene 'hous'", "Did you mean house"),
         (["film", "run", "--out", "film.webm"], "a film ends in .mp4 or .gif; got film.webm", "film.mp4"),
         (["run", "--agent", "oracel"], "there is no agent 'oracel'", "Did you mean oracle?"),
@@ -236,7 +237,7 @@ def test_two_runs_that_begin_in_one_second_have_a_folder_each(cli, tmp_path):
 @pytest.mark.parametrize(
     ("instruction", "said"),
     [
-        ("finde ein Sofa und setz dich darauf", "Scored: reaching a couch."),
+        ("finde ein Sofa und setz dich darauf", "Scored: reaching a couch, not sitting on it."),
         ("find a giraffe", "Not scored: the instruction names none of chair, couch, bed, potted plant, tv, toilet."),
     ],
 )
@@ -325,6 +326,13 @@ def test_listing_the_commands_loads_nothing_that_only_running_them_needs():
     assert "humanclaw_bench" in loaded
     assert not {"numpy", "pydantic", "jsonschema", "humanclaw.plugins.host"} & set(loaded)
     assert not {"scipy", "torch", "litellm", "pandas", "numba", "pybullet", "mujoco", "filelock"} & set(loaded)
+
+
+@pytest.mark.parametrize("group", ["", "bench", "plugins", "habitat"])
+def test_what_a_command_does_is_said_to_the_end_at_80_columns(cli, group):
+    commands = cli(*group.split(), "--help", COLUMNS="80").stdout.partition("Commands:")[2]
+    assert commands
+    assert [line for line in commands.splitlines() if line.endswith("...")] == []
 
 
 def test_what_is_printed_is_what_was_said_brackets_and_colons_included(cli):

@@ -51,6 +51,12 @@ def test_a_file_is_played_with_its_parameters_and_reported(play, tmp_path):
     assert "Executed nod(times=2, degrees=-15)." in done.output
 
 
+def test_a_file_is_played_also_where_another_plugin_has_a_skill_of_that_name(play, tmp_path):
+    done = play("nod.py", "--plugin", "both.py")
+    assert done.exit_code == 0, done.output
+    assert len(steps(tmp_path, "nod")) == 1
+
+
 @pytest.mark.parametrize(("beginning", "first"), [("walking", ["walk", "walk"]), ("sitting", ["sit_in_place"])])
 def test_a_skill_is_played_from_a_walk_or_a_seat(play, tmp_path, beginning, first):
     assert play("turn_in_place", "--yaw-deg=20", "--from", beginning).exit_code == 0

@@ -192,7 +192,8 @@ def test_no_name_in_a_record_controls_the_terminal(tmp_path, words, environment)
 
 
 @pytest.mark.parametrize(
-    ("words", "status"), [("run --agent nobody", "Loading the plugins"), ("play stop --film none", "Playing (the first")]
+    ("words", "status"),
+    [("run --agent nobody", "Loading the plugins"), ("play stop --film none", "Playing (the first")],
 )
 def test_a_status_is_one_line_that_moves_the_cursor_and_prints_no_code_for_it(tmp_path, words, status):
     told = shown(tmp_path, *words.split(), FORCE_COLOR="1", TERM="xterm", COLUMNS="80")

@@ -17,14 +17,14 @@ if TYPE_CHECKING:
     from humanclaw.world.scene import Scene
 
 _COMMANDS = (
-    ("check", "check:check", "Check skills against the contract, and play them; exit code 1 if one has a fault."),
+    ("check", "check:check", "Check skills against the contract, and play them."),
     ("play", "play_skill:play", "Play one skill with these parameters, and film it."),
     ("skills", "show:skills", "List the skills: parameters, adapter, where they come from."),
     ("plugins", "show:plugins_command", "List the plugins, what they provide, and why one is disabled."),
     ("tools", "show:tools", "Print the skills as the tool list of a model's interface."),
-    ("physics", "physics:physics", "Run the physics checks of half-physics and print them as a table."),
-    ("bench-world", "physics:bench_world", "Time half-physics in a house of 300 fixed and 60 movable objects."),
-    ("doctor", "doctor:doctor", "Show what is installed here, what is missing, and the command that installs it."),
+    ("physics", "physics:physics", "Run the physics checks of half-physics."),
+    ("bench-world", "physics:bench_world", "Time half-physics in a house of 360 objects."),
+    ("doctor", "doctor:doctor", "Show what is installed, what is missing, and how to get it."),
     ("new", "new:new", "Begin a skill, agent, scene ... of your own."),
 )
 

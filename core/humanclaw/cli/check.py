@@ -47,7 +47,7 @@ def check(
     files: tuple[Path, ...],
     choice: Choice,
 ) -> None:
-    """Check skills against the contract, and play them; exit code 1 if one has a fault.
+    """Check skills against the contract, and play them. Exits with 1 if one has a fault.
 
     Items of other kinds (agents, scenes, renderers, ...) are made and used once.
 

@@ -26,7 +26,7 @@ _EPISODE: Final = (("scenes", "house"), ("renderers", Backends.renderer), ("agen
 @click.command()
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def doctor(as_json: bool) -> None:
-    """Show what is installed here, what is missing, and the command that installs it.
+    """Show what is installed, what is missing, and how to get it.
 
     Exits with 1 if an episode cannot be played.
     """

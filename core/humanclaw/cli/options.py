@@ -50,6 +50,13 @@ class Deciders:
         return Meter(self.limits)
 
 
+def _named(context: click.Context, option: click.Parameter, name: str | None) -> str:
+    """Refuse a name that is given but empty, as from a variable of the shell that is not set."""
+    if name == "":
+        raise HumanclawError(f"--{option.name} is empty.", "Name one, or leave the option out.")
+    return name or ""
+
+
 SIMULATOR_HELP: Final = "Simulator by name. The default is bullet if it is installed, otherwise mujoco."
 _ENGINES: Final = (
     click.option("--simulator", default="", help=SIMULATOR_HELP, shell_complete=names_of("simulators")),
@@ -71,18 +78,18 @@ _ENGINES: Final = (
 _DECIDERS: Final = (
     click.option(
         "--agent",
-        default="",
+        callback=_named,
         help="Agent by name; the default is oracle, or the model if one is named.",
         shell_complete=names_of("agents"),
     ),
     click.option(
         "--model",
-        default="",
+        callback=_named,
         help="Any litellm model that can call tools, such as openai/gpt-5 or ollama_chat/qwen3-vl.",
     ),
     click.option(
         "--verifier",
-        default="",
+        callback=_named,
         help="Verifier by name, or none. The default is the model's own, if one is named.",
         shell_complete=names_of("verifiers"),
     ),

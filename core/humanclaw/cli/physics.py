@@ -54,7 +54,7 @@ def _world_options(function: Callable[..., Any]) -> Callable[..., Any]:
 def physics(
     simulator: str, profile: str, samples: int, chunks: int, seed: int, as_json: bool, checks: tuple[str, ...]
 ) -> None:
-    """Run the physics checks of half-physics and print them as a table; exit code 1 if one does not hold.
+    """Run the physics checks of half-physics. Exits with 1 if one does not hold.
 
     CHECKS: names of the checks to run; by default all.
     """
@@ -83,7 +83,7 @@ def physics(
 @click.option("--resets", type=click.IntRange(2), default=200, show_default=True, help="How often to load a scene.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def bench_world(simulator: str, profile: str, scene: str, chunks: int, resets: int, as_json: bool) -> None:
-    """Time half-physics in a house of 300 fixed and 60 movable objects: median [quartiles], CPU time on one core."""
+    """Time half-physics in a house of 300 fixed and 60 movable objects. Median [quartiles], CPU time on one core."""
     from humanclaw.testing.fixture import Fixture
     from humanclaw.testing.speed import FIXED, MOVABLE, Quartiles, chunk_times, crowded, reset_times
 

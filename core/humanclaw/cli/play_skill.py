@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final, Literal
 
@@ -103,7 +104,8 @@ def _found(target: str, skill: str, files: tuple[Path, ...], choice: Choice) -> 
         plugins.add(_Folders(folders), name, origin=str(path))
         return plugins, _one_of(plugins, name, skill)
     if path.suffix == ".py" or path.exists():
-        plugins = Plugins.discover((*files, path), choice)
+        # A skill of the file is meant, also where its published distribution is installed.
+        plugins = Plugins.discover((*files, path), replace(choice, prefer=(*choice.prefer, path.stem)))
         return plugins, _one_of(plugins, plugins.infos[-1].name, skill)
     plugins = Plugins.discover(files, choice)
     return plugins, plugins.skill(target)

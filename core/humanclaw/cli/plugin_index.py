@@ -32,7 +32,7 @@ def _place(command: F) -> F:
 @click.option("--out", type=click.Path(path_type=Path), help="The file; the default is index.json beside the wheels.")
 @click.option("--by-name", is_flag=True, help="For wheels that pip finds by name: leave out where they lie.")
 def index(folder: Path, out: Path | None, by_name: bool) -> None:
-    """Make an index of plugins from a folder of wheels; no code of theirs runs.
+    """Make an index of plugins from a folder of wheels. No code of theirs runs.
 
     Skill folders are checked, and the motion of trained skills is measured. Host the folder anywhere.
     """

@@ -11,7 +11,7 @@ from humanclaw.cli.terminal import Console
 from humanclaw.plugins.hookspecs import hookimpl
 from humanclaw.records.specification import EpisodeSpec
 from humanclaw.records.steps import EpisodeRecord, StepRecord
-from humanclaw.records.tasks import ALIASES
+from humanclaw.records.tasks import ALIASES, SEATS
 from humanclaw.text.words import counted
 from humanclaw.world.simulator import Chunk
 
@@ -61,7 +61,8 @@ def scoring(spec: EpisodeSpec) -> str:
     if not spec.target_category:
         known = ", ".join(ALIASES).replace("_", " ")
         return f"Not scored: the instruction names none of {known}."
-    return f"Scored: reaching a {spec.target_category.replace('_', ' ')}{', sitting on it' if spec.interact else ''}."
+    sits = ", sitting on it" if spec.interact else ", not sitting on it" if spec.target_category in SEATS else ""
+    return f"Scored: reaching a {spec.target_category.replace('_', ' ')}{sits}."
 
 
 def summary(record: EpisodeRecord, steps: Sequence[StepRecord]) -> str:

@@ -72,7 +72,7 @@ def tools(form: Format, reasoning: bool | None, files: tuple[Path, ...], choice:
 
 
 for _name, _told in (
-    ("index", "Make an index of plugins from a folder of wheels; no code of theirs runs."),
+    ("index", "Make an index of plugins from a folder of wheels."),
     ("search", "Find plugins in an index: licence, checks, fidelity."),
     ("install", "Install a plugin of an index with pip."),
 ):

@@ -21,6 +21,7 @@
 
   /** Send a call, and show an error. @param {string} line */
   async function send(line) {
+    if (at("hint").dataset.gone) return;
     const told = seen.value.trim(), before = at("step").textContent;
     at("step").textContent = line === leave ? "You leave the episode." : `The body moves: ${line}`;
     const body = told && line !== leave ? `${line} # ${told}` : line;
@@ -69,7 +70,8 @@
       shown = told;
     } catch (error) {
       at("hint").dataset.gone = "yes";
-      at("hint").textContent = "The episode has ended. If the run goes on, the next one appears here or in a new page.";
+      at("step").textContent = "The episode has ended.";
+      at("hint").textContent = "Its result and replay stand in the terminal. The next episode of a run appears here or in a new page.";
     }
     setTimeout(follow, 200);
   }

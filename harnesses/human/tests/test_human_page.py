@@ -69,4 +69,8 @@ def test_keys_buttons_and_the_form_are_calls(window, lines, width, scheme):
         serious = [one["id"] for one in axe.run(tab).response["violations"] if one["impact"] in ("serious", "critical")]
         assert not serious
         assert not errors
+        window.close()
+        tab.wait_for_function("document.getElementById('step').textContent === 'The episode has ended.'")
+        tab.keyboard.press("ArrowUp")
+        assert tab.text_content("#step") == "The episode has ended."
         browser.close()

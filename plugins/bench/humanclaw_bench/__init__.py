@@ -53,7 +53,7 @@ def humanclaw_overview(runs: Mapping[Path, Sequence[RecordedEpisode]], page: Pag
 def humanclaw_commands(cli: click.Group) -> None:
     from humanclaw.cli import LazyCommand
 
-    told = "Run the benchmark and score it: the paper's tables with intervals, comparisons, root causes."
+    told = "Run the benchmark and score it."
     cli.add_command(LazyCommand("bench", "humanclaw_bench.cli:bench", told))
 
 

@@ -70,7 +70,7 @@ NAMES = (
 
 @click.group()
 def bench() -> None:
-    """Run the benchmark and score it: the paper's tables with intervals, comparisons, root causes."""
+    """Run the benchmark and score it."""
 
 
 for _name, _target, _told in (
@@ -79,7 +79,7 @@ for _name, _target, _told in (
     ("difficulty", "distribution:difficulty_command", "Show how difficult the episodes of a split are."),
     ("reproduce", "reproduce:reproduce", "Play the paper's tables 2 and 3 for the models of a file."),
     ("power", "power:power_command", "Simulate which difference between two runs a split can show."),
-    ("verify", "checking:verify", "Check every file of a run against its digest, and the records against run.json."),
+    ("verify", "checking:verify", "Check every file of a run against its digest."),
     ("submit", "checking:submit", "Write one file with settings and results of a run."),
     ("leaderboard", "checking:leaderboard", "Make index.html from the submissions in a folder."),
 ):
@@ -171,7 +171,7 @@ def run_command(
 def agent_command(
     deciders: Deciders, backends: Backends, host: str, port: int, files: tuple[Path, ...], choice: Choice
 ) -> None:
-    """Serve an agent for `humanclaw bench run --agent-url`, here or on another machine. Ctrl-C ends it."""
+    """Serve an agent for `bench run --agent-url`. Ctrl-C ends it."""
     from humanclaw_bench.wall.serving import Sessions, server
 
     plugins = Plugins.discover(files, choice)
@@ -201,7 +201,7 @@ def agent_command(
 )
 @click.option("--workers", type=click.IntRange(1), default=1, show_default=True, help="Houses at a time.")
 def make(out: Path, starts: int, seed: int, secret: int | None, workers: int) -> None:
-    """Make the splits from seeds: val, samples of it and a development split, or a hidden test."""
+    """Make the splits from seeds, or a hidden test."""
     given = click.get_current_context().get_parameter_source("seed")
     if secret is not None and given is not click.core.ParameterSource.DEFAULT:
         raise click.UsageError("--seed has no effect with --secret, which determines everything: leave it out.")
@@ -280,7 +280,7 @@ def table(
 @click.option("--json", "as_json", is_flag=True, help="Print JSON: each difference with interval, p and verdict.")
 @PARTIAL
 def compare_command(a: Path, b: Path, seed: int, across_engines: bool, as_json: bool, partial: bool) -> None:
-    """Compare two runs over the episodes that both finished, and distinguish differences from noise."""
+    """Compare two runs over the episodes that both finished. Differences are told from noise."""
     one, two = _one(a), _one(b)
     require_whole((one, two), partial)
     engines = {scores.simulator for result in (one, two) for scores in result.scores}
@@ -326,7 +326,7 @@ def rescore(run: Path, out: Path | None, as_json: bool, files: tuple[Path, ...])
 @click.option("--to", "form", type=click.Choice(list(FORMATS)), required=True)
 @click.option("--out", type=RUN, help="File or folder to write (default: in the run).")
 def export_command(run: Path, form: str, out: Path | None) -> None:
-    """Convert a run for other tools: a table, an inspect_ai log or a LeRobotDataset."""
+    """Convert a run for other tools. There are a table, an inspect_ai log and a LeRobotDataset."""
     write, name = FORMATS[form]
     click.echo(write(run, out or run / name))
 

@@ -71,7 +71,8 @@ def leaderboard(folder: Path, checks: Checks = Checks()) -> Path:
     """
     found, unread = _entries(folder, checks)
     if not (found or unread):
-        raise RecordError(f"there is no submission in {folder}.", "Put files of `humanclaw bench submit` there.")
+        remedy = f"Write one with `humanclaw bench submit RUN --who NAME --out {folder}/NAME.json`."
+        raise RecordError(f"there is no submission in {folder}.", remedy)
     ranked: dict[tuple[str, int, bool], list[Entry]] = {}
     for one in found:
         if not one.apart:
@@ -145,7 +146,7 @@ def _section(split: str, asked: int, told: bool, entries: Sequence[Entry], hidde
     ordered = sorted(entries, key=lambda entry: _rank(entry.submission), reverse=True)
     name = "hidden test" if hidden and split == hidden else known_split(split, asked)[0] or "not one of the benchmark's"
     how = "as told: nobody here has the records" if told else "scored again from the records"
-    return _table(f"{counted(asked, 'episode')}, split {split[:12]} ({name}), {how}", _TITLES, _rows(ordered))
+    return _table(f"{name}: {counted(asked, 'episode')}, split {split[:12]}, {how}", _TITLES, _rows(ordered))
 
 
 def _unranked(entries: Sequence[Entry], unread: Sequence[str]) -> str:

@@ -95,7 +95,7 @@ def _add_comparison(one: Result, two: Result, page: Page) -> None:
         "for rates, at random for the rest; corrected (Holm).",
     )
     head = ("metric", "A", "B", "B \u2212 A", "p", "verdict")
-    page.table("Metrics that differ between the two runs", head, rows, notes=notes)
+    page.table("Metrics that differ", head, rows, notes=notes)
 
 
 def _unasked(metric: Metric, found: Difference) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Final, Self
 
 import click
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn
@@ -12,6 +12,9 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn
 from humanclaw.cli import Console, counted
 from humanclaw_bench.runner import Forecast, RunStatus
 from humanclaw_bench.worker import WorkerReport
+
+_LONG: Final = 600
+"""Seconds of a rest that nobody needs to be asked about."""
 
 
 class RunProgress:
@@ -53,9 +56,11 @@ class RunProgress:
             self._print("The same command continues the run.")
 
     def foresee(self, forecast: Forecast, *, ask: bool) -> bool:
-        """Print the estimate for the rest of the run, and on a terminal ask whether to continue."""
+        """Print the estimate for the rest of the run. On a terminal, ask whether to continue if that costs money or
+        takes long."""
         said = foresight(forecast)
-        if not (ask and self._console.is_terminal):
+        dear = forecast.tokens or forecast.cost or forecast.seconds > _LONG
+        if not (ask and dear and self._console.is_terminal):
             self._print(said)
             return True
         self._bar.stop()

@@ -95,7 +95,7 @@ class Submission(_Value):
     """The numbers of a run for a leaderboard, with everything needed to check them."""
 
     format: Literal[2] = 2
-    who: Text
+    who: Annotated[Text, Field(min_length=1)]
     """The author, as shown on the page."""
     made: date
     """Date of this file."""

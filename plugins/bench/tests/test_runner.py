@@ -1,6 +1,7 @@
 """Runs continue after any end, play nothing twice, and give the same results with any number of workers."""
 
 import errno
+import io
 import json
 import os
 import shutil
@@ -18,12 +19,13 @@ from click.testing import CliRunner
 from filelock import FileLock
 
 from humanclaw import Backends, Choice, HumanclawError, PluginError, Plugins, RecordedEpisode, RecordError, load_run
+from humanclaw.cli import Console
 from humanclaw.records import Difficulty, EpisodeRecord, write_record
 from humanclaw_bench.attribution import attribute
 from humanclaw_bench.cli import bench
 from humanclaw_bench.executors import EpisodeQueue, LocalExecutor
 from humanclaw_bench.integrity import RunFiles, check
-from humanclaw_bench.progress import foresight
+from humanclaw_bench.progress import RunProgress, foresight
 from humanclaw_bench.runner import Forecast, run_split
 from humanclaw_bench.scores import score
 from humanclaw_bench.worker import Job, Worker, WorkerReport, mark, unpack
@@ -152,6 +154,16 @@ def test_a_forecast_does_without_an_episode_that_the_machine_broke(forecasts):
 
 def test_what_has_fewer_than_four_episodes_is_not_foreseen(forecasts):
     assert forecasts(1, range(1, 4)) == []
+
+
+@pytest.mark.parametrize(
+    ("rest", "asked"),
+    [({"seconds": 500}, False), ({"seconds": 700}, True), ({"seconds": 9, "cost": 0.1, "tokens": 5}, True)],
+)
+def test_on_a_terminal_only_a_rest_that_costs_money_or_takes_long_is_asked_about(tmp_path, monkeypatch, rest, asked):
+    monkeypatch.setattr("click.confirm", lambda *_, **__: False)
+    with RunProgress(Console(force_terminal=True, file=io.StringIO()), tmp_path) as progress:
+        assert progress.foresee(Forecast(3, 2, **rest), ask=True) is not asked
 
 
 def test_foresight_tells_time_and_money():
@@ -553,6 +565,7 @@ from humanclaw_bench.scores import score
 from humanclaw_bench.progress import foresight
 from humanclaw_bench.runner import RunStatus, run_split
 from humanclaw_bench.worker import Job, Worker
+from humanclaw.cli import Console
 from humanclaw.records import Difficulty, EpisodeRecord, write_record
 from humanclaw_bench.cli import bench
 from humanclaw import Backends

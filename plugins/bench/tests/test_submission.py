@@ -454,8 +454,9 @@ def test_a_submission_that_says_something_odd_is_none(run: Path, key: str, bad: 
     assert f"is not a submission: {key}: " in "".join(page(run))
 
 
-def test_somebody_of_too_long_a_name_is_told_so(run: Path) -> None:
-    result = invoke("submit", run, "--who", "x" * 501)
+@pytest.mark.parametrize("name", ["", "x" * 501])
+def test_somebody_of_no_name_or_too_long_a_one_is_told_so(run: Path, name: str) -> None:
+    result = invoke("submit", run, "--who", name)
     assert isinstance(result.exception, RecordError)
     assert "no submission can be made" in str(result.exception)
     assert "who: " in str(result.exception)
@@ -651,8 +652,7 @@ def test_the_page_names_the_split(tmp_path: Path) -> None:
     folder = of_smoke(tmp_path / "mine")
     submitted(folder)
     invoke("leaderboard", tmp_path)
-    assert "5 episodes, split" in page(folder)[0]
-    assert "(smoke)" in page(folder)[0]
+    assert "<caption>smoke: 5 episodes, split" in page(folder)[0]
 
 
 @pytest.fixture

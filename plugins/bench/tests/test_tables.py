@@ -624,7 +624,7 @@ def test_a_page_of_two_runs_that_asked_no_model_speaks_of_no_tokens_and_no_cost(
     folders = write_run(tmp_path / "a", sat=3, far=1), write_run(tmp_path / "b", sat=1, far=3)
     page = Shown()
     overview({folder: load_run(folder) for folder in folders}, page)
-    title = "Metrics that differ between the two runs"
+    title = "Metrics that differ"
     alike = page.notes[title].partition(": ")[2].partition(".")[0].split(", ")
     metrics = [row[0] for row in page.tables[title][1]] + alike
     assert "NavSR" in alike, "75 and 25 % of four episodes"

@@ -49,7 +49,7 @@ def scenes(dataset: Path) -> None:
 @_small
 @_triangles
 def check(dataset: Path, names: tuple[str, ...], skip: bool, small: bool, triangles: int) -> None:
-    """Load scenes (default: all) and list what they contain and what is left out. Later runs load them from the cache.
+    """Load scenes and list what is in and what is left out. By default all. Later runs load them from the cache.
 
     Also puts a body on each scene's start in the default simulator. Exits with 1 if a scene fails or anything was left
     out.
@@ -76,7 +76,9 @@ def check(dataset: Path, names: tuple[str, ...], skip: bool, small: bool, triang
 @_small
 @_triangles
 def episodes(dataset: Path, episodes: Path, out: Path, max_steps: int, skip: bool, small: bool, triangles: int) -> None:
-    """Convert ObjectNav episodes (a folder with content/*.json.gz, or one file) to a file with one episode per line.
+    """Convert ObjectNav episodes to a file of one episode a line.
+
+    They are a folder with content/*.json.gz, or one file.
 
     Exits with 1 if anything was left out.
     """

@@ -43,7 +43,7 @@ def _mix(
     """
     apart = np.int32(0)
     for channel in range(3):
-        apart += abs(np.int32(before[row, column, channel]) - np.int32(before[row2, column2, channel]))
+        apart += abs(int(before[row, column, channel]) - int(before[row2, column2, channel]))
     if apart < ALIKE:
         return
     if gbuffer.surface[row, column] < 0:

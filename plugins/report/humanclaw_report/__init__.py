@@ -36,7 +36,7 @@ def humanclaw_commands(cli: click.Group) -> None:
 
     for name, told in (
         ("report", "Write the page that shows a run, or several side by side."),
-        ("film", "Film a recorded episode from behind the body, with the ego view in a corner."),
+        ("film", "Film a recorded episode from behind the body."),
         ("watch", "Show a run in progress in a browser on this machine."),
     ):
         cli.add_command(LazyCommand(name, f"humanclaw_report.command:{name}", told))

@@ -58,7 +58,7 @@ def report(runs: tuple[Path, ...], out: Path | None, files: tuple[Path, ...]) ->
 @click.option("--renderer", default="raster", show_default=True, help="Name of the renderer that draws it.")
 @plugin_files
 def film(folder: Path, out: Path | None, height: int, every: int, renderer: str, files: tuple[Path, ...]) -> None:
-    """Film a recorded episode from behind the body, with the ego view in a corner.
+    """Film a recorded episode from behind the body. The ego view is in a corner.
 
     EPISODE is the folder of an episode, or of a run that holds only one.
     """

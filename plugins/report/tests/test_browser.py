@@ -253,10 +253,11 @@ def test_a_run_under_way_is_seen_as_it_grows_by_all_who_watch(browser: Any, watc
     for tab, errors in tabs:
         tab.locator("tbody tr", has_text=str(count + 1)).wait_for()
         card = tab.locator("[data-episode=couch-0]")
-        tab.wait_for_function(f"document.querySelector('.said').textContent.startsWith('{count} ')")
+        tab.wait_for_function(f"document.querySelector('.said').textContent.startsWith('Step {count},')")
         assert card.locator("img").evaluate("image => image.naturalWidth") == 256
         card.locator(".path title", has_text=f"step {count}").wait_for(state="attached")
         assert tab.locator("#lede").inner_text() == "1 ended, 2 in progress."
+        assert tab.locator("#now").inner_text() == "Now"
         assert not errors
 
 

@@ -57,7 +57,7 @@
     picture.alt = `What the body sees after ${row.steps} step${row.steps === 1 ? "" : "s"}`;
     if (row.frame && !picture.src.endsWith(row.frame)) picture.src = row.frame;
     const said = /** @type {HTMLElement} */ (element.querySelector(".said"));
-    said.textContent = row.steps ? `${row.steps - 1}  ${row.call}  ${row.reasoning}` : "";
+    said.textContent = row.steps ? `Step ${row.steps - 1}, ${row.call}: ${row.reasoning}` : "";
     element.dataset.map = row.map;
     if (!element.dataset.drawing) draw(element);
     return element;
@@ -71,6 +71,7 @@
     at("rows").replaceChildren(...state.rows.map(line));
     const running = state.rows.filter((row) => row.outcome === "running");
     const live = (running.length ? running : state.rows).slice(0, running.length ? state.live : 1);
+    at("now").textContent = live.length && !running.length ? "Last episode" : "Now";
     at("live").replaceChildren(...live.map(show));
     document.documentElement.dataset.ready = "yes";
   };
