@@ -14,11 +14,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from made import broken_off, picture, record_episode
 from rooms import two_rooms
 
-from humanclaw import RecordedEpisode, Scene
+from humanclaw import RecordedEpisode, Scene, load_run
+from humanclaw.body import skin
 from humanclaw_report.report import write_report
 from humanclaw_report.run_page import Collected, run_page
 from humanclaw_report.watch import Watcher, server
@@ -122,6 +124,46 @@ def test_the_replay_moves_and_view_words_and_map_go_with_it(browser: Any, pages:
     assert tab.locator(".now").first.get_attribute("transform") != marker
     tab.wait_for_url("**#step=2")
     assert not errors
+
+
+def test_the_page_and_python_pose_the_same_skin(browser: Any, pages: dict[str, Path]) -> None:
+    tab, errors = opened(browser, pages["episode"])
+    posed = tab.evaluate("""async () => {
+        const replay = JSON.parse(document.getElementById("replay").textContent);
+        const motion = await unpack(replay.motion);
+        const looks = new Skin(await unpack(window.humanclawSkin));
+        const figure = new Figure(replay.body, looks, new THREE.MeshBasicMaterial());
+        figure.pose(motion.simulated_root, motion.simulated_turns, 20);
+        figure.root.updateMatrixWorld(true);
+        const at = figure.mesh.geometry.getAttribute("position");
+        const place = (_, k) => figure.mesh.boneTransform(k, new THREE.Vector3().fromBufferAttribute(at, k)).toArray();
+        return Array.from({ length: at.count }, place);
+    }""")
+    motion = load_run(pages["episode"].parent)[0].motion()
+    expected, _ = skin().posed(motion.root[40], motion.rotations[40])
+    assert np.array(posed) == pytest.approx(expected, abs=2e-3)
+    assert not errors
+
+
+def test_the_camera_stays_in_the_corridor_of_the_body(browser: Any, pages: dict[str, Path]) -> None:
+    """A body walks round the corner of a corridor 1.6 m wide; the camera stands back where it can."""
+    tab, _ = opened(browser, pages["episode"])
+    eyes = tab.evaluate("""() => {
+        const box = (...at) => new THREE.Box3(new THREE.Vector3(...at.slice(0, 3)), new THREE.Vector3(...at.slice(3)));
+        const walls = [box(0.8, 0, -9, 1, 3, 4), box(-9, 0, 5.4, 1, 3, 5.6), box(0.8, 0, 4, 1, 3, 5.6),
+            box(-1, 0, -9, -0.8, 3, 3.8), box(-9, 0, 3.6, -0.8, 3, 3.8), box(-9, 2.4, -9, 1, 2.6, 6)];
+        const chests = Array.from({ length: 200 }, (_, k) =>
+            k < 115 ? new THREE.Vector3(0, 1.1, -1 + k * 0.05) : new THREE.Vector3((115 - k) * 0.05, 1.1, 4.75));
+        const headings = chests.map((_, k) => (k < 115 ? 0 : -Math.PI / 2));
+        const way = new Way(chests, headings, chests.map(() => 2.6), walls);
+        return chests.map((chest, k) => way.at(chest, k).toArray());
+    }""")
+    x, y, z = np.array(eyes).T
+    along, across = (np.abs(x) < 0.8) & (z < 5.4), (x < 0.8) & (z > 3.8) & (z < 5.4)
+    assert (along | across).all()
+    assert ((y > 0) & (y < 2.4)).all()
+    straight = slice(20, 90)
+    assert (np.abs(z[straight] - (-1 + 0.05 * np.arange(200)[straight])) > 1.2).all()
 
 
 def test_playing_advances_and_a_link_leads_to_a_moment(browser: Any, pages: dict[str, Path]) -> None:
