@@ -44,9 +44,9 @@ def _mix(
 
     covered: (H, W) the share of each pixel that a neighbour has covered so far, changed in place.
     """
-    apart = 0
-    for channel in range(3):
-        apart += abs(int(before[row, column, channel]) - int(before[row2, column2, channel]))
+    apart = ZERO
+    for channel in range(3):  # As numbers with a sign: the compiler subtracts bytes without one.
+        apart += abs(np.float32(before[row, column, channel]) - np.float32(before[row2, column2, channel]))
     first, second = surface[row, column], surface[row2, column2]
     if apart < ALIKE or (first >= 0 and second >= 0 and _bent(faces, table, first, second)):
         return
