@@ -29,15 +29,15 @@ AMBIENT: Final = 0.6
 """Brightness of a surface that the sun does not reach."""
 DIFFUSE: Final = 0.45
 """Brightness that the sun adds to a surface which faces it."""
-REACH: Final = 0.45
+REACH: Final = 0.25
 """Largest distance at which surfaces darken each other, metres."""
 DARKEST: Final = 0.4
 """Share of the light that remains in the deepest corner."""
-DEPTH_OF_CORNERS: Final = 1.6
+DEPTH_OF_CORNERS: Final = 2.4
 """Share of the light lost per occluded share of the neighbourhood."""
 RAYS: Final = 8
 """Samples of the neighbourhood per pixel. The 16 pixels of a 4 x 4 square use different sets and are then averaged."""
-SHADE: Final = 0.6
+SHADE: Final = 0.4
 """Share of the light that a place loses if the whole cone above it is covered."""
 CONE: Final = 0.6
 """Light from above comes from within this horizontal distance, metres, ..."""
