@@ -49,6 +49,8 @@ class OverheadMap(NamedTuple):
 
     The outermost cells are always empty, because a lookup beyond the map reads them.
     """
+    around: Floats
+    """(S, Z, X) the greatest height within AROUND cells of each cell, along both axes."""
     floors: Array
     """(S,) heights of the floors, ascending, metres."""
     corner: Array

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from humanclaw import Scene
 from humanclaw.body import Array
-from humanclaw_raster.buffers import Instances, OverheadMap, Pinhole
+from humanclaw_raster.buffers import Instances, OverheadMap, Pinhole, compiled
 from humanclaw_raster.drawing import draw
 from humanclaw_raster.packing import Floats, Model
 from humanclaw_raster.shading import TALLEST
@@ -18,12 +18,14 @@ from humanclaw_raster.shading import TALLEST
 CELL: Final = 0.04
 """Side of a cell of the map, metres. It is larger in scenes that would need more than MOST cells per side."""
 MOST: Final = 1024
+AROUND: Final = 3
+"""Cells on each side of the middle of STEPS steps that they can reach: a step is 1.5 cells long."""
 _HIGH: Final = 1000.0
 """Height of the eye over the floor, metres: so high that the lines of sight are nearly parallel."""
 
 
 class OverheadMapper:
-    """Keeps the maps of all objects, and adds the body to a copy for each picture."""
+    """Keeps the maps of all objects. The body casts no shadow: it stands between the lamps, not below them."""
 
     def __init__(self, scene: Scene, model: Model, instances: Instances, movers: Sequence[int]) -> None:
         """Draw the maps of all objects.
@@ -32,7 +34,7 @@ class OverheadMapper:
         """
         boxes = np.array([scene.aabb(obj.id) for obj in scene.objects]).reshape(-1, 2, 3)
         self._model, self._rows = model, np.array(movers, int)
-        self._body, self._movers = _order(model, instances, [0]), _order(model, instances, movers)
+        self._movers = _order(model, instances, movers)
         self._floors = np.array(sorted({room.floor for room in scene.rooms} or {boxes[:, 0, 1].min(initial=0.0)}))
         low, high = boxes[:, 0].min(axis=0, initial=0.0), boxes[:, 1].max(axis=0, initial=0.0)
         self._cell = max(CELL, float((high - low)[[0, 2]].max()) / MOST)
@@ -47,25 +49,20 @@ class OverheadMapper:
         self._settle(instances)
 
     def now(self, instances: Instances) -> OverheadMap:
-        """Return the map with movable objects and body at their current places."""
+        """Return the map with movable objects at their current places. They mostly stay there for many pictures."""
         if not np.array_equal(self._poses, _poses(instances, self._rows)):
             self._settle(instances)
-        maps = []
-        for floor, settled in zip(self._floors, self._settled, strict=True):
-            inverse_depth = self._drawn(instances, self._body, float(floor), settled)
+        return self._map
+
+    def _settle(self, instances: Instances) -> None:
+        self._poses, maps = _poses(instances, self._rows), []
+        for floor, still in zip(self._floors, self._still, strict=True):
+            inverse_depth = self._drawn(instances, self._movers, float(floor), still)
             with np.errstate(divide="ignore"):
                 maps.append(np.float32(floor + _HIGH) - np.float32(1) / inverse_depth)
             maps[-1][[0, -1]] = maps[-1][:, [0, -1]] = -np.inf
-        corner = self._middle[[0, 2]] - np.array(self._shape[::-1]) / 2 * self._cell
-        return OverheadMap(np.stack(maps), self._floors, corner, self._cell)
-
-    def _settle(self, instances: Instances) -> None:
-        """Add the movable objects at their current places. They mostly stay there for many pictures."""
-        self._poses = _poses(instances, self._rows)
-        self._settled = [
-            self._drawn(instances, self._movers, float(floor), still)
-            for floor, still in zip(self._floors, self._still, strict=True)
-        ]
+        corner, heights = self._middle[[0, 2]] - np.array(self._shape[::-1]) / 2 * self._cell, np.stack(maps)
+        self._map = OverheadMap(heights, _around(heights), self._floors, corner, self._cell)
 
     def _drawn(self, instances: Instances, order: NDArray[np.int32], floor: float, before: Floats | None) -> Floats:
         inverse_depth = np.zeros(self._shape, np.float32) if before is None else before.copy()
@@ -75,6 +72,26 @@ class OverheadMapper:
         axes = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
         draw(self._model, instances, Pinhole(eye, axes, _HIGH / self._cell), order, inverse_depth, surface)
         return inverse_depth
+
+
+@compiled
+def _around(heights: Floats) -> Floats:
+    """Return the greatest height within AROUND cells of each cell, along both axes."""
+    (storeys, rows, columns), across, out = heights.shape, heights.copy(), np.empty_like(heights)
+    for storey in range(storeys):
+        for row in range(rows):
+            for other in range(max(0, row - AROUND), min(rows, row + AROUND + 1)):
+                for k in range(columns):
+                    across[storey, row, k] = max(across[storey, row, k], heights[storey, other, k])
+            out[storey, row] = across[storey, row]
+            for aside in range(1, AROUND + 1):
+                left, right = across[storey, row, :-aside], across[storey, row, aside:]
+                for k in range(right.size):
+                    out[storey, row, k] = max(out[storey, row, k], right[k])
+                middle = out[storey, row, aside:]
+                for k in range(left.size):
+                    middle[k] = max(middle[k], left[k])
+    return out
 
 
 def _poses(instances: Instances, rows: NDArray[np.int64]) -> Array:

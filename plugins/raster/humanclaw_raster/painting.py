@@ -25,7 +25,7 @@ from humanclaw_raster.packing import LEVELS, Floats, Model
 from humanclaw_raster.shading import AMBIENT, DIFFUSE, SUN
 from humanclaw_raster.surfaces import BENT, CORNERS, DENSITY, UV
 
-UPLIFT: Final = 0.6
+UPLIFT: Final = 0.5
 """Added to the upward component of normals before shading, as if light from above bounced around the room.
 
 Without it, all faces turned away from the sun would be equally dark, and the corners between them would vanish.

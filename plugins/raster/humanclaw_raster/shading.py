@@ -29,15 +29,15 @@ AMBIENT: Final = 0.6
 """Brightness of a surface that the sun does not reach."""
 DIFFUSE: Final = 0.45
 """Brightness that the sun adds to a surface which faces it."""
-REACH: Final = 0.45
+REACH: Final = 0.25
 """Largest distance at which surfaces darken each other, metres."""
 DARKEST: Final = 0.4
 """Share of the light that remains in the deepest corner."""
-DEPTH_OF_CORNERS: Final = 1.6
+DEPTH_OF_CORNERS: Final = 2.4
 """Share of the light lost per occluded share of the neighbourhood."""
 RAYS: Final = 8
 """Samples of the neighbourhood per pixel. The 16 pixels of a 4 x 4 square use different sets and are then averaged."""
-SHADE: Final = 0.6
+SHADE: Final = 0.4
 """Share of the light that a place loses if the whole cone above it is covered."""
 CONE: Final = 0.6
 """Light from above comes from within this horizontal distance, metres, ..."""
@@ -53,8 +53,6 @@ LEAN: Final = np.float32(0.08)
 """Sine of the angle above the surface below which neighbours do not count: they are the rounded surface itself."""
 STEPS: Final = 4
 """Number of steps towards the sun that are skipped together where nothing around them is high enough."""
-AROUND: Final = 3
-"""Cells on each side of the middle of these steps that they can reach: a step is 1.5 cells long."""
 _CLOSE: Final = np.float32(1 / (REACH * REACH))
 
 
@@ -77,7 +75,7 @@ def ambient_occlusion(pinhole: Pinhole, gbuffer: GBuffer, overhead: OverheadMap)
     half = _halved(gbuffer)
     swing = _swing(half.depth.shape[1])
     light = _occlusion(half, np.float32(pinhole.focal / 2), swing)
-    _shadow(half, pinhole, overhead, _around(overhead.heights), swing, light)
+    _shadow(half, pinhole, overhead, swing, light)
     return _smoothed(light, half)  # type: ignore[no-any-return]
 
 
@@ -138,7 +136,7 @@ def _occlusion(half: Half, focal: float, swing: Floats) -> Floats:
 
 
 @compiled
-def _shadow(half: Half, pinhole: Pinhole, overhead: OverheadMap, around: Floats, swing: Floats, light: Floats) -> None:
+def _shadow(half: Half, pinhole: Pinhole, overhead: OverheadMap, swing: Floats, light: Floats) -> None:
     """Darken places under or close beside objects, and places in the sun's shadow.
 
     Surfaces that face up get light from a cone above them. Surfaces that face the sun get light from the sun.
@@ -163,7 +161,7 @@ def _shadow(half: Half, pinhole: Pinhole, overhead: OverheadMap, around: Floats,
             if lit[k] >= np.float32(0.05):
                 turn = 4 * (row % 4) + k % 4
                 aside = swing[row % 4, turn % RAYS, :, k]
-                if _sun_blocked(overhead, around, storey[k], x[k], y[k], z[k], aside):
+                if _sun_blocked(overhead, storey[k], x[k], y[k], z[k], aside):
                     light[row, k] *= np.float32(AMBIENT) / (np.float32(AMBIENT) + np.float32(DIFFUSE) * lit[k])
 
 
@@ -227,12 +225,9 @@ def _cone(
 
 @inlined
 def _sun_blocked(
-    overhead: OverheadMap, around: Floats, storey: int, x: np.float32, y: np.float32, z: np.float32, aside: Floats
+    overhead: OverheadMap, storey: int, x: np.float32, y: np.float32, z: np.float32, aside: Floats
 ) -> bool:
-    """Return whether an object stands between a point and a place on the sun. aside: offset of that place.
-
-    around: as from _around.
-    """
+    """Return whether an object stands between a point and a place on the sun. aside: offset of that place."""
     east = np.float32(SUN[0] / SUN[1]) + np.float32(SUN_SIZE) * aside[0]
     north = np.float32(SUN[2] / SUN[1]) + np.float32(SUN_SIZE) * aside[1]
     stride, blocked = np.float32(1.5) / np.sqrt(east * east + north * north), False
@@ -241,32 +236,12 @@ def _sun_blocked(
     y += np.float32(0.02)
     while step < steps and not blocked:
         middle = np.float32(step) + np.float32(STEPS / 2 - 0.5)
-        if _height(around, storey, x + east * middle, z + north * middle) > y + rise * np.float32(step):
+        if _height(overhead.around, storey, x + east * middle, z + north * middle) > y + rise * np.float32(step):
             for near in range(step, min(step + STEPS, steps)):
                 far = np.float32(near)
                 blocked |= _height(overhead.heights, storey, x + east * far, z + north * far) > y + rise * far
         step += STEPS
     return bool(blocked)
-
-
-@compiled
-def _around(heights: Floats) -> Floats:
-    """Return the greatest height within AROUND cells of each cell, along both axes."""
-    (storeys, rows, columns), across, out = heights.shape, heights.copy(), np.empty_like(heights)
-    for storey in range(storeys):
-        for row in range(rows):
-            for other in range(max(0, row - AROUND), min(rows, row + AROUND + 1)):
-                for k in range(columns):
-                    across[storey, row, k] = max(across[storey, row, k], heights[storey, other, k])
-            out[storey, row] = across[storey, row]
-            for aside in range(1, AROUND + 1):
-                left, right = across[storey, row, :-aside], across[storey, row, aside:]
-                for k in range(right.size):
-                    out[storey, row, k] = max(out[storey, row, k], right[k])
-                middle = out[storey, row, aside:]
-                for k in range(left.size):
-                    middle[k] = max(middle[k], left[k])
-    return out
 
 
 @inlined

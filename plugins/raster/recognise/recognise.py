@@ -2,7 +2,8 @@
 
 Looks at every category of target in HOUSES (a number N for the first N, or 12-23, or 3,5,8) from places where a body
 can stand. Counts the targets that fill more than 3 % of a picture. A hit is a box of the right class whose intersection
-over union with the target's visible pixels is 0.3 or more. The detector is CenterNet with MobileNet-v3, trained on
+over union with the target's visible pixels is 0.3 or more. A false box has a target's class and a score of 0.3 and fits
+no visible object of that class, however small. The detector is CenterNet with MobileNet-v3, trained on
 COCO, from the npm package @vladmandic/human. "Whole" targets are not cut by the edge of the picture; furniture may
 still hide a part of them.
 
@@ -28,8 +29,11 @@ from humanclaw.world import MultiFloorMap, WorldState, ego_camera
 from humanclaw_scripted.eyes import Box, Detector
 
 HERE, OUT = Path(__file__).parent, Path("build/recognise")
+DETECTOR = ("node", str(HERE / "detect.mjs"))
 CATEGORIES = ("chair", "couch", "potted_plant", "bed", "toilet", "tv")
 SHARE, OVERLAP, SCORES = 0.03, 0.3, (0.3, 0.5)
+VISIBLE = 0.001
+"""Smallest share of a picture at which an object is visible."""
 EACH, VIEWS = 2, 2
 """Number of targets per category and house that are looked at, and of views of each."""
 TILE = 240
@@ -38,13 +42,14 @@ TILE = 240
 
 @dataclass(frozen=True)
 class Target:
-    """One target in one picture. box: x0, y0, x1, y1 of its visible pixels. whole: the picture's edge does not cut
-    it."""
+    """One target in one picture. box: x0, y0, x1, y1 of its visible pixels. whole: the picture's edge does not cut it.
+    share: of the picture that it fills."""
 
     category: str
     source: str
     box: tuple[float, float, float, float]
     whole: bool
+    share: float
 
 
 def standing(place: np.ndarray, towards: np.ndarray) -> WorldState:
@@ -53,7 +58,7 @@ def standing(place: np.ndarray, towards: np.ndarray) -> WorldState:
 
 
 def views(scene: Scene, renderer: Renderer, seed: int) -> Iterator[tuple[np.ndarray, list[Target]]]:
-    """Yield pictures of a house in which a chosen target is large enough, each with all targets that are."""
+    """Yield pictures of a house in which a chosen target is large enough, each with all visible targets."""
     rng, floors = np.random.default_rng(seed), MultiFloorMap.of(scene)
     start = np.array([scene.start.x, scene.start.floor, scene.start.z])
     places = np.concatenate(floors.starts(start, room=0.35))
@@ -70,11 +75,11 @@ def views(scene: Scene, renderer: Renderer, seed: int) -> Iterator[tuple[np.ndar
                 small = renderer.render(state, ego_camera(state.body, 96))
                 if left and (small.ids == obj.id).mean() > SHARE:
                     view = renderer.render(state, ego_camera(state.body))
-                    yield view.rgb, targets(scene, view.ids)
+                    yield view.rgb, targets(scene, view.ids, VISIBLE)
                     left -= 1
 
 
-def targets(scene: Scene, ids: np.ndarray, share: float = SHARE) -> list[Target]:
+def targets(scene: Scene, ids: np.ndarray, share: float) -> list[Target]:
     """Return the targets that fill more than a share of the picture."""
     found = []
     for key, count in zip(*np.unique(ids, return_counts=True), strict=True):
@@ -83,7 +88,7 @@ def targets(scene: Scene, ids: np.ndarray, share: float = SHARE) -> list[Target]
             rows, columns = np.nonzero(ids == key)
             box = float(columns.min()), float(rows.min()), float(columns.max() + 1), float(rows.max() + 1)
             whole = min(box) > 0 and box[2] < ids.shape[1] and box[3] < ids.shape[0]
-            found.append(Target(obj.category, scene.assets[obj.asset].source, box, whole))
+            found.append(Target(obj.category, scene.assets[obj.asset].source, box, whole, float(count / ids.size)))
     return found
 
 
@@ -96,14 +101,23 @@ def overlap(a: tuple[float, ...], b: tuple[float, ...]) -> float:
 
 def score(target: Target, boxes: Sequence[Box]) -> float:
     """Return the highest score of a box of the right class over a target; 0 without one."""
-    name = target.category.replace("_", " ")
-    fitting = [box[4] for box in boxes if box[5] == name and overlap(target.box, box[:4]) >= OVERLAP]
-    return max(fitting, default=0.0)
+    return max((box[4] for box in boxes if fits(target, box)), default=0.0)
 
 
-def detected(pictures: Sequence[np.ndarray]) -> list[Sequence[Box]]:
+def fits(target: Target, box: Box) -> bool:
+    return box[5] == target.category.replace("_", " ") and overlap(target.box, box[:4]) >= OVERLAP
+
+
+def false_boxes(visible: Sequence[Target], boxes: Sequence[Box]) -> int:
+    """Return the number of boxes of a target's class that fit no visible object of the class."""
+    names = {category.replace("_", " ") for category in CATEGORIES}
+    sure = [box for box in boxes if box[4] >= SCORES[0] and box[5] in names]
+    return sum(not any(fits(target, box) for target in visible) for box in sure)
+
+
+def detected(pictures: Sequence[np.ndarray], command: Sequence[str] = DETECTOR) -> list[Sequence[Box]]:
     """Return the detector's boxes in each of (512, 512, 3) pictures."""
-    detector = Detector(shlex.join(["node", str(HERE / "detect.mjs")]))
+    detector = Detector(shlex.join(command))
     return [detector(picture) for picture in pictures]
 
 
@@ -160,12 +174,16 @@ def main(houses: str = "12", drawn_by: str = "raster", library: str = "") -> Non
     scenes = [plugins.scene(f"house:{number}" + (f"?assets={library}" if library else "")) for number in numbers]
     shown = [view for number, scene in zip(numbers, scenes, strict=True) for view in views(scene, renderer, number)]
     boxes = detected([picture for picture, _ in shown])
-    judged = [[(t, score(t, seen)) for t in found] for (_, found), seen in zip(shown, boxes, strict=True)]
+    judged = [
+        [(t, score(t, seen)) for t in found if t.share > SHARE] for (_, found), seen in zip(shown, boxes, strict=True)
+    ]
+    false = sum(false_boxes(found, seen) for (_, found), seen in zip(shown, boxes, strict=True))
     looked_at = [(picture, found) for (picture, _), found in zip(shown, judged, strict=True)]
     for number, (picture, found) in enumerate(looked_at):
         drawn(picture, found).save(OUT / f"{number:04d}.png")
     sheet(looked_at).save(OUT / "sheet.jpg", quality=80, optimize=True)
-    print(f"{len(shown)} pictures of {len(scenes)} houses\n" + table([pair for found in judged for pair in found]))
+    print(f"{len(shown)} pictures of {len(scenes)} houses, {false / max(len(shown), 1):.2f} false boxes a picture")
+    print(table([pair for found in judged for pair in found]))
 
 
 if __name__ == "__main__":
