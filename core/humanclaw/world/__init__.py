@@ -30,7 +30,13 @@ if TYPE_CHECKING:
         Touch as Touch,
         World as World,
     )
-    from humanclaw.world.joints import Hinge as Hinge, Joint as Joint, Slide as Slide, Vec3 as Vec3
+    from humanclaw.world.joints import (
+        Hinge as Hinge,
+        Joint as Joint,
+        Slide as Slide,
+        Vec3 as Vec3,
+        balanced as balanced,
+    )
     from humanclaw.world.meshes.baking import area as area, bake as bake
     from humanclaw.world.meshes.decimation import simplify as simplify
     from humanclaw.world.meshes.hulls import KeepOutBox as KeepOutBox, convex_pieces as convex_pieces

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Final, TypeAlias
 
 import numpy as np
@@ -13,6 +13,9 @@ from humanclaw.errors import SceneError
 
 Vec3 = tuple[float, float, float]
 _UP: Final = (0.0, 1.0, 0.0)
+_GRAVITY: Final = 9.81
+_HELD: Final = 1.5
+"""How many times its weight the friction of a balanced object holds."""
 
 
 @dataclass(frozen=True)
@@ -94,6 +97,20 @@ def _check(joint: Joint, kind: str, *point: float) -> None:
             f"the range of a {kind} is {joint.low:g} to {joint.high:g}: it must grow.",
             f"Give {joint.unit}, the smaller first; leave out the joint of what does not move.",
         )
+
+
+def balanced(joint: Joint, centre: Array, mass: float) -> Joint:
+    """Return a joint whose friction holds an upright object wherever it is, as the springs of a dishwasher do.
+
+    centre: (3,) its centre of mass in its asset's frame, metres; mass: kilograms.
+    """
+    axis = np.array(joint.axis)
+    if isinstance(joint, Hinge):
+        arm = float(np.linalg.norm(np.cross(axis, centre - np.array(joint.point))))
+        pull = arm * float(np.hypot(axis[0], axis[2]))
+    else:
+        pull = abs(float(axis[1]))
+    return replace(joint, friction=max(joint.friction, _HELD * mass * _GRAVITY * pull))
 
 
 def facts_of(joint: Joint) -> dict[str, Any]:
