@@ -13,7 +13,7 @@ from humanclaw.testing.fixture import GRAVITY, Finding, Fixture, Tick, walk
 from humanclaw.testing.scenes import SceneBuilder, block
 from humanclaw.world.half_physics.exertion import GROUND_FRICTION
 from humanclaw.world.half_physics.profile import Profile
-from humanclaw.world.joints import Hinge
+from humanclaw.world.joints import Hinge, Slide
 
 MASSES: Final = {
     1.0: (0.3, np.inf),
@@ -130,6 +130,49 @@ def door(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
     yield Finding("a 60 cm door is squeezed through", "bodies through it", 100 * through / len(offsets), "%", low=100)
     depth = 100 * float(np.concatenate(depths).max())
     yield Finding("a 60 cm door is squeezed through", "deepest contact", depth, "cm", high=1.0)
+
+
+def slides(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
+    """Check drawers of 4 and 40 kg that stand 40 cm open towards the body, walked against for two seconds."""
+    hulls = [block((-0.3, 0.0, -0.25), (0.3, 0.02, 0.25)), block((-0.3, 0.0, 0.23), (0.3, 0.25, 0.25))]
+    left, off, beyond, depth = [], [], [], []
+    for mass in (4.0, 40.0):
+        builder = SceneBuilder()
+        builder.floor()
+        drawer = builder.solid(
+            "drawer", hulls, (0, 0.6, 0.85), rotation=(0.0, 1.0, 0.0, 0.0), movable=True, mass=mass,
+            joint=Slide(0.0, 0.4), state=0.4,
+        )  # fmt: skip
+        played = fixture.perform(builder.scene(), walk(4))
+        path = played.places(drawer, np.array([0, 0.6, 0.85, 0, 1, 0, 0]))[:, :3]
+        left.append(1.25 - path[-1, 2])
+        off.append(np.abs(path[:, :2] - [0, 0.6]).max())
+        beyond.append(max(path[:, 2].max() - 1.25, 0.85 - path[:, 2].min()))
+        depth.append(played.depths(drawer).max(initial=0.0))
+        tick()
+    check = "a drawer is pushed shut"
+    yield Finding(check, "way left to its end, most", 100 * float(max(left)), "cm", high=1.0)
+    yield Finding(check, "off its line; beyond its range", 100 * float(max(*off, *beyond)), "cm", high=1.0)
+    yield Finding(check, "deepest contact", 100 * float(max(depth)), "cm", high=1.0)
+
+
+def lids(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
+    """Check the lid of an oven, 5 kg on a hinge at its lower edge that stands 34.4 degrees open and holds 0.5 and
+    20 N m; gravity turns it with 6.9 N m."""
+    angles = []
+    for friction in (0.5, 20.0):
+        builder = SceneBuilder()
+        builder.floor()
+        hinge = Hinge((0.0, 0.0, 0.0), 0.0, np.pi / 2, friction, 1.0, axis=(1.0, 0.0, 0.0))
+        leaning = (float(np.sin(0.3)), 0.0, 0.0, float(np.cos(0.3)))
+        lid = builder.box(
+            "oven", (0.5, 0.5, 0.03), (2, 0.3, 0), rotation=leaning, movable=True, mass=5.0, joint=hinge, state=0.6
+        )
+        played = fixture.perform(builder.scene(), walk(2, 0.5))
+        angles.append(float(np.degrees(vector_from_quaternion(played.objects[lid][3:])[0])))
+        tick()
+    yield Finding("a lid falls open", "angle where its hinge is loose", angles[0], "degrees", 89, 91)
+    yield Finding("a lid falls open", "angle where its hinge holds it", angles[1], "degrees", 34, 35)
 
 
 @dataclass(frozen=True)

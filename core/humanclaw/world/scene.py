@@ -8,7 +8,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Final
 
@@ -122,6 +122,14 @@ class SceneObject:
         x, y, z, w = self.rotation
         turned = np.array([[w, -z, y, x], [z, w, -x, y], [-y, x, w, z], [-x, -y, -z, w]]) @ turn
         return np.concatenate([self.position + matrix_from_quaternion(np.array(self.rotation)) @ way, turned])
+
+    def opened(self, state: float) -> SceneObject:
+        """Return the object with its joint at another angle (radians) or way (metres), or at the nearest in its
+        range."""
+        assert self.joint is not None
+        state = min(max(state, self.joint.low), self.joint.high)
+        x, y, z, *turn = np.round(self.at(state), 7).tolist()
+        return replace(self, position=(x, y, z), rotation=(turn[0], turn[1], turn[2], turn[3]), state=state)
 
     @property
     def facts(self) -> dict[str, Any]:

@@ -160,7 +160,7 @@ class _Assembly:
         self.objects += [replace(part, id=number) for part in placed if not part.joint]
         path = kind.path(kind.template.render_asset)
         states = {f"{fragment.name} {mover.link}": _initial(mover, placing) for mover in movers(path)}
-        leaves = [_opened(part, states[part.asset]) for part in placed if part.joint]
+        leaves = [part.opened(states[part.asset]) for part in placed if part.joint]
         self.leaves += leaves
         if still := joints(path) - len(leaves):
             self.ignored.append(f"{what}: {still} of its joints stand still")
@@ -237,22 +237,12 @@ def _placed(thing: SceneObject, turn: Array, place: Array) -> SceneObject:
     )
 
 
-def _initial(mover: Mover, placing: Placing) -> float | None:
-    """Return where a scene wants a joint, radians or metres; None if it does not say."""
+def _initial(mover: Mover, placing: Placing) -> float:
+    """Return where a joint is in a scene, radians or metres: at rest, if the scene does not say."""
     wanted = placing.initial_joint_pose
     if isinstance(wanted, dict):
-        return wanted.get(mover.name, wanted.get(mover.link))
-    return wanted[mover.number] if mover.number < len(wanted) else None
-
-
-def _opened(leaf: SceneObject, state: float | None) -> SceneObject:
-    """Return a leaf at another state, or at the nearest in its range."""
-    assert leaf.joint is not None
-    if state is None:
-        return leaf
-    state = float(np.clip(state, leaf.joint.low, leaf.joint.high))
-    x, y, z, *turn = np.round(leaf.at(state), 7).tolist()
-    return replace(leaf, position=(x, y, z), rotation=tuple(turn), state=state)
+        return wanted.get(mover.name, wanted.get(mover.link, mover.state))
+    return wanted[mover.number] if mover.number < len(wanted) else mover.state
 
 
 def _has_floor(room: Room, slabs: Sequence[Array]) -> bool:

@@ -157,7 +157,7 @@ class _Objects:
         body.add_joint(
             name=f"object {obj.id}", type=kind, axis=joint.axis, limited=True, margin=_AHEAD,
             range=[joint.low, joint.high], frictionloss=joint.friction, damping=joint.damping,
-            solimp_limit=_IMPEDANCE,
+            solimp_limit=_IMPEDANCE, solimp_friction=_IMPEDANCE,
         )  # fmt: skip
         _weigh(body, obj.mass, [hull.astype(float) for hull in asset.hulls], swing.centre - point)
         self._add_hulls(body, obj, asset, point, dict(HINGED))
