@@ -116,20 +116,26 @@ def chair(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
     yield Finding(check, "furthest", float(path[..., 2].max()), "m", high=0.9)
 
 
+GAPS: Final = (*((0.6, offset) for offset in (-0.04, -0.02, 0.0, 0.02, 0.04)), (0.4, 0.0), (0.45, 0.0))
+"""Widths of gaps between two walls, and how far they are beside the way, metres."""
+
+
 def door(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
-    """Check a gap of 60 cm between two walls; the body with its arms hanging is 75 cm wide."""
-    offsets, through, depths = (-0.04, -0.02, 0.0, 0.02, 0.04), 0, [np.zeros(1)]
-    for offset in offsets:
+    """Check gaps between two walls. The body is 75 cm wide with its arms hanging, and 38 cm without."""
+    through, depths = list[bool](), [np.zeros(1)]
+    for gap, offset in GAPS:
         builder = SceneBuilder()
         builder.floor()
-        sides = [builder.box("wall", (2, 2.5, 0.1), (offset + x, 0, 0.8)) for x in (-1.3, 1.3)]
+        sides = [builder.box("wall", (2, 2.5, 0.1), (offset + x * (1 + gap / 2), 0, 0.8)) for x in (-1, 1)]
         played = fixture.perform(builder.scene(), walk(5))
-        through += bool(played.simulated.root[-1, 2] > 1.1)
+        through.append(bool(played.simulated.root[-1, 2] > 1.1))
         depths += [played.depths(side) for side in sides]
         tick()
-    yield Finding("a 60 cm door is squeezed through", "bodies through it", 100 * through / len(offsets), "%", low=100)
-    depth = 100 * float(np.concatenate(depths).max())
-    yield Finding("a 60 cm door is squeezed through", "deepest contact", depth, "cm", high=1.0)
+    check = "a narrow gap is squeezed through"
+    yield Finding(check, "bodies through 60 cm", 100 * sum(through[:-2]) / len(through[:-2]), "%", low=100)
+    yield Finding(check, "bodies through 40 cm", 100 * through[-2], "%", high=0)
+    yield Finding(check, "bodies through 45 cm", 100 * through[-1], "%", low=100)
+    yield Finding(check, "deepest contact", 100 * float(np.concatenate(depths).max()), "cm", high=1.0)
 
 
 def slides(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
