@@ -2,11 +2,12 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from rooms import asset, block, scene, scene_object, two_rooms
 
 from humanclaw import SceneError
-from humanclaw.world import Hinge, pack_scene, unpack_scene
+from humanclaw.world import Hinge, Slide, pack_scene, unpack_scene
 
 STOOL = asset("stool", "chair", block(0.4, 0.45, 0.4), seat=0.45)
 
@@ -55,8 +56,8 @@ def test_a_hinge_survives_being_packed():
 @pytest.mark.parametrize(
     ("facts", "told"),
     [
-        ({"state": 2.0}, r"object 1 \(door\) is at 2 rad, and its hinge goes from 0 to 1.6"),
-        ({"movable": False}, "hangs on a hinge and is not movable"),
+        ({"state": 2.0}, r"object 1 \(door\) is at 2 rad, and its joint goes from 0 to 1.6"),
+        ({"movable": False}, "is on a joint and is not movable"),
         ({"joint": None, "state": 0.2}, "has the state 0.2 and no joint"),
     ],
 )
@@ -65,9 +66,31 @@ def test_a_door_that_could_not_turn_is_refused_in_words(facts, told):
         hung(**facts)
 
 
-def test_a_door_that_leans_is_refused():
-    with pytest.raises(SceneError, match="hangs on a hinge and leans"):
-        replace(hung(), rotation=(0.3, 0.0, 0.0, 0.954))
+def test_a_drawer_and_a_lid_survive_being_packed():
+    drawer = hung(joint=Slide(0.0, 0.4, friction=8.0), state=0.1)
+    lid = hung(joint=Hinge((0.0, 0.0, 0.0), 0.0, 1.6, axis=(1.0, 0.0, 0.0)))
+    for one in (drawer, lid):
+        assert unpack_scene(pack_scene(scene((LEAF, one)))).objects[0] == one
+
+
+def test_a_drawer_is_as_far_out_as_its_slide_however_it_is_turned():
+    """Turned by 90 degrees to the left, its front, and so its way out, points to +X."""
+    drawer = replace(hung(joint=Slide(0.0, 0.4), state=0.1), rotation=(0.0, 0.5**0.5, 0.0, 0.5**0.5))
+    assert drawer.at(0.3) == pytest.approx([0.2, 0.0, 0.0, 0.0, 0.5**0.5, 0.0, 0.5**0.5])
+
+
+def test_a_lid_turns_down_about_its_lower_edge():
+    """At 90 degrees about +X what was up is ahead: a point 0.5 m over the hinge is 0.5 m before it."""
+    lid = hung(joint=Hinge((0.0, 0.1, 0.0), 0.0, 1.6, axis=(1.0, 0.0, 0.0)))
+    assert lid.at(np.pi / 2) == pytest.approx([0.0, 0.1, -0.1, 0.5**0.5, 0.0, 0.0, 0.5**0.5])
+
+
+@pytest.mark.parametrize(
+    "broken", [{"low": 0.4}, {"axis": (0.0, 0.0, 2.0)}, {"axis": (1.0, 0.0)}, {"damping": float("nan")}]
+)
+def test_a_slide_without_a_range_or_with_impossible_numbers_is_refused(broken):
+    with pytest.raises(SceneError, match="slide"):
+        replace(Slide(0.0, 0.4), **broken)
 
 
 @pytest.mark.parametrize(

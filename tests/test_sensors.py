@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
-from humanclaw import Backends, Body, Decision, Episode, Keyframes, Plugins, hookimpl, skill
+from humanclaw import Backends, Body, Chunk, Decision, Episode, Keyframes, Plugins, hookimpl, skill
 from humanclaw.body import JOINT_INDEX, STANDING_HEIGHT, Motion, rest_pose
 from humanclaw.episodes.backends import check_sensors
 from humanclaw.episodes.sensors import proprioception, tactile
+from humanclaw.episodes.step import fall
 from humanclaw.errors import HumanclawError, PluginRunError
 from humanclaw.records import Answer, Feedback, Reading, RecordedEpisode, StepRecord, Touch, free_episode
 from humanclaw.skills import Call
@@ -42,6 +43,23 @@ def test_a_standing_body_feels_its_height_above_its_soles():
     assert _felt(rest_pose(15)).startswith(
         f"You feel yourself standing upright: your hips are {100 * STANDING_HEIGHT:.0f} cm above your soles."
     )
+
+
+def _falling(to: float, *touched: int) -> Chunk:
+    """Half a second in which the pelvis sinks evenly by so much, with the ground underfoot in some frames."""
+    motion = _after(up=-to)
+    return Chunk(motion, _did(motion, *(_contact("left_foot", "leg_foot", 0.0, frame) for frame in touched)))
+
+
+@pytest.mark.parametrize(("metres", "touched", "fell"), [(1.4, (2, 9), 0.7), (1.4, range(15), 0.0), (0.6, (2, 9), 0.0)])
+def test_a_fall_is_what_the_body_drops_between_two_contacts_from_half_a_metre_on(metres, touched, fell):
+    """1.4 m in 14 frames are 10 cm a frame: 70 cm from frame 2 to frame 9."""
+    assert fall([_falling(metres, *touched)]) == pytest.approx(fell)
+
+
+def test_a_fall_is_told():
+    done = StepRecord(step=0, status="executed", attempts=(), call=Call("walk", {}), fall=2.94)
+    assert "You fell 2.9 m." in str(done.feedback)
 
 
 def test_height_is_felt_from_the_soles_and_not_from_the_scene():

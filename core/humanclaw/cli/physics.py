@@ -25,6 +25,8 @@ _CHECKS: Final = (
     "chair",
     "door",
     "hinges",
+    "slides",
+    "lids",
     "seats",
     "rates",
     "wild",

@@ -6,6 +6,7 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from typing import Final
 
 import numpy as np
 
@@ -17,6 +18,9 @@ from humanclaw.skills.call import Call
 from humanclaw.world.scene import Scene, Vec3, distance_to_nearest
 from humanclaw.world.simulator import Chunk, Contact, DistanceFn, Execution, WorldState
 from humanclaw.world.view import View
+
+FALL: Final = 0.5
+"""A drop through the air of so much counts as a fall, metres: a person steps down no further than that."""
 
 
 @dataclass
@@ -96,6 +100,7 @@ class Step:
             cancelled=done.cancelled if done else False,
             limits=done.limits if done else (),
             readings=done.readings if done else (),
+            fall=fall(chunks),
             waypoints=tuple(vec3(chunk.execution.simulated.root[-1]) for chunk in chunks[:-1]),
             start=vec3(before.body.root[-1]),
             end=vec3(after.body.root[-1]),
@@ -169,6 +174,19 @@ def _gathered(found: Sequence[tuple[int, Contact]]) -> Contact:
 def touches(chunks: Sequence[Chunk]) -> tuple[tuple[int, int, int], ...]:
     """Return (frame of the step, object, object) for each touch of a movable object and another."""
     return tuple((start + frame, a, b) for start, part in _timed(chunks) for frame, a, b in part.touches)
+
+
+def fall(chunks: Sequence[Chunk]) -> float:
+    """Return how far the pelvis came down while the body touched nothing, at most, metres; 0 for less than FALL."""
+    parts = list(_timed(chunks))
+    touched = {start + frame for start, part in parts for contact in part.contacts for frame in contact.frames}
+    heights = [height for _, part in parts for height in part.simulated.root[:, 1]]
+    deepest, left = 0.0, 0
+    for frame, height in enumerate(heights):
+        deepest = max(deepest, float(heights[left] - height))
+        if frame in touched:
+            left = frame
+    return round(deepest, 2) if deepest >= FALL else 0.0
 
 
 def pelvis_contacts(chunks: Sequence[Chunk]) -> tuple[int, ...]:

@@ -111,6 +111,8 @@ class Feedback:
     """Whether the call was broken off."""
     limits: tuple[str, ...] = ()
     """What the body could not do of the call, in words: a joint's limit, a target out of reach."""
+    fell: float = 0.0
+    """How far the body fell, metres; 0 if it did not."""
     readings: tuple[Reading, ...] = ()
     """Readings of the senses of plugins."""
 
@@ -121,7 +123,8 @@ class Feedback:
         if self.executed is None:
             return self.refusal
         held = f"Your body could not do all of it: {'; '.join(self.limits)}." if self.limits else ""
-        return " ".join(filter(None, (self._action(), held, self.sensor_readings)))
+        fell = f"You fell {self.fell:.1f} m." if self.fell else ""
+        return " ".join(filter(None, (self._action(), held, fell, self.sensor_readings)))
 
     @property
     def sensor_readings(self) -> str:

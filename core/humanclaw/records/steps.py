@@ -95,6 +95,8 @@ class StepRecord(Record):
     """Whether the call was broken off between two chunks."""
     limits: tuple[str, ...] = ()
     """What the body could not do of the call, in words."""
+    fall: float = 0.0
+    """How far the body fell without touching anything, metres, if that was half a metre or more; the deepest fall."""
     waypoints: tuple[Vec3, ...] = ()
     """Pelvis after each chunk but the last, metres."""
     start: Vec3 = (0.0, 0.0, 0.0)
@@ -157,6 +159,7 @@ class StepRecord(Record):
             tactile=self.tactile,
             cancelled=self.cancelled,
             limits=self.limits,
+            fell=self.fall,
             readings=self.readings,
         )
 

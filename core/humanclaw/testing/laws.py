@@ -24,7 +24,7 @@ from humanclaw.body.pose import (
     rest_pose,
 )
 from humanclaw.testing.fixture import DROP, FORWARD, GRAVITY, HEIGHT, RISE, Command, Finding, Fixture, Tick, walk
-from humanclaw.testing.object_laws import MASSES, boxes, chair, door, hinges
+from humanclaw.testing.object_laws import CHAIRS, GAPS, MASSES, boxes, chair, door, hinges, lids, slides
 from humanclaw.testing.scenes import SceneBuilder
 from humanclaw.world.scene import Scene
 from humanclaw.world.simulator import Execution
@@ -234,15 +234,16 @@ def _apart(fixture: Fixture, scene: Scene, commands: Sequence[Command], tick: Ti
 
 CHECKS: Final[Mapping[str, Callable[[Fixture, Tick], Iterator[Finding]]]] = {
     "free-space": free_space, "walls": walls, "ledge": ledge, "stairs": stairs, "boxes": boxes, "chair": chair,
-    "door": door, "hinges": hinges, "seats": seats, "rates": rates, "wild": wild,
+    "door": door, "hinges": hinges, "slides": slides, "lids": lids, "seats": seats, "rates": rates, "wild": wild,
 }  # fmt: skip
 
 
 def ticks(fixture: Fixture, names: Sequence[str]) -> int:
     """Return how often the checks of these names will tick."""
     each: Mapping[str, int] = {
-        "free-space": 1, "walls": fixture.samples, "ledge": 1, "stairs": 2 * len(RISES), "boxes": len(MASSES) + 1,
-        "chair": 1, "door": 5, "hinges": 7, "seats": len(SEATS), "rates": 12, "wild": fixture.chunks,
+        "free-space": 1, "walls": fixture.samples, "ledge": 1, "stairs": 2 * len(RISES), "boxes": len(MASSES) + 3,
+        "chair": len(CHAIRS), "door": len(GAPS), "hinges": 7, "slides": 2, "lids": 2,
+        "seats": len(SEATS), "rates": 12, "wild": fixture.chunks,
     }  # fmt: skip
     return sum(each[name] for name in names)
 

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanclaw.body.pose import Pose2D
-from humanclaw.world.scene import Asset, Hinge, Mesh, Scene, SceneObject, Vec3
+from humanclaw.world.joints import Hinge, Vec3
+from humanclaw.world.scene import Asset, Mesh, Scene, SceneObject
 
 Colour = tuple[int, int, int]
 GREY: Colour = (200, 200, 200)

@@ -30,6 +30,13 @@ if TYPE_CHECKING:
         Touch as Touch,
         World as World,
     )
+    from humanclaw.world.joints import (
+        Hinge as Hinge,
+        Joint as Joint,
+        Slide as Slide,
+        Vec3 as Vec3,
+        balanced as balanced,
+    )
     from humanclaw.world.meshes.baking import area as area, bake as bake
     from humanclaw.world.meshes.decimation import simplify as simplify
     from humanclaw.world.meshes.hulls import KeepOutBox as KeepOutBox, convex_pieces as convex_pieces
@@ -83,13 +90,11 @@ if TYPE_CHECKING:
         GROUND as GROUND,
         STRUCTURE as STRUCTURE,
         Asset as Asset,
-        Hinge as Hinge,
         Mesh as Mesh,
         Quaternion as Quaternion,
         Room as Room,
         Scene as Scene,
         SceneObject as SceneObject,
-        Vec3 as Vec3,
         distance_to_box as distance_to_box,
         distance_to_nearest as distance_to_nearest,
     )

@@ -8,7 +8,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Final
 
@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from humanclaw.body.pose import Array, Pose2D, matrix_from_quaternion
 from humanclaw.errors import SceneError
+from humanclaw.world.joints import Joint, Vec3 as Vec3, facts_of, joint_of
 
-Vec3 = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 
 STRUCTURE: Final = frozenset({"wall", "floor", "ceiling", "stairs", "door", "window"})
@@ -74,40 +74,8 @@ class Asset:
 
 
 @dataclass(frozen=True)
-class Hinge:
-    """A vertical axis that an object turns about, as a door does.
-
-    Angles are radians and grow to the left, seen from above: about +Y. At 0 a door is, by custom, closed.
-    """
-
-    point: Vec3
-    """Any point of the axis, in the frame of the object's asset, metres."""
-    low: float
-    high: float
-    """The range of the angle. It stops the object; fixed objects and those on other hinges do not, so that a door does
-    not jam in its frame."""
-    friction: float = 2.0
-    """Torque that holds the object and brakes it, whatever its speed, newton metres."""
-    damping: float = 5.0
-    """Torque that brakes it for each rad/s, newton metre seconds."""
-
-    def __post_init__(self) -> None:
-        numbers = (*self.point, self.low, self.high, self.friction, self.damping)
-        if len(self.point) != 3 or not np.isfinite(numbers).all() or min(self.friction, self.damping) < 0:
-            raise SceneError(
-                f"a hinge needs finite numbers, and no negative friction or damping; got {numbers}.",
-                "Give its point in metres and its range in radians.",
-            )
-        if not 0 < self.high - self.low <= 2 * np.pi:
-            raise SceneError(
-                f"the range of a hinge is {self.low:g} to {self.high:g}: it must grow, by a whole turn at most.",
-                "Give radians, the smaller first; leave out the hinge of what does not turn.",
-            )
-
-
-@dataclass(frozen=True)
 class SceneObject:
-    """One object in the scene: fixed, movable, or movable about a hinge alone."""
+    """One object in the scene: fixed, movable, or movable on a joint alone."""
 
     id: int
     """Positive and unique in the scene; the value of its pixels in the id image."""
@@ -120,11 +88,11 @@ class SceneObject:
     """Kilograms; used only if movable."""
     friction: float = 0.5
     room: str = ""
-    joint: Hinge | None = None
-    """Hinge of a movable object; None if it is free. A hinged object stands upright."""
+    joint: Joint | None = None
+    """Hinge or slide of a movable object; None if it is free."""
     state: float = 0.0
-    """The angle of the joint at the start, radians: position and rotation are where the object is at this angle. Only
-    read with a joint."""
+    """The angle (radians) or way (metres) of the joint at the start: position and rotation are where the object is
+    there. Only read with a joint."""
 
     def __post_init__(self) -> None:
         numbers = (*self.position, *self.rotation, self.mass, self.friction)
@@ -138,40 +106,43 @@ class SceneObject:
                 raise self._wrong(f"has the state {self.state:g} and no joint", "Give it a joint, or no state.")
             return
         if not self.movable:
-            raise self._wrong("hangs on a hinge and is not movable", "Set movable and mass, or leave out its joint.")
+            raise self._wrong("is on a joint and is not movable", "Set movable and mass, or leave out its joint.")
         if not self.joint.low <= self.state <= self.joint.high:
-            told = f"is at {self.state:g} rad, and its hinge goes from {self.joint.low:g} to {self.joint.high:g}"
-            raise self._wrong(told, "Start within the range; both are radians.")
-        if abs(self.rotation[0]) > 1e-6 or abs(self.rotation[2]) > 1e-6:
-            told = f"hangs on a hinge and leans: {self.rotation}"
-            raise self._wrong(told, "A hinge is vertical: turn about y alone.")
+            unit, low, high = self.joint.unit, self.joint.low, self.joint.high
+            told = f"is at {self.state:g} {unit}, and its joint goes from {low:g} to {high:g}"
+            raise self._wrong(told, "Start within the range.")
 
     def _wrong(self, told: str, remedy: str) -> SceneError:
         return SceneError(f"object {self.id} ({self.category}) {told}.", remedy)
 
-    def at(self, angle: float) -> Array:
-        """Return (7,) position and quaternion of an object that hangs on a hinge, turned to an angle of it."""
+    def at(self, state: float) -> Array:
+        """Return (7,) position and quaternion of an object whose joint is at an angle (radians) or way (metres)."""
         assert self.joint is not None
-        _, y, _, w = self.rotation
-        half = float(np.arctan2(y, w)) + (angle - self.state) / 2
-        turned = np.array([0.0, np.sin(half), 0.0, np.cos(half)])
-        point = np.array(self.joint.point)
-        arms = matrix_from_quaternion(np.array(self.rotation)) @ point - matrix_from_quaternion(turned) @ point
-        return np.concatenate([np.array(self.position) + arms, turned])
+        way, turn = self.joint.moved(state - self.state)
+        x, y, z, w = self.rotation
+        turned = np.array([[w, -z, y, x], [z, w, -x, y], [-y, x, w, z], [-x, -y, -z, w]]) @ turn
+        return np.concatenate([self.position + matrix_from_quaternion(np.array(self.rotation)) @ way, turned])
+
+    def opened(self, state: float) -> SceneObject:
+        """Return the object with its joint at another angle (radians) or way (metres), or at the nearest in its
+        range."""
+        assert self.joint is not None
+        state = min(max(state, self.joint.low), self.joint.high)
+        x, y, z, *turn = np.round(self.at(state), 7).tolist()
+        return replace(self, position=(x, y, z), rotation=(turn[0], turn[1], turn[2], turn[3]), state=state)
 
     @property
     def facts(self) -> dict[str, Any]:
         """Return its fields as plain values for JSON; a joint and its state only where there is a joint."""
         own = {key: value for key, value in vars(self).items() if key not in ("joint", "state")}
-        return own if self.joint is None else own | {"joint": dict(vars(self.joint)), "state": self.state}
+        return own if self.joint is None else own | {"joint": facts_of(self.joint), "state": self.state}
 
     @classmethod
     def of(cls, facts: Mapping[str, Any]) -> SceneObject:
         """Return the object of such plain values. Raises TypeError or KeyError if they are others."""
         joint = facts.get("joint")
-        hinge = joint and Hinge(**{**joint, "point": tuple(joint["point"])})
         place = {key: tuple(facts[key]) for key in ("position", "rotation")}
-        return cls(**{**facts, **place, "joint": hinge})
+        return cls(**{**facts, **place, "joint": joint and joint_of(joint)})
 
 
 @dataclass(frozen=True)

@@ -96,6 +96,7 @@ OWN: Final = (
     _rate("near at the end", "ends_near"), _collision("Coll. fixed", "fixed"),
     _mean("disturbed", lambda s: s.disturbed, 2),
     Metric("path (m)", "lower", lambda s: (s.disturbed_path, s.disturbed), digits=2),
+    _mean("falls", lambda s: s.falls, 2),
     _mean("rigid jerk", lambda s: s.rigid_jerk),
     _mean("Brier", lambda s: s.brier, 3),
 )  # fmt: skip

@@ -239,6 +239,8 @@ class Scores:
     """Who got scene and true state: "agent", "verifier" or both; empty for nobody, None if the record does not say."""
     spec: EpisodeSpec | None = None
     """The specification of the episode."""
+    falls: int = 0
+    """Number of steps in which the body fell."""
     chunks: int = 0
     """Number of half seconds of motion."""
     motion: float = 0.0
@@ -300,6 +302,7 @@ def score(recorded: RecordedEpisode, extra: Extra | None = None) -> Scores:
         displacement=sum(displaced),
         disturbed=len(since),
         disturbed_path=disturbed_path(since, moved),
+        falls=sum(step.fall > 0 for step in steps),
         jerk=pelvis_jerk(motion),
         rigid_jerk=root_jerk(motion),
         reversals=reversals(recorded),

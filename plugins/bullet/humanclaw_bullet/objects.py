@@ -89,15 +89,17 @@ class Objects:
         self._movable[obj.id] = body, centre
 
     def _add_hinged(self, obj: SceneObject, asset: Asset) -> None:
-        """Add a fixed post at the hinge, and the object as its link, with its frame also at the hinge."""
+        """Add a fixed post at the joint, and the object as its link, with its frame also at the joint."""
         client, swing = self._client, Swing.of(self._scene, obj)
-        hulls, point = [hull.astype(float) for hull in asset.hulls], np.array(swing.joint.point)
+        hulls, point = [hull.astype(float) for hull in asset.hulls], swing.point
         body = client.createMultiBody(
             0, -1, -1, swing.axis, swing.place(0.0)[3:], linkMasses=[obj.mass],
             linkCollisionShapeIndices=[self._shape([hull - point for hull in hulls], asset)],
             linkVisualShapeIndices=[-1], linkPositions=[[0, 0, 0]], linkOrientations=[[0, 0, 0, 1]],
             linkInertialFramePositions=[swing.centre - point], linkInertialFrameOrientations=[[0, 0, 0, 1]],
-            linkParentIndices=[0], linkJointTypes=[client.JOINT_REVOLUTE], linkJointAxis=[[0, 1, 0]],
+            linkParentIndices=[0], linkJointAxis=[swing.joint.axis],
+            linkJointTypes=[client.JOINT_REVOLUTE if swing.turns else client.JOINT_PRISMATIC],
+            flags=client.URDF_ENABLE_SLEEPING,
         )  # fmt: skip
         client.changeDynamics(
             body, 0, lateralFriction=obj.friction, jointLowerLimit=swing.joint.low, jointUpperLimit=swing.joint.high,
@@ -146,10 +148,10 @@ class Objects:
         return ObjectMotion(*map(np.array, (position, quaternion, velocity, spin)))
 
     def set_motion(self, object_id: int, motion: ObjectMotion) -> None:
-        """Set the motion of a movable object; a hinged object follows as far as its hinge allows."""
+        """Set the motion of a movable object; one on a joint follows as far as that allows."""
         if object_id in self._hinged:
             body, swing = self._hinged[object_id]
-            self._client.resetJointState(body, 0, swing.angle(motion.quaternion), motion.spin[1])
+            self._client.resetJointState(body, 0, *swing.state(motion))
             return
         body, _ = self._movable[object_id]
         self._client.resetBasePositionAndOrientation(body, motion.position, motion.quaternion)
@@ -163,6 +165,9 @@ class Objects:
         """Let objects at rest sleep until something touches them: asleep they cost almost nothing."""
         for body in self.movable_bodies():
             if np.abs(self._client.getBaseVelocity(body)).max() < _STILL:
+                self._client.changeDynamics(body, -1, activationState=self._client.ACTIVATION_STATE_SLEEP)
+        for body, _ in self._hinged.values():
+            if abs(self._client.getJointState(body, 0)[1]) < _STILL:
                 self._client.changeDynamics(body, -1, activationState=self._client.ACTIVATION_STATE_SLEEP)
 
     def states(self) -> Mapping[int, Array]:

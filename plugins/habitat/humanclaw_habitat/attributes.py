@@ -71,6 +71,8 @@ class Placing(_Attributes):
     motion_type: Lower = ""
     translation_origin: Lower = ""
     mass_scale: Annotated[float, Field(gt=0)] = 1.0
+    initial_joint_pose: tuple[float, ...] | dict[str, float] = ()
+    """Of an articulated object: where its joints are, in the file's order or by name, radians and metres."""
 
     @model_validator(mode="after")
     def _known(self) -> Placing:

@@ -26,12 +26,14 @@ from humanclaw.world import (
     MIDDLE,
     MODEL_BYTES,
     Asset,
+    Hinge,
     KeepOutBox,
     Mesh,
     Part,
     SceneObject,
     back_of,
     bake,
+    balanced,
     base_of,
     bounds,
     convex_pieces,
@@ -54,7 +56,7 @@ from humanclaw_habitat.gltf import readable
 from humanclaw_habitat.primitives import is_primitive, primitive
 from humanclaw_habitat.stage import floor_levels, pieces, righted
 
-VERSION: Final = 4
+VERSION: Final = 5
 """Part of the cache key. Raise it when a change of the code makes another asset from the same files."""
 _LIMIT: Final = 1 << 32
 _SMALL: Final = 0.35
@@ -63,6 +65,10 @@ _CONVEX: Final = 0.9
 """A part of a collision mesh counts as convex if it fills this share of its convex hull."""
 _FROM_BACK: Final = {"-z": 0, "+x": 1, "+z": 2, "-x": 3}
 """Side of the back to the quarter turns to the left that bring the front to +z. Habitat's own back is at +z."""
+_DENSITY: Final = 300.0
+"""Mass per volume of the bounding box of a door or drawer without a stated mass, kg/m^3."""
+_MASSES: Final = (0.5, 60.0)
+"""Lower and upper limit of such a mass, kg."""
 _SCALED: Final = "@"
 """Separates the template and the scale in the name of an asset."""
 
@@ -148,21 +154,18 @@ class Models:
                 ) from error
         return self.digests[path]
 
-    def _parts(self, path: Path, template: Template, what: str = "visual") -> list[Part]:
+    def _parts(self, path: Path, template: Template, what: str = "visual", mover: str = "") -> list[Part]:
         """Return everything in a model file, rotated so that its up is +Y and its front -Z.
 
-        what: 'visual' or 'collision', which elements of a URDF's links to read.
+        what: 'visual' or 'collision', which elements of a URDF's links to read. mover: the link whose links are read.
         """
         turn = axes(template.up, template.front)
-        parts = self._links(path, what) if path.suffix == ".urdf" else self._read(path)
+        parts = self._links(path, what, mover) if path.suffix == ".urdf" else self._read(path)
         return [replace(part, vertices=part.vertices @ turn.T) for part in parts]
 
-    def _links(self, path: Path, what: str) -> list[Part]:
+    def _links(self, path: Path, what: str, mover: str) -> list[Part]:
         """Return the visual or collision elements of a URDF's links; without such elements, the collision ones."""
-        found = urdf.links(path, what, self._read) or urdf.links(path, "collision", self._read)
-        if not found and what == "visual":
-            raise SceneError(f"{path}: none of its links has a shape.")
-        return found
+        return urdf.links(path, what, self._read, mover) or urdf.links(path, "collision", self._read, mover)
 
     def _read(self, path: Path) -> list[Part]:
         if is_primitive(path.name):
@@ -190,36 +193,54 @@ class Models:
         return Scene(kind.name, assets, tuple(objects), (), Pose2D(0, 0, 0), {"levels": levels})
 
     def _object(self, kind: Kind, scale: Vec3, category: str, joined: bool) -> Scene:
-        template = kind.template
-        parts = _scaled(self._parts(kind.path(template.render_asset), template), np.array(scale))
+        name = f"{kind.name}{_SCALED}{','.join(f'{value:g}' for value in scale)}{' joined' if joined else ''}"
+        path = kind.path(kind.template.render_asset)
+        moving = urdf.movers(path) if path.suffix == ".urdf" else []
+        found = [self._piece(kind, scale, category, joined, name, mover) for mover in (None, *moving)]
+        pieces = [piece for piece in found if piece]
+        if not pieces:
+            raise SceneError(f"{path}: none of its links has a shape.")
+        assets = {asset.name: asset for asset, _, _ in pieces}
+        objects = tuple(replace(obj, id=number) for number, (_, obj, _) in enumerate(pieces, 1))
+        return Scene(name, assets, objects, (), Pose2D(0, 0, 0), {"middle": json.dumps(pieces[0][2])})
+
+    def _piece(
+        self, kind: Kind, scale: Vec3, category: str, joined: bool, name: str, mover: urdf.Mover | None
+    ) -> tuple[Asset, SceneObject, list[float]] | None:
+        """Return an object, or the part of it that a mover carries, with the centre of its bounding box; None without a
+        shape."""
+        template, link = kind.template, mover.link if mover else ""
+        parts = _scaled(self._parts(kind.path(template.render_asset), template, mover=link), np.array(scale))
+        if not parts:
+            return None
         low, high = bounds(parts)
         base = base_of(np.stack([low, high]))
         mesh = moved(lightened(bake(parts), self.triangles), -base)
         # A seat faces away from its back, even if the config states another front.
         quarters = _FROM_BACK[(back_of(mesh) if category in SEATS else "") or "+z"]
         mesh = turned(mesh, quarters)
-        seat = seat_of(mesh, MIDDLE.get(category, ANYWHERE)) if category in SEATS else None
+        seat = seat_of(mesh, MIDDLE.get(category, ANYWHERE)) if category in SEATS and not mover else None
         hulls: tuple[NDArray[np.float32], ...] = ()
         if template.is_collidable:
-            given = self._given(kind, np.array(scale))
+            given = self._given(kind, np.array(scale), link)
             placed = tuple(exact((hull - base) @ quarter(quarters).T) for hull in given)
             hulls = _hulls(mesh, placed, template, joined, seat.room if seat else None)
-        name = f"{kind.name}{_SCALED}{','.join(f'{value:g}' for value in scale)}{' joined' if joined else ''}"
-        asset = self._asset(name, category, mesh, hulls, seat.height if seat else None)
+        asset = self._asset(f"{name} {link}".strip(), category, mesh, hulls, seat.height if seat else None)
         obj = _object(1, asset, base, quarter(-quarters), kind)
-        middle = json.dumps(((low + high) / 2).tolist())
-        return Scene(name, {name: asset}, (obj,), (), Pose2D(0, 0, 0), {"middle": middle})
+        if mover:
+            obj = _hung(obj, asset, mover, axes(template.up, template.front), np.array(scale), base, quarter(quarters))
+        return asset, obj, ((low + high) / 2).tolist()
 
     def _shell(self, kind: Kind, asset: str) -> Sequence[Part]:
         return righted(_scaled(self._parts(kind.path(asset), kind.template), _size(kind.template)))
 
-    def _given(self, kind: Kind, scale: Array) -> list[NDArray[np.float32]]:
+    def _given(self, kind: Kind, scale: Array, mover: str) -> list[NDArray[np.float32]]:
         """Return the pieces of a template's own collision model; pieces that are not convex are decomposed."""
         shape = kind.template.render_asset if is_primitive(kind.template.render_asset) else ""
         asset = kind.template.collision_asset or shape
         if not asset or kind.template.use_bounding_box_for_collision:
             return []
-        parts = _scaled(self._parts(kind.path(asset), kind.template, "collision"), scale)
+        parts = _scaled(self._parts(kind.path(asset), kind.template, "collision", mover), scale)
         solids = [solid for part in parts for solid in _solids(part)]
         return [hull for solid in solids for hull in convex_pieces(solid, 1 if _is_convex(solid) else 16)]
 
@@ -237,6 +258,31 @@ def _object(number: int, asset: Asset, base: Array, turn: Array, kind: Kind) -> 
     x, y, z = (np.round(base, 5) + 0.0).tolist()
     friction = kind.template.friction_coefficient
     return SceneObject(number, asset.name, asset.category, (x, y, z), quaternion(turn), friction=friction)
+
+
+def _hung(
+    obj: SceneObject, asset: Asset, mover: urdf.Mover, turn: Array, scale: Array, base: Array, quarters: Array
+) -> SceneObject:
+    """Return an object on a mover's joint, which is given in the file's frame. Without friction of its own it is
+    balanced."""
+    way, joint, longer = turn @ np.array(mover.joint.axis) * scale, mover.joint, 1.0
+    axis = _vec3(quarters @ way / np.linalg.norm(way))
+    if isinstance(joint, Hinge):
+        joint = replace(joint, axis=axis, point=_vec3(quarters @ (turn @ np.array(joint.point) * scale - base)))
+    else:
+        longer = float(np.linalg.norm(way))
+        joint = replace(joint, axis=axis, low=joint.low * longer, high=joint.high * longer)
+    size = np.ptp(asset.mesh.vertices, axis=0)
+    mass = mover.mass or round(float(np.clip(_DENSITY * size.prod(), *_MASSES)), 3)
+    centre = asset.mesh.vertices.mean(axis=0).astype(float)
+    return replace(
+        obj, movable=True, mass=mass, joint=balanced(joint, centre, mass), state=float(mover.state) * longer
+    )  # fmt: skip
+
+
+def _vec3(point: Array) -> Vec3:
+    x, y, z = (np.round(point, 5) + 0.0).tolist()
+    return x, y, z
 
 
 def _scaled(parts: Sequence[Part], scale: Array) -> list[Part]:

@@ -25,7 +25,7 @@ from humanclaw_habitat.models import VERSION, Models, Origin
 from humanclaw_habitat.reference import Reference
 from humanclaw_habitat.regions import floors, rooms
 from humanclaw_habitat.starting import roomiest
-from humanclaw_habitat.urdf import joints
+from humanclaw_habitat.urdf import Mover, joints, movers
 
 _REMEDY: Final = "Load the rest with ?missing=skip; `humanclaw habitat check PATH --skip` lists everything missing."
 _SMALL: Final = 1.0
@@ -54,7 +54,7 @@ def read_scene(source: str, argument: str) -> Scene:
     """Read the scene that source:argument names. The module `reference` describes the argument.
 
     Object k of the scene instance, counted from 0, has id k + 1. Articulated objects follow, then the pieces of the
-    building. Shows its progress while it reads model files.
+    building, then doors and drawers of articulated objects. Shows its progress while it reads model files.
 
     Raises SceneError if the dataset, the scene or anything in it is missing or unreadable. With missing=skip, the
     scene's notes name what is left out instead. The notes always name what is drawn without textures or has no effect.
@@ -81,6 +81,8 @@ class _Assembly:
     ignored: list[str] = field(default_factory=list)
     """Features of the scene that are understood but have no effect."""
     levels: list[tuple[float, float]] = field(default_factory=list)
+    leaves: list[SceneObject] = field(default_factory=list)
+    """What hangs on hinges and slides of articulated objects."""
 
     @classmethod
     def of(cls, dataset: Dataset, name: str, reference: Reference) -> _Assembly:
@@ -95,6 +97,8 @@ class _Assembly:
             what = f"articulated object {number} ({placing.template_name})"
             self._try(what, partial(self._stand, what, len(things) + number + 1, placing))
         self._try(f"stage {self.instance.stage_instance.template_name!r}", self._build)
+        last = max((obj.id for obj in self.objects), default=0)
+        self.objects += [replace(leaf, id=last + number) for number, leaf in enumerate(self.leaves, 1)]
         if self.instance.default_lighting:
             self.ignored.append(f"light setup {self.instance.default_lighting}: a scene is lit by the renderer")
         slabs = self._slabs()
@@ -142,7 +146,7 @@ class _Assembly:
         self.objects.append(replace(_placed(part, turn, place), id=number + 1, movable=mass > 0, mass=mass))
 
     def _stand(self, what: str, number: int, placing: Placing) -> None:
-        """Place an articulated object as one fixed object, every joint at rest."""
+        """Place an articulated object: a fixed part, and what hangs on its hinges and slides."""
         kind = self.dataset.articulated(placing.template_name)
         category = self.dataset.category(kind)
         if category == "object":
@@ -150,13 +154,16 @@ class _Assembly:
         factors = np.array([kind.template.scale, placing.non_uniform_scale]).prod(axis=0) * placing.uniform_scale
         x, y, z = np.round(factors, 4).tolist()
         fragment = self.models.scene_of(kind, (x, y, z), category)
-        (part,) = fragment.objects
+        turn, place = rotation(placing.rotation), np.array(placing.translation)
+        placed = [_placed(part, turn, place) for part in fragment.objects]
         self.assets |= fragment.assets
-        self.objects.append(
-            replace(_placed(part, rotation(placing.rotation), np.array(placing.translation)), id=number)
-        )
-        if moving := joints(kind.path(kind.template.render_asset)):
-            self.ignored.append(f"{what}: its joints ({moving}) stand still")
+        self.objects += [replace(part, id=number) for part in placed if not part.joint]
+        path = kind.path(kind.template.render_asset)
+        states = {f"{fragment.name} {mover.link}": _initial(mover, placing) for mover in movers(path)}
+        leaves = [part.opened(states[part.asset]) for part in placed if part.joint]
+        self.leaves += leaves
+        if still := joints(path) - len(leaves):
+            self.ignored.append(f"{what}: {still} of its joints stand still")
 
     def _mass(self, placing: Placing, template: Template, category: str, size: Array) -> float:
         """Return the mass of a movable object in kg; 0 for a fixed one. size: (3,) of its bounding box, metres."""
@@ -208,7 +215,7 @@ class _Assembly:
 
     def _start(self, scene: Scene, floor: float) -> Pose2D:
         """Return the roomiest place. It is cached, because the search takes long in a large scene."""
-        what = [[vars(thing) for thing in scene.objects], [vars(room) for room in scene.rooms], self._files(), floor]
+        what = [[thing.facts for thing in scene.objects], [vars(room) for room in scene.rooms], self._files(), floor]
         key = hashlib.sha256(json.dumps([VERSION, what]).encode()).hexdigest()
         known = self.models.cache.get(key)
         if known is not None:
@@ -228,6 +235,14 @@ def _placed(thing: SceneObject, turn: Array, place: Array) -> SceneObject:
     return replace(
         thing, position=(x, y, z), rotation=quaternion(turn @ matrix_from_quaternion(np.array(thing.rotation)))
     )
+
+
+def _initial(mover: Mover, placing: Placing) -> float:
+    """Return where a joint is in a scene, radians or metres: at rest, if the scene does not say."""
+    wanted = placing.initial_joint_pose
+    if isinstance(wanted, dict):
+        return wanted.get(mover.name, wanted.get(mover.link, mover.state))
+    return wanted[mover.number] if mover.number < len(wanted) else mover.state
 
 
 def _has_floor(room: Room, slabs: Sequence[Array]) -> bool:

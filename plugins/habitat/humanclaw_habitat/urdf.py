@@ -1,14 +1,14 @@
-"""Read articulated objects at rest: the shapes of a URDF's links, with each joint at its rest position.
+"""Read articulated objects: the shapes of a URDF's links, with each joint at its rest position, and the joints.
 
 A joint rests at 0, or at the nearest value that its limits allow. As in Habitat, the frame is the file's own: a URDF is
-not rotated.
+not rotated. A hinge or slide moves all that hangs on it as one piece: joints further out stand still.
 """
 
 from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 from xml.etree import ElementTree
@@ -18,7 +18,7 @@ import numpy as np
 from humanclaw import SceneError
 from humanclaw.body import Array
 from humanclaw.storage import read_file
-from humanclaw.world import Part
+from humanclaw.world import Hinge, Joint, Part, Slide
 from humanclaw_habitat.attributes import LARGEST
 from humanclaw_habitat.primitives import primitive
 
@@ -28,21 +28,79 @@ _TURN: Final = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 """Turns the axis of Habitat's primitives, +Y, to that of URDF's, +Z."""
 
 
-def links(path: Path, what: str, read: Callable[[Path], list[Part]]) -> list[Part]:
-    """Return the 'visual' or 'collision' elements of all links, in the frame of the root link, metres.
+@dataclass(frozen=True)
+class Mover:
+    """A link on a hinge or a slide of the fixed part. Frame: that of the root link; metres, radians."""
 
-    read: returns the parts of a model file. Raises SceneError if the file is not a URDF, its joints form a circle or a
-    shape is unknown.
+    link: str
+    name: str
+    """Of the joint."""
+    number: int
+    """Of the joint among those of the file that move, from 0."""
+    joint: Joint
+    state: float
+    """At rest."""
+    mass: float
+    """Kilograms; 0 if the file gives none."""
+
+
+def links(path: Path, what: str, read: Callable[[Path], list[Part]], mover: str = "") -> list[Part]:
+    """Return the 'visual' or 'collision' elements of the links that a mover carries, in the frame of the root link,
+    metres.
+
+    read: returns the parts of a model file. mover: the link of a Mover; empty: links that do not move. Raises
+    SceneError if the file is not a URDF, its joints form a circle or a shape is unknown.
     """
     robot = _root(path)
+    carried = {found.link for found in movers(path)}
     found: list[Part] = []
     for link in robot.iter("link"):
-        place = _place(robot, link.get("name", ""), path)
+        place, chain = _place(robot, link.get("name", ""), path)
+        if next((name for name in chain if name in carried), "") != mover:
+            continue
         for shape in link.iter(what):
             frame = place @ _origin(shape, path)
             parts = _shape(shape, path, read)
             found += [replace(part, vertices=part.vertices @ frame[:3, :3].T + frame[:3, 3]) for part in parts]
     return found
+
+
+def movers(path: Path) -> list[Mover]:
+    """Return the links on hinges and slides that have no other such link between them and the root, as the file lists
+    their joints. Raises SceneError if it cannot be read."""
+    robot, found = _root(path), dict[str, Mover]()
+    moving = {_named(joint, "child"): joint for joint in robot.findall("joint") if _range(joint, path)}
+    for number, (link, joint) in enumerate(moving.items()):
+        _, chain = _place(robot, _named(joint, "parent"), path)
+        if not moving.keys() & set(chain):
+            found[link] = _mover(robot, link, number, joint, path)
+    return list(found.values())
+
+
+def _mover(robot: ElementTree.Element, link: str, number: int, joint: ElementTree.Element, path: Path) -> Mover:
+    frame = _place(robot, _named(joint, "parent"), path)[0] @ _origin(joint, path)
+    x, y, z = (float(value) for value in frame[:3, :3] @ _way(joint, path))
+    low, high = _range(joint, path) or (0.0, 0.0)
+    dynamics, weight = joint.find("dynamics"), robot.find(f"link[@name='{link}']/inertial/mass")
+    given = {} if dynamics is None else {
+        key: float(_numbers(dynamics.get(key, ""), 1, path)[0]) for key in ("friction", "damping") if dynamics.get(key)
+    }  # fmt: skip
+    point = (float(frame[0, 3]), float(frame[1, 3]), float(frame[2, 3]))
+    slides = joint.get("type") == "prismatic"
+    kept = Slide(low, high, axis=(x, y, z), **given) if slides else Hinge(point, low, high, axis=(x, y, z), **given)
+    mass = 0.0 if weight is None else float(_numbers(weight.get("value", ""), 1, path)[0])
+    return Mover(link, joint.get("name", ""), number, kept, float(np.clip(0.0, low, high)), mass)
+
+
+def _range(joint: ElementTree.Element, path: Path) -> tuple[float, float] | None:
+    """Return the limits of a hinge or slide; None for joints that cannot or do not move."""
+    if joint.get("type") == "continuous":
+        return -np.pi, np.pi
+    limit = joint.find("limit")
+    if limit is None or joint.get("type") not in ("revolute", "prismatic"):
+        return None
+    low, high = _numbers(f"{limit.get('lower', '0')} {limit.get('upper', '0')}", 2, path).tolist()
+    return (low, min(high, low + 2 * np.pi)) if low < high else None
 
 
 def meshes(path: Path) -> list[Path]:
@@ -69,16 +127,17 @@ def _root(path: Path) -> ElementTree.Element:
     return robot
 
 
-def _place(robot: ElementTree.Element, link: str, path: Path) -> Array:
-    """Return the (4, 4) frame of a link in that of the root link."""
+def _place(robot: ElementTree.Element, link: str, path: Path) -> tuple[Array, list[str]]:
+    """Return the (4, 4) frame of a link in that of the root link, and the link with all above it."""
     above = {_named(joint, "child"): joint for joint in robot.findall("joint")}
-    frame = np.eye(4)
+    frame, chain = np.eye(4), [link]
     for _ in range(len(above) + 1):  # A longer chain would have to pass a joint twice.
         if link not in above:
-            return frame
+            return frame, chain
         joint = above[link]
         frame = _origin(joint, path) @ _rest(joint, path) @ frame
         link = _named(joint, "parent")
+        chain.append(link)
     raise SceneError(f"{path}: the joints form a circle at link {link!r}.")
 
 
@@ -89,18 +148,24 @@ def _named(joint: ElementTree.Element, end: str) -> str:
 
 def _rest(joint: ElementTree.Element, path: Path) -> Array:
     """Return the (4, 4) motion of a joint at rest: none, unless its limits exclude 0."""
-    limit, axis = joint.find("limit"), joint.find("axis")
+    limit = joint.find("limit")
     frame = np.eye(4)
     if limit is None or joint.get("type") not in ("revolute", "prismatic"):
         return frame
     value = float(np.clip(0.0, *_numbers(f"{limit.get('lower', '0')} {limit.get('upper', '0')}", 2, path)))
-    way = _numbers("1 0 0" if axis is None else axis.get("xyz", "1 0 0"), 3, path)
-    way /= np.linalg.norm(way)
+    way = _way(joint, path)
     if joint.get("type") == "prismatic":
         frame[:3, 3] = value * way
     else:
         frame[:3, :3] = _about(way, value)
     return frame
+
+
+def _way(joint: ElementTree.Element, path: Path) -> Array:
+    """Return the (3,) unit axis of a joint, in its own frame."""
+    axis = joint.find("axis")
+    way = _numbers("1 0 0" if axis is None else axis.get("xyz", "1 0 0"), 3, path)
+    return np.asarray(way / max(float(np.linalg.norm(way)), 1e-12))
 
 
 def _about(way: Array, angle: float) -> Array:

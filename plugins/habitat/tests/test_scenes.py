@@ -14,7 +14,7 @@ from toy_dataset import HALF, PLACED, box, model, room, textured, walls, write
 
 from humanclaw import HumanclawError, Plugins, Scene, SceneError
 from humanclaw.body import matrix_from_quaternion
-from humanclaw.world import OccupancyGrid
+from humanclaw.world import OccupancyGrid, SceneObject
 
 
 @pytest.fixture(scope="module")
@@ -427,34 +427,74 @@ def fridge(folder: Path, lower: str = "0", **placing: object) -> Path:
     return place
 
 
-def test_an_articulated_object_stands_with_its_joints_at_rest(mine: Path, scene: Scene) -> None:
+def parts(scene: Scene) -> dict[str, SceneObject]:
+    """The fixed part of the fridge, its door and its drawer."""
+    found = [obj for obj in scene.objects if obj.category == "fridge"]
+    return {obj.asset.partition(" ")[2]: obj for obj in found}
+
+
+def test_an_articulated_object_keeps_its_hinges_and_slides(mine: Path, scene: Scene) -> None:
     fridge(mine)
     found = load(mine)
+    body, door, drawer = (parts(found)[name] for name in ("", "door", "drawer"))
     # The door's front is at z = -0.325 - 0.025, the drawer's end at -0.3 - 0.2; the root link is at the translation.
-    np.testing.assert_allclose(found.aabb(6), ((1.7, 0, 4.5), (2.3, 1.8, 5.3)), atol=2e-3)
-    thing = found.by_id[6]
-    assert (thing.category, thing.movable) == ("fridge", False)
-    assert len(found.objects) == len(scene.objects) + 1
-    assert json.loads(found.notes["ignored"]) == ["articulated object 0 (fridge): its joints (2) stand still"]
+    np.testing.assert_allclose(found.aabb(body.id), ((1.7, 0, 4.7), (2.3, 1.8, 5.3)), atol=2e-3)
+    np.testing.assert_allclose(found.aabb(door.id)[0], (1.7, 0.4, 4.65), atol=2e-3)
+    assert (body.id, body.movable, door.movable, drawer.movable) == (6, False, True, True)
+    assert len(found.objects) == len(scene.objects) + 3
+    # A quarter turn to the left about y brings the door, to +X of its hinge, to -Z of it: 0.6 m before z = 5 - 0.325.
+    np.testing.assert_allclose(found.aabb(door.id, door.at(np.pi / 2))[0], (1.675, 0.4, 4.075), atol=2e-3)
+    np.testing.assert_allclose(found.aabb(drawer.id, drawer.at(0.4))[0][2], 4.1, atol=2e-3)
+    assert json.loads(found.notes["ignored"]) == []
 
 
 def test_each_link_collides_as_its_own_convex_pieces(mine: Path) -> None:
     fridge(mine)
     scene = load(mine)
-    sizes = sorted(np.ptp(hull, axis=0).round(3).tolist() for hull in scene.assets[scene.by_id[6].asset].hulls)
-    np.testing.assert_allclose(sizes, [(0.6, 1.2, 0.05), (0.6, 1.8, 0.6)], atol=1e-3)
+    sizes = [np.ptp(hull, axis=0) for name in ("", "door") for hull in scene.assets[parts(scene)[name].asset].hulls]
+    np.testing.assert_allclose(sizes, [(0.6, 1.8, 0.6), (0.6, 1.2, 0.05)], atol=1e-3)
+
+
+@pytest.mark.parametrize("pose", [[1.0, 0.3], {"hinge": 1.0, "drawer": 0.3}])
+def test_a_scene_says_how_far_its_joints_are_open(mine: Path, pose: object) -> None:
+    fridge(mine, initial_joint_pose=pose)
+    found = parts(load(mine))
+    assert (found["door"].state, found["drawer"].state) == (1.0, 0.3)
+
+
+def test_a_joint_on_another_stands_still(mine: Path) -> None:
+    file = fridge(mine) / "fridge.urdf"
+    file.write_text(file.read_text().replace('<parent link="body"/><child link="drawer"/>',
+                                             '<parent link="door"/><child link="drawer"/>'))  # fmt: skip
+    found = load(mine)
+    assert set(parts(found)) == {"", "door"}
+    assert json.loads(found.notes["ignored"]) == ["articulated object 0 (fridge): 1 of its joints stand still"]
+
+
+def test_what_would_fall_by_its_weight_is_held(mine: Path) -> None:
+    """A box of 0.2 x 0.2 x 0.4 m weighs 4.8 kg, and a joint holds half as much again: 70.6 N."""
+    file = fridge(mine) / "fridge.urdf"
+    file.write_text(file.read_text().replace('<axis xyz="0 0 -1"/>', '<axis xyz="0 1 0"/>'))
+    drawer = parts(load(mine))["drawer"]
+    assert drawer.joint is not None
+    assert (drawer.mass, drawer.joint.friction) == (pytest.approx(4.8, 0.03), pytest.approx(70.6, 0.03))
 
 
 def test_a_joint_that_cannot_be_at_zero_is_at_the_nearest_that_it_can(mine: Path) -> None:
-    fridge(mine, lower="1.570796")
-    # A quarter turn to the left about y brings the door, to +X of its hinge, to -Z of it: 0.6 m before z = 5 - 0.325.
-    np.testing.assert_allclose(load(mine).aabb(6)[0], (1.675, 0, 4.075), atol=2e-3)
+    fridge(mine, lower="1.2")
+    door = parts(load(mine))["door"]
+    assert door.state == pytest.approx(1.2)
 
 
 def test_an_articulated_object_is_turned_and_scaled_about_its_root(mine: Path) -> None:
     fridge(mine, rotation=[HALF, 0, HALF, 0], uniform_scale=0.5)
-    # The side at -Z is now at -X, and all distances are halved.
-    np.testing.assert_allclose(load(mine).aabb(6), ((1.75, 0, 4.85), (2.15, 0.9, 5.15)), atol=2e-3)
+    found = load(mine)
+    drawer = parts(found)["drawer"]
+    # The side at -Z is now at -X, and all distances are halved, the way of the drawer too.
+    np.testing.assert_allclose(found.aabb(6), ((1.85, 0, 4.85), (2.15, 0.9, 5.15)), atol=2e-3)
+    np.testing.assert_allclose(found.aabb(drawer.id, drawer.at(0.2))[0][0], 1.55, atol=2e-3)
+    assert drawer.joint is not None
+    assert drawer.joint.high == pytest.approx(0.2)
 
 
 def test_a_config_of_an_articulated_object_names_its_file(mine: Path) -> None:

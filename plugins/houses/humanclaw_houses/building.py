@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from humanclaw.world import Hinge
+from humanclaw.world import Hinge, Joint
 from humanclaw_houses import textures as t
 from humanclaw_houses.model import Model, Piece
 from humanclaw_houses.plan import CEILING, WALL, Area, FloorPlan, Opening, Wall, room_at
@@ -38,7 +38,7 @@ class Placed:
     z: float
     yaw: float = 0.0
     room: str = ""
-    joint: Hinge | None = None
+    joint: Joint | None = None
     state: float = 0.0
     """The angle of the joint, radians."""
 
@@ -328,7 +328,8 @@ def _leaf(wall: Wall, hole: Opening, name: str, style: Style) -> Placed:
     yaw = (0.0 if across > 0 else np.pi) if wall.axis == "x" else (np.pi / 2 if across > 0 else -np.pi / 2)
     room = wall.low if hole.opens_low else wall.high
     left = hole.leaf * across * (1 if wall.axis == "x" else -1)
-    hinge = Hinge((-left * thick / 2, 0.0, -length / 2), *sorted((0.0, left * float(np.radians(_WIDEST)))))
+    low, high = sorted((0.0, left * float(np.radians(_WIDEST))))
+    hinge = Hinge((-left * thick / 2, 0.0, -length / 2), low, high)
     wide = _stands(style.rng.spawn(1)[0])
     return _swung(Placed(piece, x, 0.0, z, yaw, room, hinge, left * np.pi / 2), left * (wide - np.pi / 2))
 
@@ -340,7 +341,7 @@ def _stands(rng: np.random.Generator) -> float:
 
 def _swung(leaf: Placed, by: float) -> Placed:
     """Return a leaf turned about its hinge by an angle in radians."""
-    assert leaf.joint is not None
+    assert isinstance(leaf.joint, Hinge)
     px, _, pz = leaf.joint.point
 
     def arm(yaw: float) -> tuple[float, float]:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
 
 import numpy as np
 from manifold3d import Manifold
 
-from humanclaw.world import Asset, Mesh, exact
+from humanclaw.world import Asset, Hinge, Joint, Mesh, balanced, exact
 from humanclaw_houses.shapes import Array, Chart, Point, Shape, box
 from humanclaw_houses.textures import Pixels, Tile
 
@@ -39,6 +39,8 @@ class Piece:
     mass: float = 0.0
     """Kilograms; 0 if it is fixed."""
     friction: float = 0.5
+    leaves: tuple[Leaf, ...] = ()
+    """Its doors and drawers, closed."""
 
     @cached_property
     def size(self) -> tuple[float, float, float]:
@@ -48,11 +50,23 @@ class Piece:
 
     @cached_property
     def low(self) -> Array:
-        return np.asarray(self.asset.mesh.vertices.min(axis=0), float)
+        own = self.asset.mesh.vertices.min(axis=0)
+        return np.asarray(np.min([own, *(leaf.piece.low + leaf.at for leaf in self.leaves)], axis=0), float)
 
     @cached_property
     def high(self) -> Array:
-        return np.asarray(self.asset.mesh.vertices.max(axis=0), float)
+        own = self.asset.mesh.vertices.max(axis=0)
+        return np.asarray(np.max([own, *(leaf.piece.high + leaf.at for leaf in self.leaves)], axis=0), float)
+
+
+@dataclass(frozen=True, eq=False)
+class Leaf:
+    """A door, drawer or lid of a piece."""
+
+    piece: Piece
+    at: Point
+    """Place of its origin in the frame of the piece when it is closed, metres."""
+    joint: Joint
 
 
 class Model:
@@ -62,6 +76,7 @@ class Model:
         self._parts: list[tuple[Chart, Tile]] = []
         self._hulls: list[Array] = []
         self._tops: list[Top] = []
+        self._leaves: list[tuple[Model, Joint, float]] = []
 
     def add(self, shape: Shape, tile: Tile, solid: Solid = "") -> None:
         """Add a part. solid: whether its bounding box or its convex hull collides, or nothing."""
@@ -87,6 +102,12 @@ class Model:
         """Declare a level rectangle about (x, z)."""
         self._tops.append(Top(x - width / 2, z - depth / 2, x + width / 2, z + depth / 2, y, room))
 
+    def leaf(self, joint: Joint, mass: float) -> Model:
+        """Return a model for a part on a hinge or slide, in the same frame. mass: kilograms."""
+        part = Model()
+        self._leaves.append((part, joint, mass))
+        return part
+
     def points(self) -> Array:
         """Return (N, 3) all vertices so far."""
         return np.concatenate([chart.vertices for chart, _ in self._parts])
@@ -95,15 +116,35 @@ class Model:
         self, name: str, category: str, *, seat: float | None = None, mass: float = 0.0, friction: float = 0.5
     ) -> Piece:
         """Return the finished asset, moved so that its footprint is centred on the origin."""
-        points = self.points()
-        shift = -np.array(
-            [(points[:, 0].min() + points[:, 0].max()) / 2, 0.0, (points[:, 2].min() + points[:, 2].max()) / 2]
-        )
+        shift = -_footprint(np.concatenate([self.points(), *(part.points() for part, _, _ in self._leaves)]))
         hulls = tuple(exact(hull + shift) for hull in self._hulls)
         asset = Asset(name, category, bake(self._parts, shift), hulls, seat)
         sx, _, sz = shift
         tops = tuple(Top(t.x0 + sx, t.z0 + sz, t.x1 + sx, t.z1 + sz, t.y, t.room) for t in self._tops)
-        return Piece(asset, tops, mass, friction)
+        leaves = tuple(
+            part._leaf(f"{name}_{number}", category, joint, weight, shift)
+            for number, (part, joint, weight) in enumerate(self._leaves, 1)
+        )
+        return Piece(asset, tops, mass, friction, leaves)
+
+    def _leaf(self, name: str, category: str, joint: Joint, mass: float, shift: Array) -> Leaf:
+        """Return this model as a leaf. shift: of the piece that it belongs to."""
+        middle = _footprint(self.points())
+        x, y, z = (middle + shift).tolist()
+        if isinstance(joint, Hinge):
+            joint = replace(joint, point=_vec3(np.array(joint.point) - middle))
+        piece = self.piece(name, category, mass=mass)
+        return Leaf(piece, (x, y, z), balanced(joint, (piece.low + piece.high) / 2, mass))
+
+
+def _footprint(points: Array) -> Array:
+    """Return (3,) the middle of the points' box, on height 0."""
+    return np.asarray((points.min(axis=0) + points.max(axis=0)) / 2 * [1.0, 0.0, 1.0])
+
+
+def _vec3(point: Array) -> Point:
+    x, y, z = np.round(point, 5).tolist()
+    return x, y, z
 
 
 def corners(low: Array, high: Array) -> Array:

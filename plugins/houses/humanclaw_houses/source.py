@@ -16,10 +16,11 @@ from humanclaw_houses.drafting import draw_plans
 from humanclaw_houses.furnish import furnish
 from humanclaw_houses.kit import Kit
 from humanclaw_houses.library import Library
+from humanclaw_houses.model import Leaf
 from humanclaw_houses.names import GENERATOR, seed_of
 from humanclaw_houses.plan import Area, FloorPlan, Layout
 from humanclaw_houses.scatter import scatter
-from humanclaw_houses.space import Space
+from humanclaw_houses.space import Space, turn
 from humanclaw_houses.starting import choose_start
 from humanclaw_houses.stock import Stock
 from humanclaw_houses.style import Style
@@ -104,12 +105,26 @@ def _furnish(plans: Sequence[FloorPlan], style: Style, rng: np.random.Generator,
 
 def _scene(name: str, plans: Sequence[FloorPlan], placed: Sequence[Placed], rng: np.random.Generator) -> Scene:
     assets = {obj.piece.asset.name: obj.piece.asset for obj in placed}
-    objects = tuple(_object(number, obj) for number, obj in enumerate(placed, 1))
+    assets |= {leaf.piece.asset.name: leaf.piece.asset for obj in placed for leaf in obj.piece.leaves}
+    objects = objects_of(placed)
     rooms = tuple(
         _room(area, plan.floor) for plan in plans for area in plan.areas if area.kind != "stairs" or plan.floor == 0
     )
     scene = Scene(name, assets, objects, rooms, Pose2D(0.0, 0.0, 0.0), {"generator": f"humanclaw-houses {GENERATOR}"})
     return Scene(name, assets, objects, rooms, choose_start(scene, rng), scene.notes)
+
+
+def objects_of(placed: Sequence[Placed]) -> tuple[SceneObject, ...]:
+    """Return placed pieces as objects 1, 2, ..., followed by their doors and drawers."""
+    leaves = [(obj, leaf) for obj in placed for leaf in obj.piece.leaves]
+    whole = [*placed, *(_hung(*pair) for pair in leaves)]
+    return tuple(_object(number, obj) for number, obj in enumerate(whole, 1))
+
+
+def _hung(body: Placed, leaf: Leaf) -> Placed:
+    """Return a door or drawer of a placed piece, closed."""
+    x, y, z = turn(np.array([leaf.at]), body.yaw)[0].tolist()
+    return Placed(leaf.piece, body.x + x, body.y + y, body.z + z, body.yaw, body.room, leaf.joint)
 
 
 def _object(number: int, obj: Placed) -> SceneObject:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from humanclaw import Scene
 from humanclaw.body import matrix_from_quaternion
 from humanclaw.records import SEATS
-from humanclaw.world import RADIUS, STRUCTURE, SceneObject
+from humanclaw.world import RADIUS, STRUCTURE, Hinge, SceneObject
 from humanclaw_houses.starting import WalkableArea
 
 REACH: Final = 0.42
@@ -104,10 +104,13 @@ def interpenetrating(scene: Scene) -> Iterator[tuple[int, int]]:
 
 
 def swung_through(scene: Scene) -> Iterator[tuple[int, int]]:
-    """Yield ids of a hinged object and of an object that it hits somewhere in its range, except the building."""
+    """Yield ids of an object on a joint and of an object that it hits somewhere in its range.
+
+    Excepted are the building and what is on joints too: these do not meet.
+    """
     owners, hulls = _hulls(scene)
     others = [(int(owner), hull) for owner, hull in zip(owners, hulls, strict=True)
-              if scene.by_id[owner].category not in STRUCTURE]  # fmt: skip
+              if scene.by_id[owner].category not in STRUCTURE and not scene.by_id[owner].joint]  # fmt: skip
     for obj in scene.objects:
         for leaf in _swept(scene, obj) if obj.joint else ():
             low, high = leaf.min(axis=0) + 0.001, leaf.max(axis=0) - 0.001
@@ -118,9 +121,10 @@ def swung_through(scene: Scene) -> Iterator[tuple[int, int]]:
 
 
 def _swept(scene: Scene, obj: SceneObject) -> Iterator[NDArray[np.float64]]:
-    """Yield the world hulls of a hinged object at angles at most five degrees apart over its range."""
+    """Yield the world hulls of an object on a joint at states at most five degrees or centimetres apart."""
     assert obj.joint is not None
-    steps = int(np.ceil(np.degrees(obj.joint.high - obj.joint.low) / 5)) + 1
+    step = np.radians(5) if isinstance(obj.joint, Hinge) else 0.05
+    steps = int(np.ceil((obj.joint.high - obj.joint.low) / step)) + 1
     for angle in np.linspace(obj.joint.low, obj.joint.high, steps):
         yield from scene.hulls(obj.id, obj.at(float(angle)))
 

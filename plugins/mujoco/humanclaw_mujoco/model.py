@@ -38,7 +38,7 @@ _BODY: Final = {"contype": 0, "conaffinity": 7, "group": BODY_GROUP, "margin": _
 """All geoms collide with one another, with two exceptions: the body not with itself, and fixed and hinged geoms not
 among themselves."""
 _AHEAD: Final = 0.3
-"""The limit of a hinge becomes a constraint this far before it is reached, radians."""
+"""The limit of a joint becomes a constraint this far before it is reached, radians or metres."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,14 +149,15 @@ class _Objects:
         return centre
 
     def _add_hinged(self, obj: SceneObject, asset: Asset) -> Swing:
-        """Add an object on a hinge, with its frame at the hinge."""
+        """Add an object on a joint, with its frame at the joint."""
         swing = Swing.of(self._scene, obj)
-        point, joint = np.array(swing.joint.point), swing.joint
+        point, joint = swing.point, swing.joint
+        kind = mj.mjtJoint.mjJNT_HINGE if swing.turns else mj.mjtJoint.mjJNT_SLIDE
         body = self._spec.worldbody.add_body(name=f"object {obj.id}", pos=swing.axis, quat=wxyz(swing.place(0.0)[3:]))
         body.add_joint(
-            name=f"object {obj.id}", type=mj.mjtJoint.mjJNT_HINGE, axis=[0, 1, 0], limited=True, margin=_AHEAD,
+            name=f"object {obj.id}", type=kind, axis=joint.axis, limited=True, margin=_AHEAD,
             range=[joint.low, joint.high], frictionloss=joint.friction, damping=joint.damping,
-            solimp_limit=_IMPEDANCE,
+            solimp_limit=_IMPEDANCE, solimp_friction=_IMPEDANCE,
         )  # fmt: skip
         _weigh(body, obj.mass, [hull.astype(float) for hull in asset.hulls], swing.centre - point)
         self._add_hulls(body, obj, asset, point, dict(HINGED))

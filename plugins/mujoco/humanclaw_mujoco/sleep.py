@@ -25,7 +25,9 @@ class Sleep:
 
     def __init__(self, model: Model) -> None:
         """Begin with all objects awake."""
-        self._affinity = model.mj.geom_conaffinity
+        self._model, self._affinity = model.mj, model.mj.geom_conaffinity
+        self._hinges, self._hinge_dofs = model.hinges, np.array([dof for _, dof, _ in model.hinged.values()], int)
+        self._frictions = np.array([swing.joint.friction for _, _, swing in model.hinged.values()])
         keys = [*model.movable, *model.hinged]
         places = {key: place for place, key in enumerate(keys)}
         # A hinged object has one velocity, repeated six times so that both kinds fit one array.
@@ -98,9 +100,13 @@ class Sleep:
         data.qvel[self._dofs[self._asleep]] = 0.0
 
     def _let_meet(self) -> None:
-        """Exclude sleepers from contacts with fixed objects and with one another."""
+        """Exclude sleepers from contacts with fixed objects and with one another, and their joints from friction and
+        limits."""
         asleep = self._asleep[self._place_of[self._geoms]]
         self._affinity[self._geoms] = np.where(asleep, 0, self._meets)
+        hung = self._asleep[len(self._asleep) - len(self._hinges) :]
+        self._model.jnt_limited[self._hinges] = ~hung
+        self._model.dof_frictionloss[self._hinge_dofs] = np.where(hung, 0.0, self._frictions)
 
     def _speeds(self, data: Any) -> Array:
         return np.asarray(np.abs(data.qvel[self._dofs]).max(axis=1, initial=0.0))

@@ -158,9 +158,7 @@ class MujocoWorld:
 
     def _touches(self, geoms: NDArray[np.int32], gaps: Array) -> Sequence[Touch]:
         contact, model = self._d.contact, self._model
-        joints, address = model.joint_of[geoms], contact.efc_address
-        # Newtons along the normal; contacts without a constraint have address -1.
-        forces = np.append(self._d.efc_force, 0.0)[address]
+        joints, forces = model.joint_of[geoms], self._pushing()
         met = np.flatnonzero((np.maximum(joints[:, 0], joints[:, 1]) >= 0) & ((gaps <= TOUCHING) | (forces > 0)))
         if not len(met):
             return ()
@@ -176,8 +174,13 @@ class MujocoWorld:
     # -- objects -------------------------------------------------------------------------------------------------------
     def touching(self) -> Collection[tuple[int, int]]:
         contact = self._d.contact
-        pairs = self._model.object_of[contact.geom[contact.dist <= TOUCHING]]
+        pairs = self._model.object_of[contact.geom[(contact.dist <= TOUCHING) | (self._pushing() > 0)]]
         return {(min(pair), max(pair)) for pair in pairs.tolist() if all(pair)}
+
+    def _pushing(self) -> Array:
+        """Return (contacts,) the force of each contact along its normal, newtons."""
+        # Contacts without a constraint have address -1.
+        return np.asarray(np.append(self._d.efc_force, 0.0)[self._d.contact.efc_address])
 
     def top(self, object_id: int, above: Array, below: Array) -> float | None:
         geom, face = np.zeros(1, np.int32), np.zeros(3)
@@ -197,7 +200,7 @@ class MujocoWorld:
     def set_motion(self, object_id: int, motion: ObjectMotion) -> None:
         if object_id in self._model.hinged:
             angle_at, speed_at, swing = self._model.hinged[object_id]
-            self._d.qpos[angle_at], self._d.qvel[speed_at] = swing.angle(motion.quaternion), motion.spin[1]
+            self._d.qpos[angle_at], self._d.qvel[speed_at] = swing.state(motion)
             return
         at, dof, _ = self._model.movable[object_id]
         self._put(at, motion.position, motion.quaternion)

@@ -1,17 +1,18 @@
 """Bound the force of the body's pushes, so that mass counts.
 
 A body that is driven by velocities would push a crate of a tonne as easily as a cup. So the momentum that a step gives
-to movable objects is bounded by the force of a person, less the friction of the objects. If a step gave more, the
-objects keep only their share of it, and the body is moved back as far as they are: it waits at a heavy object as at a
-wall. An object whose friction exceeds that force stays, and objects on it or beside it are pushed as if it were fixed.
-An object on a hinge has leverage: a push near the hinge needs more force.
+to movable objects is bounded by the force of a person, less what resists: friction, and whatever took the rest of the
+push, such as a load on top or a wall behind. If a step gave more, the objects keep only their share of it, and the body
+is moved back as far as they are: it waits at a heavy object as at a wall. An object that resists with more than that
+force stays, and objects on it or beside it are pushed as if it were fixed. An object on a joint has leverage: a push
+near a hinge needs more force. Nothing that the body touches rises, for feet push and do not lift.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -27,7 +28,24 @@ GROUND_FRICTION: Final = 0.5
 """Friction of a scene's floors."""
 _RISING: Final = np.array([-np.inf, 0.0, -np.inf])
 _LEAST_LEVER: Final = 0.02
-"""A push that passes the hinge nearer than this turns nothing, metres."""
+"""A push that passes the hinge nearer than this turns nothing, metres; one that is this oblique moves no slide."""
+
+
+@dataclass(frozen=True)
+class _Group:
+    """Objects that touch one another, pushed by the body in one step."""
+
+    faster: Collection[int]
+    """Those that the step made faster."""
+    free: Collection[int]
+    """Those of them that a person can push."""
+    gain: float
+    """Impulse that it took to make the free ones faster, kg m/s."""
+    held: float
+    """Force that it takes to overcome their friction, newtons.
+
+    Both are as many times larger as the body pushed harder than gain and friction account for: a chair that is jammed
+    against a wall takes most of a push, however hard."""
 
 
 class Exertion:
@@ -54,65 +72,126 @@ class Exertion:
 
     def bound(self, touches: Sequence[Touch], seconds: float) -> None:
         """Remove the momentum that the step since brace gave to objects beyond the force of a person."""
-        pushed = {touch.object_id for touch in touches if touch.object_id in self._before}
-        after = {key: self._world.motion(key) for key in self._before} if pushed else {}
+        pushes = [touch for touch in touches if touch.object_id in self._before]
+        if not pushes:
+            return
+        pushed = {touch.object_id for touch in pushes}
+        self._tame(pushed, seconds)
+        if sum(touch.force for touch in pushes) <= self._profile.exertion:
+            return
+        after = {key: self._world.motion(key) for key in self._before}
         self._levers = {key: self._lever(key, touches, after[key]) for key in after if key in self._swings}
-        gains = {key: self._gain(key, motion) for key, motion in after.items()}
+        gains = {key: self._gain(key, motion, seconds) for key, motion in after.items()}
         if not any(gain > 0 for gain in gains.values()):
             return
-        # A light thing between the body and a heavy one hands its push on and gets no faster itself.
-        chain = self._handed_on(pushed)
-        shares = self._shares({key: gains[key] for key in chain}, seconds)
-        kept = {
-            key: _shared(self._before[key], after[key], share, seconds) for key, share in shares.items() if share < 1
-        }
-        self._hold(kept, after, touches, seconds)
+        groups = [self._group(keys, gains, pushes, seconds) for keys in _connected(pushed, self._touching())]
+        self._hold(self._kept(groups, after, seconds), after, touches, seconds)
 
-    def _shares(self, gains: Mapping[int, float], seconds: float) -> Mapping[int, float]:
-        """Return the share of its gain that each faster object may keep.
+    def _tame(self, pushed: Collection[int], seconds: float) -> None:
+        """Take back what the step since brace should not have done to objects: feet push, they do not lift, and nobody
+        kicks faster than max_kick."""
+        for key in self._before.keys() - self._swings.keys():
+            before, after, radius = self._before[key], self._world.motion(key), self._radius[key]
+            most = max(self._profile.max_kick, _speed(before, radius))
+            slower = min(1.0, most / max(_speed(after, radius), 1e-12))
+            velocity = slower * after.velocity
+            velocity[1] = min(velocity[1], after.velocity[1])
+            if key in pushed:
+                velocity[1] = min(velocity[1], max(before.velocity[1], 0.0))
+            if slower < 1 or velocity[1] < after.velocity[1]:
+                self._world.set_motion(key, _moving(after, velocity, slower * after.spin, seconds))
 
-        An object that needs more force than a person has stays, like a fixed one; the others share the force that
-        friction leaves. If the staying objects got most of a push, the others handed it on to them, and none keeps
-        anything.
+    def _group(
+        self, keys: Collection[int], gains: Mapping[int, float], pushes: Sequence[Touch], seconds: float
+    ) -> _Group:
+        """Measure objects that touch one another. If those that friction holds got most of a push, the others handed it
+        on to them, and none moves."""
+        faster = [key for key in keys if gains[key] > 0]
+        free = [key for key in keys if self._holding(key) < self._profile.exertion]
+        gain = sum(gains[key] for key in free)
+        if sum(gains[key] for key in keys) > 2 * gain:
+            return _Group(faster, free, gain, np.inf)
+        held, push = sum(map(self._holding, free)), sum(self._push(key, pushes) for key in free)
+        wasted = max(1.0, push / max(gain / seconds + held, 1e-9))
+        return _Group(faster, free, wasted * gain, wasted * held)
+
+    def _kept(
+        self, groups: Sequence[_Group], after: Mapping[int, ObjectMotion], seconds: float
+    ) -> Mapping[int, ObjectMotion]:
+        """Return the motion that the faster objects keep, where it is another.
+
+        Objects that take more force than a person has get no faster, and what holds them brakes them; the others share
+        the force that is left.
         """
-        most, held = self._profile.exertion, {key: self._holding(key) for key in gains}
-        moved = [key for key in gains if held[key] < most]
-        gain = sum(gains[key] for key in moved)
-        left = 0.0 if sum(gains.values()) > 2 * gain else max(0.0, most - sum(held[key] for key in moved))
-        share = left * seconds / max(gain, 1e-12)
-        return {key: share if key in moved else 0.0 for key in gains if gains[key] > 0}
+        most = self._profile.exertion
+        moved = [group for group in groups if group.held < most]
+        left = max(0.0, most - sum(group.held for group in moved))
+        share = left * seconds / max(sum(group.gain for group in moved), 1e-12)
+        kept = dict[int, ObjectMotion]()
+        for group in groups:
+            for key in group.faster:
+                held = group.held if key in group.free else self._holding(key)
+                if held >= most:
+                    braked = self._braked(key, (held - most) * seconds)
+                    kept[key] = _shared(braked, after[key], 0.0, seconds)
+                elif share < 1:
+                    kept[key] = _shared(self._before[key], after[key], share, seconds)
+        return kept
 
-    def _gain(self, key: int, after: ObjectMotion) -> float:
+    def _braked(self, key: int, lost: float) -> ObjectMotion:
+        """Return how an object moved before the step, without so much of its momentum, kg m/s."""
+        before = self._before[key]
+        momentum = self._mass[key] * _speed(before, self._radius[key])
+        if key in self._swings:
+            momentum = self._swings[key].inertia * abs(self._swings[key].state(before)[1]) / self._levers[key]
+        share = max(0.0, 1 - lost / max(momentum, 1e-12))
+        return replace(before, velocity=share * before.velocity, spin=share * before.spin)
+
+    def _gain(self, key: int, after: ObjectMotion, seconds: float) -> float:
         """Return the momentum that made an object faster, kg m/s; the body does not slow objects down."""
         before, radius = self._before[key], self._radius[key]
         if key in self._swings:
-            faster = abs(after.spin[1]) - abs(before.spin[1])
-            return self._swings[key].inertia * max(0.0, float(faster)) / self._levers[key]
+            (_, slow), (_, fast) = map(self._swings[key].state, (before, after))
+            fallen = math.copysign(1.0, fast) * self._weight(key, after) * seconds
+            return max(0.0, self._swings[key].inertia * (abs(fast) - abs(slow)) - max(0.0, fallen)) / self._levers[key]
         faster = _speed(after, radius) > _speed(before, radius)
         gain = math.hypot(*(_no_fall(after) - _no_fall(before)), *(radius * (after.spin - before.spin)))
         return self._mass[key] * gain if faster else 0.0
 
-    def _holding(self, key: int) -> float:
-        """Force that friction takes from a push, and a hinge's damping from one as fast as before, newtons."""
-        if key not in self._swings:
-            return self._held[key]
-        joint, spin = self._swings[key].joint, abs(float(self._before[key].spin[1]))
-        return (joint.friction + joint.damping * spin) / self._levers[key]
+    def _weight(self, key: int, after: ObjectMotion) -> float:
+        """Return what gravity does to an object on a joint, along the joint, newton metres or newtons."""
+        return -self._mass[key] * self._profile.gravity * float(self._swings[key].arm(after.position)[1])
+
+    def _push(self, key: int, pushes: Sequence[Touch]) -> float:
+        """Return the force with which the body pushes an object, newtons. Its weight is no push."""
+        met = [touch for touch in pushes if touch.object_id == key]
+        if key in self._swings:
+            return abs(sum(touch.force * self._effect(touch) for touch in met)) / self._levers[key]
+        x, y, z = (np.array([touch.normal for touch in met]).T @ [touch.force for touch in met]) if met else np.zeros(3)
+        return math.hypot(x, min(y, 0.0), z)
+
+    def _effect(self, touch: Touch) -> float:
+        """Return what each newton of a push does along the joint of the object, newton metres or newtons."""
+        return float(self._swings[touch.object_id].arm(np.array(touch.point)) @ touch.normal)
 
     def _lever(self, key: int, touches: Sequence[Touch], after: ObjectMotion) -> float:
-        """Return the longest arm that the body has on a hinged object, metres; its centre's where something else pushes
-        it."""
-        axis = self._swings[key].axis
-        arms = [_arm(np.array(touch.point) - axis, touch.normal) for touch in touches if touch.object_id == key]
-        return max(_LEAST_LEVER, max(arms, default=float(np.linalg.norm((after.position - axis)[[0, 2]]))))
+        """Return the largest effect that the body has on an object on a joint; at its centre where something else
+        pushes it."""
+        effects = [abs(self._effect(touch)) for touch in touches if touch.object_id == key]
+        middle = float(np.linalg.norm(self._swings[key].arm(after.position)))
+        return max(_LEAST_LEVER, max(effects, default=middle))
 
-    def _handed_on(self, pushed: set[int]) -> Sequence[int]:
-        """Return the pushed objects, and those that they push."""
-        near, chain = set(self._before), set(pushed)
-        links = [pair for pair in self._world.touching() if set(pair) <= near] if near - chain else []
-        while more := {key for pair in links if chain & set(pair) for key in pair} - chain:
-            chain |= more
-        return sorted(chain)
+    def _touching(self) -> Collection[tuple[int, int]]:
+        """Return the pairs of objects near the body that touch each other."""
+        near = self._before.keys()
+        return [pair for pair in self._world.touching() if near >= set(pair)] if len(near) > 1 else ()
+
+    def _holding(self, key: int) -> float:
+        """Force that friction takes from a push, and a joint's damping from one as fast as before, newtons."""
+        if key not in self._swings:
+            return self._held[key]
+        joint, (_, speed) = self._swings[key].joint, self._swings[key].state(self._before[key])
+        return (joint.friction + joint.damping * abs(speed)) / self._levers[key]
 
     def _hold(
         self,
@@ -132,9 +211,15 @@ class Exertion:
             self._world.move(pose.root - back, pose.quaternions[0], velocity, spin)
 
 
-def _arm(point: Array, normal: Sequence[float]) -> float:
-    """How far from a vertical axis through the origin a push passes, metres."""
-    return abs(float(point[2] * normal[0] - point[0] * normal[2]))
+def _connected(pushed: Collection[int], touching: Collection[tuple[int, int]]) -> Iterator[Collection[int]]:
+    """Yield the pushed objects, each together with those that it touches, directly or through others."""
+    left = set(pushed)
+    while left:
+        group = {min(left)}
+        while more := {key for pair in touching if group & set(pair) for key in pair} - group:
+            group |= more
+        yield sorted(group)
+        left -= group
 
 
 def _no_fall(motion: ObjectMotion) -> Array:
@@ -152,9 +237,14 @@ def _shared(before: ObjectMotion, after: ObjectMotion, share: float, seconds: fl
     velocity = before.velocity + share * (after.velocity - before.velocity)
     velocity[1] = np.clip(velocity[1], min(after.velocity[1], 0.0), after.velocity[1])
     spin = before.spin + share * (after.spin - before.spin)
+    return _moving(after, velocity, spin, seconds)
+
+
+def _moving(after: ObjectMotion, velocity: Array, spin: Array, seconds: float) -> ObjectMotion:
+    """Return the motion of an object that moved otherwise in a step."""
     turned = multiply(from_vector((spin - after.spin) * seconds), after.quaternion)
     moved = after.position + (velocity - after.velocity) * seconds
-    return replace(after, position=moved, quaternion=turned, velocity=velocity, spin=spin)
+    return ObjectMotion(moved, turned, velocity, spin)
 
 
 def _at_middle(touches: Sequence[Touch], after: ObjectMotion) -> Sequence[Touch]:

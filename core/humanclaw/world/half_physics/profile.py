@@ -48,6 +48,8 @@ class Profile:
     """Feet of a seated body that hang in the air sink this fast, m/s."""
     exertion: float = 500.0
     """Maximum force with which the body pushes movable objects, newtons: that of an adult."""
+    max_kick: float = 5.0
+    """The body makes no object faster than this, m/s; a fall may."""
     friction: float = 0.4
     """Of the body's surface."""
     stiffness: float = 1.0

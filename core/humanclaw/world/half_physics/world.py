@@ -48,8 +48,8 @@ class World(Protocol):
 
     Gravity acts on everything, and friction of a pair is the product of both surfaces'. The body is a tree of links
     with the masses and inertias of `half_physics.skeleton`: no motor, no spring, no damping, no contact with
-    itself. An object on a hinge turns about it within its range, braked by its friction and damping, and collides only
-    with the body and with free objects. The same calls have the same outcome, bit for bit.
+    itself. An object on a joint turns about it or slides along it within its range, braked by its friction and damping,
+    and collides only with the body and with free objects. The same calls have the same outcome, bit for bit.
     """
 
     @property
@@ -88,7 +88,7 @@ class World(Protocol):
         """Measure how a movable object moves now."""
 
     def set_motion(self, object_id: int, motion: ObjectMotion) -> None:
-        """Let it move otherwise; one on a hinge, as far as that allows."""
+        """Let it move otherwise; one on a joint, as far as that allows."""
 
     def objects(self) -> Mapping[int, Array]:
         """Movable object id to (7,) position and quaternion of its asset's own frame: the same mapping as long as none
