@@ -490,7 +490,7 @@ def test_a_full_disk_ends_the_run_in_a_sentence_and_it_goes_on_when_there_is_roo
 
     def fills_up(descriptor):
         written.append(descriptor)
-        if len(written) > 40:
+        if len(written) > 20:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         real(descriptor)
 
