@@ -1,4 +1,7 @@
-"""Make the body's skin: `make skin` writes core/humanclaw/body/skin.safetensors from shape.py alone."""
+"""Compute the skins of humanclaw.body from shape.py alone: `make skin`. The same shapes give the same bytes.
+
+Marching cubes of one half, fewer triangles where it is flat, cut where clothes meet, weights by joint, mirrored.
+"""
 
 from __future__ import annotations
 
@@ -7,13 +10,37 @@ from pathlib import Path
 
 import fast_simplification
 import numpy as np
+from numpy.typing import NDArray
 from people import PEOPLE
-from shape import BIND_POSE, POSITIONS, SOLE, Build, body, layers, local, ramp
+from safetensors.numpy import save_file
+from scipy.spatial import cKDTree
+from shape import (
+    BIND_POSE,
+    POSITIONS,
+    SOLE,
+    Build,
+    arm,
+    body,
+    face,
+    hand,
+    layers,
+    leg,
+    local,
+    ramp,
+    shoe,
+    torso,
+)  # fmt: skip
 from skimage.measure import marching_cubes
 
-from humanclaw.body import JOINT_INDEX, PARENTS, REGIONS, Array
+from humanclaw.body import JOINT_INDEX, JOINTS, PARENTS, REGIONS, Array
 
+Indices = NDArray[np.int64]
+Mask = NDArray[np.bool_]
+Mesh = tuple[Array, Indices, Indices]
+"""Points, faces, and the region of each face."""
 STEP = 0.005
+SHOE = 0.0748
+"""Height of the ankle over the sole, metres."""
 LOW, HIGH = np.array([0.0, -0.99, -0.21]), np.array([0.78, 0.80, 0.27])
 HALF_FACES = 2600
 STEEP = 10.0
@@ -49,17 +76,32 @@ def settled(points: Array, build: Build, rounds: int = 3) -> Array:
     return points
 
 
+def unfolded(points: Array, faces: Indices, build: Build) -> Array:
+    """Move the corners of faces that look inwards to the middle of their neighbours, until none does."""
+    sides = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    sides = np.concatenate([sides, sides[:, ::-1]])
+    count = np.bincount(sides[:, 0], minlength=len(points))[:, None]
+    for _ in range(8):
+        a, b, c = (points[faces[:, k]] for k in range(3))
+        folded = (np.cross(b - a, c - a) * gradient((a + b + c) / 3, build)).sum(axis=1) <= 0
+        bad = np.unique(faces[folded])
+        bad = bad[points[bad, 0] > 1e-6]
+        mean = np.stack([np.bincount(sides[:, 0], points[sides[:, 1], axis], len(points)) for axis in range(3)], 1)
+        points = points.copy()
+        points[bad] = (mean / count)[bad]
+        points = settled(points, build, 1)
+    return points
+
+
 def importance(points: Array) -> Array:
     """Return how much larger a place is made while the mesh is simplified: face and hand keep more triangles."""
     h, w = local(points, "head"), local(points, "left_wrist")
-    face = ramp((h[:, 2] - 0.02) / 0.05) * ramp((h[:, 1] + 0.05) / 0.04)
-    return np.asarray(1 + 0.5 * ramp((h[:, 1] + 0.04) / 0.05) + 1.3 * face + 1.0 * ramp((w[:, 0] + 0.01) / 0.03))
+    face = ramp((h[:, 2] + 0.06) / 0.13) * ramp((h[:, 1] + 0.05) / 0.06)
+    return np.asarray(1 + 0.5 * ramp((h[:, 1] + 0.06) / 0.10) + 1.3 * face + 1.0 * ramp((w[:, 0] + 0.01) / 0.03))
 
 
 def simplified(points: Array, faces: Array, count: int) -> tuple[Array, Array]:
     """Return a mesh with so many triangles, whose vertices are some of the given ones."""
-    from scipy.spatial import cKDTree
-
     grown = points * 1.0
     for joint in ("head", "left_wrist"):
         centre = POSITIONS[JOINT_INDEX[joint]]
@@ -79,95 +121,74 @@ def simplified(points: Array, faces: Array, count: int) -> tuple[Array, Array]:
 
 
 # -- regions -----------------------------------------------------------------------------------------------------------
-def cut(points: Array, faces: Array, values: Array, where: Array | None = None) -> tuple[Array, Array, Array]:
+def cut(points: Array, faces: Indices, values: Array, where: Mask | None = None) -> tuple[Array, Indices, Indices]:
     """Split the faces along the line where values are 0; return points, faces, and each new face's old one.
 
-    where: (M,) faces that are split; their neighbours follow where an edge is shared.
+    where: (M,) faces that are split; a neighbour follows where it shares an edge.
     """
-    values = values.copy()
     sides = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
-    used = np.tile(np.ones(len(faces), bool) if where is None else where, 3)
-    edges = np.unique(sides[used], axis=0)
-    points = points.copy()
-    # A line that passes close to a vertex takes it along, so that no slivers appear.
-    a, b = edges.T
-    crossing = values[a] * values[b] < 0
-    share = np.where(crossing, values[a] / np.where(crossing, values[a] - values[b], 1), 0.5)
-    for vertex, other, part in [(a, b, share), (b, a, 1 - share)]:
-        for k in np.flatnonzero(crossing & (part < 0.2)):
-            v, o = vertex[k], other[k]
-            if values[v] != 0 and (points[v, 0] > 1e-6 or points[o, 0] <= 1e-6):
-                points[v] = points[v] + part[k] * (points[o] - points[v])
-                values[v] = 0
-    crossing = values[a] * values[b] < 0
-    cross = edges[crossing]
-    share = values[cross[:, 0]] / (values[cross[:, 0]] - values[cross[:, 1]])
-    new = points[cross[:, 0]] + share[:, None] * (points[cross[:, 1]] - points[cross[:, 0]])
-    number = {tuple(edge): len(points) + k for k, edge in enumerate(cross.tolist())}
+    edges = np.unique(sides[np.tile(np.ones(len(faces), bool) if where is None else where, 3)], axis=0)
+    points, values = _taken_along(points, values, edges)
+    edges = edges[values[edges[:, 0]] * values[edges[:, 1]] < 0]
+    (a, b), (here, there) = edges.T, values[edges.T]
+    new = points[a] + (here / (here - there))[:, None] * (points[b] - points[a])
+    number = {edge: len(points) + k for k, edge in enumerate(map(tuple, edges.tolist()))}
     points = np.concatenate([points, new])
-    made, source = [], []
-    for index, face in enumerate(faces.tolist()):
-        ring = []
-        for k in range(3):
-            ring.append(face[k])
-            key = tuple(sorted((face[k], face[(k + 1) % 3])))
-            if key in number:
-                ring.append(number[key])
-        for triangle in _fan(ring, len(number) and ring, number, face, points):
-            made.append(triangle)
-            source.append(index)
-    return points, np.array(made), np.array(source)
+    pieces = [(piece, k) for k, face in enumerate(faces.tolist()) for piece in _pieces(face, number, points)]
+    return points, np.array([piece for piece, _ in pieces]), np.array([k for _, k in pieces])
 
 
-def _fan(ring, _, number, face, points):
+def _taken_along(points: Array, values: Array, edges: Indices) -> tuple[Array, Array]:
+    """Move the points that are close to the line onto it, so that no slivers appear; the middle stays in the middle."""
+    points, values = points.copy(), values.copy()
+    for start, end in np.concatenate([edges, edges[:, ::-1]]).tolist():
+        here, there = values[start], values[end]
+        stays = points[start, 0] <= 1e-6 < points[end, 0]
+        if here * there < 0 and abs(here) < 0.2 * abs(here - there) and not stays:
+            points[start] += here / (here - there) * (points[end] - points[start])
+            values[start] = 0
+    return points, values
+
+
+def _pieces(face: list[int], number: dict[tuple[int, int], int], points: Array) -> list[list[int]]:
+    """Return the triangles of a face of which none, one or two edges are split."""
+    ring = []
+    for k in range(3):
+        ring.append(face[k])
+        a, b = sorted((face[k], face[(k + 1) % 3]))
+        ring += [number[a, b]] if (a, b) in number else []
+    turns = [ring[k:] + ring[:k] for k in range(len(ring))]
     if len(ring) == 3:
         return [ring]
-    new = [k for k, vertex in enumerate(ring) if vertex not in face]
-    if len(new) == 1:
-        k = new[0]
-        r = ring[k:] + ring[:k]
-        return [[r[0], r[1], r[2]], [r[0], r[2], r[3]]]
-    if len(new) == 2:
-        # Rotate so that the corner between the two new points comes second.
-        for k in range(5):
-            r = ring[k:] + ring[:k]
-            if r[0] not in face and r[2] not in face:
-                break
-        one = np.linalg.norm(points[r[0]] - points[r[3]]) < np.linalg.norm(points[r[2]] - points[r[4]])
-        rest = [[r[0], r[2], r[3]], [r[0], r[3], r[4]]] if one else [[r[2], r[3], r[4]], [r[2], r[4], r[0]]]
-        return [[r[0], r[1], r[2]], *rest]
-    a, x, b, y, c, z = ring if ring[0] in face else ring[1:] + ring[:1]
-    return [[a, x, z], [x, b, y], [y, c, z], [x, y, z]]
+    if len(ring) == 4:
+        a, b, c, d = next(turn for turn in turns if turn[0] not in face)
+        return [[a, b, c], [a, c, d]]
+    # Two new points with one corner of the face between them; the rest is cut along its shorter diagonal.
+    a, b, c, d, e = next(turn for turn in turns if turn[0] not in face and turn[2] not in face)
+    short = np.linalg.norm(points[a] - points[d]) < np.linalg.norm(points[c] - points[e])
+    return [[a, b, c], *([[a, c, d], [a, d, e]] if short else [[c, d, e], [c, e, a]])]
 
 
-def polygon(points, faces, label, wanted, corners, allowed):
-    """Give the faces in front of the head inside a convex polygon of (x, y), counter-clockwise, a region."""
-    inside = np.isin(label, [REGIONS.index(name) for name in allowed])
-    for a, b in zip(corners, corners[1:] + corners[:1], strict=True):
-        normal = np.array([-(b[1] - a[1]), b[0] - a[0]])
-        normal /= np.linalg.norm(normal)
-        h = local(points, "head")
-        inside &= h[faces].mean(1)[:, 2] > 0.055
-        values = (h[:, :2] - a) @ normal
-        points, faces, source = cut(points, faces, values, inside)
+def outlined(mesh: Mesh, wanted: str, corners: list[tuple[float, float]]) -> Mesh:
+    """Give the skin inside a convex outline on the face, (x, y) in the head's frame, counter-clockwise, a region."""
+    points, faces, label = mesh
+    inside = (label == REGIONS.index("skin")) & (local(points, "head")[faces].mean(1)[:, 2] > 0.055)
+    for a, b in zip(np.array(corners), np.roll(corners, -1, axis=0), strict=True):
+        normal = np.array([a[1] - b[1], b[0] - a[0]]) / np.linalg.norm(b - a)
+        points, faces, source = cut(points, faces, (local(points, "head")[:, :2] - a) @ normal, inside)
         label, inside = label[source], inside[source]
-        h = local(points, "head")
-        inside &= ((h[faces].mean(1)[:, :2] - a) @ normal) > 0
-    label = label.copy()
-    label[inside] = REGIONS.index(wanted)
-    return points, faces, label
+        inside &= (local(points, "head")[faces].mean(1)[:, :2] - a) @ normal > 0
+    return points, faces, np.where(inside, REGIONS.index(wanted), label)
 
 
-def oval(x, y, a, b, count=8, tilt=0.0):
-    angle = np.linspace(0, 2 * np.pi, count, endpoint=False) + np.pi / count
-    u, v = a * np.cos(angle), b * np.sin(angle)
-    return [
-        np.array([x + p * np.cos(tilt) - q * np.sin(tilt), y + p * np.sin(tilt) + q * np.cos(tilt)])
-        for p, q in zip(u, v, strict=True)
-    ]
+EYE = [(0.0315 + 0.0118 * np.cos(t), 0.0825 + 0.006 * np.sin(t)) for t in np.linspace(0, 2 * np.pi, 9)[:-1] + np.pi / 8]
+BROW = ((0.014, 0.1005), (0.034, 0.1065), (0.034, 0.1105), (0.014, 0.1065)), (
+    (0.034, 0.1065), (0.047, 0.1015), (0.047, 0.1035), (0.034, 0.1105),
+)  # fmt: skip
+LIPS = [(-0.01, 0.0105), (0.010, 0.0115), (0.0205, 0.0185), (0.009, 0.0250), (0.0, 0.0245), (-0.01, 0.0250)]
 
 
-def regions(points: Array, faces: Array, build: Build) -> tuple[Array, Array, Array]:
+def regions(points: Array, faces: Indices, build: Build) -> Mesh:
     """Split the faces at the borders of the pieces of clothing; return points, faces and (M,) region of each face."""
     names = list(layers(points[:1], build))
     for name in names:
@@ -177,25 +198,14 @@ def regions(points: Array, faces: Array, build: Build) -> tuple[Array, Array, Ar
     found = layers(points[faces].mean(1), build, STEEP)
     label = np.array([REGIONS.index(name) for name in names])[np.argmin([found[name] for name in names], axis=0)]
     shoes = label == REGIONS.index("shoes")
-    points, faces, source = cut(points, faces, local(points, "left_ankle")[:, 1] + 0.0748 - SOLE, shoes)
-    label = label[source]
-    low = local(points[faces].mean(1), "left_ankle")[:, 1] + 0.0748 < SOLE
-    label[(label == REGIONS.index("shoes")) & low] = REGIONS.index("soles")
-    points, faces, label = polygon(
-        points, faces, label, "eyes", oval(0.0315, 0.0825, 0.0118, 0.0060, tilt=0.05), ["skin"]
-    )
-    brow = [
-        np.array(c)
-        for c in [(0.014, 0.1005), (0.034, 0.1065), (0.047, 0.1015), (0.047, 0.1035), (0.034, 0.1105), (0.014, 0.1065)]
-    ]
-    points, faces, label = polygon(points, faces, label, "brows", brow[:2] + brow[4:], ["skin"])
-    points, faces, label = polygon(points, faces, label, "brows", [brow[1], brow[2], brow[3], brow[4]], ["skin"])
-    mouth = [
-        np.array(c)
-        for c in [(-0.01, 0.0105), (0.010, 0.0115), (0.0205, 0.0185), (0.009, 0.0250), (0.0, 0.0245), (-0.01, 0.0250)]
-    ]
-    points, faces, label = polygon(points, faces, label, "lips", mouth, ["skin"])
-    return points, faces, label
+    height = local(points, "left_ankle")[:, 1] + SHOE - SOLE
+    points, faces, source = cut(points, faces, height, shoes)
+    low = local(points[faces].mean(1), "left_ankle")[:, 1] + SHOE < SOLE
+    label = np.where(shoes[source] & low, REGIONS.index("soles"), label[source])
+    mesh = points, faces, label
+    for region, outline in (("eyes", EYE), ("brows", BROW[0]), ("brows", BROW[1]), ("lips", LIPS)):
+        mesh = outlined(mesh, region, list(outline))
+    return mesh
 
 
 # -- weights -----------------------------------------------------------------------------------------------------------
@@ -215,11 +225,10 @@ OWN_FRAME = {"left_elbow", "left_wrist", "left_hand", "left_knee", "left_ankle",
 
 def memberships(points: Array, build: Build) -> dict[str, Array]:
     """Return for some joints the share (0 to 1) of each point that may follow them at all."""
-    from shape import arm, face, hand, leg, shoe, torso
-
     inner = np.min([torso(points, build), leg(points, build), shoe(points), face(points, build)], axis=0)
     limb = np.minimum(arm(points, build), hand(points))
     hands, h = local(points, "left_wrist"), local(points, "head")
+    around = np.hypot(points[:, 0], points[:, 2] + 0.015)
     outer = ramp((inner - limb) / 0.06 + 0.5)
     return {
         "left_collar": ramp((points[:, 1] - 0.26) / 0.12) * (1 - ramp((h[:, 1] + 0.09) / 0.05)),
@@ -230,7 +239,8 @@ def memberships(points: Array, build: Build) -> dict[str, Array]:
         "left_hand": 1 - ramp((hands[:, 2] - 0.042 + 0.35 * np.maximum(hands[:, 0] - 0.075, -0.03)) / 0.01)
         * (hands[:, 0] < 0.105),
         "left_hip": ramp((points[:, 0] + 0.02) / 0.04) * (points[:, 1] < 0.1) * (1 - outer),
-        "neck": np.ones(len(points)), "head": np.ones(len(points)),
+        # Shoulders stay when the neck turns.
+        "neck": np.maximum(ramp((points[:, 1] - 0.47) / 0.05), 1 - ramp((around - 0.06) / 0.05)),
     }  # fmt: skip
 
 
@@ -267,8 +277,6 @@ def weights(points: Array, build: Build) -> tuple[Array, Array]:
 
 
 def other_side(frames: Array) -> Array:
-    from humanclaw.body import JOINTS
-
     flip = [JOINT_INDEX[n.replace("left", "\0").replace("right", "left").replace("\0", "right")] for n in JOINTS]
     table = np.array([*flip, *(24 + f for f in flip)])
     return np.asarray(table[frames])
@@ -279,7 +287,7 @@ def made(build: Build) -> dict[str, Array]:
     """Return the arrays of a skin."""
     dense, dense_faces = surface(build)
     points, faces = simplified(dense, dense_faces, HALF_FACES)
-    points = settled(points, build, 2)
+    points = unfolded(settled(points, build, 2), faces, build)
     points, faces, label = regions(points, faces, build)
     normals = gradient(points, build)
     follow, share = weights(points, build)
@@ -290,8 +298,7 @@ def made(build: Build) -> dict[str, Array]:
     partner[again] = count + np.arange(len(again))
     every = np.concatenate([points, points[again] * [-1, 1, 1]])
     turned = np.concatenate([faces, partner[faces][:, ::-1]])
-    symmetric = weights_in_the_middle(follow, share, middle)
-    follow, share = symmetric
+    follow, share = weights_in_the_middle(follow, share, middle)
     result = {
         "vertices": every,
         "normals": np.concatenate([normals, normals[again] * [-1, 1, 1]]),
@@ -342,8 +349,6 @@ def stored(arrays: dict[str, Array], colours: list[tuple[int, int, int]]) -> dic
 
 
 def main(folder: Path, *names: str) -> None:
-    from safetensors.numpy import save_file
-
     for name in names or PEOPLE:
         build, colours = PEOPLE[name]
         arrays = stored(made(build), [colours[region] for region in REGIONS])

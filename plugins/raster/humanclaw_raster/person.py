@@ -31,20 +31,18 @@ class Person:
         uv[:, 0] = (self._skin.regions + 0.5) / len(self._skin.colours)
         return Mesh(self._skin.vertices, self._faces, uv, self._skin.colours[None])
 
-    def dress(self, model: Model, body: Motion) -> Array:
-        """Put the model's first faces where the last frame of a motion has them; return the place of their frame."""
-        # Relative to the pelvis: float32 is coarse far from the origin.
-        self._posed = self._skin.posed(np.zeros(3), body.rotations[-1])
-        _move(model, self._faces, *self._posed)
-        return np.asarray(body.root[-1])
+    def dress(self, model: Model, body: Motion, eye: Array) -> Array:
+        """Put the model's first faces where the last frame of a motion has them; return the place of their frame.
 
-    def look_out(self, model: Model, body: Motion, eye: Array) -> None:
-        """Fold away the head of the body that is dressed, if the eye is inside it. eye: (3,) metres."""
-        joints = body[-1:].joints()[0]
+        eye: (3,) place of the camera, metres. Inside the head it does not see head and neck.
+        """
+        joints, root = body[-1:].joints()[0], body.root[-1]
+        # Relative to the pelvis: float32 is coarse far from the origin.
+        vertices, normals = self._skin.posed(np.zeros(3), body.rotations[-1])
         if np.linalg.norm(joints[JOINT_INDEX["head"]] - eye) < _IN_HEAD:
-            vertices, normals = self._posed
-            neck = joints[JOINT_INDEX["neck"]] - body.root[-1]
-            _move(model, self._faces, self._skin.headless(vertices, neck), normals)
+            vertices = self._skin.headless(vertices, joints[JOINT_INDEX["neck"]] - root)
+        _move(model, self._faces, vertices, normals)
+        return np.asarray(root)
 
 
 @compiled

@@ -80,13 +80,10 @@ class RasterRenderer:
         model, instances, overhead = self._loaded
         poses = [state.objects.get(key, self._rest[key]) for key in self._movers]
         _put(instances, list(self._movers.values()), poses)
-        instances.place[0] = self._person.dress(model, state.body)
-        above = overhead.now(instances)
-        # Only now: the shadow has a head.
-        self._person.look_out(model, state.body, camera.position)
+        instances.place[0] = self._person.dress(model, state.body, camera.position)
         pinhole = _pinhole(camera)
         gbuffer, sky = _gbuffer(model, instances, pinhole, camera), _sky(camera)
-        light = ambient_occlusion(pinhole, gbuffer, above)
+        light = ambient_occlusion(pinhole, gbuffer, overhead.now(instances))
         shape = (camera.height, camera.width)
         view = View(np.empty((*shape, 3), np.uint8), np.empty(shape, np.float32), np.empty(shape, np.int32))
         paint(model, instances, pinhole, gbuffer, light, sky, view.rgb, view.depth, view.ids)
