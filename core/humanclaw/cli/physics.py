@@ -85,7 +85,7 @@ def physics(
 @click.option("--resets", type=click.IntRange(2), default=200, show_default=True, help="How often to load a scene.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def bench_world(simulator: str, profile: str, scene: str, chunks: int, resets: int, as_json: bool) -> None:
-    """Time half-physics in a house of 300 fixed and 60 movable objects. Median [quartiles], CPU time on one core."""
+    """Time half-physics in a house of 360 objects, 60 of them movable. Median [quartiles], CPU time on one core."""
     from humanclaw.testing.fixture import Fixture
     from humanclaw.testing.speed import FIXED, MOVABLE, Quartiles, chunk_times, crowded, reset_times
 

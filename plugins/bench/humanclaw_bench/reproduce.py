@@ -95,7 +95,8 @@ class Plan(BaseModel):
         try:
             plan = cls.model_validate(tomllib.loads(read_file(path, 1 << 20).decode("utf-8")))
         except (OSError, tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-            raise HumanclawError(f"{path} cannot be read: {getattr(error, 'strerror', error)}.", "Name a TOML file of models.") from error
+            why = getattr(error, "strerror", error)
+            raise HumanclawError(f"{path} cannot be read: {why}.", "Name a TOML file of models.") from error
         except ValidationError as error:
             fault = max(error.errors(), key=lambda one: len(one["loc"]))  # Of a choice of types the one that fits best.
             where = ".".join(map(str, fault["loc"]))
