@@ -64,16 +64,6 @@ class ObjectConformance(BodyConformance):
         assert played.paths[chair][-1, 2] - 0.65 > 1.5
         assert np.abs(played.paths[cabinet][-1, :3] - [0.505, 0, 1.4]).max() < 0.01
 
-    def test_a_light_thing_before_one_that_nobody_could_push_stays_down_and_blocks(self) -> None:
-        builder = SceneBuilder()
-        builder.floor()
-        light = builder.box("box", (0.4, 0.4, 0.4), (0, 0, 0.7), movable=True, mass=5.0)
-        heavy = builder.box("box", (0.6, 0.6, 0.6), (0, 0, 1.25), movable=True, mass=1000.0)
-        played = self.play(builder.scene(), glide(0.0, 1.0, 60))
-        assert played.simulated.root[-1, 2] < 0.5
-        assert played.paths[light][:, 1].max() < 0.1
-        assert np.abs(played.paths[heavy][-1, :3] - [0, 0, 1.25]).max() < 0.02
-
     def test_the_far_end_of_a_long_thing_weighs_as_much_as_its_middle(self) -> None:
         """A beam of 8 m whose middle is out of reach; friction holds it with 1,226 N."""
         builder = SceneBuilder()
