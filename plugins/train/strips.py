@@ -20,8 +20,9 @@ from humanclaw_train.show import show
 CALLS: Final = 3
 WIDTH: Final = 1200
 """Width of the picture, pixels."""
-SHARE: Final = 0.6
-"""Where in its range a parameter is, 0 to 1."""
+USUAL: Final = 0.6
+SIDED: Final = 0.8
+"""Where in its range a parameter is, 0 to 1; SIDED: one that may be negative."""
 
 
 def rows(folder: Path) -> list[Image.Image]:
@@ -34,10 +35,10 @@ def rows(folder: Path) -> list[Image.Image]:
 
 def _show(plugins: Plugins, skill: Skill, folder: Path) -> Path:
     """Draw straight motion: parameters around zero are zero unless they are the only one."""
-    alone = len(skill.parameters) == 1
+    sided = SIDED if len(skill.parameters) == 1 else 0.5
     asked = {}
     for one in skill.parameters:
-        share = 0.5 if one.low < 0 and not alone else SHARE
+        share = sided if one.low < 0 else USUAL
         asked[one.key] = round(from_si(one.key, one.low + share * (one.high - one.low)))
     return show(plugins, skill.name, skill.check(asked), CALLS, 0, None, folder / f"{skill.name}.gif", "raster")[1]
 
