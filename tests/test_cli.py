@@ -93,6 +93,8 @@ def test_the_ten_line_skill_can_be_called(cli, tmp_path):
         (["mcp", "--scene", "hous:1"], "there is no scene 'hous'", "Did you mean house"),
         (["film", "run", "--out", "film.webm"], "a film ends in .mp4 or .gif; got film.webm", "film.mp4"),
         (["run", "--agent", "oracel"], "there is no agent 'oracel'", "Did you mean oracle?"),
+        (["run", "find a couch"], "run takes options alone; got 'find a couch'", "--instruction 'find a couch'?"),
+        (["run", "nod.py"], "run takes options alone; got 'nod.py'", "Did you mean --plugin 'nod.py'?"),
         (["run", "--model", "openai/gpt-5"], "needs a key and OPENAI_API_KEY is not set", "Set OPENAI_API_KEY"),
         (["run", "--model", "nonsense"], "no provider is known for model 'nonsense'", "Write provider/name"),
         (["run", "--option", "api_key=1"], "looks like a secret", "environment"),

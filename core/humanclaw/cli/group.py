@@ -135,7 +135,7 @@ class LazyCommand(click.Command):
         return self.load().make_context(info_name, args, parent, **extra)
 
 
-@click.command()
+@click.command(context_settings={"allow_extra_args": True})
 @click.option("--instruction", default="find a couch and sit on it", show_default=True, help="What the body is to do.")
 @scene_option(default="house:0")
 @decider_options
@@ -146,6 +146,9 @@ class LazyCommand(click.Command):
 @plugin_options
 def run(instruction: str, reference: str, deciders: Deciders, files: tuple[Path, ...], **options: object) -> None:
     """Give a body an instruction and watch it act."""
+    for word in click.get_current_context().args:
+        option = "--plugin" if word.endswith(".py") else "--instruction"
+        raise HumanclawError(f"run takes options alone; got {word!r:.60}.", f"Did you mean {option} {word!r:.60}?")
     console = Console(markup=False, emoji=False, highlight=False)  # Instructions and paths may contain brackets.
     console.print(f'{deciders.agent} in {reference}: "{instruction}"', soft_wrap=True)
     with console.status("Loading the plugins") as status:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
@@ -47,7 +47,7 @@ from humanclaw_bench.splits import (
     secret_houses,
     summary,
 )  # fmt: skip
-from humanclaw_bench.tables import all_tables, brief_tables, chosen_table, main_table
+from humanclaw_bench.tables import ResultTable, all_tables, brief_tables, chosen_table, main_table
 from humanclaw_bench.worker import Job
 from humanclaw_bench.writers import WRITERS, plain, plain_differences, terminal
 
@@ -157,7 +157,7 @@ def run_command(
         )  # fmt: skip
         progress.end(status)
     if status.done:
-        _print(terminal(main_table(_results([out]), paper=False), Console().width))
+        _show(_filled(brief_tables(_results([out]))))
         plugins.tell("humanclaw_run_end", run=out, plugins=plugins, tell=click.echo)
     if status.failed or status.stopped:
         raise SystemExit(130 if status.stopped else 1)
@@ -253,23 +253,32 @@ def table(
         tables = {"columns": chosen_table(results, columns, paper=paper, seed=seed)}
     else:
         tables = brief_tables(results, seed=seed) if brief else all_tables(results, paper=paper, seed=seed)
-    chosen = only or [name for name, found in tables.items() if found.rows and found.columns]
+    chosen = {name: tables[name] for name in only} or _filled(tables)
     if as_json:
-        _print_json({name: plain(tables[name]) for name in chosen})
+        _print_json({name: plain(found) for name, found in chosen.items()})
         return
     if form == "csv":
         for result in filter(lambda result: result.faults, results):
             click.echo(result.note, err=True)
-    for name in chosen:
-        if form == "terminal":
-            _print(terminal(tables[name], Console().width, notes=False))
-        else:
-            click.echo(WRITERS[form](tables[name]))
     if form == "terminal":
-        for note in dict.fromkeys(note for name in chosen for note in tables[name].all_notes):
-            _print(Text(note, style="dim"))
+        _show(chosen)
         if brief and not columns:
             click.echo("--full prints all tables, with the paper's rows.")
+    else:
+        for found in chosen.values():
+            click.echo(WRITERS[form](found))
+
+
+def _filled(tables: Mapping[str, ResultTable]) -> dict[str, ResultTable]:
+    return {name: found for name, found in tables.items() if found.rows and found.columns}
+
+
+def _show(tables: Mapping[str, ResultTable]) -> None:
+    """Print tables on the terminal, then each of their notes once."""
+    for found in tables.values():
+        _print(terminal(found, Console().width, notes=False))
+    for note in dict.fromkeys(note for found in tables.values() for note in found.all_notes):
+        _print(Text(note, style="dim"))
 
 
 @bench.command("compare")
