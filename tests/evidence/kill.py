@@ -60,23 +60,25 @@ def digests(out: Path) -> dict[str, str]:
     return {one.record.spec.id: one.digest for one in load_run(out)}
 
 
-def killed(start: Start, length: float, most: int, when: random.Random) -> int:
+def killed(start: Start, length: float, most: int, when: random.Random) -> tuple[int, float]:
     """Kill it at moments within `length` seconds, until it ends by itself or was killed `most` times; then let it end.
 
-    Returns the number of kills.
+    Returns the number of kills, and the length in which one that is not disturbed now ends: the machine may have become
+    faster.
     """
     kills = 0
     while kills < most:
-        running = start()
+        running, began = start(), time.monotonic()
         try:
             running.wait(when.uniform(0, length))
+            length = length if kills else time.monotonic() - began
             break
         except subprocess.TimeoutExpired:
             os.killpg(running.pid, signal.SIGKILL)
             running.wait()
             kills += 1
     assert start().wait() == 0, f"it fails after {kills} kills"
-    return kills
+    return kills, length
 
 
 def kill_runs(file: Path, simulator: str, kills: int, when: random.Random) -> dict[str, str]:
@@ -87,7 +89,8 @@ def kill_runs(file: Path, simulator: str, kills: int, when: random.Random) -> di
     while done < kills:
         rounds += 1
         out = home / f"killed-{rounds}"
-        done += killed(lambda: run(file, out, simulator), length, kills - done, when)  # noqa: B023  Called at once.
+        more, length = killed(lambda: run(file, out, simulator), length, kills - done, when)  # noqa: B023  Called now.
+        done += more
         assert digests(out) == expected, f"round {rounds} differs after {done} kills: {out}"
         print(f"{simulator}: {done} kills, {rounds} runs, all byte-identical", flush=True)
     return expected
@@ -106,7 +109,8 @@ def kill_submissions(out: Path, kills: int, when: random.Random) -> None:
     assert submit().wait() == 0
     expected, length, done = told(read(path)), time.monotonic() - began, 0
     while done < kills:
-        done += killed(submit, length, kills - done, when)
+        more, length = killed(submit, length, kills - done, when)
+        done += more
         assert told(read(path)) == expected
     print(f"{done} kills of bench submit: the same submission", flush=True)
 
