@@ -14,7 +14,7 @@ from humanclaw import Scene, SceneError
 from humanclaw.storage import Cache
 from humanclaw.world import pack_scene, unpack_scene
 
-CORE: Final = ("body", "records/tasks.py", "world/meshes", "world/navigation", "world/scene.py")
+CORE: Final = ("body", "records/tasks.py", "world/joints.py", "world/meshes", "world/navigation", "world/scene.py")
 """Parts of the core whose code may change a house."""
 _LIBRARIES: Final = ("manifold3d", "numpy", "scikit-image", "scipy")
 """Distributions whose version may change a house."""
