@@ -63,19 +63,30 @@ def show(
     if out.suffix.lower() != ".gif":
         raise HumanclawError(f"Expected a GIF file for --out; got {out}.", "Name a file that ends in .gif.")
     skill = plugins.skill(name)
-    values = {one.name: to_si(one.key, params[one.key]) for one in skill.parameters if one.measure}
-    asked = ", ".join(f"{key} {value}" for key, value in params.items())
-    scene = stage(skill.declaration, {one.name: values.get(one.name, 0.0) for one in skill.parameters}, calls)
-    with Body(scene, seed=seed, plugins=plugins, backends=Backends(renderer=renderer)) as body:
-        shown = [(f"{skill.name} {asked}", acted(body, skill, params, calls), scene)]
+    shown = [performed(plugins, skill, params, calls, seed, renderer)]
     clips = load_pack(beside) if beside else []
-    if found := nearest(clips, skill.declaration, values, calls):
+    if found := nearest(clips, skill.declaration, _values(skill, params), calls):
         shown.append((f"a person: {found[0]}", on_floor(found[1]), flat()))
     drawing: Renderer = plugins.make("renderers", renderer)
     try:
         return pictures(shown, drawing, out)
     finally:
         drawing.close()
+
+
+def performed(
+    plugins: Plugins, skill: Skill, params: Mapping[str, Any], calls: int, seed: int, renderer: str
+) -> tuple[str, Motion, Scene]:
+    """Return title, simulated motion and scene of a skill that is called several times in a row."""
+    scene = stage(skill.declaration, {one.name: 0.0 for one in skill.parameters} | _values(skill, params), calls)
+    with Body(scene, seed=seed, plugins=plugins, backends=Backends(renderer=renderer)) as body:
+        asked = ", ".join(f"{key} {value}" for key, value in params.items())
+        return f"{skill.name} {asked}", acted(body, skill, params, calls), scene
+
+
+def _values(skill: Skill, params: Mapping[str, Any]) -> dict[str, float]:
+    """Return the parameters that command a measure, in SI, by name."""
+    return {one.name: to_si(one.key, params[one.key]) for one in skill.parameters if one.measure}
 
 
 def acted(body: Body, skill: Skill, params: Mapping[str, Any], calls: int) -> Motion:
@@ -174,6 +185,11 @@ def _tiled(asset: Asset) -> Asset:
     return replace(asset, mesh=replace(asset.mesh, uv=uv, texture=texture))
 
 
+def moments(length: int) -> list[int]:
+    """Return the frames of a strip for motion of this length."""
+    return [int(frame) for frame in np.linspace(HISTORY - 1, length - 1, MOMENTS)]
+
+
 def strip(rows: Sequence[tuple[str, Sequence[Picture]]]) -> Picture:
     """Stack rows of pictures, each with its title."""
     return np.concatenate([_titled(np.concatenate(pictures, axis=1), title) for title, pictures in rows])
@@ -190,10 +206,9 @@ def _titled(picture: Picture, title: str) -> Picture:
 def pictures(shown: Sequence[tuple[str, Motion, Scene]], renderer: Renderer, out: Path) -> tuple[Path, Path]:
     """Write `out` (GIF), the bodies side by side, and a strip beside it (PNG). Returns both paths."""
     length = max(len(motion) for _, motion, _ in shown)
-    moments = np.linspace(HISTORY - 1, length - 1, MOMENTS).astype(int)
     strips, films = [], []
     for title, motion, scene in shown:
-        strips.append((title, list(filmed(motion, scene, renderer, moments.tolist()))))
+        strips.append((title, list(filmed(motion, scene, renderer, moments(length)))))
         frames = filmed(motion, scene, renderer, range(0, length, _EVERY))
         films.append([_titled(frame, title) for frame in frames])
     out.parent.mkdir(parents=True, exist_ok=True)
