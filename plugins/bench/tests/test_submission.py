@@ -521,7 +521,7 @@ def test_the_page_names_a_split_of_which_each_episode_was_played_twice(tmp_path:
     folder = of_smoke(tmp_path / "mine", times=2)
     submitted(folder)
     invoke("leaderboard", tmp_path)
-    assert "(smoke, each 2 times), scored again from the records" in page(folder)[0]
+    assert "<caption>smoke, each 2 times: 10 episodes, split " in page(folder)[0]
 
 
 @pytest.mark.parametrize("bad", ["NaN", "Infinity", '"NaN"', "1e999", "-5.0"])
