@@ -100,9 +100,9 @@ class Index:
     plugins: tuple[Entry, ...]
 
     def __post_init__(self) -> None:
-        [(name, times)] = Counter(canonicalize_name(one.name) for one in self.plugins).most_common(1) or [("", 0)]
-        if times > 1:
-            raise ValueError(f"the name {name} occurs twice")
+        names = Counter(canonicalize_name(one.name) for one in self.plugins)
+        if twice := [name for name, times in names.items() if times > 1]:
+            raise ValueError(f"the name {twice[0]} occurs twice")
 
     @classmethod
     def read(cls, place: str) -> Index:
