@@ -84,7 +84,7 @@ def test_a_packed_door_that_is_none_is_refused_in_words(key, value):
     head = json.loads(arrays["scene"].tobytes())
     head["objects"][0][key] = value
     arrays["scene"] = np.frombuffer(json.dumps(head).encode(), np.uint8)
-    with pytest.raises(SceneError, match="not a packed scene|finite"):
+    with pytest.raises(SceneError, match=r"not a packed scene|finite"):
         unpack_scene(save(arrays))
 
 
