@@ -242,6 +242,21 @@ def test_a_folder_that_fails_a_check_is_told_its_name_and_a_remedy(check, tmp_pa
     assert all(fault.remedy for fault in report.faults)
 
 
+@pytest.mark.parametrize(
+    "words",
+    [
+        {"maximum": 10**400},
+        {"minimum": -1e308, "maximum": 1e308},
+        {"type": "string", "minLength": 10**10},
+        {"type": "array", "minItems": 40, "items": {"type": "array", "minItems": 40}},
+    ],
+)
+def test_a_value_that_nobody_could_write_is_a_fault(tmp_path, words):
+    folder = shutil.copytree(folder_of("step_back"), tmp_path / "step_back")
+    parameter(**words)(folder)
+    assert "bounds-finite" in names(folder)
+
+
 def planned(plan, properties=None, **more):
     """A skill that plans by a function."""
     content = {"type": "object", "properties": properties or {}, "additionalProperties": False}

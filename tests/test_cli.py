@@ -161,8 +161,11 @@ THREAD = (
 )
 
 
-@pytest.mark.parametrize(("code", "status"), [(THREAD, 1), ("import os\nos._exit(0)\n", 2)])
-def test_a_plugin_that_leaves_the_process_at_its_import_is_named(cli, tmp_path, code, status):
+AT_EXIT = "import atexit, os\natexit.register(lambda: os._exit(0))\nraise ValueError\n"
+
+
+@pytest.mark.parametrize(("code", "status"), [(THREAD, 1), ("import os\nos._exit(0)\n", 2), (AT_EXIT, 2)])
+def test_a_plugin_that_leaves_the_process_is_named_and_changes_no_status(cli, tmp_path, code, status):
     (tmp_path / "leaving.py").write_text(code)
     done = cli("tools", "--plugin", "leaving.py")
     assert done.returncode == status

@@ -195,6 +195,9 @@ def test_nothing_costs_less_than_nothing_or_what_is_no_number(cost):
         ("motion_frames", -15, "greater than or equal to 0"),
         ("motion_frames", 10**30, "less than or equal to"),
         ("motion_frames", 9000, "frames, and its steps last"),
+        ("rise_frames", 10**400, "less than or equal to"),
+        ("fall", -5.0, "greater than or equal to 0"),
+        ("fall", 1e308, "less than or equal to"),
         ("joint", "tail", "expected a joint of the body; got 'tail'"),
     ],
 )

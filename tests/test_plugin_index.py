@@ -127,6 +127,7 @@ A = {"name": "a", "version": "1"}
         ([A | {"wheel": "a-1.tar.gz"}], "wheel"),
         ([A | {"summary": "\x1b[2J"}], "summary"),
         ([A, {"name": "A", "version": "2"}], "twice"),
+        ([A | {"name": f"a{n}"} for n in [*range(50_000), 7]], "a7 occurs twice"),
         ("[" * LARGEST, "larger than"),
     ],
 )
@@ -153,10 +154,13 @@ def test_addresses_without_encryption_and_wheels_without_a_digest_are_refused(tm
 
 @pytest.fixture
 def moved():
-    """The address of an index that sends whoever asks to another host, without encryption."""
+    """The address of an index that sends whoever asks to another host, without encryption; /odd answers no HTTP."""
 
     class Moved(BaseHTTPRequestHandler):
         def do_GET(self):
+            if self.path == "/odd":
+                self.wfile.write(b"odd\r\n")
+                return
             self.send_response(302 if self.path == "/first" else 200)
             self.send_header("Location", f"http://127.0.0.2:{serving.server_port}/second")
             self.end_headers()
@@ -174,6 +178,12 @@ def moved():
 def test_an_index_that_sends_us_to_an_address_without_encryption_is_refused(moved):
     with pytest.raises(HumanclawError, match=r"127\.0\.0\.2.* is not encrypted"):
         Index.read(moved)
+
+
+def test_what_answers_no_http_and_what_is_no_address_are_told(moved):
+    for place in (moved.replace("first", "odd"), "https://["):
+        with pytest.raises(HumanclawError, match="does not answer"):
+            Index.read(place)
 
 
 def test_nothing_of_the_current_folder_runs_when_pip_does(tmp_path):

@@ -1,10 +1,12 @@
 """A scene refuses what nobody could act in, where its author has written it."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from rooms import asset, block, scene, scene_object, two_rooms
+from safetensors.numpy import load, save
 
 from humanclaw import SceneError
 from humanclaw.world import Hinge, Slide, pack_scene, unpack_scene
@@ -64,6 +66,26 @@ def test_a_hinge_survives_being_packed():
 def test_a_door_that_could_not_turn_is_refused_in_words(facts, told):
     with pytest.raises(SceneError, match=told):
         hung(**facts)
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("joint", []),
+        ("state", 10**400),
+        ("position", []),
+        ("mass", -1.0),
+        ("joint", {"point": [], "low": 0.0, "high": 1.0}),
+    ],
+    ids=["no joint", "huge", "nowhere", "lighter than nothing", "no point"],
+)
+def test_a_packed_door_that_is_none_is_refused_in_words(key, value):
+    arrays = load(pack_scene(scene((LEAF, hung(state=0.5)))))
+    head = json.loads(arrays["scene"].tobytes())
+    head["objects"][0][key] = value
+    arrays["scene"] = np.frombuffer(json.dumps(head).encode(), np.uint8)
+    with pytest.raises(SceneError, match=r"not a packed scene|finite"):
+        unpack_scene(save(arrays))
 
 
 def test_a_drawer_and_a_lid_survive_being_packed():

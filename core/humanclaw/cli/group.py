@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from rich.text import Text
 
-from humanclaw.cli.leaving import exits_raised
+from humanclaw.cli.leaving import raise_exits
 from humanclaw.cli.options import INTERRUPTED, Deciders, decider_options, plugin_options, scene_option
 from humanclaw.cli.terminal import Console, guarded
 from humanclaw.errors import HumanclawError, PluginError
@@ -173,7 +173,8 @@ def build(plugins: Callable[[], Plugins | Modules]) -> click.Group:
 def main(args: Sequence[str] | None = None) -> None:
     """Run the command line. What it prints cannot control the terminal, and no plugin ends it unseen."""
     os.environ["PYTHONSAFEPATH"] = "1"  # A stranger's folder may hold a json.py, for the processes that we start in it.
-    with guarded(), exits_raised() as left:
+    left = raise_exits()
+    with guarded():
         try:
             sys.exit(build(_installed).main(args=args, prog_name="humanclaw"))
         except Exception:  # Python would print the traceback past the guard, with the controls in its message.

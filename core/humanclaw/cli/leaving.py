@@ -5,19 +5,17 @@ from __future__ import annotations
 import os
 import sys
 import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import Final, NoReturn
 
 leave: Final = os._exit
 """os._exit itself, for commands that have to end like this."""
 
 
-@contextmanager
-def exits_raised() -> Iterator[list[str]]:
-    """Let os._exit raise SystemExit meanwhile, so that a plugin that calls it is blamed and the record closed.
+def raise_exits() -> list[str]:
+    """Let os._exit raise SystemExit from here on, so that a plugin that calls it is blamed and the record closed.
 
-    Yields the calls in other threads, in words: there nobody may see the exception.
+    Until the process ends: a call at its exit would change its status. Returns a list that gets the calls in other
+    threads, in words: there nobody may see the exception.
     """
     process, told = os.getpid(), list[str]()
 
@@ -30,7 +28,4 @@ def exits_raised() -> Iterator[list[str]]:
         raise SystemExit(f"os._exit({status})")
 
     os._exit = instead
-    try:
-        yield told
-    finally:
-        os._exit = leave
+    return told

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import field
+from http.client import HTTPException
 from pathlib import Path
 from typing import Annotated, Final, Literal
 from urllib.error import URLError
@@ -98,14 +100,14 @@ class Index:
     plugins: tuple[Entry, ...]
 
     def __post_init__(self) -> None:
-        names = [canonicalize_name(one.name) for one in self.plugins]
-        if twice := [name for name in names if names.count(name) > 1]:
+        names = Counter(canonicalize_name(one.name) for one in self.plugins)
+        if twice := [name for name, times in names.items() if times > 1]:
             raise ValueError(f"the name {twice[0]} occurs twice")
 
     @classmethod
     def read(cls, place: str) -> Index:
         """Read a file, or what an https address answers. Raises HumanclawError for anything that is no index."""
-        text = _fetched(place) if urlsplit(place).scheme in ("https", "http") else _loaded(Path(place))
+        text = _fetched(place) if _is_address(place) else _loaded(Path(place))
         if len(text) > LARGEST:
             raise HumanclawError(f"{place} is larger than {LARGEST >> 20} MB.", "Give the address of an index.")
         try:
@@ -138,7 +140,7 @@ def requirement(entry: Entry, place: str) -> str:
     """
     if not entry.wheel:
         return f"{entry.name}=={entry.version}"
-    address = place if urlsplit(place).scheme in ("https", "http") else Path(place).resolve().as_uri()
+    address = place if _is_address(place) else Path(place).resolve().as_uri()
     found = urljoin(address, entry.wheel)
     if not entry.sha256 or ".." in unquote(entry.wheel):
         raise HumanclawError(f"The entry of {entry.name} has no digest, or leads out of its folder.", "Make it anew.")
@@ -154,18 +156,21 @@ def _loaded(path: Path) -> bytes:
         raise HumanclawError(f"{path} cannot be read: {error.strerror}.", "Give a file or an https address.") from error
 
 
-def _fetched(address: str) -> bytes:
-    _refuse_open(address)
+def _is_address(place: str) -> bool:
+    return place.lower().startswith(("https:", "http:"))
 
+
+def _fetched(address: str) -> bytes:
     def read() -> tuple[str, bytes]:
         with urlopen(address, timeout=_SECONDS) as answer:
             return answer.url, answer.read(LARGEST + 1)
 
     try:
+        _refuse_open(address)
         found, content = Bounded(_SECONDS)(read)
         _refuse_open(found)  # It may have sent us elsewhere.
         return content
-    except (URLError, OSError, ValueError) as error:
+    except (URLError, OSError, ValueError, HTTPException) as error:
         raise HumanclawError(f"{address} does not answer: {error}.", "Check the address.") from error
 
 

@@ -87,7 +87,7 @@ class StepRecord(Record):
     frame_file: Annotated[str, Field(pattern=r"^(frames/[A-Za-z0-9_-][A-Za-z0-9._-]*)?$")] = ""
     motion_frames: Annotated[int, Field(ge=0, le=MOST_FRAMES)] = 0
     """Number of frames in motion.npz that belong to this step."""
-    rise_frames: int = 0
+    rise_frames: Annotated[int, Field(ge=0, le=MOST_FRAMES)] = 0
     """Those of them in which the body first rose from a low pose, before it could step."""
     parts: tuple[PlayedPart, ...] = ()
     """The played parts of a sequence; empty for a call of one part."""
@@ -95,7 +95,7 @@ class StepRecord(Record):
     """Whether the call was broken off between two chunks."""
     limits: tuple[str, ...] = ()
     """What the body could not do of the call, in words."""
-    fall: float = 0.0
+    fall: Annotated[float, Field(ge=0, le=10_000)] = 0.0
     """How far the body fell without touching anything, metres, if that was half a metre or more; the deepest fall."""
     waypoints: tuple[Vec3, ...] = ()
     """Pelvis after each chunk but the last, metres."""

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Mapping
-from math import isfinite
 from pathlib import Path
 from typing import Any, Final, get_args
 
@@ -38,7 +37,7 @@ CHECKS: Final[Mapping[str, str]] = {
     "described": "it says in words what it does",
     "parameters-described": "its parameters say in words what they are",
     "bounds-order": "no minimum is above its maximum",
-    "bounds-finite": "bounds are finite numbers, those of integers whole",
+    "bounds-finite": "bounds are finite numbers, those of integers whole, and no value needs more than 1,000 parts",
     "choices": "each enum offers something, each choice once and of the parameter's type",
     "required-declared": "what it requires it declares",
     "defaults-given": "what may be left out has a default",
@@ -106,6 +105,10 @@ CHECKS: Final[Mapping[str, str]] = {
     "engine-finite": "where the body ends on an engine is a place",
 }
 """Name of each check to what holds for a skill that passes it."""
+_BOUNDS: Final = ("minimum", "maximum", "exclusiveMinimum", "exclusiveMaximum")
+_EXACT: Final = 2**53
+"""Beyond it not every reader of JSON keeps an integer."""
+_PARTS: Final = 1000
 _FORMATS: Final = frozenset(f"publish-{form}" for form in get_args(Format))
 _TOP_LEVEL: Final = frozenset(
     {"$schema", "$comment", "$defs", "title", "description", "type", "properties", "required", "additionalProperties"}
@@ -238,14 +241,24 @@ def _bad_bounds(subject: Subject) -> Faults:
     for key, part in parameter_schema(subject.skill).items():
         where = f"parameter {key!r} of skill {subject.skill.name!r}"
         low, high = part.get("minimum"), part.get("maximum")
-        for bound in (low, high):
-            if bound is not None and (not isfinite(bound) or (part.get("type") == "integer" and bound != int(bound))):
-                message = f"{where} has the bound {bound}."
+        for bound in (part[word] for word in _BOUNDS if word in part):
+            if not abs(bound) <= _EXACT or (part.get("type") == "integer" and bound != int(bound)):
+                message = f"{where} has the bound {bound!s:.40}."
                 yield ContractError("bounds-finite", message, "Give it a finite bound, a whole one to an integer.")
+        if (size := _least_size(part)) > _PARTS:
+            message = f"{where} needs {size:.6g} letters or values or more."
+            yield ContractError("bounds-finite", message, f"Let {_PARTS} be enough: mend minLength and minItems.")
         if low is not None and high is not None and low > high:
             message = f"{where} may be {low} to {high}, which no number is."
             yield ContractError("bounds-order", message, "Swap minimum and maximum.")
         yield from _bad_choices(part, where)
+
+
+def _least_size(part: Mapping[str, Any]) -> int:
+    """Return how many letters or values the shortest legal value has."""
+    inner = sum(_least_size(one) for one in part.get("properties", {}).values())
+    each = max(1, _least_size(part["items"])) if isinstance(part.get("items"), Mapping) else 1
+    return int(max(inner, part.get("minLength", 0), part.get("minItems", 0) * each))
 
 
 def _bad_choices(part: Mapping[str, Any], where: str) -> Faults:

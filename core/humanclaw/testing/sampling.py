@@ -50,8 +50,9 @@ def _value(part: Mapping[str, Any], share: Any) -> Any:
     if kind == "object":
         return {key: _value(one, share) for key, one in part.get("properties", {}).items()}
     if kind == "array":
-        least = part.get("minItems", 0)
-        count = least + _index(share(), part.get("maxItems", least + 3) - least + 1)
+        least = int(part.get("minItems", 0))
+        most = min(int(part.get("maxItems", least + 3)), least + OPEN)
+        count = least + _index(share(), most - least + 1)
         return [_value(part.get("items", {}), share) for _ in range(count)]
     if kind == "boolean":
         return share() >= 0.5
@@ -67,7 +68,8 @@ def _index(share: float, count: int) -> int:
 def _text(part: Mapping[str, Any], share: float) -> str:
     """Return a text of a legal length. For a pattern, return the default."""
     text = str(part.get("default", _WORDS[_index(share, len(_WORDS))]))
-    return text.ljust(part.get("minLength", 0), "a")[: part.get("maxLength", len(text) + part.get("minLength", 0))]
+    least = int(part.get("minLength", 0))
+    return text.ljust(least, "a")[: int(part.get("maxLength", len(text) + least))]
 
 
 def _number(part: Mapping[str, Any], share: float) -> float:

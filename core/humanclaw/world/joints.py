@@ -85,7 +85,7 @@ Joint: TypeAlias = Hinge | Slide
 
 def _check(joint: Joint, kind: str, *point: float) -> None:
     numbers = (*point, joint.low, joint.high, joint.friction, joint.damping, *joint.axis)
-    if len(numbers) - len(point) != 7 or len(point) not in (0, 3) or not np.isfinite(numbers).all():
+    if len(numbers) - len(point) != 7 or len(point) != 3 * (kind == "hinge") or not np.isfinite(numbers).all():
         raise SceneError(f"a {kind} needs finite numbers; got {numbers}.", "Give three numbers for a point or an axis.")
     if min(joint.friction, joint.damping) < 0 or abs(np.linalg.norm(joint.axis) - 1) > 0.001:
         raise SceneError(

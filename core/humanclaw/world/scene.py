@@ -96,9 +96,10 @@ class SceneObject:
 
     def __post_init__(self) -> None:
         numbers = (*self.position, *self.rotation, self.mass, self.friction)
-        if not np.isfinite(numbers).all() or self.friction < 0:
+        sizes = len(self.position), len(self.rotation)
+        if sizes != (3, 4) or not np.isfinite(numbers).all() or min(self.mass, self.friction) < 0:
             told = f"has position, rotation, mass and friction {numbers}"
-            raise self._wrong(told, "Give finite numbers and no negative friction.")
+            raise self._wrong(told, "Give 3, 4, 1 and 1 finite numbers, no negative friction or mass.")
         if abs(np.linalg.norm(self.rotation) - 1) > 0.01:
             raise self._wrong(f"is turned by {self.rotation}", "Give a unit quaternion x, y, z, w.")
         if self.joint is None:

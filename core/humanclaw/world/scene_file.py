@@ -50,9 +50,18 @@ def unpack_scene(data: bytes) -> Scene:
             tuple(SceneObject.of(row) for row in head["objects"]), tuple(Room(**row) for row in head["rooms"]),
             Pose2D(**head["start"]), head["notes"],
         )  # fmt: skip
-    except (SafetensorError, KeyError, TypeError, ValueError) as error:
+        same = scene.digest == head["digest"]
+    except (
+        SafetensorError,
+        LookupError,
+        TypeError,
+        ValueError,
+        AttributeError,
+        ArithmeticError,
+        RecursionError,
+    ) as error:
         raise SceneError(f"this is not a packed scene: {error}.") from error
-    if scene.digest != head["digest"]:
+    if not same:
         raise SceneError(f"the packed scene {scene.name!r} is not what its digest says.")
     return scene
 

@@ -23,6 +23,8 @@ from humanclaw_habitat.attributes import LARGEST
 from humanclaw_habitat.primitives import primitive
 
 _MOVING: Final = ("revolute", "continuous", "prismatic", "planar", "floating")
+_LINKS: Final = 500
+"""Maximum links of a file: finding their places takes the square of that."""
 _ROUND: Final = "segments_24_halfLen_1"
 _TURN: Final = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 """Turns the axis of Habitat's primitives, +Y, to that of URDF's, +Z."""
@@ -54,7 +56,7 @@ def links(path: Path, what: str, read: Callable[[Path], list[Part]], mover: str 
     robot = _root(path)
     carried = {found.link for found in movers(path)}
     found: list[Part] = []
-    for link in robot.iter("link"):
+    for link in robot.findall("link"):
         place, chain = _place(robot, link.get("name", ""), path)
         if next((name for name in chain if name in carried), "") != mover:
             continue
@@ -81,7 +83,8 @@ def _mover(robot: ElementTree.Element, link: str, number: int, joint: ElementTre
     frame = _place(robot, _named(joint, "parent"), path)[0] @ _origin(joint, path)
     x, y, z = (float(value) for value in frame[:3, :3] @ _way(joint, path))
     low, high = _range(joint, path) or (0.0, 0.0)
-    dynamics, weight = joint.find("dynamics"), robot.find(f"link[@name='{link}']/inertial/mass")
+    dynamics = joint.find("dynamics")
+    weight = next((one.find("inertial/mass") for one in robot.findall("link") if one.get("name") == link), None)
     given = {} if dynamics is None else {
         key: float(_numbers(dynamics.get(key, ""), 1, path)[0]) for key in ("friction", "damping") if dynamics.get(key)
     }  # fmt: skip
@@ -118,12 +121,14 @@ def _root(path: Path) -> ElementTree.Element:
         robot = ElementTree.fromstring(read_file(path, LARGEST))
     except OSError as error:
         raise SceneError(f"{path} cannot be read: {error.strerror}.", "Check that the dataset is complete.") from error
-    except ElementTree.ParseError as error:
+    except (ElementTree.ParseError, ValueError, LookupError) as error:  # The last two: an encoding of no use.
         raise SceneError(
             f"{path} is not a URDF: {error}.", "Fetch it again; in a git checkout run `git lfs pull`."
         ) from error
     if robot.tag != "robot":
         raise SceneError(f"{path} is not a URDF: its root element must be a robot; got {robot.tag}.")
+    if (many := max(len(robot.findall(kind)) for kind in ("link", "joint"))) > _LINKS:
+        raise SceneError(f"{path} has {many} links or joints; at most {_LINKS} are read.", "Split it, or leave it out.")
     return robot
 
 
@@ -215,7 +220,8 @@ def _solid(shape: ElementTree.Element, path: Path) -> Iterator[Part]:
     elif shape.tag == "cylinder":
         name, size = f"cylinderSolid_{_ROUND}", np.array([number("radius"), number("radius"), number("length") / 2])
     elif shape.tag == "capsule":
-        radius = number("radius")
+        if (radius := number("radius")) <= 0:
+            raise SceneError(f"{path}: a capsule has the radius {radius:g}.", "Give one above 0.")
         name, size = f"capsule3DSolid_segments_24_halfLen_{number('length') / 2 / radius:.6f}", np.full(3, radius)
     else:
         raise SceneError(f"{path}: the shape {shape.tag} is not supported.")

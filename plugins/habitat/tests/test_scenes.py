@@ -471,6 +471,12 @@ def test_a_joint_on_another_stands_still(mine: Path) -> None:
     assert json.loads(found.notes["ignored"]) == ["articulated object 0 (fridge): 1 of its joints stand still"]
 
 
+def test_the_name_of_a_link_is_a_name_alone(mine: Path) -> None:
+    file = fridge(mine) / "fridge.urdf"
+    file.write_text(file.read_text().replace('"drawer"', '"a\'drawer"'))
+    assert "a'drawer" in parts(load(mine))
+
+
 def test_what_would_fall_by_its_weight_is_held(mine: Path) -> None:
     """A box of 0.2 x 0.2 x 0.4 m weighs 4.8 kg, and a joint holds half as much again: 70.6 N."""
     file = fridge(mine) / "fridge.urdf"
@@ -526,6 +532,9 @@ def test_another_mesh_of_a_link_makes_another_scene(mine: Path) -> None:
         ("<cylinder", "<plane", "shape plane"),
         ("</robot>", "", "not a URDF"),
         ('<parent link="body"/><child link="door"/>', '<parent link="door"/><child link="door"/>', "circle"),
+        ("<robot", '<?xml version="1.0" encoding="big5"?><robot', "multi-byte"),
+        ('<cylinder radius="0.1"', '<capsule radius="0"', "radius 0"),
+        ("</robot>", "<link/>" * 500 + "</robot>", "at most 500"),
     ],
 )
 def test_an_articulated_object_that_cannot_be_read_is_named(mine: Path, was: str, becomes: str, said: str) -> None:
