@@ -257,6 +257,16 @@ def test_a_value_that_nobody_could_write_is_a_fault(tmp_path, words):
     assert "bounds-finite" in names(folder)
 
 
+def test_what_a_strangers_folder_can_ask_is_bounded(tmp_path):
+    folder = shutil.copytree(folder_of("step_back"), tmp_path / "step_back")
+    schema = json.loads((folder / "schema.json").read_text())
+    schema["properties"] = {f"p{k}": {"type": "integer"} for k in range(5000)}
+    (folder / "schema.json").write_text(json.dumps(schema))
+    assert "schema-object" in names(folder)
+    (folder / "checklist.toml").write_text("a" + ".a" * 50_000 + " = 1")
+    assert "checklist-file" in names(folder)
+
+
 def planned(plan, properties=None, **more):
     """A skill that plans by a function."""
     content = {"type": "object", "properties": properties or {}, "additionalProperties": False}

@@ -23,9 +23,12 @@ from humanclaw.skills.measures import ROLES, Declaration, Parameter, Role, param
 from humanclaw.skills.own_body import OwnBody
 from humanclaw.skills.plan import LONGEST_FAULT, Control
 from humanclaw.skills.posing import Part, Plan, parts
-from humanclaw.storage.files import MIB, read_file
+from humanclaw.storage.files import read_file
 
 NAME_PATTERN: Final = re.compile(r"[a-zA-Z0-9_-]{1,64}")
+_PARAMETERS: Final = 64
+_CHECKLIST: Final = 16 << 10
+"""Largest checklist.toml, bytes: a key of many dotted parts takes a time that grows with its square."""
 RESERVED: Final = frozenset({"look", "reset", "verdict"})
 """Tools that harnesses offer beside the skills."""
 OFFLINE: Final[Registry[Any]] = Registry()
@@ -148,6 +151,10 @@ def refusals(skill: Skill) -> Iterator[ContractError]:
     if schema.get("type") != "object":
         wrong = f"the schema of skill {name!r} must have type 'object'."
         yield ContractError("schema-object", wrong, "Mend its schema.json.")
+    if len(schema.get("properties", ())) > _PARAMETERS:
+        many = f"skill {name!r} has {len(schema['properties'])} parameters; a model is told at most {_PARAMETERS}."
+        yield ContractError("schema-object", many, "Split it into several skills.")
+        return
     if skill.role not in ROLES:
         known = f"Set x-role in its schema.json to one of: {', '.join(ROLES)}."
         yield ContractError("role", f"skill {name!r} has the role {skill.role!r}.", known)
@@ -166,7 +173,7 @@ def read_checks(path: Path) -> tuple[tuple[Check, ...], tuple[ContractError, ...
     if not os.path.lexists(path):
         return (), ()
     try:
-        content = tomllib.loads(read_file(path, MIB).decode("utf-8"))
+        content = tomllib.loads(read_file(path, _CHECKLIST).decode("utf-8"))
     except (OSError, ValueError, RecursionError) as error:
         return (), (_bad_checklist("checklist-file", path, str(error)),)
     faults = [_bad_checklist("checklist-words", path, f"it has {word!r}") for word in sorted(set(content) - {"check"})]
