@@ -13,7 +13,7 @@ import zipfile
 import numpy as np
 import pytest
 from fuzzing import HOSTILE, PICKS, bounded, changed, damaged, damages, fuzz, rewritten
-from hypothesis import given, strategies as st
+from hypothesis import example, given, strategies as st
 from made import record_episode
 from rooms import two_rooms
 from tiny_motion import write_base
@@ -230,6 +230,7 @@ def imported(home, source):
 
 @fuzz
 @given(changes=damages(), picks=PICKS, new=HOSTILE)
+@example(changes=[(0, b"", 0)], picks=[138, 0, 0], new=float("inf"))
 def test_any_glb_is_imported_or_rejected(home, changes, picks, new):
     (home / "models").mkdir(exist_ok=True)
     for content in (damaged(glb(), changes), with_head(glb(), picks, new)):
@@ -304,6 +305,7 @@ CHAIR = "v 0 0 0\nv 50 0 0\nv 0 90 0\nv 0 0 50\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3
     number=st.sampled_from([1, 10**8, "9" * 5000, "x", ""]),
     changes=damages(),
 )
+@example(key="width", new="1000000000", number=1, changes=[(0, b"", 0)])
 def test_any_library_of_furniture_is_imported_or_refused(home, key, new, number, changes):
     lines = "\n".join(f"{name}#{number if name == key else 1}={value}" for name, value in {**ROW, key: new}.items())
     for content in (

@@ -88,7 +88,7 @@ def _source(texture: dict[str, Any]) -> int | None:
     """Return the image index of a texture, preferring other formats to KTX2."""
     inner = texture.get("extensions", {}).get(_BASIS, {}).get("source")
     source = texture.get("source", inner)
-    return None if source is None else int(source)
+    return source if isinstance(source, int) else None
 
 
 def _decoded(head: dict[str, Any], image: dict[str, Any], rest: bytes, name: str) -> dict[str, Any]:

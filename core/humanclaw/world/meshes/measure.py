@@ -13,10 +13,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from humanclaw.errors import SceneError
 from humanclaw.world.meshes.hulls import KeepOutBox, surface
 from humanclaw.world.scene import Mesh
 
 CELL: Final = 0.025
+_MOST: Final = 4000
 ANYWHERE: Final = (0.4, 0.85)
 MIDDLE: Final[Mapping[str, tuple[float, float]]] = {"bed": (0.4, 0.8), "toilet": (0.5, 0.85)}
 """Where the sitting surface of a category is surely found, in shares of the depth from the back; ANYWHERE for
@@ -37,9 +39,14 @@ class HeightMap:
 
     @classmethod
     def of(cls, mesh: Mesh) -> HeightMap:
+        """Return the map of a mesh. Raises SceneError if it is wider than 100 m."""
         points = surface(mesh.vertices.astype(float), mesh.faces.astype(np.int64))
         low = points.min(axis=0)
         cells = ((points[:, [0, 2]] - low[[0, 2]]) / CELL).astype(int)
+        if (cells.max(axis=0) >= _MOST).any():
+            wide, deep = np.ptp(points[:, [0, 2]], axis=0)
+            message = f"a mesh is {wide:g} by {deep:g} m; at most {_MOST * CELL:g} m."
+            raise SceneError(message, "Give its vertices in metres.")
         heights = np.zeros(tuple(cells.max(axis=0) + 1))
         np.maximum.at(heights, (cells[:, 0], cells[:, 1]), points[:, 1])
         return cls(heights, float(low[0]), float(low[2]))
