@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from humanclaw import HumanclawError
+from humanclaw import HumanclawError, SceneError
 from humanclaw.body import Array
 from humanclaw.records import ALIASES
 from humanclaw.storage import Folder, read_file
@@ -168,6 +168,8 @@ def _entry(
 ) -> Entry:  # fmt: skip
     sized, unit = _sized(parts, model, category)
     mesh = bake(sized)
+    if not len(mesh.vertices):
+        raise SceneError(f"{name} has no face of a finite size.", "Give its vertices in metres.")
     mesh = lightened(moved(mesh, -base_of(mesh.vertices)), triangles)
     category = otherwise(category, _size(mesh))
     quarters = _QUARTERS[model.front]

@@ -18,7 +18,8 @@ from humanclaw.world.meshes.hulls import KeepOutBox, surface
 from humanclaw.world.scene import Mesh
 
 CELL: Final = 0.025
-_MOST: Final = 4000
+_MOST: Final = 100.0
+"""Largest side of a mesh, metres."""
 ANYWHERE: Final = (0.4, 0.85)
 MIDDLE: Final[Mapping[str, tuple[float, float]]] = {"bed": (0.4, 0.8), "toilet": (0.5, 0.85)}
 """Where the sitting surface of a category is surely found, in shares of the depth from the back; ANYWHERE for
@@ -40,13 +41,13 @@ class HeightMap:
     @classmethod
     def of(cls, mesh: Mesh) -> HeightMap:
         """Return the map of a mesh. Raises SceneError if it is wider than 100 m."""
+        wide, deep = np.ptp(mesh.vertices[:, [0, 2]], axis=0) if len(mesh.vertices) else (np.nan, np.nan)
+        if not max(wide, deep) < _MOST:  # True of NaN too.
+            message = f"a mesh is {wide:g} by {deep:g} m; at most {_MOST:g} m."
+            raise SceneError(message, "Give its vertices in metres.")
         points = surface(mesh.vertices.astype(float), mesh.faces.astype(np.int64))
         low = points.min(axis=0)
         cells = ((points[:, [0, 2]] - low[[0, 2]]) / CELL).astype(int)
-        if (cells.max(axis=0) >= _MOST).any():
-            wide, deep = np.ptp(points[:, [0, 2]], axis=0)
-            message = f"a mesh is {wide:g} by {deep:g} m; at most {_MOST * CELL:g} m."
-            raise SceneError(message, "Give its vertices in metres.")
         heights = np.zeros(tuple(cells.max(axis=0) + 1))
         np.maximum.at(heights, (cells[:, 0], cells[:, 1]), points[:, 1])
         return cls(heights, float(low[0]), float(low[2]))
