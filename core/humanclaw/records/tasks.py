@@ -11,6 +11,7 @@ from typing import Final
 from pydantic import ValidationError
 
 from humanclaw.errors import HumanclawError
+from humanclaw.records.folder import writing
 from humanclaw.records.specification import EpisodeSpec
 from humanclaw.storage.files import MIB, Folder, read_file
 from humanclaw.text.json import first_fault, once
@@ -109,7 +110,8 @@ def _spec(line: bytes, where: str) -> EpisodeSpec:
 
 
 def write_episodes(path: Path, specs: Sequence[EpisodeSpec]) -> None:
-    """Write episodes to a file, one a line."""
-    path.parent.mkdir(parents=True, exist_ok=True)
+    """Write episodes to a file, one a line. Raises RecordError if it cannot be written."""
     lines = (spec.model_dump_json(exclude_defaults=True) + "\n" for spec in specs)
-    Folder(path.parent).write(path.name, "".join(lines).encode())
+    with writing(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        Folder(path.parent).write(path.name, "".join(lines).encode())

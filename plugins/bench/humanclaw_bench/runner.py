@@ -117,8 +117,7 @@ def run_split(
     with _alone(out):
         job = introduced(seeded(job, out), plugins)
         agree(out, manifest(specs, job, plugins))
-        with writing(out / SPLIT):
-            write_episodes(out / SPLIT, specs)
+        write_episodes(out / SPLIT, specs)
         records = [ended_record(Folder(out) / spec.id) for spec in specs]
         _catch_up(out, filter(None, records))
         todo = [spec for spec, record in zip(specs, records, strict=True) if record is None]

@@ -25,7 +25,7 @@ _HIGH: Final = 1000.0
 
 
 class OverheadMapper:
-    """Keeps the maps of all objects. The body casts no shadow: it stands between the lamps, not below them."""
+    """Keeps the maps of all objects. The body casts no shadow: a map drawn anew for each picture costs time."""
 
     def __init__(self, scene: Scene, model: Model, instances: Instances, movers: Sequence[int]) -> None:
         """Draw the maps of all objects.
