@@ -25,11 +25,11 @@ from humanclaw.errors import RecordError
 from humanclaw.plugins.agents import Reporter
 from humanclaw.plugins.choice import Choice
 from humanclaw.plugins.host import Plugins
-from humanclaw.records.folder import writing
 from humanclaw.records.reading import RecordedEpisode
 from humanclaw.records.specification import name_of
 from humanclaw.records.steps import EpisodeRecord
 from humanclaw.records.tasks import free_episode
+from humanclaw.storage.files import writing
 from humanclaw.world.navigation.approach import geodesics
 from humanclaw.world.scene import Scene
 

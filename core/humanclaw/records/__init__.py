@@ -29,7 +29,6 @@ if TYPE_CHECKING:
         EpisodeWriter as EpisodeWriter,
         close_record as close_record,
         write_record as write_record,
-        writing as writing,
     )
     from humanclaw.records.limits import Meter as Meter
     from humanclaw.records.outcomes import (

@@ -13,7 +13,7 @@ import numpy as np
 from humanclaw.body.pose import Array
 from humanclaw.errors import RecordError
 from humanclaw.records.steps import EpisodeRecord, StepRecord
-from humanclaw.storage.files import MIB, Folder, add_line
+from humanclaw.storage.files import MIB, Folder, add_line, writing
 
 AGAIN = "Run the episode again, or remove its folder."
 RECORD_BYTES, STEPS_BYTES, FRAME_BYTES, MOTION_BYTES = 16 * MIB, 128 * MIB, 16 * MIB, 1024 * MIB
@@ -66,16 +66,6 @@ def _write_npz(stream: BinaryIO, arrays: Mapping[str, Array]) -> None:
         for name in arrays:
             with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
                 np.lib.format.write_array(member, arrays[name], allow_pickle=False)
-
-
-@contextmanager
-def writing(folder: Path | Folder) -> Iterator[None]:
-    """Turn an OSError, such as a full disk or a read-only folder, into a RecordError."""
-    try:
-        yield
-    except OSError as error:
-        reason = f"cannot write the record to {Folder.of(folder).path}: {error.strerror or error}."
-        raise RecordError(reason, "Make room there, or name another folder with --out.") from error
 
 
 def write_record(folder: Path | Folder, record: EpisodeRecord) -> None:

@@ -11,9 +11,8 @@ from typing import Final
 from pydantic import ValidationError
 
 from humanclaw.errors import HumanclawError
-from humanclaw.records.folder import writing
 from humanclaw.records.specification import EpisodeSpec
-from humanclaw.storage.files import MIB, Folder, read_file
+from humanclaw.storage.files import MIB, Folder, read_file, writing
 from humanclaw.text.json import first_fault, once
 from humanclaw.world.scene import Scene
 

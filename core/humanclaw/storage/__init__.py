@@ -14,6 +14,7 @@ if TYPE_CHECKING:
         within as within,
         write_atomically as write_atomically,
         write_result as write_result,
+        writing as writing,
     )
     from humanclaw.storage.pictures import decoded as decoded, from_jpeg as from_jpeg, gif as gif, jpeg as jpeg
 

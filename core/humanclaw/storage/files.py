@@ -319,3 +319,13 @@ def within(folder: Path, name: str | Path) -> Path:
     if os.path.commonpath((home, path)) != home:
         raise ValueError(f"{str(name)!r} lies outside of {folder}")
     return Path(path)
+
+
+@contextmanager
+def writing(folder: Path | Folder) -> Iterator[None]:
+    """Turn an OSError, such as a full disk or a read-only folder, into a RecordError."""
+    try:
+        yield
+    except OSError as error:
+        reason = f"cannot write the record to {Folder.of(folder).path}: {error.strerror or error}."
+        raise RecordError(reason, "Make room there, or name another folder with --out.") from error

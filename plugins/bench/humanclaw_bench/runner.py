@@ -22,8 +22,8 @@ from typing import Any, Final
 from filelock import FileLock, Timeout
 
 from humanclaw import EpisodeSpec, HumanclawError, Plugins, RecordError
-from humanclaw.records import EpisodeRecord, write_episodes, writing
-from humanclaw.storage import Folder, add_line
+from humanclaw.records import EpisodeRecord, write_episodes
+from humanclaw.storage import Folder, add_line, writing
 from humanclaw_bench.executors import EpisodeQueue, Executor
 from humanclaw_bench.integrity import JOURNAL, MANIFEST, SPLIT, End, Journal
 from humanclaw_bench.scores import ended

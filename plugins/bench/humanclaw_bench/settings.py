@@ -18,8 +18,7 @@ import humanclaw
 from humanclaw import Choice, EpisodeSpec, Plugins, RecordError
 from humanclaw.cli import check_options
 from humanclaw.plugins import PluginInfo, noun, own
-from humanclaw.records import writing
-from humanclaw.storage import Folder
+from humanclaw.storage import Folder, writing
 from humanclaw_bench.integrity import MANIFEST, read_manifest, split_digest
 from humanclaw_bench.wall.deciders import PROCESS
 from humanclaw_bench.worker import Job

@@ -26,8 +26,8 @@ from humanclaw import (
     ReplayError,
     StepRecord,
 )
-from humanclaw.records import MOTION_BYTES, Outcome, Usage, close_record, writing
-from humanclaw.storage import Folder
+from humanclaw.records import MOTION_BYTES, Outcome, Usage, close_record
+from humanclaw.storage import Folder, writing
 from humanclaw.world import geodesics
 from humanclaw_bench.wall.deciders import Wall
 
