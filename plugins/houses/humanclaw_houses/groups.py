@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from humanclaw_houses.building import Placed
-from humanclaw_houses.furniture import bath, beds, decor, kitchen, media, seats, tables
+from humanclaw_houses.furniture import bath, beds, decor, kitchen, media, opening, seats, tables
 from humanclaw_houses.kit import Kit
 from humanclaw_houses.model import Piece
 from humanclaw_houses.placing import beside, lay, put_above, put_at_wall
@@ -167,10 +167,10 @@ def put_counters(space: Space, kit: Kit) -> None:
     for piece in pieces:
         obj = space.at_wall(piece, side, along + piece.size[0] / 2, gap=0.02)
         along += piece.size[0] + 0.002
-        if space.put(obj, keep=[space.ahead(obj, 0.6)]):
+        if space.put(obj, keep=[space.ahead(obj, 0.72 if piece.leaves else 0.6)]):
             _above_unit(space, kit, fronts, obj)
     if not any(obj.piece.asset.category == "fridge" for obj in space.objects):
-        put_at_wall(space, kit, kitchen.fridge, front=0.65)
+        put_at_wall(space, kit, opening.fridge, front=0.72)
 
 
 def _stretch(space: Space, side: Side) -> tuple[Side, float, float]:
@@ -194,7 +194,7 @@ def _run(kit: Kit, fronts: kitchen.Fronts, length: float) -> list[Piece]:
     if left < 0:
         return [sink] if length > 0.85 else []
     with_fridge = left > 1.1
-    fridge = [kit.make(kitchen.fridge)] if with_fridge else []
+    fridge = [kit.make(opening.fridge)] if with_fridge else []
     left -= fridge[0].size[0] if fridge else 0.0
     widths = [w for w in ([0.5 * left, 0.5 * left] if left > 1.0 else [left]) if w > 0.28]
     tops = [kit.make(kitchen.counter, fronts, round(w - 0.005, 3)) for w in widths]

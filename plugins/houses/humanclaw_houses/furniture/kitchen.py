@@ -78,19 +78,6 @@ def stove(style: Style, name: str) -> Piece:
     return m.piece(name, "stove")
 
 
-def fridge(style: Style, name: str) -> Piece:
-    m = Model()
-    tile, w, h, d = style.choice(style.steel, style.white), style.between(0.6, 0.7), style.between(1.7, 1.85), 0.62
-    m.box((w, h, d - 0.04), (0, 0, -0.02), style.steel)
-    split = round(0.38 * h, 2)
-    for y, high in ((0.03, split - 0.04), (split, h - split - 0.01)):
-        m.add(box((w, high, 0.04), (0, y, d / 2 - 0.025), "k"), tile)
-        grip = y + high - 0.34 if y < 0.1 else y + 0.05
-        m.add(box((0.022, 0.28, 0.03), (-w / 2 + 0.05, grip, d / 2 + 0.01)), style.chrome)
-    m.solid((w, h, 0.05), (0, 0, d / 2 - 0.025))
-    return m.piece(name, "fridge")
-
-
 def wall_cabinet(style: Style, name: str, fronts: Fronts, width: float) -> Piece:
     m = Model()
     m.box((width, 0.68, 0.31), (0, 0, 0), fronts.body)
