@@ -13,6 +13,7 @@ from humanclaw.body import Pose2D
 from humanclaw.world import Quaternion, Room, SceneObject
 from humanclaw_houses.building import Placed, build, draw_finishes
 from humanclaw_houses.drafting import draw_plans
+from humanclaw_houses.dressing import dress
 from humanclaw_houses.furnish import furnish
 from humanclaw_houses.kit import Kit
 from humanclaw_houses.library import Library
@@ -100,6 +101,8 @@ def _furnish(plans: Sequence[FloorPlan], style: Style, rng: np.random.Generator,
     # With n more small objects, (movable + n) / (all + n) is to be _MOVABLE: solved for n.
     wanted = round((_MOVABLE * len(scene_objects) - movable) / (1 - _MOVABLE))
     scatter([space for space in spaces if space.area.kind != "stairs"], kit, max(wanted, 0))
+    for space in spaces:
+        dress(space, kit)
     return spaces
 
 

@@ -117,6 +117,7 @@ class Space:
         self._kept: list[Rect] = []
         self._wanted: list[tuple[Rect, ...]] = []
         self.windows: list[tuple[Side, Opening]] = []
+        self.doors: list[tuple[Side, Opening]] = []
         self._doors: list[Rect] = []
         for wall in plan.walls:
             if area.name in (wall.low, wall.high):
@@ -130,6 +131,8 @@ class Space:
                 self.windows.append((side, hole))
                 self._taken.append(Block(self._strip(side, hole.at, hole.width, 0.22), hole.bottom - 0.07, hole.top))
             else:
+                if hole.kind not in ("open", "stairs"):
+                    self.doors.append((side, hole))
                 # People walk along an open side, and half of that way is in the other room.
                 deep = 0.45 if hole.kind == "open" and hole.width > 2 else 0.8
                 if hole.leaf and hole.opens_low == (wall.low == self.area.name):
@@ -224,9 +227,9 @@ class Space:
     def clear_of_doors(self, obj: Placed) -> bool:
         return not any(block_of(obj).rect.meets(door) for door in self._doors)
 
-    def rests(self, obj: Placed, host: Placed) -> bool:
-        """Return whether an object on top of its host touches nothing else."""
-        return not self._blocked(block_of(obj), 0.01, ignore=(block_of(host),))
+    def rests(self, obj: Placed, *hosts: Placed) -> bool:
+        """Return whether an object on top of its host touches nothing else. Further hosts stand under it too."""
+        return not self._blocked(block_of(obj), 0.01, ignore=[block_of(host) for host in hosts])
 
     def ahead(self, obj: Placed, front: float) -> Rect:
         """Return the floor in front of a piece, as wide as the piece. front: its depth, metres."""

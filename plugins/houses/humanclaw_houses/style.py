@@ -31,13 +31,13 @@ class Style:
     @classmethod
     def draw(cls, rng: np.random.Generator) -> Style:
         first, second = rng.permutation(len(t.WOODS))[:2]
-        cloths = rng.permutation(len(t.FABRICS))[:2]
+        cloths = rng.permutation(len(t.COVERS))[:2]
         return cls(
             rng,
             wood=t.wood(t.WOODS[first], rng),
             second_wood=t.wood(t.WOODS[second], rng),
-            cloth=t.cloth(t.FABRICS[cloths[0]], rng),
-            second_cloth=t.cloth(t.FABRICS[cloths[1]], rng),
+            cloth=t.cloth(t.COVERS[cloths[0]], rng),
+            second_cloth=t.cloth(t.COVERS[cloths[1]], rng),
             white=t.plain((240, 240, 238), rng),
             black=t.plain((34, 34, 37), rng, 0.03),
             steel=t.plain((176, 180, 184), rng, 0.02),
@@ -70,4 +70,8 @@ class Style:
             return t.cloth(colour, self.rng)
         if kind < 0.8:
             return t.stripes(colour, (232, 226, 214), self.rng)
-        return t.checks(colour, (232, 226, 214), self.rng)
+        return self.checked()
+
+    def checked(self) -> Tile:
+        """Draw a cloth in checks."""
+        return t.checks(t.pick(self.rng, t.FABRICS), (232, 226, 214), self.rng)

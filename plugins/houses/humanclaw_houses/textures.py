@@ -56,9 +56,9 @@ def plain(colour: Colour, rng: np.random.Generator, noise: float = 0.007) -> Til
     return Tile(_shade(colour, noise * _noise(rng, (4, 4))))
 
 
-def darker(tile: Tile, share: float) -> Tile:
-    """Return a tile at a share of its brightness: the same material in a seam or a fold."""
-    return replace(tile, pixels=np.asarray(np.round(tile.pixels * share), np.uint8))
+def shaded(tile: Tile, share: float) -> Tile:
+    """Return a tile at a share of its brightness: the same material in a seam, a fold or in better light."""
+    return replace(tile, pixels=np.asarray(np.clip(np.round(tile.pixels * share), 0, 255), np.uint8))
 
 
 def pastel(tile: Tile) -> Tile:
@@ -289,6 +289,11 @@ FABRICS: Final[tuple[Colour, ...]] = (
     (92, 104, 120), (150, 66, 58), (74, 108, 96), (138, 150, 158), (58, 74, 110), (64, 118, 122), (112, 112, 116),
     (128, 92, 118),
 )  # fmt: skip
+COVERS: Final[tuple[Colour, ...]] = (
+    (190, 178, 160), (168, 164, 158), (150, 150, 152), (206, 196, 178), (134, 140, 144), (182, 156, 130),
+    (156, 164, 152), (140, 152, 164),
+)  # fmt: skip
+"""Colours of upholstery and curtains: light and muted, so that their folds and seams show."""
 LEATHERS: Final[tuple[Colour, ...]] = ((58, 88, 80), (62, 80, 108), (150, 74, 58))
 PAINTS: Final[tuple[Colour, ...]] = (
     (236, 230, 218), (216, 224, 220), (226, 214, 196), (208, 218, 228), (232, 222, 200), (214, 220, 204), (228, 216,

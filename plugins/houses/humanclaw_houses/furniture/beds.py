@@ -25,7 +25,7 @@ def bed(style: Style, name: str, double: bool = True) -> Piece:
                 post(0.03, gap + 0.02, (side * (width / 2 - 0.08), 0, 0.03 + z * (length / 2 - 0.1))), style.second_wood
             )
     m.add(soft_box((width - 0.05, 0.2, length - 0.05), (0, seat - 0.23, 0.025), 0.06), style.linen)
-    cover = t.pastel(style.fabric())
+    cover = t.pastel(style.checked() if style.chance(0.5) else style.fabric())
     foot = length / 2 + 0.03
     m.add(_drape(width + 0.012, foot - 1.36, foot, seat, 0.19), cover)
     m.add(_drape(width + 0.016, z0 + 0.5, z0 + 0.84, seat + 0.012, 0.19, hem=False), style.linen)

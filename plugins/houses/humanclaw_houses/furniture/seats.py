@@ -98,7 +98,7 @@ def _sofa(style: Style, name: str, category: str, seats: int) -> Piece:
 
 def _seat_and_back(m: Model, cut: _Cut, cover: Tile, kind: str) -> None:
     """Add the frame below, a seat cushion for each person, and loose back cushions or one buttoned back."""
-    shade = t.darker(cover, 0.55)
+    shade = t.shaded(cover, 0.55)
     m.add(box((cut.inner + 0.02, cut.seat - 0.13 - cut.leg, cut.reach - 0.03), (0, cut.leg, cut.middle - 0.015)), cover)
     m.add(box((cut.inner, 0.09, cut.reach - 0.04), (0, cut.seat - 0.13, cut.middle - 0.02), "b"), shade)
     _back(m, cut, cover, kind)
@@ -108,9 +108,8 @@ def _seat_and_back(m: Model, cut: _Cut, cover: Tile, kind: str) -> None:
         if kind == "buttoned":
             _buttons(m, cut, cover, x)
         else:
-            pad = pillow((cut.per_seat + 0.01, 0.24, cut.back - cut.seat + 0.05), pinch=0.03)
-            z = cut.BACK_DEPTH - cut.depth / 2
-            m.add(pad.moved((x, (cut.seat + cut.back) / 2 + 0.01, z - 0.11), (78, 0, 0)), cover)
+            pad = soft_box((cut.per_seat - 0.02, cut.back - cut.seat + 0.04, 0.17), radius=0.06)
+            m.add(pad.moved((x, cut.seat - 0.01, cut.BACK_DEPTH - cut.depth / 2 + 0.02), (-10, 0, 0)), cover)
 
 
 def _back(m: Model, cut: _Cut, cover: Tile, kind: str) -> None:
