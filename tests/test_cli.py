@@ -289,6 +289,33 @@ def test_ctrl_c_while_the_report_is_written_leaves_the_record_and_says_how_to_ge
     assert (tmp_path / "r/house-0-0/episode.json").is_file()
 
 
+def test_ctrl_c_that_python_drops_in_a_finalizer_stops_the_run_all_the_same(cli, tmp_path):
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        pytest.skip("what started this process ignores the signal, and its children inherit that")
+    (tmp_path / "dropping.py").write_text(
+        "import os, signal\n"
+        "from humanclaw import Call, Decision, hookimpl\n"
+        "class Dropping:\n"
+        "    def __del__(self):\n"
+        "        os.kill(os.getpid(), signal.SIGINT)\n"
+        "        sum(range(1000))\n"
+        "class Turning:\n"
+        "    name, privileged, settings = 'turning', False, {}\n"
+        "    def begin(self, context): pass\n"
+        "    def decide(self, observation, history):\n"
+        "        Dropping()\n"
+        "        return Decision((Call('turn_in_place', {'yaw_deg': 30}),), reasoning='I turn.')\n"
+        "@hookimpl\n"
+        "def humanclaw_agents(register): register('turning', lambda settings: Turning(), 'turns')\n"
+    )
+    done = cli(
+        "run", "--plugin", "dropping.py", "--agent", "turning", "--max-steps", "4", "--film", "none", "--out", "r"
+    )
+    assert "Exception ignored" in done.stderr
+    assert done.returncode == 130
+    assert "interrupted after 1 " in done.stdout
+
+
 def test_ctrl_c_again_while_the_record_is_closed_says_where_it_is_all_the_same(cli, tmp_path):
     (tmp_path / "hasty.py").write_text(
         "from humanclaw import hookimpl\n"

@@ -6,7 +6,7 @@ import datetime
 import signal
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from itertools import chain, count
 from pathlib import Path
@@ -68,7 +68,7 @@ def play(
     status.update(PLAYING)
     with (
         left_empty(folder),
-        _interrupted_by_sigterm(),
+        _interrupting() as interrupted,
         _kept(folder),
         Body(scene, seed=seed, plugins=plugins, backends=backends) as body,
     ):
@@ -81,6 +81,7 @@ def play(
             options=deciders.options,
             distance=geodesics,
             meter=deciders.meter(),
+            stopping=interrupted,
         )
     try:
         recorded = RecordedEpisode(folder)
@@ -145,20 +146,25 @@ def claim(folder: Path) -> None:
 
 
 @contextmanager
-def _interrupted_by_sigterm() -> Iterator[None]:
-    """Treat SIGTERM like Ctrl-C: the record is closed and the report written."""
+def _interrupting() -> Iterator[Callable[[], bool]]:
+    """Treat SIGTERM like Ctrl-C: the record is closed and the report written. Yields whether either was heard.
+
+    Python drops an exception in a finalizer, a KeyboardInterrupt too: then the run stops before its next step.
+    """
+    heard: list[int] = []
 
     def handle(number: int, frame: object) -> None:
+        heard.append(number)
         raise KeyboardInterrupt
 
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = signal.signal(signal.SIGTERM, handle)
+    main = threading.current_thread() is threading.main_thread()
+    heeded = [one for one in (signal.SIGINT, signal.SIGTERM) if main and signal.getsignal(one) is not signal.SIG_IGN]
+    before = {number: signal.signal(number, handle) for number in heeded}
     try:
-        yield
+        yield lambda: bool(heard)
     finally:
-        signal.signal(signal.SIGTERM, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def _needed(plugins: Plugins, deciders: Deciders, backends: Backends, reference: str) -> Iterator[tuple[str, str]]:
