@@ -28,6 +28,26 @@ class Metric:
     percent: bool = False
     digits: int = 1
 
+    @property
+    def meaning(self) -> str:
+        """What a short name means, for a page's reader; empty if the name says it. The README has the definitions."""
+        return _MEANINGS.get(self.name, "")
+
+
+_MEANINGS: Final = {
+    "FindSR": "the target was in view, and the agent said so",
+    "NavSR": "stopped within 0.2 m of the target",
+    "ArriveSR": "NavSR with the whole body there, not a hand through a wall",
+    "InteractSR": "sat on the target and stopped there",
+    "Coll.": "share of the half seconds in motion that touch an object",
+    "#Dtb": "objects displaced in an episode",
+    "dDtb (m)": "how far they were displaced",
+    "Jerk": "roughness of the body's path, m/s\u00b3",
+    "SPL": "NavSR, less for detours",
+    "SoftSPL": "share of the way covered, less for detours",
+    "Brier": "squared error of the success that the agent expected",
+}
+
 
 def _rate(name: str, field: str) -> Metric:
     def parts(scores: Scores) -> tuple[float, float] | None:

@@ -76,7 +76,9 @@ def _add(table: ResultTable, page: Page, name: str) -> None:
     table = _spent(table)
     head, rows = texts(table)
     shares = [[cell.value for cell in row.cells] for row in table.rows] if name in DRAWN else ()
-    page.table(table.title, head, rows, notes=table.all_notes, shares=shares, turned=DRAWN.get(name, False))
+    told = "; ".join(f"{column.title}: {column.meaning}" for column in table.columns if column.meaning)
+    notes = (f"{told}.", *table.all_notes) if name == "main" else table.all_notes
+    page.table(table.title, head, rows, notes=notes, shares=shares, turned=DRAWN.get(name, False))
 
 
 def _add_comparison(one: Result, two: Result, page: Page) -> None:

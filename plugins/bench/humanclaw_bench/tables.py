@@ -58,10 +58,11 @@ class Column:
     better: Literal["higher", "lower", ""] = ""
     counts: tuple[int, int] | None = None
     """Result.counts, if the column belongs to an agent."""
+    meaning: str = ""
 
     @classmethod
     def of(cls, metric: Metric) -> Column:
-        return cls(metric.name, metric.digits, metric.percent, metric.better)
+        return cls(metric.name, metric.digits, metric.percent, metric.better, meaning=metric.meaning)
 
     @property
     def head(self) -> str:

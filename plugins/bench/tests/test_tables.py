@@ -629,3 +629,13 @@ def test_a_page_of_two_runs_that_asked_no_model_speaks_of_no_tokens_and_no_cost(
     metrics = [row[0] for row in page.tables[title][1]] + alike
     assert "NavSR" in alike, "75 and 25 % of four episodes"
     assert not [name for name in metrics if "tok" in name or "cost" in name]
+
+
+def test_a_page_says_what_each_short_name_over_its_main_table_means(tmp_path: Path) -> None:
+    page = Shown()
+    overview({tmp_path / "a": load_run(write_run(tmp_path / "a", sat=2, far=1))}, page)
+    title, (head, _) = next(iter(page.tables.items()))
+    names = {cell.rstrip(" \u2191\u2193") for cell in head[1:]}
+    plain = {"false claims", "steps", "motion (s)"}
+    assert names > plain
+    assert [name for name in names - plain if f"{name}: " not in page.notes[title]] == []
