@@ -29,6 +29,7 @@ FORMER: Final = {
 """Modules that were doors up to plugin API 1.0, and the doors that have their names now."""
 MOVED: Final = {
     "humanclaw.motion": {"Course": "humanclaw.skills"},
+    "humanclaw.records": {"writing": "humanclaw.storage"},
     "humanclaw.storage": {"pack_scene": "humanclaw.world", "unpack_scene": "humanclaw.world"},
 }
 """Names that went to another door with plugin API 1.1."""

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from humanclaw.doors import door
 
 if TYPE_CHECKING:
+    from humanclaw.storage.archives import DAMAGED as DAMAGED
     from humanclaw.storage.cache import VARIABLE as VARIABLE, Cache as Cache
     from humanclaw.storage.files import (
         Folder as Folder,

@@ -23,6 +23,7 @@ from humanclaw.plugins.index import HOOK, Entry, Followed, Index, IndexedSkill
 from humanclaw.skills.adapter_checks import adapter_header
 from humanclaw.skills.checks import read_draft
 from humanclaw.skills.measures import from_si
+from humanclaw.storage.archives import DAMAGED
 from humanclaw.storage.files import Folder
 from humanclaw.testing.examining import Report, examine
 from humanclaw.text.json import first_fault
@@ -54,7 +55,7 @@ def index_of(folder: Path, plugins: Plugins, by_name: bool = False) -> tuple[Ind
             left_out[wheel] = error.message
         except ValidationError as error:
             left_out[wheel] = first_fault(error)
-        except (OSError, zipfile.BadZipFile, NotImplementedError, RuntimeError, ValueError) as error:
+        except (*DAMAGED, ValueError) as error:
             left_out[wheel] = f"it cannot be read: {error}"
     return Index("humanclaw-plugins-1", tuple(entries.values())), left_out
 

@@ -38,7 +38,7 @@ from humanclaw.body import (
 from humanclaw.skills import MEASURES, Measure, Parameter, outcomes
 from humanclaw_train import mocap
 from humanclaw_train.retarget import retarget
-from humanclaw_train.source_motion import MocapError, SourceMotion
+from humanclaw_train.source_motion import UNREADABLE, MocapError, SourceMotion
 
 CHUNKS: Final = Path(".data/chunks")
 """Default folder of chunks."""
@@ -244,7 +244,7 @@ class Chunks:
             with np.load(path, allow_pickle=False) as data:
                 there = [one.name for one in fields(cls) if one.name in data or one.name != "licences"]
                 return cls(**{name: data[name] for name in there})
-        except (OSError, KeyError, ValueError) as error:
+        except UNREADABLE as error:
             raise MocapError(
                 f"{path} holds no chunks: {error}.", "Build chunks with: humanclaw data build DIR"
             ) from error

@@ -21,7 +21,7 @@ from humanclaw import HumanclawError
 from humanclaw.body import CHUNK, FPS, FUTURE, HISTORY, JOINT_INDEX, STATE_SIZE
 from humanclaw_train import kinematics
 from humanclaw_train.checkpoint import Normaliser
-from humanclaw_train.chunks import EACH
+from humanclaw_train.chunks import EACH, Chunks
 
 Arrays = Mapping[str, NDArray[Any]]
 """Content of a file of chunks, by name."""
@@ -68,34 +68,23 @@ def load(folders: Sequence[Path], name: str) -> ChunkTensors:
         raise HumanclawError(
             f"There is no {name}.npz in {listed}.", "Build chunks first with: humanclaw data build DIR"
         )
-    parts = [_read(file) for file in files]
+    parts = [Chunks.load(file) for file in files]
     kept = np.concatenate(list(_new(parts)))
-    whole = {key: np.concatenate([part[key] for part in parts])[kept] for key in EACH}
+    whole = {key: np.concatenate([getattr(part, key) for part in parts])[kept] for key in EACH}
     root, rotations, params = (torch.from_numpy(whole[key].astype(np.float32)) for key in EACH[:3])
-    names, measures = (tuple(parts[0][key].tolist()) for key in ("names", "measures"))
-    licences = dict.fromkeys(text for part in parts for text in part["licences"].tolist())
+    names, measures = (tuple(known.tolist()) for known in (parts[0].names, parts[0].measures))
+    licences = dict.fromkeys(text for part in parts for text in part.licences.tolist())
     return ChunkTensors(name, root, rotations, params, _statistics(whole), names, measures, tuple(licences))
 
 
-def _new(parts: Sequence[Arrays]) -> Iterator[NDArray[np.bool_]]:
+def _new(parts: Sequence[Chunks]) -> Iterator[NDArray[np.bool_]]:
     """Yield for each part a mask (N,) without the real chunks that an earlier part has."""
     before = set[bytes]()
     for part in parts:
-        keys = [root.tobytes() + turns.tobytes() for root, turns in zip(part["root"], part["rotations"], strict=True)]
+        keys = [root.tobytes() + turns.tobytes() for root, turns in zip(part.root, part.rotations, strict=True)]
         # Synthetic chunks differ between seeds, so they are never repeated.
-        yield np.array([not real or one not in before for real, one in zip(part["real"], keys, strict=True)])
+        yield np.array([not real or one not in before for real, one in zip(part.real, keys, strict=True)])
         before |= set(keys)
-
-
-def _read(file: Path) -> Arrays:
-    with np.load(file, allow_pickle=False) as content:
-        found = {key: content[key] for key in (*EACH, "names", "measures")}
-        found["licences"] = content["licences"] if "licences" in content else np.array([], np.str_)
-    if found["root"].shape[1:] != (CHUNK, 3):
-        raise HumanclawError(
-            f"{file}: expected root (N, {CHUNK}, 3); got {found['root'].shape}.", "Build the chunks again."
-        )
-    return found
 
 
 def _statistics(whole: Arrays) -> dict[str, Any]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,8 +11,9 @@ import numpy as np
 
 from humanclaw import HumanclawError
 from humanclaw.body import Array, matrix_from_vector
+from humanclaw.storage import DAMAGED
 
-UNREADABLE: Final = (OSError, EOFError, KeyError, ValueError, zipfile.BadZipFile)
+UNREADABLE: Final = (*DAMAGED, KeyError, ValueError)
 """Errors of numpy for an npz that is missing, empty, cut off, or has other content."""
 AXES: Final = {axis: np.eye(3)["xyz".index(axis)] for axis in "xyz"}
 

@@ -228,6 +228,9 @@ def test_a_file_that_holds_no_chunks_is_refused(tmp_path):
     np.savez(tmp_path / "walk.npz", root=np.zeros((1, 20, 3)))
     with pytest.raises(MocapError, match="holds no chunks"):
         Chunks.load(tmp_path / "walk.npz")
+    (tmp_path / "walk.npz").write_bytes((tmp_path / "walk.npz").read_bytes()[:-40])
+    with pytest.raises(MocapError, match="holds no chunks"):
+        Chunks.load(tmp_path / "walk.npz")
 
 
 def test_mirrored_chunks_realise_the_mirrored_parameters(walk):

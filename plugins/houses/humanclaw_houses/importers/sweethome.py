@@ -6,11 +6,9 @@ Models have +Y up and their front to +Z. The catalogue gives each its size in ce
 from __future__ import annotations
 
 import functools
-import lzma
 import math
 import re
 import zipfile
-import zlib
 from collections import defaultdict
 from collections.abc import Callable, Mapping
 from contextlib import suppress
@@ -18,7 +16,7 @@ from pathlib import Path, PurePosixPath
 from typing import Final
 
 from humanclaw import HumanclawError
-from humanclaw.storage import Folder, open_file
+from humanclaw.storage import DAMAGED, Folder, open_file
 from humanclaw.world import MODEL_BYTES
 from humanclaw_houses.importers.source_models import Collection, SourceModel
 
@@ -29,8 +27,6 @@ TEXT_BYTES: Final = 4 << 20
 """Maximum bytes of its catalogue and of its licence."""
 MOST: Final = 20_000
 """Maximum pieces of furniture of a library."""
-UNREADABLE: Final = (zipfile.BadZipFile, zlib.error, lzma.LZMAError, OSError, EOFError, RuntimeError)
-"""Errors of zipfile and its unpackers; NotImplementedError is a RuntimeError."""
 _LICENCES: Final = (
     (r"public domain|cc-?0", "CC0-1.0"),
     (r"creative commons attribution 3\.0 us|by/3\.0/us", "CC-BY-3.0-US"),
@@ -48,7 +44,7 @@ def open_zip(path: Path, name: str = "") -> Collection:
         with open_file(path, LIBRARY_BYTES) as file, zipfile.ZipFile(file) as archive:
             text = _member(archive, CATALOGUE)
             terms = _member(archive, "LICENSE.TXT") if "LICENSE.TXT" in archive.namelist() else b""
-    except (*UNREADABLE, KeyError) as error:
+    except (*DAMAGED, KeyError) as error:
         raise HumanclawError(
             f"{path} is not a Sweet Home 3D furniture library: {error}.",
             f"Such a library is a zip file that holds {CATALOGUE}.",
@@ -148,7 +144,7 @@ def _unzip(archive: Path, model: str, folder: Path) -> Path:
                 raise HumanclawError(f"{model} is larger than {MODEL_BYTES >> 20} MiB with its textures.")
             for member in members:
                 file.extract(member, folder)  # Stays inside the folder: zipfile drops ".." and absolute paths.
-    except UNREADABLE as error:
+    except DAMAGED as error:
         raise HumanclawError(f"{model} cannot be unpacked: {error}.") from error
     return _inside(folder, model)
 
