@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from humanclaw_houses.building import Placed
-from humanclaw_houses.furniture import things
+from humanclaw_houses.furniture import small, things
 from humanclaw_houses.kit import Kit, Maker
 from humanclaw_houses.model import Piece, Top
 from humanclaw_houses.placing import beside, hang_one
@@ -34,6 +34,18 @@ _ON: Final[dict[str, tuple[Maker, ...]]] = {
     "bath_shelf": (things.toiletries, things.glass, things.candle, things.small_plant),
 }  # fmt: skip
 """Things that stand on furniture of a category. All of them are tried, in random order."""
+_IN: Final[dict[str, tuple[Maker, ...]]] = {
+    "fridge": (things.jar, things.plate, small.bottle, things.toiletries, things.jar, things.glass),
+    "wardrobe": (things.towels, things.casket, things.shoes, things.towels, things.handbag),
+    "kitchen_counter": (things.pan, things.plate, things.jar),
+    "dishwasher": (things.plate, things.glass, things.mug),
+    "stove": (things.pan,),
+}  # fmt: skip
+"""Things behind the doors of furniture."""
+_EMPTY: Final = 0.3
+"""Share of furniture with doors that is empty."""
+_AJAR: Final = 0.1
+"""Share of doors and drawers that are not shut."""
 _SPARE: Final = 0.02
 """Free space around a thing, metres."""
 _SETTING: Final = 0.12
@@ -42,14 +54,18 @@ _TRIES: Final = 12
 
 
 def dress(space: Space, kit: Kit) -> None:
-    """Dress one furnished room. Nothing that this adds can be pushed, and only radiators collide."""
+    """Dress one furnished room. Of what this adds, bottles in fridges can be pushed, and radiators collide."""
     _fittings(space, kit)
     for _ in range(2 if space.area.kind == "bathroom" else 0):
         hang_one(space, kit, kit.make(things.bath_shelf), 1.1)
     for host in [obj for obj in space.objects if obj.piece.tops]:
-        if host.piece.asset.category == "table":
+        category, tops = host.piece.asset.category, host.piece.tops
+        if category == "table":
             _lay_table(space, kit, host)
-        _fill(space, kit, host, _ON.get(host.piece.asset.category, ()))
+        _fill(space, kit, host, _ON.get(category, ()), [top for top in tops if not top.inside])
+        if not kit.chance(_EMPTY):
+            _fill(space, kit, host, _IN.get(category, ()), [top for top in tops if top.inside])
+    space.objects[:] = [_ajar(obj, kit) for obj in space.objects]
     if space.area.kind == "hall":
         for maker in (things.shoes, things.shoes, things.shoes, things.handbag):
             piece = kit.make(maker)
@@ -60,10 +76,16 @@ def _of(space: Space, category: str) -> list[Placed]:
     return [obj for obj in space.objects if obj.piece.asset.category == category]
 
 
-def _fill(space: Space, kit: Kit, host: Placed, makers: Sequence[Maker]) -> None:
+def _ajar(obj: Placed, kit: Kit) -> Placed:
+    """Leave some doors and drawers of a piece open by up to a quarter of their range."""
+    leaves = tuple(leaf.opened(float(kit.rng.uniform(0.05, 0.25))) if kit.chance(_AJAR) else leaf
+                   for leaf in obj.piece.leaves)  # fmt: skip
+    return replace(obj, piece=replace(obj.piece, leaves=leaves))
+
+
+def _fill(space: Space, kit: Kit, host: Placed, makers: Sequence[Maker], tops: Sequence[Top]) -> None:
     """Put things on the tops of a piece, as many as find a place."""
-    tops = host.piece.tops
-    for number in kit.rng.permutation(len(makers)):
+    for number in kit.rng.permutation(len(makers)) if tops else ():
         piece = kit.make(makers[number])
         for _ in range(_TRIES):
             spot = _somewhere(host, piece, tops[int(kit.rng.integers(len(tops)))], kit.rng)

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from humanclaw_houses.building import Placed
-from humanclaw_houses.furniture import bath, beds, decor, kitchen, media, opening, seats, tables
+from humanclaw_houses.furniture import bath, beds, decor, kitchen, media, seats, tables
 from humanclaw_houses.kit import Kit
 from humanclaw_houses.model import Piece
 from humanclaw_houses.placing import beside, lay, put_above, put_at_wall
@@ -170,7 +170,7 @@ def put_counters(space: Space, kit: Kit) -> None:
         if space.put(obj, keep=[space.ahead(obj, 0.72 if piece.leaves else 0.6)]):
             _above_unit(space, kit, fronts, obj)
     if not any(obj.piece.asset.category == "fridge" for obj in space.objects):
-        put_at_wall(space, kit, opening.fridge, front=0.72)
+        put_at_wall(space, kit, kitchen.fridge, front=0.72)
 
 
 def _stretch(space: Space, side: Side) -> tuple[Side, float, float]:
@@ -185,7 +185,7 @@ def _stretch(space: Space, side: Side) -> tuple[Side, float, float]:
 
 
 def _run(kit: Kit, fronts: kitchen.Fronts, length: float) -> list[Piece]:
-    """Return units that fill a length: sink and stove if both fit, a fridge if there is room, worktops between.
+    """Return units that fill a length: sink and stove if both fit, fridge and dishwasher if there is room, worktops.
 
     A run has at most 4.2 m. Sink and stove are 0.8 and 0.6 m wide.
     """
@@ -194,18 +194,20 @@ def _run(kit: Kit, fronts: kitchen.Fronts, length: float) -> list[Piece]:
     if left < 0:
         return [sink] if length > 0.85 else []
     with_fridge = left > 1.1
-    fridge = [kit.make(opening.fridge)] if with_fridge else []
+    fridge = [kit.make(kitchen.fridge)] if with_fridge else []
     left -= fridge[0].size[0] if fridge else 0.0
+    washer = [kit.make(kitchen.dishwasher, fronts)] if left > 0.9 else []
+    left -= 0.605 * len(washer)
     widths = [w for w in ([0.5 * left, 0.5 * left] if left > 1.0 else [left]) if w > 0.28]
     tops = [kit.make(kitchen.counter, fronts, round(w - 0.005, 3)) for w in widths]
-    return [*fridge, *tops[:1], sink, *tops[1:], stove]
+    return [*fridge, *tops[:1], sink, *washer, *tops[1:], stove]
 
 
 def _above_unit(space: Space, kit: Kit, fronts: kitchen.Fronts, unit: Placed) -> None:
     kind, side = unit.piece.asset.category, next(s for s in SIDES if YAW[s] == unit.yaw)
     if kind == "stove":
         piece, y = kit.make(kitchen.hood), 1.6
-    elif kind in ("kitchen_counter", "sink"):
+    elif kind in ("kitchen_counter", "sink", "dishwasher"):
         piece, y = kit.make(kitchen.wall_cabinet, fronts, round(unit.piece.size[0] - 0.005, 3)), 1.45
     else:
         return

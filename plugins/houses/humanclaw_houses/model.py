@@ -28,6 +28,8 @@ class Top:
     y: float
     room: float = 1.0
     """Free height above it."""
+    inside: bool = False
+    """Whether it is behind a door."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +69,12 @@ class Leaf:
     at: Point
     """Place of its origin in the frame of the piece when it is closed, metres."""
     joint: Joint
+    state: float = 0.0
+    """How far it is open, in the unit of its joint."""
+
+    def opened(self, share: float) -> Leaf:
+        """Return it open by a share of its range."""
+        return replace(self, state=round(share * max(self.joint.low, self.joint.high, key=abs), 4))
 
 
 class Model:
@@ -98,9 +106,12 @@ class Model:
         half = np.array([size[0] / 2, 0.0, size[2] / 2])
         self._hulls.append(corners(np.array(at) - half, np.array(at) + half + [0.0, size[1], 0.0]))
 
-    def top(self, width: float, depth: float, y: float, x: float = 0.0, z: float = 0.0, room: float = 1.0) -> None:
+    def top(
+        self, width: float, depth: float, y: float, x: float = 0.0, z: float = 0.0, room: float = 1.0,
+        *, inside: bool = False,
+    ) -> None:  # fmt: skip
         """Declare a level rectangle about (x, z)."""
-        self._tops.append(Top(x - width / 2, z - depth / 2, x + width / 2, z + depth / 2, y, room))
+        self._tops.append(Top(x - width / 2, z - depth / 2, x + width / 2, z + depth / 2, y, room, inside))
 
     def leaf(self, joint: Joint, mass: float) -> Model:
         """Return a model for a part on a hinge or slide, in the same frame. mass: kilograms."""
@@ -120,7 +131,7 @@ class Model:
         hulls = tuple(exact(hull + shift) for hull in self._hulls)
         asset = Asset(name, category, bake(self._parts, shift), hulls, seat)
         sx, _, sz = shift
-        tops = tuple(Top(t.x0 + sx, t.z0 + sz, t.x1 + sx, t.z1 + sz, t.y, t.room) for t in self._tops)
+        tops = tuple(replace(t, x0=t.x0 + sx, z0=t.z0 + sz, x1=t.x1 + sx, z1=t.z1 + sz) for t in self._tops)
         leaves = tuple(
             part._leaf(f"{name}_{number}", category, joint, weight, shift)
             for number, (part, joint, weight) in enumerate(self._leaves, 1)

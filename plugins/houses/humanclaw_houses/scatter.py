@@ -43,11 +43,10 @@ def scatter(spaces: Sequence[Space], kit: Kit, count: int) -> None:
 
 
 def _on_top(space: Space, kit: Kit) -> bool:
-    hosts = [obj for obj in space.objects if obj.piece.tops]
-    if not hosts:
+    tops = [(obj, top) for obj in space.objects for top in obj.piece.tops if not top.inside]
+    if not tops:
         return False
-    host = hosts[int(kit.rng.integers(len(hosts)))]
-    top = host.piece.tops[int(kit.rng.integers(len(host.piece.tops)))]
+    host, top = tops[int(kit.rng.integers(len(tops)))]
     makers = _ON_TOP[space.area.kind]
     piece = kit.make(makers[int(kit.rng.integers(len(makers)))])
     reach = (max(piece.size[0], piece.size[2]) / 2 + 0.02) * 1.1

@@ -119,9 +119,9 @@ def _scene(name: str, plans: Sequence[FloorPlan], placed: Sequence[Placed], rng:
 
 def objects_of(placed: Sequence[Placed]) -> tuple[SceneObject, ...]:
     """Return placed pieces as objects 1, 2, ..., followed by their doors and drawers."""
-    leaves = [(obj, leaf) for obj in placed for leaf in obj.piece.leaves]
-    whole = [*placed, *(_hung(*pair) for pair in leaves)]
-    return tuple(_object(number, obj) for number, obj in enumerate(whole, 1))
+    hung = [(_hung(obj, leaf), leaf.state) for obj in placed for leaf in obj.piece.leaves]
+    leaves = (_object(number, obj).opened(state) for number, (obj, state) in enumerate(hung, len(placed) + 1))
+    return *(_object(number, obj) for number, obj in enumerate(placed, 1)), *leaves
 
 
 def _hung(body: Placed, leaf: Leaf) -> Placed:

@@ -63,7 +63,7 @@ class Stock:
         return [
             entry for entry in self._library.entries
             if entry.category == category
-            and (entry.top is not None or not wanted.tops or maker == "bookshelf")
+            and (entry.top is not None or all(top.inside for top in wanted.tops) or maker == "bookshelf")
             and (maker != "wall_tv" or entry.size[2] <= _FLAT)
         ]  # fmt: skip
 

@@ -109,15 +109,16 @@ def swung_through(scene: Scene) -> Iterator[tuple[int, int]]:
     Excepted are the building and what is on joints too: these do not meet.
     """
     owners, hulls = _hulls(scene)
-    others = [(int(owner), hull) for owner, hull in zip(owners, hulls, strict=True)
+    others = [k for k, owner in enumerate(owners.tolist())
               if scene.by_id[owner].category not in STRUCTURE and not scene.by_id[owner].joint]  # fmt: skip
+    lows, highs = (np.array([f(hulls[k], axis=0) for k in others]) for f in (np.min, np.max))
     for obj in scene.objects:
         for leaf in _swept(scene, obj) if obj.joint else ():
             low, high = leaf.min(axis=0) + 0.001, leaf.max(axis=0) - 0.001
-            for owner, hull in others:
-                near = (hull.min(axis=0) < high).all() and (hull.max(axis=0) > low).all()
-                if near and (Manifold.hull_points(leaf) ^ Manifold.hull_points(hull)).volume() > _SHARED:
-                    yield obj.id, owner
+            for k in np.flatnonzero(((lows < high) & (highs > low)).all(axis=1)):
+                hull = hulls[others[k]]
+                if (Manifold.hull_points(leaf) ^ Manifold.hull_points(hull)).volume() > _SHARED:
+                    yield obj.id, int(owners[others[k]])
 
 
 def _swept(scene: Scene, obj: SceneObject) -> Iterator[NDArray[np.float64]]:

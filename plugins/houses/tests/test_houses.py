@@ -47,7 +47,7 @@ def boxes(scene: Scene, obj: SceneObject) -> list[tuple[np.ndarray, np.ndarray]]
 
 
 def furniture(scene: Scene) -> list[SceneObject]:
-    return [obj for obj in scene.objects if obj.category not in STRUCTURE]
+    return [obj for obj in scene.objects if obj.category not in STRUCTURE and not obj.joint]
 
 
 # -- the door ----------------------------------------------------------------------------------------------------------
@@ -186,7 +186,8 @@ def test_meshes_are_whole_and_small_enough_to_draw(name: str) -> None:
         assert mesh.uv.min() >= 0
         assert mesh.uv.max() <= 1
         assert mesh.faces.max() < len(mesh.vertices)
-        assert abs(mesh.vertices[:, [0, 2]].min(axis=0) + mesh.vertices[:, [0, 2]].max(axis=0)).max() < 1e-3
+        if f"{obj.asset}_1" not in scene(name).assets:  # With its doors, a piece is centred as a whole.
+            assert abs(mesh.vertices[:, [0, 2]].min(axis=0) + mesh.vertices[:, [0, 2]].max(axis=0)).max() < 1e-3
     assert count < 60_000
 
 
@@ -238,7 +239,16 @@ def test_walls_are_thick_enough_to_stop_a_body(name: str) -> None:
 
 
 def hinged(whole: Scene) -> list[SceneObject]:
-    return [obj for obj in whole.objects if obj.joint]
+    return [obj for obj in whole.of_category("door") if obj.joint]
+
+
+@pytest.mark.parametrize("name", SAMPLE)
+def test_furniture_opens_and_most_of_it_is_shut(name: str) -> None:
+    leaves = [obj for obj in scene(name).objects if obj.joint and obj.category != "door"]
+    assert {obj.category for obj in leaves} >= {"fridge", "stove", "sink", "nightstand"}
+    assert len(leaves) >= 10
+    assert sum(obj.state == 0 for obj in leaves) >= 0.6 * len(leaves)
+    assert all(obj.joint and obj.joint.low <= obj.state <= obj.joint.high for obj in leaves)
 
 
 def test_most_houses_have_doors_and_some_of_them_are_ajar() -> None:
@@ -251,7 +261,6 @@ def test_most_houses_have_doors_and_some_of_them_are_ajar() -> None:
 def test_doors_hang_on_hinges_stand_open_and_nothing_stands_where_they_swing(name: str) -> None:
     whole = scene(name)
     for door in hinged(whole):
-        assert door.category == "door"
         assert 70 <= np.degrees(abs(door.state)) <= 90.1
     assert list(swung_through(whole)) == []
 
@@ -443,7 +452,7 @@ def test_small_objects_rest_on_something(name: str) -> None:
     whole = scene(name)
     solid = {obj.id: boxes(whole, obj) for obj in whole.objects}
     for obj in whole.objects:
-        if not obj.movable:
+        if not obj.movable or obj.joint:
             continue
         bottom = min(low[1] for low, _ in solid[obj.id])
         x, _, z = obj.position

@@ -12,23 +12,23 @@ from humanclaw import Plugins, Scene
 from humanclaw.body import Pose2D, rest_pose
 from humanclaw.testing import SceneBuilder
 from humanclaw.world import Hinge, SceneObject
-from humanclaw_houses import textures
 from humanclaw_houses.building import Placed
-from humanclaw_houses.furniture import opening
+from humanclaw_houses.furniture import kitchen, storage, tables
 from humanclaw_houses.model import Piece
 from humanclaw_houses.source import objects_of
 from humanclaw_houses.style import Style
 from humanclaw_houses.validity import interpenetrating, swung_through
 
 
-def cupboard(style: Style, name: str, width: float = 0.6, drawers: bool = True) -> Piece:
-    return opening.cupboard(style, name, textures.plain((200, 190, 170), style.rng), width, drawers)
+def in_kitchen(make: Callable[..., Piece], *args: float) -> Callable[[Style, str], Piece]:
+    return lambda style, name: make(style, name, kitchen.Fronts.draw(style), *args)
 
 
 MAKERS: dict[str, tuple[Callable[[Style, str], Piece], int]] = {
-    "fridge": (opening.fridge, 2), "chest": (opening.chest, 4), "wardrobe": (opening.wardrobe, 2),
-    "oven": (opening.oven, 1), "dishwasher": (opening.dishwasher, 1), "cupboard": (cupboard, 2),
-    "wide cupboard": (lambda style, name: cupboard(style, name, 0.9, drawers=False), 2),
+    "fridge": (kitchen.fridge, 2), "dresser": (tables.dresser, 4), "nightstand": (tables.nightstand, 2),
+    "wardrobe": (storage.wardrobe, 3), "stove": (kitchen.stove, 1), "dishwasher": (in_kitchen(kitchen.dishwasher), 1),
+    "narrow counter": (in_kitchen(kitchen.counter, 0.5), 2), "wide counter": (in_kitchen(kitchen.counter, 0.9), 2),
+    "sink": (in_kitchen(kitchen.sink), 2),
 }  # fmt: skip
 
 
@@ -56,7 +56,7 @@ def test_doors_and_drawers_overlap_nothing_closed_or_anywhere_on_their_way(maker
     assert not list(swung_through(scene))
 
 
-@pytest.mark.parametrize("name", ["fridge", "chest", "oven", "dishwasher"])
+@pytest.mark.parametrize("name", ["fridge", "dresser", "stove", "dishwasher"])
 @pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
 @pytest.mark.parametrize("engine", ["bullet", "mujoco"])
 def test_doors_drawers_and_lids_stay_where_they_are(engine: str, share: float, name: str) -> None:
@@ -78,7 +78,7 @@ def test_doors_drawers_and_lids_stay_where_they_are(engine: str, share: float, n
 
 
 def test_the_lid_of_an_oven_lies_level_when_it_is_open() -> None:
-    scene = room("oven")
+    scene = room("stove")
     (lid,) = leaves(scene)
     assert isinstance(lid.joint, Hinge)
     low, high = scene.aabb(lid.id, lid.at(lid.joint.high))

@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 from humanclaw_houses import textures as t
+from humanclaw_houses.furniture import opening
+from humanclaw_houses.furniture.opening import BOARD, carcass, door, lid
 from humanclaw_houses.model import Model, Piece
 from humanclaw_houses.shapes import Ring, Shape, box, loft, post, sheet, tube
 from humanclaw_houses.style import Style
 from humanclaw_houses.textures import Tile
 
 DEPTH, HEIGHT = 0.6, 0.9
+_UNIT: Final = HEIGHT - 0.14
+"""Height of a unit between its plinth and its worktop, metres."""
+_ONE_DOOR: Final = 0.6
+"""Largest width of a unit with a single door, metres."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,31 +34,47 @@ class Fronts:
         return cls(t.panel_door(colour, style.rng), t.plain(colour, style.rng))
 
 
-def _body(m: Model, style: Style, fronts: Fronts, width: float) -> None:
-    """Add plinth, carcass, and about one door per 0.55 m."""
+def _cupboard(m: Model, style: Style, fronts: Fronts, width: float, drawer: float = 0.0, roof: bool = True) -> None:
+    """Add a plinth and a carcass with one or two doors. drawer: height of a drawer over them, metres; 0 for none."""
     m.box((width, 0.1, DEPTH - 0.1), (0, 0, -0.05), style.black)
-    m.box((width, HEIGHT - 0.14, DEPTH - 0.04), (0, 0.1, -0.02), fronts.body)
-    count = max(1, round(width / 0.55))
-    wide = width / count
+    carcass(m, (width, _UNIT, 0.567), (0, 0.1, -0.0165), fronts.body, 0 if drawer else 1, roof=roof)
+    count = 1 if width <= _ONE_DOOR else 2
     for k in range(count):
-        x = (k - (count - 1) / 2) * wide
-        m.add(box((wide - 0.008, HEIGHT - 0.16, 0.018), (x, 0.11, DEPTH / 2 - 0.031), "k"), fronts.door)
-        m.add(box((0.13, 0.012, 0.02), (x, HEIGHT - 0.12, DEPTH / 2 - 0.005)), style.steel)
+        x = (k - (count - 1) / 2) * width / count
+        door(m, (width / count, _UNIT - drawer, BOARD), (x, 0.1, 0.276), fronts.door, style.steel, k == 0)
+    if drawer:
+        front = (width - 2 * BOARD, drawer - BOARD, 0.55)
+        opening.drawer(m, front, (0, 0.1 + _UNIT - drawer, 0.01), fronts.body, style.steel)
 
 
 def counter(style: Style, name: str, fronts: Fronts, width: float) -> Piece:
+    """Return a worktop over a drawer over a door, or over two doors with a shelf behind them if it is wide."""
     m = Model()
-    _body(m, style, fronts, width)
+    _cupboard(m, style, fronts, width, 0.16 if width <= _ONE_DOOR else 0.0)
+    _worktop(m, style, width)
+    return m.piece(name, "kitchen_counter")
+
+
+def _worktop(m: Model, style: Style, width: float) -> None:
     m.box((width, 0.04, DEPTH + 0.01), (0, HEIGHT - 0.04, 0.005), style.stone)
     m.top(width, DEPTH - 0.08, HEIGHT, room=0.5)
-    return m.piece(name, "kitchen_counter")
+
+
+def dishwasher(style: Style, name: str, fronts: Fronts) -> Piece:
+    """Return a dishwasher below a worktop, 0.6 m wide."""
+    m = Model()
+    m.box((0.6, 0.1, DEPTH - 0.1), (0, 0, -0.05), style.black)
+    carcass(m, (0.6, _UNIT, 0.555), (0, 0.1, -0.0225), style.steel, 1)
+    lid(m, (0.6, _UNIT, 0.03), (0, 0.1, 0.27), fronts.body, style.steel)
+    _worktop(m, style, 0.6)
+    return m.piece(name, "dishwasher")
 
 
 def sink(style: Style, name: str, fronts: Fronts) -> Piece:
     """Return a unit with a steel basin and a tap."""
     m = Model()
     w = 0.8
-    _body(m, style, fronts, w)
+    _cupboard(m, style, fronts, w, roof=False)
     edge = [Ring(HEIGHT - 0.04, w / 2, DEPTH / 2, 60), Ring(HEIGHT, w / 2, DEPTH / 2, 60)]
     m.add(loft([*edge, Ring(HEIGHT, 0.27, 0.19, 8, z=0.02)], 28, top=False), style.stone)
     basin = [Ring(HEIGHT + 0.004, 0.27, 0.19, 8, z=0.02), Ring(HEIGHT + 0.004, 0.25, 0.17, 8, z=0.02)]
@@ -63,19 +86,32 @@ def sink(style: Style, name: str, fronts: Fronts) -> Piece:
 
 
 def stove(style: Style, name: str) -> Piece:
-    """Return an oven with a glass door below a hob."""
+    """Return an oven with a lid of glass below a hob."""
     m = Model()
-    body = style.choice(style.steel, style.white, style.black)
-    m.box((0.6, HEIGHT, DEPTH - 0.02), (0, 0, -0.01), body)
-    m.add(box((0.54, 0.5, 0.02), (0, 0.12, DEPTH / 2 - 0.012), "k"), style.black)
-    m.add(Shape((sheet((-0.2, 0.2, DEPTH / 2 + 0.009), (0.4, 0, 0), (0, 0.26, 0)),)), t.screen(style.rng, on=False))
-    m.add(tube([(-0.22, 0.66, DEPTH / 2 + 0.03), (0.22, 0.66, DEPTH / 2 + 0.03)], 0.011), style.chrome)
+    body, d = style.choice(style.steel, style.white, style.black), DEPTH - 0.02
+    m.box((0.6, 0.06, d - 0.1), (0, 0, -0.03), style.black)
+    carcass(m, (0.6, 0.7, d - 0.04), (0, 0.06, -0.02), style.black, 1)
+    m.box((0.6, HEIGHT - 0.76, d), (0, 0.76, 0), body)
+    glass = lid(m, (0.6, 0.7, 0.04), (0, 0.06, d / 2 - 0.02), body, style.chrome)
+    glass.add(Shape((sheet((-0.22, 0.17, d / 2 + 0.001), (0.44, 0, 0), (0, 0.36, 0)),)), t.screen(style.rng, on=False))
     for k in range(5):
-        knob = post(0.022, 0.025, segments=10).moved((-0.2 + 0.1 * k, 0.8, DEPTH / 2 - 0.02), (90, 0, 0))
+        knob = post(0.022, 0.025, segments=10).moved((-0.2 + 0.1 * k, 0.83, d / 2 - 0.005), (90, 0, 0))
         m.add(knob, style.black if body is not style.black else style.steel)
     m.add(Shape((sheet((-0.28, HEIGHT + 0.004, 0.26), (0.56, 0, 0), (0, 0, -0.52)),)), t.burner(style.rng))
     m.top(0.4, 0.3, HEIGHT + 0.005, room=0.5)
     return m.piece(name, "stove")
+
+
+def fridge(style: Style, name: str) -> Piece:
+    """Return a fridge over a freezer, each with shelves and a door."""
+    m = Model()
+    tile, w, h, d = style.choice(style.steel, style.white), style.between(0.6, 0.7), style.between(1.7, 1.85), 0.62
+    split, left = round(0.38 * h, 2), style.chance(0.5)
+    for y, high, shelves in ((0.03, split - 0.03, 1), (split, h - split, 3)):
+        carcass(m, (w, high, d - 0.05), (0, y, -0.025), style.white, shelves)
+        door(m, (w, high - 0.005, 0.04), (0, y, d / 2 - 0.02), tile, style.chrome, left)
+    m.box((w - 0.04, 0.03, d - 0.12), (0, 0, -0.03), style.black)
+    return m.piece(name, "fridge")
 
 
 def wall_cabinet(style: Style, name: str, fronts: Fronts, width: float) -> Piece:

@@ -3,27 +3,26 @@
 from __future__ import annotations
 
 from humanclaw_houses import textures as t
+from humanclaw_houses.furniture.opening import BOARD, carcass, door
 from humanclaw_houses.model import Model, Piece
 from humanclaw_houses.shapes import Shape, box, post, sheet, tube
 from humanclaw_houses.style import Style
 
 
 def wardrobe(style: Style, name: str) -> Piece:
-    """Return a wardrobe with two or three tall doors, one of them sometimes a mirror."""
+    """Return a wardrobe with two or three doors, one of three sometimes a mirror, with a shelf and a rail."""
     m = Model()
     doors = int(style.rng.integers(2, 4))
-    w, h, d = doors * 0.5 + 0.04, style.between(1.95, 2.15), 0.58
+    w, h, d, gap = doors * 0.5, style.between(1.95, 2.15), 0.58, 0.06
     tile = style.choice(style.wood, style.second_wood, style.white)
-    m.box((w, h, d - 0.02), (0, 0, -0.01), tile)
+    m.box((w - 0.04, gap, d - 0.08), (0, 0, -0.02), style.black)
+    carcass(m, (w, h - gap, d - BOARD), (0, gap, -BOARD / 2), tile, 1)
     panel = t.panel_door(tuple(tile.pixels.reshape(-1, 3).mean(axis=0).astype(int).tolist()), style.rng)
-    glass = style.chance(0.3)
+    mirror = t.glass(style.rng) if style.chance(0.3) else panel
     for k in range(doors):
-        x = (k - (doors - 1) / 2) * 0.5
-        m.add(
-            box((0.492, h - 0.12, 0.02), (x, 0.08, d / 2 - 0.012), "k"),
-            t.glass(style.rng) if glass and k == 1 else panel,
-        )
-        m.add(post(0.01, 0.16, (x + (0.2 if k % 2 == 0 else -0.2), h / 2 - 0.08, d / 2 + 0.018)), style.steel)
+        x, look = (k - (doors - 1) / 2) * 0.5, mirror if doors == 3 and k == 1 else panel
+        door(m, (0.5, h - gap, BOARD), (x, gap, (d - BOARD) / 2), look, style.steel, k < doors - 1)
+    m.add(box((w - 0.04, 0.025, 0.025), (0, h - 0.12, 0)), style.chrome)
     return m.piece(name, "wardrobe")
 
 

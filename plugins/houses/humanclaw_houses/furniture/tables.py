@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from humanclaw_houses.furniture.opening import BOARD, carcass, drawer
 from humanclaw_houses.model import Model, Piece
 from humanclaw_houses.shapes import box, post, soft_box, turned
 from humanclaw_houses.style import Style
@@ -67,33 +68,25 @@ def side_table(style: Style, name: str) -> Piece:
 
 
 def nightstand(style: Style, name: str) -> Piece:
-    """Return a small chest beside a bed."""
-    m = Model()
-    w, h, d = style.between(0.4, 0.48), style.between(0.48, 0.56), 0.38
-    _chest(m, style, (w, h, d), 2, 1, style.wood)
-    return m.piece(name, "nightstand")
+    """Return a small chest of two drawers beside a bed."""
+    return _chest(style, name, "nightstand", (style.between(0.4, 0.48), style.between(0.48, 0.56), 0.38), 2)
 
 
 def dresser(style: Style, name: str) -> Piece:
-    m = Model()
-    w, h = style.between(0.9, 1.3), style.between(0.78, 0.9)
-    _chest(m, style, (w, h, 0.45), 3, 2, style.choice(style.wood, style.second_wood, style.white))
-    return m.piece(name, "dresser")
+    """Return a chest of four drawers."""
+    return _chest(style, name, "dresser", (style.between(0.85, 1.2), style.between(0.8, 0.95), 0.45), 4)
 
 
-def _chest(m: Model, style: Style, size: tuple[float, float, float], rows: int, columns: int, tile: Tile) -> None:
-    """Add drawers with fronts, gaps and handles, on a plinth."""
-    w, h, d = size
-    m.add(box((w - 0.04, 0.08, d - 0.06), (0, 0, -0.02)), style.black)
-    m.box((w, h - 0.08, d - 0.02), (0, 0.08, -0.01), tile)
-    m.solid((w - 0.04, 0.08, d - 0.06), (0, 0, -0.02))
-    high, wide = (h - 0.11) / rows, (w - 0.02) / columns
-    for i in range(rows):
-        for j in range(columns):
-            x, y = (j - (columns - 1) / 2) * wide, 0.09 + i * high
-            m.add(box((wide - 0.012, high - 0.012, 0.018), (x, y, d / 2 - 0.011), "k"), tile)
-            m.add(box((min(0.14, wide / 2), 0.014, 0.02), (x, y + high / 2, d / 2 + 0.006)), style.steel)
+def _chest(style: Style, name: str, category: str, size: tuple[float, float, float], rows: int) -> Piece:
+    m, (w, h, d), plinth = Model(), size, 0.06
+    tile = style.choice(style.wood, style.second_wood, style.white)
+    m.box((w - 0.04, plinth, d - 0.06), (0, 0, -0.02), style.black)
+    carcass(m, (w, h - plinth, d - 0.02), (0, plinth, -0.01), tile)
+    each = (h - plinth - 2 * BOARD) / rows
+    for k in range(rows):
+        drawer(m, (w - 2 * BOARD, each, d - 0.03), (0, plinth + BOARD + k * each, 0.015), tile, style.steel)
     m.top(w, d - 0.04, h)
+    return m.piece(name, category)
 
 
 def desk(style: Style, name: str) -> Piece:
