@@ -17,7 +17,7 @@ from humanclaw.body.skeleton import JOINT_INDEX, N_JOINTS
 
 _BACK: Final = 0.1
 """Share of the return in a chunk. The fastest of these errors grows by 7 % a chunk."""
-_TWIST: Final = 0.35
+_TWIST: Final = 0.2
 """The same for the twist of the trunk, which grows in fast straight walks."""
 _MOST: Final = 0.035
 """Radians of the return in a chunk at most: an arm that a skill holds up is no error."""
