@@ -157,8 +157,8 @@ def write(distribution: Distribution, folder: Path) -> int:
     return sum(content.count(b"\n") for path, content in files.items() if path != "LICENSE")
 
 
-@click.command()
-@click.argument("kind", type=click.Choice(list(KINDS)))
+@click.command(epilog=f"KIND is one of: {', '.join(KINDS)}.")
+@click.argument("kind", type=click.Choice(list(KINDS)), metavar="KIND")
 @click.argument("name")
 @click.option("--trained", is_flag=True, help="A skill that is trained on motion, not played from keyframes.")
 @click.option("--call", default="", metavar="NAME", help="Name of the skill in calls; default: the package's name.")
