@@ -80,7 +80,11 @@ def leaderboard(folder: Path, checks: Checks = Checks()) -> Path:
             ranked.setdefault((split, one.submission.asked, told), []).append(one)
     body = "".join(_section(*key, entries, checks.hidden) for key, entries in sorted(ranked.items()))
     body += _unranked([one for one in found if one.apart], unread)
-    page = _PAGE.format(body=body, made=datetime.now(UTC).date().isoformat())
+    page = _PAGE.format(
+        meanings="; ".join(f"{metric.name}: {metric.meaning}" for metric in RATES),
+        body=body,
+        made=datetime.now(UTC).date().isoformat(),
+    )
     Folder(folder).write("index.html", page.encode())
     return folder / "index.html"
 
@@ -264,23 +268,31 @@ def _rate(column: Column, values: tuple[float, float, float, int] | None) -> Mar
 _PAGE: Final = """<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
 <title>HumanCLAW-Bench</title><style>
-:root {{ color-scheme: light dark; }}
-body {{ font: 16px/1.5 system-ui, sans-serif; margin: 2rem auto; max-width: 90rem; padding: 0 1rem; }}
+:root {{ color-scheme: light dark; --paper: light-dark(#fbfaf7, #15171a); --ink: light-dark(#1d2126, #e7e5df);
+  --soft: light-dark(#59616b, #a3a9b1); --line: light-dark(#dcd8cf, #343940); --bar: light-dark(#7c9be0, #4d6cb5);
+  --good: light-dark(#1b6e46, #7fd3a4); --bad: light-dark(#9b2c2c, #f1a09a);
+  --serif: "Iowan Old Style", Charter, "Source Serif 4", Georgia, serif; }}
+body {{ font: 16px/1.55 system-ui, sans-serif; margin: 0 auto; max-width: 90rem; padding: 3rem clamp(1rem, 4vw, 3rem);
+  background: var(--paper); color: var(--ink); font-variant-numeric: tabular-nums; }}
+h1 {{ font: 600 2.5rem/1.2 var(--serif); margin: 0; }}
+h1 + p {{ font: 1.15rem/1.5 var(--serif); color: var(--soft); max-width: 46rem; }}
 div {{ overflow-x: auto; }}
-table {{ border-collapse: collapse; width: 100%; margin: 1.5rem 0; font-size: .9rem; }}
-caption {{ text-align: left; font-weight: 600; }}
-th, td {{ padding: .4rem .6rem; text-align: left; border-bottom: 1px solid #8886; font-variant-numeric: tabular-nums;
-  vertical-align: top; }}
+table {{ border-collapse: collapse; width: 100%; margin: 2rem 0; font-size: .92rem; }}
+caption {{ text-align: left; font: 600 1.08rem var(--serif); padding-bottom: .5rem; }}
+th, td {{ padding: .42rem .8rem .42rem 0; text-align: left; border-bottom: 1px solid var(--line); vertical-align: top;
+  font-weight: 400; }}
+thead th, dt {{ color: var(--soft); font-size: .84rem; }}
+tbody th {{ font-weight: 600; }}
 .bar {{ display: block; position: relative; height: .4rem; min-width: 6rem; margin-top: .2rem; border-radius: 3px;
-  background: #8883; }}
-.bar span {{ position: absolute; inset-block: 0; min-width: 3px; border-radius: 3px; background: #5b7fd4; }}
+  background: var(--line); }}
+.bar span {{ position: absolute; inset-block: 0; min-width: 3px; border-radius: 3px; background: var(--bar); }}
+.good {{ color: var(--good); }} .bad {{ color: var(--bad); }}
 .good::before {{ content: "✓ "; }} .told::before {{ content: "- "; }} .bad::before {{ content: "✗ "; }}
 dl {{ margin: .4rem 0; max-width: 30rem; overflow-wrap: anywhere; }}
-dd {{ margin: 0 0 .3rem; }} dt {{ font-size: .84em; opacity: .75; }}
+dd {{ margin: 0 0 .3rem; }}
 </style></head><body><main><h1>HumanCLAW-Bench</h1>
 <p>Rates with 95 % confidence intervals, clustered by house. "agree": the records lie here, and scored again they give
 the same numbers; only "played again the same" shows that these calls do what the records say. Do not compare rows of
-different tables, or rows that were played with other settings.
-Made {made}.</p>
+different tables, or rows that were played with other settings. {meanings}. Made {made}.</p>
 {body}</main></body></html>
 """
