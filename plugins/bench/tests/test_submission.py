@@ -404,12 +404,15 @@ def of_smoke(folder: Path, times: int = 1) -> Path:
     return tell(folder, agent="model")
 
 
+BED = next(spec for spec in load_split("smoke") if spec.target_category == "bed")
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (lambda bed: bed.update(seed=1126), "house-13-bed-2 has seed 398 in split smoke, not 1126"),
-        (lambda bed: bed["scores"].update(scene="house:9"), "is in house:13 in split smoke, not in 'house:9'"),
-        (lambda bed: bed["scores"].update(interact=None), "house-13-bed-2 is to sit down in split smoke"),
+        (lambda bed: bed.update(seed=BED.seed + 1), f"{BED.id} has seed {BED.seed} in split smoke, not {BED.seed + 1}"),
+        (lambda bed: bed["scores"].update(scene="house:99"), f"is in {BED.scene} in split smoke, not in 'house:99'"),
+        (lambda bed: bed["scores"].update(interact=None), f"{BED.id} is to sit down in split smoke"),
     ],
 )
 def test_an_episode_that_is_told_otherwise_than_its_split_has_it_is_not_ranked(
@@ -418,7 +421,7 @@ def test_an_episode_that_is_told_otherwise_than_its_split_has_it_is_not_ranked(
     run = of_smoke(tmp_path / "board" / "mine")
 
     def tell_otherwise(it: dict[str, Any]) -> None:
-        change(next(one for one in it["episodes"] if one["id"] == "house-13-bed-2"))
+        change(next(one for one in it["episodes"] if one["id"] == BED.id))
         it["seeds"] = sorted(one["seed"] for one in it["episodes"])
 
     forged(run, tell_otherwise)
