@@ -15,7 +15,18 @@ from typing import Final, Literal, Protocol, get_args
 import numpy as np
 
 from humanclaw.errors import CheckpointError
-from humanclaw.motion.dit import Array, Block, DiT, Layer, Linear, ModelConfig, Weights, modulate_blocks, silu
+from humanclaw.motion.dit import (
+    Array,
+    Block,
+    DiT,
+    Layer,
+    Linear,
+    ModelConfig,
+    Weights,
+    modulate_blocks,
+    modulators,
+    silu,
+)
 
 Encoder = Literal["mlp", "fourier", "token"]
 ENCODERS: Final = get_args(Encoder)
@@ -84,16 +95,14 @@ class Adapter:
         hidden = base.config.hidden
         self.config = config
         self.blocks = [Block.of(base.config, weights, f"blocks.{layer}") for layer in range(base.config.layers)]
+        self.modulators = modulators(base.config, weights)
         self.weights = [
             Linear(weights, f"weights.{layer}", hidden, hidden, bias=False) for layer in range(len(self.blocks))
         ]
-        self._encode = _encoder(config, weights, hidden)
-        self._centre = np.array(config.centre, np.float32)
-        self._scale = np.array(config.scale, np.float32)
-
-    def condition(self, values: Array) -> Array:
+        encode = _encoder(config, weights, hidden)
+        centre, scale = np.array(config.centre, np.float32), np.array(config.scale, np.float32)
+        self.condition: Callable[[Array], Array] = lambda values: encode((values - centre) / scale)[:, None]
         """e_s(c): (B, k) parameters in SI to (B, 1, hidden)."""
-        return self._encode((values - self._centre) / self._scale)[:, None]
 
 
 class Controlled:
@@ -102,10 +111,11 @@ class Controlled:
     def __init__(self, base: DiT, adapter: Adapter, tau: Array) -> None:
         """tau: (B,) flow times."""
         self.config = adapter.config
+        # Of the adapter's parts those that every step needs: whoever plays many skills holds one of these for each.
         self._condition, self._weights = adapter.condition, adapter.weights
         self._blocks = [Block.pair(*both) for both in zip(base.blocks, adapter.blocks, strict=True)]
         embedded = silu(base.time(tau))  # The embedding of tau is the base's.
-        both = modulate_blocks(base.blocks, embedded), modulate_blocks(adapter.blocks, embedded)
+        both = modulate_blocks(base.modulators, embedded), modulate_blocks(adapter.modulators, embedded)
         self._modulations = np.stack(both, axis=2)
 
     def through(self, values: Array, times: slice = slice(None)) -> Layer:

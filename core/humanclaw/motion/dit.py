@@ -143,7 +143,6 @@ class Block:
     """Self-attention and an MLP, each shifted, scaled and gated by tau."""
 
     heads: int
-    modulation: Linear | Pair
     qkv: Linear | Pair
     out: Linear | Pair
     up: Linear | Pair
@@ -153,8 +152,7 @@ class Block:
     def of(cls, config: ModelConfig, weights: Weights, name: str) -> Block:
         """Take a block's tensors."""
         hidden, wide = config.hidden, config.mlp_ratio * config.hidden
-        sizes = {"modulation": (hidden, 6 * hidden), "qkv": (hidden, 3 * hidden), "out": (hidden, hidden)}
-        sizes |= {"up": (hidden, wide), "down": (wide, hidden)}
+        sizes = {"qkv": (hidden, 3 * hidden), "out": (hidden, hidden), "up": (hidden, wide), "down": (wide, hidden)}
         return cls(config.heads, **{part: Linear(weights, f"{name}.{part}", *size) for part, size in sizes.items()})
 
     @classmethod
@@ -190,13 +188,14 @@ class DiT:
         self.enter = Linear(weights, "enter", STATE_SIZE, hidden)
         self.position = weights.take("position", CHUNK, hidden)
         self.blocks = [Block.of(config, weights, f"blocks.{layer}") for layer in range(config.layers)]
+        self.modulators = modulators(config, weights)
         self.final_modulation = Linear(weights, "final_modulation", hidden, 2 * hidden)
         self.leave = Linear(weights, "leave", hidden, STATE_SIZE)
 
     def modulations(self, tau: Array) -> Modulations:
         """(B,) flow times to the modulations of every block and of the output."""
         embedded = silu(self.time(tau))
-        return Modulations(modulate_blocks(self.blocks, embedded), _split(self.final_modulation(embedded), 2))
+        return Modulations(modulate_blocks(self.modulators, embedded), _split(self.final_modulation(embedded), 2))
 
     def __call__(self, history: Array, noisy: Array, at: Modulations, through: Layer | None = None) -> Array:
         """(B, 5, 219) history and (B, 15, 219) noisy future, both normalised, to the (B, 15, 219) output on the future
@@ -218,9 +217,18 @@ def time_frequencies(hidden: int) -> Array:
     return (2 * np.pi * np.logspace(-1, 3, hidden // 2)).astype(np.float32)
 
 
-def modulate_blocks(blocks: Sequence[Block], embedded: Array) -> Array:
+def modulators(config: ModelConfig, weights: Weights) -> list[Linear]:
+    """Take what maps the embedded flow time to each block's modulations. They are a third of the weights, and needed
+    once for each flow time alone."""
+    return [
+        Linear(weights, f"blocks.{layer}.modulation", config.hidden, 6 * config.hidden)
+        for layer in range(config.layers)
+    ]
+
+
+def modulate_blocks(modulators: Sequence[Linear], embedded: Array) -> Array:
     """(B, hidden) embedded flow times to the (layers, 6, B, 1, hidden) modulations of a stack of blocks."""
-    return np.stack([_split(block.modulation(embedded), 6) for block in blocks])
+    return np.stack([_split(modulator(embedded), 6) for modulator in modulators])
 
 
 def silu(x: Array) -> Array:

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from humanclaw.doors import door
 
 if TYPE_CHECKING:
+    from humanclaw.world.compiling import compiled as compiled, inlined as inlined
     from humanclaw.world.half_physics.profile import (
         PROFILES as PROFILES,
         Profile as Profile,

@@ -26,8 +26,6 @@ _LINKS: Final = list(range(len(JOINTS) - 1))
 class BulletWorld:
     """The World of humanclaw.world on Bullet."""
 
-    travel: Final = 0.01
-
     def __init__(self, scene: Scene, profile: Profile, pose: Pose) -> None:
         """Load a scene with a body at rest in a pose.
 

@@ -39,8 +39,6 @@ _OBJECTS: Final = np.array([group == FIXED_GROUP for group in range(6)], np.uint
 class MujocoWorld:
     """The World of humanclaw.world on MuJoCo."""
 
-    travel: Final = 0.01
-
     def __init__(self, model: Model, scene: Scene, profile: Profile, pose: Pose) -> None:
         """Put a scene and a body at rest in a pose."""
         self._model, self._m, self._d = model, model.mj, mj.MjData(model.mj)

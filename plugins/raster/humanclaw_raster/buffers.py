@@ -1,15 +1,14 @@
-"""The values that the kernels read and write, and the decorators that compile kernels."""
+"""The values that the kernels read and write."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from humanclaw.body import Array
+from humanclaw.world import inlined
 from humanclaw_raster.packing import Floats
 
 NEAR: Final = 0.02
@@ -70,22 +69,6 @@ class GBuffer(NamedTuple):
     """(K, 2) face and instance of each surface."""
     table: Floats
     """(K, SURFACE) the values that all pixels of a surface share, as from prepare."""
-
-
-def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Compile a function to machine code, cached on disk beside the source or in the user's cache.
-
-    Where neither can be written, each process compiles again.
-    """
-    how: Any = {"error_model": "numpy", "nogil": True}
-    try:
-        return njit(cache=True, **how)(function)  # type: ignore[no-any-return]
-    except RuntimeError:
-        return njit(**how)(function)  # type: ignore[no-any-return]
-
-
-def inlined(function: Callable[..., Any]) -> Callable[..., Any]:
-    return njit(inline="always", error_model="numpy")(function)
 
 
 @inlined

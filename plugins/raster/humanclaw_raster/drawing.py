@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanclaw.body import Array
-from humanclaw_raster.buffers import NEAR, Instances, Pinhole, compiled
+from humanclaw.world import compiled
+from humanclaw_raster.buffers import NEAR, Instances, Pinhole
 from humanclaw_raster.packing import Floats, Model
 
 

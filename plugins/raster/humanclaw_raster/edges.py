@@ -7,7 +7,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from humanclaw_raster.buffers import HALF, ONE, TWO, ZERO, GBuffer, Pinhole, compiled
+from humanclaw.world import compiled
+from humanclaw_raster.buffers import HALF, ONE, TWO, ZERO, GBuffer, Pinhole
 from humanclaw_raster.packing import Floats
 from humanclaw_raster.surfaces import FLAT
 

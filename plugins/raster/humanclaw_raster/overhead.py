@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from humanclaw import Scene
 from humanclaw.body import Array
-from humanclaw_raster.buffers import Instances, OverheadMap, Pinhole, compiled
+from humanclaw.world import compiled
+from humanclaw_raster.buffers import Instances, OverheadMap, Pinhole
 from humanclaw_raster.drawing import draw
 from humanclaw_raster.packing import Floats, Model
 from humanclaw_raster.shading import TALLEST

@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from humanclaw import Motion
 from humanclaw.body import JOINT_INDEX, Array, Skin
-from humanclaw.world import Mesh
-from humanclaw_raster.buffers import compiled
+from humanclaw.world import Mesh, compiled
 from humanclaw_raster.packing import Floats, Model, along_curve
 
 _IN_HEAD: Final = 0.2

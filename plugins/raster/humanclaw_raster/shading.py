@@ -7,6 +7,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from humanclaw.world import compiled, inlined
 from humanclaw_raster.buffers import (
     HALF,
     ONE,
@@ -16,9 +17,7 @@ from humanclaw_raster.buffers import (
     GBuffer,
     OverheadMap,
     Pinhole,
-    compiled,
     floats,
-    inlined,
 )
 from humanclaw_raster.packing import Floats
 from humanclaw_raster.surfaces import FLAT

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanclaw.body import Array
-from humanclaw_raster.buffers import Instances, Pinhole, compiled
+from humanclaw.world import compiled
+from humanclaw_raster.buffers import Instances, Pinhole
 from humanclaw_raster.drawing import move_point, place_model
 from humanclaw_raster.packing import Floats, Model
 

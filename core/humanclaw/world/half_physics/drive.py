@@ -8,16 +8,18 @@ joint. There is no motor, gain or spring; the tree stays well conditioned becaus
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 import numpy as np
 
-from humanclaw.body.pose import FPS, Array, Motion, lengths, matrix_from_quaternion, vector_from_quaternion
+from humanclaw.body.pose import FPS, Array, Motion, matrix_from_quaternion, vector_from_quaternion
 from humanclaw.body.skeleton import JOINTS
+from humanclaw.world.half_physics.kernels import hold_back, joint_speeds, link_points, link_speed, moved_on
 from humanclaw.world.half_physics.profile import Profile
-from humanclaw.world.half_physics.quaternions import Pose, blend, capped, conjugate, from_vector, motion_of, multiply
+from humanclaw.world.half_physics.quaternions import Pose, blend, conjugate, multiply
 from humanclaw.world.half_physics.reflexes import CALM, LEG_OF, Reflex, reach_down
-from humanclaw.world.half_physics.skeleton import ARMS, REACH, tip_speeds
+from humanclaw.world.half_physics.skeleton import ARMS, tip_speeds
 from humanclaw.world.half_physics.world import World
 
 _LEAVING: Final = 0.05
@@ -32,7 +34,7 @@ class Drive:
     def __init__(self, world: World, profile: Profile, pose: Pose) -> None:
         """pose: where the world has put the body, at rest."""
         self._world, self._profile = world, profile
-        self._recovery = np.array([[profile.arm_recovery if name in ARMS else 1.0] for name in JOINTS])
+        self._recovery = np.array([profile.arm_recovery if name in ARMS else 1.0 for name in JOINTS])
         self._target, self._swing, self._before, self._sent = pose.quaternions, 0.0, pose, np.zeros(3)
         self.pose = world.pose()
         """The body's, after the last step."""
@@ -56,44 +58,33 @@ class Drive:
         self._sent = velocity
         self._world.drive(velocity, speeds[0])
         self._world.bend(self._before.quaternions[1:], speeds[1:])
-        return min(_fastest(speeds), self._expected(speeds)) + float(lengths(velocity))
+        return float(link_speed(speeds, self._way, self._swing)) + math.hypot(*velocity)
 
-    def course(self, horizontal: Array, reflex: Reflex) -> Motion:
-        """Foresee the body now, halfway through the coming frame and at its end, if nothing touches it.
+    def course(self, horizontal: Array, reflex: Reflex) -> Array:
+        """Foresee (3, P, 3) points that span the links now, halfway through the coming frame and at its end, if nothing
+        touches the body; world frame.
 
         It falls as fast as it does now, and late limbs do not reach their pose. Arguments: as for command.
         """
-        velocity, poses = self._root_velocity(horizontal, reflex), [self.pose]
+        velocity, pose, half = self._root_velocity(horizontal, reflex), self.pose, 0.5 / FPS
+        points = [link_points(pose.root, pose.quaternions)]
         for left in (1.0, 0.5):
-            speeds = self._speeds(poses[-1], left * self._profile.substeps, horizontal, reflex)
-            poses.append(_moved_on(poses[-1], velocity, speeds, 0.5 / FPS))
-        return motion_of(poses)
+            speeds = self._speeds(pose, left * self._profile.substeps, horizontal, reflex)
+            pose = Pose(pose.root + velocity * half, moved_on(pose.quaternions, speeds, half))
+            points.append(link_points(pose.root, pose.quaternions))
+        return np.stack(points)
 
     def _speeds(self, pose: Pose, left: float, horizontal: Array | None, reflex: Reflex) -> Array:
         """(24, 3) angular velocities that a body commands in a pose, none too fast: the first in the world frame, the
         others in each joint's own."""
-        speeds = self._joint_speeds(pose.quaternions, left)
+        profile = self._profile
+        speeds: Array = joint_speeds(
+            pose.quaternions, self._target, self._way, self._recovery, float(left), profile.substeps
+        )
         if reflex.borne and (horizontal is None or not self._leaves(pose, horizontal)):
             self._give_way(pose, speeds, reflex)
-        speeds = capped(speeds, self._profile.max_turn * FPS)
-        return speeds * min(1.0, self._profile.max_link_speed / max(_fastest(speeds), 1e-9))
-
-    def _expected(self, speeds: Array) -> float:
-        """Return a bound of the fastest link's speed, m/s: its swing in the motion, plus the speed of joints that catch
-        up."""
-        late = lengths(speeds - self._way * FPS)
-        late[0] = abs(lengths(speeds[0]) - lengths(self._way[0]) * FPS)  # Not in the same frame.
-        return self._swing + float((late @ REACH).max())
-
-    def _joint_speeds(self, actual: Array, left: float) -> Array:
-        """(24, 3) the speeds with which the pose is reached in time."""
-        first, second = conjugate(actual), self._target.copy()
-        first[0], second[0] = self._target[0], first[0].copy()
-        missing = vector_from_quaternion(multiply(first, second))
-        way = self._way * (left / self._profile.substeps)
-        turn = way + self._recovery * (missing - way)
-        turn[0] = missing[0]
-        return turn * (FPS * self._profile.substeps / left)
+        hold_back(speeds, profile.max_turn * FPS, profile.max_link_speed)
+        return speeds
 
     def swings(self, motion: Motion) -> Array:
         """Compute (T,) how fast the fastest link moves in each frame of a motion to come, relative to the pelvis,
@@ -144,26 +135,21 @@ class Drive:
         """(3,) the part of a root velocity that contact may cause."""
         profile = self._profile
         falling = self._sent[1] - profile.gravity / (FPS * profile.substeps)
-        x, z = capped(speed[[0, 2]], profile.max_speed)
+        x, z = _level(speed, profile.max_speed)
         return np.array([x, max(min(falling, -profile.max_lift), min(speed[1], profile.max_lift)), z])
 
     def _root_velocity(self, horizontal: Array | None, reflex: Reflex) -> Array:
         velocity = np.array(self._world.velocity()[0])
         if horizontal is not None:
-            velocity[[0, 2]] = capped(horizontal[[0, 2]], self._profile.max_speed)
+            velocity[[0, 2]] = _level(horizontal, self._profile.max_speed)
         velocity[1] = max(-self._profile.max_fall, min(velocity[1], self._profile.max_rise))
         if reflex.lift:
             velocity[1] = min(reflex.lift * FPS * self._profile.substeps, self._profile.max_lift)
         return velocity
 
 
-def _fastest(speeds: Array) -> float:
-    """Return a bound of the links' speeds relative to the pelvis, m/s."""
-    return float((lengths(speeds) @ REACH).max())
-
-
-def _moved_on(pose: Pose, velocity: Array, speeds: Array, seconds: float) -> Pose:
-    """Return a pose after some seconds at the velocity of its root and the speeds (24, 3) of its joints."""
-    turned = multiply(pose.quaternions, from_vector(speeds * seconds))
-    turned[0] = multiply(from_vector(speeds[0] * seconds), pose.quaternions[0])
-    return Pose(pose.root + velocity * seconds, turned)
+def _level(velocity: Array, most: float) -> tuple[float, float]:
+    """Return the x and z of a velocity (3,), shortened to at most so much."""
+    x, _, z = velocity.tolist()
+    share = min(1.0, most / max(math.hypot(x, z), 1e-12))
+    return share * x, share * z

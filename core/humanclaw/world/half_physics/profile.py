@@ -37,7 +37,7 @@ class Profile:
     max_link_speed: float = 20.0
     """A link's speed relative to the pelvis is held below this, m/s, by slowing all joints alike: a kick."""
     max_looks: int = 8
-    """The faster the limbs, the more often contacts are looked for in a substep (World.travel), but no more often than
+    """The faster the limbs, the more often contacts are looked for in a substep (TRAVEL), but no more often than
     this."""
     step_offset: float = 0.04
     """A foot held back by an edge that is no more than this above its sole is lifted over it, metres; 0: never."""

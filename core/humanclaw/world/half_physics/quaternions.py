@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from humanclaw.body.pose import Array, Motion, lengths, vector_from_quaternion
+from humanclaw.body.pose import Array, Motion, vector_from_quaternion
 
 _PRODUCT: Final = np.array([
     [[0, 0, 0, -1], [0, 0, -1, 0], [0, 1, 0, 0], [1, 0, 0, 0]],
@@ -35,11 +35,6 @@ def from_vector(vector: Array) -> Array:
     """Map (..., 3) rotation vectors to (..., 4) quaternions."""
     half = np.linalg.norm(vector, axis=-1, keepdims=True) / 2
     return np.concatenate([vector * (0.5 * np.sinc(half / np.pi)), np.cos(half)], -1)
-
-
-def capped(vector: Array, limit: float) -> Array:
-    """Shorten (..., 3) rotation vectors (or velocities) to a length of at most limit, direction kept."""
-    return np.asarray(vector * np.minimum(1.0, limit / np.maximum(lengths(vector)[..., None], 1e-12)))
 
 
 def blend(a: Array, b: Array, share: float) -> Array:

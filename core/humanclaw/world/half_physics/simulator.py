@@ -17,8 +17,8 @@ from humanclaw.world.half_physics.profile import Profile, find_profile
 from humanclaw.world.half_physics.quaternions import Pose, motion_of, poses_of
 from humanclaw.world.half_physics.reflexes import CALM, feel
 from humanclaw.world.half_physics.skeleton import LINK_OF
-from humanclaw.world.half_physics.surroundings import Surroundings, link_points
-from humanclaw.world.half_physics.world import TOUCHING, OpenWorld, Touch, World
+from humanclaw.world.half_physics.surroundings import Surroundings
+from humanclaw.world.half_physics.world import TOUCHING, TRAVEL, OpenWorld, Touch, World
 from humanclaw.world.scene import STRUCTURE, Scene
 from humanclaw.world.simulator import Contact, Execution, WorldState
 
@@ -56,6 +56,9 @@ class HalfPhysics:
         self._profile = find_profile(profile) if isinstance(profile, str) else profile
         self._world: World | None = None
         self._measured: Surroundings | None = None
+        self._still: Mapping[int, Array] | None = None
+        """Where the movable objects were when `_pairs` were found."""
+        self._pairs: list[tuple[int, int]] = []
 
     def reset(self, scene: Scene, start: Pose2D) -> WorldState:
         """Load a scene, stand the body on its start and let everything settle for half a second.
@@ -72,6 +75,7 @@ class HalfPhysics:
         self._surroundings = self._measured
         self._drive, self._exertion = Drive(world, self._profile, pose), Exertion(world, self._profile, scene)
         self._objects = world.objects()
+        self._still, self._pairs = None, []
         self._refuse_overlap(world, start)
         self._settle(world, pose, start)
         world.settled()
@@ -115,7 +119,7 @@ class HalfPhysics:
         """One frame of physics; everything the body touched in any of its substeps."""
         profile, met = self._profile, list[Touch]()
         self._drive.aim(target.quaternions, swing)
-        towards, near = self._surroundings.look(link_points(self._drive.course(velocity, self._reflex)), self._objects)
+        towards, near = self._surroundings.look(self._drive.course(velocity, self._reflex), self._objects)
         self._exertion.look(near)
         for substep in range(profile.substeps):
             horizontal = velocity if substep % profile.horizontal_every == 0 else None
@@ -135,7 +139,7 @@ class HalfPhysics:
         early part and have left it in the last one: the contacts are those of the last part that had any.
         """
         seconds = 1 / (FPS * self._profile.substeps)
-        parts = min(max(1, math.ceil(speed * seconds / world.travel)), self._profile.max_looks)
+        parts = min(max(1, math.ceil(speed * seconds / TRAVEL)), self._profile.max_looks)
         touches: Sequence[Touch] = ()
         for _ in range(parts):
             self._exertion.brace()
@@ -161,8 +165,10 @@ class HalfPhysics:
         )  # fmt: skip
 
     def _touches(self, world: World, frame: int) -> list[tuple[int, int, int]]:
-        pairs = world.touching() if self._objects else ()
-        return sorted((frame, *pair) for pair in pairs if not set(pair) & self._building)
+        if self._objects is not self._still:  # While none moves, each touches what it touched before.
+            self._still = self._objects
+            self._pairs = sorted(pair for pair in world.touching() if not set(pair) & self._building)
+        return [(frame, *pair) for pair in self._pairs]
 
     def _settle(self, world: World, pose: Pose, start: Pose2D) -> None:
         for _ in range(_SETTLE_FRAMES):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from humanclaw.body.pose import FPS, Array, forward_kinematics
 from humanclaw.body.skeleton import JOINTS, LINKS, OFFSETS, PARENTS, Box, Capsule
@@ -63,6 +64,25 @@ def _reach() -> Array:
 
 REACH: Final = _reach()
 """(24, links): how far the far end of a link can be from each joint that moves it; 0 for joints that do not."""
+
+
+def _corners() -> tuple[Array, NDArray[np.int64], Array]:
+    points, joints, radii = list[Array](), list[int](), list[float]()
+    for link in LINKS:
+        shape = link.shape
+        if isinstance(shape, Box):
+            signs = np.stack(np.meshgrid(*[(-1.0, 1.0)] * 3), -1).reshape(-1, 3)
+            spanning, radius = np.array(shape.centre) + signs * shape.half, 0.0
+        else:
+            spanning, radius = np.array([shape.a, shape.b]), shape.radius
+        points.append(spanning)
+        joints += [JOINTS.index(link.joint)] * len(spanning)
+        radii += [radius] * len(spanning)
+    return np.concatenate(points), np.array(joints), np.array(radii)
+
+
+POINTS, POINT_JOINTS, POINT_RADII = _corners()
+"""(P, 3) points that span the links, each in its joint's frame, (P,) its joint, and (P,) the radius around it."""
 _OF_LINK: Final = [JOINTS.index(link.joint) for link in LINKS]
 _TIPS: Final = np.array([link.shape.centre if isinstance(link.shape, Box) else link.shape.b for link in LINKS])
 """(links, 3) a point near the far end of each link, in its joint's frame."""

@@ -14,6 +14,8 @@ from humanclaw.world.scene import Scene
 TOUCHING: Final = 0.002
 """Shapes closer than this count as touching, metres: solvers let resting contacts hover by fractions of a
 millimetre."""
+TRAVEL: Final = 0.01
+"""How far a link may come towards something between two looks for contacts, metres: contacts act that far ahead."""
 
 
 class Touch(NamedTuple):
@@ -51,10 +53,6 @@ class World(Protocol):
     itself. An object on a joint turns about it or slides along it within its range, braked by its friction and damping,
     and collides only with the body and with free objects. The same calls have the same outcome, bit for bit.
     """
-
-    @property
-    def travel(self) -> float:
-        """How far a link may come towards something between two looks for contacts, metres: they act that far ahead."""
 
     def pose(self) -> Pose:
         """Return the body's pose now."""
