@@ -100,7 +100,9 @@ def _scaled(asset: Asset, entry: Entry, scale: float) -> Piece:
     seat = None if entry.seat_height is None or not sits(entry.category) else round(entry.seat_height * scale, 4)
     name = entry.id if scale == 1.0 else f"{entry.id}@{scale:.2f}"
     top = entry.top
-    tops = () if top is None else (Top(*(scale * value for value in (top.x0, top.z0, top.x1, top.z1, top.y))),)
+    tops: tuple[Top, ...] = ()
+    if top is not None:
+        tops = (Top(scale * top.x0, scale * top.z0, scale * top.x1, scale * top.z1, scale * top.y),)
     return Piece(replace(asset, name=name, mesh=mesh, hulls=hulls, seat_height=seat), tops)
 
 
