@@ -307,6 +307,7 @@ CHAIR = "v 0 0 0\nv 50 0 0\nv 0 90 0\nv 0 0 50\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3
 )
 @example(key="width", new="1000000000", number=1, changes=[(0, b"", 0)])
 @example(key="width", new="9" * 400, number=1, changes=[(0, b"", 0)])
+@example(key="depth", new="1e+308", number=1, changes=[(0, b"", 0)])
 @example(key="id", new="None", number=1, changes=[(6, b"\x00\x08\x00\x00\x00\x00", 10), (27, b"\x00" * 6, 2)])
 def test_any_library_of_furniture_is_imported_or_refused(home, key, new, number, changes):
     lines = "\n".join(f"{name}#{number if name == key else 1}={value}" for name, value in {**ROW, key: new}.items())

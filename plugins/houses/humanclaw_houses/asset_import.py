@@ -45,6 +45,8 @@ TRIANGLES: Final = 1200
 _QUARTERS: Final = {"+z": 0, "+x": 3, "-z": 2, "-x": 1}
 """Direction of a front to the quarter turns to the left about y that bring it to +z."""
 _OPPOSITE: Final = {"-z": "+z", "+z": "-z", "-x": "+x", "+x": "-x"}
+_LARGEST: Final = 20.0
+"""Maximum width, height and depth of a piece of furniture, metres."""
 _SURFACES: Final = frozenset(
     {"table", "coffee_table", "side_table", "desk", "nightstand", "tv_stand", "dresser", "sideboard", "bookshelf"}
 )
@@ -212,7 +214,13 @@ def _sized(parts: Sequence[Part], model: SourceModel, category: str) -> tuple[li
                 f"{model.name} measures {said} in its file, the size of a {category} in no known unit."
             )
         unit, scale = found[0], np.full(3, found[1])
-    return [replace(part, vertices=part.vertices * scale) for part in parts], unit
+    with np.errstate(over="ignore", invalid="ignore"):
+        sized = [replace(part, vertices=part.vertices * scale) for part in parts]
+        extent = np.subtract(*bounds(sized)[::-1])
+    if not (extent <= _LARGEST).all():  # NaN is refused too.
+        said = " x ".join(f"{value:.3g}" for value in extent)
+        raise HumanclawError(f"{model.name} would measure {said} m; no piece of furniture is over {_LARGEST:g} m.")
+    return sized, unit
 
 
 def _size(mesh: Mesh) -> Vec3:
