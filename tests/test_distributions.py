@@ -47,7 +47,11 @@ SEVERAL_BOUNDS = {
     "trimesh": "humanclaw-report takes three.js from it",
 }
 """Requirements whose bounds differ between distributions, and why."""
-NOT_INSTALLED = {"plugins/ray": "Ray is large", "plugins/rerun": "the Rerun viewer is large"}
+NOT_INSTALLED = {
+    "plugins/ray": "Ray is large",
+    "plugins/rerun": "the Rerun viewer is large",
+    **dict.fromkeys(("skills/gaze", "skills/handle", "skills/hands"), "the benchmark gives agents the paper's skills"),
+}
 """Folders that the requirements files leave out, and why."""
 
 NOT_LOCKED = {

@@ -32,6 +32,14 @@ def test_a_script_drives_a_body_and_keeps_what_it_saw(tmp_path):
     assert Image.open(tmp_path / "view.png").size == (512, 512)
 
 
+def test_a_hand_opens_a_fridge(tmp_path):
+    command = [sys.executable, EXAMPLES / "fridge.py", tmp_path / "strip.jpg"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=240)
+    opened = int(done.stdout.splitlines()[-1].removeprefix("The door is open by ").removesuffix(" degrees."))
+    assert 40 < opened < 95
+    assert Image.open(tmp_path / "strip.jpg").size == (2400, 400)
+
+
 def test_the_ten_line_skill_nods(house):
     plugins = Plugins.discover([EXAMPLES / "nod.py"])
     with Body(house, plugins=plugins) as body:

@@ -34,7 +34,7 @@ Cm = Annotated[int, Field(ge=-200, le=300)]
 @skill()
 def reach(x_cm: Cm, y_cm: Cm, z_cm: Cm, hand: Literal["left", "right"] = "right") -> Reach:
     """Reach to a point in front of the body."""
-    return Reach(hand, (x_cm / 100, y_cm / 100, z_cm / 100))
+    return Reach(hand, (x_cm / 100, y_cm / 100, z_cm / 100), seconds=1.5)
 
 
 @skill()

@@ -14,8 +14,9 @@ if TYPE_CHECKING:
         Backends as Backends,
         default_simulator as default_simulator,
     )
-    from humanclaw.episodes.embodiment import Body as Body, SkillExecution as SkillExecution, stand as stand
+    from humanclaw.episodes.embodiment import Body as Body, stand as stand
     from humanclaw.episodes.episode import Episode as Episode
+    from humanclaw.episodes.execution import SkillExecution as SkillExecution
     from humanclaw.episodes.loop import run_episode as run_episode
     from humanclaw.episodes.tools import body_tools as body_tools
     from humanclaw.errors import (
@@ -46,12 +47,13 @@ if TYPE_CHECKING:
     from humanclaw.records.reading import RecordedEpisode as RecordedEpisode, load_run as load_run
     from humanclaw.records.specification import EpisodeSpec as EpisodeSpec
     from humanclaw.records.steps import EpisodeRecord as EpisodeRecord, StepRecord as StepRecord
-    from humanclaw.skills.aims import Gaze as Gaze, Reach as Reach
+    from humanclaw.skills.aims import Gaze as Gaze, Grip as Grip
     from humanclaw.skills.call import Call as Call
     from humanclaw.skills.contract import Check as Check, Skill as Skill
     from humanclaw.skills.decorator import skill as skill
     from humanclaw.skills.own_body import OwnBody as OwnBody
     from humanclaw.skills.plan import Control as Control, Keyframes as Keyframes
+    from humanclaw.skills.reaching import Reach as Reach
     from humanclaw.world.scene import Scene as Scene
     from humanclaw.world.simulator import Chunk as Chunk, Simulator as Simulator
     from humanclaw.world.view import Renderer as Renderer

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from humanclaw.body import JOINT_INDEX, Motion, forward_kinematics, rest_pose, vector_from_matrix
-from humanclaw.motion.ik import Limb, solve
+from humanclaw.body.ik import Limb, solve
 from humanclaw.motion.planted import planted
 from humanclaw.motion.resting_hands import lay_hands
 

@@ -56,6 +56,7 @@ if TYPE_CHECKING:
         Box as Box,
         Capsule as Capsule,
         Link as Link,
+        Side as Side,
     )
     from humanclaw.body.skinning import REGIONS as REGIONS, SKINS as SKINS, Skin as Skin, skin as skin
 

@@ -63,6 +63,7 @@ STANDING_HEIGHT: Final = 0.07 + 0.405 + 0.415 + SOLE
 EYE: Final = (0.0, 0.08, 0.05)
 """Optical centre of the ego camera in the frame of the head joint, metres: behind the face, so that it sees limbs."""
 
+Side = Literal["left", "right"]
 BodyGroup = Literal["head", "torso", "arm_hand", "leg_foot"]
 BODY_GROUPS: Final[tuple[BodyGroup, ...]] = ("head", "torso", "arm_hand", "leg_foot")
 

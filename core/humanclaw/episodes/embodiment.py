@@ -5,34 +5,37 @@ from __future__ import annotations
 import asyncio
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from inspect import signature
 from pathlib import Path
-from typing import Any, Self, TypeVar
+from typing import Any, Final, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from humanclaw.body.pose import FUTURE, Array, Motion, Pose2D, next_history, re_rooted
 from humanclaw.episodes.backends import SENSORS, SHIPPED, VISION, Backends
+from humanclaw.episodes.execution import SkillExecution, Watcher, played_parts
 from humanclaw.episodes.tools import Verified, body_tools
 from humanclaw.errors import CheckpointError, HumanclawError, blaming
+from humanclaw.motion.carrying import Arms
 from humanclaw.motion.checkpoint import adapters_beside
 from humanclaw.motion.generator import MotionGenerator
 from humanclaw.motion.resting_hands import lay_hands
 from humanclaw.motion.rising import is_down, rise
 from humanclaw.plugins.agents import Moment, Observation, Sense, Verifier
 from humanclaw.plugins.host import Plugins
-from humanclaw.records.feedback import Feedback, Proprioception, Reading, Touch
-from humanclaw.records.steps import PlayedPart
+from humanclaw.records.feedback import Feedback, HandAim, Proprioception, Reading, Touch
+from humanclaw.skills.aims import Gaze as Aim, Grip
 from humanclaw.skills.call import Call
 from humanclaw.skills.contract import Skill
 from humanclaw.skills.course import Course
 from humanclaw.skills.measures import Declaration
 from humanclaw.skills.own_body import OwnBody
 from humanclaw.skills.plan import Control
-from humanclaw.skills.posing import Part, about, kind_of, posed
+from humanclaw.skills.posing import Part, arms_of, posed
+from humanclaw.skills.reaching import Reach
 from humanclaw.storage.pictures import jpeg
 from humanclaw.text.notebook import card
 from humanclaw.text.words import legible
@@ -41,44 +44,8 @@ from humanclaw.world.simulator import Chunk, Simulator, WorldState
 from humanclaw.world.view import Gaze, Renderer, View, ego_camera, gaze_of
 
 T = TypeVar("T", bound=np.generic)
-
-
-Watcher = Callable[[Chunk], bool]
-"""Called with each chunk once it has been played. Returns False to leave out the rest of the call."""
-
-
-@dataclass(frozen=True)
-class SkillExecution:
-    """Result of one executed call: at least one chunk, and the wall time of generating and simulating, seconds."""
-
-    call: Call
-    chunks: tuple[Chunk, ...]
-    seconds: Mapping[str, float]
-    proprioception: Proprioception | None = None
-    tactile: tuple[Touch, ...] | None = None
-    """Readings of the core's senses beside vision; None for a sense that is off."""
-    parts: tuple[PlayedPart, ...] = ()
-    """The parts of a sequence that were played, in order; empty for a call of one part."""
-    rise_frames: int = 0
-    """Frames in which the body first rose from a low pose; they are among those of `chunks`."""
-    cancelled: bool = False
-    """Whether a part of the call was left out."""
-    limits: tuple[str, ...] = ()
-    """What the body could not do of the call, in words."""
-    readings: tuple[Reading, ...] = ()
-    """Readings of the senses of plugins."""
-
-    @property
-    def feedback(self) -> Feedback:
-        """The feedback that the agent gets for the call."""
-        return Feedback(
-            self.call,
-            proprioception=self.proprioception,
-            tactile=self.tactile,
-            cancelled=self.cancelled,
-            limits=self.limits,
-            readings=self.readings,
-        )
+_SHORT: Final = 0.03
+"""Metres from its target at which a hand is there."""
 
 
 class Body:
@@ -172,6 +139,8 @@ class Body:
         self._history = stand(self._simulator, self._generator, self.scene, self.start)
         self._state = self._simulator.state()
         self._course = Course()
+        self._arms = Arms()
+        self._pitch: float | None = None
 
     @property
     def skills(self) -> dict[str, Skill]:
@@ -186,7 +155,7 @@ class Body:
     @property
     def feeling(self) -> OwnBody:
         """What the body feels of itself, as a skill is told it."""
-        return OwnBody.of(self._history)
+        return OwnBody.of(self._arms.pose(self._history), self._state.held)
 
     @property
     def weights(self) -> str:
@@ -199,8 +168,13 @@ class Body:
 
     def view(self) -> View:
         """Render what the eyes see: colours, depth and object ids, as read-only arrays."""
-        seen = self._renderer.render(self._state, ego_camera(self._state.body, gaze=self.gaze))
+        seen = self._renderer.render(self._state, ego_camera(self._state.body, gaze=self._looking))
         return View(_fixed(seen.rgb), _fixed(seen.depth), _fixed(seen.ids))
+
+    @property
+    def _looking(self) -> Gaze:
+        """How the eyes look now: as they usually do, or where a part of the last calls has turned them."""
+        return self.gaze if self._pitch is None else replace(self.gaze, pitch=self._pitch)
 
     def views_during(self, chunk: Chunk, count: int) -> Iterator[View]:
         """Render `count` views, evenly spaced, of the half second that the body has just moved; the last frame is not
@@ -208,7 +182,7 @@ class Body:
         for frame in np.linspace(0, FUTURE, count + 1, endpoint=False, dtype=int)[1:]:
             body, paths = chunk.execution.simulated[frame : frame + 1], chunk.execution.objects
             objects = {**self._state.objects, **{key: path[frame] for key, path in paths.items()}}
-            yield self._renderer.render(WorldState(body, objects), ego_camera(body, gaze=self.gaze))
+            yield self._renderer.render(WorldState(body, objects), ego_camera(body, gaze=self._looking))
 
     def observe(self, instruction: str = "", feedback: Feedback | None = None) -> Observation:
         """Return the view, and the feedback of the last call."""
@@ -250,8 +224,9 @@ class Body:
         with blaming(self.plugins.owner(call.skill)):
             plan = skill.planned(call.params, self.feeling)
         self._limits: list[str] = []
+        self._aims: list[HandAim] = []
         self._rise_frames = 0
-        before, chunks, seconds = self._state.body, [], {"generate": 0.0, "simulate": 0.0}
+        before, held, chunks, seconds = self._state.body, self._state.held, [], {"generate": 0.0, "simulate": 0.0}
         played: list[int] = []
         cancelled, moment = False, time.perf_counter()
         for number, commanded, left in self._chunks(skill, plan):
@@ -265,11 +240,25 @@ class Body:
                 break
             moment = time.perf_counter()
         self.step += 1
-        told = _played(plan, played) if len(plan) > 1 else ()
+        opened = {part.hand for part in plan if isinstance(part, Grip)}
+        self._limits += [
+            f"what your {side} hand held slipped" for side in sorted(held.keys() - self._state.held - opened)
+        ]
+        told = played_parts(plan, played) if len(plan) > 1 else ()
         limits = tuple(dict.fromkeys(self._limits))
         body, touch, readings = self._sense(Moment(before, tuple(chunks), self.view))
         self.last = SkillExecution(
-            call, tuple(chunks), seconds, body, touch, told, self._rise_frames, cancelled, limits, readings
+            call,
+            tuple(chunks),
+            seconds,
+            body,
+            touch,
+            told,
+            self._rise_frames,
+            cancelled,
+            limits,
+            readings,
+            tuple(self._aims),
         )
         return self.last
 
@@ -279,8 +268,10 @@ class Body:
         corrects = isinstance(part, Control) and source == "generated" and self.backends.profile != "paper"
         body = self._state.body
         commanded = lay_hands(motion, body if is_down(body) else None) if corrects else motion
+        commanded = self._arms.over(commanded, arms_of(part), body)
         execution = self._simulator.execute(commanded)
         self._state = self._simulator.state()
+        self._arms.after(execution.simulated, self._state.held, arms_of(part))
         self._history = next_history(self._history, motion, execution.simulated, source)
         return Chunk(commanded, execution)
 
@@ -308,6 +299,7 @@ class Body:
     def _pieces(self, skill: Skill, part: Part, index: int) -> Iterator[tuple[Motion, bool]]:
         """Yield the chunks of one part. index: number of its first chunk within the call."""
         if isinstance(part, Control):
+            self._pitch = None
             if part.adapter == skill.adapter:
                 require_trained(skill)
             declared, key = self._declared(skill, part.adapter), (self.seed, self.step, index)
@@ -317,9 +309,33 @@ class Body:
                     yield piece, True
             yield self._generated(declared, part, key), False
             return
-        motion, limits = posed(part, self._history)
+        if isinstance(part, Grip):
+            self._grip(part)
+        pose = self._arms.pose(self._history)
+        motion, limits = posed(part, pose, self._arms.palms)
         self._limits += limits
         yield from self._played(motion)
+        if isinstance(part, Reach):
+            self._aim(part, pose)
+        elif isinstance(part, Aim):
+            self._pitch = part.pitch(self._state.body)
+
+    def _grip(self, part: Grip) -> None:
+        """Close or open a hand. A simulator of plugin API 1.2 has none."""
+        if not hasattr(self._simulator, "grip"):
+            self._limits.append("your hands hold nothing in this world")
+            return
+        self._simulator.grip(part.hand, part.closed)
+        self._state = self._simulator.state()
+        if part.closed and part.hand not in self._state.held:
+            self._limits.append(f"your {part.hand} hand closed on nothing")
+
+    def _aim(self, part: Reach, pose: Motion) -> None:
+        """Enter how far a hand is from its target. pose: in whose frame the target is."""
+        short = part.short(pose, self._state.body)
+        self._aims.append(HandAim(part.hand, part.at, round(short, 4)))
+        if short > _SHORT:
+            self._limits.append(f"your {part.hand} hand stays {100 * short:.0f} cm short")
 
     def _must_rise(self) -> bool:
         """Tell whether the body has to rise before it steps: the motion model steps from standing alone."""
@@ -375,17 +391,6 @@ def _held(reading: object, sense: str) -> Reading:
 def _fixed(picture: NDArray[T]) -> NDArray[T]:
     """Return a read-only copy, so that agent, verifier and record see the same picture."""
     return np.frombuffer(picture.tobytes(), picture.dtype).reshape(picture.shape)
-
-
-def _played(plan: Sequence[Part], numbers: Sequence[int]) -> tuple[PlayedPart, ...]:
-    """Return the parts that were played. numbers: for each chunk, the number of its part."""
-    return tuple(
-        PlayedPart("control", numbers.count(number), part.adapter.parent.name, dict(part.values))
-        if isinstance(part, Control)
-        else PlayedPart(kind_of(part), numbers.count(number), about(part))
-        for number, part in enumerate(plan)
-        if number in numbers
-    )
 
 
 def require_trained(skill: Skill) -> None:

@@ -18,7 +18,8 @@ from typing import Any, Final, Self
 
 import numpy as np
 
-from humanclaw.episodes.embodiment import Body, SkillExecution
+from humanclaw.episodes.embodiment import Body
+from humanclaw.episodes.execution import SkillExecution
 from humanclaw.episodes.history import History
 from humanclaw.episodes.panel import Panel, settled
 from humanclaw.episodes.recorder import Recording, begin_record, ending, stand_at_start

@@ -54,17 +54,27 @@ def _shift(frame: Pose2D, start: Motion, motion: Motion) -> Array:
 
 # -- touch -------------------------------------------------------------------------------------------------------------
 def tactile(executions: Sequence[Execution]) -> tuple[Touch, ...]:
-    """Return the parts of the body that touched anything but the ground under the feet, sorted by name."""
+    """Return the parts of the body that touched anything but the ground under the feet, sorted by name, and then the
+    hands that hold something."""
     frames: dict[str, set[tuple[int, int]]] = defaultdict(set)
     gives_way: dict[str, bool] = defaultdict(bool)
     for number, execution in enumerate(executions):
         joints = execution.simulated.joints()
         for contact in execution.contacts:
+            if _is_held(contact, execution):
+                continue
             meeting = {(number, frame) for frame in contact.frames if not _underfoot(contact, joints[frame])}
             if meeting:
                 frames[_part(contact)] |= meeting
                 gives_way[_part(contact)] |= contact.movable
-    return tuple(Touch(part, len(frames[part]), gives_way[part]) for part in sorted(frames))
+    met = [Touch(part, len(frames[part]), gives_way[part]) for part in sorted(frames)]
+    spans = {side: sum(len(one.simulated) for one in executions if side in one.held) for side in executions[-1].held}
+    return (*met, *(Touch(f"{side} hand", span, True, holds=True) for side, span in spans.items()))
+
+
+def _is_held(contact: Contact, execution: Execution) -> bool:
+    by = contact.joint.partition("_")[0], contact.object_id
+    return contact.group == "arm_hand" and by in execution.held.items()
 
 
 def _underfoot(contact: Contact, joints: Array) -> bool:

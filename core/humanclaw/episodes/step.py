@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from humanclaw.body.pose import Array
-from humanclaw.episodes.embodiment import SkillExecution
+from humanclaw.episodes.execution import SkillExecution
 from humanclaw.records.decisions import Attempt, Verdict
 from humanclaw.records.steps import StepRecord
 from humanclaw.skills.call import Call
@@ -100,6 +100,9 @@ class Step:
             cancelled=done.cancelled if done else False,
             limits=done.limits if done else (),
             readings=done.readings if done else (),
+            held=dict(after.held),
+            aims=done.aims if done else (),
+            joints=joint_states(scene, chunks),
             fall=fall(chunks),
             waypoints=tuple(vec3(chunk.execution.simulated.root[-1]) for chunk in chunks[:-1]),
             start=vec3(before.body.root[-1]),
@@ -174,6 +177,13 @@ def _gathered(found: Sequence[tuple[int, Contact]]) -> Contact:
 def touches(chunks: Sequence[Chunk]) -> tuple[tuple[int, int, int], ...]:
     """Return (frame of the step, object, object) for each touch of a movable object and another."""
     return tuple((start + frame, a, b) for start, part in _timed(chunks) for frame, a, b in part.touches)
+
+
+def joint_states(scene: Scene, chunks: Sequence[Chunk]) -> dict[int, float]:
+    """Return the state of each object on a joint that moved, at the end of it."""
+    paths = {key: path for chunk in chunks for key, path in chunk.execution.objects.items()}
+    hung = {key: path for key, path in paths.items() if scene.by_id[key].joint}
+    return {key: round(scene.by_id[key].state_at(path[-1]), 5) for key, path in sorted(hung.items())}
 
 
 def fall(chunks: Sequence[Chunk]) -> float:

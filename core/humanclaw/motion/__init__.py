@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from humanclaw.doors import door
 
 if TYPE_CHECKING:
+    from humanclaw.body.ik import REACH as REACH, SIDES as SIDES, TOE_BASE as TOE_BASE, Limb as Limb, solve as solve
     from humanclaw.motion.checkpoint import (
         FORMAT as FORMAT,
         HEADER as HEADER,
@@ -46,7 +47,6 @@ if TYPE_CHECKING:
         velocity as velocity,
     )
     from humanclaw.motion.generator import DiTGenerator as DiTGenerator, MotionGenerator as MotionGenerator
-    from humanclaw.motion.ik import REACH as REACH, SIDES as SIDES, TOE_BASE as TOE_BASE, Limb as Limb, solve as solve
     from humanclaw.motion.parting import (
         HEEL_END as HEEL_END,
         TOE_END as TOE_END,

@@ -14,6 +14,7 @@ from typing import Final
 
 import numpy as np
 
+from humanclaw.body.ik import REACH, SIDES, TOE_BASE, Array, Limb, bent
 from humanclaw.body.pose import (
     FPS,
     HISTORY,
@@ -25,7 +26,6 @@ from humanclaw.body.pose import (
     yaw_matrix,
 )
 from humanclaw.body.skeleton import JOINT_INDEX, TOE_SOLE
-from humanclaw.motion.ik import REACH, SIDES, TOE_BASE, Array, Limb, bent
 from humanclaw.motion.parting import SHOE, TOES, apart, widened
 
 _SLOW: Final = 0.25

@@ -10,9 +10,9 @@ from typing import Final
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
+from humanclaw.body.ik import TOE_BASE
 from humanclaw.body.pose import Array, smoothstep
 from humanclaw.body.skeleton import LINKS, Box
-from humanclaw.motion.ik import TOE_BASE
 
 _BOXES: Final = {one.joint: one.shape for one in LINKS if isinstance(one.shape, Box)}
 SHOE, TOES = (_BOXES[joint] for joint in ("left_ankle", "left_foot"))

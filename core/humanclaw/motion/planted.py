@@ -6,9 +6,9 @@ from typing import Final
 
 import numpy as np
 
+from humanclaw.body.ik import REACH, SIDES, Limb, solve
 from humanclaw.body.pose import Array, Motion, forward_kinematics, matrix_from_vector, vector_from_matrix
 from humanclaw.body.skeleton import JOINT_INDEX, OFFSETS
-from humanclaw.motion.ik import REACH, SIDES, Limb, solve
 
 LEGS: Final = tuple(f"{side}_{joint}" for side in SIDES for joint in ("hip", "knee", "ankle", "foot"))
 _UP: Final = np.array([0.0, 0.4, 0.0])

@@ -10,9 +10,9 @@ from typing import Final
 
 import numpy as np
 
+from humanclaw.body.ik import SIDES, Limb, bent
 from humanclaw.body.pose import Array, Motion, forward_kinematics, matrix_from_vector, smoothstep, vector_from_matrix
 from humanclaw.body.skeleton import JOINT_INDEX, LINKS, Capsule
-from humanclaw.motion.ik import SIDES, Limb, bent
 
 _RAISED: Final = 0.9
 """Bend of a hip, radians, below which nobody sits."""

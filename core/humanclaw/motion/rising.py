@@ -11,6 +11,7 @@ from typing import Final
 
 import numpy as np
 
+from humanclaw.body.ik import TOE_BASE
 from humanclaw.body.limits import centre_of_mass, shoe_heights
 from humanclaw.body.pose import (
     FUTURE,
@@ -25,7 +26,6 @@ from humanclaw.body.pose import (
     yaw_matrix,
 )
 from humanclaw.body.skeleton import JOINT_INDEX, SOLE, STANDING_HEIGHT
-from humanclaw.motion.ik import TOE_BASE
 from humanclaw.motion.planted import ANKLES, on_feet
 
 _DOWN: Final = 0.8 * STANDING_HEIGHT

@@ -9,10 +9,12 @@ import numpy as np
 
 from humanclaw.body.pose import FPS
 from humanclaw.records.decisions import Answer
+from humanclaw.skills.aims import Point, Side
 from humanclaw.skills.call import Call
 from humanclaw.skills.own_body import posture_of
 from humanclaw.text.json import STRICT
 
+_UNTOUCHED: Final = "You touch nothing but what you stand on."
 _TILTED: Final = 20.0
 """Degrees from which a tilted trunk is mentioned."""
 
@@ -73,9 +75,26 @@ class Touch:
     frames: int
     gives_way: bool
     """Whether a touched object is movable."""
+    holds: bool = False
+    """Whether the part is a hand that holds something; frames: how long it has in this step."""
 
     def __str__(self) -> str:
+        if self.holds:
+            return f"Your {self.part} holds something."
         return f"your {self.part} for {self.frames / FPS:.1f} s{' (it gives way)' if self.gives_way else ''}"
+
+
+@dataclass(frozen=True)
+class HandAim:
+    """Where a hand was to go, and how far it ended from there."""
+
+    __pydantic_config__: ClassVar = STRICT
+
+    hand: Side
+    at: Point
+    """Left, up, ahead in metres, in the body's frame as the part began."""
+    error: float
+    """Metres."""
 
 
 @dataclass(frozen=True)
@@ -145,6 +164,6 @@ class Feedback:
 def _touched(tactile: tuple[Touch, ...] | None) -> str:
     if tactile is None:
         return ""
-    if not tactile:
-        return "You touch nothing but what you stand on."
-    return f"Something touched {', '.join(map(str, tactile))}."
+    held = [str(touch) for touch in tactile if touch.holds]
+    met = ", ".join(str(touch) for touch in tactile if not touch.holds)
+    return " ".join([*([f"Something touched {met}."] if met else []), *held]) or _UNTOUCHED

@@ -13,8 +13,9 @@ from pydantic import AfterValidator, Field
 from humanclaw.body.pose import FUTURE, Pose2D
 from humanclaw.body.skeleton import JOINT_INDEX
 from humanclaw.records.decisions import Attempt, Decision, Usage, Verdict
-from humanclaw.records.feedback import Feedback, Proprioception, Reading, Touch
+from humanclaw.records.feedback import Feedback, HandAim, Proprioception, Reading, Touch
 from humanclaw.records.specification import EpisodeSpec, Name, Record
+from humanclaw.skills.aims import Side
 from humanclaw.skills.call import Call
 from humanclaw.skills.posing import PartKind
 from humanclaw.text.json import STRICT
@@ -23,7 +24,7 @@ from humanclaw.world.scene import Vec3
 from humanclaw.world.simulator import Contact
 from humanclaw.world.view import Gaze, gaze_of
 
-FORMAT: Literal[3] = 3
+FORMAT: Literal[4] = 4
 Outcome = Literal["running", "stopped", "out_of_steps", "plugin_error", "infra_error", "limit_reached", "interrupted"]
 
 
@@ -62,7 +63,7 @@ class PlayedPart:
     chunks: int
     """Number of half seconds."""
     what: str = ""
-    """The adapter's folder, the joints of keyframes, or the hand that reaches."""
+    """The adapter's folder, the joints of keyframes, or the hand that reaches or closes."""
     values: dict[str, float] = field(default_factory=dict)
     """Values of a control, SI."""
 
@@ -95,6 +96,12 @@ class StepRecord(Record):
     """Whether the call was broken off between two chunks."""
     limits: tuple[str, ...] = ()
     """What the body could not do of the call, in words."""
+    held: dict[Side, int] = {}
+    """Id of the object in each hand that holds one, after the step."""
+    aims: tuple[HandAim, ...] = ()
+    """Where hands were to go, in order, and how far they ended from there."""
+    joints: dict[int, float] = {}
+    """State of each object on a joint that moved in the step, at its end: radians of a hinge, metres of a slide."""
     fall: Annotated[float, Field(ge=0, le=10_000)] = 0.0
     """How far the body fell without touching anything, metres, if that was half a metre or more; the deepest fall."""
     waypoints: tuple[Vec3, ...] = ()
@@ -188,7 +195,7 @@ class SkillInfo:
 class EpisodeRecord(Record):
     """episode.json: the task, the agent, the versions and weights in use, and the end."""
 
-    format: Literal[2, 3] = FORMAT
+    format: Literal[2, 3, 4] = FORMAT
     spec: EpisodeSpec
     start: Pose2D
     agent: Name

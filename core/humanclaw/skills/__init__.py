@@ -6,7 +6,7 @@ from humanclaw.doors import door
 
 if TYPE_CHECKING:
     from humanclaw.skills.agreement import Agreement as Agreement
-    from humanclaw.skills.aims import Gaze as Gaze, Point as Point, Reach as Reach
+    from humanclaw.skills.aims import Gaze as Gaze, Grip as Grip, Point as Point, Side as Side
     from humanclaw.skills.body_tool import LOOK as LOOK, BodyTool as BodyTool, ToolResult as ToolResult
     from humanclaw.skills.call import Call as Call, check_call as check_call
     from humanclaw.skills.contract import Check as Check, Skill as Skill, bounds as bounds
@@ -49,6 +49,7 @@ if TYPE_CHECKING:
         tool_spec as tool_spec,
         unpublishable as unpublishable,
     )
+    from humanclaw.skills.reaching import Reach as Reach
     from humanclaw.skills.reading import (
         Reasoning as Reasoning,
         json_objects as json_objects,

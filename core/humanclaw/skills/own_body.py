@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final, Literal, Self, TypeAlias
 
@@ -29,14 +30,14 @@ class OwnBody:
     """Above the lower sole, metres."""
     posture: Posture
     held: tuple[str, ...] = ()
-    """What the hands hold. Nothing yet: no skill grasps."""
+    """The hands that hold something, "left" before "right"."""
 
     @classmethod
-    def of(cls, motion: Motion) -> Self:
-        """Return what a body feels in the last frame of a motion (any frame)."""
+    def of(cls, motion: Motion, held: Iterable[str] = ()) -> Self:
+        """Return what a body feels in the last frame of a motion (any frame). held: the hands that hold something."""
         pose = Pose2D.of(motion).to_local(motion[-1:])
         height = float(pose.root[0, 1] - support_height(pose.joints())[0])
-        return cls(pose, height, posture_of(height))
+        return cls(pose, height, posture_of(height), tuple(sorted(held)))
 
     def joint(self, name: str) -> Array:
         """Return the position (3,) of a joint, metres."""

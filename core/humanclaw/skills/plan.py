@@ -174,6 +174,13 @@ def _smooth(clock: np.ndarray[Any, Any], times: np.ndarray[Any, Any], keys: np.n
     return keys[index] * (1 - ease) + keys[index + 1] * ease
 
 
+def check_lasting(seconds: float, what: str) -> None:
+    """Raise MotionError for 0 s or less, and above 10 s."""
+    if not seconds > 0:
+        raise MotionError("duration", f"{what} takes more than 0 s; got {seconds!r}")
+    check_duration(seconds, what)
+
+
 def check_duration(seconds: float, what: str) -> None:
     """Raise MotionError above 10 s."""
     if not seconds <= LONGEST_CALL:  # Also NaN.

@@ -3,26 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Final, Literal
 
 import numpy as np
 
+from humanclaw.body.ik import SIDES
 from humanclaw.body.limits import within_limits
 from humanclaw.body.pose import FPS, FUTURE, Array, Motion, Pose2D, matrix_from_vector, smoothstep, vector_from_matrix
-from humanclaw.skills.aims import Gaze, Reach
+from humanclaw.motion.carrying import ARM
+from humanclaw.skills.aims import Gaze, Grip, Side
 from humanclaw.skills.plan import LONGEST_FAULT, Control, Keyframes, MotionError, check_duration, whole_chunks
+from humanclaw.skills.reaching import Reach
 
-Posed = Keyframes | Reach | Gaze | Motion
+Posed = Keyframes | Reach | Gaze | Grip | Motion
 """A part that is played without the motion model. A `Motion` is in the body's frame as the part begins."""
 Part = Control | Posed
 Plan = Part | Sequence[Part]
 """The plan of a call: one part, or a sequence of parts, each from the last pose of the one before."""
-PartKind = Literal["control", "keyframes", "reach", "gaze", "motion"]
+PartKind = Literal["control", "keyframes", "reach", "gaze", "grip", "motion"]
 _KINDS: Final[Mapping[type, PartKind]] = {
     Control: "control",
     Keyframes: "keyframes",
     Reach: "reach",
     Gaze: "gaze",
+    Grip: "grip",
     Motion: "motion",
 }
 _EASE: Final = 10
@@ -33,7 +38,7 @@ def parts(plan: Plan) -> tuple[Part, ...]:
     """Return the parts of a plan, in order. Raises MotionError for a value that is not a plan, or above 10 s."""
     found = (plan,) if isinstance(plan, Part) else tuple(plan) if isinstance(plan, Sequence) else ()
     if not found or not all(isinstance(part, Part) for part in found):
-        expected = "a skill returns a Control, Keyframes, a Reach, a Gaze, a Motion or a sequence of them"
+        expected = "a skill returns a Control, Keyframes, a Reach, a Gaze, a Grip, a Motion or a sequence of them"
         raise MotionError("plan-kind", f"{expected}; got {str(plan)[:LONGEST_FAULT]!r}")
     for part in found:
         if isinstance(part, Motion) and not (
@@ -57,24 +62,41 @@ def kind_of(part: Part) -> PartKind:
 
 
 def about(part: Posed) -> str:
-    """Say which joints or which aim a part moves."""
+    """Say which joints or which hand a part moves."""
     if isinstance(part, Keyframes):
         return ", ".join(part.rotations)
+    if isinstance(part, Grip):
+        return part.hand if part.closed else f"{part.hand} opens"
     return part.hand if isinstance(part, Reach) else ""
 
 
-def wanted(part: Posed, pose: Motion) -> Motion:
-    """Return the motion of a part over the last frame of a pose, whatever the limits of joints."""
+def arms_of(part: Part) -> frozenset[Side]:
+    """Return the sides of the arms that a part moves itself."""
+    if isinstance(part, Reach):
+        return frozenset({part.hand})
+    if isinstance(part, Keyframes):
+        return frozenset(side for side in SIDES if {f"{side}_{joint}" for joint in ARM} & set(part.rotations))
+    return frozenset(SIDES if isinstance(part, Motion) else ())
+
+
+def wanted(part: Posed, pose: Motion, palms: Mapping[Side, Array] = MappingProxyType({})) -> Motion:
+    """Return the motion of a part over the last frame of a pose, whatever the limits of joints. palms: turns (3, 3) in
+    the frame of the heading that palms keep, by side."""
+    if isinstance(part, Reach):
+        return part.over(pose, palms)
     return _entered(part, pose) if isinstance(part, Motion) else part.over(pose)
 
 
-def posed(part: Posed, pose: Motion) -> tuple[Motion, tuple[str, ...]]:
+def posed(
+    part: Posed, pose: Motion, palms: Mapping[Side, Array] = MappingProxyType({})
+) -> tuple[Motion, tuple[str, ...]]:
     """Return the motion of a part over the last frame of a pose, within the limits of joints, and what it could not do.
 
-    The words continue "You could not do all of it: "."""
-    motion, stopped = within_limits(wanted(part, pose), pose[-1:])
+    palms: as for wanted. The words continue "Your body could not do all of it: ". How far a hand stays
+    short is felt afterwards."""
+    motion, stopped = within_limits(wanted(part, pose, palms), pose[-1:])
     told = [f"your {joint.replace('_', ' ')} turns no further" for joint in stopped]
-    short = part.short(pose, motion) if isinstance(part, Reach | Gaze) else ""
+    short = part.short(pose, motion) if isinstance(part, Gaze) else ""
     return motion, tuple(filter(None, (*told, short)))
 
 

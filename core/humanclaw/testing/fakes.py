@@ -14,6 +14,7 @@ from typing import Any, Final
 import numpy as np
 
 from humanclaw.body.pose import FPS, FUTURE, HISTORY, Motion, Pose2D, rest_pose, smoothstep
+from humanclaw.body.skeleton import Side
 from humanclaw.episodes.backends import Backends
 from humanclaw.episodes.embodiment import Body
 from humanclaw.episodes.sensors import BodySense, TouchSense
@@ -51,6 +52,8 @@ class FakeWorld:
         self.heard.append(motion)
         self._body = motion[-1:]
         return Execution(motion, (), (), {})
+
+    def grip(self, side: Side, closed: bool) -> None: ...
 
     def state(self) -> WorldState:
         return WorldState(self._body, {})

@@ -11,7 +11,8 @@ import numpy as np
 
 from humanclaw.body.pose import FUTURE, rest_pose
 from humanclaw.episodes.backends import Backends
-from humanclaw.episodes.embodiment import Body, SkillExecution
+from humanclaw.episodes.embodiment import Body
+from humanclaw.episodes.execution import SkillExecution
 from humanclaw.errors import ContractError, HumanclawError, in_words
 from humanclaw.plugins.bounded import Bounded
 from humanclaw.plugins.hookspecs import hookimpl

@@ -8,6 +8,7 @@ from typing import Final
 
 import numpy as np
 
+from humanclaw.body.ik import SIDES
 from humanclaw.body.limits import JOINT_LIMITS, KNEE_BACK, angles_from_standing, within_limits
 from humanclaw.body.pose import (
     FPS,
@@ -22,7 +23,7 @@ from humanclaw.body.pose import (
 )
 from humanclaw.body.skeleton import JOINT_INDEX, JOINTS, LINKS, Capsule, Link
 from humanclaw.errors import ContractError
-from humanclaw.motion.ik import SIDES
+from humanclaw.skills.aims import Grip
 from humanclaw.skills.plan import Control
 from humanclaw.skills.posing import Part, wanted
 from humanclaw.testing.motions import gait
@@ -64,7 +65,7 @@ def moves(parts: Sequence[Part]) -> bool:
     """Whether anything moves in a plan, for a body that stands."""
     start = rest_pose(HISTORY)
     return any(
-        isinstance(part, Control)
+        isinstance(part, Control | Grip)
         or not np.allclose(wanted(part, start).rotations, start.rotations[-1], atol=1e-3)
         or not np.allclose(wanted(part, start).root, start.root[-1], atol=1e-3)
         for part in parts

@@ -15,9 +15,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from humanclaw.body.pose import Array, Pose2D, matrix_from_quaternion
+from humanclaw.body.pose import Array, Pose2D, matrix_from_quaternion, vector_from_matrix, wrap_angle
 from humanclaw.errors import SceneError
-from humanclaw.world.joints import Joint, Vec3 as Vec3, facts_of, joint_of
+from humanclaw.world.joints import Joint, Slide, Vec3 as Vec3, facts_of, joint_of
 
 Quaternion = tuple[float, float, float, float]
 
@@ -123,6 +123,16 @@ class SceneObject:
         x, y, z, w = self.rotation
         turned = np.array([[w, -z, y, x], [z, w, -x, y], [-y, x, w, z], [-x, -y, -z, w]]) @ turn
         return np.concatenate([self.position + matrix_from_quaternion(np.array(self.rotation)) @ way, turned])
+
+    def state_at(self, pose: Array) -> float:
+        """Return the angle (radians) or way (metres) of the joint of an object in a pose (7,): the inverse of at()."""
+        assert self.joint is not None
+        turn = matrix_from_quaternion(np.array(self.rotation)).T
+        if isinstance(self.joint, Slide):
+            return self.state + float(turn @ (pose[:3] - self.position) @ self.joint.axis)
+        turned = vector_from_matrix(turn @ matrix_from_quaternion(pose[3:])) @ self.joint.axis
+        middle = (self.joint.low + self.joint.high) / 2 - self.state
+        return self.state + middle + float(wrap_angle(turned - middle))
 
     def opened(self, state: float) -> SceneObject:
         """Return the object with its joint at another angle (radians) or way (metres), or at the nearest in its

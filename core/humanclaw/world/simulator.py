@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar, Protocol, TypeAlias
 
 from humanclaw.body.pose import Array, Motion, Pose2D
-from humanclaw.body.skeleton import BodyGroup
+from humanclaw.body.skeleton import BodyGroup, Side
 from humanclaw.text.json import STRICT
 from humanclaw.world.scene import Scene
 
@@ -19,6 +19,8 @@ class WorldState:
     body: Motion
     objects: Mapping[int, Array]
     """Pose (7,) by id of the movable object: position, then quaternion x, y, z, w."""
+    held: Mapping[Side, int] = field(default_factory=dict)
+    """Id of the object in each hand that holds one, by side."""
 
 
 @dataclass(frozen=True)
@@ -32,6 +34,8 @@ class Execution:
     """(frame, object id, object id): a movable object touches another object that is not the building."""
     objects: Mapping[int, Array]
     """Path (15, 7) by id of each movable object that moved in this chunk."""
+    held: Mapping[Side, int] = field(default_factory=dict)
+    """Id of the object in each hand that holds one at the end, by side."""
 
 
 class Simulator(Protocol):
@@ -46,6 +50,10 @@ class Simulator(Protocol):
 
     def execute(self, motion: Motion) -> Execution:
         """Drive the body through consecutive frames (world frame). The vertical root motion is not commanded."""
+
+    def grip(self, side: Side, closed: bool) -> None:
+        """Open the left or right hand, or close it on the nearest movable object before its palm. state() says what it
+        holds."""
 
     def state(self) -> WorldState: ...
 

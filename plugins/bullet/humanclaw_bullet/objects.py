@@ -157,6 +157,11 @@ class Objects:
         self._client.resetBasePositionAndOrientation(body, motion.position, motion.quaternion)
         self._client.resetBaseVelocity(body, motion.velocity, motion.spin)
 
+    def link(self, object_id: int) -> tuple[int, int]:
+        """Return the Bullet body and link of a movable object."""
+        hinged = object_id in self._hinged
+        return (self._hinged if hinged else self._movable)[object_id][0], 0 if hinged else -1
+
     def movable_bodies(self) -> list[int]:
         """Return the Bullet bodies of the movable objects."""
         return [body for body, _ in self._movable.values()]

@@ -37,6 +37,7 @@ class BulletWorld:
             numSubSteps=0, deterministicOverlappingPairs=1, numSolverIterations=_ITERATIONS
         )
         self._seconds = 0.0
+        self._passing: frozenset[tuple[int, int]] = frozenset()
         try:
             self._objects = Objects(client, scene)
         except BaseException:  # Whatever happens, Ctrl-C included: nobody else could free this world.
@@ -105,6 +106,18 @@ class BulletWorld:
 
     def objects(self) -> Mapping[int, Array]:
         return self._objects.states()
+
+    def let_pass(self, pairs: frozenset[tuple[int, int]]) -> None:
+        client = self._client
+        for joint, object_id in sorted(pairs ^ self._passing):
+            meets = (joint, object_id) not in pairs
+            body, link = self._objects.link(object_id)
+            client.setCollisionFilterPair(self._body, body, joint - 1, link, int(meets))
+            # Asleep, a thing would not feel the speed that a hand gives it.
+            state = client.ACTIVATION_STATE_ENABLE_SLEEPING if meets else client.ACTIVATION_STATE_DISABLE_SLEEPING
+            client.changeDynamics(body, -1, activationState=state)
+            client.changeDynamics(body, -1, activationState=client.ACTIVATION_STATE_WAKE_UP)
+        self._passing = pairs
 
     def settled(self) -> None:
         self._objects.lull()

@@ -43,6 +43,7 @@ class MujocoWorld:
         """Put a scene and a body at rest in a pose."""
         self._model, self._m, self._d = model, model.mj, mj.MjData(model.mj)
         self._gravity = profile.gravity
+        self._passing: frozenset[tuple[int, int]] = frozenset()
         self._sleep = Sleep(model)
         self._tree = np.concatenate([np.arange(model.root_dof, model.root_dof + 6), model.spins.ravel()])
         self._still = {obj.id: np.array([*obj.position, *obj.rotation], float) for obj in scene.objects if obj.movable}
@@ -117,7 +118,17 @@ class MujocoWorld:
         mj.mj_factorM(m, d)
         mj.mj_collision(m, d)
         # MuJoCo copies these at each access.
-        return d.contact.geom, d.contact.dist
+        geoms, gaps = d.contact.geom, d.contact.dist
+        if self._passing:
+            self._part(geoms, gaps)
+        return geoms, gaps
+
+    def _part(self, geoms: NDArray[np.int32], gaps: Array) -> None:
+        """Leave out the contacts of links and objects that pass each other; their distance is infinite."""
+        links, objects = self._model.joint_of[geoms].max(axis=1), self._model.object_of[geoms].max(axis=1)
+        passes = [pair in self._passing for pair in zip(links.tolist(), objects.tolist(), strict=True)]
+        self._d.contact.exclude[passes] = 1
+        gaps[passes] = np.inf
 
     def _harden(self, geoms: NDArray[np.int32], gaps: Array, seconds: float) -> None:
         """Let each contact allow just the approach that closes its distance in this step.
@@ -222,6 +233,9 @@ class MujocoWorld:
         for key, (angle_at, _, swing) in self._model.hinged.items():
             found[key] = swing.place(float(self._d.qpos[angle_at]))
         return found
+
+    def let_pass(self, pairs: frozenset[tuple[int, int]]) -> None:
+        self._passing = pairs
 
     def settled(self) -> None:
         self._sleep.lull(self._d)

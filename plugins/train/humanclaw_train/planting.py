@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from humanclaw.body import FPS, JOINT_INDEX, SOLE, TOE_SOLE, Array, matrix_from_vector, vector_from_matrix
+from humanclaw.body import FPS, JOINT_INDEX, SOLE, TOE_SOLE, Array, Side, matrix_from_vector, vector_from_matrix
 from humanclaw.motion import SIDES
 from humanclaw_train.posing import LEG, STRAIGHT, Pose, reach_ankle, swing
 
@@ -123,7 +123,7 @@ def _steady(points: Array, window: int = 2 * FPS) -> Array:
     return np.asarray((sums[window:] - sums[:-window]) / window)
 
 
-def _overreach(pose: Pose, ankles: Mapping[str, Array]) -> Array:
+def _overreach(pose: Pose, ankles: Mapping[Side, Array]) -> Array:
     """Return how far the pelvis must sink for both legs to reach their ankles (T,), metres, smoothed over time."""
     sink = np.zeros(len(pose.root))
     for side, ankle in ankles.items():

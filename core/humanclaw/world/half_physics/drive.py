@@ -36,6 +36,7 @@ class Drive:
         self._world, self._profile = world, profile
         self._recovery = np.array([profile.arm_recovery if name in ARMS else 1.0 for name in JOINTS])
         self._target, self._swing, self._before, self._sent = pose.quaternions, 0.0, pose, np.zeros(3)
+        self._turning = np.zeros((len(JOINTS), 3))
         self.pose = world.pose()
         """The body's, after the last step."""
 
@@ -55,10 +56,15 @@ class Drive:
         self._before = self.pose
         speeds = self._speeds(self._before, left, horizontal, reflex)
         velocity = self._root_velocity(horizontal, reflex)
-        self._sent = velocity
+        self._sent, self._turning = velocity, speeds
         self._world.drive(velocity, speeds[0])
         self._world.bend(self._before.quaternions[1:], speeds[1:])
         return float(link_speed(speeds, self._way, self._swing)) + math.hypot(*velocity)
+
+    def foreseen(self, seconds: float) -> Pose:
+        """Return the body's pose so long after the last command, if nothing touches it."""
+        root = self._before.root + self._sent * seconds
+        return Pose(root, moved_on(self._before.quaternions, self._turning, seconds))
 
     def course(self, horizontal: Array, reflex: Reflex) -> Array:
         """Foresee (3, P, 3) points that span the links now, halfway through the coming frame and at its end, if nothing

@@ -61,6 +61,13 @@ class Exertion:
         self._swings, self._levers = swings(scene), dict[int, float]()
         self._near: tuple[int, ...] = ()
         self._before: Mapping[int, ObjectMotion] = {}
+        self.burden = 0.0
+        """Force that the body needs for what it carries, newtons."""
+
+    @property
+    def _most(self) -> float:
+        """Force that is left for a push, newtons."""
+        return max(0.0, self._profile.exertion - self.burden)
 
     def look(self, near: tuple[int, ...]) -> None:
         """Remember the objects that can be pushed in the coming frame."""
@@ -77,7 +84,7 @@ class Exertion:
             return
         pushed = {touch.object_id for touch in pushes}
         self._tame(pushed, seconds)
-        if sum(touch.force for touch in pushes) <= self._profile.exertion:
+        if sum(touch.force for touch in pushes) <= self._most:
             return
         after = {key: self._world.motion(key) for key in self._before}
         self._levers = {key: self._lever(key, touches, after[key]) for key in after if key in self._swings}
@@ -107,7 +114,7 @@ class Exertion:
         """Measure objects that touch one another. If those that friction holds got most of a push, the others handed it
         on to them, and none moves."""
         faster = [key for key in keys if gains[key] > 0]
-        free = [key for key in keys if self._holding(key) < self._profile.exertion]
+        free = [key for key in keys if self._holding(key) < self._most]
         gain = sum(gains[key] for key in free)
         if sum(gains[key] for key in keys) > 2 * gain:
             return _Group(faster, free, gain, np.inf)
@@ -123,7 +130,7 @@ class Exertion:
         Objects that take more force than a person has get no faster, and what holds them brakes them; the others share
         the force that is left.
         """
-        most = self._profile.exertion
+        most = self._most
         moved = [group for group in groups if group.held < most]
         left = max(0.0, most - sum(group.held for group in moved))
         share = left * seconds / max(sum(group.gain for group in moved), 1e-12)

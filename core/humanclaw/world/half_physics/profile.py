@@ -48,6 +48,8 @@ class Profile:
     """Feet of a seated body that hang in the air sink this fast, m/s."""
     exertion: float = 500.0
     """Maximum force with which the body pushes movable objects, newtons: that of an adult."""
+    lift: float = 150.0
+    """Maximum force of one hand on what it holds, newtons: an arm lifts 15 kg."""
     max_kick: float = 5.0
     """The body makes no object faster than this, m/s; a fall may."""
     friction: float = 0.4

@@ -9,10 +9,11 @@ from typing import Final
 import numpy as np
 
 from humanclaw.body.pose import FPS, Array, Motion, Pose2D, rest_pose
-from humanclaw.body.skeleton import JOINTS
+from humanclaw.body.skeleton import JOINTS, Side
 from humanclaw.errors import HumanclawError, SceneError
 from humanclaw.world.half_physics.drive import Drive
 from humanclaw.world.half_physics.exertion import Exertion
+from humanclaw.world.half_physics.hands import Hands
 from humanclaw.world.half_physics.profile import Profile, find_profile
 from humanclaw.world.half_physics.quaternions import Pose, motion_of, poses_of
 from humanclaw.world.half_physics.reflexes import CALM, feel
@@ -74,6 +75,7 @@ class HalfPhysics:
             self._measured = Surroundings(scene)
         self._surroundings = self._measured
         self._drive, self._exertion = Drive(world, self._profile, pose), Exertion(world, self._profile, scene)
+        self._hands = Hands(world, self._profile, scene)
         self._objects = world.objects()
         self._still, self._pairs = None, []
         self._refuse_overlap(world, start)
@@ -90,6 +92,7 @@ class HalfPhysics:
         """
         world = self._ready(motion)
         simulated, contacts, touches, paths = [], [], [], []
+        self._hands.tidy()
         began, before = self._objects, self._drive.pose.root
         swings = self._drive.swings(motion)
         for frame, target in enumerate(poses_of(motion)):
@@ -100,14 +103,22 @@ class HalfPhysics:
             contacts += self._contacts(frame, met)
             touches += self._touches(world, frame)
             paths.append(self._objects)
-        return Execution(motion_of(simulated), tuple(contacts), tuple(touches), _moved(began, paths))
+        return Execution(motion_of(simulated), tuple(contacts), tuple(touches), _moved(began, paths), self._hands.held)
 
     def state(self) -> WorldState:
         """Return the pose of the body and of every movable object, now.
 
         Raises HumanclawError before the first reset.
         """
-        return WorldState(motion_of([self._loaded().pose()]), self._objects)
+        return WorldState(motion_of([self._loaded().pose()]), self._objects, self._hands.held)
+
+    def grip(self, side: Side, closed: bool) -> None:
+        """Open a hand, or close it on the nearest movable object before its palm.
+
+        Raises HumanclawError before the first reset.
+        """
+        self._loaded()
+        self._hands.grip(side, closed)
 
     def close(self) -> None:
         """Free the world; a closed simulator can be reset again."""
@@ -118,9 +129,14 @@ class HalfPhysics:
     def _frame(self, world: World, target: Pose, velocity: Array, swing: float = 0.0) -> list[Touch]:
         """One frame of physics; everything the body touched in any of its substeps."""
         profile, met = self._profile, list[Touch]()
+        held = self._hands.held
+        if held:
+            target = self._hands.guided(target, velocity)
         self._drive.aim(target.quaternions, swing)
-        towards, near = self._surroundings.look(self._drive.course(velocity, self._reflex), self._objects)
+        course = self._drive.course(velocity, self._reflex)
+        towards, near = self._surroundings.look(course, self._objects, held.values())
         self._exertion.look(near)
+        self._exertion.burden = self._hands.weight
         for substep in range(profile.substeps):
             horizontal = velocity if substep % profile.horizontal_every == 0 else None
             speed = self._drive.command(profile.substeps - substep, horizontal, self._reflex)
@@ -128,6 +144,8 @@ class HalfPhysics:
             self._drive.restrain(bool(touches))
             self._reflex = feel(world, profile, self._exertion.movable, touches, self._reflex)
             met += touches
+        if held:
+            self._hands.let_slip(self._drive.pose)
         self._objects = world.objects()
         return met
 
@@ -139,10 +157,13 @@ class HalfPhysics:
         early part and have left it in the last one: the contacts are those of the last part that had any.
         """
         seconds = 1 / (FPS * self._profile.substeps)
+        speed = max(speed, self._hands.speed)
         parts = min(max(1, math.ceil(speed * seconds / TRAVEL)), self._profile.max_looks)
         touches: Sequence[Touch] = ()
-        for _ in range(parts):
+        for part in range(parts):
             self._exertion.brace()
+            if self._hands.held:
+                self._hands.steer(self._drive.foreseen((part + 1) * seconds / parts), seconds / parts)
             met = world.step(seconds / parts)
             self._exertion.bound(met, seconds / parts)
             touches = met or touches

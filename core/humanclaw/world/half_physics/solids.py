@@ -22,6 +22,15 @@ def box_of(hull: Array) -> tuple[Array, Array] | None:
     return (low + high) / 2, (high - low) / 2
 
 
+def nearest_point(hull: Array, point: Array) -> Array:
+    """Return the point (3,) of a convex hull, given by points (K, 3), that is nearest to a point."""
+    from scipy.optimize import nnls  # Every command loads this module; few ask.
+
+    away, much = hull - point, 1e3
+    shares, _ = nnls(np.vstack([away.T, np.full(len(hull), much)]), np.array([0.0, 0.0, 0.0, much]))
+    return np.asarray(point + shares @ away / shares.sum())
+
+
 def centre_of_mass(hulls: Sequence[Array]) -> Array:
     """Return (3,) centre of the hulls, each counted by the volume of its bounding box."""
     size, middle, _ = _boxes(hulls)

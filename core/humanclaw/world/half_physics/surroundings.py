@@ -5,7 +5,7 @@ Both follow from boxes: those of a scene's hulls, and those that the links sweep
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Final
 
 import numpy as np
@@ -41,15 +41,20 @@ class Surroundings:
         self._places: Mapping[int, Array] = {}
         self._movable = np.empty((0, 3)), np.empty((0, 3))
 
-    def look(self, course: Array, objects: Mapping[int, Array]) -> tuple[float, tuple[int, ...]]:
+    def look(
+        self, course: Array, objects: Mapping[int, Array], held: Collection[int] = ()
+    ) -> tuple[float, tuple[int, ...]]:
         """Return how far a link comes towards something in the coming frame, metres, and the ids of the movable objects
         that it may push, directly or through one another.
 
         course: (T, P, 3) points of the links from now to the end of the frame. objects: as World.objects has them.
+        held: ids of those that move with a hand: nothing comes towards them or pushes them.
         """
         boxes, (low, high) = link_boxes(course), self._boxes_of(objects)
         towards = approach(boxes, *self._fixed, self._full, _SLACK)
         close = _pushed((boxes[2].min(axis=0)[None], boxes[3].max(axis=0)[None]), low, high)
+        if held:
+            close &= ~np.isin(self._ids, list(held))
         if not close.any():
             return towards, ()
         loose = approach(boxes, low[close], high[close], np.zeros(close.sum(), bool), _SLACK)

@@ -92,6 +92,9 @@ class World(Protocol):
         """Movable object id to (7,) position and quaternion of its asset's own frame: the same mapping as long as none
         has moved."""
 
+    def let_pass(self, pairs: frozenset[tuple[int, int]]) -> None:
+        """Let these links (index of the joint) and objects (id) alone have no contact, from now on."""
+
     def settled(self) -> None:
         """Everything has come to rest: an engine may let still objects sleep."""
 

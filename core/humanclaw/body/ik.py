@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanclaw.body.pose import matrix_from_vector
-from humanclaw.body.skeleton import JOINT_INDEX, OFFSETS, SOLE, TOE_SOLE
+from humanclaw.body.skeleton import JOINT_INDEX, OFFSETS, SOLE, TOE_SOLE, Side
 
 Array = NDArray[np.float64]
 
@@ -21,7 +21,7 @@ TOE_BASE: Final = np.array([0.0, TOE_SOLE - SOLE, 0.13])
 """From ankle to toe base in the frame of the foot."""
 REACH: Final = 0.8175
 """From hip to ankle at most: a knee that locks straight would jerk as it bends again."""
-SIDES: Final = ("left", "right")
+SIDES: Final[tuple[Side, Side]] = ("left", "right")
 
 
 @dataclass(frozen=True)
