@@ -5,7 +5,12 @@ from typing import TYPE_CHECKING
 from humanclaw.doors import door
 
 if TYPE_CHECKING:
-    from humanclaw.minds.chat import opening as opening, situation as situation, tool_call as tool_call
+    from humanclaw.minds.chat import (
+        TURNS as TURNS,
+        opening as opening,
+        situation as situation,
+        tool_call as tool_call,
+    )
     from humanclaw.minds.gym import Gym as Gym, Turn as Turn
     from humanclaw.minds.prompts import (
         data as data,
