@@ -86,7 +86,9 @@ def touch(house: House, options: TaskOptions, rng: np.random.Generator) -> Episo
         stands = viewpoints(house.floors, house.scene, things[int(index)].id)[:5]
         back = [(stand, float(rng.uniform(0.4, 0.8))) for stand in stands]
         if poses := [pose for pose in (_before(house, *pair) for pair in back) if pose]:
-            told = "walk straight ahead until something stops you; then say in your reasoning what touches you, and stop."
+            told = (
+                "walk straight ahead until something stops you; then say in your reasoning what touches you, and stop."
+            )
             names = {"scene": house.scene.name, "scene_digest": house.scene.digest}
             return EpisodeSpec(id="touch", instruction=told, start=poses[0], max_steps=8, **names)
     return None

@@ -42,7 +42,9 @@ def test_difficulty_and_category_narrow_the_tasks(plugins):
     assert {spec.target_category for spec in drawn} == {"couch"}
 
 
-@pytest.mark.parametrize("house", [*HOUSES[::20], *DEV_HOUSES[::20], *secret_houses(7)[::20], "humanclaw-houses:house:3"])
+@pytest.mark.parametrize(
+    "house", [*HOUSES[::20], *DEV_HOUSES[::20], *secret_houses(7)[::20], "humanclaw-houses:house:3"]
+)
 def test_a_house_of_val_dev_or_a_hidden_test_is_refused(house, tmp_path, plugins):
     with pytest.raises(HumanclawError, match="cannot be tested in it"):
         require_training(house)
@@ -150,7 +152,9 @@ def test_to_touch_tells_no_category_and_is_solved_by_its_name(gym):
     assert (spec.told.target_category, spec.target_ids) == ("", ())
     while True:
         turn = _called(one, "walk", x_cm=0, z_cm=30, yaw_deg=0)
-        touched = {one.episode.body.scene.by_id[c.object_id].category for c in one.episode.steps[-1].contacts} - {"floor"}
+        touched = {one.episode.body.scene.by_id[c.object_id].category for c in one.episode.steps[-1].contacts} - {
+            "floor"
+        }
         if touched or turn.done:
             break
     noun = sorted(touched)[0]
