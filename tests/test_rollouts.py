@@ -88,17 +88,17 @@ def _with_view(one, number):
 def run(tmp_path):
     """run(name, calls, agent): a run of one episode with these calls; each has words and a view."""
 
-    def make(name, calls, succeeds, house="house:train-1"):
+    def make(name, calls, succeeds):
         near = {"away": 0.1 if succeeds else 3.0}
         steps = [
             step(skill, "A couch is ahead.", 500, params=params, attempts=(_said(skill, params),), **near)
             for skill, params in calls
         ]
-        (tmp_path / name / "one" / "frames").mkdir(parents=True)
-        for number in range(len(steps)):
-            (tmp_path / name / "one" / "frames" / f"{number:04d}.jpg").write_bytes(b"view %d" % number)
         steps = [_with_view(one, number) for number, one in enumerate(steps)]
-        rollout(tmp_path / name, steps, interact=False, settings=EYES, agent="oracle")
+        folder = rollout(tmp_path / name, steps, interact=False, settings=EYES, agent="oracle").folder
+        (folder / "frames").mkdir()
+        for number in range(len(steps)):
+            (folder / "frames" / f"{number:04d}.jpg").write_bytes(b"view %d" % number)
         return tmp_path / name
 
     return make
@@ -111,7 +111,7 @@ def _said(skill, params):
 def _command(*words):
     done = CliRunner().invoke(build(Plugins.discover), ["bench", "rollouts", *map(str, words)])
     assert done.exit_code == 0, done.output
-    return done.output.strip().splitlines()[-1]
+    return done.stdout
 
 
 def _rows(folder):
