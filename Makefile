@@ -12,7 +12,7 @@ help:  ## List the targets
 
 ##@ Set up
 
-install: $(VENV)/.installed  ## Create .venv with every package but Ray and Rerun, and the development tools
+install: $(VENV)/.installed  ## Create .venv with every package but Ray, Rerun, OpenEnv and verifiers, and the development tools
 
 $(VENV)/.demo: requirements-demo.txt pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -52,9 +52,9 @@ style: $(READY)  ## Check style and format (ruff)
 types: $(READY)  ## Check types (mypy --strict)
 	$(BIN)/mypy
 
-# Import-linter needs every package on the path; Ray and Rerun are not installed.
+# Import-linter needs every package on the path, also those that are not installed.
 imports: $(READY)  ## Check which package imports which (import-linter)
-	PYTHONPATH=plugins/ray:plugins/rerun$(addprefix :,$(PYTHONPATH)) $(BIN)/lint-imports
+	PYTHONPATH=plugins/ray:plugins/rerun:harnesses/openenv:harnesses/verifiers$(addprefix :,$(PYTHONPATH)) $(BIN)/lint-imports
 
 HERE = $(if $(wildcard $(BIN)/python),$(BIN),$(shell python -c "import sys; print(sys.prefix)")/bin)
 

@@ -11,9 +11,9 @@ pytest.importorskip("openenv", reason="OpenEnv is not installed: pip install hum
 import requests
 import uvicorn
 from openenv import GenericEnvClient
-from websockets.exceptions import ConnectionClosed
-from openenv.core.mcp_client import MCPToolClient
 from openenv.core.env_server.mcp_types import CallToolAction
+from openenv.core.mcp_client import MCPToolClient
+from websockets.exceptions import ConnectionClosed
 
 from humanclaw import Plugins
 from humanclaw.minds import Gym
@@ -50,7 +50,11 @@ def test_over_http_a_client_reads_schema_tools_and_a_first_view(address):
 def test_over_websocket_an_episode_has_reward_done_and_state(address):
     with GenericEnvClient(base_url=address).sync() as env:
         begun = env.reset(seed=0)
-        walk = {"type": "call_tool", "tool_name": "walk", "arguments": {"thoughts": "", "z_cm": 60, "x_cm": 0, "yaw_deg": 0}}
+        walk = {
+            "type": "call_tool",
+            "tool_name": "walk",
+            "arguments": {"thoughts": "", "z_cm": 60, "x_cm": 0, "yaw_deg": 0},
+        }
         walked = env.step(walk)
         assert not begun.done
         assert walked.reward == pytest.approx(0.3 * walked.observation["rewards"]["progress"])
@@ -79,9 +83,7 @@ def test_sessions_run_side_by_side_and_one_too_many_is_refused(address):
             env.reset(seed=seed)
         envs[0].step(STOP)
         assert [env.state()["step_count"] for env in envs] == [1, 0, 0]
-        with pytest.raises(ConnectionClosed), GenericEnvClient(
-            base_url=address
-        ).sync() as late:
+        with pytest.raises(ConnectionClosed), GenericEnvClient(base_url=address).sync() as late:
             late.reset(seed=0)
     finally:
         for env in envs:
@@ -92,7 +94,7 @@ def test_the_tools_of_mcp_clients_are_the_skills(address):
     with MCPToolClient(base_url=address).sync() as env:
         env.reset(seed=0)
         walk = next(tool for tool in env.list_tools() if tool.name == "walk")
-        assert list(walk.input_schema["properties"])[0] == "thoughts"
+        assert next(iter(walk.input_schema["properties"])) == "thoughts"
         done = env.step(CallToolAction(tool_name="walk", arguments={"z_cm": "far"}))
         assert "walk" in done.observation.result[0]["text"]
         assert done.reward == 0

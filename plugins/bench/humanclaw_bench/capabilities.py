@@ -89,8 +89,10 @@ def touch(house: House, options: TaskOptions, rng: np.random.Generator) -> Episo
             told = (
                 "walk straight ahead until something stops you; then say in your reasoning what touches you, and stop."
             )
-            names = {"scene": house.scene.name, "scene_digest": house.scene.digest}
-            return EpisodeSpec(id="touch", instruction=told, start=poses[0], max_steps=8, **names)
+            scene = house.scene
+            return EpisodeSpec(
+                id="touch", instruction=told, scene=scene.name, scene_digest=scene.digest, start=poses[0], max_steps=8
+            )
     return None
 
 

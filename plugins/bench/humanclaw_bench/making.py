@@ -68,7 +68,9 @@ def make(
     _refuse_unused(secret, train)
     with ProcessPoolExecutor(workers, get_context("spawn")) as pool:
         if train:
-            made = _training(pool, task, parse_pairs(pairs), range(seed, seed + train))
+            made: Mapping[str, Sequence[EpisodeSpec]] = _training(
+                pool, task, parse_pairs(pairs), range(seed, seed + train)
+            )
         elif secret is None:
             made = make_splits(_drawn(pool, (*HOUSES, *DEV_HOUSES), starts, (seed,)))
         else:
