@@ -78,7 +78,7 @@ class Gym:
         self._rewards = {name: self.plugins.offered("rewards", name) for name in {*self.weights, self.tasks.goal}}
         self._backends = (backends or Backends()).chosen(self.plugins)
         self._agent, self._verifier = agent, verifier
-        self._scene = lru_cache(SCENES)(self.plugins.scene)
+        self._scenes = lru_cache(SCENES)(self.plugins.scene)
         self._ways = lru_cache(SCENES)(geodesics)
         self._body: Body | None = None
         self._episode: Episode | None = None
@@ -101,6 +101,10 @@ class Gym:
         """The skills that can be called."""
         return tuple(skill for skill in self.plugins.skills.values() if skill.trained)
 
+    def scene(self, reference: str) -> Scene:
+        """Return a scene; the last ones are kept."""
+        return self._scenes(reference)
+
     def reset(self, seed: int) -> Turn:
         """Begin the task of a seed. Raises HumanclawError for a seed below 0."""
         if seed < 0:
@@ -110,7 +114,7 @@ class Gym:
     def begin(self, spec: EpisodeSpec) -> Turn:
         """Begin an episode. Raises SceneError for an unknown scene, or one with another digest."""
         self._end()
-        scene = self._scene(spec.scene)
+        scene = self.scene(spec.scene)
         if self._body is None:
             self._body = Body(scene, plugins=self.plugins, backends=self._backends)
         self._episode = Episode(

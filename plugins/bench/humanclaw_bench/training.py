@@ -68,7 +68,9 @@ class TaskOptions(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     houses: int = Field(1000, ge=1, le=MOST)
-    """Number of houses to draw from: house:train-0 and on."""
+    """Number of houses to draw from."""
+    first: int = Field(0, ge=0, lt=MOST)
+    """The first of them: house:train-N. With another one, tasks are in other houses."""
     difficulty: Literal["", "easy", "medium", "hard"] = ""
     """The paper's overall difficulty; empty for all. For `train` alone."""
     category: Literal["", "chair", "couch", "bed", "potted_plant", "tv", "toilet"] = ""
@@ -78,9 +80,13 @@ class TaskOptions(BaseModel):
     def of(cls, given: Mapping[str, Any]) -> TaskOptions:
         """Check options. Raises HumanclawError that names the first wrong one and lists all."""
         try:
-            return cls(**given)
+            found = cls(**given)
         except ValidationError as error:
             raise HumanclawError(f"{first_fault(error)}.", f"Options: {', '.join(cls.model_fields)}.") from None
+        if found.first + found.houses > MOST:
+            told = f"houses {found.first} to {found.first + found.houses - 1} are not all training houses."
+            raise HumanclawError(told, f"Stay below {MOST}.")
+        return found
 
 
 def require_training(reference: str) -> None:
@@ -142,7 +148,8 @@ class HouseTasks:
     def _places(self, seed: int) -> Iterator[tuple[House, np.random.Generator]]:
         houses = np.random.default_rng([seed // TOGETHER, 31])
         for attempt in range(TRIES):
-            yield self._house(int(houses.integers(self._options.houses))), np.random.default_rng([seed, attempt, 32])
+            number = self._options.first + int(houses.integers(self._options.houses))
+            yield self._house(number), np.random.default_rng([seed, attempt, 32])
 
 
 def draw_episode(house: House, options: TaskOptions, rng: np.random.Generator) -> EpisodeSpec | None:
