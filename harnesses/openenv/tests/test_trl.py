@@ -51,12 +51,19 @@ def _taught(tokenizer, prompt, steps):
     torch.manual_seed(SEED)
     model = Qwen2ForCausalLM(
         Qwen2Config(
-            vocab_size=len(tokenizer), hidden_size=64, intermediate_size=128, num_hidden_layers=2,
-            num_attention_heads=4, num_key_value_heads=2, max_position_embeddings=8192,
-            eos_token_id=tokenizer.eos_token_id, pad_token_id=tokenizer.pad_token_id,
+            vocab_size=len(tokenizer),
+            hidden_size=64,
+            intermediate_size=128,
+            num_hidden_layers=2,
+            num_attention_heads=4,
+            num_key_value_heads=2,
+            max_position_embeddings=8192,
+            eos_token_id=tokenizer.eos_token_id,
+            pad_token_id=tokenizer.pad_token_id,
         )  # fmt: skip
     )
-    optimiser = torch.optim.AdamW(model.parameters(), lr=3e-3)
+    optimiser = torch.optim.AdamW(model.parameters(), lr=4e-3)
+    slower = torch.optim.lr_scheduler.OneCycleLR(optimiser, 4e-3, total_steps=steps)
     told = tokenizer(prompt, add_special_tokens=False)["input_ids"]
     answers = [tokenizer(_answer(z), add_special_tokens=False)["input_ids"] for z in LENGTHS]
     for step in range(steps):
@@ -66,6 +73,7 @@ def _taught(tokenizer, prompt, steps):
         loss = model(input_ids=ids, labels=labels).loss
         loss.backward()
         optimiser.step()
+        slower.step()
         optimiser.zero_grad()
     return model, float(loss)
 
