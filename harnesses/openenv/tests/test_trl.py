@@ -49,19 +49,10 @@ def _answer(z):
 def _taught(tokenizer, prompt, steps):
     """Return a model of 2 layers that answers the prompt with walks of different lengths."""
     torch.manual_seed(SEED)
-    model = Qwen2ForCausalLM(
-        Qwen2Config(
-            vocab_size=len(tokenizer),
-            hidden_size=64,
-            intermediate_size=128,
-            num_hidden_layers=2,
-            num_attention_heads=4,
-            num_key_value_heads=2,
-            max_position_embeddings=8192,
-            eos_token_id=tokenizer.eos_token_id,
-            pad_token_id=tokenizer.pad_token_id,
-        )  # fmt: skip
-    )
+    shape = {"hidden_size": 64, "intermediate_size": 128, "num_hidden_layers": 2, "max_position_embeddings": 8192}
+    heads = {"num_attention_heads": 4, "num_key_value_heads": 2, "vocab_size": len(tokenizer)}
+    ends = {"eos_token_id": tokenizer.eos_token_id, "pad_token_id": tokenizer.pad_token_id}
+    model = Qwen2ForCausalLM(Qwen2Config(**shape, **heads, **ends))
     optimiser = torch.optim.AdamW(model.parameters(), lr=4e-3)
     slower = torch.optim.lr_scheduler.OneCycleLR(optimiser, 4e-3, total_steps=steps)
     told = tokenizer(prompt, add_special_tokens=False)["input_ids"]
@@ -83,7 +74,7 @@ def test_a_tool_of_the_environment_is_a_skill_as_the_benchmark_tells_it(kind):
 
     told = get_json_schema(kind().walk)["function"]
     assert told["name"] == "walk"
-    assert list(told["parameters"]["properties"])[0] == "thoughts"
+    assert next(iter(told["parameters"]["properties"])) == "thoughts"
     assert told["parameters"]["properties"]["z_cm"]["type"] == "integer"
     assert "Walking into a wall" in told["description"]
 

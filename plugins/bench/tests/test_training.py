@@ -59,9 +59,12 @@ def test_training_houses_and_scenes_of_others_pass():
     assert f"house:train-{MOST}" == DEV_HOUSES[0]
 
 
-@pytest.mark.parametrize("options", [{"hous": 1}, {"houses": 0}, {"houses": MOST + 1}, {"first": MOST - 1}, {"difficulty": "trivial"}])
+WRONG = [{"hous": 1}, {"houses": 0}, {"houses": MOST + 1}, {"first": MOST - 1}, {"difficulty": "trivial"}]
+
+
+@pytest.mark.parametrize("options", WRONG)
 def test_a_wrong_option_is_named(plugins, options):
-    with pytest.raises(HumanclawError, match="Options: houses, first, difficulty|Stay below"):
+    with pytest.raises(HumanclawError, match=r"Options: houses, first, difficulty|Stay below"):
         plugins.make("tasks", "train", options)
 
 
