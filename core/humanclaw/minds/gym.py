@@ -103,7 +103,8 @@ class Gym:
 
     def scene(self, reference: str) -> Scene:
         """Return a scene; the last ones are kept."""
-        return self._scenes(reference)
+        found: Scene = self._scenes(reference)
+        return found
 
     def reset(self, seed: int) -> Turn:
         """Begin the task of a seed. Raises HumanclawError for a seed below 0."""
