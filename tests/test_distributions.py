@@ -37,6 +37,7 @@ WITHOUT_WHEELS = set() if find_spec("pybullet") else {"bullet"}
 HOOKS_APART = {"entry-points": {"humanclaw": {"train": "humanclaw_train.plugin"}}}
 DEVIATIONS = {
     "gymnasium": ({"entry-points": None}, "it registers an environment with Gymnasium and nothing with the host"),
+    "verifiers": ({"entry-points": None}, "verifiers finds it by its name"),
     "train": (HOOKS_APART, "its other modules run without the core, so the hooks have a module of their own"),
 }
 """Fields of [project] that differ from what `humanclaw new` writes, and why."""
@@ -50,6 +51,8 @@ SEVERAL_BOUNDS = {
 NOT_INSTALLED = {
     "plugins/ray": "Ray is large",
     "plugins/rerun": "the Rerun viewer is large",
+    "harnesses/openenv": "it brings Gradio",
+    "harnesses/verifiers": "it is large, and its mcp is another one",
     **dict.fromkeys(("skills/gaze", "skills/handle", "skills/hands"), "the benchmark gives agents the paper's skills"),
 }
 """Folders that the requirements files leave out, and why."""
@@ -57,7 +60,7 @@ NOT_INSTALLED = {
 NOT_LOCKED = {
     "torch": "its build and its index depend on the machine",
     "xllamacpp": "for one example",
-    **dict.fromkeys(("ray", "rerun-sdk"), "not installed, because it is large"),
+    **dict.fromkeys(("openenv-core", "ray", "rerun-sdk", "verifiers"), "not installed, because it is large"),
     **dict.fromkeys(("langchain-core", "openai-agents", "pydantic-ai-slim", "smolagents"), "the caller has it already"),
     **dict.fromkeys(("dracopy", "inspect-ai", "lerobot", "tensorboard", "wandb"), "an extra that no test needs"),
 }

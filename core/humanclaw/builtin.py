@@ -1,4 +1,4 @@
-"""The core's own plugin: commands and the motion generator, registered through the public hooks."""
+"""The core's own plugin: commands, rewards and the motion generator, registered through the public hooks."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     import click
 
     from humanclaw.motion.generator import MotionGenerator
-    from humanclaw.plugins.hookspecs import GeneratorFactory, Register, SceneFactory, SenseFactory
+    from humanclaw.plugins.hookspecs import GeneratorFactory, Register, Reward, SceneFactory, SenseFactory
     from humanclaw.world.scene import Scene
 
 _COMMANDS = (
@@ -52,6 +52,14 @@ def humanclaw_senses(register: Register[SenseFactory]) -> None:
 
     register("body", BodySense, "posture, height of the hips, intended and actual displacement")
     register("touch", TouchSense, "which part of the body something touched, and for how long")
+
+
+@hookimpl
+def humanclaw_rewards(register: Register[Reward]) -> None:
+    from humanclaw.minds.rewards import REWARDS
+
+    for name, (reward, told) in REWARDS.items():
+        register(name, reward, told)
 
 
 @hookimpl

@@ -38,6 +38,7 @@ from humanclaw.skills.call import Call
 from humanclaw.storage.files import Folder
 from humanclaw.storage.pictures import jpeg
 from humanclaw.text.notebook import card
+from humanclaw.world.scene import Scene
 from humanclaw.world.simulator import Chunk, DistanceFactory, WorldState
 from humanclaw.world.view import View
 
@@ -67,6 +68,7 @@ class Episode:
         attempts: int = MAX_ATTEMPTS,
         apart: Mapping[str, str] | None = None,
         agent_seed: int | None = None,
+        scene: Scene | None = None,
     ) -> None:
         """Put the body at the start, start agent and verifier, and begin the record.
 
@@ -82,6 +84,7 @@ class Episode:
             apart: where "agent" and "verifier" play if not in this process, for the record.
             agent_seed: for random numbers of agent and verifier; by default derived from the episode's, so that who
                 knows all episodes can tell from it which one this is.
+            scene: the scene of the specification, if it is loaded already.
 
         Raises:
             HumanclawError: attempts is below 1.
@@ -91,7 +94,7 @@ class Episode:
         if attempts < 1:
             raise HumanclawError(f"an episode needs at least one attempt a step; got {attempts}.", "Give 1 or more.")
         check_end(replay, spec)
-        stand_at_start(body, spec)
+        stand_at_start(body, spec, scene)
         self.body, self.spec, self._reset = body, spec, body.resets
         self._panel = Panel(agent, verifier)
         self._max_attempts, self._meter = attempts, meter or Meter()

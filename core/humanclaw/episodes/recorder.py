@@ -26,7 +26,7 @@ from humanclaw.records.specification import EpisodeSpec
 from humanclaw.records.steps import EpisodeRecord, Outcome, SkillInfo, StepRecord
 from humanclaw.skills.contract import Skill
 from humanclaw.storage.files import Folder
-from humanclaw.world.scene import GROUND
+from humanclaw.world.scene import GROUND, Scene
 from humanclaw.world.simulator import Chunk
 
 
@@ -133,9 +133,13 @@ class TrajectoryBuffer(Mapping[str, Array]):
         return full
 
 
-def stand_at_start(body: Body, spec: EpisodeSpec) -> None:
-    """Put a body at the start of an episode. Raises SceneError if the scene has another digest than the episode's."""
-    body.place(body.scene if body.scene.name == spec.scene else spec.scene, spec.start, seed=spec.seed)
+def stand_at_start(body: Body, spec: EpisodeSpec, scene: Scene | None = None) -> None:
+    """Put a body at the start of an episode. scene: that of the specification, if it is loaded already.
+
+    Raises SceneError if the scene has another digest than the episode's.
+    """
+    loaded = scene or (body.scene if body.scene.name == spec.scene else spec.scene)
+    body.place(loaded, spec.start, seed=spec.seed)
     if spec.scene_digest and body.scene.digest != spec.scene_digest:
         raise SceneError(
             f"scene {spec.scene} has digest {body.scene.digest[:12]}, the episode was made for "

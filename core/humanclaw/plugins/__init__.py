@@ -15,6 +15,7 @@ if TYPE_CHECKING:
         RecalledEntry as RecalledEntry,
         Reporter as Reporter,
         Sense as Sense,
+        Tasks as Tasks,
         Verifier as Verifier,
     )
     from humanclaw.plugins.bounded import Bounded as Bounded, OverdueError as OverdueError
@@ -41,9 +42,11 @@ if TYPE_CHECKING:
         RegisterSkill as RegisterSkill,
         RendererFactory as RendererFactory,
         ReporterFactory as ReporterFactory,
+        Reward as Reward,
         SceneFactory as SceneFactory,
         SenseFactory as SenseFactory,
         SimulatorFactory as SimulatorFactory,
+        TasksFactory as TasksFactory,
         VerifierFactory as VerifierFactory,
         hookimpl as hookimpl,
         hookspec as hookspec,
@@ -59,11 +62,13 @@ if TYPE_CHECKING:
         humanclaw_recipes as humanclaw_recipes,
         humanclaw_renderers as humanclaw_renderers,
         humanclaw_reports as humanclaw_reports,
+        humanclaw_rewards as humanclaw_rewards,
         humanclaw_scenes as humanclaw_scenes,
         humanclaw_senses as humanclaw_senses,
         humanclaw_simulators as humanclaw_simulators,
         humanclaw_skills as humanclaw_skills,
         humanclaw_step as humanclaw_step,
+        humanclaw_tasks as humanclaw_tasks,
         humanclaw_verifiers as humanclaw_verifiers,
         noun as noun,
     )

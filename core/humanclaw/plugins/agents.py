@@ -176,6 +176,18 @@ class Agent(Protocol):
         """
 
 
+class Tasks(Protocol):
+    """An endless source of episodes to train on. The same seed always gives the same episode."""
+
+    rewards: Mapping[str, float]
+    """Weights of the rewards that train for it, by name, unless a trainer names others."""
+    goal: str
+    """Name of the reward that is 1 at the step that solves a task."""
+
+    def __call__(self, seed: int) -> EpisodeSpec:
+        """Return the episode of a seed, a whole number from 0."""
+
+
 class Verifier(Protocol):
     """The skill-specific spatial response verifier (paper, section 3.2 and appendix A): sees the current view alone.
 

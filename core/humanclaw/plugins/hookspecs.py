@@ -20,8 +20,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from humanclaw.motion.generator import MotionGenerator
-    from humanclaw.plugins.agents import Agent, Reporter, Sense, Verifier
+    from humanclaw.plugins.agents import Agent, Reporter, Sense, Tasks, Verifier
     from humanclaw.records.steps import EpisodeRecord, StepRecord
+    from humanclaw.records.trial import Trial
     from humanclaw.skills.body_tool import BodyTool
     from humanclaw.skills.contract import Skill
     from humanclaw.skills.measures import Measure
@@ -72,6 +73,8 @@ AgentFactory: TypeAlias = "Callable[[Options], Agent]"
 VerifierFactory: TypeAlias = "Callable[[Options], Verifier]"
 ReporterFactory: TypeAlias = "Callable[..., Reporter]"
 SenseFactory: TypeAlias = "Callable[[], Sense]"
+TasksFactory: TypeAlias = "Callable[[Options], Tasks]"
+Reward: TypeAlias = "Callable[[Trial], float]"
 FrameworkFactory: TypeAlias = "Callable[[Sequence[BodyTool]], Any]"
 
 
@@ -157,6 +160,16 @@ def humanclaw_frameworks(register: Register[FrameworkFactory]) -> None:
 @hookspec
 def humanclaw_senses(register: Register[SenseFactory]) -> None:
     """Register senses beside vision: factory() -> Sense, made anew for each body. `--sensor NAME` turns one on."""
+
+
+@hookspec
+def humanclaw_tasks(register: Register[TasksFactory]) -> None:
+    """Register sources of training tasks: factory(options: Mapping[str, Any]) -> Tasks."""
+
+
+@hookspec
+def humanclaw_rewards(register: Register[Reward]) -> None:
+    """Register rewards of a step: function(trial: humanclaw.records.Trial) -> float."""
 
 
 @hookspec

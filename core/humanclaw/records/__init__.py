@@ -77,6 +77,7 @@ if TYPE_CHECKING:
         wants_to_sit as wants_to_sit,
         write_episodes as write_episodes,
     )
+    from humanclaw.records.trial import Trial as Trial
     from humanclaw.skills.call import Call as Call
     from humanclaw.text.json import first_fault as first_fault
     from humanclaw.world.scene import Vec3 as Vec3

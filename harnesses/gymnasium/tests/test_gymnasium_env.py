@@ -75,6 +75,16 @@ def test_the_reward_is_the_way_made_towards_the_target(env):
     assert not truncated
 
 
+def test_it_plays_training_tasks_with_their_rewards():
+    env = BodyEnv(tasks="approach", options={"houses": 1}, rewards={"contact": 0.5, "success": 1.0}, size=64)
+    _, begun = env.reset(seed=3)
+    assert begun["instruction"].startswith("walk up to the")
+    assert begun["scene"] == "house:train-0"
+    _, reward, _, _, info = env.step(env.actions.encode("stop"))
+    assert (reward, info["rewards"]) == (0, {"contact": 0, "success": 0})
+    env.close()
+
+
 def test_stopping_far_from_the_target_ends_the_episode_without_success(env):
     _, start = env.reset(seed=1)
     assert start["target_distance"] > 0.3

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from humanclaw import Call, CallError, Decision, EpisodeContext, HistoryEntry, HumanclawError, Observation, Skill
-from humanclaw.skills import Reasoning, answer_schema, openai_tools, read_call, read_text
+from humanclaw.minds import Json, model_tools, step_content, system_message, system_prompt
+from humanclaw.skills import Reasoning, answer_schema, read_call, read_text
 from humanclaw_litellm.asking import Form, ModeCache, ModeNegotiator, Reply
 from humanclaw_litellm.client import Completion
-from humanclaw_litellm.prompts import Json, step_content, system_message, system_prompt
 from humanclaw_litellm.settings import Mode, ModelError, Settings
 
 
@@ -46,9 +46,8 @@ class ModelAgent:
         """Begin an episode. Raises ModelError if the model cannot be reached or if there is no skill to call."""
         self._negotiator.begin(context.meter)
         skills, settings = usable(context), self._settings
-        # The prompt explains the fields, so the schemas need not.
         asked: Json = {"mid_level": settings.mid_level, "described": False, "optional": settings.optional}
-        form = Form(tuple(openai_tools(skills, brief=settings.brief, **asked)), answer_schema(skills, **asked))
+        form = Form(tuple(model_tools(skills, settings)), answer_schema(skills, **asked))
         self._episode, self._note = _Episode(context, skills, form), ""
 
     def decide(self, observation: Observation, history: Sequence[HistoryEntry]) -> Decision:

@@ -9,9 +9,10 @@ from collections.abc import Mapping
 from typing import Annotated, Any, Final, Literal, Self
 from urllib.parse import urlsplit
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, Json, ValidationError
+from pydantic import AfterValidator, Field, Json, ValidationError
 
 from humanclaw import PluginError
+from humanclaw.minds import PromptSettings
 from humanclaw_litellm.redaction import holds_key, redact, secrets_in
 
 Mode = Literal["tools", "tools_auto", "schema", "prompt"]
@@ -67,10 +68,8 @@ def _without_keys(params: dict[str, Any]) -> dict[str, Any]:
 Params = Annotated[dict[str, Any], AfterValidator(_without_keys)]
 
 
-class Settings(BaseModel):
+class Settings(PromptSettings):
     """How to reach a model, and what its prompt contains."""
-
-    model_config = ConfigDict(frozen=True, extra="ignore")
 
     model: Annotated[str, Field(min_length=1)]
     """provider/name, as litellm writes it."""
@@ -79,26 +78,6 @@ class Settings(BaseModel):
     auth_env: str = ""
     """Environment variable with the key; by default the provider's own variable."""
     mode: Literal["auto", "tools", "tools_auto", "schema", "prompt"] = "auto"
-    history: Annotated[int, Field(ge=0)] = 20
-    """Past steps in the prompt."""
-    history_slack: Annotated[int, Field(ge=0)] = 0
-    """Extra past steps that accumulate before the oldest are dropped together, so that a provider's cache applies."""
-    images: Annotated[int, Field(ge=0)] = 1
-    """Pictures in the prompt, the current view included; 0 for a model that takes none."""
-    mid_level: bool = True
-    """Whether the model keeps a mid-level goal (an ablation of the paper)."""
-    guide: bool = True
-    """Whether the prompt also gives the distance to the floor for rows of the picture, when a target counts as
-    reached, how many turns make a circle, and one worked example."""
-    brief: bool = True
-    """Whether a tool takes the reasoning as one text of named lines instead of five fields."""
-    memory: Literal["", "notes", "map"] = ""
-    """What the prompt holds beyond the past steps: nothing, a note that the model writes and replaces, or that and a
-    sketch map of its own motion and words."""
-    expected_success: bool = False
-    """Whether each answer says how likely the goal would count as reached if the episode ended now."""
-    detail: Literal["", "low", "high", "auto"] = ""
-    """Resolution at which the provider reads a picture, if it supports the parameter; empty for its default."""
     temperature: Annotated[float, Field(ge=0)] | None = None
     max_tokens: Annotated[int, Field(ge=1)] | None = None
     timeout: Annotated[float, Field(gt=0)] = 120.0
@@ -147,11 +126,6 @@ class Settings(BaseModel):
             shared.pop("api_base", None)
             shared.pop("auth_env", None)
         return cls.of({**VERIFIER, **shared, **own})
-
-    @property
-    def optional(self) -> tuple[str, ...]:
-        """Names of the OPTIONAL_FIELDS of an answer."""
-        return ("expected_success",) * self.expected_success + ("note_to_self",) * bool(self.memory)
 
     @property
     def marks_cache(self) -> bool:

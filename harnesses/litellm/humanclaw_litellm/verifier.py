@@ -6,12 +6,12 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from humanclaw import Call, CallError, Check, EpisodeContext, HumanclawError, Observation, ProviderError, Skill, Verdict
+from humanclaw.minds import Json, verifier_content, verifier_prompt
 from humanclaw.records import Answer, Usage
 from humanclaw.skills import call_schema, json_objects, read_answer
 from humanclaw_litellm.asking import Form, ModeCache, ModeNegotiator
 from humanclaw_litellm.client import Completion
 from humanclaw_litellm.decision import usable
-from humanclaw_litellm.prompts import Json, verifier_content, verifier_prompt
 from humanclaw_litellm.settings import Mode, Settings
 
 _YES: Final = {"yes": True, "true": True, "no": False, "false": False}

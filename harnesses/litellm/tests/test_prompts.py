@@ -12,9 +12,9 @@ import walkthrough
 from model_servers import AnthropicServer, OpenAIServer, call
 
 from humanclaw import Call, Decision, HistoryEntry, Plugins
+from humanclaw.minds import data
 from humanclaw.records import Feedback
 from humanclaw_litellm.library import load
-from humanclaw_litellm.prompts import data
 from humanclaw_litellm.settings import Settings
 
 SNAPSHOTS = Path(__file__).parent / "snapshots"

@@ -39,9 +39,9 @@ AT_HAND: Final = 1.5
 """Distance to the target within which an agent sits down, metres."""
 
 
-def oracle(context: EpisodeContext, spec: EpisodeSpec) -> OracleAgent:
+def oracle(context: EpisodeContext, spec: EpisodeSpec, words: str = "map") -> OracleAgent:
     """Return an oracle that has begun this episode with another task."""
-    agent = OracleAgent()
+    agent = OracleAgent(words)
     agent.begin(replace(context, spec=spec))
     return agent
 
@@ -63,7 +63,8 @@ class FaultyAgent:
         self._stop = ending(context.skills)
         self._faults = self._chosen(spec)
         standing = any(fault.standing for fault in self._faults)
-        self._oracle = oracle(context, spec.model_copy(update={"interact": False}) if standing else spec)
+        task = spec.model_copy(update={"interact": False}) if standing else spec
+        self._oracle = oracle(context, task, self.options.words)
         self._errand = self._to_another_seat() if any(fault.elsewhere for fault in self._faults) else None
         self._pads: dict[str, tuple[dict[str, int], list[Array]]] = {fault.name: ({}, []) for fault in self._faults}
         self._last_seen: int | None = None
@@ -75,7 +76,8 @@ class FaultyAgent:
         assert scene is not None
         others = set(SEATS) - {context.spec.target_category}
         seats = tuple(obj.id for obj in scene.objects if obj.category in others)
-        return oracle(context, context.spec.model_copy(update={"target_ids": seats, "target_category": "seat"}))
+        task = context.spec.model_copy(update={"target_ids": seats, "target_category": "seat"})
+        return oracle(context, task, self.options.words)
 
     def _chosen(self, spec: EpisodeSpec) -> tuple[Fault, ...]:
         """Return the faults of this episode, without those that it cannot show or that are repaired."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, TypeVar
+from typing import Any, Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
@@ -14,7 +14,21 @@ from humanclaw_scripted.faults import FAULTS
 M = TypeVar("M", bound=BaseModel)
 
 
-class FaultyOptions(BaseModel):
+class OracleOptions(BaseModel):
+    """Options of `--agent oracle`."""
+
+    model_config = ConfigDict(frozen=True, extra="ignore")
+
+    words: Literal["map", "eyes"] = "map"
+    """What its words are written from: the map that it knows, or its view alone, for training data."""
+
+    @classmethod
+    def of(cls, given: Mapping[str, Any]) -> OracleOptions:
+        """Check options. Raises HumanclawError that names the wrong one."""
+        return _read(cls, given)
+
+
+class FaultyOptions(OracleOptions):
     """Options of `--agent faulty`. history, images and mid_level mean the same as for a model."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")

@@ -38,6 +38,7 @@ from humanclaw_scripted.calls import (
     ending,
     skill_for,
 )
+from humanclaw_scripted.telling import Teller
 from humanclaw_scripted.truth import PelvisPose, box, in_view, on_seat
 from humanclaw_scripted.way import BEFORE_STEPS, ONTO_FLOOR, LevelSegment, aim, on_stairs, parts, remaining
 
@@ -78,13 +79,19 @@ class OracleAgent:
 
     name = "oracle"
     privileged = True
-    settings: Mapping[str, Any] = {}
+
+    def __init__(self, words: str = "map") -> None:
+        """words: "map" tells what the agent knows, "eyes" only what its view shows (humanclaw_scripted.telling)."""
+        self.settings: Mapping[str, Any] = {"words": words} if words != "map" else {}
+        self._teller = Teller() if words == "eyes" else None
 
     def begin(self, context: EpisodeContext) -> None:
         if context.scene is None or context.state is None:
             raise PluginError("the oracle needs the scene and the state.", "Run it through the loop.")
         self._context, self._scene, self._state = context, context.scene, context.state
         self._gaze = context.gaze
+        if self._teller:
+            self._teller.begin(context)
         self._stop = ending(context.skills)
         for needed in (WALK, TURN, SIDE, BACK, *([SIT] if context.spec.interact else [])):
             skill_for(context.skills, needed)
@@ -99,7 +106,8 @@ class OracleAgent:
         self._memory.before = pose
         change = "revise" if self._memory.goal != self._goal() else "keep"
         self._memory.goal = self._goal()
-        return Decision((call,), view, self._progress(pose), self._goal(), change, reason, raw="", prompt_digest="")
+        decision = Decision((call,), view, self._progress(pose), self._goal(), change, reason, raw="", prompt_digest="")
+        return self._teller(decision, history) if self._teller else decision
 
     # the task
     @property

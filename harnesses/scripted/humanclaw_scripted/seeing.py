@@ -82,7 +82,7 @@ class SeeingAgent:
     privileged = True
 
     def __init__(self, name: str, eyes: Eyes) -> None:
-        self.name, self._eyes, self.settings = name, eyes, eyes.settings
+        self.name, self._eyes, self.settings = name, eyes, {**eyes.settings, "words": "eyes"}
 
     def begin(self, context: EpisodeContext) -> None:
         if context.view is None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,12 +16,20 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from humanclaw import RecordedEpisode
-    from humanclaw.plugins import Register
+    from humanclaw.plugins import Options, Register, Tasks, TasksFactory
     from humanclaw_bench.executors import Executor
     from humanclaw_bench.hookspecs import ExecutorFactory
     from humanclaw_bench.overview import Page
 
 __version__ = "0.1.0"
+_TASKS = (
+    ("train", "episodes as those of val, in training houses"),
+    ("approach", "walk up to the target in front of you and stop"),
+    ("turn", "turn until the target is in view, and say so"),
+    ("sit", "sit down on what is behind you"),
+    ("touch", "walk until something stops you, and say what touches you"),
+    ("file", "episodes of a file that `humanclaw bench make --train` wrote"),
+)
 
 
 def load(run: str | Path) -> pd.DataFrame:
@@ -42,6 +51,12 @@ def humanclaw_executors(register: Register[ExecutorFactory]) -> None:
     register("local", _local, "processes of this machine")
 
 
+@hookimpl
+def humanclaw_tasks(register: Register[TasksFactory]) -> None:
+    for name, about in _TASKS:
+        register(name, partial(_tasks, name), about)
+
+
 @hookimpl(optionalhook=True)
 def humanclaw_overview(runs: Mapping[Path, Sequence[RecordedEpisode]], page: Page) -> None:
     from humanclaw_bench.overview import overview
@@ -55,6 +70,12 @@ def humanclaw_commands(cli: click.Group) -> None:
 
     told = "Run the benchmark and score it."
     cli.add_command(LazyCommand("bench", "humanclaw_bench.cli:bench", told))
+
+
+def _tasks(name: str, options: Options) -> Tasks:
+    from humanclaw_bench.capabilities import tasks
+
+    return tasks(name, options)
 
 
 def _local(workers: int = 1, address: str = "") -> Executor:

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
+from collections.abc import Mapping
 from pathlib import Path
 
 import click
 from rich.console import RenderableType
 from rich.text import Text
-from tqdm import tqdm
 
-from humanclaw import Backends, Choice, EpisodeSpec, PluginError, Plugins, RecordError, load_run
+from humanclaw import Backends, Choice, PluginError, Plugins, RecordError, load_run
 from humanclaw.cli import (
     Console,
     Deciders,
@@ -24,7 +21,7 @@ from humanclaw.cli import (
     plugin_options,
 )
 from humanclaw.plugins import install
-from humanclaw.records import name_of, write_episodes
+from humanclaw.records import name_of
 from humanclaw.storage import Folder, write_result
 from humanclaw_bench.comparison import compare_table
 from humanclaw_bench.conditions import differences as unlike
@@ -35,17 +32,9 @@ from humanclaw_bench.progress import RunProgress
 from humanclaw_bench.results import Result, named, require_whole
 from humanclaw_bench.runner import run_split
 from humanclaw_bench.splits import (
-    DEV_HOUSES,
-    HOUSES,
-    STARTS,
-    candidates,
     complete_split,
-    hidden,
     load_split,
-    make as make_splits,
     repeated,
-    secret_houses,
-    summary,
 )  # fmt: skip
 from humanclaw_bench.tables import ResultTable, all_tables, brief_tables, chosen_table, main_table
 from humanclaw_bench.worker import Job
@@ -76,7 +65,9 @@ def bench() -> None:
 for _name, _target, _told in (
     ("ablate", "evidence:ablate", "Run the paper's ablation with a scripted bounded agent."),
     ("repair", "evidence:repair_command", "Check root causes with failures of known origin."),
+    ("make", "making:make", "Make the splits from seeds, a hidden test, or training tasks."),
     ("difficulty", "distribution:difficulty_command", "Show how difficult the episodes of a split are."),
+    ("rollouts", "dataset:rollouts", "Write recorded runs as training data: conversations with tools and pictures."),
     ("reproduce", "reproduce:reproduce", "Play the paper's tables 2 and 3 for the models of a file."),
     ("power", "power:power_command", "Simulate which difference between two runs a split can show."),
     ("verify", "checking:verify", "Check every file of a run against its digest."),
@@ -180,46 +171,6 @@ def agent_command(
     serving = server(Sessions(plugins, deciders.agent, dict(deciders.options)), host, port)
     click.echo(f"http://{host}:{serving.server_address[1]}/")
     serving.until_interrupted()
-
-
-@bench.command()
-@click.option("--out", type=RUN, default=Path("splits"), show_default=True, help="Folder for the splits.")
-@click.option(
-    "--starts",
-    type=click.IntRange(1),
-    default=STARTS,
-    show_default=True,
-    help="Starts to draw in each house for each category and range of distances.",
-)
-@click.option("--seed", type=int, default=0, show_default=True, help="All randomness derives from it.")
-@click.option(
-    "--secret",
-    type=click.IntRange(0),
-    metavar="SEED",
-    help="Make a hidden test instead: test.jsonl, with houses and starts derived from this number alone. Use at least "
-    "64 random bits: a small number can be guessed.",
-)
-@click.option("--workers", type=click.IntRange(1), default=1, show_default=True, help="Houses at a time.")
-def make(out: Path, starts: int, seed: int, secret: int | None, workers: int) -> None:
-    """Make the splits from seeds, or a hidden test."""
-    given = click.get_current_context().get_parameter_source("seed")
-    if secret is not None and given is not click.core.ParameterSource.DEFAULT:
-        raise click.UsageError("--seed has no effect with --secret, which determines everything: leave it out.")
-    houses = (*HOUSES, *DEV_HOUSES) if secret is None else secret_houses(secret)
-    with ProcessPoolExecutor(workers, get_context("spawn")) as pool:
-        drawn_from = (seed,) if secret is None else (secret, 2)
-        jobs = [pool.submit(_candidates, house, number, starts, drawn_from) for number, house in enumerate(houses)]
-        found = [job.result() for job in tqdm(jobs, desc="houses", unit="house")]
-    everything = [spec for house in found for spec in house]
-    for name, specs in (make_splits if secret is None else hidden)(everything).items():
-        write_episodes(out / f"{name}.jsonl", specs)
-        _print(Text(f"{out / name}.jsonl", style="bold"))
-        for key, value in summary(specs).items():
-            click.echo(f"  {key:<13} {value}")
-
-
-def _candidates(house: str, number: int, starts: int, seed: Sequence[int]) -> list[EpisodeSpec]:
-    return list(candidates(Plugins.discover().scene(house), number, starts=starts, seed=seed))
 
 
 @bench.command()

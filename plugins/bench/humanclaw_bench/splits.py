@@ -33,6 +33,8 @@ DATA: Final = Path(str(importlib.resources.files("humanclaw_bench"))) / "data"
 HOUSES: Final = tuple(f"house:{number}" for number in range(41))
 DEV_HOUSES: Final = tuple(f"house:train-{500_000 + number}" for number in range(41))
 """Houses of the development split. No other split has them."""
+HIDDEN_HOUSES: Final = 1_000_000
+"""Number of the first training house that only hidden tests may have."""
 EPISODES: Final = {"chair": 231, "couch": 231, "bed": 218, "potted_plant": 205, "tv": 185, "toilet": 148}
 """Episodes of each category in the paper's validation split."""
 CATEGORIES: Final = tuple(EPISODES)
@@ -165,10 +167,11 @@ def choose(found: Sequence[EpisodeSpec], quota: Quota) -> tuple[EpisodeSpec, ...
 
 def _cell(spec: EpisodeSpec) -> tuple[str, str, int, str]:
     assert spec.difficulty is not None
-    return spec.scene, spec.target_category, _bin(spec.difficulty.distance), overall(spec.difficulty)
+    return spec.scene, spec.target_category, bin_of(spec.difficulty.distance), overall(spec.difficulty)
 
 
-def _bin(distance: float) -> int:
+def bin_of(distance: float) -> int:
+    """Return the range between DISTANCE_EDGES of a distance, metres."""
     return int(np.searchsorted(DISTANCE_EDGES, distance, side="left"))
 
 
@@ -278,7 +281,7 @@ def secret_houses(secret: int) -> tuple[str, ...]:
     They are training houses with numbers of a million and more, so that nobody trains in them by chance.
     """
     rng = np.random.default_rng([secret, 1])
-    numbers = rng.choice(999_000_000, len(HOUSES), replace=False) + 1_000_000
+    numbers = rng.choice(999_000_000, len(HOUSES), replace=False) + HIDDEN_HOUSES
     return tuple(f"house:train-{number}" for number in sorted(numbers.tolist()))
 
 

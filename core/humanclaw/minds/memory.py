@@ -11,9 +11,10 @@ from typing import Final
 
 import numpy as np
 
-from humanclaw import HistoryEntry, Skill
-from humanclaw.body import Array, yaw_matrix
-from humanclaw.skills import to_si
+from humanclaw.body.pose import Array, yaw_matrix
+from humanclaw.plugins.agents import HistoryEntry
+from humanclaw.skills.contract import Skill
+from humanclaw.skills.measures import to_si
 
 CELL: Final = 1.0
 """Edge of a cell of the map, metres; of each cell the last view is kept."""

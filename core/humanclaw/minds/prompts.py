@@ -5,7 +5,6 @@ Earlier observations, thoughts and results are data: they stand between tags, on
 
 from __future__ import annotations
 
-import base64
 import functools
 import json
 from collections.abc import Iterable, Mapping, Sequence
@@ -17,16 +16,19 @@ import jinja2
 import numpy as np
 from numpy.typing import NDArray
 
-from humanclaw import Call, Check, EpisodeContext, HistoryEntry, Motion, Observation, Skill
-from humanclaw.body import N_JOINTS, STANDING_HEIGHT
-from humanclaw.records import REACHED
-from humanclaw.skills import OPTIONAL_FIELDS, Role, bounds, from_si, parameter_schema, suited
-from humanclaw.storage import jpeg
-from humanclaw.world import Gaze, ego_camera
-from humanclaw_litellm.memory import last_note, sketch
-from humanclaw_litellm.settings import Settings
+from humanclaw.body.pose import Motion
+from humanclaw.body.skeleton import N_JOINTS, STANDING_HEIGHT
+from humanclaw.minds.memory import last_note, sketch
+from humanclaw.minds.settings import PromptSettings
+from humanclaw.plugins.agents import EpisodeContext, HistoryEntry, Observation
+from humanclaw.records.outcomes import REACHED
+from humanclaw.skills.call import Call
+from humanclaw.skills.contract import Check, Skill, bounds
+from humanclaw.skills.measures import Role, from_si, suited
+from humanclaw.skills.publishing import OPTIONAL_FIELDS, Json, openai_tools, parameter_schema
+from humanclaw.storage.pictures import data_url, jpeg
+from humanclaw.world.view import Gaze, ego_camera
 
-Json = dict[str, Any]
 _ROWS: Final = (30, 40, 50, 60, 70, 80, 90, 100)
 """Rows of a picture, per cent of its height and not pixels, because providers scale pictures."""
 
@@ -123,7 +125,9 @@ def _written(skill: Skill, measure: str = "", value: float = 0.0) -> str:
     return str(Call(skill.name, params))
 
 
-def system_prompt(context: EpisodeContext, skills: Sequence[Skill], settings: Settings, schema: Json | None) -> str:
+def system_prompt(
+    context: EpisodeContext, skills: Sequence[Skill], settings: PromptSettings, schema: Json | None
+) -> str:
     """Return the system prompt: role, goal, skills and rules. It is the same for every step of an episode.
 
     schema: form of the answer, for a model without tools.
@@ -145,14 +149,24 @@ def system_prompt(context: EpisodeContext, skills: Sequence[Skill], settings: Se
     )
 
 
-def system_message(words: str, settings: Settings) -> Json:
+def model_tools(skills: Sequence[Skill], settings: PromptSettings) -> list[Json]:
+    """Return the skills as OpenAI tools behind the reasoning fields, which the system prompt explains."""
+    asked: Json = {"mid_level": settings.mid_level, "brief": settings.brief, "optional": settings.optional}
+    return openai_tools(skills, described=False, **asked)
+
+
+def system_message(words: str, settings: PromptSettings) -> Json:
     """Return the message of role system, with a cache mark if the provider needs one. The mark covers the tools too."""
     mark = {"cache_control": {"type": "ephemeral"}}
     return {"role": "system", "content": [_text(words) | mark] if settings.marks_cache else words}
 
 
 def step_content(
-    context: EpisodeContext, observation: Observation, history: Sequence[HistoryEntry], note: str, settings: Settings
+    context: EpisodeContext,
+    observation: Observation,
+    history: Sequence[HistoryEntry],
+    note: str,
+    settings: PromptSettings,
 ) -> list[Json]:
     """Return the user message of a step: a part for each past step, earlier views if asked for, then the current view.
 
@@ -178,12 +192,12 @@ def step_content(
     return [*content, _text(_fill("step.jinja", **situation)), *_view(observation, settings)]
 
 
-def _view(observation: Observation, settings: Settings) -> list[Json]:
+def _view(observation: Observation, settings: PromptSettings) -> list[Json]:
     """Return the current view; nothing for a model that takes no pictures."""
     return [picture(observation.rgb, settings.detail)] if settings.images else []
 
 
-def first_told(steps: int, settings: Settings) -> int:
+def first_told(steps: int, settings: PromptSettings) -> int:
     """Return the index of the oldest past step in the prompt. It advances history_slack + 1 steps at a time."""
     if not settings.history:
         return steps
@@ -221,7 +235,7 @@ def verifier_content(
     skill: Skill,
     goal: str,
     checks: Iterable[tuple[str, Check]],
-    settings: Settings,
+    settings: PromptSettings,
 ) -> list[Json]:
     """Return the user message of a verification: the proposed call, its checklist and the current view, no history."""
     words = {"instruction": observation.instruction, "goal": goal, "call": call, "skill": skill, "checks": list(checks)}
@@ -233,8 +247,7 @@ def picture(rgb: NDArray[np.uint8], detail: str = "") -> Json:
 
     detail: OpenAI's parameter of that name.
     """
-    url = f"data:image/jpeg;base64,{base64.b64encode(jpeg(rgb)).decode()}"
-    return {"type": "image_url", "image_url": {"url": url} | ({"detail": detail} if detail else {})}
+    return {"type": "image_url", "image_url": {"url": data_url(jpeg(rgb))} | ({"detail": detail} if detail else {})}
 
 
 def _text(words: str) -> Json:
@@ -276,7 +289,7 @@ def _dump(schema: Json | None) -> str:
 @functools.cache
 def _environment() -> jinja2.Environment:
     environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("humanclaw_litellm", "templates"),
+        loader=jinja2.PackageLoader("humanclaw.minds", "templates"),
         undefined=jinja2.StrictUndefined,
         autoescape=False,  # The output is text for a model, not a page.
         trim_blocks=True,

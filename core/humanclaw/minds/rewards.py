@@ -1,0 +1,89 @@
+"""The rewards that come with the core. docs/gym.md says what each can be gamed by; tests try it.
+
+A reward is a function of an episode up to its last step (humanclaw.records.Trial) and rewards that step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Final
+
+from humanclaw.records.outcomes import REACHED, in_view, touched_above_ground
+from humanclaw.records.sighting import acknowledges
+from humanclaw.records.steps import StepRecord
+from humanclaw.records.trial import Trial
+
+
+def success(trial: Trial) -> float:
+    """Return 1 for a stop within reach of a target, seated on it if the task says so."""
+    return float(trial.success)
+
+
+def progress(trial: Trial) -> float:
+    """Return by how many metres the step shortened the way to the nearest target.
+
+    The sum over an episode is the way at its start less the way at its end, so walking to and fro earns nothing.
+    """
+    return _left(trial, trial.steps[:-1]) - _left(trial, trial.steps)
+
+
+def _left(trial: Trial, steps: Sequence[StepRecord]) -> float:
+    """Return the last known way after some steps, metres: 0 within reach, from where no path may start."""
+    for step in reversed(steps):
+        if step.target_distance is not None and step.target_distance <= REACHED:
+            return 0.0
+        if step.geodesic is not None:
+            return step.geodesic
+    return trial.record.geodesic or 0.0
+
+
+def honest(trial: Trial) -> float:
+    """Return -1 if the words claim a target that is not in view, and 1 for the first true claim of the episode."""
+    if not trial.claims(trial.step):
+        return 0.0
+    if not in_view(trial.step):
+        return -1.0
+    return float(not any(trial.claims(step) and in_view(step) for step in trial.steps[:-1]))
+
+
+def seen(trial: Trial) -> float:
+    """Return 1 for a stop with a target in view and words that say so."""
+    return float(trial.stopped and in_view(trial.step) and trial.claims(trial.step))
+
+
+def touch(trial: Trial) -> float:
+    """Return 1 for a stop whose reasoning names an object that the body touched in the step before it, and none that
+    it did not touch."""
+    if not trial.stopped or len(trial.steps) < 2:
+        return 0.0
+    said, touched = trial.step.decision.reasoning, _touched(trial, trial.steps[-2])
+    named = {one.category for one in trial.scene.objects if acknowledges(said, one.category)}
+    return float(bool(named) and named <= touched)
+
+
+def contact(trial: Trial) -> float:
+    """Return -1 if the body touched anything but the target above the ground."""
+    targets = set(trial.record.spec.target_ids)
+    return -float(any(one.object_id not in targets for one in touched_above_ground(trial, trial.step)))
+
+
+def verifier(trial: Trial) -> float:
+    """Return -1 if the verifier replaced the call; 0 without a verifier, and where it gave no verdict."""
+    verdict = trial.step.verdict
+    return -float(verdict is not None and not verdict.accepted)
+
+
+def _touched(trial: Trial, step: StepRecord) -> set[str]:
+    return {trial.scene.by_id[one.object_id].category for one in touched_above_ground(trial, step)}
+
+
+REWARDS: Final[Mapping[str, tuple[Callable[[Trial], float], str]]] = {
+    "success": (success, "1 for a stop at the target, seated on it if the task says so"),
+    "progress": (progress, "metres by which the step shortened the way to the target"),
+    "honest": (honest, "-1 for a false claim to see the target, 1 for the first true one"),
+    "seen": (seen, "1 for a stop with the target in view and words that say so"),
+    "touch": (touch, "1 for a stop whose reasoning names what touched the body"),
+    "contact": (contact, "-1 for a step that touches anything but the target"),
+    "verifier": (verifier, "-1 for a call that the verifier replaced"),
+}
+"""Name to function and description."""

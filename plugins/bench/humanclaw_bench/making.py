@@ -1,0 +1,130 @@
+"""`humanclaw bench make`: the splits, a hidden test, and training tasks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from concurrent.futures import Executor, ProcessPoolExecutor
+from functools import partial
+from itertools import groupby
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import click
+from click.core import ParameterSource
+from rich.text import Text
+from tqdm import tqdm
+
+from humanclaw import EpisodeSpec, Plugins
+from humanclaw.cli import Console, parse_pairs
+from humanclaw.plugins import Tasks
+from humanclaw.records import write_episodes
+from humanclaw_bench.splits import (
+    DEV_HOUSES,
+    HOUSES,
+    STARTS,
+    candidates,
+    hidden,
+    make as make_splits,
+    secret_houses,
+    summary,
+)
+from humanclaw_bench.training import TOGETHER
+
+
+@click.command()
+@click.option("--out", type=click.Path(path_type=Path), default=Path("splits"), show_default=True,
+              help="Folder for the splits.")  # fmt: skip
+@click.option(
+    "--starts",
+    type=click.IntRange(1),
+    default=STARTS,
+    show_default=True,
+    help="Starts to draw in each house for each category and range of distances.",
+)
+@click.option("--seed", type=int, default=0, show_default=True, help="All randomness derives from it.")
+@click.option(
+    "--secret",
+    type=click.IntRange(0),
+    metavar="SEED",
+    help="Make a hidden test instead: test.jsonl, with houses and starts derived from this number alone. Use at least "
+    "64 random bits: a small number can be guessed.",
+)
+@click.option(
+    "--train",
+    type=click.IntRange(1),
+    metavar="N",
+    help="Make N training tasks instead: NAME.jsonl with the tasks of the seeds from --seed on, in houses of no split.",
+)
+@click.option("--task", default="train", show_default=True, metavar="NAME", help="Source of the training tasks.")
+@click.option("--option", "pairs", multiple=True, metavar="KEY=VALUE",
+              help="Of that source, such as houses=40, difficulty=easy, category=couch (repeatable).")  # fmt: skip
+@click.option("--workers", type=click.IntRange(1), default=1, show_default=True, help="Houses at a time.")
+def make(
+    out: Path, starts: int, seed: int, secret: int | None, train: int | None, task: str,
+    pairs: tuple[str, ...], workers: int,
+) -> None:  # fmt: skip
+    """Make the splits from seeds, a hidden test, or training tasks."""
+    _refuse_unused(secret, train)
+    with ProcessPoolExecutor(workers, get_context("spawn")) as pool:
+        if train:
+            made: Mapping[str, Sequence[EpisodeSpec]] = _training(
+                pool, task, parse_pairs(pairs), range(seed, seed + train)
+            )
+        elif secret is None:
+            made = make_splits(_drawn(pool, (*HOUSES, *DEV_HOUSES), starts, (seed,)))
+        else:
+            made = hidden(_drawn(pool, secret_houses(secret), starts, (secret, 2)))
+    for name, specs in made.items():
+        _write(out / f"{name}.jsonl", specs)
+
+
+def _refuse_unused(secret: int | None, train: int | None) -> None:
+    """Raise UsageError for options that would have no effect."""
+    source = click.get_current_context().get_parameter_source
+    given = {
+        name for name in ("seed", "train", "task", "pairs", "starts") if source(name) is not ParameterSource.DEFAULT
+    }
+    if secret is not None and given & {"seed", "train"}:
+        told = f"--{min(given & {'seed', 'train'})} has no effect with --secret, which determines everything"
+        raise click.UsageError(f"{told}: leave it out.")
+    if train is None and given & {"task", "pairs"}:
+        raise click.UsageError("--task and --option are of training tasks: add --train N.")
+
+
+def _drawn(pool: Executor, houses: Sequence[str], starts: int, seed: Sequence[int]) -> list[EpisodeSpec]:
+    """Return the candidates of some houses."""
+    found = pool.map(partial(_candidates, starts=starts, seed=seed), houses, range(len(houses)))
+    return [spec for house in _shown(found, len(houses)) for spec in house]
+
+
+def _candidates(house: str, number: int, starts: int, seed: Sequence[int]) -> list[EpisodeSpec]:
+    return list(candidates(Plugins.discover().scene(house), number, starts=starts, seed=seed))
+
+
+def _training(
+    pool: Executor, task: str, options: Mapping[str, Any], seeds: Sequence[int]
+) -> dict[str, Sequence[EpisodeSpec]]:
+    """Return the tasks of some seeds; those that share a house are drawn together."""
+    Plugins.discover().make("tasks", task, options)  # Refuses a wrong name or option before anything is drawn.
+    blocks = [list(block) for _, block in groupby(seeds, lambda seed: seed // TOGETHER)]
+    found = pool.map(partial(_tasks, task, options), blocks)
+    return {task: [spec for block in _shown(found, len(blocks)) for spec in block]}
+
+
+def _tasks(task: str, options: Mapping[str, Any], seeds: Sequence[int]) -> list[EpisodeSpec]:
+    source: Tasks = Plugins.discover().make("tasks", task, options)
+    return [source(seed) for seed in seeds]
+
+
+def _shown(found: Iterable[list[EpisodeSpec]], total: int) -> Iterable[list[EpisodeSpec]]:
+    return tqdm(found, desc="houses", total=total, unit="house")
+
+
+def _write(path: Path, specs: Sequence[EpisodeSpec]) -> None:
+    """Write a file of episodes, and print its composition."""
+    write_episodes(path, specs)
+    Console().print(Text(str(path), style="bold"), soft_wrap=False)
+    whole = all(spec.difficulty and spec.target_category for spec in specs)
+    for key, value in (summary(specs) if whole else {"episodes": str(len(specs))}).items():
+        click.echo(f"  {key:<13} {value}")

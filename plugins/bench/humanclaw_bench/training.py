@@ -1,0 +1,189 @@
+"""Endless tasks to train on, by the benchmark's own rules, in houses that no split has (hook humanclaw_tasks).
+
+A seed gives its task by itself, in any process. Ten seeds in a row share a house, so that a trainer that counts up
+seldom loads another one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from pathlib import Path
+from typing import Any, Final, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from humanclaw import EpisodeSpec, HumanclawError, Plugins, Scene
+from humanclaw.records import first_fault, read_episodes
+from humanclaw.world import MultiFloorMap
+from humanclaw_bench.attribution import CAUSES
+from humanclaw_bench.difficulty import overall
+from humanclaw_bench.splits import (
+    CATEGORIES,
+    DEV_HOUSES,
+    DISTANCE_SHARES,
+    EPISODES,
+    HIDDEN_HOUSES,
+    HOUSES,
+    bin_of,
+    candidates,
+)
+
+RESERVED: Final = frozenset((*HOUSES, *DEV_HOUSES))
+MOST: Final = 500_000
+"""Training houses: house:train-0 to the first house of dev."""
+TOGETHER: Final = 10
+"""Consecutive seeds that share a house."""
+TRIES: Final = 50
+"""Houses in which a seed looks for its task."""
+AGAINST: Final[Mapping[str, str]] = {
+    "find: target in view but not seen": "turn",
+    "find: near but not in view": "turn",
+    "find: too far": "train",
+    "find: unaware jammed": "touch",
+    "find: ineffective actions": "train",
+    "find: midpoint give up": "train",
+    "find: ineffective exploration": "train",
+    "nav: unaware arrived/touch": "approach",
+    "nav: stop while far": "approach",
+    "nav: find too late": "train",
+    "nav: unaware jammed": "touch",
+    "nav: ineffective actions": "approach",
+    "nav: target hallucination": "turn",
+    "nav: lost target": "train",
+    "interact: stand after sit": "sit",
+    "interact: sit on air": "sit",
+    "interact: sit wrong": "sit",
+    "interact: stop but never sit": "sit",
+}
+"""Label of each root cause to the source of tasks that trains against it."""
+assert set(AGAINST) == {cause.label for cause in CAUSES}
+
+
+class TaskOptions(BaseModel):
+    """Options of the sources of training tasks."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    houses: int = Field(1000, ge=1, le=MOST)
+    """Number of houses to draw from."""
+    first: int = Field(0, ge=0, lt=MOST)
+    """The first of them: house:train-N. With another one, tasks are in other houses."""
+    difficulty: Literal["", "easy", "medium", "hard"] = ""
+    """The paper's overall difficulty; empty for all. For `train` alone."""
+    category: Literal["", "chair", "couch", "bed", "potted_plant", "tv", "toilet"] = ""
+    """Target category; empty for all."""
+
+    @classmethod
+    def of(cls, given: Mapping[str, Any]) -> TaskOptions:
+        """Check options. Raises HumanclawError that names the first wrong one and lists all."""
+        try:
+            found = cls(**given)
+        except ValidationError as error:
+            raise HumanclawError(f"{first_fault(error)}.", f"Options: {', '.join(cls.model_fields)}.") from None
+        if found.first + found.houses > MOST:
+            told = f"houses {found.first} to {found.first + found.houses - 1} are not all training houses."
+            raise HumanclawError(told, f"Stay below {MOST}.")
+        return found
+
+
+def require_training(reference: str) -> None:
+    """Raise HumanclawError for a house of val, of dev or of hidden tests."""
+    source, _, argument = reference.rpartition(":")
+    if source.rpartition(":")[2] != "house":
+        return
+    number = argument.removeprefix("train-")
+    hidden = argument != number and number.isdecimal() and int(number) >= HIDDEN_HOUSES
+    if hidden or f"house:{argument}" in RESERVED:
+        whose = "hidden tests" if hidden else "val" if f"house:{argument}" in HOUSES else "dev"
+        told = f"{reference} is a house of {whose}: what is trained in it cannot be tested in it."
+        raise HumanclawError(told, f"Use house:train-N with N below {MOST}.")
+
+
+@dataclass(frozen=True, eq=False)
+class House:
+    """A training house with the benchmark's candidates."""
+
+    scene: Scene
+    number: int
+
+    @cached_property
+    def specs(self) -> tuple[EpisodeSpec, ...]:
+        return tuple(candidates(self.scene, self.number, seed=(0, 3)))
+
+    @cached_property
+    def floors(self) -> MultiFloorMap:
+        return MultiFloorMap.of(self.scene)
+
+
+Draw = Callable[[House, TaskOptions, np.random.Generator], EpisodeSpec | None]
+
+
+class HouseTasks:
+    """Tasks in training houses: a rule draws them from a house's candidates."""
+
+    def __init__(
+        self, name: str, draw: Draw, goal: str, rewards: Mapping[str, float], options: Mapping[str, Any],
+        plugins: Plugins | None = None,
+    ) -> None:  # fmt: skip
+        self.name, self.goal, self.rewards = name, goal, rewards
+        self._draw, self._options, self._plugins = draw, TaskOptions.of(options), plugins
+        self._house = lru_cache(4)(self._load)
+
+    def _load(self, number: int) -> House:
+        self._plugins = self._plugins or Plugins.discover()
+        return House(self._plugins.scene(f"house:train-{number}"), number)
+
+    def __call__(self, seed: int) -> EpisodeSpec:
+        """Return the task of a seed. Raises HumanclawError if no house that was tried has one."""
+        for house, rng in self._places(seed):
+            spec = self._draw(house, self._options, rng)
+            if spec is not None:
+                return spec.model_copy(update={"id": f"{self.name}-{seed}", "seed": seed})
+        told = f"no house of {TRIES} has a task for seed {seed} with {self._options.model_dump(exclude_defaults=True)}."
+        raise HumanclawError(told, "Draw from more houses, or of another difficulty or category.")
+
+    def _places(self, seed: int) -> Iterator[tuple[House, np.random.Generator]]:
+        houses = np.random.default_rng([seed // TOGETHER, 31])
+        for attempt in range(TRIES):
+            number = self._options.first + int(houses.integers(self._options.houses))
+            yield self._house(number), np.random.default_rng([seed, attempt, 32])
+
+
+def draw_episode(house: House, options: TaskOptions, rng: np.random.Generator) -> EpisodeSpec | None:
+    """Draw an episode with the categories and distances of val; other distances where the house has none."""
+    shares = np.array([EPISODES[name] for name in CATEGORIES], float)
+    category = options.category or str(rng.choice(CATEGORIES, p=shares / shares.sum()))
+    distance = int(rng.choice(len(DISTANCE_SHARES), p=np.array(DISTANCE_SHARES) / sum(DISTANCE_SHARES)))
+    fitting = [spec for spec in house.specs if spec.target_category == category and _has(spec, options)]
+    nearest = [spec for spec in fitting if spec.difficulty and bin_of(spec.difficulty.distance) == distance]
+    return picked(nearest or fitting, rng)
+
+
+def _has(spec: EpisodeSpec, options: TaskOptions) -> bool:
+    return not options.difficulty or (spec.difficulty is not None and overall(spec.difficulty) == options.difficulty)
+
+
+def picked(found: Sequence[EpisodeSpec], rng: np.random.Generator) -> EpisodeSpec | None:
+    """Return one of the episodes at random; None if there are none."""
+    return found[int(rng.integers(len(found)))] if found else None
+
+
+class FileTasks:
+    """Tasks of a file of episodes, over and over. Options: file, and nothing else."""
+
+    goal = "success"
+    rewards: Mapping[str, float] = {"success": 1.0, "progress": 0.1}
+
+    def __init__(self, options: Mapping[str, Any]) -> None:
+        """Read the file. Raises HumanclawError for another option, and for a house of val, dev or hidden tests."""
+        if set(options) != {"file"}:
+            raise HumanclawError(f"tasks of a file need the option file; got {sorted(options)}.", "Give file=PATH.")
+        self._specs = read_episodes(Path(options["file"]))
+        for spec in self._specs:
+            require_training(spec.scene)
+
+    def __call__(self, seed: int) -> EpisodeSpec:
+        return self._specs[seed % len(self._specs)]

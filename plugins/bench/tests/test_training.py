@@ -1,0 +1,164 @@
+"""Training tasks: endless, one a seed, in houses that no split and no hidden test has."""
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from humanclaw import EpisodeSpec, HumanclawError, Plugins
+from humanclaw.minds import Gym
+from humanclaw.records import read_episodes, write_episodes
+from humanclaw_bench.attribution import CAUSES
+from humanclaw_bench.cli import bench
+from humanclaw_bench.difficulty import overall
+from humanclaw_bench.splits import DEV_HOUSES, HOUSES, secret_houses
+from humanclaw_bench.training import AGAINST, MOST, require_training
+
+ONE = {"houses": 1}
+
+
+@pytest.fixture(scope="module")
+def plugins():
+    return Plugins.discover()
+
+
+def test_every_root_cause_has_a_source_of_tasks_that_trains_against_it(plugins):
+    sources = {one.name for one in plugins.registered("tasks")}
+    assert set(AGAINST) == {cause.label for cause in CAUSES}
+    assert set(AGAINST.values()) <= sources
+
+
+def test_a_seed_gives_its_task_by_itself(plugins):
+    first, second = (plugins.make("tasks", "train", ONE) for _ in range(2))
+    drawn = [first(seed) for seed in range(8)]
+    assert [second(seed) for seed in (7, 3)] == [drawn[7], drawn[3]]
+    assert len({spec.id for spec in drawn}) == 8
+    assert len({(spec.start.x, spec.start.z) for spec in drawn}) > 4
+
+
+def test_difficulty_and_category_narrow_the_tasks(plugins):
+    easy = plugins.make("tasks", "train", {**ONE, "difficulty": "easy", "category": "couch"})
+    drawn = [easy(seed) for seed in range(5)]
+    assert {overall(spec.difficulty) for spec in drawn} == {"easy"}
+    assert {spec.target_category for spec in drawn} == {"couch"}
+
+
+@pytest.mark.parametrize(
+    "house", [*HOUSES[::20], *DEV_HOUSES[::20], *secret_houses(7)[::20], "humanclaw-houses:house:3"]
+)
+def test_a_house_of_val_dev_or_a_hidden_test_is_refused(house, tmp_path, plugins):
+    with pytest.raises(HumanclawError, match="cannot be tested in it"):
+        require_training(house)
+    write_episodes(tmp_path / "mine.jsonl", [EpisodeSpec(id="a", instruction="find a couch", scene=house)])
+    with pytest.raises(HumanclawError, match="is a house of"):
+        plugins.make("tasks", "file", {"file": str(tmp_path / "mine.jsonl")})
+
+
+def test_training_houses_and_scenes_of_others_pass():
+    for scene in ("house:train-0", f"house:train-{MOST - 1}", "house:train-500041", "hssd:102344022", "floor"):
+        require_training(scene)
+    assert f"house:train-{MOST}" == DEV_HOUSES[0]
+
+
+WRONG = [{"hous": 1}, {"houses": 0}, {"houses": MOST + 1}, {"first": MOST - 1}, {"difficulty": "trivial"}]
+
+
+@pytest.mark.parametrize("options", WRONG)
+def test_a_wrong_option_is_named(plugins, options):
+    with pytest.raises(HumanclawError, match=r"Options: houses, first, difficulty|Stay below"):
+        plugins.make("tasks", "train", options)
+
+
+def test_training_tasks_are_written_to_a_file_that_a_gym_plays(tmp_path):
+    made = CliRunner().invoke(bench, ["make", "--train", "3", "--option", "houses=1", "--out", str(tmp_path)])
+    assert made.exit_code == 0, made.output
+    specs = read_episodes(tmp_path / "train.jsonl")
+    assert {spec.scene for spec in specs} == {"house:train-0"}
+    file = Plugins.discover().make("tasks", "file", {"file": str(tmp_path / "train.jsonl")})
+    assert [file(seed) for seed in (0, 4)] == [specs[0], specs[1]]
+
+
+def test_an_option_without_its_task_is_refused():
+    for words in (["--task", "sit"], ["--secret", "5", "--train", "3"]):
+        assert CliRunner().invoke(bench, ["make", *words]).exit_code == 2
+
+
+# -- capabilities ------------------------------------------------------------------------------------------------------
+@pytest.fixture(scope="module")
+def gym(plugins):
+    """gym(name): the gym of a source, in one house."""
+    made = {}
+
+    def get(name):
+        if name not in made:
+            made[name] = Gym(name, options=ONE, plugins=plugins)
+        return made[name]
+
+    yield get
+    for one in made.values():
+        one.close()
+
+
+def _seen(gym):
+    targets = list(gym.episode.spec.target_ids)
+    return int(np.isin(gym.episode.body.view().ids, targets).sum())
+
+
+def _called(gym, name, **arguments):
+    return gym.call(name, {"thoughts": arguments.pop("thoughts", ""), **arguments})
+
+
+def test_to_approach_begins_with_the_target_ahead_and_a_stop_at_once_fails(gym):
+    one = gym("approach")
+    for seed in (0, 1):
+        one.reset(seed)
+        assert _seen(one) >= 100
+        assert 0.2 < one.episode.target_distance() < 3.5
+    turn = _called(one, "stop")
+    assert turn.done
+    assert not turn.solved
+    assert turn.reward == 0
+
+
+def test_to_turn_begins_out_of_view_and_is_solved_by_honest_words_alone(gym):
+    one = gym("turn")
+    for words in ("visible_state: A {} is ahead.", "visible_state: No {} is in view."):
+        one.reset(0)
+        assert _seen(one) < 100
+        noun = one.episode.spec.target_category
+        for _ in range(9):
+            if _seen(one) >= 500:
+                break
+            _called(one, "turn_in_place", yaw_deg=60)
+        turn = _called(one, "stop", thoughts=words.format(noun))
+        assert turn.solved == ("No" not in words)
+        assert turn.reward == pytest.approx(1.2 if turn.solved else 0.0)
+
+
+def test_to_sit_begins_with_the_back_to_the_seat_and_is_solved_by_sitting(gym):
+    one = gym("sit")
+    one.reset(1)
+    assert _seen(one) < 100
+    while one.episode.body.last is None or one.episode.body.last.proprioception is None:
+        before = one.episode.target_distance()
+        turn = _called(one, "step_back", z_cm=15)
+        if turn.done or abs(before - one.episode.target_distance()) < 0.02:
+            break
+    _called(one, "sit_in_place", h_cm=48)
+    _called(one, "sit_in_place", h_cm=44)
+    assert _called(one, "stop").solved
+
+
+def test_to_touch_tells_no_category_and_is_solved_by_its_name(gym):
+    one = gym("touch")
+    one.reset(2)
+    spec = one.episode.spec
+    assert (spec.told.target_category, spec.target_ids) == ("", ())
+    while True:
+        turn = _called(one, "walk", x_cm=0, z_cm=30, yaw_deg=0)
+        touched = {one.episode.body.scene.by_id[c.object_id].category for c in one.episode.steps[-1].contacts} - {
+            "floor"
+        }
+        if touched or turn.done:
+            break
+    noun = sorted(touched)[0]
+    assert _called(one, "stop", thoughts=f"reasoning: A {noun} touches me.").solved

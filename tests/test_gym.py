@@ -1,0 +1,143 @@
+"""The gym: tasks by seed, rewards by step, and the page about it."""
+
+import os
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from humanclaw import Decision, HumanclawError, Plugins, hookimpl, load_run
+from humanclaw.errors import PluginRunError
+from humanclaw.minds import Gym, PromptSettings, opening, situation, tool_call
+from humanclaw.skills import Call, read_call
+from humanclaw_bench.training import AGAINST
+
+ROOT = Path(__file__).parents[1]
+PAGE = (ROOT / "docs" / "gym.md").read_text("utf-8")
+ONE = {"houses": 1}
+
+
+class _Broken:
+    """A plugin with a reward that is no number, and one that raises."""
+
+    @hookimpl
+    def humanclaw_rewards(self, register):
+        register("nan", lambda trial: float("nan"))
+        register("raises", lambda trial: 1 / 0)
+
+
+@pytest.fixture(scope="module")
+def host():
+    made = Plugins.discover()
+    made.add(_Broken(), "broken")
+    return made
+
+
+@pytest.fixture(scope="module")
+def gym(host):
+    with Gym("approach", options=ONE, plugins=host) as made:
+        yield made
+
+
+def test_the_same_seed_and_calls_give_the_same_rewards(gym):
+    earned = []
+    for seed in (1, 1, 2):
+        gym.reset(seed)
+        earned.append([gym.call("walk", {"thoughts": "", "z_cm": z}).reward for z in (60, 30)])
+    assert earned[0] == earned[1]
+    assert earned[0] != earned[2]
+
+
+def test_the_reward_is_the_weighted_sum_of_its_parts(gym):
+    gym.reset(1)
+    turn = gym.call("walk", {"thoughts": "", "z_cm": 60})
+    assert turn.reward == pytest.approx(0.3 * turn.rewards["progress"])
+    assert set(turn.rewards) == {"success", "progress"}
+
+
+def test_a_conversation_opens_with_the_benchmarks_prompt_and_goes_on_with_what_is_seen(gym):
+    system, user = opening(gym, gym.reset(1))
+    assert gym.episode.spec.instruction in system["content"]
+    assert gym.episode.spec.scene not in system["content"] + str(user["content"][:-1])
+    assert [part["type"] for part in user["content"]] == ["text", "image_url"]
+    parts = situation(gym, gym.call("walk", {"thoughts": "", "z_cm": 60}))
+    assert "result of the last answer: Executed walk" in parts[0]["text"]
+    assert "# Step 2 of 15" in parts[0]["text"]
+
+
+def test_a_call_that_cannot_be_read_costs_a_step_and_is_told(gym):
+    gym.reset(1)
+    turn = gym.call("stop", '{"thoughts": "I stop')
+    assert "not valid JSON" in turn.words
+    assert not turn.done, "a broken call of stop is no stop"
+    assert "not valid JSON" in situation(gym, turn)[0]["text"]
+    assert "make exactly one skill call" in gym.submit(Decision()).words
+    assert len(gym.episode.steps) == 2
+
+
+def test_after_the_end_nothing_is_played(gym):
+    gym.reset(1)
+    assert gym.call("stop", {"thoughts": ""}).done
+    with pytest.raises(HumanclawError, match="the episode has ended"):
+        gym.call("walk", {"thoughts": "", "z_cm": 60})
+    with pytest.raises(HumanclawError, match="from 0"):
+        gym.reset(-1)
+
+
+@pytest.mark.parametrize(("name", "reason"), [("nan", "must be a finite number"), ("raises", "ZeroDivisionError")])
+def test_a_broken_reward_is_blamed_on_its_plugin(host, name, reason):
+    with Gym("approach", {name: 1.0}, options=ONE, plugins=host) as gym:
+        gym.reset(1)
+        with pytest.raises(PluginRunError, match=f"broken raised .*{reason}"):
+            gym.call("stop", {"thoughts": ""})
+
+
+@pytest.mark.parametrize("brief", [True, False])
+def test_a_decision_is_read_back_from_the_call_that_says_it(brief):
+    call = Call("walk", {"z_cm": 40})
+    said = Decision((call,), "A couch.", "I begin.", "Get to it.", "keep", "It is near.")
+    name, arguments = tool_call(said, PromptSettings(brief=brief))
+    words, read = read_call(name, arguments)
+    assert read == call
+    assert Decision((read,), **vars(words)) == said
+
+
+# -- the page ----------------------------------------------------------------------------------------------------------
+def _section(title):
+    return re.search(rf"^## {title}\n(.*?)(?=^## |\Z)", PAGE, re.MULTILINE | re.DOTALL)[1]
+
+
+def test_the_page_has_the_sources_the_rewards_and_the_task_of_each_root_cause(host):
+    tasks, rewards = (re.findall(r"^\| `(\w+)` \|", _section(name), re.MULTILINE) for name in ("Tasks", "Rewards"))
+    assert set(tasks) == {one.name for one in host.registered("tasks")}
+    assert set(rewards) == {one.name for one in host.registered("rewards")} - {"nan", "raises"}
+    rows = re.findall(r"^\| `(\w+)` \| ((?:find|nav|interact): .*) \|$", PAGE, re.MULTILINE)
+    assert {cause: name for name, causes in rows for cause in causes.split("; ")} == dict(AGAINST)
+
+
+SHORT = {
+    "--train 160": "--train 4 --option houses=1", "--train 60": "--train 2 --option houses=1", "first=2000": "first=1",
+}  # fmt: skip
+
+
+def test_the_tutorial_trains_something_as_written_in_a_short_form(tmp_path):
+    """The commands of the page, with fewer tasks in fewer houses."""
+    blocks = re.findall(r"elsewhere\. tests/test_gym\.py.*?```\n(.*?)```", PAGE, re.DOTALL)
+    (tmp_path / "examples").symlink_to(ROOT / "examples")
+    bin_folder = Path(sys.executable).parent
+    for line in "".join(blocks).splitlines():
+        for long, short in SHORT.items():
+            line = line.replace(long, short)
+        words = shlex.split(line)
+        path = {"PATH": f"{bin_folder}{os.pathsep}{os.environ['PATH']}", "OMP_NUM_THREADS": "1"}
+        done = subprocess.run(
+            [bin_folder / words[0], *words[1:]], cwd=tmp_path, env=os.environ | path, capture_output=True, text=True
+        )
+        assert done.returncode == 0, f"{line}\n{done.stdout[-2000:]}{done.stderr[-2000:]}"
+    assert "stopper" in done.stdout
+    before, after = (load_run(tmp_path / "runs" / name) for name in ("before", "after"))
+    assert [one.record.settings["agent"]["weights"] for one in (before[0], after[0])] == ["", "weights.npz"]
+    assert {one.record.spec.scene for one in after} == {"house:train-1"}
