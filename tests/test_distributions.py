@@ -59,6 +59,7 @@ NOT_INSTALLED = {
 
 NOT_LOCKED = {
     "torch": "its build and its index depend on the machine",
+    "fastapi": "for OpenEnv, which is not installed",
     "xllamacpp": "for one example",
     **dict.fromkeys(("openenv-core", "ray", "rerun-sdk", "verifiers"), "not installed, because it is large"),
     **dict.fromkeys(("langchain-core", "openai-agents", "pydantic-ai-slim", "smolagents"), "the caller has it already"),
@@ -296,6 +297,7 @@ def test_a_name_that_is_not_there_is_answered_with_the_distribution_that_brings_
 
 
 IMPORTED_AS = {
+    "openenv": "openenv-core",
     "PIL": "pillow",
     "agents": "openai-agents",
     "google": "google-genai",

@@ -135,7 +135,9 @@ def _check(words, command_line):
     elif program == "make":
         assert re.search(rf"^{words[1]}:", (ROOT / "Makefile").read_text(), re.MULTILINE), words
     else:
-        assert program in {"python", "python3", "export", ".", "cd", "pip", "docker", "mkdir", "rerun"}, words
+        assert program in {"python", "python3", "export", ".", "cd", "pip", "docker", "mkdir", "rerun", "vf-eval"}, (
+            words
+        )
 
 
 def _parse(command, words):

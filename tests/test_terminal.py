@@ -50,6 +50,7 @@ NO_TABLE = {
     "bench submit": "the file",
     "bench leaderboard": "the file",
     "bench export": "the file",
+    "bench rollouts": "the files",
     "cards": "the files",
     "film": "the file",
     "habitat check": "a line a scene",

@@ -84,7 +84,7 @@ def test_a_picture_is_asked_about_once_and_the_program_started_once(tmp_path: Pa
 def test_its_settings_are_recorded(tmp_path: Path) -> None:
     command = written(tmp_path, DETECTOR)
     agent = begun(command, view_of((0, 0, 0)), score=0.4)
-    assert getattr(agent, "settings", None) == {"detector": command, "score": 0.4, "seconds": 60.0}
+    assert getattr(agent, "settings", None) == {"detector": command, "score": 0.4, "seconds": 60.0, "words": "eyes"}
 
 
 @pytest.mark.parametrize("seconds", [0, -1, 3601, float("inf"), float("nan"), "soon"])
