@@ -52,9 +52,13 @@ def side_by_side(plugins: Plugins) -> None:
         gym.close()
 
 
-if __name__ == "__main__":
+def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--resets", type=int, default=10_000)
     host = Plugins.discover()
     resets(host, parser.parse_args().resets)
     side_by_side(host)
+
+
+if __name__ == "__main__":
+    main()

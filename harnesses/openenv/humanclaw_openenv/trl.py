@@ -7,7 +7,6 @@ a method here.
 from __future__ import annotations
 
 import inspect
-import io
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -15,7 +14,7 @@ from PIL import Image
 
 from humanclaw import Plugins
 from humanclaw.minds import TURNS, Gym, Json, Turn, model_tools, opening
-from humanclaw.storage import jpeg
+from humanclaw.storage import from_jpeg, jpeg
 
 _TYPES: Mapping[str, type] = {"integer": int, "number": float, "string": str, "boolean": bool, "array": list}
 _THOUGHTS = "What you see, what the last call changed, your goal, and why this call: a line each."
@@ -49,7 +48,7 @@ class BodyEnvironment:
         self._return += self._turn.reward
         if not self._pictures:
             return self._turn.words
-        view = Image.open(io.BytesIO(jpeg(self._turn.observation.rgb)))
+        view = Image.fromarray(from_jpeg(jpeg(self._turn.observation.rgb)))
         return [{"type": "text", "text": self._turn.words}, {"type": "image", "image": view}]
 
 

@@ -120,7 +120,9 @@ def rollouts(
     runs: tuple[Path, ...], out: Path, repaired: Path | None, success: bool, cause: str | None, difficulty: str | None,
     test: float,
 ) -> None:  # fmt: skip
-    """Write recorded runs as training data: conversations with tools and pictures, split by house.
+    """Write recorded runs as conversations to train on.
+
+    Tools and pictures are part of them, and houses are split.
 
     The same command continues where it was interrupted. `bench export --to lerobot` writes robots' data.
     """
