@@ -42,17 +42,17 @@ class Source:
 
 def approach(house: House, options: TaskOptions, rng: np.random.Generator) -> EpisodeSpec | None:
     """Begin in sight of the target, up to NEAR metres of way from it, facing it."""
-    spec = _near(house, options, rng)
+    near = _near(house, options, rng)
     told = "walk up to the {noun} in front of you, and stop within 0.2 m of it."
-    return spec and _turned(house, spec, float(rng.uniform(-AHEAD, AHEAD)), told, interact=False, max_steps=15)
+    return near and _turned(*near, float(rng.uniform(-AHEAD, AHEAD)), told, max_steps=15)
 
 
 def turn(house: House, options: TaskOptions, rng: np.random.Generator) -> EpisodeSpec | None:
     """Begin near the target with it out of view."""
-    spec = _near(house, options, rng)
+    near = _near(house, options, rng)
     away = float(rng.uniform(BEHIND, 2 * np.pi - BEHIND))
     told = "turn until you see a {noun}, say that you see it, and stop."
-    return spec and _turned(house, spec, away, told, interact=False, max_steps=10)
+    return near and _turned(*near, away, told, max_steps=10)
 
 
 def sit(house: House, options: TaskOptions, rng: np.random.Generator) -> EpisodeSpec | None:
@@ -104,12 +104,12 @@ def _before(house: House, stand: Viewpoint, away: float) -> Pose2D | None:
     return _pose(x, z, stand.yaw, stand.floor) if fits else None
 
 
-def _near(house: House, options: TaskOptions, rng: np.random.Generator) -> EpisodeSpec | None:
-    """Draw a candidate within NEAR metres of its target, from where the target can be seen."""
+def _near(house: House, options: TaskOptions, rng: np.random.Generator) -> tuple[EpisodeSpec, float] | None:
+    """Draw a candidate within NEAR metres of its target, and the heading in which the target can be seen from there."""
     near = [
-        spec for spec in house.specs
+        (spec, heading) for spec in house.specs
         if spec.difficulty and spec.difficulty.distance <= NEAR and options.category in ("", spec.target_category)
-        and _sight(house, spec) is not None
+        and (heading := _sight(house, spec)) is not None
     ]  # fmt: skip
     return picked(near, rng)
 
@@ -133,16 +133,12 @@ def _sight(house: House, spec: EpisodeSpec) -> float | None:
     return heading
 
 
-def _turned(
-    house: House, spec: EpisodeSpec, bearing: float, told: str, *, interact: bool, max_steps: int
-) -> EpisodeSpec | None:
-    """Return a candidate from whose start the target has this bearing, as a task of its own."""
-    heading = _sight(house, spec)
-    if heading is None or spec.start is None:
-        return None
+def _turned(spec: EpisodeSpec, heading: float, bearing: float, told: str, *, max_steps: int) -> EpisodeSpec:
+    """Return a candidate as a task of its own, turned so that the target in this heading has this bearing."""
+    assert spec.start is not None
     start = replace(spec.start, yaw=round(float(wrap_angle(heading - bearing)), 3))
     words = told.format(noun=ALIASES[spec.target_category][0])
-    return spec.model_copy(update={"instruction": words, "start": start, "interact": interact, "max_steps": max_steps})
+    return spec.model_copy(update={"instruction": words, "start": start, "interact": False, "max_steps": max_steps})
 
 
 def _pose(x: float, z: float, yaw: float, floor: float) -> Pose2D:

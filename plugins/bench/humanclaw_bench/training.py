@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import Any, Final, Literal
+from typing import Any, Final, Literal, TypeVar
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -118,6 +118,7 @@ class House:
         return MultiFloorMap.of(self.scene)
 
 
+T = TypeVar("T")
 Draw = Callable[[House, TaskOptions, np.random.Generator], EpisodeSpec | None]
 
 
@@ -166,8 +167,8 @@ def _has(spec: EpisodeSpec, options: TaskOptions) -> bool:
     return not options.difficulty or (spec.difficulty is not None and overall(spec.difficulty) == options.difficulty)
 
 
-def picked(found: Sequence[EpisodeSpec], rng: np.random.Generator) -> EpisodeSpec | None:
-    """Return one of the episodes at random; None if there are none."""
+def picked(found: Sequence[T], rng: np.random.Generator) -> T | None:
+    """Return one at random; None if there are none."""
     return found[int(rng.integers(len(found)))] if found else None
 
 
