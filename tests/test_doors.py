@@ -65,8 +65,8 @@ def test_every_name_of_the_first_door_is_there():
     assert [name for name in humanclaw.__all__ if not hasattr(humanclaw, name)] == []
 
 
-def test_there_are_at_most_eleven_doors():
-    assert len(DOORS) <= 11
+def test_there_are_at_most_ten_doors():
+    assert len(DOORS) <= 10
 
 
 @pytest.mark.parametrize("module", FORMER)

@@ -9,9 +9,19 @@ from pathlib import Path
 
 import pytest
 
-from humanclaw import Decision, HumanclawError, Plugins, hookimpl, load_run
+from humanclaw import (
+    Decision,
+    Gym,
+    HumanclawError,
+    Plugins,
+    PromptSettings,
+    hookimpl,
+    load_run,
+    opening,
+    situation,
+    tool_call,
+)
 from humanclaw.errors import PluginRunError
-from humanclaw.minds import Gym, PromptSettings, opening, situation, tool_call
 from humanclaw.skills import Call, read_call
 from humanclaw_bench.training import AGAINST
 

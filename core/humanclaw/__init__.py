@@ -30,6 +30,17 @@ if TYPE_CHECKING:
         ReplayError as ReplayError,
         SceneError as SceneError,
     )
+    from humanclaw.minds.chat import TURNS as TURNS, opening as opening, situation as situation, tool_call as tool_call
+    from humanclaw.minds.gym import Gym as Gym, Turn as Turn
+    from humanclaw.minds.prompts import (
+        model_tools as model_tools,
+        step_content as step_content,
+        system_message as system_message,
+        system_prompt as system_prompt,
+        verifier_content as verifier_content,
+        verifier_prompt as verifier_prompt,
+    )
+    from humanclaw.minds.settings import PromptSettings as PromptSettings
     from humanclaw.motion.generator import MotionGenerator as MotionGenerator
     from humanclaw.plugins.agents import (
         Agent as Agent,

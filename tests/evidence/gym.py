@@ -9,8 +9,7 @@ import argparse
 import resource
 import time
 
-from humanclaw import Plugins
-from humanclaw.minds import Gym
+from humanclaw import Gym, Plugins
 
 ENVIRONMENTS = 16
 

@@ -11,8 +11,7 @@ from gymnasium.spaces import Box
 from numpy.typing import NDArray
 from PIL import Image
 
-from humanclaw import Backends, Body, Call, Decision, Episode, EpisodeSpec, HumanclawError, Plugins
-from humanclaw.minds import Gym
+from humanclaw import Backends, Body, Call, Decision, Episode, EpisodeSpec, Gym, HumanclawError, Plugins
 from humanclaw.records import REACHED, free_episode
 from humanclaw_gymnasium.actions import Action, Actions
 
@@ -49,7 +48,7 @@ class BodyEnv(gymnasium.Env[Picture, Action]):
 
         Args:
             scene: one reference, or several, of which each reset picks one.
-            tasks, options, rewards: as of humanclaw.minds.Gym; then scene, instruction and max_steps have no effect.
+            tasks, options, rewards: as of humanclaw.Gym; then scene, instruction and max_steps have no effect.
             size: edge of the observation, pixels.
 
         Raises HumanclawError if no skill can be called, ValueError for an unknown render mode.

@@ -5,9 +5,21 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from humanclaw import Call, CallError, Decision, EpisodeContext, HistoryEntry, HumanclawError, Observation, Skill
-from humanclaw.minds import Json, model_tools, step_content, system_message, system_prompt
-from humanclaw.skills import Reasoning, answer_schema, read_call, read_text
+from humanclaw import (
+    Call,
+    CallError,
+    Decision,
+    EpisodeContext,
+    HistoryEntry,
+    HumanclawError,
+    Observation,
+    Skill,
+    model_tools,
+    step_content,
+    system_message,
+    system_prompt,
+)
+from humanclaw.skills import Json, Reasoning, answer_schema, read_call, read_text
 from humanclaw_litellm.asking import Form, ModeCache, ModeNegotiator, Reply
 from humanclaw_litellm.client import Completion
 from humanclaw_litellm.settings import Mode, ModelError, Settings

@@ -11,8 +11,7 @@ from urllib.parse import urlsplit
 
 from pydantic import AfterValidator, Field, Json, ValidationError
 
-from humanclaw import PluginError
-from humanclaw.minds import PromptSettings
+from humanclaw import PluginError, PromptSettings
 from humanclaw_litellm.redaction import holds_key, redact, secrets_in
 
 Mode = Literal["tools", "tools_auto", "schema", "prompt"]

@@ -5,10 +5,21 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
-from humanclaw import Call, CallError, Check, EpisodeContext, HumanclawError, Observation, ProviderError, Skill, Verdict
-from humanclaw.minds import Json, verifier_content, verifier_prompt
+from humanclaw import (
+    Call,
+    CallError,
+    Check,
+    EpisodeContext,
+    HumanclawError,
+    Observation,
+    ProviderError,
+    Skill,
+    Verdict,
+    verifier_content,
+    verifier_prompt,
+)
 from humanclaw.records import Answer, Usage
-from humanclaw.skills import call_schema, json_objects, read_answer
+from humanclaw.skills import Json, call_schema, json_objects, read_answer
 from humanclaw_litellm.asking import Form, ModeCache, ModeNegotiator
 from humanclaw_litellm.client import Completion
 from humanclaw_litellm.decision import usable

@@ -7,9 +7,8 @@ from pathlib import Path
 
 import click
 
-from humanclaw import Choice, Plugins
+from humanclaw import Choice, Gym, Plugins
 from humanclaw.cli import HOST, parse_pairs, plugin_options
-from humanclaw.minds import Gym
 
 
 @click.command("openenv")

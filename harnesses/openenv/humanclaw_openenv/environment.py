@@ -16,7 +16,8 @@ from openenv.core.env_server.mcp_types import (
 from openenv.core.env_server.types import Observation, State
 from pydantic import Field
 
-from humanclaw.minds import TURNS, Gym, Json, Turn, model_tools, opening, situation
+from humanclaw import TURNS, Gym, Turn, model_tools, opening, situation
+from humanclaw.skills import Json
 
 
 class BodyObservation(CallToolObservation):

@@ -17,8 +17,8 @@ from openenv.core.env_server.mcp_types import CallToolAction
 from openenv.core.env_server.types import ConcurrencyConfig
 from starlette.middleware.trustedhost import TrustedHostMiddleware
 
+from humanclaw import Gym
 from humanclaw.cli import BACKLOG, CONNECTIONS, HOST
-from humanclaw.minds import Gym
 from humanclaw_openenv.environment import BodyEnvironment, BodyObservation
 
 IDLE: Final = 600.0

@@ -12,8 +12,8 @@ from typing import Any
 
 from PIL import Image
 
-from humanclaw import Plugins
-from humanclaw.minds import TURNS, Gym, Json, Turn, model_tools, opening
+from humanclaw import TURNS, Gym, Plugins, Turn, model_tools, opening
+from humanclaw.skills import Json
 from humanclaw.storage import from_jpeg, jpeg
 
 _TYPES: Mapping[str, type] = {"integer": int, "number": float, "string": str, "boolean": bool, "array": list}
@@ -63,7 +63,7 @@ def environment(
     """Return a class whose instances play training tasks.
 
     Args:
-        tasks, rewards, options: as of humanclaw.minds.Gym.
+        tasks, rewards, options: as of humanclaw.Gym.
         pictures: whether the result of a tool holds the view; False for a model that takes none.
     """
     host = plugins or Plugins.discover()

@@ -15,8 +15,7 @@ from openenv.core.env_server.mcp_types import CallToolAction
 from openenv.core.mcp_client import MCPToolClient
 from websockets.exceptions import ConnectionClosed
 
-from humanclaw import Plugins
-from humanclaw.minds import Gym
+from humanclaw import Gym, Plugins
 from humanclaw_openenv.server import app
 
 STOP = {"type": "call_tool", "tool_name": "stop", "arguments": {"thoughts": "visible_state: A wall."}}

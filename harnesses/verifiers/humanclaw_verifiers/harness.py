@@ -17,10 +17,9 @@ from verifiers.v1.clients import ModelContext
 from verifiers.v1.configs.harness import HarnessConfig
 from verifiers.v1.runtimes import ProgramResult, Runtime
 
-from humanclaw import Call, CallError, Decision, Episode, Plugins
-from humanclaw.minds import TURNS, Gym, Json, Turn, model_tools, opening, situation
+from humanclaw import TURNS, Call, CallError, Decision, Episode, Gym, Plugins, Turn, model_tools, opening, situation
 from humanclaw.records import Trial, in_view, stopped_seated, stopped_within_reach, touched_above_ground
-from humanclaw.skills import read_call
+from humanclaw.skills import Json, read_call
 from humanclaw_verifiers.taskset import FACTS, BodyData
 
 

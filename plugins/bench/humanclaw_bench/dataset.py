@@ -13,7 +13,7 @@ import click
 from tqdm import tqdm
 
 from humanclaw import Plugins, RecordedEpisode, RecordError, load_run
-from humanclaw.minds import Json
+from humanclaw.skills import Json
 from humanclaw.storage import Folder, writing
 from humanclaw_bench.attribution import CAUSES, attribute
 from humanclaw_bench.difficulty import TIERS

@@ -15,10 +15,23 @@ from typing import Any, Final
 
 import numpy as np
 
-from humanclaw import Decision, EpisodeContext, HistoryEntry, Observation, Plugins, RecordedEpisode, RecordError
-from humanclaw.minds import Json, PromptSettings, model_tools, step_content, system_prompt, tool_call
+from humanclaw import (
+    Decision,
+    EpisodeContext,
+    HistoryEntry,
+    Observation,
+    Plugins,
+    PromptSettings,
+    RecordedEpisode,
+    RecordError,
+    model_tools,
+    step_content,
+    system_prompt,
+    tool_call,
+)
 from humanclaw.plugins import RecalledEntry
 from humanclaw.records import Feedback, name_of
+from humanclaw.skills import Json
 from humanclaw.storage import jpeg
 from humanclaw_bench.attribution import Cause
 from humanclaw_bench.difficulty import overall

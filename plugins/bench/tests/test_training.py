@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from humanclaw import EpisodeSpec, HumanclawError, Plugins
-from humanclaw.minds import Gym
+from humanclaw import EpisodeSpec, Gym, HumanclawError, Plugins
 from humanclaw.records import read_episodes, write_episodes
 from humanclaw_bench.attribution import CAUSES
 from humanclaw_bench.cli import bench
