@@ -197,9 +197,7 @@ def _read_arrays(files: Folder, most: int, version: tuple[int, ...]) -> Mapping[
     """
     with files.open("motion.npz", MOTION_BYTES) as stream, zipfile.ZipFile(stream) as archive:
         _check_arrays(archive, most)
-        stream.seek(0)
-        data = np.load(stream)
-        found = {name: data[name] for name in data.files}
+        found = {name.removesuffix(".npy"): _array(archive, name) for name in archive.namelist()}
     if not all(np.isfinite(array).all() for array in found.values()):
         raise ValueError("it holds values that are not finite")
     return found
@@ -231,6 +229,11 @@ def _shape(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> tuple[int, ...]
         if stream.tell() + size != member.file_size or kind.kind != "f":
             raise ValueError(f"{member.filename} does not hold {size} bytes of numbers")
     return shape
+
+
+def _array(archive: zipfile.ZipFile, name: str) -> Array:
+    with archive.open(name) as stream:
+        return np.asarray(np.lib.format.read_array(stream, allow_pickle=False))
 
 
 def _read_steps(files: Folder) -> Iterator[StepRecord]:

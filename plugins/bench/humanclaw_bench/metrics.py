@@ -27,55 +27,39 @@ class Metric:
     """Whether it is a rate: each episode is one trial."""
     percent: bool = False
     digits: int = 1
-
-    @property
-    def meaning(self) -> str:
-        """What a short name means, for a page's reader; empty if the name says it. The README has the definitions."""
-        return _MEANINGS.get(self.name, "")
+    meaning: str = ""
+    """What a short name means, for a page's reader; empty if the name says it. The README has the definitions."""
 
 
-_MEANINGS: Final = {
-    "FindSR": "the target was in view, and the agent said so",
-    "NavSR": "stopped within 0.2 m of the target",
-    "ArriveSR": "NavSR with the whole body there, not a hand through a wall",
-    "InteractSR": "sat on the target and stopped there",
-    "Coll.": "share of the half seconds in motion that touch an object",
-    "#Dtb": "objects displaced in an episode",
-    "dDtb (m)": "how far they were displaced",
-    "Jerk": "roughness of the body's path, m/s\u00b3",
-    "SPL": "NavSR, less for detours",
-    "SoftSPL": "share of the way covered, less for detours",
-    "Brier": "squared error of the success that the agent expected",
-}
-
-
-def _rate(name: str, field: str) -> Metric:
+def _rate(name: str, field: str, meaning: str = "") -> Metric:
     def parts(scores: Scores) -> tuple[float, float] | None:
         met = getattr(scores, field)
         return None if met is None else (float(met), 1.0)
 
-    return Metric(name, "higher", parts, rate=True, percent=True)
+    return Metric(name, "higher", parts, rate=True, percent=True, meaning=meaning)
 
 
 def _mean(
     name: str, value: Callable[[Scores], float], digits: int = 1, *, better: Literal["higher", "lower", ""] = "lower",
-    percent: bool = False,
+    percent: bool = False, meaning: str = "",
 ) -> Metric:  # fmt: skip
     def parts(scores: Scores) -> tuple[float, float] | None:
         number = value(scores)
         return (number, 1.0) if np.isfinite(number) else None
 
-    return Metric(name, better, parts, percent=percent, digits=digits)
+    return Metric(name, better, parts, percent=percent, digits=digits, meaning=meaning)
 
 
-def _collision(name: str, group: str) -> Metric:
-    return _mean(name, lambda s: s.collisions[group], percent=True)
+def _collision(name: str, group: str, meaning: str = "") -> Metric:
+    return _mean(name, lambda s: s.collisions[group], percent=True, meaning=meaning)
 
 
-FIND, NAV, INTERACT = _rate("FindSR", "find"), _rate("NavSR", "nav"), _rate("InteractSR", "interact")
-ARRIVE: Final = _rate("ArriveSR", "arrive")
+FIND: Final = _rate("FindSR", "find", "the target was in view, and the agent said so")
+NAV: Final = _rate("NavSR", "nav", "stopped within 0.2 m of the target")
+INTERACT: Final = _rate("InteractSR", "interact", "sat on the target and stopped there")
+ARRIVE: Final = _rate("ArriveSR", "arrive", "NavSR with the whole body there, not a hand through a wall")
 """The headline of navigation: the paper's NavSR also counts a body behind a wall, and an outstretched arm."""
-COLLISIONS: Final = _collision("Coll.", "any")
+COLLISIONS: Final = _collision("Coll.", "any", "share of the half seconds in motion that touch an object")
 UNASKED: Final = Metric("unasked", "lower", lambda s: (s.unasked, s.verified) if s.verified else None, percent=True)
 """Share of the calls to verify that passed unverified."""
 COST: Final = (
@@ -90,14 +74,16 @@ FALSE_CLAIMS: Final = _mean("false claims", lambda s: s.false_claims, percent=Tr
 """The price of FindSR for an agent that always claims to see its target."""
 MAIN: Final = (
     FIND, FALSE_CLAIMS, NAV, ARRIVE, INTERACT, COLLISIONS,
-    _mean("#Dtb", lambda s: s.displaced, 2),
-    Metric("dDtb (m)", "lower", lambda s: (s.displacement, s.displaced), digits=2),
-    _mean("Jerk", lambda s: s.jerk),
+    _mean("#Dtb", lambda s: s.displaced, 2, meaning="objects displaced in an episode"),
+    Metric(
+        "dDtb (m)", "lower", lambda s: (s.displacement, s.displaced), digits=2, meaning="how far they were displaced"
+    ),
+    _mean("Jerk", lambda s: s.jerk, meaning="roughness of the body's path, m/s\u00b3"),
     _mean("steps", lambda s: s.steps, better=""),
     _mean("motion (s)", lambda s: s.motion, better=""),
     *COST,
-    _mean("SPL", lambda s: s.spl, 3, better="higher"),
-    _mean("SoftSPL", lambda s: s.soft_spl, 3, better="higher"),
+    _mean("SPL", lambda s: s.spl, 3, better="higher", meaning="NavSR, less for detours"),
+    _mean("SoftSPL", lambda s: s.soft_spl, 3, better="higher", meaning="share of the way covered, less for detours"),
 )  # fmt: skip
 """Columns of the paper's main table, and the cost."""
 VARIANTS: Final = (
@@ -118,7 +104,7 @@ OWN: Final = (
     Metric("path (m)", "lower", lambda s: (s.disturbed_path, s.disturbed), digits=2),
     _mean("falls", lambda s: s.falls, 2),
     _mean("rigid jerk", lambda s: s.rigid_jerk),
-    _mean("Brier", lambda s: s.brier, 3),
+    _mean("Brier", lambda s: s.brier, 3, meaning="squared error of the success that the agent expected"),
 )  # fmt: skip
 """Figures of the paper's text (landing rate: NavSR over FindSR; turn reversals), other readings of GeoNavSR, Coll.,
 #Dtb, dDtb and Jerk, and the Brier score of the success that the agent expected."""

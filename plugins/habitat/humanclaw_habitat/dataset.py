@@ -191,7 +191,7 @@ class Dataset:
 
         Raises SceneError.
         """
-        found, source, values = self._found("articulated_objects", name)
+        (found, *_), source, values = self._found("articulated_objects", name)
         attributes = checked(Articulated, values, source.file)
         model = attributes.urdf_filepath or f"{_stem(source.file)}.urdf"
         scale = (attributes.uniform_scale,) * 3
@@ -206,9 +206,8 @@ class Dataset:
                 checked(Template, {"render_asset": name, "scale": DEFAULT_SCALE}, self.config),
                 self.config.parent,
             )
-        found, source, values = self._found(section, name)
-        others = tuple(self._fitting(section, name)[1:])
-        return Kind(found, source.file, checked(Template, values, source.file), self._home(source.file), others)
+        (found, *others), source, values = self._found(section, name)
+        return Kind(found, source.file, checked(Template, values, source.file), self._home(source.file), tuple(others))
 
     def _home(self, file: Path) -> Path:
         """Return the folder that a template's models must stay in.
@@ -222,8 +221,8 @@ class Dataset:
             return file.parent.parent
         return self.config.parent
 
-    def _found(self, section: str, name: str) -> tuple[str, _Source, dict[str, Any]]:
-        """Return name, source and attributes of a template. As in Habitat, a part of its name is enough.
+    def _found(self, section: str, name: str) -> tuple[list[str], _Source, dict[str, Any]]:
+        """Return the fitting names, and source and attributes of the first. As in Habitat, a part of a name is enough.
 
         Raises SceneError.
         """
@@ -232,7 +231,7 @@ class Dataset:
             told = f"template {name!r} is not among the {len(known)} {section} of {self.config}."
             raise SceneError(told, "Check that the dataset is complete.")
         source = known[found[0]]
-        return found[0], source, self._section(section).get("default_attributes", {}) | source.values
+        return found, source, self._section(section).get("default_attributes", {}) | source.values
 
     def _fitting(self, section: str, name: str) -> list[str]:
         """Return the template of a name; without one, those whose names contain it, sorted by path as Habitat sorts."""

@@ -173,6 +173,8 @@ def between(start: Adapter, end: Adapter, share: float) -> Adapter:
 
     It keeps what the first does well where the second has seen less data (Wortsman et al. 2022, arXiv 2109.01903).
     """
+    if share == 1:
+        return end
     mean = copy.deepcopy(end)
     for own, first in zip(mean.parameters(), start.parameters(), strict=True):
         own.lerp_(first, 1 - share)
