@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import threading
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from inspect import signature
 from pathlib import Path
@@ -15,12 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanclaw.body.pose import FUTURE, Array, Motion, Pose2D, next_history, re_rooted
+from humanclaw.episodes.adapters import Adapters, untrained
 from humanclaw.episodes.backends import SENSORS, SHIPPED, VISION, Backends
 from humanclaw.episodes.execution import SkillExecution, Watcher, played_parts
+from humanclaw.episodes.sensors import checked
 from humanclaw.episodes.tools import Verified, body_tools
-from humanclaw.errors import CheckpointError, HumanclawError, blaming
+from humanclaw.errors import HumanclawError, blaming
 from humanclaw.motion.carrying import Arms
-from humanclaw.motion.checkpoint import adapters_beside
 from humanclaw.motion.generator import MotionGenerator
 from humanclaw.motion.resting_hands import lay_hands
 from humanclaw.motion.rising import is_down, rise
@@ -38,7 +39,6 @@ from humanclaw.skills.posing import Part, arms_of, posed
 from humanclaw.skills.reaching import Reach
 from humanclaw.storage.pictures import jpeg
 from humanclaw.text.notebook import card
-from humanclaw.text.words import legible
 from humanclaw.world.scene import Scene
 from humanclaw.world.simulator import Chunk, Simulator, WorldState
 from humanclaw.world.view import Gaze, Renderer, View, ego_camera, gaze_of
@@ -76,7 +76,7 @@ class Body:
             name: self.plugins.make("senses", name) for name in self.sensors if name != VISION
         }
         self.gaze: Gaze = gaze_of(self.backends.gaze)
-        self._adapters: dict[Path, Mapping[str, Path]] = {}
+        self._adapters = Adapters(self.plugins)
         self._generator: MotionGenerator = self._moved_by(self.backends.generator, self.backends.prior)
         self._simulator: Simulator = self._make("simulators", self.backends.simulator)
         self._renderer: Renderer = self.plugins.make("renderers", self.backends.renderer)
@@ -99,26 +99,12 @@ class Body:
         if "prior" not in signature(self.plugins.offered("motion_generators", generator)).parameters:
             raise HumanclawError(f"generator {generator!r} takes no prior; got {prior!r}.", "Leave out --prior.")
         made = self.plugins.make("motion_generators", generator, profile=self.backends.profile, prior=checkpoint)
-        if not any(skill.adapter and self._fits(skill, made.digest) for skill in self.plugins.skills.values()):
+        if not any(skill.adapter and self._adapters.fits(skill, made.digest) for skill in self.plugins.skills.values()):
             raise HumanclawError(
                 f"no skill has an adapter for prior {prior!r}.",
                 f"Train one with `humanclaw train adapter --skill FOLDER --base {checkpoint}`.",
             )
         return made
-
-    def _fits(self, skill: Skill, base: str) -> bool:
-        """Whether a skill can be played with a prior: it needs no adapter, is not trained yet, or has one for it."""
-        # First what needs no file: every step asks for every skill.
-        if len(self.plugins.registered("priors")) < 2 or skill.adapter is None or not skill.trained:
-            return True
-        if base not in self.plugins.priors:
-            return True
-        return base in self._adapters_of(skill.adapter)
-
-    def _adapters_of(self, adapter: Path) -> Mapping[str, Path]:
-        if adapter not in self._adapters:
-            self._adapters[adapter] = adapters_beside(adapter)
-        return self._adapters[adapter]
 
     def reset(self, scene: str | Scene, start: Pose2D | None = None, *, seed: int = 0) -> Observation:
         """Stand at a start of a scene, with every object at rest, and return the view."""
@@ -145,7 +131,7 @@ class Body:
     @property
     def skills(self) -> dict[str, Skill]:
         """Every skill that can be called, by name. A trained skill needs an adapter for the body's prior."""
-        return {name: one for name, one in self.plugins.skills.items() if self._fits(one, self.weights)}
+        return {name: one for name, one in self.plugins.skills.items() if self._adapters.fits(one, self.weights)}
 
     @property
     def history(self) -> Motion:
@@ -282,7 +268,7 @@ class Body:
             with blaming(self.plugins.owner(name, "senses")):
                 told[name] = sense.feel(moment)
                 if name not in SENSORS:
-                    told[name] = replace(_held(told[name], name), sense=name)
+                    told[name] = replace(checked(told[name], name), sense=name)
         return told.get("body"), told.get("touch"), tuple(one for name, one in told.items() if name not in SENSORS)
 
     def _chunks(self, skill: Skill, plan: Sequence[Part]) -> Iterator[tuple[int, Motion, bool]]:
@@ -300,8 +286,8 @@ class Body:
         """Yield the chunks of one part. index: number of its first chunk within the call."""
         if isinstance(part, Control):
             self._pitch = None
-            if part.adapter == skill.adapter:
-                require_trained(skill)
+            if part.adapter == skill.adapter and not skill.trained:
+                raise untrained(skill)
             declared, key = self._declared(skill, part.adapter), (self.seed, self.step, index)
             if (declared or skill).role == "locomotion" and self._must_rise():
                 for piece, _ in self._played(rise(self._state.body, self._generator.start())):
@@ -353,7 +339,7 @@ class Body:
         """Generate the motion of a control. But for the paper's profile, correct the heading error of earlier calls."""
         declared = None if self.backends.profile == "paper" else declared
         values = part.values if declared is None else self._course.steer(declared, part.values)
-        adapter = self._adapters_of(part.adapter).get(self.weights, part.adapter)
+        adapter = self._adapters.of(part.adapter, self.weights)
         motion = self._generator.generate(self._history, adapter, values, key)
         if declared is not None:
             self._course = self._course.after(declared, part.values, self._history, motion)
@@ -381,30 +367,9 @@ class Body:
         self.close()
 
 
-def _held(reading: object, sense: str) -> Reading:
-    """Return a reading that a record can hold. Raises TypeError for anything else."""
-    if not isinstance(reading, Reading) or not isinstance(reading.words, str):
-        raise TypeError(f"feel() of sense {sense!r} returned {str(reading)[:100]!r} and no Reading")
-    return Reading(legible(reading.words), {str(key): float(value) for key, value in reading.values.items()})
-
-
 def _fixed(picture: NDArray[T]) -> NDArray[T]:
     """Return a read-only copy, so that agent, verifier and record see the same picture."""
     return np.frombuffer(picture.tobytes(), picture.dtype).reshape(picture.shape)
-
-
-def require_trained(skill: Skill) -> None:
-    """Raise CheckpointError if a skill has not been trained."""
-    if not skill.trained:
-        raise untrained(skill)
-
-
-def untrained(skill: Skill) -> CheckpointError:
-    """Return the error for a skill whose adapter is missing."""
-    return CheckpointError(
-        f"skill {skill.name!r} has no trained adapter: there is no {skill.adapter}.",
-        f"Train it with `humanclaw train adapter --skill {skill.adapter.parent if skill.adapter else skill.name}`.",
-    )
 
 
 def _offset(pose: Motion, motion: Motion) -> Array:

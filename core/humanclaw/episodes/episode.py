@@ -12,16 +12,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final, Self
 
-import numpy as np
-
 from humanclaw.episodes.embodiment import Body
 from humanclaw.episodes.execution import SkillExecution
-from humanclaw.episodes.history import History
-from humanclaw.episodes.panel import Panel, settled
+from humanclaw.episodes.history import QUALITY, History
+from humanclaw.episodes.panel import Panel, own_seed, settled
 from humanclaw.episodes.recorder import Recording, begin_record, ending, stand_at_start
 from humanclaw.episodes.replay import check_decision, check_end, check_place
 from humanclaw.episodes.step import Step, distance_to_goal, target_distance
@@ -42,10 +39,6 @@ from humanclaw.world.scene import Scene
 from humanclaw.world.simulator import Chunk, DistanceFactory, WorldState
 from humanclaw.world.view import View
 
-_QUALITY: Final = 88
-"""JPEG quality of recorded frames."""
-_AGENTS: Final = 82
-"""Random stream of agents."""
 MAX_ATTEMPTS: Final = 3
 """Answers that an agent may give in one step until one is usable. After the last one the step is lost."""
 
@@ -99,29 +92,29 @@ class Episode:
         self._panel = Panel(agent, verifier)
         self._max_attempts, self._meter = attempts, meter or Meter()
         self._meter.begin("episode")
-        settings = self._panel.settings | {"privileged": self._panel.privileged, "limits": self._meter.limits}
-        settings["apart"] = dict(apart or {})
-        record = begin_record(body, spec, *self._panel.names, options or {}, settings, self._panel.packages)
-        record = record.model_copy(update={"versions": dict(self._panel.versions) | record.versions})
         self._distance = None
         if distance and spec.target_ids:
             self._distance = distance(body.scene, spec.target_ids, body.start.floor)
-        record = record.model_copy(update={"geodesic": distance_to_goal(body.state(), self._distance)})
+        settings = {"limits": self._meter.limits, "apart": apart or {}}
+        record = begin_record(body, spec, self._panel, options or {}, settings, self.distance_to_goal())
         # Before anything is written, so that a refusal leaves no folder behind.
-        own = _own_seed(spec.seed) if agent_seed is None else agent_seed
+        own = own_seed(spec.seed) if agent_seed is None else agent_seed
         context = EpisodeContext(spec.told, body.skills, own, meter=self._meter, gaze=body.gaze)
-        self._panel.begin(context, self._privileged)
+        known = {"spec": spec, "seed": spec.seed, "scene": body.scene, "state": body.state, "view": self._look}
+        self._panel.begin(context, known)
         self._recording = Recording(body, record, folder)
-        self._history = History(_QUALITY)
+        self._history = History()
         self._between: list[bytes] = []
         self._feedback, self._step = Feedback(), Step(0)
         self._stopping = self._cancelling = False
         with self._closing():
-            self._replay(replay)
+            with self._panel.noting():
+                for step in () if self.fault else replay:
+                    self._replay_step(step)
             self._recording.open()
         if self.fault:
             self._end_by(self.fault)
-        elif self._is_over():
+        elif self._recording.is_over:
             self._close()
 
     # -- state -------------------------------------------------------------------------------------------------
@@ -212,7 +205,7 @@ class Episode:
         """Return the state and the current view, for a notebook."""
         last = str(self.steps[-1].feedback) if self.steps else "Nothing was called yet."
         lines = [self.record.spec.instruction, f"{self.outcome.replace('_', ' ')} at step {len(self.steps)}", last]
-        return card(f"Episode {self.record.spec.id}", lines, [("view", jpeg(self.body.view().rgb, _QUALITY))])
+        return card(f"Episode {self.record.spec.id}", lines, [("view", jpeg(self.body.view().rgb, QUALITY))])
 
     def stop(self) -> None:
         """Take no further decision, and break off the current call. Safe to call from another thread or a signal
@@ -254,13 +247,13 @@ class Episode:
             with step.timed("observe"):
                 step.view = self.body.view()
             if self._recording.folder and not self.done:
-                step.jpeg = jpeg(step.view.rgb, _QUALITY)
+                step.jpeg = jpeg(step.view.rgb, QUALITY)
                 step.frame_file = self._recording.frame(f"{step.number:04d}.jpg", step.jpeg)
         return step.view
 
     def _seen(self, view: View, feedback: Feedback) -> Observation:
-        told, between = (self.spec.instruction, view.rgb, feedback, self._step.jpeg), tuple(self._between)
-        return Observation(len(self._recording.steps), *told, between)
+        step = self._step
+        return Observation(step.number, self.spec.instruction, view.rgb, feedback, step.jpeg, tuple(self._between))
 
     def _question(self) -> None:
         """Begin the account of one question to a model. Raises LimitError if a limit has been crossed."""
@@ -306,7 +299,7 @@ class Episode:
     def _execute(self, call: Call, verdict: Verdict | None) -> StepRecord:
         """Execute a call. An active stop ends the episode without motion."""
         before = self.body.state()
-        if self._stops(call):
+        if self.body.skills[call.skill].role == "stop":
             return self._measure(before, call, verdict)
         self._cancelling, self._between = False, []
         done = self.body.execute(call, self._watch)
@@ -317,7 +310,7 @@ class Episode:
     def _watch(self, chunk: Chunk) -> bool:
         """Call the observers of a chunk, and keep views for an agent that asks. Returns whether the call goes on."""
         if count := self._panel.views_between:
-            self._between += [jpeg(view.rgb, _QUALITY) for view in self.body.views_during(chunk, count)]
+            self._between += [jpeg(view.rgb, QUALITY) for view in self.body.views_during(chunk, count)]
         self.body.plugins.tell("humanclaw_chunk", episode=self.record, step=len(self._recording.steps), chunk=chunk)
         return not (self._cancelling or self._stopping)
 
@@ -332,12 +325,8 @@ class Episode:
         resting = self._recording.steps[-1].pelvis_contacts if self._recording.steps else ()
         return self._step.record(
             self._look(), self.body.scene, self.spec.target_ids, before, self.body.state(),
-            call=call, stops=call is not None and self._stops(call), verdict=verdict, done=done,
-            resting=resting, geodesic=self.distance_to_goal(),
+            call=call, verdict=verdict, done=done, resting=resting, geodesic=self.distance_to_goal(),
         )  # fmt: skip
-
-    def _stops(self, call: Call) -> bool:
-        return self.body.skills[call.skill].role == "stop"
 
     def _keep(self, step: StepRecord, replayed: bool = False) -> StepRecord:
         """Finish a step: record it, remember it, call the observers."""
@@ -348,21 +337,11 @@ class Episode:
         self._history.append(HistoryEntry(step.step, step.decision, step.feedback, view), frame)
         self._step = Step(len(self._recording.steps))
         self.body.plugins.tell("humanclaw_step", episode=self.record, step=step, view=view)
-        if not replayed and self._is_over():
+        if not replayed and self._recording.is_over:
             self._close()
         return step
 
-    def _is_over(self) -> bool:
-        """Whether the steps so far end the episode."""
-        return self._recording.outcome != "interrupted"
-
     # -- replay --------------------------------------------------------------------------------------------------------
-    def _replay(self, steps: Sequence[StepRecord]) -> None:
-        """Execute recorded steps again, up to a plugin's error."""
-        with self._panel.noting():
-            for step in () if self.fault else steps:
-                self._replay_step(step)
-
     def _replay_step(self, step: StepRecord) -> None:
         """Execute a recorded step again, to restore body, history and trajectory."""
         self._look()
@@ -415,15 +394,3 @@ class Episode:
         self._recording.end(self.record.ended(outcome, error, limit=limit, **counted))
         self._panel.dismiss()
         self.body.plugins.tell("humanclaw_episode_end", episode=self.record, folder=self._recording.folder)
-
-    def _privileged(self, context: EpisodeContext) -> EpisodeContext:
-        """Add what privileged agents know besides: the whole task, scene, true state, and the view with depth and
-        ids."""
-        return replace(
-            context, spec=self.spec, seed=self.spec.seed, scene=self.body.scene, state=self.body.state, view=self._look
-        )
-
-
-def _own_seed(seed: int) -> int:
-    """Derive the seed of an agent's own random numbers. The body's motion follows from the episode's seed."""
-    return int(np.random.SeedSequence([seed, _AGENTS]).generate_state(1)[0])

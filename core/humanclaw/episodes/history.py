@@ -8,6 +8,8 @@ from typing import Final
 from humanclaw.plugins.agents import HistoryEntry, RecalledEntry
 from humanclaw.storage.pictures import jpeg
 
+QUALITY: Final = 88
+"""JPEG quality of recorded frames."""
 RECENT: Final = 16
 """Latest views that stay as they were seen; the paper shows a model at most ten. A view takes 0.8 MB."""
 
@@ -15,8 +17,7 @@ RECENT: Final = 16
 class History:
     """Every step so far. Views of more than RECENT steps ago are read from the record, or held as JPEG without one."""
 
-    def __init__(self, quality: int) -> None:
-        self._quality = quality
+    def __init__(self) -> None:
         self._entries: list[HistoryEntry] = []
         self._frames: list[Path | None] = []
 
@@ -30,5 +31,5 @@ class History:
         self._frames.append(frame)
         if len(self._entries) > RECENT:
             old = self._entries[-RECENT - 1]
-            view = self._frames[-RECENT - 1] or jpeg(old.rgb, self._quality)
+            view = self._frames[-RECENT - 1] or jpeg(old.rgb, QUALITY)
             self._entries[-RECENT - 1] = RecalledEntry.seen(old.step, old.decision, old.feedback, view)

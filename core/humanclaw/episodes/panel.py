@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import reprlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
-from typing import Any
+from typing import Any, Final
+
+import numpy as np
 
 from humanclaw.body.pose import FUTURE
 from humanclaw.errors import ANSWERING, CallError, PluginError, PluginRunError, blaming, in_words
@@ -17,6 +19,13 @@ from humanclaw.skills.call import Call, check_call
 from humanclaw.skills.contract import Skill
 
 Decider = Agent | Verifier
+_AGENTS: Final = 82
+"""Random stream of agents."""
+
+
+def own_seed(seed: int) -> int:
+    """Derive the seed of an agent's own random numbers. The body's motion follows from the episode's seed."""
+    return int(np.random.SeedSequence([seed, _AGENTS]).generate_state(1)[0])
 
 
 class Panel:
@@ -56,14 +65,16 @@ class Panel:
         except PluginRunError as fault:
             self.fault = self.fault or fault
 
-    def begin(self, context: EpisodeContext, told: Callable[[EpisodeContext], EpisodeContext]) -> None:
-        """Give agent and verifier their task. told: adds scene and true state for the privileged.
+    def begin(self, context: EpisodeContext, known: Mapping[str, Any]) -> None:
+        """Give agent and verifier their task.
+
+        known: what privileged ones know besides: whole task, scene, true state, and the view with depth and ids.
 
         Raises PluginError if one cannot be used. Other errors are kept in `fault`.
         """
         for role, one in self._present().items():
             with self.noting(), blaming(origin(one), *ANSWERING):
-                one.begin(told(context) if self.privileged[role] else context)
+                one.begin(replace(context, **known) if self.privileged[role] else context)
 
     def decide(self, seen: Observation, history: Sequence[HistoryEntry]) -> Decision:
         """Return the agent's decision. Raises PluginRunError for an error or a malformed decision."""

@@ -15,6 +15,7 @@ import numpy as np
 
 from humanclaw.body.pose import HISTORY, Array, Motion
 from humanclaw.episodes.embodiment import Body
+from humanclaw.episodes.panel import Panel
 from humanclaw.episodes.step import target_boxes
 from humanclaw.errors import HumanclawError, LimitError, PluginRunError, ProviderError, SceneError
 from humanclaw.plugins.choice import PluginInfo
@@ -81,6 +82,11 @@ class Recording:
         if self.steps and self.steps[-1].status == "stopped":
             return "stopped"
         return "out_of_steps" if len(self.steps) >= self.record.spec.max_steps else "interrupted"
+
+    @property
+    def is_over(self) -> bool:
+        """Whether the steps so far end the episode."""
+        return self.outcome != "interrupted"
 
 
 class TrajectoryBuffer(Mapping[str, Array]):
@@ -149,30 +155,32 @@ def stand_at_start(body: Body, spec: EpisodeSpec, scene: Scene | None = None) ->
 
 
 def begin_record(
-    body: Body, spec: EpisodeSpec, agent: str, verifier: str, options: Mapping[str, Any], settings: Mapping[str, Any],
-    packages: Container[str] = (),
+    body: Body, spec: EpisodeSpec, panel: Panel, options: Mapping[str, Any], settings: Mapping[str, Any],
+    geodesic: float | None,
 ) -> EpisodeRecord:  # fmt: skip
     """Return the record that an episode begins with.
 
     Args:
         body: at the start of the episode.
         options: options of the run, as given.
-        settings: effective settings of agent, verifier and limits; empty ones are left out.
-        packages: packages of agent and verifier.
+        settings: effective settings besides those of agent, verifier, plugins and body; empty ones are left out.
+        geodesic: the remaining way to a target, metres; None if it is not measured.
     """
     chosen = {key: list(texts) for key, texts in asdict(body.plugins.choice).items() if texts}
-    in_force = {**settings, "plugins": chosen, "body": asdict(body.backends) | {"sensors": list(body.sensors)}}
+    told = panel.settings | {"privileged": panel.privileged, **settings}
+    in_force = {**told, "plugins": chosen, "body": asdict(body.backends) | {"sensors": list(body.sensors)}}
     objects = body.scene.objects
     return EpisodeRecord(
         spec=spec,
         start=body.start,
-        agent=agent,
-        verifier=verifier,
+        agent=panel.names[0],
+        verifier=panel.names[1],
         options=dict(options),
         settings={part: dict(found) for part, found in in_force.items() if found},
-        versions=_versions(body, packages),
+        versions=panel.versions | _versions(body, panel.packages),
         weights={"base": body.weights},
         scene_digest=body.scene.digest,
+        geodesic=geodesic,
         licences=body.scene.licences,
         targets=target_boxes(body.scene, spec.target_ids, body.state()),
         movable=tuple(one.id for one in objects if one.movable),

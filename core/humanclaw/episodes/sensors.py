@@ -16,7 +16,8 @@ import numpy as np
 from humanclaw.body.pose import Array, Motion, Pose2D, support_height, wrap_angle
 from humanclaw.body.skeleton import JOINT_INDEX
 from humanclaw.plugins.agents import Moment
-from humanclaw.records.feedback import Displacement, Proprioception, Touch
+from humanclaw.records.feedback import Displacement, Proprioception, Reading, Touch
+from humanclaw.text.words import legible
 from humanclaw.world.simulator import Contact, Execution
 
 _UNDERFOOT: Final = 0.05
@@ -105,3 +106,10 @@ class TouchSense:
 
     def feel(self, moment: Moment) -> tuple[Touch, ...]:
         return tactile([chunk.execution for chunk in moment.chunks])
+
+
+def checked(reading: object, sense: str) -> Reading:
+    """Return a reading that a record can hold. Raises TypeError for anything else."""
+    if not isinstance(reading, Reading) or not isinstance(reading.words, str):
+        raise TypeError(f"feel() of sense {sense!r} returned {str(reading)[:100]!r} and no Reading")
+    return Reading(legible(reading.words), {str(key): float(value) for key, value in reading.values.items()})

@@ -67,7 +67,6 @@ class Step:
         after: WorldState,
         *,
         call: Call | None,
-        stops: bool,
         verdict: Verdict | None,
         done: SkillExecution | None,
         resting: tuple[int, ...],
@@ -78,15 +77,14 @@ class Step:
         Args:
             view: the view that the decision was made from.
             call: the executed call; None if there was none.
-            stops: whether the call is an active stop.
-            done: the motion of the call; None without motion.
+            done: the motion of the call; None without motion: of no call, and of an active stop.
             resting: ids that the pelvis touched when the last motion ended.
             geodesic: remaining shortest way to a target, metres.
         """
         chunks = done.chunks if done else ()
         return StepRecord(
             step=self.number,
-            status=("stopped" if stops else "executed") if call else "invalid",
+            status=("executed" if done else "stopped") if call else "invalid",
             attempts=tuple(self.attempts),
             verdict=verdict,
             call=call,

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from humanclaw.body.pose import HISTORY, Motion, rest_pose
-from humanclaw.episodes.embodiment import untrained
+from humanclaw.episodes.adapters import untrained
 from humanclaw.errors import CallError, ContractError, in_words
 from humanclaw.plugins.bounded import Bounded
 from humanclaw.plugins.host import Plugins

@@ -22,7 +22,8 @@ from humanclaw import EpisodeRecord, RecordedEpisode, StepRecord
 from humanclaw.body import Array
 from humanclaw.records import REACHED, in_view
 from humanclaw.skills import to_si
-from humanclaw_bench.scores import Scores, claims, gap_to, is_sit, sat_down, score, straight
+from humanclaw_bench.scores import Scores, claims, is_sit, sat_down, score
+from humanclaw_bench.ways import gap_to, straight
 
 Stage = Literal["find", "nav", "interact"]
 STAGES: Final[tuple[Stage, ...]] = ("find", "nav", "interact")

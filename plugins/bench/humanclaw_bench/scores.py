@@ -25,7 +25,6 @@ from humanclaw.body import (
 )
 from humanclaw.records import (
     Outcome,
-    Vec3,
     acknowledges,
     end_distance,
     ever_reached,
@@ -40,17 +39,12 @@ from humanclaw.records import (
 from humanclaw_bench.conditions import Conditions, conditions_of
 from humanclaw_bench.difficulty import overall
 from humanclaw_bench.disturbance import collisions, displacements, disturbed, disturbed_path, starts
+from humanclaw_bench.ways import arrived, pace, path_weighted
 
 TURNS: Final = float(np.radians(5.0))
 """Smallest turn of a step that counts, radians; the paper gives none."""
 NEARBY: Final = 1.0
 """The looser threshold of NavSR@1m, metres."""
-WAY_LEFT: Final = 1.0
-"""Longest remaining way of an arrival, metres. Beside a target it is 0.99 m at most over 500 successes; a body behind a
-wall has several metres left."""
-PELVIS_NEAR: Final = 0.65
-"""Longest distance of an arrival from pelvis to target over the floor, metres. A walking body reaches 0.45 m ahead of
-its pelvis; an outstretched arm reaches farther, and is no arrival."""
 LONGEST: Final = FUTURE / FPS
 """Most seconds of motion of a decision at the paper's pace: its skills play one chunk (paper, section 3.2)."""
 FARTHEST: Final = 1.0
@@ -127,44 +121,6 @@ def _hips(motion: Motion) -> Pose2D:
     return Pose2D.of(motion, floor=float(motion.root[-1, 1]))
 
 
-# -- arriving ----------------------------------------------------------------------------------------------------------
-def arrived(recorded: RecordedEpisode) -> bool | None:
-    """Tell whether the body stopped at a target (ArriveSR): NavSR, with the pelvis near and a short way left.
-
-    None if the way was not measured. It is measured to the first place of a target.
-    """
-    record, steps = recorded.record, recorded.steps
-    if record.geodesic is None:
-        return None
-    if not stopped_within_reach(steps):
-        return False
-    pelvis = straight(steps[-1].targets or record.targets, steps[-1].end)
-    return pelvis <= PELVIS_NEAR and way_left(recorded) <= WAY_LEFT
-
-
-def way_left(recorded: RecordedEpisode) -> float:
-    """Return the last known way to a target, metres; infinite if none was measured."""
-    known = (step.geodesic for step in reversed(recorded.steps) if step.geodesic is not None)
-    begun = recorded.record.geodesic
-    return next(known, float("inf") if begun is None else begun)
-
-
-def gap_to(targets: Mapping[int, tuple[Vec3, Vec3]], point: Sequence[float]) -> Array:
-    """Return the (2,) shortest way over the floor, x and z, from a world position to the nearest of some boxes, metres.
-
-    Infinite without boxes.
-    """
-    here = np.array(point)[[0, 2]]
-    boxes = (np.array(box)[:, [0, 2]] for box in targets.values())
-    gaps = (np.clip(here, low, high) - here for low, high in boxes)
-    return min(gaps, key=lambda gap: float(np.linalg.norm(gap)), default=np.full(2, np.inf))
-
-
-def straight(targets: Mapping[int, tuple[Vec3, Vec3]], point: Sequence[float]) -> float:
-    """Return the distance over the floor from a world position to the nearest of some boxes, metres."""
-    return float(np.linalg.norm(gap_to(targets, point)))
-
-
 # -- an episode --------------------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class Scores:
@@ -234,7 +190,6 @@ class Scores:
     """easy, medium or hard; empty if unknown."""
     simulator: str = ""
     """Name of the simulator; empty if the record does not say."""
-    """Of the body, by name; empty if the record does not say."""
     privileged: str | None = None
     """Who got scene and true state: "agent", "verifier" or both; empty for nobody, None if the record does not say."""
     spec: EpisodeSpec | None = None
@@ -325,7 +280,7 @@ def score(recorded: RecordedEpisode, extra: Extra | None = None) -> Scores:
         chunks=sum(step.chunks for step in steps),
         motion=sum(step.motion_frames for step in steps) / FPS,
         longest=max((step.motion_frames - step.rise_frames for step in steps), default=0) / FPS,
-        fastest=max(map(_pace, steps), default=0.0),
+        fastest=max(map(pace, steps), default=0.0),
         sequences=sum(len(step.parts) > 1 for step in steps),
         conditions=conditions_of(record),
         also="",
@@ -343,22 +298,6 @@ def _asked(verdict: Verdict) -> bool:
     return verdict != Verdict(True)
 
 
-def path_weighted(recorded: RecordedEpisode) -> tuple[float, float]:
-    """Return SPL and SoftSPL: NavSR, and the covered share of the distance, times distance / max(path, distance).
-
-    The distance is the geodesic at the start. The path is that of the pelvis on the floor, in half seconds. NaN without
-    a geodesic.
-    """
-    way, steps = recorded.record.geodesic, recorded.steps
-    if way is None or not recorded.record.spec.target_category:
-        return float("nan"), float("nan")
-    path = sum(sum(_ways(step)) for step in steps)
-    weight = way / max(path, way) if max(path, way) else 1.0
-    left = 0.0 if reached(recorded) else way_left(recorded)
-    made = max(0.0, 1 - left / way) if way else float(left == 0)
-    return float(stopped_within_reach(steps)) * weight, made * weight
-
-
 def brier(recorded: RecordedEpisode, success: bool | None) -> float:
     """Return the squared error of the success that the agent expected when it stopped (Brier score).
 
@@ -368,16 +307,6 @@ def brier(recorded: RecordedEpisode, success: bool | None) -> float:
         return float("nan")
     expected = recorded.steps[-1].decision.expected_success
     return float("nan") if expected is None else (expected - success) ** 2
-
-
-def _ways(step: StepRecord) -> list[float]:
-    """Return the way of the pelvis over the floor in each chunk, metres."""
-    return [float(np.hypot(b[0] - a[0], b[2] - a[2])) for a, b in pairwise(step.path)]
-
-
-def _pace(step: StepRecord) -> float:
-    """Return the longest way of the pelvis in a half second of a step, metres; 0 without motion."""
-    return max(_ways(step)) if step.motion_frames else 0.0
 
 
 def _false_claims(recorded: RecordedEpisode) -> float:
