@@ -80,7 +80,7 @@ fidelity: install  ## Compare achieved with commanded motion, 200 rollouts a ski
 naturalness: install  ## Measure feet, joints, transitions, jerk and likeness to the motion in CHUNKS=FOLDER (minutes)
 	$(BIN)/humanclaw naturalness --chunks $(CHUNKS)
 
-bench-motion: install  ## Time a motion chunk: sizes, solvers, runtimes, batches (minutes)
+bench-motion: install  ## Time a motion chunk: sizes, solvers, numpy and torch, batches (minutes)
 	$(BIN)/humanclaw speed
 
 SPLITS ?= plugins/bench/humanclaw_bench/data
@@ -88,10 +88,7 @@ SPLITS ?= plugins/bench/humanclaw_bench/data
 splits: install  ## Generate the benchmark's episodes from their seeds, in the current houses (minutes)
 	$(BIN)/humanclaw bench make --workers 2 --out $(SPLITS)
 
-bench-oracle: install  ## Play 20 oracle episodes in 20 houses and report where the time goes (minutes)
-	$(BIN)/python examples/oracle_houses.py
-
-bench-render: install  ## Time a view on one CPU core, and other renderers if they are installed
+bench-render: install  ## Time a view on one CPU core
 	$(BIN)/python plugins/raster/bench.py
 
 recognise: install  ## Run a detector trained on photos in 12 houses; fetches it with npm (minutes)

@@ -54,7 +54,7 @@ if TYPE_CHECKING:
         widened as widened,
     )
     from humanclaw.motion.resting_hands import lay_hands as lay_hands
-    from humanclaw.motion.runtime import Reread as Reread, Runtime as Runtime
+    from humanclaw.motion.runtime import NumpyRuntime as NumpyRuntime, Reread as Reread, Runtime as Runtime
 
 if not TYPE_CHECKING:
     __getattr__, __dir__, __all__ = door(__name__)

@@ -1,73 +1,58 @@
-"""Time of one chunk by size, solver and runtime (numpy, PyTorch, ONNX Runtime, OpenVINO), for one body and many.
+"""Time of one chunk by size, solver and runtime (numpy, PyTorch), for one body and many.
 
     humanclaw speed --threads 1 2
 
-The solver is timed with the velocity field of base and adapter, at batch 1 unless a row says otherwise. The modulations
-depend only on tau and are computed beforehand for every runtime. Weights are random, which does not change the time.
-ONNX Runtime and OpenVINO are measured if installed (`pip install onnx onnxscript onnxruntime openvino`).
+A runtime runs a base and an adapter as episodes do, at batch 1 unless a row says otherwise. Weights are random, which
+does not change the time.
 """
 
 from __future__ import annotations
 
 import argparse
-import importlib.util
 import sys
 import tempfile
 import time
-import warnings
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 import torch
-from threadpoolctl import ThreadpoolController
-from torch import Tensor, nn
 
-import humanclaw.motion as inference
 from humanclaw import HumanclawError
-from humanclaw.body import FUTURE, HISTORY, STATE_SIZE
+from humanclaw.body import FUTURE, HISTORY, N_JOINTS, STATE_SIZE
 from humanclaw.cli import show_markdown
-from humanclaw.motion import PROFILES, SIZES, AdapterConfig, DiTGenerator, Solver
-from humanclaw_train.checkpoint import weights_of
+from humanclaw.motion import (
+    PROFILES,
+    SIZES,
+    AdapterConfig,
+    Card,
+    DiTGenerator,
+    NumpyRuntime,
+    Runtime,
+    Solver,
+    load_base,
+)
+from humanclaw_train.checkpoint import Normaliser, save_adapter, save_base
 from humanclaw_train.control import Adapter
-from humanclaw_train.dit import DiT, Modulations
+from humanclaw_train.dit import DiT
 from humanclaw_train.fidelity import milliseconds
-from humanclaw_train.flow import velocity
+from humanclaw_train.generator import TorchRuntime
 from humanclaw_train.rollouts import Command, Installed, adapters
 from humanclaw_train.tables import as_json, table
 
+RUNTIMES: Final[dict[str, Callable[[Path, Solver], Runtime]]] = {
+    "numpy": lambda base, solver: NumpyRuntime(load_base(base), solver),
+    "torch": lambda base, solver: TorchRuntime(base, solver, torch.device("cpu")),
+}
 SOLVERS: Final = (PROFILES["default"], Solver("midpoint", 4), Solver("midpoint", 30))
 GOALS: Final = {"lite": 50.0, "paper": 250.0}
 """Limit of the default solver's time per chunk, ms."""
 _TIMED: Final = AdapterConfig("timed", "fourier", ("x", "z", "yaw"), (0.0, 0.4, 0.0), (0.3, 0.4, 0.5))
 _ENOUGH: Final = 3.0
 """Duration of one measurement, seconds; at least one call."""
-
-
-class VelocityField(nn.Module):
-    """Base and adapter as one function. Modulations are arguments, so that one export serves every solver."""
-
-    def __init__(self, base: DiT, adapter: Adapter) -> None:
-        super().__init__()
-        self.base, self.adapter = base, adapter
-
-    def forward(
-        self, history: Tensor, noisy: Tensor, values: Tensor, tau: Tensor, blocks: Tensor, final: Tensor, branch: Tensor
-    ) -> Tensor:
-        """Return the velocity (B, 15, 219).
-
-        history (B, 5, 219), noisy (B, 15, 219), values (B, k), tau (1,), and the modulations of that tau.
-        """
-        residual = self.adapter.residual(self.adapter.condition(values), branch)
-        output = self.base(history, noisy, Modulations(blocks, final), residual)
-        return velocity(self.base.config.prediction, output, noisy, tau)
-
-
-Evaluate = Callable[[tuple[Tensor, ...]], Tensor]
-"""Maps the arguments of VelocityField.forward to its result."""
 
 
 @dataclass(frozen=True)
@@ -85,133 +70,38 @@ class Timing:
     """Processor time of all threads. Other load on the machine hardly changes it."""
 
 
-# -- runtimes ----------------------------------------------------------------------------------------------------------
-def _numpy(field: VelocityField, example: tuple[Tensor, ...], threads: int) -> Evaluate:
-    base = inference.DiT(field.base.config, weights_of(field.base))
-    adapter = inference.Adapter(base, field.adapter.config, weights_of(field.adapter))
-    limit = partial(ThreadpoolController().limit, limits=threads, user_api="blas")
-    controlled = cache(lambda tau: inference.Controlled(base, adapter, np.array([tau], np.float32)))
-
-    def evaluate(arguments: tuple[Tensor, ...]) -> Tensor:
-        history, noisy, values, tau, blocks, final, _ = (part.numpy() for part in arguments)
-        at = float(tau[0])
-        with limit():  # BLAS alone: numpy has no setting of its own.
-            through = controlled(at).through(values)
-            output = base(history, noisy, inference.Modulations(blocks, final), through)
-        return torch.from_numpy(inference.velocity(base.config.prediction, output, noisy, at))
-
-    return evaluate
-
-
-def _torch(field: VelocityField, example: tuple[Tensor, ...], threads: int) -> Evaluate:
-    torch.set_num_threads(threads)
-    return lambda arguments: field(*arguments)
-
-
-def _onnx(field: VelocityField, example: tuple[Tensor, ...], threads: int) -> Evaluate:
-    import onnxruntime  # type: ignore[import-not-found,unused-ignore]
-
-    options = onnxruntime.SessionOptions()
-    options.intra_op_num_threads, options.inter_op_num_threads = threads, 1
-    session = onnxruntime.InferenceSession(_exported(field, example), options, providers=["CPUExecutionProvider"])
-    names = [part.name for part in session.get_inputs()]
-
-    def evaluate(arguments: tuple[Tensor, ...]) -> Tensor:
-        fed = {name: value.numpy() for name, value in zip(_NAMES, arguments, strict=True) if name in names}
-        return torch.from_numpy(session.run(None, fed)[0])
-
-    return evaluate
-
-
-def _openvino(field: VelocityField, example: tuple[Tensor, ...], threads: int) -> Evaluate:
-    import openvino  # type: ignore[import-not-found,unused-ignore]
-
-    core = openvino.Core()
-    model = core.read_model(model=_exported(field, example))
-    settings = {"INFERENCE_NUM_THREADS": threads, "PERFORMANCE_HINT": "LATENCY", "INFERENCE_PRECISION_HINT": "f32"}
-    compiled = core.compile_model(model, "CPU", settings)
-    names = {name for part in compiled.inputs for name in part.get_names()}
-
-    def evaluate(arguments: tuple[Tensor, ...]) -> Tensor:
-        fed = {name: value.numpy() for name, value in zip(_NAMES, arguments, strict=True) if name in names}
-        return torch.from_numpy(next(iter(compiled(fed).values())).copy())
-
-    return evaluate
-
-
-_NAMES: Final = ("history", "noisy", "values", "tau", "blocks", "final", "branch")
-
-
-def _exported(field: VelocityField, example: tuple[Tensor, ...]) -> bytes:
-    """Export the field as ONNX for the batch size of the example."""
-    with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # About constants in the trace, which are intended, and the old exporter.
-        path = Path(folder) / "field.onnx"
-        torch.onnx.export(
-            field, example, str(path), input_names=list(_NAMES), output_names=["v"], opset_version=17, dynamo=False
-        )
-        return path.read_bytes()
-
-
-RUNTIMES: Final[dict[str, tuple[tuple[str, ...], Callable[[VelocityField, tuple[Tensor, ...], int], Evaluate]]]] = {
-    "numpy": ((), _numpy),
-    "torch": ((), _torch),
-    "onnxruntime": (("onnx", "onnxruntime"), _onnx),
-    "openvino": (("onnx", "openvino"), _openvino),
-}
-"""Name to the packages that the runtime needs and the function that prepares a field for it."""
-
-
-def installed() -> list[str]:
-    """Return the runtimes that are installed."""
-    return [name for name, (needs, _) in RUNTIMES.items() if all(map(importlib.util.find_spec, needs))]
-
-
 # -- measuring ---------------------------------------------------------------------------------------------------------
 def measure(
     size: str, threads: int, bodies: int, solvers: Sequence[Solver], runtimes: Sequence[str]
 ) -> Iterator[Timing]:
-    """Time each runtime and solver. Afterwards torch has its former number of threads."""
+    """Time each runtime and solver. numpy takes one thread always; torch has its former number afterwards."""
     before = torch.get_num_threads()
-    torch.manual_seed(0)
-    base = DiT(SIZES[size])
-    field = VelocityField(base, Adapter(base, _TIMED)).eval().requires_grad_(False)
-    history, noise = torch.randn(bodies, HISTORY, STATE_SIZE), torch.randn(bodies, FUTURE, STATE_SIZE)
-    values = torch.zeros(bodies, 3)
+    torch.set_num_threads(threads)
+    rng = np.random.default_rng(0)
+    history, noise = (rng.standard_normal((bodies, frames, STATE_SIZE), np.float32) for frames in (HISTORY, FUTURE))
+    values = [dict(zip(_TIMED.params, _TIMED.centre, strict=True))] * bodies
     try:
-        for runtime in runtimes:
-            arguments = _arguments(field, Solver("euler", 1), history, noise, values)
-            evaluate = RUNTIMES[runtime][1](field, arguments[0], threads)
-            for solver in solvers:
-                given = _arguments(field, solver, history, noise, values)
-                taken = _least(partial(_solve, solver, evaluate, given, noise))
-                yield Timing(size, runtime, threads, solver, bodies, *(part / bodies for part in taken))
+        with tempfile.TemporaryDirectory() as folder:
+            base, adapter = _random(size, Path(folder))
+            for runtime in runtimes:
+                for solver in solvers:
+                    solve = RUNTIMES[runtime](base, solver).solve
+                    wall, cpu = _least(partial(solve, history, noise, adapter, values))
+                    used = threads if runtime == "torch" else 1
+                    yield Timing(size, runtime, used, solver, bodies, wall / bodies, cpu / bodies)
     finally:
         torch.set_num_threads(before)
 
 
-@torch.inference_mode()
-def _arguments(
-    field: VelocityField, solver: Solver, history: Tensor, noise: Tensor, values: Tensor
-) -> list[tuple[Tensor, ...]]:
-    times = torch.tensor(solver.times)
-    own, branch = field.base.modulations(times), field.adapter.modulations(field.base, times)
-    every = []
-    for index in range(len(times)):
-        one = slice(index, index + 1)
-        parts = (own.blocks[:, :, one], own.final[:, one], branch[:, :, one])
-        every.append((history, noise, values, times[one], *(part.contiguous() for part in parts)))
-    return every
-
-
-@torch.inference_mode()
-def _solve(solver: Solver, evaluate: Evaluate, arguments: Sequence[tuple[Tensor, ...]], noise: Tensor) -> Tensor:
-    def at(index: int, noisy: Tensor) -> Tensor:
-        history, _, *rest = arguments[index]
-        return evaluate((history, noisy, *rest))
-
-    future: Tensor = solver.solve(at, noise)
-    return future
+def _random(size: str, folder: Path) -> tuple[Path, Path]:
+    """Write a base of random weights and an adapter, and return their checkpoints."""
+    torch.manual_seed(0)
+    base, adapter = folder / "base.safetensors", folder / "adapter.safetensors"
+    model, normaliser = DiT(SIZES[size]), Normaliser(torch.zeros(STATE_SIZE), torch.ones(STATE_SIZE))
+    start = torch.zeros(HISTORY, 3), torch.zeros(HISTORY, N_JOINTS, 3)
+    digest = save_base(base, model, normaliser, start, Card())
+    save_adapter(adapter, Adapter(model, _TIMED), digest, Card())
+    return base, adapter
 
 
 def _least(call: Callable[[], object]) -> tuple[float, float]:
@@ -262,21 +152,18 @@ def _printed(timings: Iterator[Timing]) -> Iterator[Timing]:
 def main(arguments: Sequence[str] | None = None, skills: Installed | None = None) -> int:
     """Run the command line. skills: returns the adapters of the installed skills; the first is timed."""
     options = _parser().parse_args(arguments)
-    runtimes = installed()
     timings: list[Timing] = []
     for size in options.sizes:
         for threads in options.threads:
+            runtimes = [*RUNTIMES] if threads == options.threads[0] else ["torch"]
             timings += _printed(measure(size, threads, 1, SOLVERS, runtimes))
         for bodies in options.bodies:
-            timings += _printed(measure(size, options.threads[0], bodies, SOLVERS[:1], runtimes))
+            timings += _printed(measure(size, options.threads[0], bodies, SOLVERS[:1], [*RUNTIMES]))
     if options.json:
         print(as_json(timings))
         return 0
     show_markdown(markdown(timings))
     show_markdown(f"\n{verdict(timings)}")
-    absent = [name for name in RUNTIMES if name not in runtimes]
-    if absent:
-        print(f"Not installed, not measured: {', '.join(absent)}.")
     try:
         generator, paths = DiTGenerator.shipped(), adapters(options.adapters, installed=skills)
         skill = next(iter(paths))

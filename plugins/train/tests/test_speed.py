@@ -6,7 +6,7 @@ torch = pytest.importorskip("torch")
 
 from humanclaw.motion import SIZES, ModelConfig, Solver
 from humanclaw_train import speed
-from humanclaw_train.speed import SOLVERS, Timing, installed, markdown, measure, verdict
+from humanclaw_train.speed import SOLVERS, Timing, markdown, measure, verdict
 
 
 @pytest.fixture(autouse=True)
@@ -28,8 +28,9 @@ def test_measuring_leaves_the_number_of_threads_as_it_was():
     assert torch.get_num_threads() == before
 
 
-def test_what_runs_the_model_and_what_defines_it_are_always_measured():
-    assert installed()[:2] == ["numpy", "torch"]
+def test_numpy_takes_one_thread_and_torch_those_that_it_is_given():
+    timings = measure("lite", 2, 1, [Solver("euler", 1)], ["numpy", "torch"])
+    assert [(one.runtime, one.threads) for one in timings] == [("numpy", 1), ("torch", 2)]
 
 
 def test_the_table_has_a_column_for_each_solver_and_the_verdict_names_the_goal():
