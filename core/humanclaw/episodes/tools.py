@@ -54,7 +54,7 @@ class Verified:
         """Begin the verifier's task. Raises PluginRunError for an error of the verifier."""
         self._body, self._instruction, self._panel = body, instruction, Panel("", verifier)
         spec = free_episode(instruction or "Do as you are asked.", body.scene)
-        self._panel.begin(EpisodeContext(spec.told, body.skills, 0, gaze=body.gaze), lambda context: context)
+        self._panel.begin(EpisodeContext(spec.told, body.skills, 0, gaze=body.gaze), {})
         if self._panel.fault:
             raise self._panel.fault
 
