@@ -12,8 +12,11 @@ TIP = 0.085
 """From the joint of a hand to the tip of its fingers, metres."""
 
 
-def seated(above: float) -> Motion:
-    """A seated body with wrists so many metres above the axes of its thighs; fingers go on as forearms do."""
+def seated(above: float, aside: float = 0.0) -> Motion:
+    """A seated body with wrists so many metres above the axes of its thighs, and so many to the outer side.
+
+    Fingers go on as forearms do.
+    """
     stance = rest_pose(3)
     motion = planted(Motion(stance.root * 0 + [0.0, 0.52, -0.4], stance.rotations), stance)
     positions, turns = forward_kinematics(motion.root, motion.rotations)
@@ -22,7 +25,7 @@ def seated(above: float) -> Motion:
         hip, collar, shoulder, elbow = (
             JOINT_INDEX[f"{side}_{name}"] for name in ("hip", "collar", "shoulder", "elbow")
         )
-        wrist = positions[:, hip] + turns[:, hip] @ np.array([0.0, -0.25, above])
+        wrist = positions[:, hip] + turns[:, hip] @ np.array([aside if side == "left" else -aside, -0.25, above])
         upper, fore = solve(Limb.arm(side), positions[:, shoulder], wrist, np.array([0.0, -0.4, -1.0]))
         rotations[:, shoulder] = vector_from_matrix(np.swapaxes(turns[:, collar], -1, -2) @ upper)
         rotations[:, elbow] = vector_from_matrix(np.swapaxes(upper, -1, -2) @ fore)
@@ -55,3 +58,15 @@ def test_a_hand_that_lies_flat_stays_so():
 def test_hands_away_from_thighs_and_those_of_a_standing_body_stay_as_they_are():
     for motion in (seated(0.35), rest_pose(15)):
         np.testing.assert_allclose(lay_hands(motion).joints(), motion.joints(), atol=1e-9)
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_a_palm_beside_a_thigh_keeps_its_inner_edge_out_of_it(side):
+    """Palms are 8 cm wide: at a wrist 9 cm to the side the inner edge is within the 7 cm of the thigh."""
+    motion = lay_hands(seated(0.045, aside=0.09))
+    positions, turns = forward_kinematics(motion.root, motion.rotations)
+    hip, wrist = (JOINT_INDEX[f"{side}_{joint}"] for joint in ("hip", "wrist"))
+    edges = np.array([[0.045, 0.0, z] for z in (-0.04, 0.04)]) * (1 if side == "left" else -1)
+    world = positions[:, wrist, None] + np.einsum("tij,pj->tpi", turns[:, wrist], edges)
+    local = np.einsum("tji,tpj->tpi", turns[:, hip], world - positions[:, None, hip])
+    assert np.linalg.norm(local[..., [0, 2]], axis=-1).min() > 0.07

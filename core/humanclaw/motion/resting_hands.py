@@ -21,6 +21,10 @@ _CLEAR: Final = sum(
     one.shape.radius for one in LINKS if one.joint in ("left_hip", "left_elbow") and isinstance(one.shape, Capsule)
 )
 """Distance of a wrist from the axis of the thigh that it rests on, metres."""
+_PALM: Final = 0.084
+"""Distance of a flat palm from the axis of the thigh, metres."""
+_EDGE: Final = 0.06
+"""Distance of the palm's inner edge from the wrist, to the side, metres."""
 _INWARDS: Final = 0.25
 """Sine of the angle by which fingers point inwards."""
 
@@ -51,7 +55,7 @@ def _lay_hand(side: str, sign: float, positions: Array, turns: Array, rotations:
     local = np.einsum("tji,tj->ti", thigh, positions[:, wrist] - positions[:, hip])
     rests = _rests(local, thigh[:, 1, 2])
     raised = local.copy()
-    raised[:, 2] = np.maximum(local[:, 2], np.sqrt(np.maximum(_CLEAR**2 - local[:, 0] ** 2, 0.0)))
+    raised[:, 2] = np.maximum(local[:, 2], _over(np.abs(local[:, 0])))
     lift = np.einsum("tij,tj->ti", thigh, raised - local)
     arm = positions[:, [shoulder, elbow, wrist]]
     upper, fore = bent(Limb.arm(side), arm, turns[:, [shoulder, elbow]], arm[:, 2] + rests[:, None] * lift)
@@ -61,6 +65,12 @@ def _lay_hand(side: str, sign: float, positions: Array, turns: Array, rotations:
     for joint, parent, turn in ((shoulder, turns[:, collar], upper), (elbow, upper, fore), (wrist, fore, palm)):
         rotations[:, joint] = vector_from_matrix(np.swapaxes(parent, -1, -2) @ turn)
     rotations[:, hand] *= (1 - rests)[:, None]
+
+
+def _over(aside: Array) -> Array:
+    """Return the height of a wrist over the axis of the thigh (T,), whose forearm and palm are clear of it."""
+    edge = np.maximum(aside - _EDGE, 0.0)
+    return np.sqrt(np.maximum(np.maximum(_CLEAR**2 - aside**2, _PALM**2 - edge**2), 0.0))
 
 
 def _rests(wrist: Array, level: Array) -> Array:

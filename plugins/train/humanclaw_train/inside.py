@@ -9,11 +9,14 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from humanclaw import Motion
 from humanclaw.body import HISTORY, JOINT_INDEX, LINKS, Array, Box, forward_kinematics
-from humanclaw_train.rollouts import Command, Rollouts, others, roll
+from humanclaw_train.rollouts import CHUNKS_IN_A_ROW, Command, others, roll
+from humanclaw_train.simulated import Place, called, stage
 from humanclaw_train.tables import cell, table
 
 if TYPE_CHECKING:
+    from humanclaw import Body
     from humanclaw.motion import DiTGenerator
 
 _LINK: Final = {link.joint: link for link in LINKS}
@@ -44,9 +47,9 @@ class Inside:
     depth: float
 
 
-def inside(rollouts: Rollouts) -> dict[str, Inside]:
-    """Measure the futures of one skill's chunks, by group of PAIRS."""
-    joints, turns = forward_kinematics(rollouts.root[:, HISTORY:], rollouts.rotations[:, HISTORY:])
+def inside(root: Array, rotations: Array) -> dict[str, Inside]:
+    """Measure poses (..., 3) and (..., 24, 3), by group of PAIRS."""
+    joints, turns = forward_kinematics(root, rotations)
     found = {}
     for group in PAIRS:
         deep = depth(joints, turns, group)
@@ -61,10 +64,37 @@ def depth(joints: Array, turns: Array, group: str) -> Array:
 
 
 def self_penetration(
-    generator: DiTGenerator, commands: Sequence[Command], rollouts: int, seed: int
-) -> dict[str, dict[str, Inside]]:
-    """Measure the generated rollouts of every skill."""
-    return {one.skill: inside(roll(generator, one, others(one, commands), rollouts, seed)) for one in commands}
+    generator: DiTGenerator, commands: Sequence[Command], rollouts: int, seed: int, place: Place | None = None
+) -> dict[str, dict[str, dict[str, Inside]]]:
+    """Measure the futures of every skill: of the model alone and, with a place, of the installed skill as played."""
+    found = {}
+    for one in commands:
+        before = others(one, commands)
+        alone = roll(generator, one, before, rollouts, seed)
+        found[one.skill] = {"model": inside(alone.root[:, HISTORY:], alone.rotations[:, HISTORY:])}
+        if place is not None:
+            parts = [_played(place, one, before, (seed, body)) for body in range(rollouts)]
+            root, rotations = (np.concatenate([getattr(part, key) for part in parts]) for key in ("root", "rotations"))
+            found[one.skill]["played"] = inside(root, rotations)
+    return found
+
+
+def _played(place: Place, command: Command, before: Sequence[Command], key: tuple[int, int]) -> Motion:
+    """Call a skill three times in half-physics. On a flat floor every second body has called another skill before."""
+    random, index = np.random.default_rng(key), key[1]
+    values = command.draw(1, random)[0]
+    scene = stage(command.declaration, command.named(values))
+    with place(scene, index) as body:
+        if before and index % 2 and len(scene.objects) == 1:
+            other = before[index // 2 % len(before)]
+            _call(body, other, other.draw(1, random)[0])
+        parts = [_call(body, command, values) for _ in range(CHUNKS_IN_A_ROW)]
+    return Motion(np.concatenate([part.root for part in parts]), np.concatenate([part.rotations for part in parts]))
+
+
+def _call(body: Body, command: Command, values: Array) -> Motion:
+    measures = (one.measure for one in command.parameters)
+    return called(body, body.skills[command.skill], dict(zip(measures, values.tolist(), strict=True)))
 
 
 def _depth(joints: Array, turns: Array, first: str, second: str) -> Array:
@@ -102,11 +132,12 @@ def _outside(points: Array, joint: str) -> Array:
     return np.asarray(np.linalg.norm(points - a - along[..., None] * axis, axis=-1) - shape.radius)
 
 
-def inside_table(found: Mapping[str, Mapping[str, Inside]]) -> str:
-    """Format one row per skill: share of frames, and greatest depth."""
-    heads = ("skill", *(f"{group}: % of frames, deepest cm" for group in PAIRS))
+def inside_table(found: Mapping[str, Mapping[str, Mapping[str, Inside]]]) -> str:
+    """Format a row for each skill, of the model alone and as played: share of frames, and greatest depth."""
+    heads = ("skill", "motion", *(f"{group}: % of frames, deepest cm" for group in PAIRS))
     rows = [
-        (skill, *(f"{cell(groups[group].share)}, {cell(groups[group].depth)}" for group in PAIRS))
-        for skill, groups in found.items()
+        (skill, motion, *(f"{cell(groups[group].share)}, {cell(groups[group].depth)}" for group in PAIRS))
+        for skill, motions in found.items()
+        for motion, groups in motions.items()
     ]
     return table(heads, rows)

@@ -41,9 +41,9 @@ from humanclaw_train.life import life, life_line
 from humanclaw_train.likeness import PRIOR, NaturalnessRow, skills, skills_table
 from humanclaw_train.long_walks import corners, corners_table, physical_gaits
 from humanclaw_train.rollouts import Command, Installed, Measures, adapters, file_digest
-from humanclaw_train.seats import Place, seats, seats_table
+from humanclaw_train.seats import seats, seats_table
 from humanclaw_train.sequences import sequence_jerks, sequences_table
-from humanclaw_train.simulated import Actor
+from humanclaw_train.simulated import Actor, Place
 from humanclaw_train.tables import as_json, numbers, save
 from humanclaw_train.transitions import real_peak, transitions, transitions_table
 from humanclaw_train.walks import drift, drift_line, gait_table, generated_gaits, real_gaits, walker
@@ -118,7 +118,8 @@ def main(
     """Run the command line.
 
     installed: returns the adapters to measure. commanded: returns the known measures. seat: puts a body into a scene;
-    without it no seats are measured. simulator: makes the named one; without it nothing walks in half-physics.
+    without it neither seats nor skills as played are measured. simulator: makes the named one; without it nothing walks
+    in half-physics.
     """
     options = _parser().parse_args(arguments)
     show = _Printer(options.json)
@@ -137,7 +138,8 @@ def main(
             save(options.save, asdict(report))
         if (walks := walker(commands)) is not None:
             _walks(show, generator, walks, options, simulator)
-        show("inside", self_penetration(generator, commands, options.rollouts, options.seed), inside_table)
+        found = self_penetration(generator, commands, options.rollouts, options.seed, seat)
+        show("inside", found, inside_table)
         if seat is not None:
             show("seats", seats(seat, options.seed), seats_table)
         peak = real_peak(options.chunks, commands)

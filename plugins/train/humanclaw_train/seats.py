@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
-from humanclaw import Body, Call, Motion, Scene, Skill
+from humanclaw import Motion
 from humanclaw.body import JOINT_INDEX, Array, centre_of_mass, forward_kinematics, shoe_heights
-from humanclaw.skills import from_si
 from humanclaw_train.inside import ARMS, depth
-from humanclaw_train.simulated import bench
+from humanclaw_train.simulated import Place, bench, called
 from humanclaw_train.tables import cell, table
 
-Place = Callable[[Scene, int], Body]
-"""Puts a body into a scene, with a seed."""
 TOPS: Final = (0.35, 0.40, 0.45, 0.50, 0.55)
 """Heights of seats, metres."""
 _ASKED: Final = 0.10
@@ -63,11 +60,11 @@ def _seat(place: Place, top: float, seed: int) -> Seat:
     for name in _of_role(place, "locomotion"):
         with place(bench(top), seed) as body:
             sit = body.skills[_of_role(place, "sit")[0]]
-            _call(body, sit, {"hips.height": top + _ASKED})
-            still = [_call(body, body.skills[_of_role(place, "stop")[0]], {}) for _ in range(3)]
+            called(body, sit, {"hips.height": top + _ASKED})
+            still = [called(body, body.skills[_of_role(place, "stop")[0]], {}) for _ in range(3)]
             hips, shoes = float(still[0].root[-1, 1]), [_shoes(motion) for motion in still]
             hands = max(float(depth(*_posed(motion), ARMS).max()) for motion in still)
-            motion = _call(body, body.skills[name], {})
+            motion = called(body, body.skills[name], {})
             found.append(_rise(motion, hips))
             ends.append(float(motion.root[-1, 1]))
     worst = np.array(found)
@@ -80,16 +77,6 @@ def _seat(place: Place, top: float, seed: int) -> Seat:
 def _of_role(place: Place, role: str) -> list[str]:
     with place(bench(TOPS[0]), 0) as body:
         return sorted(name for name, skill in body.skills.items() if skill.role == role and skill.trained)
-
-
-def _call(body: Body, skill: Skill, asked: Mapping[str, float]) -> Motion:
-    """Call a skill, with the middle of its range where nothing is asked for; returns the simulated motion."""
-    params: dict[str, Any] = {
-        one.key: round(from_si(one.key, asked.get(one.measure, (one.low + one.high) / 2))) for one in skill.parameters
-    }
-    chunks = body.execute(Call(skill.name, skill.check(params))).chunks
-    parts = [chunk.execution.simulated for chunk in chunks]
-    return Motion(np.concatenate([part.root for part in parts]), np.concatenate([part.rotations for part in parts]))
 
 
 def _shoes(motion: Motion) -> float:

@@ -9,11 +9,11 @@ pose and goes on from there. Half-physics drives velocities from pose to pose, s
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from humanclaw import Motion, Scene, stand
+from humanclaw import Body, Call, Motion, Scene, Skill, stand
 from humanclaw.body import (
     CHUNK,
     HISTORY,
@@ -25,7 +25,7 @@ from humanclaw.body import (
     re_rooted,
 )
 from humanclaw.motion import HEEL_END, TOE_END, DiTGenerator
-from humanclaw.skills import Declaration
+from humanclaw.skills import Declaration, from_si
 from humanclaw.world import Asset, Mesh, SceneObject
 from humanclaw_train.chunks import canonical, stacked
 from humanclaw_train.rollouts import CHUNKS_IN_A_ROW, Command, Rollouts
@@ -33,6 +33,8 @@ from humanclaw_train.rollouts import CHUNKS_IN_A_ROW, Command, Rollouts
 if TYPE_CHECKING:
     from humanclaw import Simulator
 
+Place = Callable[[Scene, int], Body]
+"""Puts a body with the installed skills into a scene, with a seed."""
 _HOLD: Final = 10
 """Frames in which a body that was moved takes up the pose of its history."""
 
@@ -192,3 +194,16 @@ def _commands(command: Command, random: np.random.Generator) -> Array:
     if command.declaration.climbs:
         return np.repeat(command.draw(1, random), CHUNKS_IN_A_ROW, 0)
     return command.draw(1 if command.declaration.role == "sit" else CHUNKS_IN_A_ROW, random)
+
+
+def called(body: Body, skill: Skill, asked: Mapping[str, float]) -> Motion:
+    """Call a skill of a body as an agent would; returns the simulated motion.
+
+    asked: SI, by measure; the middle of its range for a parameter that is not among them.
+    """
+    params: dict[str, Any] = {
+        one.key: round(from_si(one.key, asked.get(one.measure, (one.low + one.high) / 2))) for one in skill.parameters
+    }
+    chunks = body.execute(Call(skill.name, skill.check(params))).chunks
+    parts = [chunk.execution.simulated for chunk in chunks]
+    return Motion(np.concatenate([part.root for part in parts]), np.concatenate([part.rotations for part in parts]))

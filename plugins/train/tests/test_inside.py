@@ -5,7 +5,6 @@ import pytest
 
 from humanclaw.body import JOINT_INDEX, Motion, forward_kinematics, rest_pose
 from humanclaw_train.inside import ARMS, PAIRS, depth, inside
-from humanclaw_train.rollouts import Rollouts
 
 LEGS = next(group for group in PAIRS if group != ARMS)
 
@@ -28,10 +27,9 @@ def test_thighs_that_meet_at_the_knees_are_in_each_other_by_their_radii():
     assert in_each_other(motion, LEGS)[0] == pytest.approx(0.14 - 0.0067, abs=1e-4)
 
 
-def test_the_share_counts_frames_of_the_future_alone():
-    motion = rest_pose(20)
-    motion.rotations[:8, JOINT_INDEX["left_hip"], 2] = -0.5
-    rollouts = Rollouts(motion.root[None], motion.rotations[None], np.zeros((1, 0)), np.zeros(1, bool))
-    found = inside(rollouts)[LEGS]
+def test_the_share_counts_frames_and_the_depth_is_the_greatest():
+    motion = rest_pose(15)
+    motion.rotations[:3, JOINT_INDEX["left_hip"], 2] = -0.5
+    found = inside(motion.root, motion.rotations)[LEGS]
     assert found.share == pytest.approx(100 * 3 / 15)
     assert found.depth > 1.0
