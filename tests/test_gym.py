@@ -5,6 +5,7 @@ import re
 import shlex
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -59,6 +60,23 @@ def test_the_same_seed_and_calls_give_the_same_rewards(gym):
         earned.append([gym.call("walk", {"thoughts": "", "z_cm": z}).reward for z in (60, 30)])
     assert earned[0] == earned[1]
     assert earned[0] != earned[2]
+
+
+def _played(gym, seed):
+    """Return what an agent is told, sees and earns on a short way."""
+    turns = [gym.reset(seed), *(gym.call("walk", {"thoughts": "", "z_cm": z, "yaw_deg": 10}) for z in (60, 30))]
+    return [(turn.words, turn.observation.rgb.tobytes(), turn.reward) for turn in turns]
+
+
+def test_gyms_of_one_host_that_play_at_the_same_time_play_as_each_does_alone(host):
+    gyms = [Gym("approach", options=ONE, plugins=host) for _ in range(3)]
+    alone = [_played(gym, seed) for seed, gym in enumerate(gyms)]
+    with ThreadPoolExecutor(len(gyms)) as pool:
+        together = list(pool.map(_played, gyms, range(len(gyms))))
+    for gym in gyms:
+        gym.close()
+    assert together == alone
+    assert alone[0] != alone[1] != alone[2]
 
 
 def test_the_reward_is_the_weighted_sum_of_its_parts(gym):

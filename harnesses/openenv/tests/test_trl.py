@@ -27,13 +27,18 @@ def kind():
     return environment("approach", {"progress": 1.0}, options={"houses": 1}, pictures=False, plugins=few)
 
 
-def _tokenizer(texts):
+def _walk(z):
+    call = json.dumps({"name": "walk", "arguments": {"thoughts": "", "x_cm": 0, "z_cm": z, "yaw_deg": 0}})
+    return f"<tool_call>\n{call}\n</tool_call>"
+
+
+def _tokenizer():
+    """Return a tokenizer of letters that has one word for each of four calls."""
     made = Tokenizer(models.BPE())
     made.pre_tokenizer, made.decoder = pre_tokenizers.ByteLevel(add_prefix_space=False), decoders.ByteLevel()
-    letters = pre_tokenizers.ByteLevel.alphabet()
-    made.train_from_iterator(texts, trainers.BpeTrainer(vocab_size=1200, initial_alphabet=letters))
+    made.train_from_iterator([], trainers.BpeTrainer(initial_alphabet=pre_tokenizers.ByteLevel.alphabet()))
     # Not special: the parser of tool calls has to see them in the decoded text.
-    made.add_tokens([mark for mark in MARKS if "tool" in mark or "think" in mark])
+    made.add_tokens([*map(_walk, LENGTHS), *(mark for mark in MARKS if "|" not in mark)])
     made.add_special_tokens([mark for mark in MARKS if "|" in mark])
     return PreTrainedTokenizerFast(
         tokenizer_object=made, eos_token="<|im_end|>", pad_token="<|endoftext|>",
@@ -41,32 +46,12 @@ def _tokenizer(texts):
     )  # fmt: skip
 
 
-def _answer(z):
-    call = json.dumps({"name": "walk", "arguments": {"thoughts": "", "x_cm": 0, "z_cm": z, "yaw_deg": 0}})
-    return f"<tool_call>\n{call}\n</tool_call><|im_end|>\n"
-
-
-def _taught(tokenizer, prompt, steps):
-    """Return a model of 2 layers that answers the prompt with walks of different lengths."""
+def _model(tokenizer):
     torch.manual_seed(SEED)
-    shape = {"hidden_size": 64, "intermediate_size": 128, "num_hidden_layers": 2, "max_position_embeddings": 8192}
+    shape = {"hidden_size": 32, "intermediate_size": 64, "num_hidden_layers": 2, "max_position_embeddings": 16384}
     heads = {"num_attention_heads": 4, "num_key_value_heads": 2, "vocab_size": len(tokenizer)}
     ends = {"eos_token_id": tokenizer.eos_token_id, "pad_token_id": tokenizer.pad_token_id}
-    model = Qwen2ForCausalLM(Qwen2Config(**shape, **heads, **ends))
-    optimiser = torch.optim.AdamW(model.parameters(), lr=4e-3)
-    slower = torch.optim.lr_scheduler.OneCycleLR(optimiser, 4e-3, total_steps=steps)
-    told = tokenizer(prompt, add_special_tokens=False)["input_ids"]
-    answers = [tokenizer(_answer(z), add_special_tokens=False)["input_ids"] for z in LENGTHS]
-    for step in range(steps):
-        answer = answers[step % len(answers)]
-        ids = torch.tensor([told + answer])
-        labels = torch.tensor([[-100] * len(told) + answer])
-        loss = model(input_ids=ids, labels=labels).loss
-        loss.backward()
-        optimiser.step()
-        slower.step()
-        optimiser.zero_grad()
-    return model, float(loss)
+    return Qwen2ForCausalLM(Qwen2Config(**shape, **heads, **ends))
 
 
 def test_a_tool_of_the_environment_is_a_skill_as_the_benchmark_tells_it(kind):
@@ -88,27 +73,24 @@ def test_an_environment_ends_with_its_task(kind):
     assert env.walk(thoughts="", x_cm=0, z_cm=50, yaw_deg=0) == "The task is over."
 
 
-@pytest.mark.skip(reason="the tiny model's calls are not yet well-formed in TRL's own prompt, so no reward varies")
 def test_two_steps_of_grpo_change_the_weights(kind, tmp_path):
-    env, prompt = kind(), [{"role": "user", "content": ""}]
-    said = [{"role": "user", "content": env.reset(seed=SEED)}]
-    asked = {"tools": [env.stop, env.walk], "add_generation_prompt": True, "tokenize": False}
-    text = _tokenizer([""]).apply_chat_template(said, **asked)
-    tokenizer = _tokenizer([text] * 3 + [_answer(z) * 9 for z in LENGTHS])
-    model, loss = _taught(tokenizer, tokenizer.apply_chat_template(said, **asked), 120)
-    assert loss < 0.6
+    """The model is new. What it says at random is a call of four, as the other words are suppressed."""
+    tokenizer = _tokenizer()
+    model, words = _model(tokenizer), {*map(_walk, LENGTHS), tokenizer.eos_token}
+    silent = [number for word, number in tokenizer.get_vocab().items() if word not in words]
     before = {name: weights.detach().clone() for name, weights in model.named_parameters()}
     config = trl.GRPOConfig(
-        output_dir=str(tmp_path), max_steps=2, num_generations=4, per_device_train_batch_size=4, learning_rate=1e-3,
-        max_completion_length=160, max_tool_calling_iterations=1, report_to=[], use_cpu=True, logging_steps=1,
-        save_strategy="no", seed=SEED, bf16=False,
+        output_dir=str(tmp_path), max_steps=2, num_generations=4, per_device_train_batch_size=4, learning_rate=1e-2,
+        max_completion_length=400, max_tool_calling_iterations=1, report_to=[], use_cpu=True, logging_steps=1,
+        save_strategy="no", seed=SEED, bf16=False, generation_kwargs={"suppress_tokens": silent},
     )  # fmt: skip
-    data = Dataset.from_dict({"prompt": [prompt] * 8, "seed": [SEED] * 8})
+    data = Dataset.from_dict({"prompt": [[{"role": "user", "content": ""}]] * 8, "seed": [SEED] * 8})
     trainer = trl.GRPOTrainer(
         model=model, args=config, train_dataset=data, processing_class=tokenizer, environment_factory=kind
     )
     trainer.train()
     logs = [log for log in trainer.state.log_history if "reward" in log]
     assert trainer.state.global_step == 2
+    assert all(log["tools/call_frequency"] > 0 for log in logs)
     assert any(log["reward_std"] > 0 for log in logs)
     assert any(not torch.equal(before[name], weights) for name, weights in model.named_parameters())

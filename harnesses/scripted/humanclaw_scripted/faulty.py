@@ -33,6 +33,7 @@ from humanclaw_scripted.calls import BACK, TURN, asking, ending
 from humanclaw_scripted.faults import FAULTS, Fault
 from humanclaw_scripted.options import FaultyOptions
 from humanclaw_scripted.oracle import OracleAgent
+from humanclaw_scripted.telling import Teller
 from humanclaw_scripted.truth import Perception
 
 AT_HAND: Final = 1.5
@@ -69,6 +70,9 @@ class FaultyAgent:
         self._pads: dict[str, tuple[dict[str, int], list[Array]]] = {fault.name: ({}, []) for fault in self._faults}
         self._last_seen: int | None = None
         self._limits = BoundedRationality(self.options, self._perception, self._stop)
+        self._teller = Teller() if self.options.words == "eyes" else None
+        if self._teller:
+            self._teller.begin(context)
 
     def _to_another_seat(self) -> OracleAgent:
         """Return an oracle that sits down on the nearest seat of another category than the target."""
@@ -90,14 +94,22 @@ class FaultyAgent:
             if errand.calls[0].skill != self._stop:
                 return errand
             self._errand = None
-        decision = self._oracle.decide(observation, history)
+        decision = meant = self._oracle.decide(observation, history)
         seen = acknowledges(decision.visible_state, self._perception.context.spec.target_category)
         for fault in self._faults:
             decision = BEHAVIOURS[fault.name](self._snapshot(fault, decision, seen, observation.step))
         self._last_seen = observation.step if seen else self._last_seen
-        if not self.options.bounded:
+        if self.options.bounded:
+            decision = self._limits.limit(decision, observation.step, self._last_seen, history)
+        return self._told(decision, meant.visible_state, history)
+
+    def _told(self, decision: Decision, seen: str, history: Sequence[HistoryEntry]) -> Decision:
+        """Return the decision with words from the eyes, if asked for. What a fault claims to see stays: it is the
+        fault. Its reasons would tell what only the map knows."""
+        if self._teller is None:
             return decision
-        return self._limits.limit(decision, observation.step, self._last_seen, history)
+        claimed = {} if decision.visible_state == seen else {"visible_state": decision.visible_state}
+        return replace(self._teller(decision, history), **claimed)
 
     def _snapshot(self, fault: Fault, decision: Decision, seen: bool, step: int) -> Snapshot:
         left = self._perception.context.spec.max_steps - step

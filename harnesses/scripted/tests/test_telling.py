@@ -7,6 +7,8 @@ import pytest
 
 from humanclaw import Body, Call, Decision, Episode, Plugins
 from humanclaw.records import SEEN_PIXELS, acknowledges, free_episode
+from humanclaw_scripted.faulty import FaultyAgent
+from humanclaw_scripted.options import FaultyOptions
 from humanclaw_scripted.oracle import OracleAgent
 from humanclaw_scripted.sight import Sight
 from humanclaw_scripted.telling import Seen, told
@@ -67,3 +69,15 @@ def test_the_words_are_a_function_of_view_call_and_earlier_words(plugins):
     unseen = told(Decision((call,)), Seen(None, np.inf), "couch", plugins.skills, ())
     assert unseen.visible_state == "No couch is in view. The floor ahead is free."
     assert unseen.reasoning.endswith("I look for the couch.")
+
+
+def test_a_fault_that_goes_by_the_map_does_not_say_so(plugins):
+    """The fault turns to where the toilet is, behind walls. Its words are those of somebody who looks for one."""
+    agent = FaultyAgent(FaultyOptions(fault="blind_approach", words="eyes"))
+    with (
+        Body("house:0", plugins=plugins) as body,
+        Episode(body, free_episode("find a toilet", body.scene), agent) as episode,
+    ):
+        said = episode.ask().decision
+    assert not acknowledges(said.visible_state, "toilet")
+    assert said.reasoning == "I turn 75 degrees to the left: I look for the toilet."
