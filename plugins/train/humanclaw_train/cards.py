@@ -104,7 +104,7 @@ def _facts(checkpoint: Path, report: FidelityReport | None, naturalness: Natural
         "row": row,
         "besides": uncommanded_table({row.skill: row.uncommanded}) if row and row.uncommanded else "",
         "likeness": skills_table(likeness) if likeness else "",
-        "unseen": likeness[0].unseen if likeness else (),
+        "unseen": _by_source(likeness[0].unseen) if likeness else "",
         "first_steps": _first_steps(header, naturalness),
         "no_parameters": not adapter.get("params"),
         "ratio": _ratio,
@@ -128,6 +128,15 @@ def _likeness(
     if report is None or report.base != header.get("base", header.get("digest")):
         return ()
     return report.of(header["adapter"]["skill"], file_digest(checkpoint)) if "base" in header else report.prior
+
+
+def _by_source(clips: Sequence[str]) -> str:
+    """Return clips such as 'CMU: 03_04' with each source once."""
+    found: dict[str, list[str]] = {}
+    for clip in clips:
+        source, _, name = clip.partition(": ")
+        found.setdefault(source, []).append(name)
+    return "; ".join(f"{source}: {', '.join(names)}" for source, names in found.items())
 
 
 def _first_steps(header: Mapping[str, Any], report: NaturalnessReport | None) -> FirstSteps | None:

@@ -133,7 +133,7 @@ def test_a_card_names_the_clips_that_nothing_was_trained_on_or_says_that_there_a
         )
 
     apart = of(replace(row, unseen=("CMU: 03_04", "CMU: 12_01")))
-    assert "against CMU: 03_04; CMU: 12_01, **held out from training**" in apart
+    assert "against CMU: 03_04, 12_01, **held out from training**" in apart
     assert "held out from training" not in of(row)
     assert "show too little of it" in of(row)
 
