@@ -1,37 +1,29 @@
 """Drive the body with existing MCP clients: python harnesses/mcp/clients/run.py [NAME ...]
 
-Each client is one small file with its tested versions. It runs in its own environment, over HTTP and over standard
-streams, and asks a scripted model on 127.0.0.1 that calls walk, turn_in_place and stop. The check reads the server's
-record and the model's requests. Needs PyPI, and npx for the Inspector; no key, no other network.
+Each client runs in its own environment, over HTTP and over standard streams. The check reads the server's record and
+the requests to a scripted model. Needs PyPI, and npx for the Inspector; no key, no other network.
 """
 
 from __future__ import annotations
 
-import copy
-import itertools
-import json
-import os
 import re
 import subprocess
 import sys
 import tempfile
-import tomllib
-import venv
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import click
-import platformdirs
 
 from humanclaw import load_run
 
 HERE = Path(__file__).parent
-# No package contains the scripted model: it is a test helper of humanclaw-litellm.
-sys.path.insert(0, str(HERE.parents[1] / "litellm" / "tests"))
-from model_servers import OpenAIServer, Reply, Request, call, text  # noqa: E402
+sys.path.insert(0, str(HERE.parents[2] / "tests" / "support"))
+from clients import CALLS, TASK, environment, line, mark, metadata, ran, script, version  # noqa: E402
+
+from model_servers import OpenAIServer  # noqa: E402  # isort: skip
 
 CLIENTS = {
     "MCP Inspector (CLI)": "inspector",
@@ -42,11 +34,8 @@ CLIENTS = {
     "smolagents": "smolagents_agent",
     "fastmcp": "fastmcp_client",
 }
-TASK = "Walk forward, turn to the left, and stop."
-WANTED = [("walk", {"x_cm": 0, "z_cm": 40, "yaw_deg": 0}), ("turn_in_place", {"yaw_deg": 30}), ("stop", {})]
 COMMAND = (sys.executable, "-m", "humanclaw", "mcp", "--instruction", TASK, "--out")
-TIMEOUT = 300
-"""Seconds for one client, with four model requests and three half seconds of motion."""
+HEAD = ("client", "version", "transport", "calls executed", "text reaches the model", "pictures reach the model", "")
 
 
 @dataclass(frozen=True)
@@ -65,44 +54,20 @@ class Row:
     fault: str = ""
 
     def cells(self) -> tuple[str, ...]:
-        marks = {True: "yes", False: "no"}
         pictures = str(self.pictures) if self.pictures >= 0 else "-"
-        words = marks[self.words] if self.pictures >= 0 else "-"
-        return self.client, self.versions, self.transport, marks[self.called], words, pictures, self.fault or ""
+        words = mark(self.words) if self.pictures >= 0 else "-"
+        return self.client, self.versions, self.transport, mark(self.called), words, pictures, self.fault
 
 
-def script() -> Callable[[Request], Reply]:
-    """Return a script of three calls and the client's kind of end: text, or a tool of its own."""
-    # All parameters are given: smolagents refuses a call without its optional ones.
-    calls = iter([call("walk", x_cm=0, z_cm=40, yaw_deg=0), call("turn_in_place", yaw_deg=30), call("stop")])
-    numbers = itertools.count()
-
-    def reply(request: Request) -> Reply:
-        end = call("final_answer", answer="Done.") if "final_answer" in request.tool_names else text("Done.")
-        return numbered(next(calls, end), next(numbers))
-
-    return reply
-
-
-def numbered(reply: Reply, number: int) -> Reply:
-    """Return the reply with a unique call id, as providers send and some clients require."""
-    body = copy.deepcopy(reply.body)
-    for wanted in body["choices"][0]["message"].get("tool_calls", ()):
-        wanted["id"] = f"call_{number}"
-    return replace(reply, body=body)
-
-
-# -- one client --------------------------------------------------------------------------------------------------------
 def trial(name: str, transport: str, folder: Path) -> Row:
     path = HERE / f"{CLIENTS[name]}.py"
-    needs = requirements(path)
-    versions = ", ".join(re.sub(r"\[.*?\]", "", need).replace("==", " ") for need in needs["dependencies"][:1])
-    python = environment(path.stem, needs["dependencies"])
+    needs = metadata(path)
+    python = environment("mcp-clients", path.stem, needs["dependencies"])
     with OpenAIServer(script()) as model:
         fault = attempt([python, str(path)], transport, model.url, folder)
         seen = tuple(model.requests)
     agentless = "npm" in needs
-    versions = versions or needs["npm"][-1].rpartition("@")[2]
+    versions = needs["npm"][-1].rpartition("@")[2] if agentless else version(needs["dependencies"][0])
     told = any("Executed walk" in request.text for request in seen)
     pictures = -1 if agentless else max((len(request.images) for request in seen), default=0)
     return Row(name, versions, transport, executed(folder, agentless), told, pictures, fault)
@@ -110,19 +75,10 @@ def trial(name: str, transport: str, folder: Path) -> Row:
 
 def attempt(command: Sequence[str], transport: str, model: str, folder: Path) -> str:
     """Run a client. Return the error, empty on success."""
-    env = os.environ | {"TASK": TASK, "MODEL_URL": model}
     if transport == "stdio":
-        return _run([*command, *COMMAND, str(folder)], env)
+        return ran([*command, *COMMAND, str(folder)], {"MODEL_URL": model})[1]
     with http_server(folder) as url:
-        return _run(command, env | {"MCP_URL": url})
-
-
-def _run(command: Sequence[str], env: dict[str, str]) -> str:
-    clean = {key: value for key, value in env.items() if key != "PYTHONPATH"}
-    done = subprocess.run(command, env=clean, capture_output=True, text=True, timeout=TIMEOUT, check=False)
-    if done.returncode:
-        print(done.stderr[-3000:], file=sys.stderr)
-    return "" if done.returncode == 0 else (done.stderr.strip().splitlines() or ["failed"])[-1][:120]
+        return ran(command, {"MODEL_URL": model, "MCP_URL": url})[1]
 
 
 @contextmanager
@@ -140,35 +96,7 @@ def executed(folder: Path, agentless: bool) -> bool:
     """Whether the body executed the script: in one episode, or in one for each call without an agent."""
     episodes = sorted(load_run(folder), key=lambda episode: episode.folder.stat().st_mtime) if folder.exists() else []
     steps = [[(step.call.skill, step.call.params) for step in episode.steps if step.call] for episode in episodes]
-    return [step for episode in steps for step in episode] == WANTED if agentless else WANTED in steps
-
-
-# -- environments ------------------------------------------------------------------------------------------------------
-def requirements(path: Path) -> dict[str, Any]:
-    """Return the inline metadata of a script."""
-    block = re.search(r"(?m)^# /// script\n((?:# .*\n)+)# ///$", path.read_text())
-    assert block, f"{path} has no inline metadata"
-    return tomllib.loads(re.sub(r"(?m)^# ", "", block[1]))
-
-
-def environment(name: str, needs: Sequence[str]) -> str:
-    """Return the Python of a cached environment with exactly these packages and their dependencies."""
-    folder = Path(platformdirs.user_cache_dir("humanclaw")) / "mcp-clients" / name
-    python, mark = folder / "bin" / "python", folder / "packages.json"
-    if not mark.exists() or json.loads(mark.read_text()) != list(needs):
-        venv.create(folder, with_pip=bool(needs), clear=True)
-        if needs:
-            subprocess.run([python, "-m", "pip", "install", "--quiet", *needs], check=True)
-        mark.write_text(json.dumps(list(needs)))
-    return str(python)
-
-
-# -- the table ---------------------------------------------------------------------------------------------------------
-HEAD = ("client", "version", "transport", "calls executed", "text reaches the model", "pictures reach the model", "")
-
-
-def line(cells: Sequence[str]) -> str:
-    return f"| {' | '.join(cells)} |"
+    return [step for episode in steps for step in episode] == [*CALLS] if agentless else [*CALLS] in steps
 
 
 @click.command()
