@@ -91,11 +91,10 @@ def test_a_metric_of_a_third_party_sums_the_turning():
     assert metric.value(SimpleNamespace(steps=steps)) == 1.5
 
 
-def test_the_contact_sheet_shows_houses_from_above_and_from_inside(tmp_path):
+def test_the_contact_sheet_shows_houses_from_above(tmp_path):
     command = [sys.executable, EXAMPLES / "contact_sheet.py", tmp_path, "1"]
     done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=300)
-    assert "houses.jpg: 1 pictures" in done.stdout
-    for name, size in (("houses.jpg", (3 * 460, 330)), ("views.jpg", (4 * 384, 384))):
-        picture = Image.open(tmp_path / name)
-        assert picture.size == size
-        assert np.asarray(picture)[:, :380].std() > 20
+    assert "of 20 views" in done.stdout
+    picture = Image.open(tmp_path / "houses.jpg")
+    assert picture.size == (3 * 460, 330)
+    assert np.asarray(picture)[:, :380].std() > 20
