@@ -10,12 +10,9 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from humanclaw.body.pose import matrix_from_vector
+from humanclaw.body.pose import Array, matrix_from_vector
 from humanclaw.body.skeleton import JOINT_INDEX, OFFSETS, SOLE, TOE_SOLE, Side
-
-Array = NDArray[np.float64]
 
 TOE_BASE: Final = np.array([0.0, TOE_SOLE - SOLE, 0.13])
 """From ankle to toe base in the frame of the foot."""

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     )
     from humanclaw.world.meshes.baking import area as area, bake as bake
     from humanclaw.world.meshes.decimation import simplify as simplify
-    from humanclaw.world.meshes.hulls import KeepOutBox as KeepOutBox, convex_pieces as convex_pieces
+    from humanclaw.world.meshes.hulls import KeepOutBox as KeepOutBox, convex_pieces as convex_pieces, exact as exact
     from humanclaw.world.meshes.measure import (
         ANYWHERE as ANYWHERE,
         MIDDLE as MIDDLE,
@@ -58,7 +58,6 @@ if TYPE_CHECKING:
     )
     from humanclaw.world.meshes.shaping import (
         base_of as base_of,
-        exact as exact,
         lightened as lightened,
         moved as moved,
         turned as turned,

@@ -78,18 +78,18 @@ def _key(mesh: Mesh, pieces: int, keep_out: KeepOutBox | None) -> str:
 def _decompose(mesh: Mesh, pieces: int, keep_out: KeepOutBox | None) -> tuple[NDArray[np.float32], ...]:
     points, faces = mesh.vertices.astype(float), mesh.faces.astype(np.int64)
     low, high = points.min(axis=0), points.max(axis=0)
-    box = _box(low, np.maximum(high, low + _THIN))
+    box = box_of(low, np.maximum(high, low + _THIN))
     if pieces == 1:
-        return (_exact(_thinned(points)) if _solid(points) else _exact(box),)
+        return (exact(_thinned(points)) if _solid(points) else exact(box),)
     if keep_out is None and fills_its_box(points, faces):
-        return (_exact(box),)
+        return (exact(box),)
     parts = (
         [(points, faces)] if keep_out is None else [part for part in _around(points, faces, keep_out) if len(part[1])]
     )
     share = _shares([_area(*part) for part in parts], pieces)
     hulls = [hull for part, count in zip(parts, share, strict=True) for hull in _vhacd(*part, count)]
     flush = [_flush(hull, low, high) for hull in hulls]
-    return tuple(_exact(hull) for hull in flush if _solid(hull)) or (_exact(box),)
+    return tuple(exact(hull) for hull in flush if _solid(hull)) or (exact(box),)
 
 
 def _flush(points: Array, low: Array, high: Array) -> Array:
@@ -175,7 +175,8 @@ def _depth(spots: Array, axis: int, far: bool, across: int = 16) -> float:
     return float(depth.mean())
 
 
-def _box(low: Array, high: Array) -> Array:
+def box_of(low: Array, high: Array) -> Array:
+    """Return the (8, 3) corners of a box."""
     pick = np.array([[i, j, k] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
     return np.where(pick == 1, high, low)
 
@@ -204,5 +205,6 @@ def _thinned(points: Array) -> Array:
     return np.asarray(corners[np.unique((corners @ ways).argmax(axis=0))])
 
 
-def _exact(points: Array) -> NDArray[np.float32]:
+def exact(points: Array) -> NDArray[np.float32]:
+    """Round to hundredths of a millimetre, so that equal shapes have one digest."""
     return np.asarray(np.round(points, 5) + 0.0, np.float32)

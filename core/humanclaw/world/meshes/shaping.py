@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from humanclaw.body.pose import Array
 from humanclaw.world.meshes.baking import area
 from humanclaw.world.meshes.decimation import simplify
-from humanclaw.world.meshes.hulls import KeepOutBox
+from humanclaw.world.meshes.hulls import KeepOutBox, box_of, exact
 from humanclaw.world.scene import Mesh
 
 _SURFACE: Final = 0.7
@@ -50,13 +50,7 @@ def turned(mesh: Mesh, quarters: int) -> Mesh:
     return replace(mesh, vertices=exact(np.stack(points, axis=-1)))
 
 
-def exact(points: Array) -> NDArray[np.float32]:
-    """Round to hundredths of a millimetre, so that equal shapes have one digest."""
-    return np.asarray(np.round(points, 5) + 0.0, np.float32)
-
-
 def with_lid(pieces: Sequence[NDArray[np.float32]], level: KeepOutBox) -> tuple[NDArray[np.float32], ...]:
     """Convex pieces and a box whose lid is exactly a level: a seat, or a table's top."""
     low, high = np.array([level.x0, level.y - 0.04, level.z0]), np.array([level.x1, level.y, level.z1])
-    pick = np.array([[i, j, k] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
-    return (*pieces, exact(np.where(pick == 1, high, low)))
+    return (*pieces, exact(box_of(low, high)))
