@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from itertools import count
 from pathlib import Path
 
@@ -199,9 +199,7 @@ def _played(
         player = plugins.make("executors", "local", workers, "")
 
         def go_on(forecast: Forecast) -> bool:
-            share = (forecast.left + later) / forecast.left
-            whole = replace(forecast, left=forecast.left + later, seconds=share * forecast.seconds)
-            return not ask or progress.foresee(replace(whole, cost=share * forecast.cost), ask=True)
+            return not ask or progress.foresee(forecast.with_later(later), ask=True)
 
         status = run_split(specs, job, player, out, plugins=plugins, watch=progress.watch, go_on=go_on)
         progress.end(status)

@@ -150,10 +150,7 @@ class _Player:
         if not found:
             return None
         later = sum(len(others) for name, others, _ in plan.runs(model) if name != MAIN)
-        share = (found[0].left + later) / found[0].left
-        return replace(
-            found[0], left=found[0].left + later, seconds=share * found[0].seconds, cost=share * found[0].cost
-        )
+        return found[0].with_later(later)
 
     def play(self, plan: Plan, model: Model, out: Path) -> bool:
         """Play a model's runs to their end or limit. Returns whether an episode failed by infrastructure.

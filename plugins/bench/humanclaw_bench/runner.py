@@ -15,7 +15,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -86,6 +86,11 @@ class Forecast:
     tokens: int = 0
     """Tokens of this session so far."""
 
+    def with_later(self, episodes: int) -> Forecast:
+        """Return the estimate for as many episodes more."""
+        share = (self.left + episodes) / self.left
+        return replace(self, left=self.left + episodes, seconds=share * self.seconds, cost=share * self.cost)
+
 
 Watcher = Callable[[RunStatus, WorkerReport | None], None]
 """Called for every episode that ended, and once at the beginning without a report."""
@@ -133,14 +138,14 @@ def run_split(
                 watch(status, report)
                 if report.fatal:
                     raise HumanclawError(f"episode {report.episode} cannot be run: {report.error}")
-                asked = pilot.ends_with(report) and status.left > 0
+                asked = pilot.endsreplace(report) and status.left > 0
                 refused = asked and not go_on(pilot.forecast(status))
                 limited = report.limit == "run" or _spent(status, job.limits)
-                status = _with(status, limited=status.limited or limited)
+                status = replace(status, limited=status.limited or limited)
                 if limited or refused:
                     executor.stop()
                     stopped.set()
-    return _with(status, stopped=stopped.is_set())
+    return replace(status, stopped=stopped.is_set())
 
 
 def pilot_of(specs: Sequence[EpisodeSpec]) -> tuple[EpisodeSpec, ...]:
@@ -166,7 +171,7 @@ class _Pilot:
         self._awaited = {spec.id for spec in specs}
         self._ended: list[WorkerReport] = []
 
-    def ends_with(self, report: WorkerReport) -> bool:
+    def endsreplace(self, report: WorkerReport) -> bool:
         """Note a played episode. Returns whether it was the last of the pilot and at least one of them ended."""
         if report.episode not in self._awaited:
             return False
@@ -214,16 +219,12 @@ def _spent(status: RunStatus, limits: Mapping[str, float]) -> bool:
 def _counted(status: RunStatus, report: WorkerReport, seconds: float, waiting: int) -> RunStatus:
     """Add a report. seconds: since the session began; waiting: number of episodes that no worker has taken."""
     done, failed = ended(report.outcome, report.limit), report.outcome == FAILED
-    return _with(
+    return replace(
         status, done=status.done + done, failed=status.failed + failed, played=status.played + done,
         steps=status.steps + report.steps, seconds=seconds, cost=status.cost + report.cost,
         tokens=status.tokens + report.tokens, playing=status.playing + done * report.seconds,
         workers=max(status.workers, status.left - waiting),
     )  # fmt: skip
-
-
-def _with(status: RunStatus, **changes: Any) -> RunStatus:
-    return RunStatus(**(asdict(status) | changes))
 
 
 def _keep(out: Path, report: WorkerReport) -> None:
