@@ -14,10 +14,11 @@ from typing import Final
 
 import numpy as np
 
-from humanclaw.body.ik import REACH, SIDES, TOE_BASE, Array, Limb, bent
+from humanclaw.body.ik import REACH, SIDES, TOE_BASE, Limb, bent
 from humanclaw.body.pose import (
     FPS,
     HISTORY,
+    Array,
     Motion,
     forward_kinematics,
     matrix_from_vector,
