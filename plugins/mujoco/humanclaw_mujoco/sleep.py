@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanclaw.body import Array
+from humanclaw_mujoco.contacts import NEAR, disturbed
 from humanclaw_mujoco.model import HINGED, MOVABLE, Model
 
 _LULLED: Final = 0.1
@@ -16,8 +17,6 @@ _STILL: Final = 0.01
 """Speed below which an object falls asleep by itself, m/s and rad/s."""
 _PATIENCE: Final = 60
 """Number of steps for which it must stay that slow, with nothing awake near it."""
-_NEAR: Final = 0.01
-"""Distance at which an awake object or the body wakes a sleeping object, metres."""
 
 
 class Sleep:
@@ -70,7 +69,7 @@ class Sleep:
         before = self._asleep
         places, body = self._place_of[geoms], self._body[geoms]
         others = self._active(places, body)[:, ::-1]
-        stirred = places[others & (gaps <= _NEAR)[:, None]]
+        stirred = places[others & (gaps <= NEAR)[:, None]]
         self._stir(stirred[stirred < len(self._asleep)])
         self._rest(data)
         self._woken = before & ~self._asleep
@@ -82,8 +81,7 @@ class Sleep:
         """Tell whether everything sleeps and goes on sleeping: nothing has moved a sleeper, and nothing is near one."""
         if not self._asleep.all() or self._woken.any():
             return False
-        near = self._place_of[geoms[gaps <= _NEAR]] < len(self._asleep)
-        return not near.any() and not data.qvel[self._held].any()
+        return not disturbed(geoms, gaps, self._place_of, len(self._asleep), data.qvel, self._held)
 
     def _active(self, places: NDArray[np.int64], body: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Return (contacts, 2) whether each of the two sides belongs to the body or to an awake object."""

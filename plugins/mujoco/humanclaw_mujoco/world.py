@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Collection, Mapping, Sequence
-from itertools import starmap
 from typing import Final
 
 import mujoco as mj
@@ -19,12 +18,11 @@ from numpy.typing import NDArray
 from humanclaw import Scene
 from humanclaw.body import Array, matrix_from_quaternion
 from humanclaw.world import TOUCHING, HalfPhysics, ObjectMotion, Pose, Profile, Touch
+from humanclaw_mujoco.contacts import body_contacts, harden, harden_stops
 from humanclaw_mujoco.model import FIXED_GROUP, Model, build
 from humanclaw_mujoco.sleep import Sleep
 
 _LOG: Final = logging.getLogger(__name__)
-_RECOVERY: Final = 0.2
-"""Share of a penetration that one step corrects."""
 _LEVEL: Final = 0.7
 """A surface counts as level if the upward component of its unit normal exceeds this: within 45 degrees."""
 _LIMIT: Final = int(mj.mjtConstraint.mjCNSTR_LIMIT_JOINT)
@@ -117,7 +115,6 @@ class MujocoWorld:
         mj.mj_makeM(m, d)
         mj.mj_factorM(m, d)
         mj.mj_collision(m, d)
-        # MuJoCo copies these at each access.
         geoms, gaps = d.contact.geom, d.contact.dist
         if self._passing:
             self._part(geoms, gaps)
@@ -131,28 +128,13 @@ class MujocoWorld:
         gaps[passes] = np.inf
 
     def _harden(self, geoms: NDArray[np.int32], gaps: Array, seconds: float) -> None:
-        """Let each contact allow just the approach that closes its distance in this step.
-
-        MuJoCo would let the shapes overlap first. Friction is at least MuJoCo's minimum: without any friction MuJoCo
-        would let the shapes pass through each other.
-        """
-        contact = self._d.contact
-        contact.includemargin[:] = 0.0
-        # Negative solref means stiffness and damping directly, per unit of effective mass: 1/s^2 and 1/s.
-        contact.solref[:, 0] = -np.where(gaps > 0, 1.0, _RECOVERY) / seconds**2
-        contact.solref[:, 1] = -1 / seconds
-        friction = self._model.friction[geoms]
-        contact.friction[:, :2] = np.maximum(friction[:, 0] * friction[:, 1], mj.mjMINMU)[:, None]
-        self._harden_stops(seconds)
-
-    def _harden_stops(self, seconds: float) -> None:
-        """Let the limit of a hinge allow just the turn that reaches it in this step."""
-        m, hinges = self._m, self._model.hinges
-        if not len(hinges):
-            return
-        left = (m.jnt_range[hinges].T - self._d.qpos[m.jnt_qposadr[hinges]]) * [[-1.0], [1.0]]
-        m.jnt_solref[hinges, 0] = -np.where(left.min(axis=0) > 0, 1.0, _RECOVERY) / seconds**2
-        m.jnt_solref[hinges, 1] = -1 / seconds
+        """Let each contact, and the stop of each hinge, allow just the way that reaches it in this step."""
+        m, contact, hinges = self._m, self._d.contact, self._model.hinges
+        harden(
+            geoms, gaps, contact.includemargin, contact.solref, contact.friction, self._model.friction, seconds
+        )  # fmt: skip
+        if len(hinges):
+            harden_stops(hinges, m.jnt_qposadr, m.jnt_range, self._d.qpos, m.jnt_solref, seconds)
 
     def _let_fall(self) -> None:
         """Let gravity alone change the body's velocity before contacts: its limbs are driven, so they cause no recoil.
@@ -167,18 +149,14 @@ class MujocoWorld:
 
     def _touches(self, geoms: NDArray[np.int32], gaps: Array) -> Sequence[Touch]:
         contact, model = self._d.contact, self._model
-        joints, forces = model.joint_of[geoms], self._pushing()
-        met = np.flatnonzero((np.maximum(joints[:, 0], joints[:, 1]) >= 0) & ((gaps <= TOUCHING) | (forces > 0)))
-        if not len(met):
-            return ()
-        second = (joints[met, 1] >= 0).astype(int)
-        normals = contact.frame[met, :3] * (2 * second - 1)[:, None]
-        columns = (
-            joints[met, second], model.object_of[geoms[met, 1 - second]], contact.pos[met], normals,
-            # A contact at a distance that already pushes closes in this step, so it counts as touching.
-            np.minimum(gaps[met], TOUCHING), forces[met],
+        found = body_contacts(
+            geoms, gaps, contact.pos, contact.frame, contact.efc_address, self._d.efc_force,
+            model.joint_of, model.object_of,
         )  # fmt: skip
-        return list(starmap(Touch, zip(*(column.tolist() for column in columns), strict=True)))
+        return [
+            Touch(int(joint), int(key), (x, y, z), (nx, ny, nz), gap, force)
+            for joint, key, x, y, z, nx, ny, nz, gap, force in found.tolist()
+        ]
 
     # -- objects -------------------------------------------------------------------------------------------------------
     def touching(self) -> Collection[tuple[int, int]]:

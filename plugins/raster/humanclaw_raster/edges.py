@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from humanclaw.world import compiled
+from humanclaw.world import compiled, inlined
 from humanclaw_raster.buffers import HALF, ONE, TWO, ZERO, GBuffer, Pinhole
 from humanclaw_raster.packing import Floats
 from humanclaw_raster.surfaces import FLAT
@@ -64,7 +64,7 @@ def _mix(
             rgb[row2, column2, channel] = np.uint8(own + (other - own) * share + HALF)
 
 
-@compiled
+@inlined
 def _bent(faces: NDArray[np.int32], table: Floats, first: int, second: int) -> bool:
     """Return whether two surfaces are parts of one rounded shape, at 1 to 25 degrees to each other.
 
@@ -100,7 +100,7 @@ def _reach(
     return reach  # type: ignore[no-any-return]
 
 
-@compiled
+@inlined
 def _inside(
     scale: np.float32, depth: Floats, surface: NDArray[np.int32], table: Floats,
     at_row: int, at_column: int, row: int, column: int, row2: int, column2: int,

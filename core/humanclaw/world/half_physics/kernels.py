@@ -168,10 +168,10 @@ def link_boxes(course: Array) -> Array:
 def approach(boxes: Array, low: Array, high: Array, full: NDArray[np.bool_], slack: float) -> float:
     """Return how far a link comes at most towards a box that it may meet, along the axis that separates them, metres.
 
-    A foot that glides over a floor or rises comes no nearer to it. For a link that is close to a box which its hull
-    does not fill, such as a leaning one's, or deep in any, the whole way counts. boxes: as link_boxes returns them.
-    low, high: (N, 3) corners of the other boxes. full: (N,) whether the hull fills its box. slack: boxes within so much
-    of one another may meet, metres.
+    A foot that glides over a floor or rises comes no nearer to it. For a link that comes close to a box which its
+    hull does not fill, such as a leaning one's, or is deep in any, the whole way counts. boxes: as link_boxes returns
+    them. low, high: (N, 3) corners of the other boxes. full: (N,) whether the hull fills its box. slack: boxes within
+    so much of one another may meet, metres.
     """
     found, body = 0.0, boxes[2:4, 0].copy()
     for link in range(1, boxes.shape[1]):
@@ -204,4 +204,5 @@ def _way(box: Array, low: Array, high: Array, full: bool) -> float:
             if apart > gap:
                 ahead = box[3, axis] - box[1, axis] if side == 0 else box[0, axis] - box[2, axis]
                 gap, way = apart, max(ahead, _STRAYS * box[4, axis])
-    return way if gap > (-_CLOSE if full else _CLOSE) else _length(box[4])
+    near = gap <= -_CLOSE if full else gap - way <= _CLOSE
+    return _length(box[4]) if near else way
