@@ -8,8 +8,8 @@ from typing import Any, Final
 from numba import njit
 from numba.core.event import TimingListener, register
 
-_CLOCK: Final = TimingListener()
-register("numba:compile", _CLOCK)
+_CLOCK: Final = TimingListener()  # type: ignore[no-untyped-call]
+register("numba:compile", _CLOCK)  # type: ignore[no-untyped-call]
 
 
 def compiling_seconds() -> float:
