@@ -2,11 +2,13 @@
 
 import asyncio
 import signal
+import time
 import tracemalloc
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from numba import njit
 
 from humanclaw import Body, Call, CallError, Episode, HumanclawError, PluginError, Verdict, run_episode, skill
 from humanclaw.errors import LimitError, PluginRunError, ProviderError, RecordError, ReplayError
@@ -460,3 +462,17 @@ def test_an_odd_number_of_views_is_the_agents_error(body, spec, count):
     agent.settings = {"views_between": count}
     record = run_episode(body, spec, agent)
     assert (record.outcome, "a whole number from 0 to 14" in record.error) == ("plugin_error", True)
+
+
+def test_a_step_is_not_slow_because_something_is_compiled_for_the_first_time(body, spec):
+    class Compiling(Agent):
+        def decide(self, observation, history):
+            began = time.perf_counter()
+            njit(lambda value: value + 1)(1)  # Not cached on disk, as on a machine's first run.
+            self.took = time.perf_counter() - began
+            return super().decide(observation, history)
+
+    agent = Compiling(WALK)
+    with Episode(body, spec, agent) as episode:
+        episode.ask()
+    assert episode.steps[0].seconds["decide"] < agent.took / 2

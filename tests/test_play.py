@@ -44,7 +44,7 @@ def steps(tmp_path, name):
 
 
 def test_a_file_is_played_with_its_parameters_and_reported(play, tmp_path):
-    done = play("nod.py", "times=2", "--degrees", "-15", "--times", "2")
+    done = play("nod.py", "times=2", "degrees=-15", "--calls", "2")
     assert done.exit_code == 0, done.output
     assert [str(one.call) for one in steps(tmp_path, "nod")] == ["nod(times=2, degrees=-15)"] * 2
     assert (tmp_path / "run/report.html").is_file()
@@ -59,7 +59,7 @@ def test_a_file_is_played_also_where_another_plugin_has_a_skill_of_that_name(pla
 
 @pytest.mark.parametrize(("beginning", "first"), [("walking", ["walk", "walk"]), ("sitting", ["sit_in_place"])])
 def test_a_skill_is_played_from_a_walk_or_a_seat(play, tmp_path, beginning, first):
-    assert play("turn_in_place", "--yaw-deg=20", "--from", beginning).exit_code == 0
+    assert play("turn_in_place", "yaw_deg=20", "--from", beginning).exit_code == 0
     assert [one.call.skill for one in steps(tmp_path, "turn_in_place")] == [*first, "turn_in_place"]
 
 
@@ -72,9 +72,10 @@ def test_of_several_skills_one_is_named(play, tmp_path):
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (["nod.py", "--degree", "3"], "Call nod with"),
-        (["nod.py", "3"], "'3' has no name"),
-        (["nod.py", "--degrees", "far"], "'far' is not of type 'integer'"),
+        (["nod.py", "degree=3"], "Call nod with"),
+        (["nod.py", "3"], "expected PARAMETER=VALUE"),
+        (["nod.py", "--times", "2"], "Write times=VALUE."),
+        (["nod.py", "degrees=far"], "'far' is not of type 'integer'"),
         (["nood"], "there is no skill 'nood'"),
     ],
 )

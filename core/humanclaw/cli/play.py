@@ -181,9 +181,9 @@ def _needed(plugins: Plugins, deciders: Deciders, backends: Backends, reference:
 
 
 def present(plugins: Plugins, backends: Backends, out: Path, folder: Path, film: str, console: Console) -> None:
-    """Let the installed reporters present the record, and print the paths of their files."""
+    """Let the installed reporters present the record, in order of their names, and print the paths of their files."""
     console.print(f"record: {folder}", soft_wrap=True)
-    for one in plugins.registered("reports"):
+    for one in sorted(plugins.registered("reports"), key=lambda one: one.name):
         reporter: Reporter = plugins.make("reports", one.name, film=film, renderer=backends.renderer)
         for name, path in reporter.write(out, RecordedEpisode(folder), plugins).items():
             console.print(f"{name}: {path}", soft_wrap=True)

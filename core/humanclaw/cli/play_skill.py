@@ -35,8 +35,8 @@ _STRIDE: Final = 0.4
 
 @click.command(context_settings={"ignore_unknown_options": True})
 @click.argument("target", metavar="FILE|FOLDER|NAME", shell_complete=names_of("skills"))
-@click.argument("words", nargs=-1, type=click.UNPROCESSED, metavar="[--PARAMETER VALUE | PARAMETER=VALUE]...")
-@click.option("--times", type=click.IntRange(1, 100), default=1, show_default=True, help="Calls in a row.")
+@click.argument("words", nargs=-1, type=click.UNPROCESSED, metavar="[PARAMETER=VALUE]...")
+@click.option("--calls", "count", type=click.IntRange(1, 100), default=1, show_default=True, help="Calls in a row.")
 @click.option(
     "--from",
     "beginning",
@@ -56,7 +56,7 @@ _STRIDE: Final = 0.4
 def play(
     target: str,
     words: Sequence[str],
-    times: int,
+    count: int,
     beginning: Beginning,
     skill: str,
     reference: str,
@@ -70,13 +70,10 @@ def play(
     files: tuple[Path, ...],
     choice: Choice,
 ) -> None:
-    """Play one skill with these parameters, and film it. No agent, no task.
-
-    A parameter that has the name of an option, such as times, is written times=2.
-    """
+    """Play one skill with these parameters, and film it. No agent, no task."""
     console = Console(markup=False, emoji=False, highlight=False)
     plugins, chosen = _found(target, skill, files, choice)
-    calls = [*_before(beginning, plugins), *[_call(chosen, words)] * times]
+    calls = [*_before(beginning, plugins), *[_call(chosen, words)] * count]
     backends = Backends(simulator, renderer, generator, sensors=("vision", "body", "touch"), prior=prior)
     scene = plugins.scene(reference)
     spec = free_episode(f"Play {calls[-1]}.", scene, seed=seed, max_steps=len(calls), name=f"{chosen.name}-{seed}")
@@ -141,15 +138,14 @@ def _call(skill: Skill, words: Sequence[str]) -> Call:
 
 
 def _pairs(words: Sequence[str]) -> Iterator[tuple[str, Any]]:
-    """Yield name and value of each parameter, from `--name value`, `--name=value` and `name=value`."""
-    left = iter(words)
-    for word in left:
-        name, equals, value = word.removeprefix("--").partition("=")
-        if not equals:
-            if not word.startswith("--"):
-                raise HumanclawError(f"{word!r} has no name.", "Write --PARAMETER VALUE or PARAMETER=VALUE.")
-            value = next(left, "")
-        yield name.replace("-", "_"), _value(value)
+    """Yield name and value of each parameter."""
+    for word in words:
+        name, equals, value = word.partition("=")
+        if not equals or not name.isidentifier():
+            meant = word[2:].split("=")[0].replace("-", "_") if word.startswith("--") else "PARAMETER"
+            told = f"expected PARAMETER=VALUE, or an option of `humanclaw play`; got {word!r}."
+            raise HumanclawError(told, f"Write {meant}=VALUE.")
+        yield name, _value(value)
 
 
 def _value(text: str) -> Any:

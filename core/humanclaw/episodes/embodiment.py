@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import threading
-import time
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from inspect import signature
@@ -17,7 +16,7 @@ from numpy.typing import NDArray
 from humanclaw.body.pose import FUTURE, Array, Motion, Pose2D, next_history, re_rooted
 from humanclaw.episodes.adapters import Adapters, untrained
 from humanclaw.episodes.backends import SENSORS, SHIPPED, VISION, Backends
-from humanclaw.episodes.execution import SkillExecution, Watcher, played_parts
+from humanclaw.episodes.execution import SkillExecution, Watcher, played_parts, working
 from humanclaw.episodes.sensors import checked
 from humanclaw.episodes.tools import Verified, body_tools
 from humanclaw.errors import HumanclawError, blaming
@@ -214,17 +213,17 @@ class Body:
         self._rise_frames = 0
         before, held, chunks, seconds = self._state.body, self._state.held, [], {"generate": 0.0, "simulate": 0.0}
         played: list[int] = []
-        cancelled, moment = False, time.perf_counter()
+        cancelled, moment = False, working()
         for number, commanded, left in self._chunks(skill, plan):
-            seconds["generate"] += time.perf_counter() - moment
-            moment = time.perf_counter()
+            seconds["generate"] += working() - moment
+            moment = working()
             chunks.append(self._simulate(commanded, plan[number]))
             played.append(number)
-            seconds["simulate"] += time.perf_counter() - moment
+            seconds["simulate"] += working() - moment
             if watch is not None and not watch(chunks[-1]) and left:
                 cancelled = True
                 break
-            moment = time.perf_counter()
+            moment = working()
         self.step += 1
         opened = {part.hand for part in plan if isinstance(part, Grip)}
         self._limits += [

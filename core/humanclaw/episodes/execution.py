@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -61,3 +63,13 @@ def played_parts(plan: Sequence[Part], numbers: Sequence[int]) -> tuple[PlayedPa
         for number, part in enumerate(plan)
         if number in numbers
     )
+
+
+def working() -> float:
+    """Return the time of time.perf_counter() on a clock that stands still while numba compiles, seconds.
+
+    Code is compiled once on a machine, and no step is slow because of it.
+    """
+    # An extra: only engines and renderers that are compiled have loaded it.
+    compiling = sys.modules.get("humanclaw.world.compiling")
+    return time.perf_counter() - (compiling.compiling_seconds() if compiling else 0.0)

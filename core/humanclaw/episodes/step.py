@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -11,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from humanclaw.body.pose import Array
-from humanclaw.episodes.execution import SkillExecution
+from humanclaw.episodes.execution import SkillExecution, working
 from humanclaw.records.decisions import Attempt, Verdict
 from humanclaw.records.steps import StepRecord
 from humanclaw.skills.call import Call
@@ -40,20 +39,20 @@ class Step:
 
     def ask(self) -> None:
         """Start the clock of a question."""
-        self.asked = time.perf_counter()
+        self.asked = working()
 
     def answered(self, part: str) -> None:
         """Enter the time of the open question, if there is one."""
         if self.asked is not None:
-            self._add(part, time.perf_counter() - self.asked)
+            self._add(part, working() - self.asked)
             self.asked = None
 
     @contextmanager
     def timed(self, part: str) -> Iterator[None]:
         """Enter the time of the block."""
-        began = time.perf_counter()
+        began = working()
         yield
-        self._add(part, time.perf_counter() - began)
+        self._add(part, working() - began)
 
     def _add(self, part: str, seconds: float) -> None:
         self.seconds[part] = self.seconds.get(part, 0.0) + seconds

@@ -148,8 +148,8 @@ def humanclaw_verifiers(register: Register[VerifierFactory]) -> None:
 
 @hookspec
 def humanclaw_reports(register: Register[ReporterFactory]) -> None:
-    """Register reporters, which present a recorded run: factory(film: str = "mp4", renderer: str = "raster") ->
-    Reporter."""
+    """Register reporters, which present a recorded run in order of their names: factory(film: str = "mp4",
+    renderer: str = "raster") -> Reporter."""
 
 
 @hookspec

@@ -3,9 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Final
 
 from numba import njit
+from numba.core.event import TimingListener, register
+
+_CLOCK: Final = TimingListener()  # type: ignore[no-untyped-call]
+register("numba:compile", _CLOCK)  # type: ignore[no-untyped-call]
+
+
+def compiling_seconds() -> float:
+    """Return the seconds that this process has spent compiling."""
+    return float(_CLOCK.duration) if _CLOCK.done else 0.0
 
 
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:

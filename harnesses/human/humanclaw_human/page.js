@@ -5,7 +5,7 @@
 /** @typedef {{name: string, description: string, minimum?: number, maximum?: number, value: number}} Parameter */
 /** @typedef {{name: string, description: string, parameters: Parameter[]}} Skill */
 /** @typedef {{leave: string, keys: Record<string, string>, words: Record<string, string>, skills: Skill[]}} Controls */
-/** @typedef {{step: number, of: number, instruction: string, feedback: string, past: [string, string][], between: number}} Moment */
+/** @typedef {{step: number, of: number, instruction: string, feedback: string, past: [string, string][], between: number, result?: string}} Moment */
 
 {
   const at = (/** @type {string} */ id) => /** @type {HTMLElement} */ (document.getElementById(id));
@@ -21,7 +21,7 @@
 
   /** Send a call, and show an error. @param {string} line */
   async function send(line) {
-    if (at("hint").dataset.gone) return;
+    if (at("acting").hidden) return;
     const told = seen.value.trim(), before = at("step").textContent;
     at("step").textContent = line === leave ? "You leave the episode." : `The body moves: ${line}`;
     const body = told && line !== leave ? `${line} # ${told}` : line;
@@ -62,18 +62,34 @@
     at("past").replaceChildren(...now.past.map(([call, result]) => made("li", `${call}: ${result}`)));
   }
 
+  /** Nothing can be called any more. @param {string} result @param {...(string | Node)} hint */
+  function end(result, ...hint) {
+    at("step").textContent = "The episode has ended.";
+    at("feedback").textContent = result;
+    at("hint").replaceChildren(...hint);
+    at("acting").hidden = at("leave").hidden = true;
+  }
+
+  /** Return a link to the replay once it is written. This page keeps a copy, since the server ends soon. */
+  async function replay() {
+    const answer = await fetch("replay");
+    if (!answer.ok) return "The replay is being made.";
+    return Object.assign(made("a", "Watch the replay"), { href: URL.createObjectURL(await answer.blob()), target: "_blank" });
+  }
+
   async function follow() {
+    const ended = at("acting").hidden;
     try {
       const told = await (await fetch("state", { cache: "no-store" })).text();
-      if (at("hint").dataset.gone) location.reload(); // Another episode is served here.
-      if (told !== shown && JSON.parse(told).step >= 0) show(JSON.parse(told));
+      const now = /** @type {Moment} */ (JSON.parse(told));
+      if (ended && !now.result) location.reload(); // Another episode is served here.
+      if (now.result) end(now.result, await replay());
+      else if (told !== shown && now.step >= 0) show(now);
       shown = told;
     } catch (error) {
-      at("hint").dataset.gone = "yes";
-      at("step").textContent = "The episode has ended.";
-      at("hint").textContent = "Its result and replay stand in the terminal. The next episode of a run appears here or in a new page.";
+      if (!ended) end("", "Its result and replay stand in the terminal. The next episode of a run appears here or in a new page.");
     }
-    setTimeout(follow, 200);
+    if (!at("hint").querySelector("a")) setTimeout(follow, 200);
   }
 
   at("keys").append(...Object.entries(keys).map(([key, line]) => {

@@ -6,6 +6,7 @@ import hmac
 import json
 import secrets
 import threading
+import weakref
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
@@ -18,8 +19,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from humanclaw import CallError
-from humanclaw.cli import Handler, Server
+from humanclaw import CallError, RecordedEpisode
+from humanclaw.cli import Handler, Server, summary
+from humanclaw.plugins import Installed
 from humanclaw.storage import jpeg
 
 _LONGEST: Final = 4000
@@ -27,6 +29,10 @@ _LONGEST: Final = 4000
 _SECRET: Final = secrets.token_urlsafe(16)
 """First part of every path, so that only this user can see the page and press its keys: not other users of this
 machine, nor other pages of the browser. One for all episodes of a process, so that the page can go on with the next."""
+_OPEN: Final[weakref.WeakSet[Window]] = weakref.WeakSet()
+"""Pages of this process. A reporter is made anew for each record and knows no agent."""
+_TAKING: Final = 3.0
+"""Seconds for an open page to fetch the replay before the process ends."""
 LEAVE: Final = "leave the episode"
 """The line of a person who leaves the episode."""
 
@@ -85,7 +91,9 @@ class Window:
         self._asking = threading.Lock()
         """Free while the page may submit a call. It is held while the body moves, so that keys have no effect then."""
         self._asking.acquire()  # No episode has begun yet.
+        self._replay, self._taken = Path(), threading.Event()
         self._server = Server(self._handler(), port)
+        _OPEN.add(self)
         threading.Thread(target=self._server.serve_forever, daemon=True).start()
 
     @property
@@ -116,7 +124,15 @@ class Window:
         """Accept no call until the next picture, because one has come from the terminal."""
         self._asking.acquire(blocking=False)
 
+    def end(self, result: str, replay: Path) -> None:
+        """Show how the episode ended. replay: the HTML file of its replay, which may be written later."""
+        self._replay = replay
+        self._state = {"step": 0, "result": result}
+
     def close(self) -> None:
+        """End the server, once an open page has the replay."""
+        if self.visited and self._replay.is_file():
+            self._taken.wait(_TAKING)
         self._server.shutdown()
         self._server.server_close()
 
@@ -129,6 +145,8 @@ class Window:
                     window.visited = True
                     content, kind = window._content(place)
                     self.answer(HTTPStatus.OK if content else HTTPStatus.NOT_FOUND, content, kind)
+                    if place == "replay" and content:
+                        window._taken.set()
 
             def post(self) -> None:
                 line = self.body(_LONGEST).decode("utf-8", "replace")
@@ -164,6 +182,8 @@ class Window:
             return self._page(), "text/html; charset=utf-8"
         if path == "state":
             return json.dumps(self._state).encode(), "application/json"
+        if path == "replay" and self._replay.is_file():
+            return self._replay.read_bytes(), "text/html; charset=utf-8"
         pictures = {"view.jpg": self._picture} | {f"between-{k}.jpg": one for k, one in enumerate(self._between)}
         return (pictures[path], "image/jpeg") if path in pictures else (b"", "text/plain")
 
@@ -173,6 +193,16 @@ class Window:
         page = _source("page.html").replace("STYLE", _source("page.css"), 1).replace("SCRIPT", _source("page.js"), 1)
         # "<" is escaped, since a description of a skill may hold "</script>".
         return page.replace("CONTROLS", json.dumps(told).replace("<", "\\u003c"), 1).encode()
+
+
+class Result:
+    """The reporter that ends the pages of this process."""
+
+    def write(self, run: Path, episode: RecordedEpisode, plugins: Installed) -> dict[str, Path]:
+        """Show the result, and report.html of the run once another reporter has written it. Writes no file."""
+        for window in _OPEN:
+            window.end(summary(episode.record, episode.steps), run / "report.html")
+        return {}
 
 
 def _source(name: str) -> str:

@@ -40,7 +40,7 @@ def window(lines):
 
 
 @pytest.mark.parametrize(("width", "scheme"), [(390, "dark"), (1400, "light")])
-def test_keys_buttons_and_the_form_are_calls(window, lines, width, scheme):
+def test_keys_buttons_and_the_form_are_calls_until_the_replay(window, lines, tmp_path, width, scheme):
     axe = pytest.importorskip("axe_playwright_python.sync_playwright").Axe()
     with pytest.importorskip("playwright.sync_api").sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
@@ -69,8 +69,16 @@ def test_keys_buttons_and_the_form_are_calls(window, lines, width, scheme):
         serious = [one["id"] for one in axe.run(tab).response["violations"] if one["impact"] in ("serious", "critical")]
         assert not serious
         assert not errors
-        window.close()
+        window.end("stopped after 3 steps.", tmp_path / "report.html")
         tab.wait_for_function("document.getElementById('step').textContent === 'The episode has ended.'")
         tab.keyboard.press("ArrowUp")
         assert tab.text_content("#step") == "The episode has ended."
+        assert tab.text_content("#feedback") == "stopped after 3 steps."
+        assert tab.locator("#keys").is_hidden()
+        (tmp_path / "report.html").write_text("<title>The replay</title>")
+        tab.locator("#hint a").wait_for()
+        window.close()
+        with tab.context.expect_page() as opened:
+            tab.click("#hint a")
+        assert opened.value.title() == "The replay", "also when the server has ended"
         browser.close()

@@ -132,6 +132,15 @@ def test_a_call_is_taken_while_one_is_waited_for(window, pressed):
     assert pressed == ["walk 0 40 0 # a chair"]
 
 
+def test_the_page_ends_with_the_result_and_then_the_replay(window, tmp_path):
+    window.show(PICTURE, Moment(0, 9, "Find a chair."))
+    window.end("stopped after 3 steps.", tmp_path / "report.html")
+    assert json.load(urlopen(window.address + "state"))["result"] == "stopped after 3 steps."
+    assert answered(window.address + "replay") == 404, "it is still being made"
+    (tmp_path / "report.html").write_text("a replay")
+    assert urlopen(window.address + "replay").read() == b"a replay"
+
+
 @pytest.mark.parametrize("path", ["/", "/state", "/view.jpg", "/call", "/x/state", "/x/call", "//call", "/call/"])
 def test_who_does_not_know_the_address_sees_and_presses_nothing(window, pressed, path):
     window.show(PICTURE, Moment(0, 9, "Find a chair."))

@@ -90,14 +90,13 @@ def _rate(status: RunStatus) -> str:
 
 
 def foresight(forecast: Forecast) -> str:
-    """Return the estimate: "Estimate for the remaining 97 episodes: 5 h 50 min and $50.00 (from the first 3)."."""
-    hours, minutes = divmod(round(forecast.seconds / 60), 60)
-    time = f"{hours} h {minutes} min" if hours else f"{max(1, minutes)} min"
+    """Return the estimate: "Estimate for the remaining 97 episodes: 5:50:00 and $50.00 (from the first 3)."."""
     money = f" and ${forecast.cost:.2f}" if forecast.cost else ""
     tokens = forecast.tokens and not forecast.cost
     unknown = f" The cost is unknown: the {forecast.tokens:,} tokens so far have no known price." if tokens else ""
     others = "episode" if forecast.left == 1 else f"{forecast.left} episodes"
-    return f"Estimate for the remaining {others}: {time}{money} (from the first {forecast.episodes}).{unknown}"
+    left = f"{_clock(forecast.seconds)}{money}"
+    return f"Estimate for the remaining {others}: {left} (from the first {forecast.episodes}).{unknown}"
 
 
 def _spent(status: RunStatus) -> str:

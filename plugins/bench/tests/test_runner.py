@@ -4,6 +4,7 @@ import errno
 import io
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -92,7 +93,7 @@ def test_what_a_run_will_take_is_told_after_three_episodes_and_no_ends_it_there(
     job = Job("walker", {}, backends=TOY, files=(toy_world.FILE,))
     status = run_split(toy_world.specs(6), job, Here(), tmp_path, plugins=toys, go_on=no)
     assert (status.done, status.stopped, len(told)) == (3, True, 1)
-    assert told[0].startswith("Estimate for the remaining 3 episodes: 1 min")
+    assert re.match(r"Estimate for the remaining 3 episodes: 0:00:\d\d ", told[0])
     assert run_split(toy_world.specs(6), job, Here(), tmp_path, plugins=toys).done == 6
 
 
@@ -168,7 +169,10 @@ def test_on_a_terminal_only_a_rest_that_costs_money_or_takes_long_is_asked_about
 
 def test_foresight_tells_time_and_money():
     forecast = Forecast(3, 96, seconds=4 * 3600.0, cost=48.0)
-    assert foresight(forecast) == "Estimate for the remaining 96 episodes: 4 h 0 min and $48.00 (from the first 3)."
+    assert foresight(forecast) == "Estimate for the remaining 96 episodes: 4:00:00 and $48.00 (from the first 3)."
+    assert (
+        foresight(Forecast(3, 2, seconds=8.2)) == "Estimate for the remaining 2 episodes: 0:00:08 (from the first 3)."
+    )
 
 
 def test_a_price_that_is_not_known_is_said_to_be_so():

@@ -16,7 +16,7 @@ from humanclaw import EpisodeRecord, RecordedEpisode, RecordError, Scene, StepRe
 from humanclaw.cli import Handler, Server
 from humanclaw.records import FRAME_BYTES, RECORD_BYTES, STEPS_BYTES
 from humanclaw.storage import Folder
-from humanclaw_report.episode_page import environment
+from humanclaw_report.episode_page import environment, episode_page
 from humanclaw_report.facts import episodes_asked
 from humanclaw_report.maps import path_maps
 from humanclaw_report.report import Houses
@@ -28,6 +28,7 @@ LIVE: Final = 4
 _NAME: Final = r"[A-Za-z0-9_-][A-Za-z0-9._-]*"
 _FRAME: Final = re.compile(rf"/frame/({_NAME})/({_NAME}\.jpg)")
 _MAP: Final = re.compile(rf"/map/({_NAME})")
+_REPLAY: Final = re.compile(rf"/replay/({_NAME})")
 
 
 @dataclass
@@ -79,6 +80,15 @@ class Watcher:
         template = environment().get_template("live_map.html")
         return template.render(maps=maps, house=storeys if house.scene else (), words=name, parts=())
 
+    def replay(self, name: str) -> str:
+        """Return the page of an episode that has ended, complete in one file; empty if there is no such episode."""
+        try:
+            episode = RecordedEpisode(self.place(name))
+        except RecordError:
+            return ""
+        page = episode.folder / "page.html"  # Not written: small enough views and films are in the page.
+        return episode_page(episode, self.houses.of(episode), page) if episode.has_motion else ""
+
     def frame(self, name: str, file: str) -> bytes:
         """Return a view of an episode as JPEG; empty if there is no such file."""
         try:
@@ -111,6 +121,7 @@ def _row(folder: Folder) -> dict[str, Any] | None:
         "distance": last.target_distance if last else None,
         "frame": f"/frame/{name}/{frame}" if frame else "",
         "map": f"/map/{name}?{len(lines)}",
+        "replay": f"/replay/{name}" if folder.has("motion.npz") else "",
     }
 
 
@@ -153,5 +164,7 @@ def _content(watcher: Watcher, path: str) -> tuple[bytes, str]:
         return page.encode(), "text/html; charset=utf-8"
     if match := _FRAME.fullmatch(path):
         return watcher.frame(*match.groups()), "image/jpeg"
-    match = _MAP.fullmatch(path)
-    return watcher.drawn(match[1]).encode() if match else b"", "text/html; charset=utf-8"
+    for pattern, made in ((_MAP, watcher.drawn), (_REPLAY, watcher.replay)):
+        if match := pattern.fullmatch(path):
+            return made(match[1]).encode(), "text/html; charset=utf-8"
+    return b"", "text/plain"

@@ -56,8 +56,23 @@ def test_the_view_and_the_map_of_an_episode_are_served(served: tuple[int, Path])
     assert b'class="wall"' in drawn
 
 
+def test_the_replay_of_an_episode_that_has_ended_is_served_in_one_file(served: tuple[int, Path]) -> None:
+    status, page = get(served[0], "/replay/couch-0")
+    assert status == 200
+    assert b'id="stage"' in page
+    assert b"humanclawHouse" in page
+    assert get(served[0], "/replay/couch-2")[0] == 404
+
+
 @pytest.mark.parametrize(
-    "path", ["/frame/couch-0/../../secret.jpg", "/frame/couch-0/%2e%2e%2f%2e%2e%2fsecret.jpg", "/frame/no/0.jpg", "/x"]
+    "path",
+    [
+        "/frame/couch-0/../../secret.jpg",
+        "/frame/couch-0/%2e%2e%2f%2e%2e%2fsecret.jpg",
+        "/frame/no/0.jpg",
+        "/replay/..",
+        "/x",
+    ],
 )
 def test_nothing_but_views_of_the_run_can_be_read(served: tuple[int, Path], path: str) -> None:
     assert get(served[0], path)[0] == 404

@@ -3,7 +3,7 @@
 "use strict";
 
 {
-  /** @typedef {{id: string, instruction: string, outcome: string, steps: number, call: string, reasoning: string, distance: number | null, frame: string, map: string}} Row */
+  /** @typedef {{id: string, instruction: string, outcome: string, steps: number, call: string, reasoning: string, distance: number | null, frame: string, map: string, replay: string}} Row */
   /** @typedef {{ended: number, episodes: number, asked: number, rows: Row[], live: number}} State */
 
   const at = (/** @type {string} */ id) => /** @type {HTMLElement} */ (document.getElementById(id));
@@ -16,10 +16,13 @@
     return element;
   };
 
+  const linked = (/** @type {string} */ text, /** @type {string} */ href) => Object.assign(made("a", text), { href, target: "_blank" });
+
   /** @param {Row} row */
   const line = (row) => {
     const cells = [made("th", row.id), made("td", row.outcome.replace("_", " ")), made("td", String(row.steps), "num"), made("td", row.call)];
     cells[0].setAttribute("scope", "row");
+    if (row.replay) cells[0].replaceChildren(linked(row.id, row.replay));
     const element = document.createElement("tr");
     element.append(...cells, made("td", row.distance === null ? "" : `${row.distance.toFixed(2)} m`, "num"));
     return element;
@@ -58,6 +61,7 @@
     if (row.frame && !picture.src.endsWith(row.frame)) picture.src = row.frame;
     const said = /** @type {HTMLElement} */ (element.querySelector(".said"));
     said.textContent = row.steps ? `Step ${row.steps - 1}, ${row.call}: ${row.reasoning}` : "";
+    if (row.replay) said.append(" ", linked("Watch the replay", row.replay));
     element.dataset.map = row.map;
     if (!element.dataset.drawing) draw(element);
     return element;
