@@ -37,6 +37,8 @@ def command(
     plugins = Plugins.discover(files, choice)
     rewards = {name: float(weight) for name, weight in parse_pairs(weights).items()} or None
     gym = partial(Gym, tasks, rewards, options=parse_pairs(pairs), agent="openenv", plugins=plugins)
-    gym().close()  # Refuses wrong names and options before anybody connects.
+    with gym() as first:
+        # Refuses wrong names and options, and compiles the renderer, before anybody connects and waits.
+        first.reset(0)
     click.echo(f"http://{host}:{port}")
     serve(gym, sessions, host, port)
