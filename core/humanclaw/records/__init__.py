@@ -30,7 +30,6 @@ if TYPE_CHECKING:
         close_record as close_record,
         write_record as write_record,
     )
-    from humanclaw.records.limits import Meter as Meter
     from humanclaw.records.goals import (
         answered as answered,
         brought as brought,
@@ -38,6 +37,7 @@ if TYPE_CHECKING:
         lies_on as lies_on,
         opened as opened,
     )
+    from humanclaw.records.limits import Meter as Meter
     from humanclaw.records.outcomes import (
         FLOOR_THRESHOLD as FLOOR_THRESHOLD,
         REACHED as REACHED,

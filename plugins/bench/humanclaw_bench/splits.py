@@ -84,7 +84,7 @@ def candidates(
     """
     rng = np.random.default_rng([*np.atleast_1d(seed), number])
     floors = MultiFloorMap.of(scene)
-    room = np.stack([_roomy(grid) for grid in floors.grids])
+    room = np.stack([roomy(grid) for grid in floors.grids])
     for category in CATEGORIES:
         ways, usable = DistanceField.of(floors, _goals(floors, scene, category)), room
         if category in SEATS:
@@ -93,7 +93,7 @@ def candidates(
             yield _candidate(scene, ways, category, place, round(float(rng.uniform(-np.pi, np.pi)), 3))
 
 
-def _roomy(grid: OccupancyGrid) -> NDArray[np.bool_]:
+def roomy(grid: OccupancyGrid) -> NDArray[np.bool_]:
     """Return the cells of a floor where a body can stand still; none on stairs."""
     if grid.slope is not None:
         return np.zeros(grid.blocked.shape, bool)
