@@ -11,10 +11,10 @@ from typing import Final
 
 import numpy as np
 
-from humanclaw import Call, EpisodeContext
+from humanclaw import Call, EpisodeContext, Scene
 from humanclaw.body import JOINT_INDEX, Array, Pose2D, matrix_from_quaternion, wrap_angle
 from humanclaw.skills import Side
-from humanclaw.world import SceneObject, Slide, Viewpoint, WorldState, viewpoints
+from humanclaw.world import OccupancyGrid, SceneObject, Slide, Viewpoint, WorldState, room_at, viewpoints
 from humanclaw_scripted.calls import answering, gripping, reaching
 from humanclaw_scripted.oracle import OracleAgent
 from humanclaw_scripted.truth import PelvisPose, box
@@ -28,11 +28,17 @@ _BESIDE: Final = 0.16
 """Metres from the middle of the body to what a hand works on."""
 _AT_HAND: Final = (0.3, 0.56)
 """Metres ahead of the hips between which hands work well."""
-_CARRIED: Final = (0.24, 1.1, 0.4)
+_OVER_IT: Final = (0.36, 0.6)
+"""The same of a place to lay something down."""
+_CARRIED: Final = (0.1, 1.1, 0.3)
 """Aside, over the floor and ahead: where a hand carries a thing, metres."""
-_TRIES: Final = ((0.0, 0.0), (-0.025, 0.0), (0.0, 0.05), (0.0, -0.05), (-0.025, 0.04))
+_TRIES: Final = ((-0.02, 0.0), (-0.02, 0.05), (-0.02, -0.05), (0.01, 0.0), (-0.04, 0.03))
 """Metres outwards and ahead that a hand is elsewhere in one try after the other."""
 _HOVER: Final = 0.14
+_ROOM: Final = 0.2
+"""Metres that are free around a place to stand."""
+_EASY: Final = float(np.radians(40))
+"""Turn in a call that a full hand stands."""
 _STEP: Final = {True: 0.3, False: 0.15}
 """How far a hand takes a door (radians) or a drawer (metres) with a call."""
 _OPEN: Final = 0.1
@@ -89,15 +95,21 @@ class HandyOracle(OracleAgent):
                 )
             yield Call(self._stop), "The task is complete."
 
+    def _choose(self, pose: PelvisPose) -> bool:
+        if super()._choose(pose):
+            return True
+        self._memory.given_up = set()  # What failed from all places may work from the first one now.
+        return super()._choose(pose)
+
     # -- walking -------------------------------------------------------------------------------------------------------
     def _stands(self) -> list[Viewpoint]:
         return super()._stands() if self._spec.goal is None else self._wanted()
 
-    def _walk_to(self, stands: Stands) -> Script:
-        """Walk to the place with the shortest way; another one after each call of this that none was there."""
+    def _walk_to(self, stands: Stands, goes_on: Callable[[], bool] = lambda: True) -> Script:
+        """Walk to the place with the shortest way, as long as it makes sense."""
         memory = self._memory
         self._wanted, memory.way, memory.arrived, memory.blocked = stands, [], False, 0
-        while not self._stands_there():
+        while goes_on() and not self._stands_there():
             yield self._go(self._state(), PelvisPose.of(self._state()))
 
     def _stands_there(self) -> bool:
@@ -130,6 +142,9 @@ class HandyOracle(OracleAgent):
             else:
                 return
 
+    def _turn(self, angle: float) -> Call:
+        return super()._turn(float(np.clip(angle, -_EASY, _EASY)) if self._state().held else angle)
+
     # -- hands ---------------------------------------------------------------------------------------------------------
     def _to(self, side: Side, place: Array, why: str) -> tuple[Call, str]:
         """Return a call that brings a hand to a place (3,) in the body's frame."""
@@ -146,8 +161,8 @@ class HandyOracle(OracleAgent):
 
     # -- carrying ------------------------------------------------------------------------------------------------------
     def _carry(self, thing: int, place: int) -> Script:
-        for attempt in range(4):
-            side = _SIDES[attempt % 2]
+        for attempt in range(6):
+            side = _SIDES[attempt // 2 % 2]
             yield from self._walk_to(lambda: self._near(thing))
             yield from self._take(thing, side)
             if not self._in_hand(thing):
@@ -155,19 +170,21 @@ class HandyOracle(OracleAgent):
                 continue
             yield from self._lift(thing, side)
             self._memory.given_up = set()
-            yield from self._walk_to(lambda: self._near(place))
-            yield from self._put(thing, place, side)
+            yield from self._walk_to(lambda: self._near(place), lambda: self._in_hand(thing))
+            if self._in_hand(thing):
+                yield from self._put(thing, place, side)
             if self._lies(thing, place):
                 return
             self._memory.given_up = set()
 
     def _near(self, key: int) -> list[Viewpoint]:
         """Return places to stand at an object, where it is now."""
-        found = viewpoints(self._memory.floors, self._scene, key)
         low, high = box(self._scene, self._state(), key)
-        return [
-            one for one in found if np.linalg.norm(np.clip(one.point, low[[0, 2]], high[[0, 2]]) - one.point) < _FAR
-        ]
+        if np.allclose(low, self._scene.aabb(key)[0], atol=0.05):
+            found = viewpoints(self._memory.floors, self._scene, key)
+            return [one for one in found if one.gap < _FAR]
+        grids = [grid for grid in self._memory.floors.floors if -0.1 < low[1] - grid.floor < 2.0]
+        return [one for grid in grids for one in _around(self._scene, grid, key, low, high)]
 
     def _extent(self, key: int) -> tuple[Here, Array, Array]:
         """Return the body's frame, and the corners (3,) of an object's box in it."""
@@ -209,19 +226,23 @@ class HandyOracle(OracleAgent):
         yield self._to(side, here.hand(side) + [0.0, 0.22, -0.05], "I lift it.")
         yield self._back(0.25), "I step back with it."
         deep = max(0.0, float(high[2] - low[2]) / 2 - 0.1)
-        for _ in range(2):
-            yield self._to(side, np.array([_CARRIED[0] * out, _CARRIED[1], _CARRIED[2] + deep]), "I hold it before me.")
+        yield self._to(side, np.array([_CARRIED[0] * out, _CARRIED[1], _CARRIED[2] + deep]), "I hold it before me.")
 
     def _put(self, thing: int, place: int, side: Side) -> Script:
         """Lay what a hand holds on a piece of furniture."""
         spot = self._spot(thing, place)
-        yield from self._face(lambda: spot, lambda: float(self._extent(thing)[1:][0][0] + self._extent(thing)[1:][1][0]) / 2,
-                              (0.36, 0.6))  # fmt: skip
+
+        def aside() -> float:
+            _, low, high = self._extent(thing)
+            return float(low[0] + high[0]) / 2
+
+        yield from self._face(lambda: spot, aside, _OVER_IT)
         for above in (_HOVER, _HOVER, 0.03, 0.01):
-            yield self._over(thing, spot, side, above)
+            if self._in_hand(thing):
+                yield self._over(thing, spot, side, above)
         for _ in range(2):
             low, _ = box(self._scene, self._state(), thing)
-            if low[1] - spot[1] > 0.04 or not self._above(thing, place):
+            if self._in_hand(thing) and (low[1] - spot[1] > 0.04 or not self._above(thing, place)):
                 yield self._over(thing, spot, side, 0.005)
         yield self._grip(side, "release")
         here = Here.of(self._state())
@@ -261,7 +282,7 @@ class HandyOracle(OracleAgent):
     # -- opening -------------------------------------------------------------------------------------------------------
     def _open(self, leaves: Sequence[SceneObject], share: float) -> Script:
         handles = [Handle.of(self._scene.hulls, leaf) for leaf in leaves]
-        for attempt in range(6):
+        for _ in range(6):
             before = {(s.x, s.z): (handle, side) for handle in handles for s, side in self._before(handle)}
             yield from self._walk_to(lambda: [s for handle in handles for s, _ in self._before(handle)])
             assert self._memory.stand is not None
@@ -299,7 +320,7 @@ class HandyOracle(OracleAgent):
         out = 1.0 if side == "left" else -1.0
         key, wide = handle.obj.id, handle.wide
         yield from self._square(handle, out)
-        for attempt in range(3):
+        for _ in range(3):
             yield from self._hold(handle, side)
             for _ in range(14):
                 if not self._in_hand(key) or handle.share(self._state()) > share + _OPEN:
@@ -407,3 +428,14 @@ class Handle:
         """Return a price (metres) for a place (3,) that a door swings over."""
         middle = (self.at(self.obj.state) + self.at(self.wide)) / 2
         return 0.3 if float(np.linalg.norm((place - middle)[[0, 2]])) < 0.35 else 0.0
+
+
+def _around(scene: Scene, grid: OccupancyGrid, key: int, low: Array, high: Array) -> Iterator[Viewpoint]:
+    """Yield free places around a box (3,), in its room."""
+    first, last = grid.cell(low[[0, 2]] - _FAR), grid.cell(high[[0, 2]] + _FAR) + 1
+    points = grid.point(np.argwhere(grid.clearance[first[0] : last[0], first[1] : last[1]] >= _ROOM) + first)
+    ways = np.clip(points, low[[0, 2]], high[[0, 2]]) - points
+    x, z = ((low + high) / 2)[[0, 2]].tolist()
+    for point, way, gap in zip(points, ways, np.linalg.norm(ways, axis=1), strict=True):
+        if gap < _FAR and room_at(scene, *point.tolist(), grid.floor) == room_at(scene, x, z, grid.floor):
+            yield Viewpoint(key, *point.tolist(), float(np.arctan2(*way)), float(gap), floor=grid.floor)

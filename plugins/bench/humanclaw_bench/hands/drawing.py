@@ -25,6 +25,8 @@ Family = Literal["bring", "tidy", "open", "look"]
 FAMILIES: Final[tuple[Family, ...]] = ("bring", "tidy", "open", "look")
 EACH: Final = 75
 """Episodes of each family in `hands`; 15 of them in `mini-hands`, 1 in `smoke-hands`."""
+STEPS: Final[Mapping[Family, int]] = {"bring": 150, "tidy": 150, "open": 100, "look": 100}
+"""Decisions at most: what is carried takes two ways."""
 FAR: Final = 0.5
 """Metres from where a body can stand to a thing at most, so that an arm reaches it."""
 OPEN: Final = 0.5
@@ -123,7 +125,7 @@ class Task:
 
 
 def tasks(house: House, rng: np.random.Generator) -> Iterator[Task]:
-    """Yield the tasks of a house in random order: for each thing one place, for each piece of furniture one question."""
+    """Yield the tasks of a house in random order: a place for each thing, a question for each piece of furniture."""
     for number in rng.permutation(len(house.scene.objects)).tolist():
         obj = house.scene.objects[number]
         if obj.movable and obj.joint is None and obj.mass and obj.category in _BRING | _TIDY:
@@ -144,7 +146,8 @@ def _carrying(house: House, thing: SceneObject, rng: np.random.Generator) -> Ite
     if not places:
         return
     place = places[int(rng.integers(len(places)))]
-    words = f"{'put' if family == 'bring' else 'tidy up: put'} {name} {'that lies on the floor ' * (family == 'tidy')}on {house.phrase(place)}."
+    lies = f"{name} that lies on the floor" if family == "tidy" else name
+    words = f"{'tidy up: ' * (family == 'tidy')}put {lies} on {house.phrase(place)}."
     yield Task(family, words, thing.category, Goal(things=(thing.id,), on=place.id), (place.id,))
 
 
@@ -186,7 +189,7 @@ def _wide(leaf: SceneObject) -> float:
 
 # -- episodes ----------------------------------------------------------------------------------------------------------
 def episodes(scene: Scene, number: int, seed: int = 0) -> Iterator[EpisodeSpec]:
-    """Yield an episode of each task of a house, and three of things: from starts a metre away or more, each with a way."""
+    """Yield an episode of each task of a house, three of things, from starts a metre away or more that lead there."""
     rng, house = np.random.default_rng([seed, number, 38]), House(scene)
     room = np.stack([roomy(grid) for grid in house.floors.grids])
     for task in tasks(house, rng):
@@ -201,7 +204,7 @@ def episodes(scene: Scene, number: int, seed: int = 0) -> Iterator[EpisodeSpec]:
             yield EpisodeSpec(
                 id=task.family, instruction=task.words, scene=scene.name, scene_digest=scene.digest,
                 start=Pose2D(x=east, z=north, yaw=yaw, floor=grid.floor), target_category=task.category,
-                target_ids=task.targets, goal=task.goal,
+                target_ids=task.targets, goal=task.goal, max_steps=STEPS[task.family],
                 difficulty=route_difficulty(scene, ways.path(place), float(ways.at(place))),
             )  # fmt: skip
 
