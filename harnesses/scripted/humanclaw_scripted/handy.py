@@ -435,7 +435,8 @@ def _around(scene: Scene, grid: OccupancyGrid, key: int, low: Array, high: Array
     first, last = grid.cell(low[[0, 2]] - _FAR), grid.cell(high[[0, 2]] + _FAR) + 1
     points = grid.point(np.argwhere(grid.clearance[first[0] : last[0], first[1] : last[1]] >= _ROOM) + first)
     ways = np.clip(points, low[[0, 2]], high[[0, 2]]) - points
-    x, z = ((low + high) / 2)[[0, 2]].tolist()
-    for point, way, gap in zip(points, ways, np.linalg.norm(ways, axis=1), strict=True):
-        if gap < _FAR and room_at(scene, *point.tolist(), grid.floor) == room_at(scene, x, z, grid.floor):
-            yield Viewpoint(key, *point.tolist(), float(np.arctan2(*way)), float(gap), floor=grid.floor)
+    east, north = ((low + high) / 2)[[0, 2]].tolist()
+    room = room_at(scene, east, north, grid.floor)
+    for (x, z), way, gap in zip(points.tolist(), ways, np.linalg.norm(ways, axis=1), strict=True):
+        if gap < _FAR and room_at(scene, x, z, grid.floor) == room:
+            yield Viewpoint(key, x, z, float(np.arctan2(*way)), float(gap), floor=grid.floor)
