@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from engines import BULLET
 
+import humanclaw_skill_crouch
 import humanclaw_skill_gaze
 import humanclaw_skill_handle
 import humanclaw_skill_hands
@@ -52,7 +53,7 @@ class Own:
 @pytest.fixture(scope="module")
 def plugins():
     found = Plugins.discover()
-    for module in (humanclaw_skill_hands, humanclaw_skill_handle, humanclaw_skill_gaze):
+    for module in (humanclaw_skill_crouch, humanclaw_skill_gaze, humanclaw_skill_handle, humanclaw_skill_hands):
         found.add(module, module.__name__)
     found.add(Own(), "own")
     found.add(Fakes(), FAKE)
@@ -136,6 +137,23 @@ def test_a_hand_takes_a_cup_carries_it_through_every_locomotion_skill_and_sits_w
 def matrix_up(pose):
     x, _, z, _ = pose[3:]
     return 1 - 2 * (x * x + z * z)
+
+
+@both
+def test_a_crouching_body_takes_a_thing_from_the_floor_and_rises_with_it(plugins, engine):
+    room = Room(table=False)
+    block = room.put((0.1, 0.12, 0.1), (-0.22, 0, 0.4))
+    with room.body(plugins, engine) as body:
+        body.call("crouch", h_cm=60)
+        assert joint(body, "pelvis")[1] == pytest.approx(0.6, abs=0.01)
+        back = -joint(body, "pelvis")[2]
+        for height in (30, 11, 11):
+            reach(body, "right", -31, height, round(100 * (0.36 + back)))
+        body.call("grasp", side="right")
+        body.call("crouch", h_cm=90)
+        assert body.state().held == {"right": block}
+        assert joint(body, "pelvis")[1] == pytest.approx(0.9, abs=0.02)
+        assert thing(body, block)[1] > 0.4
 
 
 @both

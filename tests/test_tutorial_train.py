@@ -17,7 +17,7 @@ from environments import like_this
 
 PAGE = Path(__file__).parents[1] / "docs" / "tutorial-train.md"
 CLIPS = os.environ.get("HUMANCLAW_HDM05", "")
-SKILL = Path("humanclaw-skill-crouch/humanclaw_skill_crouch/crouch")
+SKILL = Path("humanclaw-skill-squat/humanclaw_skill_squat/squat")
 slow = pytest.mark.skipif(
     not (os.environ.get("HUMANCLAW_SLOW") and CLIPS),
     reason="trains for minutes: HUMANCLAW_SLOW=1 HUMANCLAW_HDM05=FOLDER",
@@ -50,7 +50,7 @@ def test_every_command_of_the_page_does_what_the_page_says(tmp_path):
         done = subprocess.run(command, shell=True, cwd=folder, env=environment, stdout=subprocess.PIPE, text=True)
         assert done.returncode == 0, f"{command}\n{done.stdout}"
         told = done.stdout
-    assert '"crouch"' in told
+    assert '"squat"' in told
     (row,) = json.loads((tmp_path / SKILL / "fidelity.json").read_text())["rows"]
     assert abs(row["generated"]["mean"] - 1) < 0.05
     assert row["generated"]["std"] < 0.06

@@ -30,6 +30,13 @@ if TYPE_CHECKING:
         close_record as close_record,
         write_record as write_record,
     )
+    from humanclaw.records.goals import (
+        answered as answered,
+        brought as brought,
+        is_met as is_met,
+        lies_on as lies_on,
+        opened as opened,
+    )
     from humanclaw.records.limits import Meter as Meter
     from humanclaw.records.outcomes import (
         FLOOR_THRESHOLD as FLOOR_THRESHOLD,
@@ -57,6 +64,7 @@ if TYPE_CHECKING:
     from humanclaw.records.specification import (
         Difficulty as Difficulty,
         EpisodeSpec as EpisodeSpec,
+        Goal as Goal,
         Record as Record,
         name_of as name_of,
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Container, Sequence, Set
 from typing import Final
 
+from humanclaw.records.goals import is_met
 from humanclaw.records.reading import RecordedEpisode
 from humanclaw.records.sighting import acknowledges as acknowledges
 from humanclaw.records.specification import EpisodeSpec
@@ -55,7 +56,10 @@ def stopped_seated(spec: EpisodeSpec, steps: Sequence[StepRecord], sits: Contain
 
 
 def succeeded(spec: EpisodeSpec, steps: Sequence[StepRecord], sits: Container[str]) -> bool:
-    """Tell whether an episode succeeded: stopped on the target if the task is to sit, otherwise within reach."""
+    """Tell whether an episode succeeded: its goal met at an active stop; else stopped on the target if the task is to
+    sit, otherwise within reach."""
+    if spec.goal is not None:
+        return is_met(spec.goal, steps)
     return stopped_seated(spec, steps, sits) if spec.interact else stopped_within_reach(steps)
 
 

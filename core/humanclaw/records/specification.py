@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import re
-from typing import Annotated, Final
+from typing import Annotated, Any, Final
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, SerializerFunctionWrapHandler, model_serializer
 
 from humanclaw.body.pose import Pose2D
 
@@ -38,6 +38,21 @@ class Difficulty(Record):
     """Mean number of objects within a metre of the way."""
 
 
+class Goal(Record):
+    """What the hands are to bring about."""
+
+    things: Annotated[tuple[int, ...], Field(min_length=1)]
+    """Ids of the objects to act on; any one of them will do."""
+    on: int | None = None
+    """Id of the object that a thing is to lie on, let go."""
+    share: Annotated[float, Field(ge=0, le=1)] = 0.0
+    """How far a thing is to be opened, as a share of the way to wide open."""
+    ways: dict[int, tuple[float, float]] = {}
+    """By id of a thing on a joint: its state at the start, and that in which it is wide open (radians or metres)."""
+    answer: str = ""
+    """The words with which an active stop is to answer."""
+
+
 def _on_the_map(start: Pose2D) -> Pose2D:
     """Raise ValueError for a start so far away that floats lose millimetres."""
     if max(map(abs, (start.x, start.z, start.floor))) > _FARTHEST:
@@ -65,6 +80,14 @@ class EpisodeSpec(Record):
     seed: Annotated[int, Field(ge=0)] = 0
     difficulty: Difficulty | None = None
     """Given for the episodes of a split."""
+    goal: Goal | None = None
+    """What the hands are to bring about; None for a task of walking and sitting."""
+
+    @model_serializer(mode="wrap")
+    def _without_goal(self, write: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Leave out a goal that there is none of: digests of splits and records without hands stay as they were."""
+        found: dict[str, Any] = write(self)
+        return found if found.get("goal") is not None else {key: found[key] for key in found if key != "goal"}
 
     @property
     def told(self) -> EpisodeSpec:

@@ -178,7 +178,7 @@ class SkillInfo:
     __pydantic_config__: ClassVar = STRICT
 
     role: str
-    """locomotion, sit, posture, gesture or stop."""
+    """One of humanclaw.skills.ROLES."""
     owner: str = ""
     """The plugin that brought it."""
     version: str = ""

@@ -24,10 +24,10 @@ from humanclaw.errors import PluginError
 from humanclaw.storage.files import MIB, read_file
 from humanclaw.text.json import once
 
-Role = Literal["locomotion", "sit", "posture", "gesture", "stop"]
+Role = Literal["locomotion", "sit", "posture", "gesture", "grasp", "release", "stop"]
 """The purpose of a skill: `locomotion` takes the body somewhere or turns it, `sit` lowers it onto a seat, `posture`
-changes how it stands, `gesture` moves limbs in place, `stop` declares the task complete and ends
-the episode."""
+changes how it stands, `gesture` moves limbs in place, `grasp` closes a hand and `release` opens it, `stop` declares the
+task complete and ends the episode."""
 ROLES: Final[tuple[Role, ...]] = get_args(Role)
 _UNITS: Final = MappingProxyType({"_cm": 0.01, "_deg": pi / 180})
 _SI_UNITS: Final = MappingProxyType({"_cm": "m", "_deg": "rad"})

@@ -42,10 +42,10 @@ def humanclaw_verifiers(register: Register[VerifierFactory]) -> None:
 
 
 def _oracle(options: Mapping[str, Any]) -> Agent:
+    from humanclaw_scripted.handy import HandyOracle
     from humanclaw_scripted.options import OracleOptions
-    from humanclaw_scripted.oracle import OracleAgent
 
-    return OracleAgent(OracleOptions.of(options).words)
+    return HandyOracle(OracleOptions.of(options).words)
 
 
 def _random(options: Mapping[str, Any]) -> Agent:

@@ -69,6 +69,8 @@ def _draw(part: Mapping[str, Any], rng: np.random.Generator) -> Any:
         return part["enum"][int(rng.integers(len(part["enum"])))]
     if part.get("type") == "boolean":
         return bool(rng.integers(2))
+    if part.get("type") == "string":
+        return str(rng.choice(["yes", "no"]))
     low, high = part.get("minimum", 0), part.get("maximum", 10)
     return int(rng.integers(low, high + 1)) if part.get("type") == "integer" else float(rng.uniform(low, high))
 

@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from humanclaw import Call, PluginError, Skill
-from humanclaw.skills import Parameter, Role, from_si, suited
+from humanclaw.skills import Parameter, Role, Side, from_si, suited
 
 WALK: Final = ("hips.left", "hips.forward", "heading.left")
 TURN: Final = ("heading.left",)
@@ -20,6 +20,7 @@ BACK: Final = ("hips.back",)
 UP: Final = ("hips.rise", "hips.forward")
 DOWN: Final = ("hips.drop", "hips.forward")
 SIT: Final = ("hips.height",)
+HAND: Final = ("hand.left", "hand.up", "hand.ahead")
 """Measures that the parameters of a skill command, for each kind of motion that agents ask for."""
 TURN_FIRST: Final = float(np.radians(60))
 """Heading error above which an agent turns on the spot before it walks, radians. One fifth less jerk than with
@@ -38,7 +39,7 @@ would not touch it."""
 
 def ending(skills: Mapping[str, Skill]) -> str:
     """Return the name of the skill that ends an episode. Raises PluginError if there is none."""
-    found = [name for name, skill in skills.items() if skill.role == "stop"]
+    found = [name for name, one in skills.items() if one.role == "stop" and not one.schema.get("required")]
     if not found:
         raise PluginError("no installed skill ends an episode.", "Install humanclaw-skill-stop.")
     return found[0]
@@ -69,6 +70,39 @@ def asking(skills: Mapping[str, Skill], measures: Sequence[str], amounts: Sequen
     """
     skill, asked = skill_for(skills, measures), dict(zip(measures, amounts, strict=True))
     return Call(skill.name, {one.key: _within(one, asked.get(one.measure, 0.0)) for one in skill.parameters})
+
+
+def reaching(skills: Mapping[str, Skill], side: Side, place: Sequence[float]) -> Call:
+    """Return a call that brings a hand to a place, left, up and ahead in metres, or to the nearest that is allowed."""
+    found = suited((skill.declaration for skill in skills.values()), *HAND, role="gesture")
+    if found is None:
+        raise PluginError("the oracle needs a skill that moves a hand.", "Install the extra hands.")
+    amounts = dict(zip(HAND, place, strict=True))
+    params = {one.key: _within(one, amounts[one.measure]) for one in found.parameters if one.measure in amounts}
+    return Call(found.skill, {**params, **_of_side(skills[found.skill], side)})
+
+
+def gripping(skills: Mapping[str, Skill], role: Role, side: Side) -> Call:
+    """Return a call that closes or opens a hand. role: grasp or release."""
+    found = next((skill for skill in skills.values() if skill.role == role), None)
+    if found is None:
+        raise PluginError(f"the oracle needs a skill of role {role}.", "Install the extra hands.")
+    return Call(found.name, _of_side(found, side))
+
+
+def answering(skills: Mapping[str, Skill], words: str) -> Call:
+    """Return a call that answers and so ends an episode."""
+    for skill in skills.values():
+        texts = [key for key, part in skill.schema.get("properties", {}).items() if part.get("type") == "string"]
+        if skill.role == "stop" and texts:
+            return Call(skill.name, {texts[0]: words})
+    raise PluginError("the oracle needs a skill that answers.", "Install the extra hands.")
+
+
+def _of_side(skill: Skill, side: Side) -> dict[str, Side]:
+    """Return the parameter that names a side."""
+    parts = skill.schema.get("properties", {}).items()
+    return {key: side for key, part in parts if {"left", "right"} == set(part.get("enum", ()))}
 
 
 def _within(parameter: Parameter, amount: float) -> int:

@@ -121,6 +121,10 @@ class OracleAgent:
             return self._after_sitting(state)
         if not self._spec.interact and self._distance(state) <= STOP_DISTANCE:
             return Call(self._stop), "I am within reach of the target, so the task is complete."
+        return self._go(state, pose)
+
+    def _go(self, state: WorldState, pose: PelvisPose) -> tuple[Call, str]:
+        """Take one step to the standing place, and on from there."""
         if self._memory.blocked >= 2:
             return self._break_free(pose)
         if not self._memory.way and not self._choose(pose):
@@ -130,15 +134,16 @@ class OracleAgent:
             return self._climb(pose, part)
         if len(self._memory.way) > 1:
             return self._to_stairs(state, pose, part)
+        return self._at_stand(pose)
+
+    def _at_stand(self, pose: PelvisPose) -> tuple[Call, str]:
         return self._seat(pose) if self._spec.interact else self._reach(pose)
 
     def _choose(self, pose: PelvisPose) -> bool:
         """Pick the target and the standing place with the cheapest route; False if there is none."""
         memory = self._memory
         routes = Routes.of(memory.floors, pose.root)
-        sit = self._spec.interact
-        stands = [s for key in self._spec.target_ids for s in viewpoints(memory.floors, self._scene, key, sit=sit)]
-        stands = [s for s in stands if (s.x, s.z) not in memory.given_up]
+        stands = [s for s in self._stands() if (s.x, s.z) not in memory.given_up]
         prices = routes.to(np.array([s.place for s in stands]).reshape(-1, 3)) + [6.0 * s.gap for s in stands]
         if not len(stands) or not np.isfinite(prices).any():
             return False
@@ -151,13 +156,18 @@ class OracleAgent:
                 skill_for(self._context.skills, needed)
         return bool(memory.way)
 
+    def _stands(self) -> list[Viewpoint]:
+        """Return places to stand at the targets."""
+        sit, floors = self._spec.interact, self._memory.floors
+        return [s for key in self._spec.target_ids for s in viewpoints(floors, self._scene, key, sit=sit)]
+
     # on stairs
     def _to_stairs(self, state: WorldState, pose: PelvisPose, part: LevelSegment) -> tuple[Call, str]:
         """Walk on this floor to the next stairs."""
         if np.linalg.norm(pose.point - part.path[-1]) > 0.2:
             return self._follow(pose, part)
         self._memory.way.pop(0)
-        return self._act(state, pose)
+        return self._go(state, pose)
 
     def _climb(self, pose: PelvisPose, run: StairRun) -> tuple[Call, str]:
         """Take one step up or down from the true place of the body: contact shortens some steps."""
@@ -165,7 +175,7 @@ class OracleAgent:
         k = int(np.argmin(np.abs(run.levels - (pose.root[1] - STANDING_HEIGHT))))
         if k == len(run.edges):
             self._memory.way.pop(0)
-            return self._act(self._state(), pose)
+            return self._go(self._state(), pose)
         word = "up" if run.levels[-1] > run.levels[0] else "down"
         error = float(wrap_angle(run.yaw - pose.yaw))
         if abs(error) > np.radians(8 if k == 0 else 12):

@@ -297,6 +297,8 @@ def failed_stage(scores: Scores) -> Stage | None:
     """
     if not scores.finished or scores.outcome == "plugin_error" or scores.success is None or scores.success:
         return None
+    if scores.done is not None:  # Causes of tasks for hands are in humanclaw_bench.hands.
+        return None
     if not scores.find:
         return "find"
     return "interact" if scores.nav else "nav"

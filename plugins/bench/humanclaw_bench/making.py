@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor
 from functools import partial
 from itertools import groupby
@@ -19,6 +19,7 @@ from humanclaw import EpisodeSpec, Plugins
 from humanclaw.cli import Console, parse_pairs
 from humanclaw.plugins import Tasks
 from humanclaw.records import write_episodes
+from humanclaw_bench.hands.drawing import choose, episodes
 from humanclaw_bench.splits import (
     DEV_HOUSES,
     HOUSES,
@@ -30,6 +31,8 @@ from humanclaw_bench.splits import (
     summary,
 )
 from humanclaw_bench.training import TOGETHER
+
+Draw = Callable[..., list[EpisodeSpec]]
 
 
 @click.command()
@@ -59,10 +62,11 @@ from humanclaw_bench.training import TOGETHER
 @click.option("--task", default="train", show_default=True, metavar="NAME", help="Source of the training tasks.")
 @click.option("--option", "pairs", multiple=True, metavar="KEY=VALUE",
               help="Of that source, such as houses=40, difficulty=easy, category=couch (repeatable).")  # fmt: skip
+@click.option("--hands", is_flag=True, help="Make the splits for hands instead.")
 @click.option("--workers", type=click.IntRange(1), default=1, show_default=True, help="Houses at a time.")
 def make(
     out: Path, starts: int, seed: int, secret: int | None, train: int | None, task: str,
-    pairs: tuple[str, ...], workers: int,
+    pairs: tuple[str, ...], hands: bool, workers: int,
 ) -> None:  # fmt: skip
     """Make the splits from seeds, a hidden test, or training tasks."""
     _refuse_unused(secret, train)
@@ -71,6 +75,8 @@ def make(
             made: Mapping[str, Sequence[EpisodeSpec]] = _training(
                 pool, task, parse_pairs(pairs), range(seed, seed + train)
             )
+        elif hands:
+            made = choose(_drawn(pool, HOUSES, 0, (seed,), _for_hands))
         elif secret is None:
             made = make_splits(_drawn(pool, (*HOUSES, *DEV_HOUSES), starts, (seed,)))
         else:
@@ -92,14 +98,20 @@ def _refuse_unused(secret: int | None, train: int | None) -> None:
         raise click.UsageError("--task and --option are of training tasks: add --train N.")
 
 
-def _drawn(pool: Executor, houses: Sequence[str], starts: int, seed: Sequence[int]) -> list[EpisodeSpec]:
-    """Return the candidates of some houses."""
-    found = pool.map(partial(_candidates, starts=starts, seed=seed), houses, range(len(houses)))
+def _drawn(
+    pool: Executor, houses: Sequence[str], starts: int, seed: Sequence[int], draw: Draw | None = None
+) -> list[EpisodeSpec]:
+    """Return the candidates of some houses. draw: how; as for val by default."""
+    found = pool.map(partial(draw or _candidates, starts=starts, seed=seed), houses, range(len(houses)))
     return [spec for house in _shown(found, len(houses)) for spec in house]
 
 
 def _candidates(house: str, number: int, starts: int, seed: Sequence[int]) -> list[EpisodeSpec]:
     return list(candidates(Plugins.discover().scene(house), number, starts=starts, seed=seed))
+
+
+def _for_hands(house: str, number: int, starts: int, seed: Sequence[int]) -> list[EpisodeSpec]:
+    return list(episodes(Plugins.discover().scene(house), number, seed[0]))
 
 
 def _training(

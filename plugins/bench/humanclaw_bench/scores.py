@@ -29,6 +29,7 @@ from humanclaw.records import (
     end_distance,
     ever_reached,
     in_view,
+    is_met,
     on_target,
     reached,
     role_of,
@@ -212,6 +213,8 @@ class Scores:
     """Further labels of a failure, after its root cause (attribution.also)."""
     extra: Mapping[str, float] = field(default_factory=dict)
     """Metrics of plugins (hook humanclaw_metrics), by name."""
+    done: bool | None = None
+    """Whether the goal for hands was met; None without one."""
 
     @property
     def finished(self) -> bool:
@@ -225,6 +228,8 @@ class Scores:
     @property
     def success(self) -> bool | None:
         """Whether the last stage of the task was met; None for an unscored instruction."""
+        if self.done is not None:
+            return self.done
         return self.nav if self.interact is None else self.interact
 
 
@@ -284,6 +289,7 @@ def score(recorded: RecordedEpisode, extra: Extra | None = None) -> Scores:
         sequences=sum(len(step.parts) > 1 for step in steps),
         conditions=conditions_of(record),
         also="",
+        done=None if spec.goal is None else is_met(spec.goal, steps),
         extra={name: _measured(name, measure, recorded) for name, measure in (extra or {}).items()},
     )
 

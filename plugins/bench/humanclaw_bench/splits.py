@@ -28,6 +28,8 @@ from humanclaw.world import CELL, DistanceField, MultiFloorMap, OccupancyGrid, g
 from humanclaw_bench.difficulty import THRESHOLDS, TIERS, overall, tiers
 
 SPLITS: Final = ("val", "val-400", "mini", "smoke", "dev")
+HANDS: Final = ("hands", "mini-hands", "smoke-hands")
+"""Splits of the extension for hands (humanclaw_bench.hands); no part of the paper's."""
 DATA: Final = Path(str(importlib.resources.files("humanclaw_bench"))) / "data"
 """Folder of the splits in the package."""
 HOUSES: Final = tuple(f"house:{number}" for number in range(41))
@@ -60,17 +62,18 @@ APART: Final = 1.0
 # -- reading -----------------------------------------------------------------------------------------------------------
 def complete_split(context: object, parameter: object, begun: str) -> list[str]:
     """Return the splits whose name begins so, for completion in a shell."""
-    return [name for name in SPLITS if name.startswith(begun)]
+    return [name for name in (*SPLITS, *HANDS) if name.startswith(begun)]
 
 
 def load_split(name: str) -> tuple[EpisodeSpec, ...]:
-    """Return the episodes of a split in SPLITS, or of a file.
+    """Return the episodes of a split in SPLITS or HANDS, or of a file.
 
     Raises HumanclawError if there is none or it is malformed.
     """
-    if name not in SPLITS and not Path(name).exists():
-        raise HumanclawError(f"there is no split {name}.", f"Name one of {', '.join(SPLITS)}, or a file of episodes.")
-    return read_episodes(DATA / f"{name}.jsonl" if name in SPLITS else Path(name))
+    known = (*SPLITS, *HANDS)
+    if name not in known and not Path(name).exists():
+        raise HumanclawError(f"there is no split {name}.", f"Name one of {', '.join(known)}, or a file of episodes.")
+    return read_episodes(DATA / f"{name}.jsonl" if name in known else Path(name))
 
 
 # -- candidates --------------------------------------------------------------------------------------------------------
@@ -84,7 +87,7 @@ def candidates(
     """
     rng = np.random.default_rng([*np.atleast_1d(seed), number])
     floors = MultiFloorMap.of(scene)
-    room = np.stack([_roomy(grid) for grid in floors.grids])
+    room = np.stack([roomy(grid) for grid in floors.grids])
     for category in CATEGORIES:
         ways, usable = DistanceField.of(floors, _goals(floors, scene, category)), room
         if category in SEATS:
@@ -93,7 +96,7 @@ def candidates(
             yield _candidate(scene, ways, category, place, round(float(rng.uniform(-np.pi, np.pi)), 3))
 
 
-def _roomy(grid: OccupancyGrid) -> NDArray[np.bool_]:
+def roomy(grid: OccupancyGrid) -> NDArray[np.bool_]:
     """Return the cells of a floor where a body can stand still; none on stairs."""
     if grid.slope is not None:
         return np.zeros(grid.blocked.shape, bool)

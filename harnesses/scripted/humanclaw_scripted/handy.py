@@ -1,0 +1,442 @@
+"""The oracle's hands: it carries things, opens furniture and answers, from the true state of the scene.
+
+A script is a generator of calls. Each call is worked out from the state as it is then.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from humanclaw import Call, EpisodeContext, Scene
+from humanclaw.body import JOINT_INDEX, Array, Pose2D, matrix_from_quaternion, wrap_angle
+from humanclaw.skills import Side
+from humanclaw.world import OccupancyGrid, SceneObject, Slide, Viewpoint, WorldState, room_at, viewpoints
+from humanclaw_scripted.calls import answering, gripping, reaching
+from humanclaw_scripted.oracle import OracleAgent
+from humanclaw_scripted.truth import PelvisPose, box
+
+Script = Iterator[tuple[Call, str]]
+Stands = Callable[[], list[Viewpoint]]
+_SIDES: Final[tuple[Side, Side]] = ("right", "left")
+_FAR: Final = 0.55
+"""Metres from a place to stand to what an arm reaches from there."""
+_BESIDE: Final = 0.16
+"""Metres from the middle of the body to what a hand works on."""
+_AT_HAND: Final = (0.3, 0.56)
+"""Metres ahead of the hips between which hands work well."""
+_OVER_IT: Final = (0.36, 0.6)
+"""The same of a place to lay something down."""
+_CARRIED: Final = (0.1, 1.1, 0.3)
+"""Aside, over the floor and ahead: where a hand carries a thing, metres."""
+_TRIES: Final = ((-0.02, 0.0), (-0.02, 0.05), (-0.02, -0.05), (0.01, 0.0), (-0.04, 0.03))
+"""Metres outwards and ahead that a hand is elsewhere in one try after the other."""
+_HOVER: Final = 0.14
+_ROOM: Final = 0.2
+"""Metres that are free around a place to stand."""
+_EASY: Final = float(np.radians(40))
+"""Turn in a call that a full hand stands."""
+_STEP: Final = {True: 0.3, False: 0.15}
+"""How far a hand takes a door (radians) or a drawer (metres) with a call."""
+_OPEN: Final = 0.1
+"""Share of the way by which a thing is opened farther than it has to be."""
+
+
+@dataclass(frozen=True, eq=False)
+class Here:
+    """The body's frame, as its hands are told places in it."""
+
+    frame: Pose2D
+    body: PelvisPose
+    joints: Array
+    """(24, 3) in this frame."""
+    state: WorldState
+
+    @classmethod
+    def of(cls, state: WorldState) -> Here:
+        last = state.body[-1:]
+        frame = Pose2D.of(last)
+        return cls(frame, PelvisPose.of(state), frame.point_to_local(last.joints()[0]), state)
+
+    def local(self, points: Array) -> Array:
+        """Return (..., 3) world points in this frame."""
+        return self.frame.point_to_local(points)
+
+    def hand(self, side: Side) -> Array:
+        """Return the knuckles (3,)."""
+        return np.asarray(self.joints[JOINT_INDEX[f"{side}_hand"]])
+
+
+class HandyOracle(OracleAgent):
+    """The oracle, with hands for episodes that have a goal for them."""
+
+    def begin(self, context: EpisodeContext) -> None:
+        super().begin(context)
+        self._script = self._play()
+
+    def _act(self, state: WorldState, pose: PelvisPose) -> tuple[Call, str]:
+        return super()._act(state, pose) if self._spec.goal is None else next(self._script)
+
+    def _play(self) -> Script:
+        goal = self._spec.goal
+        assert goal is not None
+        if goal.on is not None:
+            yield from self._carry(goal.things[0], goal.on)
+        else:
+            yield from self._open([self._scene.by_id[key] for key in goal.things], goal.share)
+        while True:
+            if goal.answer:
+                yield (
+                    answering(self._context.skills, goal.answer),
+                    f"I have looked inside: the answer is {goal.answer}.",
+                )
+            yield Call(self._stop), "The task is complete."
+
+    def _choose(self, pose: PelvisPose) -> bool:
+        if super()._choose(pose):
+            return True
+        self._memory.given_up = set()  # What failed from all places may work from the first one now.
+        return super()._choose(pose)
+
+    # -- walking -------------------------------------------------------------------------------------------------------
+    def _stands(self) -> list[Viewpoint]:
+        return super()._stands() if self._spec.goal is None else self._wanted()
+
+    def _walk_to(self, stands: Stands, goes_on: Callable[[], bool] = lambda: True) -> Script:
+        """Walk to the place with the shortest way, as long as it makes sense."""
+        memory = self._memory
+        self._wanted, memory.way, memory.arrived, memory.blocked = stands, [], False, 0
+        while goes_on() and not self._stands_there():
+            yield self._go(self._state(), PelvisPose.of(self._state()))
+
+    def _stands_there(self) -> bool:
+        memory, pose = self._memory, PelvisPose.of(self._state())
+        if len(memory.way) != 1 or memory.stand is None or memory.blocked >= 2:
+            return False
+        return self._arrived(pose, memory.stand, 0.12)
+
+    def _at_stand(self, pose: PelvisPose) -> tuple[Call, str]:
+        return super()._at_stand(pose) if self._spec.goal is None else self._follow(pose, self._last)
+
+    def _give_up_stand(self) -> None:
+        if self._memory.stand is not None:
+            self._memory.given_up.add((self._memory.stand.x, self._memory.stand.z))
+
+    def _face(self, point: Callable[[], Array], aside: Callable[[], float], near: Sequence[float] = _AT_HAND) -> Script:
+        """Turn and step until a point (3,) is at hand. aside: where it is to be to the left, metres."""
+        low, high = near
+        for _ in range(8):
+            here = Here.of(self._state())
+            left, _, ahead = here.local(point())
+            far = max(float(np.hypot(left, ahead)), abs(aside()) + 0.01)
+            error = float(np.arctan2(left, ahead)) - float(np.arcsin(np.clip(aside() / far, -1, 1)))
+            if abs(error) > np.radians(10):
+                yield self._turn(error), "I turn to what I want to take hold of."
+            elif ahead > high and self._memory.blocked < 1:
+                yield self._walk(0.0, min(0.25, max(0.1, ahead - high + 0.04)), 0.0), "I step closer."
+            elif ahead < low:
+                yield self._back(min(0.25, low - ahead + 0.06)), "I make room for my arm."
+            else:
+                return
+
+    def _turn(self, angle: float) -> Call:
+        return super()._turn(float(np.clip(angle, -_EASY, _EASY)) if self._state().held else angle)
+
+    # -- hands ---------------------------------------------------------------------------------------------------------
+    def _to(self, side: Side, place: Array, why: str) -> tuple[Call, str]:
+        """Return a call that brings a hand to a place (3,) in the body's frame."""
+        return reaching(self._context.skills, side, place.tolist()), why
+
+    def _grip(self, side: Side, role: str) -> tuple[Call, str]:
+        closes = role == "grasp"
+        return gripping(self._context.skills, "grasp" if closes else "release", side), (
+            "It is before my palm: I close my hand." if closes else "I let go."
+        )
+
+    def _in_hand(self, key: int) -> bool:
+        return key in self._state().held.values()
+
+    # -- carrying ------------------------------------------------------------------------------------------------------
+    def _carry(self, thing: int, place: int) -> Script:
+        for attempt in range(6):
+            side = _SIDES[attempt // 2 % 2]
+            yield from self._walk_to(lambda: self._near(thing))
+            yield from self._take(thing, side)
+            if not self._in_hand(thing):
+                self._give_up_stand()
+                continue
+            yield from self._lift(thing, side)
+            self._memory.given_up = set()
+            yield from self._walk_to(lambda: self._near(place), lambda: self._in_hand(thing))
+            if self._in_hand(thing):
+                yield from self._put(thing, place, side)
+            if self._lies(thing, place):
+                return
+            self._memory.given_up = set()
+
+    def _near(self, key: int) -> list[Viewpoint]:
+        """Return places to stand at an object, where it is now."""
+        low, high = box(self._scene, self._state(), key)
+        if np.allclose(low, self._scene.aabb(key)[0], atol=0.05):
+            found = viewpoints(self._memory.floors, self._scene, key)
+            return [one for one in found if one.gap < _FAR]
+        grids = [grid for grid in self._memory.floors.floors if -0.1 < low[1] - grid.floor < 2.0]
+        return [one for grid in grids for one in _around(self._scene, grid, key, low, high)]
+
+    def _extent(self, key: int) -> tuple[Here, Array, Array]:
+        """Return the body's frame, and the corners (3,) of an object's box in it."""
+        here = Here.of(self._state())
+        points = here.local(self._scene.vertices(key, here.state.objects.get(key)))
+        return here, points.min(0), points.max(0)
+
+    def _middle(self, key: int) -> Array:
+        low, high = box(self._scene, self._state(), key)
+        return np.asarray((low + high) / 2)
+
+    def _take(self, thing: int, side: Side) -> Script:
+        """Close a hand on a thing."""
+        out = 1.0 if side == "left" else -1.0
+        _, low, high = self._extent(thing)
+        wide = float(high[0] - low[0]) / 2
+        yield from self._face(lambda: self._middle(thing), lambda: out * max(0.05, _BESIDE - wide / 2))
+        for outwards, ahead in _TRIES:
+            here, low, high = self._extent(thing)
+            beside = (high[0] if out > 0 else low[0]) + out * (0.03 + outwards)
+            height = max(low[1] + 0.05, min((low[1] + high[1]) / 2, low[1] + 0.25), 0.1)
+            at = np.array([beside, height, (low[2] + high[2]) / 2 - 0.04 + ahead])
+            over = at + [0.06 * out, max(_HOVER, high[1] + 0.1 - height), -0.08]
+            yield self._to(side, over, "I bring my hand over it.")
+            if here.hand(side)[1] < high[1]:
+                yield self._to(side, over, "I bring my hand over it.")
+            yield self._to(side, at + [0.04 * out, 0.0, 0.0], "I bring my hand beside it.")
+            yield self._to(side, at, "I bring my palm to it.")
+            if float(np.linalg.norm(Here.of(self._state()).hand(side) - at)) > 0.04:
+                yield self._to(side, at, "I bring my palm to it.")
+            yield self._grip(side, "grasp")
+            if self._in_hand(thing):
+                return
+
+    def _lift(self, thing: int, side: Side) -> Script:
+        """Raise what a hand holds, step back from what it lay on, and hold it before the body."""
+        out = 1.0 if side == "left" else -1.0
+        here, low, high = self._extent(thing)
+        yield self._to(side, here.hand(side) + [0.0, 0.22, -0.05], "I lift it.")
+        yield self._back(0.25), "I step back with it."
+        deep = max(0.0, float(high[2] - low[2]) / 2 - 0.1)
+        yield self._to(side, np.array([_CARRIED[0] * out, _CARRIED[1], _CARRIED[2] + deep]), "I hold it before me.")
+
+    def _put(self, thing: int, place: int, side: Side) -> Script:
+        """Lay what a hand holds on a piece of furniture."""
+        spot = self._spot(thing, place)
+
+        def aside() -> float:
+            _, low, high = self._extent(thing)
+            return float(low[0] + high[0]) / 2
+
+        yield from self._face(lambda: spot, aside, _OVER_IT)
+        for above in (_HOVER, _HOVER, 0.03, 0.01):
+            if self._in_hand(thing):
+                yield self._over(thing, spot, side, above)
+        for _ in range(2):
+            low, _ = box(self._scene, self._state(), thing)
+            if self._in_hand(thing) and (low[1] - spot[1] > 0.04 or not self._above(thing, place)):
+                yield self._over(thing, spot, side, 0.005)
+        yield self._grip(side, "release")
+        here = Here.of(self._state())
+        out = 1.0 if side == "left" else -1.0
+        yield self._to(side, here.hand(side) + [0.08 * out, 0.05, -0.05], "I take my hand away.")
+        yield self._to(side, here.hand(side) + [0.08 * out, 0.25, -0.15], "I take my hand away.")
+
+    def _over(self, thing: int, spot: Array, side: Side, above: float) -> tuple[Call, str]:
+        """Return a call that brings what a hand holds so far above a spot (3,)."""
+        here, low, high = self._extent(thing)
+        held = np.array([(low[0] + high[0]) / 2, low[1], (low[2] + high[2]) / 2])
+        due = here.local(spot) + [0.0, above, 0.0]
+        return self._to(side, here.hand(side) + due - held, "I bring it to its place.")
+
+    def _above(self, thing: int, place: int) -> bool:
+        middle, (low, high) = self._middle(thing), box(self._scene, self._state(), place)
+        return bool(((low < middle) & (middle < high))[[0, 2]].all())
+
+    def _lies(self, thing: int, place: int) -> bool:
+        low, top = box(self._scene, self._state(), thing)[0], box(self._scene, self._state(), place)[1]
+        return self._above(thing, place) and abs(float(low[1] - top[1])) < 0.05
+
+    def _spot(self, thing: int, place: int) -> Array:
+        """Return where a thing fits on top of a piece of furniture, nearest to the body, (3,)."""
+        state, own = self._state(), box(self._scene, self._state(), thing)
+        (low, high), half = box(self._scene, state, place), (own[1] - own[0])[[0, 2]].max() / 2
+        room = np.minimum(half + 0.04, (high - low)[[0, 2]] / 2 - 0.01)
+        xs, zs = (np.linspace(low[k] + room[j], high[k] - room[j], 25) for j, k in enumerate((0, 2)))
+        spots = np.stack(np.meshgrid(xs, zs), -1).reshape(-1, 2)
+        others = [box(self._scene, state, obj.id) for obj in self._scene.objects if obj.id not in (thing, place)]
+        there = [(a, b) for a, b in others if a[1] < high[1] + 0.3 and b[1] > high[1] + 0.01]
+        gaps = [np.maximum(np.maximum(a[[0, 2]] - spots, spots - b[[0, 2]]).max(1), 0.0) for a, b in there]
+        crowded = np.min(gaps, axis=0) < half + 0.02 if gaps else np.zeros(len(spots), bool)
+        x, z = spots[np.argmin(np.linalg.norm(spots - PelvisPose.of(state).point, axis=1) + 10.0 * crowded)]
+        return np.array([x, high[1], z])
+
+    # -- opening -------------------------------------------------------------------------------------------------------
+    def _open(self, leaves: Sequence[SceneObject], share: float) -> Script:
+        handles = [Handle.of(self._scene.hulls, leaf) for leaf in leaves]
+        for _ in range(6):
+            before = {(s.x, s.z): (handle, side) for handle in handles for s, side in self._before(handle)}
+            yield from self._walk_to(lambda: [s for handle in handles for s, _ in self._before(handle)])
+            assert self._memory.stand is not None
+            stand = self._memory.stand
+            handle, side = before[stand.x, stand.z]
+            yield from self._pull(handle, side, share)
+            if handle.share(self._state()) > share:
+                return
+            self._give_up_stand()
+            yield self._back(0.3), "I try from another place."
+
+    def _before(self, handle: Handle) -> list[tuple[Viewpoint, Side]]:
+        """Return places from which a hand reaches a handle, with the hand; the best first."""
+        found = []
+        ahead = handle.out
+        yaw = float(np.arctan2(-ahead[0], -ahead[2]))
+        left = np.array([np.cos(yaw), 0.0, -np.sin(yaw)])
+        for far in (0.62, 0.72, 0.54):
+            for side, out in (("left", 1.0), ("right", -1.0)):
+                for more in (0.0, 0.1, -0.1):
+                    place = handle.at(handle.obj.state) + far * ahead - left * out * (0.2 + more)
+                    x, z = float(place[0]), float(place[2])
+                    for grid in self._memory.floors.floors:
+                        level = -0.1 < handle.at(handle.obj.state)[1] - grid.floor < 2.2
+                        if level and grid.at(grid.clearance, np.array([x, z])) >= 0.2:
+                            clash = handle.inside(place)
+                            view = Viewpoint(
+                                handle.obj.id, x, z, yaw, abs(far - 0.62) + abs(more) + clash, floor=grid.floor
+                            )
+                            found.append((view, side))
+        return found  # type: ignore[return-value]
+
+    def _pull(self, handle: Handle, side: Side, share: float) -> Script:
+        """Take a handle, and pull it until the thing is open."""
+        out = 1.0 if side == "left" else -1.0
+        key, wide = handle.obj.id, handle.wide
+        yield from self._square(handle, out)
+        for _ in range(3):
+            yield from self._hold(handle, side)
+            for _ in range(14):
+                if not self._in_hand(key) or handle.share(self._state()) > share + _OPEN:
+                    break
+                yield self._drawn(handle, side, wide)
+            if self._in_hand(key):
+                yield self._grip(side, "release")
+            if handle.share(self._state()) > share:
+                break
+        here = Here.of(self._state())
+        yield self._to(side, here.hand(side) + [0.1 * out, 0.05, -0.1], "I take my hand away.")
+
+    def _square(self, handle: Handle, out: float) -> Script:
+        """Stand square to a front, its handle at hand."""
+        yaw = float(np.arctan2(-handle.out[0], -handle.out[2]))
+        for _ in range(8):
+            here = Here.of(self._state())
+            left, _, ahead = here.local(handle.now(here.state))
+            error = float(wrap_angle(yaw - here.frame.yaw))
+            if abs(error) > np.radians(8):
+                yield self._turn(error), "I square up to it."
+            elif ahead > 0.7 and self._memory.blocked < 1:
+                yield self._walk(0.0, min(0.25, max(0.1, ahead - 0.64)), 0.0), "I step closer."
+            elif ahead < 0.45:
+                yield self._back(max(0.1, 0.55 - ahead)), "I make room for my arm."
+            elif abs(left - 0.2 * out) > 0.14:
+                yield self._side(float(left - 0.2 * out)), "I step in front of its handle."
+            else:
+                return
+
+    def _hold(self, handle: Handle, side: Side) -> Script:
+        for _, ahead in _TRIES[:4]:
+            for gap in (0.16, 0.07 - ahead / 2, 0.06 - ahead / 2):
+                here = Here.of(self._state())
+                at = here.local(handle.now(here.state)) - [0.0, 0.0, gap]
+                yield self._to(side, at, "I bring my hand to it.")
+            yield self._grip(side, "grasp")
+            if self._in_hand(handle.obj.id):
+                return
+
+    def _drawn(self, handle: Handle, side: Side, wide: float) -> tuple[Call, str]:
+        """Return a call that takes a handle farther on its way."""
+        here, now = Here.of(self._state()), handle.state(self._state())
+        there = now + float(np.clip(wide - now, -handle.step, handle.step))
+        due = here.hand(side) + here.local(handle.at(there)) - here.local(handle.at(now))
+        if due[2] < 0.22:
+            return self._back(0.2), "I step back with it."
+        return self._to(side, due, "I pull.")
+
+
+@dataclass(frozen=True, eq=False)
+class Handle:
+    """Where a door, a drawer or a lid is taken hold of."""
+
+    obj: SceneObject
+    point: Array
+    """(3,) in the frame of its asset."""
+
+    @classmethod
+    def of(cls, hulls: Callable[[int, Array], list[Array]], obj: SceneObject) -> Handle:
+        """Return the spot of a front that is farthest from its hinge, at the height of a hand."""
+        joint = obj.joint
+        assert joint is not None
+        still = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
+        points = np.concatenate(hulls(obj.id, still))
+        low, high = points.min(0), points.max(0)
+        x, y = (low[0] + high[0]) / 2, high[1] - 0.05
+        if not isinstance(joint, Slide) and abs(joint.axis[1]) > 0.5:
+            x = low[0] + 0.06 if high[0] - joint.point[0] < joint.point[0] - low[0] else high[0] - 0.06
+            y = float(np.clip(1.05 - obj.position[1] % 3.0, low[1] + 0.1, high[1] - 0.1))
+        return cls(obj, np.array([x, y, high[2]]))
+
+    @property
+    def wide(self) -> float:
+        """The state in which it is wide open."""
+        assert self.obj.joint is not None
+        return max(self.obj.joint.low, self.obj.joint.high, key=abs)
+
+    @property
+    def step(self) -> float:
+        return _STEP[not isinstance(self.obj.joint, Slide)]
+
+    @property
+    def out(self) -> Array:
+        """Where its front looks, (3,)."""
+        return np.asarray(matrix_from_quaternion(self.obj.at(0.0)[3:]) @ [0.0, 0.0, 1.0])
+
+    def at(self, state: float) -> Array:
+        """Return where it is in a state, (3,)."""
+        place = self.obj.at(state)
+        return np.asarray(place[:3] + matrix_from_quaternion(place[3:]) @ self.point)
+
+    def state(self, world: WorldState) -> float:
+        place = world.objects.get(self.obj.id)
+        return self.obj.state if place is None else self.obj.state_at(place)
+
+    def now(self, world: WorldState) -> Array:
+        return self.at(self.state(world))
+
+    def share(self, world: WorldState) -> float:
+        """Return how far the thing is open, as a share of the way."""
+        return (self.state(world) - self.obj.state) / (self.wide - self.obj.state)
+
+    def inside(self, place: Array) -> float:
+        """Return a price (metres) for a place (3,) that a door swings over."""
+        middle = (self.at(self.obj.state) + self.at(self.wide)) / 2
+        return 0.3 if float(np.linalg.norm((place - middle)[[0, 2]])) < 0.35 else 0.0
+
+
+def _around(scene: Scene, grid: OccupancyGrid, key: int, low: Array, high: Array) -> Iterator[Viewpoint]:
+    """Yield free places around a box (3,), in its room."""
+    first, last = grid.cell(low[[0, 2]] - _FAR), grid.cell(high[[0, 2]] + _FAR) + 1
+    points = grid.point(np.argwhere(grid.clearance[first[0] : last[0], first[1] : last[1]] >= _ROOM) + first)
+    ways = np.clip(points, low[[0, 2]], high[[0, 2]]) - points
+    east, north = ((low + high) / 2)[[0, 2]].tolist()
+    room = room_at(scene, east, north, grid.floor)
+    for (x, z), way, gap in zip(points.tolist(), ways, np.linalg.norm(ways, axis=1), strict=True):
+        if gap < _FAR and room_at(scene, x, z, grid.floor) == room:
+            yield Viewpoint(key, x, z, float(np.arctan2(*way)), float(gap), floor=grid.floor)

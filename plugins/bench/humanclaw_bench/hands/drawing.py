@@ -1,0 +1,246 @@
+"""The splits `hands`, `mini-hands` and `smoke-hands`, drawn from seeds in the houses of val.
+
+Four families: bring a thing to a piece of furniture, tidy one from the floor onto it, open a piece of furniture, look
+inside and answer. An instruction names its objects by category, and by room where the house holds several; what stays
+ambiguous is left out.
+"""
+
+from __future__ import annotations
+
+from collections import Counter, defaultdict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final, Literal
+
+import numpy as np
+
+from humanclaw import EpisodeSpec, Scene
+from humanclaw.body import Array, Pose2D
+from humanclaw.records import Goal, name_of, route_difficulty
+from humanclaw.world import DistanceField, MultiFloorMap, SceneObject, viewpoints
+from humanclaw_bench.splits import NEAREST, roomy
+
+Family = Literal["bring", "tidy", "open", "look"]
+FAMILIES: Final[tuple[Family, ...]] = ("bring", "tidy", "open", "look")
+EACH: Final = 75
+"""Episodes of each family in `hands`; 15 of them in `mini-hands`, 1 in `smoke-hands`."""
+STEPS: Final[Mapping[Family, int]] = {"bring": 150, "tidy": 150, "open": 100, "look": 100}
+"""Decisions at most: what is carried takes two ways."""
+FAR: Final = 0.5
+"""Metres from where a body can stand to a thing at most, so that an arm reaches it."""
+OPEN: Final = 0.5
+"""Share of the way to wide open that counts as open."""
+_HEIGHTS: Final = (0.3, 1.3)
+"""Heights over the floor of things to bring, metres."""
+_TOPS: Final = (0.35, 1.1)
+"""Heights over the floor of what things are put on, metres."""
+_BRING: Final = frozenset({"book", "cup", "vase", "bottle", "bowl", "teddy_bear", "toy", "clock", "soap", "pot"})
+_TIDY: Final = frozenset({"shoe", "box", "backpack", "teddy_bear", "book", "toy", "cup"})
+"""Balls are left out: they roll off what they are put on."""
+_PLACES: Final = frozenset({"table", "coffee_table", "desk", "console_table", "sideboard", "dresser", "bench"})
+_OPENS: Final = {"fridge": "fridge", "wardrobe": "wardrobe", "dishwasher": "dishwasher", "stove": "oven"}
+"""Furniture that opens, and its word."""
+_INSIDE: Final = {
+    "fridge": ("jar", "plate", "bottle", "glass"),
+    "wardrobe": ("towels", "handbag", "shoes", "storage_box"),
+    "dishwasher": ("plate", "glass", "cup"),
+    "stove": ("pan",),
+}
+"""What may be behind its doors."""
+_WORDS: Final = {"towels": "a pile of towels", "shoes": "a pair of shoes", "storage_box": "a box"}
+
+
+@dataclass(frozen=True, eq=False)
+class House:
+    """A house in which tasks are drawn."""
+
+    scene: Scene
+
+    @cached_property
+    def floors(self) -> MultiFloorMap:
+        return MultiFloorMap.of(self.scene)
+
+    @cached_property
+    def _bodies(self) -> tuple[SceneObject, ...]:
+        return tuple(obj for obj in self.scene.objects if obj.joint is None)
+
+    @cached_property
+    def _counts(self) -> Counter[tuple[str, str]]:
+        return Counter((obj.category, room) for obj in self._bodies for room in ("", obj.room))
+
+    def phrase(self, obj: SceneObject, noun: str = "") -> str:
+        """Name an object as nothing else in the house; empty if category and room do not."""
+        noun = noun or obj.category.replace("_", " ")
+        if self._counts[obj.category, ""] == 1:
+            return f"the {noun}"
+        room = next((one for one in self.scene.rooms if one.name == obj.room), None)
+        alone = room is not None and sum(one.kind == room.kind for one in self.scene.rooms) == 1
+        if not alone or self._counts[obj.category, obj.room] > 1:
+            return ""
+        assert room is not None
+        kind = {"living": "living room", "dining": "dining room", "kids": "children's room"}.get(room.kind, room.kind)
+        return f"the {noun} in the {kind.replace('_', ' ')}"
+
+    def height(self, key: int) -> tuple[float, float]:
+        """Return how high over its floor an object begins and ends, metres."""
+        low, high = self.scene.aabb(key)
+        floor = max((grid.floor for grid in self.floors.floors if grid.floor < low[1] + 0.1), default=0.0)
+        return float(low[1] - floor), float(high[1] - floor)
+
+    def near(self, key: int) -> Array:
+        """Return (N, 3) places from which an arm reaches an object."""
+        stands = viewpoints(self.floors, self.scene, key)
+        return np.array([one.place for one in stands if one.gap <= FAR]).reshape(-1, 3)
+
+    def leaves(self, body: SceneObject) -> tuple[SceneObject, ...]:
+        """Return the doors, drawers and lids of a piece of furniture."""
+        low, high = (corner + 0.1 * sign for corner, sign in zip(self.scene.aabb(body.id), (-1, 1), strict=True))
+        hung = [obj for obj in self.scene.of_category(body.category) if obj.joint is not None]
+        return tuple(obj for obj in hung if (np.mean(self.scene.aabb(obj.id), axis=0) > low).all()
+                     and (np.mean(self.scene.aabb(obj.id), axis=0) < high).all())  # fmt: skip
+
+    def holds(self, body: SceneObject) -> frozenset[str]:
+        """Return the categories of what is inside a piece of furniture."""
+        low, high = self.scene.aabb(body.id)
+        middles = {obj.id: np.mean(self.scene.aabb(obj.id), axis=0) for obj in self._bodies if obj.id != body.id}
+        inside = [key for key, middle in middles.items() if ((middle > low) & (middle < high)).all()]
+        return frozenset(self.scene.by_id[key].category for key in inside)
+
+
+@dataclass(frozen=True)
+class Task:
+    """A task without its start."""
+
+    family: Family
+    words: str
+    category: str
+    goal: Goal
+    also: tuple[int, ...] = ()
+    """Further targets of the record: the furniture."""
+
+    @property
+    def targets(self) -> tuple[int, ...]:
+        return tuple(dict.fromkeys((*self.goal.things, *self.also)))
+
+
+def tasks(house: House, rng: np.random.Generator) -> Iterator[Task]:
+    """Yield the tasks of a house in random order: a place for each thing, a question for each piece of furniture."""
+    for number in rng.permutation(len(house.scene.objects)).tolist():
+        obj = house.scene.objects[number]
+        if obj.movable and obj.joint is None and obj.mass and obj.category in _BRING | _TIDY:
+            yield from _carrying(house, obj, rng)
+        elif obj.category in _OPENS and obj.joint is None:
+            yield from _opening(house, obj, rng)
+
+
+def _carrying(house: House, thing: SceneObject, rng: np.random.Generator) -> Iterator[Task]:
+    low, _ = house.height(thing.id)
+    family: Family = "tidy" if low < 0.05 else "bring"
+    high_enough = _HEIGHTS[0] < low < _HEIGHTS[1]
+    fits = thing.category in (_TIDY if family == "tidy" else _BRING) and (family == "tidy" or high_enough)
+    name = house.phrase(thing)
+    if not (fits and name and len(house.near(thing.id))):
+        return
+    places = [obj for obj in house.scene.objects if _takes(house, obj) and not _over(house.scene, thing, obj)]
+    if not places:
+        return
+    place = places[int(rng.integers(len(places)))]
+    lies = f"{name} that lies on the floor" if family == "tidy" else name
+    words = f"{'tidy up: ' * (family == 'tidy')}put {lies} on {house.phrase(place)}."
+    yield Task(family, words, thing.category, Goal(things=(thing.id,), on=place.id), (place.id,))
+
+
+def _takes(house: House, place: SceneObject) -> bool:
+    if place.category not in _PLACES or place.joint is not None or not house.phrase(place):
+        return False
+    return _TOPS[0] < house.height(place.id)[1] < _TOPS[1] and len(house.near(place.id)) > 0
+
+
+def _over(scene: Scene, thing: SceneObject, place: SceneObject) -> bool:
+    """Tell whether a thing is over a piece of furniture."""
+    middle, (low, high) = np.mean(scene.aabb(thing.id), axis=0), scene.aabb(place.id)
+    return bool(((low <= middle) & (middle <= high))[[0, 2]].all())
+
+
+def _opening(house: House, body: SceneObject, rng: np.random.Generator) -> Iterator[Task]:
+    noun, leaves = _OPENS[body.category], house.leaves(body)
+    name = house.phrase(body, noun)
+    if not (name and leaves and all(leaf.state == 0 for leaf in leaves) and len(house.near(body.id))):
+        return
+    ways = {leaf.id: (0.0, _wide(leaf)) for leaf in leaves}
+    shared = {"things": tuple(ways), "share": OPEN, "ways": ways}
+    yield Task("open", f"open {name}.", body.category, Goal.model_validate(shared), (body.id,))
+    inside, asked = house.holds(body), _INSIDE[body.category]
+    answers = (
+        [(what, "yes") for what in asked if what in inside],
+        [(what, "no") for what in asked if what not in inside],
+    )
+    pool = [one for one in answers if one][int(rng.integers(sum(map(bool, answers))))]
+    what, answer = pool[int(rng.integers(len(pool)))]
+    question = f"is there {_WORDS.get(what, f'a {what}')} in {name}? Open it, look inside, and answer yes or no."
+    yield Task("look", question, body.category, Goal.model_validate(shared | {"answer": answer}), (body.id,))
+
+
+def _wide(leaf: SceneObject) -> float:
+    assert leaf.joint is not None
+    return max(leaf.joint.low, leaf.joint.high, key=abs)
+
+
+# -- episodes ----------------------------------------------------------------------------------------------------------
+def episodes(scene: Scene, number: int, seed: int = 0) -> Iterator[EpisodeSpec]:
+    """Yield an episode of each task of a house, three of things, from starts a metre away or more that lead there."""
+    rng, house = np.random.default_rng([seed, number, 38]), House(scene)
+    room = np.stack([roomy(grid) for grid in house.floors.grids])
+    for task in tasks(house, rng):
+        ways = DistanceField.of(house.floors, house.near(task.targets[0] if task.goal.on is not None else task.also[0]))
+        if task.goal.on is not None and not np.isfinite(_way(house, task)):
+            continue
+        cells = np.argwhere(room & (ways.metres > NEAREST) & np.isfinite(ways.metres))
+        for level, x, z in rng.permutation(cells)[: 3 if task.goal.on is not None else 1].tolist():
+            grid = house.floors.grids[level]
+            east, north = grid.point(np.array([x, z])).round(3).tolist()
+            place, yaw = np.array([east, grid.floor, north]), round(float(rng.uniform(-np.pi, np.pi)), 3)
+            yield EpisodeSpec(
+                id=task.family, instruction=task.words, scene=scene.name, scene_digest=scene.digest,
+                start=Pose2D(x=east, z=north, yaw=yaw, floor=grid.floor), target_category=task.category,
+                target_ids=task.targets, goal=task.goal, max_steps=STEPS[task.family],
+                difficulty=route_difficulty(scene, ways.path(place), float(ways.at(place))),
+            )  # fmt: skip
+
+
+def _way(house: House, task: Task) -> float:
+    """Return the way from a thing to the place that it is put on, metres; infinite if there is none."""
+    assert task.goal.on is not None
+    field = DistanceField.of(house.floors, house.near(task.goal.on))
+    return min((float(field.at(place)) for place in house.near(task.goal.things[0])), default=np.inf)
+
+
+def choose(found: Iterable[EpisodeSpec]) -> dict[str, tuple[EpisodeSpec, ...]]:
+    """Return the three splits: of each family one episode from every house in turn, until there are enough. Each split
+    is part of the one before it."""
+    pools: dict[Family, dict[str, list[EpisodeSpec]]] = {family: defaultdict(list) for family in FAMILIES}
+    for spec in found:
+        pools[family_of(spec)][spec.scene].append(spec)
+    taken = [spec for family in FAMILIES for spec in _in_turn(pools[family], EACH)]
+    hands = tuple(
+        spec.model_copy(update={"id": f"{name_of(spec.scene)}-{spec.id}-{spec.target_category}-{k}", "seed": k})
+        for k, spec in enumerate(taken)
+    )
+    each = {family: [spec for spec in hands if family_of(spec) == family] for family in FAMILIES}
+    mini = tuple(spec for family in FAMILIES for spec in each[family][:: max(1, len(each[family]) // 15)][:15])
+    smoke = tuple(next(spec for spec in mini if family_of(spec) == family) for family in FAMILIES)
+    return {"hands": hands, "mini-hands": mini, "smoke-hands": smoke}
+
+
+def _in_turn(pool: Mapping[str, Sequence[EpisodeSpec]], most: int) -> list[EpisodeSpec]:
+    rounds = max(map(len, pool.values()), default=0)
+    return [specs[k] for k in range(rounds) for specs in pool.values() if k < len(specs)][:most]
+
+
+def family_of(spec: EpisodeSpec) -> Family:
+    """Return the family of an episode, from its goal."""
+    assert spec.goal is not None
+    if spec.goal.on is None:
+        return "look" if spec.goal.answer else "open"
+    return "tidy" if spec.instruction.startswith("tidy") else "bring"

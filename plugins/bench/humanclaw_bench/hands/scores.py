@@ -1,0 +1,238 @@
+"""Progressive success of tasks for hands, and the root cause of a failure, from the record alone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import accumulate
+from typing import Final, Literal
+
+import numpy as np
+
+from humanclaw import RecordedEpisode, StepRecord
+from humanclaw.body import JOINT_INDEX, Array
+from humanclaw.records import (
+    SEEN_PIXELS,
+    Goal,
+    Vec3,
+    answered,
+    brought,
+    is_met,
+    opened,
+    role_of,
+)
+from humanclaw.world import distance_to_nearest
+from humanclaw_bench.disturbance import starts
+from humanclaw_bench.hands.drawing import Family, family_of
+from humanclaw_bench.scores import claims
+
+Stage = Literal["Find", "Nav", "Reach", "Hold", "Place", "Open", "Answer"]
+STAGES: Final[Mapping[Family, tuple[Stage, ...]]] = {
+    "bring": ("Find", "Nav", "Reach", "Hold", "Place"),
+    "tidy": ("Find", "Nav", "Reach", "Hold", "Place"),
+    "open": ("Find", "Nav", "Reach", "Hold", "Open"),
+    "look": ("Find", "Nav", "Reach", "Hold", "Open", "Answer"),
+}
+"""What an episode of each family has to pass, in order."""
+NEARBY: Final = 0.7
+"""Metres over the floor from the pelvis to a thing: an arm's length."""
+AT_HAND: Final = 0.12
+"""Metres from the knuckles to a thing's box at which a hand has reached it."""
+_STOREY: Final = 1.2
+"""Metres from the pelvis up or down to a thing on the same floor."""
+
+
+@dataclass(frozen=True, eq=False)
+class HandFacts:
+    """An episode with a goal for hands, as its record tells it."""
+
+    recorded: RecordedEpisode
+
+    @property
+    def goal(self) -> Goal:
+        goal = self.recorded.record.spec.goal
+        assert goal is not None
+        return goal
+
+    @property
+    def steps(self) -> tuple[StepRecord, ...]:
+        return self.recorded.steps
+
+    @property
+    def own(self) -> frozenset[int]:
+        """The targets without the place that a thing is put on."""
+        return frozenset(self.recorded.record.spec.target_ids) - {self.goal.on}
+
+    def in_view(self, step: StepRecord) -> bool:
+        return sum(step.target_pixels.get(key, 0) for key in self.own) >= SEEN_PIXELS
+
+    def boxes(self, step: StepRecord) -> dict[int, tuple[Vec3, Vec3]]:
+        found = step.targets or self.recorded.record.targets
+        return {key: box for key, box in found.items() if key in self.own}
+
+    def near(self, step: StepRecord) -> bool:
+        """Tell whether the pelvis ends within an arm's length of a thing."""
+        here = np.array(step.end)
+        boxes = [np.array(box) for box in self.boxes(step).values()]
+        boxes = [box for box in boxes if box[0, 1] - _STOREY < here[1] < box[1, 1] + _STOREY]
+        flat = [1.0, 0.0, 1.0]
+        return distance_to_nearest(here * flat, [(low * flat, high * flat) for low, high in boxes]) <= NEARBY
+
+    @cached_property
+    def hands(self) -> Array:
+        """(S, 2, 3) knuckles at the end of each step; none without motion."""
+        if not self.recorded.has_motion or not self.steps:
+            return np.zeros((0, 2, 3))
+        ends = [first + step.motion_frames - 1 for first, step in starts(self.steps)]
+        joints = [self.recorded.motion("simulated")[end : end + 1].joints()[0] for end in ends]
+        return np.array(joints)[:, [JOINT_INDEX["left_hand"], JOINT_INDEX["right_hand"]]]
+
+    @cached_property
+    def reached(self) -> bool:
+        """Whether a hand ended a step at a thing."""
+        pairs = zip(self.steps, self.hands, strict=False)
+        things = self.goal.things
+        return any(
+            distance_to_nearest(hands, [(np.array(low), np.array(high))]) <= AT_HAND
+            for step, hands in pairs for key, (low, high) in self.boxes(step).items() if key in things
+        )  # fmt: skip
+
+    @cached_property
+    def held(self) -> bool:
+        return any(set(step.held.values()) & set(self.goal.things) for step in self.steps)
+
+    @cached_property
+    def dropped(self) -> int:
+        """How often a thing left a hand that was not told to open."""
+        pairs = zip(self.steps, self.steps[1:], strict=False)
+        lost = [(a.held.keys() - b.held.keys(), b) for a, b in pairs]
+        return sum(len(sides) for sides, step in lost if role_of(self.recorded, step) != "release")
+
+    @cached_property
+    def ever(self) -> bool:
+        """Whether the world was as the goal has it after any step."""
+        return any(brought(self.goal, self.steps[: k + 1]) for k in range(len(self.steps)))
+
+    @cached_property
+    def ever_open(self) -> bool:
+        return any(opened(self.goal, self.steps[: k + 1]) for k in range(len(self.steps)))
+
+    @property
+    def stopped(self) -> bool:
+        return self.recorded.record.outcome == "stopped"
+
+    @property
+    def answers(self) -> bool:
+        """Whether the last call says the answer."""
+        return self.stopped and answered(self.goal, self.steps[-1])
+
+    @property
+    def says(self) -> bool:
+        """Whether the last call says anything."""
+        call = self.steps[-1].call if self.stopped else None
+        return call is not None and any(isinstance(value, str) for value in call.params.values())
+
+    def is_met(self, stage: Stage) -> bool:
+        """Tell whether a stage is met by itself: its geometric twin."""
+        return bool(_TWINS[stage](self))
+
+    def moved(self) -> bool:
+        """Tell whether a thing on a joint ever moved by a twentieth of its way."""
+        states = [(key, step.joints[key]) for step in self.steps for key in self.goal.ways if key in step.joints]
+        return any(abs(value - a) > 0.05 * abs(b - a) for key, value in states for a, b in [self.goal.ways[key]])
+
+
+_TWINS: Final[Mapping[Stage, Callable[[HandFacts], bool]]] = {
+    "Find": lambda f: any(map(f.in_view, f.steps)),
+    "Nav": lambda f: any(map(f.near, f.steps)),
+    "Reach": lambda f: f.reached or f.held,
+    "Hold": lambda f: f.held,
+    "Place": lambda f: f.ever,
+    "Open": lambda f: f.ever_open,
+    "Answer": lambda f: f.answers,
+}
+
+
+@dataclass(frozen=True)
+class HandScores:
+    """The stages of one episode."""
+
+    family: Family
+    twins: Mapping[Stage, bool]
+    """Whether each stage is met by itself."""
+    passed: Mapping[Stage, bool]
+    """Whether each stage and all before it are: the target also named (Find), the end as it should be at an active
+    stop (Place, Open of a task that ends there)."""
+    dropped: int
+    cause: HandCause | None
+
+    @property
+    def success(self) -> bool:
+        return all(self.passed.values())
+
+
+def hand_scores(recorded: RecordedEpisode) -> HandScores:
+    """Score an episode that has a goal for hands."""
+    facts, spec = HandFacts(recorded), recorded.record.spec
+    family = family_of(spec)
+    stages = STAGES[family]
+    twins = {stage: facts.is_met(stage) for stage in stages}
+    said = any(facts.in_view(step) and claims(step, spec.target_category) for step in facts.steps)
+    whole = twins | {"Find": said, stages[-1]: is_met(facts.goal, facts.steps)}
+    so_far = accumulate((whole[stage] for stage in stages), lambda before, now: before and now)
+    passed: dict[Stage, bool] = dict(zip(stages, so_far, strict=True))
+    failed = next((stage for stage in stages if not passed[stage]), None)
+    cause = next((one for one in CAUSES if one.stage == failed and one.rule(facts)), None)
+    return HandScores(family, twins, passed, facts.dropped, cause)
+
+
+# -- root causes -------------------------------------------------------------------------------------------------------
+@dataclass(frozen=True)
+class HandCause:
+    """A root cause of a stage; of those of a stage the first whose rule holds."""
+
+    stage: Stage
+    name: str
+    capability: str
+    rule: Callable[[HandFacts], bool]
+
+    @property
+    def label(self) -> str:
+        return f"{self.stage.lower()}: {self.name}"
+
+
+def _called(role: str) -> Callable[[HandFacts], bool]:
+    return lambda f: any(role_of(f.recorded, step) == role for step in f.steps)
+
+
+def _holds(facts: HandFacts) -> bool:
+    return bool(facts.steps and set(facts.steps[-1].held.values()) & set(facts.goal.things))
+
+
+_ALWAYS: Final[Callable[[HandFacts], bool]] = lambda f: True  # noqa: E731
+CAUSES: Final = (
+    HandCause("Find", "target in view but not seen", "perception", lambda f: f.is_met("Find")),
+    HandCause("Find", "near but not in view", "mid-level reasoning", lambda f: f.is_met("Nav")),
+    HandCause("Find", "ineffective exploration", "mid-level reasoning", _ALWAYS),
+    HandCause("Nav", "stop while far", "ego-spatial distance", lambda f: f.stopped),
+    HandCause("Nav", "never came near", "action", _ALWAYS),
+    HandCause("Reach", "never reached out", "decision", lambda f: not any(step.aims for step in f.steps)),
+    HandCause("Reach", "out of reach", "ego-spatial distance",
+              lambda f: min(aim.error for step in f.steps for aim in step.aims) > AT_HAND),
+    HandCause("Reach", "reached elsewhere", "ego-spatial distance", _ALWAYS),
+    HandCause("Hold", "never closed", "decision", lambda f: not _called("grasp")(f)),
+    HandCause("Hold", "took another thing", "perception", lambda f: any(step.held for step in f.steps)),
+    HandCause("Hold", "closed on nothing", "body awareness", _ALWAYS),
+    HandCause("Place", "never let go", "decision", _holds),
+    HandCause("Place", "never stopped", "decision", lambda f: f.ever and not f.stopped),
+    HandCause("Place", "dropped", "body awareness", lambda f: f.dropped > 0),
+    HandCause("Place", "put elsewhere", "ego-spatial distance", _ALWAYS),
+    HandCause("Open", "never stopped", "decision", lambda f: f.ever_open and not f.stopped),
+    HandCause("Open", "shut again", "body awareness", lambda f: f.ever_open),
+    HandCause("Open", "never moved", "action", lambda f: not f.moved()),
+    HandCause("Open", "not far enough", "body awareness", _ALWAYS),
+    HandCause("Answer", "no answer", "decision", lambda f: not f.says),
+    HandCause("Answer", "wrong answer", "perception", _ALWAYS),
+)  # fmt: skip
+"""Root causes of tasks for hands, in the order of their rules."""
