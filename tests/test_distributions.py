@@ -53,7 +53,10 @@ NOT_INSTALLED = {
     "plugins/rerun": "the Rerun viewer is large",
     "harnesses/openenv": "it brings Gradio",
     "harnesses/verifiers": "it is large, and its mcp is another one",
-    **dict.fromkeys(("skills/answer", "skills/crouch", "skills/gaze", "skills/handle", "skills/hands"), "the benchmark gives agents the paper's skills"),
+    **dict.fromkeys(
+        ("skills/answer", "skills/crouch", "skills/gaze", "skills/handle", "skills/hands"),
+        "the benchmark gives agents the paper's skills",
+    ),
 }
 """Folders that the requirements files leave out, and why."""
 

@@ -79,7 +79,8 @@ def test_an_unknown_role_is_refused_with_the_known_ones(tmp_path):
     folder = tmp_path / "stroll"
     folder.mkdir()
     (folder / "schema.json").write_text(json.dumps({"type": "object", "properties": {}, "x-role": "walking"}))
-    with pytest.raises(PluginError, match=r"'stroll' has the role 'walking'.*locomotion, sit, posture, gesture, grasp, release, stop"):
+    roles = "locomotion, sit, posture, gesture, grasp, release, stop"
+    with pytest.raises(PluginError, match=rf"'stroll' has the role 'walking'.*{roles}"):
         Declaration.read(folder)
 
 
