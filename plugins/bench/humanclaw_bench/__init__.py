@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     import click
     import pandas as pd
 
-    from humanclaw import RecordedEpisode
+    from humanclaw import Plugins, RecordedEpisode
     from humanclaw.plugins import Options, Register, Tasks, TasksFactory
     from humanclaw_bench.executors import Executor
     from humanclaw_bench.hookspecs import ExecutorFactory
@@ -58,10 +58,10 @@ def humanclaw_tasks(register: Register[TasksFactory]) -> None:
 
 
 @hookimpl(optionalhook=True)
-def humanclaw_overview(runs: Mapping[Path, Sequence[RecordedEpisode]], page: Page) -> None:
+def humanclaw_overview(runs: Mapping[Path, Sequence[RecordedEpisode]], page: Page, plugins: Plugins) -> None:
     from humanclaw_bench.overview import overview
 
-    overview(runs, page)
+    overview(runs, page, plugins)
 
 
 @hookimpl

@@ -25,7 +25,7 @@ from humanclaw.records import name_of
 from humanclaw.storage import Folder, write_result
 from humanclaw_bench.comparison import compare_table
 from humanclaw_bench.conditions import differences as unlike
-from humanclaw_bench.export import FORMATS, metrics_of, results_of as _results, row, scored
+from humanclaw_bench.export import FORMATS, metrics_of, results, results_of as _results, row, scored
 from humanclaw_bench.integrity import standing
 from humanclaw_bench.metrics import ALL, common, compare
 from humanclaw_bench.progress import RunProgress
@@ -126,7 +126,7 @@ def run_command(
     """Run a split, or resume it. Finished episodes are kept; others continue after their last recorded step."""
     plugins = Plugins.discover(files, choice)
     specs = repeated(load_split(name), repeats)
-    metrics_of(plugins)  # Refuses a metric with a reserved name now, not after hours of playing.
+    metrics = metrics_of(plugins)  # Refuses a metric with a reserved name now, not after hours of playing.
     agent = agent_url or deciders.agent
     out = out or Path("runs") / f"{Path(name).stem}-{name_of(agent)}"
     if not resume and Folder(out).has("run.json"):
@@ -149,8 +149,9 @@ def run_command(
         )  # fmt: skip
         progress.end(status)
     if status.done:
-        _show(_filled(brief_tables(_results([out]))))
-        plugins.tell("humanclaw_run_end", run=out, plugins=plugins, tell=click.echo)
+        episodes = load_run(out)
+        _show(_filled(brief_tables(results({out: episodes}, metrics))))
+        plugins.tell("humanclaw_run_end", run=out, episodes=episodes, plugins=plugins, tell=click.echo)
     if status.failed or status.stopped:
         raise SystemExit(130 if status.stopped else 1)
 

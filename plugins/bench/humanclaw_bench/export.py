@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from tqdm import tqdm
@@ -48,15 +49,21 @@ def metrics_of(plugins: Plugins) -> Extra:
     return {one.name: plugins.bounded(one) for one in metrics}
 
 
+_SCORED: Final[WeakKeyDictionary[RecordedEpisode, dict[tuple[str, ...], Scored]]] = WeakKeyDictionary()
+"""Scores of each episode that was read, by the names of further metrics: a run's table and page ask for the same."""
+
+
 def scored(episodes: Sequence[RecordedEpisode], extra: Extra | None = None, name: str = "") -> list[Scored]:
     """Return every episode's scores and, if it failed, its root cause. Shows progress for 50 episodes or more."""
-    found: list[Scored] = []
+    asked = tuple(extra or ())
     for recorded in _with_progress(episodes, f"scoring {name}"):
-        scores = score(recorded, extra)
-        cause = attribute(recorded, scores)
-        further = "; ".join(one.label for one in also(recorded, cause))
-        found.append((replace(scores, also=further), cause))
-    return found
+        known = _SCORED.setdefault(recorded, {})
+        if asked not in known:
+            scores = score(recorded, extra)
+            cause = attribute(recorded, scores)
+            further = "; ".join(one.label for one in also(recorded, cause))
+            known[asked] = replace(scores, also=further), cause
+    return [_SCORED[recorded][asked] for recorded in episodes]
 
 
 def results_of(runs: Sequence[Path], files: Sequence[Path] = ()) -> tuple[Result, ...]:
@@ -64,9 +71,13 @@ def results_of(runs: Sequence[Path], files: Sequence[Path] = ()) -> tuple[Result
     if len({run.resolve() for run in runs}) < len(runs):
         raise RecordError("a run is named twice.", "Name each folder once.")
     extra = metrics_of(Plugins.discover(files))
-    episodes = {run: load_run(run) for run in runs}
-    known = {str(run): standing(run, found) for run, found in episodes.items()}
-    return named({str(run): scored(found, extra, run.name) for run, found in episodes.items()}, known)
+    return results({run: load_run(run) for run in runs}, extra)
+
+
+def results(runs: Mapping[Path, Sequence[RecordedEpisode]], extra: Extra) -> tuple[Result, ...]:
+    """Score runs that are read already."""
+    known = {str(run): standing(run, found) for run, found in runs.items()}
+    return named({str(run): scored(found, extra, run.name) for run, found in runs.items()}, known)
 
 
 def _with_progress(episodes: Sequence[RecordedEpisode], doing: str) -> Iterable[RecordedEpisode]:

@@ -5,7 +5,7 @@ Implement them with @hookimpl(optionalhook=True); then the plugin also works wit
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 import pluggy
@@ -88,7 +88,9 @@ def humanclaw_faults(register: RegisterFault) -> None:
 
 
 @hookspec
-def humanclaw_run_end(run: Path, plugins: Plugins, tell: Callable[[str], None]) -> None:
+def humanclaw_run_end(
+    run: Path, episodes: Sequence[RecordedEpisode], plugins: Plugins, tell: Callable[[str], None]
+) -> None:
     """React to the end of `humanclaw bench run`, when no episode is left to play. tell: prints a line."""
 
 

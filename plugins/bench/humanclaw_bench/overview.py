@@ -7,12 +7,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Protocol
 
-from humanclaw import RecordedEpisode, RecordError
+from humanclaw import Plugins, RecordedEpisode, RecordError
 from humanclaw_bench.comparison import bearing, compared
-from humanclaw_bench.export import Scored, metrics_of, scored
-from humanclaw_bench.integrity import standing
+from humanclaw_bench.export import Scored, metrics_of, results, scored
 from humanclaw_bench.metrics import ALL, COST, Metric, compare
-from humanclaw_bench.results import Result, named
+from humanclaw_bench.results import Result
 from humanclaw_bench.statistics import Difference
 from humanclaw_bench.tables import Column, ResultTable, all_tables, happened
 from humanclaw_bench.writers import texts
@@ -35,23 +34,19 @@ class Page(Protocol):
     ) -> None: ...
 
 
-def overview(runs: Mapping[Path, Sequence[RecordedEpisode]], page: Page) -> None:
+def overview(runs: Mapping[Path, Sequence[RecordedEpisode]], page: Page, plugins: Plugins) -> None:
     """Add the tables of some runs, and the result of each of their episodes, to a page."""
-    from humanclaw import Plugins
-
-    extra = metrics_of(Plugins.discover())
-    found = {run: scored(episodes, extra, run.name) for run, episodes in runs.items()}
-    for run, pairs in found.items():
-        _tell_episodes(run, pairs, runs[run], page)
-    known = {str(run): standing(run, episodes) for run, episodes in runs.items()}
-    results = named({str(run): pairs for run, pairs in found.items()}, known)
-    tables = all_tables(results, paper=False)
+    extra = metrics_of(plugins)
+    for run, episodes in runs.items():
+        _tell_episodes(run, scored(episodes, extra, run.name), episodes, page)
+    found = results(runs, extra)
+    tables = all_tables(found, paper=False)
     tables["causes"] = happened(tables["causes"])
     for name in SHOWN:
         if tables[name].rows and tables[name].columns:
             _add(tables[name], page, name)
-        if name == "main" and len(results) == 2:
-            _add_comparison(results[0], results[1], page)
+        if name == "main" and len(found) == 2:
+            _add_comparison(found[0], found[1], page)
 
 
 def _tell_episodes(run: Path, pairs: Sequence[Scored], episodes: Sequence[RecordedEpisode], page: Page) -> None:

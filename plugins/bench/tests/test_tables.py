@@ -623,7 +623,7 @@ class Shown:
 def test_a_page_of_two_runs_that_asked_no_model_speaks_of_no_tokens_and_no_cost(tmp_path: Path) -> None:
     folders = write_run(tmp_path / "a", sat=3, far=1), write_run(tmp_path / "b", sat=1, far=3)
     page = Shown()
-    overview({folder: load_run(folder) for folder in folders}, page)
+    overview({folder: load_run(folder) for folder in folders}, page, Plugins.discover())
     title = "Metrics that differ"
     alike = page.notes[title].partition(": ")[2].partition(".")[0].split(", ")
     metrics = [row[0] for row in page.tables[title][1]] + alike
@@ -633,7 +633,7 @@ def test_a_page_of_two_runs_that_asked_no_model_speaks_of_no_tokens_and_no_cost(
 
 def test_a_page_says_what_each_short_name_over_its_main_table_means(tmp_path: Path) -> None:
     page = Shown()
-    overview({tmp_path / "a": load_run(write_run(tmp_path / "a", sat=2, far=1))}, page)
+    overview({tmp_path / "a": load_run(write_run(tmp_path / "a", sat=2, far=1))}, page, Plugins.discover())
     title, (head, _) = next(iter(page.tables.items()))
     names = {cell.rstrip(" \u2191\u2193") for cell in head[1:]}
     plain = {"false claims", "steps", "motion (s)"}

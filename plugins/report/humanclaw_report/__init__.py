@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 from humanclaw import hookimpl
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
     from pathlib import Path
     from types import ModuleType
 
     import click
 
-    from humanclaw import Plugins, Reporter
+    from humanclaw import Plugins, RecordedEpisode, Reporter
     from humanclaw.plugins import Register, ReporterFactory
 
 __version__ = "0.1.0"
@@ -50,8 +50,10 @@ def humanclaw_hookspecs(register: Callable[[ModuleType], None]) -> None:
 
 
 @hookimpl(optionalhook=True)
-def humanclaw_run_end(run: Path, plugins: Plugins, tell: Callable[[str], None]) -> None:
+def humanclaw_run_end(
+    run: Path, episodes: Sequence[RecordedEpisode], plugins: Plugins, tell: Callable[[str], None]
+) -> None:
     """Write the page of a finished benchmark run."""
     from humanclaw_report.page import report_of
 
-    tell(f"report: {report_of(run, plugins)}")
+    tell(f"report: {report_of(run, plugins, episodes)}")

@@ -31,7 +31,7 @@ def report(runs: tuple[Path, ...], out: Path | None, files: tuple[Path, ...]) ->
     click.echo(
         write_report(
             runs, out, plugins.scene,
-            contribute=lambda found, page: plugins.tell("humanclaw_overview", runs=found, page=page),
+            contribute=lambda found, page: plugins.tell("humanclaw_overview", runs=found, page=page, plugins=plugins),
         )
     )  # fmt: skip
 

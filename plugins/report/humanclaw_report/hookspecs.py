@@ -13,6 +13,7 @@ import pluggy
 
 if TYPE_CHECKING:
     from humanclaw import RecordedEpisode
+    from humanclaw.plugins import Installed
 
 hookspec = pluggy.HookspecMarker("humanclaw")
 
@@ -58,5 +59,5 @@ class Overview(Protocol):
 
 
 @hookspec
-def humanclaw_overview(runs: Mapping[Path, Sequence[RecordedEpisode]], page: Overview) -> None:
+def humanclaw_overview(runs: Mapping[Path, Sequence[RecordedEpisode]], page: Overview, plugins: Installed) -> None:
     """Add tables and facts to the page of these runs; called before the page is written."""

@@ -8,7 +8,6 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull, QhullError
 
 from humanclaw import RecordedEpisode, Scene
 from humanclaw.body import HISTORY, Array, matrix_from_quaternion
@@ -146,12 +145,23 @@ def _outlines(scene: Scene, obj: SceneObject, floor: float) -> list[Polygon]:
 
 
 def _outline(points: Array) -> Polygon:
-    flat = points[:, [0, 2]].astype(float)
-    try:
-        flat = flat[ConvexHull(flat).vertices]
-    except QhullError:
-        flat = np.array([flat.min(0), flat.max(0)])
-    return _points(flat)
+    """Return the convex hull of points as seen from above (monotone chain, Andrew 1979)."""
+    flat = sorted({(_c(x), _c(z)) for x, _, z in points.tolist()})
+    return " ".join(f"{x:g},{z:g}" for x, z in (*_chain(flat), *_chain(flat[::-1])))
+
+
+def _chain(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Return the corners of the hull on one side, from the first point to the one before the last."""
+    kept: list[tuple[float, float]] = []
+    for x, z in points:
+        while len(kept) > 1 and _turns_back(kept[-2], kept[-1], (x, z)):
+            kept.pop()
+        kept.append((x, z))
+    return kept[:-1] or kept
+
+
+def _turns_back(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> bool:
+    return (b[0] - a[0]) * (c[1] - a[1]) <= (b[1] - a[1]) * (c[0] - a[0])
 
 
 def _points(flat: Array) -> Polygon:

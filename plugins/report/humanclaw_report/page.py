@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
 
@@ -11,13 +12,16 @@ from humanclaw_report.film import FILM_SIZE, GIF_SIZE, film, poster
 from humanclaw_report.report import write_report
 
 
-def report_of(run: Path, plugins: Installed) -> Path:
-    """Write the page of a run with the tables and facts of the installed plugins; return its path."""
+def report_of(run: Path, plugins: Installed, episodes: Sequence[RecordedEpisode] | None = None) -> Path:
+    """Write the page of a run with the tables and facts of the installed plugins; return its path.
+
+    episodes: of the run, if they are read already.
+    """
     return write_report(
-        run,
+        run if episodes is None else {run: episodes},
         None,
         plugins.scene,
-        contribute=lambda found, page: plugins.tell("humanclaw_overview", runs=found, page=page),
+        contribute=lambda found, page: plugins.tell("humanclaw_overview", runs=found, page=page, plugins=plugins),
     )
 
 

@@ -52,7 +52,7 @@ class Houses:
 
 
 def write_report(
-    runs: Path | Sequence[Path],
+    runs: Path | Sequence[Path] | Runs,
     out: Path | None,
     scenes: Callable[[str], Scene],
     *,
@@ -64,6 +64,7 @@ def write_report(
     the episodes, and each episode has a page in its own folder.
 
     Args:
+        runs: Folders, or their episodes by folder.
         out: Where to write; the default is report.html in the run, or in the working folder for several runs.
         scenes: Loads a scene by its reference. If it raises HumanclawError, the page leaves the house out and says so.
 
@@ -71,7 +72,7 @@ def write_report(
         RecordError: There is nothing to report, or the page cannot be written.
     """
     folders = [runs] if isinstance(runs, Path) else list(runs)
-    found = {folder: load_run(folder) for folder in folders}
+    found = runs if isinstance(runs, Mapping) else {folder: load_run(folder) for folder in folders}
     home = folders[0] if len(folders) == 1 else Path()
     target = out or home / REPORT
     try:
