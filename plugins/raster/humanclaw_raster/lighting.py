@@ -101,10 +101,10 @@ def light_of(scene: Scene, model: Model, instances: Instances) -> Light:
 
     instances: the body, then the objects of the scene, in their places at the start.
     """
-    key, store = hashlib.sha256(f"{_code()}|{scene.digest}".encode()).hexdigest(), Cache("light")
     lights = _lights(scene)
     if not lights.power.size:
         return Light((2, 2, 2), np.tile(np.array(PLAIN, np.float32), 8), np.zeros(3, np.float32), np.float32(1))
+    key, store = hashlib.sha256(f"{_code()}|{scene.digest}".encode()).hexdigest(), Cache("light")
     if (data := store.get(key)) is None:
         space = voxels(*_solid(scene, model, instances))
         head = np.array([*space.shape, *(space.corner + space.size), 1 / (2 * space.size)])
@@ -141,12 +141,13 @@ def _indoors(scene: Scene, head: Array) -> NDArray[np.bool_]:
 
 def panes(scene: Scene, name: str) -> NDArray[np.bool_]:
     """Return (F,) which faces of an asset are the glass of a window: large and to the front."""
-    asset = scene.assets[name]
-    mesh = asset.mesh
+    asset, mesh = scene.assets[name], scene.assets[name].mesh
+    if asset.category != "window":
+        return np.zeros(len(mesh.faces), bool)
     a, b, c = (mesh.vertices[mesh.faces[:, k]].astype(float) for k in range(3))
     normal = np.cross(b - a, c - a) / 2
     area = np.linalg.norm(normal, axis=1)
-    return np.asarray((asset.category == "window") & (area > 0.1) & (normal[:, 2] > 0.9 * area))
+    return np.asarray((area > 0.1) & (normal[:, 2] > 0.9 * area))
 
 
 def _lights(scene: Scene) -> Lights:

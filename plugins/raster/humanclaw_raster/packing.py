@@ -81,9 +81,10 @@ def pack(meshes: Sequence[Mesh], panes: Sequence[NDArray[np.bool_]], sky: NDArra
 
 
 def _kind(corners: Floats, normals: Floats) -> NDArray[np.int64]:
-    sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
-    flat = np.abs(normals - normals[:, :1]).max(axis=(1, 2)) < _FLAT
-    return np.where(flat & (sides.max(axis=1) > _WIDE), WIDE, SMALL)
+    sides = corners - corners[:, [2, 0, 1]]
+    wide = np.asarray(np.einsum("tij,tij->ti", sides, sides).max(axis=1) > _WIDE**2)
+    wide[wide] = np.abs(normals[wide] - normals[wide, :1]).max(axis=(1, 2)) < _FLAT
+    return np.where(wide, WIDE, SMALL)
 
 
 def along_curve(corners: Floats, counts: Sequence[int]) -> NDArray[np.int64]:
