@@ -18,6 +18,13 @@ LEVELS: Final = 8
 SMOOTH: Final = float(np.cos(np.radians(40.0)))
 """Cosine of 40 degrees. A face whose normal differs more from the mean of its neighbours has a sharp edge there."""
 
+SMALL, WIDE, PANE = 0, 1, 2
+"""Kinds of faces: light changes evenly over a small or bent one, and not over a wide flat one; a pane shows the sky."""
+_WIDE: Final = 0.5
+"""Longest side of a small face, metres."""
+_FLAT: Final = 1e-3
+"""Normals of the corners of a flat face differ by less."""
+
 Floats = NDArray[np.float32]
 
 
@@ -32,6 +39,8 @@ class Model(NamedTuple):
     """(T, 3, 2) texture coordinates in 0..1."""
     density: Floats
     """(T,) texels per metre along the surface, in the full-size texture."""
+    kind: NDArray[np.int32]
+    """(T,) SMALL, WIDE or PANE."""
     clusters: NDArray[np.int32]
     """(C, 2) first triangle, and the one after the last."""
     spheres: Floats
@@ -41,28 +50,41 @@ class Model(NamedTuple):
     texels: NDArray[np.int32]
     """(P,) red in the lowest 8 bits, then green, then blue: one load fetches all three."""
     levels: NDArray[np.int32]
-    """(M * LEVELS, 3) for each size of a mesh's texture: index of its first texel, height and width."""
+    """((M + 1) * LEVELS, 3) for each size of a mesh's texture, and of the sky's: its first texel, height and width."""
 
 
-def pack(meshes: Sequence[Mesh]) -> Model:
-    """Pack meshes. They are numbered in the given order."""
+def pack(meshes: Sequence[Mesh], panes: Sequence[NDArray[np.bool_]], sky: NDArray[np.uint8]) -> Model:
+    """Pack meshes. They are numbered in the given order; behind their textures follows that of the sky.
+
+    panes: (F,) for each mesh, which of its faces show the sky.
+    """
     # All meshes at once: a house has hundreds of small ones.
     counts = [len(mesh.faces) for mesh in meshes]
     owner = np.repeat(np.arange(len(meshes)), counts)
     first = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
     vertices = np.concatenate([mesh.vertices for mesh in meshes])
     faces = np.concatenate([mesh.faces + start for mesh, start in zip(meshes, first[:-1], strict=True)])
-    faces = faces[np.lexsort((along_curve(vertices[faces], counts), owner))]
+    order = np.lexsort((along_curve(vertices[faces], counts), owner))
+    faces = faces[order]
     corners, uv = vertices[faces], np.concatenate([mesh.uv for mesh in meshes])[faces]
     sizes = np.array([mesh.texture.shape[1::-1] for mesh in meshes])
     clusters, ranges = _clusters(counts)
-    texels, levels = _textures([mesh.texture for mesh in meshes])
+    texels, levels = _textures([*(mesh.texture for mesh in meshes), sky])
     places = _places(vertices, np.repeat(np.arange(len(meshes)), np.diff(first)))
+    normals = _smooth_normals(corners, places[faces]).astype(np.float32)
     return Model(
-        corners.astype(np.float32), _smooth_normals(corners, places[faces]).astype(np.float32),
+        corners.astype(np.float32), normals,
         uv.astype(np.float32), _density(corners, uv, sizes[owner]).astype(np.float32),
+        np.where(np.concatenate(panes)[order], PANE, _kind(corners, normals)).astype(np.int32),
         clusters, _spheres(corners.astype(np.float32), clusters), ranges, texels, levels,
     )  # fmt: skip
+
+
+def _kind(corners: Floats, normals: Floats) -> NDArray[np.int64]:
+    sides = corners - corners[:, [2, 0, 1]]
+    wide = np.asarray(np.einsum("tij,tij->ti", sides, sides).max(axis=1) > _WIDE**2)
+    wide[wide] = np.abs(normals[wide] - normals[wide, :1]).max(axis=(1, 2)) < _FLAT
+    return np.where(wide, WIDE, SMALL)
 
 
 def along_curve(corners: Floats, counts: Sequence[int]) -> NDArray[np.int64]:

@@ -7,11 +7,10 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from humanclaw.world import compiled, inlined
+from humanclaw.world import compiled
 from humanclaw_raster.buffers import (
     HALF,
     ONE,
-    TINY,
     TWO,
     ZERO,
     GBuffer,
@@ -20,17 +19,13 @@ from humanclaw_raster.buffers import (
     floats,
     ints,
 )
-from humanclaw_raster.packing import LEVELS, Floats, Model
-from humanclaw_raster.shading import AMBIENT, DIFFUSE, SUN
-from humanclaw_raster.surfaces import BENT, CORNERS, DENSITY, UV
+from humanclaw_raster.lighting import SKY
+from humanclaw_raster.packing import LEVELS, PANE, Floats, Model
+from humanclaw_raster.sky import BOTTOM, TOP
+from humanclaw_raster.surfaces import BRIGHT, DENSITY, KIND, UV
 
-UPLIFT: Final = 0.5
-"""Added to the upward component of normals before shading, as if light from above bounced around the room.
-
-Without it, all faces turned away from the sun would be equally dark, and the corners between them would vanish.
-"""
-BOUNCE: Final = 0.5
-"""Share of the floor's light that lights faces which look down."""
+KNEE: Final = 0.8
+"""Brightness above which highlights are compressed."""
 
 
 class _Points(NamedTuple):
@@ -79,6 +74,9 @@ def paint(
                 ids[row, k] = instances.id[instance] if number >= 0 else 0
             if number >= 0:
                 _span(gbuffer.table[number], instances.mesh[instance], down, first, end, points)
+                # Not in _span: each array that a call passes costs time.
+                if gbuffer.table[number, KIND] == PANE:
+                    _outside(model, pinhole, down, first, end, points)
         _colours(model, points, width, rgb[row])
         for k in range(width):
             if surface[k] < 0:
@@ -115,6 +113,8 @@ def smooth_edges(
                     )
                     down = np.float32(r + 0.5 - height) * scale
                     _span(gbuffer.table[number], instances.mesh[instance], down, count, count + 1, points)
+                    if gbuffer.table[number, KIND] == PANE:
+                        _outside(model, pinhole, down, count, count + 1, points)
                 count += 1
         _colours(model, points, count, samples)
         for k in range(count):
@@ -161,33 +161,28 @@ def _span(s: Floats, mesh: int, down: float, first: int, end: int, points: _Poin
     for k in range(*span):
         footprint[k] = density * depth[k]
     b0, b1, b2, c0, c1, c2 = s[0], s[1], s[2] * down + s[3], s[4], s[5], s[6] * down + s[7]
+    bright0, bright1, bright2 = s[BRIGHT], s[BRIGHT + 1], s[BRIGHT + 2]
     u0, u1, u2, v0, v1, v2 = s[UV], s[UV + 2], s[UV + 4], -s[UV + 1], -s[UV + 3], -s[UV + 5]
     for k in range(*span):
         b = min(ONE, max(ZERO, b0 + depth[k] * (b1 * right[k] + b2)))
         c = min(ONE - b, max(ZERO, c0 + depth[k] * (c1 * right[k] + c2)))
         u[k], v[k] = u0 + b * u1 + c * u2, v0 + b * v1 + c * v2
-    x0, y0, z0 = s[CORNERS], s[CORNERS + 1], s[CORNERS + 2]
-    if s[BENT] == ZERO:
-        tone = _lit(x0, y0, z0)
-        for k in range(*span):
-            bright[k] = tone * light[k]
-        return
-    x1, y1, z1, x2, y2, z2 = (
-        s[CORNERS + 3], s[CORNERS + 4], s[CORNERS + 5], s[CORNERS + 6], s[CORNERS + 7], s[CORNERS + 8],
-    )  # fmt: skip
-    for k in range(*span):
-        b = min(ONE, max(ZERO, b0 + depth[k] * (b1 * right[k] + b2)))
-        c = min(ONE - b, max(ZERO, c0 + depth[k] * (c1 * right[k] + c2)))
-        bright[k] = light[k] * _lit(x0 + b * x1 + c * x2, y0 + b * y1 + c * y2, z0 + b * z1 + c * z2)
+        bright[k] = light[k] * (bright0 + b * bright1 + c * bright2)
 
 
-@inlined
-def _lit(x: np.float32, y: np.float32, z: np.float32) -> np.float32:
-    """Return the brightness of a surface from its normal in the world frame, without the shadows of other objects."""
-    y = (-np.float32(BOUNCE) * y if y < ZERO else y) + np.float32(UPLIFT)
-    toward = x * np.float32(SUN[0]) + y * np.float32(SUN[1]) + z * np.float32(SUN[2])
-    toward /= np.sqrt(x * x + y * y + z * z + TINY)
-    return np.float32(np.float32(AMBIENT) + np.float32(DIFFUSE) * max(ZERO, toward))
+@compiled
+def _outside(model: Model, pinhole: Pinhole, down: float, first: int, end: int, points: _Points) -> None:
+    """Let points show the sky in the direction in which they are seen: it is far behind the window."""
+    mesh, axes = model.levels.shape[0] // LEVELS - 1, pinhole.axes
+    texels = np.float32(model.levels[mesh * LEVELS, 2] / (2 * np.pi) / pinhole.focal)
+    for k in range(first, end):
+        x = points.right[k] * axes[0, 0] + down * axes[1, 0] + axes[2, 0]
+        y = points.right[k] * axes[0, 1] + down * axes[1, 1] + axes[2, 1]
+        z = points.right[k] * axes[0, 2] + down * axes[1, 2] + axes[2, 2]
+        height = y / np.sqrt(x * x + z * z + 1e-9)
+        points.u[k] = np.arctan2(x, z) / (2 * np.pi)
+        points.v[k] = min(max((TOP - height) / (TOP - BOTTOM), 0.01), 0.99)
+        points.footprint[k], points.texture[k], points.bright[k] = texels, mesh * LEVELS, np.float32(SKY)
 
 
 @compiled
@@ -257,7 +252,11 @@ def _blend(
         p, q = np.float32(np.uint8(a[k] >> shift)), np.float32(np.uint8(b[k] >> shift))
         r, s = np.float32(np.uint8(c[k] >> shift)), np.float32(np.uint8(d[k] >> shift))
         high, low = p + (q - p) * east[k], r + (s - r) * east[k]
-        tone[k] = np.uint8(min((high + (low - high) * south[k]) * bright[k] + HALF, np.float32(255)))
+        value = (high + (low - high) * south[k]) * bright[k] * np.float32(1 / 255)
+        # A film's shoulder: above the knee a parabola, which is level where it reaches white.
+        value = min(value, np.float32(2 - KNEE))
+        over = max(value - np.float32(KNEE), ZERO)
+        tone[k] = np.uint8((value - over * over * np.float32(1 / (4 - 4 * KNEE))) * np.float32(255) + HALF)
 
 
 @compiled
@@ -289,7 +288,7 @@ def _light_near(
             near = here / (here + np.float32(40) * abs(gbuffer.inverse_depth[2 * r, 2 * c] - here)) + np.float32(1e-4)
             number = gbuffer.surface[2 * r, 2 * c]
             if number < 0 or gbuffer.faces[number, 0] != face or gbuffer.faces[number, 1] != instance:
-                near *= np.float32(0.05)  # Not 0: a small face may have no sample of its own.
+                near *= np.float32(0.02)  # Not 0: a small face may have no sample of its own.
             total += near * light[r, c]
             weight += near
     return total / weight  # type: ignore[return-value]

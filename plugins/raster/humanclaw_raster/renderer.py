@@ -15,11 +15,13 @@ from humanclaw.world import BODY_ID, Camera, View, WorldState
 from humanclaw_raster.buffers import GBuffer, Instances, Pinhole
 from humanclaw_raster.drawing import draw, in_view
 from humanclaw_raster.edges import soften
+from humanclaw_raster.lighting import Lit, light_again, light_up, panes
 from humanclaw_raster.overhead import OverheadMapper
 from humanclaw_raster.packing import Model, pack
 from humanclaw_raster.painting import paint, smooth_edges
 from humanclaw_raster.person import Person
 from humanclaw_raster.shading import ambient_occlusion
+from humanclaw_raster.sky import panorama
 from humanclaw_raster.surfaces import prepare
 
 SKY: Final = np.array([[196, 221, 243], [240, 244, 247]], float)
@@ -32,6 +34,7 @@ class _LoadedScene(NamedTuple):
     model: Model
     instances: Instances
     overhead: OverheadMapper
+    lit: Lit
 
 
 class RasterRenderer:
@@ -56,7 +59,9 @@ class RasterRenderer:
         self.close()
         names = sorted({obj.asset for obj in scene.objects})
         number = {name: 1 + k for k, name in enumerate(names)}
-        model = pack([self._person.mesh(), *(scene.assets[name].mesh for name in names)])
+        meshes = [self._person.mesh(), *(scene.assets[name].mesh for name in names)]
+        glass = [np.zeros(len(meshes[0].faces), bool), *(panes(scene, name) for name in names)]
+        model = pack(meshes, glass, panorama())
         self._movers = {obj.id: 1 + k for k, obj in enumerate(scene.objects) if obj.movable}
         self._rest = {obj.id: np.array([*obj.position, *obj.rotation], float) for obj in scene.objects}
         count = 1 + len(scene.objects)
@@ -68,7 +73,8 @@ class RasterRenderer:
         )
         _put(instances, range(1, count), list(self._rest.values()))
         movers = list(self._movers.values())
-        self._loaded = _LoadedScene(model, instances, OverheadMapper(scene, model, instances, movers))
+        overhead = OverheadMapper(scene, model, instances, movers)
+        self._loaded = _LoadedScene(model, instances, overhead, light_up(scene, model, instances))
 
     def render(self, state: WorldState, camera: Camera) -> View:
         """Draw one moment. A camera inside the head does not see head and neck.
@@ -77,20 +83,21 @@ class RasterRenderer:
         """
         if self._loaded is None:
             raise HumanclawError("the renderer holds no scene.", "Call load(scene) first.")
-        model, instances, overhead = self._loaded
+        model, instances, overhead, lit = self._loaded
         poses = [state.objects.get(key, self._rest[key]) for key in self._movers]
         _put(instances, list(self._movers.values()), poses)
         instances.place[0] = self._person.dress(model, state.body, camera.position)
+        light_again(lit, instances, np.array([0, *self._movers.values()]))
         pinhole = _pinhole(camera)
-        gbuffer, sky = _gbuffer(model, instances, pinhole, camera), _sky(camera)
-        light = ambient_occlusion(pinhole, gbuffer, overhead.now(instances))
+        gbuffer, sky = _gbuffer(model, instances, lit, pinhole, camera), _sky(camera)
+        light = ambient_occlusion(pinhole, gbuffer, overhead.now(instances), lit.light)
         shape = (camera.height, camera.width)
         view = View(np.empty((*shape, 3), np.uint8), np.empty(shape, np.float32), np.empty(shape, np.int32))
         paint(model, instances, pinhole, gbuffer, light, sky, view.rgb, view.depth, view.ids)
         if self._smooth:
             fine = replace(camera, width=2 * camera.width, height=2 * camera.height)
             pinhole = _pinhole(fine)
-            samples = _gbuffer(model, instances, pinhole, fine)
+            samples = _gbuffer(model, instances, lit, pinhole, fine)
             smooth_edges(model, instances, pinhole, samples, gbuffer, light, sky, view.rgb)
         else:
             soften(pinhole, gbuffer, view.rgb)
@@ -108,13 +115,13 @@ def _put(instances: Instances, rows: Sequence[int], poses: Sequence[Array]) -> N
     instances.turn[rows] = matrix_from_quaternion(where[:, 3:])
 
 
-def _gbuffer(model: Model, instances: Instances, pinhole: Pinhole, camera: Camera) -> GBuffer:
+def _gbuffer(model: Model, instances: Instances, lit: Lit, pinhole: Pinhole, camera: Camera) -> GBuffer:
     found, depth = in_view(model, instances, pinhole, camera.width, camera.height)
     shape = (camera.height, camera.width)
     inverse_depth, surface = np.zeros(shape, np.float32), np.full(shape, -1, np.int32)
     order = found[np.argsort(depth, kind="stable")]
     faces = draw(model, instances, pinhole, order, inverse_depth, surface)
-    return GBuffer(inverse_depth, surface, faces, prepare(model, instances, pinhole, faces))
+    return GBuffer(inverse_depth, surface, faces, prepare(model, instances, lit, pinhole, faces))
 
 
 def _pinhole(camera: Camera) -> Pinhole:

@@ -19,20 +19,15 @@ from humanclaw_raster.buffers import (
     Pinhole,
     floats,
 )
-from humanclaw_raster.packing import Floats
-from humanclaw_raster.surfaces import FLAT
+from humanclaw_raster.lighting import OFFSET, Light, facing, jitter, probe
+from humanclaw_raster.packing import WIDE, Floats
+from humanclaw_raster.surfaces import BRIGHT, FLAT, KIND
 
-SUN: Final = (0.505, 0.808, 0.303)
-"""Unit vector towards the light, oblique to both axes of a house, so that its walls differ in brightness."""
-AMBIENT: Final = 0.6
-"""Brightness of a surface that the sun does not reach."""
-DIFFUSE: Final = 0.45
-"""Brightness that the sun adds to a surface which faces it."""
 REACH: Final = 0.25
 """Largest distance at which surfaces darken each other, metres."""
 DARKEST: Final = 0.4
 """Share of the light that remains in the deepest corner."""
-DEPTH_OF_CORNERS: Final = 2.4
+DEPTH_OF_CORNERS: Final = 2.0
 """Share of the light lost per occluded share of the neighbourhood."""
 RAYS: Final = 8
 """Samples of the neighbourhood per pixel. The 16 pixels of a 4 x 4 square use different sets and are then averaged."""
@@ -42,8 +37,14 @@ CONE: Final = 0.6
 """Light from above comes from within this horizontal distance, metres, ..."""
 STEEP: Final = 0.9
 """... and at least this steeply: metres down per metre aside."""
-SUN_SIZE: Final = 0.12
-"""Horizontal radius of the sun as seen from one metre below, metres. It makes shadows soft."""
+LEVEL: Final = np.float32(0.2)
+"""Least upward component of the normal of a surface on which objects cast shadows."""
+SIZE: Final = 0.25
+"""Radius of the strongest light as seen from one metre away, metres. It makes shadows soft."""
+DIRECT: Final = 0.6
+"""Largest share of the light that comes from there."""
+FARTHEST: Final = 16
+"""Longest way on which an object is looked for, steps: farther shadows are blurred away."""
 TALLEST: Final = 2.1
 """Objects that reach higher over their floor than this cast no shadow, because they reach above the lamps; metres."""
 VOID: Final = np.float32(1e9)
@@ -62,19 +63,21 @@ class Half(NamedTuple):
     """(H, W), metres; VOID in empty pixels."""
     normals: Floats
     """(3, H, W) camera frame; zero in empty pixels."""
+    tone: Floats
+    """(H, W) the brightness of a wide face as a whole; zero for other faces."""
 
 
 @compiled
-def ambient_occlusion(pinhole: Pinhole, gbuffer: GBuffer, overhead: OverheadMap) -> Floats:
+def ambient_occlusion(pinhole: Pinhole, gbuffer: GBuffer, overhead: OverheadMap, lamps: Light) -> Floats:
     """Return (H / 2, W / 2) the share of the light that reaches every second pixel.
 
     Screen-space ambient occlusion darkens corners. The overhead map adds the shadows of objects above and towards the
-    sun.
+    strongest light. Wide faces get the light of the probes here, too; other faces have it from their corners.
     """
     half = _halved(gbuffer)
     swing = _swing(half.depth.shape[1])
     light = _occlusion(half, np.float32(pinhole.focal / 2), swing)
-    _shadow(half, pinhole, overhead, swing, light)
+    _shadow(half, pinhole, overhead, lamps, swing, light)
     return _smoothed(light, half)  # type: ignore[no-any-return]
 
 
@@ -82,14 +85,17 @@ def ambient_occlusion(pinhole: Pinhole, gbuffer: GBuffer, overhead: OverheadMap)
 def _halved(gbuffer: GBuffer) -> Half:
     height, width = (gbuffer.surface.shape[0] + 1) // 2, (gbuffer.surface.shape[1] + 1) // 2
     depth, normals = np.full((height, width), VOID, np.float32), np.zeros((3, height, width), np.float32)
+    tone = np.zeros((height, width), np.float32)
     for row in range(height):
         for column in range(width):
             number = gbuffer.surface[2 * row, 2 * column]
             if number >= 0:
                 depth[row, column] = ONE / gbuffer.inverse_depth[2 * row, 2 * column]
+                if gbuffer.table[number, KIND] == WIDE:
+                    tone[row, column] = gbuffer.table[number, BRIGHT]
                 for axis in range(3):
                     normals[axis, row, column] = gbuffer.table[number, FLAT + axis]
-    return Half(depth, normals)
+    return Half(depth, normals, tone)
 
 
 @compiled
@@ -135,33 +141,43 @@ def _occlusion(half: Half, focal: float, swing: Floats) -> Floats:
 
 
 @compiled
-def _shadow(half: Half, pinhole: Pinhole, overhead: OverheadMap, swing: Floats, light: Floats) -> None:
-    """Darken places under or close beside objects, and places in the sun's shadow.
+def _shadow(half: Half, pinhole: Pinhole, overhead: OverheadMap, lamps: Light, swing: Floats, light: Floats) -> None:
+    """Light wide faces, and darken surfaces that face up, under or close beside objects and in the shadow of the
+    strongest light there.
 
-    Surfaces that face up get light from a cone above them. Surfaces that face the sun get light from the sun.
+    They get light from a cone above them.
     """
     height, width = half.depth.shape
-    x, y, z, up, lit, open_ = floats(width), floats(width), floats(width), floats(width), floats(width), floats(width)
-    storey = np.empty(width, np.int32)
-    axes, sun = pinhole.axes.astype(np.float32), np.empty(3, np.float32)
-    for axis in range(3):
-        sun[axis] = SUN[0] * axes[axis, 0] + SUN[1] * axes[axis, 1] + SUN[2] * axes[axis, 2]
+    x, y, z, up, open_ = floats(width), floats(width), floats(width), floats(width), floats(width)
+    storey, axes, shift = np.empty(width, np.int32), pinhole.axes.astype(np.float32), jitter(lamps)
+    cell, off = np.float32(overhead.cell), np.float32(OFFSET)
+    left, near = np.float32(overhead.corner[0]), np.float32(overhead.corner[1])
     for row in range(height):
         nx, ny, nz = half.normals[0, row], half.normals[1, row], half.normals[2, row]
         for k in range(width):
             up[k] = nx[k] * axes[0, 1] + ny[k] * axes[1, 1] + nz[k] * axes[2, 1]
-        for k in range(width):
-            lit[k] = nx[k] * sun[0] + ny[k] * sun[1] + nz[k] * sun[2]
         _on_map(half.depth[row], pinhole, overhead, row - height / 2 + 0.25, x, y, z, storey)
         _cone(overhead, storey, x, y, z, swing[row % 4], open_)
         for k in range(width):
-            light[row, k] *= ONE - np.float32(SHADE) * min(ONE, up[k]) * open_[k] if up[k] >= np.float32(0.2) else ONE
+            light[row, k] *= ONE - np.float32(SHADE) * min(ONE, up[k]) * open_[k] if up[k] >= LEVEL else ONE
         for k in range(width):
-            if lit[k] >= np.float32(0.05):
-                turn = 4 * (row % 4) + k % 4
+            if half.tone[row, k] == ZERO and up[k] < LEVEL:
+                continue
+            a = nx[k] * axes[0, 0] + ny[k] * axes[1, 0] + nz[k] * axes[2, 0]
+            c = nx[k] * axes[0, 2] + ny[k] * axes[1, 2] + nz[k] * axes[2, 2]
+            turn = 4 * (row % 4) + k % 4
+            first = probe(
+                lamps, left + x[k] * cell + off * a + shift[turn, 0], y[k] + off * up[k] + shift[turn, 1],
+                near + z[k] * cell + off * c + shift[turn, 2],
+            )  # fmt: skip
+            bright = facing(lamps.bright, first, a, up[k], c)
+            if up[k] >= LEVEL:
                 aside = swing[row % 4, turn % RAYS, :, k]
-                if _sun_blocked(overhead, storey[k], x[k], y[k], z[k], aside):
-                    light[row, k] *= np.float32(AMBIENT) / (np.float32(AMBIENT) + np.float32(DIFFUSE) * lit[k])
+                light[row, k] *= _unblocked(
+                    overhead, lamps.bright, first, bright, storey[k], x[k], y[k], z[k], a, up[k], c, aside
+                )
+            if half.tone[row, k] > ZERO:
+                light[row, k] *= bright / half.tone[row, k]
 
 
 @compiled
@@ -223,15 +239,28 @@ def _cone(
 
 
 @inlined
-def _sun_blocked(
-    overhead: OverheadMap, storey: int, x: np.float32, y: np.float32, z: np.float32, aside: Floats
-) -> bool:
-    """Return whether an object stands between a point and a place on the sun. aside: offset of that place."""
-    east = np.float32(SUN[0] / SUN[1]) + np.float32(SUN_SIZE) * aside[0]
-    north = np.float32(SUN[2] / SUN[1]) + np.float32(SUN_SIZE) * aside[1]
-    stride, blocked = np.float32(1.5) / np.sqrt(east * east + north * north), False
+def _unblocked(
+    overhead: OverheadMap, cube: Floats, first: np.uint64, bright: np.float32, storey: int, x: np.float32,
+    y: np.float32, z: np.float32, nx: np.float32, ny: np.float32, nz: np.float32, aside: Floats,
+) -> np.float32:  # fmt: skip
+    """Return the share of the light that remains if an object stands between a point and its strongest light, or 1.
+
+    cube, first: the six values of its probe. x, z: in cells of the map. aside: where on the light it is looked for, in
+    a unit disk.
+    """
+    one = np.uint64(1)
+    east, rise, north = (
+        cube[first] - cube[first + one], cube[first + np.uint64(2)] - cube[first + np.uint64(3)],
+        cube[first + np.uint64(4)] - cube[first + np.uint64(5)],
+    )  # fmt: skip
+    lit = nx * east + ny * rise + nz * north
+    if lit < np.float32(0.05) * bright or rise < np.float32(0.02):
+        return ONE
+    size = np.float32(SIZE) * np.sqrt(east * east + rise * rise + north * north)
+    east, north = (east + size * aside[0]) / rise, (north + size * aside[1]) / rise
+    stride, blocked = np.float32(1.5) / np.sqrt(east * east + north * north + np.float32(0.01)), False
     east, north, rise = east * stride, north * stride, stride * np.float32(overhead.cell)
-    steps, step = int((np.float32(TALLEST + overhead.floors[storey]) - y) / rise), 1
+    steps, step = min(int((np.float32(TALLEST + overhead.floors[storey]) - y) / rise), FARTHEST), 1
     y += np.float32(0.02)
     while step < steps and not blocked:
         middle = np.float32(step) + np.float32(STEPS / 2 - 0.5)
@@ -240,7 +269,7 @@ def _sun_blocked(
                 far = np.float32(near)
                 blocked |= _height(overhead.heights, storey, x + east * far, z + north * far) > y + rise * far
         step += STEPS
-    return bool(blocked)
+    return ONE - min(lit / bright, np.float32(DIRECT)) if blocked else ONE
 
 
 @inlined

@@ -9,31 +9,30 @@ from numpy.typing import NDArray
 
 from humanclaw.body import Array
 from humanclaw.world import compiled
-from humanclaw_raster.buffers import Instances, Pinhole
+from humanclaw_raster.buffers import ZERO, Instances, Pinhole
 from humanclaw_raster.drawing import move_point, place_model
+from humanclaw_raster.lighting import Lit, facing
 from humanclaw_raster.packing import Floats, Model
 
 FLAT: Final = 8
-CORNERS: Final = 11
-UV: Final = 20
-DENSITY: Final = 26
-BENT: Final = 27
-SURFACE: Final = 28
+BRIGHT: Final = 11
+UV: Final = 14
+DENSITY: Final = 20
+KIND: Final = 21
+SURFACE: Final = 22
 """First columns of the values in the table of surfaces, and the number of columns.
 
 0        barycentric weights of the second and the third corner: a constant and a gradient each, camera frame
 FLAT     unit normal of the face towards the camera, camera frame
-CORNERS  normal for shading, world frame: at the first corner, and the differences of the other two to it
+BRIGHT   brightness at the first corner, and the differences of the other two to it
 UV       uv likewise
 DENSITY  texels per pixel at a depth of one metre
-BENT     1 if the normal for shading changes over the face, otherwise 0
+KIND     as in the model
 """
-_STRAIGHT: Final = 1e-5
-"""Normals of two corners that differ by less than this are equal except for rounding."""
 
 
 @compiled
-def prepare(model: Model, instances: Instances, pinhole: Pinhole, faces: NDArray[np.int32]) -> Floats:
+def prepare(model: Model, instances: Instances, lit: Lit, pinhole: Pinhole, faces: NDArray[np.int32]) -> Floats:
     """Return the table of a GBuffer. faces: (K, 2) as from draw."""
     table, owner = np.empty((faces.shape[0], SURFACE), np.float32), -1
     turn, shift = np.empty((3, 3)), np.empty(3)
@@ -43,7 +42,7 @@ def prepare(model: Model, instances: Instances, pinhole: Pinhole, faces: NDArray
             turn, shift = place_model(instances, instance, pinhole)
             owner = instance
         side = _place(model, turn, shift, face, table[number])
-        _shade(model, instances.turn[instance], side, face, table[number])
+        _shade(model, instances.turn[instance], lit.around[instance], side, face, table[number])
         table[number, DENSITY] = model.density[face] / pinhole.focal
     return table
 
@@ -70,18 +69,15 @@ def _place(model: Model, turn: Array, shift: Array, face: int, out: Floats) -> f
 
 
 @compiled
-def _shade(model: Model, turn: Array, side: float, face: int, out: Floats) -> None:
-    """Write the normals for shading and the texture coordinates."""
-    change = 0.0
-    for axis in range(3):
-        x, y, z = side * turn[axis, 0], side * turn[axis, 1], side * turn[axis, 2]
-        n = model.normals[face]
-        first = x * n[0, 0] + y * n[0, 1] + z * n[0, 2]
-        second = x * n[1, 0] + y * n[1, 1] + z * n[1, 2] - first
-        third = x * n[2, 0] + y * n[2, 1] + z * n[2, 2] - first
-        out[CORNERS + axis], out[CORNERS + 3 + axis], out[CORNERS + 6 + axis] = first, second, third
-        change = max(change, abs(second), abs(third))
-    out[BENT] = change > _STRAIGHT
+def _shade(model: Model, turn: Array, around: Floats, side: float, face: int, out: Floats) -> None:
+    """Write brightness, kind and texture coordinates. around: (6,) as in Lit."""
+    out[KIND] = model.kind[face]
+    for corner in range(3):
+        n = model.normals[face, corner]
+        x = np.float32(side * (turn[0, 0] * n[0] + turn[0, 1] * n[1] + turn[0, 2] * n[2]))
+        y = np.float32(side * (turn[1, 0] * n[0] + turn[1, 1] * n[1] + turn[1, 2] * n[2]))
+        z = np.float32(side * (turn[2, 0] * n[0] + turn[2, 1] * n[1] + turn[2, 2] * n[2]))
+        out[BRIGHT + corner] = facing(around, np.uint64(0), x, y, z) - (out[BRIGHT] if corner else ZERO)
     for axis in range(2):
         first = model.uv[face, 0, axis]
         out[UV + axis] = first

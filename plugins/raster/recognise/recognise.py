@@ -32,7 +32,9 @@ HERE, OUT = Path(__file__).parent, Path("build/recognise")
 DETECTOR = ("node", str(HERE / "detect.mjs"))
 CATEGORIES = ("chair", "couch", "potted_plant", "bed", "toilet", "tv")
 SHARE, OVERLAP, SCORES = 0.03, 0.3, (0.3, 0.5)
-VISIBLE = 0.001
+SAME = {"succulent": "potted_plant"}
+"""Categories that the detector has in one class with another count as that one."""
+VISIBLE = 0.0002
 """Smallest share of a picture at which an object is visible."""
 EACH, VIEWS = 2, 2
 """Number of targets per category and house that are looked at, and of views of each."""
@@ -84,11 +86,12 @@ def targets(scene: Scene, ids: np.ndarray, share: float) -> list[Target]:
     found = []
     for key, count in zip(*np.unique(ids, return_counts=True), strict=True):
         obj = scene.by_id.get(int(key))
-        if obj is not None and obj.category in CATEGORIES and count > share * ids.size:
+        category = SAME.get(obj.category, obj.category) if obj else ""
+        if category in CATEGORIES and count > share * ids.size:
             rows, columns = np.nonzero(ids == key)
             box = float(columns.min()), float(rows.min()), float(columns.max() + 1), float(rows.max() + 1)
             whole = min(box) > 0 and box[2] < ids.shape[1] and box[3] < ids.shape[0]
-            found.append(Target(obj.category, scene.assets[obj.asset].source, box, whole, float(count / ids.size)))
+            found.append(Target(category, scene.assets[obj.asset].source, box, whole, float(count / ids.size)))
     return found
 
 

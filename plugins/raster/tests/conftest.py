@@ -43,10 +43,10 @@ class SceneBuilder:
     assets: dict = field(default_factory=dict)
     objects: list = field(default_factory=list)
 
-    def mesh(self, mesh, position=(0, 0, 0), **facts):
+    def mesh(self, mesh, position=(0, 0, 0), category="object", **facts):
         number = len(self.objects) + 1
-        self.assets[str(number)] = Asset(str(number), "object", mesh, ())
-        self.objects.append(SceneObject(number, str(number), "object", position, **facts))
+        self.assets[str(number)] = Asset(str(number), category, mesh, ())
+        self.objects.append(SceneObject(number, str(number), category, position, **facts))
         return number
 
     def box(self, size, position, colour=(200, 200, 200), **facts):

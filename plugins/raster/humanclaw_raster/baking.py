@@ -1,0 +1,227 @@
+"""Bake the light of a scene: windows and lamps as area lights, light that surfaces pass on, one grid of probes.
+
+A probe keeps how bright it makes a surface that faces each of six ways (Valve's ambient cube, McTaggart 2004).
+"""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from humanclaw.body import Array
+from humanclaw.world import compiled
+from humanclaw_raster.packing import Floats
+
+SPACING: Final = 0.24
+"""Distance of probes, metres, two voxels. It is larger in scenes that would need more than MOST."""
+MOST: Final = 250_000
+RAYS: Final = 40
+BOUNCES: Final = 3
+BRIGHTEST: Final = 0.75
+"""Largest albedo: white paint and tiles."""
+_STEP: Final = 0.75
+"""Of a ray, voxels."""
+_SHORT: Final = 2.5
+"""A probe whose rays are shorter than this in the mean is inside an object, voxels."""
+_BEFORE: Final = 0.2
+"""Rays to a light end this far before it, because its own voxels are solid, metres."""
+_FAINT: Final = 1e-4
+"""Light of a small light that counts for nothing."""
+
+
+class Lights(NamedTuple):
+    """N small lights; a window is many of them."""
+
+    place: Array
+    """(N, 3) metres."""
+    way: Array
+    """(N, 3) unit vector along which it shines, as a pane does; zero if it shines to all sides."""
+    power: Array
+    """(N,) irradiance / pi at a distance of one metre."""
+
+
+class Voxels(NamedTuple):
+    """Which places are solid."""
+
+    albedo: NDArray[np.uint8]
+    """(Y, Z, X) 0 where it is empty, otherwise 1 to 255 for an albedo up to 1."""
+    corner: Array
+    """(3,) metres."""
+    size: float
+    """Side of a voxel, metres."""
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Y, Z, X: number of probes along each axis."""
+        return tuple(side // 2 for side in self.albedo.shape)
+
+
+def voxels(triangles: Floats, albedo: Floats) -> Voxels:
+    """Return the voxels of (T, 3, 3) triangles with (T,) albedos."""
+    points = triangles.reshape(-1, 3)
+    low, high = points.min(axis=0) - SPACING, points.max(axis=0) + SPACING
+    size = max(SPACING, float(np.prod(high - low) / MOST) ** (1 / 3)) / 2
+    shape = 2 * np.ceil((high - low) / (2 * size)).astype(int)
+    solid = np.zeros((shape[1], shape[2], shape[0]), np.uint8)
+    _fill(solid, triangles, albedo, low.astype(float), size)
+    return Voxels(solid, low.astype(float), size)
+
+
+@compiled
+def _fill(solid: NDArray[np.uint8], triangles: Floats, albedo: Floats, corner: Array, size: float) -> None:
+    for face in range(triangles.shape[0]):
+        a, b, c = triangles[face, 0], triangles[face, 1] - triangles[face, 0], triangles[face, 2] - triangles[face, 0]
+        longest = np.sqrt(max(np.sum(b * b), np.sum(c * c), np.sum((b - c) ** 2)))
+        steps = int(longest / (0.6 * size)) + 1
+        tone = np.uint8(1 + 254 * min(max(albedo[face], 0.0), BRIGHTEST))
+        for i in range(steps + 1):
+            for j in range(steps + 1 - i):
+                x = (a[0] + b[0] * i / steps + c[0] * j / steps - corner[0]) / size
+                y = (a[1] + b[1] * i / steps + c[1] * j / steps - corner[1]) / size
+                z = (a[2] + b[2] * i / steps + c[2] * j / steps - corner[2]) / size
+                solid[int(y), int(z), int(x)] = tone
+
+
+def bake(space: Voxels, lights: Lights, sky: float, indoors: NDArray[np.bool_]) -> Floats:
+    """Return (Y, Z, X, 6) irradiance / pi on surfaces that face +x, -x, +y, -y, +z, -z; NaN far from rooms.
+
+    sky: radiance where a ray leaves the scene. indoors: (Y, Z, X) which probes count: others get what those have.
+    """
+    count, ways = int(np.prod(space.shape)), _spread(RAYS)
+    direct, free = np.zeros((count, 6)), np.zeros(count)
+    hit, albedo = np.full((count, RAYS), -1, np.int32), np.zeros((count, RAYS), np.float32)
+    _shine(space.albedo, space.corner, space.size, *lights, direct)
+    _trace(space.albedo, ways, hit, albedo, free)
+    valid = free > _SHORT
+    light = direct.copy()
+    for _ in range(BOUNCES):
+        light = direct + _gather(light, free, ways, hit, albedo, sky)
+    light[~valid | ~indoors.ravel()] = np.nan
+    return _filled(_blurred(light.reshape(*space.shape, 6), space.albedo == 0)).astype(np.float32)
+
+
+def _spread(count: int) -> Array:
+    """Return (N, 3) unit vectors spread evenly over the sphere."""
+    height = 1 - (2 * np.arange(count) + 1) / count
+    angle = 2.399963 * np.arange(count)
+    flat = np.sqrt(1 - height * height)
+    return np.stack([flat * np.cos(angle), height, flat * np.sin(angle)], axis=1)
+
+
+@compiled
+def _shine(
+    solid: NDArray[np.uint8], corner: Array, size: float, place: Array, way: Array, power: Array, direct: Array
+) -> None:
+    """Add the light of all lights to all probes."""
+    depth, width = solid.shape[1] // 2, solid.shape[2] // 2
+    start, to = np.empty(3), np.empty(3)
+    for number in range(direct.shape[0]):
+        start[1], start[2], start[0] = number // (depth * width), number // width % depth, number % width
+        start[:] = 2 * start + 1
+        if solid[int(start[1]), int(start[2]), int(start[0])]:
+            continue
+        for light in range(power.size):
+            square, toward, flat = 1e-6, 0.0, False
+            for axis in range(3):
+                to[axis] = place[light, axis] - corner[axis] - start[axis] * size
+                square += to[axis] * to[axis]
+                toward -= to[axis] * way[light, axis]
+                flat |= way[light, axis] != 0
+            far = np.sqrt(square)
+            strength = power[light] * (toward / far if flat else 1.0) / max(square, 0.1)
+            if strength > _FAINT and _seen(solid, start, to, max(far - _BEFORE, 0.0) / far / size):
+                for axis in range(3):
+                    direct[number, 2 * axis + (to[axis] < 0)] += strength * abs(to[axis]) / far
+
+
+@compiled
+def _seen(solid: NDArray[np.uint8], start: Array, to: Array, share: float) -> bool:
+    """Return whether nothing solid lies on the way from a place in voxels along a share of a vector."""
+    dx, dy, dz = to[0] * share, to[1] * share, to[2] * share
+    steps = int(np.sqrt(dx * dx + dy * dy + dz * dz) / _STEP) + 1
+    for k in range(1, steps):
+        part = k / steps
+        if solid[np.uint64(start[1] + dy * part), np.uint64(start[2] + dz * part), np.uint64(start[0] + dx * part)]:
+            return False
+    return True
+
+
+@compiled
+def _trace(solid: NDArray[np.uint8], ways: Array, hit: NDArray[np.int32], albedo: Floats, free: Array) -> None:
+    """Note which probe is before the place that each ray of each probe hits, and its albedo; -1 where it hits nothing.
+
+    free: mean length of a probe's rays, voxels.
+    """
+    (high, deep, wide), width, depth = solid.shape, solid.shape[2] // 2, solid.shape[1] // 2
+    for number in range(hit.shape[0]):
+        y, z, x = 2.0 * (number // (depth * width)) + 1, 2.0 * (number // width % depth) + 1, 2.0 * (number % width) + 1
+        if solid[int(y), int(z), int(x)]:
+            continue
+        total = 0.0
+        for ray in range(ways.shape[0]):
+            dx, dy, dz = ways[ray, 0] * _STEP, ways[ray, 1] * _STEP, ways[ray, 2] * _STEP
+            px, py, pz, steps = x, y, z, 0
+            while True:
+                qx, qy, qz = px + dx, py + dy, pz + dz
+                if not (0 <= qx < wide and 0 <= qy < high and 0 <= qz < deep):
+                    break
+                tone = solid[np.uint64(qy), np.uint64(qz), np.uint64(qx)]
+                if tone:
+                    # The probe of the last place may be inside the wall: then the one before it.
+                    while solid[int(py) // 2 * 2 + 1, int(pz) // 2 * 2 + 1, int(px) // 2 * 2 + 1]:
+                        px, py, pz = px - dx, py - dy, pz - dz
+                    hit[number, ray] = (int(py) // 2 * depth + int(pz) // 2) * width + int(px) // 2
+                    albedo[number, ray] = np.float32(tone - 1) / np.float32(254)
+                    break
+                px, py, pz, steps = qx, qy, qz, steps + 1
+            total += steps * _STEP
+        free[number] = total / ways.shape[0]
+
+
+@compiled
+def _gather(light: Array, free: Array, ways: Array, hit: NDArray[np.int32], albedo: Floats, sky: float) -> Array:
+    """Return (N, 6) the light that surfaces pass on to each probe once more."""
+    out, count = np.zeros_like(light), ways.shape[0]
+    for number in np.flatnonzero(free > 0):
+        for ray in range(count):
+            before = hit[number, ray]
+            if before < 0:
+                bright = sky if ways[ray, 1] > 0 else 0.4 * sky
+            else:
+                bright = 0.0
+                for axis in range(3):
+                    toward = ways[ray, axis]
+                    bright += toward * toward * light[before, 2 * axis + (toward > 0)]
+                bright *= albedo[number, ray]
+            for axis in range(3):
+                toward = ways[ray, axis]
+                out[number, 2 * axis + (toward < 0)] += 4 / count * abs(toward) * bright
+    return out
+
+
+def _blurred(light: Array, empty: NDArray[np.bool_]) -> Array:
+    """Mix probes with their neighbours where nothing is between: rays in few directions leave a pattern."""
+    for axis in (0, 1, 2) * 2:
+        near, way = np.moveaxis(light.copy(), axis, 0), np.moveaxis(empty, axis, 0)[:, 1::2, 1::2]
+        clear = way[1:-2:2] & way[2:-1:2] & way[3::2] & ~np.isnan(near[:-1, ..., 0]) & ~np.isnan(near[1:, ..., 0])
+        step = np.where(clear[..., None], 0.25 * (near[1:] - near[:-1]), 0.0)
+        near[:-1] += step
+        near[1:] -= step
+        light = np.moveaxis(near, 0, axis)
+    return light
+
+
+def _filled(light: Array) -> Array:
+    """Give probes in walls and objects what their neighbours have: facing a way, the neighbour on that side's."""
+    for _ in range(2):
+        missing = np.isnan(light)
+        padded = np.pad(light, ((1, 1), (1, 1), (1, 1), (0, 0)), constant_values=np.nan)
+        around = [np.roll(padded, -sign, axis)[1:-1, 1:-1, 1:-1] for axis in (2, 0, 1) for sign in (1, -1)]
+        facing = np.stack([side[..., face] for face, side in enumerate(around)], axis=-1)
+        known = sum(~np.isnan(side) for side in around)
+        total = sum(np.nan_to_num(side) for side in around)
+        mean = np.where(known > 0, total / np.maximum(known, 1), np.nan)
+        light = np.where(missing, np.where(np.isnan(facing), mean, facing), light)
+    return light

@@ -1,0 +1,60 @@
+"""Light from windows and lamps."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+
+@pytest.fixture
+def room(builder, monkeypatch, tmp_path):
+    """A closed room of 6 x 6 x 2.6 m, and its cache."""
+    monkeypatch.setenv("HUMANCLAW_CACHE", str(tmp_path))
+    for size, place in (((6.4, 0.2, 6.4), (0, -0.2, 0)), ((6.4, 0.2, 6.4), (0, 2.6, 0))):
+        builder.box(size, place)
+    for size, place in (((6.4, 2.6, 0.2), (0, 0, 3.1)), ((6.4, 2.6, 0.2), (0, 0, -3.1))):
+        builder.box(size, place)
+    for x in (-3.1, 3.1):
+        builder.box((0.2, 2.6, 6.4), (x, 0, 0))
+    return builder
+
+
+def _floor(room, camera, z):
+    return room.look(camera((0, 1.5, z), (0, -1, 0), 64, up=(0, 0, 1))).rgb[32, 32].mean()
+
+
+def test_the_floor_near_a_window_is_brighter_than_the_floor_far_from_it(room, camera):
+    room.box((1.5, 1.2, 0.04), (0, 1.0, -2.95), category="window")
+    near, middle, far = (_floor(room, camera, z) for z in (-1.5, 0.0, 2.0))
+    assert near > 1.1 * middle > 1.1 * far
+
+
+def test_a_lamp_lights_what_is_near_it(room, camera):
+    room.box((0.3, 0.1, 0.3), (0, 2.4, 2.0), category="ceiling_lamp")
+    assert _floor(room, camera, 2.0) > 1.1 * _floor(room, camera, -2.0)
+
+
+def test_a_wall_keeps_the_light_of_a_window_away(room, camera):
+    room.box((1.5, 1.2, 0.04), (0, 1.0, -2.95), category="window")
+    before = _floor(room, camera, 2.0) / _floor(room, camera, -1.5)
+    room.box((6.0, 2.6, 0.3), (0, 0, 0))
+    assert _floor(room, camera, 2.0) / _floor(room, camera, -1.5) < 0.8 * before
+
+
+def test_the_sky_in_a_window_is_far_away(room, camera):
+    pane = room.box((3.0, 2.0, 0.04), (0, 0.3, -2.95), category="window")
+    one, two = (room.look(camera((x, 1.3, 1.0), (0, 0, -1), 256)) for x in (-0.3, 0.3))
+    both = (one.ids == pane) & (two.ids == pane)
+    assert both.mean() > 0.05
+    assert np.median(np.abs(one.rgb[both].astype(int) - two.rgb[both])) <= 1  # Edges are mixed with the frame.
+    assert one.rgb[both].std() > 10  # It is a view, not one colour.
+
+
+def test_light_is_baked_once_for_a_scene(room, camera, tmp_path):
+    room.box((1.5, 1.2, 0.04), (0, 1.0, -2.95), category="window")
+    eye = camera((0, 1.5, 2.0), (0, -0.3, -1))
+    first, kept = room.look(eye), {file: file.stat().st_ino for file in (tmp_path / "light").iterdir()}
+    assert kept
+    assert np.array_equal(room.look(eye).rgb, first.rgb)
+    # A second baking would replace the file by another one.
+    assert {file: file.stat().st_ino for file in (tmp_path / "light").iterdir()} == kept
