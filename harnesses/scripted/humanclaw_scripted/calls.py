@@ -20,6 +20,7 @@ BACK: Final = ("hips.back",)
 UP: Final = ("hips.rise", "hips.forward")
 DOWN: Final = ("hips.drop", "hips.forward")
 SIT: Final = ("hips.height",)
+_OVER_FLOOR: Final = ("hips.left", "hips.forward", "hips.back")
 HAND: Final = ("hand.left", "hand.up", "hand.ahead")
 """Measures that the parameters of a skill command, for each kind of motion that agents ask for."""
 TURN_FIRST: Final = float(np.radians(60))
@@ -70,6 +71,12 @@ def asking(skills: Mapping[str, Skill], measures: Sequence[str], amounts: Sequen
     """
     skill, asked = skill_for(skills, measures), dict(zip(measures, amounts, strict=True))
     return Call(skill.name, {one.key: _within(one, asked.get(one.measure, 0.0)) for one in skill.parameters})
+
+
+def way_of(skills: Mapping[str, Skill], call: Call) -> float:
+    """Return how far over the floor a call should take the body, metres."""
+    asked = [call.params.get(one.key, 0) for one in skills[call.skill].parameters if one.measure in _OVER_FLOOR]
+    return float(np.hypot(*[*asked, 0.0, 0.0][:2])) / 100
 
 
 def reaching(skills: Mapping[str, Skill], side: Side, place: Sequence[float]) -> Call:

@@ -37,12 +37,12 @@ from humanclaw_scripted.calls import (
     asking,
     ending,
     skill_for,
+    way_of,
 )
 from humanclaw_scripted.telling import Teller
 from humanclaw_scripted.truth import PelvisPose, box, in_view, on_seat
-from humanclaw_scripted.way import BEFORE_STEPS, ONTO_FLOOR, LevelSegment, aim, on_stairs, parts, remaining
+from humanclaw_scripted.way import BEFORE_STEPS, ONTO_FLOOR, LevelSegment, aim, on_stairs, parts, remaining, side_of
 
-_WAY: Final = ("hips.left", "hips.forward", "hips.back")
 STOP_DISTANCE: Final = 0.19
 """Distance to the target's bounding box at which the oracle stops, metres: just below the benchmark's 0.2."""
 
@@ -279,7 +279,7 @@ class OracleAgent:
         left, forward = pose.local(towards)
         error = float(np.arctan2(left, forward))
         if abs(error) > TURN_FIRST and np.hypot(left, forward) > 0.25:
-            return self._turn(error), f"The way to the {self._noun} leads to my {_side_of(left)}: I turn."
+            return self._turn(error), f"The way to the {self._noun} leads to my {side_of(left)}: I turn."
         if rest < 0.35 and forward < 0.1:
             return self._shuffle(left, forward), "I am almost at the place and adjust my footing."
         step = min(MAX_STEP, float(np.hypot(left, forward)), max(0.15, rest))
@@ -300,7 +300,7 @@ class OracleAgent:
         memory.sits = next((k for k, is_sit in enumerate(sat) if not is_sit), len(sat))
         if last is None or memory.before is None:
             return
-        wanted = self._way(last)
+        wanted = way_of(self._context.skills, last)
         if wanted >= 0.08:
             moved = float(np.linalg.norm(pose.point - memory.before.point))
             memory.blocked = memory.blocked + 1 if moved < 0.35 * wanted else 0
@@ -332,12 +332,6 @@ class OracleAgent:
 
     def _sits(self, call: Call | None) -> bool:
         return call is not None and self._context.skills[call.skill].role == "sit"
-
-    def _way(self, call: Call) -> float:
-        """Return how far over the floor a call should take the body, metres."""
-        parameters = self._context.skills[call.skill].parameters
-        asked = [call.params.get(one.key, 0) for one in parameters if one.measure in _WAY]
-        return float(np.hypot(*[*asked, 0.0, 0.0][:2])) / 100
 
     # calls
     def _call(self, measures: Sequence[str], *amounts: float) -> Call:
@@ -400,9 +394,5 @@ class OracleAgent:
             return f"{here} No {self._noun} is in view." if self._spec.target_ids else here
         angle, distance = min(seen, key=lambda found: found[1])
         self._memory.seen = True
-        side = "ahead" if abs(angle) < np.radians(15) else f"ahead on the {_side_of(angle)}"
+        side = "ahead" if abs(angle) < np.radians(15) else f"ahead on the {side_of(angle)}"
         return f"{here} A {self._noun} is {side}, about {distance:.1f} m away."
-
-
-def _side_of(left: float) -> str:
-    return "left" if left > 0 else "right"

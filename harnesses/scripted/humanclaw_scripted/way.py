@@ -63,6 +63,11 @@ def on_stairs(pose: PelvisPose, run: StairRun) -> tuple[float, float]:
     return float(along @ run.way), float(along @ across)
 
 
+def side_of(left: float) -> str:
+    """Return the side of an angle or a way to the left."""
+    return "left" if left > 0 else "right"
+
+
 def remaining(way: Sequence[LevelSegment | StairRun], pose: PelvisPose) -> float:
     """Return the rest of the way, metres over the floor."""
     first, *rest = way

@@ -4,16 +4,13 @@ import os
 import subprocess
 import sys
 
-import numpy as np
 import pytest
 
 pybullet = pytest.importorskip("pybullet", reason="PyBullet has no wheel for this Python")
 
 import humanclaw_bullet
-from humanclaw.testing import SceneBuilder, reset_times
 from humanclaw.world import HalfPhysics
 from humanclaw_bullet.engine import Client
-from humanclaw_bullet.world import bullet
 
 
 def offered(hook):
@@ -50,17 +47,6 @@ print(urdf(find_profile('default')))
         seeded = os.environ | {"PYTHONHASHSEED": str(seed)}
         bodies.add(subprocess.run(command, env=seeded, capture_output=True, text=True, check=True).stdout)
     assert len(bodies) == 1
-
-
-def test_resetting_keeps_no_memory():
-    """Check that neither boxes nor a hundred other shapes, which the engine gets in another way, leak memory."""
-    builder, random = SceneBuilder(), np.random.default_rng(0)
-    builder.room()
-    for number in range(100):
-        hull = random.uniform(0, 0.1, (12, 3)).astype(np.float32)
-        builder.solid(f"rock {number}", [hull], (random.uniform(-1.5, 1.5), 3, 1))
-    _, memory = reset_times(bullet(), builder.scene(), 40, lambda: None)
-    assert memory[-1] - memory[9] < 2.0
 
 
 def test_a_closed_world_does_not_reach_into_the_one_that_got_its_number():

@@ -46,17 +46,6 @@ def test_a_scene_that_is_loaded_again_is_not_compiled_again():
     assert min(times[1:]) < times[0]
 
 
-def test_resetting_keeps_no_memory():
-    """Check that neither boxes nor a hundred other shapes, which the engine gets in another way, leak memory."""
-    builder, random = SceneBuilder(), np.random.default_rng(0)
-    builder.room()
-    for number in range(100):
-        hull = random.uniform(0, 0.1, (12, 3)).astype(np.float32)
-        builder.solid(f"rock {number}", [hull], (random.uniform(-1.5, 1.5), 3, 1))
-    _, memory = reset_times(mujoco(), builder.scene(), 40, lambda: None)
-    assert memory[-1] - memory[9] < 2.0
-
-
 def test_what_mujoco_warns_of_is_logged_and_no_file_of_its_own_is_left_behind(tmp_path, monkeypatch, caplog):
     """Check that MuJoCo writes no MUJOCO_LOG.TXT into the working directory, as it does by default."""
     monkeypatch.chdir(tmp_path)
