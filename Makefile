@@ -149,9 +149,11 @@ architecture: $(READY)  ## Draw docs/images/architecture.svg from the import gra
 docs: $(READY)  ## Build the site into site/; broken links and undocumented names are errors
 	$(BIN)/python -m mkdocs build --strict
 
-pictures: install  ## Make the pictures of pages in docs/images again (needs Chromium and playwright; minutes)
-	for agent in seeing oracle; do $(BIN)/humanclaw bench run --split smoke --agent $$agent --out runs/pictures-$$agent --yes || exit 1; done
-	$(BIN)/python plugins/report/tests/pictures.py runs/pictures-seeing runs/pictures-oracle docs/images
+PICTURES ?= docs/images
+
+pictures: install  ## Make the pictures of pages in docs/images again (CHECK=docs/images PICTURES=FOLDER compares; needs Chromium and playwright; minutes)
+	for agent in seeing wanderer; do $(BIN)/humanclaw bench run --split smoke --agent $$agent --out runs/pictures-$$agent --yes || exit 1; done
+	$(BIN)/python plugins/report/tests/pictures.py runs/pictures-seeing runs/pictures-wanderer $(PICTURES) $(CHECK)
 
 skin: install  ## Compute the persons that a body looks like, core/humanclaw/body/skins (minutes)
 	$(BIN)/python core/skin/make.py core/humanclaw/body/skins

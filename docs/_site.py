@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import posixpath
 import re
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -16,10 +18,14 @@ from humanclaw import Plugins
 from humanclaw.cli import LazyCommand, build
 from humanclaw.plugins.index import SHIPPED, Index
 from humanclaw.skills.checks import CHECKS
+from humanclaw_bench.splits import load_split
 
 ROOT = Path(__file__).parents[1]
 INCLUDED = {"plugins/bench/README.md": "benchmark.md"}
 """READMEs whose page has another name."""
+REPLAYED = "smoke"
+"""The split whose replays are on the site."""
+_REPLAY = re.compile(r"!\[([^\]]*)\]\((images/replay-(\w+)\.jpg)\)")
 _PICTURE = re.compile(r"!\[([^\]]*)\]\((?!https?://)([^)\s]+)\)")
 _LINK = re.compile(r"(?<!!)\[([^\]]+)\]\((?!https?://|#)([^)#\s]+)(#[^)\s]*)?\)")
 
@@ -80,6 +86,22 @@ def relinked(text: str, path: str, page: str) -> str:
     return _PICTURE.sub(picture, _LINK.sub(link, text))
 
 
+# -- replays -----------------------------------------------------------------------------------------------------------
+def gallery(markdown: str) -> str:
+    """Make each picture of an episode lead to its replay."""
+    played = {spec.target_category: spec.id for spec in load_split(REPLAYED)}
+    return _REPLAY.sub(
+        lambda found: f'<a href="replays/{played[found[3]]}/page.html"><img src="{found[2]}" alt="{found[1]}"></a>',
+        markdown,
+    )
+
+
+def on_post_build(config: Any) -> None:
+    """Play the episodes of the gallery, so that its replays are never older than the code."""
+    run = ["bench", "run", "--split", REPLAYED, "--agent", "seeing", "--yes", "--out", f"{config.site_dir}/replays"]
+    subprocess.run([sys.executable, "-m", "humanclaw", *run], check=True, stdout=subprocess.DEVNULL)
+
+
 # -- checks ------------------------------------------------------------------------------------------------------------
 def checks() -> str:
     """Return the table of the checks of a skill, as Markdown."""
@@ -97,6 +119,8 @@ def plugins() -> str:
 # -- commands ----------------------------------------------------------------------------------------------------------
 def on_page_markdown(markdown: str, page: Any, config: Any, files: Files) -> str:
     """Replace the marks on the pages of commands, checks and plugins with what the code says."""
+    if page.file.src_path == "index.md":
+        return gallery(markdown)
     if page.file.src_path == "commands.md":
         return markdown.replace("<!-- commands -->", "\n".join(commands()))
     if page.file.src_path == "check.md":

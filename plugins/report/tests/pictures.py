@@ -1,6 +1,8 @@
 """Make the pictures of pages in the documentation again: `make pictures`. Needs Chromium and playwright.
 
-python pictures.py RUN OTHER_RUN FOLDER
+python pictures.py RUN OTHER_RUN FOLDER [CHECKED]
+
+With CHECKED, a folder of pictures, fail if one of them no longer looks like the page.
 """
 
 from __future__ import annotations
@@ -12,43 +14,74 @@ import sys
 from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
 from PIL import Image
 
 from humanclaw import load_run
 
 SIZES: Final = {"1400": ({"width": 1400, "height": 1000}, "light"), "390-dark": ({"width": 390, "height": 844}, "dark")}
+ALIKE: Final = 14.0
+"""Most mean difference of two pictures of 24 rows, of 255: other words and another step change less, a page that is
+blank, that has no style or whose parts moved changes more."""
 BROWSER: Final = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 
 
 def make(run: Path, other: Path, out: Path) -> None:
-    """Write pictures of the pages of a run, of both runs, and of the run's last episode."""
+    """Write pictures of the pages of the other run, of both runs, and of the run's last episode, and of the end of each
+    of the run's episodes."""
     from playwright.sync_api import sync_playwright
 
     pair = out / "pair.html"
-    for arguments in ([run], [run, other, "--out", pair]):
+    for arguments in ([run], [other], [run, other, "--out", pair]):
         subprocess.run([sys.executable, "-m", "humanclaw", "report", *map(str, arguments)], check=True)
-    episode = load_run(run)[-1]
-    pages = {"run": run / "report.html", "pair": pair, "episode": episode.folder / "page.html"}
+    episodes = load_run(run)
+    episode = episodes[-1]
+    pages = {"run": other / "report.html", "pair": pair, "episode": episode.folder / "page.html"}
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=BROWSER)
         for name, page in pages.items():
             for suffix, (viewport, scheme) in SIZES.items():
                 picture = _seen(browser, page, viewport, scheme, step=len(episode.steps) // 2)
                 picture.save(out / f"{name}-{suffix}.jpg", quality=82)
+        for one in episodes:
+            page, last = one.folder / "page.html", len(one.steps) - 1
+            picture = _seen(browser, page, {"width": 1000, "height": 800}, "light", last, part="#stage")
+            picture.thumbnail((480, 480))
+            picture.save(out / f"replay-{one.record.spec.target_category}.jpg", quality=82)
         browser.close()
     pair.unlink()
 
 
-def _seen(browser: Any, page: Path, viewport: dict[str, int], scheme: str, step: int) -> Image.Image:
-    """Return a picture of a page as it stands in a window; an episode is shown at a step."""
+def differing(made: Path, kept: Path) -> list[str]:
+    """Return the names of the pictures in `made` that look otherwise in `kept`, or are not there."""
+    return [path.name for path in sorted(made.glob("*.jpg")) if _difference(path, kept / path.name) > ALIKE]
+
+
+def _difference(path: Path, other: Path) -> float:
+    """Return the mean difference of two pictures, of 255, once they are so small that words are grey lines."""
+    if not other.exists():
+        return 255.0
+    small = [np.asarray(Image.open(one).convert("RGB").resize((32, 24)), float) for one in (path, other)]
+    return float(np.abs(small[0] - small[1]).mean())
+
+
+def _seen(
+    browser: Any, page: Path, viewport: dict[str, int], scheme: str, step: int, part: str = "html"
+) -> Image.Image:
+    """Return a picture of a page, or a part, as it stands in a window; an episode is shown at a step."""
     tab = browser.new_page(viewport=viewport, color_scheme=scheme)
     tab.goto(f"{page.resolve().as_uri()}#step={step}")
     tab.wait_for_function("document.documentElement.dataset.ready")
     tab.wait_for_timeout(1000)  # Pictures below the first screen load late.
-    picture = Image.open(io.BytesIO(tab.screenshot())).convert("RGB")
+    taken = tab.screenshot() if part == "html" else tab.locator(part).screenshot()
+    picture = Image.open(io.BytesIO(taken)).convert("RGB")
     tab.close()
     return picture
 
 
 if __name__ == "__main__":
-    make(*map(Path, sys.argv[1:]))
+    run, other, out, *checked = map(Path, sys.argv[1:])
+    out.mkdir(exist_ok=True)
+    make(run, other, out)
+    if found := [name for kept in checked for name in differing(out, kept)]:
+        sys.exit(f"These pictures no longer look like the pages: {', '.join(found)}. Run `make pictures`.")

@@ -166,6 +166,23 @@ def test_the_camera_stays_in_the_corridor_of_the_body(browser: Any, pages: dict[
     assert (np.abs(z[straight] - (-1 + 0.05 * np.arange(200)[straight])) > 1.2).all()
 
 
+def test_the_camera_goes_round_a_body_that_sits_down_in_a_low_corridor(browser: Any, pages: dict[str, Path]) -> None:
+    """Behind the body while it walks, in front when it sits: halfway the mean of both directions is the body itself."""
+    tab, _ = opened(browser, pages["episode"])
+    eyes = tab.evaluate("""() => {
+        const box = (...at) => new THREE.Box3(new THREE.Vector3(...at.slice(0, 3)), new THREE.Vector3(...at.slice(3)));
+        const walls = [box(0.7, 0, -9, 0.9, 3, 9), box(-0.9, 0, -9, -0.7, 3, 9), box(-9, 1.8, -9, 9, 2, 9)];
+        const chests = Array.from({ length: 90 }, (_, k) => new THREE.Vector3(0, k < 45 ? 1.1 : 0.75, 0));
+        const way = new Way(chests, chests.map(() => 0), chests.map((_, k) => (k < 45 ? 2.6 : 0.7)), walls);
+        return chests.map((chest, k) => [...way.at(chest, k).toArray(), way.at(chest, k).distanceTo(chest)]);
+    }""")
+    x, _, z, away = np.array(eyes).T
+    assert (np.abs(x) < 0.7).all()
+    assert (away > 1.1).all()
+    assert z[0] < -1.5
+    assert z[-1] > 1.5
+
+
 def test_playing_advances_and_a_link_leads_to_a_moment(browser: Any, pages: dict[str, Path]) -> None:
     tab, errors = opened(browser, pages["episode"])
     tab.click("#play")

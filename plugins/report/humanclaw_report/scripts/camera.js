@@ -5,6 +5,8 @@
 
 const WANTED = 3.2; // Distance to the body where there is room, metres.
 const MARGIN = 0.15; // Distance that the camera keeps from what is behind it, metres.
+const LEAST = 1.2; // The camera leaves its way rather than come closer, metres.
+const USED = 0.4; // Furniture as near as this to the chest is what the body uses, and lower than its box, metres.
 const EVERY_KEY = 6; // Frames of the replay between two choices of a direction.
 const WAYS = [0.12, 0.42, 0.75].flatMap((elevation) =>
   Array.from({ length: 16 }, (_, k) => ({ elevation, azimuth: (k * Math.PI) / 8 })),
@@ -14,32 +16,39 @@ const WAYS = [0.12, 0.42, 0.75].flatMap((elevation) =>
   way: new THREE.Vector3(Math.cos(elevation) * Math.sin(azimuth), Math.sin(elevation), Math.cos(elevation) * Math.cos(azimuth)),
 }));
 
-/** Distance along a ray to the nearest box that does not hold its start. @param {THREE.Vector3} start @param {THREE.Vector3} way @param {THREE.Box3[]} boxes @param {number} most */
+/** Distance along a ray to the nearest box in its way. @param {THREE.Vector3} start @param {THREE.Vector3} way @param {THREE.Box3[]} boxes @param {number} most */
 function clear(start, way, boxes, most) {
   const ray = new THREE.Ray(start, way);
   const hit = new THREE.Vector3();
   let found = most;
   for (const box of boxes) {
-    if (!box.containsPoint(start) && ray.intersectBox(box, hit)) found = Math.min(found, hit.distanceTo(start));
+    if (ray.intersectBox(box, hit)) found = Math.min(found, hit.distanceTo(start));
   }
   return found;
 }
 
 /** Where the camera stands in every frame, as an offset from the body's chest. */
 class Way {
-  /** sides: where from straight ahead of the body it is best seen, radians. @param {THREE.Vector3[]} chests @param {number[]} headings @param {number[]} sides @param {THREE.Box3[]} boxes */
-  constructor(chests, headings, sides, boxes) {
-    this.boxes = boxes;
+  /** sides: where from straight ahead of the body it is best seen, radians. @param {THREE.Vector3[]} chests @param {number[]} headings @param {number[]} sides @param {THREE.Box3[]} walls @param {THREE.Box3[]} furniture */
+  constructor(chests, headings, sides, walls, furniture = []) {
+    this.walls = walls;
+    this.furniture = furniture;
     const keys = chests.map((_, k) => k).filter((k) => k % EVERY_KEY === 0);
-    const scored = keys.map((k) => Way.scores(chests[k], headings[k], sides[k], boxes));
+    const scored = keys.map((k) => Way.scores(chests[k], headings[k], sides[k], this.near(chests[k])));
     const chosen = Way.cheapest(scored.map((one) => one.map(({ cost }) => cost)));
     /** @type {THREE.Vector3[]} */
     this.offsets = chosen.map((state, k) => WAYS[state].way.clone().multiplyScalar(scored[k][state].reach));
   }
 
-  /** Cost of each direction, and how far away the camera can stand. @param {THREE.Vector3} chest @param {number} heading @param {number} side @param {THREE.Box3[]} boxes */
-  static scores(chest, heading, side, boxes) {
-    const near = boxes.filter((box) => box.distanceToPoint(chest) < WANTED + MARGIN);
+  /** What may stand between the chest and a camera. @param {THREE.Vector3} chest */
+  near(chest) {
+    const within = (/** @type {THREE.Box3[]} */ boxes, /** @type {number} */ least) =>
+      boxes.filter((box) => box.distanceToPoint(chest) > least && box.distanceToPoint(chest) < WANTED + MARGIN);
+    return [...within(this.walls, 0), ...within(this.furniture, USED)];
+  }
+
+  /** Cost of each direction, and how far away the camera can stand. @param {THREE.Vector3} chest @param {number} heading @param {number} side @param {THREE.Box3[]} near */
+  static scores(chest, heading, side, near) {
     return WAYS.map(({ elevation, azimuth, way }) => {
       const reach = clear(chest, way, near, WANTED + MARGIN) - MARGIN;
       const aside = Math.abs(Math.cos(azimuth - heading) - Math.cos(side));
@@ -73,7 +82,13 @@ class Way {
       weight += share;
     });
     offset.divideScalar(Math.max(weight, 1e-9));
-    const way = offset.clone().normalize();
-    return chest.clone().addScaledVector(way, Math.max(0.3, Math.min(offset.length(), clear(chest, way, this.boxes, 9) - MARGIN)));
+    const near = this.near(chest);
+    const wanted = Math.max(offset.length(), LEAST);
+    const reach = (/** @type {THREE.Vector3} */ way) => Math.min(wanted, clear(chest, way, near, 9) - MARGIN);
+    const ways = [offset.clone().normalize()];
+    // Between two good directions may stand a wall: then the nearest direction that has room.
+    if (reach(ways[0]) < LEAST) ways.push(...WAYS.map(({ way }) => way).sort((a, b) => a.angleTo(ways[0]) - b.angleTo(ways[0])));
+    const way = ways.find((one) => reach(one) >= LEAST) ?? ways.reduce((best, one) => (reach(one) > reach(best) ? one : best));
+    return chest.clone().addScaledVector(way, Math.max(0.3, reach(way)));
   }
 }

@@ -124,11 +124,12 @@ class Stage {
     this.scene.add(this.path(), ...this.replay.targets.map(outline));
     const root = this.motion.simulated_root;
     this.centre.set(root[0], root[1], root[2]);
-    const still = this.furnishings.filter(({ data }) => !this.motion[`object_${data.id}`]);
+    const boxes = (/** @type {boolean} */ furniture) =>
+      this.furnishings.filter(({ data }) => !this.motion[`object_${data.id}`] && (data.kind === "furniture") === furniture).map(({ box }) => box);
     const chests = this.heading.map((_, k) => this.chest(k));
     // From behind, what a body walks to is in the picture; one that sits is seen from the front.
     const sides = chests.map(({ y }) => (y - this.floor(y) < SEATED ? 0.7 : 2.6));
-    this.way = new Way(chests, this.heading, sides, still.map(({ box }) => box));
+    this.way = new Way(chests, this.heading, sides, boxes(false), boxes(true));
   }
 
   /** @param {House} house */
