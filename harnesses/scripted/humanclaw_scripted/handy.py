@@ -30,15 +30,16 @@ _AT_HAND: Final = (0.3, 0.56)
 """Metres ahead of the hips between which hands work well."""
 _OVER_IT: Final = (0.36, 0.6)
 """The same of a place to lay something down."""
-_CARRIED: Final = (0.1, 1.1, 0.3)
-"""Aside, over the floor and ahead: where a hand carries a thing, metres."""
+_CARRIED: Final = (0.1, 1.1, 0.28)
+"""Aside, over the floor, and ahead of a thing's own half depth: where a hand carries it, metres."""
 _TRIES: Final = ((-0.02, 0.0), (-0.02, 0.05), (-0.02, -0.05), (0.01, 0.0), (-0.04, 0.03))
 """Metres outwards and ahead that a hand is elsewhere in one try after the other."""
 _HOVER: Final = 0.14
 _ROOM: Final = 0.2
 """Metres that are free around a place to stand."""
 _EASY: Final = float(np.radians(40))
-"""Turn in a call that a full hand stands."""
+_SLOW: Final = 0.45
+"""Turn and step (metres) in a call that a full hand stands."""
 _STEP: Final = {True: 0.3, False: 0.15}
 """How far a hand takes a door (radians) or a drawer (metres) with a call."""
 _OPEN: Final = 0.1
@@ -145,6 +146,10 @@ class HandyOracle(OracleAgent):
     def _turn(self, angle: float) -> Call:
         return super()._turn(float(np.clip(angle, -_EASY, _EASY)) if self._state().held else angle)
 
+    def _walk(self, left: float, forward: float, turn: float) -> Call:
+        share = min(1.0, _SLOW / max(forward, 1e-9)) if self._state().held else 1.0
+        return super()._walk(share * left, share * forward, share * turn)
+
     # -- hands ---------------------------------------------------------------------------------------------------------
     def _to(self, side: Side, place: Array, why: str) -> tuple[Call, str]:
         """Return a call that brings a hand to a place (3,) in the body's frame."""
@@ -224,8 +229,10 @@ class HandyOracle(OracleAgent):
         out = 1.0 if side == "left" else -1.0
         here, low, high = self._extent(thing)
         yield self._to(side, here.hand(side) + [0.0, 0.22, -0.05], "I lift it.")
+        if here.hand(side)[1] + 0.22 < _CARRIED[1] - 0.1:  # What is lower would meet the thighs.
+            yield self._to(side, np.array([here.hand(side)[0], _CARRIED[1], here.hand(side)[2]]), "I lift it higher.")
         yield self._back(0.25), "I step back with it."
-        deep = max(0.0, float(high[2] - low[2]) / 2 - 0.1)
+        deep = float(high[2] - low[2]) / 2
         yield self._to(side, np.array([_CARRIED[0] * out, _CARRIED[1], _CARRIED[2] + deep]), "I hold it before me.")
 
     def _put(self, thing: int, place: int, side: Side) -> Script:

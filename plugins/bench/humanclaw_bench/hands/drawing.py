@@ -25,7 +25,7 @@ Family = Literal["bring", "tidy", "open", "look"]
 FAMILIES: Final[tuple[Family, ...]] = ("bring", "tidy", "open", "look")
 EACH: Final = 75
 """Episodes of each family in `hands`; 15 of them in `mini-hands`, 1 in `smoke-hands`."""
-STEPS: Final[Mapping[Family, int]] = {"bring": 150, "tidy": 150, "open": 100, "look": 100}
+STEPS: Final[Mapping[Family, int]] = {"bring": 200, "tidy": 200, "open": 100, "look": 100}
 """Decisions at most: what is carried takes two ways."""
 FAR: Final = 0.5
 """Metres from where a body can stand to a thing at most, so that an arm reaches it."""
