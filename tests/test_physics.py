@@ -17,6 +17,7 @@ from humanclaw.testing.laws import table
 from humanclaw.testing.scenes import SceneBuilder
 from humanclaw.testing.speed import Quartiles, crowded, resident
 from humanclaw.world import find_profile
+from humanclaw.world.half_physics.kernels import approach
 from humanclaw.world.half_physics.swing import swings
 
 
@@ -24,6 +25,15 @@ def test_the_papers_profile_runs_at_120_hertz_with_stiffness_one_in_every_joint(
     paper = find_profile("paper")
     assert paper.substeps * FPS == 120
     assert {paper.stiffness_of(joint) for joint in JOINTS} == {1.0}
+
+
+@pytest.mark.parametrize(("ahead", "full", "way"), [(0.06, True, 0.06), (0.03, False, 0.03), (0.06, False, 0.1)])
+def test_a_link_that_enters_the_box_of_a_leaning_board_in_this_frame_may_meet_the_board_from_any_side(ahead, full, way):
+    """A link of 10 cm moves `ahead` towards a box 5 cm away, and 8 cm along it: 10 cm in all with 6 cm."""
+    now, moved = np.array([[0.0, 0.0, 0.0], [0.1, 0.1, 0.1]]), np.array([ahead, 0.0, 0.08])
+    boxes = np.stack([*now, now[0], now[1] + moved, moved])[:, None]
+    corners = np.array([[0.15, -1.0, -1.0]]), np.array([[1.0, 1.0, 1.0]])
+    assert approach(boxes, *corners, np.array([full]), 0.03) == pytest.approx(way)
 
 
 def test_a_finding_outside_its_bounds_does_not_hold_and_the_table_says_so():
