@@ -72,15 +72,19 @@ def voxels(triangles: Floats, albedo: Floats) -> Voxels:
 @compiled
 def _fill(solid: NDArray[np.uint8], triangles: Floats, albedo: Floats, corner: Array, size: float) -> None:
     for face in range(triangles.shape[0]):
-        a, b, c = triangles[face, 0], triangles[face, 1] - triangles[face, 0], triangles[face, 2] - triangles[face, 0]
-        longest = np.sqrt(max(np.sum(b * b), np.sum(c * c), np.sum((b - c) ** 2)))
-        steps = int(longest / (0.6 * size)) + 1
+        a, b, c = triangles[face]
+        longest = 0.0
+        for first, second in ((a, b), (b, c), (c, a)):
+            square = (first[0] - second[0]) ** 2 + (first[1] - second[1]) ** 2 + (first[2] - second[2]) ** 2
+            longest = max(longest, square)
+        steps = int(np.sqrt(longest) / (0.6 * size)) + 1
         tone = np.uint8(1 + 254 * min(max(albedo[face], 0.0), BRIGHTEST))
         for i in range(steps + 1):
             for j in range(steps + 1 - i):
-                x = (a[0] + b[0] * i / steps + c[0] * j / steps - corner[0]) / size
-                y = (a[1] + b[1] * i / steps + c[1] * j / steps - corner[1]) / size
-                z = (a[2] + b[2] * i / steps + c[2] * j / steps - corner[2]) / size
+                u, v = i / steps, j / steps
+                x = (a[0] + (b[0] - a[0]) * u + (c[0] - a[0]) * v - corner[0]) / size
+                y = (a[1] + (b[1] - a[1]) * u + (c[1] - a[1]) * v - corner[1]) / size
+                z = (a[2] + (b[2] - a[2]) * u + (c[2] - a[2]) * v - corner[2]) / size
                 solid[int(y), int(z), int(x)] = tone
 
 
@@ -118,8 +122,8 @@ def _shine(
     depth, width = solid.shape[1] // 2, solid.shape[2] // 2
     start, to = np.empty(3), np.empty(3)
     for number in range(direct.shape[0]):
-        start[1], start[2], start[0] = number // (depth * width), number // width % depth, number % width
-        start[:] = 2 * start + 1
+        start[0] = 2 * (number % width) + 1
+        start[1], start[2] = 2 * (number // (depth * width)) + 1, 2 * (number // width % depth) + 1
         if solid[int(start[1]), int(start[2]), int(start[0])]:
             continue
         for light in range(power.size):
@@ -184,8 +188,8 @@ def _trace(solid: NDArray[np.uint8], ways: Array, hit: NDArray[np.int32], albedo
 def _gather(light: Array, free: Array, ways: Array, hit: NDArray[np.int32], albedo: Floats, sky: float) -> Array:
     """Return (N, 6) the light that surfaces pass on to each probe once more."""
     out, count = np.zeros_like(light), ways.shape[0]
-    for number in np.flatnonzero(free > 0):
-        for ray in range(count):
+    for number in range(hit.shape[0]):
+        for ray in range(count if free[number] > 0 else 0):
             before = hit[number, ray]
             if before < 0:
                 bright = sky if ways[ray, 1] > 0 else 0.4 * sky

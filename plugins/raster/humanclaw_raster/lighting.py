@@ -91,8 +91,8 @@ def light_again(lit: Lit, instances: Instances, rows: NDArray[np.int64]) -> None
                 place[k] = np.float32(instances.place[row, k]) + lit.middle[row, k]
             place[axis] += sign * (lit.half[row, axis] + np.float32(OFFSET))
             for k in range(16):
-                near = place + aside[k]
-                total += lit.light.bright[probe(lit.light, near[0], near[1], near[2]) + np.uint64(face)]
+                x, y, z = place[0] + aside[k, 0], place[1] + aside[k, 1], place[2] + aside[k, 2]
+                total += lit.light.bright[probe(lit.light, x, y, z) + np.uint64(face)]
             lit.around[row, face] = max(total / np.float32(16), lit.glow[row])
 
 

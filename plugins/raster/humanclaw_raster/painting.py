@@ -179,7 +179,7 @@ def _outside(model: Model, pinhole: Pinhole, down: float, first: int, end: int, 
         x = points.right[k] * axes[0, 0] + down * axes[1, 0] + axes[2, 0]
         y = points.right[k] * axes[0, 1] + down * axes[1, 1] + axes[2, 1]
         z = points.right[k] * axes[0, 2] + down * axes[1, 2] + axes[2, 2]
-        height = y / np.sqrt(x * x + z * z + 1e-9)
+        height = np.arctan2(y, np.sqrt(x * x + z * z))
         points.u[k] = np.arctan2(x, z) / (2 * np.pi)
         points.v[k] = min(max((TOP - height) / (TOP - BOTTOM), 0.01), 0.99)
         points.footprint[k], points.texture[k], points.bright[k] = texels, mesh * LEVELS, np.float32(SKY)

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from humanclaw.body import Array
 
-TOP, BOTTOM = 0.7, -0.3
-"""Slope of the lines of sight to its first and its last row."""
-_WIDTH, _HEIGHT = 2048, 256
+TOP, BOTTOM = 0.6, -1.0
+"""Elevation of its first and its last row, radians."""
+_WIDTH, _HEIGHT = 2048, 384
 _TREES: Final = 130
 """Trees all around."""
 
@@ -20,10 +20,10 @@ _TREES: Final = 130
 @cache
 def panorama() -> NDArray[np.uint8]:
     """Return (H, W, 3) all around, the same for every scene."""
-    rng, slope = np.random.default_rng(0), np.linspace(TOP, BOTTOM, _HEIGHT)[:, None]
+    rng, slope = np.random.default_rng(0), np.tan(np.linspace(TOP, BOTTOM, _HEIGHT))[:, None]
     row, column = np.arange(_HEIGHT)[:, None], np.arange(_WIDTH)
     clouds = _wave(rng, 40)[(column + 5 * row) % _WIDTH] + _wave(rng, 40)[(column - 6 * row) % _WIDTH]
-    blue = np.clip(slope / TOP, 0, 1)[..., None]
+    blue = np.clip(1.5 * slope, 0, 1)[..., None]
     picture = (1 - blue) * [218.0, 232, 243] + blue * [112.0, 168, 228]
     picture = picture + (252 - picture) * 0.7 * np.clip(0.8 * clouds - 0.2, 0, 1)[..., None]
     grain = 1 + 0.1 * np.kron(rng.standard_normal((_HEIGHT // 2, _WIDTH // 2)), np.ones((2, 2)))[..., None]
