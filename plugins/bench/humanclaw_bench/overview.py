@@ -88,10 +88,10 @@ def _add_comparison(one: Result, two: Result, page: Page) -> None:
     alike = ", ".join(metric.name for metric in told if metric not in differing)
     notes = (
         f"No difference shown (the interval contains 0): {alike or 'none'}.",
-        f"{bearing(differences, told)} A: {one.name}. B: {two.name}. p: the runs are swapped house by house, exactly "
-        "for rates, at random for the rest; corrected (Holm).",
+        f"{bearing(differences, told)} Difference: {two.name} less {one.name}. p: the runs are swapped house by house, "
+        "exactly for rates, at random for the rest; corrected (Holm).",
     )
-    head = ("metric", "A", "B", "B \u2212 A", "p", "verdict")
+    head = ("metric", one.name, two.name, "difference", "p", "verdict")
     page.table("Metrics that differ", head, rows, notes=notes)
 
 
