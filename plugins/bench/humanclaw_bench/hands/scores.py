@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import accumulate
@@ -180,7 +180,7 @@ def hand_scores(recorded: RecordedEpisode) -> HandScores:
     twins = {stage: facts.is_met(stage) for stage in stages}
     said = any(facts.in_view(step) and claims(step, spec.target_category) for step in facts.steps)
     whole = twins | {"Find": said, stages[-1]: is_met(facts.goal, facts.steps)}
-    so_far = accumulate((whole[stage] for stage in stages), lambda before, now: before and now)
+    so_far: Iterator[bool] = accumulate((whole[stage] for stage in stages), lambda before, now: before and now)
     passed: dict[Stage, bool] = dict(zip(stages, so_far, strict=True))
     failed = next((stage for stage in stages if not passed[stage]), None)
     cause = next((one for one in CAUSES if one.stage == failed and one.rule(facts)), None)
