@@ -26,8 +26,12 @@ _FAR: Final = 0.55
 """Metres from a place to stand to what an arm reaches from there."""
 _BESIDE: Final = 0.16
 """Metres from the middle of the body to what a hand works on."""
-_AT_HAND: Final = (0.3, 0.56)
-"""Metres ahead of the hips between which hands work well."""
+_AT_HAND: Final = (0.4, 0.56)
+"""Metres ahead of the hips between which hands work well; nearer, a forearm meets the edge of a table."""
+_ABOVE: Final = 0.075
+"""Metres from what a thing lies on to the knuckles, at least: fingers and forearm need room."""
+_LOST: Final = 0.85
+"""Metres away of a thing that has been knocked out of reach."""
 _OVER_IT: Final = (0.36, 0.6)
 """The same of a place to lay something down."""
 _CARRIED: Final = (0.1, 1.1, 0.28)
@@ -210,7 +214,9 @@ class HandyOracle(OracleAgent):
         for outwards, ahead in _TRIES:
             here, low, high = self._extent(thing)
             beside = (high[0] if out > 0 else low[0]) + out * (0.03 + outwards)
-            height = max(low[1] + 0.05, min((low[1] + high[1]) / 2, low[1] + 0.25), 0.1)
+            height = max(low[1] + _ABOVE, min((low[1] + high[1]) / 2, low[1] + 0.25), 0.1)
+            if np.hypot(low[0] + high[0], low[2] + high[2]) / 2 > _LOST:
+                return
             at = np.array([beside, height, (low[2] + high[2]) / 2 - 0.04 + ahead])
             over = at + [0.06 * out, max(_HOVER, high[1] + 0.1 - height), -0.08]
             yield self._to(side, over, "I bring my hand over it.")

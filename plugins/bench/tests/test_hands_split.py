@@ -1,9 +1,8 @@
-"""The extension for hands: how its tasks are drawn, that the oracle solves them, and what its failures are put down to."""
+"""The extension for hands: how tasks are drawn, that the oracle solves them, and what failures are put down to."""
 
 from collections import Counter
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 import humanclaw_skill_answer
@@ -12,12 +11,12 @@ from humanclaw import Backends, Body, Call, Episode, EpisodeSpec, Plugins, Recor
 from humanclaw.body import Pose2D
 from humanclaw.records import Goal
 from humanclaw.testing import SceneBuilder
-from humanclaw.world import Hinge
+from humanclaw.world import Slide
 from humanclaw_bench.hands.drawing import EACH, FAMILIES, House, episodes, family_of
 from humanclaw_bench.hands.scores import hand_scores
 from humanclaw_bench.splits import HOUSES, load_split
 
-SHUT, WIDE = 0.0, float(np.pi / 2)
+SHUT, WIDE = 0.0, 0.35
 
 
 @pytest.fixture(scope="module")
@@ -55,20 +54,18 @@ def test_an_instruction_names_one_thing_alone():
     assert names == ["the cup", "", ""]
 
 
-# -- the oracle, and agents that do one thing wrong ----------------------------------------------------------------------
+# -- the oracle, and agents that do one thing wrong --------------------------------------------------------------------
 def kitchen():
-    """Two tables, a cup on the first one, and a cupboard with a door, with the ids of cup, table and door."""
+    """A shelf with a cup, a table, and a cupboard with a drawer; with the ids of cup, table, cupboard and drawer."""
     builder = SceneBuilder()
     builder.floor()
-    builder.box("shelf", (0.9, 0.8, 0.5), (0, 0, 1.6))
-    cup = builder.box("cup", (0.07, 0.1, 0.07), (0, 0.8, 1.45), (200, 40, 40), movable=True, mass=0.3)
-    table = builder.box("table", (0.9, 0.75, 0.6), (-2.2, 0, 0))
-    body = builder.box("cupboard", (0.6, 1.8, 0.5), (2.2, 0, 1.6), (90, 60, 40))
-    joint = Hinge((-0.3, 0.0, -0.02), SHUT, WIDE, friction=1.0, damping=2.0)
-    turned = (0.0, 1.0, 0.0, 0.0)
-    door = builder.box("cupboard", (0.6, 1.7, 0.02), (2.2, 0.05, 1.33), (150, 110, 70), rotation=turned, movable=True,
-                       mass=6.0, joint=replace(joint, point=(0.3, 0.0, -0.01), low=-WIDE, high=SHUT))  # fmt: skip
-    return builder.scene(), cup, table, body, door
+    builder.box("shelf", (0.9, 0.8, 0.5), (0, 0, 1.2))
+    cup = builder.box("cup", (0.07, 0.1, 0.07), (0, 0.8, 1.05), (200, 40, 40), movable=True, mass=0.3)
+    table = builder.box("table", (0.9, 0.75, 0.6), (-1.5, 0, 0))
+    body = builder.box("cupboard", (0.6, 0.7, 0.5), (1.2, 0, 1.2), (90, 60, 40))
+    drawer = builder.box("cupboard", (0.6, 0.2, 0.5), (1.2, 0.75, 1.2), (150, 110, 70), rotation=(0.0, 1.0, 0.0, 0.0),
+                         movable=True, mass=4.0, joint=Slide(SHUT, WIDE))  # fmt: skip
+    return builder.scene(), cup, table, body, drawer
 
 
 class Spoilt:
@@ -110,9 +107,9 @@ def bring(plugins, folder, change=lambda call, role: call):
 
 
 def look(plugins, folder, change=lambda call, role: call):
-    *_, body, door = kitchen()
-    goal = Goal(things=(door,), share=0.5, ways={door: (SHUT, -WIDE)}, answer="no")
-    return play(plugins, folder, goal, change, "cupboard", (door, body))
+    *_, body, drawer = kitchen()
+    goal = Goal(things=(drawer,), share=0.5, ways={drawer: (SHUT, WIDE)}, answer="no")
+    return play(plugins, folder, goal, change, "cupboard", (drawer, body))
 
 
 @pytest.mark.parametrize("task", [bring, look])
@@ -129,7 +126,6 @@ def test_the_oracle_solves_it_and_every_stage_is_passed(plugins, tmp_path, task)
         (bring, to_stop("gesture"), "reach: never reached out"),
         (bring, to_stop("grasp"), "hold: never closed"),
         (bring, to_stop("release"), "place: never let go"),
-        (look, to_stop("grasp"), "hold: never closed"),
         (look, lambda call, role: Call("answer", {"text": "yes"}) if role == "stop" else call, "answer: wrong answer"),
         (look, to_stop("stop"), "answer: no answer"),
     ],

@@ -67,7 +67,7 @@ class House:
 
     @cached_property
     def _counts(self) -> Counter[tuple[str, str]]:
-        return Counter((obj.category, room) for obj in self._bodies for room in ("", obj.room))
+        return Counter((obj.category, room) for obj in self._bodies for room in {"", obj.room})
 
     def phrase(self, obj: SceneObject, noun: str = "") -> str:
         """Name an object as nothing else in the house; empty if category and room do not."""

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import accumulate
 from typing import Final, Literal
 
 import numpy as np
@@ -179,7 +180,8 @@ def hand_scores(recorded: RecordedEpisode) -> HandScores:
     twins = {stage: facts.is_met(stage) for stage in stages}
     said = any(facts.in_view(step) and claims(step, spec.target_category) for step in facts.steps)
     whole = twins | {"Find": said, stages[-1]: is_met(facts.goal, facts.steps)}
-    passed = {stage: all(whole[one] for one in stages[: k + 1]) for k, stage in enumerate(stages)}
+    so_far: Iterator[bool] = accumulate((whole[stage] for stage in stages), lambda before, now: before and now)
+    passed: dict[Stage, bool] = dict(zip(stages, so_far, strict=True))
     failed = next((stage for stage in stages if not passed[stage]), None)
     cause = next((one for one in CAUSES if one.stage == failed and one.rule(facts)), None)
     return HandScores(family, twins, passed, facts.dropped, cause)
