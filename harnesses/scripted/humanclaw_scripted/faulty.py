@@ -108,8 +108,9 @@ class FaultyAgent:
         fault. Its reasons would tell what only the map knows."""
         if self._teller is None:
             return decision
-        claimed = {} if decision.visible_state == seen else {"visible_state": decision.visible_state}
-        return replace(self._teller(decision, history), **claimed)
+        told = self._teller(decision, history)
+        claimed = told.visible_state if decision.visible_state == seen else decision.visible_state
+        return replace(told, visible_state=claimed)
 
     def _snapshot(self, fault: Fault, decision: Decision, seen: bool, step: int) -> Snapshot:
         left = self._perception.context.spec.max_steps - step
