@@ -1,4 +1,4 @@
-"""Ambient occlusion and the sun's shadow, in image space."""
+"""Ambient occlusion the light of wide faces and the shadows of objects, in image space."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ VOID: Final = np.float32(1e9)
 LEAN: Final = np.float32(0.08)
 """Sine of the angle above the surface below which neighbours do not count: they are the rounded surface itself."""
 STEPS: Final = 4
-"""Number of steps towards the sun that are skipped together where nothing around them is high enough."""
+"""Number of steps towards the light that are skipped together where nothing around them is high enough."""
 _CLOSE: Final = np.float32(1 / (REACH * REACH))
 
 
