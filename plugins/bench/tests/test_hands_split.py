@@ -1,7 +1,9 @@
 """The extension for hands: how tasks are drawn, that the oracle solves them, and what failures are put down to."""
 
+import re
 from collections import Counter
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 
@@ -13,7 +15,7 @@ from humanclaw.records import Goal
 from humanclaw.testing import SceneBuilder
 from humanclaw.world import Slide
 from humanclaw_bench.hands.drawing import EACH, FAMILIES, House, episodes, family_of
-from humanclaw_bench.hands.scores import hand_scores
+from humanclaw_bench.hands.scores import hand_scores, says_seen
 from humanclaw_bench.splits import HOUSES, load_split
 
 SHUT, WIDE = 0.0, 0.35
@@ -52,6 +54,13 @@ def test_an_instruction_names_one_thing_alone():
     house = House(builder.scene())
     names = [house.phrase(house.scene.by_id[key]) for key in (cup, one, other)]
     assert names == ["the cup", "", ""]
+
+
+def test_who_names_a_thing_as_the_instruction_does_has_said_so():
+    for spec in load_split("hands"):
+        thing = re.search(r"\b(?:open|put|in) (the [^?.]+)", spec.instruction)[1]
+        step = SimpleNamespace(decision=SimpleNamespace(visible_state=f"I see {thing}."))
+        assert says_seen(step, spec.target_category), spec.instruction
 
 
 # -- the oracle, and agents that do one thing wrong --------------------------------------------------------------------

@@ -41,6 +41,15 @@ AT_HAND: Final = 0.12
 """Metres from the knuckles to a thing's box at which a hand has reached it."""
 _STOREY: Final = 1.2
 """Metres from the pelvis up or down to a thing on the same floor."""
+_ALSO: Final[Mapping[str, tuple[str, ...]]] = {
+    "stove": ("oven",), "fridge": ("refrigerator",), "wardrobe": ("closet",), "cup": ("mug",)
+}  # fmt: skip
+"""Further words for a category: that of its instruction, and plain synonyms."""
+
+
+def says_seen(step: StepRecord, category: str) -> bool:
+    """Tell whether the answer of a step says that a thing is in view, in any of its words."""
+    return any(claims(step, word) for word in (category, *_ALSO.get(category, ())))
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,7 +187,7 @@ def hand_scores(recorded: RecordedEpisode) -> HandScores:
     family = family_of(spec)
     stages = STAGES[family]
     twins = {stage: facts.is_met(stage) for stage in stages}
-    said = any(facts.in_view(step) and claims(step, spec.target_category) for step in facts.steps)
+    said = any(facts.in_view(step) and says_seen(step, spec.target_category) for step in facts.steps)
     whole = twins | {"Find": said, stages[-1]: is_met(facts.goal, facts.steps)}
     so_far: Iterator[bool] = accumulate((whole[stage] for stage in stages), lambda before, now: before and now)
     passed: dict[Stage, bool] = dict(zip(stages, so_far, strict=True))
