@@ -138,7 +138,7 @@ def run_split(
                 watch(status, report)
                 if report.fatal:
                     raise HumanclawError(f"episode {report.episode} cannot be run: {report.error}")
-                asked = pilot.endsreplace(report) and status.left > 0
+                asked = pilot.ends_with(report) and status.left > 0
                 refused = asked and not go_on(pilot.forecast(status))
                 limited = report.limit == "run" or _spent(status, job.limits)
                 status = replace(status, limited=status.limited or limited)
@@ -171,7 +171,7 @@ class _Pilot:
         self._awaited = {spec.id for spec in specs}
         self._ended: list[WorkerReport] = []
 
-    def endsreplace(self, report: WorkerReport) -> bool:
+    def ends_with(self, report: WorkerReport) -> bool:
         """Note a played episode. Returns whether it was the last of the pilot and at least one of them ended."""
         if report.episode not in self._awaited:
             return False
