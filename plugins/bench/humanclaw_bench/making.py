@@ -89,11 +89,16 @@ def _refuse_unused(secret: int | None, train: int | None) -> None:
     """Raise UsageError for options that would have no effect."""
     source = click.get_current_context().get_parameter_source
     given = {
-        name for name in ("seed", "train", "task", "pairs", "starts") if source(name) is not ParameterSource.DEFAULT
+        name
+        for name in ("seed", "train", "task", "pairs", "starts", "secret", "hands")
+        if source(name) is not ParameterSource.DEFAULT
     }
     if secret is not None and given & {"seed", "train"}:
         told = f"--{min(given & {'seed', 'train'})} has no effect with --secret, which determines everything"
         raise click.UsageError(f"{told}: leave it out.")
+    if "hands" in given and given & {"secret", "train", "starts"}:
+        raise click.UsageError(f"--{min(given & {'secret', 'train', 'starts'})} has no effect on the splits for hands: "
+                               "leave it out.")  # fmt: skip
     if train is None and given & {"task", "pairs"}:
         raise click.UsageError("--task and --option are of training tasks: add --train N.")
 

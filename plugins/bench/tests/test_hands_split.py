@@ -6,6 +6,7 @@ from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
+from click.testing import CliRunner
 
 import humanclaw_skill_answer
 import humanclaw_skill_hands
@@ -14,6 +15,7 @@ from humanclaw.body import Pose2D
 from humanclaw.records import Goal
 from humanclaw.testing import SceneBuilder
 from humanclaw.world import Slide
+from humanclaw_bench.cli import bench
 from humanclaw_bench.hands.drawing import EACH, FAMILIES, House, episodes, family_of
 from humanclaw_bench.hands.scores import hand_scores, says_seen
 from humanclaw_bench.splits import HOUSES, load_split
@@ -54,6 +56,13 @@ def test_an_instruction_names_one_thing_alone():
     house = House(builder.scene())
     names = [house.phrase(house.scene.by_id[key]) for key in (cup, one, other)]
     assert names == ["the cup", "", ""]
+
+
+@pytest.mark.parametrize("option", ["--secret", "--train", "--starts"])
+def test_an_option_that_has_no_effect_on_splits_for_hands_is_refused(tmp_path, option):
+    told = CliRunner().invoke(bench, ["make", "--hands", option, "3", "--out", str(tmp_path)])
+    assert told.exit_code == 2
+    assert f"{option} has no effect" in told.output
 
 
 def test_who_names_a_thing_as_the_instruction_does_has_said_so():
