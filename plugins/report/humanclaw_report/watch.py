@@ -84,10 +84,10 @@ class Watcher:
         """Return the page of an episode that has ended, complete in one file; empty if there is no such episode."""
         try:
             episode = RecordedEpisode(self.place(name))
+            page = episode.folder / "page.html"  # Not written: small enough views and films are in the page.
+            return episode_page(episode, self.houses.of(episode), page) if episode.has_motion else ""
         except RecordError:
             return ""
-        page = episode.folder / "page.html"  # Not written: small enough views and films are in the page.
-        return episode_page(episode, self.houses.of(episode), page) if episode.has_motion else ""
 
     def frame(self, name: str, file: str) -> bytes:
         """Return a view of an episode as JPEG; empty if there is no such file."""

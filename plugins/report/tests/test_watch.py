@@ -64,6 +64,14 @@ def test_the_replay_of_an_episode_that_has_ended_is_served_in_one_file(served: t
     assert get(served[0], "/replay/couch-2")[0] == 404
 
 
+def test_a_damaged_motion_of_an_unsealed_record_is_no_replay(tmp_path: Path) -> None:
+    scene = record_episode(tmp_path / "couch-0")
+    record = json.loads((tmp_path / "couch-0" / "episode.json").read_text("utf-8"))
+    (tmp_path / "couch-0" / "episode.json").write_text(json.dumps(record | {"files": {}, "seal": ""}), "utf-8")
+    (tmp_path / "couch-0" / "motion.npz").write_bytes(b"no archive")
+    assert Watcher(tmp_path, lambda name: scene).replay("couch-0") == ""
+
+
 @pytest.mark.parametrize(
     "path",
     [
