@@ -72,6 +72,17 @@ def test_who_names_a_thing_as_the_instruction_does_has_said_so():
         assert says_seen(step, spec.target_category), spec.instruction
 
 
+def test_an_episode_that_a_plugin_broke_has_failed_without_a_root_cause():
+    (spec,) = (spec for spec in load_split("smoke-hands") if family_of(spec) == "open")
+    labels = []
+    for outcome in ("max_steps", "plugin_error"):
+        record = SimpleNamespace(spec=spec, outcome=outcome, targets={})
+        scores = hand_scores(SimpleNamespace(record=record, steps=(), has_motion=False))
+        labels.append(scores.cause.label if scores.cause else "")
+        assert not scores.success
+    assert labels == ["find: ineffective exploration", ""]
+
+
 # -- the oracle, and agents that do one thing wrong --------------------------------------------------------------------
 def kitchen():
     """A shelf with a cup, a table, and a cupboard with a drawer; with the ids of cup, table, cupboard and drawer."""

@@ -192,7 +192,8 @@ def hand_scores(recorded: RecordedEpisode) -> HandScores:
     so_far: Iterator[bool] = accumulate((whole[stage] for stage in stages), lambda before, now: before and now)
     passed: dict[Stage, bool] = dict(zip(stages, so_far, strict=True))
     failed = next((stage for stage in stages if not passed[stage]), None)
-    cause = next((one for one in CAUSES if one.stage == failed and one.rule(facts)), None)
+    own = recorded.record.outcome != "plugin_error"  # What a plugin broke has no root cause.
+    cause = next((one for one in CAUSES if own and one.stage == failed and one.rule(facts)), None)
     return HandScores(family, twins, passed, facts.dropped, cause)
 
 
