@@ -84,7 +84,7 @@ for _name, _target, _told in (
     "name",
     default="mini",
     show_default=True,
-    help="val, val-400, mini, smoke, dev, or a file of episodes.",
+    help="val, val-400, mini, smoke, dev, hands, mini-hands, smoke-hands, or a file of episodes.",
     shell_complete=complete_split,
 )
 @decider_options
