@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numba import njit
+from numba.core.event import end_event, start_event
 
 from humanclaw import Body, Call, CallError, Episode, HumanclawError, PluginError, Verdict, run_episode, skill
 from humanclaw.errors import LimitError, PluginRunError, ProviderError, RecordError, ReplayError
@@ -476,3 +477,16 @@ def test_a_step_is_not_slow_because_something_is_compiled_for_the_first_time(bod
     with Episode(body, spec, agent) as episode:
         episode.ask()
     assert episode.steps[0].seconds["decide"] < agent.took / 2
+
+
+def test_no_step_takes_less_than_no_time_while_another_thread_compiles(body, spec):
+    class Meanwhile(Agent):
+        def decide(self, observation, history):
+            end_event("numba:compile")  # Of a compilation that began before this question.
+            return super().decide(observation, history)
+
+    start_event("numba:compile")
+    time.sleep(0.2)
+    with Episode(body, spec, Meanwhile(WALK)) as episode:
+        episode.ask()
+    assert episode.steps[0].seconds["decide"] >= 0

@@ -70,6 +70,7 @@ def working() -> float:
 
     Code is compiled once on a machine, and no step is slow because of it.
     """
-    # An extra: only engines and renderers that are compiled have loaded it.
-    compiling = sys.modules.get("humanclaw.world.compiling")
-    return time.perf_counter() - (compiling.compiling_seconds() if compiling else 0.0)
+    # An extra: only engines and renderers that are compiled have loaded it, and another thread may be about to.
+    now, module = time.perf_counter(), sys.modules.get("humanclaw.world.compiling")
+    spent = getattr(module, "compiling_seconds", None)
+    return now - float(spent(now)) if spent else now

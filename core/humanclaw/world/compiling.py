@@ -2,19 +2,43 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from typing import Any, Final
 
 from numba import njit
-from numba.core.event import TimingListener, register
+from numba.core.event import Event, Listener, register
 
-_CLOCK: Final = TimingListener()  # type: ignore[no-untyped-call]
+
+class _Clock(Listener):
+    """Sums up the time in which numba compiles, which it does in one thread at a time."""
+
+    def __init__(self) -> None:
+        self._depth = 0
+        self.state: tuple[float, float] = (0.0, float("inf"))
+        """Seconds so far, and when the compilation began that is under way. One value, because other threads read
+        it."""
+
+    def on_start(self, event: Event) -> None:
+        if self._depth == 0:
+            self.state = (self.state[0], time.perf_counter())
+        self._depth += 1
+
+    def on_end(self, event: Event) -> None:
+        self._depth -= 1
+        if self._depth == 0:
+            spent, began = self.state
+            self.state = (spent + time.perf_counter() - began, float("inf"))
+
+
+_CLOCK: Final = _Clock()
 register("numba:compile", _CLOCK)  # type: ignore[no-untyped-call]
 
 
-def compiling_seconds() -> float:
-    """Return the seconds that this process has spent compiling."""
-    return float(_CLOCK.duration) if _CLOCK.done else 0.0
+def compiling_seconds(now: float) -> float:
+    """Return the seconds that this process has spent compiling until now, a time of time.perf_counter()."""
+    spent, began = _CLOCK.state
+    return spent + max(now - began, 0.0)
 
 
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from humanclaw import Scene
 from humanclaw.body import Array, matrix_from_quaternion
 from humanclaw.storage import Cache
-from humanclaw.world import compiled, inlined
+from humanclaw.world import SceneObject, compiled, inlined
 from humanclaw_raster.baking import Lights, bake, voxels
 from humanclaw_raster.buffers import HALF, TINY, ZERO, Instances
 from humanclaw_raster.packing import LEVELS, Floats, Model
@@ -122,7 +122,9 @@ def _code() -> str:
 
 
 def _exposed(light: Floats) -> Floats:
-    """Return brightness, as a camera sees light that is exposed for the rooms."""
+    """Return brightness, as a camera sees light that is exposed for the rooms; PLAIN if no probe is in one."""
+    if np.isnan(light).all():
+        return np.broadcast_to(np.array(PLAIN, np.float32), light.shape)
     middle = np.exp(np.nanmean(np.log(np.maximum(light.mean(axis=-1), 0.01))))
     return np.asarray(MEAN * (np.nan_to_num(light / middle, nan=1.0) + DARK) ** CONTRAST, np.float32)
 
@@ -155,7 +157,7 @@ def _lights(scene: Scene) -> Lights:
     place, way, power = [], [], []
     for obj in scene.objects:
         turn, mesh = matrix_from_quaternion(np.array(obj.rotation)), scene.assets[obj.asset].mesh
-        if (pane := panes(scene, obj.asset)).any():
+        if _stays(obj) and (pane := panes(scene, obj.asset)).any():
             low, high = _box(mesh.vertices[mesh.faces[pane]].reshape(-1, 3))
             grid = (np.indices((SAMPLES, SAMPLES, 1)).reshape(3, -1).T + 0.5) / [SAMPLES, SAMPLES, 1]
             place.append((low + grid * (high - low)) @ turn.T + obj.position)
@@ -170,6 +172,11 @@ def _lights(scene: Scene) -> Lights:
     return Lights(*(np.concatenate(part) if part else np.zeros(0) for part in (place, way, power)))
 
 
+def _stays(obj: SceneObject) -> bool:
+    """Return whether an object stays where it is, or on its joint."""
+    return not obj.movable or obj.joint is not None
+
+
 def _box(points: Floats) -> tuple[Array, Array]:
     return points.min(axis=0).astype(float), points.max(axis=0).astype(float)
 
@@ -178,7 +185,7 @@ def _solid(scene: Scene, model: Model, instances: Instances) -> tuple[Floats, Fl
     """Return (T, 3, 3) triangles of all that stays where it is, and their (T,) albedo."""
     triangles, albedo = [], []
     for row, obj in enumerate(scene.objects, 1):
-        if obj.movable and not obj.joint:
+        if not _stays(obj):
             continue
         first, end = _faces(model, instances.mesh[row])
         triangles.append(model.corners[first:end] @ instances.turn[row].T + instances.place[row])

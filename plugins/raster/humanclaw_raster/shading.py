@@ -1,4 +1,4 @@
-"""Ambient occlusion the light of wide faces and the shadows of objects, in image space."""
+"""Ambient occlusion, the light of wide faces and the shadows of objects, in image space."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ from humanclaw.world import compiled
 from humanclaw_raster.buffers import ZERO, Instances, Pinhole
 from humanclaw_raster.drawing import move_point, place_model
 from humanclaw_raster.lighting import Lit, facing
-from humanclaw_raster.packing import Floats, Model
+from humanclaw_raster.packing import SMALL, WIDE, Floats, Model
 
 FLAT: Final = 8
 BRIGHT: Final = 11
@@ -27,7 +27,7 @@ FLAT     unit normal of the face towards the camera, camera frame
 BRIGHT   brightness at the first corner, and the differences of the other two to it
 UV       uv likewise
 DENSITY  texels per pixel at a depth of one metre
-KIND     as in the model
+KIND     as in the model, but no face of what shines itself is WIDE
 """
 
 
@@ -43,6 +43,9 @@ def prepare(model: Model, instances: Instances, lit: Lit, pinhole: Pinhole, face
             owner = instance
         side = _place(model, turn, shift, face, table[number])
         _shade(model, instances.turn[instance], lit.around[instance], side, face, table[number])
+        # What shines itself is no darker where less light falls on it.
+        if lit.glow[instance] > ZERO and model.kind[face] == WIDE:
+            table[number, KIND] = SMALL
         table[number, DENSITY] = model.density[face] / pinhole.focal
     return table
 

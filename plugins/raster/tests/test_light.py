@@ -2,8 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+
+from humanclaw.body import rest_pose
+from humanclaw.world import Room, WorldState
+from humanclaw_raster.renderer import RasterRenderer
+
+AWAY = rest_pose()
+AWAY.root[:, 0] += 500.0
 
 
 @pytest.fixture
@@ -48,6 +57,33 @@ def test_the_sky_in_a_window_is_far_away(room, camera):
     assert both.mean() > 0.05
     assert np.median(np.abs(one.rgb[both].astype(int) - two.rgb[both])) <= 1  # Edges are mixed with the frame.
     assert one.rgb[both].std() > 10  # It is a view, not one colour.
+
+
+def test_a_large_screen_in_the_dark_is_as_bright_as_a_small_one(room, camera):
+    room.box((1.5, 1.2, 0.04), (0, 1.0, -2.95), category="window")
+    room.box((6.0, 2.6, 0.3), (0, 0, 0))
+    large = room.box((1.2, 0.6, 0.1), (0.8, 1.0, 2.5), category="tv")
+    small = room.box((0.3, 0.3, 0.1), (-0.8, 1.0, 2.5), category="tv")
+    view = room.look(camera((0, 1.2, 1.2), (0, 0, 1)))
+    bright = {key: np.median(view.rgb[view.ids == key]) for key in (large, small)}
+    assert bright[large] == pytest.approx(bright[small], rel=0.05)
+
+
+def test_a_loose_window_without_a_house_is_drawn(builder, camera):
+    pane = builder.box((1.5, 1.2, 0.04), (0, 0.5, -2.0), category="window", movable=True, mass=5.0)
+    assert (builder.look(camera((0, 1.0, 0), (0, 0, -1))).ids == pane).any()
+
+
+def test_a_scene_whose_rooms_lie_elsewhere_is_lit_as_one_without_windows(room, camera, recwarn):
+    eye = camera((0, 1.5, 2.0), (0, -0.3, -1))
+    dark = room.look(eye).rgb
+    room.box((0.3, 0.1, 0.3), (0, 2.4, 2.0), category="ceiling_lamp")
+    scene = replace(room.scene(), rooms=(Room("elsewhere", "bedroom", 90, 90, 93, 93),))
+    renderer = RasterRenderer()
+    renderer.load(scene)
+    view = renderer.render(WorldState(AWAY, {}), eye)
+    assert not recwarn.list
+    assert np.abs(view.rgb.astype(int) - dark).mean() < 2
 
 
 def test_light_is_baked_once_for_a_scene(room, camera, tmp_path):
