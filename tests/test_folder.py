@@ -150,6 +150,7 @@ OWN = {
     "plugins/bullet/humanclaw_bullet/": "a temporary folder, and the null device",
     "plugins/habitat/humanclaw_habitat/gltf.py": "bytes",
     "plugins/houses/humanclaw_houses/caching.py": "code of this package",
+    "plugins/raster/humanclaw_raster/lighting.py": "code of this package",
     "plugins/houses/humanclaw_houses/importers/sweethome.py": "a stream of the door",
     "plugins/ray/humanclaw_ray/executor.py": "a temporary folder",
     "plugins/report/humanclaw_report/": "a script of this package",

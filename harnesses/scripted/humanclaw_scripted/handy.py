@@ -80,7 +80,8 @@ class HandyOracle(OracleAgent):
 
     def begin(self, context: EpisodeContext) -> None:
         super().begin(context)
-        self._script = self._play()
+        # A script holds its agent, and so the house, until the garbage collector comes: not where none is played.
+        self._script: Script = self._play() if self._spec.goal is not None else iter(())
 
     def _act(self, state: WorldState, pose: PelvisPose) -> tuple[Call, str]:
         return super()._act(state, pose) if self._spec.goal is None else next(self._script)

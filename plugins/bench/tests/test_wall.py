@@ -75,7 +75,7 @@ class Mine(Agent):
         while frame:
             found += [value for value in frame.f_locals.values() if isinstance(value, Episode)]
             frame = frame.f_back
-        found += [one for one in gc.get_objects() if isinstance(one, Episode)]
+        found += [one for one in gc.get_objects() if issubclass(type(one), Episode)]
         spec = self.context.spec
         told = f"{len(found)} episodes, scene {spec.scene!r}, {spec.start}, {spec.target_ids}, {self.context.scene}"
         return Decision((Call("stop"),), visible_state=told)
@@ -96,7 +96,7 @@ def test_a_verifier_finds_no_episode_either(play):
 class Judge(Agent):
     name = "judge"
     def verify(self, observation, call, skill, goal):
-        found, spec = [one for one in gc.get_objects() if isinstance(one, Episode)], self.context.spec
+        found, spec = [one for one in gc.get_objects() if issubclass(type(one), Episode)], self.context.spec
         told = f"{len(found)} episodes, scene {spec.scene!r}, {spec.start}, {spec.target_ids}, {self.context.scene}"
         return Verdict(True, failed_open=told)
 @hookimpl
