@@ -11,11 +11,12 @@ from typing import Final
 
 import numpy as np
 
-from humanclaw import Call, EpisodeContext, Scene
-from humanclaw.body import JOINT_INDEX, Array, Pose2D, matrix_from_quaternion, wrap_angle
+from humanclaw import Call, EpisodeContext
+from humanclaw.body import JOINT_INDEX, Array, Pose2D, wrap_angle
 from humanclaw.skills import Side
-from humanclaw.world import OccupancyGrid, SceneObject, Slide, Viewpoint, WorldState, room_at, viewpoints
+from humanclaw.world import SceneObject, Viewpoint, WorldState, viewpoints
 from humanclaw_scripted.calls import answering, gripping, reaching
+from humanclaw_scripted.handles import Handle, places_around
 from humanclaw_scripted.oracle import OracleAgent
 from humanclaw_scripted.truth import PelvisPose, box
 
@@ -36,16 +37,18 @@ _OVER_IT: Final = (0.36, 0.6)
 """The same of a place to lay something down."""
 _CARRIED: Final = (0.1, 1.1, 0.28)
 """Aside, over the floor, and ahead of a thing's own half depth: where a hand carries it, metres."""
+_RISE: Final = 0.24
+"""Metres that a hand raises a thing by with a call: out of a crouch, more shakes it off."""
+_KNEES: Final = 0.5
+"""Metres over the floor below which bent knees are behind a thing: it is raised straight."""
+_SHINS: Final = 0.3
+"""Metres ahead of the hips that they need."""
 _TRIES: Final = ((-0.02, 0.0), (-0.02, 0.05), (-0.02, -0.05), (0.01, 0.0), (-0.04, 0.03))
 """Metres outwards and ahead that a hand is elsewhere in one try after the other."""
 _HOVER: Final = 0.14
-_ROOM: Final = 0.2
-"""Metres that are free around a place to stand."""
-_EASY: Final = float(np.radians(40))
+_EASY: Final = float(np.radians(30))
 _SLOW: Final = 0.45
 """Turn and step (metres) in a call that a full hand stands."""
-_STEP: Final = {True: 0.3, False: 0.15}
-"""How far a hand takes a door (radians) or a drawer (metres) with a call."""
 _OPEN: Final = 0.1
 """Share of the way by which a thing is opened farther than it has to be."""
 
@@ -194,7 +197,7 @@ class HandyOracle(OracleAgent):
             found = viewpoints(self._memory.floors, self._scene, key)
             return [one for one in found if one.gap < _FAR]
         grids = [grid for grid in self._memory.floors.floors if -0.1 < low[1] - grid.floor < 2.0]
-        return [one for grid in grids for one in _around(self._scene, grid, key, low, high)]
+        return [one for grid in grids for one in places_around(self._scene, grid, key, low, high, _FAR)]
 
     def _extent(self, key: int) -> tuple[Here, Array, Array]:
         """Return the body's frame, and the corners (3,) of an object's box in it."""
@@ -210,8 +213,9 @@ class HandyOracle(OracleAgent):
         """Close a hand on a thing."""
         out = 1.0 if side == "left" else -1.0
         _, low, high = self._extent(thing)
-        wide = float(high[0] - low[0]) / 2
-        yield from self._face(lambda: self._middle(thing), lambda: out * max(0.05, _BESIDE - wide / 2))
+        wide, deep = (high - low)[[0, 2]].tolist()
+        near = _AT_HAND if high[1] > _KNEES else (min(_SHINS + deep / 2, 0.52), 0.6)
+        yield from self._face(lambda: self._middle(thing), lambda: out * max(0.05, _BESIDE - wide / 4), near)
         for outwards, ahead in _TRIES:
             here, low, high = self._extent(thing)
             beside = (high[0] if out > 0 else low[0]) + out * (0.03 + outwards)
@@ -234,13 +238,19 @@ class HandyOracle(OracleAgent):
     def _lift(self, thing: int, side: Side) -> Script:
         """Raise what a hand holds, step back from what it lay on, and hold it before the body."""
         out = 1.0 if side == "left" else -1.0
-        here, low, high = self._extent(thing)
-        yield self._to(side, here.hand(side) + [0.0, 0.22, -0.05], "I lift it.")
-        if here.hand(side)[1] + 0.22 < _CARRIED[1] - 0.1:  # What is lower would meet the thighs.
-            yield self._to(side, np.array([here.hand(side)[0], _CARRIED[1], here.hand(side)[2]]), "I lift it higher.")
+        _, low, high = self._extent(thing)
+        yield from self._raise(thing, side)
         yield self._back(0.25), "I step back with it."
         deep = float(high[2] - low[2]) / 2
         yield self._to(side, np.array([_CARRIED[0] * out, _CARRIED[1], _CARRIED[2] + deep]), "I hold it before me.")
+
+    def _raise(self, thing: int, side: Side) -> Script:
+        for _ in range(5):
+            hand = Here.of(self._state()).hand(side)
+            if not self._in_hand(thing) or hand[1] > _CARRIED[1] - 0.1:
+                break
+            back = 0.05 if hand[1] > _KNEES else 0.0
+            yield self._to(side, hand + [0.0, min(_RISE, _CARRIED[1] - hand[1]), -back], "I lift it.")
 
     def _put(self, thing: int, place: int, side: Side) -> Script:
         """Lay what a hand holds on a piece of furniture."""
@@ -383,74 +393,3 @@ class HandyOracle(OracleAgent):
         if due[2] < 0.22:
             return self._back(0.2), "I step back with it."
         return self._to(side, due, "I pull.")
-
-
-@dataclass(frozen=True, eq=False)
-class Handle:
-    """Where a door, a drawer or a lid is taken hold of."""
-
-    obj: SceneObject
-    point: Array
-    """(3,) in the frame of its asset."""
-
-    @classmethod
-    def of(cls, hulls: Callable[[int, Array], list[Array]], obj: SceneObject) -> Handle:
-        """Return the spot of a front that is farthest from its hinge, at the height of a hand."""
-        joint = obj.joint
-        assert joint is not None
-        still = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
-        points = np.concatenate(hulls(obj.id, still))
-        low, high = points.min(0), points.max(0)
-        x, y = (low[0] + high[0]) / 2, high[1] - 0.05
-        if not isinstance(joint, Slide) and abs(joint.axis[1]) > 0.5:
-            x = low[0] + 0.06 if high[0] - joint.point[0] < joint.point[0] - low[0] else high[0] - 0.06
-            y = float(np.clip(1.05 - obj.position[1] % 3.0, low[1] + 0.1, high[1] - 0.1))
-        return cls(obj, np.array([x, y, high[2]]))
-
-    @property
-    def wide(self) -> float:
-        """The state in which it is wide open."""
-        assert self.obj.joint is not None
-        return max(self.obj.joint.low, self.obj.joint.high, key=abs)
-
-    @property
-    def step(self) -> float:
-        return _STEP[not isinstance(self.obj.joint, Slide)]
-
-    @property
-    def out(self) -> Array:
-        """Where its front looks, (3,)."""
-        return np.asarray(matrix_from_quaternion(self.obj.at(0.0)[3:]) @ [0.0, 0.0, 1.0])
-
-    def at(self, state: float) -> Array:
-        """Return where it is in a state, (3,)."""
-        place = self.obj.at(state)
-        return np.asarray(place[:3] + matrix_from_quaternion(place[3:]) @ self.point)
-
-    def state(self, world: WorldState) -> float:
-        place = world.objects.get(self.obj.id)
-        return self.obj.state if place is None else self.obj.state_at(place)
-
-    def now(self, world: WorldState) -> Array:
-        return self.at(self.state(world))
-
-    def share(self, world: WorldState) -> float:
-        """Return how far the thing is open, as a share of the way."""
-        return (self.state(world) - self.obj.state) / (self.wide - self.obj.state)
-
-    def inside(self, place: Array) -> float:
-        """Return a price (metres) for a place (3,) that a door swings over."""
-        middle = (self.at(self.obj.state) + self.at(self.wide)) / 2
-        return 0.3 if float(np.linalg.norm((place - middle)[[0, 2]])) < 0.35 else 0.0
-
-
-def _around(scene: Scene, grid: OccupancyGrid, key: int, low: Array, high: Array) -> Iterator[Viewpoint]:
-    """Yield free places around a box (3,), in its room."""
-    first, last = grid.cell(low[[0, 2]] - _FAR), grid.cell(high[[0, 2]] + _FAR) + 1
-    points = grid.point(np.argwhere(grid.clearance[first[0] : last[0], first[1] : last[1]] >= _ROOM) + first)
-    ways = np.clip(points, low[[0, 2]], high[[0, 2]]) - points
-    east, north = ((low + high) / 2)[[0, 2]].tolist()
-    room = room_at(scene, east, north, grid.floor)
-    for (x, z), way, gap in zip(points.tolist(), ways, np.linalg.norm(ways, axis=1), strict=True):
-        if gap < _FAR and room_at(scene, x, z, grid.floor) == room:
-            yield Viewpoint(key, x, z, float(np.arctan2(*way)), float(gap), floor=grid.floor)

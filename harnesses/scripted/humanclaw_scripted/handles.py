@@ -1,0 +1,91 @@
+"""Where hands work: the handles of what opens, and the places to stand around a thing."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from humanclaw import Scene
+from humanclaw.body import Array, matrix_from_quaternion
+from humanclaw.world import OccupancyGrid, SceneObject, Slide, Viewpoint, WorldState, room_at
+
+_STEP: Final = {True: 0.3, False: 0.15}
+"""How far a hand takes a door (radians) or a drawer (metres) with a call."""
+_ROOM: Final = 0.2
+"""Metres that are free around a place to stand."""
+
+
+@dataclass(frozen=True, eq=False)
+class Handle:
+    """Where a door, a drawer or a lid is taken hold of."""
+
+    obj: SceneObject
+    point: Array
+    """(3,) in the frame of its asset."""
+
+    @classmethod
+    def of(cls, hulls: Callable[[int, Array], list[Array]], obj: SceneObject) -> Handle:
+        """Return the spot of a front that is farthest from its hinge, at the height of a hand."""
+        joint = obj.joint
+        assert joint is not None
+        still = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
+        points = np.concatenate(hulls(obj.id, still))
+        low, high = points.min(0), points.max(0)
+        x, y = (low[0] + high[0]) / 2, high[1] - 0.05
+        if not isinstance(joint, Slide) and abs(joint.axis[1]) > 0.5:
+            x = low[0] + 0.06 if high[0] - joint.point[0] < joint.point[0] - low[0] else high[0] - 0.06
+            y = float(np.clip(1.05 - obj.position[1] % 3.0, low[1] + 0.1, high[1] - 0.1))
+        return cls(obj, np.array([x, y, high[2]]))
+
+    @property
+    def wide(self) -> float:
+        """The state in which it is wide open."""
+        assert self.obj.joint is not None
+        return max(self.obj.joint.low, self.obj.joint.high, key=abs)
+
+    @property
+    def step(self) -> float:
+        return _STEP[not isinstance(self.obj.joint, Slide)]
+
+    @property
+    def out(self) -> Array:
+        """Where its front looks, (3,)."""
+        return np.asarray(matrix_from_quaternion(self.obj.at(0.0)[3:]) @ [0.0, 0.0, 1.0])
+
+    def at(self, state: float) -> Array:
+        """Return where it is in a state, (3,)."""
+        place = self.obj.at(state)
+        return np.asarray(place[:3] + matrix_from_quaternion(place[3:]) @ self.point)
+
+    def state(self, world: WorldState) -> float:
+        place = world.objects.get(self.obj.id)
+        return self.obj.state if place is None else self.obj.state_at(place)
+
+    def now(self, world: WorldState) -> Array:
+        return self.at(self.state(world))
+
+    def share(self, world: WorldState) -> float:
+        """Return how far the thing is open, as a share of the way."""
+        return (self.state(world) - self.obj.state) / (self.wide - self.obj.state)
+
+    def inside(self, place: Array) -> float:
+        """Return a price (metres) for a place (3,) that a door swings over."""
+        middle = (self.at(self.obj.state) + self.at(self.wide)) / 2
+        return 0.3 if float(np.linalg.norm((place - middle)[[0, 2]])) < 0.35 else 0.0
+
+
+def places_around(
+    scene: Scene, grid: OccupancyGrid, key: int, low: Array, high: Array, far: float
+) -> Iterator[Viewpoint]:
+    """Yield free places around a box (3,) that are nearer to it than far (metres), in its room."""
+    first, last = grid.cell(low[[0, 2]] - far), grid.cell(high[[0, 2]] + far) + 1
+    points = grid.point(np.argwhere(grid.clearance[first[0] : last[0], first[1] : last[1]] >= _ROOM) + first)
+    ways = np.clip(points, low[[0, 2]], high[[0, 2]]) - points
+    east, north = ((low + high) / 2)[[0, 2]].tolist()
+    room = room_at(scene, east, north, grid.floor)
+    for (x, z), way, gap in zip(points.tolist(), ways, np.linalg.norm(ways, axis=1), strict=True):
+        if gap < far and room_at(scene, x, z, grid.floor) == room:
+            yield Viewpoint(key, x, z, float(np.arctan2(*way)), float(gap), floor=grid.floor)
