@@ -89,7 +89,7 @@ def least_distance(motion):
     return np.min(found)
 
 
-@pytest.mark.parametrize("seat", [0.35, 0.45, 0.6])
+@pytest.mark.parametrize("seat", [0.35, 0.45, 0.64])
 def test_hands_stay_clear_of_thighs_that_a_seat_lifts_and_the_model_goes_on_from_its_own(seat):
     builder = SceneBuilder()
     builder.floor()

@@ -14,8 +14,8 @@ from humanclaw.body.ik import SIDES, Limb, bent
 from humanclaw.body.pose import Array, Motion, forward_kinematics, matrix_from_vector, smoothstep, vector_from_matrix
 from humanclaw.body.skeleton import JOINT_INDEX, LINKS, Capsule
 
-RAISED: Final = 0.9
-"""Bend of a hip, radians, below which nobody sits."""
+RAISED: Final = 0.7
+"""Bend of the straighter hip, radians, below which nobody sits."""
 HIPS: Final = [JOINT_INDEX[f"{side}_hip"] for side in SIDES]
 _MARGIN: Final = 0.008
 """Metres between hand and thigh: arms follow a seat that lifts the thighs with a delay."""
@@ -39,7 +39,7 @@ def lay_hands(motion: Motion, hips: Array | None = None) -> Motion:
     bent_legs = motion.rotations.copy()
     if hips is not None:
         bent_legs[:, HIPS] = hips
-    if -bent_legs[:, HIPS, 0].min() < RAISED:
+    if -bent_legs[:, HIPS, 0].max(-1).min() < RAISED:
         return motion
     positions, turns = forward_kinematics(motion.root, bent_legs)
     rotations = motion.rotations.copy()

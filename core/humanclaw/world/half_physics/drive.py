@@ -55,12 +55,10 @@ class Drive:
 
         A seat holds thighs otherwise than the motion has them.
         """
-        if target.quaternions[HIPS, 3].min() > _UPRIGHT:
+        hips = np.stack([pose[HIPS] for pose in (self.pose.quaternions, self._target, target.quaternions)])
+        if np.abs(hips[..., 3]).max(-1).min() > _UPRIGHT:
             return target
-        now, before, due = (
-            vector_from_quaternion(quaternions[HIPS])
-            for quaternions in (self.pose.quaternions, self._target, target.quaternions)
-        )
+        now, before, due = vector_from_quaternion(hips)
         (laid,) = poses_of(lay_hands(motion_of([target]), now + due - before))
         return laid
 
