@@ -74,7 +74,8 @@ def watched(tmp_path: Path) -> Iterator[Watched]:
         record_episode(tmp_path / "run" / f"couch-{number}", scenes[name], name=f"couch-{number}")
     for number in (0, 1):
         broken_off(tmp_path / "run" / f"couch-{number}")
-        (tmp_path / "run" / f"couch-{number}" / "motion.npz").unlink()
+        folder = tmp_path / "run" / f"couch-{number}"
+        (folder / "motion.npz").rename(folder / "frames" / "000000.npz")
 
     def load(name: str) -> Scene:
         drawing.wait(60)
@@ -303,18 +304,29 @@ def test_a_run_of_the_whole_benchmark_opens_within_two_seconds(browser: Any, tmp
 
 def test_a_run_under_way_is_seen_as_it_grows_by_all_who_watch(browser: Any, watched: Watched) -> None:
     tabs = [opened(browser, watched.address) for _ in range(2)]
-    (watched.folder / "couch-0" / "frames" / "0099.jpg").write_bytes(picture(7))
+    frames = watched.folder / "couch-0" / "frames"
+    (frames / "0099.jpg").write_bytes(picture(7))
+    for tab, _ in tabs:
+        tab.locator("[data-episode=couch-0] canvas").wait_for()
+    outside = [tab.locator("[data-episode=couch-0] canvas").screenshot() for tab, _ in tabs]
+    motion = RecordedEpisode(watched.folder / "couch-0").motion()[-15:]
+    root = motion.root + np.linspace(0, 0.5, 15)[:, None] * [1.0, 0.0, 0.0]
+    kinds = ("generated", "simulated")
+    piece = {f"{kind}_root": root for kind in kinds} | {f"{kind}_rotations": motion.rotations for kind in kinds}
+    np.savez(frames / "000001.npz", **piece)
     steps = watched.folder / "couch-0" / "steps.jsonl"
-    *_, before, _ = steps.read_bytes().split(b"\n")[:-1]
+    *_, line, _ = steps.read_bytes().split(b"\n")[:-1]
     count = len(steps.read_bytes().splitlines())
     with steps.open("ab") as file:
-        file.write(before.replace(b'"step":%d' % (count - 2), b'"step":%d' % count) + b"\n")
-    for tab, errors in tabs:
+        file.write(line.replace(b'"step":%d' % (count - 2), b'"step":%d' % count) + b"\n")
+    for (tab, errors), before in zip(tabs, outside, strict=True):
         tab.locator("tbody tr", has_text=str(count + 1)).wait_for()
         card = tab.locator("[data-episode=couch-0]")
         tab.wait_for_function(f"document.querySelector('.said').textContent.startsWith('Step {count},')")
         assert card.locator("img").evaluate("image => image.naturalWidth") == 256
         card.locator(".path title", has_text=f"step {count}").wait_for(state="attached")
+        tab.wait_for_timeout(2000)  # The half second of the step is played.
+        assert card.locator("canvas").screenshot() != before
         assert tab.locator("#lede").inner_text() == "1 ended, 2 in progress."
         assert tab.locator("#now").inner_text() == "Now"
         assert not errors
