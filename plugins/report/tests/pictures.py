@@ -8,7 +8,6 @@ With CHECKED, a folder of pictures, fail if one of them no longer looks like the
 from __future__ import annotations
 
 import io
-import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -16,6 +15,7 @@ from tempfile import TemporaryDirectory
 from typing import Any, Final
 
 import numpy as np
+from browser import browsing
 from PIL import Image
 
 from humanclaw import load_run
@@ -24,22 +24,18 @@ SIZES: Final = {"1400": ({"width": 1400, "height": 1000}, "light"), "390-dark": 
 ALIKE: Final = 10.0
 """Most mean difference of two pictures of 32 by 24, of 255. Measured: the same run 0 to 7, a page without content 13 or
 more, another house 21 or more."""
-BROWSER: Final = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 
 
 def make(run: Path, other: Path, out: Path) -> None:
     """Write pictures of the pages of the other run, of both runs, and of the run's last episode, and of the end of each
     of the run's episodes."""
-    from playwright.sync_api import sync_playwright
-
     pair = out / "pair.html"
     for arguments in ([run], [other], [run, other, "--out", pair]):
         subprocess.run([sys.executable, "-m", "humanclaw", "report", *map(str, arguments)], check=True)
     episodes = load_run(run)
     episode = episodes[-1]
     pages = {"run": other / "report.html", "pair": pair, "episode": episode.folder / "page.html"}
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=BROWSER)
+    with browsing() as browser:
         for name, page in pages.items():
             for suffix, (viewport, scheme) in SIZES.items():
                 picture = _seen(browser, page, viewport, scheme, step=len(episode.steps) // 2)
@@ -50,7 +46,6 @@ def make(run: Path, other: Path, out: Path) -> None:
             picture.thumbnail((480, 480))
             picture.save(out / f"replay-{one.record.spec.target_category}.jpg", quality=82)
         _person(browser).save(out / "human-1400.jpg", quality=82)
-        browser.close()
     pair.unlink()
 
 

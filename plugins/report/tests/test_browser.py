@@ -1,12 +1,11 @@
 """Tests of the pages in a real browser: no errors, replay, filters, and no serious accessibility fault.
 
-They are slow and need Chromium and playwright. Run them with HUMANCLAW_SLOW=1.
+Run them with `make pages`.
 """
 
 from __future__ import annotations
 
 import copy
-import os
 import shutil
 import threading
 from collections.abc import Iterator
@@ -16,6 +15,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from browser import PHONE, barriers, browsing, looks, opened, slow
 from made import broken_off, picture, record_episode
 from rooms import two_rooms
 
@@ -25,12 +25,7 @@ from humanclaw_report.report import write_report
 from humanclaw_report.run_page import Collected, run_page
 from humanclaw_report.watch import Watcher, server
 
-CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "google-chrome", "chrome"))), None)
-SOFTWARE = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
-pytestmark = pytest.mark.skipif(
-    not (os.environ.get("HUMANCLAW_SLOW") and CHROMIUM), reason="starts a browser: HUMANCLAW_SLOW=1, and Chromium"
-)
-PHONE, DESK = {"width": 390, "height": 844}, {"width": 1400, "height": 1000}
+pytestmark = slow
 
 
 @pytest.fixture(scope="module")
@@ -91,27 +86,8 @@ def watched(tmp_path: Path) -> Iterator[Watched]:
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Any]:
-    sync = pytest.importorskip("playwright.sync_api")
-    with sync.sync_playwright() as playwright:
-        started = playwright.chromium.launch(executable_path=CHROMIUM, args=SOFTWARE)
+    with browsing() as started:
         yield started
-        started.close()
-
-
-def opened(
-    browser: Any, page: Path | str, size: dict[str, int] = DESK, scheme: str = "light", measured: bool = False
-) -> tuple[Any, list[str]]:
-    """Open a page; return it once it is ready, with a list of its errors. measured: count its main thread's time."""
-    tab, errors = browser.new_page(viewport=size, color_scheme=scheme), []
-    tab.on("pageerror", lambda error: errors.append(str(error)))
-    tab.on("console", lambda message: errors.append(message.text) if message.type == "error" else None)
-    tab.set_default_timeout(120_000)
-    if measured:
-        tab.measuring = tab.context.new_cdp_session(tab)
-        tab.measuring.send("Performance.enable", {"timeDomain": "threadTicks"})
-    tab.goto(page if isinstance(page, str) else page.as_uri())
-    tab.wait_for_function("document.documentElement.dataset.ready")
-    return tab, errors
 
 
 def test_the_replay_moves_and_view_words_and_map_go_with_it(browser: Any, pages: dict[str, Path]) -> None:
@@ -267,19 +243,14 @@ def test_an_episode_is_opened_from_the_list(browser: Any, pages: dict[str, Path]
 
 
 @pytest.mark.parametrize("name", ["episode", "runs", "watched"])
-@pytest.mark.parametrize(("size", "scheme"), [(PHONE, "dark"), (DESK, "light")])
+@looks
 def test_a_page_fits_and_has_no_serious_barrier(
     browser: Any, pages: dict[str, Path], watched: Watched, name: str, size: dict[str, int], scheme: str
 ) -> None:
-    axe = pytest.importorskip("axe_playwright_python.sync_playwright").Axe()
     tab, errors = opened(browser, watched.address if name == "watched" else pages[name], size, scheme)
     if name == "watched":
         tab.locator(".map .path").first.wait_for()
-    assert tab.evaluate("document.documentElement.scrollWidth") <= size["width"]
-    found = axe.run(tab).response["violations"]
-    serious = [(one["id"], [node["html"][:90] for node in one["nodes"][:3]]) for one in found
-               if one["impact"] in ("serious", "critical")]  # fmt: skip
-    assert not serious
+    assert not barriers(tab)
     assert not errors
 
 
