@@ -95,7 +95,7 @@ def test_displacements_are_in_the_frame_of_the_body():
 
 def test_a_turn_is_told_in_degrees_and_standing_still_as_nowhere():
     sensed = str(proprioception(BEFORE, [(_after(turn=30), _did(_after()))]))
-    assert sensed.endswith("Your limbs meant a turn of 30 degrees to the left; your body went nowhere.")
+    assert sensed.endswith("Intended movement: a turn of 30 degrees to the left. Actual movement: none.")
 
 
 def test_touch_tells_part_side_time_and_whether_it_gave_way():

@@ -10,6 +10,7 @@ from __future__ import annotations
 import io
 import subprocess
 import sys
+import threading
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Final
@@ -18,7 +19,8 @@ import numpy as np
 from browser import browsing
 from PIL import Image
 
-from humanclaw import load_run
+from humanclaw import Plugins, load_run
+from humanclaw_report.watch import Watcher, server
 
 SIZES: Final = {"1400": ({"width": 1400, "height": 1000}, "light"), "390-dark": ({"width": 390, "height": 844}, "dark")}
 ALIKE: Final = 10.0
@@ -45,12 +47,13 @@ def make(run: Path, other: Path, out: Path) -> None:
             picture = _seen(browser, page, {"width": 1000, "height": 1200}, "light", last, part="#stage")
             picture.thumbnail((480, 480))
             picture.save(out / f"replay-{one.record.spec.target_category}.jpg", quality=82)
-        _person(browser).save(out / "human-1400.jpg", quality=82)
+        for name, picture in _person(browser).items():
+            picture.save(out / f"{name}-1400.jpg", quality=82)
     pair.unlink()
 
 
-def _person(browser: Any) -> Image.Image:
-    """Return a picture of the page of a person who decides, after two steps."""
+def _person(browser: Any) -> dict[str, Image.Image]:
+    """Return pictures of the page of a person who decides, after two steps, and of who watches."""
     with TemporaryDirectory() as folder:
         words = ["run", "--agent", "human", "--instruction", "find a couch and sit on it", "--option", "browser=false"]
         playing = subprocess.Popen(
@@ -64,10 +67,28 @@ def _person(browser: Any) -> Image.Image:
         for step, key in enumerate(("ArrowUp", "ArrowUp", "End")):
             tab.wait_for_function(f"document.getElementById('step').textContent.startsWith('Step {step} of')")
             tab.wait_for_timeout(1000)  # The half second that led here is shown first.
-            picture = Image.open(io.BytesIO(tab.screenshot())).convert("RGB")
+            if key == "End":
+                pictures = {"human": _taken(tab), "watch": _watched(browser, Path(folder, "run"))}
             tab.keyboard.press(key)
         playing.communicate()
+    return pictures
+
+
+def _watched(browser: Any, run: Path) -> Image.Image:
+    """Return a picture of the live page of a run."""
+    serving = server(Watcher(run, Plugins.discover().scene))
+    threading.Thread(target=serving.serve_forever, daemon=True).start()
+    tab = browser.new_page(viewport={"width": 1400, "height": 1000})
+    tab.goto(f"http://127.0.0.1:{serving.server_address[1]}/")
+    tab.locator(".card canvas").wait_for(timeout=120_000)
+    tab.wait_for_timeout(1000)
+    picture = _taken(tab)
+    serving.shutdown()
     return picture
+
+
+def _taken(seen: Any) -> Image.Image:
+    return Image.open(io.BytesIO(seen.screenshot())).convert("RGB")
 
 
 def differing(made: Path, kept: Path) -> list[str]:
@@ -91,8 +112,7 @@ def _seen(
     tab.goto(f"{page.resolve().as_uri()}#step={step}")
     tab.wait_for_function("document.documentElement.dataset.ready")
     tab.wait_for_timeout(1000)  # Pictures below the first screen load late.
-    taken = tab.screenshot() if part == "html" else tab.locator(part).screenshot()
-    picture = Image.open(io.BytesIO(taken)).convert("RGB")
+    picture = _taken(tab if part == "html" else tab.locator(part))
     tab.close()
     return picture
 
