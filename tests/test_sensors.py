@@ -80,7 +80,7 @@ def test_knees_bent_by_ninety_degrees_are_felt_as_sitting():
 def test_a_blocked_walk_is_felt_as_less_than_was_meant():
     sensed = proprioception(BEFORE, [(_after(forward=0.4), _did(_after(forward=0.12)))])
     assert (sensed.intended.forward, sensed.moved.forward) == (pytest.approx(0.4), pytest.approx(0.12))
-    assert str(sensed).endswith("Your limbs meant 40 cm forward; your body went 12 cm forward.")
+    assert str(sensed).endswith("Intended movement: 40 cm forward. Actual movement: 12 cm forward.")
 
 
 def test_displacements_are_in_the_frame_of_the_body():
