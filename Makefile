@@ -17,6 +17,7 @@ install: $(VENV)/.installed  ## Create .venv with the development tools and ever
 $(VENV)/.demo: requirements-demo.txt pyproject.toml
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/pip install --quiet hatchling editables
+	@echo "pip is quiet for a minute or two."
 	$(BIN)/pip install --quiet --no-build-isolation -r requirements-demo.txt
 	@touch $@
 

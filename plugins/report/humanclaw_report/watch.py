@@ -126,7 +126,7 @@ def _row(folder: Folder) -> dict[str, Any] | None:
         "outcome": record.outcome,
         "steps": len(lines),
         "call": str(last.call or "no usable call") if last else "",
-        "reasoning": last.decision.reasoning if last else "",
+        "words": (last.decision.reasoning or last.decision.visible_state) if last else "",
         "distance": last.target_distance if last else None,
         "frame": f"/frame/{name}/{frame}" if frame else "",
         "map": f"/map/{name}?{len(lines)}{record.outcome}",

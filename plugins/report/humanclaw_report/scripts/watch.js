@@ -4,7 +4,7 @@
 "use strict";
 
 {
-  /** @typedef {{id: string, instruction: string, outcome: string, steps: number, call: string, reasoning: string, distance: number | null, frame: string, map: string, motion: string, house: string, replay: string}} Row */
+  /** @typedef {{id: string, instruction: string, outcome: string, steps: number, call: string, words: string, distance: number | null, frame: string, map: string, motion: string, house: string, replay: string}} Row */
   /** @typedef {{ended: number, episodes: number, asked: number, rows: Row[], live: number}} State */
 
   const at = (/** @type {string} */ id) => /** @type {HTMLElement} */ (document.getElementById(id));
@@ -132,7 +132,7 @@
     picture.alt = `What the body sees after ${row.steps} step${row.steps === 1 ? "" : "s"}`;
     if (row.frame && !picture.src.endsWith(row.frame)) picture.src = row.frame;
     const said = /** @type {HTMLElement} */ (element.querySelector(".said"));
-    said.textContent = row.steps ? `Step ${row.steps - 1}, ${row.call}: ${row.reasoning}` : "";
+    said.textContent = row.steps ? `Step ${row.steps - 1}, ${row.call}${row.words && `: ${row.words}`}` : "";
     if (row.replay) said.append(" ", linked("Watch the replay", row.replay));
     Object.assign(element.dataset, { map: row.map, motion: row.motion });
     return element;
