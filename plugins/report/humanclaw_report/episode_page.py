@@ -28,9 +28,7 @@ from humanclaw.cli import counted
 from humanclaw.records import Usage
 from humanclaw.storage import Folder, decoded, jpeg
 from humanclaw_report.facts import (
-    ContactRow,
     Milestone,
-    contacts_of,
     in_words,
     milestones,
     touches,
@@ -129,7 +127,6 @@ class EpisodeView:
     steps: tuple[StepView, ...]
     maps: tuple[PathMap, ...]
     """The storeys that the path or a target is on, lowest first."""
-    contacts: tuple[ContactRow, ...]
     marks: tuple[Mark, ...]
     charts: tuple[Chart, ...]
     film: FilmView | None
@@ -224,7 +221,6 @@ def _view(
         usage=sum((step.usage for step in recorded.steps), Usage()),
         steps=tuple(_step(recorded, s, n, source[s.step], drawn.scene) for n, s in enumerate(recorded.steps)),
         maps=path_maps(recorded, drawn.maps, drawn.note),
-        contacts=contacts_of(recorded, drawn.scene),
         marks=marks(recorded, drawn.scene, *cause),
         charts=_charts(recorded),
         film=_film(recorded.files, page),
