@@ -1,9 +1,9 @@
-// The player of an episode: view, replay, map, charts and the list of calls show the same moment.
+// The player of an episode: view, replay, map, chart and the list of calls show the same moment.
 // @ts-check
 /// <reference path="viewer.js" />
 "use strict";
 
-/** @typedef {{step: number, first: number, end: number, frame: string, call: string, words: string, touches: string, distance: number | null, tokens: number}} Moment */
+/** @typedef {{step: number, first: number, end: number, frame: string, call: string, words: string, touches: string, distance: number | null}} Moment */
 
 const find = (/** @type {string} */ id) => /** @type {HTMLElement} */ (document.getElementById(id));
 const read = (/** @type {string} */ id) => JSON.parse(find(id).textContent ?? "null");
@@ -25,7 +25,6 @@ class Player {
     this.rows = [...document.querySelectorAll("#calls > li")];
     this.markers = [.../** @type {NodeListOf<SVGGElement>} */ (document.querySelectorAll(".now"))];
     this.cursors = [.../** @type {NodeListOf<SVGLineElement>} */ (document.querySelectorAll(".cursor"))];
-    this.speeds = read("speeds");
   }
 
   /** Index of the last step that has begun. */
@@ -84,8 +83,6 @@ class Player {
     const seconds = this.time / this.fps;
     find("clock").textContent = `${seconds.toFixed(1)} of ${((this.frames - 1) / this.fps).toFixed(1)} s`;
     this.slider.setAttribute("aria-valuetext", `${seconds.toFixed(1)} seconds, step ${this.moments[index]?.step ?? 0}`);
-    const speed = this.speeds[Math.round(this.time)];
-    find("speed-now").textContent = speed === undefined ? "" : `${speed.toFixed(2)} m/s`;
     const share = this.frames > 1 ? (100 * this.time) / (this.frames - 1) : 0;
     for (const cursor of this.cursors) cursor.setAttribute("transform", `translate(${share} 0)`);
     if (this.stage) this.stage.draw(this.time);
@@ -108,7 +105,6 @@ class Player {
     find("words-now").textContent = moment.words;
     find("touch-now").textContent = moment.touches ? `Touches ${moment.touches}` : "";
     find("distance-now").textContent = moment.distance === null ? "" : `${moment.distance.toFixed(2)} m`;
-    find("tokens-now").textContent = moment.tokens ? moment.tokens.toLocaleString("en") : "";
     this.rows.forEach((other, k) => (k === index ? other.setAttribute("aria-current", "step") : other.removeAttribute("aria-current")));
     this.follow(row);
   }
@@ -216,7 +212,7 @@ async function stageOf(replay) {
     const { humanclawHouse, humanclawSkin } = /** @type {any} */ (window);
     return await Stage.of(canvas, replay, humanclawHouse ?? null, humanclawSkin);
   } catch (fault) {
-    // Without WebGL or motion, the page still shows views, words, map and charts.
+    // Without WebGL or motion, the page still shows views, words, map and chart.
     canvas.hidden = true;
     find("no-stage").textContent = `No 3D replay: ${fault instanceof Error ? fault.message : fault}`;
     find("steering").hidden = true;
