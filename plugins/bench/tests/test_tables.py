@@ -316,7 +316,7 @@ def test_root_causes_are_shares_of_the_failures_of_their_stage(tmp_path: Path) -
     assert shares["nav: stop while far"] == wilson(3, 4)
     assert shares["nav: unaware arrived/touch"] == wilson(1, 4)
     assert len(shares) == len(CAUSES)
-    assert "model: failures find 0, nav 4, interact 0." in table.notes
+    assert "Failures of model: find 0, nav 4, interact 0." in table.notes
 
 
 @pytest.mark.parametrize(
