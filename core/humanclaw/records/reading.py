@@ -214,19 +214,15 @@ def _read_arrays(files: Folder, names: Sequence[str], most: int, version: tuple[
     most: maximum frames, those of the steps and of one that broke off. version: inode, time and size of the last file;
     a changed file is read again.
     """
-    pieces, size = [], 0
+    pieces, row, frames = [], dict[str, int](), 0
     for name in names:
-        pieces.append(_read_piece(files, name, most))
-        size += sum(array.nbytes for array in pieces[-1].values())
-        if size > _LARGEST:
+        pieces.append(piece := _read_piece(files, name, most))
+        row |= {key: array[:1].nbytes for key, array in piece.items()}
+        frames += len(next(iter(piece.values()), ()))
+        # An object that moved in one piece has a row for every frame.
+        if sum(row.values()) * frames > _LARGEST:
             raise ValueError(f"its arrays are larger than {_LARGEST >> 20} MiB")
-    if len(pieces) == 1:
-        return pieces[0]
-    row = {name: array[:1].nbytes for piece in pieces for name, array in piece.items()}
-    # An object that moved in one piece has a row for every frame.
-    if sum(row.values()) * sum(len(piece["simulated_root"]) for piece in pieces) > _LARGEST:
-        raise ValueError(f"its arrays are larger than {_LARGEST >> 20} MiB")
-    return {name: joined(pieces, name) for name in row}
+    return pieces[0] if len(pieces) == 1 else {name: joined(pieces, name) for name in row}
 
 
 def _read_piece(files: Folder, name: str, most: int) -> Mapping[str, Array]:
