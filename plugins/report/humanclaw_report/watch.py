@@ -129,9 +129,6 @@ def _row(folder: Folder) -> dict[str, Any] | None:
         "words": (last.decision.reasoning or last.decision.visible_state) if last else "",
         "distance": last.target_distance if last else None,
         "frame": f"/frame/{name}/{frame}" if frame else "",
-        "map": f"/map/{name}?{len(lines)}{record.outcome}",
-        "motion": f"/motion/{name}",
-        "house": f"/house/{name}",
         "replay": f"/replay/{name}" if folder.has("motion.npz") else "",
     }
 

@@ -4,7 +4,7 @@
 "use strict";
 
 {
-  /** @typedef {{id: string, instruction: string, outcome: string, steps: number, call: string, words: string, distance: number | null, frame: string, map: string, motion: string, house: string, replay: string}} Row */
+  /** @typedef {{id: string, instruction: string, outcome: string, steps: number, call: string, words: string, distance: number | null, frame: string, replay: string}} Row */
   /** @typedef {{ended: number, episodes: number, asked: number, rows: Row[], live: number}} State */
 
   const at = (/** @type {string} */ id) => /** @type {HTMLElement} */ (document.getElementById(id));
@@ -29,8 +29,8 @@
     return element;
   };
 
-  const fetched = async (/** @type {string | undefined} */ address) => {
-    const answer = address ? await fetch(address).catch(() => null) : null;
+  const fetched = async (/** @type {string} */ address) => {
+    const answer = await fetch(address).catch(() => null);
     return answer?.ok ? answer : null;
   };
 
@@ -106,7 +106,7 @@
     picture.width = picture.height = 320;
     Object.assign(canvas, { tabIndex: 0, hidden: true, role: "img", ariaLabel: "The body in its house. Arrow keys turn the camera, plus and minus zoom." });
     element.append(made("h3", `${row.id}: ${row.instruction}`), made("p", "", "said"), picture, canvas, made("div", "", "map"));
-    if (typeof THREE !== "undefined") seen.set(element, new Outside(canvas, row.house));
+    if (typeof THREE !== "undefined") seen.set(element, new Outside(canvas, `/house/${row.id}`));
     return element;
   };
 
@@ -114,8 +114,8 @@
   const draw = async (element) => {
     const map = /** @type {HTMLElement} */ (element.querySelector(".map"));
     element.dataset.drawing = "yes";
-    for (let wanted = element.dataset.map; map.dataset.shown !== wanted && element.isConnected; wanted = element.dataset.map) {
-      const [drawn, motion] = [await fetched(wanted), await fetched(element.dataset.motion)];
+    for (let wanted = element.dataset.state; map.dataset.shown !== wanted && element.isConnected; wanted = element.dataset.state) {
+      const name = element.dataset.episode, drawn = await fetched(`/map/${name}`), motion = await fetched(`/motion/${name}`);
       if (!drawn) break;
       map.innerHTML = await drawn.text();
       map.dataset.shown = wanted;
@@ -134,7 +134,7 @@
     const said = /** @type {HTMLElement} */ (element.querySelector(".said"));
     said.textContent = row.steps ? `Step ${row.steps - 1}, ${row.call}${row.words && `: ${row.words}`}` : "";
     if (row.replay) said.append(" ", linked("Watch the replay", row.replay));
-    Object.assign(element.dataset, { map: row.map, motion: row.motion });
+    element.dataset.state = `${row.steps} ${row.outcome}`;
     return element;
   };
 
