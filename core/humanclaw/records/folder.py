@@ -47,7 +47,7 @@ class EpisodeWriter:
     def move(self, piece: Mapping[str, Array]) -> None:
         """Write the motion of a chunk, which `humanclaw watch` shows; at the end motion.npz holds it."""
         with writing(self._files), self._files.replacing(f"frames/{self._pieces:06d}.npz", settled=False) as stream:
-            np.savez(stream, **piece)
+            _write_npz(stream, piece, zipfile.ZIP_STORED)
         self._pieces += 1
 
     def step(self, step: StepRecord) -> None:
@@ -67,9 +67,9 @@ class EpisodeWriter:
             close_record(self._files, record)
 
 
-def _write_npz(stream: BinaryIO, arrays: Mapping[str, Array]) -> None:
+def _write_npz(stream: BinaryIO, arrays: Mapping[str, Array], packing: int = zipfile.ZIP_DEFLATED) -> None:
     """Write arrays as numpy.savez_compressed does, but hold only one of them at a time."""
-    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
+    with zipfile.ZipFile(stream, "w", packing) as archive:
         for name in arrays:
             with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
                 np.lib.format.write_array(member, arrays[name], allow_pickle=False)
