@@ -27,11 +27,14 @@ def browser() -> Iterator[Any]:
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     """Build the site and serve it: its search works over HTTP alone."""
-    folder = tmp_path_factory.mktemp("site")
+    home = tmp_path_factory.mktemp("site")
+    # Beside the versions, as mike writes it.
+    (home / "versions.json").write_text('[{"version": "dev", "title": "dev", "aliases": []}]')
+    folder = home / "dev"
     subprocess.run([sys.executable, "-m", "mkdocs", "build", "--quiet", "--site-dir", folder], cwd=ROOT, check=True)
-    serving = ThreadingHTTPServer(("127.0.0.1", 0), partial(SimpleHTTPRequestHandler, directory=folder))
+    serving = ThreadingHTTPServer(("127.0.0.1", 0), partial(SimpleHTTPRequestHandler, directory=home))
     threading.Thread(target=serving.serve_forever, daemon=True).start()
-    yield f"http://127.0.0.1:{serving.server_port}/"
+    yield f"http://127.0.0.1:{serving.server_port}/dev/"
     serving.shutdown()
 
 
