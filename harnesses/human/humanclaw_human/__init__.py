@@ -31,6 +31,7 @@ def _result(film: str = "mp4", renderer: str = "raster") -> Reporter:
 
 
 def _human(options: Mapping[str, Any]) -> Agent:
+    from humanclaw.plugins import read_options
     from humanclaw_human.person import Person, Settings
 
-    return Person(Settings.of(options))
+    return Person(read_options(Settings, options))
