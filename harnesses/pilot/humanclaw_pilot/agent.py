@@ -41,6 +41,8 @@ class PilotOptions(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
+    profile: str = "default"
+    """Ignored; accepted so that one command line serves models and the pilot."""
     certain: float = Field(0.8, gt=0, lt=1)
     """Share of the network's answer from which a cell shows the target."""
     feedback: bool = True

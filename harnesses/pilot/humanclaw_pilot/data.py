@@ -66,7 +66,10 @@ def written(path: Path, examples: Sequence[Example]) -> None:
     """Write examples to a file, whole or not at all."""
     part = path.with_suffix(".part")
     with part.open("wb") as file:
-        np.savez(file, **{name: np.stack([getattr(one, name) for one in examples]) for name in vars(examples[0])})
+        columns: dict[str, Any] = {
+            name: np.stack([getattr(one, name) for one in examples]) for name in vars(examples[0])
+        }
+        np.savez(file, **columns)
     part.replace(path)
 
 

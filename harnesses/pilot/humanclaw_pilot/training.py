@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import torch
@@ -31,10 +31,13 @@ class TorchLayers(nn.Module):
         self.convs = nn.ModuleDict({_key(name): _conv(*shape) for name, shape in SHAPES.items()})
 
     def conv(self, name: str, x: Tensor, stride: int = 1) -> Tensor:
-        conv, norm = self.convs[_key(name)].children()
+        conv, norm = self._parts(name)
         side = conv.kernel_size[0]
         found: Tensor = norm(F.conv2d(x, conv.weight, conv.bias, stride, side // 2))
         return found
+
+    def _parts(self, name: str) -> Any:
+        return self.convs[_key(name)].children()
 
     def relu(self, x: Tensor) -> Tensor:
         return F.relu(x)
@@ -49,11 +52,11 @@ class TorchLayers(nn.Module):
 
     def folded(self) -> dict[str, Tensor]:
         """Return weights and biases in half precision, as humanclaw_pilot.network reads them."""
-        found = {}
+        found: dict[str, Tensor] = {}
         for name in SHAPES:
-            conv, norm = self.convs[_key(name)].children()
+            conv, norm = self._parts(name)
             weight, bias = conv.weight, torch.zeros(len(conv.weight)) if conv.bias is None else conv.bias
-            if isinstance(norm, nn.BatchNorm2d):
+            if not isinstance(norm, nn.Identity):
                 scale = norm.weight / (norm.running_var + norm.eps).sqrt()
                 weight, bias = weight * scale[:, None, None, None], norm.bias - norm.running_mean * scale
             found |= {f"{name}.weight": weight.detach().half(), f"{name}.bias": bias.detach().half()}
@@ -88,7 +91,7 @@ def read(files: Sequence[Path]) -> Data:
 def _drawn(data: Data, rng: np.random.Generator) -> tuple[Tensor, Tensor, Tensor]:
     """Draw a batch: mirrored half of the time, in another light."""
     index = np.sort(rng.integers(len(data[0]), size=BATCH))
-    pictures, kinds, depth = (part[index] for part in data)
+    pictures, kinds, depth = data[0][index], data[1][index], data[2][index]
     flip = rng.random(BATCH) < 0.5
     for part in (pictures, kinds, depth):
         part[flip] = part[flip][:, :, ::-1]
@@ -109,7 +112,8 @@ def train(data: Data, out: Path, minutes: float, seed: int, told: Callable[[str]
     start: a checkpoint to go on from, for data that were added.
     """
     torch.manual_seed(seed)
-    rng, model = np.random.default_rng(seed), TorchLayers().to(memory_format=torch.channels_last)
+    rng, model = np.random.default_rng(seed), TorchLayers()
+    model.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
     optimizer, spent, checkpoint = torch.optim.AdamW(model.parameters(), RATE, weight_decay=0.02), 0.0, _beside(out)
     if checkpoint.exists() or start:
         model.load_state_dict(load_file(checkpoint if checkpoint.exists() else _beside(start or out)))
@@ -134,7 +138,8 @@ def _loss(model: TorchLayers, x: Tensor, kinds: Tensor, depth: Tensor) -> Tensor
         found = model(x)
     found = found.float()
     far = (found[:, -1] - depth.clamp(0.1).log()).abs()
-    return F.cross_entropy(found[:, :-1], kinds, PRICES) + far[kinds != 2].mean()
+    loss: Tensor = F.cross_entropy(found[:, :-1], kinds, PRICES) + far[kinds != 2].mean()
+    return loss
 
 
 def _beside(out: Path) -> Path:
