@@ -47,7 +47,7 @@ def data(houses: str, views: int, agent: str, pairs: tuple[str, ...], out: Path)
 @click.option("--most", type=click.IntRange(1), default=None, help="Number of files to learn from; all by default.")
 @click.option("--minutes", default=25.0, show_default=True, help="Processor time of training.")
 @click.option("--start", type=click.Path(path_type=Path), default=None, help="Weights to go on from.")
-@click.option("--seed", default=0, show_default=True)
+@click.option("--seed", default=0, show_default=True, help="Of first weights and the order of views.")
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="File of weights.")
 def train(
     folders: tuple[Path, ...], most: int | None, minutes: float, start: Path | None, seed: int, out: Path
