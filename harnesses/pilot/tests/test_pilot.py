@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from safetensors.numpy import load_file
 
-from humanclaw import EpisodeContext, EpisodeSpec, HumanclawError, Observation, Plugins
+from humanclaw import Call, Decision, EpisodeContext, EpisodeSpec, HumanclawError, Observation, Plugins
 from humanclaw.body import rest_pose
 from humanclaw.records import acknowledges
 from humanclaw.testing import SceneBuilder
@@ -113,3 +113,15 @@ def test_what_it_cannot_do_is_said(plugins, monkeypatch):
     agent = begun(plugins, glance(), monkeypatch)
     with pytest.raises(HumanclawError, match="knows chair"):
         agent.begin(EpisodeContext(SPEC.model_copy(update={"target_category": "lamp"}), plugins.skills, seed=0))
+
+
+@pytest.mark.parametrize(("rows", "renewals"), [(0, pilot.AGAIN), (8, 0)])
+def test_a_search_without_a_sighting_begins_anew_before_it_gives_up(rows, renewals, plugins, monkeypatch):
+    class GivesUp:
+        def decide(self, observation, history):
+            return Decision((Call(next(name for name, one in plugins.skills.items() if one.role == "stop")),))
+
+    agent, begun_anew = begun(plugins, glance(mine=rows), monkeypatch), []
+    agent._planner, agent._renew = GivesUp(), lambda: begun_anew.append(1)
+    assert agent.decide(Observation(0, SPEC.instruction, PICTURE), ()).calls
+    assert len(begun_anew) == renewals
