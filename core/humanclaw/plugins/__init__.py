@@ -25,6 +25,7 @@ if TYPE_CHECKING:
         admit as admit,
         name_of as name_of,
         origin as origin,
+        read_options as read_options,
         settings_of as settings_of,
     )
     from humanclaw.plugins.distributions import install as install, own as own

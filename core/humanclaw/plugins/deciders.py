@@ -10,14 +10,15 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, Final, TypeVar
 
-from pydantic import ConfigDict, TypeAdapter, ValidationError
+from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
 
-from humanclaw.errors import blaming
+from humanclaw.errors import HumanclawError, blaming
 from humanclaw.records.decisions import recordable
 from humanclaw.records.specification import Name
 from humanclaw.text.json import first_fault
 
 T = TypeVar("T")
+M = TypeVar("M", bound=BaseModel)
 _SETTINGS: Final = TypeAdapter(dict[str, Any], config=ConfigDict(ser_json_inf_nan="strings"))
 
 
@@ -101,3 +102,12 @@ def _typed(value: object, kind: type[T], whose: str) -> T:
         came = error.errors(include_url=False)[0]["input"]
         raise TypeError(f"{whose}{first_fault(error)}; got {reprlib.repr(came)}") from None
     return read
+
+
+def read_options(model: type[M], given: Mapping[str, Any]) -> M:
+    """Check the options of `--option KEY=VALUE`. Raises HumanclawError that names the first wrong one and lists all."""
+    try:
+        return model(**given)
+    except ValidationError as error:
+        listed = f"The options are {', '.join(model.model_fields)}."
+        raise HumanclawError(f"--option {first_fault(error)}.", listed) from None

@@ -20,6 +20,7 @@ def humanclaw_agents(register: Register[AgentFactory]) -> None:
 
 
 def _human(options: Mapping[str, Any]) -> Agent:
+    from humanclaw.plugins import read_options
     from humanclaw_human.person import Person, Settings
 
-    return Person(Settings.of(options))
+    return Person(read_options(Settings, options))

@@ -11,13 +11,12 @@ import webbrowser
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Any, Final, TextIO
+from typing import Final, TextIO
 
 import click
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field
 
-from humanclaw import CallError, Decision, EpisodeContext, HistoryEntry, HumanclawError, Observation, Skill
-from humanclaw.records import first_fault
+from humanclaw import CallError, Decision, EpisodeContext, HistoryEntry, Observation, Skill
 from humanclaw_human.commands import forms, in_words, keys, manual, parse
 from humanclaw_human.window import Controls, Moment, Window
 
@@ -40,16 +39,6 @@ class Settings(BaseModel):
     """Port of the page; 0 for any free port."""
     views_between: int = Field(6, ge=0, le=14)
     """Views that the page shows of each half second of motion. A model sees none, so the record tells their number."""
-
-    @classmethod
-    def of(cls, options: Mapping[str, Any]) -> Settings:
-        """Read a person's options. Raises HumanclawError for an unknown or invalid option."""
-        try:
-            return cls(**options)
-        except ValidationError as error:
-            raise HumanclawError(
-                f"--option {first_fault(error)}.", "A person's options are browser, port and views_between."
-            ) from None
 
 
 class Person:

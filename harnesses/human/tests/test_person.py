@@ -246,5 +246,5 @@ def test_the_end_of_the_input_interrupts_the_episode(skills, monkeypatch):
 
 
 def test_an_option_of_a_model_is_no_option_of_a_person():
-    with pytest.raises(HumanclawError, match="browser, port and views_between"):
-        Settings.of({"history": 10})
+    with pytest.raises(HumanclawError, match="browser, port, views_between"):
+        Plugins.discover().make("agents", "human", {"history": 10})

@@ -42,10 +42,11 @@ def humanclaw_verifiers(register: Register[VerifierFactory]) -> None:
 
 
 def _oracle(options: Mapping[str, Any]) -> Agent:
+    from humanclaw.plugins import read_options
     from humanclaw_scripted.handy import HandyOracle
     from humanclaw_scripted.options import OracleOptions
 
-    return HandyOracle(OracleOptions.of(options).words)
+    return HandyOracle(read_options(OracleOptions, options).words)
 
 
 def _random(options: Mapping[str, Any]) -> Agent:

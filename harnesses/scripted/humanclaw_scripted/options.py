@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Literal, TypeVar
+from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field
 
 from humanclaw import HumanclawError
-from humanclaw.records import first_fault
+from humanclaw.plugins import read_options
 from humanclaw_scripted.faults import FAULTS
-
-M = TypeVar("M", bound=BaseModel)
 
 
 class OracleOptions(BaseModel):
@@ -21,11 +19,6 @@ class OracleOptions(BaseModel):
 
     words: Literal["map", "eyes"] = "map"
     """What its words are written from: the map that it knows, or its view alone, for training data."""
-
-    @classmethod
-    def of(cls, given: Mapping[str, Any]) -> OracleOptions:
-        """Check options. Raises HumanclawError that names the wrong one."""
-        return _read(cls, given)
 
 
 class FaultyOptions(OracleOptions):
@@ -53,7 +46,7 @@ class FaultyOptions(OracleOptions):
     @classmethod
     def of(cls, given: Mapping[str, Any]) -> FaultyOptions:
         """Check options. Raises HumanclawError that names the wrong one."""
-        found = _read(cls, given)
+        found = read_options(cls, given)
         unknown = {*found.fault.split("+")} - {*FAULTS, "none"}
         if unknown:
             raise HumanclawError(
@@ -82,13 +75,4 @@ class DetectorOptions(BaseModel):
                 "the agent 'seeing-colour' needs a program that detects things in pictures, and none was given.",
                 "Give its command, as in --option detector='node detect.mjs'; see the README of humanclaw-scripted.",
             )
-        return _read(cls, given)
-
-
-def _read(model: type[M], given: Mapping[str, Any]) -> M:
-    """Check options. Raises HumanclawError that names the first wrong one and lists all options."""
-    try:
-        return model(**given)
-    except ValidationError as error:
-        options = f"The options are {', '.join(model.model_fields)}."
-        raise HumanclawError(f"--option {first_fault(error)}.", options) from None
+        return read_options(cls, given)

@@ -13,10 +13,11 @@ from pathlib import Path
 from typing import Any, Final, Literal, TypeVar
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field
 
 from humanclaw import EpisodeSpec, HumanclawError, Plugins, Scene
-from humanclaw.records import first_fault, read_episodes
+from humanclaw.plugins import read_options
+from humanclaw.records import read_episodes
 from humanclaw.world import MultiFloorMap
 from humanclaw_bench.attribution import CAUSES
 from humanclaw_bench.difficulty import overall
@@ -79,10 +80,7 @@ class TaskOptions(BaseModel):
     @classmethod
     def of(cls, given: Mapping[str, Any]) -> TaskOptions:
         """Check options. Raises HumanclawError that names the first wrong one and lists all."""
-        try:
-            found = cls(**given)
-        except ValidationError as error:
-            raise HumanclawError(f"{first_fault(error)}.", f"Options: {', '.join(cls.model_fields)}.") from None
+        found = read_options(cls, given)
         if found.first + found.houses > MOST:
             told = f"houses {found.first} to {found.first + found.houses - 1} are not all training houses."
             raise HumanclawError(told, f"Stay below {MOST}.")

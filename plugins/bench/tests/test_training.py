@@ -63,7 +63,7 @@ WRONG = [{"hous": 1}, {"houses": 0}, {"houses": MOST + 1}, {"first": MOST - 1}, 
 
 @pytest.mark.parametrize("options", WRONG)
 def test_a_wrong_option_is_named(plugins, options):
-    with pytest.raises(HumanclawError, match=r"Options: houses, first, difficulty|Stay below"):
+    with pytest.raises(HumanclawError, match=r"The options are houses, first, difficulty|Stay below"):
         plugins.make("tasks", "train", options)
 
 

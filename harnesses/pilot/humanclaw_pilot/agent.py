@@ -1,0 +1,134 @@
+"""The pilot: it sees by a network that was trained here, and goes by the planner of the agent `seeing`.
+
+The planner asks for depth and ids of its view. Here both are the network's guesses from the picture, so nothing that
+only the simulator knows is used.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field
+from scipy.ndimage import maximum_filter, minimum_filter
+
+from humanclaw import Decision, EpisodeContext, HistoryEntry, HumanclawError, Observation, Plugins
+from humanclaw.body import rest_pose
+from humanclaw.plugins import read_options
+from humanclaw.world import BODY_ID, Gaze, View, ego_camera
+from humanclaw_pilot.network import CELLS, CLASSES, WEIGHTS, Floats, Glance, reader
+
+TARGET: Final = 1
+"""Id of what the network takes for the target; other things have THING."""
+THING: Final = 2
+EDGE: Final = 0.5
+"""Ratio (logarithm) of the depths of neighbouring cells from which they are the edge of something."""
+CLEAR: Final = 3.5
+"""Farthest obstacle that is believed, metres."""
+DEEPER: Final = 0.18
+"""Metres by which a target is taken to be farther than guessed: who stops too early fails, who touches it does not."""
+AGAIN: Final = 5
+"""How often a search without a sighting begins anew with an empty map, as guessed obstacles can close a passage."""
+
+
+class PilotOptions(BaseModel):
+    """Options of `--agent pilot`."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    profile: str = "default"
+    """Ignored; accepted so that one command line serves models and the pilot."""
+    certain: float = Field(0.8, gt=0, lt=1)
+    """Share of the network's answer from which a cell shows the target."""
+    feedback: bool = True
+    """Whether it hears what was executed; without, it takes itself to stand still."""
+    history: bool = True
+    """Whether it keeps its map from step to step."""
+    weights: Path = WEIGHTS
+    """File of the network's weights."""
+
+
+class PilotAgent:
+    """Pictures, instruction and feedback in, calls and words out."""
+
+    name, privileged = "pilot", False
+
+    def __init__(self, options: Mapping[str, Any]) -> None:
+        self._options = read_options(PilotOptions, options)
+        known = {"weights": self._options.weights.name, "words": "eyes"}
+        self.settings = self._options.model_dump() | known
+        self._look = _reader(self._options.weights)
+
+    def begin(self, context: EpisodeContext) -> None:
+        if context.spec.target_category not in CLASSES:
+            told = f"the pilot knows {', '.join(CLASSES[3:])}, and not {context.spec.target_category!r}."
+            raise HumanclawError(told, "Name one of these in the instruction.")
+        spec = context.spec.model_copy(update={"target_ids": (TARGET,)})
+        self._context = replace(context, spec=spec, view=lambda: self._view)
+        self._kind = CLASSES.index(spec.target_category)
+        self._left = AGAIN
+        self._renew()
+
+    def _renew(self) -> None:
+        self._planner = _plugins().make("agents", "seeing", {})
+        self._planner.begin(self._context)
+        self._seen = False
+
+    def decide(self, observation: Observation, history: Sequence[HistoryEntry]) -> Decision:
+        if not self._options.history:
+            self._renew()
+        glance = self._look(observation.rgb)
+        mine = glance.share[self._kind] > self._options.certain
+        self._view = imagined(observation.rgb, glance, mine, self._context.gaze)
+        self._seen |= bool(mine.any())
+        heard = history if self._options.feedback else ()
+        decision: Decision = self._planner.decide(observation, heard)
+        while self._left and not self._seen and self._ends(decision):
+            self._left -= 1
+            self._renew()
+            decision = self._planner.decide(observation, heard)
+        return decision
+
+    def _ends(self, decision: Decision) -> bool:
+        return any(self._context.skills[call.skill].role == "stop" for call in decision.calls)
+
+
+def imagined(rgb: NDArray[np.uint8], glance: Glance, mine: NDArray[np.bool_], gaze: Gaze) -> View:
+    """Return the view that a glance means. mine: the cells (CELLS, CELLS) of the target.
+
+    Floor is where a level floor is seen from standing eyes, whatever depth was guessed.
+    """
+    kinds, logs = glance.share.argmax(0), np.log(glance.depth)
+    floor = (kinds == CLASSES.index("floor")) & ~mine
+    # Where something ends before another, the guess lies between the two: an obstacle that is not there.
+    clear = (maximum_filter(logs, 3) - minimum_filter(logs, 3) < EDGE) & (glance.depth < CLEAR)
+    ids = np.select([mine, kinds == CLASSES.index("body"), floor | clear], [TARGET, BODY_ID, THING], 0)
+    ids, depth, floor = (_enlarged(part, len(rgb) // CELLS) for part in (ids, glance.depth, floor))
+    depth = depth + DEEPER * (ids == TARGET)
+    level = _floor_depth(len(rgb), gaze)
+    return View(rgb, np.where(floor & np.isfinite(level), level, depth).astype(np.float32), ids.astype(np.int32))
+
+
+def _enlarged(grid: NDArray[Any], side: int) -> NDArray[Any]:
+    return grid.repeat(side, 0).repeat(side, 1)
+
+
+def _floor_depth(rows: int, gaze: Gaze) -> Floats:
+    """Return (rows, 1) depth of a level floor in each row of a view; infinite above the horizon."""
+    up = 1 - (np.arange(rows) + 0.5) / (rows / 2)
+    fall = -(np.sin(gaze.pitch) + up * np.cos(gaze.pitch))
+    high = float(ego_camera(rest_pose(), gaze=gaze).position[1])
+    return np.asarray(np.where(fall > 0.02, high / np.maximum(fall, 0.02), np.inf)[:, None], np.float32)
+
+
+@lru_cache(1)
+def _plugins() -> Plugins:
+    return Plugins.discover()
+
+
+_reader = lru_cache(2)(reader)

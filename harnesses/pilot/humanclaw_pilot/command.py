@@ -1,0 +1,75 @@
+"""`humanclaw pilot`: make data, train, measure."""
+
+from __future__ import annotations
+
+from itertools import islice
+from pathlib import Path
+
+import click
+
+from humanclaw import Plugins
+from humanclaw.cli import parse_pairs
+
+HOUSES_APART = 2000
+"""Training houses from this one on are for measuring."""
+
+
+@click.group("pilot")
+def command() -> None:
+    """Make data for the pilot's eyes, train them, measure them."""
+
+
+@command.command()
+@click.option("--houses", default="0:150", show_default=True, metavar="FIRST:END", help="Training houses.")
+@click.option("--views", type=click.IntRange(1), default=60, show_default=True, help="Views of each.")
+@click.option("--agent", default="", help="Take the views that this agent comes to see, instead of random ones.")
+@click.option("--option", "pairs", multiple=True, metavar="KEY=VALUE", help="Of the agent. Repeatable.")
+@click.option("--out", type=click.Path(path_type=Path), required=True, help="Folder, continued if it exists.")
+def data(houses: str, views: int, agent: str, pairs: tuple[str, ...], out: Path) -> None:
+    """Draw views with labels, one file a house."""
+    from humanclaw_pilot.data import planted, played, written
+
+    plugins, (first, end) = Plugins.discover(), map(int, houses.split(":"))
+    out.mkdir(parents=True, exist_ok=True)
+    poses = [] if agent else [pose for _, pose in played(plugins, "wanderer", {}, 0, range(2), 30)]
+    for number in range(first, end):
+        path = out / f"{agent or 'random'}-{number}.npz"
+        if path.exists():
+            continue
+        seeds = range(10 * number, 10 * number + 10)
+        found = (one for one, _ in played(plugins, agent, parse_pairs(pairs), number, seeds, views // 4))
+        written(path, list(islice(found, views) if agent else planted(plugins, number, poses, views)))
+        click.echo(f"{path}: {views} views")
+
+
+@command.command()
+@click.argument("folders", type=click.Path(exists=True, path_type=Path), nargs=-1, required=True)
+@click.option("--most", type=click.IntRange(1), default=None, help="Number of files to learn from; all by default.")
+@click.option("--minutes", default=25.0, show_default=True, help="Processor time of training.")
+@click.option("--start", type=click.Path(path_type=Path), default=None, help="Weights to go on from.")
+@click.option("--seed", default=0, show_default=True, help="Of first weights and the order of views.")
+@click.option("--out", type=click.Path(path_type=Path), required=True, help="File of weights.")
+def train(
+    folders: tuple[Path, ...], most: int | None, minutes: float, start: Path | None, seed: int, out: Path
+) -> None:
+    """Train the eyes on folders of data."""
+    from humanclaw_pilot import training
+
+    files = [file for folder in folders for file in sorted(folder.glob("*.npz"))][:most]
+    training.train(training.read(files), out, minutes, seed, click.echo, start)
+
+
+@command.command()
+@click.argument("folder", type=click.Path(exists=True, path_type=Path))
+@click.option("--weights", type=click.Path(path_type=Path), default=None, help="File of weights; the shipped ones.")
+@click.option("--certain", default=0.5, show_default=True, help="Share from which a cell counts.")
+def measure(folder: Path, weights: Path | None, certain: float) -> None:
+    """Measure recall, precision and depth on data that the eyes have not learnt from."""
+    from humanclaw_pilot import training
+    from humanclaw_pilot.network import WEIGHTS, reader
+
+    found = training.read(sorted(folder.glob("*.npz")))
+    for category, views, recall, precision, wrong in training.measure(reader(weights or WEIGHTS), found, certain):
+        click.echo(
+            f"{category:13s} {views:5d} views: recall {recall:.2f}, precision {precision:.2f}, depth {wrong:.0%}"
+        )

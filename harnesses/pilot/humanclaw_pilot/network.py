@@ -1,0 +1,124 @@
+"""The pilot's eyes: a small convolutional network from a picture to what each cell of it shows, and how far away.
+
+The order of the layers is written once, for numpy here and for torch in humanclaw_pilot.training. Arrays are (C, H, W).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final, Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+from safetensors.numpy import load_file
+
+Floats = NDArray[np.float32]
+T = TypeVar("T")
+CATEGORIES: Final = ("chair", "couch", "bed", "potted_plant", "tv", "toilet")
+CLASSES: Final = ("other", "floor", "body", *CATEGORIES)
+"""What a cell can show: floor is what a foot could stand on, body is the own one."""
+SIZE: Final = 256
+"""Side of the network's picture, pixels: half of the view's."""
+CELLS: Final = 64
+"""Side of the grid that it answers, cells."""
+WEIGHTS: Final = Path(__file__).with_name("pilot.safetensors")
+
+
+def _levels() -> dict[str, tuple[int, int, int]]:
+    wide = {"half": 32, "quarter": 64, "eighth": 128, "least": 192}
+    shapes = {"first": (4, 16, 5), "half": (16, 32, 3), "answer": (32, len(CLASSES) + 1, 1)}
+    for below, name in zip(wide, list(wide)[1:], strict=False):
+        shapes |= {name: (wide[below], wide[name], 3), f"{below}.up": (wide[name], wide[below], 1)}
+        shapes |= {f"{below}.back{k}": (wide[below], wide[below], 3) for k in (1, 2)}
+        shapes |= {f"{name}.on{k}": (wide[name], wide[name], 3) for k in (1, 2)}
+    return shapes
+
+
+SHAPES: Final = _levels()
+"""Channels in, channels out, and side of the kernel of each convolution."""
+
+
+class Layers(Protocol[T]):
+    """What the network is made of, for one kind of array."""
+
+    def conv(self, name: str, x: T, stride: int = 1) -> T: ...
+
+    def relu(self, x: T) -> T: ...
+
+    def up(self, x: T) -> T:
+        """Double height and width."""
+
+
+def answer(layers: Layers[Any], picture: Any) -> Any:
+    """Map a picture (4, SIZE, SIZE), colours and row, to (classes + 1, CELLS, CELLS): logits, then log metres."""
+    relu, conv = layers.relu, layers.conv
+
+    def block(x: Any, name: str) -> Any:
+        return relu(x + conv(f"{name}2", relu(conv(f"{name}1", x))))
+
+    x = relu(conv("half", relu(conv("first", picture, 2)), 2))
+    passed = [("half", x)]
+    for name in ("quarter", "eighth", "least"):
+        x = block(relu(conv(name, x, 2)), f"{name}.on")
+        passed.append((name, x))
+    for name, before in passed[-2::-1]:
+        x = block(relu(before + layers.up(conv(f"{name}.up", x))), f"{name}.back")
+    return conv("answer", x)
+
+
+class NumpyLayers:
+    """The layers in numpy."""
+
+    def __init__(self, weights: dict[str, Floats]) -> None:
+        self._weights = weights
+
+    def conv(self, name: str, x: Floats, stride: int = 1) -> Floats:
+        kernel = self._weights[f"{name}.weight"]
+        side = kernel.shape[-1]
+        padded = np.pad(x, ((0, 0), (side // 2, side // 2), (side // 2, side // 2)))
+        windows = np.lib.stride_tricks.sliding_window_view(padded, (side, side), (1, 2))[:, ::stride, ::stride]
+        high, wide = windows.shape[1:3]
+        columns = windows.transpose(0, 3, 4, 1, 2).reshape(-1, high * wide)
+        found = kernel.reshape(len(kernel), -1) @ columns + self._weights[f"{name}.bias"][:, None]
+        return np.asarray(found.reshape(-1, high, wide))
+
+    def relu(self, x: Floats) -> Floats:
+        return np.maximum(x, 0)
+
+    def up(self, x: Floats) -> Floats:
+        return x.repeat(2, 1).repeat(2, 2)
+
+
+@dataclass(frozen=True, eq=False)
+class Glance:
+    """What the network says of a view: share (classes, CELLS, CELLS) between 0 and 1; depth (CELLS, CELLS), metres."""
+
+    share: Floats
+    depth: Floats
+
+
+def reader(path: Path = WEIGHTS) -> Callable[[NDArray[np.uint8]], Glance]:
+    """Read weights. Returns a function from a view (512, 512, 3) to a Glance."""
+    layers = NumpyLayers({name: array.astype(np.float32) for name, array in load_file(path).items()})
+
+    def look(rgb: NDArray[np.uint8]) -> Glance:
+        found = answer(layers, prepared(halved(rgb)[None])[0])
+        raised = np.exp(found[:-1] - found[:-1].max(0))
+        return Glance(raised / raised.sum(0), np.exp(found[-1]))
+
+    return look
+
+
+def halved(rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Return a view (2 SIZE, 2 SIZE, 3) at half its size."""
+    sums = rgb.reshape(SIZE, 2, SIZE, 2, 3).sum((1, 3), dtype=np.uint16)
+    return np.asarray((sums + 2) // 4, np.uint8)
+
+
+def prepared(pictures: NDArray[np.uint8]) -> Floats:
+    """Map pictures (N, SIZE, SIZE, 3) to (N, 4, SIZE, SIZE): colours and row from -1 to 1."""
+    colours = pictures.transpose(0, 3, 1, 2).astype(np.float32) / 127.5 - 1
+    rows = np.broadcast_to(np.linspace(-1, 1, SIZE, dtype=np.float32)[:, None], (len(pictures), 1, SIZE, SIZE))
+    return np.concatenate([colours, rows], 1)

@@ -1,0 +1,127 @@
+"""The pilot's labels are the simulator's, its eyes answer alike in numpy and torch, and it says what they see."""
+
+import numpy as np
+import pytest
+from safetensors.numpy import load_file
+
+from humanclaw import Call, Decision, EpisodeContext, EpisodeSpec, HumanclawError, Observation, Plugins
+from humanclaw.body import rest_pose
+from humanclaw.records import acknowledges
+from humanclaw.testing import SceneBuilder
+from humanclaw.world import GAZES, WorldState, ego_camera
+from humanclaw_pilot import agent as pilot
+from humanclaw_pilot.data import example, planted, written
+from humanclaw_pilot.network import CELLS, CLASSES, SHAPES, SIZE, WEIGHTS, Glance, halved, prepared, reader
+
+SPEC = EpisodeSpec(id="one", instruction="find a couch", scene="", target_category="couch")
+PICTURE = np.zeros((512, 512, 3), np.uint8)
+
+
+@pytest.fixture(scope="module")
+def plugins():
+    return Plugins.discover()
+
+
+def glance(kind="floor", mine=0):
+    """Return a glance at one kind of thing 2 m away. mine: rows of cells that show a couch, from the middle."""
+    share = np.zeros((len(CLASSES), CELLS, CELLS), np.float32)
+    share[CLASSES.index(kind)] = 1
+    share[:, CELLS // 2 : CELLS // 2 + mine, 28:36] = np.eye(len(CLASSES))[CLASSES.index("couch")][:, None, None]
+    return Glance(share, np.full((CELLS, CELLS), 2, np.float32))
+
+
+def begun(plugins, seen, monkeypatch, **options):
+    monkeypatch.setattr(pilot, "_reader", lambda path: lambda rgb: seen)
+    agent = plugins.make("agents", "pilot", options)
+    agent.begin(EpisodeContext(SPEC, plugins.skills, seed=0))
+    return agent
+
+
+def test_labels_are_what_the_simulator_knows(plugins):
+    builder = SceneBuilder()
+    builder.box("floor", (8, 0.1, 8), (0, -0.1, 0))
+    builder.box("couch", (1, 0.8, 0.5), (0, 0, 1.5))
+    renderer, scene, camera = plugins.make("renderers", "raster"), builder.scene(), ego_camera(rest_pose())
+    renderer.load(scene)
+    view = renderer.render(WorldState(rest_pose(), {}), camera)
+    found = example(view, scene, camera, 0.0)
+    middle = view.ids.reshape(CELLS, 8, CELLS, 8)[:, 4, :, 4]
+    assert {*np.unique(found.kinds[middle == 2])} <= {CLASSES.index("couch"), CLASSES.index("floor")}
+    assert (found.kinds == CLASSES.index("couch")).sum() > 100
+    assert (found.kinds == CLASSES.index("floor")).sum() > 500
+    # Where the labels say floor, a level floor under these eyes has the depth that they say.
+    floor = pilot.imagined(view.rgb, glance(), found.kinds < 0, GAZES["body"]).depth[4::8, 4::8]
+    on_floor = found.kinds == CLASSES.index("floor")
+    assert np.median(np.abs(floor / found.depth - 1)[on_floor]) < 0.01
+
+
+def test_views_come_from_training_houses_and_can_be_read_again(plugins, tmp_path):
+    found = list(planted(plugins, 0, [rest_pose()], 2))
+    written(tmp_path / "views.npz", found)
+    with np.load(tmp_path / "views.npz") as read:
+        assert read["picture"].shape == (2, SIZE, SIZE, 3)
+        assert (read["kinds"][1] == found[1].kinds).all()
+
+
+def test_numpy_and_torch_answer_alike_and_training_goes_on_where_it_stopped(tmp_path):
+    torch = pytest.importorskip("torch")
+    from humanclaw_pilot import training
+
+    rng = np.random.default_rng(0)
+    kinds = rng.integers(2, size=(4, CELLS, CELLS)).astype(np.uint8)
+    pictures = (255 * kinds[..., None]).repeat(4, 1).repeat(4, 2).repeat(3, 3).astype(np.uint8)
+    data, out = (pictures, kinds, np.full(kinds.shape, 2, np.float16)), tmp_path / "eyes.safetensors"
+    training.train(data, out, 0.05, 0, print)
+    clock = out.with_suffix(".minutes").read_text()
+    training.train(data, out, 0.05, 0, print)
+    assert float(out.with_suffix(".minutes").read_text()) >= float(clock)
+    model = training.TorchLayers().eval()
+    model.load_state_dict(training.load_file(training._beside(out)))
+    with torch.no_grad():
+        told = model(torch.from_numpy(prepared(pictures[:1])))[0].numpy()
+    found = reader(out)(pictures[0].repeat(2, 0).repeat(2, 1))
+    assert np.abs(np.exp(told[-1]) / found.depth - 1).max() < 0.05  # Weights are kept in half precision.
+    assert (halved(pictures[0].repeat(2, 0).repeat(2, 1)) == pictures[0]).all()
+
+
+def test_the_shipped_weights_are_those_of_this_network_and_small():
+    weights = load_file(WEIGHTS)
+    assert {name: weights[f"{name}.weight"].shape for name in SHAPES} == {
+        name: (after, before, side, side) for name, (before, after, side) in SHAPES.items()
+    }
+    assert sum(part.size for part in weights.values()) < 10e6
+    assert WEIGHTS.stat().st_size < 10e6
+
+
+@pytest.mark.parametrize(("rows", "says"), [(0, False), (8, True)])
+def test_it_names_the_target_where_its_eyes_show_it(rows, says, plugins, monkeypatch):
+    decision = begun(plugins, glance(mine=rows), monkeypatch).decide(Observation(0, SPEC.instruction, PICTURE), ())
+    assert acknowledges(decision.visible_state, "couch") is says
+    (call,) = decision.calls
+    assert plugins.skills[call.skill].check(call.params) == call.params
+
+
+def test_it_is_told_nothing_but_pictures_and_words(plugins, monkeypatch):
+    agent = begun(plugins, glance(), monkeypatch, history=False, feedback=False)
+    assert not agent.privileged
+    assert agent.decide(Observation(0, SPEC.instruction, PICTURE), ()).calls
+
+
+def test_what_it_cannot_do_is_said(plugins, monkeypatch):
+    with pytest.raises(HumanclawError, match="certain"):
+        plugins.make("agents", "pilot", {"certain": 2})
+    agent = begun(plugins, glance(), monkeypatch)
+    with pytest.raises(HumanclawError, match="knows chair"):
+        agent.begin(EpisodeContext(SPEC.model_copy(update={"target_category": "lamp"}), plugins.skills, seed=0))
+
+
+@pytest.mark.parametrize(("rows", "renewals"), [(0, pilot.AGAIN), (8, 0)])
+def test_a_search_without_a_sighting_begins_anew_before_it_gives_up(rows, renewals, plugins, monkeypatch):
+    class GivesUp:
+        def decide(self, observation, history):
+            return Decision((Call(next(name for name, one in plugins.skills.items() if one.role == "stop")),))
+
+    agent, begun_anew = begun(plugins, glance(mine=rows), monkeypatch), []
+    agent._planner, agent._renew = GivesUp(), lambda: begun_anew.append(1)
+    assert agent.decide(Observation(0, SPEC.instruction, PICTURE), ()).calls
+    assert len(begun_anew) == renewals
