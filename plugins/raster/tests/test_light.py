@@ -61,6 +61,14 @@ def test_the_sky_in_a_window_is_far_away(room, camera):
     assert one.rgb[both].std() > 10  # It is a view, not one colour.
 
 
+def test_a_window_takes_no_light_from_its_frame(room, camera):
+    room.box((1.5, 1.2, 0.04), (0, 1.0, -2.95), category="window")
+    frame = room.box((0.1, 1.2, 0.14), (0.8, 1.0, -2.9))
+    view = room.look(camera((0, 1.6, -2.0), (0.7, 0, -1), 512))
+    row = view.rgb[256][view.ids[256] == frame].mean(axis=1)
+    assert np.ptp(row[2:12]) < 5  # Its side, from the pane to the front: 225 to 243 if the pane shaded it.
+
+
 def test_a_large_screen_in_the_dark_is_as_bright_as_a_small_one(room, camera):
     room.box((1.5, 1.2, 0.04), (0, 1.0, -2.95), category="window")
     room.box((6.0, 2.6, 0.3), (0, 0, 0))
