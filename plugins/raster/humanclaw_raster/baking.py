@@ -232,14 +232,16 @@ def _blurred(light: Array, empty: NDArray[np.bool_]) -> Array:
 
 
 def _filled(light: Array) -> Array:
-    """Give probes in walls and objects what their neighbours have: facing a way, the neighbour on that side's."""
-    for _ in range(2):
-        missing = np.isnan(light)
+    """Give probes in walls and objects what their neighbours have: facing a way, the one on that side, or else those
+    beside it. The one behind may be in another room."""
+    for _ in range(3):
         padded = np.pad(light, ((1, 1), (1, 1), (1, 1), (0, 0)), constant_values=np.nan)
         around = [np.roll(padded, -sign, axis)[1:-1, 1:-1, 1:-1] for axis in (2, 0, 1) for sign in (1, -1)]
         facing = np.stack([side[..., face] for face, side in enumerate(around)], axis=-1)
-        known = sum(~np.isnan(side) for side in around)
-        total = sum(np.nan_to_num(side) for side in around)
-        mean = np.where(known > 0, total / np.maximum(known, 1), np.nan)
-        light = np.where(missing, np.where(np.isnan(facing), mean, facing), light)
+        for face in range(6):
+            around[face ^ 1][..., face] = np.nan
+        known = np.maximum(sum(~np.isnan(side) for side in around), 1e-9)
+        mean = sum(np.nan_to_num(side) for side in around) / known
+        near = np.where(np.isnan(facing), np.where(known < 1, np.nan, mean), facing)
+        light = np.where(np.isnan(light), near, light)
     return light

@@ -11,6 +11,7 @@ import pytest
 
 from humanclaw.body import rest_pose
 from humanclaw.world import Room, WorldState
+from humanclaw_raster.baking import _filled
 from humanclaw_raster.renderer import RasterRenderer
 
 AWAY = rest_pose()
@@ -50,6 +51,16 @@ def test_a_wall_keeps_the_light_of_a_window_away(room, camera):
     before = _floor(room, camera, 2.0) / _floor(room, camera, -1.5)
     room.box((6.0, 2.6, 0.3), (0, 0, 0))
     assert _floor(room, camera, 2.0) / _floor(room, camera, -1.5) < 0.8 * before
+
+
+def test_a_wall_behind_a_bed_does_not_show_the_dark_of_the_next_room():
+    """Probes along x: bed, gap, wall, next room. Beside the bed there is light."""
+    light = np.full((1, 3, 4, 6), np.nan)
+    light[..., :2, :], light[..., 3, :] = 0.9, 0.1
+    light[0, 1, :2] = np.nan
+    filled = _filled(light)
+    assert filled[0, 1, 2, 1] == pytest.approx(0.9)
+    assert filled[0, 1, 2, 0] == pytest.approx(0.1)
 
 
 def test_the_sky_in_a_window_is_far_away(room, camera):
