@@ -1,7 +1,7 @@
-"""A picture of generated houses: python examples/contact_sheet.py [FOLDER] [HOUSES]
+"""Pictures of generated houses: python examples/contact_sheet.py [FOLDER] [HOUSES] [VIEWS]
 
-Writes houses.jpg: each storey from above, without ceilings. Prints how many of 20 random views in each house show only
-a bare wall. The default is 12 houses, written to examples/images.
+Writes houses.webp, each storey from above, without ceilings, and views.webp, rooms drawn at random as a body sees them
+from far within them. The default is 41 houses and 60 views, written to docs/images.
 """
 
 import sys
@@ -16,9 +16,8 @@ from humanclaw.body import Pose2D, rest_pose
 from humanclaw.world import Camera, MultiFloorMap, WorldState, ego_camera
 
 NOBODY = WorldState(Pose2D(0.0, 0.0, 0.0, -100.0).to_world(rest_pose()), {})
-TILE = (460, 330)
-SHELL, BARE = ("wall", "floor", "ceiling"), 0.99
-"""Categories of a bare wall, and the share of a view that they fill at least."""
+TILE, VIEW = (460, 330), 320
+"""Width and height of the picture of a house, and the side of a view, pixels."""
 
 
 def storey(scene: Scene, floor: float) -> Scene:
@@ -60,19 +59,22 @@ def house_tile(renderer: Renderer, scene: Scene) -> Image.Image:
     return tile
 
 
-def bare_views(renderer: Renderer, scene: Scene, seed: int, count: int = 20) -> int:
-    """Return how many views from random places in random directions show only a bare wall."""
-    rng, floors = np.random.default_rng(seed), MultiFloorMap.of(scene)
-    places = np.concatenate(floors.starts(np.array([scene.start.x, scene.start.floor, scene.start.z]), room=0.35))
-    shell = [obj.id for obj in scene.objects if obj.category in SHELL]
+def room_views(renderer: Renderer, scene: Scene, seed: int, count: int) -> list[Image.Image]:
+    """Return pictures of random rooms, towards their middle from the farthest place where a body can stand."""
+    floors, tiles = MultiFloorMap.of(scene), []
+    places = np.concatenate(floors.starts(np.array([scene.start.x, scene.start.floor, scene.start.z]), room=0.3))
     renderer.load(scene)
-    found = 0
-    for x, floor, z in rng.permutation(places)[:count].tolist():
-        place = Pose2D(x, z, float(rng.uniform(-np.pi, np.pi)), floor)
-        state = WorldState(place.to_world(rest_pose()), {})
-        ids = renderer.render(state, ego_camera(state.body, 96)).ids
-        found += np.isin(ids, shell).mean() > BARE
-    return found
+    for number in np.random.default_rng(seed).permutation(len(scene.rooms)):
+        room = scene.rooms[number]
+        low, high = np.array([room.x0, room.floor - 0.1, room.z0]), np.array([room.x1, room.floor + 0.1, room.z1])
+        within = places[((low < places) & (places < high)).all(axis=1)]
+        if len(tiles) < count and len(within):
+            x, floor, z = within[np.argmax(np.linalg.norm(within - (low + high) / 2, axis=1))].tolist()
+            yaw = float(np.arctan2((room.x0 + room.x1) / 2 - x, (room.z0 + room.z1) / 2 - z))
+            state = WorldState(Pose2D(x, z, yaw, floor).to_world(rest_pose()), {})
+            tiles.append(Image.fromarray(renderer.render(state, ego_camera(state.body)).rgb).resize((VIEW, VIEW)))
+            ImageDraw.Draw(tiles[-1]).text((5, 3), f"{scene.name} {room.name}", "black", font_size=13)
+    return tiles
 
 
 def sheet(tiles: list[Image.Image], columns: int) -> Image.Image:
@@ -84,16 +86,19 @@ def sheet(tiles: list[Image.Image], columns: int) -> Image.Image:
     return whole
 
 
-def main(folder: str = "examples/images", houses: str = "12") -> None:
+def main(folder: str = "docs/images", houses: str = "41", views: str = "60") -> None:
     plugins = Plugins.discover()
     renderer = plugins.make("renderers", "raster")
-    scenes = [plugins.scene(f"house:{number}") for number in range(int(houses))]
-    path = Path(folder) / "houses.jpg"
-    path.parent.mkdir(parents=True, exist_ok=True)
-    sheet([house_tile(renderer, scene) for scene in scenes], 3).save(path, quality=82, optimize=True)
-    print(path)
-    bare = sum(bare_views(renderer, scene, number) for number, scene in enumerate(scenes))
-    print(f"bare walls: {bare} of {20 * len(scenes)} views")
+    tiles, seen = [], []
+    for number in range(count := int(houses)):
+        scene = plugins.scene(f"house:{number}")
+        tiles.append(house_tile(renderer, scene))
+        due = int(views) * (number + 1) // count - int(views) * number // count
+        seen += room_views(renderer, scene, number, due)
+    Path(folder).mkdir(parents=True, exist_ok=True)
+    sheet(tiles, min(count, 4)).save(Path(folder) / "houses.webp", quality=75, method=6)
+    sheet(seen, min(len(seen), 5)).save(Path(folder) / "views.webp", quality=75, method=6)
+    print(f"{len(tiles)} houses and {len(seen)} views in {folder}")
 
 
 if __name__ == "__main__":

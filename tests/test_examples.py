@@ -91,10 +91,11 @@ def test_a_metric_of_a_third_party_sums_the_turning():
     assert metric.value(SimpleNamespace(steps=steps)) == 1.5
 
 
-def test_the_contact_sheet_shows_houses_from_above(tmp_path):
-    command = [sys.executable, EXAMPLES / "contact_sheet.py", tmp_path, "1"]
+def test_the_contact_sheet_shows_houses_from_above_and_rooms_from_within(tmp_path):
+    command = [sys.executable, EXAMPLES / "contact_sheet.py", tmp_path, "1", "2"]
     done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=300)
-    assert "of 20 views" in done.stdout
-    picture = Image.open(tmp_path / "houses.jpg")
-    assert picture.size == (3 * 460, 330)
-    assert np.asarray(picture)[:, :380].std() > 20
+    assert "1 houses and 2 views" in done.stdout
+    above, within = (np.asarray(Image.open(tmp_path / name)) for name in ("houses.webp", "views.webp"))
+    assert above.shape[:2] == (330, 460)
+    assert above[:, :380].std() > 20
+    assert (within[:, :320].std() > 20, within[:, 320:].std() > 20) == (True, True)

@@ -77,18 +77,22 @@ def boxes(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
 
 
 def burdened(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
-    """Check a box of 4 kg that a tonne stands behind, 1 and 5 cm away, or on; walked against for four seconds."""
-    ways, rises = [], []
-    for place in ((0.0, 0.0, 1.21), (0.0, 0.0, 1.25), (0.0, 0.4, 0.7)):
+    """Check a box of 4 kg that a tonne stands behind, 1 and 5 cm away, or on, or 300 kg; walked against for four
+    seconds."""
+    ways, slips, rises = [], [], []
+    for mass, up, ahead in ((1000, 0.0, 1.21), (1000, 0.0, 1.25), (1000, 0.4, 0.7), (300, 0.4, 0.7)):
         builder = SceneBuilder()
         builder.floor()
         light = builder.box("box", (0.4, 0.4, 0.4), (0, 0, 0.7), movable=True, mass=4)
-        heavy = builder.box("box", (0.6, 0.6, 0.6), place, movable=True, mass=1000)
+        heavy = builder.box("box", (0.6, 0.6, 0.6), (0.0, up, ahead), movable=True, mass=mass)
         played = fixture.perform(builder.scene(), walk(8, 0.8))
-        ways.append(np.linalg.norm(played.path(heavy, np.array(place))[-1] - place))
-        rises.append(played.path(light, np.array([0, 0, 0.7]), above=0.2)[:, 1].max() - 0.2)
+        ways.append(np.linalg.norm(played.path(heavy, np.array([0, up, ahead]))[-1] - [0, up, ahead]))
+        path = played.path(light, np.array([0, 0, 0.7]), above=0.2)
+        rises.append(path[:, 1].max() - 0.2)
+        slips.append(path[-1, 2] - 0.7 if up else 0.0)
         tick()
-    yield Finding("mass counts", "way of 1000 kg behind or on 4 kg", float(max(ways)), "m", high=0.02)
+    yield Finding("mass counts", "way of 300 or 1000 kg behind or on 4 kg", float(max(ways)), "m", high=0.02)
+    yield Finding("mass counts", "way of 4 kg under 300 or 1000 kg", float(max(slips)), "m", high=0.02)
     yield Finding("mass counts", "highest rise of the 4 kg", 100 * float(max(rises)), "cm", high=5.0)
 
 

@@ -19,6 +19,10 @@ SPACING: Final = 0.24
 MOST: Final = 250_000
 RAYS: Final = 40
 BOUNCES: Final = 3
+REACH: Final = 10.0
+"""Places farther than this from the box around all lights get the light of its side, metres."""
+OPEN: Final = 0.25
+"""Share of the rays outdoors that meet nothing, at least."""
 BRIGHTEST: Final = 0.75
 """Largest albedo: white paint and tiles."""
 _STEP: Final = 0.75
@@ -58,19 +62,22 @@ class Voxels(NamedTuple):
         return tuple(side // 2 for side in self.albedo.shape)
 
 
-def voxels(triangles: Floats, albedo: Floats) -> Voxels:
-    """Return the voxels of (T, 3, 3) triangles with (T,) albedos."""
-    points = triangles.reshape(-1, 3)
-    low, high = points.min(axis=0) - SPACING, points.max(axis=0) + SPACING
-    size = max(SPACING, float(np.prod(high - low) / MOST) ** (1 / 3)) / 2
-    shape = 2 * np.ceil((high - low) / (2 * size)).astype(int)
+def voxels(triangles: Floats, albedo: Floats, lights: Array) -> Voxels:
+    """Return the voxels of (T, 3, 3) triangles with (T,) albedos, as far as (N, 3) places of lights reach."""
+    points = np.concatenate([triangles.reshape(-1, 3), lights.astype(np.float32)])
+    low = np.maximum(points.min(axis=0) - SPACING, lights.min(axis=0) - REACH)
+    high = np.minimum(points.max(axis=0) + SPACING, lights.max(axis=0) + REACH)
+    size = SPACING / 2
+    while np.prod(shape := 2 * np.ceil((high - low) / (2 * size)).astype(int)) > 8 * MOST:
+        size *= 1.02
     solid = np.zeros((shape[1], shape[2], shape[0]), np.uint8)
-    _fill(solid, triangles, albedo, low.astype(float), size)
-    return Voxels(solid, low.astype(float), size)
+    _fill(solid, triangles, albedo, low, size)
+    return Voxels(solid, low, size)
 
 
 @compiled
 def _fill(solid: NDArray[np.uint8], triangles: Floats, albedo: Floats, corner: Array, size: float) -> None:
+    sides, start, way = (solid.shape[2], solid.shape[0], solid.shape[1]), np.empty(3), np.empty(3)
     for face in range(triangles.shape[0]):
         a, b, c = triangles[face]
         longest = 0.0
@@ -80,18 +87,24 @@ def _fill(solid: NDArray[np.uint8], triangles: Floats, albedo: Floats, corner: A
         steps = int(np.sqrt(longest) / (0.6 * size)) + 1
         tone = np.uint8(1 + 254 * min(max(albedo[face], 0.0), BRIGHTEST))
         for i in range(steps + 1):
-            for j in range(steps + 1 - i):
-                u, v = i / steps, j / steps
-                x = (a[0] + (b[0] - a[0]) * u + (c[0] - a[0]) * v - corner[0]) / size
-                y = (a[1] + (b[1] - a[1]) * u + (c[1] - a[1]) * v - corner[1]) / size
-                z = (a[2] + (b[2] - a[2]) * u + (c[2] - a[2]) * v - corner[2]) / size
-                solid[int(y), int(z), int(x)] = tone
+            # Of a row only what lies in the space: a ground may be kilometres wide.
+            near, far = 0.0, float(steps - i)
+            for axis in range(3):
+                start[axis] = (a[axis] + (b[axis] - a[axis]) * (i / steps) - corner[axis]) / size
+                way[axis] = (c[axis] - a[axis]) / steps / size + 1e-12
+                one, other = -start[axis] / way[axis], (sides[axis] - start[axis]) / way[axis]
+                near, far = max(near, min(one, other)), min(far, max(one, other))
+            for j in range(int(np.ceil(near)), int(far) + 1):
+                x, y, z = start[0] + j * way[0], start[1] + j * way[1], start[2] + j * way[2]
+                if x < sides[0] and y < sides[1] and z < sides[2]:
+                    solid[int(y), int(z), int(x)] = tone
 
 
-def bake(space: Voxels, lights: Lights, sky: float, indoors: NDArray[np.bool_]) -> Floats:
+def bake(space: Voxels, lights: Lights, sky: float, indoors: NDArray[np.bool_] | None) -> Floats:
     """Return (Y, Z, X, 6) irradiance / pi on surfaces that face +x, -x, +y, -y, +z, -z; NaN far from rooms.
 
-    sky: radiance where a ray leaves the scene. indoors: (Y, Z, X) which probes count: others get what those have.
+    sky: radiance where a ray leaves the scene. indoors: (Y, Z, X) which probes count: others get what those have. None
+    for those that see little of the sky, or for all if there is none.
     """
     count, ways = int(np.prod(space.shape)), _spread(RAYS)
     direct, free = np.zeros((count, 6)), np.zeros(count)
@@ -102,7 +115,8 @@ def bake(space: Voxels, lights: Lights, sky: float, indoors: NDArray[np.bool_]) 
     light = direct.copy()
     for _ in range(BOUNCES):
         light = direct + _gather(light, free, ways, hit, albedo, sky)
-    light[~valid | ~indoors.ravel()] = np.nan
+    inside = (hit < 0).mean(axis=1) < OPEN if indoors is None else indoors.ravel()
+    light[~valid | ~(inside if inside[valid].any() or indoors is not None else valid)] = np.nan
     return _filled(_blurred(light.reshape(*space.shape, 6), space.albedo == 0)).astype(np.float32)
 
 
@@ -218,14 +232,16 @@ def _blurred(light: Array, empty: NDArray[np.bool_]) -> Array:
 
 
 def _filled(light: Array) -> Array:
-    """Give probes in walls and objects what their neighbours have: facing a way, the neighbour on that side's."""
-    for _ in range(2):
-        missing = np.isnan(light)
+    """Give probes in walls and objects what their neighbours have: facing a way, the one on that side, or else those
+    beside it. The one behind may be in another room."""
+    for _ in range(3):
         padded = np.pad(light, ((1, 1), (1, 1), (1, 1), (0, 0)), constant_values=np.nan)
         around = [np.roll(padded, -sign, axis)[1:-1, 1:-1, 1:-1] for axis in (2, 0, 1) for sign in (1, -1)]
         facing = np.stack([side[..., face] for face, side in enumerate(around)], axis=-1)
-        known = sum(~np.isnan(side) for side in around)
-        total = sum(np.nan_to_num(side) for side in around)
-        mean = np.where(known > 0, total / np.maximum(known, 1), np.nan)
-        light = np.where(missing, np.where(np.isnan(facing), mean, facing), light)
+        for face in range(6):
+            around[face ^ 1][..., face] = np.nan
+        known = np.maximum(sum(~np.isnan(side) for side in around), 1e-9)
+        mean = sum(np.nan_to_num(side) for side in around) / known
+        near = np.where(np.isnan(facing), np.where(known < 1, np.nan, mean), facing)
+        light = np.where(np.isnan(light), near, light)
     return light

@@ -106,7 +106,7 @@ def light_of(scene: Scene, model: Model, instances: Instances) -> Light:
         return Light((2, 2, 2), np.tile(np.array(PLAIN, np.float32), 8), np.zeros(3, np.float32), np.float32(1))
     key, store = hashlib.sha256(f"{_code()}|{scene.digest}".encode()).hexdigest(), Cache("light")
     if (data := store.get(key)) is None:
-        space = voxels(*_solid(scene, model, instances))
+        space = voxels(*_solid(scene, model, instances), lights.place)
         head = np.array([*space.shape, *(space.corner + space.size), 1 / (2 * space.size)])
         data = head.tobytes() + _exposed(bake(space, lights, DAYLIGHT, _indoors(scene, head))).astype("<f2").tobytes()
         store.put(key, data)
@@ -129,16 +129,16 @@ def _exposed(light: Floats) -> Floats:
     return np.asarray(MEAN * (np.nan_to_num(light / middle, nan=1.0) + DARK) ** CONTRAST, np.float32)
 
 
-def _indoors(scene: Scene, head: Array) -> NDArray[np.bool_]:
-    """Return (Y, Z, X) which probes are in rooms; all of them in a scene without rooms."""
+def _indoors(scene: Scene, head: Array) -> NDArray[np.bool_] | None:
+    """Return (Y, Z, X) which probes are in rooms; None for a scene without rooms."""
     shape, corner = head[:3].astype(int), head[3:6]
-    inside = np.full(shape, not scene.rooms)
+    inside = np.zeros(shape, bool)
     y, z, x = (corner[axis] + np.arange(shape[k]) / head[6] for k, axis in enumerate((1, 2, 0)))
     for room in scene.rooms:
         high, deep, wide = ((room.floor < y) & (y < room.floor + 2.4), (room.z0 < z) & (z < room.z1),
                             (room.x0 < x) & (x < room.x1))  # fmt: skip
         inside[np.ix_(high, deep, wide)] = True
-    return inside
+    return inside if scene.rooms else None
 
 
 def panes(scene: Scene, name: str) -> NDArray[np.bool_]:

@@ -19,6 +19,8 @@ from humanclaw_raster.shading import TALLEST
 CELL: Final = 0.04
 """Side of a cell of the map, metres. It is larger in scenes that would need more than MOST cells per side."""
 MOST: Final = 1024
+WIDEST: Final = 40.0
+"""The map need not hold the whole of a wider object, such as a ground, metres."""
 AROUND: Final = 3
 """Cells on each side of the middle of STEPS steps that they can reach: a step is 1.5 cells long."""
 _HIGH: Final = 1000.0
@@ -37,7 +39,9 @@ class OverheadMapper:
         self._model, self._rows = model, np.array(movers, int)
         self._movers = _order(model, instances, movers)
         self._floors = np.array(sorted({room.floor for room in scene.rooms} or {boxes[:, 0, 1].min(initial=0.0)}))
-        low, high = boxes[:, 0].min(axis=0, initial=0.0), boxes[:, 1].max(axis=0, initial=0.0)
+        points = boxes[np.ptp(boxes, axis=1).max(axis=1, initial=0.0) < WIDEST].reshape(-1, 3)
+        points = np.concatenate([points, [[scene.start.x, scene.start.floor, scene.start.z]]])
+        low, high = points.min(axis=0), points.max(axis=0)
         self._cell = max(CELL, float((high - low)[[0, 2]].max()) / MOST)
         self._shape = tuple(np.ceil((high - low)[[2, 0]] / self._cell).astype(int) + 2)
         self._middle = (low + high) / 2

@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanclaw.body import Array
-from humanclaw.world import Mesh
+from humanclaw.world import Mesh, compiled
 
 CLUSTER: Final = 64
 """Number of triangles that are tested against the view together."""
 LEVELS: Final = 8
 """Number of sizes of a texture (mipmap); each is half the previous one."""
 SMOOTH: Final = float(np.cos(np.radians(40.0)))
-"""Cosine of 40 degrees. A face whose normal differs more from the mean of its neighbours has a sharp edge there."""
+"""Cosine of 40 degrees. Between faces whose normals differ more is a sharp edge."""
 
 SMALL, WIDE, PANE = 0, 1, 2
 """Kinds of faces: light changes evenly over a small or bent one, and not over a wide flat one; a pane shows the sky."""
@@ -149,16 +149,29 @@ def _places(vertices: Floats, owner: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def _smooth_normals(corners: Floats, places: NDArray[np.int64]) -> Array:
-    """Return (T, 3, 3) the normal at each corner: the mean of the faces that meet there, unless the edge is sharp.
+    """Return (T, 3, 3) the normal at each corner: the mean of the faces that meet there without a sharp edge.
 
     places: (T, 3) the number of each corner's place.
     """
     points: Array = corners.astype(float)
-    flat = np.repeat(_unit(np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])), 3, axis=0)
-    total = np.stack([np.bincount(places.ravel(), flat[:, axis]) for axis in range(3)], axis=1).astype(float)
-    mean = _unit(total)[places.ravel()]
-    smooth = np.sum(flat * mean, axis=-1, keepdims=True) > SMOOTH
-    return np.where(smooth, mean, flat).reshape(-1, 3, 3)
+    flat = _unit(np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0]))
+    mean = np.zeros((3 * len(flat), 3))
+    _add_alike(flat, np.argsort(places, axis=None, kind="stable"), np.cumsum(np.bincount(places.ravel())), mean)
+    return _unit(mean).reshape(-1, 3, 3)
+
+
+@compiled
+def _add_alike(flat: Array, order: NDArray[np.int64], ends: NDArray[np.int64], mean: Array) -> None:
+    """Add to each corner the normals of all faces at its place that are SMOOTH with its own."""
+    begin = 0
+    for end in ends:
+        for one in order[begin:end]:
+            for other in order[begin:end]:
+                a, b = flat[one // 3], flat[other // 3]
+                if a[0] * b[0] + a[1] * b[1] + a[2] * b[2] > SMOOTH:
+                    for axis in range(3):
+                        mean[one, axis] += b[axis]
+        begin = end
 
 
 def _unit(vectors: Array) -> Array:

@@ -26,6 +26,8 @@ from humanclaw_raster.surfaces import prepare
 
 SKY: Final = np.array([[196, 221, 243], [240, 244, 247]], float)
 """Colours of empty pixels at the top and at the bottom of the picture."""
+LOWER: Final = 0.001
+"""Walls are drawn this much lower, metres: those of one storey end level with the floor of the next."""
 
 
 class _LoadedScene(NamedTuple):
@@ -64,6 +66,8 @@ class RasterRenderer:
         model = pack(meshes, glass, panorama())
         self._movers = {obj.id: 1 + k for k, obj in enumerate(scene.objects) if obj.movable}
         self._rest = {obj.id: np.array([*obj.position, *obj.rotation], float) for obj in scene.objects}
+        for obj in scene.of_category("wall"):
+            self._rest[obj.id][1] -= LOWER
         count = 1 + len(scene.objects)
         instances = Instances(
             mesh=np.array([0, *(number[obj.asset] for obj in scene.objects)], np.int32),

@@ -20,7 +20,7 @@ from humanclaw_raster.buffers import (
     floats,
 )
 from humanclaw_raster.lighting import OFFSET, Light, facing, jitter, probe
-from humanclaw_raster.packing import WIDE, Floats
+from humanclaw_raster.packing import PANE, WIDE, Floats
 from humanclaw_raster.surfaces import BRIGHT, FLAT, KIND
 
 REACH: Final = 0.25
@@ -89,7 +89,7 @@ def _halved(gbuffer: GBuffer) -> Half:
     for row in range(height):
         for column in range(width):
             number = gbuffer.surface[2 * row, 2 * column]
-            if number >= 0:
+            if number >= 0 and gbuffer.table[number, KIND] != PANE:  # A window takes no light from its frame.
                 depth[row, column] = ONE / gbuffer.inverse_depth[2 * row, 2 * column]
                 if gbuffer.table[number, KIND] == WIDE:
                     tone[row, column] = gbuffer.table[number, BRIGHT]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +11,7 @@ import pytest
 
 from humanclaw.body import rest_pose
 from humanclaw.world import Room, WorldState
+from humanclaw_raster.baking import _filled
 from humanclaw_raster.renderer import RasterRenderer
 
 AWAY = rest_pose()
@@ -50,6 +53,16 @@ def test_a_wall_keeps_the_light_of_a_window_away(room, camera):
     assert _floor(room, camera, 2.0) / _floor(room, camera, -1.5) < 0.8 * before
 
 
+def test_a_wall_behind_a_bed_does_not_show_the_dark_of_the_next_room():
+    """Probes along x: bed, gap, wall, next room. Beside the bed there is light."""
+    light = np.full((1, 3, 4, 6), np.nan)
+    light[..., :2, :], light[..., 3, :] = 0.9, 0.1
+    light[0, 1, :2] = np.nan
+    filled = _filled(light)
+    assert filled[0, 1, 2, 1] == pytest.approx(0.9)
+    assert filled[0, 1, 2, 0] == pytest.approx(0.1)
+
+
 def test_the_sky_in_a_window_is_far_away(room, camera):
     pane = room.box((3.0, 2.0, 0.04), (0, 0.3, -2.95), category="window")
     one, two = (room.look(camera((x, 1.3, 1.0), (0, 0, -1), 256)) for x in (-0.3, 0.3))
@@ -57,6 +70,14 @@ def test_the_sky_in_a_window_is_far_away(room, camera):
     assert both.mean() > 0.05
     assert np.median(np.abs(one.rgb[both].astype(int) - two.rgb[both])) <= 1  # Edges are mixed with the frame.
     assert one.rgb[both].std() > 10  # It is a view, not one colour.
+
+
+def test_a_window_takes_no_light_from_its_frame(room, camera):
+    room.box((1.5, 1.2, 0.04), (0, 1.0, -2.95), category="window")
+    frame = room.box((0.1, 1.2, 0.14), (0.8, 1.0, -2.9))
+    view = room.look(camera((0, 1.6, -2.0), (0.7, 0, -1), 512))
+    row = view.rgb[256][view.ids[256] == frame].mean(axis=1)
+    assert np.ptp(row[2:12]) < 5  # Its side, from the pane to the front: 225 to 243 if the pane shaded it.
 
 
 def test_a_large_screen_in_the_dark_is_as_bright_as_a_small_one(room, camera):
@@ -84,6 +105,21 @@ def test_a_scene_whose_rooms_lie_elsewhere_is_lit_as_one_without_windows(room, c
     view = renderer.render(WorldState(AWAY, {}), eye)
     assert not recwarn.list
     assert np.abs(view.rgb.astype(int) - dark).mean() < 2
+
+
+def test_a_ground_of_kilometres_costs_little_and_leaves_the_light_in_a_room(room, camera):
+    room.box((1.5, 1.2, 0.04), (0, 1.0, -2.95), category="window")
+    room.box((0.6, 0.6, 0.6), (0, 0, 0))
+    eye = camera((0, 1.5, 2.0), (0, -0.5, -1))
+    before = room.look(eye).rgb
+    room.box((3000.0, 0.1, 3000.0), (0, -0.35, 0))
+    tracemalloc.start()
+    began, after = time.process_time(), room.look(eye).rgb
+    took, most = time.process_time() - began, tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert np.abs(after.astype(int) - before).mean() < 5  # The probes lie elsewhere. 70 with few of them.
+    assert most < 200e6  # 900 MB with probes all over the ground.
+    assert took < 3.0
 
 
 def test_light_is_baked_once_for_a_scene(room, camera, tmp_path):

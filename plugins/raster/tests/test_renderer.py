@@ -8,6 +8,7 @@ import pytest
 from humanclaw import HumanclawError
 from humanclaw.body import JOINT_INDEX, matrix_from_quaternion, rest_pose
 from humanclaw.world import BODY_ID, Camera, Mesh, WorldState, ego_camera
+from humanclaw_raster.packing import pack
 from humanclaw_raster.renderer import RasterRenderer
 
 STANDING = WorldState(rest_pose(), {})
@@ -130,6 +131,22 @@ def test_a_surface_of_many_triangles_has_no_holes(builder, camera):
     )
     wall = builder.mesh(mesh(np.stack([x, y, 0.1 * x + 0.15 * y + 2], 1), faces, np.full((2, 2, 3), 200, np.uint8)))
     assert (builder.look(camera((0, 0, 0), (0.1, 0.05, 1))).ids == wall).all()
+
+
+def test_a_wall_that_ends_level_with_the_floor_above_is_not_seen(builder, camera):
+    builder.box((0.2, 2.72, 8), (0, 0, 0), category="wall")
+    floor = builder.box((20, 0.12, 20), (0, 2.6, 0))
+    assert (builder.look(camera((0.3, 4.2, -2), (0, -1, 0.5))).ids == floor).all()
+
+
+@pytest.mark.parametrize(("rise", "apart"), [(0.2, 0.049), (2.0, 0.0)])
+def test_normals_are_smooth_over_blunt_edges_alone(rise, apart):
+    """Three triangles lie in one plane and meet a fourth in an edge: at 11 degrees they share a normal, at 63 none."""
+    points = [[0, 0, 0], [1, 0, 0], [1, 0, -1], [0, 0, -1], [-1, 0, -1], [0, rise, 1], [1, rise, 1]]
+    faces = [[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 5, 1]]
+    texture = np.zeros((2, 2, 3), np.uint8)
+    normals = pack([mesh(points, faces, texture)], [np.zeros(4, bool)], texture).normals
+    assert np.abs(normals[0, 0] - normals[0, 2]).max() == pytest.approx(apart, abs=0.005)
 
 
 # -- the body ----------------------------------------------------------------------------------------------------------

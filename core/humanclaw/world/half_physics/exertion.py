@@ -17,7 +17,7 @@ from typing import Final
 
 import numpy as np
 
-from humanclaw.body.pose import Array
+from humanclaw.body.pose import Array, matrix_from_quaternion
 from humanclaw.world.half_physics.profile import Profile
 from humanclaw.world.half_physics.quaternions import from_vector, multiply
 from humanclaw.world.half_physics.swing import swings
@@ -52,7 +52,7 @@ class Exertion:
     """Bounds the pushes of one body in one world."""
 
     def __init__(self, world: World, profile: Profile, scene: Scene) -> None:
-        self._world, self._profile = world, profile
+        self._world, self._profile, self._scene = world, profile, scene
         moving = {obj.id: obj for obj in scene.objects if obj.movable and scene.assets[obj.asset].hulls}
         self.movable = frozenset(moving)
         self._mass = {key: obj.mass for key, obj in moving.items()}
@@ -118,9 +118,17 @@ class Exertion:
         gain = sum(gains[key] for key in free)
         if sum(gains[key] for key in keys) > 2 * gain:
             return _Group(faster, free, gain, np.inf)
-        held, push = sum(map(self._holding, free)), sum(self._push(key, pushes) for key in free)
+        loads = [key for key in keys if key not in free and any(self._rests(key, other) for other in free)]
+        held, push = sum(map(self._holding, [*free, *loads])), sum(self._push(key, pushes) for key in free)
         wasted = max(1.0, push / max(gain / seconds + held, 1e-9))
         return _Group(faster, free, wasted * gain, wasted * held)
+
+    def _rests(self, key: int, other: int) -> bool:
+        """Return whether an object in a group lies on another: its lowest point is above the other's middle."""
+        place = self._world.objects()[key]
+        points = np.concatenate(self._scene.assets[self._scene.by_id[key].asset].hulls)
+        lowest = place[1] + (points @ matrix_from_quaternion(place[3:])[1]).min()
+        return bool(lowest > self._before[other].position[1])
 
     def _kept(
         self, groups: Sequence[_Group], after: Mapping[int, ObjectMotion], seconds: float
