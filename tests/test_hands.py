@@ -345,6 +345,21 @@ def test_a_door_opens_for_a_hand_that_pulls_it_no_faster_than_the_hand(plugins, 
 
 
 @both
+def test_one_hand_opens_the_lid_of_an_oven_whose_friction_bears_its_weight(plugins, engine):
+    """22 kg and 113 Nm of friction, as in generated houses: 176 N at the edge."""
+    room = Room(table=False)
+    hinge = Hinge((0, 0.06, 0.02), 0.0, np.pi / 2, 113.0, 4.0, axis=(1.0, 0.0, 0.0))
+    lid = room.builder.box(
+        "lid", (0.6, 0.7, 0.04), (0, 0.06, 0.75), rotation=(0, 1, 0, 0), movable=True, mass=22.0, joint=hinge
+    )
+    with room.body(plugins, engine) as body:
+        reach(body, "right", -15, 71, 66, times=2)
+        body.call("grasp", side="right")
+        body.call("pull", side="right", cm=20)
+        assert body.scene.by_id[lid].state_at(thing(body, lid)) > 0.2
+
+
+@both
 def test_a_drawer_follows_the_hand_stops_at_its_end_and_is_pushed_shut(plugins, engine):
     room = Room(table=False)
     drawer = room.builder.box(

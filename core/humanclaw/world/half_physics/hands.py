@@ -55,6 +55,9 @@ _WRIST: Final = 15.0
 """Torque of a hand, newton metres."""
 _FALL: Final = 4
 """Chunks in which what left a hand comes to rest."""
+_PULL: Final = 250.0
+"""Force of a hand on a thing on a joint, newtons: a standing adult pulls with more than an arm lifts. The lids of ovens
+take up to 180: their friction bears their weight."""
 _LEAD: Final = 0.04
 """Metres that a hand goes ahead of a handle that does not follow."""
 
@@ -253,7 +256,7 @@ class Hands:
         fall = -self._scene.by_id[key].mass * self._profile.gravity * float(swing.arm(centre)[1])
         brake = math.copysign(joint.friction, wanted) + joint.damping * wanted if wanted else 0.0
         push = swing.inertia * (wanted - speed) + (brake - fall) * seconds
-        most = len(sides) * self._profile.lift * lever * seconds
+        most = len(sides) * _PULL * lever * seconds
         speed += float(np.clip(push, -most, most)) / swing.inertia
         self._world.set_motion(key, swing.motion(state, speed))
         self._fastest = max(self._fastest, abs(speed) * lever)
