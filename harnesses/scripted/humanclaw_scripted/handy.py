@@ -6,6 +6,7 @@ A script is a generator of calls. Each call is worked out from the state as it i
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from itertools import count
 from typing import Final
 
 import numpy as np
@@ -160,7 +161,7 @@ class HandyOracle(OracleAgent):
 
     # -- carrying ------------------------------------------------------------------------------------------------------
     def _carry(self, thing: int, place: int) -> Script:
-        for attempt in range(6):
+        for attempt in count():
             side = _SIDES[attempt // 2 % 2]
             yield from self._walk_to(lambda: self._near(thing))
             yield from self._take(thing, side)
@@ -304,7 +305,7 @@ class HandyOracle(OracleAgent):
     # -- opening -------------------------------------------------------------------------------------------------------
     def _open(self, leaves: Sequence[SceneObject], share: float) -> Script:
         handles = [Handle.of(self._scene.hulls, leaf) for leaf in leaves]
-        for _ in range(6):
+        while True:
             before = {(s.x, s.z): (handle, side) for handle in handles for s, side in self._before(handle)}
             yield from self._walk_to(lambda: [s for handle in handles for s, _ in self._before(handle)])
             assert self._memory.stand is not None
