@@ -106,7 +106,8 @@ class HandyOracle(OracleAgent):
         memory = self._memory
         self._wanted, memory.way, memory.arrived, memory.blocked = stands, [], False, 0
         while goes_on() and not self._stands_there():
-            yield self._go(self._state(), PelvisPose.of(self._state()))
+            call, why = self._go(self._state(), PelvisPose.of(self._state()))
+            yield (self._back(0.25), "I see no way: I step back.") if call.skill == self._stop else (call, why)
 
     def _stands_there(self) -> bool:
         memory, pose = self._memory, PelvisPose.of(self._state())
