@@ -1,6 +1,8 @@
 """Hands: what they take, carry and let go of, on both engines; what the record and the senses say of it."""
 
 from contextlib import suppress
+from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -32,7 +34,8 @@ from humanclaw.records import RecordedEpisode, free_episode
 from humanclaw.skills import MotionError
 from humanclaw.testing import SceneBuilder
 from humanclaw.testing.fakes import FAKE, Fakes
-from humanclaw.world import Hinge, Slide
+from humanclaw.world import Hinge, ObjectMotion, Profile, Slide
+from humanclaw.world.half_physics.exertion import Exertion
 
 both = pytest.mark.parametrize("engine", ["mujoco", BULLET])
 G = 9.81
@@ -491,3 +494,18 @@ def test_a_simulator_without_a_scene_has_no_hands():
 def test_a_grip_that_cannot_be_played_is_refused(wrong):
     with pytest.raises(MotionError):
         wrong()
+
+
+def test_what_a_limb_threw_off_within_a_step_is_as_slow_as_a_kick_though_nothing_touches_it_after_the_step():
+    room = Room(table=False)
+    bear = room.put(mass=0.5)
+    scene, motions = room.builder.scene(), []
+    still = ObjectMotion(np.zeros(3), np.array([0, 0, 0, 1.0]), np.zeros(3), np.zeros(3))
+    world = SimpleNamespace(motion=lambda key: motions[-1], set_motion=lambda key, motion: motions.append(motion))
+    exertion = Exertion(world, Profile("default"), scene)
+    exertion.look((bear,))
+    motions.append(still)
+    exertion.brace()
+    motions.append(replace(still, velocity=np.array([0.0, 16.9, 0.0])))
+    exertion.bound((), 1 / 120)
+    assert np.linalg.norm(motions[-1].velocity) == pytest.approx(Profile("default").max_kick)

@@ -47,9 +47,9 @@ class Here:
         return self.frame.point_to_local(points)
 
     @property
-    def hips(self) -> float:
-        """Height of the pelvis over the floor, metres."""
-        return float(self.joints[JOINT_INDEX["pelvis"], 1])
+    def crouches(self) -> bool:
+        """Whether the hips are under 0.8 m."""
+        return float(self.joints[JOINT_INDEX["pelvis"], 1]) < 0.8
 
     def hand(self, side: Side) -> Array:
         """Return the knuckles (3,)."""

@@ -47,8 +47,6 @@ _KNEES: Final = 0.5
 """Metres over the floor below which bent knees are behind a thing: it is raised straight."""
 _CHIN: Final = 0.7
 """Metres over the floor to which a crouching body raises a thing: higher, its head meets the thing as it stands up."""
-_CROUCHED: Final = 0.8
-"""Metres over the floor of the hips of a body that crouches, at most."""
 _TURNING: Final = 0.5
 """Metres of room around a body that turns with a thing in hand."""
 _SHINS: Final = 0.3
@@ -118,9 +116,12 @@ class HandyOracle(OracleAgent):
     def _at_stand(self, pose: PelvisPose) -> tuple[Call, str]:
         return super()._at_stand(pose) if self._spec.goal is None else self._follow(pose, self._last)
 
-    def _give_up_stand(self) -> None:
-        if self._memory.stand is not None:
-            self._memory.given_up.add((self._memory.stand.x, self._memory.stand.z))
+    def _give_up_stand(self, around: float = 0.01) -> None:
+        """Go to no place so near to the last one again (metres), until all others have failed too."""
+        last = self._memory.stand
+        if last is not None:
+            near = (s for s in self._wanted() if np.hypot(s.x - last.x, s.z - last.z) <= around)
+            self._memory.given_up |= {(last.x, last.z), *((s.x, s.z) for s in near)}
 
     def _face(self, point: Callable[[], Array], aside: Callable[[], float], near: Sequence[float] = _AT_HAND) -> Script:
         """Turn and step until a point (3,) is at hand. aside: where it is to be to the left, metres."""
@@ -167,7 +168,7 @@ class HandyOracle(OracleAgent):
             yield from self._walk_to(lambda: self._near(thing))
             yield from self._take(thing, side)
             if not self._in_hand(thing):
-                self._give_up_stand()
+                self._give_up_stand(0.3)
                 continue
             yield from self._lift(thing, side)
             self._memory.given_up = set()
@@ -246,7 +247,7 @@ class HandyOracle(OracleAgent):
     def _raise(self, thing: int, side: Side) -> Script:
         for _ in range(5):
             here = Here.of(self._state())
-            hand, top = here.hand(side), _CHIN if here.hips < _CROUCHED else _CARRIED[1]
+            hand, top = here.hand(side), _CHIN if here.crouches else _CARRIED[1]
             if not self._in_hand(thing) or hand[1] > top - 0.1:
                 break
             back = 0.05 if hand[1] > _KNEES else 0.0
