@@ -47,8 +47,6 @@ _KNEES: Final = 0.5
 """Metres over the floor below which bent knees are behind a thing: it is raised straight."""
 _CHIN: Final = 0.7
 """Metres over the floor to which a crouching body raises a thing: higher, its head meets the thing as it stands up."""
-_TURNING: Final = 0.5
-"""Metres of room around a body that turns with a thing in hand."""
 _SHINS: Final = 0.3
 """Metres ahead of the hips that they need."""
 _TRIES: Final = ((-0.02, 0.0), (-0.02, 0.05), (-0.02, -0.05), (0.01, 0.0), (-0.04, 0.03))
@@ -239,7 +237,7 @@ class HandyOracle(OracleAgent):
         yield from self._raise(thing, side)
         yield self._back(0.25), "I step back with it."
         pose = PelvisPose.of(self._state())
-        if self._plan(pose).at(self._plan(pose).clearance, pose.point) < _TURNING:
+        if self._plan(pose).at(self._plan(pose).clearance, pose.point) < 0.5:
             yield self._back(0.25), "I step back with it, to have room to turn."
         deep = float(high[2] - low[2]) / 2
         yield self._to(side, np.array([_CARRIED[0] * out, _CARRIED[1], _CARRIED[2] + deep]), "I hold it before me.")
