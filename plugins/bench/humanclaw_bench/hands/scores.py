@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import accumulate
@@ -170,7 +170,7 @@ def stages_of(recorded: RecordedEpisode) -> dict[str, bool]:
     twins = {stage: bool(_TWINS[stage](facts)) for stage in stages}
     said = any(facts.in_view(step) and says_seen(step, spec.target_category) for step in facts.steps)
     whole = twins | {"find": said, stages[-1]: is_met(facts.goal, facts.steps)}
-    passed = accumulate((whole[stage] for stage in stages), lambda before, now: before and now)
+    passed: Iterator[bool] = accumulate((whole[stage] for stage in stages), lambda before, now: before and now)
     return dict(zip(stages, passed, strict=True)) | {f"geo_{stage}": met for stage, met in twins.items()}
 
 
