@@ -22,7 +22,7 @@ from humanclaw.plugins.choice import PluginInfo
 from humanclaw.plugins.distributions import version
 from humanclaw.plugins.hookspecs import noun
 from humanclaw.plugins.host import Plugins
-from humanclaw.records.folder import EpisodeWriter
+from humanclaw.records.folder import EpisodeWriter, joined
 from humanclaw.records.specification import EpisodeSpec
 from humanclaw.records.steps import EpisodeRecord, Outcome, SkillInfo, StepRecord
 from humanclaw.skills.contract import Skill
@@ -52,6 +52,8 @@ class Recording:
             for name, data in self._drawn.items():
                 self._writer.frame(name, data)
             self._drawn.clear()
+            for piece in self._trajectory.pieces:
+                self._writer.move(piece)
 
     def frame(self, name: str, data: bytes) -> str:
         """Write a frame, or hold it back until the folder is open. Returns its path relative to the folder."""
@@ -62,7 +64,10 @@ class Recording:
 
     def move(self, chunks: Sequence[Chunk]) -> None:
         """Append the motion of a step."""
-        self._trajectory.add(chunks)
+        for chunk in chunks:
+            piece = self._trajectory.add(chunk)
+            if self._writer:
+                self._writer.move(piece)
 
     def keep(self, step: StepRecord, replayed: bool = False) -> None:
         """Append a step. replayed: open() writes it to the folder."""
@@ -90,53 +95,39 @@ class Recording:
 
 
 class TrajectoryBuffer(Mapping[str, Array]):
-    """Every frame of an episode for motion.npz: five frames of standing, then each step's.
+    """Every frame of an episode for motion.npz: five frames of standing, then each chunk's.
 
     Arrays by name, made when they are asked for: {generated,simulated}_{root,rotations} and object_ID, one row a frame.
     """
 
     def __init__(self, body: Body) -> None:
         self._scene = body.scene
-        self._commanded: list[Motion] = [body.history]
         still = body.state().body
-        self._simulated: list[Motion] = [
-            Motion(np.repeat(still.root, HISTORY, 0), np.repeat(still.rotations, HISTORY, 0))
-        ]
-        self._paths: dict[int, list[tuple[int, Array]]] = {}
-        self._length = HISTORY
+        standing = Motion(np.repeat(still.root, HISTORY, 0), np.repeat(still.rotations, HISTORY, 0))
+        self.pieces: list[Mapping[str, Array]] = [_arrays(body.history, standing)]
+        """The same arrays of the beginning and of each chunk; of objects only those that moved in it."""
 
-    def add(self, chunks: Sequence[Chunk]) -> None:
-        """Append the motion of one step."""
-        for chunk in chunks:
-            self._commanded.append(chunk.commanded)
-            self._simulated.append(chunk.execution.simulated)
-            for key, path in chunk.execution.objects.items():
-                self._paths.setdefault(key, []).append((self._length, path))
-            self._length += len(chunk.commanded)
+    def add(self, chunk: Chunk) -> Mapping[str, Array]:
+        """Append the motion of a chunk. Returns it as a piece."""
+        paths = {f"object_{key}": path for key, path in chunk.execution.objects.items()}
+        self.pieces.append(_arrays(chunk.commanded, chunk.execution.simulated) | paths)
+        return self.pieces[-1]
 
     def __iter__(self) -> Iterator[str]:
-        yield from (f"object_{key}" for key in sorted(self._paths))
-        yield from (f"{kind}_{part}" for kind in ("generated", "simulated") for part in ("root", "rotations"))
+        return iter(sorted({name for piece in self.pieces for name in piece}))
 
     def __len__(self) -> int:
-        return len(self._paths) + 4
+        return len(list(iter(self)))
 
     def __getitem__(self, name: str) -> Array:
-        kind, _, part = name.partition("_")
-        if kind == "object":
-            return self._path(int(part))
-        pieces = self._commanded if kind == "generated" else self._simulated
-        return np.concatenate([getattr(piece, part) for piece in pieces])
+        kind, _, key = name.partition("_")
+        obj = self._scene.by_id[int(key)] if kind == "object" else None
+        return joined(self.pieces, name, np.array([*obj.position, *obj.rotation], float) if obj else None)
 
-    def _path(self, key: int) -> Array:
-        """Return the (T, 7) pose of an object in every frame. Between recorded pieces it rests where the last one
-        ended."""
-        obj = self._scene.by_id[key]
-        full = np.tile(np.array([*obj.position, *obj.rotation], float), (self._length, 1))
-        for first, path in self._paths[key]:
-            full[first : first + len(path)] = path
-            full[first + len(path) :] = path[-1]
-        return full
+
+def _arrays(generated: Motion, simulated: Motion) -> dict[str, Array]:
+    pair = {"generated": generated, "simulated": simulated}
+    return {f"{kind}_{part}": getattr(one, part) for kind, one in pair.items() for part in ("root", "rotations")}
 
 
 def stand_at_start(body: Body, spec: EpisodeSpec, scene: Scene | None = None) -> None:
