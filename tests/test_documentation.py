@@ -153,7 +153,7 @@ def test_a_verifier_a_reporter_a_fault_and_a_command_of_one_file_are_found(tmp_p
     plugins = Plugins.discover(sorted(tmp_path.glob("*.py")))
     assert "careful" in [one.name for one in plugins.registered("verifiers")]
     told = []
-    plugins.tell("humanclaw_run_end", run=Path("runs/x"), episodes=(), plugins=plugins, tell=told.append)
+    plugins.tell("humanclaw_run_end", run=Path("runs/x"), episodes=(), plugins=plugins, tell=told.append, scored={})
     assert "0 records in runs/x" in told
     assert "sleeper" in [one.name for one in plugins.registered("faults")]
     assert "lines" in [one.name for one in plugins.registered("reports")]

@@ -30,7 +30,6 @@ TABLES = {
     "bench difficulty": "--split val",
     "bench power": "--split smoke --trials 2",
     "bench ablate": None,
-    "bench hands": None,
     "bench repair": None,
     "assets list": None,
     "assets import": None,

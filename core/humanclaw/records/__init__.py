@@ -35,13 +35,13 @@ if TYPE_CHECKING:
         brought as brought,
         is_met as is_met,
         lies_on as lies_on,
+        looked as looked,
         opened as opened,
     )
     from humanclaw.records.limits import Meter as Meter
     from humanclaw.records.outcomes import (
         FLOOR_THRESHOLD as FLOOR_THRESHOLD,
         REACHED as REACHED,
-        SEEN_PIXELS as SEEN_PIXELS,
         end_distance as end_distance,
         ever_reached as ever_reached,
         footing as footing,
@@ -60,7 +60,7 @@ if TYPE_CHECKING:
         RecordedRun as RecordedRun,
         load_run as load_run,
     )
-    from humanclaw.records.sighting import acknowledges as acknowledges
+    from humanclaw.records.sighting import SEEN_PIXELS as SEEN_PIXELS, acknowledges as acknowledges
     from humanclaw.records.specification import (
         Difficulty as Difficulty,
         EpisodeSpec as EpisodeSpec,

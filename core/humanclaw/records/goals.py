@@ -11,6 +11,8 @@ from humanclaw.body.pose import Array
 from humanclaw.records.specification import Goal
 from humanclaw.records.steps import StepRecord
 
+_INSIDE: Final = 0.01 * 512**2
+"""Pixels of the inside of furniture, from which it counts as looked into: a hundredth of the view."""
 _RESTS: Final = 0.05
 """Metres between a thing and the top of what it lies on, at most."""
 
@@ -19,8 +21,8 @@ def is_met(goal: Goal, steps: Sequence[StepRecord]) -> bool:
     """Tell whether an active stop ended the steps with the goal met."""
     if not steps or steps[-1].status != "stopped":
         return False
-    if goal.answer and not (answered(goal, steps[-1]) and any(opened(goal, steps[: k + 1]) for k in range(len(steps)))):
-        return False
+    if goal.answer:
+        return looked(goal, steps) and answered(goal, steps[-1])
     return brought(goal, steps)
 
 
@@ -48,6 +50,27 @@ def opened(goal: Goal, steps: Sequence[StepRecord]) -> bool:
         abs(states.get(key, begun) - begun) >= goal.share * abs(wide - begun)
         for key, (begun, wide) in goal.ways.items()
     )
+
+
+def looked(goal: Goal, steps: Sequence[StepRecord]) -> bool:
+    """Tell whether a view from before an open thing showed the furniture behind it: not only doors."""
+    return any(
+        sum(pixels for key, pixels in steps[k].target_pixels.items() if key not in goal.ways) >= _INSIDE
+        and opened(goal, steps[:k])
+        and any(_in_front(thing, steps[0], steps[k]) for thing in goal.things)
+        for k in range(1, len(steps))
+    )
+
+
+def _in_front(thing: int, first: StepRecord, step: StepRecord) -> bool:
+    """Tell whether a step begins on the outer side of a front. first: a step that ends with the front shut."""
+    if thing not in first.targets:
+        return False
+    low, high = np.array(first.targets[thing])
+    axis = min((0, 2), key=lambda one: high[one] - low[one])
+    middle = np.mean([box for key, box in first.targets.items() if key != thing], axis=(0, 1))
+    front = (low + high)[axis] / 2
+    return bool((front - middle[axis]) * (step.start[axis] - front) > 0)
 
 
 def answered(goal: Goal, step: StepRecord) -> bool:

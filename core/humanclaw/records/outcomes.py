@@ -7,14 +7,12 @@ from typing import Final
 
 from humanclaw.records.goals import is_met
 from humanclaw.records.reading import RecordedEpisode
-from humanclaw.records.sighting import acknowledges as acknowledges
+from humanclaw.records.sighting import SEEN_PIXELS, acknowledges as acknowledges
 from humanclaw.records.specification import EpisodeSpec
 from humanclaw.records.steps import StepRecord
 from humanclaw.records.trial import Trial
 from humanclaw.world.simulator import Contact
 
-SEEN_PIXELS: Final = 100
-"""Pixels of the 512 x 512 view from which a target counts as seen."""
 REACHED: Final = 0.2
 """Metres from the body to a target's bounding box within which it counts as reached."""
 FLOOR_THRESHOLD: Final = 0.0205

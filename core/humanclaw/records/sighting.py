@@ -10,6 +10,9 @@ from typing import Final
 
 from humanclaw.records.tasks import ALIASES
 
+SEEN_PIXELS: Final = 100
+"""Pixels of the 512 x 512 view from which a target counts as seen."""
+
 
 def _words(*patterns: str) -> re.Pattern[str]:
     return re.compile("|".join(rf"\b(?:{pattern})\b" for pattern in patterns))

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import re
-from typing import Annotated, Any, Final
+from typing import Annotated, Final
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, SerializerFunctionWrapHandler, model_serializer
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from humanclaw.body.pose import Pose2D
 
@@ -80,14 +80,9 @@ class EpisodeSpec(Record):
     seed: Annotated[int, Field(ge=0)] = 0
     difficulty: Difficulty | None = None
     """Given for the episodes of a split."""
-    goal: Goal | None = None
-    """What the hands are to bring about; None for a task of walking and sitting."""
-
-    @model_serializer(mode="wrap")
-    def _without_goal(self, write: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Leave out a goal that there is none of: digests of splits and records without hands stay as they were."""
-        found: dict[str, Any] = write(self)
-        return found if found.get("goal") is not None else {key: found[key] for key in found if key != "goal"}
+    goal: Annotated[Goal | None, Field(exclude_if=lambda goal: goal is None)] = None
+    """What the hands are to bring about; None for a task of walking and sitting, and then left out when written, so
+    that digests of splits and records without hands stay as they were."""
 
     @property
     def told(self) -> EpisodeSpec:

@@ -1,4 +1,4 @@
-"""Where hands work: the handles of what opens, and the places to stand around a thing."""
+"""Where hands work: the body's frame, the handles of what opens, and the places to stand around a thing."""
 
 from __future__ import annotations
 
@@ -9,13 +9,51 @@ from typing import Final
 import numpy as np
 
 from humanclaw import Scene
-from humanclaw.body import Array, matrix_from_quaternion
+from humanclaw.body import JOINT_INDEX, Array, Pose2D, matrix_from_quaternion
+from humanclaw.skills import Side
 from humanclaw.world import OccupancyGrid, SceneObject, Slide, Viewpoint, WorldState, room_at
+from humanclaw_scripted.truth import PelvisPose
 
 _STEP: Final = {True: 0.3, False: 0.15}
 """How far a hand takes a door (radians) or a drawer (metres) with a call."""
+GRIPS: Final = tuple(((0.0, -gap - 0.1), (0.0, -gap - 0.01), (0.0, -gap)) for gap in (0.06, 0.035, 0.08, 0.05))
+"""Metres above a handle and ahead of it of a hand on its way, in one try after the other."""
+HOOKS: Final = tuple(
+    ((0.22, 0.0), (0.1, ahead), (down, ahead)) for ahead, down in ((0.05, 0.07), (0.07, 0.05), (0.03, 0.05))
+)
+"""The same over the edge of a lid that is open, with the palm towards the body."""
 _ROOM: Final = 0.2
 """Metres that are free around a place to stand."""
+
+
+@dataclass(frozen=True, eq=False)
+class Here:
+    """The body's frame, as its hands are told places in it."""
+
+    frame: Pose2D
+    body: PelvisPose
+    joints: Array
+    """(24, 3) in this frame."""
+    state: WorldState
+
+    @classmethod
+    def of(cls, state: WorldState) -> Here:
+        last = state.body[-1:]
+        frame = Pose2D.of(last)
+        return cls(frame, PelvisPose.of(state), frame.point_to_local(last.joints()[0]), state)
+
+    def local(self, points: Array) -> Array:
+        """Return (..., 3) world points in this frame."""
+        return self.frame.point_to_local(points)
+
+    @property
+    def crouches(self) -> bool:
+        """Whether the hips are under 0.8 m."""
+        return float(self.joints[JOINT_INDEX["pelvis"], 1]) < 0.8
+
+    def hand(self, side: Side) -> Array:
+        """Return the knuckles (3,)."""
+        return np.asarray(self.joints[JOINT_INDEX[f"{side}_hand"]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +83,17 @@ class Handle:
         """The state in which it is wide open."""
         assert self.obj.joint is not None
         return max(self.obj.joint.low, self.obj.joint.high, key=abs)
+
+    @property
+    def tilts(self) -> bool:
+        """Whether it is a lid, which comes down before the body."""
+        joint = self.obj.joint
+        return joint is not None and not isinstance(joint, Slide) and abs(joint.axis[1]) <= 0.5
+
+    @property
+    def near(self) -> float:
+        """Metres ahead of the hips to which a hand draws it: a lid comes down on knees that are nearer."""
+        return 0.3 if self.tilts else 0.22
 
     @property
     def step(self) -> float:

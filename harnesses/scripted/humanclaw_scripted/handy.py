@@ -6,17 +6,17 @@ A script is a generator of calls. Each call is worked out from the state as it i
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from itertools import count
 from typing import Final
 
 import numpy as np
 
 from humanclaw import Call, EpisodeContext
-from humanclaw.body import JOINT_INDEX, Array, Pose2D, wrap_angle
+from humanclaw.body import Array, wrap_angle
 from humanclaw.skills import Side
 from humanclaw.world import SceneObject, Viewpoint, WorldState, viewpoints
 from humanclaw_scripted.calls import answering, gripping, reaching
-from humanclaw_scripted.handles import Handle, places_around
+from humanclaw_scripted.handles import GRIPS, HOOKS, Handle, Here, places_around
 from humanclaw_scripted.oracle import OracleAgent
 from humanclaw_scripted.truth import PelvisPose, box
 
@@ -25,6 +25,8 @@ Stands = Callable[[], list[Viewpoint]]
 _SIDES: Final[tuple[Side, Side]] = ("right", "left")
 _FAR: Final = 0.55
 """Metres from a place to stand to what an arm reaches from there."""
+_FARS: Final = (_FAR, 0.75)
+"""The same of a thing that lies elsewhere than at the start; the second if there is no place as near as the first."""
 _BESIDE: Final = 0.16
 """Metres from the middle of the body to what a hand works on."""
 _AT_HAND: Final = (0.4, 0.56)
@@ -33,14 +35,18 @@ _ABOVE: Final = 0.075
 """Metres from what a thing lies on to the knuckles, at least: fingers and forearm need room."""
 _LOST: Final = 0.85
 """Metres away of a thing that has been knocked out of reach."""
+_LOOK: Final = (1.2, 1.6)
+"""The same of furniture to look into."""
 _OVER_IT: Final = (0.36, 0.6)
 """The same of a place to lay something down."""
-_CARRIED: Final = (0.1, 1.1, 0.28)
+_CARRIED: Final = (0.1, 1.1, 0.22)
 """Aside, over the floor, and ahead of a thing's own half depth: where a hand carries it, metres."""
 _RISE: Final = 0.24
 """Metres that a hand raises a thing by with a call: out of a crouch, more shakes it off."""
 _KNEES: Final = 0.5
 """Metres over the floor below which bent knees are behind a thing: it is raised straight."""
+_CHIN: Final = 0.7
+"""Metres over the floor to which a crouching body raises a thing: higher, its head meets the thing as it stands up."""
 _SHINS: Final = 0.3
 """Metres ahead of the hips that they need."""
 _TRIES: Final = ((-0.02, 0.0), (-0.02, 0.05), (-0.02, -0.05), (0.01, 0.0), (-0.04, 0.03))
@@ -51,31 +57,6 @@ _SLOW: Final = 0.45
 """Turn and step (metres) in a call that a full hand stands."""
 _OPEN: Final = 0.1
 """Share of the way by which a thing is opened farther than it has to be."""
-
-
-@dataclass(frozen=True, eq=False)
-class Here:
-    """The body's frame, as its hands are told places in it."""
-
-    frame: Pose2D
-    body: PelvisPose
-    joints: Array
-    """(24, 3) in this frame."""
-    state: WorldState
-
-    @classmethod
-    def of(cls, state: WorldState) -> Here:
-        last = state.body[-1:]
-        frame = Pose2D.of(last)
-        return cls(frame, PelvisPose.of(state), frame.point_to_local(last.joints()[0]), state)
-
-    def local(self, points: Array) -> Array:
-        """Return (..., 3) world points in this frame."""
-        return self.frame.point_to_local(points)
-
-    def hand(self, side: Side) -> Array:
-        """Return the knuckles (3,)."""
-        return np.asarray(self.joints[JOINT_INDEX[f"{side}_hand"]])
 
 
 class HandyOracle(OracleAgent):
@@ -96,6 +77,8 @@ class HandyOracle(OracleAgent):
             yield from self._carry(goal.things[0], goal.on)
         else:
             yield from self._open([self._scene.by_id[key] for key in goal.things], goal.share)
+        if goal.answer:
+            yield from self._look_inside()
         while True:
             if goal.answer:
                 yield (
@@ -119,7 +102,8 @@ class HandyOracle(OracleAgent):
         memory = self._memory
         self._wanted, memory.way, memory.arrived, memory.blocked = stands, [], False, 0
         while goes_on() and not self._stands_there():
-            yield self._go(self._state(), PelvisPose.of(self._state()))
+            call, why = self._go(self._state(), PelvisPose.of(self._state()))
+            yield (self._back(0.25), "I see no way: I step back.") if call.skill == self._stop else (call, why)
 
     def _stands_there(self) -> bool:
         memory, pose = self._memory, PelvisPose.of(self._state())
@@ -130,9 +114,12 @@ class HandyOracle(OracleAgent):
     def _at_stand(self, pose: PelvisPose) -> tuple[Call, str]:
         return super()._at_stand(pose) if self._spec.goal is None else self._follow(pose, self._last)
 
-    def _give_up_stand(self) -> None:
-        if self._memory.stand is not None:
-            self._memory.given_up.add((self._memory.stand.x, self._memory.stand.z))
+    def _give_up_stand(self, around: float = 0.01) -> None:
+        """Go to no place so near to the last one again (metres), until all others have failed too."""
+        last = self._memory.stand
+        if last is not None:
+            near = (s for s in self._wanted() if np.hypot(s.x - last.x, s.z - last.z) <= around)
+            self._memory.given_up |= {(last.x, last.z), *((s.x, s.z) for s in near)}
 
     def _face(self, point: Callable[[], Array], aside: Callable[[], float], near: Sequence[float] = _AT_HAND) -> Script:
         """Turn and step until a point (3,) is at hand. aside: where it is to be to the left, metres."""
@@ -163,23 +150,23 @@ class HandyOracle(OracleAgent):
         """Return a call that brings a hand to a place (3,) in the body's frame."""
         return reaching(self._context.skills, side, place.tolist()), why
 
-    def _grip(self, side: Side, role: str) -> tuple[Call, str]:
-        closes = role == "grasp"
-        return gripping(self._context.skills, "grasp" if closes else "release", side), (
-            "It is before my palm: I close my hand." if closes else "I let go."
-        )
+    def _close(self, side: Side) -> tuple[Call, str]:
+        return gripping(self._context.skills, "grasp", side), "It is before my palm: I close my hand."
+
+    def _let_go(self, side: Side) -> tuple[Call, str]:
+        return gripping(self._context.skills, "release", side), "I let go."
 
     def _in_hand(self, key: int) -> bool:
         return key in self._state().held.values()
 
     # -- carrying ------------------------------------------------------------------------------------------------------
     def _carry(self, thing: int, place: int) -> Script:
-        for attempt in range(6):
+        for attempt in count():
             side = _SIDES[attempt // 2 % 2]
             yield from self._walk_to(lambda: self._near(thing))
             yield from self._take(thing, side)
             if not self._in_hand(thing):
-                self._give_up_stand()
+                self._give_up_stand(0.3)
                 continue
             yield from self._lift(thing, side)
             self._memory.given_up = set()
@@ -197,7 +184,10 @@ class HandyOracle(OracleAgent):
             found = viewpoints(self._memory.floors, self._scene, key)
             return [one for one in found if one.gap < _FAR]
         grids = [grid for grid in self._memory.floors.floors if -0.1 < low[1] - grid.floor < 2.0]
-        return [one for grid in grids for one in places_around(self._scene, grid, key, low, high, _FAR)]
+        ways = (
+            [one for grid in grids for one in places_around(self._scene, grid, key, low, high, far)] for far in _FARS
+        )
+        return next(filter(None, ways), [])
 
     def _extent(self, key: int) -> tuple[Here, Array, Array]:
         """Return the body's frame, and the corners (3,) of an object's box in it."""
@@ -217,23 +207,28 @@ class HandyOracle(OracleAgent):
         near = _AT_HAND if high[1] > _KNEES else (min(_SHINS + deep / 2, 0.52), 0.6)
         yield from self._face(lambda: self._middle(thing), lambda: out * max(0.05, _BESIDE - wide / 4), near)
         for outwards, ahead in _TRIES:
-            here, low, high = self._extent(thing)
-            beside = (high[0] if out > 0 else low[0]) + out * (0.03 + outwards)
-            height = max(low[1] + _ABOVE, min((low[1] + high[1]) / 2, low[1] + 0.25), 0.1)
+            _, low, high = self._extent(thing)
             if np.hypot(low[0] + high[0], low[2] + high[2]) / 2 > _LOST:
                 return
-            at = np.array([beside, height, (low[2] + high[2]) / 2 - 0.04 + ahead])
-            over = at + [0.06 * out, max(_HOVER, high[1] + 0.1 - height), -0.08]
-            yield self._to(side, over, "I bring my hand over it.")
-            if here.hand(side)[1] < high[1]:
-                yield self._to(side, over, "I bring my hand over it.")
-            yield self._to(side, at + [0.04 * out, 0.0, 0.0], "I bring my hand beside it.")
-            yield self._to(side, at, "I bring my palm to it.")
-            if float(np.linalg.norm(Here.of(self._state()).hand(side) - at)) > 0.04:
-                yield self._to(side, at, "I bring my palm to it.")
-            yield self._grip(side, "grasp")
+            yield from self._to_side_of(low, high, side, outwards, ahead)
+            yield self._close(side)
             if self._in_hand(thing):
                 return
+
+    def _to_side_of(self, low: Array, high: Array, side: Side, outwards: float, ahead: float) -> Script:
+        """Bring a palm over a box, corners (3,) in the body's frame, down beside it, and to it."""
+        out = 1.0 if side == "left" else -1.0
+        beside = (high[0] if out > 0 else low[0]) + out * (0.03 + outwards)
+        height = max(low[1] + _ABOVE, min((low[1] + high[1]) / 2, low[1] + 0.25), 0.1)
+        at = np.array([beside, height, (low[2] + high[2]) / 2 - 0.04 + ahead])
+        over = at + [0.06 * out, max(_HOVER, high[1] + 0.1 - height), -0.08]
+        below = Here.of(self._state()).hand(side)[1] < high[1]
+        for _ in range(2 if below else 1):
+            yield self._to(side, over, "I bring my hand over it.")
+        yield self._to(side, at + [0.04 * out, 0.0, 0.0], "I bring my hand beside it.")
+        yield self._to(side, at, "I bring my palm to it.")
+        if float(np.linalg.norm(Here.of(self._state()).hand(side) - at)) > 0.04:
+            yield self._to(side, at, "I bring my palm to it.")
 
     def _lift(self, thing: int, side: Side) -> Script:
         """Raise what a hand holds, step back from what it lay on, and hold it before the body."""
@@ -241,16 +236,20 @@ class HandyOracle(OracleAgent):
         _, low, high = self._extent(thing)
         yield from self._raise(thing, side)
         yield self._back(0.25), "I step back with it."
+        pose = PelvisPose.of(self._state())
+        if self._plan(pose).at(self._plan(pose).clearance, pose.point) < 0.5:
+            yield self._back(0.25), "I step back with it, to have room to turn."
         deep = float(high[2] - low[2]) / 2
         yield self._to(side, np.array([_CARRIED[0] * out, _CARRIED[1], _CARRIED[2] + deep]), "I hold it before me.")
 
     def _raise(self, thing: int, side: Side) -> Script:
         for _ in range(5):
-            hand = Here.of(self._state()).hand(side)
-            if not self._in_hand(thing) or hand[1] > _CARRIED[1] - 0.1:
+            here = Here.of(self._state())
+            hand, top = here.hand(side), _CHIN if here.crouches else _CARRIED[1]
+            if not self._in_hand(thing) or hand[1] > top - 0.1:
                 break
             back = 0.05 if hand[1] > _KNEES else 0.0
-            yield self._to(side, hand + [0.0, min(_RISE, _CARRIED[1] - hand[1]), -back], "I lift it.")
+            yield self._to(side, hand + [0.0, min(_RISE, top - hand[1]), -back], "I lift it.")
 
     def _put(self, thing: int, place: int, side: Side) -> Script:
         """Lay what a hand holds on a piece of furniture."""
@@ -268,7 +267,7 @@ class HandyOracle(OracleAgent):
             low, _ = box(self._scene, self._state(), thing)
             if self._in_hand(thing) and (low[1] - spot[1] > 0.04 or not self._above(thing, place)):
                 yield self._over(thing, spot, side, 0.005)
-        yield self._grip(side, "release")
+        yield self._let_go(side)
         here = Here.of(self._state())
         out = 1.0 if side == "left" else -1.0
         yield self._to(side, here.hand(side) + [0.08 * out, 0.05, -0.05], "I take my hand away.")
@@ -306,7 +305,7 @@ class HandyOracle(OracleAgent):
     # -- opening -------------------------------------------------------------------------------------------------------
     def _open(self, leaves: Sequence[SceneObject], share: float) -> Script:
         handles = [Handle.of(self._scene.hulls, leaf) for leaf in leaves]
-        for _ in range(6):
+        while True:
             before = {(s.x, s.z): (handle, side) for handle in handles for s, side in self._before(handle)}
             yield from self._walk_to(lambda: [s for handle in handles for s, _ in self._before(handle)])
             assert self._memory.stand is not None
@@ -317,6 +316,11 @@ class HandyOracle(OracleAgent):
                 return
             self._give_up_stand()
             yield self._back(0.3), "I try from another place."
+
+    def _look_inside(self) -> Script:
+        """Turn to the furniture behind what is open, and step back until it is in view."""
+        (body,) = set(self._spec.target_ids) - set(self._spec.goal.things if self._spec.goal else ())
+        yield from self._face(lambda: self._middle(body), lambda: 0.0, _LOOK)
 
     def _before(self, handle: Handle) -> list[tuple[Viewpoint, Side]]:
         """Return places from which a hand reaches a handle, with the hand; the best first."""
@@ -351,7 +355,7 @@ class HandyOracle(OracleAgent):
                     break
                 yield self._drawn(handle, side, wide)
             if self._in_hand(key):
-                yield self._grip(side, "release")
+                yield self._let_go(side)
             if handle.share(self._state()) > share:
                 break
         here = Here.of(self._state())
@@ -368,20 +372,20 @@ class HandyOracle(OracleAgent):
                 yield self._turn(error), "I square up to it."
             elif ahead > 0.7 and self._memory.blocked < 1:
                 yield self._walk(0.0, min(0.25, max(0.1, ahead - 0.64)), 0.0), "I step closer."
-            elif ahead < 0.45:
-                yield self._back(max(0.1, 0.55 - ahead)), "I make room for my arm."
+            elif ahead < 0.45 + 0.13 * handle.tilts:
+                yield self._back(max(0.1, 0.55 + 0.1 * handle.tilts - ahead)), "I make room for my arm."
             elif abs(left - 0.2 * out) > 0.14:
                 yield self._side(float(left - 0.2 * out)), "I step in front of its handle."
             else:
                 return
 
     def _hold(self, handle: Handle, side: Side) -> Script:
-        for _, ahead in _TRIES[:4]:
-            for gap in (0.16, 0.07 - ahead / 2, 0.06 - ahead / 2):
+        for grip in HOOKS if handle.tilts and handle.share(self._state()) > 0.1 else GRIPS:
+            for up, ahead in grip:
                 here = Here.of(self._state())
-                at = here.local(handle.now(here.state)) - [0.0, 0.0, gap]
+                at = here.local(handle.now(here.state)) + [0.0, up, ahead]
                 yield self._to(side, at, "I bring my hand to it.")
-            yield self._grip(side, "grasp")
+            yield self._close(side)
             if self._in_hand(handle.obj.id):
                 return
 
@@ -390,6 +394,6 @@ class HandyOracle(OracleAgent):
         here, now = Here.of(self._state()), handle.state(self._state())
         there = now + float(np.clip(wide - now, -handle.step, handle.step))
         due = here.hand(side) + here.local(handle.at(there)) - here.local(handle.at(now))
-        if due[2] < 0.22:
-            return self._back(0.2), "I step back with it."
+        if due[2] < handle.near:
+            return self._back(0.12 if handle.tilts else 0.2), "I step back with it."
         return self._to(side, due, "I pull.")

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import Final
 
 import numpy as np
 
@@ -22,10 +22,11 @@ from humanclaw import EpisodeRecord, RecordedEpisode, StepRecord
 from humanclaw.body import Array
 from humanclaw.records import REACHED, in_view
 from humanclaw.skills import to_si
+from humanclaw_bench.causes import Cause, Rule, Stage, first_cause
+from humanclaw_bench.hands.scores import cause_of, first_failed
 from humanclaw_bench.scores import Scores, claims, is_sit, sat_down, score
 from humanclaw_bench.ways import gap_to, straight
 
-Stage = Literal["find", "nav", "interact"]
 STAGES: Final[tuple[Stage, ...]] = ("find", "nav", "interact")
 
 # Thresholds of the rules: metres, or numbers of steps.
@@ -192,10 +193,6 @@ def _extent(steps: Sequence[StepRecord]) -> float:
 
 
 # -- the step at which a cause was decided -----------------------------------------------------------------------------
-def _last(recorded: RecordedEpisode) -> int | None:
-    return len(recorded.steps) - 1 if recorded.steps else None
-
-
 def _first(condition: Callable[[RecordedEpisode, StepRecord], bool]) -> Callable[[RecordedEpisode], int | None]:
     return lambda recorded: next((k for k, step in enumerate(recorded.steps) if condition(recorded, step)), None)
 
@@ -211,81 +208,58 @@ _arrival = _first(lambda _, step: step.target_distance is not None and step.targ
 
 
 # -- the rules ---------------------------------------------------------------------------------------------------------
-@dataclass(frozen=True)
-class Cause:
-    """A root cause: its stage, the capability that failed, and the rule."""
-
-    stage: Stage
-    name: str
-    capability: str
-    rule: Callable[[EpisodeFeatures], bool]
-    meaning: str
-    second: Callable[[EpisodeFeatures], bool] | None = None
-    """The rule of a second label, if it is not the same: a rule that follows others may presume that they failed."""
-    step: Callable[[RecordedEpisode], int | None] = _last
-    """The index of the step at which it was decided; None if no step did."""
-
-    def describes(self, features: EpisodeFeatures) -> bool:
-        """Tell whether it describes an episode, whatever cause comes first."""
-        return (self.second or self.rule)(features)
-
-    @property
-    def label(self) -> str:
-        return f"{self.stage}: {self.name}"
-
-
 def _gave_up(features: EpisodeFeatures) -> bool:
     nearer, farther = GIVEN_UP
     return min(features.way) < nearer * features.way[0] and features.way[-1] > farther * features.way[0] + 1e-9
 
 
-CAUSES: Final = (
-    Cause("find", "target in view but not seen", "perception", lambda f: f.seen,
-          "the target was in view and the agent never said so", step=_first_view),
-    Cause("find", "near but not in view", "mid-level reasoning", lambda f: not f.seen and min(f.way) < NEAR,
-          "the body came within 1.5 m and never looked at the target", step=_nearest),
-    Cause("find", "too far", "task", lambda f: f.way[0] > TOO_FAR, "the way to the target is longer than 20 m",
-          step=lambda recorded: None),
-    Cause("find", "unaware jammed", "body awareness", lambda f: f.jammed,
-          "in eight walking calls in a row the body hardly moved, or rocked against something within 50 cm",
-          step=_jam),
-    Cause("find", "ineffective actions", "action", lambda f: f.confined,
-          "25 moving or turning calls in a row stayed within a box of 2 m", step=_confinement),
-    Cause("find", "midpoint give up", "mid-level reasoning", _gave_up,
-          "the way was more than halved, and then the body went back", step=_nearest),
-    Cause("find", "ineffective exploration", "mid-level reasoning", lambda f: True, "the target never came into view",
-          second=lambda f: f.roamed and not f.seen),
-    Cause("nav", "unaware arrived/touch", "body awareness", lambda f: f.arrived and not f.stopped,
-          "the body was within 0.2 m and the agent never stopped", step=_arrival),
-    Cause("nav", "stop while far", "ego-spatial distance", lambda f: f.stopped and not f.arrived,
-          "the agent stopped and was never within 0.2 m"),
-    Cause("nav", "find too late", "exploration timing", lambda f: f.late,
-          "the target first came into view in the last 30 % of the steps", step=_first_view),
-    Cause("nav", "unaware jammed", "body awareness", lambda f: f.seen_last and f.jammed,
-          "the target was in view at the end and the body was stuck for eight walking calls in a row", step=_jam),
-    Cause("nav", "ineffective actions", "action", lambda f: f.seen_last,
-          "the target was in view at the end and the body, though free, did not get there",
-          second=lambda f: f.seen_last and not (f.jammed or f.stopped or f.arrived)),
-    Cause("nav", "target hallucination", "perception", lambda f: f.claimed_last,
-          "the target was out of view at the end and the agent said it saw it",
-          second=lambda f: f.claimed_last and not f.seen_last),
-    Cause("nav", "lost target", "mid-level reasoning", lambda f: True,
-          "the agent turned away from the target and did not find it again",
-          second=lambda f: not (f.seen_last or f.claimed_last or f.turned)),
-    Cause("interact", "stand after sit", "body awareness", lambda f: f.sat,
-          "a sit reached the seat, and the body was off it at the end"),
-    Cause("interact", "sit on air", "body awareness", lambda f: f.sits and not f.touched,
-          "the agent sat down, and neither hips nor thighs came to rest on anything", step=_first_sit),
-    Cause("interact", "sit wrong", "body awareness", lambda f: f.sits,
-          "the agent sat down on something else, or beside the seat",
-          second=lambda f: f.sits and f.touched and not f.sat, step=_first_sit),
-    Cause("interact", "stop but never sit", "decision", lambda f: True,
-          "the agent stopped at the seat and never sat down", second=lambda f: not f.sits),
+CAUSES: Final[tuple[Rule[EpisodeFeatures], ...]] = (
+    Rule("find", "target in view but not seen", "perception", lambda f: f.seen,
+         "the target was in view and the agent never said so", step=_first_view),
+    Rule("find", "near but not in view", "mid-level reasoning", lambda f: not f.seen and min(f.way) < NEAR,
+         "the body came within 1.5 m and never looked at the target", step=_nearest),
+    Rule("find", "too far", "task", lambda f: f.way[0] > TOO_FAR, "the way to the target is longer than 20 m",
+         step=lambda recorded: None),
+    Rule("find", "unaware jammed", "body awareness", lambda f: f.jammed,
+         "in eight walking calls in a row the body hardly moved, or rocked against something within 50 cm",
+         step=_jam),
+    Rule("find", "ineffective actions", "action", lambda f: f.confined,
+         "25 moving or turning calls in a row stayed within a box of 2 m", step=_confinement),
+    Rule("find", "midpoint give up", "mid-level reasoning", _gave_up,
+         "the way was more than halved, and then the body went back", step=_nearest),
+    Rule("find", "ineffective exploration", "mid-level reasoning", lambda f: True, "the target never came into view",
+         second=lambda f: f.roamed and not f.seen),
+    Rule("nav", "unaware arrived/touch", "body awareness", lambda f: f.arrived and not f.stopped,
+         "the body was within 0.2 m and the agent never stopped", step=_arrival),
+    Rule("nav", "stop while far", "ego-spatial distance", lambda f: f.stopped and not f.arrived,
+         "the agent stopped and was never within 0.2 m"),
+    Rule("nav", "find too late", "exploration timing", lambda f: f.late,
+         "the target first came into view in the last 30 % of the steps", step=_first_view),
+    Rule("nav", "unaware jammed", "body awareness", lambda f: f.seen_last and f.jammed,
+         "the target was in view at the end and the body was stuck for eight walking calls in a row", step=_jam),
+    Rule("nav", "ineffective actions", "action", lambda f: f.seen_last,
+         "the target was in view at the end and the body, though free, did not get there",
+         second=lambda f: f.seen_last and not (f.jammed or f.stopped or f.arrived)),
+    Rule("nav", "target hallucination", "perception", lambda f: f.claimed_last,
+         "the target was out of view at the end and the agent said it saw it",
+         second=lambda f: f.claimed_last and not f.seen_last),
+    Rule("nav", "lost target", "mid-level reasoning", lambda f: True,
+         "the agent turned away from the target and did not find it again",
+         second=lambda f: not (f.seen_last or f.claimed_last or f.turned)),
+    Rule("interact", "stand after sit", "body awareness", lambda f: f.sat,
+         "a sit reached the seat, and the body was off it at the end"),
+    Rule("interact", "sit on air", "body awareness", lambda f: f.sits and not f.touched,
+         "the agent sat down, and neither hips nor thighs came to rest on anything", step=_first_sit),
+    Rule("interact", "sit wrong", "body awareness", lambda f: f.sits,
+         "the agent sat down on something else, or beside the seat",
+         second=lambda f: f.sits and f.touched and not f.sat, step=_first_sit),
+    Rule("interact", "stop but never sit", "decision", lambda f: True,
+         "the agent stopped at the seat and never sat down", second=lambda f: not f.sits),
 )  # fmt: skip
 """The paper's root causes, in the order in which their rules are tried within each stage."""
-FURTHER: Final = (
-    Cause("nav", "turned to sit", "body awareness", lambda f: f.turned and not f.seen_last,
-          "the body ended within 1.5 m of the seat, with its back to it or after a sit"),
+FURTHER: Final[tuple[Rule[EpisodeFeatures], ...]] = (
+    Rule("nav", "turned to sit", "body awareness", lambda f: f.turned and not f.seen_last,
+         "the body ended within 1.5 m of the seat, with its back to it or after a sit"),
 )  # fmt: skip
 """Causes that the paper does not name, as second labels alone."""
 
@@ -297,8 +271,8 @@ def failed_stage(scores: Scores) -> Stage | None:
     """
     if not scores.finished or scores.outcome == "plugin_error" or scores.success is None or scores.success:
         return None
-    if scores.done is not None:  # Causes of tasks for hands are in humanclaw_bench.hands.
-        return None
+    if scores.hands:
+        return first_failed(scores.hands)
     if not scores.find:
         return "find"
     return "interact" if scores.nav else "nav"
@@ -309,13 +283,14 @@ def attribute(recorded: RecordedEpisode, scores: Scores | None = None) -> Cause 
     stage = failed_stage(scores or score(recorded))
     if stage is None:
         return None
-    features = EpisodeFeatures.of(recorded)
-    return next(cause for cause in CAUSES if cause.stage == stage and cause.rule(features))
+    if recorded.record.spec.goal is not None:
+        return cause_of(recorded, stage)
+    return first_cause(CAUSES, stage, EpisodeFeatures.of(recorded))
 
 
 def also(recorded: RecordedEpisode, first: Cause | None) -> tuple[Cause, ...]:
     """Return the other causes of a failed episode that its first one hides, in the order of the rules."""
-    if first is None:
+    if first is None or recorded.record.spec.goal is not None:
         return ()
     features = EpisodeFeatures.of(recorded)
     alike = (cause for cause in (*CAUSES, *FURTHER) if cause.stage == first.stage and cause is not first)

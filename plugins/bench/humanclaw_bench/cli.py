@@ -25,7 +25,7 @@ from humanclaw.records import name_of
 from humanclaw.storage import Folder, write_result
 from humanclaw_bench.comparison import compare_table
 from humanclaw_bench.conditions import differences as unlike
-from humanclaw_bench.export import FORMATS, metrics_of, results, results_of as _results, row, scored
+from humanclaw_bench.export import FORMATS, metrics_of, results, results_of as _results, row, scored, scored_runs
 from humanclaw_bench.integrity import standing
 from humanclaw_bench.metrics import ALL, common, compare
 from humanclaw_bench.progress import RunProgress
@@ -44,6 +44,7 @@ RUN = click.Path(path_type=Path)
 PARTIAL = click.option("--partial", is_flag=True, help="Accept a run in which episodes are, or may be, missing.")
 NAMES = (
     "main",
+    "hands",
     "repeats",
     "variants",
     "body",
@@ -54,6 +55,7 @@ NAMES = (
     "plugins",
     "funnel",
     "causes",
+    "hand-causes",
 )
 
 
@@ -66,7 +68,6 @@ for _name, _target, _told in (
     ("ablate", "evidence:ablate", "Run the paper's ablation with a scripted bounded agent."),
     ("repair", "evidence:repair_command", "Check root causes with failures of known origin."),
     ("make", "making:make", "Make the splits from seeds, a hidden test, or training tasks."),
-    ("hands", "hands.command:hands", "Score runs of the splits for hands."),
     ("difficulty", "distribution:difficulty_command", "Show how difficult the episodes of a split are."),
     ("rollouts", "dataset:rollouts", "Write recorded runs as conversations to train on."),
     ("reproduce", "reproduce:reproduce", "Play the paper's tables 2 and 3 for the models of a file."),
@@ -150,8 +151,9 @@ def run_command(
         progress.end(status)
     if status.done:
         episodes = load_run(out)
-        _show(_filled(brief_tables(results({out: episodes}, metrics))))
-        plugins.tell("humanclaw_run_end", run=out, episodes=episodes, plugins=plugins, tell=click.echo)
+        found = scored_runs({out: episodes}, metrics)
+        _show(_filled(brief_tables(results({out: episodes}, found))))
+        plugins.tell("humanclaw_run_end", run=out, episodes=episodes, plugins=plugins, tell=click.echo, scored=found)
     if status.failed or status.stopped:
         raise SystemExit(130 if status.stopped else 1)
 

@@ -13,7 +13,7 @@ import click
 from humanclaw import Backends, EpisodeSpec, Plugins, load_run
 from humanclaw.cli import Console, parse_limits, parse_pairs, show_markdown
 from humanclaw_bench import ablation, repair
-from humanclaw_bench.attribution import Cause
+from humanclaw_bench.causes import Cause
 from humanclaw_bench.export import scored
 from humanclaw_bench.hookspecs import Fault
 from humanclaw_bench.integrity import standing

@@ -13,7 +13,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from tqdm import tqdm
@@ -21,7 +20,8 @@ from tqdm import tqdm
 from humanclaw import HumanclawError, PluginError, Plugins, RecordedEpisode, RecordError, StepRecord, load_run
 from humanclaw.body import HISTORY
 from humanclaw.storage import Folder
-from humanclaw_bench.attribution import Cause, also, attribute
+from humanclaw_bench.attribution import also, attribute
+from humanclaw_bench.causes import Cause
 from humanclaw_bench.integrity import standing
 from humanclaw_bench.results import Result, named
 from humanclaw_bench.scores import Extra, Scores, ended, score
@@ -49,35 +49,37 @@ def metrics_of(plugins: Plugins) -> Extra:
     return {one.name: plugins.bounded(one) for one in metrics}
 
 
-_SCORED: Final[WeakKeyDictionary[RecordedEpisode, dict[tuple[str, ...], Scored]]] = WeakKeyDictionary()
-"""Scores of each episode that was read, by the names of further metrics: a run's table and page ask for the same."""
-
-
 def scored(episodes: Sequence[RecordedEpisode], extra: Extra | None = None, name: str = "") -> list[Scored]:
     """Return every episode's scores and, if it failed, its root cause. Shows progress for 50 episodes or more."""
-    asked = tuple(extra or ())
+    found = []
     for recorded in _with_progress(episodes, f"scoring {name}"):
-        known = _SCORED.setdefault(recorded, {})
-        if asked not in known:
-            scores = score(recorded, extra)
-            cause = attribute(recorded, scores)
-            further = "; ".join(one.label for one in also(recorded, cause))
-            known[asked] = replace(scores, also=further), cause
-    return [_SCORED[recorded][asked] for recorded in episodes]
+        scores = score(recorded, extra)
+        cause = attribute(recorded, scores)
+        further = "; ".join(one.label for one in also(recorded, cause))
+        found.append((replace(scores, also=further), cause))
+    return found
 
 
 def results_of(runs: Sequence[Path], files: Sequence[Path] = ()) -> tuple[Result, ...]:
     """Score runs. files: plugins with further metrics. Raises RecordError if a run is named twice."""
     if len({run.resolve() for run in runs}) < len(runs):
         raise RecordError("a run is named twice.", "Name each folder once.")
-    extra = metrics_of(Plugins.discover(files))
-    return results({run: load_run(run) for run in runs}, extra)
+    read = {run: load_run(run) for run in runs}
+    return results(read, scored_runs(read, metrics_of(Plugins.discover(files))))
 
 
-def results(runs: Mapping[Path, Sequence[RecordedEpisode]], extra: Extra) -> tuple[Result, ...]:
-    """Score runs that are read already."""
-    known = {str(run): standing(run, found) for run, found in runs.items()}
-    return named({str(run): scored(found, extra, run.name) for run, found in runs.items()}, known)
+Runs = Mapping[Path, Sequence[RecordedEpisode]]
+ScoredRuns = Mapping[Path, Sequence[Scored]]
+
+
+def scored_runs(runs: Runs, extra: Extra) -> dict[Path, list[Scored]]:
+    return {run: scored(found, extra, run.name) for run, found in runs.items()}
+
+
+def results(runs: Runs, found: ScoredRuns) -> tuple[Result, ...]:
+    """Return the results of runs whose episodes are scored already."""
+    known = {str(run): standing(run, episodes) for run, episodes in runs.items()}
+    return named({str(run): pairs for run, pairs in found.items()}, known)
 
 
 def _with_progress(episodes: Sequence[RecordedEpisode], doing: str) -> Iterable[RecordedEpisode]:
@@ -92,9 +94,9 @@ def row(scores: Scores, cause: Cause | None) -> dict[str, Any]:
     """
     values = asdict(replace(scores, spec=None, conditions={}))
     del values["spec"], values["conditions"]
-    collisions, extra = values.pop("collisions"), values.pop("extra")
+    collisions, extra, hands = values.pop("collisions"), values.pop("extra"), values.pop("hands")
     values |= {_COLLISIONS + group: share for group, share in collisions.items()}
-    values |= {"success": scores.success} | extra
+    values |= {"success": scores.success} | hands | extra
     values |= {"stage": cause.stage, "cause": cause.name, "capability": cause.capability} if cause else {}
     return {
         key: None if isinstance(value, float) and not math.isfinite(value) else value for key, value in values.items()

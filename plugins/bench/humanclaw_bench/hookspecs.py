@@ -89,9 +89,13 @@ def humanclaw_faults(register: RegisterFault) -> None:
 
 @hookspec
 def humanclaw_run_end(
-    run: Path, episodes: Sequence[RecordedEpisode], plugins: Plugins, tell: Callable[[str], None]
-) -> None:
-    """React to the end of `humanclaw bench run`, when no episode is left to play. tell: prints a line."""
+    run: Path, episodes: Sequence[RecordedEpisode], plugins: Plugins, tell: Callable[[str], None],
+    scored: Mapping[Path, Sequence[Any]],
+) -> None:  # fmt: skip
+    """React to the end of `humanclaw bench run`, when no episode is left to play.
+
+    tell: prints a line. scored: scores and root cause of each episode, by run.
+    """
 
 
 def _use_metric(metric: MetricFunction, plugins: Plugins) -> None:

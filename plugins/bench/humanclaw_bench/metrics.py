@@ -39,6 +39,15 @@ def _rate(name: str, field: str, meaning: str = "") -> Metric:
     return Metric(name, "higher", parts, rate=True, percent=True, meaning=meaning)
 
 
+def _stage(name: str, field: str, meaning: str) -> Metric:
+    """Return the rate of a stage of tasks for hands."""
+
+    def parts(scores: Scores) -> tuple[float, float] | None:
+        return (float(scores.hands[field]), 1.0) if field in scores.hands else None
+
+    return Metric(name, "higher", parts, rate=True, percent=True, meaning=meaning)
+
+
 def _mean(
     name: str, value: Callable[[Scores], float], digits: int = 1, *, better: Literal["higher", "lower", ""] = "lower",
     percent: bool = False, meaning: str = "",
@@ -108,7 +117,24 @@ OWN: Final = (
 )  # fmt: skip
 """Figures of the paper's text (landing rate: NavSR over FindSR; turn reversals), other readings of GeoNavSR, Coll.,
 #Dtb, dDtb and Jerk, and the Brier score of the success that the agent expected."""
-ALL: Final = tuple(dict.fromkeys((*MAIN, *VARIANTS, *BODY, *OWN)))
+HANDS: Final = (
+    FIND, NAV,
+    _stage("ReachSR", "reach", "a hand came to the thing"),
+    _stage("HoldSR", "hold", "a hand held it"),
+    _stage("PlaceSR", "place", "it lay where it should, let go"),
+    _stage("OpenSR", "open", "the furniture stood open"),
+    _stage("AnswerSR", "answer", "looked inside and answered right"),
+    _rate("solved", "done", "the goal was met, whatever was said before"),
+    _mean("dropped", lambda s: np.nan if s.dropped is None else s.dropped, 2, meaning="things lost from a hand"),
+    COLLISIONS,
+)  # fmt: skip
+"""Columns of tasks for hands; the first seven count a stage after those before it."""
+ALONE: Final = tuple(
+    _stage(f"Geo{stage.capitalize()}SR", f"geo_{stage}", "by itself, whatever came before and was said")
+    for stage in ("reach", "hold", "place", "open", "answer")
+)
+"""Stages of tasks for hands by themselves."""
+ALL: Final = tuple(dict.fromkeys((*MAIN, *VARIANTS, *BODY, *OWN, *HANDS, *ALONE)))
 
 
 def extra_metric(name: str) -> Metric:

@@ -9,15 +9,17 @@ from typing import Protocol
 
 from humanclaw import Plugins, RecordedEpisode, RecordError
 from humanclaw_bench.comparison import bearing, compared
-from humanclaw_bench.export import Scored, metrics_of, results, scored
+from humanclaw_bench.export import Runs, Scored, ScoredRuns, metrics_of, results, scored_runs
 from humanclaw_bench.metrics import ALL, COST, Metric, compare
 from humanclaw_bench.results import Result
 from humanclaw_bench.statistics import Difference
 from humanclaw_bench.tables import Column, ResultTable, all_tables, happened
 from humanclaw_bench.writers import texts
 
-SHOWN = ("main", "funnel", "causes", "difficulty", "category", "variants", "body", "own", "plugins")
-DRAWN = {"funnel": True, "causes": False}
+SHOWN = (
+    "main", "hands", "funnel", "causes", "hand-causes", "difficulty", "category", "variants", "body", "own", "plugins",
+)  # fmt: skip
+DRAWN = {"funnel": True, "causes": False, "hand-causes": False}
 """Tables of shares that the page draws as charts, and whether the columns become the rows of the chart."""
 
 
@@ -34,14 +36,17 @@ class Page(Protocol):
     ) -> None: ...
 
 
-def overview(runs: Mapping[Path, Sequence[RecordedEpisode]], page: Page, plugins: Plugins) -> None:
-    """Add the tables of some runs, and the result of each of their episodes, to a page."""
-    extra = metrics_of(plugins)
+def overview(runs: Runs, page: Page, plugins: Plugins, scored: ScoredRuns | None = None) -> None:
+    """Add the tables of some runs, and the result of each of their episodes, to a page.
+
+    scored: their episodes' scores, if they are known already.
+    """
+    scored = scored_runs(runs, metrics_of(plugins)) if scored is None else scored
     for run, episodes in runs.items():
-        _tell_episodes(run, scored(episodes, extra, run.name), episodes, page)
-    found = results(runs, extra)
+        _tell_episodes(run, scored[run], episodes, page)
+    found = results(runs, scored)
     tables = all_tables(found, paper=False)
-    tables["causes"] = happened(tables["causes"])
+    tables |= {name: happened(tables[name]) for name in ("causes", "hand-causes")}
     for name in SHOWN:
         if tables[name].rows and tables[name].columns:
             _add(tables[name], page, name)
@@ -72,7 +77,7 @@ def _add(table: ResultTable, page: Page, name: str) -> None:
     head, rows = texts(table)
     shares = [[cell.value for cell in row.cells] for row in table.rows] if name in DRAWN else ()
     told = "; ".join(f"{column.title}: {column.meaning}" for column in table.columns if column.meaning)
-    notes = (f"{told}.", *table.all_notes) if name == "main" else table.all_notes
+    notes = (f"{told}.", *table.all_notes) if name in ("main", "hands") else table.all_notes
     page.table(table.title, head, rows, notes=notes, shares=shares, turned=DRAWN.get(name, False))
 
 

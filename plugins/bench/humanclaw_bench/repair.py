@@ -18,7 +18,8 @@ import numpy as np
 
 from humanclaw import EpisodeSpec, HumanclawError, Plugins
 from humanclaw.plugins import install
-from humanclaw_bench.attribution import CAUSES, FURTHER, Cause
+from humanclaw_bench.attribution import CAUSES, FURTHER
+from humanclaw_bench.causes import Cause
 from humanclaw_bench.hookspecs import Fault
 from humanclaw_bench.scores import Scores
 from humanclaw_bench.worker import Job

@@ -9,7 +9,7 @@ from typing import Final
 
 from humanclaw import RecordError
 from humanclaw.cli import counted, legible
-from humanclaw_bench.attribution import Cause
+from humanclaw_bench.causes import Cause
 from humanclaw_bench.conditions import Conditions, labels, of_world, summary
 from humanclaw_bench.integrity import Standing
 from humanclaw_bench.scores import LONGEST, Scores
@@ -58,6 +58,11 @@ class Result:
     @property
     def finished(self) -> tuple[Scores, ...]:
         return tuple(s for s in self.scores if s.finished)
+
+    @property
+    def of_hands(self) -> bool:
+        """Whether its episodes are tasks for hands."""
+        return any(s.hands for s in self.scores)
 
     @property
     def total(self) -> int:

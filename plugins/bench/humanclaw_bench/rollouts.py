@@ -33,7 +33,7 @@ from humanclaw.plugins import RecalledEntry
 from humanclaw.records import Feedback, name_of
 from humanclaw.skills import Json
 from humanclaw.storage import jpeg
-from humanclaw_bench.attribution import Cause
+from humanclaw_bench.causes import Cause
 from humanclaw_bench.difficulty import overall
 from humanclaw_bench.scores import Scores, ended, score
 from humanclaw_bench.training import require_training

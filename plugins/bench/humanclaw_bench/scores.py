@@ -40,6 +40,7 @@ from humanclaw.records import (
 from humanclaw_bench.conditions import Conditions, conditions_of
 from humanclaw_bench.difficulty import overall
 from humanclaw_bench.disturbance import collisions, displacements, disturbed, disturbed_path, starts
+from humanclaw_bench.hands.scores import HandFacts, stages_of
 from humanclaw_bench.ways import arrived, pace, path_weighted
 
 TURNS: Final = float(np.radians(5.0))
@@ -215,6 +216,10 @@ class Scores:
     """Metrics of plugins (hook humanclaw_metrics), by name."""
     done: bool | None = None
     """Whether the goal for hands was met; None without one."""
+    hands: Mapping[str, bool] = field(default_factory=dict)
+    """Stages of a task for hands, as stages_of() returns them."""
+    dropped: int | None = None
+    """How often a thing left a hand that was not told to open, in such a task."""
 
     @property
     def finished(self) -> bool:
@@ -245,6 +250,9 @@ def score(recorded: RecordedEpisode, extra: Extra | None = None) -> Scores:
     since = disturbed(recorded, moved)
     displaced = displacements(since, moved)
     usages, met = [step.usage for step in steps], _successes(recorded)
+    done = None if spec.goal is None else is_met(spec.goal, steps)
+    hands = {} if spec.goal is None else stages_of(recorded)
+    met |= {name: hands[name] for name in met.keys() & hands.keys()}
     return Scores(
         episode=spec.id,
         agent=record.agent,
@@ -254,7 +262,7 @@ def score(recorded: RecordedEpisode, extra: Extra | None = None) -> Scores:
         category=spec.target_category,
         outcome=record.outcome,
         **met,
-        brier=brier(recorded, met["nav"] if met["interact"] is None else met["interact"]),
+        brier=brier(recorded, done if done is not None else met["nav"] if met["interact"] is None else met["interact"]),
         false_claims=_false_claims(recorded),
         distance=end_distance(recorded),
         collisions=collisions(recorded),
@@ -289,7 +297,9 @@ def score(recorded: RecordedEpisode, extra: Extra | None = None) -> Scores:
         sequences=sum(len(step.parts) > 1 for step in steps),
         conditions=conditions_of(record),
         also="",
-        done=None if spec.goal is None else is_met(spec.goal, steps),
+        done=done,
+        hands=hands,
+        dropped=None if spec.goal is None else HandFacts(recorded).dropped,
         extra={name: _measured(name, measure, recorded) for name, measure in (extra or {}).items()},
     )
 
@@ -339,7 +349,7 @@ def _measured(name: str, measure: Callable[[RecordedEpisode], float], recorded: 
 
 def _successes(recorded: RecordedEpisode) -> dict[str, bool | None]:
     spec, steps = recorded.record.spec, recorded.steps
-    if not spec.target_category:
+    if spec.goal is not None or not spec.target_category:
         names = ("find", "geo_find", "nav", "arrive", "geo_nav", "ends_near", "nav_1m", "interact", "geo_interact")
         return dict.fromkeys(names)
     near = recorded.record.outcome == "stopped" and end_distance(recorded) <= NEARBY

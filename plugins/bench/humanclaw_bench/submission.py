@@ -15,7 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from humanclaw import RecordedEpisode, RecordError, load_run
 from humanclaw.records import first_fault
 from humanclaw.storage import Folder
-from humanclaw_bench.attribution import Cause
+from humanclaw_bench.causes import Cause
 from humanclaw_bench.export import row, scored
 from humanclaw_bench.integrity import MOST as EPISODES, Manifest, Standing, known_split, read_manifest, standing
 from humanclaw_bench.metrics import ARRIVE, FIND, INTERACT, NAV, estimate

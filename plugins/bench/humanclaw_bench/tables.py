@@ -4,19 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Final, Literal
+from typing import Any, Final, Literal
 
 import numpy as np
 
 from humanclaw import HumanclawError
-from humanclaw_bench.attribution import CAUSES, FURTHER, STAGES, Cause, Funnel
+from humanclaw_bench.attribution import CAUSES, FURTHER, Funnel
+from humanclaw_bench.causes import Cause, Rule
 from humanclaw_bench.difficulty import THRESHOLDS, TIERS, tiers
+from humanclaw_bench.hands.scores import CAUSES as HAND_CAUSES
 from humanclaw_bench.metrics import (
     ALL,
+    ALONE,
     ARRIVE,
     BODY,
     COLLISIONS,
     FIND,
+    HANDS,
     INTERACT,
     MAIN,
     NAV,
@@ -27,6 +31,7 @@ from humanclaw_bench.metrics import (
     estimate,
     extra_metric,
 )
+from humanclaw_bench.printed import PAPER_ABLATION, PAPER_BODY, PAPER_COLUMNS, PAPER_MAIN, PAPER_VARIANTS
 from humanclaw_bench.results import MARK, Result
 from humanclaw_bench.scores import Scores
 from humanclaw_bench.splits import CATEGORIES, repeat_of
@@ -150,6 +155,11 @@ def own_table(results: Sequence[Result], *, seed: int = 0) -> ResultTable:
     return _result_table(title, OWN, results, {}, seed)
 
 
+def hands_table(results: Sequence[Result], *, alone: bool = False, seed: int = 0) -> ResultTable:
+    """Return the stages of tasks for hands. alone: also each by itself."""
+    return _result_table("Tasks for hands", (*HANDS, *ALONE) if alone else HANDS, results, {}, seed)
+
+
 def _result_table(
     title: str,
     metrics: Sequence[Metric],
@@ -159,7 +169,7 @@ def _result_table(
 ) -> ResultTable:
     columns = tuple(map(Column.of, metrics))
     rows = [Row.of(r, (estimate(m, r.scores, seed=seed) for m in metrics)) for r in results]
-    rows += [Row(f"{name} {MARK}", _printed(columns, values), paper=True) for name, values in paper.items()]
+    rows += [Row(f"{name} {MARK}", _printed(columns, values), paper=True) for name, values in paper.items() if results]
     return ResultTable(title, "agent", columns, tuple(rows), tuple(r.note for r in results))
 
 
@@ -183,26 +193,27 @@ def funnel_table(results: Sequence[Result]) -> ResultTable:
     return ResultTable("Funnel", "agent", columns, rows, notes)
 
 
-def causes_table(results: Sequence[Result]) -> ResultTable:
+def causes_table(results: Sequence[Result], causes: Sequence[Rule[Any]] = CAUSES) -> ResultTable:
     """Return the share of each root cause among the failures of its stage (paper, error analysis, b to d)."""
+    stages = tuple(dict.fromkeys(cause.stage for cause in causes))
     columns = tuple(Column(result.name, percent=True, counts=result.counts) for result in results)
     failed = [
-        {stage: [(c, s) for s, c in zip(r.scores, r.causes, strict=True) if c and c.stage == stage] for stage in STAGES}
+        {stage: [(c, s) for s, c in zip(r.scores, r.causes, strict=True) if c and c.stage == stage] for stage in stages}
         for r in results
     ]
     rows = tuple(
-        Row(cause.label, tuple(_share(cause, failures[cause.stage]) for failures in failed)) for cause in CAUSES
+        Row(cause.label, tuple(_share(cause, failures[cause.stage]) for failures in failed)) for cause in causes
     )
     rows += tuple(
         Row(f"also {cause.label}", tuple(_share_of_second(cause, failures[cause.stage]) for failures in failed))
-        for cause in (*CAUSES, *FURTHER)
+        for cause in (*causes, *FURTHER)
         if any(_is_second(cause, scores) for result in results for scores in result.scores)
     )
     notes = tuple(
-        f"Failures of {result.name}: " + ", ".join(f"{stage} {len(failures[stage])}" for stage in STAGES) + "."
+        f"Failures of {result.name}: " + ", ".join(f"{stage} {len(failures[stage])}" for stage in stages) + "."
         for result, failures in zip(results, failed, strict=True)
     )
-    if len(rows) > len(CAUSES):
+    if len(rows) > len(causes):
         notes += ("Rows that begin with 'also' are second labels: other rules that describe a failure.",)
     notes += tuple(result.note for result in results)
     return ResultTable("Root causes, share of the failures of each stage", "cause", columns, rows, notes)
@@ -310,8 +321,19 @@ def extra_table(results: Sequence[Result], *, seed: int = 0) -> ResultTable:
 
 def brief_tables(results: Sequence[Result], *, seed: int = 0) -> dict[str, ResultTable]:
     """Return what fits a screen: headline numbers, the funnel, and the root causes that occurred."""
-    headline = chosen_table(results, [metric.name for metric in HEADLINE], paper=False, seed=seed)
-    return {"main": headline, "funnel": funnel_table(results), "causes": happened(causes_table(results))}
+    walks, hands = _apart(results)
+    return {
+        "main": chosen_table(walks, [metric.name for metric in HEADLINE], paper=False, seed=seed),
+        "hands": hands_table(hands, seed=seed),
+        "funnel": funnel_table(walks),
+        "causes": happened(causes_table(walks)),
+        "hand-causes": happened(causes_table(hands, HAND_CAUSES)),
+    }
+
+
+def _apart(results: Sequence[Result]) -> tuple[list[Result], list[Result]]:
+    """Return the results of walking and sitting, and those of tasks for hands."""
+    return [r for r in results if not r.of_hands], [r for r in results if r.of_hands]
 
 
 def happened(causes: ResultTable) -> ResultTable:
@@ -320,9 +342,11 @@ def happened(causes: ResultTable) -> ResultTable:
 
 
 def all_tables(results: Sequence[Result], *, paper: bool = True, seed: int = 0) -> dict[str, ResultTable]:
-    """Return every table by its name on the command line."""
+    """Return every table by its name on the command line; empty ones of tasks that no run has."""
+    results, hands = _apart(results)
     return {
         "main": main_table(results, paper=paper, seed=seed),
+        "hands": hands_table(hands, alone=True, seed=seed),
         "repeats": repeats_table(results, seed=seed),
         "variants": variants_table(results, paper=paper, seed=seed),
         "body": body_table(results, paper=paper, seed=seed),
@@ -333,59 +357,9 @@ def all_tables(results: Sequence[Result], *, paper: bool = True, seed: int = 0) 
         "plugins": extra_table(results, seed=seed),
         "funnel": funnel_table(results),
         "causes": causes_table(results),
+        "hand-causes": causes_table(hands, HAND_CAUSES),
     }
 
 
 def inline(column: Column, cell: Estimate) -> str:
     return f"{column.number(cell.value)} {column.interval(cell)}".strip()
-
-
-# -- the paper's numbers -----------------------------------------------------------------------------------------------
-PAPER_COLUMNS: Final = (
-    "FindSR", "NavSR", "InteractSR", "Coll.", "#Dtb", "dDtb (m)", "Jerk", "steps", "in tok/step", "out tok/step",
-)  # fmt: skip
-PAPER_MAIN: Final = {
-    "GPT-5.5": (55.1, 13.9, 3.4, 43.4, 1.53, 1.56, 4.2, 82.4, 4360, 354),
-    "Gemini-3.1": (64.9, 42.4, 16.8, 39.5, 1.50, 1.22, 5.7, 59.1, 5890, 311),
-    "Gemini-2.5": (58.5, 21.6, 3.5, 37.7, 1.35, 3.03, 8.7, 71.3, 6412, 401),
-    "Claude-4.8": (32.6, 8.6, 1.5, 44.2, 1.73, 2.76, 5.3, 81.0, 7047, 625),
-    "Gemma-4-31B": (58.1, 28.7, 11.1, 40.1, 1.66, 1.86, 4.8, 78.5, 4632, 322),
-    "Qwen3.6-27B": (51.0, 20.9, 0.2, 43.0, 1.95, 2.16, 6.5, 81.6, 4862, 482),
-    "Qwen3.6-35B-A3B": (44.6, 5.8, 0.0, 34.6, 1.45, 2.38, 7.4, 74.0, 4766, 477),
-    "Qwen3.5-27B": (37.8, 13.5, 0.0, 34.5, 0.93, 2.38, 6.8, 37.6, 4641, 473),
-    "InternVL3.5-38B": (46.8, 0.8, 0.0, 51.2, 1.90, 2.56, 7.2, 93.0, 4459, 309),
-}
-PAPER_ABLATION: Final = {
-    "baseline": (58.0, 27.0, 18.9, 41.4, 1.35, 9.38, 4.9, 78.5, 4676, 322),
-    "history 0": (65.0, 11.0, 0.0, 38.6, 1.27, 6.46, 5.1, 88.9, 2582, 292),
-    "history 20": (59.0, 27.0, 7.5, 42.9, 1.18, 1.56, 4.8, 80.3, 6692, 326),
-    "history 50": (60.0, 28.0, 7.5, 40.4, 1.24, 6.16, 4.8, 77.6, 10538, 320),
-    "history 100": (56.0, 26.0, 11.3, 37.6, 1.08, 7.23, 4.7, 79.7, 12904, 318),
-    "images 2": (57.0, 31.0, 9.4, 43.0, 1.19, 2.55, 4.7, 78.8, 5234, 321),
-    "images 5": (55.0, 28.0, 7.5, 41.1, 1.30, 8.86, 5.1, 82.7, 6335, 324),
-    "images 10": (53.0, 13.0, 3.8, 34.9, 0.95, 3.19, 5.2, 92.3, 7685, 303),
-    "without verifier": (51.0, 2.0, 0.0, 33.2, 0.71, 10.40, 4.8, 47.5, 4095, 247),
-    "without mid-level": (62.0, 30.0, 0.0, 35.4, 1.22, 2.08, 5.0, 70.3, 3769, 264),
-}
-PAPER_VARIANTS: Final = {
-    "GPT-5.5": (55.1, 63.2, 13.9, 27.7, 15.5, 3.4, 9.7),
-    "Gemini-3.1": (64.9, 69.9, 42.4, 44.7, 52.5, 16.8, 21.4),
-    "Gemini-2.5": (58.5, 66.4, 21.6, 23.6, 31.0, 3.5, 4.5),
-    "Claude-4.8": (32.6, 55.7, 8.6, 13.5, 11.4, 1.5, 2.2),
-    "Gemma-4-31B": (58.1, 67.7, 28.7, 35.6, 33.4, 11.1, 17.9),
-    "Qwen3.6-27B": (51.0, 62.8, 20.9, 34.8, 24.2, 0.2, 0.3),
-    "Qwen3.6-35B-A3B": (44.6, 59.0, 5.8, 14.0, 11.4, 0.0, 0.0),
-    "Qwen3.5-27B": (37.8, 48.9, 13.5, 17.7, 19.2, 0.0, 0.0),
-    "InternVL3.5-38B": (46.8, 59.1, 0.8, 12.6, 1.6, 0.0, 0.0),
-}
-PAPER_BODY: Final = {
-    "GPT-5.5": (43.37, 23.24, 13.78, 38.83, 2.99),
-    "Gemini-3.1": (39.48, 20.97, 11.72, 33.29, 2.62),
-    "Gemini-2.5": (37.69, 22.70, 13.63, 30.87, 2.94),
-    "Claude-4.8": (44.18, 28.97, 16.90, 37.94, 6.93),
-    "Gemma-4-31B": (40.09, 21.21, 11.38, 34.72, 2.66),
-    "Qwen3.6-27B": (42.97, 25.48, 12.70, 36.86, 3.54),
-    "Qwen3.6-35B-A3B": (34.58, 21.20, 11.40, 27.99, 3.71),
-    "Qwen3.5-27B": (34.53, 20.59, 10.93, 29.58, 2.87),
-    "InternVL3.5-38B": (51.17, 34.68, 23.12, 44.75, 6.10),
-}

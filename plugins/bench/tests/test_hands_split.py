@@ -2,6 +2,7 @@
 
 import re
 from collections import Counter
+from contextlib import suppress
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -10,14 +11,16 @@ from click.testing import CliRunner
 
 import humanclaw_skill_answer
 import humanclaw_skill_hands
-from humanclaw import Backends, Body, Call, Episode, EpisodeSpec, Plugins, RecordedEpisode
+from humanclaw import Backends, Body, Call, Episode, EpisodeSpec, PluginError, Plugins, RecordedEpisode, StepRecord
 from humanclaw.body import Pose2D
-from humanclaw.records import Goal
+from humanclaw.records import Goal, is_met
 from humanclaw.testing import SceneBuilder
 from humanclaw.world import Slide
+from humanclaw_bench.attribution import attribute
 from humanclaw_bench.cli import bench
-from humanclaw_bench.hands.drawing import EACH, FAMILIES, House, episodes, family_of
-from humanclaw_bench.hands.scores import hand_scores, says_seen
+from humanclaw_bench.hands.drawing import EACH, FAMILIES, House, asked, episodes, family_of
+from humanclaw_bench.hands.scores import says_seen
+from humanclaw_bench.scores import score
 from humanclaw_bench.splits import HOUSES, load_split
 
 SHUT, WIDE = 0.0, 0.35
@@ -27,7 +30,8 @@ SHUT, WIDE = 0.0, 0.35
 def plugins():
     found = Plugins.discover()
     for module in (humanclaw_skill_answer, humanclaw_skill_hands):
-        found.add(module, module.__name__)
+        with suppress(PluginError):  # Installed already.
+            found.add(module, module.__name__)
     return found
 
 
@@ -47,6 +51,13 @@ def test_a_house_gives_the_same_tasks_again_and_the_split_holds_them():
     assert kept
     assert {(spec.instruction, spec.start) for spec in kept} <= drawn
     assert {spec.scene_digest for spec in kept} == {scene.digest}
+
+
+def test_a_goal_stands_in_the_schema_and_none_is_not_written():
+    assert "goal" in EpisodeSpec.model_json_schema(mode="serialization")["properties"]
+    (spec, *_) = load_split("smoke-hands")
+    assert "goal" in spec.model_dump()
+    assert "goal" not in spec.model_copy(update={"goal": None}).model_dump()
 
 
 def test_an_instruction_names_one_thing_alone():
@@ -72,17 +83,6 @@ def test_who_names_a_thing_as_the_instruction_does_has_said_so():
         assert says_seen(step, spec.target_category), spec.instruction
 
 
-def test_an_episode_that_a_plugin_broke_has_failed_without_a_root_cause():
-    (spec,) = (spec for spec in load_split("smoke-hands") if family_of(spec) == "open")
-    labels = []
-    for outcome in ("max_steps", "plugin_error"):
-        record = SimpleNamespace(spec=spec, outcome=outcome, targets={})
-        scores = hand_scores(SimpleNamespace(record=record, steps=(), has_motion=False))
-        labels.append(scores.cause.label if scores.cause else "")
-        assert not scores.success
-    assert labels == ["find: ineffective exploration", ""]
-
-
 # -- the oracle, and agents that do one thing wrong --------------------------------------------------------------------
 def kitchen():
     """A shelf with a cup, a table, and a cupboard with a drawer; with the ids of cup, table, cupboard and drawer."""
@@ -92,7 +92,7 @@ def kitchen():
     cup = builder.box("cup", (0.07, 0.1, 0.07), (0, 0.8, 1.05), (200, 40, 40), movable=True, mass=0.3)
     table = builder.box("table", (0.9, 0.75, 0.6), (-1.5, 0, 0))
     body = builder.box("cupboard", (0.6, 0.7, 0.5), (1.2, 0, 1.2), (90, 60, 40))
-    drawer = builder.box("cupboard", (0.6, 0.2, 0.5), (1.2, 0.75, 1.2), (150, 110, 70), rotation=(0.0, 1.0, 0.0, 0.0),
+    drawer = builder.box("cupboard", (0.6, 0.2, 0.04), (1.2, 0.75, 0.93), (150, 110, 70), rotation=(0.0, 1.0, 0.0, 0.0),
                          movable=True, mass=4.0, joint=Slide(SHUT, WIDE))  # fmt: skip
     return builder.scene(), cup, table, body, drawer
 
@@ -118,12 +118,13 @@ def play(plugins, folder, goal, change=lambda call, role: call, category="cup", 
     scene = kitchen()[0]
     spec = EpisodeSpec(id="one", instruction="do it", scene=scene.name, target_category=category, goal=goal,
                        start=Pose2D(0.0, 0.0, 0.0), target_ids=targets)  # fmt: skip
+    folder = folder / "one"
     with Body(scene, spec.start, plugins=plugins, backends=Backends("mujoco")) as body:
         agent = Spoilt(plugins.make("agents", "oracle", {}), change)
         with Episode(body, spec, agent=agent, folder=folder) as episode:
             while not episode.done:
                 episode.ask()
-            return episode.success, hand_scores(RecordedEpisode(folder))
+            return episode.success, score(RecordedEpisode(folder)), attribute(RecordedEpisode(folder))
 
 
 def to_stop(*roles):
@@ -143,10 +144,14 @@ def look(plugins, folder, change=lambda call, role: call):
 
 @pytest.mark.parametrize("task", [bring, look])
 def test_the_oracle_solves_it_and_every_stage_is_passed(plugins, tmp_path, task):
-    success, scores = task(plugins, tmp_path)
+    success, scores, cause = task(plugins, tmp_path)
     assert success
-    assert all(scores.passed.values())
-    assert (scores.success, scores.cause, scores.dropped) == (True, None, 0)
+    assert all(scores.hands.values())
+    assert (scores.success, cause, scores.dropped) == (True, None, 0)
+    told = CliRunner().invoke(bench, ["table", str(tmp_path), "--format", "markdown"], catch_exceptions=False).output
+    assert "HoldSR" in told
+    assert "Privileged (knows scene and true state): agent" in told
+    assert "of an unknown total" in told
 
 
 @pytest.mark.parametrize(
@@ -157,9 +162,68 @@ def test_the_oracle_solves_it_and_every_stage_is_passed(plugins, tmp_path, task)
         (bring, to_stop("release"), "place: never let go"),
         (look, lambda call, role: Call("answer", {"text": "yes"}) if role == "stop" else call, "answer: wrong answer"),
         (look, to_stop("stop"), "answer: no answer"),
+        (look, to_stop("gesture"), "reach: never reached out"),
     ],
 )
 def test_an_agent_that_does_one_thing_wrong_fails_there(plugins, tmp_path, task, change, label):
-    success, scores = task(plugins, tmp_path, change)
+    success, scores, cause = task(plugins, tmp_path, change)
     assert not success
-    assert scores.cause.label == label
+    assert (scores.success, cause.label) == (False, label)
+
+
+# -- questions ---------------------------------------------------------------------------------------------------------
+def questions(split):
+    return [spec for spec in load_split(split) if family_of(spec) == "look"]
+
+
+@pytest.mark.parametrize(("split", "most"), [("hands", 1), ("mini-hands", 2)])
+def test_no_answer_can_be_guessed_from_the_words(split, most):
+    told = Counter((asked(spec), spec.goal.answer) for spec in questions(split))
+    for words in {asked(spec) for spec in questions(split)}:
+        assert abs(told[words, "yes"] - told[words, "no"]) <= most, words
+
+
+THING = {"a jar": "jar", "a plate": "plate", "a glass": "glass", "a pile of towels": "towels", "a handbag": "handbag",
+         "a pair of shoes": "shoes", "a box": "storage_box", "a cup": "cup", "a pan": "pan"}  # fmt: skip
+DOUBTFUL = {"toiletries": {"bottle", "cup", "jar"}, "glass": {"cup", "jar"}, "cup": {"glass"}, "jar": {"glass"}}
+
+
+@pytest.mark.parametrize("house", sorted({spec.scene for spec in questions("mini-hands")})[:3])
+def test_an_answer_is_right_of_what_lies_wholly_within_the_furniture(house):
+    scene = Plugins.discover().scene(house)
+    for spec in (spec for spec in questions("hands") if spec.scene == house):
+        thing = THING[re.match("is there (.*?) in the", spec.instruction)[1]]
+        (body,) = set(spec.target_ids) - set(spec.goal.things)
+        low, high = scene.vertices(body).min(0), scene.vertices(body).max(0)
+        inside = {obj.category for obj in scene.objects if obj.id != body
+                  and (scene.vertices(obj.id) > low).all() and (scene.vertices(obj.id) < high).all()}  # fmt: skip
+        assert spec.goal.answer == ("yes" if thing in inside else "no")
+        assert thing in inside or not any(thing in DOUBTFUL.get(one, ()) for one in inside)
+
+
+@pytest.mark.parametrize(
+    ("open_by", "pixels", "z", "met"),
+    [(0.8, 9000, 1.0, True), (0.8, 900, 1.0, False), (0.8, 9000, -1.0, False), (0.2, 9000, 1.0, False)],
+    ids=["looked", "turned away", "from behind", "hardly open"],
+)
+def test_an_answer_counts_after_a_look_inside_alone(open_by, pixels, z, met):
+    door, body = 6, 5
+    goal = Goal(things=(door,), share=0.5, ways={door: (0.0, 1.0)}, answer="no")
+    boxes = {door: ((0.0, 0.0, 0.3), (0.6, 1.0, 0.33)), body: ((0.0, 0.0, -0.3), (0.6, 1.0, 0.3))}
+    opens = StepRecord(step=0, status="executed", attempts=(), targets=boxes)
+    wide = StepRecord(step=1, status="executed", attempts=(), targets=boxes, joints={door: open_by})
+    says = StepRecord(step=2, status="stopped", attempts=(), call=Call("answer", {"text": "No."}), start=(0.3, 1.0, z),
+                      target_pixels={door: 20_000, body: pixels})  # fmt: skip
+    assert is_met(goal, (opens, wide, says)) is met
+
+
+def test_the_program_makes_the_smoke_split_that_is_shipped():
+    """Byte for byte, but for the ids and seeds, which count the episodes of the whole split."""
+
+    def line(spec):
+        return spec.model_copy(update={"id": "x", "seed": 0}).model_dump_json()
+
+    kept = load_split("smoke-hands")
+    scenes = {spec.scene: Plugins.discover().scene(spec.scene) for spec in kept}
+    drawn = {line(spec) for name, scene in scenes.items() for spec in episodes(scene, HOUSES.index(name))}
+    assert {line(spec) for spec in kept} <= drawn

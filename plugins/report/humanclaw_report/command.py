@@ -31,7 +31,9 @@ def report(runs: tuple[Path, ...], out: Path | None, files: tuple[Path, ...]) ->
     click.echo(
         write_report(
             runs, out, plugins.scene,
-            contribute=lambda found, page: plugins.tell("humanclaw_overview", runs=found, page=page, plugins=plugins),
+            contribute=lambda found, page: plugins.tell(
+                "humanclaw_overview", runs=found, page=page, plugins=plugins, scored=None
+            ),
         )
     )  # fmt: skip
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Literal
 
@@ -12,16 +12,21 @@ from humanclaw_report.film import FILM_SIZE, GIF_SIZE, film, poster
 from humanclaw_report.report import write_report
 
 
-def report_of(run: Path, plugins: Installed, episodes: Sequence[RecordedEpisode] | None = None) -> Path:
+def report_of(
+    run: Path, plugins: Installed, episodes: Sequence[RecordedEpisode] | None = None,
+    scored: Mapping[Path, Sequence[object]] | None = None,
+) -> Path:  # fmt: skip
     """Write the page of a run with the tables and facts of the installed plugins; return its path.
 
-    episodes: of the run, if they are read already.
+    episodes: of the run, if they are read already. scored: what a benchmark made of them, likewise.
     """
     return write_report(
         run if episodes is None else {run: episodes},
         None,
         plugins.scene,
-        contribute=lambda found, page: plugins.tell("humanclaw_overview", runs=found, page=page, plugins=plugins),
+        contribute=lambda found, page: plugins.tell(
+            "humanclaw_overview", runs=found, page=page, plugins=plugins, scored=scored
+        ),
     )
 
 

@@ -80,10 +80,8 @@ class Exertion:
     def bound(self, touches: Sequence[Touch], seconds: float) -> None:
         """Remove the momentum that the step since brace gave to objects beyond the force of a person."""
         pushes = [touch for touch in touches if touch.object_id in self._before]
-        if not pushes:
-            return
         pushed = {touch.object_id for touch in pushes}
-        self._tame(pushed, seconds)
+        self._tame(pushed, seconds)  # Also without a touch: what a limb threw off in the step has left it since.
         if sum(touch.force for touch in pushes) <= self._most:
             return
         after = {key: self._world.motion(key) for key in self._before}
@@ -99,7 +97,7 @@ class Exertion:
         kicks faster than max_kick."""
         for key in self._before.keys() - self._swings.keys():
             before, after, radius = self._before[key], self._world.motion(key), self._radius[key]
-            most = max(self._profile.max_kick, _speed(before, radius))
+            most = max(self._profile.max_kick, _speed(before, radius) + self._profile.gravity * seconds)
             slower = min(1.0, most / max(_speed(after, radius), 1e-12))
             velocity = slower * after.velocity
             velocity[1] = min(velocity[1], after.velocity[1])

@@ -53,6 +53,11 @@ _SHOCK: Final = 60.0
 """Acceleration that a hand gives at most, m/s^2: a faster start would take a thing through a wall."""
 _WRIST: Final = 15.0
 """Torque of a hand, newton metres."""
+_FALL: Final = 4
+"""Chunks in which what left a hand comes to rest."""
+_PULL: Final = 250.0
+"""Force of a hand on a thing on a joint, newtons: a standing adult pulls with more than an arm lifts. The lids of ovens
+take up to 180: their friction bears their weight."""
 _LEAD: Final = 0.04
 """Metres that a hand goes ahead of a handle that does not follow."""
 
@@ -94,6 +99,8 @@ class Hands:
         self._carried: dict[int, tuple[Array, Array, Array]] = {}
         """Of each free held thing: where it was due, at what velocity, and what contact took of that in a step."""
         self._fastest = 0.0
+        self._falling: dict[int, int] = {}
+        """Free things that left a hand, and for how many more chunks they may fall."""
 
     @cached_property
     def _swings(self) -> Mapping[int, Swing]:
@@ -107,8 +114,9 @@ class Hands:
 
     @property
     def speed(self) -> float:
-        """Bound of the speed of the fastest held thing in the coming step, m/s."""
-        return self._fastest + _SHOCK / FPS if self._holds else 0.0
+        """Bound of the speed of the fastest thing in the coming step that is held or falls from a hand, m/s."""
+        falling = (float(np.linalg.norm(self._world.motion(key).velocity)) for key in self._falling)
+        return max(self._fastest + _SHOCK / FPS if self._holds else 0.0, *falling, 0.0)
 
     @property
     def held(self) -> Mapping[Side, int]:
@@ -124,7 +132,7 @@ class Hands:
     def grip(self, side: Side, closed: bool) -> None:
         """Open a hand, or close it on the nearest thing before its palm; on nothing if there is none."""
         if not closed:
-            self._holds.pop(side, None)
+            self._let_go(side)
         elif side not in self._holds:
             found = min(self._before(side, self._world.objects()), key=lambda one: one[0], default=None)
             if found is not None:
@@ -132,7 +140,8 @@ class Hands:
                 self._let_pass({*self._passing, (side, found[1])})
 
     def tidy(self) -> None:
-        """Let hands that have left what they held meet it again."""
+        """Let hands that have left what they held meet it again. Called before each chunk."""
+        self._falling = {key: rest - 1 for key, rest in self._falling.items() if rest > 1}
         if self._passing:
             objects = self._world.objects()
             self._let_pass({
@@ -176,7 +185,12 @@ class Hands:
             motion = self._world.motion(hold.object_id)
             there = self._handle(hold, self._state(hold.object_id)[0]) if hung else motion.position
             if np.linalg.norm(there - self._due(side, places)) > PALM:
-                del self._holds[side]
+                self._let_go(side)
+
+    def _let_go(self, side: Side) -> None:
+        hold = self._holds.pop(side, None)
+        if hold is not None and hold.object_id not in self._swings:
+            self._falling[hold.object_id] = _FALL
 
     # -- closing -------------------------------------------------------------------------------------------------------
     def _before(
@@ -242,7 +256,7 @@ class Hands:
         fall = -self._scene.by_id[key].mass * self._profile.gravity * float(swing.arm(centre)[1])
         brake = math.copysign(joint.friction, wanted) + joint.damping * wanted if wanted else 0.0
         push = swing.inertia * (wanted - speed) + (brake - fall) * seconds
-        most = len(sides) * self._profile.lift * lever * seconds
+        most = len(sides) * _PULL * lever * seconds
         speed += float(np.clip(push, -most, most)) / swing.inertia
         self._world.set_motion(key, swing.motion(state, speed))
         self._fastest = max(self._fastest, abs(speed) * lever)

@@ -42,12 +42,31 @@ _PLACES: Final = frozenset({"table", "coffee_table", "desk", "console_table", "s
 _OPENS: Final = {"fridge": "fridge", "wardrobe": "wardrobe", "dishwasher": "dishwasher", "stove": "oven"}
 """Furniture that opens, and its word."""
 _INSIDE: Final = {
-    "fridge": ("jar", "plate", "bottle", "glass"),
+    "fridge": ("jar", "plate", "glass"),
     "wardrobe": ("towels", "handbag", "shoes", "storage_box"),
     "dishwasher": ("plate", "glass", "cup"),
     "stove": ("pan",),
 }
 """What may be behind its doors."""
+LIKE: Final[Mapping[str, frozenset[str]]] = {
+    "book": frozenset({"books", "magazines"}),
+    "bottle": frozenset({"toiletries", "detergent"}),
+    "box": frozenset({"storage_box"}),
+    "cup": frozenset({"glass", "toiletries", "dish_rack"}),
+    "glass": frozenset({"cup", "jar"}),
+    "handbag": frozenset({"backpack"}),
+    "jar": frozenset({"glass", "bottle", "toiletries"}),
+    "pan": frozenset({"pot"}),
+    "plate": frozenset({"bowl", "dish_rack"}),
+    "pot": frozenset({"pan", "potted_plant", "succulent"}),
+    "shoe": frozenset({"shoes"}),
+    "shoes": frozenset({"shoe"}),
+    "storage_box": frozenset({"box", "basket"}),
+    "table": frozenset({"coffee_table", "side_table"}),
+    "towels": frozenset({"towel"}),
+    "toy": frozenset({"teddy_bear"}),
+}
+"""Other categories to which people may apply the word for a category, or to a part of them."""
 _WORDS: Final = {"towels": "a pile of towels", "shoes": "a pair of shoes", "storage_box": "a box"}
 
 
@@ -69,14 +88,18 @@ class House:
     def _counts(self) -> Counter[tuple[str, str]]:
         return Counter((obj.category, room) for obj in self._bodies for room in {"", obj.room})
 
+    def _called(self, category: str, room: str) -> int:
+        """Return how many objects the word for a category may mean. room: empty for the whole house."""
+        return sum(self._counts[one, room] for one in {category, *LIKE.get(category, ())})
+
     def phrase(self, obj: SceneObject, noun: str = "") -> str:
         """Name an object as nothing else in the house; empty if category and room do not."""
         noun = noun or obj.category.replace("_", " ")
-        if self._counts[obj.category, ""] == 1:
+        if self._called(obj.category, "") == 1:
             return f"the {noun}"
         room = next((one for one in self.scene.rooms if one.name == obj.room), None)
         alone = room is not None and sum(one.kind == room.kind for one in self.scene.rooms) == 1
-        if not alone or self._counts[obj.category, obj.room] > 1:
+        if not alone or self._called(obj.category, obj.room) > 1:
             return ""
         assert room is not None
         kind = {"living": "living room", "dining": "dining room", "kids": "children's room"}.get(room.kind, room.kind)
@@ -100,12 +123,11 @@ class House:
         return tuple(obj for obj in hung if (np.mean(self.scene.aabb(obj.id), axis=0) > low).all()
                      and (np.mean(self.scene.aabb(obj.id), axis=0) < high).all())  # fmt: skip
 
-    def holds(self, body: SceneObject) -> frozenset[str]:
-        """Return the categories of what is inside a piece of furniture."""
+    def holds(self, body: SceneObject) -> tuple[SceneObject, ...]:
+        """Return what is inside a piece of furniture."""
         low, high = self.scene.aabb(body.id)
-        middles = {obj.id: np.mean(self.scene.aabb(obj.id), axis=0) for obj in self._bodies if obj.id != body.id}
-        inside = [key for key, middle in middles.items() if ((middle > low) & (middle < high)).all()]
-        return frozenset(self.scene.by_id[key].category for key in inside)
+        middles = ((obj, np.mean(self.scene.aabb(obj.id), axis=0)) for obj in self._bodies if obj.id != body.id)
+        return tuple(obj for obj, middle in middles if ((middle > low) & (middle < high)).all())
 
 
 @dataclass(frozen=True)
@@ -125,7 +147,7 @@ class Task:
 
 
 def tasks(house: House, rng: np.random.Generator) -> Iterator[Task]:
-    """Yield the tasks of a house in random order: a place for each thing, a question for each piece of furniture."""
+    """Yield the tasks of a house in random order: a place for each thing, and questions for each piece of furniture."""
     for number in rng.permutation(len(house.scene.objects)).tolist():
         obj = house.scene.objects[number]
         if obj.movable and obj.joint is None and obj.mass and obj.category in _BRING | _TIDY:
@@ -168,18 +190,32 @@ def _opening(house: House, body: SceneObject, rng: np.random.Generator) -> Itera
     name = house.phrase(body, noun)
     if not (name and leaves and all(leaf.state == 0 for leaf in leaves) and len(house.near(body.id))):
         return
-    ways = {leaf.id: (0.0, _wide(leaf)) for leaf in leaves}
-    shared = {"things": tuple(ways), "share": OPEN, "ways": ways}
-    yield Task("open", f"open {name}.", body.category, Goal.model_validate(shared), (body.id,))
-    inside, asked = house.holds(body), _INSIDE[body.category]
-    answers = (
-        [(what, "yes") for what in asked if what in inside],
-        [(what, "no") for what in asked if what not in inside],
-    )
-    pool = [one for one in answers if one][int(rng.integers(sum(map(bool, answers))))]
-    what, answer = pool[int(rng.integers(len(pool)))]
+    yield Task("open", f"open {name}.", body.category, _to_open(leaves), (body.id,))
+    for what in rng.permutation(_INSIDE[body.category]).tolist():
+        yield from _question(house, body, name, what)
+
+
+def _question(house: House, body: SceneObject, name: str, what: str) -> Iterator[Task]:
+    """Yield the question whether a thing is in a piece of furniture; none if only something like it is."""
+    leaves, inside = house.leaves(body), house.holds(body)
+    found = [obj for obj in inside if obj.category == what]
+    if not found and any(obj.category in LIKE.get(what, ()) for obj in inside):
+        return
+    before = tuple(leaf for leaf in leaves if any(_hides(house.scene, leaf, obj) for obj in found))
+    goal = _to_open(before or leaves, "yes" if found else "no")
     question = f"is there {_WORDS.get(what, f'a {what}')} in {name}? Open it, look inside, and answer yes or no."
-    yield Task("look", question, body.category, Goal.model_validate(shared | {"answer": answer}), (body.id,))
+    yield Task("look", question, body.category, goal, (body.id,))
+
+
+def _to_open(leaves: Sequence[SceneObject], answer: str = "") -> Goal:
+    ways = {leaf.id: (0.0, _wide(leaf)) for leaf in leaves}
+    return Goal(things=tuple(ways), share=OPEN, ways=ways, answer=answer)
+
+
+def _hides(scene: Scene, leaf: SceneObject, thing: SceneObject) -> bool:
+    """Tell whether a shut door is before a thing: the thing's middle is beside it in one direction alone."""
+    middle, (low, high) = np.mean(scene.aabb(thing.id), axis=0), scene.aabb(leaf.id)
+    return int(((low <= middle) & (middle <= high)).sum()) == 2
 
 
 def _wide(leaf: SceneObject) -> float:
@@ -218,24 +254,41 @@ def _way(house: House, task: Task) -> float:
 
 def choose(found: Iterable[EpisodeSpec]) -> dict[str, tuple[EpisodeSpec, ...]]:
     """Return the three splits: of each family one episode from every house in turn, until there are enough. Each split
-    is part of the one before it."""
+    is part of the one before it. Of every question as many answers are yes as are no."""
     pools: dict[Family, dict[str, list[EpisodeSpec]]] = {family: defaultdict(list) for family in FAMILIES}
     for spec in found:
         pools[family_of(spec)][spec.scene].append(spec)
-    taken = [spec for family in FAMILIES for spec in _in_turn(pools[family], EACH)]
+    turns = {family: _in_turn(pools[family]) for family in FAMILIES}
+    taken = [spec for found in (turns | {"look": _balanced(turns["look"])}).values() for spec in found[:EACH]]
     hands = tuple(
         spec.model_copy(update={"id": f"{name_of(spec.scene)}-{spec.id}-{spec.target_category}-{k}", "seed": k})
         for k, spec in enumerate(taken)
     )
     each = {family: [spec for spec in hands if family_of(spec) == family] for family in FAMILIES}
-    mini = tuple(spec for family in FAMILIES for spec in each[family][:: max(1, len(each[family]) // 15)][:15])
+    pairs = {family: [spec for k, spec in enumerate(specs) if k % 10 < 2] for family, specs in each.items()}
+    mini = tuple(spec for family in FAMILIES for spec in pairs[family][:15])
     smoke = tuple(next(spec for spec in mini if family_of(spec) == family) for family in FAMILIES)
     return {"hands": hands, "mini-hands": mini, "smoke-hands": smoke}
 
 
-def _in_turn(pool: Mapping[str, Sequence[EpisodeSpec]], most: int) -> list[EpisodeSpec]:
+def _in_turn(pool: Mapping[str, Sequence[EpisodeSpec]]) -> list[EpisodeSpec]:
     rounds = max(map(len, pool.values()), default=0)
-    return [specs[k] for k in range(rounds) for specs in pool.values() if k < len(specs)][:most]
+    return [specs[k] for k in range(rounds) for specs in pool.values() if k < len(specs)]
+
+
+def _balanced(looks: Sequence[EpisodeSpec]) -> list[EpisodeSpec]:
+    """Return pairs of a question that is answered no, and the same one, about other furniture, that is answered yes."""
+    yes: dict[tuple[str, str], list[EpisodeSpec]] = defaultdict(list)
+    for spec in looks:
+        if spec.goal and spec.goal.answer == "yes":
+            yes[asked(spec)].append(spec)
+    no = (spec for spec in looks if spec.goal and spec.goal.answer == "no")
+    return [one for spec in no if yes[asked(spec)] for one in (spec, yes[asked(spec)].pop(0))]
+
+
+def asked(spec: EpisodeSpec) -> tuple[str, str]:
+    """Return the furniture and what is asked for in it."""
+    return spec.target_category, spec.instruction.partition(" in the ")[0]
 
 
 def family_of(spec: EpisodeSpec) -> Family:

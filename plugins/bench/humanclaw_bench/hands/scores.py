@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import accumulate
-from typing import Final, Literal
+from typing import Final
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from humanclaw.records import (
     SEEN_PIXELS,
     Goal,
     Vec3,
+    acknowledges,
     answered,
     brought,
     is_met,
@@ -23,16 +24,16 @@ from humanclaw.records import (
     role_of,
 )
 from humanclaw.world import distance_to_nearest
+from humanclaw_bench.causes import Rule, Stage, first_cause
 from humanclaw_bench.disturbance import starts
 from humanclaw_bench.hands.drawing import Family, family_of
-from humanclaw_bench.scores import claims
 
-Stage = Literal["Find", "Nav", "Reach", "Hold", "Place", "Open", "Answer"]
+_HOLDING: Final[tuple[Stage, ...]] = ("find", "nav", "reach", "hold")
 STAGES: Final[Mapping[Family, tuple[Stage, ...]]] = {
-    "bring": ("Find", "Nav", "Reach", "Hold", "Place"),
-    "tidy": ("Find", "Nav", "Reach", "Hold", "Place"),
-    "open": ("Find", "Nav", "Reach", "Hold", "Open"),
-    "look": ("Find", "Nav", "Reach", "Hold", "Open", "Answer"),
+    "bring": (*_HOLDING, "place"),
+    "tidy": (*_HOLDING, "place"),
+    "open": (*_HOLDING, "open"),
+    "look": (*_HOLDING, "open", "answer"),
 }
 """What an episode of each family has to pass, in order."""
 NEARBY: Final = 0.7
@@ -49,7 +50,7 @@ _ALSO: Final[Mapping[str, tuple[str, ...]]] = {
 
 def says_seen(step: StepRecord, category: str) -> bool:
     """Tell whether the answer of a step says that a thing is in view, in any of its words."""
-    return any(claims(step, word) for word in (category, *_ALSO.get(category, ())))
+    return any(acknowledges(step.decision.visible_state, word) for word in (category, *_ALSO.get(category, ())))
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,7 +134,7 @@ class HandFacts:
 
     @property
     def answers(self) -> bool:
-        """Whether the last call says the answer."""
+        """Whether the last call says the answer, however it was found."""
         return self.stopped and answered(self.goal, self.steps[-1])
 
     @property
@@ -142,10 +143,6 @@ class HandFacts:
         call = self.steps[-1].call if self.stopped else None
         return call is not None and any(isinstance(value, str) for value in call.params.values())
 
-    def is_met(self, stage: Stage) -> bool:
-        """Tell whether a stage is met by itself: its geometric twin."""
-        return bool(_TWINS[stage](self))
-
     def moved(self) -> bool:
         """Tell whether a thing on a joint ever moved by a twentieth of its way."""
         states = [(key, step.joints[key]) for step in self.steps for key in self.goal.ways if key in step.joints]
@@ -153,63 +150,39 @@ class HandFacts:
 
 
 _TWINS: Final[Mapping[Stage, Callable[[HandFacts], bool]]] = {
-    "Find": lambda f: any(map(f.in_view, f.steps)),
-    "Nav": lambda f: any(map(f.near, f.steps)),
-    "Reach": lambda f: f.reached or f.held,
-    "Hold": lambda f: f.held,
-    "Place": lambda f: f.ever,
-    "Open": lambda f: f.ever_open,
-    "Answer": lambda f: f.answers,
+    "find": lambda f: any(map(f.in_view, f.steps)),
+    "nav": lambda f: any(map(f.near, f.steps)),
+    "reach": lambda f: f.reached or f.held,
+    "hold": lambda f: f.held,
+    "place": lambda f: f.ever,
+    "open": lambda f: f.ever_open,
+    "answer": lambda f: f.answers,
 }
 
 
-@dataclass(frozen=True)
-class HandScores:
-    """The stages of one episode."""
+def stages_of(recorded: RecordedEpisode) -> dict[str, bool]:
+    """Return whether each stage of an episode with a goal is passed, and all before it; by itself: geo_ and its name.
 
-    family: Family
-    twins: Mapping[Stage, bool]
-    """Whether each stage is met by itself."""
-    passed: Mapping[Stage, bool]
-    """Whether each stage and all before it are: the target also named (Find), the end as it should be at an active
-    stop (Place, Open of a task that ends there)."""
-    dropped: int
-    cause: HandCause | None
-
-    @property
-    def success(self) -> bool:
-        return all(self.passed.values())
-
-
-def hand_scores(recorded: RecordedEpisode) -> HandScores:
-    """Score an episode that has a goal for hands."""
+    Passed, beyond that: the target is also named (find), the end is as it should be at an active stop (the last one).
+    """
     facts, spec = HandFacts(recorded), recorded.record.spec
-    family = family_of(spec)
-    stages = STAGES[family]
-    twins = {stage: facts.is_met(stage) for stage in stages}
+    stages = STAGES[family_of(spec)]
+    twins = {stage: bool(_TWINS[stage](facts)) for stage in stages}
     said = any(facts.in_view(step) and says_seen(step, spec.target_category) for step in facts.steps)
-    whole = twins | {"Find": said, stages[-1]: is_met(facts.goal, facts.steps)}
-    so_far: Iterator[bool] = accumulate((whole[stage] for stage in stages), lambda before, now: before and now)
-    passed: dict[Stage, bool] = dict(zip(stages, so_far, strict=True))
-    failed = next((stage for stage in stages if not passed[stage]), None)
-    own = recorded.record.outcome != "plugin_error"  # What a plugin broke has no root cause.
-    cause = next((one for one in CAUSES if own and one.stage == failed and one.rule(facts)), None)
-    return HandScores(family, twins, passed, facts.dropped, cause)
+    whole = twins | {"find": said, stages[-1]: is_met(facts.goal, facts.steps)}
+    passed: Iterator[bool] = accumulate((whole[stage] for stage in stages), lambda before, now: before and now)
+    return dict(zip(stages, passed, strict=True)) | {f"geo_{stage}": met for stage, met in twins.items()}
 
 
 # -- root causes -------------------------------------------------------------------------------------------------------
-@dataclass(frozen=True)
-class HandCause:
-    """A root cause of a stage; of those of a stage the first whose rule holds."""
+def first_failed(stages: Mapping[str, bool]) -> Stage:
+    """Return the first stage that was not passed of those of a failed episode."""
+    return next(stage for family in STAGES.values() for stage in family if not stages.get(stage, True))
 
-    stage: Stage
-    name: str
-    capability: str
-    rule: Callable[[HandFacts], bool]
 
-    @property
-    def label(self) -> str:
-        return f"{self.stage.lower()}: {self.name}"
+def cause_of(recorded: RecordedEpisode, stage: Stage) -> Rule[HandFacts]:
+    """Return the root cause of an episode that failed at a stage."""
+    return first_cause(CAUSES, stage, HandFacts(recorded))
 
 
 def _called(role: str) -> Callable[[HandFacts], bool]:
@@ -221,28 +194,29 @@ def _holds(facts: HandFacts) -> bool:
 
 
 _ALWAYS: Final[Callable[[HandFacts], bool]] = lambda f: True  # noqa: E731
-CAUSES: Final = (
-    HandCause("Find", "target in view but not seen", "perception", lambda f: f.is_met("Find")),
-    HandCause("Find", "near but not in view", "mid-level reasoning", lambda f: f.is_met("Nav")),
-    HandCause("Find", "ineffective exploration", "mid-level reasoning", _ALWAYS),
-    HandCause("Nav", "stop while far", "ego-spatial distance", lambda f: f.stopped),
-    HandCause("Nav", "never came near", "action", _ALWAYS),
-    HandCause("Reach", "never reached out", "decision", lambda f: not any(step.aims for step in f.steps)),
-    HandCause("Reach", "out of reach", "ego-spatial distance",
-              lambda f: min(aim.error for step in f.steps for aim in step.aims) > AT_HAND),
-    HandCause("Reach", "reached elsewhere", "ego-spatial distance", _ALWAYS),
-    HandCause("Hold", "never closed", "decision", lambda f: not _called("grasp")(f)),
-    HandCause("Hold", "took another thing", "perception", lambda f: any(step.held for step in f.steps)),
-    HandCause("Hold", "closed on nothing", "body awareness", _ALWAYS),
-    HandCause("Place", "never let go", "decision", _holds),
-    HandCause("Place", "never stopped", "decision", lambda f: f.ever and not f.stopped),
-    HandCause("Place", "dropped", "body awareness", lambda f: f.dropped > 0),
-    HandCause("Place", "put elsewhere", "ego-spatial distance", _ALWAYS),
-    HandCause("Open", "never stopped", "decision", lambda f: f.ever_open and not f.stopped),
-    HandCause("Open", "shut again", "body awareness", lambda f: f.ever_open),
-    HandCause("Open", "never moved", "action", lambda f: not f.moved()),
-    HandCause("Open", "not far enough", "body awareness", _ALWAYS),
-    HandCause("Answer", "no answer", "decision", lambda f: not f.says),
-    HandCause("Answer", "wrong answer", "perception", _ALWAYS),
+CAUSES: Final[tuple[Rule[HandFacts], ...]] = (
+    Rule("find", "target in view but not seen", "perception", _TWINS["find"]),
+    Rule("find", "near but not in view", "mid-level reasoning", _TWINS["nav"]),
+    Rule("find", "ineffective exploration", "mid-level reasoning", _ALWAYS),
+    Rule("nav", "stop while far", "ego-spatial distance", lambda f: f.stopped),
+    Rule("nav", "never came near", "action", _ALWAYS),
+    Rule("reach", "never reached out", "decision", lambda f: not any(step.aims for step in f.steps)),
+    Rule("reach", "out of reach", "ego-spatial distance",
+         lambda f: min(aim.error for step in f.steps for aim in step.aims) > AT_HAND),
+    Rule("reach", "reached elsewhere", "ego-spatial distance", _ALWAYS),
+    Rule("hold", "never closed", "decision", lambda f: not _called("grasp")(f)),
+    Rule("hold", "took another thing", "perception", lambda f: any(step.held for step in f.steps)),
+    Rule("hold", "closed on nothing", "body awareness", _ALWAYS),
+    Rule("place", "never let go", "decision", _holds),
+    Rule("place", "never stopped", "decision", lambda f: f.ever and not f.stopped),
+    Rule("place", "dropped", "body awareness", lambda f: f.dropped > 0),
+    Rule("place", "put elsewhere", "ego-spatial distance", _ALWAYS),
+    Rule("open", "never stopped", "decision", lambda f: f.ever_open and not f.stopped),
+    Rule("open", "shut again", "body awareness", lambda f: f.ever_open),
+    Rule("open", "never moved", "action", lambda f: not f.moved()),
+    Rule("open", "not far enough", "body awareness", _ALWAYS),
+    Rule("answer", "no answer", "decision", lambda f: not f.says),
+    Rule("answer", "answered without a look", "decision", lambda f: f.answers),
+    Rule("answer", "wrong answer", "perception", _ALWAYS),
 )  # fmt: skip
 """Root causes of tasks for hands, in the order of their rules."""
