@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import zipfile
 from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
@@ -13,7 +14,7 @@ import numpy as np
 from humanclaw.body.pose import Array
 from humanclaw.errors import RecordError
 from humanclaw.records.steps import EpisodeRecord, StepRecord
-from humanclaw.storage.files import MIB, Folder, add_line, writing
+from humanclaw.storage.files import MIB, Folder, begin_line, writing
 
 AGAIN = "Run the episode again, or remove its folder."
 RECORD_BYTES, STEPS_BYTES, FRAME_BYTES, MOTION_BYTES = 16 * MIB, 128 * MIB, 16 * MIB, 1024 * MIB
@@ -21,7 +22,8 @@ RECORD_BYTES, STEPS_BYTES, FRAME_BYTES, MOTION_BYTES = 16 * MIB, 128 * MIB, 16 *
 
 
 class EpisodeWriter:
-    """Writes one episode folder; every step is on disk before the next begins."""
+    """Writes one episode folder; every step is on disk before the view of the next is kept, and so before it is
+    decided. Meanwhile that view is drawn."""
 
     def __init__(self, folder: Path | Folder, record: EpisodeRecord, kept: Sequence[StepRecord] = ()) -> None:
         """kept: steps of an earlier run that the folder begins with."""
@@ -35,21 +37,34 @@ class EpisodeWriter:
                 files.remove(old)  # Left by an earlier run; kept steps are drawn again.
             files.write("steps.jsonl", lines.encode())
             self._steps = files.append("steps.jsonl")
+        self._disk = ThreadPoolExecutor(1)
+        self._settling: Future[None] | None = None
 
     def frame(self, name: str, data: bytes) -> str:
         """Write a picture. Returns its path relative to the folder. It is on disk when the record ends: who continues
         an episode draws its steps again."""
+        self._settle()
         with writing(self._files):
             self._files.write(f"frames/{name}", data, settled=False)
         return f"frames/{name}"
 
     def step(self, step: StepRecord) -> None:
         """Append a line, whole or not at all. Raises RecordError if the disk is full."""
+        self._settle()
         with writing(self._files):
-            add_line(self._steps, step.model_dump_json().encode())
+            self._settling = self._disk.submit(begin_line(self._steps, step.model_dump_json().encode()))
+
+    def _settle(self) -> None:
+        """Wait until the last step is on disk."""
+        settling, self._settling = self._settling, None
+        with writing(self._files):
+            if settling:
+                settling.result()
 
     def end(self, record: EpisodeRecord, arrays: Mapping[str, Array]) -> None:
         """Close the record: write motion.npz, then the final episode.json. Raises RecordError if the disk is full."""
+        self._settle()
+        self._disk.shutdown()
         self._steps.close()
         with writing(self._files):
             with self._files.replacing("motion.npz") as stream:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -107,7 +107,7 @@ def verdict_of(step: StepRecord) -> tuple[str, str]:
     return "replaced", asked + (f": {failed}" if failed else "")
 
 
-def contacts_of(recorded: RecordedEpisode, scene: Scene | None) -> tuple[ContactRow, ...]:
+def contacts_of(recorded: RecordedEpisode, names: Mapping[int, str]) -> tuple[ContactRow, ...]:
     """Return the objects that were touched above the ground, most steps first."""
     rows: dict[int, list[tuple[int, str, float, bool]]] = {}
     for step in recorded.steps:
@@ -116,7 +116,7 @@ def contacts_of(recorded: RecordedEpisode, scene: Scene | None) -> tuple[Contact
             rows.setdefault(contact.object_id, []).append((step.step, part, contact.depth, contact.movable))
     table = [
         ContactRow(
-            name_of_object(scene, key),
+            name_of(names, key),
             ", ".join(sorted({part for _, part, _, _ in found})),
             _ranges(sorted({number for number, _, _, _ in found})),
             "movable" if found[0][3] else "fixed",
@@ -138,12 +138,12 @@ def _ranges(numbers: Sequence[int]) -> str:
     return ", ".join(f"{run[0]}\u2013{run[-1]}" if len(run) > 1 else str(run[0]) for run in runs)
 
 
-def touches(recorded: RecordedEpisode, step: StepRecord, scene: Scene | None) -> str:
+def touches(recorded: RecordedEpisode, step: StepRecord, names: Mapping[int, str]) -> str:
     """Return which parts of the body a step lays on which objects: "pelvis and right knee on couch 3; ..."."""
     parts: dict[int, dict[str, None]] = {}
     for contact in touched_above_ground(recorded, step):
         parts.setdefault(contact.object_id, {})[contact.joint.replace("_", " ")] = None
-    return "; ".join(f"{listed(list(found))} on {name_of_object(scene, key)}" for key, found in parts.items())
+    return "; ".join(f"{listed(list(found))} on {name_of(names, key)}" for key, found in parts.items())
 
 
 def listed(words: Sequence[str], last: str = "and") -> str:
@@ -151,6 +151,11 @@ def listed(words: Sequence[str], last: str = "and") -> str:
     return f" {last} ".join(filter(None, (", ".join(words[:-1]), *words[-1:])))
 
 
-def name_of_object(scene: Scene | None, key: int) -> str:
-    obj = scene.by_id.get(key) if scene else None
-    return f"{obj.category.replace('_', ' ')} {key}" if obj else f"object {key}"
+def named(scene: Scene) -> dict[int, str]:
+    """Return object id to name."""
+    return {obj.id: f"{obj.category.replace('_', ' ')} {obj.id}" for obj in scene.objects}
+
+
+def name_of(names: Mapping[int, str], key: int) -> str:
+    """Return the name of an object; a number if the scene is not known."""
+    return names.get(key, f"object {key}")

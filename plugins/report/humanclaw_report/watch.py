@@ -18,8 +18,8 @@ from humanclaw.records import FRAME_BYTES, RECORD_BYTES, STEPS_BYTES
 from humanclaw.storage import Folder
 from humanclaw_report.episode_page import environment, episode_page
 from humanclaw_report.facts import episodes_asked
+from humanclaw_report.houses import Houses
 from humanclaw_report.maps import path_maps
-from humanclaw_report.report import Houses
 
 SECONDS: Final = 1.0
 """Seconds between two reads of the folder."""
@@ -78,7 +78,7 @@ class Watcher:
         storeys = tuple(replace(storey, key=f"{name}-{storey.key}") for storey in house.maps)
         maps = path_maps(episode, storeys, house.note)
         template = environment().get_template("live_map.html")
-        return template.render(maps=maps, house=storeys if house.scene else (), words=name, parts=())
+        return template.render(maps=maps, house=storeys if house.digest else (), words=name, parts=())
 
     def replay(self, name: str) -> str:
         """Return the page of an episode that has ended, complete in one file; empty if there is no such episode."""
