@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
+from typing import Final
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -43,7 +45,15 @@ class Swing:
 
     @classmethod
     def of(cls, scene: Scene, obj: SceneObject) -> Swing:
-        """Measure an object that has a joint and hulls."""
+        """Measure an object that has a joint and hulls, once a scene: both the engine and the bounds of pushes ask at
+        every reset."""
+        known = _MEASURED.setdefault(scene, {})
+        if obj.id not in known or known[obj.id].obj is not obj:
+            known[obj.id] = cls._measured(scene, obj)
+        return known[obj.id]
+
+    @classmethod
+    def _measured(cls, scene: Scene, obj: SceneObject) -> Swing:
         joint = obj.joint
         assert joint is not None
         hulls = [hull.astype(float) for hull in scene.assets[obj.asset].hulls]
@@ -100,6 +110,10 @@ class Swing:
         for array in vars(motion).values():
             array.flags.writeable = False
         return motion
+
+
+_MEASURED: Final[WeakKeyDictionary[Scene, dict[int, Swing]]] = WeakKeyDictionary()
+"""The swings of each scene by object id. Freed with the scene."""
 
 
 def swings(scene: Scene) -> Mapping[int, Swing]:
