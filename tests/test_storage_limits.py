@@ -204,6 +204,7 @@ def test_a_frame_waits_for_no_disk_and_is_on_disk_when_the_record_ends(tmp_path,
 def test_a_step_is_on_disk_before_the_view_of_the_next_is_kept(tmp_path, monkeypatch):
     record = EpisodeRecord(spec=SPEC, start={"x": 0, "z": 0, "yaw": 0}, agent="a", scene_digest="d")
     writer = EpisodeWriter(tmp_path / "a", record)
+    writer.frame("0.jpg", b"x")
     real, slow, order = os.fsync, threading.Event(), []
     monkeypatch.setattr("os.fsync", lambda descriptor: (slow.wait(9), order.append("step"), real(descriptor)))
     writer.step(step(0))
