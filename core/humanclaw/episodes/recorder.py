@@ -7,13 +7,16 @@ import functools
 import hashlib
 import json
 from collections.abc import Container, Iterator, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from tempfile import TemporaryFile
+from typing import Any, Final
 
 import numpy as np
 
 from humanclaw.body.pose import HISTORY, Array, Motion
+from humanclaw.body.skeleton import N_JOINTS
 from humanclaw.episodes.embodiment import Body
 from humanclaw.episodes.panel import Panel
 from humanclaw.episodes.step import target_boxes
@@ -74,6 +77,7 @@ class Recording:
         """Write the final record. If the disk was full, call it again."""
         if self._writer:
             self._writer.end(record, self._trajectory)
+        self._trajectory.close()
         self.record = record
 
     @property
@@ -92,41 +96,51 @@ class Recording:
 class TrajectoryBuffer(Mapping[str, Array]):
     """Every frame of an episode for motion.npz: five frames of standing, then each step's.
 
-    Arrays by name, made when they are asked for: {generated,simulated}_{root,rotations} and object_ID, one row a frame.
+    Arrays by name, one row a frame: {generated,simulated}_{root,rotations} and object_ID. Poses wait in temporary
+    files, since a long episode has 27 MB of them; the others are made when they are asked for.
     """
 
     def __init__(self, body: Body) -> None:
         self._scene = body.scene
-        self._commanded: list[Motion] = [body.history]
-        still = body.state().body
-        self._simulated: list[Motion] = [
-            Motion(np.repeat(still.root, HISTORY, 0), np.repeat(still.rotations, HISTORY, 0))
-        ]
+        names = [f"{kind}_{part}" for kind in _KINDS for part in _ROWS]
+        with ExitStack() as files:
+            self._poses = {name: files.enter_context(TemporaryFile()) for name in names}
+            self._files = files.pop_all()
         self._paths: dict[int, list[tuple[int, Array]]] = {}
-        self._length = HISTORY
+        still = body.state().body
+        standing = Motion(np.repeat(still.root, HISTORY, 0), np.repeat(still.rotations, HISTORY, 0))
+        self._length = self._append(body.history, standing)
 
     def add(self, chunks: Sequence[Chunk]) -> None:
         """Append the motion of one step."""
         for chunk in chunks:
-            self._commanded.append(chunk.commanded)
-            self._simulated.append(chunk.execution.simulated)
             for key, path in chunk.execution.objects.items():
                 self._paths.setdefault(key, []).append((self._length, path))
-            self._length += len(chunk.commanded)
+            self._length += self._append(chunk.commanded, chunk.execution.simulated)
+
+    def _append(self, *motions: Motion) -> int:
+        """Append generated and simulated frames; return their number."""
+        for kind, motion in zip(_KINDS, motions, strict=True):
+            for part in _ROWS:
+                self._poses[f"{kind}_{part}"].write(np.asarray(getattr(motion, part), float).tobytes())
+        return len(motions[0])
+
+    def close(self) -> None:
+        """Remove the temporary files."""
+        self._files.close()
 
     def __iter__(self) -> Iterator[str]:
         yield from (f"object_{key}" for key in sorted(self._paths))
-        yield from (f"{kind}_{part}" for kind in ("generated", "simulated") for part in ("root", "rotations"))
+        yield from self._poses
 
     def __len__(self) -> int:
-        return len(self._paths) + 4
+        return len(self._paths) + len(self._poses)
 
     def __getitem__(self, name: str) -> Array:
-        kind, _, part = name.partition("_")
-        if kind == "object":
-            return self._path(int(part))
-        pieces = self._commanded if kind == "generated" else self._simulated
-        return np.concatenate([getattr(piece, part) for piece in pieces])
+        if name.startswith("object_"):
+            return self._path(int(name[7:]))
+        self._poses[name].flush()
+        return np.memmap(self._poses[name], float, "r", shape=(self._length, *_ROWS[name.partition("_")[2]]))
 
     def _path(self, key: int) -> Array:
         """Return the (T, 7) pose of an object in every frame. Between recorded pieces it rests where the last one
@@ -137,6 +151,11 @@ class TrajectoryBuffer(Mapping[str, Array]):
             full[first : first + len(path)] = path
             full[first + len(path) :] = path[-1]
         return full
+
+
+_KINDS: Final = ("generated", "simulated")
+_ROWS: Final = {"root": (3,), "rotations": (N_JOINTS, 3)}
+"""Shape of a frame of each part of a motion."""
 
 
 def stand_at_start(body: Body, spec: EpisodeSpec, scene: Scene | None = None) -> None:
