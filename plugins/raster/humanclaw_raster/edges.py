@@ -40,10 +40,10 @@ def soften(pinhole: Pinhole, gbuffer: GBuffer, rgb: NDArray[np.uint8]) -> None:
 @inlined
 def _unlike(before: NDArray[np.uint8], row: int, column: int, row2: int, column2: int) -> bool:
     """Return whether the colours of two pixels differ. Most neighbours are alike, and a call of _mix takes longer."""
-    apart = 0
+    apart = np.int64(0)
     for channel in range(3):  # As numbers with a sign: the compiler subtracts bytes without one.
         apart += abs(np.int64(before[row, column, channel]) - np.int64(before[row2, column2, channel]))
-    return apart >= ALIKE
+    return bool(apart >= ALIKE)
 
 
 @compiled
