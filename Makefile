@@ -17,6 +17,7 @@ install: $(VENV)/.installed  ## Create .venv with the development tools and ever
 $(VENV)/.demo: requirements-demo.txt pyproject.toml
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/pip install --quiet hatchling editables
+	@echo "pip is quiet for a minute or two."
 	$(BIN)/pip install --quiet --no-build-isolation -r requirements-demo.txt
 	@touch $@
 
@@ -67,6 +68,10 @@ package: install  ## Add a package to this repository: make package KIND=skill N
 
 lint-pages:  ## Check the types of the pages' scripts (needs npx)
 	npx --yes -p typescript@5 -p @types/three@0.140 -c 'tsc -p plugins/report/tests/tsconfig.json --typeRoots "$$(dirname "$$(dirname "$$(command -v tsc)")")/@types"'
+
+pages: $(READY)  ## Open every kind of page in Chromium, 1400 and 390 px wide, light and dark (needs playwright and axe-playwright-python; minutes)
+	HUMANCLAW_SLOW=1 $(BIN)/python -m pytest plugins/report/tests/test_browser.py harnesses/human/tests/test_human_page.py \
+		tests/test_pages.py plugins/bench/tests/test_submission.py::test_the_leaderboard_fits_and_has_no_serious_barrier
 
 ##@ Evidence
 
@@ -153,7 +158,7 @@ PICTURES ?= docs/images
 
 pictures: install  ## Make the pictures of pages in docs/images again (CHECK=docs/images PICTURES=FOLDER compares; needs Chromium and playwright; minutes)
 	for agent in seeing wanderer; do $(BIN)/humanclaw bench run --split smoke --agent $$agent --out runs/pictures-$$agent --yes || exit 1; done
-	$(BIN)/python plugins/report/tests/pictures.py runs/pictures-seeing runs/pictures-wanderer $(PICTURES) $(CHECK)
+	PYTHONPATH=tests/support $(BIN)/python plugins/report/tests/pictures.py runs/pictures-seeing runs/pictures-wanderer $(PICTURES) $(CHECK)
 
 skin: install  ## Compute the persons that a body looks like, core/humanclaw/body/skins (minutes)
 	$(BIN)/python core/skin/make.py core/humanclaw/body/skins

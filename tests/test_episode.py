@@ -12,8 +12,10 @@ from numba import njit
 from numba.core.event import end_event, start_event
 
 from humanclaw import Body, Call, CallError, Episode, HumanclawError, PluginError, Verdict, run_episode, skill
+from humanclaw.body import HISTORY
 from humanclaw.errors import LimitError, PluginRunError, ProviderError, RecordError, ReplayError
 from humanclaw.records import Answer, Decision, RecordedEpisode, Usage, free_episode
+from humanclaw.records.folder import joined
 from humanclaw.testing import fake_body
 
 WALK = Decision((Call("walk", {"z_cm": 40}),))
@@ -425,6 +427,25 @@ def test_an_episode_whose_body_has_begun_another_one_takes_no_decision(body, spe
         first.submit(WALK)
     assert first.steps == ()
     assert second.submit(WALK).status == "executed"
+
+
+def test_motion_can_be_read_while_the_episode_goes_on(body, spec, tmp_path):
+    with Episode(body, spec, folder=tmp_path / "one") as episode:
+        episode.submit(WALK)
+        sofar = RecordedEpisode(tmp_path / "one").motion()
+        episode.submit(WALK)
+    ended = RecordedEpisode(tmp_path / "one").motion()
+    assert len(sofar) == HISTORY + 15
+    assert np.array_equal(ended.root[: len(sofar)], sofar.root)
+    assert len(ended) == HISTORY + 30
+    assert not list((tmp_path / "one").rglob("frames/*.npz")), "motion.npz takes their place"
+
+
+def test_an_object_rests_in_pieces_of_motion_that_do_not_name_it():
+    body, moved = np.zeros((2, 3)), np.array([[1.0] * 7, [2.0] * 7])
+    pieces = [{"simulated_root": body}, {"simulated_root": body, "object_4": moved}, {"simulated_root": body}]
+    assert joined(pieces, "object_4")[:, 0].tolist() == [1, 1, 1, 2, 2, 2]
+    assert joined(pieces, "object_4", np.zeros(7))[:, 0].tolist() == [0, 0, 1, 2, 2, 2]
 
 
 def test_an_end_for_which_there_was_no_room_is_written_once_there_is(body, spec, tmp_path):

@@ -80,7 +80,7 @@ def test_knees_bent_by_ninety_degrees_are_felt_as_sitting():
 def test_a_blocked_walk_is_felt_as_less_than_was_meant():
     sensed = proprioception(BEFORE, [(_after(forward=0.4), _did(_after(forward=0.12)))])
     assert (sensed.intended.forward, sensed.moved.forward) == (pytest.approx(0.4), pytest.approx(0.12))
-    assert str(sensed).endswith("Your limbs meant 40 cm forward; your body went 12 cm forward.")
+    assert str(sensed).endswith("Intended movement: 40 cm forward. Actual movement: 12 cm forward.")
 
 
 def test_displacements_are_in_the_frame_of_the_body():
@@ -95,7 +95,7 @@ def test_displacements_are_in_the_frame_of_the_body():
 
 def test_a_turn_is_told_in_degrees_and_standing_still_as_nowhere():
     sensed = str(proprioception(BEFORE, [(_after(turn=30), _did(_after()))]))
-    assert sensed.endswith("Your limbs meant a turn of 30 degrees to the left; your body went nowhere.")
+    assert sensed.endswith("Intended movement: a turn of 30 degrees to the left. Actual movement: none.")
 
 
 def test_touch_tells_part_side_time_and_whether_it_gave_way():

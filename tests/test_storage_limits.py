@@ -14,6 +14,7 @@ from PIL import Image
 
 from humanclaw import EpisodeSpec, HumanclawError, RecordedEpisode, RecordError
 from humanclaw.records import EpisodeRecord, EpisodeWriter, StepRecord, read_episodes
+from humanclaw.records.reading import _read_arrays
 from humanclaw.storage import within
 
 SPEC = EpisodeSpec(id="a", instruction="Find a couch.", scene="house:0")
@@ -144,6 +145,22 @@ def test_motion_of_far_more_frames_than_the_steps_last_is_refused(tmp_path):
     (tmp_path / "couch-0" / "motion.npz").write_bytes(zipped(long))
     with pytest.raises(RecordError, match="far more frames than its steps last"):
         RecordedEpisode(tmp_path / "couch-0").objects()
+
+
+def test_pieces_of_motion_may_not_be_large_together(tmp_path, monkeypatch):
+    record_episode(tmp_path / "couch-0")
+    broken_off(tmp_path / "couch-0")
+    (tmp_path / "couch-0" / "motion.npz").unlink()
+    (tmp_path / "couch-0" / "steps.jsonl").write_bytes(b"")
+    for number in range(4):  # As the page of a run reads it, each object has a row for every frame.
+        piece = {**WHOLE, f"object_{number}.npy": array((5, 7), b"\0" * 280)}
+        (tmp_path / "couch-0" / "frames" / f"{number:06d}.npz").write_bytes(zipped(piece))
+    assert len(RecordedEpisode(tmp_path / "couch-0").objects()) == 4
+    for most in (20_000, 26_000):  # Less than the pieces, and than their whole.
+        monkeypatch.setattr("humanclaw.records.reading._LARGEST", most)
+        _read_arrays.cache_clear()
+        with pytest.raises(RecordError, match="larger than"):
+            RecordedEpisode(tmp_path / "couch-0").objects()
 
 
 @pytest.mark.parametrize("content", [b"no picture", "PNG", "JPEG"])

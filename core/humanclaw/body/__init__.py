@@ -40,6 +40,7 @@ if TYPE_CHECKING:
         wrap_angle as wrap_angle,
         yaw_matrix as yaw_matrix,
     )
+    from humanclaw.body.resting_hands import lay_hands as lay_hands
     from humanclaw.body.skeleton import (
         BODY_GROUPS as BODY_GROUPS,
         EYE as EYE,

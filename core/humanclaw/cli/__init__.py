@@ -19,7 +19,6 @@ if TYPE_CHECKING:
         plugin_options as plugin_options,
         scene_option as scene_option,
     )
-    from humanclaw.cli.progress import summary as summary
     from humanclaw.cli.serving import (
         BACKLOG as BACKLOG,
         CONNECTIONS as CONNECTIONS,

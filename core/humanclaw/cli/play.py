@@ -85,7 +85,8 @@ def play(
         )
     try:
         recorded = RecordedEpisode(folder)
-        console.print(summary(recorded.record, recorded.steps))
+        console.print(told := summary(recorded.record, recorded.steps))
+        getattr(agent, "show_result", lambda result, run: None)(told, out)
         status.stop()  # The film has a bar of its own.
         present(plugins, backends, out, folder, film, console)
     except KeyboardInterrupt:

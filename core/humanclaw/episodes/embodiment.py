@@ -22,7 +22,6 @@ from humanclaw.episodes.tools import Verified, body_tools
 from humanclaw.errors import HumanclawError, blaming
 from humanclaw.motion.carrying import Arms
 from humanclaw.motion.generator import MotionGenerator
-from humanclaw.motion.resting_hands import lay_hands
 from humanclaw.motion.rising import is_down, rise
 from humanclaw.plugins.agents import Moment, Observation, Sense, Verifier
 from humanclaw.plugins.host import Plugins
@@ -248,16 +247,11 @@ class Body:
         return self.last
 
     def _simulate(self, motion: Motion, part: Part) -> Chunk:
-        source = self.backends.motion_history
-        # A model that goes on from the simulated hands would meet hands that it has never seen.
-        corrects = isinstance(part, Control) and source == "generated" and self.backends.profile != "paper"
-        body = self._state.body
-        commanded = lay_hands(motion, body if is_down(body) else None) if corrects else motion
-        commanded = self._arms.over(commanded, arms_of(part), body)
+        commanded = self._arms.over(motion, arms_of(part), self._state.body)
         execution = self._simulator.execute(commanded)
         self._state = self._simulator.state()
         self._arms.after(execution.simulated, self._state.held, arms_of(part))
-        self._history = next_history(self._history, motion, execution.simulated, source)
+        self._history = next_history(self._history, motion, execution.simulated, self.backends.motion_history)
         return Chunk(commanded, execution)
 
     def _sense(self, moment: Moment) -> tuple[Proprioception | None, tuple[Touch, ...] | None, tuple[Reading, ...]]:

@@ -7,16 +7,13 @@ import functools
 import hashlib
 import json
 from collections.abc import Container, Iterator, Mapping, Sequence
-from contextlib import ExitStack
 from dataclasses import asdict
 from pathlib import Path
-from tempfile import TemporaryFile
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
 from humanclaw.body.pose import HISTORY, Array, Motion
-from humanclaw.body.skeleton import N_JOINTS
 from humanclaw.episodes.embodiment import Body
 from humanclaw.episodes.panel import Panel
 from humanclaw.episodes.step import target_boxes
@@ -25,7 +22,7 @@ from humanclaw.plugins.choice import PluginInfo
 from humanclaw.plugins.distributions import version
 from humanclaw.plugins.hookspecs import noun
 from humanclaw.plugins.host import Plugins
-from humanclaw.records.folder import EpisodeWriter
+from humanclaw.records.folder import EpisodeWriter, joined
 from humanclaw.records.specification import EpisodeSpec
 from humanclaw.records.steps import EpisodeRecord, Outcome, SkillInfo, StepRecord
 from humanclaw.skills.contract import Skill
@@ -55,6 +52,8 @@ class Recording:
             for name, data in self._drawn.items():
                 self._writer.frame(name, data)
             self._drawn.clear()
+            for piece in self._trajectory.pieces:
+                self._writer.move(piece)
 
     def frame(self, name: str, data: bytes) -> str:
         """Write a frame, or hold it back until the folder is open. Returns its path relative to the folder."""
@@ -65,7 +64,10 @@ class Recording:
 
     def move(self, chunks: Sequence[Chunk]) -> None:
         """Append the motion of a step."""
-        self._trajectory.add(chunks)
+        for chunk in chunks:
+            piece = self._trajectory.add(chunk)
+            if self._writer:
+                self._writer.move(piece)
 
     def keep(self, step: StepRecord, replayed: bool = False) -> None:
         """Append a step. replayed: open() writes it to the folder."""
@@ -77,7 +79,6 @@ class Recording:
         """Write the final record. If the disk was full, call it again."""
         if self._writer:
             self._writer.end(record, self._trajectory)
-        self._trajectory.close()
         self.record = record
 
     @property
@@ -94,68 +95,39 @@ class Recording:
 
 
 class TrajectoryBuffer(Mapping[str, Array]):
-    """Every frame of an episode for motion.npz: five frames of standing, then each step's.
+    """Every frame of an episode for motion.npz: five frames of standing, then each chunk's.
 
-    Arrays by name, one row a frame: {generated,simulated}_{root,rotations} and object_ID. Poses wait in temporary
-    files, since a long episode has 27 MB of them; the others are made when they are asked for.
+    Arrays by name, made when they are asked for: {generated,simulated}_{root,rotations} and object_ID, one row a frame.
     """
 
     def __init__(self, body: Body) -> None:
         self._scene = body.scene
-        names = [f"{kind}_{part}" for kind in _KINDS for part in _ROWS]
-        with ExitStack() as files:
-            self._poses = {name: files.enter_context(TemporaryFile()) for name in names}
-            self._files = files.pop_all()
-        self._paths: dict[int, list[tuple[int, Array]]] = {}
         still = body.state().body
         standing = Motion(np.repeat(still.root, HISTORY, 0), np.repeat(still.rotations, HISTORY, 0))
-        self._length = self._append(body.history, standing)
+        self.pieces: list[Mapping[str, Array]] = [_arrays(body.history, standing)]
+        """The same arrays of the beginning and of each chunk; of objects only those that moved in it."""
 
-    def add(self, chunks: Sequence[Chunk]) -> None:
-        """Append the motion of one step."""
-        for chunk in chunks:
-            for key, path in chunk.execution.objects.items():
-                self._paths.setdefault(key, []).append((self._length, path))
-            self._length += self._append(chunk.commanded, chunk.execution.simulated)
-
-    def _append(self, *motions: Motion) -> int:
-        """Append generated and simulated frames; return their number."""
-        for kind, motion in zip(_KINDS, motions, strict=True):
-            for part in _ROWS:
-                self._poses[f"{kind}_{part}"].write(np.asarray(getattr(motion, part), float).tobytes())
-        return len(motions[0])
-
-    def close(self) -> None:
-        """Remove the temporary files."""
-        self._files.close()
+    def add(self, chunk: Chunk) -> Mapping[str, Array]:
+        """Append the motion of a chunk. Returns it as a piece."""
+        paths = {f"object_{key}": path for key, path in chunk.execution.objects.items()}
+        self.pieces.append(_arrays(chunk.commanded, chunk.execution.simulated) | paths)
+        return self.pieces[-1]
 
     def __iter__(self) -> Iterator[str]:
-        yield from (f"object_{key}" for key in sorted(self._paths))
-        yield from self._poses
+        return iter(sorted({name for piece in self.pieces for name in piece}))
 
     def __len__(self) -> int:
-        return len(self._paths) + len(self._poses)
+        return len(list(iter(self)))
 
     def __getitem__(self, name: str) -> Array:
-        if name.startswith("object_"):
-            return self._path(int(name[7:]))
-        self._poses[name].flush()
-        return np.memmap(self._poses[name], float, "r", shape=(self._length, *_ROWS[name.partition("_")[2]]))
-
-    def _path(self, key: int) -> Array:
-        """Return the (T, 7) pose of an object in every frame. Between recorded pieces it rests where the last one
-        ended."""
-        obj = self._scene.by_id[key]
-        full = np.tile(np.array([*obj.position, *obj.rotation], float), (self._length, 1))
-        for first, path in self._paths[key]:
-            full[first : first + len(path)] = path
-            full[first + len(path) :] = path[-1]
-        return full
+        kind, _, key = name.partition("_")
+        obj = self._scene.by_id[int(key)] if kind == "object" else None
+        return joined(self.pieces, name, np.array([*obj.position, *obj.rotation], float) if obj else None)
 
 
-_KINDS: Final = ("generated", "simulated")
-_ROWS: Final = {"root": (3,), "rotations": (N_JOINTS, 3)}
-"""Shape of a frame of each part of a motion."""
+def _arrays(generated: Motion, simulated: Motion) -> dict[str, Array]:
+    pair = {"generated": generated, "simulated": simulated}
+    return {f"{kind}_{part}": getattr(one, part) for kind, one in pair.items() for part in ("root", "rotations")}
 
 
 def stand_at_start(body: Body, spec: EpisodeSpec, scene: Scene | None = None) -> None:

@@ -53,7 +53,6 @@ if TYPE_CHECKING:
         apart as apart,
         widened as widened,
     )
-    from humanclaw.motion.resting_hands import lay_hands as lay_hands
     from humanclaw.motion.runtime import NumpyRuntime as NumpyRuntime, Reread as Reread, Runtime as Runtime
 
 if not TYPE_CHECKING:

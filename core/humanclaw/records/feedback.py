@@ -39,7 +39,7 @@ class Displacement:
             f"{abs(up)} cm {'up' if up > 0 else 'down'}" if abs(up) > 2 else "",
             f"a turn of {abs(turn)} degrees to the {'left' if turn > 0 else 'right'}" if abs(turn) > 1 else "",
         ]
-        return ", ".join(part for part in parts if part) or "nowhere"
+        return ", ".join(part for part in parts if part) or "none"
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class Proprioception:
         return (
             f"You feel yourself {posture_of(self.hip_height)}{tilt}: "
             f"your hips are {100 * self.hip_height:.0f} cm above your soles. "
-            f"Your limbs meant {self.intended}; your body went {self.moved}."
+            f"Intended movement: {self.intended}. Actual movement: {self.moved}."
         )
 
 

@@ -34,10 +34,11 @@ class EpisodeWriter:
         with writing(files):
             files.root.mkdir(parents=True, exist_ok=True)
             write_record(files, record.model_copy(update={"files": {}}), settled=bool(kept))
-            for old in ("motion.npz", *frames_in(files)):
+            for old in ("motion.npz", *frames_in(files), *pieces_in(files)):
                 files.remove(old)  # Left by an earlier run; kept steps are drawn again.
             files.write("steps.jsonl", lines.encode(), settled=bool(kept))
             self._steps = files.append("steps.jsonl")
+        self._pieces = 0
         self._disk = ThreadPoolExecutor(1)
         self._settling: Future[None] | None = None
         self._later(partial(files.settle, ("episode.json", "steps.jsonl")))
@@ -49,6 +50,12 @@ class EpisodeWriter:
         with writing(self._files):
             self._files.write(f"frames/{name}", data, settled=False)
         return f"frames/{name}"
+
+    def move(self, piece: Mapping[str, Array]) -> None:
+        """Write the motion of a chunk, which `humanclaw watch` shows; at the end motion.npz holds it."""
+        with writing(self._files), self._files.replacing(f"frames/{self._pieces:06d}.npz", settled=False) as stream:
+            _write_npz(stream, piece, zipfile.ZIP_STORED)
+        self._pieces += 1
 
     def step(self, step: StepRecord) -> None:
         """Append a line, whole or not at all. Raises RecordError if the disk is full."""
@@ -82,9 +89,9 @@ class EpisodeWriter:
         self._disk.shutdown()
 
 
-def _write_npz(stream: BinaryIO, arrays: Mapping[str, Array]) -> None:
+def _write_npz(stream: BinaryIO, arrays: Mapping[str, Array], packing: int = zipfile.ZIP_DEFLATED) -> None:
     """Write arrays as numpy.savez_compressed does, but a thousand rows at a time: its buffers take 40 MB."""
-    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
+    with zipfile.ZipFile(stream, "w", packing) as archive:
         for name in arrays:
             with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
                 array = arrays[name]
@@ -106,10 +113,32 @@ def close_record(folder: Path | Folder, record: EpisodeRecord) -> None:
         names = [name for name in ("steps.jsonl", "motion.npz") if files.has(name)] + frames_in(files)
         digests = {name: files.digest(name, MOTION_BYTES) for name in names}
     write_record(files, record.model_copy(update={"files": digests}))
+    with writing(files):
+        for piece in pieces_in(files):
+            files.remove(piece)
 
 
 def frames_in(files: Folder) -> list[str]:
     return [f"frames/{name}" for name in (files / "frames").names(".jpg")]
+
+
+def pieces_in(files: Folder) -> list[str]:
+    """Return the files of motion that an episode in progress has, in order."""
+    return [f"frames/{name}" for name in (files / "frames").names(".npz")]
+
+
+def joined(pieces: Sequence[Mapping[str, Array]], name: str, rest: Array | None = None) -> Array:
+    """Return an array of the whole motion from those of its pieces. An object that a piece does not name rests.
+
+    rest: an object's pose before it first moves; by default the first one that is known.
+    """
+    lasting = [len(next(iter(piece.values()))) for piece in pieces]
+    last = next(piece[name][0] for piece in pieces if name in piece) if rest is None else rest
+    parts = []
+    for piece, length in zip(pieces, lasting, strict=True):
+        parts.append(piece[name] if name in piece else np.repeat(last[None], length, 0))
+        last = parts[-1][-1] if length else last
+    return np.concatenate(parts)
 
 
 @contextmanager

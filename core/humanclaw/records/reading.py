@@ -19,9 +19,18 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
-from humanclaw.body.pose import Array, Motion
+from humanclaw.body.pose import HISTORY, Array, Motion
 from humanclaw.errors import RecordError
-from humanclaw.records.folder import AGAIN, FRAME_BYTES, MOTION_BYTES, RECORD_BYTES, STEPS_BYTES, reading
+from humanclaw.records.folder import (
+    AGAIN,
+    FRAME_BYTES,
+    MOTION_BYTES,
+    RECORD_BYTES,
+    STEPS_BYTES,
+    joined,
+    pieces_in,
+    reading,
+)
 from humanclaw.records.steps import MOST_FRAMES, EpisodeRecord, StepRecord, seal_of
 from humanclaw.storage.files import Folder
 from humanclaw.storage.pictures import from_jpeg
@@ -52,8 +61,14 @@ class RecordedEpisode:
 
     @property
     def has_motion(self) -> bool:
-        """Whether there is a motion.npz. A running or killed episode has none."""
-        return self.files.has("motion.npz")
+        """Whether the record holds motion. A running or killed episode has that of its steps so far."""
+        return bool(self._motion_files())
+
+    def _motion_files(self) -> tuple[str, ...]:
+        """Return motion.npz, or the files of an episode that has not ended. Only motion.npz has a digest."""
+        if self.files.has("motion.npz"):
+            return ("motion.npz",)
+        return tuple(pieces_in(self.files)) if self.record.outcome == "running" else ()
 
     def motion(self, kind: Literal["generated", "simulated"] = "simulated") -> Motion:
         """Return all frames of the episode (world frame): five of standing, then motion_frames for each step."""
@@ -65,22 +80,25 @@ class RecordedEpisode:
         return {int(key[7:]): path.astype(float) for key, path in self._arrays().items() if key.startswith("object_")}
 
     def _arrays(self, *names: str) -> dict[str, Array]:
-        """Return the named arrays of motion.npz, or all. Raises RecordError if they are damaged.
+        """Return the named arrays of motion, or all. Raises RecordError if they are damaged.
 
         Sizes are checked before memory is allocated.
         """
+        places = self._motion_files() or ("motion.npz",)
         try:
-            about = self.files.status("motion.npz")
+            about = self.files.status(places[-1])
             version = (about.st_ino, about.st_mtime_ns, about.st_size) if about else ()
             lasting = sum(step.motion_frames for step in self.steps)
-            found = _read_arrays(self.files, lasting + MOST_FRAMES, version)
+            found = _read_arrays(self.files, places, lasting + MOST_FRAMES, version)
             held = min(map(len, found.values()), default=0)
             if held < lasting:
                 raise ValueError(f"it holds {held} frames, and its steps last {lasting}")
-            return {name: found[name] for name in names or sorted(found)}
+            # Chunks are written before their step's line.
+            end = held if places == ("motion.npz",) else HISTORY + lasting
+            return {name: found[name][:end] for name in names or sorted(found)}
         except Exception as error:  # Damage raises a dozen kinds of errors in numpy, zipfile and its unpackers.
             told = error.strerror if isinstance(error, OSError) else error
-            raise RecordError(f"{self.folder / 'motion.npz'} cannot be read: {told}.", AGAIN) from error
+            raise RecordError(f"{self.folder / places[-1]} cannot be read: {told}.", AGAIN) from error
 
     def view(self, step: StepRecord) -> bytes:
         """Return the view before a step as JPEG; empty if the record does not hold it."""
@@ -189,13 +207,26 @@ def _verify(files: Folder, record: EpisodeRecord) -> None:
 
 
 @lru_cache(maxsize=1)
-def _read_arrays(files: Folder, most: int, version: tuple[int, ...]) -> Mapping[str, Array]:
-    """Read and check a motion.npz. Whoever scores or shows an episode asks for its arrays several times.
+def _read_arrays(files: Folder, names: Sequence[str], most: int, version: tuple[int, ...]) -> Mapping[str, Array]:
+    """Read and check motion.npz, or the pieces of it. Whoever scores or shows an episode asks for its arrays several
+    times.
 
-    most: maximum frames, those of the steps and of one that broke off. version: inode, time and size of the file; a
-    changed file is read again.
+    most: maximum frames, those of the steps and of one that broke off. version: inode, time and size of the last file;
+    a changed file is read again.
     """
-    with files.open("motion.npz", MOTION_BYTES) as stream, zipfile.ZipFile(stream) as archive:
+    pieces, row, frames = [], dict[str, int](), 0
+    for name in names:
+        pieces.append(piece := _read_piece(files, name, most))
+        row |= {key: array[:1].nbytes for key, array in piece.items()}
+        frames += len(next(iter(piece.values()), ()))
+        # An object that moved in one piece has a row for every frame.
+        if sum(row.values()) * frames > _LARGEST:
+            raise ValueError(f"its arrays are larger than {_LARGEST >> 20} MiB")
+    return pieces[0] if len(pieces) == 1 else {name: joined(pieces, name) for name in row}
+
+
+def _read_piece(files: Folder, name: str, most: int) -> Mapping[str, Array]:
+    with files.open(name, MOTION_BYTES) as stream, zipfile.ZipFile(stream) as archive:
         _check_arrays(archive, most)
         found = {name.removesuffix(".npy"): _array(archive, name) for name in archive.namelist()}
     if not all(np.isfinite(array).all() for array in found.values()):

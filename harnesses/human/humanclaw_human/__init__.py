@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 from humanclaw import hookimpl
 
 if TYPE_CHECKING:
-    from humanclaw import Agent, Reporter
-    from humanclaw.plugins import AgentFactory, Register, ReporterFactory
+    from humanclaw import Agent
+    from humanclaw.plugins import AgentFactory, Register
 
 __version__ = "0.1.0"
 
@@ -17,17 +17,6 @@ __version__ = "0.1.0"
 @hookimpl
 def humanclaw_agents(register: Register[AgentFactory]) -> None:
     register("human", _human, "a person at the keyboard, with the view in the browser")
-
-
-@hookimpl
-def humanclaw_reports(register: Register[ReporterFactory]) -> None:
-    register("human", _result, "ends a person's page with the result, and a link to the replay")
-
-
-def _result(film: str = "mp4", renderer: str = "raster") -> Reporter:
-    from humanclaw_human.window import Result
-
-    return Result()
 
 
 def _human(options: Mapping[str, Any]) -> Agent:

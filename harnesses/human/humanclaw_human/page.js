@@ -117,4 +117,5 @@
   });
   at("leave").addEventListener("click", () => send(leave));
   follow();
+  document.documentElement.dataset.ready = "yes";
 }

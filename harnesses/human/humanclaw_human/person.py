@@ -101,6 +101,11 @@ class Person:
             self._window.settle()
             return Decision((command.call,), command.seen, raw=line)
 
+    def show_result(self, result: str, run: Path) -> None:
+        """End the page with the result, and with the run's report.html once a reporter has written it."""
+        if self._window:
+            self._window.end(result, run / "report.html")
+
 
 class Lines:
     """Lines from the terminal and the page, in order of arrival."""

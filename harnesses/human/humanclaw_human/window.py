@@ -6,7 +6,6 @@ import hmac
 import json
 import secrets
 import threading
-import weakref
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
@@ -19,9 +18,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from humanclaw import CallError, RecordedEpisode
-from humanclaw.cli import Handler, Server, summary
-from humanclaw.plugins import Installed
+from humanclaw import CallError
+from humanclaw.cli import Handler, Server
 from humanclaw.storage import jpeg
 
 _LONGEST: Final = 4000
@@ -29,8 +27,6 @@ _LONGEST: Final = 4000
 _SECRET: Final = secrets.token_urlsafe(16)
 """First part of every path, so that only this user can see the page and press its keys: not other users of this
 machine, nor other pages of the browser. One for all episodes of a process, so that the page can go on with the next."""
-_OPEN: Final[weakref.WeakSet[Window]] = weakref.WeakSet()
-"""Pages of this process. A reporter is made anew for each record and knows no agent."""
 _TAKING: Final = 3.0
 """Seconds for an open page to fetch the replay before the process ends."""
 LEAVE: Final = "leave the episode"
@@ -93,7 +89,6 @@ class Window:
         self._asking.acquire()  # No episode has begun yet.
         self._replay, self._taken = Path(), threading.Event()
         self._server = Server(self._handler(), port)
-        _OPEN.add(self)
         threading.Thread(target=self._server.serve_forever, daemon=True).start()
 
     @property
@@ -193,16 +188,6 @@ class Window:
         page = _source("page.html").replace("STYLE", _source("page.css"), 1).replace("SCRIPT", _source("page.js"), 1)
         # "<" is escaped, since a description of a skill may hold "</script>".
         return page.replace("CONTROLS", json.dumps(told).replace("<", "\\u003c"), 1).encode()
-
-
-class Result:
-    """The reporter that ends the pages of this process."""
-
-    def write(self, run: Path, episode: RecordedEpisode, plugins: Installed) -> dict[str, Path]:
-        """Show the result, and report.html of the run once another reporter has written it. Writes no file."""
-        for window in _OPEN:
-            window.end(summary(episode.record, episode.steps), run / "report.html")
-        return {}
 
 
 def _source(name: str) -> str:

@@ -132,9 +132,11 @@ def test_a_call_is_taken_while_one_is_waited_for(window, pressed):
     assert pressed == ["walk 0 40 0 # a chair"]
 
 
-def test_the_page_ends_with_the_result_and_then_the_replay(window, tmp_path):
-    window.show(PICTURE, Moment(0, 9, "Find a chair."))
-    window.end("stopped after 3 steps.", tmp_path / "report.html")
+def test_the_page_ends_with_the_result_and_then_the_replay(skills, window, tmp_path):
+    person = begun(skills)
+    person.show_result("stopped after 3 steps.", tmp_path)
+    assert "result" not in json.load(urlopen(window.address + "state")), "another person's page goes on"
+    window = person._window
     assert json.load(urlopen(window.address + "state"))["result"] == "stopped after 3 steps."
     assert answered(window.address + "replay") == 404, "it is still being made"
     (tmp_path / "report.html").write_text("a replay")

@@ -179,7 +179,9 @@ def agent_command(
 @click.argument("runs", type=RUN, nargs=-1, required=True, metavar="RUN...")
 @click.option("--format", "form", type=click.Choice(["terminal", *WRITERS]), default="terminal", show_default=True)
 @click.option("--only", type=click.Choice(NAMES), multiple=True, help="Print only this table (repeatable).")
-@click.option("--full", is_flag=True, help="On a terminal, print all tables; the default are those that fit a screen.")
+@click.option(
+    "--full", is_flag=True, help="Print all tables; on a terminal and in LaTeX the default are the short ones."
+)
 @click.option(
     "--column",
     "columns",
@@ -201,7 +203,7 @@ def table(
         require_whole(results, partial)
     if columns and only:
         raise click.UsageError("--only and --column exclude each other.")
-    brief = form == "terminal" and not (full or only or as_json)
+    brief = form in ("terminal", "latex") and not (full or only or as_json)
     if columns:
         tables = {"columns": chosen_table(results, columns, paper=paper, seed=seed)}
     else:

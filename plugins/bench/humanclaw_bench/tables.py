@@ -199,7 +199,7 @@ def causes_table(results: Sequence[Result]) -> ResultTable:
         if any(_is_second(cause, scores) for result in results for scores in result.scores)
     )
     notes = tuple(
-        f"{result.name}: failures " + ", ".join(f"{stage} {len(failures[stage])}" for stage in STAGES) + "."
+        f"Failures of {result.name}: " + ", ".join(f"{stage} {len(failures[stage])}" for stage in STAGES) + "."
         for result, failures in zip(results, failed, strict=True)
     )
     if len(rows) > len(CAUSES):

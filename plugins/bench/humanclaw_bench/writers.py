@@ -152,18 +152,20 @@ _TEX: Final = str.maketrans(
 )  # fmt: skip
 
 
+_FITTED: Final = r"\resizebox{\ifdim\width>\textwidth\textwidth\else\width\fi}{!}{%"
+
+
 def latex(table: ResultTable) -> str:
-    """Return a LaTeX tabular (booktabs); notes follow as comments."""
+    """Return a LaTeX tabular (packages booktabs and graphicx), no wider than the text; notes follow as comments."""
     head, rows, marks = table.columns, [], _marks(table)
     for index, row in enumerate(table.rows):
         rule = "\\midrule\n" if row.paper and index and not table.rows[index - 1].paper else ""
         cells = [marks.get((index, k), "%s") % _tex(head[k], cell) for k, cell in enumerate(row.cells)]
         rows.append(rule + " & ".join([row.name.translate(_TEX), *cells]) + r" \\")
     titles = " & ".join([table.corner, *(column.head.translate(_TEX) for column in head)])
-    lines = [f"% {table.title}", rf"\begin{{tabular}}{{l{'r' * len(head)}}}", r"\toprule", titles + r" \\", r"\midrule"]
-    return (
-        "\n".join([*lines, *rows, r"\bottomrule", r"\end{tabular}", *(f"% {note}" for note in table.all_notes)]) + "\n"
-    )
+    lines = [f"% {table.title}", _FITTED, rf"\begin{{tabular}}{{l{'r' * len(head)}}}", r"\toprule", titles + r" \\"]
+    notes = (f"% {note}" for note in table.all_notes)
+    return "\n".join([*lines, r"\midrule", *rows, r"\bottomrule", r"\end{tabular}}", *notes]) + "\n"
 
 
 def _marks(table: ResultTable) -> dict[tuple[int, int], str]:

@@ -14,6 +14,7 @@ from typing import Any
 
 import click
 import pytest
+from browser import barriers, browsing, looks, opened, slow
 from click.testing import CliRunner, Result
 from manifests import tell
 from rollouts import COUCH, rollout, step
@@ -319,6 +320,17 @@ def test_the_leaderboard_shows_who_and_whether_the_records_agree(run: Path) -> N
     shutil.rmtree(run)
     invoke("leaderboard", run.parent)
     assert "<span class='told'>not here</span>" in (run.parent / "index.html").read_text()
+
+
+@slow
+@looks
+def test_the_leaderboard_fits_and_has_no_serious_barrier(run: Path, size: dict[str, int], scheme: str) -> None:
+    submitted(run)
+    invoke("leaderboard", run.parent)
+    with browsing() as browser:
+        tab, errors = opened(browser, run.parent / "index.html", size, scheme, ready="true")
+        assert not barriers(tab)
+        assert not errors
 
 
 def test_a_privileged_decider_is_called_so_under_the_table_in_the_submission_and_on_the_leaderboard(run: Path) -> None:

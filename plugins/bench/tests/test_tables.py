@@ -316,7 +316,7 @@ def test_root_causes_are_shares_of_the_failures_of_their_stage(tmp_path: Path) -
     assert shares["nav: stop while far"] == wilson(3, 4)
     assert shares["nav: unaware arrived/touch"] == wilson(1, 4)
     assert len(shares) == len(CAUSES)
-    assert "model: failures find 0, nav 4, interact 0." in table.notes
+    assert "Failures of model: find 0, nav 4, interact 0." in table.notes
 
 
 @pytest.mark.parametrize(
@@ -453,6 +453,9 @@ def test_latex_escapes_names_and_rules_the_papers_rows_off(table: ResultTable) -
     assert text.count(r"\\") == 1 + 10
     assert {line.count(" & ") for line in text.splitlines() if line.endswith(r"\\")} == {len(MAIN)}
     assert text.count(r"\midrule") == 2
+    assert r"\resizebox{\ifdim\width>\textwidth\textwidth" in text
+    drawn = [line for line in text.splitlines() if not line.startswith("%")]
+    assert sum(line.count("{") - line.count("}") for line in drawn) == 0
     assert "\u2020" not in text.split(r"\end{tabular}")[0]
 
 

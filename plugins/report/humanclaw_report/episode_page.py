@@ -6,7 +6,7 @@ All facts come from the record; the scene is only needed to draw the house.
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
@@ -19,17 +19,13 @@ import jinja2
 import markupsafe
 import numpy as np
 from PIL import Image
-from scipy.ndimage import uniform_filter1d
 
 from humanclaw import RecordedEpisode, StepRecord
-from humanclaw.body import Array
 from humanclaw.cli import counted
 from humanclaw.records import Usage
 from humanclaw.storage import Folder, decoded, jpeg
 from humanclaw_report.facts import (
-    ContactRow,
     Milestone,
-    contacts_of,
     in_words,
     milestones,
     touches,
@@ -79,13 +75,11 @@ class StepView:
 
 @dataclass(frozen=True)
 class Chart:
-    """A quantity over the time of the episode, drawn in a box of 100 by 30 units."""
+    """The distance to the target over the time of the episode, drawn in a box of 100 by 30 units."""
 
-    title: str
-    unit: str
     points: str
-    top: str
-    key: str
+    top: float
+    """The greatest distance, metres."""
 
 
 @dataclass(frozen=True)
@@ -111,9 +105,9 @@ class EpisodeView:
     steps: tuple[StepView, ...]
     maps: tuple[PathMap, ...]
     """The storeys that the path or a target is on, lowest first."""
-    contacts: tuple[ContactRow, ...]
     marks: tuple[Mark, ...]
-    charts: tuple[Chart, ...]
+    chart: Chart | None
+    """None if no distance was recorded."""
     film: FilmView | None
 
 
@@ -142,7 +136,6 @@ def episode_page(
         house_script="" if shared else script(drawn.script),
         replay=as_json(moving),
         moments=as_json(_moments(view)),
-        speeds=as_json(_speeds(recorded).round(3).tolist()),
         frames=moving["frames"] if moving else _last_frame(recorded),
     )  # fmt: skip
 
@@ -196,9 +189,8 @@ def _view(
         usage=sum((step.usage for step in recorded.steps), Usage()),
         steps=tuple(_step(recorded, s, n, source[s.step], drawn.names) for n, s in enumerate(recorded.steps)),
         maps=path_maps(recorded, drawn.maps, drawn.note),
-        contacts=contacts_of(recorded, drawn.names),
         marks=marks(recorded, drawn.names, *cause),
-        charts=_charts(recorded),
+        chart=_chart(recorded),
         film=_film(recorded.files, page),
     )
 
@@ -269,7 +261,6 @@ def _moments(view: EpisodeView) -> list[dict[str, Any]]:
             "words": step.record.decision.reasoning or step.record.decision.visible_state,
             "touches": step.contacts,
             "distance": _finite(step.record.target_distance),
-            "tokens": step.record.usage.tokens_in + step.record.usage.tokens_out,
         }
         for step, (first, end) in zip(view.steps, spans(view.recorded), strict=True)
     ]
@@ -283,33 +274,12 @@ def _last_frame(recorded: RecordedEpisode) -> int:
     return max(1, spans(recorded)[-1][1] // EVERY) if recorded.steps else 1
 
 
-def _speeds(recorded: RecordedEpisode) -> Array:
-    """Return the (N,) horizontal speed of the hips in each frame of the replay, averaged over half a second, m/s."""
-    if not recorded.has_motion:
-        return np.zeros(0)
-    root = recorded.motion().root[::EVERY, [0, 2]]
-    moved = np.linalg.norm(np.diff(root, axis=0, prepend=root[:1]), axis=1)
-    return np.asarray(uniform_filter1d(moved * 30 / EVERY, 7, mode="nearest"))
-
-
-def _charts(recorded: RecordedEpisode) -> tuple[Chart, ...]:
-    """Return charts of distance to the target, speed and tokens, for the quantities that were recorded."""
+def _chart(recorded: RecordedEpisode) -> Chart | None:
     last = max(1.0, _last_frame(recorded) - 1.0)
     ends = [min(1.0, end / EVERY / last) for _, end in spans(recorded)]
-    far = [step.target_distance for step in recorded.steps]
-    tokens = [step.usage.tokens_in + step.usage.tokens_out for step in recorded.steps]
-    speeds = _speeds(recorded)
-    charts = []
-    if far and all(value is not None and np.isfinite(value) for value in far):
-        charts.append(_chart("Distance to the target", "m", ends, [value or 0.0 for value in far], "distance-now"))
-    if len(speeds) > 1:
-        charts.append(_chart("Speed", "m/s", np.linspace(0, 1, len(speeds)), speeds.tolist(), "speed-now"))
-    if any(tokens):
-        charts.append(_chart("Tokens of a step", "", ends, [float(value) for value in tokens], "tokens-now"))
-    return tuple(charts)
-
-
-def _chart(title: str, unit: str, shares: Sequence[float] | Array, values: Sequence[float], key: str) -> Chart:
-    top = max(*values, 1e-9) if len(values) > 1 else max(values[0], 1e-9)
-    points = " ".join(f"{100 * x:.2f},{29 - 28 * y / top:.2f}" for x, y in zip(shares, values, strict=True))
-    return Chart(title, unit, points, f"{top:.0f}" if top >= 100 else f"{top:.2f}", key)
+    far = [_finite(step.target_distance) for step in recorded.steps]
+    known = [value for value in far if value is not None]
+    if not far or len(known) < len(far):
+        return None
+    top = max(*known, 1e-9)
+    return Chart(" ".join(f"{100 * x:.2f},{29 - 28 * y / top:.2f}" for x, y in zip(ends, known, strict=True)), top)

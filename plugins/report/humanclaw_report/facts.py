@@ -24,15 +24,6 @@ class Milestone:
     detail: str = ""
 
 
-@dataclass(frozen=True)
-class ContactRow:
-    obj: str
-    parts: str
-    steps: str
-    kind: str
-    depth: float
-
-
 def episodes_asked(run: Path) -> int:
     """Return how many episodes a run was started with; 0 if its folder does not say."""
     try:
@@ -105,37 +96,6 @@ def verdict_of(step: StepRecord) -> tuple[str, str]:
     failed = "; ".join(answer.note or answer.check for answer in verdict.failed)
     asked = f"in the place of {proposed}" if proposed else "by the verifier"
     return "replaced", asked + (f": {failed}" if failed else "")
-
-
-def contacts_of(recorded: RecordedEpisode, names: Mapping[int, str]) -> tuple[ContactRow, ...]:
-    """Return the objects that were touched above the ground, most steps first."""
-    rows: dict[int, list[tuple[int, str, float, bool]]] = {}
-    for step in recorded.steps:
-        for contact in touched_above_ground(recorded, step):
-            part = contact.joint.replace("_", " ")
-            rows.setdefault(contact.object_id, []).append((step.step, part, contact.depth, contact.movable))
-    table = [
-        ContactRow(
-            name_of(names, key),
-            ", ".join(sorted({part for _, part, _, _ in found})),
-            _ranges(sorted({number for number, _, _, _ in found})),
-            "movable" if found[0][3] else "fixed",
-            max(depth for _, _, depth, _ in found),
-        )
-        for key, found in sorted(rows.items(), key=lambda item: -len({n for n, _, _, _ in item[1]}))
-    ]
-    return tuple(table)
-
-
-def _ranges(numbers: Sequence[int]) -> str:
-    """Write 1, 2, 3, 7 as '1-3, 7'."""
-    runs: list[list[int]] = []
-    for number in numbers:
-        if runs and number == runs[-1][-1] + 1:
-            runs[-1].append(number)
-        else:
-            runs.append([number])
-    return ", ".join(f"{run[0]}\u2013{run[-1]}" if len(run) > 1 else str(run[0]) for run in runs)
 
 
 def touches(recorded: RecordedEpisode, step: StepRecord, names: Mapping[int, str]) -> str:

@@ -18,6 +18,7 @@ from humanclaw_report.facts import named
 from humanclaw_report.maps import HouseMap, house_maps
 from humanclaw_report.replay import as_json, house
 
+SCRIPT: Final = "window.humanclawHouse = "
 KEPT: Final = 4
 """Houses in memory. A run has dozens, and its episodes come house by house; `humanclaw watch` shows four at a time."""
 
@@ -40,7 +41,7 @@ class Drawn:
 
     @classmethod
     def of(cls, scene: Scene) -> Drawn:
-        script = f"window.humanclawHouse = {as_json(house(scene))};"
+        script = f"{SCRIPT}{as_json(house(scene))};"
         return cls(house_maps(scene, "house"), scene.digest, named(scene), floors_of(scene), script)
 
     @classmethod

@@ -6,20 +6,23 @@ import json
 import re
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from http import HTTPStatus
 from pathlib import Path
 from typing import Any, Final
 from urllib.parse import unquote, urlsplit
 
-from humanclaw import EpisodeRecord, RecordedEpisode, RecordError, Scene, StepRecord
+from humanclaw import EpisodeRecord, HumanclawError, RecordedEpisode, Scene, StepRecord
 from humanclaw.cli import Handler, Server
 from humanclaw.records import FRAME_BYTES, RECORD_BYTES, STEPS_BYTES
 from humanclaw.storage import Folder
 from humanclaw_report.episode_page import environment, episode_page
 from humanclaw_report.facts import episodes_asked
-from humanclaw_report.houses import Houses
+from humanclaw_report.houses import SCRIPT, Drawn, Houses
 from humanclaw_report.maps import path_maps
+from humanclaw_report.replay import as_json, person, replay
+from humanclaw_report.three import three
 
 SECONDS: Final = 1.0
 """Seconds between two reads of the folder."""
@@ -27,8 +30,7 @@ LIVE: Final = 4
 """The page shows views and maps of this many episodes: those that changed last."""
 _NAME: Final = r"[A-Za-z0-9_-][A-Za-z0-9._-]*"
 _FRAME: Final = re.compile(rf"/frame/({_NAME})/({_NAME}\.jpg)")
-_MAP: Final = re.compile(rf"/map/({_NAME})")
-_REPLAY: Final = re.compile(rf"/replay/({_NAME})")
+_OF_EPISODE: Final = re.compile(rf"/(map|motion|house|replay)/({_NAME})")
 
 
 @dataclass
@@ -68,26 +70,32 @@ class Watcher:
         return self.files if name == self.folder.resolve().name else self.files / name
 
     def drawn(self, name: str) -> str:
-        """Return the maps of an episode up to now, as HTML; empty if there is no such episode."""
-        try:
-            episode = RecordedEpisode(self.place(name))
-        except RecordError:
-            return ""
-        house = self.houses.of(episode)
+        """Return the maps of an episode up to now, as HTML."""
+        episode, house = self._opened(name)
         # One page shows the houses of several episodes, so their element ids must differ.
         storeys = tuple(replace(storey, key=f"{name}-{storey.key}") for storey in house.maps)
         maps = path_maps(episode, storeys, house.note)
         template = environment().get_template("live_map.html")
         return template.render(maps=maps, house=storeys if house.digest else (), words=name, parts=())
 
+    def motion(self, name: str) -> str:
+        """Return the motion of an episode up to now, as JSON; empty if there is none."""
+        episode, house = self._opened(name)
+        return as_json(replay(episode, house.names, house.floors)) if episode.has_motion else ""
+
+    def house(self, name: str) -> str:
+        """Return the house of an episode, as JSON; empty if it is not drawn."""
+        return self._opened(name)[1].script.removeprefix(SCRIPT).removesuffix(";")
+
     def replay(self, name: str) -> str:
-        """Return the page of an episode that has ended, complete in one file; empty if there is no such episode."""
-        try:
-            episode = RecordedEpisode(self.place(name))
-            page = episode.folder / "page.html"  # Not written: small enough views and films are in the page.
-            return episode_page(episode, self.houses.of(episode), page) if episode.has_motion else ""
-        except RecordError:
-            return ""
+        """Return the page of an episode that has ended, complete in one file."""
+        episode, house = self._opened(name)
+        page = episode.folder / "page.html"  # Not written: small enough views and films are in the page.
+        return episode_page(episode, house, page) if episode.has_motion else ""
+
+    def _opened(self, name: str) -> tuple[RecordedEpisode, Drawn]:
+        episode = RecordedEpisode(self.place(name))
+        return episode, self.houses.of(episode)
 
     def frame(self, name: str, file: str) -> bytes:
         """Return a view of an episode as JPEG; empty if there is no such file."""
@@ -117,10 +125,9 @@ def _row(folder: Folder) -> dict[str, Any] | None:
         "outcome": record.outcome,
         "steps": len(lines),
         "call": str(last.call or "no usable call") if last else "",
-        "reasoning": last.decision.reasoning if last else "",
+        "words": (last.decision.reasoning or last.decision.visible_state) if last else "",
         "distance": last.target_distance if last else None,
         "frame": f"/frame/{name}/{frame}" if frame else "",
-        "map": f"/map/{name}?{len(lines)}",
         "replay": f"/replay/{name}" if folder.has("motion.npz") else "",
     }
 
@@ -164,7 +171,10 @@ def _content(watcher: Watcher, path: str) -> tuple[bytes, str]:
         return page.encode(), "text/html; charset=utf-8"
     if match := _FRAME.fullmatch(path):
         return watcher.frame(*match.groups()), "image/jpeg"
-    for pattern, made in ((_MAP, watcher.drawn), (_REPLAY, watcher.replay)):
-        if match := pattern.fullmatch(path):
-            return made(match[1]).encode(), "text/html; charset=utf-8"
+    with suppress(HumanclawError):
+        if path in ("/three", "/skin"):
+            return (three() if path == "/three" else as_json(person())).encode(), "text/javascript; charset=utf-8"
+        if match := _OF_EPISODE.fullmatch(path):
+            made = {"map": watcher.drawn, "motion": watcher.motion, "house": watcher.house, "replay": watcher.replay}
+            return made[match[1]](match[2]).encode(), "text/html; charset=utf-8"
     return b"", "text/plain"

@@ -8,38 +8,38 @@ With CHECKED, a folder of pictures, fail if one of them no longer looks like the
 from __future__ import annotations
 
 import io
-import shutil
 import subprocess
 import sys
+import threading
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Final
 
 import numpy as np
+from browser import browsing
 from PIL import Image
 
-from humanclaw import load_run
+from humanclaw import Plugins, load_run
+from humanclaw_report.watch import Watcher, server
 
 SIZES: Final = {"1400": ({"width": 1400, "height": 1000}, "light"), "390-dark": ({"width": 390, "height": 844}, "dark")}
 ALIKE: Final = 10.0
 """Most mean difference of two pictures of 32 by 24, of 255. Measured: the same run 0 to 7, a page without content 13 or
 more, another house 21 or more."""
-BROWSER: Final = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+FONTS: Final = ":root, body { --serif: 'DejaVu Serif'; --sans: 'DejaVu Sans'; font-family: 'DejaVu Sans'; }"
+"""Style of every picture: other fonts break lines elsewhere, and everything below moves."""
 
 
 def make(run: Path, other: Path, out: Path) -> None:
     """Write pictures of the pages of the other run, of both runs, and of the run's last episode, and of the end of each
     of the run's episodes."""
-    from playwright.sync_api import sync_playwright
-
     pair = out / "pair.html"
     for arguments in ([run], [other], [run, other, "--out", pair]):
         subprocess.run([sys.executable, "-m", "humanclaw", "report", *map(str, arguments)], check=True)
     episodes = load_run(run)
     episode = episodes[-1]
     pages = {"run": other / "report.html", "pair": pair, "episode": episode.folder / "page.html"}
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=BROWSER)
+    with browsing() as browser:
         for name, page in pages.items():
             for suffix, (viewport, scheme) in SIZES.items():
                 picture = _seen(browser, page, viewport, scheme, step=len(episode.steps) // 2)
@@ -49,13 +49,13 @@ def make(run: Path, other: Path, out: Path) -> None:
             picture = _seen(browser, page, {"width": 1000, "height": 1200}, "light", last, part="#stage")
             picture.thumbnail((480, 480))
             picture.save(out / f"replay-{one.record.spec.target_category}.jpg", quality=82)
-        _person(browser).save(out / "human-1400.jpg", quality=82)
-        browser.close()
+        for name, picture in _person(browser).items():
+            picture.save(out / f"{name}-1400.jpg", quality=82)
     pair.unlink()
 
 
-def _person(browser: Any) -> Image.Image:
-    """Return a picture of the page of a person who decides, after two steps."""
+def _person(browser: Any) -> dict[str, Image.Image]:
+    """Return pictures of the page of a person who decides, after two steps, and of who watches."""
     with TemporaryDirectory() as folder:
         words = ["run", "--agent", "human", "--instruction", "find a couch and sit on it", "--option", "browser=false"]
         playing = subprocess.Popen(
@@ -69,10 +69,29 @@ def _person(browser: Any) -> Image.Image:
         for step, key in enumerate(("ArrowUp", "ArrowUp", "End")):
             tab.wait_for_function(f"document.getElementById('step').textContent.startsWith('Step {step} of')")
             tab.wait_for_timeout(1000)  # The half second that led here is shown first.
-            picture = Image.open(io.BytesIO(tab.screenshot())).convert("RGB")
+            if key == "End":
+                pictures = {"human": _taken(tab), "watch": _watched(browser, Path(folder, "run"))}
             tab.keyboard.press(key)
         playing.communicate()
+    return pictures
+
+
+def _watched(browser: Any, run: Path) -> Image.Image:
+    """Return a picture of the live page of a run."""
+    serving = server(Watcher(run, Plugins.discover().scene))
+    threading.Thread(target=serving.serve_forever, daemon=True).start()
+    tab = browser.new_page(viewport={"width": 1400, "height": 1000})
+    tab.goto(f"http://127.0.0.1:{serving.server_address[1]}/")
+    tab.locator(".card canvas").wait_for(timeout=120_000)
+    tab.wait_for_timeout(1000)
+    picture = _taken(tab)
+    serving.shutdown()
     return picture
+
+
+def _taken(seen: Any) -> Image.Image:
+    getattr(seen, "page", seen).add_style_tag(content=FONTS)
+    return Image.open(io.BytesIO(seen.screenshot())).convert("RGB")
 
 
 def differing(made: Path, kept: Path) -> list[str]:
@@ -96,8 +115,7 @@ def _seen(
     tab.goto(f"{page.resolve().as_uri()}#step={step}")
     tab.wait_for_function("document.documentElement.dataset.ready")
     tab.wait_for_timeout(1000)  # Pictures below the first screen load late.
-    taken = tab.screenshot() if part == "html" else tab.locator(part).screenshot()
-    picture = Image.open(io.BytesIO(taken)).convert("RGB")
+    picture = _taken(tab if part == "html" else tab.locator(part))
     tab.close()
     return picture
 

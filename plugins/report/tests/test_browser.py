@@ -1,12 +1,11 @@
 """Tests of the pages in a real browser: no errors, replay, filters, and no serious accessibility fault.
 
-They are slow and need Chromium and playwright. Run them with HUMANCLAW_SLOW=1.
+Run them with `make pages`.
 """
 
 from __future__ import annotations
 
 import copy
-import os
 import shutil
 import threading
 from collections.abc import Iterator
@@ -16,6 +15,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from browser import PHONE, barriers, browsing, looks, opened, slow
 from made import broken_off, picture, record_episode
 from rooms import two_rooms
 
@@ -25,12 +25,7 @@ from humanclaw_report.report import write_report
 from humanclaw_report.run_page import Collected, run_page
 from humanclaw_report.watch import Watcher, server
 
-CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "google-chrome", "chrome"))), None)
-SOFTWARE = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
-pytestmark = pytest.mark.skipif(
-    not (os.environ.get("HUMANCLAW_SLOW") and CHROMIUM), reason="starts a browser: HUMANCLAW_SLOW=1, and Chromium"
-)
-PHONE, DESK = {"width": 390, "height": 844}, {"width": 1400, "height": 1000}
+pytestmark = slow
 
 
 @pytest.fixture(scope="module")
@@ -74,7 +69,8 @@ def watched(tmp_path: Path) -> Iterator[Watched]:
         record_episode(tmp_path / "run" / f"couch-{number}", scenes[name], name=f"couch-{number}")
     for number in (0, 1):
         broken_off(tmp_path / "run" / f"couch-{number}")
-        (tmp_path / "run" / f"couch-{number}" / "motion.npz").unlink()
+        folder = tmp_path / "run" / f"couch-{number}"
+        (folder / "motion.npz").rename(folder / "frames" / "000000.npz")
 
     def load(name: str) -> Scene:
         drawing.wait(60)
@@ -90,27 +86,8 @@ def watched(tmp_path: Path) -> Iterator[Watched]:
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Any]:
-    sync = pytest.importorskip("playwright.sync_api")
-    with sync.sync_playwright() as playwright:
-        started = playwright.chromium.launch(executable_path=CHROMIUM, args=SOFTWARE)
+    with browsing() as started:
         yield started
-        started.close()
-
-
-def opened(
-    browser: Any, page: Path | str, size: dict[str, int] = DESK, scheme: str = "light", measured: bool = False
-) -> tuple[Any, list[str]]:
-    """Open a page; return it once it is ready, with a list of its errors. measured: count its main thread's time."""
-    tab, errors = browser.new_page(viewport=size, color_scheme=scheme), []
-    tab.on("pageerror", lambda error: errors.append(str(error)))
-    tab.on("console", lambda message: errors.append(message.text) if message.type == "error" else None)
-    tab.set_default_timeout(120_000)
-    if measured:
-        tab.measuring = tab.context.new_cdp_session(tab)
-        tab.measuring.send("Performance.enable", {"timeDomain": "threadTicks"})
-    tab.goto(page if isinstance(page, str) else page.as_uri())
-    tab.wait_for_function("document.documentElement.dataset.ready")
-    return tab, errors
 
 
 def test_the_replay_moves_and_view_words_and_map_go_with_it(browser: Any, pages: dict[str, Path]) -> None:
@@ -266,19 +243,14 @@ def test_an_episode_is_opened_from_the_list(browser: Any, pages: dict[str, Path]
 
 
 @pytest.mark.parametrize("name", ["episode", "runs", "watched"])
-@pytest.mark.parametrize(("size", "scheme"), [(PHONE, "dark"), (DESK, "light")])
+@looks
 def test_a_page_fits_and_has_no_serious_barrier(
     browser: Any, pages: dict[str, Path], watched: Watched, name: str, size: dict[str, int], scheme: str
 ) -> None:
-    axe = pytest.importorskip("axe_playwright_python.sync_playwright").Axe()
     tab, errors = opened(browser, watched.address if name == "watched" else pages[name], size, scheme)
     if name == "watched":
         tab.locator(".map .path").first.wait_for()
-    assert tab.evaluate("document.documentElement.scrollWidth") <= size["width"]
-    found = axe.run(tab).response["violations"]
-    serious = [(one["id"], [node["html"][:90] for node in one["nodes"][:3]]) for one in found
-               if one["impact"] in ("serious", "critical")]  # fmt: skip
-    assert not serious
+    assert not barriers(tab)
     assert not errors
 
 
@@ -303,18 +275,29 @@ def test_a_run_of_the_whole_benchmark_opens_within_two_seconds(browser: Any, tmp
 
 def test_a_run_under_way_is_seen_as_it_grows_by_all_who_watch(browser: Any, watched: Watched) -> None:
     tabs = [opened(browser, watched.address) for _ in range(2)]
-    (watched.folder / "couch-0" / "frames" / "0099.jpg").write_bytes(picture(7))
+    frames = watched.folder / "couch-0" / "frames"
+    (frames / "0099.jpg").write_bytes(picture(7))
+    for tab, _ in tabs:
+        tab.locator("[data-episode=couch-0] canvas").wait_for()
+    outside = [tab.locator("[data-episode=couch-0] canvas").screenshot() for tab, _ in tabs]
+    motion = RecordedEpisode(watched.folder / "couch-0").motion()[-15:]
+    root = motion.root + np.linspace(0, 0.5, 15)[:, None] * [1.0, 0.0, 0.0]
+    kinds = ("generated", "simulated")
+    piece = {f"{kind}_root": root for kind in kinds} | {f"{kind}_rotations": motion.rotations for kind in kinds}
+    np.savez(frames / "000001.npz", **piece)
     steps = watched.folder / "couch-0" / "steps.jsonl"
-    *_, before, _ = steps.read_bytes().split(b"\n")[:-1]
+    *_, line, _ = steps.read_bytes().split(b"\n")[:-1]
     count = len(steps.read_bytes().splitlines())
     with steps.open("ab") as file:
-        file.write(before.replace(b'"step":%d' % (count - 2), b'"step":%d' % count) + b"\n")
-    for tab, errors in tabs:
+        file.write(line.replace(b'"step":%d' % (count - 2), b'"step":%d' % count) + b"\n")
+    for (tab, errors), before in zip(tabs, outside, strict=True):
         tab.locator("tbody tr", has_text=str(count + 1)).wait_for()
         card = tab.locator("[data-episode=couch-0]")
         tab.wait_for_function(f"document.querySelector('.said').textContent.startsWith('Step {count},')")
         assert card.locator("img").evaluate("image => image.naturalWidth") == 256
         card.locator(".path title", has_text=f"step {count}").wait_for(state="attached")
+        tab.wait_for_timeout(2000)  # The half second of the step is played.
+        assert card.locator("canvas").screenshot() != before
         assert tab.locator("#lede").inner_text() == "1 ended, 2 in progress."
         assert tab.locator("#now").inner_text() == "Now"
         assert not errors

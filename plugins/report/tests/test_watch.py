@@ -13,7 +13,8 @@ from pathlib import Path
 import pytest
 from made import broken_off, picture, record_episode
 
-from humanclaw_report.watch import Watcher, server
+from humanclaw import RecordError
+from humanclaw_report.watch import Watcher, _content, server
 
 
 @pytest.fixture(scope="module")
@@ -56,6 +57,21 @@ def test_the_view_and_the_map_of_an_episode_are_served(served: tuple[int, Path])
     assert b'class="wall"' in drawn
 
 
+def test_body_and_house_of_an_episode_that_goes_on_are_served_for_the_viewer(run: tuple[Path, Watcher]) -> None:
+    folder, watcher = run
+    whole = json.loads(watcher.motion("couch-0"))
+    broken_off(folder / "couch-0")
+    (folder / "couch-0" / "motion.npz").rename(folder / "couch-0" / "frames" / "000000.npz")
+    steps = folder / "couch-0" / "steps.jsonl"
+    steps.write_bytes(b"".join(steps.read_bytes().splitlines(keepends=True)[:3]))
+    sofar = json.loads(watcher.motion("couch-0"))
+    assert sofar["frames"] == (5 + 3 * 15) / 2 < whole["frames"]
+    assert watcher.state()["rows"][0]["replay"] == ""
+    assert json.loads(watcher.house("couch-0"))["objects"]
+    assert json.loads(_content(watcher, "/skin")[0])["bytes"]
+    assert b"THREE" in _content(watcher, "/three")[0]
+
+
 def test_the_replay_of_an_episode_that_has_ended_is_served_in_one_file(served: tuple[int, Path]) -> None:
     status, page = get(served[0], "/replay/couch-0")
     assert status == 200
@@ -69,7 +85,8 @@ def test_a_damaged_motion_of_an_unsealed_record_is_no_replay(tmp_path: Path) -> 
     record = json.loads((tmp_path / "couch-0" / "episode.json").read_text("utf-8"))
     (tmp_path / "couch-0" / "episode.json").write_text(json.dumps(record | {"files": {}, "seal": ""}), "utf-8")
     (tmp_path / "couch-0" / "motion.npz").write_bytes(b"no archive")
-    assert Watcher(tmp_path, lambda name: scene).replay("couch-0") == ""
+    with pytest.raises(RecordError):
+        Watcher(tmp_path, lambda name: scene).replay("couch-0")
 
 
 @pytest.mark.parametrize(
@@ -117,7 +134,7 @@ def test_a_run_that_is_deleted_is_watched_as_an_empty_one(run: tuple[Path, Watch
     assert run[1].state()["episodes"] == 1
     shutil.rmtree(run[0])
     assert run[1].state()["rows"] == []
-    assert run[1].drawn("couch-0") == ""
+    assert _content(run[1], "/map/couch-0")[0] == b""
     assert run[1].frame("couch-0", "0000.jpg") == b""
 
 

@@ -10,8 +10,7 @@ from typing import Final
 import numpy as np
 
 from humanclaw import Motion
-from humanclaw.body import FUTURE, HISTORY, Array
-from humanclaw.motion import lay_hands
+from humanclaw.body import FUTURE, HISTORY, Array, lay_hands
 from humanclaw.skills import Draw
 from humanclaw_train.augment import Profiles, RealClip
 from humanclaw_train.chunks import Chunks, cut

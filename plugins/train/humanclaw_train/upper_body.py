@@ -18,9 +18,10 @@ from humanclaw.body import (
     SOLE,
     Array,
     forward_kinematics,
+    lay_hands,
     vector_from_matrix as to_vector,
 )
-from humanclaw.motion import Limb, lay_hands, solve
+from humanclaw.motion import Limb, solve
 from humanclaw_train import augment, gait
 from humanclaw_train.augment import CHANNELS, UPPER, channel
 from humanclaw_train.commands import Commands, Ints

@@ -14,16 +14,19 @@ from typing import Final
 import numpy as np
 
 from humanclaw.body.pose import FPS, Array, Motion, matrix_from_quaternion, vector_from_quaternion
+from humanclaw.body.resting_hands import HIPS, RAISED, lay_hands
 from humanclaw.body.skeleton import JOINTS
 from humanclaw.world.half_physics.kernels import hold_back, joint_speeds, link_points, link_speed, moved_on
 from humanclaw.world.half_physics.profile import Profile
-from humanclaw.world.half_physics.quaternions import Pose, blend, conjugate, multiply
+from humanclaw.world.half_physics.quaternions import Pose, blend, conjugate, motion_of, multiply, poses_of
 from humanclaw.world.half_physics.reflexes import CALM, LEG_OF, Reflex, reach_down
 from humanclaw.world.half_physics.skeleton import ARMS, tip_speeds
 from humanclaw.world.half_physics.world import World
 
 _LEAVING: Final = 0.05
 """Hips that are to go up or ahead faster than this leave a seat, m/s; the legs then push as commanded."""
+_UPRIGHT: Final = math.cos(RAISED / 2)
+"""Least real part of the turn of a hip that is not raised."""
 _FLEX: Final = np.array([-1.0, 0.0, 0.0])
 """The axis about which a hip bends."""
 
@@ -45,6 +48,19 @@ class Drive:
         m/s."""
         self._way = vector_from_quaternion(multiply(conjugate(self._target), target))
         self._target, self._swing = target, swing
+
+    def laid(self, target: Pose) -> Pose:
+        """Return the pose due at the end of the coming frame with hands that are clear of the thighs as they will be
+        then.
+
+        A seat holds thighs otherwise than the motion has them.
+        """
+        hips = np.stack([pose[HIPS] for pose in (self.pose.quaternions, self._target, target.quaternions)])
+        if np.abs(hips[..., 3]).max(-1).min() > _UPRIGHT:
+            return target
+        now, before, due = vector_from_quaternion(hips)
+        (laid,) = poses_of(lay_hands(motion_of([target]), now + due - before))
+        return laid
 
     def command(self, left: int, horizontal: Array | None, reflex: Reflex = CALM) -> float:
         """Command one physics step of the frame, with so many steps left in it; returns a bound of the links' speeds,

@@ -44,7 +44,7 @@ class Profile:
     yielding: float = 2.0
     """Thighs that carry the body on a seat while the pelvis hovers bend at the hips this fast, rad/s; 0: they do
     not."""
-    reaching: float = 0.15
+    reaching: float = 0.45
     """Feet of a seated body that hang in the air sink this fast, m/s."""
     exertion: float = 500.0
     """Maximum force with which the body pushes movable objects, newtons: that of an adult."""

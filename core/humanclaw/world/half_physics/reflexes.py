@@ -38,7 +38,7 @@ _SHIN, _SHOE = float(np.linalg.norm(OFFSETS[JOINT_INDEX["left_ankle"]])), 0.2
 """Lengths from knee to ankle and from ankle to the tip of the shoe, metres."""
 _PATIENCE: Final = 0.2
 """A pelvis or thigh that has carried nothing for so long carries no more, seconds."""
-_HANGS, _HURRIES = 0.1, 0.4
+_HANGS, _HURRIES = 0.05, 0.1
 """A foot that has touched nothing for so long begins to reach for the floor, and so much later does so at full speed,
 seconds."""
 _OFF, _LIGHTLY = 0.04, 0.1

@@ -1,4 +1,4 @@
-// The camera's own way around the body: from inside the room, never behind a wall.
+// The camera: its own way around the body, from inside the room and never behind a wall, and hands that take it over.
 // @ts-check
 /// <reference path="viewer.js" />
 "use strict";
@@ -91,4 +91,51 @@ class Way {
     const way = ways.find((one) => reach(one) >= LEAST) ?? ways.reduce((best, one) => (reach(one) > reach(best) ? one : best));
     return chest.clone().addScaledVector(way, Math.max(0.3, reach(way)));
   }
+}
+
+/** Turn the camera with the pointer or the arrow keys; zoom with a pinch, the wheel, + and -. @param {Stage} stage @param {() => void} draw */
+function drag(stage, draw) {
+  const canvas = stage.canvas;
+  /** @type {Map<number, PointerEvent>} */
+  const held = new Map();
+  const spread = () => {
+    const [a, b] = [...held.values()];
+    return Math.hypot(a.clientX - b.clientX, a.clientY - b.clientY);
+  };
+  canvas.addEventListener("pointerdown", (event) => {
+    canvas.setPointerCapture(event.pointerId);
+    held.set(event.pointerId, event);
+  });
+  canvas.addEventListener("pointermove", (event) => {
+    const last = held.get(event.pointerId);
+    if (!last) return;
+    const wide = held.size === 2 ? spread() : 0;
+    held.set(event.pointerId, event);
+    if (held.size === 2) stage.zoom(wide / Math.max(1, spread()));
+    else stage.turn((last.clientX - event.clientX) / 150, (event.clientY - last.clientY) / 150);
+    draw();
+  });
+  for (const end of ["pointerup", "pointercancel"]) canvas.addEventListener(end, (event) => held.delete(/** @type {PointerEvent} */ (event).pointerId));
+  canvas.addEventListener("wheel", (event) => {
+    if (!event.ctrlKey && document.activeElement !== canvas) return; // The page scrolls until the replay has the focus.
+    event.preventDefault();
+    stage.zoom(Math.exp(event.deltaY / 600));
+    draw();
+  }, { passive: false });
+  canvas.addEventListener("keydown", (event) => {
+    /** @type {Record<string, () => void>} */
+    const acts = {
+      ArrowLeft: () => stage.turn(-0.1, 0),
+      ArrowRight: () => stage.turn(0.1, 0),
+      ArrowUp: () => stage.turn(0, 0.08),
+      ArrowDown: () => stage.turn(0, -0.08),
+      "+": () => stage.zoom(0.9),
+      "-": () => stage.zoom(1.1),
+    };
+    if (!acts[event.key]) return;
+    event.preventDefault();
+    event.stopPropagation();
+    acts[event.key]();
+    draw();
+  });
 }

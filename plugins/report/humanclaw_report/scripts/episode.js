@@ -1,9 +1,9 @@
-// The player of an episode: view, replay, map, charts and the list of calls show the same moment.
+// The player of an episode: view, replay, map, chart and the list of calls show the same moment.
 // @ts-check
 /// <reference path="viewer.js" />
 "use strict";
 
-/** @typedef {{step: number, first: number, end: number, frame: string, call: string, words: string, touches: string, distance: number | null, tokens: number}} Moment */
+/** @typedef {{step: number, first: number, end: number, frame: string, call: string, words: string, touches: string, distance: number | null}} Moment */
 
 const find = (/** @type {string} */ id) => /** @type {HTMLElement} */ (document.getElementById(id));
 const read = (/** @type {string} */ id) => JSON.parse(find(id).textContent ?? "null");
@@ -25,7 +25,6 @@ class Player {
     this.rows = [...document.querySelectorAll("#calls > li")];
     this.markers = [.../** @type {NodeListOf<SVGGElement>} */ (document.querySelectorAll(".now"))];
     this.cursors = [.../** @type {NodeListOf<SVGLineElement>} */ (document.querySelectorAll(".cursor"))];
-    this.speeds = read("speeds");
   }
 
   /** Index of the last step that has begun. */
@@ -84,8 +83,6 @@ class Player {
     const seconds = this.time / this.fps;
     find("clock").textContent = `${seconds.toFixed(1)} of ${((this.frames - 1) / this.fps).toFixed(1)} s`;
     this.slider.setAttribute("aria-valuetext", `${seconds.toFixed(1)} seconds, step ${this.moments[index]?.step ?? 0}`);
-    const speed = this.speeds[Math.round(this.time)];
-    find("speed-now").textContent = speed === undefined ? "" : `${speed.toFixed(2)} m/s`;
     const share = this.frames > 1 ? (100 * this.time) / (this.frames - 1) : 0;
     for (const cursor of this.cursors) cursor.setAttribute("transform", `translate(${share} 0)`);
     if (this.stage) this.stage.draw(this.time);
@@ -108,7 +105,6 @@ class Player {
     find("words-now").textContent = moment.words;
     find("touch-now").textContent = moment.touches ? `Touches ${moment.touches}` : "";
     find("distance-now").textContent = moment.distance === null ? "" : `${moment.distance.toFixed(2)} m`;
-    find("tokens-now").textContent = moment.tokens ? moment.tokens.toLocaleString("en") : "";
     this.rows.forEach((other, k) => (k === index ? other.setAttribute("aria-current", "step") : other.removeAttribute("aria-current")));
     this.follow(row);
   }
@@ -205,54 +201,7 @@ function steer(player, stage) {
       player.draw();
     });
   }
-  drag(player, stage);
-}
-
-/** Turn the camera with the pointer or the arrow keys; zoom with a pinch, the wheel, + and -. @param {Player} player @param {Stage} stage */
-function drag(player, stage) {
-  const canvas = stage.canvas;
-  /** @type {Map<number, PointerEvent>} */
-  const held = new Map();
-  const spread = () => {
-    const [a, b] = [...held.values()];
-    return Math.hypot(a.clientX - b.clientX, a.clientY - b.clientY);
-  };
-  canvas.addEventListener("pointerdown", (event) => {
-    canvas.setPointerCapture(event.pointerId);
-    held.set(event.pointerId, event);
-  });
-  canvas.addEventListener("pointermove", (event) => {
-    const last = held.get(event.pointerId);
-    if (!last) return;
-    const wide = held.size === 2 ? spread() : 0;
-    held.set(event.pointerId, event);
-    if (held.size === 2) stage.zoom(wide / Math.max(1, spread()));
-    else stage.turn((last.clientX - event.clientX) / 150, (event.clientY - last.clientY) / 150);
-    player.draw();
-  });
-  for (const end of ["pointerup", "pointercancel"]) canvas.addEventListener(end, (event) => held.delete(/** @type {PointerEvent} */ (event).pointerId));
-  canvas.addEventListener("wheel", (event) => {
-    if (!event.ctrlKey && document.activeElement !== canvas) return; // The page scrolls until the replay has the focus.
-    event.preventDefault();
-    stage.zoom(Math.exp(event.deltaY / 600));
-    player.draw();
-  }, { passive: false });
-  canvas.addEventListener("keydown", (event) => {
-    /** @type {Record<string, () => void>} */
-    const acts = {
-      ArrowLeft: () => stage.turn(-0.1, 0),
-      ArrowRight: () => stage.turn(0.1, 0),
-      ArrowUp: () => stage.turn(0, 0.08),
-      ArrowDown: () => stage.turn(0, -0.08),
-      "+": () => stage.zoom(0.9),
-      "-": () => stage.zoom(1.1),
-    };
-    if (!acts[event.key]) return;
-    event.preventDefault();
-    event.stopPropagation();
-    acts[event.key]();
-    player.draw();
-  });
+  drag(stage, () => player.draw());
 }
 
 /** @param {Replay | null} replay */
@@ -263,7 +212,7 @@ async function stageOf(replay) {
     const { humanclawHouse, humanclawSkin } = /** @type {any} */ (window);
     return await Stage.of(canvas, replay, humanclawHouse ?? null, humanclawSkin);
   } catch (fault) {
-    // Without WebGL or motion, the page still shows views, words, map and charts.
+    // Without WebGL or motion, the page still shows views, words, map and chart.
     canvas.hidden = true;
     find("no-stage").textContent = `No 3D replay: ${fault instanceof Error ? fault.message : fault}`;
     find("steering").hidden = true;

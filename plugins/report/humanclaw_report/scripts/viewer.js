@@ -70,13 +70,15 @@ class Furnishing {
 class Stage {
   /** @param {HTMLCanvasElement} canvas @param {Replay} replay @param {House | null} house @param {Packed} person */
   static async of(canvas, replay, house, person) {
-    const stage = new Stage(canvas, replay, await unpack(replay.motion), new Skin(await unpack(person)));
-    await stage.load(house);
+    const stage = new Stage(canvas, replay, new Skin(await unpack(person)));
+    if (house) await stage.furnish(house);
+    else stage.scene.add(new THREE.GridHelper(40, 40, 0x888888, 0xcccccc));
+    await stage.show(replay);
     return stage;
   }
 
-  /** @param {HTMLCanvasElement} canvas @param {Replay} replay @param {Record<string, Values>} motion @param {Skin} skin */
-  constructor(canvas, replay, motion, skin) {
+  /** @param {HTMLCanvasElement} canvas @param {Replay} replay @param {Skin} skin */
+  constructor(canvas, replay, skin) {
     this.canvas = canvas;
     this.replay = replay;
     this.scene = new THREE.Scene();
@@ -96,14 +98,18 @@ class Stage {
     this.centre = new THREE.Vector3();
     this.marks = true;
     this.cut = false;
-    this.motion = motion;
+    this.ease = 1; // Share of the way that the camera takes to its new place in each drawing.
     this.skin = skin;
     this.body = new Figure(replay.body, skin, new THREE.MeshLambertMaterial({ vertexColors: true }));
     this.body.mesh.castShadow = this.body.mesh.receiveShadow = true;
     this.ghost = new Figure(replay.body, skin, new THREE.MeshLambertMaterial({ color: 0x20b090, transparent: true, opacity: 0.35, depthWrite: false }));
     this.ghost.root.visible = false;
-    this.scene.add(this.body.root, this.ghost.root);
-    this.heading = this.headings();
+    this.line = new THREE.Line(new THREE.BufferGeometry(), new THREE.LineBasicMaterial({ color: 0xd4488f }));
+    this.scene.add(this.body.root, this.ghost.root, this.line, ...replay.targets.map(outline));
+    /** @type {Record<string, Values>} */
+    this.motion = {};
+    /** @type {number[]} */
+    this.heading = [];
     this.way = new Way([], [], [], []);
   }
 
@@ -117,13 +123,12 @@ class Stage {
     Object.assign(this.sun.shadow.camera, { left: -4, right: 4, top: 4, bottom: -4, near: 0.5, far: 14 });
   }
 
-  /** @param {House | null} house */
-  async load(house) {
-    if (house) await this.furnish(house);
-    else this.scene.add(new THREE.GridHelper(40, 40, 0x888888, 0xcccccc));
-    this.scene.add(this.path(), ...this.replay.targets.map(outline));
-    const root = this.motion.simulated_root;
-    this.centre.set(root[0], root[1], root[2]);
+  /** Take up a replay, or one of the same episode that has become longer. @param {Replay} replay */
+  async show(replay) {
+    this.motion = await unpack(replay.motion);
+    this.replay = replay;
+    this.heading = this.headings();
+    this.trace();
     const boxes = (/** @type {boolean} */ furniture) =>
       this.furnishings.filter(({ data }) => !this.motion[`object_${data.id}`] && (data.kind === "furniture") === furniture).map(({ box }) => box);
     const chests = this.heading.map((_, k) => this.chest(k));
@@ -166,12 +171,13 @@ class Stage {
     return this.furnishings.filter((other) => !["wall", "floor", "stairs"].includes(other.data.kind) && around.intersectsBox(other.box) && above(other.box));
   }
 
-  /** The walked path, 3 cm above the floor. */
-  path() {
+  /** Draw the walked path, 3 cm above the floor. */
+  trace() {
     const root = this.motion.simulated_root;
     const points = [];
     for (let k = 0; k < root.length; k += 3) points.push(new THREE.Vector3(root[k], this.floor(root[k + 1]) + 0.03, root[k + 2]));
-    return new THREE.Line(new THREE.BufferGeometry().setFromPoints(points), new THREE.LineBasicMaterial({ color: 0xd4488f }));
+    this.line.geometry.dispose();
+    this.line.geometry = new THREE.BufferGeometry().setFromPoints(points);
   }
 
   /** The floor below a pelvis at this height. @param {number} height */
@@ -236,7 +242,7 @@ class Stage {
     this.camera.up.set(0, 1, 0);
     if (this.ego) return this.lookOut();
     if (this.view !== "free") this.centre.copy(this.chest(time));
-    this.camera.position.copy(this.view === "auto" ? this.way.at(this.centre, time) : this.orbit(time));
+    this.camera.position.lerp(this.view === "auto" ? this.way.at(this.centre, time) : this.orbit(time), this.ease);
     this.camera.lookAt(this.centre);
   }
 

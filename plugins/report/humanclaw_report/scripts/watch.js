@@ -1,9 +1,10 @@
 // The live page of a run: shows each state that the server sends.
 // @ts-check
+/// <reference path="viewer.js" />
 "use strict";
 
 {
-  /** @typedef {{id: string, instruction: string, outcome: string, steps: number, call: string, reasoning: string, distance: number | null, frame: string, map: string, replay: string}} Row */
+  /** @typedef {{id: string, instruction: string, outcome: string, steps: number, call: string, words: string, distance: number | null, frame: string, replay: string}} Row */
   /** @typedef {{ended: number, episodes: number, asked: number, rows: Row[], live: number}} State */
 
   const at = (/** @type {string} */ id) => /** @type {HTMLElement} */ (document.getElementById(id));
@@ -28,27 +29,98 @@
     return element;
   };
 
+  const fetched = async (/** @type {string} */ address) => {
+    const answer = await fetch(address).catch(() => null);
+    return answer?.ok ? answer : null;
+  };
+
+  /** The body from outside: each longer motion is played on from where the last one ended. */
+  class Outside {
+    /** @param {HTMLCanvasElement} canvas @param {string} house */
+    constructor(canvas, house) {
+      this.canvas = canvas;
+      this.house = house;
+      this.time = 0;
+      /** @type {Stage | null} */
+      this.stage = null;
+    }
+
+    /** @param {Replay} replay */
+    async show(replay) {
+      if (this.stage) await this.stage.show(replay);
+      else await this.build(replay);
+      this.canvas.hidden = false;
+      await this.play();
+    }
+
+    /** @param {Replay} replay */
+    async build(replay) {
+      const [house, person] = await Promise.all([this.house, "/skin"].map(async (address) => (await fetched(address))?.json()));
+      const stage = await Stage.of(this.canvas, replay, house ?? null, person);
+      this.stage = stage;
+      this.time = replay.frames - 1;
+      drag(stage, () => {
+        stage.ease = 1;
+        stage.draw(this.time);
+      });
+    }
+
+    /** Play to the last frame, in a second at most. The camera glides, since its way changes with what has become known. @returns {Promise<void>} */
+    play() {
+      const stage = /** @type {Stage} */ (this.stage);
+      const first = this.time, last = stage.replay.frames - 1, began = performance.now();
+      const most = matchMedia("(prefers-reduced-motion: reduce)").matches ? 0 : 1000;
+      const lasting = Math.min(most, ((last - first) * 1000) / stage.replay.fps);
+      stage.ease = lasting ? 0.15 : 1;
+      return new Promise((done) => {
+        const tick = (/** @type {number} */ now) => {
+          this.time = lasting ? Math.min(last, first + ((last - first) * Math.max(0, now - began)) / lasting) : last;
+          stage.draw(this.time);
+          if (this.time < last) requestAnimationFrame(tick);
+          else done();
+        };
+        requestAnimationFrame(tick);
+      });
+    }
+  }
+
+  /** @type {Map<Element, Outside>} */
+  const seen = new Map();
+
+  /** Give back the graphics memory of cards that have left the page. */
+  const tidy = () => {
+    for (const [element, { stage }] of seen) {
+      if (element.isConnected) continue;
+      stage?.renderer.forceContextLoss();
+      seen.delete(element);
+    }
+  };
+
   /** Return the card of an episode; make it at the first call. @param {Row} row */
   const card = (row) => {
     const known = document.querySelector(`[data-episode="${CSS.escape(row.id)}"]`);
     if (known instanceof HTMLElement) return known;
     const element = made("article", "", "card");
     element.dataset.episode = row.id;
-    const picture = document.createElement("img");
+    const picture = document.createElement("img"), canvas = document.createElement("canvas");
     picture.width = picture.height = 320;
-    element.append(made("h3", `${row.id}: ${row.instruction}`), picture, made("p", "", "said"), made("div", "", "map"));
+    Object.assign(canvas, { tabIndex: 0, hidden: true, role: "img", ariaLabel: "The body in its house. Arrow keys turn the camera, plus and minus zoom." });
+    element.append(made("h3", `${row.id}: ${row.instruction}`), made("p", "", "said"), picture, canvas, made("div", "", "map"));
+    if (typeof THREE !== "undefined") seen.set(element, new Outside(canvas, `/house/${row.id}`));
     return element;
   };
 
-  /** Draw the path up to now. One request at a time: the first map of a house takes the server seconds. @param {HTMLElement} element */
+  /** Draw the path up to now, and move the body there. One request at a time: the first map of a house takes the server seconds. @param {HTMLElement} element */
   const draw = async (element) => {
     const map = /** @type {HTMLElement} */ (element.querySelector(".map"));
     element.dataset.drawing = "yes";
-    for (let wanted = element.dataset.map; map.dataset.shown !== wanted; wanted = element.dataset.map) {
-      const answer = await fetch(wanted ?? "").catch(() => null);
-      if (!answer?.ok) break;
-      map.innerHTML = await answer.text();
+    for (let wanted = element.dataset.state; map.dataset.shown !== wanted && element.isConnected; wanted = element.dataset.state) {
+      const name = element.dataset.episode, drawn = await fetched(`/map/${name}`), motion = await fetched(`/motion/${name}`);
+      if (!drawn) break;
+      map.innerHTML = await drawn.text();
       map.dataset.shown = wanted;
+      // Without WebGL, views and maps go on.
+      if (motion) await seen.get(element)?.show(await motion.json()).catch(() => seen.delete(element));
     }
     delete element.dataset.drawing;
   };
@@ -60,10 +132,9 @@
     picture.alt = `What the body sees after ${row.steps} step${row.steps === 1 ? "" : "s"}`;
     if (row.frame && !picture.src.endsWith(row.frame)) picture.src = row.frame;
     const said = /** @type {HTMLElement} */ (element.querySelector(".said"));
-    said.textContent = row.steps ? `Step ${row.steps - 1}, ${row.call}: ${row.reasoning}` : "";
+    said.textContent = row.steps ? `Step ${row.steps - 1}, ${row.call}${row.words && `: ${row.words}`}` : "";
     if (row.replay) said.append(" ", linked("Watch the replay", row.replay));
-    element.dataset.map = row.map;
-    if (!element.dataset.drawing) draw(element);
+    element.dataset.state = `${row.steps} ${row.outcome}`;
     return element;
   };
 
@@ -76,7 +147,10 @@
     const running = state.rows.filter((row) => row.outcome === "running");
     const live = (running.length ? running : state.rows).slice(0, running.length ? state.live : 1);
     at("now").textContent = live.length && !running.length ? "Last episode" : "Now";
-    at("live").replaceChildren(...live.map(show));
+    const cards = live.map(show);
+    at("live").replaceChildren(...cards);
+    for (const one of cards.filter(({ dataset }) => !dataset.drawing)) draw(one);
+    tidy();
     document.documentElement.dataset.ready = "yes";
   };
   events.onerror = () => (at("lede").textContent = "The server has stopped. The records are in the folder of the run.");

@@ -1,7 +1,7 @@
 """Lay hands that rest on raised thighs flat on them.
 
 The model points the fingers of a seated body into its thighs, by up to 8 cm. The correction depends on the pose of each
-frame alone, so that it neither jumps nor adds up. The model must go on from its own hands: it has never seen others.
+frame alone, so that it neither jumps nor adds up.
 """
 
 from __future__ import annotations
@@ -14,14 +14,16 @@ from humanclaw.body.ik import SIDES, Limb, bent
 from humanclaw.body.pose import Array, Motion, forward_kinematics, matrix_from_vector, smoothstep, vector_from_matrix
 from humanclaw.body.skeleton import JOINT_INDEX, LINKS, Capsule
 
-_RAISED: Final = 0.9
-"""Bend of a hip, radians, below which nobody sits."""
-_HIPS: Final = [JOINT_INDEX[f"{side}_hip"] for side in SIDES]
-_CLEAR: Final = sum(
+RAISED: Final = 0.7
+"""Bend of the straighter hip, radians, below which nobody sits."""
+HIPS: Final = [JOINT_INDEX[f"{side}_hip"] for side in SIDES]
+_MARGIN: Final = 0.008
+"""Metres between hand and thigh: arms follow a seat that lifts the thighs with a delay."""
+_CLEAR: Final = _MARGIN + sum(
     one.shape.radius for one in LINKS if one.joint in ("left_hip", "left_elbow") and isinstance(one.shape, Capsule)
 )
 """Distance of a wrist from the axis of the thigh that it rests on, metres."""
-_PALM: Final = 0.084
+_PALM: Final = _MARGIN + 0.084
 """Distance of a flat palm from the axis of the thigh, metres."""
 _EDGE: Final = 0.06
 """Distance of the palm's inner edge from the wrist, to the side, metres."""
@@ -29,15 +31,15 @@ _INWARDS: Final = 0.25
 """Sine of the angle by which fingers point inwards."""
 
 
-def lay_hands(motion: Motion, seated: Motion | None = None) -> Motion:
+def lay_hands(motion: Motion, hips: Array | None = None) -> Motion:
     """Return a motion (any frame) whose hands do not reach into the thighs below them.
 
-    seated: a pose whose last frame has the thighs as a seat holds them; None for those of the motion.
+    hips: (2, 3) rotation vectors of the thighs, left first, where a seat holds them otherwise than the motion.
     """
     bent_legs = motion.rotations.copy()
-    if seated is not None:
-        bent_legs[:, _HIPS] = seated.rotations[-1, _HIPS]
-    if -bent_legs[:, _HIPS, 0].min() < _RAISED:
+    if hips is not None:
+        bent_legs[:, HIPS] = hips
+    if -bent_legs[:, HIPS, 0].max(-1).min() < RAISED:
         return motion
     positions, turns = forward_kinematics(motion.root, bent_legs)
     rotations = motion.rotations.copy()
