@@ -4,6 +4,7 @@ import errno
 import io
 import json
 import os
+import threading
 import zipfile
 
 import numpy as np
@@ -194,8 +195,10 @@ def test_a_full_disk_is_told_in_a_sentence_and_leaves_whole_lines(tmp_path, full
     record = EpisodeRecord(spec=SPEC, start={"x": 0, "z": 0, "yaw": 0}, agent="a", scene_digest="d")
     writer = EpisodeWriter(tmp_path / "a", record)
     writer.step(step(0))
+    writer.frame("0.jpg", b"x")
     full()
-    for write in (lambda: writer.step(step(1)), lambda: writer.frame("0.jpg", b"x"), lambda: writer.end(record, {})):
+    writer.step(step(1))  # It waits for the disk no longer than the next view takes.
+    for write in (lambda: writer.step(step(2)), lambda: writer.frame("0.jpg", b"x"), lambda: writer.end(record, {})):
         with pytest.raises(RecordError, match=r"cannot write the record to .*: No space left on device\."):
             write()
     found = (tmp_path / "a" / "steps.jsonl").read_bytes()
@@ -213,6 +216,21 @@ def test_a_frame_waits_for_no_disk_and_is_on_disk_when_the_record_ends(tmp_path,
     assert not settled & frames
     writer.end(record, {})
     assert settled >= {*frames, (tmp_path / "a" / "frames").stat().st_ino}
+
+
+def test_a_step_is_on_disk_before_the_view_of_the_next_is_kept(tmp_path, monkeypatch):
+    record = EpisodeRecord(spec=SPEC, start={"x": 0, "z": 0, "yaw": 0}, agent="a", scene_digest="d")
+    writer = EpisodeWriter(tmp_path / "a", record)
+    writer.frame("0.jpg", b"x")
+    real, slow, order = os.fsync, threading.Event(), []
+    monkeypatch.setattr("os.fsync", lambda descriptor: (slow.wait(9), order.append("step"), real(descriptor)))
+    writer.step(step(0))
+    assert b'"step":0' in (tmp_path / "a" / "steps.jsonl").read_bytes(), "who is killed now keeps it"
+    threading.Timer(0.2, slow.set).start()
+    writer.frame("1.jpg", b"x")
+    order.append("view")
+    writer.end(record, {})
+    assert order[:2] == ["step", "view"]
 
 
 @pytest.mark.parametrize("place", ['"x": NaN', '"z": Infinity', '"yaw": 1e999', '"x": 1e308', '"floor": -20000'])

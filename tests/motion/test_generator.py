@@ -13,6 +13,7 @@ from humanclaw.errors import CheckpointError, HumanclawError
 from humanclaw.motion.control import AdapterConfig
 from humanclaw.motion.flow import Solver
 from humanclaw.motion.generator import DiTGenerator
+from humanclaw.motion.runtime import Reread
 
 AHEAD = {"x": 0.0, "z": 0.4, "yaw": 0.0}
 TURNING = {"x": 0.0, "z": 0.1, "yaw": 0.3}
@@ -136,3 +137,17 @@ def test_a_history_of_another_length_is_refused(generator, walk_file):
 def test_an_unknown_profile_names_the_known_ones():
     with pytest.raises(HumanclawError, match="default, paper"):
         DiTGenerator.shipped("fast")
+
+
+def test_files_are_read_again_when_they_change_and_after_several_others(tmp_path):
+    read: list[str] = []
+    files = [tmp_path / str(number) for number in range(6)]
+    for file in files:
+        file.write_text("")
+    reread = Reread(lambda path: read.append(path.name))
+    for file in (files[0], files[0], *files[1:5], files[0], files[5], files[0], files[1]):
+        reread(file)
+    assert read == [*"012345", "1"], "the one that was used longest ago is read again"
+    os.utime(files[0], ns=(0, 0))
+    reread(files[0])
+    assert read[-1] == "0"

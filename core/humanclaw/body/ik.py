@@ -63,7 +63,7 @@ def solve(limb: Limb, start: Array, end: Array, pole: Array, slack: float = 1e-4
     fold = matrix_from_vector(bend[..., None] * limb.hinge)
     rest = _basis(limb.upper + fold @ limb.lower, np.broadcast_to(limb.hinge, span.shape))
     # The hinge lies square to the plane of start, end and pole; on a leg that hangs, pole x span is the body's left.
-    side = np.cross(pole, span) * float(np.sign(np.dot(np.cross(_pole(limb), limb.upper), limb.hinge)))
+    side = _cross(pole, span) * float(np.sign(np.dot(_cross(_pole(limb), limb.upper), limb.hinge)))
     upper = _basis(span / np.maximum(distance, 1e-9)[..., None], side) @ np.swapaxes(rest, -1, -2)
     return upper, upper @ fold
 
@@ -83,18 +83,27 @@ def bent(limb: Limb, joints: Array, turns: Array, end: Array, reach: float = np.
     wanted = end - start
     distance = np.linalg.norm(wanted, axis=-1)
     reachable = start + wanted * np.minimum(1.0, farthest / distance)[:, None]
-    old, new = solve(limb, start, tip, pole), solve(limb, start, reachable, pole)
-    upper, lower = (new[bone] @ np.swapaxes(old[bone], -1, -2) @ turns[:, bone] for bone in (0, 1))
+    (old, new), (old_lower, new_lower) = solve(limb, start, np.stack([tip, reachable]), pole)
+    pairs = ((old, new), (old_lower, new_lower))
+    upper, lower = (to @ np.swapaxes(was, -1, -2) @ turns[:, bone] for bone, (was, to) in enumerate(pairs))
     return upper, lower
 
 
 def _pole(limb: Limb) -> Array:
     """Where the hinge points in the rest pose: away from where the end goes when the limb bends."""
-    return -np.cross(limb.hinge, limb.lower)
+    return -_cross(limb.hinge, limb.lower)
 
 
 def _basis(along: Array, side: Array) -> Array:
     first = along / np.linalg.norm(along, axis=-1, keepdims=True)
     square = side - np.sum(side * first, -1, keepdims=True) * first
     second = square / np.maximum(np.linalg.norm(square, axis=-1, keepdims=True), 1e-9)
-    return np.stack([first, second, np.cross(first, second)], -1)
+    return np.stack([first, second, _cross(first, second)], -1)
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """Return (..., 3) cross products: numpy's own takes several times as long for few of them."""
+    return a[..., _NEXT] * b[..., _LAST] - a[..., _LAST] * b[..., _NEXT]
+
+
+_NEXT, _LAST = [1, 2, 0], [2, 0, 1]

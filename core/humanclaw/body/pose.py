@@ -66,21 +66,16 @@ def quaternion_from_matrix(matrix: Array) -> Array:
     """Map (..., 3, 3) matrices to (..., 4) unit quaternions x, y, z, w with w >= 0."""
     m = np.asarray(matrix, float)
     xx, yy, zz = m[..., 0, 0], m[..., 1, 1], m[..., 2, 2]
-    # One column per choice of the largest component: dividing by it is what keeps every case well conditioned.
-    square = np.stack([1 + xx - yy - zz, 1 - xx + yy - zz, 1 - xx - yy + zz, 1 + xx + yy + zz], -1)
-    xy, xz, yz = m[..., 0, 1] + m[..., 1, 0], m[..., 0, 2] + m[..., 2, 0], m[..., 1, 2] + m[..., 2, 1]
-    wx, wy, wz = m[..., 2, 1] - m[..., 1, 2], m[..., 0, 2] - m[..., 2, 0], m[..., 1, 0] - m[..., 0, 1]
-    rows = np.stack(
-        [
-            np.stack([square[..., 0], xy, xz, wx], -1),
-            np.stack([xy, square[..., 1], yz, wy], -1),
-            np.stack([xz, yz, square[..., 2], wz], -1),
-            np.stack([wx, wy, wz, square[..., 3]], -1),
-        ],
-        -2,
-    )
-    best = np.argmax(square, -1)[..., None, None]
-    quaternion = np.take_along_axis(rows, np.broadcast_to(best, (*rows.shape[:-2], 1, 4)), -2)[..., 0, :]
+    # One row per choice of the largest component: dividing by it is what keeps every case well conditioned.
+    rows = np.empty((*m.shape[:-2], 4, 4))
+    rows[..., :3, :3] = m + np.swapaxes(m, -1, -2)
+    rows[..., 3, 0] = rows[..., 0, 3] = m[..., 2, 1] - m[..., 1, 2]
+    rows[..., 3, 1] = rows[..., 1, 3] = m[..., 0, 2] - m[..., 2, 0]
+    rows[..., 3, 2] = rows[..., 2, 3] = m[..., 1, 0] - m[..., 0, 1]
+    rows[..., 0, 0], rows[..., 1, 1] = 1 + xx - yy - zz, 1 - xx + yy - zz
+    rows[..., 2, 2], rows[..., 3, 3] = 1 - xx - yy + zz, 1 + xx + yy + zz
+    best = np.einsum("...ii->...i", rows).argmax(-1).ravel()
+    quaternion = rows.reshape(-1, 4, 4)[np.arange(best.size), best].reshape(*m.shape[:-2], 4)
     quaternion = quaternion / np.linalg.norm(quaternion, axis=-1, keepdims=True)
     return np.asarray(np.where(quaternion[..., 3:] < 0, -quaternion, quaternion))
 

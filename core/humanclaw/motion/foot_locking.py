@@ -94,9 +94,9 @@ def _lock_foot(side: str, toe: Array, positions: Array, turns: Array, rotations:
     toes[:, 1] += _sunk(toes, foot, matrix_from_vector(rotations[:, base]))
     leg = positions[:, [hip, knee, ankle]]
     thigh, shin = bent(Limb.leg(side), leg, turns[:, [hip, knee]], toes - foot @ TOE_BASE, REACH)
-    for joint, parent, turn in ((hip, turns[:, 0], thigh), (knee, thigh, shin), (ankle, shin, foot)):
-        local = vector_from_matrix(np.swapaxes(parent, -1, -2) @ turn)
-        rotations[HISTORY:, joint] = local[HISTORY:]
+    parents, bones = np.stack([turns[:, 0], thigh, shin], 1), np.stack([thigh, shin, foot], 1)
+    local = vector_from_matrix(np.swapaxes(parents, -1, -2) @ bones)
+    rotations[HISTORY:, [hip, knee, ankle]] = local[HISTORY:]
 
 
 def _sunk(toes: Array, foot: Array, bend: Array) -> Array:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import zipfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import BinaryIO
 
@@ -13,7 +15,7 @@ import numpy as np
 from humanclaw.body.pose import Array
 from humanclaw.errors import RecordError
 from humanclaw.records.steps import EpisodeRecord, StepRecord
-from humanclaw.storage.files import MIB, Folder, add_line, writing
+from humanclaw.storage.files import MIB, Folder, begin_line, writing
 
 AGAIN = "Run the episode again, or remove its folder."
 RECORD_BYTES, STEPS_BYTES, FRAME_BYTES, MOTION_BYTES = 16 * MIB, 128 * MIB, 16 * MIB, 1024 * MIB
@@ -21,7 +23,8 @@ RECORD_BYTES, STEPS_BYTES, FRAME_BYTES, MOTION_BYTES = 16 * MIB, 128 * MIB, 16 *
 
 
 class EpisodeWriter:
-    """Writes one episode folder; every step is on disk before the next begins."""
+    """Writes one episode folder. The disk works while the next view is drawn: before that view is kept, and so before
+    the next step is decided, everything earlier but the views is on disk."""
 
     def __init__(self, folder: Path | Folder, record: EpisodeRecord, kept: Sequence[StepRecord] = ()) -> None:
         """kept: steps of an earlier run that the folder begins with."""
@@ -30,16 +33,20 @@ class EpisodeWriter:
         lines = "".join(step.model_dump_json() + "\n" for step in kept)
         with writing(files):
             files.root.mkdir(parents=True, exist_ok=True)
-            write_record(files, record.model_copy(update={"files": {}}))
+            write_record(files, record.model_copy(update={"files": {}}), settled=bool(kept))
             for old in ("motion.npz", *frames_in(files), *pieces_in(files)):
                 files.remove(old)  # Left by an earlier run; kept steps are drawn again.
-            files.write("steps.jsonl", lines.encode())
+            files.write("steps.jsonl", lines.encode(), settled=bool(kept))
             self._steps = files.append("steps.jsonl")
         self._pieces = 0
+        self._disk = ThreadPoolExecutor(1)
+        self._settling: Future[None] | None = None
+        self._later(partial(files.settle, ("episode.json", "steps.jsonl")))
 
     def frame(self, name: str, data: bytes) -> str:
         """Write a picture. Returns its path relative to the folder. It is on disk when the record ends: who continues
         an episode draws its steps again."""
+        self._settle()
         with writing(self._files):
             self._files.write(f"frames/{name}", data, settled=False)
         return f"frames/{name}"
@@ -52,33 +59,51 @@ class EpisodeWriter:
 
     def step(self, step: StepRecord) -> None:
         """Append a line, whole or not at all. Raises RecordError if the disk is full."""
+        self._settle()
         with writing(self._files):
-            add_line(self._steps, step.model_dump_json().encode())
+            self._later(begin_line(self._steps, step.model_dump_json().encode()))
+
+    def _later(self, settle: Callable[[], None]) -> None:
+        """Let the disk work meanwhile."""
+        self._settling = self._disk.submit(settle)
+
+    def _settle(self) -> None:
+        """Wait until what was written before is on disk."""
+        settling, self._settling = self._settling, None
+        with writing(self._files):
+            if settling:
+                settling.result()
 
     def end(self, record: EpisodeRecord, arrays: Mapping[str, Array]) -> None:
         """Close the record: write motion.npz, then the final episode.json. Raises RecordError if the disk is full."""
+        self._settle()
         self._steps.close()
+        frames = self._files / "frames"
         with writing(self._files):
+            if pictures := frames.names(".jpg"):
+                self._later(partial(frames.settle, pictures))
             with self._files.replacing("motion.npz") as stream:
                 _write_npz(stream, arrays)
-            frames = self._files / "frames"
-            if pictures := frames.names(".jpg"):
-                frames.settle(pictures)
-            close_record(self._files, record)
+        self._settle()
+        close_record(self._files, record)
+        self._disk.shutdown()
 
 
 def _write_npz(stream: BinaryIO, arrays: Mapping[str, Array], packing: int = zipfile.ZIP_DEFLATED) -> None:
-    """Write arrays as numpy.savez_compressed does, but hold only one of them at a time."""
+    """Write arrays as numpy.savez_compressed does, but a thousand rows at a time: its buffers take 40 MB."""
     with zipfile.ZipFile(stream, "w", packing) as archive:
         for name in arrays:
             with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
-                np.lib.format.write_array(member, arrays[name], allow_pickle=False)
+                array = arrays[name]
+                np.lib.format.write_array_header_1_0(member, np.lib.format.header_data_from_array_1_0(array))
+                for first in range(0, len(array), 1000):
+                    member.write(array[first : first + 1000].tobytes())
 
 
-def write_record(folder: Path | Folder, record: EpisodeRecord) -> None:
-    """Write episode.json with its seal."""
+def write_record(folder: Path | Folder, record: EpisodeRecord, settled: bool = True) -> None:
+    """Write episode.json with its seal. settled: as Folder.replacing() has it."""
     with writing(folder):
-        Folder.of(folder).write("episode.json", record.sealed.model_dump_json(indent=1).encode())
+        Folder.of(folder).write("episode.json", record.sealed.model_dump_json(indent=1).encode(), settled)
 
 
 def close_record(folder: Path | Folder, record: EpisodeRecord) -> None:

@@ -12,7 +12,7 @@ import os
 import shutil
 import stat
 import threading
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
@@ -266,11 +266,29 @@ def add_line(stream: BinaryIO, line: bytes) -> None:
 
     stream: of Folder.append().
     """
+    begin_line(stream, line)()
+
+
+def begin_line(stream: BinaryIO, line: bytes) -> Callable[[], None]:
+    """Add a line as add_line() does, without waiting for the disk; return the function that waits. Both raise
+    OSError."""
     before = stream.seek(0, os.SEEK_END)
-    try:
+    with _whole(stream, before):
         if stream.write(line + b"\n") <= len(line):
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        os.fsync(stream.fileno())
+
+    def settle() -> None:
+        with _whole(stream, before):
+            os.fsync(stream.fileno())
+
+    return settle
+
+
+@contextmanager
+def _whole(stream: BinaryIO, before: int) -> Iterator[None]:
+    """Cut a file to its length before a line if the block raises OSError."""
+    try:
+        yield
     except OSError:
         stream.truncate(before)
         raise

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -13,14 +12,16 @@ from humanclaw.world import LINK_OF, Profile, capsule_frame, link_inertia, link_
 from humanclaw_bullet.engine import Client
 
 
-def load_body(client: Client, profile: Profile) -> int:
-    """Build the body in a world and return Bullet's number of it. Bullet's link index is the joint's index minus 1."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "body.urdf"
-        path.write_text(urdf(profile), encoding="utf-8")
-        # Without the second flag Bullet numbers the links depth first.
-        flags = client.URDF_USE_INERTIA_FROM_FILE | client.URDF_MAINTAIN_LINK_ORDER
-        body = int(client.loadURDF(str(path), flags=flags))
+def load_body(client: Client, profile: Profile, folder: Path) -> int:
+    """Build the body in a world and return Bullet's number of it. Bullet's link index is the joint's index minus 1.
+
+    folder: for a file that Bullet reads.
+    """
+    path = folder / "body.urdf"
+    path.write_text(urdf(profile), encoding="utf-8")
+    # Without the second flag Bullet numbers the links depth first.
+    flags = client.URDF_USE_INERTIA_FROM_FILE | client.URDF_MAINTAIN_LINK_ORDER
+    body = int(client.loadURDF(str(path), flags=flags))
     _free(client, body, profile)
     return body
 

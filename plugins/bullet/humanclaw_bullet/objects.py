@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
@@ -23,8 +22,9 @@ _MOVING: Final = 1
 class Objects:
     """The objects of a scene as Bullet bodies. Objects of one asset share its shapes."""
 
-    def __init__(self, client: Client, scene: Scene) -> None:
-        self._client, self._scene = client, scene
+    def __init__(self, client: Client, scene: Scene, folder: Path) -> None:
+        """folder: for files that Bullet reads meanwhile."""
+        self._client, self._scene, self._files = client, scene, folder
         self._pieces: dict[str, list[int]] = {}
         self._whole: dict[str, tuple[int, Array]] = {}
         self.object_of: dict[int, int] = {}
@@ -36,10 +36,8 @@ class Objects:
         self._states: Mapping[int, Array] = {}
         # With caching, Bullet reads a file only once, but never frees it; switching caching off frees it.
         client.setPhysicsEngineParameter(enableFileCaching=1)
-        with tempfile.TemporaryDirectory() as folder:  # One for all: to remove a folder takes milliseconds.
-            self._files = Path(folder)
-            for obj in scene.objects:
-                self._add(obj)
+        for obj in scene.objects:
+            self._add(obj)
         client.setPhysicsEngineParameter(enableFileCaching=0)
 
     def _add(self, obj: SceneObject) -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Collection, Mapping, Sequence
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -39,11 +41,12 @@ class BulletWorld:
         self._seconds = 0.0
         self._passing: frozenset[tuple[int, int]] = frozenset()
         try:
-            self._objects = Objects(client, scene)
+            with tempfile.TemporaryDirectory() as folder:  # One for all files: to remove a folder takes milliseconds.
+                self._objects = Objects(client, scene, Path(folder))
+                self._body = load_body(client, profile, Path(folder))
         except BaseException:  # Whatever happens, Ctrl-C included: nobody else could free this world.
             client.close()
             raise
-        self._body = load_body(client, profile)
         self.move(pose.root, pose.quaternions[0], np.zeros(3), np.zeros(3))
         self.bend(pose.quaternions[1:], np.zeros((len(_LINKS), 3)))
 

@@ -29,10 +29,21 @@ def soften(pinhole: Pinhole, gbuffer: GBuffer, rgb: NDArray[np.uint8]) -> None:
     for row in range(height):
         for column in range(width):
             number = surface[row, column]
-            if column + 1 < width and surface[row, column + 1] != number:
+            right = column + 1 < width and surface[row, column + 1] != number
+            if right and _unlike(before, row, column, row, column + 1):
                 _mix(scale, depth, surface, faces, table, before, covered, rgb, row, column, row, column + 1)
-            if row + 1 < height and surface[row + 1, column] != number:
+            below = row + 1 < height and surface[row + 1, column] != number
+            if below and _unlike(before, row, column, row + 1, column):
                 _mix(scale, depth, surface, faces, table, before, covered, rgb, row, column, row + 1, column)
+
+
+@inlined
+def _unlike(before: NDArray[np.uint8], row: int, column: int, row2: int, column2: int) -> bool:
+    """Return whether the colours of two pixels differ. Most neighbours are alike, and a call of _mix takes longer."""
+    apart = np.int64(0)
+    for channel in range(3):  # As numbers with a sign: the compiler subtracts bytes without one.
+        apart += abs(np.int64(before[row, column, channel]) - np.int64(before[row2, column2, channel]))
+    return bool(apart >= ALIKE)
 
 
 @compiled
@@ -45,11 +56,8 @@ def _mix(
 
     covered: (H, W) the share of each pixel that a neighbour has covered so far, changed in place.
     """
-    apart = ZERO
-    for channel in range(3):  # As numbers with a sign: the compiler subtracts bytes without one.
-        apart += abs(np.float32(before[row, column, channel]) - np.float32(before[row2, column2, channel]))
     first, second = surface[row, column], surface[row2, column2]
-    if apart < ALIKE or (first >= 0 and second >= 0 and _bent(faces, table, first, second)):
+    if first >= 0 and second >= 0 and _bent(faces, table, first, second):
         return
     share = _reach(scale, depth, surface, faces, table, row, column, row2, column2) - HALF
     if share > HALF:  # A face that goes on lies behind the other.

@@ -5,7 +5,6 @@ All facts come from the record; the scene is only needed to draw the house.
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Mapping
 from contextlib import suppress
@@ -21,7 +20,7 @@ import markupsafe
 import numpy as np
 from PIL import Image
 
-from humanclaw import RecordedEpisode, Scene, StepRecord
+from humanclaw import RecordedEpisode, StepRecord
 from humanclaw.cli import counted
 from humanclaw.records import Usage
 from humanclaw.storage import Folder, decoded, jpeg
@@ -32,9 +31,10 @@ from humanclaw_report.facts import (
     touches,
     verdict_of,
 )
-from humanclaw_report.maps import HouseMap, PathMap, colour, house_maps, path_maps
+from humanclaw_report.houses import Drawn
+from humanclaw_report.maps import PathMap, colour, path_maps
 from humanclaw_report.marks import Mark, marks
-from humanclaw_report.replay import EVERY, data_uri, house, person, replay, spans
+from humanclaw_report.replay import EVERY, as_json, data_uri, person, replay, spans
 from humanclaw_report.three import three
 
 PARTS: Final = ("observe", "decide", "verify", "generate", "simulate")
@@ -42,24 +42,6 @@ FILM_BYTES: Final = 4_000_000
 """A larger film is linked instead of embedded."""
 FRAMES_BYTES: Final = 12_000_000
 """If all views together are larger than this, they are linked instead of embedded."""
-
-
-@dataclass(frozen=True)
-class Drawn:
-    """A scene with its maps, ready for pages."""
-
-    scene: Scene | None
-    maps: tuple[HouseMap, ...]
-    note: str = ""
-    """Why the house is not drawn; empty if it is."""
-
-    @classmethod
-    def of(cls, scene: Scene) -> Drawn:
-        return cls(scene, house_maps(scene, "house"))
-
-    @classmethod
-    def missing(cls, why: str) -> Drawn:
-        return cls(None, (HouseMap("house", (0, 0, 0, 0)),), f"The house is not drawn: {why}")
 
 
 @dataclass(frozen=True)
@@ -141,26 +123,21 @@ def episode_page(
         cause: Why the episode failed, as a benchmark told, and the step that decided it; empty if it did not.
     """
     view = _view(recorded, drawn, page, cause, inside=shared is None)
-    moving = replay(recorded, drawn.scene)
+    moving = replay(recorded, drawn.names, drawn.floors)
     return environment().get_template("episode.html").render(
         view=view,
         record=recorded.record,
-        house=drawn.maps if drawn.scene else (),
+        house=drawn.maps if drawn.digest else (),
         parts=PARTS,
         cause=cause,
         shared=shared,
         three="" if shared or not moving else script(three()),
         skin_script="" if shared or not moving else script(skin_script()),
-        house_script="" if shared or not drawn.scene else script(house_script(drawn.scene)),
+        house_script="" if shared else script(drawn.script),
         replay=as_json(moving),
-        moments=as_json(_moments(view, drawn.scene)),
+        moments=as_json(_moments(view)),
         frames=moving["frames"] if moving else _last_frame(recorded),
     )  # fmt: skip
-
-
-def house_script(scene: Scene) -> str:
-    """Return a script that gives a house to the page: a page opened from disk may load scripts, but no data files."""
-    return f"window.humanclawHouse = {as_json(house(scene))};"
 
 
 def skin_script() -> str:
@@ -176,11 +153,6 @@ def script(text: str) -> markupsafe.Markup:
 def source(name: str) -> markupsafe.Markup:
     """Return one of this package's scripts for a page."""
     return script(resources.files("humanclaw_report").joinpath("scripts", name).read_text("utf-8"))
-
-
-def as_json(value: Any) -> markupsafe.Markup:
-    """Return JSON for a script element; `<` is escaped, since a model may have written `</script>`."""
-    return markupsafe.Markup(json.dumps(value).replace("<", "\\u003c"))
 
 
 @cache
@@ -215,9 +187,9 @@ def _view(
         milestones=met,
         times={part: sum(s.seconds.get(part, 0.0) for s in recorded.steps) for part in PARTS},
         usage=sum((step.usage for step in recorded.steps), Usage()),
-        steps=tuple(_step(recorded, s, n, source[s.step], drawn.scene) for n, s in enumerate(recorded.steps)),
+        steps=tuple(_step(recorded, s, n, source[s.step], drawn.names) for n, s in enumerate(recorded.steps)),
         maps=path_maps(recorded, drawn.maps, drawn.note),
-        marks=marks(recorded, drawn.scene, *cause),
+        marks=marks(recorded, drawn.names, *cause),
         chart=_chart(recorded),
         film=_film(recorded.files, page),
     )
@@ -261,7 +233,7 @@ def _poster(files: Folder) -> str:
     return ""
 
 
-def _step(recorded: RecordedEpisode, step: StepRecord, number: int, picture: str, scene: Scene | None) -> StepView:
+def _step(recorded: RecordedEpisode, step: StepRecord, number: int, picture: str, names: Mapping[int, str]) -> StepView:
     kind, verdict = verdict_of(step)
     return StepView(
         record=step,
@@ -270,7 +242,7 @@ def _step(recorded: RecordedEpisode, step: StepRecord, number: int, picture: str
         refusals=tuple(attempt.error for attempt in step.attempts if attempt.error),
         verdict=verdict,
         verdict_kind=kind,
-        contacts=touches(recorded, step, scene),
+        contacts=touches(recorded, step, names),
         sensor_readings=step.feedback.sensor_readings if step.status == "executed" else "",
         pixels=sum(step.target_pixels.values()),
         colour=colour(number / max(1, len(recorded.steps) - 1)),
@@ -278,7 +250,7 @@ def _step(recorded: RecordedEpisode, step: StepRecord, number: int, picture: str
 
 
 # -- data of the script ------------------------------------------------------------------------------------------------
-def _moments(view: EpisodeView, scene: Scene | None) -> list[dict[str, Any]]:
+def _moments(view: EpisodeView) -> list[dict[str, Any]]:
     """Return what the player shows during each step."""
     return [
         {

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -98,12 +98,12 @@ def verdict_of(step: StepRecord) -> tuple[str, str]:
     return "replaced", asked + (f": {failed}" if failed else "")
 
 
-def touches(recorded: RecordedEpisode, step: StepRecord, scene: Scene | None) -> str:
+def touches(recorded: RecordedEpisode, step: StepRecord, names: Mapping[int, str]) -> str:
     """Return which parts of the body a step lays on which objects: "pelvis and right knee on couch 3; ..."."""
     parts: dict[int, dict[str, None]] = {}
     for contact in touched_above_ground(recorded, step):
         parts.setdefault(contact.object_id, {})[contact.joint.replace("_", " ")] = None
-    return "; ".join(f"{listed(list(found))} on {name_of_object(scene, key)}" for key, found in parts.items())
+    return "; ".join(f"{listed(list(found))} on {name_of(names, key)}" for key, found in parts.items())
 
 
 def listed(words: Sequence[str], last: str = "and") -> str:
@@ -111,6 +111,11 @@ def listed(words: Sequence[str], last: str = "and") -> str:
     return f" {last} ".join(filter(None, (", ".join(words[:-1]), *words[-1:])))
 
 
-def name_of_object(scene: Scene | None, key: int) -> str:
-    obj = scene.by_id.get(key) if scene else None
-    return f"{obj.category.replace('_', ' ')} {key}" if obj else f"object {key}"
+def named(scene: Scene) -> dict[int, str]:
+    """Return object id to name."""
+    return {obj.id: f"{obj.category.replace('_', ' ')} {obj.id}" for obj in scene.objects}
+
+
+def name_of(names: Mapping[int, str], key: int) -> str:
+    """Return the name of an object; a number if the scene is not known."""
+    return names.get(key, f"object {key}")

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from humanclaw import RecordedEpisode, Scene, StepRecord
+from humanclaw import RecordedEpisode, StepRecord
 from humanclaw.records import in_view, on_target, touched_above_ground
-from humanclaw_report.facts import name_of_object, verdict_of
+from humanclaw_report.facts import name_of, verdict_of
 from humanclaw_report.replay import spans
 
 
@@ -23,21 +23,21 @@ class Mark:
 
 
 def marks(
-    recorded: RecordedEpisode, scene: Scene | None, cause: str = "", decided: int | None = None
+    recorded: RecordedEpisode, names: Mapping[int, str], cause: str = "", decided: int | None = None
 ) -> tuple[Mark, ...]:
     """Return the contacts above the ground, then the events, each by its time, then why the episode failed.
 
     decided: index of the step that decided the cause.
     """
     frames = max(1, spans(recorded)[-1][1]) if recorded.steps else 1
-    found = (*_contacts(recorded, scene, frames), *_events(recorded, frames))
+    found = (*_contacts(recorded, names, frames), *_events(recorded, frames))
     if not cause or decided is None:
         return found
     at = 100 * spans(recorded)[decided][0] / frames
     return (*found, Mark("cause", at, 0, f"step {recorded.steps[decided].step}: root cause: {cause}"))
 
 
-def _contacts(recorded: RecordedEpisode, scene: Scene | None, frames: int) -> Iterator[Mark]:
+def _contacts(recorded: RecordedEpisode, names: Mapping[int, str], frames: int) -> Iterator[Mark]:
     """Yield one span for each object that a step touches."""
     targets = set(recorded.record.spec.target_ids)
     for step, (first, _) in zip(recorded.steps, spans(recorded), strict=True):
@@ -52,7 +52,7 @@ def _contacts(recorded: RecordedEpisode, scene: Scene | None, frames: int) -> It
                     "target" if key in targets else "movable" if key in movable else "fixed"
                 )
                 at, wide = 100 * (first + min(found)) / frames, 100 * (max(found) - min(found) + 1) / frames
-                yield Mark(kind, at, wide, f"step {step.step}: touches {name_of_object(scene, key)}")
+                yield Mark(kind, at, wide, f"step {step.step}: touches {name_of(names, key)}")
 
 
 def _events(recorded: RecordedEpisode, frames: int) -> Iterator[Mark]:

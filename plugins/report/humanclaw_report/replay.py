@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import base64
 import gzip
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from functools import cache
 from typing import Any, Final
 
+import markupsafe
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
@@ -27,8 +29,8 @@ from humanclaw.body import (
 )
 from humanclaw.records import touched_above_ground
 from humanclaw.storage import jpeg
-from humanclaw.world import STRUCTURE, Asset, Gaze, Mesh, floors_of
-from humanclaw_report.facts import name_of_object
+from humanclaw.world import STRUCTURE, Asset, Gaze, Mesh
+from humanclaw_report.facts import name_of, named
 
 EVERY: Final = 2
 """Frames of motion for each frame of the replay; the page interpolates between frames."""
@@ -37,6 +39,11 @@ MOST_FACES: Final = 12_000
 """The page shows the collision hulls of an asset that has more triangles than this."""
 MOVED: Final = 0.001
 """An object moves in the replay if it moved farther than this, metres."""
+
+
+def as_json(value: Any) -> markupsafe.Markup:
+    """Return JSON for a script element; `<` is escaped, since a model may have written `</script>`."""
+    return markupsafe.Markup(json.dumps(value).replace("<", "\\u003c"))
 
 
 def data_uri(data: bytes, media: str) -> str:
@@ -80,7 +87,7 @@ def spans(recorded: RecordedEpisode) -> list[tuple[int, int]]:
     return [(int(end) - step.motion_frames, int(end)) for step, end in zip(recorded.steps, ends, strict=True)]
 
 
-def replay(recorded: RecordedEpisode, scene: Scene | None) -> dict[str, Any] | None:
+def replay(recorded: RecordedEpisode, names: Mapping[int, str], floors: Sequence[float]) -> dict[str, Any] | None:
     """Return the motion of body and objects as JSON; None if the record holds no motion."""
     if not recorded.has_motion:
         return None
@@ -94,8 +101,8 @@ def replay(recorded: RecordedEpisode, scene: Scene | None) -> dict[str, Any] | N
         "frames": len(_kept(len(simulated))),
         "body": skeleton(recorded.record.gaze),
         "moved": sorted(moved),
-        "contacts": _contacts(recorded, scene),
-        "floors": list(floors_of(scene)) if scene else [recorded.record.start.floor],
+        "contacts": _contacts(recorded, names),
+        "floors": list(floors) or [recorded.record.start.floor],
         "targets": [[low, high] for low, high in recorded.record.targets.values()],
         "motion": packed(arrays),
     }
@@ -115,11 +122,11 @@ def _pose(kind: str, motion: Motion) -> dict[str, NDArray[Any]]:
     }
 
 
-def _contacts(recorded: RecordedEpisode, scene: Scene | None) -> list[list[Any]]:
+def _contacts(recorded: RecordedEpisode, names: Mapping[int, str]) -> list[list[Any]]:
     """Return each contact above the ground: first and last frame of the replay, joint, and name of the object."""
     return [
         [(first + min(contact.frames)) / EVERY, (first + max(contact.frames)) / EVERY, JOINT_INDEX[contact.joint],
-         name_of_object(scene, contact.object_id)]
+         name_of(names, contact.object_id)]
         for step, (first, _) in zip(recorded.steps, spans(recorded), strict=True)
         for contact in touched_above_ground(recorded, step)
         if contact.frames
@@ -129,7 +136,7 @@ def _contacts(recorded: RecordedEpisode, scene: Scene | None) -> list[list[Any]]
 # -- the house ---------------------------------------------------------------------------------------------------------
 def house(scene: Scene) -> dict[str, Any]:
     """Return a scene as textured meshes; each asset and each picture is there once."""
-    names = sorted({obj.asset for obj in scene.objects})
+    names, called = sorted({obj.asset for obj in scene.objects}), named(scene)
     meshes = [_mesh(scene.assets[name]) for name in names]
     pictures: dict[bytes, int] = {}
     which = [pictures.setdefault(_picture(mesh), len(pictures)) for mesh in meshes]
@@ -147,7 +154,7 @@ def house(scene: Scene) -> dict[str, Any]:
     ]
     return {
         "assets": assets,
-        "objects": [_object(scene, key, names) for key in scene.by_id],
+        "objects": [_object(scene, key, names, called[key]) for key in scene.by_id],
         "pictures": [data_uri(picture, "image/jpeg") for picture in pictures],
         "meshes": packed(arrays),
     }
@@ -157,13 +164,13 @@ def _short(meshes: Sequence[Mesh]) -> bool:
     return max(len(mesh.vertices) for mesh in meshes) < 65536
 
 
-def _object(scene: Scene, key: int, names: Sequence[str]) -> dict[str, Any]:
+def _object(scene: Scene, key: int, names: Sequence[str], called: str) -> dict[str, Any]:
     obj = scene.by_id[key]
     low, high = scene.aabb(key)
     return {
         "id": key,
         "asset": names.index(obj.asset),
-        "name": name_of_object(scene, key),
+        "name": called,
         "kind": obj.category if obj.category in STRUCTURE else "furniture",
         "place": [*obj.position, *obj.rotation],
         "box": [low.round(3).tolist(), high.round(3).tolist()],

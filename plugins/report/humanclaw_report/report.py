@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
 from tqdm import tqdm
 
-from humanclaw import HumanclawError, RecordedEpisode, RecordError, Scene, load_run
+from humanclaw import RecordedEpisode, RecordError, Scene, load_run
 from humanclaw.storage import Folder, write_result
-from humanclaw_report.episode_page import Drawn, Shared, episode_page, house_script, link, skin_script
+from humanclaw_report.episode_page import Shared, episode_page, link, skin_script
 from humanclaw_report.facts import episodes_asked
+from humanclaw_report.houses import Drawn, Houses
 from humanclaw_report.run_page import Collected, run_page
 from humanclaw_report.three import three
 
@@ -25,30 +25,6 @@ PAGE: Final = "page.html"
 Runs = Mapping[Path, Sequence[RecordedEpisode]]
 Contribute = Callable[[Runs, Collected], None]
 """A function that lets plugins add tables and facts."""
-
-
-@dataclass
-class Houses:
-    """Scenes by name. Each is loaded and drawn once; one that cannot be loaded is replaced by a note."""
-
-    load: Callable[[str], Scene]
-    known: dict[str, Drawn] = field(default_factory=dict)
-
-    def of(self, recorded: RecordedEpisode) -> Drawn:
-        name, digest = recorded.record.spec.scene, recorded.record.scene_digest
-        if name not in self.known:
-            self.known[name] = self._draw(name)
-        drawn = self.known[name]
-        # Another version of the house would show walls where the body walked.
-        if drawn.scene and digest and drawn.scene.digest != digest:
-            return Drawn.missing("the installed scene differs from the one of the record.")
-        return drawn
-
-    def _draw(self, name: str) -> Drawn:
-        try:
-            return Drawn.of(self.load(name))
-        except HumanclawError as fault:
-            return Drawn.missing(str(fault))
 
 
 def write_report(
@@ -111,16 +87,17 @@ def _write_episodes(found: Runs, target: Path, houses: Houses, collected: Collec
                 page, drawn = episode.folder / PAGE, houses.of(episode)
                 cause = collected.cause(run, episode.record.spec.id)
                 shared = _shared(shelf, drawn, page, home)
-                episode.files.write(PAGE, episode_page(episode, drawn, page, shared, cause).encode())
+                # Not settled: to wait for the disk takes long, and a page can be written again.
+                episode.files.write(PAGE, episode_page(episode, drawn, page, shared, cause).encode(), settled=False)
                 bar.update()
 
 
 def _shared(shelf: Folder, drawn: Drawn, page: Path, run: Path) -> Shared:
     """Return where a page finds three.js and its house; write the house if it is not there yet."""
-    house = f"house-{drawn.scene.digest[:16] if drawn.scene else 'none'}.js"
+    house = f"house-{drawn.digest[:16] or 'none'}.js"
     # The name holds the digest of the scene, so an old file is still right.
-    if drawn.scene and not shelf.has(house):
-        shelf.write(house, house_script(drawn.scene).encode())
+    if drawn.digest and not shelf.has(house):
+        shelf.write(house, drawn.script.encode(), settled=False)
     return Shared(
         link(shelf.path / "three.js", page),
         link(shelf.path / "skin.js", page),

@@ -17,11 +17,11 @@ from humanclaw import EpisodeRecord, HumanclawError, RecordedEpisode, Scene, Ste
 from humanclaw.cli import Handler, Server
 from humanclaw.records import FRAME_BYTES, RECORD_BYTES, STEPS_BYTES
 from humanclaw.storage import Folder
-from humanclaw_report.episode_page import Drawn, as_json, environment, episode_page
+from humanclaw_report.episode_page import environment, episode_page
 from humanclaw_report.facts import episodes_asked
+from humanclaw_report.houses import SCRIPT, Drawn, Houses
 from humanclaw_report.maps import path_maps
-from humanclaw_report.replay import house, person, replay
-from humanclaw_report.report import Houses
+from humanclaw_report.replay import as_json, person, replay
 from humanclaw_report.three import three
 
 SECONDS: Final = 1.0
@@ -76,17 +76,16 @@ class Watcher:
         storeys = tuple(replace(storey, key=f"{name}-{storey.key}") for storey in house.maps)
         maps = path_maps(episode, storeys, house.note)
         template = environment().get_template("live_map.html")
-        return template.render(maps=maps, house=storeys if house.scene else (), words=name, parts=())
+        return template.render(maps=maps, house=storeys if house.digest else (), words=name, parts=())
 
     def motion(self, name: str) -> str:
         """Return the motion of an episode up to now, as JSON; empty if there is none."""
         episode, house = self._opened(name)
-        return as_json(replay(episode, house.scene)) if episode.has_motion else ""
+        return as_json(replay(episode, house.names, house.floors)) if episode.has_motion else ""
 
     def house(self, name: str) -> str:
         """Return the house of an episode, as JSON; empty if it is not drawn."""
-        scene = self._opened(name)[1].scene
-        return as_json(house(scene)) if scene else ""
+        return self._opened(name)[1].script.removeprefix(SCRIPT).removesuffix(";")
 
     def replay(self, name: str) -> str:
         """Return the page of an episode that has ended, complete in one file."""

@@ -18,8 +18,8 @@ from rooms import UPSTAIRS, asset, block, scene_object, two_rooms, two_storeys
 import humanclaw_report
 from humanclaw import RecordedEpisode, RecordError, Scene, SceneError, load_run
 from humanclaw.body import HISTORY
-from humanclaw_report.episode_page import house_script
-from humanclaw_report.facts import in_words, milestones, touches
+from humanclaw_report.facts import in_words, milestones, named, touches
+from humanclaw_report.houses import KEPT, Drawn, Houses
 from humanclaw_report.maps import house_maps, path_maps, storeys_at
 from humanclaw_report.marks import marks
 from humanclaw_report.report import write_report
@@ -62,6 +62,12 @@ class Page(HTMLParser):
 
     def all(self, name: str) -> list[dict[str, str | None]]:
         return [attrs for tag, attrs in self.tags if tag == name]
+
+
+@pytest.fixture(autouse=True)
+def _cache(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Draw the houses of each test anew."""
+    monkeypatch.setenv("HUMANCLAW_CACHE", str(tmp_path / "cache"))
 
 
 @pytest.fixture(scope="module")
@@ -230,13 +236,13 @@ def test_all_parts_of_the_body_that_touch_an_object_are_named(made: tuple[Path, 
     last = episode.steps[-1].contacts[-1]
     on = tuple(replace(last, joint=joint) for joint in ("pelvis", "left_hip", "right_knee", "pelvis"))
     step = episode.steps[-1].model_copy(update={"contacts": on})
-    assert touches(episode, step, made[1]) == "pelvis, left hip and right knee on couch 20"
+    assert touches(episode, step, named(made[1])) == "pelvis, left hip and right knee on couch 20"
 
 
 def test_contacts_and_events_stand_on_the_time_line_where_they_happened(made: tuple[Path, Scene]) -> None:
     episode = RecordedEpisode(made[0] / "one")
     frames, steps = HISTORY + 15 * len(episode.steps), range(18, len(episode.steps))
-    found = marks(episode, made[1])
+    found = marks(episode, named(made[1]))
     sat = [mark.at for mark in found if mark.kind == "target"]
     assert sat == pytest.approx([100 * (HISTORY + 15 * step + 14) / frames for step in steps])
     (refused,) = (mark for mark in found if mark.kind == "refused")
@@ -266,6 +272,30 @@ def test_a_scene_that_cannot_be_loaded_leaves_a_note(made: tuple[Path, Scene], t
     assert "The house is not drawn: there is no scene test:rooms." in page.text
     assert page.paths
     assert not page.all("symbol")
+
+
+def test_a_house_that_was_drawn_once_needs_no_scene(made: tuple[Path, Scene], tmp_path: Path) -> None:
+    def fail(name: str) -> Scene:
+        raise SceneError("there is no scene.")
+
+    loads = (lambda name: made[1], fail)
+    first, again = (write_report(made[0], tmp_path / "out.html", load).read_text() for load in loads)
+    assert again == first
+    for entry in (tmp_path / "cache" / "pages").iterdir():
+        entry.write_bytes(b"damaged")
+    with pytest.warns(UserWarning, match="damaged"):
+        assert "The house is not drawn" in write_report(made[0], tmp_path / "out.html", fail).read_text()
+
+
+def test_few_houses_are_in_memory(tmp_path: Path) -> None:
+    record_episode(tmp_path)
+    episode = RecordedEpisode(tmp_path)
+    houses = Houses(lambda name: two_rooms())
+    for number in range(2 * KEPT):
+        spec = episode.record.spec.model_copy(update={"scene": f"test:{number}"})
+        episode.record = episode.record.model_copy(update={"spec": spec})
+        assert houses.of(episode).digest
+    assert len(houses.known) == KEPT
 
 
 def test_a_film_beside_the_record_is_part_of_the_page(tmp_path: Path) -> None:
@@ -311,7 +341,7 @@ def test_nothing_that_a_scene_is_called_ends_its_script(made: tuple[Path, Scene]
     strange = asset("strange", "</SCRIPT><script>alert(2)", block(1, 1, 1))
     scene = replace(made[1], assets={**made[1].assets, "strange": strange},
                     objects=(*made[1].objects, scene_object(90, strange, 4, 3)))  # fmt: skip
-    assert "<" not in house_script(scene)
+    assert "<" not in Drawn.of(scene).script
 
 
 def test_an_interrupted_episode_is_reported_from_its_steps(tmp_path: Path) -> None:

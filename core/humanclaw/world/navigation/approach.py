@@ -21,6 +21,8 @@ STAND_OFF: Final = 0.45
 """Metres from the edge of a seat to the place where a body turns round before sitting down."""
 NEAR: Final = 1.5
 """Places farther from the edge of a target are not beside it, metres."""
+_RADII: Final = (RADIUS, 0.2, SQUEEZE)
+"""Half the widths of the bodies that ways are searched for, metres: the first that comes somewhere counts."""
 LEANING: Final = 1.0
 """Metres. A body farther than this from every reachable cell is not leaning on furniture but shut in."""
 
@@ -75,7 +77,7 @@ def _beside(grid: OccupancyGrid, scene: Scene, target: int) -> Iterator[Viewpoin
     low, high = (corner[[0, 2]] for corner in scene.aabb(target))
     first, last = grid.cell(low - NEAR - CELL), grid.cell(high + NEAR + CELL) + 1
     window = grid.clearance[first[0] : last[0], first[1] : last[1]]
-    for radius in (RADIUS, 0.2, SQUEEZE):
+    for radius in _RADII:
         points = grid.point(np.argwhere(window >= radius) + first)
         edge = np.clip(points, low, high)
         gap = np.linalg.norm(points - edge, axis=1)
@@ -159,18 +161,19 @@ def geodesics(scene: Scene, targets: Sequence[int], floor: float = 0.0) -> Calla
     """
     where = MultiFloorMap.of(scene)
     goals = np.concatenate([goals_at(where, scene, target) for target in targets] or [np.empty((0, 3))])
-    wide = DistanceField.of(where, goals, RADIUS).metres
 
     @cache
-    def everywhere() -> Array:  # A body is seldom where only a narrower one fits, and the search takes long.
-        field = wide
-        for radius in (0.2, SQUEEZE):
-            field = np.where(np.isfinite(field), field, DistanceField.of(where, goals, radius).metres)
-        return np.stack([_extended(layer) for layer in field])
+    def field(number: int) -> Array:
+        """Return the metres of bodies of the first radii; behind them those that a body leans by. A search takes long,
+        so each is made when a body is where the ones before it do not reach."""
+        if number == len(_RADII):
+            return np.stack([_extended(layer) for layer in field(number - 1)])
+        metres = DistanceField.of(where, goals, _RADII[number]).metres
+        return np.where(np.isfinite(field(number - 1)), field(number - 1), metres) if number else metres
 
     def distance(point: Array) -> float:
-        metres = float(where.at(wide, np.asarray(point)))
-        return metres if np.isfinite(metres) else float(where.at(everywhere(), np.asarray(point)))
+        found = (float(where.at(field(number), np.asarray(point))) for number in range(len(_RADII) + 1))
+        return next(filter(np.isfinite, found), float("inf"))
 
     return distance
 

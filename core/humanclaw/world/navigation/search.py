@@ -118,13 +118,18 @@ class MultiFloorMap:
             # Slightly more expensive than either grid, or ways would run along between them.
             layers += [np.where(same, 1.01 * np.maximum(weights[k], weights[k + 1]), -1.0), weights[k + 1]]
         search = MCP_Geometric(np.stack(layers), sampling=(1e-4, CELL, CELL))
-        found, _ = search.find_costs([(2 * int(k), *map(int, cell)) for k, cell in self._entries(weights, starts)])
+        found, _ = search.find_costs([tuple(entry) for entry in self._entries(np.stack(weights) > 0, starts).tolist()])
         return np.asarray(found[::2]), search
 
-    def _entries(self, weights: Sequence[Array], starts: Array) -> Iterator[tuple[int, NDArray[np.int64]]]:
-        """Yield the open cell nearest to each start, on the start's own grid."""
-        for start, k in zip(starts, self.level(starts), strict=True):
-            yield k, _nearest(self.grids[k], weights[k] > 0, start[[0, 2]])
+    def _entries(self, free: Mask, starts: Array) -> NDArray[np.int64]:
+        """Return (N, 3) layer and cell of the free cell nearest to each start, on the start's own grid.
+
+        free: (G, x cell, z cell).
+        """
+        levels, cells = self.level(starts), self.grids[0].cell(starts[:, [0, 2]])
+        for k in np.flatnonzero(~free[levels, cells[:, 0], cells[:, 1]]):
+            cells[k] = _nearest(self.grids[levels[k]], free[levels[k]], starts[k, [0, 2]])
+        return np.column_stack([2 * levels, cells])
 
     def at(self, grids: Array, points: Array) -> Array:
         """Return (...) values of an array a grid (G, x cell, z cell) at (..., 3) points."""
@@ -307,9 +312,7 @@ def _price(grid: OccupancyGrid, path: Array) -> float:
 
 
 def _nearest(grid: OccupancyGrid, free: Mask, point: Array) -> NDArray[np.int64]:
-    """Return the free cell nearest to a point."""
-    if grid.at(free, point):
-        return grid.cell(point)
+    """Return the free cell nearest to a point; its own if none is free."""
     cells = np.argwhere(free)
     if not len(cells):
         return grid.cell(point)

@@ -1,0 +1,101 @@
+"""The houses of a run as its pages need them: maps, names and a script with the meshes, without the scene itself."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from importlib import resources
+from typing import Final
+
+from pydantic import TypeAdapter, ValidationError
+
+from humanclaw import HumanclawError, RecordedEpisode, Scene
+from humanclaw.storage import Cache
+from humanclaw.world import floors_of
+from humanclaw_report.facts import named
+from humanclaw_report.maps import HouseMap, house_maps
+from humanclaw_report.replay import as_json, house
+
+SCRIPT: Final = "window.humanclawHouse = "
+KEPT: Final = 4
+"""Houses in memory. A run has dozens, and its episodes come house by house; `humanclaw watch` shows four at a time."""
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A scene, ready for pages."""
+
+    maps: tuple[HouseMap, ...]
+    digest: str = ""
+    """Digest of the scene; empty if it is not drawn."""
+    names: Mapping[int, str] = field(default_factory=dict)
+    """Object id to its name, such as "couch 20"."""
+    floors: tuple[float, ...] = ()
+    """Heights of the floors, metres, lowest first."""
+    script: str = ""
+    """A script that gives the house to a page: a page opened from disk may load scripts, but no data files."""
+    note: str = ""
+    """Why the house is not drawn; empty if it is."""
+
+    @classmethod
+    def of(cls, scene: Scene) -> Drawn:
+        script = f"{SCRIPT}{as_json(house(scene))};"
+        return cls(house_maps(scene, "house"), scene.digest, named(scene), floors_of(scene), script)
+
+    @classmethod
+    def missing(cls, why: str) -> Drawn:
+        return cls((HouseMap("house", (0, 0, 0, 0)),), note=f"The house is not drawn: {why}")
+
+
+_PACKED: Final = TypeAdapter(Drawn)
+
+
+@dataclass
+class Houses:
+    """The houses of recorded episodes. What was drawn once comes from the cache, whatever scene is installed now; a
+    house that cannot be loaded is replaced by a note."""
+
+    load: Callable[[str], Scene]
+    store: Cache = field(default_factory=lambda: Cache("pages"))
+    known: dict[tuple[str, str], Drawn] = field(default_factory=dict)
+    """The last KEPT houses, by name and digest."""
+
+    def of(self, recorded: RecordedEpisode) -> Drawn:
+        asked = recorded.record.spec.scene, recorded.record.scene_digest
+        found = self.known.pop(asked, None) or self._stored(asked[1]) or self._draw(*asked)
+        self.known[asked] = found
+        if len(self.known) > KEPT:
+            del self.known[next(iter(self.known))]
+        return found
+
+    def _stored(self, digest: str) -> Drawn | None:
+        data = self.store.get(_key(digest)) if digest else None
+        try:
+            return _PACKED.validate_json(data) if data else None
+        except ValidationError:
+            return None
+
+    def _draw(self, name: str, digest: str) -> Drawn:
+        try:
+            scene = self.load(name)
+        except HumanclawError as fault:
+            return Drawn.missing(str(fault))
+        # Another version of the house would show walls where the body walked.
+        if digest and scene.digest != digest:
+            return Drawn.missing("the installed scene differs from the one of the record.")
+        drawn = Drawn.of(scene)
+        self.store.put(_key(scene.digest), _PACKED.dump_json(drawn))
+        return drawn
+
+
+def _key(digest: str) -> str:
+    return hashlib.sha256(f"{_code()}|{digest}".encode()).hexdigest()
+
+
+@cache
+def _code() -> str:
+    """Return a digest of the code that draws houses, so that no stale drawing is shown."""
+    names = ("facts.py", "houses.py", "maps.py", "replay.py")
+    return hashlib.sha256(b"".join((resources.files(__package__) / name).read_bytes() for name in names)).hexdigest()
