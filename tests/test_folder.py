@@ -146,6 +146,7 @@ OWN = {
     "core/humanclaw/testing/speed.py": "/proc",
     "harnesses/frameworks/humanclaw_frameworks/smolagents.py": "bytes",
     "harnesses/human/humanclaw_human/window.py": "a temporary folder",
+    "harnesses/pilot/humanclaw_pilot/": "views and weights of the user",
     "plugins/bench/humanclaw_bench/settings.py": "plugin files that the user named, and weights of installed skills",
     "plugins/bullet/humanclaw_bullet/": "a temporary folder, and the null device",
     "plugins/habitat/humanclaw_habitat/gltf.py": "bytes",

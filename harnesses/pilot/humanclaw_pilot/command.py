@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import islice
 from pathlib import Path
 
 import click
 
-from humanclaw import Plugins
+from humanclaw import HumanclawError, Plugins
 from humanclaw.cli import parse_pairs
 
 HOUSES_APART = 2000
@@ -29,7 +30,7 @@ def data(houses: str, views: int, agent: str, pairs: tuple[str, ...], out: Path)
     """Draw views with labels, one file a house."""
     from humanclaw_pilot.data import planted, played, written
 
-    plugins, (first, end) = Plugins.discover(), map(int, houses.split(":"))
+    plugins, (first, end) = Plugins.discover(), _range(houses)
     out.mkdir(parents=True, exist_ok=True)
     poses = [] if agent else [pose for _, pose in played(plugins, "wanderer", {}, 0, range(2), 30)]
     for number in range(first, end):
@@ -40,6 +41,22 @@ def data(houses: str, views: int, agent: str, pairs: tuple[str, ...], out: Path)
         found = (one for one, _ in played(plugins, agent, parse_pairs(pairs), number, seeds, views // 4))
         written(path, list(islice(found, views) if agent else planted(plugins, number, poses, views)))
         click.echo(f"{path}: {views} views")
+
+
+def _files(folders: Sequence[Path]) -> list[Path]:
+    found = [file for folder in folders for file in sorted(folder.glob("*.npz"))]
+    if not found:
+        raise HumanclawError(
+            f"no views (*.npz) are in {', '.join(map(str, folders))}.", "Make some with `humanclaw pilot data`."
+        )
+    return found
+
+
+def _range(houses: str) -> tuple[int, int]:
+    first, colon, end = houses.partition(":")
+    if not (colon and first.isdecimal() and end.isdecimal() and int(first) < int(end)):
+        raise HumanclawError(f"--houses expects FIRST:END, such as 0:150; it got {houses!r}.", "Give two numbers.")
+    return int(first), int(end)
 
 
 @command.command()
@@ -55,8 +72,7 @@ def train(
     """Train the eyes on folders of data."""
     from humanclaw_pilot import training
 
-    files = [file for folder in folders for file in sorted(folder.glob("*.npz"))][:most]
-    training.train(training.read(files), out, minutes, seed, click.echo, start)
+    training.train(training.read(_files(folders)[:most]), out, minutes, seed, click.echo, start)
 
 
 @command.command()
@@ -68,7 +84,7 @@ def measure(folder: Path, weights: Path | None, certain: float) -> None:
     from humanclaw_pilot import training
     from humanclaw_pilot.network import WEIGHTS, reader
 
-    found = training.read(sorted(folder.glob("*.npz")))
+    found = training.read(_files([folder]))
     for category, views, recall, precision, wrong in training.measure(reader(weights or WEIGHTS), found, certain):
         click.echo(
             f"{category:13s} {views:5d} views: recall {recall:.2f}, precision {precision:.2f}, depth {wrong:.0%}"

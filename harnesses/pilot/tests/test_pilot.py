@@ -10,6 +10,7 @@ from humanclaw.records import acknowledges
 from humanclaw.testing import SceneBuilder
 from humanclaw.world import GAZES, WorldState, ego_camera
 from humanclaw_pilot import agent as pilot
+from humanclaw_pilot.command import command
 from humanclaw_pilot.data import example, planted, written
 from humanclaw_pilot.network import CELLS, CLASSES, SHAPES, SIZE, WEIGHTS, Glance, halved, prepared, reader
 
@@ -125,3 +126,18 @@ def test_a_search_without_a_sighting_begins_anew_before_it_gives_up(rows, renewa
     agent._planner, agent._renew = GivesUp(), lambda: begun_anew.append(1)
     assert agent.decide(Observation(0, SPEC.instruction, PICTURE), ()).calls
     assert len(begun_anew) == renewals
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["data", "--houses", "seven", "--out", "views"], "expects FIRST:END, such as 0:150; it got 'seven'"),
+        (["data", "--houses", "5:5", "--out", "views"], "expects FIRST:END"),
+        (["measure", "."], "no views"),
+    ],
+)
+def test_what_the_command_cannot_use_is_told_before_anything_is_written(words, told, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(HumanclawError, match=told):
+        command.main(words, standalone_mode=False)
+    assert list(tmp_path.iterdir()) == []
