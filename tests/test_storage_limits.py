@@ -202,9 +202,40 @@ def test_a_full_disk_is_told_in_a_sentence_and_leaves_whole_lines(tmp_path, full
         with pytest.raises(RecordError, match=r"cannot write the record to .*: No space left on device\."):
             write()
     found = (tmp_path / "a" / "steps.jsonl").read_bytes()
-    assert [json.loads(line)["step"] for line in found.splitlines()] == [0]
+    assert [json.loads(line)["step"] for line in found.splitlines()] == [0, 1], "those that step() took"
     assert not list((tmp_path / "a").rglob("*.partial"))
     assert RecordedEpisode(tmp_path / "a").record.outcome == "running"
+
+
+def test_a_record_that_ends_after_the_disk_failed_once_holds_every_step_that_was_taken(tmp_path, monkeypatch):
+    record = EpisodeRecord(spec=SPEC, start={"x": 0, "z": 0, "yaw": 0}, agent="a", scene_digest="d")
+    writer = EpisodeWriter(tmp_path / "a", record)
+    writer.step(step(0))
+    writer.frame("0.jpg", b"x")
+    real, faults = os.fsync, [OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))]
+
+    def once(descriptor):
+        if faults:
+            raise faults.pop()
+        real(descriptor)
+
+    monkeypatch.setattr("os.fsync", once)
+    writer.step(step(1))
+    with pytest.raises(RecordError, match="No space left"):
+        writer.step(step(2))
+    writer.end(record.model_copy(update={"outcome": "interrupted", "steps": 2}), {})
+    assert [one.step for one in RecordedEpisode(tmp_path / "a").steps] == [0, 1]
+
+
+@pytest.mark.parametrize("order", ["C", "F"])
+def test_motion_is_read_as_it_was_however_its_arrays_lie_in_memory(tmp_path, order):
+    array = np.asarray(np.arange(12.0).reshape(4, 3), order=order)
+    writer = EpisodeWriter(
+        tmp_path, EpisodeRecord(spec=SPEC, start={"x": 0, "z": 0, "yaw": 0}, agent="a", scene_digest="d")
+    )
+    writer.move({"x": array})
+    with np.load(tmp_path / "frames" / "000000.npz") as found:
+        np.testing.assert_array_equal(found["x"], array)
 
 
 def test_a_frame_waits_for_no_disk_and_is_on_disk_when_the_record_ends(tmp_path, monkeypatch):

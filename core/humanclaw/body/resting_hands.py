@@ -14,10 +14,12 @@ from humanclaw.body.ik import SIDES, Limb, bent
 from humanclaw.body.pose import Array, Motion, forward_kinematics, matrix_from_vector, smoothstep, vector_from_matrix
 from humanclaw.body.skeleton import JOINT_INDEX, LINKS, Capsule
 
-RAISED: Final = 0.7
+RAISED: Final = 0.5
 """Bend of the straighter hip, radians, below which nobody sits."""
+_SITS: Final = 0.3
+"""Radians more with which somebody does."""
 HIPS: Final = [JOINT_INDEX[f"{side}_hip"] for side in SIDES]
-_MARGIN: Final = 0.008
+_MARGIN: Final = 0.012
 """Metres between hand and thigh: arms follow a seat that lifts the thighs with a delay."""
 _CLEAR: Final = _MARGIN + sum(
     one.shape.radius for one in LINKS if one.joint in ("left_hip", "left_elbow") and isinstance(one.shape, Capsule)
@@ -39,23 +41,27 @@ def lay_hands(motion: Motion, hips: Array | None = None) -> Motion:
     bent_legs = motion.rotations.copy()
     if hips is not None:
         bent_legs[:, HIPS] = hips
-    if -bent_legs[:, HIPS, 0].max(-1).min() < RAISED:
+    sits = smoothstep((-bent_legs[:, HIPS, 0].max(-1) - RAISED) / _SITS)
+    if not sits.any():
         return motion
     positions, turns = forward_kinematics(motion.root, bent_legs)
     rotations = motion.rotations.copy()
     for side, sign in zip(SIDES, (1.0, -1.0), strict=True):
-        _lay_hand(side, sign, positions, turns, rotations)
+        _lay_hand(side, sign, sits, positions, turns, rotations)
     return Motion(motion.root, rotations)
 
 
-def _lay_hand(side: str, sign: float, positions: Array, turns: Array, rotations: Array) -> None:
-    """Move one arm, in place. positions (T, 24, 3), turns (T, 24, 3, 3), rotations (T, 24, 3). sign: 1 for the left."""
+def _lay_hand(side: str, sign: float, sits: Array, positions: Array, turns: Array, rotations: Array) -> None:
+    """Move one arm, in place. positions (T, 24, 3), turns (T, 24, 3, 3), rotations (T, 24, 3). sign: 1 for the left.
+
+    sits: (T,) 1 where the body sits.
+    """
     hip, collar, shoulder, elbow, wrist, hand = (
         JOINT_INDEX[f"{side}_{joint}"] for joint in ("hip", "collar", "shoulder", "elbow", "wrist", "hand")
     )
     thigh = turns[:, hip]
     local = np.einsum("tji,tj->ti", thigh, positions[:, wrist] - positions[:, hip])
-    rests = _rests(local, thigh[:, 1, 2])
+    rests = sits * _rests(local, thigh[:, 1, 2])
     raised = local.copy()
     raised[:, 2] = np.maximum(local[:, 2], _over(np.abs(local[:, 0])))
     lift = np.einsum("tij,tj->ti", thigh, raised - local)

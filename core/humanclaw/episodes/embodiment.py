@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanclaw.body.pose import FUTURE, Array, Motion, Pose2D, next_history, re_rooted
+from humanclaw.body.resting_hands import lay_hands
 from humanclaw.episodes.adapters import Adapters, untrained
 from humanclaw.episodes.backends import SENSORS, SHIPPED, VISION, Backends
 from humanclaw.episodes.execution import SkillExecution, Watcher, played_parts, working
@@ -247,11 +248,15 @@ class Body:
         return self.last
 
     def _simulate(self, motion: Motion, part: Part) -> Chunk:
-        commanded = self._arms.over(motion, arms_of(part), self._state.body)
+        source = self.backends.motion_history
+        # A model that goes on from the simulated hands would meet hands that it has never seen.
+        corrects = isinstance(part, Control) and source == "generated" and self.backends.profile != "paper"
+        laid = lay_hands(motion) if corrects else motion
+        commanded = self._arms.over(laid, arms_of(part), self._state.body)
         execution = self._simulator.execute(commanded)
         self._state = self._simulator.state()
         self._arms.after(execution.simulated, self._state.held, arms_of(part))
-        self._history = next_history(self._history, motion, execution.simulated, self.backends.motion_history)
+        self._history = next_history(self._history, motion, execution.simulated, source)
         return Chunk(commanded, execution)
 
     def _sense(self, moment: Moment) -> tuple[Proprioception | None, tuple[Touch, ...] | None, tuple[Reading, ...]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import zipfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -40,7 +40,6 @@ class EpisodeWriter:
             self._steps = files.append("steps.jsonl")
         self._pieces = 0
         self._disk = ThreadPoolExecutor(1)
-        self._settling: Future[None] | None = None
         self._later(partial(files.settle, ("episode.json", "steps.jsonl")))
 
     def frame(self, name: str, data: bytes) -> str:
@@ -65,14 +64,16 @@ class EpisodeWriter:
 
     def _later(self, settle: Callable[[], None]) -> None:
         """Let the disk work meanwhile."""
-        self._settling = self._disk.submit(settle)
+        self._due, self._settling = settle, self._disk.submit(settle)
 
     def _settle(self) -> None:
-        """Wait until what was written before is on disk."""
-        settling, self._settling = self._settling, None
+        """Wait until what was written before is on disk. Where that fails, the next call tries again."""
         with writing(self._files):
-            if settling:
-                settling.result()
+            try:
+                self._settling.result()
+            except OSError:
+                self._later(self._due)
+                raise
 
     def end(self, record: EpisodeRecord, arrays: Mapping[str, Array]) -> None:
         """Close the record: write motion.npz, then the final episode.json. Raises RecordError if the disk is full."""
@@ -94,7 +95,7 @@ def _write_npz(stream: BinaryIO, arrays: Mapping[str, Array], packing: int = zip
     with zipfile.ZipFile(stream, "w", packing) as archive:
         for name in arrays:
             with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
-                array = arrays[name]
+                array = np.ascontiguousarray(arrays[name])
                 np.lib.format.write_array_header_1_0(member, np.lib.format.header_data_from_array_1_0(array))
                 for first in range(0, len(array), 1000):
                     member.write(array[first : first + 1000].tobytes())

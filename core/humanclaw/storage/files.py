@@ -266,22 +266,17 @@ def add_line(stream: BinaryIO, line: bytes) -> None:
 
     stream: of Folder.append().
     """
-    begin_line(stream, line)()
+    with _whole(stream, stream.seek(0, os.SEEK_END)):
+        begin_line(stream, line)()
 
 
 def begin_line(stream: BinaryIO, line: bytes) -> Callable[[], None]:
     """Add a line as add_line() does, without waiting for the disk; return the function that waits. Both raise
-    OSError."""
-    before = stream.seek(0, os.SEEK_END)
-    with _whole(stream, before):
+    OSError. A line whose waiting failed stays, and may be waited for again."""
+    with _whole(stream, stream.seek(0, os.SEEK_END)):
         if stream.write(line + b"\n") <= len(line):
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-    def settle() -> None:
-        with _whole(stream, before):
-            os.fsync(stream.fileno())
-
-    return settle
+    return lambda: os.fsync(stream.fileno())
 
 
 @contextmanager

@@ -7,11 +7,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cache
 from importlib import resources
+from threading import Lock
 from typing import Final
 
 from pydantic import TypeAdapter, ValidationError
 
-from humanclaw import HumanclawError, RecordedEpisode, Scene
+from humanclaw import HumanclawError, RecordedEpisode, Scene, __version__
 from humanclaw.storage import Cache
 from humanclaw.world import floors_of
 from humanclaw_report.facts import named
@@ -61,13 +62,16 @@ class Houses:
     store: Cache = field(default_factory=lambda: Cache("pages"))
     known: dict[tuple[str, str], Drawn] = field(default_factory=dict)
     """The last KEPT houses, by name and digest."""
+    alone: Lock = field(default_factory=Lock)
+    """Threads of a server ask one at a time, so that none draws a house twice."""
 
     def of(self, recorded: RecordedEpisode) -> Drawn:
         asked = recorded.record.spec.scene, recorded.record.scene_digest
-        found = self.known.pop(asked, None) or self._stored(asked[1]) or self._draw(*asked)
-        self.known[asked] = found
-        if len(self.known) > KEPT:
-            del self.known[next(iter(self.known))]
+        with self.alone:
+            found = self.known.pop(asked, None) or self._stored(asked[1]) or self._draw(*asked)
+            self.known[asked] = found
+            if len(self.known) > KEPT:
+                del self.known[next(iter(self.known))]
         return found
 
     def _stored(self, digest: str) -> Drawn | None:
@@ -91,7 +95,7 @@ class Houses:
 
 
 def _key(digest: str) -> str:
-    return hashlib.sha256(f"{_code()}|{digest}".encode()).hexdigest()
+    return hashlib.sha256(f"{__version__}|{_code()}|{digest}".encode()).hexdigest()
 
 
 @cache

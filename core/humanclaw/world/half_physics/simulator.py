@@ -9,7 +9,6 @@ from typing import Final
 import numpy as np
 
 from humanclaw.body.pose import FPS, Array, Motion, Pose2D, rest_pose
-from humanclaw.body.resting_hands import lay_hands
 from humanclaw.body.skeleton import JOINTS, Side
 from humanclaw.errors import HumanclawError, SceneError
 from humanclaw.world.half_physics.drive import Drive
@@ -95,8 +94,6 @@ class HalfPhysics:
         simulated, contacts, touches, paths = [], [], [], []
         self._hands.tidy()
         began, before = self._objects, self._drive.pose.root
-        if self._profile.yielding:
-            motion = lay_hands(motion)
         swings = self._drive.swings(motion)
         for frame, target in enumerate(poses_of(motion)):
             velocity = (target.root - before) * FPS
@@ -132,7 +129,7 @@ class HalfPhysics:
     def _frame(self, world: World, target: Pose, velocity: Array, swing: float = 0.0) -> list[Touch]:
         """One frame of physics; everything the body touched in any of its substeps."""
         profile, met = self._profile, list[Touch]()
-        if profile.yielding:
+        if self._reflex.borne:
             target = self._drive.laid(target)
         held = self._hands.held
         if held:
