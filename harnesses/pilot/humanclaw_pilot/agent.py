@@ -21,7 +21,7 @@ from humanclaw import Decision, EpisodeContext, HistoryEntry, HumanclawError, Ob
 from humanclaw.body import rest_pose
 from humanclaw.plugins import read_options
 from humanclaw.world import BODY_ID, Gaze, View, ego_camera
-from humanclaw_pilot.network import CELLS, CLASSES, WEIGHTS, Floats, Glance, reader
+from humanclaw_pilot.network import CELLS, CLASSES, WEIGHTS, Eyes, Floats, Glance
 
 TARGET: Final = 1
 """Id of what the network takes for the target; other things have THING."""
@@ -60,9 +60,8 @@ class PilotAgent:
 
     def __init__(self, options: Mapping[str, Any]) -> None:
         self._options = read_options(PilotOptions, options)
-        known = {"weights": self._options.weights.name, "words": "eyes"}
-        self.settings = self._options.model_dump() | known
-        self._look = _reader(self._options.weights)
+        self._look = Eyes.read(self._options.weights)
+        self.settings = self._options.model_dump() | {"weights": self._look.digest, "words": "eyes"}
 
     def begin(self, context: EpisodeContext) -> None:
         if context.spec.target_category not in CLASSES:
@@ -129,6 +128,3 @@ def _floor_depth(rows: int, gaze: Gaze) -> Floats:
 @lru_cache(1)
 def _plugins() -> Plugins:
     return Plugins.discover()
-
-
-_reader = lru_cache(2)(reader)

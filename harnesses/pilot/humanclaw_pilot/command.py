@@ -11,9 +11,6 @@ import click
 from humanclaw import HumanclawError, Plugins
 from humanclaw.cli import parse_pairs
 
-HOUSES_APART = 2000
-"""Training houses from this one on are for measuring."""
-
 
 @click.group("pilot")
 def command() -> None:
@@ -82,10 +79,10 @@ def train(
 def measure(folder: Path, weights: Path | None, certain: float) -> None:
     """Measure recall, precision and depth on data that the eyes have not learnt from."""
     from humanclaw_pilot import training
-    from humanclaw_pilot.network import WEIGHTS, reader
+    from humanclaw_pilot.network import WEIGHTS, Eyes
 
     found = training.read(_files([folder]))
-    for category, views, recall, precision, wrong in training.measure(reader(weights or WEIGHTS), found, certain):
+    for category, views, recall, precision, wrong in training.measure(Eyes.read(weights or WEIGHTS), found, certain):
         click.echo(
             f"{category:13s} {views:5d} views: recall {recall:.2f}, precision {precision:.2f}, depth {wrong:.0%}"
         )

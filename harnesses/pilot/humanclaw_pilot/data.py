@@ -76,8 +76,8 @@ def written(path: Path, examples: Sequence[Example]) -> None:
 # -- rollouts ----------------------------------------------------------------------------------------------------------
 def played(plugins: Plugins, agent: str, options: Mapping[str, Any], first: int, seeds: Sequence[int], steps: int
            ) -> Iterator[tuple[Example, Motion]]:  # fmt: skip
-    """Let an agent play training tasks in houses from `first` on; yield each view with its labels, and the pose."""
-    with Gym("train", options={"first": first}, plugins=plugins) as gym:
+    """Let an agent play training tasks in the house `first`; yield each view with its labels, and the pose."""
+    with Gym("train", options={"first": first, "houses": 1}, plugins=plugins) as gym:
         for seed in seeds:
             turn, episode, mind = gym.reset(seed), gym.episode, plugins.make("agents", agent, options)
             mind.begin(gym.context)

@@ -5,14 +5,18 @@ The order of the layers is written once, for numpy here and for torch in humancl
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
+from hashlib import sha256
 from pathlib import Path
 from typing import Any, Final, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from safetensors.numpy import load_file
+from safetensors import SafetensorError
+from safetensors.numpy import load
+
+from humanclaw import HumanclawError
+from humanclaw.storage import read_file
 
 Floats = NDArray[np.float32]
 T = TypeVar("T")
@@ -24,6 +28,8 @@ SIZE: Final = 256
 CELLS: Final = 64
 """Side of the grid that it answers, cells."""
 WEIGHTS: Final = Path(__file__).with_name("pilot.safetensors")
+_MOST_BYTES: Final = 64 << 20
+_REMEDY: Final = "Train some with `humanclaw pilot train`."
 
 
 def _levels() -> dict[str, tuple[int, int, int]]:
@@ -99,16 +105,39 @@ class Glance:
     depth: Floats
 
 
-def reader(path: Path = WEIGHTS) -> Callable[[NDArray[np.uint8]], Glance]:
-    """Read weights. Returns a function from a view (512, 512, 3) to a Glance."""
-    layers = NumpyLayers({name: array.astype(np.float32) for name, array in load_file(path).items()})
+@dataclass(frozen=True, eq=False)
+class Eyes:
+    """The network with its weights. digest: the first 16 digits of their SHA-256."""
 
-    def look(rgb: NDArray[np.uint8]) -> Glance:
-        found = answer(layers, prepared(halved(rgb)[None])[0])
+    layers: NumpyLayers
+    digest: str
+
+    @classmethod
+    def read(cls, path: Path = WEIGHTS) -> Eyes:
+        """Read weights. Raises HumanclawError for a file that is none of this network's."""
+        try:
+            data = read_file(path, _MOST_BYTES)
+            weights = {name: array.astype(np.float32) for name, array in load(data).items()}
+        except (OSError, ValueError, SafetensorError) as error:
+            raise HumanclawError(f"cannot read the pilot's weights {path}: {error}.", _REMEDY) from error
+        if {name: array.shape for name, array in weights.items()} != _shapes():
+            raise HumanclawError(f"{path} holds another network than the pilot's.", _REMEDY)
+        if not all(np.isfinite(array).all() for array in weights.values()):
+            raise HumanclawError(f"{path} holds numbers that are not finite.", _REMEDY)
+        return cls(NumpyLayers(weights), sha256(data).hexdigest()[:16])
+
+    def __call__(self, rgb: NDArray[np.uint8]) -> Glance:
+        """Look at a view (512, 512, 3)."""
+        found = answer(self.layers, prepared(halved(rgb)[None])[0])
         raised = np.exp(found[:-1] - found[:-1].max(0))
         return Glance(raised / raised.sum(0), np.exp(found[-1]))
 
-    return look
+
+def _shapes() -> dict[str, tuple[int, ...]]:
+    found: dict[str, tuple[int, ...]] = {}
+    for name, (before, after, side) in SHAPES.items():
+        found |= {f"{name}.weight": (after, before, side, side), f"{name}.bias": (after,)}
+    return found
 
 
 def halved(rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:

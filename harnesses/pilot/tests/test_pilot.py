@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from safetensors.numpy import load_file
+from safetensors.numpy import load_file, save_file
 
 from humanclaw import Call, Decision, EpisodeContext, EpisodeSpec, HumanclawError, Observation, Plugins
 from humanclaw.body import rest_pose
@@ -12,7 +12,7 @@ from humanclaw.world import GAZES, WorldState, ego_camera
 from humanclaw_pilot import agent as pilot
 from humanclaw_pilot.command import command
 from humanclaw_pilot.data import example, planted, written
-from humanclaw_pilot.network import CELLS, CLASSES, SHAPES, SIZE, WEIGHTS, Glance, halved, prepared, reader
+from humanclaw_pilot.network import CELLS, CLASSES, SHAPES, SIZE, WEIGHTS, Eyes, Glance, halved, prepared
 
 SPEC = EpisodeSpec(id="one", instruction="find a couch", scene="", target_category="couch")
 PICTURE = np.zeros((512, 512, 3), np.uint8)
@@ -32,7 +32,7 @@ def glance(kind="floor", mine=0):
 
 
 def begun(plugins, seen, monkeypatch, **options):
-    monkeypatch.setattr(pilot, "_reader", lambda path: lambda rgb: seen)
+    monkeypatch.setattr(Eyes, "__call__", lambda eyes, rgb: seen)
     agent = plugins.make("agents", "pilot", options)
     agent.begin(EpisodeContext(SPEC, plugins.skills, seed=0))
     return agent
@@ -80,7 +80,7 @@ def test_numpy_and_torch_answer_alike_and_training_goes_on_where_it_stopped(tmp_
     model.load_state_dict(training.load_file(training._beside(out)))
     with torch.no_grad():
         told = model(torch.from_numpy(prepared(pictures[:1])))[0].numpy()
-    found = reader(out)(pictures[0].repeat(2, 0).repeat(2, 1))
+    found = Eyes.read(out)(pictures[0].repeat(2, 0).repeat(2, 1))
     assert np.abs(np.exp(told[-1]) / found.depth - 1).max() < 0.05  # Weights are kept in half precision.
     assert (halved(pictures[0].repeat(2, 0).repeat(2, 1)) == pictures[0]).all()
 
@@ -92,6 +92,24 @@ def test_the_shipped_weights_are_those_of_this_network_and_small():
     }
     assert sum(part.size for part in weights.values()) < 10e6
     assert WEIGHTS.stat().st_size < 10e6
+
+
+@pytest.mark.parametrize(
+    ("damage", "told"),
+    [
+        (lambda weights: weights.pop("answer.bias"), "another network"),
+        (lambda weights: weights.update({"answer.bias": np.full(10, np.nan, np.float16)}), "not finite"),
+    ],
+)
+def test_weights_of_another_network_are_refused_and_others_are_told_apart_by_their_digest(damage, told, tmp_path):
+    weights = load_file(WEIGHTS)
+    save_file({**weights, "answer.bias": weights["answer.bias"] + 1}, tmp_path / "pilot.safetensors")
+    assert Eyes.read(tmp_path / "pilot.safetensors").digest != Eyes.read().digest
+    damage(weights)
+    save_file(weights, tmp_path / "pilot.safetensors")
+    for path in (tmp_path / "pilot.safetensors", tmp_path, tmp_path / "none"):
+        with pytest.raises(HumanclawError, match=told if path.suffix else "cannot read the pilot's weights"):
+            Eyes.read(path)
 
 
 @pytest.mark.parametrize(("rows", "says"), [(0, False), (8, True)])
