@@ -68,7 +68,7 @@ class PilotAgent:
             told = f"the pilot knows {', '.join(CLASSES[3:])}, and not {context.spec.target_category!r}."
             raise HumanclawError(told, "Name one of these in the instruction.")
         spec = context.spec.model_copy(update={"target_ids": (TARGET,)})
-        self._context = replace(context, spec=spec, view=lambda: self._view)
+        self._context = replace(context, spec=spec, scene=None, state=None, view=lambda: self._view)
         self._kind = CLASSES.index(spec.target_category)
         self._left = AGAIN
         self._renew()
@@ -127,4 +127,5 @@ def _floor_depth(rows: int, gaze: Gaze) -> Floats:
 
 @lru_cache(1)
 def _plugins() -> Plugins:
+    """Return the installed plugins: a factory of agents gets options alone, and not the plugins of the run."""
     return Plugins.discover()

@@ -118,7 +118,7 @@ class Eyes:
         try:
             data = read_file(path, _MOST_BYTES)
             weights = {name: array.astype(np.float32) for name, array in load(data).items()}
-        except (OSError, ValueError, SafetensorError) as error:
+        except (OSError, ValueError, KeyError, SafetensorError) as error:  # KeyError: a type numpy lacks.
             raise HumanclawError(f"cannot read the pilot's weights {path}: {error}.", _REMEDY) from error
         if {name: array.shape for name, array in weights.items()} != _shapes():
             raise HumanclawError(f"{path} holds another network than the pilot's.", _REMEDY)

@@ -1,5 +1,8 @@
 """The pilot's labels are the simulator's, its eyes answer alike in numpy and torch, and it says what they see."""
 
+from dataclasses import replace
+from itertools import islice
+
 import numpy as np
 import pytest
 from safetensors.numpy import load_file, save_file
@@ -9,9 +12,9 @@ from humanclaw.body import rest_pose
 from humanclaw.records import acknowledges
 from humanclaw.testing import SceneBuilder
 from humanclaw.world import GAZES, WorldState, ego_camera
-from humanclaw_pilot import agent as pilot
+from humanclaw_pilot import agent as pilot, data
 from humanclaw_pilot.command import command
-from humanclaw_pilot.data import example, planted, written
+from humanclaw_pilot.data import example, planted, played, written
 from humanclaw_pilot.network import CELLS, CLASSES, SHAPES, SIZE, WEIGHTS, Eyes, Glance, halved, prepared
 
 SPEC = EpisodeSpec(id="one", instruction="find a couch", scene="", target_category="couch")
@@ -62,6 +65,22 @@ def test_views_come_from_training_houses_and_can_be_read_again(plugins, tmp_path
     with np.load(tmp_path / "views.npz") as read:
         assert read["picture"].shape == (2, SIZE, SIZE, 3)
         assert (read["kinds"][1] == found[1].kinds).all()
+
+
+def test_an_agents_views_come_from_the_house_that_was_asked_for(plugins, monkeypatch):
+    houses = []
+    monkeypatch.setattr(data, "example", lambda view, scene, camera, floor: houses.append(scene.name))
+    list(islice(played(plugins, "wanderer", {}, 7, (0, 100), 1), 2))
+    assert houses == [plugins.scene("house:train-7").name] * 2
+
+
+def test_weights_in_numbers_that_numpy_lacks_are_refused(tmp_path):
+    torch = pytest.importorskip("torch")
+    from safetensors.torch import save_file as save
+
+    save({"answer.bias": torch.zeros(10, dtype=torch.bfloat16)}, tmp_path / "pilot.safetensors")
+    with pytest.raises(HumanclawError, match="cannot read the pilot's weights"):
+        Eyes.read(tmp_path / "pilot.safetensors")
 
 
 def test_numpy_and_torch_answer_alike_and_training_goes_on_where_it_stopped(tmp_path):
@@ -120,10 +139,23 @@ def test_it_names_the_target_where_its_eyes_show_it(rows, says, plugins, monkeyp
     assert plugins.skills[call.skill].check(call.params) == call.params
 
 
+class Secret:
+    """What only the simulator knows: whoever calls it or asks it for anything fails."""
+
+    def __call__(self):
+        raise AssertionError("was asked")
+
+    def __getattr__(self, name):
+        raise AssertionError(name)
+
+
 def test_it_is_told_nothing_but_pictures_and_words(plugins, monkeypatch):
     agent = begun(plugins, glance(), monkeypatch, history=False, feedback=False)
+    known = EpisodeContext(SPEC, plugins.skills, seed=0)
+    agent.begin(replace(known, scene=Secret(), state=Secret(), view=Secret()))
     assert not agent.privileged
     assert agent.decide(Observation(0, SPEC.instruction, PICTURE), ()).calls
+    assert agent._context.scene is agent._context.state is None
 
 
 def test_what_it_cannot_do_is_said(plugins, monkeypatch):
