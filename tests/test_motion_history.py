@@ -104,3 +104,16 @@ def test_hands_stay_clear_of_thighs_that_a_seat_lifts_and_the_model_goes_on_from
     # A thigh is a cylinder of 7 cm; the model alone has its fingers 2 cm from the axis.
     assert min(least_distance(part) for part in parts) > 0.068
     assert least_distance(history) < 0.05
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_feet_do_not_push_a_body_off_a_seat_whose_back_has_lifted_it(seed):
+    builder = SceneBuilder()
+    builder.floor()
+    builder.box("toilet", (0.4, 0.41, 0.5), (0.0, 0.0, -0.75))
+    builder.box("cistern", (0.4, 0.85, 0.2), (0.0, 0.0, -0.95))
+    with Body(builder.scene(), plugins=Plugins.discover(), seed=seed) as body:
+        body.call("step_back", z_cm=30)
+        *_, last = body.execute(Call("sit_in_place", {"h_cm": 52})).chunks
+    # Hips that rest on the seat are at 0.41 + 0.14 m; feet that reached for the floor meanwhile left them at 0.559.
+    assert last.execution.simulated.root[-1, 1] == pytest.approx(0.55, abs=0.003)

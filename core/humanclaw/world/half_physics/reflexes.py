@@ -80,8 +80,9 @@ class Reflex:
         return _LIGHTLY if pelvis > _OFF and self.free[hip] == 0.0 else 0.0
 
     def hangs(self, hip: int) -> float:
-        """Return how fast the foot of a hip's leg reaches for the floor, 0 to 1: the faster the longer it hangs."""
-        return min(max((self.free[hip] - _HANGS) / _HURRIES, 0.0), 1.0)
+        """Return how fast the foot of a hip's leg reaches for the floor, 0 to 1: the faster the longer it hangs. It
+        waits while the seat carries nothing: it would push the body up."""
+        return min(max((self.free[hip] - _HANGS) / _HURRIES, 0.0), 1.0) if 0.0 in self.borne.values() else 0.0
 
 
 CALM: Final = Reflex()
