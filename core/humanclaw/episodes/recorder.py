@@ -6,9 +6,12 @@ import datetime
 import functools
 import hashlib
 import json
+import os
+import weakref
 from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
+from tempfile import TemporaryFile, gettempdir
 from typing import Any
 
 import numpy as np
@@ -26,7 +29,7 @@ from humanclaw.records.folder import EpisodeWriter, joined
 from humanclaw.records.specification import EpisodeSpec
 from humanclaw.records.steps import EpisodeRecord, Outcome, SkillInfo, StepRecord
 from humanclaw.skills.contract import Skill
-from humanclaw.storage.files import Folder
+from humanclaw.storage.files import Folder, writing
 from humanclaw.world.scene import GROUND, Scene
 from humanclaw.world.simulator import Chunk
 
@@ -40,19 +43,19 @@ class Recording:
         self.steps: list[StepRecord] = []
         self._files = Folder.of(folder) if folder else None
         self.folder = self._files.path if self._files else None
-        self._trajectory = TrajectoryBuffer(body)
+        self._trajectory = TrajectoryBuffer(body) if folder else None
         self._writer: EpisodeWriter | None = None
         self._drawn: dict[str, bytes] = {}
         """Frames of replayed steps, held back until the replay has succeeded."""
 
     def open(self) -> None:
         """Begin the folder. Call it after a replay, so that a failed one leaves the folder as it was."""
-        if self._files:
+        if self._files and self._trajectory is not None:
             self._writer = EpisodeWriter(self._files, self.record, self.steps)
             for name, data in self._drawn.items():
                 self._writer.frame(name, data)
             self._drawn.clear()
-            for piece in self._trajectory.pieces:
+            for piece in self._trajectory.pieces():
                 self._writer.move(piece)
 
     def frame(self, name: str, data: bytes) -> str:
@@ -64,6 +67,8 @@ class Recording:
 
     def move(self, chunks: Sequence[Chunk]) -> None:
         """Append the motion of a step."""
+        if self._trajectory is None:
+            return
         for chunk in chunks:
             piece = self._trajectory.add(chunk)
             if self._writer:
@@ -77,7 +82,7 @@ class Recording:
 
     def end(self, record: EpisodeRecord) -> None:
         """Write the final record. If the disk was full, call it again."""
-        if self._writer:
+        if self._writer and self._trajectory is not None:
             self._writer.end(record, self._trajectory)
         self.record = record
 
@@ -98,23 +103,48 @@ class TrajectoryBuffer(Mapping[str, Array]):
     """Every frame of an episode for motion.npz: five frames of standing, then each chunk's.
 
     Arrays by name, made when they are asked for: {generated,simulated}_{root,rotations} and object_ID, one row a frame.
+    Until then they lie in a file without a name: they take 23 kB a step.
     """
 
     def __init__(self, body: Body) -> None:
+        """Begin with a body that stands. Raises RecordError, as add() does, if temporary files have no room."""
         self._scene = body.scene
         still = body.state().body
         standing = Motion(np.repeat(still.root, HISTORY, 0), np.repeat(still.rotations, HISTORY, 0))
-        self.pieces: list[Mapping[str, Array]] = [_arrays(body.history, standing)]
-        """The same arrays of the beginning and of each chunk; of objects only those that moved in it."""
+        self._places: list[Mapping[str, int]] = []
+        """Where the file holds the arrays of the beginning and of each chunk; of objects only those that moved in
+        it."""
+        with writing(Path(gettempdir())):
+            self._file = TemporaryFile()  # noqa: SIM115 (closed below)
+        weakref.finalize(self, self._file.close)
+        self._keep(_arrays(body.history, standing))
 
     def add(self, chunk: Chunk) -> Mapping[str, Array]:
         """Append the motion of a chunk. Returns it as a piece."""
         paths = {f"object_{key}": path for key, path in chunk.execution.objects.items()}
-        self.pieces.append(_arrays(chunk.commanded, chunk.execution.simulated) | paths)
-        return self.pieces[-1]
+        return self._keep(_arrays(chunk.commanded, chunk.execution.simulated) | paths)
+
+    def _keep(self, piece: Mapping[str, Array]) -> Mapping[str, Array]:
+        self._file.seek(0, os.SEEK_END)
+        places = {}
+        with writing(Path(gettempdir())):
+            for name, array in piece.items():
+                places[name] = self._file.tell()
+                np.save(self._file, array)
+        self._places.append(places)
+        return piece
+
+    def _read(self, place: int) -> Array:
+        self._file.seek(place)
+        return np.asarray(np.load(self._file))
+
+    def pieces(self) -> Iterator[Mapping[str, Array]]:
+        """Yield the beginning and each chunk."""
+        for places in self._places:
+            yield {name: self._read(place) for name, place in places.items()}
 
     def __iter__(self) -> Iterator[str]:
-        return iter(sorted({name for piece in self.pieces for name in piece}))
+        return iter(sorted({name for places in self._places for name in places}))
 
     def __len__(self) -> int:
         return len(list(iter(self)))
@@ -122,7 +152,11 @@ class TrajectoryBuffer(Mapping[str, Array]):
     def __getitem__(self, name: str) -> Array:
         kind, _, key = name.partition("_")
         obj = self._scene.by_id[int(key)] if kind == "object" else None
-        return joined(self.pieces, name, np.array([*obj.position, *obj.rotation], float) if obj else None)
+        held = []
+        for places in self._places:
+            one = name if name in places else "generated_root"  # It tells how long the piece is.
+            held.append({one: self._read(places[one])})
+        return joined(held, name, np.array([*obj.position, *obj.rotation], float) if obj else None)
 
 
 def _arrays(generated: Motion, simulated: Motion) -> dict[str, Array]:
