@@ -10,8 +10,8 @@ from humanclaw.storage.pictures import jpeg
 
 QUALITY: Final = 88
 """JPEG quality of recorded frames."""
-RECENT: Final = 16
-"""Latest views that stay as they were seen; the paper shows a model at most ten. A view takes 0.8 MB."""
+RECENT: Final = 10
+"""Latest views that stay as they were seen: the paper shows a model at most ten. A view takes 0.8 MB."""
 
 
 class History:
