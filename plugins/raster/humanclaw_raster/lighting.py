@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from humanclaw import Scene
 from humanclaw.body import Array, matrix_from_quaternion
 from humanclaw.storage import Cache
-from humanclaw.world import SceneObject, compiled, inlined
+from humanclaw.world import Mesh, SceneObject, compiled, inlined
 from humanclaw_raster.baking import Lights, bake, voxels
 from humanclaw_raster.buffers import HALF, TINY, ZERO, Instances
 from humanclaw_raster.packing import LEVELS, Floats, Model
@@ -143,9 +143,12 @@ def _indoors(scene: Scene, head: Array) -> NDArray[np.bool_] | None:
 
 def panes(scene: Scene, name: str) -> NDArray[np.bool_]:
     """Return (F,) which faces of an asset are the glass of a window: large and to the front."""
-    asset, mesh = scene.assets[name], scene.assets[name].mesh
-    if asset.category != "window":
-        return np.zeros(len(mesh.faces), bool)
+    asset = scene.assets[name]
+    return front(asset.mesh) & (asset.category == "window")
+
+
+def front(mesh: Mesh) -> NDArray[np.bool_]:
+    """Return (F,) which faces of a mesh are large and to the front."""
     a, b, c = (mesh.vertices[mesh.faces[:, k]].astype(float) for k in range(3))
     normal = np.cross(b - a, c - a) / 2
     area = np.linalg.norm(normal, axis=1)

@@ -10,12 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanclaw import HumanclawError, Scene
-from humanclaw.body import Array, Skin, matrix_from_quaternion, skin
+from humanclaw.body import Array, Motion, Skin, matrix_from_quaternion, skin
 from humanclaw.world import BODY_ID, Camera, View, WorldState
 from humanclaw_raster.buffers import GBuffer, Instances, Pinhole
 from humanclaw_raster.drawing import draw, in_view
 from humanclaw_raster.edges import soften
 from humanclaw_raster.lighting import Lit, light_again, light_up, panes
+from humanclaw_raster.mirrors import COARSE, Glass, blend
 from humanclaw_raster.overhead import OverheadMapper
 from humanclaw_raster.packing import Model, pack
 from humanclaw_raster.painting import paint, smooth_edges
@@ -37,6 +38,7 @@ class _LoadedScene(NamedTuple):
     instances: Instances
     overhead: OverheadMapper
     lit: Lit
+    mirrors: tuple[Glass, ...]
 
 
 class RasterRenderer:
@@ -78,7 +80,8 @@ class RasterRenderer:
         _put(instances, range(1, count), list(self._rest.values()))
         movers = list(self._movers.values())
         overhead = OverheadMapper(scene, model, instances, movers)
-        self._loaded = _LoadedScene(model, instances, overhead, light_up(scene, model, instances))
+        lit = light_up(scene, model, instances)
+        self._loaded = _LoadedScene(model, instances, overhead, lit, tuple(Glass.all_in(scene)))
 
     def render(self, state: WorldState, camera: Camera) -> View:
         """Draw one moment. A camera inside the head does not see head and neck.
@@ -87,7 +90,7 @@ class RasterRenderer:
         """
         if self._loaded is None:
             raise HumanclawError("the renderer holds no scene.", "Call load(scene) first.")
-        model, instances, overhead, lit = self._loaded
+        model, instances, overhead, lit, _ = self._loaded
         poses = [state.objects.get(key, self._rest[key]) for key in self._movers]
         _put(instances, list(self._movers.values()), poses)
         instances.place[0] = self._person.dress(model, state.body, camera.position)
@@ -105,7 +108,26 @@ class RasterRenderer:
             smooth_edges(model, instances, pinhole, samples, gbuffer, light, sky, view.rgb)
         else:
             soften(pinhole, gbuffer, view.rgb)
+        self._reflect(self._loaded, state.body, camera, view)
         return view
+
+    def _reflect(self, scene: _LoadedScene, body: Motion, camera: Camera, view: View) -> None:
+        """Draw what the largest mirror in a view reflects."""
+        pinhole = _pinhole(camera)
+        seen = [(glass, glass.reflects(pinhole, view)) for glass in scene.mirrors]
+        glass, shown = max(seen, key=lambda each: each[1].sum(), default=(None, np.zeros(0, bool)))
+        if glass is None or not shown.any():
+            return
+        image = glass.image(pinhole)
+        small = replace(camera, width=camera.width // COARSE, height=camera.height // COARSE)
+        model, instances, overhead, lit, _ = scene
+        instances.place[0] = self._person.dress(model, body, image.eye)
+        gbuffer = _gbuffer(model, instances, lit, image, small, glass)
+        light = ambient_occlusion(image, gbuffer, overhead.now(instances), lit.light)
+        shape = (small.height, small.width)
+        found = View(np.empty((*shape, 3), np.uint8), np.empty(shape, np.float32), np.empty(shape, np.int32))
+        paint(model, instances, image, gbuffer, light, _sky(small), found.rgb, found.depth, found.ids)
+        blend(view.rgb, shown, found.rgb)
 
     def close(self) -> None:
         """Free the scene; a closed renderer can load again."""
@@ -119,8 +141,13 @@ def _put(instances: Instances, rows: Sequence[int], poses: Sequence[Array]) -> N
     instances.turn[rows] = matrix_from_quaternion(where[:, 3:])
 
 
-def _gbuffer(model: Model, instances: Instances, lit: Lit, pinhole: Pinhole, camera: Camera) -> GBuffer:
+def _gbuffer(
+    model: Model, instances: Instances, lit: Lit, pinhole: Pinhole, camera: Camera, glass: Glass | None = None
+) -> GBuffer:
     found, depth = in_view(model, instances, pinhole, camera.width, camera.height)
+    if glass:
+        kept = glass.before(model, instances, found)
+        found, depth = found[kept], depth[kept]
     shape = (camera.height, camera.width)
     inverse_depth, surface = np.zeros(shape, np.float32), np.full(shape, -1, np.int32)
     order = found[np.argsort(depth, kind="stable")]

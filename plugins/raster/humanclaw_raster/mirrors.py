@@ -1,0 +1,97 @@
+"""Mirrors: the room before one, drawn once more by the eye's mirror image at half the size."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final, NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import map_coordinates
+
+from humanclaw import Scene
+from humanclaw.body import Array, matrix_from_quaternion
+from humanclaw.world import View
+from humanclaw_raster.buffers import Instances, Pinhole
+from humanclaw_raster.lighting import front
+from humanclaw_raster.packing import Model
+
+COARSE: Final = 2
+"""Pixels of a picture to one of a reflection, along each axis."""
+SEEN: Final = 200
+"""Pixels of a mirror from which it reflects."""
+_CLEAR: Final = 0.01
+"""What reaches less far before the glass hides nothing in it, metres: its own frame and wall."""
+SHINE: Final = 0.85
+"""Share of a mirror's colour that it reflects."""
+
+
+class Glass(NamedTuple):
+    """The reflecting rectangle of one mirror."""
+
+    id: int
+    place: Array
+    """(3,) and"""
+    turn: Array
+    """(3, 3) from the mirror's frame to the world."""
+    low: Array
+    """(3,) and"""
+    high: Array
+    """(3,) corners in the mirror's frame, metres; it faces along +Z there."""
+
+    @classmethod
+    def all_in(cls, scene: Scene) -> Iterator[Self]:
+        """Yield the mirrors of a scene that hang still."""
+        for obj in scene.of_category("mirror"):
+            mesh = scene.assets[obj.asset].mesh
+            if not obj.movable and (pane := front(mesh)).any():
+                corners = mesh.vertices[mesh.faces[pane]].reshape(-1, 3).astype(float)
+                turn = matrix_from_quaternion(np.array(obj.rotation))
+                yield cls(obj.id, np.array(obj.position), turn, corners.min(0), corners.max(0))
+
+    @property
+    def normal(self) -> Array:
+        return np.asarray(self.turn[:, 2])
+
+    @property
+    def plane(self) -> float:
+        """Distance of the glass from the world's origin along its normal."""
+        return float(self.normal @ self.place + self.low[2])
+
+    def reflects(self, pinhole: Pinhole, view: View) -> NDArray[np.bool_]:
+        """Return (H, W) the pixels of a view that show the glass from before it; none if they are too few."""
+        shown = np.asarray(view.ids == self.id)
+        if shown.sum() < SEEN or self.normal @ pinhole.eye <= self.plane:
+            return shown & False
+        rows, columns = np.nonzero(shown)
+        middle = np.array(view.ids.shape[::-1]) / 2
+        rays = np.stack([*((np.stack([columns, rows]) + 0.5 - middle[:, None]) / pinhole.focal), np.ones(len(rows))])
+        points = pinhole.eye + (rays * view.depth[shown]).T @ pinhole.axes
+        local = (points - self.place) @ self.turn
+        shown[shown] = (np.abs(local - (self.low + self.high) / 2) < (self.high - self.low) / 2 + 0.004).all(1)
+        return shown
+
+    def image(self, pinhole: Pinhole) -> Pinhole:
+        """Return the mirror image of a camera for a picture of half the size. What it sees in a pixel is what
+        the camera sees in the mirror there."""
+        off = self.normal @ pinhole.eye - self.plane
+        axes = pinhole.axes - 2 * np.outer(pinhole.axes @ self.normal, self.normal)
+        return Pinhole(pinhole.eye - 2 * off * self.normal, axes, pinhole.focal / COARSE)
+
+    def before(self, model: Model, instances: Instances, found: NDArray[np.int32]) -> NDArray[np.bool_]:
+        """Return (K,) which of the (K, 2) instances and clusters reach before the glass; others hide nothing in it."""
+        instance, sphere = found[:, 0], model.spheres[found[:, 1]].astype(float)
+        way = np.einsum("kij,i->kj", instances.turn[instance], self.normal)
+        start = instances.place[instance] @ self.normal - self.plane - _CLEAR
+        reach = start + np.einsum("kj,kj->k", way, sphere[:, :3]) + sphere[:, 3]
+        for k in np.flatnonzero(reach > 0):  # A sphere around a wall reaches far beyond its two sides.
+            first, end = model.clusters[found[k, 1]]
+            reach[k] = start[k] + float((model.corners[first:end] @ way[k]).max())
+        return np.asarray((reach > 0) & (instances.id[instance] != self.id))
+
+
+def blend(rgb: NDArray[np.uint8], shown: NDArray[np.bool_], reflection: NDArray[np.uint8]) -> None:
+    """Put a reflection into the pixels (H, W) of a picture that show the glass."""
+    at = (np.stack(np.nonzero(shown)) + 0.5) / COARSE - 0.5
+    seen = [map_coordinates(reflection[..., k], at, float, 1, mode="nearest") for k in range(3)]
+    rgb[shown] = np.rint(SHINE * np.stack(seen, -1) + (1 - SHINE) * rgb[shown])

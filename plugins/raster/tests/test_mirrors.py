@@ -1,0 +1,51 @@
+"""What a mirror shows is what its side of the room would show to the eye behind it."""
+
+import numpy as np
+import pytest
+
+from humanclaw.body import Pose2D, rest_pose
+from humanclaw.world import WorldState
+
+RED, BLUE = (220, 40, 40), (40, 40, 220)
+
+
+@pytest.fixture
+def hall(builder):
+    """A mirror of 1.2 m a side at z -2, which faces +Z. A red board stands at z 3, a blue one behind the mirror's
+    wall."""
+    builder.box((6, 4, 0.1), (0, -1, -2.06))
+    corners = [(x, y, 0.0) for x, y in ((-0.6, -0.6), (0.6, -0.6), (0.6, 0.6), (-0.6, 0.6))]
+    glass = builder.sheet(corners, (0, 1, -2), "mirror")
+    builder.box((0.5, 0.5, 0.02), (-1.0, 0.75, 3.0), RED)
+    builder.box((4, 4, 0.02), (0, -1, -2.5), BLUE)
+    return builder, glass
+
+
+def seen(view, colour):
+    """Return the pixels in which the strongest channel of a colour clearly leads."""
+    rgb, k = view.rgb.astype(int), int(np.argmax(colour))
+    return rgb[..., k] > 1.5 * np.delete(rgb, k, axis=-1).max(-1)
+
+
+def test_a_board_behind_the_eye_appears_in_the_mirror_where_the_law_of_reflection_puts_it(hall, camera):
+    builder, glass = hall
+    view = builder.look(camera((0, 1, 0), (0, 0, -1), 512))
+    rows, columns = np.nonzero(seen(view, RED) & (view.ids == glass))
+    # Its image is 2 + 5 m ahead, 0.75 to 1.25 m towards -X, which is on the left of who looks along -Z; 256 pixels to
+    # the metre at 1 m.
+    assert (columns.min() - 256, columns.max() + 1 - 256) == pytest.approx((-45.8, -27.5), abs=2)
+    assert (rows.min() - 256, rows.max() + 1 - 256) == pytest.approx((-9.2, 9.2), abs=2)
+    assert not seen(view, BLUE).any()
+    assert view.depth[256, 256] == pytest.approx(2.0, abs=1e-4)
+
+
+def test_the_body_sees_itself_whole_in_a_mirror_and_nothing_from_behind_the_glass(hall, camera):
+    builder, glass = hall
+    eye = camera((0, 1.6, 0), (0, -0.3, -1), 512)
+    empty = builder.look(eye)
+    body = Pose2D(0.0, 0.0, np.pi).to_world(rest_pose())
+    mirrored = builder.look(eye, WorldState(body, {}))
+    changed = (np.abs(mirrored.rgb.astype(int) - empty.rgb) > 20).any(-1) & (mirrored.ids == glass)
+    assert changed.sum() > 500
+    behind = builder.look(camera((0, 1, -4), (0, 0, 1), 512))
+    assert not (seen(behind, RED) & (behind.ids == glass)).any()
