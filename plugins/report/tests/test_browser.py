@@ -60,8 +60,9 @@ class Watched:
 
 
 @pytest.fixture
-def watched(tmp_path: Path) -> Iterator[Watched]:
-    """Serve a run with two episodes in progress in two houses, and one that has ended."""
+def watched(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Watched]:
+    """Serve a run with two episodes in progress in two houses, and one that has ended. No house is drawn yet."""
+    monkeypatch.setenv("HUMANCLAW_CACHE", str(tmp_path / "cache"))
     drawing = threading.Event()
     drawing.set()
     scenes = {name: replace(two_rooms(), name=name) for name in ("test:rooms", "test:others")}
