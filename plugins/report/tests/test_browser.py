@@ -209,7 +209,16 @@ def test_words_without_an_end_keep_to_their_place(browser: Any, tmp_path: Path) 
         line.replace('"reasoning":"', text) for line, text in zip(steps.read_text().splitlines(), said, strict=False)
     ]
     steps.write_text("\n".join([*lines, ""]))
-    tab, errors = opened(browser, write_report(tmp_path, None, lambda name: scene), PHONE)
+    page = write_report(
+        tmp_path,
+        None,
+        lambda name: scene,
+        contribute=lambda runs, page: page.episode(
+            next(iter(runs)), "couch-0", success=False, cause="find: target in view but not seen", step=1
+        ),
+    )
+    tab, errors = opened(browser, page, PHONE)
+    assert tab.evaluate("document.documentElement.scrollWidth") <= PHONE["width"]
     for number in range(len(said)):
         tab.evaluate(f"location.hash = '#step={number}'")
         tab.wait_for_function(f"document.getElementById('step-now').textContent.startsWith('Step {number}')")
