@@ -16,6 +16,7 @@ from humanclaw.body import HISTORY
 from humanclaw.errors import LimitError, PluginRunError, ProviderError, RecordError, ReplayError
 from humanclaw.records import Answer, Decision, RecordedEpisode, Usage, free_episode
 from humanclaw.records.folder import joined
+from humanclaw.records.reading import _read_piece
 from humanclaw.testing import fake_body
 
 WALK = Decision((Call("walk", {"z_cm": 40}),))
@@ -434,11 +435,25 @@ def test_motion_can_be_read_while_the_episode_goes_on(body, spec, tmp_path):
         episode.submit(WALK)
         sofar = RecordedEpisode(tmp_path / "one").motion()
         episode.submit(WALK)
+        known = _read_piece.cache_info().misses
+        assert len(RecordedEpisode(tmp_path / "one").motion()) == HISTORY + 30
+        assert _read_piece.cache_info().misses == known + 1, "only the new piece is read"
     ended = RecordedEpisode(tmp_path / "one").motion()
     assert len(sofar) == HISTORY + 15
     assert np.array_equal(ended.root[: len(sofar)], sofar.root)
     assert len(ended) == HISTORY + 30
     assert not list((tmp_path / "one").rglob("frames/*.npz")), "motion.npz takes their place"
+
+
+def test_a_kill_before_the_seal_leaves_no_pieces_of_motion(body, spec, tmp_path, monkeypatch):
+    episode = Episode(body, spec, folder=tmp_path / "one")
+    episode.submit(WALK)
+    monkeypatch.setattr("humanclaw.records.folder.write_record", lambda *args: None)
+    episode.close()
+    found = RecordedEpisode(tmp_path / "one")
+    assert found.record.outcome == "running"
+    assert len(found.motion()) == HISTORY + 15
+    assert not list((tmp_path / "one").rglob("frames/*.npz"))
 
 
 def test_an_object_rests_in_pieces_of_motion_that_do_not_name_it():

@@ -113,10 +113,10 @@ def close_record(folder: Path | Folder, record: EpisodeRecord) -> None:
     with reading(files.path):
         names = [name for name in ("steps.jsonl", "motion.npz") if files.has(name)] + frames_in(files)
         digests = {name: files.digest(name, MOTION_BYTES) for name in names}
-    write_record(files, record.model_copy(update={"files": digests}))
     with writing(files):
         for piece in pieces_in(files):
-            files.remove(piece)
+            files.remove(piece)  # Before the seal: nobody opens a sealed record again to clear what a kill has left.
+    write_record(files, record.model_copy(update={"files": digests}))
 
 
 def frames_in(files: Folder) -> list[str]:

@@ -40,6 +40,8 @@ from humanclaw.text.words import counted
 
 _LARGEST: Final = 1 << 30
 """Maximum bytes of all arrays of motion. 10,000 steps take a sixth of it, 100 moving objects the rest."""
+_PIECES: Final = 1024
+"""Pieces of motion that are kept in memory, a few kB each and at most 1 MiB."""
 _ROWS: Final = {"root": (3,), "rotations": (24, 3), "object": (7,)}
 """Shape of one row, by kind of array."""
 _ARRAY: Final = re.compile(r"(?:(?:generated|simulated)_(root|rotations)|(object)_\d{1,9})\.npy")
@@ -86,10 +88,9 @@ class RecordedEpisode:
         """
         places = self._motion_files() or ("motion.npz",)
         try:
-            about = self.files.status(places[-1])
-            version = (about.st_ino, about.st_mtime_ns, about.st_size) if about else ()
             lasting = sum(step.motion_frames for step in self.steps)
-            found = _read_arrays(self.files, places, lasting + MOST_FRAMES, version)
+            parts = tuple((name, _version(self.files, name)) for name in places)
+            found = _read_arrays(self.files, parts, lasting + MOST_FRAMES)
             held = min(map(len, found.values()), default=0)
             if held < lasting:
                 raise ValueError(f"it holds {held} frames, and its steps last {lasting}")
@@ -206,37 +207,50 @@ def _verify(files: Folder, record: EpisodeRecord) -> None:
             raise RecordError(f"{files.path / name} has been changed since it was written.", AGAIN)
 
 
+def _version(files: Folder, name: str) -> tuple[int, ...]:
+    """Return inode, time and size of a file: a changed file is read again."""
+    about = files.status(name)
+    return (about.st_ino, about.st_mtime_ns, about.st_size) if about else ()
+
+
 @lru_cache(maxsize=1)
-def _read_arrays(files: Folder, names: Sequence[str], most: int, version: tuple[int, ...]) -> Mapping[str, Array]:
+def _read_arrays(files: Folder, parts: Sequence[tuple[str, tuple[int, ...]]], most: int) -> Mapping[str, Array]:
     """Read and check motion.npz, or the pieces of it. Whoever scores or shows an episode asks for its arrays several
     times.
 
-    most: maximum frames, those of the steps and of one that broke off. version: inode, time and size of the last file;
-    a changed file is read again.
+    parts: names and versions. most: maximum frames, those of the steps and of one that broke off.
     """
+    if parts[0][0] == "motion.npz":
+        return _read(files, "motion.npz", most, _LARGEST)
     pieces, row, frames = [], dict[str, int](), 0
-    for name in names:
-        pieces.append(piece := _read_piece(files, name, most))
+    for name, version in parts:
+        pieces.append(piece := _read_piece(files, name, version))
         row |= {key: array[:1].nbytes for key, array in piece.items()}
         frames += len(next(iter(piece.values()), ()))
         # An object that moved in one piece has a row for every frame.
         if sum(row.values()) * frames > _LARGEST:
             raise ValueError(f"its arrays are larger than {_LARGEST >> 20} MiB")
-    return pieces[0] if len(pieces) == 1 else {name: joined(pieces, name) for name in row}
+    return {name: joined(pieces, name) for name in row}
 
 
-def _read_piece(files: Folder, name: str, most: int) -> Mapping[str, Array]:
+@lru_cache(maxsize=_PIECES)
+def _read_piece(files: Folder, name: str, version: tuple[int, ...]) -> Mapping[str, Array]:
+    """Read a piece. A page that follows an episode asks for all of them after each step."""
+    return _read(files, name, MOST_FRAMES, _LARGEST // _PIECES)
+
+
+def _read(files: Folder, name: str, most: int, largest: int) -> Mapping[str, Array]:
     with files.open(name, MOTION_BYTES) as stream, zipfile.ZipFile(stream) as archive:
-        _check_arrays(archive, most)
+        _check_arrays(archive, most, largest)
         found = {name.removesuffix(".npy"): _array(archive, name) for name in archive.namelist()}
     if not all(np.isfinite(array).all() for array in found.values()):
         raise ValueError("it holds values that are not finite")
     return found
 
 
-def _check_arrays(archive: zipfile.ZipFile, most: int) -> None:
+def _check_arrays(archive: zipfile.ZipFile, most: int, largest: int) -> None:
     """Raise ValueError for an array of an unknown name or shape, one that differs from its header, arrays of different
-    lengths or more frames than most, and a total size above _LARGEST."""
+    lengths or more frames than most, and a total size above largest, bytes."""
     shapes = {member.filename: _shape(archive, member) for member in archive.infolist()}
     for name, shape in shapes.items():
         kind = _ARRAY.fullmatch(name)
@@ -246,8 +260,8 @@ def _check_arrays(archive: zipfile.ZipFile, most: int) -> None:
         raise ValueError("its arrays are of different lengths")
     if any(shape[0] > most for shape in shapes.values()):
         raise ValueError("it holds far more frames than its steps last")
-    if sum(member.file_size for member in archive.infolist()) > _LARGEST:
-        raise ValueError(f"its arrays are larger than {_LARGEST >> 20} MiB")
+    if sum(member.file_size for member in archive.infolist()) > largest:
+        raise ValueError(f"its arrays are larger than {largest >> 20} MiB")
 
 
 def _shape(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> tuple[int, ...]:

@@ -22,14 +22,14 @@ from humanclaw_bench.tables import Column, ResultTable, inline
 
 def terminal(table: ResultTable, width: int = 80, *, notes: bool = True) -> Group:
     """Return a table for rich, split into parts that fit the width; intervals stand below their value."""
-    parts = [_part(table, first, last) for first, last in _cuts(table, width)]
+    parts = [_part(table, first, last, width // 2) for first, last in _cuts(table, width)]
     below = (Text(note, style="dim") for note in (table.all_notes if notes else ()))
     return Group(Text(table.title, style="bold"), *parts, *below, "")
 
 
 def _cuts(table: ResultTable, width: int) -> Iterator[tuple[int, int]]:
-    """Yield ranges of columns that fit side by side, at least one in each."""
-    names = max(len(text) for text in (table.corner, *(row.name for row in table.rows)))
+    """Yield ranges of columns that fit side by side, at least one in each. A name takes half the width at most."""
+    names = min(width // 2, max(len(text) for text in (table.corner, *(row.name for row in table.rows))))
     first, used = 0, names + 3
     for index, column in enumerate(table.columns):
         texts = [
@@ -44,9 +44,9 @@ def _cuts(table: ResultTable, width: int) -> Iterator[tuple[int, int]]:
     yield first, len(table.columns)
 
 
-def _part(table: ResultTable, first: int, last: int) -> Table:
+def _part(table: ResultTable, first: int, last: int, names: int) -> Table:
     grid = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    grid.add_column(table.corner, no_wrap=True)
+    grid.add_column(table.corner, overflow="fold", max_width=names)
     for column in table.columns[first:last]:
         grid.add_column(column.head, justify="right", no_wrap=True)
     for index, row in enumerate(table.rows):
@@ -152,7 +152,7 @@ _TEX: Final = str.maketrans(
 )  # fmt: skip
 
 
-_FITTED: Final = r"\resizebox{\ifdim\width>\textwidth\textwidth\else\width\fi}{!}{%"
+_FITTED: Final = r"\noindent\resizebox{\ifdim\width>\textwidth\textwidth\else\width\fi}{!}{%"
 
 
 def latex(table: ResultTable) -> str:

@@ -60,8 +60,9 @@ class Watched:
 
 
 @pytest.fixture
-def watched(tmp_path: Path) -> Iterator[Watched]:
-    """Serve a run with two episodes in progress in two houses, and one that has ended."""
+def watched(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Watched]:
+    """Serve a run with two episodes in progress in two houses, and one that has ended. No house is drawn yet."""
+    monkeypatch.setenv("HUMANCLAW_CACHE", str(tmp_path / "cache"))
     drawing = threading.Event()
     drawing.set()
     scenes = {name: replace(two_rooms(), name=name) for name in ("test:rooms", "test:others")}
@@ -208,7 +209,16 @@ def test_words_without_an_end_keep_to_their_place(browser: Any, tmp_path: Path) 
         line.replace('"reasoning":"', text) for line, text in zip(steps.read_text().splitlines(), said, strict=False)
     ]
     steps.write_text("\n".join([*lines, ""]))
-    tab, errors = opened(browser, write_report(tmp_path, None, lambda name: scene), PHONE)
+    page = write_report(
+        tmp_path,
+        None,
+        lambda name: scene,
+        contribute=lambda runs, page: page.episode(
+            next(iter(runs)), "couch-0", success=False, cause="find: target in view but not seen", step=1
+        ),
+    )
+    tab, errors = opened(browser, page, PHONE)
+    assert tab.evaluate("document.documentElement.scrollWidth") <= PHONE["width"]
     for number in range(len(said)):
         tab.evaluate(f"location.hash = '#step={number}'")
         tab.wait_for_function(f"document.getElementById('step-now').textContent.startsWith('Step {number}')")
