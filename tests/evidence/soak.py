@@ -1,6 +1,7 @@
 """Make 2,000 decisions in one process: memory, handles, threads and temporary files must not grow.
 
 python tests/evidence/soak.py --decisions 2000     # `make soak`
+python tests/evidence/soak.py --decisions 1500 --episode 1500     # all in one episode
 """
 
 from __future__ import annotations
@@ -21,8 +22,8 @@ from humanclaw import Backends, Body, Choice, Episode, Plugins, default_simulato
 from humanclaw.records import free_episode
 from humanclaw.testing import resident
 
-EPISODE = 100
-"""Decisions in an episode."""
+EVERY = 100
+"""Decisions from sample to sample."""
 
 
 @dataclass(frozen=True)
@@ -66,28 +67,30 @@ def grows(samples: list[Sample]) -> str:
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--decisions", type=int, default=2000)
+    parser.add_argument("--episode", type=int, default=EVERY, help="decisions in an episode")
     parser.add_argument("--simulator", default="")
     asked = parser.parse_args()
     with own_temporaries():
-        worse = grows(played(asked.decisions, asked.simulator))
+        worse = grows(played(asked.decisions, asked.episode, asked.simulator))
     print(f"still growing: {worse}" if worse else "flat")
     return int(bool(worse))
 
 
-def played(decisions: int, simulator: str) -> list[Sample]:
-    """Play a number of decisions; sample before the first episode and after each."""
+def played(decisions: int, length: int, simulator: str) -> list[Sample]:
+    """Play a number of decisions in episodes of some length; sample before the first and after every EVERY."""
     plugins = Plugins.discover(choice=Choice(without=("stop",)))  # No episode ends before its last step.
     samples = [Sample.now(0)]
     backends = Backends(simulator or default_simulator(plugins))
     with tempfile.TemporaryDirectory() as out, Body("house:0", plugins=plugins, backends=backends) as body:
-        for number in range(max(4, decisions // EPISODE)):
-            spec = free_episode("Walk about.", body.scene, seed=number, max_steps=EPISODE, name=f"soak-{number}")
+        for number in range(max(1, decisions // length)):
+            spec = free_episode("Walk about.", body.scene, seed=number, max_steps=length, name=f"soak-{number}")
             agent = plugins.make("agents", "random", {})
             with Episode(body, spec, agent, folder=Path(out) / spec.id) as episode:
                 while not episode.done:
                     episode.ask()
-            samples.append(Sample.now(samples[-1].decisions + len(episode.steps)))
-            print(samples[-1], flush=True)
+                    if len(episode.steps) % EVERY == 0:
+                        samples.append(Sample.now(samples[-1].decisions + EVERY))
+                        print(samples[-1], flush=True)
     return samples
 
 
