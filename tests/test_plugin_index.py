@@ -3,6 +3,7 @@
 import hashlib
 import json
 import os
+import shlex
 import shutil
 import subprocess
 import sys
@@ -227,6 +228,12 @@ def test_search_finds_what_holds_every_word_and_install_names_the_nearest(tmp_pa
     assert "None of 2 plugins has hop" in command("search", "hop", *place)[1]
     assert f"pip install 'acme @ {tmp_path.as_uri()}/acme" in command("install", "acme", "--dry-run", *place)[1]
     assert "Did you mean acme?" in command("install", "acne", *place)[1]
+
+
+def test_a_first_party_plugin_comes_from_the_checkout_while_no_package_index_has_it():
+    *_, asked = shlex.split(command("install", "humanclaw-skill-crouch", "--dry-run")[1])
+    assert "-e" in command("install", "humanclaw-skill-crouch", "--dry-run")[1]
+    assert Path(asked, "pyproject.toml").samefile(ROOT / "skills/crouch/pyproject.toml")
 
 
 def test_the_shipped_index_has_every_first_party_plugin_with_its_version_and_licence():

@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 import click
 
 from humanclaw.errors import HumanclawError
+from humanclaw.plugins import distributions
 from humanclaw.plugins.host import Plugins
 from humanclaw.plugins.index import SHIPPED, Entry, Index, requirement
 from humanclaw.storage.files import write_atomically
@@ -77,7 +78,9 @@ def install(name: str, dry_run: bool, place: str) -> None:
 
     pip compares the wheel with the digest in the index. A plugin runs as your own code does.
     """
-    command = ["-m", "pip", "install", requirement(Index.read(place).entry(name), place)]
+    entry = Index.read(place).entry(name)
+    own = shlex.split(distributions.install([entry.name]))[2:] if place == str(SHIPPED) else ()
+    command = ["-m", "pip", "install", *(own or [requirement(entry, place)])]
     click.echo(shlex.join(["python", *command]))
     if not dry_run:
         sys.exit(subprocess.run([sys.executable, *command], check=False).returncode)

@@ -101,7 +101,8 @@
     return button;
   }));
   document.addEventListener("keydown", (event) => {
-    const line = keys[(event.shiftKey ? "Shift+" : "") + event.key];
+    const key = event.key.length > 1 ? event.key : event.key.toLowerCase(); // Caps Lock may be on.
+    const line = keys[(event.shiftKey ? "Shift+" : "") + key];
     const typing = event.target instanceof Element && event.target.closest("input, select");
     if (!line || typing || event.repeat || event.ctrlKey || event.metaKey || event.altKey) return;
     event.preventDefault();

@@ -71,3 +71,17 @@ def test_keys_buttons_and_the_form_are_calls_until_the_replay(window, lines, tmp
         with tab.context.expect_page() as leading:
             tab.click("#hint a")
         assert leading.value.title() == "The replay", "also when the server has ended"
+
+
+def test_two_pages_of_one_episode_make_one_call_at_a_time_and_stay_alike(window, lines):
+    with browsing() as browser:
+        one, other = (opened(browser, window.address)[0] for _ in range(2))
+        for step in (0, 1):
+            window.show(PICTURE, Moment(step, 9, "Find a couch."))
+            for tab in (one, other):
+                tab.wait_for_function(f"document.getElementById('step').textContent === 'Step {step} of 9'")
+            one.keyboard.press("S")  # As with Caps Lock.
+            assert lines.get(timeout=5).startswith("sit_in_place")
+            other.keyboard.press("ArrowUp")
+            other.wait_for_function("document.getElementById('hint').textContent === 'The body still moves.'")
+        assert lines.empty()
