@@ -30,10 +30,16 @@ EDGE: Final = 0.5
 """Ratio (logarithm) of the depths of neighbouring cells from which they are the edge of something."""
 CLEAR: Final = 3.5
 """Farthest obstacle that is believed, metres."""
+NEARER: Final = 0.7
+"""Share of that range which is left each time a search begins anew."""
 DEEPER: Final = 0.18
-"""Metres by which a target is taken to be farther than guessed: who stops too early fails, who touches it does not."""
-AGAIN: Final = 5
-"""How often a search without a sighting begins anew with an empty map, as guessed obstacles can close a passage."""
+"""Metres by which a seat is taken to be farther than guessed, and"""
+THROUGH: Final = 0.4
+"""another target: who stops too early fails, who touches it does not."""
+AGAIN: Final = 12
+"""How often a search begins anew with an empty map, as guessed obstacles can close a passage and sightings be wrong."""
+LATELY: Final = 3
+"""Views in which the target must have been seen for the pilot to stop at it."""
 
 
 class PilotOptions(BaseModel):
@@ -70,45 +76,51 @@ class PilotAgent:
         spec = context.spec.model_copy(update={"target_ids": (TARGET,)})
         self._context = replace(context, spec=spec, scene=None, state=None, view=lambda: self._view)
         self._kind = CLASSES.index(spec.target_category)
-        self._left = AGAIN
+        self._left, self._sat = AGAIN, False
         self._renew()
 
     def _renew(self) -> None:
         self._planner = _plugins().make("agents", "seeing", {})
         self._planner.begin(self._context)
-        self._seen = False
+        self._unseen = LATELY
 
     def decide(self, observation: Observation, history: Sequence[HistoryEntry]) -> Decision:
         if not self._options.history:
             self._renew()
         glance = self._look(observation.rgb)
         mine = glance.share[self._kind] > self._options.certain
-        self._view = imagined(observation.rgb, glance, mine, self._context.gaze)
-        self._seen |= bool(mine.any())
+        clear = CLEAR * NEARER ** (AGAIN - self._left)
+        deeper = DEEPER if self._context.spec.interact else THROUGH
+        self._view = imagined(observation.rgb, glance, mine, self._context.gaze, clear, deeper)
+        self._unseen = 0 if mine.any() else self._unseen + 1
         heard = history if self._options.feedback else ()
         decision: Decision = self._planner.decide(observation, heard)
-        while self._left and not self._seen and self._ends(decision):
+        while self._left and self._calls(decision, "stop") and not (self._unseen < LATELY or self._sat):
             self._left -= 1
             self._renew()
             decision = self._planner.decide(observation, heard)
+        self._sat = self._calls(decision, "sit")
         return decision
 
-    def _ends(self, decision: Decision) -> bool:
-        return any(self._context.skills[call.skill].role == "stop" for call in decision.calls)
+    def _calls(self, decision: Decision, role: str) -> bool:
+        return any(self._context.skills[call.skill].role == role for call in decision.calls)
 
 
-def imagined(rgb: NDArray[np.uint8], glance: Glance, mine: NDArray[np.bool_], gaze: Gaze) -> View:
+def imagined(
+    rgb: NDArray[np.uint8], glance: Glance, mine: NDArray[np.bool_], gaze: Gaze, clear: float, deeper: float
+) -> View:
     """Return the view that a glance means. mine: the cells (CELLS, CELLS) of the target.
 
+    clear: the farthest obstacle that is believed, and deeper: how much farther the target is taken to be, metres.
     Floor is where a level floor is seen from standing eyes, whatever depth was guessed.
     """
     kinds, logs = glance.share.argmax(0), np.log(glance.depth)
     floor = (kinds == CLASSES.index("floor")) & ~mine
     # Where something ends before another, the guess lies between the two: an obstacle that is not there.
-    clear = (maximum_filter(logs, 3) - minimum_filter(logs, 3) < EDGE) & (glance.depth < CLEAR)
-    ids = np.select([mine, kinds == CLASSES.index("body"), floor | clear], [TARGET, BODY_ID, THING], 0)
+    sure = (maximum_filter(logs, 3) - minimum_filter(logs, 3) < EDGE) & (glance.depth < clear)
+    ids = np.select([mine, kinds == CLASSES.index("body"), floor | sure], [TARGET, BODY_ID, THING], 0)
     ids, depth, floor = (_enlarged(part, len(rgb) // CELLS) for part in (ids, glance.depth, floor))
-    depth = depth + DEEPER * (ids == TARGET)
+    depth = depth + deeper * (ids == TARGET)
     level = _floor_depth(len(rgb), gaze)
     return View(rgb, np.where(floor & np.isfinite(level), level, depth).astype(np.float32), ids.astype(np.int32))
 

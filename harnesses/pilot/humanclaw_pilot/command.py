@@ -36,8 +36,10 @@ def data(houses: str, views: int, agent: str, pairs: tuple[str, ...], out: Path)
             continue
         seeds = range(10 * number, 10 * number + 10)
         found = (one for one, _ in played(plugins, agent, parse_pairs(pairs), number, seeds, views // 4))
-        written(path, list(islice(found, views) if agent else planted(plugins, number, poses, views)))
-        click.echo(f"{path}: {views} views")
+        examples = list(islice(found, views) if agent else planted(plugins, number, poses, views))
+        if examples:
+            written(path, examples)
+        click.echo(f"{path}: {len(examples)} views")
 
 
 def _files(folders: Sequence[Path]) -> list[Path]:

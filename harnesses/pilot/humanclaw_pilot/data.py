@@ -15,7 +15,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from humanclaw import Gym, Plugins, Scene
+from humanclaw import Gym, HumanclawError, Plugins, Scene
 from humanclaw.body import Motion, Pose2D
 from humanclaw.world import BODY_ID, GAZES, Camera, MultiFloorMap, View, WorldState, ego_camera
 from humanclaw_pilot.network import CATEGORIES, CELLS, CLASSES, halved
@@ -76,10 +76,17 @@ def written(path: Path, examples: Sequence[Example]) -> None:
 # -- rollouts ----------------------------------------------------------------------------------------------------------
 def played(plugins: Plugins, agent: str, options: Mapping[str, Any], first: int, seeds: Sequence[int], steps: int
            ) -> Iterator[tuple[Example, Motion]]:  # fmt: skip
-    """Let an agent play training tasks in the house `first`; yield each view with its labels, and the pose."""
+    """Let an agent play training tasks in the house `first`; yield each view with its labels, and the pose.
+
+    Seeds without a task there are left out."""
     with Gym("train", options={"first": first, "houses": 1}, plugins=plugins) as gym:
         for seed in seeds:
-            turn, episode, mind = gym.reset(seed), gym.episode, plugins.make("agents", agent, options)
+            mind = plugins.make("agents", agent, options)
+            try:
+                turn = gym.reset(seed)
+            except HumanclawError:  # No task fits the house.
+                continue
+            episode = gym.episode
             mind.begin(gym.context)
             while not turn.done and len(episode.steps) < steps:
                 body = episode.body

@@ -54,7 +54,7 @@ def test_labels_are_what_the_simulator_knows(plugins):
     assert (found.kinds == CLASSES.index("couch")).sum() > 100
     assert (found.kinds == CLASSES.index("floor")).sum() > 500
     # Where the labels say floor, a level floor under these eyes has the depth that they say.
-    floor = pilot.imagined(view.rgb, glance(), found.kinds < 0, GAZES["body"]).depth[4::8, 4::8]
+    floor = pilot.imagined(view.rgb, glance(), found.kinds < 0, GAZES["body"], 3.5, 0.0).depth[4::8, 4::8]
     on_floor = found.kinds == CLASSES.index("floor")
     assert np.median(np.abs(floor / found.depth - 1)[on_floor]) < 0.01
 
@@ -72,6 +72,14 @@ def test_an_agents_views_come_from_the_house_that_was_asked_for(plugins, monkeyp
     monkeypatch.setattr(data, "example", lambda view, scene, camera, floor: houses.append(scene.name))
     list(islice(played(plugins, "wanderer", {}, 7, (0, 100), 1), 2))
     assert houses == [plugins.scene("house:train-7").name] * 2
+
+
+def test_a_seed_for_which_a_house_has_no_task_is_left_out(plugins, monkeypatch):
+    def reset(gym, seed):
+        raise HumanclawError("no house of 20 has a task for seed 0.")
+
+    monkeypatch.setattr(data.Gym, "reset", reset)
+    assert list(played(plugins, "wanderer", {}, 7, (0, 1), 1)) == []
 
 
 def test_weights_in_numbers_that_numpy_lacks_are_refused(tmp_path):
@@ -166,16 +174,47 @@ def test_what_it_cannot_do_is_said(plugins, monkeypatch):
         agent.begin(EpisodeContext(SPEC.model_copy(update={"target_category": "lamp"}), plugins.skills, seed=0))
 
 
-@pytest.mark.parametrize(("rows", "renewals"), [(0, pilot.AGAIN), (8, 0)])
-def test_a_search_without_a_sighting_begins_anew_before_it_gives_up(rows, renewals, plugins, monkeypatch):
-    class GivesUp:
-        def decide(self, observation, history):
-            return Decision((Call(next(name for name, one in plugins.skills.items() if one.role == "stop")),))
+class Calls:
+    """A planner that calls a skill of one role."""
 
-    agent, begun_anew = begun(plugins, glance(mine=rows), monkeypatch), []
-    agent._planner, agent._renew = GivesUp(), lambda: begun_anew.append(1)
-    assert agent.decide(Observation(0, SPEC.instruction, PICTURE), ()).calls
+    def __init__(self, skills, role):
+        self._call = Call(next(name for name, one in skills.items() if one.role == role))
+
+    def decide(self, observation, history):
+        return Decision((self._call,))
+
+
+@pytest.mark.parametrize(
+    ("before", "unseen", "renewals"),
+    [
+        ("locomotion", 0, 0),
+        ("locomotion", pilot.LATELY - 1, 0),
+        ("locomotion", pilot.LATELY, pilot.AGAIN),
+        ("sit", 9, 0),
+    ],
+)
+def test_it_stops_only_where_it_sits_or_has_lately_seen_its_target(before, unseen, renewals, plugins, monkeypatch):
+    agent, begun_anew = begun(plugins, glance(mine=8), monkeypatch), []
+    agent._planner, agent._renew = Calls(plugins.skills, before), lambda: begun_anew.append(1)
+    agent.decide(Observation(0, SPEC.instruction, PICTURE), ())
+    monkeypatch.setattr(Eyes, "__call__", lambda eyes, rgb: glance())
+    for step in range(1, unseen):
+        agent.decide(Observation(step, SPEC.instruction, PICTURE), ())
+    agent._planner = Calls(plugins.skills, "stop")
+    monkeypatch.setattr(Eyes, "__call__", lambda eyes, rgb: glance(mine=0 if unseen else 8))
+    assert agent.decide(Observation(unseen, SPEC.instruction, PICTURE), ()).calls
     assert len(begun_anew) == renewals
+
+
+def test_each_new_search_believes_nearer_obstacles_alone(plugins, monkeypatch):
+    ranges = []
+    agent = begun(plugins, glance(), monkeypatch)
+    monkeypatch.setattr(pilot, "imagined", lambda rgb, seen, mine, gaze, clear, deeper: ranges.append(clear))
+    monkeypatch.setattr(agent, "_renew", lambda: None)
+    for searches in (0, 2):
+        agent._planner, agent._left = Calls(plugins.skills, "locomotion"), pilot.AGAIN - searches
+        agent.decide(Observation(0, SPEC.instruction, PICTURE), ())
+    assert ranges == pytest.approx([3.5, 3.5 * 0.49])
 
 
 @pytest.mark.parametrize(
