@@ -5,6 +5,7 @@ import pytest
 
 from humanclaw.body import JOINT_INDEX, SOLE, TOE_SOLE, Motion, forward_kinematics, rest_pose, shoe_heights, smoothstep
 from humanclaw.motion.foot_locking import lock_feet
+from humanclaw.motion.planted import planted
 
 LEFT_TOE, LEFT_ANKLE = JOINT_INDEX["left_foot"], JOINT_INDEX["left_ankle"]
 LEGS = [JOINT_INDEX[f"{side}_{part}"] for side in ("left", "right") for part in ("hip", "knee", "ankle")]
@@ -19,6 +20,11 @@ def _standing(frames: int) -> Motion:
             rotations[:, JOINT_INDEX[f"{side}_{part}"], 0] = angle
     sunk = Motion(pose.root, rotations)
     return Motion(pose.root - [0, sunk.joints()[0, LEFT_TOE, 1] - TOE_SOLE, 0], rotations)
+
+
+def _lowest(motion: Motion) -> float:
+    """The lowest corner of both shoes."""
+    return float(shoe_heights(*forward_kinematics(motion.root, motion.rotations)).min())
 
 
 def _moved(motion: Motion, per_frame: tuple[float, float, float]) -> Motion:
@@ -60,7 +66,8 @@ def test_a_foot_that_stands_with_raised_toes_is_laid_level():
     result = lock_feet(askew(_standing(5)), askew(_standing(15)))
     positions, turns = forward_kinematics(result.root, result.rotations)
     assert turns[-1, LEFT_ANKLE, 1, 1] == pytest.approx(1.0, abs=1e-4)
-    assert positions[-1, LEFT_ANKLE, 1] == pytest.approx(SOLE, abs=1e-3)
+    heel = _lowest(askew(_standing(1)))  # The floor is where the lowest corner of the history stands.
+    assert positions[-1, LEFT_ANKLE, 1] == pytest.approx(SOLE + heel, abs=1e-3)
     first = np.abs(result.rotations[0] - askew(_standing(1)).rotations[0]).max()
     assert first < 0.02  # laid down, not thrown
 
@@ -72,6 +79,34 @@ def test_a_heel_below_the_floor_is_lifted():
     result = lock_feet(_standing(5), tilted)
     assert shoe_heights(*forward_kinematics(tilted.root, tilted.rotations))[:, 0].min() < -0.01
     assert shoe_heights(*forward_kinematics(result.root, result.rotations)).min() > -0.002
+
+
+@pytest.mark.parametrize("high", [0.005, 0.01])
+def test_shoes_that_hover_come_down_and_the_pelvis_stays(high):
+    """In half-physics the body would fall by the gap instead."""
+    rising = Motion(
+        _standing(15).root + np.minimum(np.arange(1, 16) / 6, 1)[:, None] * [0, high, 0.5], _standing(15).rotations
+    )
+    result = lock_feet(_standing(5), rising)
+    assert _lowest(rising[-1:]) == pytest.approx(high, abs=1e-3)
+    assert _lowest(result[-1:]) == pytest.approx(0.0, abs=1e-3)
+    assert result.root == pytest.approx(rising.root)
+
+
+def test_two_shoes_that_go_up_a_stair_stay_up():
+    climbing = Motion(_standing(15).root + np.arange(1, 16)[:, None] / 15 * [0, 0.15, 0.5], _standing(15).rotations)
+    assert _lowest(lock_feet(_standing(5), climbing)[-1:]) == pytest.approx(0.15, abs=1e-3)
+
+
+@pytest.mark.parametrize(("sinks", "rises"), [(0.05, 0.0), (0.16, 0.012), (0.25, 0.0)])
+def test_hips_that_a_long_stride_takes_very_low_rise_and_those_that_sit_do_not(sinks, rises):
+    pose = planted(
+        Motion(
+            _standing(15).root - np.minimum(np.arange(1, 16) / 8, 1)[:, None] * [0, sinks, 0], _standing(15).rotations
+        ),
+        _standing(1),
+    )
+    assert (lock_feet(_standing(5), pose).root - pose.root)[-1] == pytest.approx([0, rises, 0], abs=2e-3)
 
 
 def test_a_foot_on_a_stair_stays_on_its_stair():

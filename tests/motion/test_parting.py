@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 from humanclaw.body import JOINT_INDEX, rest_pose
+from humanclaw.body.ik import Limb, solve
 from humanclaw.motion import apart, widened
 from humanclaw.motion.foot_locking import lock_feet
+from humanclaw.motion.parting import knees_apart
 
 
 def shift(x, z, yaw=0.0, side=1.0):
@@ -43,5 +45,44 @@ def test_a_foot_that_swings_into_the_other_one_gives_way_and_the_other_one_stand
     swinging.rotations[5:, JOINT_INDEX["left_hip"], 2] = -np.arcsin(0.13 / 0.82) * np.sin(np.linspace(0, np.pi, 15))
     before, after = swinging[5:].joints(), lock_feet(swinging[:5], swinging[5:]).joints()
     assert (before[:, LEFT, 0] - before[:, RIGHT, 0]).min() == pytest.approx(0.05, abs=0.002)
-    assert (after[:, LEFT, 0] - after[:, RIGHT, 0]).min() == pytest.approx(0.09, abs=0.004)  # By 4 cm at most.
+    assert (after[:, LEFT, 0] - after[:, RIGHT, 0]).min() == pytest.approx(0.098, abs=0.002)
     assert after[:, RIGHT] == pytest.approx(before[:, RIGHT], abs=0.002)
+
+
+HIPS = np.array([[[0.09, 0.9, 0.0]], [[-0.09, 0.9, 0.0]]])
+
+
+def crossed(by):
+    """Return thighs and shins (1, 3, 3) of both legs: knees bent by 50 degrees, ankles so far inwards."""
+    legs = []
+    for side in (1.0, -1.0):
+        end = np.array([[side * (0.09 - by), 0.16, -0.05]])
+        limb = Limb.leg("left" if side > 0 else "right")
+        legs.append(solve(limb, np.array([[side * 0.09, 0.9, 0.0]]), end, np.array([[0.0, 0.0, 1.0]])))
+    return legs
+
+
+def gap(legs):
+    """Return the least distance of the thighs' axes, from points, and both ankles (2, 1, 3)."""
+    thighs = [
+        hip[0] + np.linspace(0.02, 0.39, 200)[:, None] * -thigh[0, :, 1]
+        for hip, (thigh, _) in zip(HIPS, legs, strict=True)
+    ]
+    ankles = [hip - 0.405 * thigh[..., 1] - 0.415 * shin[..., 1] for hip, (thigh, shin) in zip(HIPS, legs, strict=True)]
+    return np.linalg.norm(thighs[0][:, None] - thighs[1], axis=-1).min(), np.array(ankles)
+
+
+@pytest.mark.parametrize("by", [0.05, 0.07])
+def test_knees_that_would_be_in_each_other_swivel_apart_while_feet_stay(by):
+    legs = crossed(by)
+    turned = [
+        (swivel @ thigh, swivel @ shin) for swivel, (thigh, shin) in zip(knees_apart(HIPS, legs), legs, strict=True)
+    ]
+    before, after = gap(legs), gap(turned)
+    assert before[0] < 0.14
+    assert after[0] > 0.139
+    assert after[1] == pytest.approx(before[1])
+
+
+def test_legs_that_are_apart_do_not_swivel():
+    assert knees_apart(HIPS, crossed(0.0)) == pytest.approx(np.broadcast_to(np.eye(3), (2, 1, 3, 3)))

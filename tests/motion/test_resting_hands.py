@@ -6,6 +6,7 @@ import pytest
 from humanclaw.body import JOINT_INDEX, Motion, forward_kinematics, lay_hands, rest_pose, vector_from_matrix
 from humanclaw.body.ik import Limb, solve
 from humanclaw.motion.planted import planted
+from humanclaw.motion.rising import rise
 
 TIP = 0.085
 """From the joint of a hand to the tip of its fingers, metres."""
@@ -78,3 +79,15 @@ def test_hands_come_to_rest_gradually_as_a_body_sits_down():
     assert np.abs(moved[0]).max() < 1e-6
     assert np.abs(moved[-1]).max() > 0.02
     assert np.abs(np.diff(moved, axis=0)).max() < 0.01
+
+
+@pytest.mark.parametrize("height", [0.33, 0.45, 0.52])
+def test_hands_pass_beside_the_thighs_that_they_rest_on_as_a_body_rises(height):
+    """Forearms are 3.6 cm thick and thighs 7; hips are at 33 cm after sitting down on nothing."""
+    risen = lay_hands(rise(lay_hands(seated(0.1, height=height)), rest_pose(5)))
+    positions, turns = forward_kinematics(risen.root, risen.rotations)
+    for side, sign in (("left", 1.0), ("right", -1.0)):
+        hip, elbow = JOINT_INDEX[f"{side}_hip"], JOINT_INDEX[f"{side}_elbow"]
+        thigh = positions[:, hip, None] + np.linspace(0.02, 0.39, 60)[:, None] * -turns[:, hip, None, :, 1]
+        arm = positions[:, elbow, None] + np.linspace(0.01, 0.23, 40)[:, None] * sign * turns[:, elbow, None, :, 0]
+        assert np.linalg.norm(thigh[:, :, None] - arm[:, None], axis=-1).min() > 0.105

@@ -2,19 +2,22 @@
 
 A small model lets a standing foot creep by a few millimetres a frame. Here each stance (a foot whose toes hardly move)
 is held at one point with a level sole, and the leg follows by two-bone inverse kinematics. The pelvis, and with it the
-outcome of the skill, stays. A stance that began in the history is held where the history has it, so that errors do not
-add up. A foot on its way first gives way to the other one, so that shoes do not pass through each other. No
-shoe is below the floor: in half-physics each heel and toe tip there would be a push to the whole body.
+outcome of the skill, stays; only hips that a long stride takes very low rise by a centimetre. A stance that began in
+the history is held where the history has it, so that errors do not add up. A foot on its way first gives way to the
+other one, and knees swivel apart, so that legs do not pass through each other. No shoe is below the floor, and never do
+both hover over it: in half-physics the one would push the whole body up, and the other would let it fall.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
 from humanclaw.body.ik import REACH, SIDES, TOE_BASE, Limb, bent
+from humanclaw.body.limits import shoe_heights
 from humanclaw.body.pose import (
     FPS,
     HISTORY,
@@ -27,22 +30,27 @@ from humanclaw.body.pose import (
     yaw_matrix,
 )
 from humanclaw.body.skeleton import JOINT_INDEX, TOE_SOLE
-from humanclaw.motion.parting import SHOE, TOES, apart, widened
+from humanclaw.motion.parting import SHOE, TOES, apart, knees_apart, widened
 
 _SLOW: Final = 0.25
 """Metres a second below which a toe counts as standing."""
 _FADE: Final = 5
 """Frames over which a correction fades in and out."""
+_GIVES: Final = 2
+"""Frames in which a foot begins to give way to the other one."""
 _SETTLE: Final = 8
 """Frames in which a tilted foot of the history is laid level."""
 _FLAT: Final = 0.30
 """Radians. A foot tilted further stands on its toes or heel on purpose."""
 _STEP: Final = 0.03
 """Metres. A stance this close to the chunk's floor stands on it; a higher one stands on a stair."""
-_SUNK: Final = 0.05
-"""Metres that no shoe sinks into a floor. A stair goes down further."""
-_ASIDE: Final = 0.04
-"""Metres by which a foot gives way to the other at most: a leg of a body that walks on would not reach further."""
+_STAIR: Final = 0.05
+"""Metres that no shoe sinks into a floor or hovers over it. Stairs go further down or up."""
+_LIFT: Final = 0.012
+"""Metres by which hips rise that a long stride takes very low: its legs are 3 to 11 cm shorter than they could be."""
+_DEEP, _SITS, _RANGE = 0.84, 0.76, 0.03
+"""Heights of hips over the lower shoe, metres: of walks only the longest strides at an angle reach below the first; a
+body lower than the second sits. _RANGE: over which the rise fades in and out."""
 _LEAST: Final = 3
 """Frames of the shortest stance."""
 
@@ -61,10 +69,17 @@ def lock_feet(history: Motion, future: Motion) -> Motion:
     history at 0)."""
     whole = history.then(future)
     positions, turns = forward_kinematics(whole.root, whole.rotations)
-    rotations = whole.rotations.copy()
-    for side, toes in zip(SIDES, _parted(positions, turns), strict=True):
-        _lock_foot(side, toes, positions, turns, rotations)
-    return Motion(future.root, rotations[HISTORY:])
+    # A heel or a toe tip may be lower than the soles that the canonical frame stands on.
+    positions[..., 1] -= shoe_heights(positions[:HISTORY], turns[:HISTORY]).min()
+    feet = [_stood(*pair, positions, turns) for pair in zip(SIDES, _parted(positions, turns), strict=True)]
+    heights = _heights(feet, whole.rotations)
+    rise = _on_floor(heights)
+    up = _raised(positions[:, 0, 1] - (heights + rise).min(0))
+    positions[..., 1] += up[:, None]
+    for (toes, _), by in zip(feet, rise, strict=True):
+        toes[:, 1] += by
+    root = future.root + up[HISTORY:, None] * [0.0, 1.0, 0.0]
+    return Motion(root, _bent(feet, positions, turns, whole.rotations)[HISTORY:])
 
 
 def _parted(positions: Array, turns: Array) -> list[Array]:
@@ -75,46 +90,86 @@ def _parted(positions: Array, turns: Array) -> list[Array]:
     found = []
     for foot, side in ((0, 1.0), (1, -1.0)):
         shift = apart(positions[:, ankles[foot]], yaw[:, foot], positions[:, ankles[1 - foot]], yaw[:, 1 - foot], side)
-        size, way = np.minimum(np.linalg.norm(shift, axis=-1), _ASIDE), shift.sum(0)
+        size, way = np.linalg.norm(shift, axis=-1), shift.sum(0)
         found.append(
             positions[:, toes[foot]]
-            + (widened(size) * _begun(len(yaw)))[:, None] * way / max(np.linalg.norm(way), 1e-9)
+            + (widened(size) * _begun(len(yaw), _GIVES))[:, None] * way / max(np.linalg.norm(way), 1e-9)
         )
     return found
 
 
-def _lock_foot(side: str, toe: Array, positions: Array, turns: Array, rotations: Array) -> None:
-    """Bend one leg, in place, so that its foot stands where its stances are. toe: (T, 3) where it is to be. positions
-    (T, 24, 3), turns (T, 24, 3, 3)."""
-    hip, knee, ankle, base = (JOINT_INDEX[f"{side}_{part}"] for part in ("hip", "knee", "ankle", "foot"))
+def _stood(side: str, toe: Array, positions: Array, turns: Array) -> tuple[Array, Array]:
+    """Return the toes (T, 3) and the orientations (T, 3, 3) of a foot that stands where its stances are.
+
+    toe: (T, 3) where it is to be. positions (T, 24, 3), turns (T, 24, 3, 3).
+    """
+    ankle, base = (JOINT_INDEX[f"{side}_{part}"] for part in ("ankle", "foot"))
     stances = _stances(positions[:, base])
     level = [stance for stance in stances if _level(stance, turns[:, ankle])]
     foot = matrix_from_vector(_corrections(level, _levelling(level, turns[:, ankle]))) @ turns[:, ankle]
-    toes = toe + _corrections(stances, _holding(stances, toe))
-    toes[:, 1] += _sunk(toes, foot, matrix_from_vector(rotations[:, base]))
-    leg = positions[:, [hip, knee, ankle]]
-    thigh, shin = bent(Limb.leg(side), leg, turns[:, [hip, knee]], toes - foot @ TOE_BASE, REACH)
-    parents, bones = np.stack([turns[:, 0], thigh, shin], 1), np.stack([thigh, shin, foot], 1)
-    local = vector_from_matrix(np.swapaxes(parents, -1, -2) @ bones)
-    rotations[HISTORY:, [hip, knee, ankle]] = local[HISTORY:]
+    return toe + _corrections(stances, _holding(stances, toe)), foot
 
 
-def _sunk(toes: Array, foot: Array, bend: Array) -> Array:
-    """Return how far a shoe sinks into the floor (T,), metres; 0 for one that goes down a stair.
+def _bent(feet: Sequence[tuple[Array, Array]], positions: Array, turns: Array, rotations: Array) -> Array:
+    """Return rotations (T, 24, 3) with legs bent so that their feet are where given, and with knees apart.
 
-    toes: (T, 3). foot, bend: (T, 3, 3) of the foot, and of the toes in it.
+    feet: toes (T, 3) and orientations (T, 3, 3).
     """
-    depth = np.zeros(len(toes))
-    for box, at, turn in ((SHOE, toes - foot @ TOE_BASE, foot), (TOES, toes, foot @ bend)):
-        lowest = at[:, 1] + turn[:, 1] @ np.array(box.centre) - np.abs(turn[:, 1]) @ np.array(box.half)
-        depth = np.maximum(depth, -lowest)
-    known = depth[HISTORY - 1] * (1 - _begun(len(depth)))
-    return np.maximum(depth - known, 0.0) if depth.max() < _SUNK else np.zeros_like(depth)
+    rotations = rotations.copy()
+    legs = [[JOINT_INDEX[f"{side}_{part}"] for part in ("hip", "knee", "ankle")] for side in SIDES]
+    bones = [
+        bent(Limb.leg(side), positions[:, leg], turns[:, leg[:2]], toes - foot @ TOE_BASE, REACH)
+        for side, leg, (toes, foot) in zip(SIDES, legs, feet, strict=True)
+    ]
+    hips = np.stack([positions[:, leg[0]] for leg in legs])
+    for leg, (_, foot), (thigh, shin), swivel in zip(legs, feet, bones, knees_apart(hips, bones), strict=True):
+        parts = np.stack([swivel @ thigh, swivel @ shin, foot], 1)
+        parents = np.concatenate([turns[:, :1], parts[:, :2]], 1)
+        rotations[:, leg] = vector_from_matrix(np.swapaxes(parents, -1, -2) @ parts)
+    return rotations
 
 
-def _begun(frames: int) -> Array:
-    """Return (frames,) from 0 at the end of the history to 1."""
-    return smoothstep((np.arange(frames) - HISTORY + 1) / _FADE)
+def _heights(feet: Sequence[tuple[Array, Array]], rotations: Array) -> Array:
+    """Return the heights of the lowest corners of both shoes (2, T). feet: toes (T, 3) and orientations (T, 3, 3)."""
+    bends = matrix_from_vector(rotations[:, [JOINT_INDEX[f"{side}_foot"] for side in SIDES]])
+    return np.stack([_height(*foot, bends[:, index]) for index, foot in enumerate(feet)])
+
+
+def _on_floor(heights: Array) -> Array:
+    """Return how far each foot must rise (2, T), metres, for no shoe to sink into the floor and none to hover while the
+    other does.
+
+    A shoe that goes down a stair may sink, and two that go up one hover.
+    """
+    parts = [*np.maximum(-heights, 0.0), np.maximum(heights.min(0), 0.0)]
+    left, right, both = (_gradually(part) if part.max() < _STAIR else np.zeros_like(part) for part in parts)
+    return np.stack([left, right]) - both
+
+
+def _raised(hips: Array) -> Array:
+    """Return how far hips rise (T,), metres, that are so high over the lower shoe (T,)."""
+    return _gradually(_LIFT * smoothstep((_DEEP - hips) / _RANGE) * smoothstep((hips - _SITS) / _RANGE))
+
+
+def _height(toes: Array, foot: Array, bend: Array) -> Array:
+    """Return the height of a shoe's lowest corner (T,). toes: (T, 3). foot, bend: (T, 3, 3) of the foot, and of the
+    toes in it."""
+    parts = ((SHOE, toes - foot @ TOE_BASE, foot), (TOES, toes, foot @ bend))
+    lowest = [
+        at[:, 1] + turn[:, 1] @ np.array(box.centre) - np.abs(turn[:, 1]) @ np.array(box.half)
+        for box, at, turn in parts
+    ]
+    return np.asarray(np.minimum(*lowest))
+
+
+def _gradually(gap: Array) -> Array:
+    """Return (T,) what is to be made up of a gap (T,), none of it at the end of the history."""
+    return np.asarray(np.maximum(gap - gap[HISTORY - 1] * (1 - _begun(len(gap))), 0.0))
+
+
+def _begun(frames: int, fade: int = _FADE) -> Array:
+    """Return (frames,) from 0 at the end of the history to 1, `fade` frames later."""
+    return smoothstep((np.arange(frames) - HISTORY + 1) / fade)
 
 
 def _stances(toe: Array) -> list[_Stance]:

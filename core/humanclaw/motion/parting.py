@@ -1,18 +1,19 @@
-"""Keep shoes out of one another: how far a foot gives way to its own side.
+"""Keep shoes and legs out of one another: how far a foot gives way to its own side, and how far knees swivel.
 
 Shoes are rectangles on the floor. "Aside" is square to the mean heading of both feet. (...) is any leading shape.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from humanclaw.body.ik import TOE_BASE
-from humanclaw.body.pose import Array, smoothstep
-from humanclaw.body.skeleton import LINKS, Box
+from humanclaw.body.pose import Array, matrix_from_vector, smoothstep
+from humanclaw.body.skeleton import JOINT_INDEX, LINKS, OFFSETS, Box, Capsule
 
 _BOXES: Final = {one.joint: one.shape for one in LINKS if isinstance(one.shape, Box)}
 SHOE, TOES = (_BOXES[joint] for joint in ("left_ankle", "left_foot"))
@@ -70,3 +71,87 @@ def widened(sizes: Array) -> Array:
     edges = [(0, 0)] * (sizes.ndim - 1) + [(4, 4)]
     wide = sliding_window_view(np.pad(sizes, edges, mode="edge"), 5, axis=-1).max(-1)
     return np.asarray(sliding_window_view(wide, 5, axis=-1) @ kernel)
+
+
+def knees_apart(hips: Array, bones: Sequence[tuple[Array, Array]]) -> Array:
+    """Return turns (2, T, 3, 3) of both legs, left first, each about the line from hip to ankle, by the least angles
+    that keep their bones apart.
+
+    hips: (2, T, 3). bones: orientations (T, 3, 3) of the thigh and the shin of each leg.
+    """
+    thighs, shins = (np.stack([leg[bone] for leg in bones]) for bone in (0, 1))
+    knees = hips + thighs @ OFFSETS[_KNEE]
+    ankles = knees + shins @ OFFSETS[_ANKLE]
+    along = ankles - hips
+    along /= np.linalg.norm(along, axis=-1, keepdims=True)
+    out = knees - hips
+    out -= np.sum(out * along, -1, keepdims=True) * along
+    ways, angles = np.cross(along, out), np.zeros(hips.shape[:2])
+    for _ in range(_TRIES):
+        now = hips + (knees - hips - out) + np.cos(angles)[..., None] * out + np.sin(angles)[..., None] * ways
+        missing, gains = _missing(hips, now, ankles, np.cos(angles)[..., None] * ways - np.sin(angles)[..., None] * out)
+        if not missing.any():
+            break
+        angles = angles + missing * gains / np.maximum(np.sum(gains**2, 0), _STRAIGHT)
+    return matrix_from_vector(np.clip(angles, -_MOST, _MOST)[..., None] * along)
+
+
+def _missing(hips: Array, knees: Array, ankles: Array, ways: Array) -> tuple[Array, Array]:
+    """Return how far the legs are too close (T,), metres, and what a turn of each parts them by (2, T), m a radian.
+
+    hips, knees, ankles: (2, T, 3). ways: (2, T, 3) how a knee moves for each radian.
+    """
+    bones = np.stack([np.stack([hips, knees]), np.stack([knees, ankles])])
+    first, last = _ENDS[:, 0], _ENDS[:, 1]
+    starts = bones[:, 0] + first[:, None, None, None] * (bones[:, 1] - bones[:, 0])
+    spans = (last - first)[:, None, None, None] * (bones[:, 1] - bones[:, 0])
+    left, right = _PAIRS
+    a, b, gap = spans[left, 0], spans[right, 1], starts[left, 0] - starts[right, 1]
+    s, t = _closest(a, b, gap)
+    between = gap + s[..., None] * a - t[..., None] * b
+    distance = np.linalg.norm(between, axis=-1)
+    short = _RADII[:, None] - distance
+    worst = short.argmax(0)
+    each = np.arange(len(worst))
+    deep = np.maximum(short[worst, each], 0.0)
+    normal = between[worst, each] / np.maximum(distance[worst, each], 1e-6)[:, None]
+    shares = []
+    for bone, at in ((left[worst], s[worst, each]), (right[worst], t[worst, each])):
+        along = first[bone] + at * (last - first)[bone]
+        shares.append(np.where(bone == 0, along, 1 - along))
+    gains = np.stack(shares) * np.sum(normal * ways, -1) * np.array([[1.0], [-1.0]])
+    return deep * deep / (deep + _SOFT), gains
+
+
+def _closest(a: Array, b: Array, gap: Array) -> tuple[Array, Array]:
+    """Return where on two segments (...) their closest points are, 0 to 1.
+
+    a, b: (..., 3) the segments. gap: (..., 3) from the start of the second to that of the first.
+    """
+    aa, bb, ab, ag, bg = (np.sum(x * y, -1) for x, y in ((a, a), (b, b), (a, b), (a, gap), (b, gap)))
+    s = np.clip((ab * bg - ag * bb) / np.maximum(aa * bb - ab * ab, 1e-9), 0.0, 1.0)
+    t = np.clip((ab * s + bg) / bb, 0.0, 1.0)
+    return np.clip((ab * t - ag) / aa, 0.0, 1.0), t
+
+
+def _ends(joint: str, length: float) -> tuple[float, float, float]:
+    """Return where the capsule of a bone begins and ends along it, 0 to 1, and its radius, metres."""
+    shape = next(one.shape for one in LINKS if one.joint == joint)
+    assert isinstance(shape, Capsule)
+    return -shape.a[1] / length, -shape.b[1] / length, shape.radius
+
+
+_KNEE, _ANKLE = JOINT_INDEX["left_knee"], JOINT_INDEX["left_ankle"]
+_BONES: Final = np.array([_ends("left_hip", -OFFSETS[_KNEE][1]), _ends("left_knee", -OFFSETS[_ANKLE][1])])
+_ENDS: Final = _BONES[:, :2]
+_PAIRS: Final = np.array([[0, 0, 1, 1], [0, 1, 0, 1]])
+"""Bones of the left and of the right leg that may meet: 0 for thighs, 1 for shins."""
+_RADII: Final = _BONES[_PAIRS, 2].sum(0) + 0.008
+"""(4,) least distance of the axes of each pair, with a margin, metres."""
+_SOFT: Final = 0.002
+"""Metres of the margin over which a swivel fades in."""
+_STRAIGHT: Final = 0.03**2
+"""A straight leg gains nothing from a swivel: least gain, squared, metres a radian."""
+_MOST: Final = 0.4
+"""Radians that a leg swivels at most."""
+_TRIES: Final = 3

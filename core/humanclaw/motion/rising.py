@@ -40,6 +40,8 @@ _LEANS: Final = np.radians(np.arange(0.0, 71.0, 2.0))
 _SHARES: Final = {"pelvis": 0.6, "spine1": 0.25, "spine2": 0.2, "neck": -0.2, "head": -0.35}
 """How the joints of the trunk share a lean."""
 _HANGING: Final = -sum(_SHARES[joint] for joint in ("pelvis", "spine1", "spine2"))
+_AROUND, _BESIDE = 0.6, 0.1
+"""Radians by which arms turn outwards as hands come from the thighs to beside them, and while they hang there."""
 _SPREAD: Final = np.array([[0.09], [-0.09]])
 _TILT, _AWAY, _LIFTED = 1.0, 0.45, 0.15
 """A foot stands if it is tilted by less (radians), no further from below the hips and no higher (metres)."""
@@ -71,6 +73,7 @@ def rise(pose: Motion, stance: Motion) -> Motion:
     erect = smoothstep((clock - len(moved) - 1.3) / 0.7)
     root = start.root + lean[:, None] * (leant.root - start.root) + up[:, None] * (stands.root - leant.root)
     rotations = _blended(_blended(start.rotations, leant.rotations, lean), stands.rotations, erect)
+    _spread(rotations, 4 * _AROUND * lean * (1 - lean) + _BESIDE * lean * (1 - erect))
     ankles, soles = _swung(begun, feet, moved, clock)
     return here.to_world(on_feet(Motion(root, rotations), ankles, soles))
 
@@ -100,6 +103,13 @@ def _swung(
     ankles[..., 1] += lifts * 4 * share * (1 - share)
     turn = vector_from_matrix(np.swapaxes(begun[1], -1, -2) @ feet[1])
     return ankles, begun[1] @ matrix_from_vector(share[..., None] * turn)
+
+
+def _spread(rotations: Array, outwards: Array) -> None:
+    """Turn both arms outwards, in place, by angles (T,), radians, so that hands pass around the thighs."""
+    for joint, sign in ((JOINT_INDEX["left_shoulder"], 1.0), (JOINT_INDEX["right_shoulder"], -1.0)):
+        turn = matrix_from_vector(np.outer(outwards, [0.0, 0.0, sign]))
+        rotations[:, joint] = vector_from_matrix(turn @ matrix_from_vector(rotations[:, joint]))
 
 
 def _over(stance: Motion, ankles: Array) -> Motion:

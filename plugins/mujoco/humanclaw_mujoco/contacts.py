@@ -17,6 +17,8 @@ _RECOVERY: Final = 0.2
 """Share of a penetration that one step corrects."""
 _LEAST: Final = 1e-5
 """MuJoCo's minimum of friction: without any, MuJoCo would let the shapes pass through each other."""
+_SWINGS: Final = 0.2
+"""A link that slides slower than this stands, m/s."""
 NEAR: Final = 0.01
 """Distance at which an awake object or the body wakes a sleeping object, metres."""
 
@@ -36,6 +38,22 @@ def harden(
         # Negative numbers mean stiffness and damping directly, per unit of effective mass: 1/s^2 and 1/s.
         stiffness[k, 0], stiffness[k, 1] = -(1.0 if gaps[k] > 0 else _RECOVERY) / seconds**2, -1 / seconds
         frictions[k, 0] = frictions[k, 1] = max(friction[geoms[k, 0]] * friction[geoms[k, 1]], _LEAST)
+
+
+@compiled
+def let_slide(
+    geoms: Ints, rows: Ints, frictions: Array, joint_of: NDArray[np.int64], speeds: Array, wanted: Array, seconds: float
+) -> None:
+    """Let links slide over what they touch without being lifted off it.
+
+    MuJoCo moves apart what slides, at friction times its speed: a foot that swings over a floor would lift the body by
+    a centimetre. rows: as for body_contacts. speeds, wanted: of all rows, MuJoCo's efc_vel and efc_aref.
+    """
+    for k in range(rows.size):
+        row = rows[k]
+        if row >= 0 and max(joint_of[geoms[k, 0]], joint_of[geoms[k, 1]]) >= 0:
+            slides = np.hypot(speeds[row + 1], speeds[row + 2])
+            wanted[row] -= frictions[k, 0] * max(slides - _SWINGS, 0.0) / seconds
 
 
 @compiled

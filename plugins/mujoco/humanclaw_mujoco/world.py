@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from humanclaw import Scene
 from humanclaw.body import Array, matrix_from_quaternion
 from humanclaw.world import TOUCHING, HalfPhysics, ObjectMotion, Pose, Profile, Touch
-from humanclaw_mujoco.contacts import body_contacts, harden, harden_stops
+from humanclaw_mujoco.contacts import body_contacts, harden, harden_stops, let_slide
 from humanclaw_mujoco.model import FIXED_GROUP, Model, build
 from humanclaw_mujoco.sleep import Sleep
 
@@ -92,6 +92,8 @@ class MujocoWorld:
         mj.mj_island(m, d)
         mj.mj_projectConstraint(m, d)
         mj.mj_fwdVelocity(m, d)
+        contact, joints = d.contact, self._model.joint_of
+        let_slide(geoms, contact.efc_address, contact.friction, joints, d.efc_vel, d.efc_aref, seconds)
         mj.mj_fwdActuation(m, d)
         mj.mj_fwdAcceleration(m, d)
         self._let_fall()
