@@ -101,26 +101,18 @@ def _missing(hips: Array, knees: Array, ankles: Array, ways: Array) -> tuple[Arr
 
     hips, knees, ankles: (2, T, 3). ways: (2, T, 3) how a knee moves for each radian.
     """
-    bones = np.stack([np.stack([hips, knees]), np.stack([knees, ankles])])
-    first, last = _ENDS[:, 0], _ENDS[:, 1]
-    starts = bones[:, 0] + first[:, None, None, None] * (bones[:, 1] - bones[:, 0])
-    spans = (last - first)[:, None, None, None] * (bones[:, 1] - bones[:, 0])
-    left, right = _PAIRS
+    starts, spans = np.stack([hips, knees]), np.stack([knees - hips, ankles - knees])
+    (left, right), every = _PAIRS, np.arange(hips.shape[1])
     a, b, gap = spans[left, 0], spans[right, 1], starts[left, 0] - starts[right, 1]
     s, t = _closest(a, b, gap)
     between = gap + s[..., None] * a - t[..., None] * b
     distance = np.linalg.norm(between, axis=-1)
-    short = _RADII[:, None] - distance
-    worst = short.argmax(0)
-    each = np.arange(len(worst))
-    deep = np.maximum(short[worst, each], 0.0)
-    normal = between[worst, each] / np.maximum(distance[worst, each], 1e-6)[:, None]
-    shares = []
-    for bone, at in ((left[worst], s[worst, each]), (right[worst], t[worst, each])):
-        along = first[bone] + at * (last - first)[bone]
-        shares.append(np.where(bone == 0, along, 1 - along))
-    gains = np.stack(shares) * np.sum(normal * ways, -1) * np.array([[1.0], [-1.0]])
-    return deep * deep / (deep + _SOFT), gains
+    worst = (_APART - distance).argmax(0), every
+    deep = np.maximum((_APART - distance)[worst], 0.0)
+    normal = between[worst] / np.maximum(distance[worst], 1e-6)[:, None]
+    # A thigh moves with its knee the more the nearer to it, and so does a shin.
+    shares = np.stack([np.where(bone[:, None] == 0, at, 1 - at)[worst] for bone, at in ((left, s), (right, t))])
+    return deep * deep / (deep + _SOFT), shares * np.sum(normal * ways, -1) * [[1.0], [-1.0]]
 
 
 def _closest(a: Array, b: Array, gap: Array) -> tuple[Array, Array]:
@@ -134,20 +126,12 @@ def _closest(a: Array, b: Array, gap: Array) -> tuple[Array, Array]:
     return np.clip((ab * t - ag) / aa, 0.0, 1.0), t
 
 
-def _ends(joint: str, length: float) -> tuple[float, float, float]:
-    """Return where the capsule of a bone begins and ends along it, 0 to 1, and its radius, metres."""
-    shape = next(one.shape for one in LINKS if one.joint == joint)
-    assert isinstance(shape, Capsule)
-    return -shape.a[1] / length, -shape.b[1] / length, shape.radius
-
-
 _KNEE, _ANKLE = JOINT_INDEX["left_knee"], JOINT_INDEX["left_ankle"]
-_BONES: Final = np.array([_ends("left_hip", -OFFSETS[_KNEE][1]), _ends("left_knee", -OFFSETS[_ANKLE][1])])
-_ENDS: Final = _BONES[:, :2]
-_PAIRS: Final = np.array([[0, 0, 1, 1], [0, 1, 0, 1]])
-"""Bones of the left and of the right leg that may meet: 0 for thighs, 1 for shins."""
-_RADII: Final = _BONES[_PAIRS, 2].sum(0) + 0.008
-"""(4,) least distance of the axes of each pair, with a margin, metres."""
+_PAIRS: Final = np.array([[0, 0, 1], [0, 1, 0]])
+"""Bones of the left and of the right leg that a swivel parts: 0 for thighs, 1 for shins. Two shins meet at the feet."""
+_RADII: Final = {one.joint: one.shape.radius for one in LINKS if isinstance(one.shape, Capsule)}
+_APART: Final = np.array([_RADII["left_hip"], _RADII["left_knee"]])[_PAIRS].sum(0)[:, None] + 0.008
+"""(3, 1) least distance of the bones of each pair, with a margin, metres."""
 _SOFT: Final = 0.002
 """Metres of the margin over which a swivel fades in."""
 _STRAIGHT: Final = 0.03**2
