@@ -83,6 +83,13 @@ def test_the_ten_line_skill_can_be_called(cli, tmp_path):
     assert "nod" in {row["skill"] for row in rows}
 
 
+@pytest.mark.parametrize("command", [["run"], ["play", "stop"]])
+def test_a_seed_below_zero_is_refused_in_words(cli, command):
+    done = cli(*command, "--seed", "-3")
+    assert done.returncode == 2
+    assert "-3 is not in the range x>=0" in done.stderr
+
+
 @pytest.mark.parametrize(
     ("args", "message", "remedy"),
     [

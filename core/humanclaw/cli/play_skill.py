@@ -49,7 +49,7 @@ _STRIDE: Final = 0.4
 @scene_option(default="floor")
 @engine_options
 @click.option("--renderer", default=Backends.renderer, show_default=True, help="Renderer by name.")
-@click.option("--seed", type=int, default=0, show_default=True, help="All randomness derives from it.")
+@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="All randomness derives from it.")
 @click.option("--out", type=click.Path(path_type=Path), help="Folder of the record; the default is a new one in runs/.")
 @click.option("--film", type=click.Choice(["mp4", "gif", "none"]), default="mp4", show_default=True)
 @plugin_options

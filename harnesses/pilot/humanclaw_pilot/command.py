@@ -63,7 +63,7 @@ def _range(houses: str) -> tuple[int, int]:
 @click.option("--most", type=click.IntRange(1), default=None, help="Number of files to learn from; all by default.")
 @click.option("--minutes", default=25.0, show_default=True, help="Processor time of training.")
 @click.option("--start", type=click.Path(path_type=Path), default=None, help="Weights to go on from.")
-@click.option("--seed", default=0, show_default=True, help="Of first weights and the order of views.")
+@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Of weights and views.")
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="File of weights.")
 def train(
     folders: tuple[Path, ...], most: int | None, minutes: float, start: Path | None, seed: int, out: Path

@@ -45,7 +45,7 @@ Draw = Callable[..., list[EpisodeSpec]]
     show_default=True,
     help="Starts to draw in each house for each category and range of distances.",
 )
-@click.option("--seed", type=int, default=0, show_default=True, help="All randomness derives from it.")
+@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="All randomness derives from it.")
 @click.option(
     "--secret",
     type=click.IntRange(0),
