@@ -1,6 +1,8 @@
 """An episode in the hands of somebody who makes mistakes: nothing lost, nobody asked in vain, nothing mixed up."""
 
 import asyncio
+import errno
+import os
 import signal
 import time
 import tracemalloc
@@ -111,6 +113,19 @@ def test_a_replay_of_all_steps_writes_the_same_record_again(body, recorded):
     with Episode(body, recorded.record.spec, folder=recorded.folder, replay=recorded.steps) as episode:
         assert len(episode.steps) == 2
     assert RecordedEpisode(recorded.folder).digest == recorded.digest
+
+
+def test_no_room_for_temporary_files_is_told_in_a_sentence(body, spec, tmp_path, monkeypatch):
+    def refuse(*arguments):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    episode = Episode(body, spec, Agent(WALK), folder=tmp_path / "a")
+    monkeypatch.setattr("numpy.save", refuse)
+    with pytest.raises(RecordError, match=r"in a temporary file: No space left on device\. Make room"):
+        episode.ask()
+    monkeypatch.setattr("humanclaw.episodes.recorder.TemporaryFile", refuse)
+    with pytest.raises(RecordError, match="TMPDIR"):
+        Episode(body, spec, Agent(WALK), folder=tmp_path / "b")
 
 
 def test_an_agent_of_an_episode_that_has_ended_is_not_asked_again(body, spec):

@@ -9,9 +9,10 @@ import json
 import os
 import weakref
 from collections.abc import Container, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
-from tempfile import TemporaryFile, gettempdir
+from tempfile import TemporaryFile
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,7 @@ from humanclaw.body.pose import HISTORY, Array, Motion
 from humanclaw.episodes.embodiment import Body
 from humanclaw.episodes.panel import Panel
 from humanclaw.episodes.step import target_boxes
-from humanclaw.errors import HumanclawError, LimitError, PluginRunError, ProviderError, SceneError
+from humanclaw.errors import HumanclawError, LimitError, PluginRunError, ProviderError, RecordError, SceneError
 from humanclaw.plugins.choice import PluginInfo
 from humanclaw.plugins.distributions import version
 from humanclaw.plugins.hookspecs import noun
@@ -29,7 +30,7 @@ from humanclaw.records.folder import EpisodeWriter, joined
 from humanclaw.records.specification import EpisodeSpec
 from humanclaw.records.steps import EpisodeRecord, Outcome, SkillInfo, StepRecord
 from humanclaw.skills.contract import Skill
-from humanclaw.storage.files import Folder, writing
+from humanclaw.storage.files import Folder
 from humanclaw.world.scene import GROUND, Scene
 from humanclaw.world.simulator import Chunk
 
@@ -114,7 +115,7 @@ class TrajectoryBuffer(Mapping[str, Array]):
         self._places: list[Mapping[str, int]] = []
         """Where the file holds the arrays of the beginning and of each chunk; of objects only those that moved in
         it."""
-        with writing(Path(gettempdir())):
+        with _room():
             self._file = TemporaryFile()  # noqa: SIM115 (closed below)
         weakref.finalize(self, self._file.close)
         self._keep(_arrays(body.history, standing))
@@ -125,12 +126,13 @@ class TrajectoryBuffer(Mapping[str, Array]):
         return self._keep(_arrays(chunk.commanded, chunk.execution.simulated) | paths)
 
     def _keep(self, piece: Mapping[str, Array]) -> Mapping[str, Array]:
-        self._file.seek(0, os.SEEK_END)
         places = {}
-        with writing(Path(gettempdir())):
+        with _room():
+            self._file.seek(0, os.SEEK_END)
             for name, array in piece.items():
                 places[name] = self._file.tell()
                 np.save(self._file, array)
+            self._file.flush()
         self._places.append(places)
         return piece
 
@@ -157,6 +159,15 @@ class TrajectoryBuffer(Mapping[str, Array]):
             one = name if name in places else "generated_root"  # It tells how long the piece is.
             held.append({one: self._read(places[one])})
         return joined(held, name, np.array([*obj.position, *obj.rotation], float) if obj else None)
+
+
+@contextmanager
+def _room() -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        told = f"cannot keep the episode's motion in a temporary file: {error.strerror or error}."
+        raise RecordError(told, "Make room there, or name another folder in TMPDIR.") from error
 
 
 def _arrays(generated: Motion, simulated: Motion) -> dict[str, Array]:
