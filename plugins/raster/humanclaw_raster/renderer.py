@@ -18,7 +18,7 @@ from humanclaw_raster.edges import soften
 from humanclaw_raster.lighting import Lit, light_again, light_up, panes
 from humanclaw_raster.mirrors import COARSE, Glass, blend
 from humanclaw_raster.overhead import OverheadMapper
-from humanclaw_raster.packing import Model, pack
+from humanclaw_raster.packing import Floats, Model, pack
 from humanclaw_raster.painting import paint, smooth_edges
 from humanclaw_raster.person import Person
 from humanclaw_raster.shading import ambient_occlusion
@@ -90,43 +90,35 @@ class RasterRenderer:
         """
         if self._loaded is None:
             raise HumanclawError("the renderer holds no scene.", "Call load(scene) first.")
-        model, instances, overhead, lit, _ = self._loaded
+        model, instances, _, lit, _ = self._loaded
         poses = [state.objects.get(key, self._rest[key]) for key in self._movers]
         _put(instances, list(self._movers.values()), poses)
         instances.place[0] = self._person.dress(model, state.body, camera.position)
         light_again(lit, instances, np.array([0, *self._movers.values()]))
         pinhole = _pinhole(camera)
-        gbuffer, sky = _gbuffer(model, instances, lit, pinhole, camera), _sky(camera)
-        light = ambient_occlusion(pinhole, gbuffer, overhead.now(instances), lit.light)
-        shape = (camera.height, camera.width)
-        view = View(np.empty((*shape, 3), np.uint8), np.empty(shape, np.float32), np.empty(shape, np.int32))
-        paint(model, instances, pinhole, gbuffer, light, sky, view.rgb, view.depth, view.ids)
+        view, gbuffer, light = _painted(self._loaded, pinhole, camera)
         if self._smooth:
             fine = replace(camera, width=2 * camera.width, height=2 * camera.height)
-            pinhole = _pinhole(fine)
-            samples = _gbuffer(model, instances, lit, pinhole, fine)
-            smooth_edges(model, instances, pinhole, samples, gbuffer, light, sky, view.rgb)
+            doubled = _pinhole(fine)
+            samples = _gbuffer(self._loaded, doubled, fine)
+            smooth_edges(model, instances, doubled, samples, gbuffer, light, _sky(camera), view.rgb)
         else:
             soften(pinhole, gbuffer, view.rgb)
-        self._reflect(self._loaded, state.body, camera, view)
+        drawn = instances.id[gbuffer.faces[:, 1]]
+        self._reflect([one for one in self._loaded.mirrors if one.id in drawn], state.body, camera, pinhole, view)
         return view
 
-    def _reflect(self, scene: _LoadedScene, body: Motion, camera: Camera, view: View) -> None:
-        """Draw what the largest mirror in a view reflects."""
-        pinhole = _pinhole(camera)
-        seen = [(glass, glass.reflects(pinhole, view)) for glass in scene.mirrors]
+    def _reflect(self, mirrors: Sequence[Glass], body: Motion, camera: Camera, pinhole: Pinhole, view: View) -> None:
+        """Draw what the largest mirror in a view reflects. mirrors: those in view."""
+        assert self._loaded is not None
+        seen = [(glass, glass.reflects(pinhole, view)) for glass in mirrors]
         glass, shown = max(seen, key=lambda each: each[1].sum(), default=(None, np.zeros(0, bool)))
         if glass is None or not shown.any():
             return
         image = glass.image(pinhole)
         small = replace(camera, width=camera.width // COARSE, height=camera.height // COARSE)
-        model, instances, overhead, lit, _ = scene
-        instances.place[0] = self._person.dress(model, body, image.eye)
-        gbuffer = _gbuffer(model, instances, lit, image, small, glass)
-        light = ambient_occlusion(image, gbuffer, overhead.now(instances), lit.light)
-        shape = (small.height, small.width)
-        found = View(np.empty((*shape, 3), np.uint8), np.empty(shape, np.float32), np.empty(shape, np.int32))
-        paint(model, instances, image, gbuffer, light, _sky(small), found.rgb, found.depth, found.ids)
+        self._loaded.instances.place[0] = self._person.dress(self._loaded.model, body, image.eye)
+        found, _, _ = _painted(self._loaded, image, small, glass)
         blend(view.rgb, shown, found.rgb)
 
     def close(self) -> None:
@@ -141,9 +133,24 @@ def _put(instances: Instances, rows: Sequence[int], poses: Sequence[Array]) -> N
     instances.turn[rows] = matrix_from_quaternion(where[:, 3:])
 
 
-def _gbuffer(
-    model: Model, instances: Instances, lit: Lit, pinhole: Pinhole, camera: Camera, glass: Glass | None = None
-) -> GBuffer:
+def _painted(
+    scene: _LoadedScene, pinhole: Pinhole, camera: Camera, glass: Glass | None = None
+) -> tuple[View, GBuffer, Floats]:
+    """Return a view with rough edges, its surfaces, and its light as from ambient_occlusion. camera: of its size.
+
+    glass: nothing behind it is drawn.
+    """
+    model, instances, overhead, lit, _ = scene
+    gbuffer = _gbuffer(scene, pinhole, camera, glass)
+    light = ambient_occlusion(pinhole, gbuffer, overhead.now(instances), lit.light)
+    shape = (camera.height, camera.width)
+    view = View(np.empty((*shape, 3), np.uint8), np.empty(shape, np.float32), np.empty(shape, np.int32))
+    paint(model, instances, pinhole, gbuffer, light, _sky(camera), view.rgb, view.depth, view.ids)
+    return view, gbuffer, light
+
+
+def _gbuffer(scene: _LoadedScene, pinhole: Pinhole, camera: Camera, glass: Glass | None = None) -> GBuffer:
+    model, instances, _, lit, _ = scene
     found, depth = in_view(model, instances, pinhole, camera.width, camera.height)
     if glass:
         kept = glass.before(model, instances, found)
