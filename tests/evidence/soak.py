@@ -70,6 +70,8 @@ def main() -> int:
     parser.add_argument("--episode", type=int, default=EVERY, help="decisions in an episode")
     parser.add_argument("--simulator", default="")
     asked = parser.parse_args()
+    if asked.episode < EVERY or asked.episode % EVERY:
+        parser.error(f"--episode expects a multiple of {EVERY}; it got {asked.episode}")
     with own_temporaries():
         worse = grows(played(asked.decisions, asked.episode, asked.simulator))
     print(f"still growing: {worse}" if worse else "flat")
@@ -82,7 +84,7 @@ def played(decisions: int, length: int, simulator: str) -> list[Sample]:
     samples = [Sample.now(0)]
     backends = Backends(simulator or default_simulator(plugins))
     with tempfile.TemporaryDirectory() as out, Body("house:0", plugins=plugins, backends=backends) as body:
-        for number in range(max(1, decisions // length)):
+        for number in range(max(4 * EVERY // length, decisions // length, 1)):
             spec = free_episode("Walk about.", body.scene, seed=number, max_steps=length, name=f"soak-{number}")
             agent = plugins.make("agents", "random", {})
             with Episode(body, spec, agent, folder=Path(out) / spec.id) as episode:
