@@ -69,6 +69,20 @@ def test_three_processes_train_as_one_does_and_resume_bit_for_bit(chunks, tmp_pa
     assert all(torch.allclose(one[name], two[name], atol=1e-5) for name in one)
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+def test_no_thread_of_the_other_processes_is_left_when_they_part(chunks, tmp_path):
+    """One that is left may abort the process as Python ends."""
+    program = tmp_path / "parting.py"
+    program.write_text(
+        "import pathlib, sys\n"
+        "from humanclaw_train import train\n"
+        "assert train.main(sys.argv[1:]) == 0\n"
+        "names = [path.read_text() for path in pathlib.Path('/proc/self/task').glob('*/comm')]\n"
+        "assert not [name for name in names if 'gloo' in name], names\n"
+    )
+    _torchrun(2, [str(program), "base", "--data", str(chunks), "--out", str(tmp_path / "out"), *SIX])
+
+
 def test_a_batch_that_cannot_be_shared_evenly_is_refused():
     assert Processes(1, 2).share(torch.arange(6)).tolist() == [1, 3, 5]
     with pytest.raises(HumanclawError, match="multiple of 4"):
