@@ -119,6 +119,7 @@ def test_what_the_user_can_mend_is_one_sentence_and_a_remedy(cli, args, message,
     assert remedy in done.stderr
     assert "Traceback" not in done.stderr
     assert "hunter2" not in done.stdout + done.stderr
+    assert "to target" not in done.stdout  # The head of steps that never come.
     assert len(done.stderr.strip().splitlines()) <= 2
 
 

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
         RecordError as RecordError,
         ReplayError as ReplayError,
         SceneError as SceneError,
+        TaskError as TaskError,
     )
     from humanclaw.minds.chat import TURNS as TURNS, opening as opening, situation as situation, tool_call as tool_call
     from humanclaw.minds.gym import Gym as Gym, Turn as Turn

@@ -42,6 +42,10 @@ class SceneError(HumanclawError):
     """A scene that is unknown, malformed, or differs from its digest."""
 
 
+class TaskError(HumanclawError):
+    """A seed for which no task fits: in other houses, or of another kind, there may be one."""
+
+
 class CheckpointError(HumanclawError):
     """A checkpoint that is missing, corrupt, of another format, or trained against another base."""
 

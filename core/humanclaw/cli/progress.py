@@ -27,10 +27,16 @@ class StepProgress:
         it."""
         self._console, self._distances = console, distances
         self._width = len(str(max_steps))
-        self._step, self._chunks = -1, 0
+        self._step, self._chunks, self._begun = -1, 0, False
         self._wide = not console.is_terminal or console.width >= _WIDE
-        near = "to target" if distances else ""
-        self._console.print(f"{'':>{self._width}}  {'call':<44} {near:>9} {'time':>6}", style="dim")
+
+    def _print(self, line: str) -> None:
+        """Print a line, under the head if it is the first. An error in place of a first step has no head."""
+        if not self._begun:
+            near = "to target" if self._distances else ""
+            self._console.print(f"{'':>{self._width}}  {'call':<44} {near:>9} {'time':>6}", style="dim")
+        self._begun = True
+        self._console.print(line, soft_wrap=True)
 
     @hookimpl
     def humanclaw_chunk(self, episode: EpisodeRecord, step: int, chunk: Chunk) -> None:
@@ -39,7 +45,7 @@ class StepProgress:
         self._step = step
         if self._chunks > 1:
             x, _, z = chunk.execution.simulated.root[-1]
-            self._console.print(f"{'':>{self._width}}  ... {self._chunks / 2:g} s, at x {x:.2f} z {z:.2f}")
+            self._print(f"{'':>{self._width}}  ... {self._chunks / 2:g} s, at x {x:.2f} z {z:.2f}")
 
     @hookimpl
     def humanclaw_step(self, episode: EpisodeRecord, step: StepRecord) -> None:
@@ -50,9 +56,9 @@ class StepProgress:
         took = f"{sum(step.seconds.values()):4.1f} s" if step.seconds else ""
         line = f"{step.step:>{self._width}}  {call:<44} {near:>9} {took:>6}"
         if self._wide:
-            self._console.print(f"{line}  {thought}".rstrip(), soft_wrap=True)
+            self._print(f"{line}  {thought}".rstrip())
         else:
-            self._console.print(line, soft_wrap=True)
+            self._print(line)
             self._console.print(Padding(thought, (0, 0, 0, self._width + 2)), style="dim")
 
 

@@ -15,7 +15,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from humanclaw import Gym, HumanclawError, Plugins, Scene
+from humanclaw import Gym, Plugins, Scene, TaskError
 from humanclaw.body import Motion, Pose2D
 from humanclaw.world import BODY_ID, GAZES, Camera, MultiFloorMap, View, WorldState, ego_camera
 from humanclaw_pilot.network import CATEGORIES, CELLS, CLASSES, halved
@@ -84,7 +84,7 @@ def played(plugins: Plugins, agent: str, options: Mapping[str, Any], first: int,
             mind = plugins.make("agents", agent, options)
             try:
                 turn = gym.reset(seed)
-            except HumanclawError:  # No task fits the house.
+            except TaskError:
                 continue
             episode = gym.episode
             mind.begin(gym.context)

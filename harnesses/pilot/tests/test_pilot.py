@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from safetensors.numpy import load_file, save_file
 
-from humanclaw import Call, Decision, EpisodeContext, EpisodeSpec, HumanclawError, Observation, Plugins
+from humanclaw import Call, Decision, EpisodeContext, EpisodeSpec, HumanclawError, Observation, Plugins, TaskError
 from humanclaw.body import rest_pose
 from humanclaw.records import acknowledges
 from humanclaw.testing import SceneBuilder
@@ -75,11 +75,16 @@ def test_an_agents_views_come_from_the_house_that_was_asked_for(plugins, monkeyp
 
 
 def test_a_seed_for_which_a_house_has_no_task_is_left_out(plugins, monkeypatch):
-    def reset(gym, seed):
-        raise HumanclawError("no house of 20 has a task for seed 0.")
+    def failing(error):
+        def reset(gym, seed):
+            raise error
 
-    monkeypatch.setattr(data.Gym, "reset", reset)
-    assert list(played(plugins, "wanderer", {}, 7, (0, 1), 1)) == []
+        monkeypatch.setattr(data.Gym, "reset", reset)
+        return list(played(plugins, "wanderer", {}, 7, (0, 1), 1))
+
+    assert failing(TaskError("no house of 20 has a task for seed 0.")) == []
+    with pytest.raises(HumanclawError, match="no simulator"):
+        failing(HumanclawError("no simulator is installed."))
 
 
 def test_weights_in_numbers_that_numpy_lacks_are_refused(tmp_path):

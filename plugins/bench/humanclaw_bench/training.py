@@ -15,7 +15,7 @@ from typing import Any, Final, Literal, TypeVar
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
-from humanclaw import EpisodeSpec, HumanclawError, Plugins, Scene
+from humanclaw import EpisodeSpec, HumanclawError, Plugins, Scene, TaskError
 from humanclaw.plugins import read_options
 from humanclaw.records import read_episodes
 from humanclaw.world import MultiFloorMap
@@ -136,13 +136,13 @@ class HouseTasks:
         return House(self._plugins.scene(f"house:train-{number}"), number)
 
     def __call__(self, seed: int) -> EpisodeSpec:
-        """Return the task of a seed. Raises HumanclawError if no house that was tried has one."""
+        """Return the task of a seed. Raises TaskError if no house that was tried has one."""
         for house, rng in self._places(seed):
             spec = self._draw(house, self._options, rng)
             if spec is not None:
                 return spec.model_copy(update={"id": f"{self.name}-{seed}", "seed": seed})
         told = f"no house of {TRIES} has a task for seed {seed} with {self._options.model_dump(exclude_defaults=True)}."
-        raise HumanclawError(told, "Draw from more houses, or of another difficulty or category.")
+        raise TaskError(told, "Draw from more houses, or of another difficulty or category.")
 
     def _places(self, seed: int) -> Iterator[tuple[House, np.random.Generator]]:
         houses = np.random.default_rng([seed // TOGETHER, 31])
