@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import time
+import math
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, Final
@@ -10,10 +10,11 @@ from typing import Any, Final
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from safetensors.torch import load_file, save_file
+from safetensors.torch import save_file
 from torch import Tensor, nn
 from torch.nn import functional as F
 
+from humanclaw import HumanclawError
 from humanclaw_pilot.network import CATEGORIES, CLASSES, SHAPES, Glance, answer, prepared
 
 PRICES: Final = torch.tensor([1.0, 1.0, 1.0, 4.0, 2.0, 1.5, 3.0, 3.0, 3.0])
@@ -103,34 +104,57 @@ def _drawn(data: Data, rng: np.random.Generator) -> tuple[Tensor, Tensor, Tensor
 
 
 # -- training ----------------------------------------------------------------------------------------------------------
-def train(data: Data, out: Path, minutes: float, seed: int, told: Callable[[str], None], start: Path | None = None
-          ) -> None:  # fmt: skip
-    """Train for some minutes of processor time, and write weights.
+def train(data: Data, out: Path, steps: int, seed: int, told: Callable[[str], None], start: Path | None = None,
+          every: int = 100) -> None:  # fmt: skip
+    """Train and write weights. A checkpoint beside them lets the same call go on after a break, to the same weights.
 
-    A checkpoint beside them lets the same call go on after a break.
-
-    start: a checkpoint to go on from, for data that were added.
+    start: weights whose checkpoint to begin from, for data that were added. every: steps from checkpoint to checkpoint.
+    Raises HumanclawError if there is no checkpoint to begin from, or if the one to go on from is of another call.
     """
     torch.manual_seed(seed)
-    rng, model = np.random.default_rng(seed), TorchLayers()
+    model = TorchLayers()
     model.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
-    optimizer, spent, checkpoint = torch.optim.AdamW(model.parameters(), RATE, weight_decay=0.02), 0.0, _beside(out)
-    if checkpoint.exists() or start:
-        model.load_state_dict(load_file(checkpoint if checkpoint.exists() else _beside(start or out)))
-    clock = out.with_suffix(".minutes")
-    spent = float(clock.read_text()) if clock.exists() else 0.0
-    step, begun = 0, time.process_time() - 60 * spent
-    while (spent := (time.process_time() - begun) / 60) < minutes:
-        optimizer.param_groups[0]["lr"] = RATE * min(1, spent / 0.5 + 0.05) * (1 + np.cos(np.pi * spent / minutes)) / 2
-        loss = _loss(model, *_drawn(data, rng))
+    optimizer = torch.optim.AdamW(model.parameters(), RATE, weight_decay=0.02)
+    done = _resumed(model, optimizer, out, [steps, seed])
+    if start and not done:
+        model.load_state_dict(_checkpoint(start)["model"])
+    for step in range(done, steps):
+        optimizer.param_groups[0]["lr"] = RATE * min(1, (step + 1) / 80) * (1 + math.cos(math.pi * step / steps)) / 2
+        loss = _loss(model, *_drawn(data, np.random.default_rng([seed, step])))
         optimizer.zero_grad(set_to_none=True)
         loss.backward()  # type: ignore[no-untyped-call]
         optimizer.step()
-        step += 1
-        if step % 100 == 0:
-            told(f"{spent:.1f} min, step {step}: loss {loss.item():.3f}")
-            _keep(model, out, spent)
-    _keep(model, out, spent)
+        if (step + 1) % every == 0 or step + 1 == steps:
+            save_file({name: part.contiguous() for name, part in model.folded().items()}, out)
+            kept = {"model": model.state_dict(), "optimizer": optimizer.state_dict(), "step": step + 1}
+            torch.save({**kept, "call": [steps, seed]}, _beside(out).with_suffix(".part"))
+            _beside(out).with_suffix(".part").replace(_beside(out))
+            told(f"step {step + 1} of {steps}: loss {loss.item():.3f}")
+
+
+def _resumed(model: TorchLayers, optimizer: torch.optim.Optimizer, out: Path, call: list[int]) -> int:
+    """Load the checkpoint of `out`, if there is one. Returns the steps that are done."""
+    if not _beside(out).exists():
+        return 0
+    kept = _checkpoint(out)
+    if kept["call"] != call:
+        told = f"{_beside(out)} is of a training with steps and seed {kept['call']}; this one has {call}."
+        raise HumanclawError(told, "Give those again, or another --out.")
+    model.load_state_dict(kept["model"])
+    optimizer.load_state_dict(kept["optimizer"])
+    return int(kept["step"])
+
+
+def _checkpoint(weights: Path) -> dict[str, Any]:
+    path = _beside(weights)
+    if not path.exists():
+        raise HumanclawError(f"there is no checkpoint {path}.", "Name weights whose training left one beside them.")
+    found: dict[str, Any] = torch.load(path, weights_only=True)
+    return found
+
+
+def _beside(weights: Path) -> Path:
+    return weights.with_suffix(".checkpoint.pt")
 
 
 def _loss(model: TorchLayers, x: Tensor, kinds: Tensor, depth: Tensor) -> Tensor:
@@ -140,16 +164,6 @@ def _loss(model: TorchLayers, x: Tensor, kinds: Tensor, depth: Tensor) -> Tensor
     far = (found[:, -1] - depth.clamp(0.1).log()).abs()
     loss: Tensor = F.cross_entropy(found[:, :-1], kinds, PRICES) + far[kinds != 2].mean()
     return loss
-
-
-def _beside(out: Path) -> Path:
-    return out.with_suffix(".checkpoint.safetensors")
-
-
-def _keep(model: TorchLayers, out: Path, spent: float) -> None:
-    save_file({name: part.contiguous() for name, part in model.state_dict().items()}, _beside(out))
-    save_file({name: part.contiguous() for name, part in model.folded().items()}, out)
-    out.with_suffix(".minutes").write_text(f"{spent:.3f}")
 
 
 # -- measuring ---------------------------------------------------------------------------------------------------------

@@ -104,12 +104,23 @@ def test_numpy_and_torch_answer_alike_and_training_goes_on_where_it_stopped(tmp_
     kinds = rng.integers(2, size=(4, CELLS, CELLS)).astype(np.uint8)
     pictures = (255 * kinds[..., None]).repeat(4, 1).repeat(4, 2).repeat(3, 3).astype(np.uint8)
     data, out = (pictures, kinds, np.full(kinds.shape, 2, np.float16)), tmp_path / "eyes.safetensors"
-    training.train(data, out, 0.05, 0, print)
-    clock = out.with_suffix(".minutes").read_text()
-    training.train(data, out, 0.05, 0, print)
-    assert float(out.with_suffix(".minutes").read_text()) >= float(clock)
+    training.train(data, out, 4, 0, print, every=2)
+
+    def interrupt(told):
+        raise KeyboardInterrupt
+
+    again = tmp_path / "again.safetensors"
+    with pytest.raises(KeyboardInterrupt):
+        training.train(data, again, 4, 0, interrupt, every=2)
+    training.train(data, again, 4, 0, print, every=2)
+    assert again.read_bytes() == out.read_bytes()
+    with pytest.raises(HumanclawError, match=r"steps and seed \[4, 0\]; this one has \[4, 1\]"):
+        training.train(data, again, 4, 1, print)
+    with pytest.raises(HumanclawError, match="there is no checkpoint"):
+        training.train(data, tmp_path / "new.safetensors", 4, 0, print, start=tmp_path / "none.safetensors")
+
     model = training.TorchLayers().eval()
-    model.load_state_dict(training.load_file(training._beside(out)))
+    model.load_state_dict(torch.load(training._beside(out))["model"])
     with torch.no_grad():
         told = model(torch.from_numpy(prepared(pictures[:1])))[0].numpy()
     found = Eyes.read(out)(pictures[0].repeat(2, 0).repeat(2, 1))
