@@ -151,6 +151,10 @@ _DECIDERS: Final = (
 )
 
 
+seed_option = functools.partial(click.option, "--seed", type=click.IntRange(0), default=0, show_default=True)
+"""Option for a seed; give it its help."""
+
+
 def engine_options(function: F) -> F:
     """Add --simulator and --generator, for commands without an agent."""
     return functools.reduce(lambda wrapped, option: option(wrapped), reversed(_ENGINES), function)

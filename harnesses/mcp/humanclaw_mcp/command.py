@@ -9,7 +9,7 @@ from typing import Any
 import click
 
 from humanclaw import Choice, HumanclawError
-from humanclaw.cli import check_options, engine_options, parse_pairs, plugin_options, scene_option
+from humanclaw.cli import check_options, engine_options, parse_pairs, plugin_options, scene_option, seed_option
 
 
 @click.command("mcp")
@@ -18,7 +18,7 @@ from humanclaw.cli import check_options, engine_options, parse_pairs, plugin_opt
 @click.option("--auth-env", default="", metavar="NAME", help="Variable with a token that HTTP requests must carry.")
 @scene_option("scenes", multiple=True, default=("house:0",), about="Scene that clients may choose. Repeatable.")
 @click.option("--instruction", help="The task, if the client gives none.")
-@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Seed of all random draws.")
+@seed_option(help="Seed of all random draws.")
 @click.option(
     "--max-steps", type=click.IntRange(1, 10_000), default=100, show_default=True, help="Most steps of an episode."
 )
