@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from hosting import plugin
 
-from humanclaw import Backends, Body, Call, HumanclawError, Plugins, hookimpl
+from humanclaw import Backends, Body, Call, HumanclawError, Plugins
 from humanclaw.body import HISTORY, JOINT_INDEX, forward_kinematics, heading
 from humanclaw.motion import DiTGenerator
 from humanclaw.testing import SceneBuilder, fake_scene
@@ -61,14 +62,8 @@ class Veering(FakeGenerator):
 @pytest.mark.parametrize(("profile", "asked"), [("default", [30, 28, 28]), ("paper", [30, 30, 30])])
 def test_the_papers_profile_alone_leaves_heading_errors_as_they_are(profile, asked):
     generator, plugins = Veering(), Plugins.discover()
-
-    class Mine:
-        @hookimpl
-        def humanclaw_motion_generators(self, register):
-            register("veering", lambda profile="default": generator)
-
     plugins.add(Fakes(), FAKE)
-    plugins.add(Mine(), "mine")
+    plugins.add(plugin(motion_generators=[("veering", lambda profile="default": generator)]), "mine")
     with Body(fake_scene(), plugins=plugins, backends=Backends(FAKE, FAKE, "veering", profile)) as body:
         for _ in asked:
             body.call("turn_in_place", yaw_deg=30)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from engines import BULLET, DEFAULT
+from hosting import plugin
 
 from humanclaw import Backends, default_simulator
 from humanclaw.body import FPS, JOINTS
@@ -97,15 +98,7 @@ def test_a_skill_is_found_by_what_its_parameters_command_and_by_no_name():
 def _offering(*names):
     plugins = Plugins()
 
-    class Offers:
-        from humanclaw.plugins import hookimpl
-
-        @hookimpl
-        def humanclaw_simulators(self, register):
-            for name in names:
-                register(name, lambda: None)
-
-    plugins.add(Offers(), "offers")
+    plugins.add(plugin(simulators=[(name, lambda: None) for name in names]), "offers")
     return plugins
 
 
