@@ -2,7 +2,6 @@
 
 import importlib.metadata
 import sys
-import textwrap
 import threading
 import time
 import types
@@ -11,7 +10,7 @@ from dataclasses import replace
 import click
 import pytest
 from click.testing import CliRunner
-from hosting import host_of, plugin, raising
+from hosting import host_of, plugin, raising, write_distribution
 
 from humanclaw import Choice, Keyframes, Plugins, hookimpl, skill
 from humanclaw.cli import LazyCommand, build
@@ -28,15 +27,6 @@ def wave(times: int = 1) -> Keyframes:
 
 def waving(**settings):
     return plugin(skills=[wave], **settings)
-
-
-def write_distribution(folder, name, module, code, requires="humanclaw"):
-    """An installed distribution as pip leaves it: a module, and metadata that names it as an entry point."""
-    (folder / f"{module}.py").write_text(textwrap.dedent(code))
-    info = folder / f"{name.replace('-', '_')}-1.0.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\nRequires-Dist: {requires}\n")
-    (info / "entry_points.txt").write_text(f"[humanclaw]\n{module} = {module}\n")
 
 
 @pytest.fixture

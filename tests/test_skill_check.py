@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from fuzzing import bounded
-from hosting import host_of
+from hosting import host_of, write_distribution
 from safetensors.numpy import load_file, save
 
 from humanclaw import Plugins, skill
@@ -307,16 +307,11 @@ def test_a_text_in_place_of_the_list_of_checks_is_refused():
 
 
 def test_the_command_line_lists_a_disabled_skill_and_why_and_offers_the_others(tmp_path, monkeypatch):
-    """As an installed distribution: pip leaves a module, and metadata that names it as an entry point."""
     folder = tmp_path / "hop"
     folder.mkdir()
     (folder / "schema.json").write_text('{"type": "object", "properties": {"z_cm": true}}')
     code = "from pathlib import Path\nfrom humanclaw import hookimpl\n@hookimpl\ndef humanclaw_skills(register):\n"
-    (tmp_path / "hc_hop.py").write_text(code + "    register(Path(__file__).parent / 'hop')\n")
-    info = tmp_path / "humanclaw_hop-1.0.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: humanclaw-hop\nVersion: 1.0\n")
-    (info / "entry_points.txt").write_text("[humanclaw]\nhc_hop = hc_hop\n")
+    write_distribution(tmp_path, "humanclaw-hop", "hc_hop", code + "    register(Path(__file__).parent / 'hop')\n")
     monkeypatch.syspath_prepend(tmp_path)
     importlib.invalidate_caches()
     command = build(Plugins.discover)

@@ -1,4 +1,6 @@
-"""Plugins made of a few hooks."""
+"""Plugins made of a few hooks, and distributions of plugins."""
+
+import textwrap
 
 from humanclaw import Plugins, hookimpl
 
@@ -31,3 +33,12 @@ def raising(error):
         raise error
 
     return hook
+
+
+def write_distribution(folder, name, module, code, requires="humanclaw"):
+    """An installed distribution as pip leaves it: a module, and metadata that names it as an entry point."""
+    (folder / f"{module}.py").write_text(textwrap.dedent(code))
+    info = folder / f"{name.replace('-', '_')}-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\nRequires-Dist: {requires}\n")
+    (info / "entry_points.txt").write_text(f"[humanclaw]\n{module} = {module}\n")
