@@ -9,17 +9,7 @@ import numpy as np
 import pytest
 
 import humanclaw
-from humanclaw import (
-    Call,
-    Decision,
-    Episode,
-    Keyframes,
-    Observation,
-    Plugins,
-    Verdict,
-    body_tools,
-    skill,
-)
+from humanclaw import Call, Decision, Episode, Keyframes, Observation, Plugins, Verdict, body_tools, skill
 from humanclaw.errors import PluginError, PluginRunError
 from humanclaw.records import free_episode
 from humanclaw.testing import fake_body

@@ -11,17 +11,7 @@ from pathlib import Path
 import pytest
 from hosting import plugin
 
-from humanclaw import (
-    Decision,
-    Gym,
-    HumanclawError,
-    Plugins,
-    PromptSettings,
-    load_run,
-    opening,
-    situation,
-    tool_call,
-)
+from humanclaw import Decision, Gym, HumanclawError, Plugins, PromptSettings, load_run, opening, situation, tool_call
 from humanclaw.errors import PluginRunError
 from humanclaw.skills import Call, read_call
 from humanclaw_bench.training import AGAINST

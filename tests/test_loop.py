@@ -319,10 +319,7 @@ def test_stop_takes_no_further_decision_and_a_signal_closes_the_record(body, hou
     with Episode(body, free_episode("walk", house), folder=tmp_path / "stopped") as episode:
         episode.stop()
         assert episode.done
-    with (
-        pytest.raises(KeyboardInterrupt),
-        Episode(body, free_episode("walk", house), folder=tmp_path / "signal"),
-    ):
+    with pytest.raises(KeyboardInterrupt), Episode(body, free_episode("walk", house), folder=tmp_path / "signal"):
         raise KeyboardInterrupt
     outcomes = [RecordedEpisode(tmp_path / name).record.outcome for name in ("stopped", "signal")]
     assert outcomes == ["interrupted", "interrupted"]

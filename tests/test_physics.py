@@ -103,8 +103,7 @@ def _offering(*names):
 
 
 @pytest.mark.parametrize(
-    ("installed", "chosen"),
-    [(("mujoco", "bullet"), "bullet"), (("mine", "mujoco"), "mujoco"), (("mine",), "mine")],
+    ("installed", "chosen"), [(("mujoco", "bullet"), "bullet"), (("mine", "mujoco"), "mujoco"), (("mine",), "mine")]
 )
 def test_bullet_moves_the_world_where_it_is_installed_or_else_mujoco_or_whatever_is(installed, chosen):
     assert Backends().chosen(_offering(*installed)).simulator == chosen

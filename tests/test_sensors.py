@@ -108,8 +108,7 @@ def test_touch_tells_part_side_time_and_whether_it_gave_way():
 
 
 @pytest.mark.parametrize(
-    ("failed", "words"),
-    [((), "failed."), ((Answer("short", False, "40 cm at most"),), "failed (40 cm at most).")],
+    ("failed", "words"), [((), "failed."), ((Answer("short", False, "40 cm at most"),), "failed (40 cm at most).")]
 )
 def test_a_call_that_a_verifier_replaces_says_why_as_far_as_it_was_told(failed, words):
     said = str(Feedback(Call("walk", {"z_cm": 40}), replaced=Call("walk", {"z_cm": 80}), failed=failed))

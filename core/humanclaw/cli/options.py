@@ -95,11 +95,7 @@ _DECIDERS: Final = (
     ),
     click.option("--no-verifier", is_flag=True, help="Same as --verifier none."),
     click.option(
-        "--no-mid-level",
-        "mid_level",
-        flag_value=False,
-        default=None,
-        help="The agent keeps no mid-level goal.",
+        "--no-mid-level", "mid_level", flag_value=False, default=None, help="The agent keeps no mid-level goal."
     ),
     click.option("--history", type=click.IntRange(0), help="Number of past steps in the agent's prompt."),
     click.option("--images", type=click.IntRange(1), help="Number of views in the prompt, the current one included."),

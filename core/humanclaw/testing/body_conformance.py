@@ -7,15 +7,7 @@ from typing import Final
 import numpy as np
 import pytest
 
-from humanclaw.body.pose import (
-    FPS,
-    Array,
-    Motion,
-    Pose2D,
-    heading,
-    matrix_from_vector,
-    rest_pose,
-)
+from humanclaw.body.pose import FPS, Array, Motion, Pose2D, heading, matrix_from_vector, rest_pose
 from humanclaw.body.skeleton import JOINT_INDEX, STANDING_HEIGHT
 from humanclaw.testing.motions import Played, gait, glide, play, sitting_down
 from humanclaw.testing.scenes import SceneBuilder

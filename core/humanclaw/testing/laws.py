@@ -13,16 +13,7 @@ from typing import Final
 import numpy as np
 
 from humanclaw.body.limits import shoe_heights
-from humanclaw.body.pose import (
-    FPS,
-    FUTURE,
-    HISTORY,
-    Array,
-    Motion,
-    forward_kinematics,
-    matrix_from_vector,
-    rest_pose,
-)
+from humanclaw.body.pose import FPS, FUTURE, HISTORY, Array, Motion, forward_kinematics, matrix_from_vector, rest_pose
 from humanclaw.testing.fixture import DROP, FORWARD, GRAVITY, HEIGHT, RISE, Command, Finding, Fixture, Tick, walk
 from humanclaw.testing.object_laws import CHAIRS, GAPS, MASSES, boxes, chair, door, hinges, lids, slides
 from humanclaw.testing.scenes import SceneBuilder

@@ -8,12 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from humanclaw.body.pose import (
-    FPS,
-    matrix_from_quaternion,
-    rest_pose,
-    vector_from_quaternion,
-)
+from humanclaw.body.pose import FPS, matrix_from_quaternion, rest_pose, vector_from_quaternion
 from humanclaw.errors import SceneError
 from humanclaw.testing.body_conformance import BodyConformance
 from humanclaw.testing.motions import gait, glide

@@ -11,10 +11,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from humanclaw.body.pose import (
-    Pose2D,
-    rest_pose,
-)
+from humanclaw.body.pose import Pose2D, rest_pose
 from humanclaw.body.skeleton import BODY_GROUPS, STANDING_HEIGHT
 from humanclaw.errors import HumanclawError, SceneError
 from humanclaw.testing.fixture import Fixture

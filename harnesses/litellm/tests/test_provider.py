@@ -145,10 +145,7 @@ def test_a_used_up_quota_is_not_asked_again(begin, view):
 
 
 def test_a_provider_that_refuses_every_way_of_asking_is_for_the_user_to_mend(begin, view):
-    with (
-        OpenAIServer(refusing("messages", [])) as server,
-        pytest.raises(ModelError, match="does not support messages"),
-    ):
+    with OpenAIServer(refusing("messages", [])) as server, pytest.raises(ModelError, match="does not support messages"):
         begin(server).decide(view(), ())
 
 

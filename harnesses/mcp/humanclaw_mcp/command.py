@@ -29,13 +29,7 @@ from humanclaw.cli import check_options, engine_options, parse_pairs, plugin_opt
 @click.option("--option", "pairs", multiple=True, metavar="KEY=VALUE", help="Option of the verifier. Repeatable.")
 @click.option("--profile", type=click.Choice(["default", "paper"]), default="default", show_default=True)
 @engine_options
-@click.option(
-    "--sensor",
-    "sensors",
-    metavar="NAME",
-    multiple=True,
-    help="Sensor besides the view. Repeatable.",
-)
+@click.option("--sensor", "sensors", metavar="NAME", multiple=True, help="Sensor besides the view. Repeatable.")
 @click.option("--out", type=click.Path(path_type=Path), help="Folder for records; without it none are kept.")
 @plugin_options
 def command(

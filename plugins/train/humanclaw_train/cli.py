@@ -75,10 +75,7 @@ naturalness = _forward(
     simulator=_simulator,
 )
 speed = _forward(
-    "speed",
-    "humanclaw_train.speed",
-    "Time the motion model with several solvers and runtimes.",
-    skills=_installed,
+    "speed", "humanclaw_train.speed", "Time the motion model with several solvers and runtimes.", skills=_installed
 )
 cards = _forward("cards", "humanclaw_train.cards", "Write the model card beside each checkpoint.", installed=_installed)
 

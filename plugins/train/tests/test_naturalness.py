@@ -13,15 +13,7 @@ from humanclaw.motion import AdapterConfig, DiTGenerator, Solver, load_base
 from humanclaw_train.chunks import Chunks
 from humanclaw_train.first_steps import FirstSteps, first_steps
 from humanclaw_train.life import life
-from humanclaw_train.likeness import (
-    PRIOR,
-    free_running,
-    held_out,
-    likeness,
-    naturalness_of,
-    prior,
-    skills,
-)
+from humanclaw_train.likeness import PRIOR, free_running, held_out, likeness, naturalness_of, prior, skills
 from humanclaw_train.long_walks import corners, physical_gaits
 from humanclaw_train.measures import Features
 from humanclaw_train.naturalness import NaturalnessReport, main
