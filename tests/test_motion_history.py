@@ -14,8 +14,7 @@ from humanclaw.testing.fakes import FAKE, FakeGenerator, Fakes
 @pytest.fixture
 def walked():
     """Return a function that walks three calls into a wall and gives the body and its last chunk."""
-    builder = SceneBuilder()
-    builder.floor()
+    builder = SceneBuilder.on_floor()
     builder.box("wall", (3.0, 2.0, 0.2), (0.0, 0.0, 0.9))
     scene = builder.scene()
 
@@ -86,8 +85,7 @@ def least_distance(motion):
 
 @pytest.mark.parametrize("seat", [0.35, 0.45, 0.64])
 def test_hands_stay_clear_of_thighs_that_a_seat_lifts_and_the_model_goes_on_from_its_own(seat):
-    builder = SceneBuilder()
-    builder.floor()
+    builder = SceneBuilder.on_floor()
     builder.box("couch", (1.2, seat, 1.0), (0.0, 0.0, -0.63))
     with Body(builder.scene(), plugins=Plugins.discover()) as body:
         parts = [
@@ -103,8 +101,7 @@ def test_hands_stay_clear_of_thighs_that_a_seat_lifts_and_the_model_goes_on_from
 
 @pytest.mark.parametrize("seed", [0, 1])
 def test_feet_do_not_push_a_body_off_a_seat_whose_back_has_lifted_it(seed):
-    builder = SceneBuilder()
-    builder.floor()
+    builder = SceneBuilder.on_floor()
     builder.box("toilet", (0.4, 0.41, 0.5), (0.0, 0.0, -0.75))
     builder.box("cistern", (0.4, 0.85, 0.2), (0.0, 0.0, -0.95))
     with Body(builder.scene(), plugins=Plugins.discover(), seed=seed) as body:

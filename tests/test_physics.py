@@ -58,8 +58,7 @@ def test_the_memory_of_the_process_is_left_open_where_the_system_does_not_tell_i
 
 
 def test_a_crowded_house_has_as_many_objects_as_asked_for_and_its_own_come_first():
-    builder = SceneBuilder()
-    builder.floor()
+    builder = SceneBuilder.on_floor()
     builder.box("box", (0.3, 0.3, 0.3), (1, 0, 1), movable=True, mass=1.0)
     scene = crowded(builder.scene(), fixed=3, movable=2)
     assert [obj.movable for obj in scene.objects] == [False, True, False, True, False]

@@ -41,8 +41,7 @@ def plugins(installed):
 
 @pytest.fixture(scope="module")
 def floor():
-    builder = SceneBuilder()
-    builder.floor()
+    builder = SceneBuilder.on_floor()
     return builder.scene()
 
 

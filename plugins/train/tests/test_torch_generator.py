@@ -68,8 +68,7 @@ def test_values_that_an_adapter_does_not_take_are_refused(tmp_path):
 
 
 def test_an_episode_on_torch_walks_where_one_in_numpy_walks(plugins):
-    builder = SceneBuilder()
-    builder.floor()
+    builder = SceneBuilder.on_floor()
     ends = []
     for name in ("dit", "torch"):
         with Body(builder.scene(), plugins=plugins, backends=Backends(generator=name)) as body:
