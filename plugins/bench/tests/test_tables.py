@@ -13,20 +13,17 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import click
 import numpy as np
 import pytest
-from click.testing import CliRunner, Result
 from hosting import plugin
-from manifests import tell
+from manifests import invoke, tell
 from rollouts import COUCH, rollout, step
 
 from humanclaw import PluginError, Plugins, RecordedEpisode, load_run
-from humanclaw.cli import Commands, Console
+from humanclaw.cli import Console
 from humanclaw.records import Difficulty, StepRecord, Verdict, write_episodes
 from humanclaw.world import GAZES
 from humanclaw_bench.attribution import CAUSES, attribute
-from humanclaw_bench.cli import bench
 from humanclaw_bench.comparison import compare_table, compared, verdict
 from humanclaw_bench.export import metrics_of, scored
 from humanclaw_bench.metrics import ALL, MAIN, compare
@@ -473,12 +470,6 @@ def test_a_terminal_shows_every_number_whatever_its_width(table: ResultTable, wi
 
 
 # -- the commands ------------------------------------------------------------------------------------------------------
-def invoke(*args: object) -> Result:
-    group = click.Group("humanclaw", commands={"bench": bench})
-    group.__class__ = Commands
-    return CliRunner().invoke(group, ["bench", *map(str, args)])
-
-
 def test_a_table_and_a_comparison_as_json_have_every_number_in_full(tmp_path: Path) -> None:
     run = write_run(tmp_path, 3, 1, 1)
     (row,) = json.loads(invoke("table", run, "--json", "--no-paper", "--only", "main").output)["main"]["rows"]
