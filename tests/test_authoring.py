@@ -7,19 +7,9 @@ import sys
 
 import numpy as np
 import pytest
+from hosting import host_of
 
-import humanclaw
-from humanclaw import (
-    Call,
-    Decision,
-    Episode,
-    Keyframes,
-    Observation,
-    Plugins,
-    Verdict,
-    body_tools,
-    skill,
-)
+from humanclaw import Call, Decision, Episode, Keyframes, Observation, Plugins, Verdict, body_tools, skill
 from humanclaw.errors import PluginError, PluginRunError
 from humanclaw.records import free_episode
 from humanclaw.testing import fake_body
@@ -124,11 +114,8 @@ def test_a_folder_without_a_package_is_refused(tmp_path):
      ("generators", "motion_generators")],
 )  # fmt: skip
 def test_a_misspelt_hook_is_matched_to_the_right_one(wrong, right):
-    class Plugin: ...
-
-    setattr(Plugin, f"humanclaw_{wrong}", humanclaw.hookimpl(lambda self, register: None))
     with pytest.raises(PluginError, match=rf"Did you mean humanclaw_{right}\?"):
-        Plugins().add(Plugin(), "odd")
+        host_of("odd", **{wrong: []})
 
 
 @pytest.mark.parametrize("package", ["humanclaw", "humanclaw.skills", "humanclaw.testing"])

@@ -154,10 +154,7 @@ FAULTS = {
 }
 
 
-LEGAL_MEASURES = {
-    "sideways": measure("p[:, -1, 0]", mirror=-1),
-    "one arm": measure("r[:, -1, 16, 2]", mirror=None),
-}
+LEGAL_MEASURES = {"sideways": measure("p[:, -1, 0]", mirror=-1), "one arm": measure("r[:, -1, 16, 2]", mirror=None)}
 
 
 def faults(tmp_path, text, name="mine"):

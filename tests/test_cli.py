@@ -11,6 +11,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from hosting import write_distribution
 
 from humanclaw import HumanclawError, PluginError, Plugins
 from humanclaw.cli import check_options, main
@@ -385,11 +386,7 @@ def test_what_is_printed_is_what_was_said_brackets_and_colons_included(cli):
 
 
 def test_the_table_of_plugins_tells_what_is_wrong_with_one_word_for_word(cli, tmp_path):
-    (tmp_path / "odd.py").write_text("raise RuntimeError('it needs odd[all]')")
-    folder = tmp_path / "odd-1.dist-info"
-    folder.mkdir()
-    (folder / "METADATA").write_text("Metadata-Version: 2.1\nName: odd\nVersion: 1\n")
-    (folder / "entry_points.txt").write_text("[humanclaw]\nodd = odd\n")
+    write_distribution(tmp_path, "odd", "odd", "raise RuntimeError('it needs odd[all]')")
     shown = cli("plugins", PYTHONPATH=str(tmp_path), COLUMNS="200").stdout
     assert "disabled: RuntimeError: it needs odd[all]" in shown
 

@@ -9,19 +9,9 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
+from hosting import plugin
 
-from humanclaw import (
-    Decision,
-    Gym,
-    HumanclawError,
-    Plugins,
-    PromptSettings,
-    hookimpl,
-    load_run,
-    opening,
-    situation,
-    tool_call,
-)
+from humanclaw import Decision, Gym, HumanclawError, Plugins, PromptSettings, load_run, opening, situation, tool_call
 from humanclaw.errors import PluginRunError
 from humanclaw.skills import Call, read_call
 from humanclaw_bench.training import AGAINST
@@ -31,19 +21,10 @@ PAGE = (ROOT / "docs" / "gym.md").read_text("utf-8")
 ONE = {"houses": 1}
 
 
-class _Broken:
-    """A plugin with a reward that is no number, and one that raises."""
-
-    @hookimpl
-    def humanclaw_rewards(self, register):
-        register("nan", lambda trial: float("nan"))
-        register("raises", lambda trial: 1 / 0)
-
-
 @pytest.fixture(scope="module")
 def host():
     made = Plugins.discover()
-    made.add(_Broken(), "broken")
+    made.add(plugin(rewards=[("nan", lambda trial: float("nan")), ("raises", lambda trial: 1 / 0)]), "broken")
     return made
 
 

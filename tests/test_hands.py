@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from engines import BULLET
+from hosting import plugin
 
 import humanclaw_skill_crouch
 import humanclaw_skill_gaze
@@ -25,7 +26,6 @@ from humanclaw import (
     OwnBody,
     PluginError,
     Plugins,
-    hookimpl,
     skill,
 )
 from humanclaw.body import JOINT_INDEX, JOINT_LIMITS, rest_pose
@@ -48,21 +48,13 @@ def wave_with_what_is_held(body: OwnBody) -> Keyframes:
     return Keyframes.cycle(f"{side}_elbow", axis="y", degrees=20, seconds=0.5)
 
 
-class Own:
-    """What a file of a stranger brings."""
-
-    @hookimpl
-    def humanclaw_skills(self, register):
-        register(wave_with_what_is_held)
-
-
 @pytest.fixture(scope="module")
 def plugins():
     found = Plugins.discover()
     for module in (humanclaw_skill_crouch, humanclaw_skill_gaze, humanclaw_skill_handle, humanclaw_skill_hands):
         with suppress(PluginError):  # Installed already.
             found.add(module, module.__name__)
-    found.add(Own(), "own")
+    found.add(plugin(skills=[wave_with_what_is_held]), "own")
     found.add(Fakes(), FAKE)
     return found
 
@@ -227,12 +219,7 @@ def lifting():
         upright = dict.fromkeys(("pelvis", "spine1", "spine2", "spine3"), ((0.0, 0.0, 0.0),))
         return Keyframes((1.5,), upright, absolute=True, root=((0.0, 0.94, 0.0),))
 
-    class Lifting:
-        @hookimpl
-        def humanclaw_skills(self, register):
-            register(rise_with_it)
-
-    return Lifting()
+    return plugin(skills=[rise_with_it])
 
 
 # -- letting go --------------------------------------------------------------------------------------------------------

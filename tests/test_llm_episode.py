@@ -46,10 +46,7 @@ def test_a_model_walks_and_stops(play):
 
 def test_what_was_wrong_is_told_to_the_model_and_mended_by_it(play):
     episode, requests = play(
-        call("walk", z_cm=400),
-        calls(("walk", {"z_cm": 40}), ("stop", {})),
-        call("walk", z_cm=40),
-        call("stop"),
+        call("walk", z_cm=400), calls(("walk", {"z_cm": 40}), ("stop", {})), call("walk", z_cm=40), call("stop")
     )
     assert "400 is greater than the maximum of 80" in requests[1].text
     assert "2 calls" in requests[2].text

@@ -7,6 +7,7 @@ import re
 
 import numpy as np
 import pytest
+from hosting import plugin
 
 from humanclaw import Body, Call, Episode, Plugins, run_episode
 from humanclaw.errors import CheckpointError, HumanclawError, ProviderError, RecordError, SceneError
@@ -146,14 +147,14 @@ def test_what_a_verifier_raises_fails_the_episode_and_names_its_plugin(play, jud
 
 @pytest.mark.parametrize("raised", ["ZeroDivisionError: a bug", "SystemExit: a bug"])
 def test_what_a_skill_raises_fails_the_episode_and_names_its_plugin(house, tmp_path, raised):
-    plugin = tmp_path / "breaking.py"
-    plugin.write_text(
+    breaking = tmp_path / "breaking.py"
+    breaking.write_text(
         "from humanclaw import Keyframes, hookimpl, skill\n\n\n@skill()\ndef crack(times: int = 1) -> Keyframes:\n"
         "    'Crack.'\n    if times > 3:\n        raise " + raised.split(":")[0] + "('a bug')\n"
         "    return Keyframes.cycle('head', axis='x', degrees=20, seconds=0.5, times=1)\n\n\n"
         "@hookimpl\ndef humanclaw_skills(register):\n    register(crack)\n"
     )
-    with Body(house, plugins=Plugins.discover([plugin])) as body:
+    with Body(house, plugins=Plugins.discover([breaking])) as body:
         record = run_episode(body, free_episode("crack", house), ScriptedAgent([STEP, Call("crack", {"times": 9})]))
     assert (record.outcome, record.steps) == ("plugin_error", 1)
     assert "breaking" in record.error
@@ -318,10 +319,7 @@ def test_stop_takes_no_further_decision_and_a_signal_closes_the_record(body, hou
     with Episode(body, free_episode("walk", house), folder=tmp_path / "stopped") as episode:
         episode.stop()
         assert episode.done
-    with (
-        pytest.raises(KeyboardInterrupt),
-        Episode(body, free_episode("walk", house), folder=tmp_path / "signal"),
-    ):
+    with pytest.raises(KeyboardInterrupt), Episode(body, free_episode("walk", house), folder=tmp_path / "signal"):
         raise KeyboardInterrupt
     outcomes = [RecordedEpisode(tmp_path / name).record.outcome for name in ("stopped", "signal")]
     assert outcomes == ["interrupted", "interrupted"]
@@ -336,17 +334,14 @@ def test_an_unwritable_folder_is_refused_before_anything_is_written(body, house,
 
 @pytest.fixture
 def untrained(tmp_path):
-    """A plugin file with one skill whose adapter is still to be trained."""
+    """Plugins with one skill whose adapter is still to be trained."""
     folder = tmp_path / "hop"
     folder.mkdir()
     schema = {"type": "object", "properties": {}, "description": "Hop once.", "additionalProperties": False}
     (folder / "schema.json").write_text(json.dumps(schema))
-    plugin = tmp_path / "hopping.py"
-    plugin.write_text(
-        "from pathlib import Path\nfrom humanclaw import hookimpl\n\n\n@hookimpl\ndef humanclaw_skills(register):\n"
-        "    register(Path(__file__).parent / 'hop')\n"
-    )
-    return Plugins.discover([plugin])
+    plugins = Plugins.discover()
+    plugins.add(plugin(skills=[folder]), "hopping")
+    return plugins
 
 
 def test_a_skill_without_adapter_is_refused_in_words_and_says_how_to_train_it(untrained, house):

@@ -5,8 +5,9 @@ import json
 import numpy as np
 import pytest
 from declared import INFOS, declaration
+from hosting import plugin
 
-from humanclaw import Plugins, hookimpl
+from humanclaw import Plugins
 from humanclaw.body import rest_pose
 from humanclaw.errors import PluginError
 from humanclaw.skills import MEASURES, Declaration, Measure, outcomes, parameters_of, suited
@@ -84,20 +85,15 @@ def test_an_unknown_role_is_refused_with_the_known_ones(tmp_path):
         Declaration.read(folder)
 
 
-class Reaching:
-    """A plugin with a measure of its own."""
-
-    @hookimpl
-    def humanclaw_measures(self, register):
-        register(Measure("root.up", "m", "How high the root is.", 1, lambda root, rotations: root[:, -1, 1]))
+UP = Measure("root.up", "m", "How high the root is.", 1, lambda root, rotations: root[:, -1, 1])
 
 
 def test_a_plugin_adds_a_measure_and_no_two_share_a_name():
     plugins = Plugins.discover()
-    plugins.add(Reaching(), "reaching")
+    plugins.add(plugin(measures=[UP]), "reaching")
     assert plugins.measures["root.up"](*_chunk(up=0.1)) == pytest.approx([rest_pose().root[0, 1] + 0.1])
     assert set(MEASURES) < set(plugins.measures)
-    plugins.add(Reaching(), "another")
+    plugins.add(plugin(measures=[UP]), "another")
     (told,) = plugins.infos[-1].duplicates
     assert told.startswith("measure 'root.up' of plugin 'another' is already registered by 'reaching'.")
 

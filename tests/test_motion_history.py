@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from hosting import plugin
 
-from humanclaw import Backends, Body, Call, HumanclawError, Plugins, hookimpl
+from humanclaw import Backends, Body, Call, HumanclawError, Plugins
 from humanclaw.body import HISTORY, JOINT_INDEX, forward_kinematics, heading
 from humanclaw.motion import DiTGenerator
 from humanclaw.testing import SceneBuilder, fake_scene
@@ -13,8 +14,7 @@ from humanclaw.testing.fakes import FAKE, FakeGenerator, Fakes
 @pytest.fixture
 def walked():
     """Return a function that walks three calls into a wall and gives the body and its last chunk."""
-    builder = SceneBuilder()
-    builder.floor()
+    builder = SceneBuilder.on_floor()
     builder.box("wall", (3.0, 2.0, 0.2), (0.0, 0.0, 0.9))
     scene = builder.scene()
 
@@ -61,14 +61,8 @@ class Veering(FakeGenerator):
 @pytest.mark.parametrize(("profile", "asked"), [("default", [30, 28, 28]), ("paper", [30, 30, 30])])
 def test_the_papers_profile_alone_leaves_heading_errors_as_they_are(profile, asked):
     generator, plugins = Veering(), Plugins.discover()
-
-    class Mine:
-        @hookimpl
-        def humanclaw_motion_generators(self, register):
-            register("veering", lambda profile="default": generator)
-
     plugins.add(Fakes(), FAKE)
-    plugins.add(Mine(), "mine")
+    plugins.add(plugin(motion_generators=[("veering", lambda profile="default": generator)]), "mine")
     with Body(fake_scene(), plugins=plugins, backends=Backends(FAKE, FAKE, "veering", profile)) as body:
         for _ in asked:
             body.call("turn_in_place", yaw_deg=30)
@@ -91,8 +85,7 @@ def least_distance(motion):
 
 @pytest.mark.parametrize("seat", [0.35, 0.45, 0.64])
 def test_hands_stay_clear_of_thighs_that_a_seat_lifts_and_the_model_goes_on_from_its_own(seat):
-    builder = SceneBuilder()
-    builder.floor()
+    builder = SceneBuilder.on_floor()
     builder.box("couch", (1.2, seat, 1.0), (0.0, 0.0, -0.63))
     with Body(builder.scene(), plugins=Plugins.discover()) as body:
         parts = [
@@ -108,8 +101,7 @@ def test_hands_stay_clear_of_thighs_that_a_seat_lifts_and_the_model_goes_on_from
 
 @pytest.mark.parametrize("seed", [0, 1])
 def test_feet_do_not_push_a_body_off_a_seat_whose_back_has_lifted_it(seed):
-    builder = SceneBuilder()
-    builder.floor()
+    builder = SceneBuilder.on_floor()
     builder.box("toilet", (0.4, 0.41, 0.5), (0.0, 0.0, -0.75))
     builder.box("cistern", (0.4, 0.85, 0.2), (0.0, 0.0, -0.95))
     with Body(builder.scene(), plugins=Plugins.discover(), seed=seed) as body:

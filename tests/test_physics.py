@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from engines import BULLET, DEFAULT
+from hosting import plugin
 
 from humanclaw import Backends, default_simulator
 from humanclaw.body import FPS, JOINTS
@@ -57,8 +58,7 @@ def test_the_memory_of_the_process_is_left_open_where_the_system_does_not_tell_i
 
 
 def test_a_crowded_house_has_as_many_objects_as_asked_for_and_its_own_come_first():
-    builder = SceneBuilder()
-    builder.floor()
+    builder = SceneBuilder.on_floor()
     builder.box("box", (0.3, 0.3, 0.3), (1, 0, 1), movable=True, mass=1.0)
     scene = crowded(builder.scene(), fixed=3, movable=2)
     assert [obj.movable for obj in scene.objects] == [False, True, False, True, False]
@@ -97,21 +97,12 @@ def test_a_skill_is_found_by_what_its_parameters_command_and_by_no_name():
 def _offering(*names):
     plugins = Plugins()
 
-    class Offers:
-        from humanclaw.plugins import hookimpl
-
-        @hookimpl
-        def humanclaw_simulators(self, register):
-            for name in names:
-                register(name, lambda: None)
-
-    plugins.add(Offers(), "offers")
+    plugins.add(plugin(simulators=[(name, lambda: None) for name in names]), "offers")
     return plugins
 
 
 @pytest.mark.parametrize(
-    ("installed", "chosen"),
-    [(("mujoco", "bullet"), "bullet"), (("mine", "mujoco"), "mujoco"), (("mine",), "mine")],
+    ("installed", "chosen"), [(("mujoco", "bullet"), "bullet"), (("mine", "mujoco"), "mujoco"), (("mine",), "mine")]
 )
 def test_bullet_moves_the_world_where_it_is_installed_or_else_mujoco_or_whatever_is(installed, chosen):
     assert Backends().chosen(_offering(*installed)).simulator == chosen

@@ -2,7 +2,6 @@
 
 import importlib.metadata
 import sys
-import textwrap
 import threading
 import time
 import types
@@ -11,6 +10,7 @@ from dataclasses import replace
 import click
 import pytest
 from click.testing import CliRunner
+from hosting import host_of, plugin, raising, write_distribution
 
 from humanclaw import Choice, Keyframes, Plugins, hookimpl, skill
 from humanclaw.cli import LazyCommand, build
@@ -25,19 +25,8 @@ def wave(times: int = 1) -> Keyframes:
     return Keyframes.cycle("right_elbow", axis="z", degrees=40, seconds=0.5, times=times)
 
 
-class Waving:
-    @hookimpl
-    def humanclaw_skills(self, register):
-        register(wave)
-
-
-def write_distribution(folder, name, module, code, requires="humanclaw"):
-    """An installed distribution as pip leaves it: a module, and metadata that names it as an entry point."""
-    (folder / f"{module}.py").write_text(textwrap.dedent(code))
-    info = folder / f"{name.replace('-', '_')}-1.0.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\nRequires-Dist: {requires}\n")
-    (info / "entry_points.txt").write_text(f"[humanclaw]\n{module} = {module}\n")
+def waving(**settings):
+    return plugin(skills=[wave], **settings)
 
 
 @pytest.fixture
@@ -68,26 +57,14 @@ def test_no_import_ends_the_program(site, code):
 def test_no_hook_ends_the_program_and_every_observer_hears(kind, caplog):
     heard = []
 
-    class Quits:
-        @hookimpl
-        def humanclaw_skills(self, register):
-            raise kind("enough")
-
-    class Raises:
-        @hookimpl
-        def humanclaw_step(self, episode, step):
-            raise kind("enough")
-
-    class Hears:
-        @hookimpl
-        def humanclaw_step(self, episode, step):
-            heard.append(step)
+    def raises(episode, step):
+        raise kind("enough")
 
     plugins = Plugins()
     with pytest.raises(PluginError, match="plugin 'quits' cannot be used"):
-        plugins.add(Quits(), "quits")
-    for name, observer in (("first", Hears()), ("bad", Raises()), ("last", Hears())):
-        plugins.add(observer, name)
+        plugins.add(plugin(skills=raising(kind("enough"))), "quits")
+    for name in ("first", "bad", "last"):
+        plugins.add(plugin(step=raises if name == "bad" else lambda episode, step: heard.append(step)), name)
     plugins.tell("humanclaw_step", episode=None, step=7, view=None)
     assert heard == [7, 7]
     assert "plugin 'bad' failed at humanclaw_step" in caplog.text
@@ -96,16 +73,11 @@ def test_no_hook_ends_the_program_and_every_observer_hears(kind, caplog):
 def test_an_observer_that_comes_back_late_hears_on_in_the_same_thread():
     threads, let_go = [], threading.Event()
 
-    class Late:
-        HUMANCLAW_PATIENCE = 0.05
+    def late(episode, step):
+        threads.append(threading.current_thread())
+        let_go.wait(60)
 
-        @hookimpl
-        def humanclaw_step(self, episode, step):
-            threads.append(threading.current_thread())
-            let_go.wait(60)
-
-    plugins = Plugins()
-    plugins.add(Late(), "late")
+    plugins = host_of("late", step=late, HUMANCLAW_PATIENCE=0.05)
     plugins.tell("humanclaw_step", episode=None, step=0, view=None)
     let_go.set()
     for _ in range(1000):
@@ -117,95 +89,60 @@ def test_an_observer_that_comes_back_late_hears_on_in_the_same_thread():
 
 
 def test_an_observer_of_endless_patience_hears_in_the_thread_of_the_episode():
-    class Window:
-        HUMANCLAW_PATIENCE = float("inf")
-
-        @hookimpl
-        def humanclaw_step(self, episode, step):
-            self.thread = threading.current_thread()
-
-    plugins, window = Plugins(), Window()
-    plugins.add(window, "window")
+    threads = []
+    window = {"step": lambda episode, step: threads.append(threading.current_thread())}
+    plugins = host_of("window", **window, HUMANCLAW_PATIENCE=float("inf"))
     plugins.tell("humanclaw_step", episode=None, step=0, view=None)
-    assert window.thread is threading.current_thread()
+    assert threads == [threading.current_thread()]
 
 
 def test_an_observer_that_raises_what_a_key_does_interrupts_nobody(caplog):
-    class Keen:
-        @hookimpl
-        def humanclaw_step(self, episode, step, view):
-            raise KeyboardInterrupt
+    def keen(episode, step, view):
+        raise KeyboardInterrupt
 
-    plugins = Plugins()
-    plugins.add(Keen(), "keen")
+    plugins = host_of("keen", step=keen)
     plugins.tell("humanclaw_step", episode=None, step=0, view=None)
     assert "'keen' failed at humanclaw_step" in caplog.text
 
 
 @pytest.mark.parametrize("seconds", [0, -1.0, "long", True, float("nan")])
 def test_a_plugin_whose_patience_is_no_time_is_refused(seconds):
-    plugin = type("Odd", (), {"HUMANCLAW_PATIENCE": seconds})()
     with pytest.raises(PluginError, match="expected seconds above 0"):
-        Plugins().add(plugin, "odd")
+        host_of("odd", HUMANCLAW_PATIENCE=seconds)
 
 
 def test_the_user_can_still_interrupt_a_plugin():
-    class Slow:
-        @hookimpl
-        def humanclaw_skills(self, register):
-            raise KeyboardInterrupt
-
     with pytest.raises(KeyboardInterrupt):
-        Plugins().add(Slow(), "slow")
+        host_of("slow", skills=raising(KeyboardInterrupt))
 
 
-def test_a_plugin_file_that_exits_names_itself(tmp_path):
-    path = tmp_path / "bad.py"
-    path.write_text("raise SystemExit(3)")
-    with pytest.raises(PluginError, match=r"bad\.py failed to load: SystemExit: 3"):
-        Plugins.discover([path])
+UNSPEAKABLE = "class Odd(Exception):\n    def __str__(self):\n        raise SystemExit(1)\n\n\nraise Odd()"
 
 
-def test_an_error_that_exits_while_it_says_what_it_is_takes_nobody_along(tmp_path):
-    path = tmp_path / "bad.py"
-    path.write_text("class Odd(Exception):\n    def __str__(self):\n        raise SystemExit(1)\n\n\nraise Odd()")
-    with pytest.raises(PluginError, match=r"bad\.py failed to load: Odd\."):
-        Plugins.discover([path])
+@pytest.mark.parametrize(
+    ("code", "told"),
+    [("1 / 0", "ZeroDivisionError"), ("raise SystemExit(3)", "SystemExit: 3"), (UNSPEAKABLE, r"Odd\.")],
+)
+def test_a_plugin_file_that_fails_or_exits_names_itself_and_takes_nobody_along(tmp_path, code, told):
+    (tmp_path / "bad.py").write_text(code)
+    with pytest.raises(PluginError, match=rf"bad\.py failed to load: {told}"):
+        Plugins.discover([tmp_path / "bad.py"])
 
 
-def test_a_factory_that_is_none_is_named():
-    class Odd:
-        @hookimpl
-        def humanclaw_agents(self, register):
-            register("seven", 7)
-
-    plugins = Plugins()
-    plugins.add(Odd(), "odd")
-    with pytest.raises(PluginError, match="agent 'seven' of plugin 'odd' is of type int; expected a factory"):
+@pytest.mark.parametrize(
+    ("factory", "told"),
+    [(7, "is of type int; expected a factory"), (lambda options: sys.exit(4), "gave up: SystemExit: 4")],
+)
+def test_a_factory_that_is_none_or_exits_is_named(factory, told):
+    plugins = host_of("odd", agents=[("seven", factory)])
+    with pytest.raises(PluginError, match=f"agent 'seven' of plugin 'odd' {told}"):
         plugins.make("agents", "seven", {})
-
-
-def test_a_factory_that_exits_is_named():
-    class Exits:
-        @hookimpl
-        def humanclaw_agents(self, register):
-            register("quitter", lambda options: sys.exit(4))
-
-    plugins = Plugins()
-    plugins.add(Exits(), "exits")
-    with pytest.raises(PluginError, match="agent 'quitter' of plugin 'exits' gave up: SystemExit: 4"):
-        plugins.make("agents", "quitter", {})
 
 
 @pytest.mark.parametrize("name", ["house\n", "", "a/b", "../x", "x" * 65, 7])
 def test_a_name_that_could_be_mistaken_for_another_or_for_a_path_is_refused(name):
-    class Names:
-        @hookimpl
-        def humanclaw_scenes(self, register):
-            register(name, lambda argument: None)
-
     with pytest.raises(PluginError, match="is not a valid name for a scene"):
-        Plugins().add(Names(), "names")
+        host_of("names", scenes=[(name, lambda argument: None)])
 
 
 def test_the_other_plugins_work_beside_a_broken_one(site):
@@ -226,12 +163,8 @@ def test_a_plugin_made_for_another_version_is_disabled(site):
 
 
 def test_a_misspelt_hook_is_refused_with_the_one_that_was_meant():
-    class Misspelt:
-        @hookimpl
-        def humanclaw_skill(self, register): ...
-
     with pytest.raises(PluginError, match=r"Did you mean humanclaw_skills\?"):
-        Plugins().add(Misspelt(), "misspelt")
+        host_of("misspelt", skill=[])
 
 
 @skill()
@@ -263,7 +196,7 @@ class Rival:
 
 def test_a_skill_taken_twice_names_both_owners_and_harms_neither():
     plugins = Plugins()
-    plugins.add(Waving(), "first")
+    plugins.add(waving(), "first")
     plugins.add(Rival(), "second")
     assert {name: plugins.owner(name) for name in plugins.skills} == {"wave": "first", "shrug": "second"}
     assert plugins.skill("wave") is wave
@@ -314,14 +247,7 @@ def test_no_name_of_a_distribution_puts_it_before_our_own_skills(site):
 
 
 def test_a_plugin_that_names_one_skill_twice_keeps_the_first():
-    class Twice:
-        @hookimpl
-        def humanclaw_skills(self, register):
-            register(wave)
-            register(replace(shrug, name="wave"))
-
-    plugins = Plugins()
-    plugins.add(Twice(), "twice")
+    plugins = host_of("twice", skills=[wave, replace(shrug, name="wave")])
     assert plugins.skill("wave") is wave
 
 
@@ -342,22 +268,15 @@ def test_the_hooks_that_a_plugin_specifies_go_with_it_if_it_fails():
     specs = types.ModuleType("specs")
     exec("from humanclaw.plugins import hookspec\n@hookspec\ndef humanclaw_hats(register): ...", vars(specs))
 
-    class Fails:
-        @hookimpl
-        def humanclaw_hookspecs(self, register):
-            register(specs)
-            raise TypeError("no hats")
-
-    class Hatter:
-        @hookimpl
-        def humanclaw_hats(self, register):
-            register("top", 1)
+    def fails(register):
+        register(specs)
+        raise TypeError("no hats")
 
     plugins = Plugins()
     with pytest.raises(PluginError, match="no hats"):
-        plugins.add(Fails(), "fails")
+        plugins.add(plugin(hookspecs=fails), "fails")
     with pytest.raises(PluginError, match="unknown hook 'humanclaw_hats'"):
-        plugins.add(Hatter(), "hatter")
+        plugins.add(plugin(hats=[("top", 1)]), "hatter")
     assert plugins.registered("hats") == ()
 
 
@@ -389,14 +308,12 @@ def test_a_package_that_calls_its_entry_point_humanclaw_leaves_the_command_line_
 
 
 def test_a_command_of_a_name_that_is_taken_leaves_the_first_there(caplog):
-    class Runs:
-        @hookimpl
-        def humanclaw_commands(self, cli):
-            cli.add_command(click.Command("skills", callback=lambda: click.echo("mine")))
-            cli.add_command(click.Command("hats", callback=lambda: click.echo("hats")))
+    def commands(cli):
+        cli.add_command(click.Command("skills", callback=lambda: click.echo("mine")))
+        cli.add_command(click.Command("hats", callback=lambda: click.echo("hats")))
 
     plugins = Plugins.discover()
-    plugins.add(Runs(), "runs")
+    plugins.add(plugin(commands=commands), "runs")
     command = build(lambda: plugins)
     assert CliRunner().invoke(command, ["skills"]).output != "mine\n"
     assert CliRunner().invoke(command, ["hats"]).output == "hats\n"
@@ -411,13 +328,7 @@ def test_a_command_of_a_name_that_is_taken_leaves_the_first_there(caplog):
     ],
 )
 def test_a_command_that_cannot_be_loaded_is_one_sentence(target, told):
-    class Hats:
-        @hookimpl
-        def humanclaw_commands(self, cli):
-            cli.add_command(LazyCommand("hats", target, "Wear hats."))
-
-    plugins = Plugins()
-    plugins.add(Hats(), "hats")
+    plugins = host_of("hats", commands=lambda cli: cli.add_command(LazyCommand("hats", target, "Wear hats.")))
     command = build(lambda: plugins)
     assert "Wear hats." in CliRunner().invoke(command, ["--help"]).output
     done = CliRunner().invoke(command, ["hats"])
@@ -499,16 +410,13 @@ def test_a_record_says_where_each_skill_is_from_and_what_gave_way(bows):
      ("soon", "expected major.minor")],
 )  # fmt: skip
 def test_a_plugin_made_for_another_api_is_refused_with_what_to_upgrade(made_for, said):
-    plugin = Waving()
-    plugin.HUMANCLAW_API = made_for
     with pytest.raises(PluginError, match=said):
-        Plugins().add(plugin, "old")
+        Plugins().add(waving(HUMANCLAW_API=made_for), "old")
 
 
 def test_a_plugin_made_for_this_api_is_used():
-    plugins, plugin = Plugins(), Waving()
-    plugin.HUMANCLAW_API = API_VERSION
-    plugins.add(plugin, "waving")
+    plugins = Plugins()
+    plugins.add(waving(HUMANCLAW_API=API_VERSION), "waving")
     assert set(plugins.skills) == {"wave"}
 
 
@@ -520,19 +428,8 @@ def test_a_hook_on_its_way_out_is_told_of_and_still_works():
     )
     exec(code, vars(specs))
 
-    class Hatter:
-        @hookimpl
-        def humanclaw_hats(self, register):
-            register("top", 1)
-
-    class Hats:
-        @hookimpl
-        def humanclaw_hookspecs(self, register):
-            register(specs)
-
-    plugins = Plugins()
-    plugins.add(Hats(), "hats")
-    plugins.add(Hatter(), "hatter")
+    plugins = host_of("hats", hookspecs=[specs])
+    plugins.add(plugin(hats=[("top", 1)]), "hatter")
     assert plugins.infos[-1].notes == ("use humanclaw_caps",)
     assert [one.name for one in plugins.registered("hats")] == ["top"]
 
@@ -547,15 +444,13 @@ def test_a_second_plugin_of_one_name_is_refused_and_the_first_still_hears():
 
 
 def test_a_plugin_that_fails_half_way_leaves_nothing_behind():
-    class Half:
-        @hookimpl
-        def humanclaw_skills(self, register):
-            register(wave)
-            raise RuntimeError("half-way")
+    def half(register):
+        register(wave)
+        raise RuntimeError("half-way")
 
     plugins = Plugins()
     with pytest.raises(PluginError, match="half-way"):
-        plugins.add(Half(), "half")
+        plugins.add(plugin(skills=half), "half")
     assert plugins.skills == {}
 
 
@@ -568,26 +463,14 @@ def test_an_unknown_name_suggests_the_nearest(plugins):
 
 def test_two_hosts_do_not_influence_each_other():
     one, other = Plugins(), Plugins()
-    one.add(Waving(), "waving")
+    one.add(waving(), "waving")
     assert set(one.skills) == {"wave"}
     assert other.skills == {}
 
 
 def test_what_is_registered_must_be_a_skill():
-    class Text:
-        @hookimpl
-        def humanclaw_skills(self, register):
-            register("a text")
-
     with pytest.raises(PluginError, match="takes a Skill or a folder; got str"):
-        Plugins().add(Text(), "text")
-
-
-def test_a_plugin_file_that_fails_names_itself(tmp_path):
-    path = tmp_path / "bad.py"
-    path.write_text("1 / 0")
-    with pytest.raises(PluginError, match=r"bad.py failed to load: ZeroDivisionError"):
-        Plugins.discover([path])
+        host_of("text", skills=["a text"])
 
 
 def test_all_packages_of_the_repository_share_one_version():

@@ -7,8 +7,9 @@ import zipfile
 from pathlib import Path
 
 import pytest
+from hosting import host_of, plugin
 
-from humanclaw import Backends, Body, HumanclawError, PluginError, Plugins, hookimpl, run_episode
+from humanclaw import Backends, Body, HumanclawError, PluginError, Plugins, run_episode
 from humanclaw.errors import CheckpointError
 from humanclaw.motion import DiTGenerator, read_header
 from humanclaw.records import Decision, free_episode
@@ -40,8 +41,7 @@ def plugins(installed):
 
 @pytest.fixture(scope="module")
 def floor():
-    builder = SceneBuilder()
-    builder.floor()
+    builder = SceneBuilder.on_floor()
     return builder.scene()
 
 
@@ -70,13 +70,7 @@ def test_a_prior_is_installed_from_its_wheel_with_a_skill_that_needs_it(plugins)
 def test_without_its_prior_the_skill_is_refused_with_both_digests(tmp_path):
     shutil.copytree(SOURCE / "humanclaw_prior_tiny/stroll", tmp_path / "stroll")
 
-    class Alone:
-        @hookimpl
-        def humanclaw_skills(self, register):
-            register(tmp_path / "stroll")
-
-    plugins = Plugins()
-    plugins.add(Alone(), "alone")
+    plugins = host_of("alone", skills=[tmp_path / "stroll"])
     assert f"was trained against base {TINY}; the installed ones are {LITE}." in plugins.disabled["stroll"]
     assert "Install its prior." in plugins.disabled["stroll"]
 
@@ -113,13 +107,8 @@ def test_one_skill_may_have_an_adapter_for_each_prior(installed, floor, tmp_path
     shutil.copy(walk, tmp_path / "amble/adapter.safetensors")
     shutil.copy(here / "adapter.safetensors", tmp_path / "amble/adapter-tiny.safetensors")
 
-    class Amble:
-        @hookimpl
-        def humanclaw_skills(self, register):
-            register(tmp_path / "amble")
-
     plugins = Plugins.discover()
-    plugins.add(Amble(), "amble")
+    plugins.add(plugin(skills=[tmp_path / "amble"]), "amble")
     assert plugins.disabled == {}
     for prior in ("lite", "tiny"):
         with Body(floor, plugins=plugins, backends=Backends(prior=prior)) as body:
@@ -134,12 +123,7 @@ def test_an_unknown_prior_is_answered_with_the_nearest_name(plugins, floor):
 
 
 def test_a_generator_that_takes_no_prior_says_so(plugins, floor):
-    class Own:
-        @hookimpl
-        def humanclaw_motion_generators(self, register):
-            register("own", lambda profile="default": DiTGenerator.shipped(profile), "without priors")
-
     own = Plugins.discover()
-    own.add(Own(), "own")
+    own.add(plugin(motion_generators=[("own", lambda profile="default": DiTGenerator.shipped(profile))]), "own")
     with pytest.raises(HumanclawError, match=r"generator 'own' takes no prior; got 'tiny'. Leave out --prior"):
         Body(floor, plugins=own, backends=Backends(generator="own", prior="tiny"))

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
+from hosting import host_of, plugin
 
-from humanclaw import hookimpl
 from humanclaw.plugins import Plugins
 from humanclaw.skills import Recipe, WindowTravel
 
@@ -14,24 +14,19 @@ def _windows(**given) -> WindowTravel:
     return WindowTravel(**numbers | {key: np.array([value]) for key, value in given.items()}, neutral=no, level=no)
 
 
-class _Stroll:
-    @hookimpl
-    def humanclaw_recipes(self, register):
-        register(Recipe("stroll", windows=lambda w: w.forward > 0.2))
+STROLL = Recipe("stroll", windows=lambda w: w.forward > 0.2)
 
 
 def test_a_plugin_registers_the_recipe_of_its_skill():
-    host = Plugins()
-    host.add(_Stroll(), "stroller")
+    host = host_of("stroller", recipes=[STROLL])
     (found,) = host.registered("recipes")
     assert (found.name, found.owner) == ("stroll", "stroller")
     assert found.value.windows(_windows(forward=0.3)).tolist() == [True]
 
 
 def test_of_two_recipes_for_one_skill_the_first_stays_and_both_owners_are_named():
-    host = Plugins()
-    host.add(_Stroll(), "one")
-    host.add(_Stroll(), "two")
+    host = host_of("one", recipes=[STROLL])
+    host.add(plugin(recipes=[STROLL]), "two")
     assert [one.owner for one in host.registered("recipes")] == ["one"]
     assert "'stroll' of plugin 'two' is already registered by 'one'" in host.infos[-1].duplicates[0]
 

@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from hosting import host_of
 
-from humanclaw import Backends, Body, Chunk, Decision, Episode, Keyframes, Plugins, hookimpl, skill
+from humanclaw import Backends, Body, Chunk, Decision, Episode, Keyframes, Plugins, skill
 from humanclaw.body import JOINT_INDEX, STANDING_HEIGHT, Motion, rest_pose
 from humanclaw.episodes.backends import check_sensors
 from humanclaw.episodes.sensors import proprioception, tactile
@@ -107,8 +108,7 @@ def test_touch_tells_part_side_time_and_whether_it_gave_way():
 
 
 @pytest.mark.parametrize(
-    ("failed", "words"),
-    [((), "failed."), ((Answer("short", False, "40 cm at most"),), "failed (40 cm at most).")],
+    ("failed", "words"), [((), "failed."), ((Answer("short", False, "40 cm at most"),), "failed (40 cm at most).")]
 )
 def test_a_call_that_a_verifier_replaces_says_why_as_far_as_it_was_told(failed, words):
     said = str(Feedback(Call("walk", {"z_cm": 40}), replaced=Call("walk", {"z_cm": 80}), failed=failed))
@@ -161,15 +161,6 @@ class Ahead:
         return Reading(f"Something is {metres:.1f} m ahead of you.", {"metres": metres})
 
 
-class Senses:
-    def __init__(self, sense):
-        self.sense = sense
-
-    @hookimpl
-    def humanclaw_senses(self, register):
-        register("ahead", self.sense, "the distance to what is straight ahead")
-
-
 @skill()
 def wait() -> Keyframes:
     """Wait."""
@@ -177,9 +168,8 @@ def wait() -> Keyframes:
 
 
 def sensing(sense):
-    plugins = Plugins()
+    plugins = host_of("acme-senses", senses=[("ahead", sense, "the distance to what is straight ahead")])
     plugins.add(Fakes([wait]), FAKE)
-    plugins.add(Senses(sense), "acme-senses")
     return Body(fake_scene(), plugins=plugins, backends=Backends(FAKE, FAKE, FAKE, sensors=("ahead", "body")))
 
 

@@ -2,9 +2,11 @@
 are."""
 
 import threading
+from functools import partial
 
 import numpy as np
 import pytest
+from hosting import host_of, plugin
 
 from humanclaw import Backends, Body, Call, Control, Decision, Episode, Keyframes, Plugins, hookimpl, skill
 from humanclaw.errors import HumanclawError, ReplayError
@@ -71,15 +73,9 @@ def test_every_chunk_of_a_sequence_is_observed_before_the_next(stroll):
 def test_an_observer_that_hangs_is_told_by_name_and_changes_no_outcome(stroll, caplog):
     let_go = threading.Event()
 
-    class Hangs:
-        HUMANCLAW_PATIENCE = 0.2
-
-        @hookimpl
-        def humanclaw_chunk(self, episode, step, chunk):
-            let_go.wait(60)
-
+    hangs = plugin(chunk=lambda episode, step, chunk: let_go.wait(60), HUMANCLAW_PATIENCE=0.2)
     with fake_body(stroll) as body:
-        body.plugins.add(Hangs(), "endless")
+        body.plugins.add(hangs, "endless")
         body.plugins.add(watcher := Watcher(), "watcher")
         with episode(body) as played:
             for _ in range(3):
@@ -142,14 +138,8 @@ def test_the_motion_model_continues_its_own_chunks_in_a_sequence(plugins, stroll
 
 
 def plugins_with(made, plugins):
-    class Model:
-        @hookimpl
-        def humanclaw_motion_generators(self, register):
-            register("dit", lambda profile="default": plugins.make("motion_generators", "dit", profile=profile))
-
-    host = Plugins()
+    host = host_of("model", motion_generators=[("dit", partial(plugins.make, "motion_generators", "dit"))])
     host.add(Fakes([made]), FAKE)
-    host.add(Model(), "model")
     return host
 
 

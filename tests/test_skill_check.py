@@ -12,31 +12,15 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from fuzzing import bounded
+from hosting import host_of, write_distribution
 from safetensors.numpy import load_file, save
 
-from humanclaw import Plugins, hookimpl, skill
+from humanclaw import Plugins, skill
 from humanclaw.cli import build
 from humanclaw.errors import PluginError
 from humanclaw.motion import DiTGenerator
 from humanclaw.skills import Measure, publish
 from humanclaw.testing import check_skill
-
-
-class Folders:
-    """A plugin that registers some folders, and measures."""
-
-    def __init__(self, *folders, measures=()):
-        self.folders, self.measures = folders, measures
-
-    @hookimpl
-    def humanclaw_skills(self, register):
-        for folder in self.folders:
-            register(folder)
-
-    @hookimpl
-    def humanclaw_measures(self, register):
-        for measure in self.measures:
-            register(measure)
 
 
 @pytest.fixture
@@ -79,9 +63,8 @@ RETREATING = (
 
 def _disabled(folder, **more) -> str:
     """Why the host disables the skill of a folder, with a sound skill beside it that it keeps."""
-    plugins = Plugins()
     sound = Plugins.discover().skill("stop").adapter.parent
-    plugins.add(Folders(folder, sound, **more), "pair")
+    plugins = host_of("pair", skills=[folder, sound], **more)
     assert set(plugins.skills) == {"stop"}
     with pytest.raises(PluginError, match=f"skill '{folder.name}' is disabled"):
         plugins.skill(folder.name)
@@ -113,8 +96,7 @@ def test_bounds_beyond_what_was_trained_are_refused_with_both_ranges(copy):
 
 def test_an_adapter_of_another_base_is_refused_with_both_digests(copy):
     folder = copy("stop", head=lambda h: h.update(base="0123456789abcdef"))
-    plugins = Plugins()
-    plugins.add(Folders(folder), "other-base")
+    plugins = host_of("other-base", skills=[folder])
     assert (
         f"against base 0123456789abcdef; the installed ones are {DiTGenerator.shipped().digest}."
         in plugins.disabled["stop"]
@@ -161,8 +143,7 @@ def test_the_largest_weights_that_are_numbers_are_kept(copy):
     raw = file.read_bytes()
     metadata = json.loads(raw[8 : 8 + int.from_bytes(raw[:8], "little")])["__metadata__"]
     file.write_bytes(save({name: np.full_like(one, -65504) for name, one in load_file(file).items()}, metadata))
-    plugins = Plugins()
-    plugins.add(Folders(folder), "large")
+    plugins = host_of("large", skills=[folder])
     assert set(plugins.skills) == {"step_back"}
 
 
@@ -272,8 +253,7 @@ def test_a_required_parameter_has_to_be_declared(copy):
 )
 def test_one_schema_that_cannot_be_published_takes_no_other_skill_out_of_the_tools(copy, odd, said):
     folder = copy("step_back", lambda s: s["properties"].update(z_cm=odd))
-    plugins = Plugins()
-    plugins.add(Folders(folder, Plugins.discover().skill("stop").adapter.parent), "pair")
+    plugins = host_of("pair", skills=[folder, Plugins.discover().skill("stop").adapter.parent])
     assert said in plugins.disabled["step_back"]
     assert [tool["name"] for tool in publish(plugins.skills.values(), "mcp")] == ["stop"]
 
@@ -282,8 +262,7 @@ def test_a_measure_that_nobody_knows_is_refused_and_one_of_the_same_plugin_is_kn
     folder = copy("step_back", *RETREATING)
     assert "commands 'hips.retreat'. Set its x-measure to one of: hips.left" in _disabled(folder)
     retreat = Measure("hips.retreat", "m", "Backwards.", 1, lambda root, rotations: -root[:, -1, 2])
-    plugins = Plugins()
-    plugins.add(Folders(folder, measures=[retreat]), "retreating")
+    plugins = host_of("retreating", skills=[folder], measures=[retreat])
     assert plugins.skill("step_back").parameters[0].measure == "hips.retreat"
 
 
@@ -328,16 +307,11 @@ def test_a_text_in_place_of_the_list_of_checks_is_refused():
 
 
 def test_the_command_line_lists_a_disabled_skill_and_why_and_offers_the_others(tmp_path, monkeypatch):
-    """As an installed distribution: pip leaves a module, and metadata that names it as an entry point."""
     folder = tmp_path / "hop"
     folder.mkdir()
     (folder / "schema.json").write_text('{"type": "object", "properties": {"z_cm": true}}')
     code = "from pathlib import Path\nfrom humanclaw import hookimpl\n@hookimpl\ndef humanclaw_skills(register):\n"
-    (tmp_path / "hc_hop.py").write_text(code + "    register(Path(__file__).parent / 'hop')\n")
-    info = tmp_path / "humanclaw_hop-1.0.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: humanclaw-hop\nVersion: 1.0\n")
-    (info / "entry_points.txt").write_text("[humanclaw]\nhc_hop = hc_hop\n")
+    write_distribution(tmp_path, "humanclaw-hop", "hc_hop", code + "    register(Path(__file__).parent / 'hop')\n")
     monkeypatch.syspath_prepend(tmp_path)
     importlib.invalidate_caches()
     command = build(Plugins.discover)

@@ -18,6 +18,7 @@ from humanclaw.records.reading import _read_arrays
 from humanclaw.storage import within
 
 SPEC = EpisodeSpec(id="a", instruction="Find a couch.", scene="house:0")
+RECORD = EpisodeRecord(spec=SPEC, start={"x": 0, "z": 0, "yaw": 0}, agent="a", scene_digest="d")
 
 
 # -- names -------------------------------------------------------------------------------------------------------------
@@ -62,6 +63,14 @@ def test_a_split_that_is_no_text_is_told_by_its_line(tmp_path):
 
 
 # -- sizes -------------------------------------------------------------------------------------------------------------
+@pytest.fixture
+def running(tmp_path):
+    """The folder of an episode that has not ended."""
+    record_episode(tmp_path / "couch-0")
+    broken_off(tmp_path / "couch-0")
+    return tmp_path / "couch-0"
+
+
 def array(shape, data=b"", kind="<f8"):
     """A file of an array as its header describes it, whatever follows."""
     stream = io.BytesIO()
@@ -117,61 +126,51 @@ def marked(data, place, value):
         marked(zipped(WHOLE, zipfile.ZIP_LZMA), 60, 255),
     ],
 )
-def test_motion_that_is_none_is_refused_whatever_reads_it(tmp_path, content):
-    record_episode(tmp_path / "couch-0")
-    broken_off(tmp_path / "couch-0")
-    (tmp_path / "couch-0" / "steps.jsonl").write_bytes(b"")
-    (tmp_path / "couch-0" / "motion.npz").write_bytes(zipped(WHOLE))
-    assert RecordedEpisode(tmp_path / "couch-0").motion().root.shape == (5, 3)
-    (tmp_path / "couch-0" / "motion.npz").write_bytes(content)
+def test_motion_that_is_none_is_refused_whatever_reads_it(running, content):
+    (running / "steps.jsonl").write_bytes(b"")
+    (running / "motion.npz").write_bytes(zipped(WHOLE))
+    assert RecordedEpisode(running).motion().root.shape == (5, 3)
+    (running / "motion.npz").write_bytes(content)
     with pytest.raises(RecordError, match=r"motion\.npz cannot be read"):
-        RecordedEpisode(tmp_path / "couch-0").objects()
+        RecordedEpisode(running).objects()
 
 
-def test_many_arrays_may_not_be_large_together(tmp_path, monkeypatch):
-    record_episode(tmp_path / "couch-0")
-    broken_off(tmp_path / "couch-0")
+def test_many_arrays_may_not_be_large_together(running, monkeypatch):
     monkeypatch.setattr("humanclaw.records.reading._LARGEST", 4 * 5 * 7 * 8)
     many = {f"object_{number}.npy": array((5, 7), b"\0" * 280) for number in range(4)}
-    (tmp_path / "couch-0" / "motion.npz").write_bytes(zipped(many))
+    (running / "motion.npz").write_bytes(zipped(many))
     with pytest.raises(RecordError, match="larger than"):
-        RecordedEpisode(tmp_path / "couch-0").objects()
+        RecordedEpisode(running).objects()
 
 
-def test_motion_of_far_more_frames_than_the_steps_last_is_refused(tmp_path):
-    record_episode(tmp_path / "couch-0")
-    broken_off(tmp_path / "couch-0")
+def test_motion_of_far_more_frames_than_the_steps_last_is_refused(running):
     long = {"object_1.npy": array((101_000, 7), bytes(101_000 * 56))}
-    (tmp_path / "couch-0" / "motion.npz").write_bytes(zipped(long))
+    (running / "motion.npz").write_bytes(zipped(long))
     with pytest.raises(RecordError, match="far more frames than its steps last"):
-        RecordedEpisode(tmp_path / "couch-0").objects()
+        RecordedEpisode(running).objects()
 
 
-def test_pieces_of_motion_may_not_be_large_together(tmp_path, monkeypatch):
-    record_episode(tmp_path / "couch-0")
-    broken_off(tmp_path / "couch-0")
-    (tmp_path / "couch-0" / "motion.npz").unlink()
-    (tmp_path / "couch-0" / "steps.jsonl").write_bytes(b"")
+def test_pieces_of_motion_may_not_be_large_together(running, monkeypatch):
+    (running / "motion.npz").unlink()
+    (running / "steps.jsonl").write_bytes(b"")
     for number in range(4):  # As the page of a run reads it, each object has a row for every frame.
         piece = {**WHOLE, f"object_{number}.npy": array((5, 7), b"\0" * 280)}
-        (tmp_path / "couch-0" / "frames" / f"{number:06d}.npz").write_bytes(zipped(piece))
-    assert len(RecordedEpisode(tmp_path / "couch-0").objects()) == 4
+        (running / "frames" / f"{number:06d}.npz").write_bytes(zipped(piece))
+    assert len(RecordedEpisode(running).objects()) == 4
     for most in (20_000, 26_000):  # Less than the pieces, and than their whole.
         monkeypatch.setattr("humanclaw.records.reading._LARGEST", most)
         _read_arrays.cache_clear()
         with pytest.raises(RecordError, match="larger than"):
-            RecordedEpisode(tmp_path / "couch-0").objects()
+            RecordedEpisode(running).objects()
 
 
 @pytest.mark.parametrize("content", [b"no picture", "PNG", "JPEG"])
-def test_a_view_that_is_no_picture_or_too_large_is_refused(tmp_path, content):
-    record_episode(tmp_path / "couch-0")
-    broken_off(tmp_path / "couch-0")
-    episode, stream = RecordedEpisode(tmp_path / "couch-0"), io.BytesIO()
+def test_a_view_that_is_no_picture_or_too_large_is_refused(running, content):
+    episode, stream = RecordedEpisode(running), io.BytesIO()
     assert episode.picture(episode.steps[0]).shape == (256, 256, 3)
     if isinstance(content, str):
         Image.new("L", (9000, 9000)).save(stream, content)
-    (tmp_path / "couch-0" / "frames" / "0000.jpg").write_bytes(stream.getvalue() or content)
+    (running / "frames" / "0000.jpg").write_bytes(stream.getvalue() or content)
     with pytest.raises(RecordError, match=r"cannot read .*0000\.jpg: (the picture has more|cannot identify)"):
         episode.picture(episode.steps[0])
 
@@ -192,13 +191,12 @@ def step(number):
 
 
 def test_a_full_disk_is_told_in_a_sentence_and_leaves_whole_lines(tmp_path, full):
-    record = EpisodeRecord(spec=SPEC, start={"x": 0, "z": 0, "yaw": 0}, agent="a", scene_digest="d")
-    writer = EpisodeWriter(tmp_path / "a", record)
+    writer = EpisodeWriter(tmp_path / "a", RECORD)
     writer.step(step(0))
     writer.frame("0.jpg", b"x")
     full()
     writer.step(step(1))  # It waits for the disk no longer than the next view takes.
-    for write in (lambda: writer.step(step(2)), lambda: writer.frame("0.jpg", b"x"), lambda: writer.end(record, {})):
+    for write in (lambda: writer.step(step(2)), lambda: writer.frame("0.jpg", b"x"), lambda: writer.end(RECORD, {})):
         with pytest.raises(RecordError, match=r"cannot write the record to .*: No space left on device\."):
             write()
     found = (tmp_path / "a" / "steps.jsonl").read_bytes()
@@ -208,8 +206,7 @@ def test_a_full_disk_is_told_in_a_sentence_and_leaves_whole_lines(tmp_path, full
 
 
 def test_a_record_that_ends_after_the_disk_failed_once_holds_every_step_that_was_taken(tmp_path, monkeypatch):
-    record = EpisodeRecord(spec=SPEC, start={"x": 0, "z": 0, "yaw": 0}, agent="a", scene_digest="d")
-    writer = EpisodeWriter(tmp_path / "a", record)
+    writer = EpisodeWriter(tmp_path / "a", RECORD)
     writer.step(step(0))
     writer.frame("0.jpg", b"x")
     real, faults = os.fsync, [OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))]
@@ -223,35 +220,31 @@ def test_a_record_that_ends_after_the_disk_failed_once_holds_every_step_that_was
     writer.step(step(1))
     with pytest.raises(RecordError, match="No space left"):
         writer.step(step(2))
-    writer.end(record.model_copy(update={"outcome": "interrupted", "steps": 2}), {})
+    writer.end(RECORD.model_copy(update={"outcome": "interrupted", "steps": 2}), {})
     assert [one.step for one in RecordedEpisode(tmp_path / "a").steps] == [0, 1]
 
 
 @pytest.mark.parametrize("order", ["C", "F"])
 def test_motion_is_read_as_it_was_however_its_arrays_lie_in_memory(tmp_path, order):
     array = np.asarray(np.arange(12.0).reshape(4, 3), order=order)
-    writer = EpisodeWriter(
-        tmp_path, EpisodeRecord(spec=SPEC, start={"x": 0, "z": 0, "yaw": 0}, agent="a", scene_digest="d")
-    )
+    writer = EpisodeWriter(tmp_path, RECORD)
     writer.move({"x": array})
     with np.load(tmp_path / "frames" / "000000.npz") as found:
         np.testing.assert_array_equal(found["x"], array)
 
 
 def test_a_frame_waits_for_no_disk_and_is_on_disk_when_the_record_ends(tmp_path, monkeypatch):
-    record = EpisodeRecord(spec=SPEC, start={"x": 0, "z": 0, "yaw": 0}, agent="a", scene_digest="d")
-    writer = EpisodeWriter(tmp_path / "a", record)
+    writer = EpisodeWriter(tmp_path / "a", RECORD)
     real, settled = os.fsync, set()
     monkeypatch.setattr("os.fsync", lambda descriptor: (settled.add(os.fstat(descriptor).st_ino), real(descriptor)))
     frames = {(tmp_path / "a" / writer.frame(f"{k}.jpg", b"x")).stat().st_ino for k in range(20)}
     assert not settled & frames
-    writer.end(record, {})
+    writer.end(RECORD, {})
     assert settled >= {*frames, (tmp_path / "a" / "frames").stat().st_ino}
 
 
 def test_a_step_is_on_disk_before_the_view_of_the_next_is_kept(tmp_path, monkeypatch):
-    record = EpisodeRecord(spec=SPEC, start={"x": 0, "z": 0, "yaw": 0}, agent="a", scene_digest="d")
-    writer = EpisodeWriter(tmp_path / "a", record)
+    writer = EpisodeWriter(tmp_path / "a", RECORD)
     writer.frame("0.jpg", b"x")
     real, slow, order = os.fsync, threading.Event(), []
     monkeypatch.setattr("os.fsync", lambda descriptor: (slow.wait(9), order.append("step"), real(descriptor)))
@@ -260,7 +253,7 @@ def test_a_step_is_on_disk_before_the_view_of_the_next_is_kept(tmp_path, monkeyp
     threading.Timer(0.2, slow.set).start()
     writer.frame("1.jpg", b"x")
     order.append("view")
-    writer.end(record, {})
+    writer.end(RECORD, {})
     assert order[:2] == ["step", "view"]
 
 

@@ -12,11 +12,7 @@ from humanclaw.testing import SimulatorConformance
 from humanclaw.testing.fakes import FakeWorld
 from humanclaw_mujoco.world import mujoco
 
-SLOW = {
-    "test_resetting_keeps_no_memory",
-    "test_the_law_holds",
-    "test_the_papers_constants_keep_bodies_whole_too",
-}
+SLOW = {"test_resetting_keeps_no_memory", "test_the_law_holds", "test_the_papers_constants_keep_bodies_whole_too"}
 
 
 class Kinematic(SimulatorConformance):

@@ -79,6 +79,5 @@ def _dit(profile: str = "default", prior: Path | None = None) -> MotionGenerator
 def _floor(argument: str) -> Scene:
     from humanclaw.testing.scenes import SceneBuilder
 
-    builder = SceneBuilder()
-    builder.floor()
+    builder = SceneBuilder.on_floor()
     return replace(builder.scene(), name="floor")

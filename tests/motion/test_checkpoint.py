@@ -41,51 +41,40 @@ def test_a_missing_checkpoint_is_named_with_what_makes_it(base, tmp_path):
         load_adapter(tmp_path / "adapter.safetensors", base, "walk")
 
 
-@pytest.mark.parametrize(
-    "content", [b"", b"not a checkpoint at all", b"\x80\x04K\x01."], ids=["empty", "text", "pickle"]
-)
-def test_a_broken_file_is_refused(base, tmp_path, content):
-    path = tmp_path / "adapter.safetensors"
-    path.write_bytes(content)
-    with pytest.raises(CheckpointError, match="cannot be read"):
-        load_adapter(path, base, "walk")
+def headed(text):
+    return lambda path: save_file({"x": np.zeros(3, np.float16)}, path, {"humanclaw": text})
 
 
-def test_a_truncated_file_is_refused(base_file, tmp_path):
-    path = tmp_path / "base.safetensors"
-    path.write_bytes(base_file.read_bytes()[:-100])
-    with pytest.raises(CheckpointError, match="cannot be read"):
-        load_base(path)
+def without_a_weight(path):
+    tensors, header = load_file(path), read_header(path)
+    tensors.popitem()
+    save_file(tensors, path, {"humanclaw": json.dumps({**header})})
 
 
-def test_somebody_elses_safetensors_are_refused(base, tmp_path):
-    path = tmp_path / "adapter.safetensors"
-    save_file({"weight": np.zeros(3)}, path)
-    with pytest.raises(CheckpointError, match="not a checkpoint of HumanCLAW"):
-        load_adapter(path, base, "walk")
+SPOILT = {
+    "empty": (lambda path: path.write_bytes(b""), "cannot be read"),
+    "text": (lambda path: path.write_bytes(b"not a checkpoint at all"), "cannot be read"),
+    "pickle": (lambda path: path.write_bytes(b"\x80\x04K\x01."), "cannot be read"),
+    "truncated": (lambda path: path.write_bytes(path.read_bytes()[:-100]), "cannot be read"),
+    "somebody else's": (lambda path: save_file({"weight": np.zeros(3)}, path), "not a checkpoint of HumanCLAW"),
+    "deep": (headed("[" * 100_000), "cannot be read as a checkpoint"),
+    "list": (headed("[]"), "cannot be read as a checkpoint"),
+    "cut": (headed("{"), "cannot be read as a checkpoint"),
+    "number": (headed("7"), "cannot be read as a checkpoint"),
+    "another format": (headed('{"format": 99}'), "format 99"),
+    "without a weight": (without_a_weight, "cannot be read"),
+}
 
 
-@pytest.mark.parametrize("header", ["[" * 100_000, "[]", "{", "7"], ids=["deep", "list", "cut", "number"])
-def test_a_header_that_is_no_object_is_refused(base, tmp_path, header):
-    save_file({"x": np.zeros(3, np.float16)}, tmp_path / "odd.safetensors", {"humanclaw": header})
-    with pytest.raises(CheckpointError, match="cannot be read as a checkpoint"):
-        load_base(tmp_path / "odd.safetensors")
-
-
-def test_another_format_is_refused(base_file, tmp_path):
-    path = tmp_path / "base.safetensors"
-    save_file(load_file(base_file), path, {"humanclaw": json.dumps({"format": 99})})
-    with pytest.raises(CheckpointError, match="format 99"):
-        load_base(path)
-
-
-def test_missing_weights_are_refused(base_file, tmp_path):
-    tensors = load_file(base_file)
-    del tensors["model.leave.weight"]
-    header = {"humanclaw": json.dumps({**read_header(base_file)})}
-    save_file(tensors, tmp_path / "base.safetensors", header)
-    with pytest.raises(CheckpointError, match="cannot be read"):
-        load_base(tmp_path / "base.safetensors")
+@pytest.mark.parametrize("how", SPOILT)
+def test_a_file_that_is_no_whole_checkpoint_is_refused(base, base_file, walk_file, tmp_path, how):
+    spoil, told = SPOILT[how]
+    for whole, load in ((base_file, load_base), (walk_file, lambda path: load_adapter(path, base, "walk"))):
+        path = tmp_path / whole.name
+        path.write_bytes(whole.read_bytes())
+        spoil(path)
+        with pytest.raises(CheckpointError, match=told):
+            load(path)
 
 
 def test_a_base_is_no_adapter_nor_the_other_way_round(base, base_file, walk_file):

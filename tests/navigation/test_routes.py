@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import heapq
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -187,14 +188,10 @@ def test_rooms_are_found_by_point_and_storey() -> None:
     assert room_at(two_rooms(), 1, 1, floor=3.0) == ""
 
 
-def test_a_wall_hides_what_is_behind_it_and_an_open_door_does_not() -> None:
+def test_wall_and_lintel_hide_what_is_behind_them_and_the_open_door_between_does_not() -> None:
     plan = OccupancyGrid.of(two_rooms())
     assert not plan.sees(np.array([3.0, 1.6, 2.0]), np.array([6.0, 1.0, 2.0]))
     assert plan.sees(np.array([3.0, 1.6, 4.5]), np.array([6.0, 1.0, 4.5]))
-
-
-def test_a_lintel_hides_what_is_behind_it_and_the_open_door_below_does_not() -> None:
-    plan = OccupancyGrid.of(two_rooms())
     assert not plan.sees(np.array([3.0, 2.9, 4.5]), np.array([6.0, 0.1, 4.5]))
     assert plan.sees(np.array([3.0, 2.4, 4.5]), np.array([6.0, 0.1, 4.5]))
 
@@ -232,27 +229,20 @@ def test_two_places_above_one_another_are_as_far_apart_as_the_way_round_by_the_s
 def test_storeys_without_stairs_are_apart() -> None:
     whole = two_storeys()
     kept = tuple(one for one in whole.objects if one.asset != "stairs")
-    assert (
-        MultiFloorMap.of(type(whole)(whole.name, whole.assets, kept, whole.rooms, whole.start)).geodesic(FOOT, HEAD)
-        == np.inf
-    )
+    assert MultiFloorMap.of(replace(whole, objects=kept)).geodesic(FOOT, HEAD) == np.inf
 
 
 def test_steps_higher_than_a_leg_can_lift_are_no_stairs() -> None:
     whole = two_storeys()
     blocks = [block(GOING, 0.34 * ((k + 1) // 2), 1.0, (2.0 + (k - 0.5) * GOING, 0, 0.5)) for k in range(1, STEPS)]
     steep = {**whole.assets, "stairs": asset("stairs", "stairs", *blocks)}
-    assert (
-        MultiFloorMap.of(type(whole)(whole.name, steep, whole.objects, whole.rooms, whole.start)).geodesic(FOOT, HEAD)
-        == np.inf
-    )
+    assert MultiFloorMap.of(replace(whole, assets=steep)).geodesic(FOOT, HEAD) == np.inf
 
 
 def test_stairs_need_no_label() -> None:
     whole = two_storeys()
-    plain = {name: type(kind)(kind.name, "stage", kind.mesh, kind.hulls) for name, kind in whole.assets.items()}
-    objects = tuple(type(one)(**{**vars(one), "category": "stage"}) for one in whole.objects)
-    unnamed = type(whole)(whole.name, plain, objects, whole.rooms, whole.start)
+    plain = {name: replace(kind, category="stage") for name, kind in whole.assets.items()}
+    unnamed = replace(whole, assets=plain, objects=tuple(replace(one, category="stage") for one in whole.objects))
     assert MultiFloorMap.of(unnamed).geodesic(FOOT, HEAD) == MultiFloorMap.of(whole).geodesic(FOOT, HEAD)
 
 
@@ -264,21 +254,14 @@ def test_a_point_is_on_the_floor_or_the_step_below_it() -> None:
     assert storeys.level(points).tolist() == [0, 2, 2, 1, 0, 2]
 
 
-def test_the_flight_on_a_route_has_the_steps_that_were_built() -> None:
-    legs = Routes.of(MultiFloorMap.of(two_storeys()), FOOT).route(HEAD)
+@pytest.mark.parametrize(("start", "goal", "way", "foot"), [(FOOT, HEAD, 1.0, 2.0), (HEAD, FOOT, -1.0, 5.75)])
+def test_the_flight_on_a_route_up_or_down_has_the_steps_that_were_built(start, goal, way: float, foot: float) -> None:
+    legs = Routes.of(MultiFloorMap.of(two_storeys()), start).route(goal)
     (flight,) = [flight for leg in legs for flight in stair_runs(leg.grid, leg.samples)]
-    assert flight.way == pytest.approx([1.0, 0.0], abs=0.02)
-    assert flight.foot == pytest.approx([2.0, 0.5], abs=0.06)
-    assert flight.levels == pytest.approx([RISER * k for k in range(STEPS + 1)], abs=1e-5)
+    assert flight.way == pytest.approx([way, 0.0], abs=0.02)
+    assert flight.foot == pytest.approx([foot, 0.5], abs=0.06)
+    assert flight.levels == pytest.approx([RISER * k for k in range(STEPS + 1)][:: int(way)], abs=1e-5)
     assert np.diff(flight.edges) == pytest.approx([GOING] * (STEPS - 1), abs=0.06)
-
-
-def test_the_flight_of_a_route_down_runs_the_other_way() -> None:
-    legs = Routes.of(MultiFloorMap.of(two_storeys()), HEAD).route(FOOT)
-    (flight,) = [flight for leg in legs for flight in stair_runs(leg.grid, leg.samples)]
-    assert flight.way == pytest.approx([-1.0, 0.0], abs=0.02)
-    assert flight.foot == pytest.approx([5.75, 0.5], abs=0.06)
-    assert flight.levels == pytest.approx([RISER * (STEPS - k) for k in range(STEPS + 1)], abs=1e-5)
 
 
 def test_a_target_is_approached_on_its_own_storey() -> None:

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
         plugin_files as plugin_files,
         plugin_options as plugin_options,
         scene_option as scene_option,
+        seed_option as seed_option,
     )
     from humanclaw.cli.serving import (
         BACKLOG as BACKLOG,

@@ -12,7 +12,7 @@ import click
 from rich.markup import escape
 from rich.table import Table
 
-from humanclaw.cli.options import plugin_options
+from humanclaw.cli.options import plugin_options, seed_option
 from humanclaw.cli.terminal import Console
 from humanclaw.plugins.choice import Choice
 from humanclaw.plugins.host import Plugins
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 @click.command()
 @click.argument("targets", nargs=-1, metavar="[NAME|FOLDER|FILE]...")
 @click.option("--samples", type=click.IntRange(0), default=3, show_default=True, help="Calls besides those at bounds.")
-@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="What the samples derive from.")
+@seed_option(help="What the samples derive from.")
 @click.option(
     "--engine",
     "engines",

@@ -20,7 +20,7 @@ import click
 from rich.text import Text
 
 from humanclaw.cli.leaving import raise_exits
-from humanclaw.cli.options import INTERRUPTED, Deciders, decider_options, plugin_options, scene_option
+from humanclaw.cli.options import INTERRUPTED, Deciders, decider_options, plugin_options, scene_option, seed_option
 from humanclaw.cli.terminal import Console, guarded
 from humanclaw.errors import HumanclawError, PluginError
 from humanclaw.plugins.distributions import bringing, install, table
@@ -140,7 +140,7 @@ class LazyCommand(click.Command):
 @scene_option(default="house:0")
 @decider_options
 @click.option("--max-steps", type=click.IntRange(1, 10_000), default=100, show_default=True, help="Decisions at most.")
-@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="All randomness derives from it.")
+@seed_option(help="All randomness derives from it.")
 @click.option("--out", type=click.Path(path_type=Path), help="Folder of the record; the default is a new one in runs/.")
 @click.option("--film", type=click.Choice(["mp4", "gif", "none"]), default="mp4", show_default=True)
 @plugin_options

@@ -95,11 +95,7 @@ _DECIDERS: Final = (
     ),
     click.option("--no-verifier", is_flag=True, help="Same as --verifier none."),
     click.option(
-        "--no-mid-level",
-        "mid_level",
-        flag_value=False,
-        default=None,
-        help="The agent keeps no mid-level goal.",
+        "--no-mid-level", "mid_level", flag_value=False, default=None, help="The agent keeps no mid-level goal."
     ),
     click.option("--history", type=click.IntRange(0), help="Number of past steps in the agent's prompt."),
     click.option("--images", type=click.IntRange(1), help="Number of views in the prompt, the current one included."),
@@ -149,6 +145,10 @@ _DECIDERS: Final = (
         help="Maximum seconds, tokens or usd of a call, episode or run (episode.usd=0.5). Repeatable.",
     ),
 )
+
+
+seed_option = functools.partial(click.option, "--seed", type=click.IntRange(0), default=0, show_default=True)
+"""Option for a seed; give it its help."""
 
 
 def engine_options(function: F) -> F:

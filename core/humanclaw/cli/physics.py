@@ -11,7 +11,7 @@ from typing import Any, Final
 import click
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from humanclaw.cli.options import SIMULATOR_HELP, scene_option
+from humanclaw.cli.options import SIMULATOR_HELP, scene_option, seed_option
 from humanclaw.cli.tables import show_markdown
 from humanclaw.cli.terminal import Console
 from humanclaw.world.half_physics.profile import PROFILES
@@ -50,7 +50,7 @@ def _world_options(function: Callable[..., Any]) -> Callable[..., Any]:
 @_world_options
 @click.option("--samples", type=click.IntRange(1), default=200, show_default=True, help="Random walls.")
 @click.option("--chunks", type=click.IntRange(1), default=10_000, show_default=True, help="Random commands of 0.5 s.")
-@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Of the random commands.")
+@seed_option(help="Of the random commands.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 @click.argument("checks", nargs=-1, type=click.Choice(_CHECKS))
 def physics(

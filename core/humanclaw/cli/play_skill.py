@@ -11,7 +11,7 @@ from typing import Any, Final, Literal
 import click
 
 from humanclaw.cli.completion import names_of
-from humanclaw.cli.options import engine_options, plugin_options, scene_option
+from humanclaw.cli.options import engine_options, plugin_options, scene_option, seed_option
 from humanclaw.cli.play import PLAYING, claim, end, left_empty, new_folder, present
 from humanclaw.cli.terminal import Console
 from humanclaw.episodes.backends import Backends
@@ -49,7 +49,7 @@ _STRIDE: Final = 0.4
 @scene_option(default="floor")
 @engine_options
 @click.option("--renderer", default=Backends.renderer, show_default=True, help="Renderer by name.")
-@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="All randomness derives from it.")
+@seed_option(help="All randomness derives from it.")
 @click.option("--out", type=click.Path(path_type=Path), help="Folder of the record; the default is a new one in runs/.")
 @click.option("--film", type=click.Choice(["mp4", "gif", "none"]), default="mp4", show_default=True)
 @plugin_options

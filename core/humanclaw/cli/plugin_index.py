@@ -79,8 +79,8 @@ def install(name: str, dry_run: bool, place: str) -> None:
     pip compares the wheel with the digest in the index. A plugin runs as your own code does.
     """
     entry = Index.read(place).entry(name)
-    own = shlex.split(distributions.install([entry.name]))[2:] if place == str(SHIPPED) else ()
-    command = ["-m", "pip", "install", *(own or [requirement(entry, place)])]
+    asked = distributions.requirements([entry.name]) if place == str(SHIPPED) else [requirement(entry, place)]
+    command = ["-m", "pip", "install", *asked]
     click.echo(shlex.join(["python", *command]))
     if not dry_run:
         sys.exit(subprocess.run([sys.executable, *command], check=False).returncode)

@@ -30,7 +30,7 @@ from humanclaw.records.folder import EpisodeWriter, joined
 from humanclaw.records.specification import EpisodeSpec
 from humanclaw.records.steps import EpisodeRecord, Outcome, SkillInfo, StepRecord
 from humanclaw.skills.contract import Skill
-from humanclaw.storage.files import Folder
+from humanclaw.storage.files import Folder, state_of
 from humanclaw.world.scene import GROUND, Scene
 from humanclaw.world.simulator import Chunk
 
@@ -261,15 +261,14 @@ def _digest(skill: Skill) -> str:
     told = [skill.name, skill.description, skill.schema, [asdict(check) for check in skill.checks]]
     state = hashlib.sha256(json.dumps(told, sort_keys=True).encode())
     if skill.adapter and skill.trained:
-        found = skill.adapter.stat()
-        state.update(_file_digest(skill.adapter, found.st_mtime_ns, found.st_size))
+        state.update(_file_digest(skill.adapter, state_of(skill.adapter.stat())))
     if skill.source and skill.source.is_file():
         state.update(skill.source.read_bytes())
     return state.hexdigest()
 
 
 @functools.lru_cache(maxsize=256)
-def _file_digest(path: Path, changed: int, size: int) -> bytes:
+def _file_digest(path: Path, state: tuple[int, ...]) -> bytes:
     """Cache digests: adapters are large, seldom change, and every episode asks for all of them."""
     return hashlib.sha256(path.read_bytes()).digest()
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Final, Generic, Protocol, TypeVar
 
@@ -14,6 +14,7 @@ from humanclaw.motion.checkpoint import Base, load_adapter
 from humanclaw.motion.control import Controlled
 from humanclaw.motion.dit import Array, Modulations
 from humanclaw.motion.flow import Solver, velocity
+from humanclaw.storage.files import state_of
 
 T = TypeVar("T")
 
@@ -38,19 +39,11 @@ class Reread(Generic[T]):
     """Read files by a function: on first use, again when a file has changed, and after _KEPT others were used."""
 
     def __init__(self, read: Callable[[Path], T]) -> None:
-        self._read = read
-        self._known: dict[Path, tuple[int, T]] = {}
+        self._read = lru_cache(_KEPT)(lambda path, state: read(path))
 
     def __call__(self, path: Path) -> T:
         """Return what the file holds."""
-        modified = path.stat().st_mtime_ns if path.exists() else -1
-        known = self._known.pop(path, None)
-        if known is None or known[0] != modified:
-            known = (modified, self._read(path))
-        self._known[path] = known
-        if len(self._known) > _KEPT:
-            del self._known[next(iter(self._known))]
-        return known[1]
+        return self._read(path, state_of(path.stat() if path.exists() else None))
 
 
 class NumpyRuntime:

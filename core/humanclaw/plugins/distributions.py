@@ -46,18 +46,22 @@ def bringing(kind: str, name: str) -> str:
     return table().get(kind, {}).get(name, "")
 
 
-def install(distributions: Iterable[str]) -> str:
-    """Return the command that installs first-party distributions from where the core was itself installed."""
+def requirements(distributions: Iterable[str]) -> list[str]:
+    """Return what pip is asked for to install first-party distributions from where the core was itself installed."""
     wanted = list(dict.fromkeys(distributions))
     if checkout := None if PUBLISHED else _checkout():
-        return " ".join(
-            [_pip(), "install", *(f"-e {shlex.quote(_short(folder))}" for folder in _folders(checkout, wanted))]
-        )
+        return [word for folder in _folders(checkout, wanted) for word in ("-e", _short(folder))]
     demo = _extra(DEMO)
     if len(demo & set(wanted)) > 1:
-        wanted = [f'"humanclaw[{DEMO}]"', *(name for name in wanted if name not in demo)]
+        wanted = [f"humanclaw[{DEMO}]", *(name for name in wanted if name not in demo)]
     source = () if PUBLISHED else ("--find-links", WHEELS)
-    return " ".join([_pip(), "install", *source, *wanted])
+    return [*source, *wanted]
+
+
+def install(distributions: Iterable[str]) -> str:
+    """Return the command that installs first-party distributions, as a line for a shell."""
+    words = (f'"{word}"' if "[" in word else shlex.quote(word) for word in requirements(distributions))
+    return " ".join([_pip(), "install", *words])
 
 
 def _pip() -> str:

@@ -13,9 +13,7 @@ from humanclaw.plugins import distributions
 from humanclaw.plugins.choice import Choice, PluginInfo, Registration, means
 from humanclaw.plugins.deciders import Unmade
 from humanclaw.plugins.hookspecs import noun
-from humanclaw.plugins.loading import (
-    reason_of,
-)
+from humanclaw.plugins.loading import reason_of
 from humanclaw.skills.contract import Skill
 from humanclaw.skills.measures import Measure
 from humanclaw.text.words import did_you_mean, nearest

@@ -32,7 +32,7 @@ from humanclaw.records.folder import (
     reading,
 )
 from humanclaw.records.steps import MOST_FRAMES, EpisodeRecord, StepRecord, seal_of
-from humanclaw.storage.files import Folder
+from humanclaw.storage.files import Folder, state_of
 from humanclaw.storage.pictures import from_jpeg
 from humanclaw.text.json import first_fault
 from humanclaw.text.notebook import card, spread, table
@@ -89,7 +89,7 @@ class RecordedEpisode:
         places = self._motion_files() or ("motion.npz",)
         try:
             lasting = sum(step.motion_frames for step in self.steps)
-            parts = tuple((name, _version(self.files, name)) for name in places)
+            parts = tuple((name, state_of(self.files.status(name))) for name in places)
             found = _read_arrays(self.files, parts, lasting + MOST_FRAMES)
             held = min(map(len, found.values()), default=0)
             if held < lasting:
@@ -207,24 +207,18 @@ def _verify(files: Folder, record: EpisodeRecord) -> None:
             raise RecordError(f"{files.path / name} has been changed since it was written.", AGAIN)
 
 
-def _version(files: Folder, name: str) -> tuple[int, ...]:
-    """Return inode, time and size of a file: a changed file is read again."""
-    about = files.status(name)
-    return (about.st_ino, about.st_mtime_ns, about.st_size) if about else ()
-
-
 @lru_cache(maxsize=1)
 def _read_arrays(files: Folder, parts: Sequence[tuple[str, tuple[int, ...]]], most: int) -> Mapping[str, Array]:
     """Read and check motion.npz, or the pieces of it. Whoever scores or shows an episode asks for its arrays several
     times.
 
-    parts: names and versions. most: maximum frames, those of the steps and of one that broke off.
+    parts: names and states. most: maximum frames, those of the steps and of one that broke off.
     """
     if parts[0][0] == "motion.npz":
         return _read(files, "motion.npz", most, _LARGEST)
     pieces, row, frames = [], dict[str, int](), 0
-    for name, version in parts:
-        pieces.append(piece := _read_piece(files, name, version))
+    for name, state in parts:
+        pieces.append(piece := _read_piece(files, name, state))
         row |= {key: array[:1].nbytes for key, array in piece.items()}
         frames += len(next(iter(piece.values()), ()))
         # An object that moved in one piece has a row for every frame.
@@ -234,7 +228,7 @@ def _read_arrays(files: Folder, parts: Sequence[tuple[str, tuple[int, ...]]], mo
 
 
 @lru_cache(maxsize=_PIECES)
-def _read_piece(files: Folder, name: str, version: tuple[int, ...]) -> Mapping[str, Array]:
+def _read_piece(files: Folder, name: str, state: tuple[int, ...]) -> Mapping[str, Array]:
     """Read a piece. A page that follows an episode asks for all of them after each step."""
     return _read(files, name, MOST_FRAMES, _LARGEST // _PIECES)
 

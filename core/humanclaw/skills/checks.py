@@ -125,10 +125,7 @@ class Draft(Skill):
 
 
 def skill_faults(
-    skill: Skill,
-    measures: Mapping[str, Measure] = MEASURES,
-    priors: Priors = ANY,
-    formats: bool = False,
+    skill: Skill, measures: Mapping[str, Measure] = MEASURES, priors: Priors = ANY, formats: bool = False
 ) -> tuple[ContractError, ...]:
     """Everything in which a skill breaks the contract, each with what mends it; nothing for a skill that keeps it.
 

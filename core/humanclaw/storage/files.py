@@ -289,6 +289,11 @@ def _whole(stream: BinaryIO, before: int) -> Iterator[None]:
         raise
 
 
+def state_of(found: os.stat_result | None) -> tuple[int, ...]:
+    """Return inode, time and size of a file, by which a changed one is known; () if there is none."""
+    return (found.st_ino, found.st_mtime_ns, found.st_size) if found else ()
+
+
 @contextmanager
 def open_file(path: Path, most: int) -> Iterator[BufferedReader]:
     """Open a regular file of at most `most` bytes that the user named. Links are followed. Raises OSError."""

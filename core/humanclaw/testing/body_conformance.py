@@ -7,15 +7,7 @@ from typing import Final
 import numpy as np
 import pytest
 
-from humanclaw.body.pose import (
-    FPS,
-    Array,
-    Motion,
-    Pose2D,
-    heading,
-    matrix_from_vector,
-    rest_pose,
-)
+from humanclaw.body.pose import FPS, Array, Motion, Pose2D, heading, matrix_from_vector, rest_pose
 from humanclaw.body.skeleton import JOINT_INDEX, STANDING_HEIGHT
 from humanclaw.testing.motions import Played, gait, glide, play, sitting_down
 from humanclaw.testing.scenes import SceneBuilder
@@ -39,8 +31,7 @@ class BodyConformance:
         return played
 
     def test_walking_on_a_floor_tracks_the_command_without_sinking_or_sliding(self) -> None:
-        builder = SceneBuilder()
-        builder.floor()
+        builder = SceneBuilder.on_floor()
         command = gait(4, 0.4)
         played = self.play(builder.scene(), command)
         error = np.linalg.norm(played.simulated.joints() - command.joints(), axis=-1)[15:]
@@ -50,8 +41,7 @@ class BodyConformance:
 
     @pytest.mark.parametrize("profile", PROFILES)
     def test_a_wall_blocks_the_body(self, profile: str) -> None:
-        builder = SceneBuilder()
-        builder.floor()
+        builder = SceneBuilder.on_floor()
         wall = builder.box("wall", (6, 2.5, 0.2), (0, 0, 1.1))
         played = self.play(builder.scene(), gait(6, 0.4), profile)
         assert played.commanded.root[-1, 2] > 2.0
@@ -61,31 +51,27 @@ class BodyConformance:
     @pytest.mark.parametrize("speed", [1.0, 1.6, 5.0])
     def test_a_thin_wall_is_not_entered_however_fast_one_walks(self, speed: float) -> None:
         """A wall of 3 cm; a body that moves 80 cm a step, and faster than any sprint."""
-        builder = SceneBuilder()
-        builder.floor()
+        builder = SceneBuilder.on_floor()
         wall = builder.box("wall", (6, 2.5, 0.03), (0, 0, 0.8))
         played = self.play(builder.scene(), glide(0.0, speed, 30))
         assert max(contact.depth for contact in played.touched(wall)) < 0.015
         assert played.simulated.joints()[..., 2].max() < 0.785
 
     def test_nobody_climbs_a_wall(self) -> None:
-        builder = SceneBuilder()
-        builder.floor()
+        builder = SceneBuilder.on_floor()
         builder.box("wall", (6, 2.5, 0.2), (0, 0, 0.7))
         played = self.play(builder.scene(), gait(5, 0.28, rise=0.17))
         assert played.commanded.root[-1, 1] > 1.7
         assert played.simulated.root[:, 1].max() < STANDING_HEIGHT + 0.01
 
     def test_a_wall_does_not_turn_the_body(self) -> None:
-        builder = SceneBuilder()
-        builder.floor()
+        builder = SceneBuilder.on_floor()
         builder.box("wall", (6, 2.5, 0.2), (0, 0, 0.7), rotation=(0, np.sin(0.4), 0, np.cos(0.4)))
         played = self.play(builder.scene(), glide(0.0, 1.0, 30))
         assert np.abs(heading(played.simulated.rotations[:, 0])).max() < 0.01
 
     def test_blocked_distance_is_not_made_up_for(self) -> None:
-        builder = SceneBuilder()
-        builder.floor()
+        builder = SceneBuilder.on_floor()
         builder.box("wall", (6, 2.5, 0.2), (0, 0, 0.4))
         ahead, back = glide(0.0, 1.0, 12), glide(0.0, -1.0, 3)
         command = ahead.then(Motion(back.root + [0, 0, ahead.root[-1, 2]], back.rotations))
@@ -95,24 +81,21 @@ class BodyConformance:
 
     @pytest.mark.parametrize("profile", PROFILES)
     def test_stairs_carry_the_body_up(self, profile: str) -> None:
-        builder = SceneBuilder()
-        builder.floor()
+        builder = SceneBuilder.on_floor()
         builder.steps(5, rise=0.17, run=0.28, first=0.29)
         played = self.play(builder.scene(), gait(5, 0.28, rise=0.17), profile)
         assert played.simulated.root[-1, 1] == pytest.approx(0.93 + 5 * 0.17, abs=0.01)
         assert np.diff(played.simulated.root[:, 1]).max() * FPS < 1.0
 
     def test_climbing_where_no_stairs_are_lifts_nobody(self) -> None:
-        builder = SceneBuilder()
-        builder.floor()
+        builder = SceneBuilder.on_floor()
         played = self.play(builder.scene(), gait(5, 0.28, rise=0.17))
         assert played.simulated.root[:, 1].max() < STANDING_HEIGHT + 0.01
 
     @pytest.mark.parametrize("seat", [0.38, 0.42, 0.46, 0.5])
     def test_sitting_down_ends_with_the_pelvis_on_the_seat_and_upright(self, seat: float) -> None:
         """Seats above the knees too: sloping thighs give way."""
-        builder = SceneBuilder()
-        builder.floor()
+        builder = SceneBuilder.on_floor()
         couch = builder.box("couch", (1.6, seat, 0.8), (0, 0, -0.65))
         played = self.play(builder.scene(), sitting_down(seat + 0.12, -0.45))
         assert "pelvis" in {contact.joint for contact in played.contacts[-40:] if contact.object_id == couch}
@@ -121,8 +104,7 @@ class BodyConformance:
         assert np.abs(np.diff(played.simulated.root[-15:], axis=0)).max() < 0.0015
 
     def test_who_sat_on_a_high_seat_stands_up_on_straight_legs(self) -> None:
-        builder = SceneBuilder()
-        builder.floor()
+        builder = SceneBuilder.on_floor()
         builder.box("couch", (1.6, 0.5, 0.8), (0, 0, -0.65))
         down = sitting_down(0.62, -0.45)
         forward = glide(0.0, 0.6, 30)
@@ -135,8 +117,7 @@ class BodyConformance:
         """Soles drag along the floor at 0.6 m/s into a board of 3 cm, and into one of 6 cm."""
         ends = []
         for height in (0.03, 0.06):
-            builder = SceneBuilder()
-            builder.floor()
+            builder = SceneBuilder.on_floor()
             builder.box("board", (2, height, 2), (0, 0, 1.4))
             ends.append(self.play(builder.scene(), glide(0.0, 0.6, 30)).simulated.root[-1])
         assert ends[0] == pytest.approx([0, STANDING_HEIGHT + 0.03, 0.6], abs=0.05)
@@ -146,8 +127,7 @@ class BodyConformance:
     @pytest.mark.parametrize("profile", PROFILES)
     def test_a_kick_does_not_enter_a_wall(self, profile: str) -> None:
         """A straight leg swings from the hip at 12 m/s."""
-        builder = SceneBuilder()
-        builder.floor()
+        builder = SceneBuilder.on_floor()
         wall = builder.box("wall", (6, 2.5, 0.2), (0, 0, 0.55))
         command = rest_pose(15)
         command.rotations[:, JOINT_INDEX["right_hip"], 0] = -1.4 * np.sin(np.arange(15) / 15 * 4 * np.pi)
@@ -156,8 +136,7 @@ class BodyConformance:
         assert max(depths) < 0.015
 
     def test_lifted_feet_let_the_body_down_as_gravity_would_and_no_bounce_follows(self) -> None:
-        builder = SceneBuilder()
-        builder.floor()
+        builder = SceneBuilder.on_floor()
         command = rest_pose(45)
         for side in ("left", "right"):
             command.rotations[:, JOINT_INDEX[f"{side}_hip"], 0] = -1.7
@@ -167,8 +146,7 @@ class BodyConformance:
         assert np.diff(height[20:]).max() * FPS < 0.1
 
     def test_straightening_the_legs_at_once_lifts_the_body_and_does_not_launch_it(self) -> None:
-        builder = SceneBuilder()
-        builder.floor()
+        builder = SceneBuilder.on_floor()
         down = sitting_down(0.6, -0.2)
         up = Motion(np.repeat(down.root[:1], 30, 0), rest_pose(30).rotations)
         height = self.play(builder.scene(), down.then(up)).simulated.root[:, 1]
@@ -177,15 +155,8 @@ class BodyConformance:
     @pytest.mark.parametrize("seed", range(3))
     def test_walking_anywhere_in_a_closed_room_never_leaves_it_and_ends_on_both_feet(self, seed: int) -> None:
         builder = SceneBuilder()
-        builder.floor()
+        builder.room()
         builder.box("couch", (1.6, 0.45, 0.8), (0, 0, -1.0))
-        for size, x, z in (
-            ((4, 2.5, 0.2), 0, 2),
-            ((4, 2.5, 0.2), 0, -2),
-            ((0.2, 2.5, 4), 2, 0),
-            ((0.2, 2.5, 4), -2, 0),
-        ):
-            builder.box("wall", size, (x, 0, z))
         simulator, scene, random = self.simulator(), builder.scene(), np.random.default_rng(seed)
         here = simulator.reset(scene, scene.start).body
         for _ in range(10):

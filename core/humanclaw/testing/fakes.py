@@ -183,8 +183,7 @@ class Fakes:
 
 def fake_scene() -> Scene:
     """Return an empty floor of 20 by 20 metres."""
-    builder = SceneBuilder()
-    builder.floor()
+    builder = SceneBuilder.on_floor()
     return builder.scene()
 
 

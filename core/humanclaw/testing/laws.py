@@ -13,16 +13,7 @@ from typing import Final
 import numpy as np
 
 from humanclaw.body.limits import shoe_heights
-from humanclaw.body.pose import (
-    FPS,
-    FUTURE,
-    HISTORY,
-    Array,
-    Motion,
-    forward_kinematics,
-    matrix_from_vector,
-    rest_pose,
-)
+from humanclaw.body.pose import FPS, FUTURE, HISTORY, Array, Motion, forward_kinematics, matrix_from_vector, rest_pose
 from humanclaw.testing.fixture import DROP, FORWARD, GRAVITY, HEIGHT, RISE, Command, Finding, Fixture, Tick, walk
 from humanclaw.testing.object_laws import CHAIRS, GAPS, MASSES, boxes, chair, door, hinges, lids, slides
 from humanclaw.testing.scenes import SceneBuilder
@@ -73,8 +64,7 @@ def walls(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
     for _ in range(fixture.samples):
         distance, angle, thickness = rng.uniform(0.6, 1.0), rng.uniform(-0.6, 0.6), rng.uniform(0.08, 0.2)
         normal = np.array([np.sin(angle), 0.0, np.cos(angle)])
-        builder = SceneBuilder()
-        builder.floor()
+        builder = SceneBuilder.on_floor()
         place = tuple((normal * thickness / 2 + [0.0, 0.0, distance]).tolist())
         wall = builder.box("wall", (6, 2.5, thickness), place, rotation=(0, np.sin(angle / 2), 0, np.cos(angle / 2)))
         commands = walk(4, float(rng.integers(50, 81)) / 100)
@@ -126,8 +116,7 @@ def seats(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
     """Check sitting down on benches of 36 to 65 cm, half a metre behind the body. Feet reach the floor from 50 cm."""
     touched, gaps, shoes = 0, [], []
     for seat in SEATS:
-        builder = SceneBuilder()
-        builder.floor()
+        builder = SceneBuilder.on_floor()
         bench = builder.box("couch", (1.6, seat, 0.8), (0, 0, -0.53))
         played = fixture.perform(builder.scene(), [{HEIGHT: seat + 0.13}] * 3)
         last = played.executions[-1]

@@ -45,8 +45,7 @@ class Pushed:
 
 def push(fixture: Fixture, mass: float, count: int = 4, profile: Profile | None = None) -> Pushed:
     """Walk `count` half seconds against a box of 40 cm."""
-    builder = SceneBuilder()
-    builder.floor()
+    builder = SceneBuilder.on_floor()
     box = builder.box("box", (0.4, 0.4, 0.4), (0, 0, 0.6), movable=True, mass=mass)
     played = fixture.perform(builder.scene(), walk(count), profile)
     # Measured at the centre of mass: the base of a tipping box moves faster without being pushed.
@@ -81,8 +80,7 @@ def burdened(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
     seconds."""
     ways, slips, rises = [], [], []
     for mass, up, ahead in ((1000, 0.0, 1.21), (1000, 0.0, 1.25), (1000, 0.4, 0.7), (300, 0.4, 0.7)):
-        builder = SceneBuilder()
-        builder.floor()
+        builder = SceneBuilder.on_floor()
         light = builder.box("box", (0.4, 0.4, 0.4), (0, 0, 0.7), movable=True, mass=4)
         heavy = builder.box("box", (0.6, 0.6, 0.6), (0.0, up, ahead), movable=True, mass=mass)
         played = fixture.perform(builder.scene(), walk(8, 0.8))
@@ -106,8 +104,7 @@ def chair(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
     hulls = [block((-0.22, 0.44, -0.22), (0.22, 0.48, 0.22)), block((-0.22, 0.48, 0.18), (0.22, 0.95, 0.22)), *legs]
     paths = []
     for mass, turn in CHAIRS:
-        builder = SceneBuilder()
-        builder.floor()
+        builder = SceneBuilder.on_floor()
         facing = (0.0, float(np.sin(turn / 2)), 0.0, float(np.cos(turn / 2)))
         pushed = builder.solid("chair", hulls, (0, 0, 0.75), movable=True, mass=mass, rotation=facing)
         builder.box("wall", (6, 2.5, 0.2), (0, 0, 1.2))
@@ -128,8 +125,7 @@ def door(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
     """Check gaps between two walls. The body is 75 cm wide with its arms hanging, and 38 cm without."""
     through, depths = list[bool](), [np.zeros(1)]
     for gap, offset in GAPS:
-        builder = SceneBuilder()
-        builder.floor()
+        builder = SceneBuilder.on_floor()
         sides = [builder.box("wall", (2, 2.5, 0.1), (offset + x * (1 + gap / 2), 0, 0.8)) for x in (-1, 1)]
         played = fixture.perform(builder.scene(), walk(5))
         through.append(bool(played.simulated.root[-1, 2] > 1.1))
@@ -147,8 +143,7 @@ def slides(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
     hulls = [block((-0.3, 0.0, -0.25), (0.3, 0.02, 0.25)), block((-0.3, 0.0, 0.23), (0.3, 0.25, 0.25))]
     left, off, beyond, depth = [], [], [], []
     for mass in (4.0, 40.0):
-        builder = SceneBuilder()
-        builder.floor()
+        builder = SceneBuilder.on_floor()
         drawer = builder.solid(
             "drawer", hulls, (0, 0.6, 0.85), rotation=(0.0, 1.0, 0.0, 0.0), movable=True, mass=mass,
             joint=Slide(0.0, 0.4), state=0.4,
@@ -171,8 +166,7 @@ def lids(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
     20 N m; gravity turns it with 6.9 N m."""
     angles = []
     for friction in (0.5, 20.0):
-        builder = SceneBuilder()
-        builder.floor()
+        builder = SceneBuilder.on_floor()
         hinge = Hinge((0.0, 0.0, 0.0), 0.0, np.pi / 2, friction, 1.0, axis=(1.0, 0.0, 0.0))
         leaning = (float(np.sin(0.3)), 0.0, 0.0, float(np.cos(0.3)))
         lid = builder.box(
@@ -203,8 +197,7 @@ class Turned:
 
 def swing(fixture: Fixture, count: int = 5, mass: float = 25.0, away: bool = True, **place: float) -> Turned:
     """Walk `count` half seconds against a door."""
-    builder = SceneBuilder()
-    builder.floor()
+    builder = SceneBuilder.on_floor()
     door = builder.door(mass=mass, away=away, **place)
     scene = builder.scene()
     played, leaf = fixture.perform(scene, walk(count)), scene.by_id[door]

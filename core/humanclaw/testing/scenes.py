@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,6 +46,13 @@ class SceneBuilder:
 
     assets: dict[str, Asset] = field(default_factory=dict)
     objects: list[SceneObject] = field(default_factory=list)
+
+    @classmethod
+    def on_floor(cls) -> Self:
+        """Begin with a floor of 20 by 20 metres."""
+        builder = cls()
+        builder.floor()
+        return builder
 
     def box(self, category: str, size: Vec3, position: Vec3, colour: Colour = GREY, **facts: Any) -> int:
         """Add a box. facts: fields of SceneObject. Returns its id."""
@@ -105,13 +112,10 @@ class SceneBuilder:
     def room(self) -> None:
         """Add a floor of 4 by 4 metres between four walls."""
         self.floor()
-        for size, x, z in (
-            ((4, 2.5, 0.2), 0, 2),
-            ((4, 2.5, 0.2), 0, -2),
-            ((0.2, 2.5, 4), 2, 0),
-            ((0.2, 2.5, 4), -2, 0),
-        ):
-            self.box("wall", size, (x, 0, z))
+        for side in (2, -2):
+            self.box("wall", (4, 2.5, 0.2), (0, 0, side))
+        for side in (2, -2):
+            self.box("wall", (0.2, 2.5, 4), (side, 0, 0))
 
     def scene(self, floor: float = 0.0) -> Scene:
         """Return the scene. The body starts at the origin, facing +Z."""

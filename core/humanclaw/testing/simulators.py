@@ -11,10 +11,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from humanclaw.body.pose import (
-    Pose2D,
-    rest_pose,
-)
+from humanclaw.body.pose import Pose2D, rest_pose
 from humanclaw.body.skeleton import BODY_GROUPS, STANDING_HEIGHT
 from humanclaw.errors import HumanclawError, SceneError
 from humanclaw.testing.fixture import Fixture
@@ -30,8 +27,7 @@ class SimulatorConformance(ObjectConformance):
     """Tests of a simulator: effects of the world on body and objects, and inputs that it must refuse."""
 
     def test_the_same_commands_have_the_same_outcome_bit_for_bit(self) -> None:
-        builder = SceneBuilder()
-        builder.floor()
+        builder = SceneBuilder.on_floor()
         builder.box("box", (0.4, 0.4, 0.4), (0, 0, 0.7), movable=True, mass=5.0)
         first, second = (self.play(builder.scene(), gait(3, 0.3)) for _ in range(2))
         assert np.array_equal(first.simulated.root, second.simulated.root)
@@ -39,8 +35,7 @@ class SimulatorConformance(ObjectConformance):
         assert first.contacts == second.contacts
 
     def test_contacts_say_who_touched_what_when_and_where(self) -> None:
-        builder = SceneBuilder()
-        builder.floor()
+        builder = SceneBuilder.on_floor()
         wall = builder.box("wall", (6, 2.5, 0.2), (0, 0, 0.4))
         simulator, scene = self.simulator(), builder.scene()
         simulator.reset(scene, scene.start)
@@ -53,16 +48,14 @@ class SimulatorConformance(ObjectConformance):
         assert min(contact.frames[0] for contact in contacts if contact.object_id == wall) == pytest.approx(3, abs=3)
 
     def test_a_start_inside_something_is_refused_with_a_remedy(self) -> None:
-        builder = SceneBuilder()
-        builder.floor()
+        builder = SceneBuilder.on_floor()
         builder.box("table", (1, 0.8, 1), (2, 0, 0))
         with pytest.raises(SceneError, match=r"does not fit .* inside table 2") as raised:
             self.simulator().reset(builder.scene(), Pose2D(2.0, 0.0, 0.0))
         assert raised.value.remedy
 
     def test_a_start_without_a_floor_is_refused_with_a_remedy(self) -> None:
-        builder = SceneBuilder()
-        builder.floor()
+        builder = SceneBuilder.on_floor()
         with pytest.raises(SceneError, match="does not stay on its start") as raised:
             self.simulator().reset(builder.scene(), Pose2D(0.0, 0.0, 0.0, floor=1.0))
         assert raised.value.remedy
@@ -75,8 +68,7 @@ class SimulatorConformance(ObjectConformance):
         assert state.body.yaw()[0] == pytest.approx(1.5, abs=0.001)
 
     def test_numbers_that_are_not_finite_are_refused_and_change_nothing(self) -> None:
-        builder = SceneBuilder()
-        builder.floor()
+        builder = SceneBuilder.on_floor()
         simulator, scene = self.simulator(), builder.scene()
         before = simulator.reset(scene, scene.start).body.root
         broken = rest_pose(15)

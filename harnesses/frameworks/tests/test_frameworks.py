@@ -5,15 +5,15 @@
 
 import io
 import sys
-import types
 
 import pytest
 from anthropic.lib.tools import ToolError
 from google.genai import types as google
+from hosting import host_of
 from openai.types.chat import ChatCompletionMessage
 from PIL import Image
 
-from humanclaw import Call, PluginError, Plugins, Verdict, hookimpl
+from humanclaw import Call, PluginError, Verdict
 from humanclaw.episodes.tools import body_tools
 from humanclaw.records import Answer
 from humanclaw_frameworks import FRAMEWORKS
@@ -146,13 +146,11 @@ def test_an_unknown_framework_is_answered_with_the_nearest(home):
 
 
 def test_an_eighth_framework_is_a_plugin(home):
-    @hookimpl
-    def humanclaw_frameworks(register):
-        register("plain", lambda tools: {tool.name: tool.parameters for tool in tools})
 
-    plugin, plugins = types.ModuleType("plain"), Plugins()
-    plugin.humanclaw_frameworks = humanclaw_frameworks
-    plugins.add(plugin, "plain")
+    def factory(tools):
+        return {tool.name: tool.parameters for tool in tools}
+
+    plugins = host_of("plain", frameworks=[("plain", factory)])
     made = plugins.make("frameworks", "plain", body_tools(home))
     assert made["walk"]["properties"]["z_cm"]["maximum"] == 80
 

@@ -227,8 +227,7 @@ def test_every_key_stands_for_a_legal_call_of_the_skill_that_moves_that_way(skil
 def test_a_key_and_a_line_of_the_terminal_are_answers_alike(skills, monkeypatch, capsys):
     read, write = os.pipe()
     monkeypatch.setattr("sys.stdin", os.fdopen(read))
-    person = Person(Settings(browser=False))
-    person.begin(EpisodeContext(EpisodeSpec(id="a", instruction="Stop.", scene="house:0"), skills, 0))
+    person = begun(skills)
     window = person._window
     threading.Timer(0.2, lambda: press(window, keys(skills)["ArrowUp"])).start()
     assert person.decide(Observation(0, "Stop.", PICTURE), ()).calls[0].skill == "walk"
@@ -239,8 +238,7 @@ def test_a_key_and_a_line_of_the_terminal_are_answers_alike(skills, monkeypatch,
 
 def test_the_end_of_the_input_interrupts_the_episode(skills, monkeypatch):
     monkeypatch.setattr("sys.stdin", io.StringIO(""))
-    person = Person(Settings(browser=False))
-    person.begin(EpisodeContext(EpisodeSpec(id="a", instruction="Stop.", scene="house:0"), skills, 0))
+    person = begun(skills)
     with pytest.raises(KeyboardInterrupt):
         person.decide(Observation(0, "Stop.", PICTURE), ())
 

@@ -145,10 +145,7 @@ def test_a_used_up_quota_is_not_asked_again(begin, view):
 
 
 def test_a_provider_that_refuses_every_way_of_asking_is_for_the_user_to_mend(begin, view):
-    with (
-        OpenAIServer(refusing("messages", [])) as server,
-        pytest.raises(ModelError, match="does not support messages"),
-    ):
+    with OpenAIServer(refusing("messages", [])) as server, pytest.raises(ModelError, match="does not support messages"):
         begin(server).decide(view(), ())
 
 
@@ -173,10 +170,20 @@ def test_a_local_server_needs_no_key(begin, view):
         assert begin(server).decide(view(), ()).calls[0].skill == "stop"
 
 
-def test_a_missing_key_is_told_before_the_first_request(plugins, context):
-    agent = plugins.make("agents", "litellm", {"model": "openai/gpt-4o-mini"})
-    with pytest.raises(ModelError, match=r"OPENAI_API_KEY is not set\. Set OPENAI_API_KEY"):
-        agent.begin(context)
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        ({"model": "openai/gpt-4o-mini"}, r"OPENAI_API_KEY is not set\. Set OPENAI_API_KEY"),
+        ({"model": "openai/gpt-4o-mini", "auth_env": "MY_SERVER"}, "MY_SERVER, which is not set"),
+        ({"model": "nonsense"}, r"no provider is known for model 'nonsense'\. Write provider/name"),
+    ],
+)
+def test_a_missing_or_empty_key_and_an_unknown_provider_are_told_before_the_first_request(
+    plugins, context, monkeypatch, options, told
+):
+    monkeypatch.setenv("MY_SERVER", "")
+    with pytest.raises(ModelError, match=told):
+        plugins.make("agents", "litellm", options).begin(context)
 
 
 @pytest.mark.parametrize("model", ["openai/gpt-4o-mini", "anthropic/claude-sonnet-4-5", "gemini/gemini-2.5-pro"])
@@ -188,19 +195,6 @@ def test_an_empty_key_is_a_missing_key(plugins, context, monkeypatch, model):
     with pytest.raises(ModelError, match=f"{variable} is not set"):
         agent.begin(context)
     assert os.environ[variable] == "  "
-
-
-def test_an_empty_variable_that_is_named_is_a_missing_key(plugins, context, monkeypatch):
-    monkeypatch.setenv("MY_SERVER", "")
-    agent = plugins.make("agents", "litellm", {"model": "openai/gpt-4o-mini", "auth_env": "MY_SERVER"})
-    with pytest.raises(ModelError, match="MY_SERVER, which is not set"):
-        agent.begin(context)
-
-
-def test_a_model_of_no_known_provider_is_told_before_the_first_request(plugins, context):
-    agent = plugins.make("agents", "litellm", {"model": "nonsense"})
-    with pytest.raises(ModelError, match=r"no provider is known for model 'nonsense'\. Write provider/name"):
-        agent.begin(context)
 
 
 def test_a_key_is_taken_from_the_variable_that_is_named(begin, view, monkeypatch):
@@ -230,9 +224,25 @@ def test_a_key_appears_in_no_answer_error_or_log(begin, view, monkeypatch, caplo
 
 
 # -- costs -------------------------------------------------------------------------------------------------------------
-def test_tokens_are_the_providers_count(begin, view):
-    with OpenAIServer([call("stop")]) as server:
-        usage = begin(server).decide(view(), ()).usage
+@pytest.fixture
+def usage_of(begin, view):
+    """What an answer of one reply is said to take."""
+
+    def asked(reply, **options):
+        with OpenAIServer([reply]) as server:
+            return begin(server, **options).decide(view(), ()).usage
+
+    return asked
+
+
+def reporting(**usage):
+    """A reply whose provider tells other tokens or costs."""
+    reply = call("stop")
+    return Reply({**reply.body, "usage": {**reply.body["usage"], **usage}})
+
+
+def test_tokens_are_the_providers_count(usage_of):
+    usage = usage_of(call("stop"))
     assert (usage.tokens_in, usage.tokens_out, usage.estimated, usage.cost) == (1000, 100, False, 0.0)
     assert usage.cost_estimated  # This model has no known price.
 
@@ -245,47 +255,35 @@ def test_a_missing_count_is_estimated_and_says_so(begin, view):
     assert 90 < usage.tokens_out < 130
 
 
-def test_the_cost_is_tokens_times_the_listed_price(begin, view):
+def test_the_cost_is_tokens_times_the_listed_price(usage_of):
     import litellm
 
     price = litellm.model_cost["gpt-4o-mini"]
-    with OpenAIServer([call("stop")]) as server:
-        usage = begin(server, model="openai/gpt-4o-mini").decide(view(), ()).usage
+    usage = usage_of(call("stop"), model="openai/gpt-4o-mini")
     expected = 1000 * price["input_cost_per_token"] + 100 * price["output_cost_per_token"]
     assert usage.cost == pytest.approx(expected) != 0
     assert usage.cost_estimated
 
 
-def test_prices_can_be_given(begin, view):
-    prices = {"input_cost_per_token": 0.002, "output_cost_per_token": 0.01}
-    with OpenAIServer([call("stop")]) as server:
-        usage = begin(server, params=prices).decide(view(), ()).usage
+def test_prices_can_be_given(usage_of):
+    usage = usage_of(call("stop"), params={"input_cost_per_token": 0.002, "output_cost_per_token": 0.01})
     assert usage.cost == pytest.approx(1000 * 0.002 + 100 * 0.01)
 
 
-def test_a_cost_that_the_provider_tells_is_believed(begin, view):
-    reply = call("stop")
-    priced = Reply({**reply.body, "usage": {**reply.body["usage"], "cost": 0.25}})
-    with OpenAIServer([priced]) as server:
-        usage = begin(server).decide(view(), ()).usage
+def test_a_cost_that_the_provider_tells_is_believed(usage_of):
+    usage = usage_of(reporting(cost=0.25))
     assert (usage.cost, usage.cost_estimated) == (0.25, False)
 
 
 @pytest.mark.parametrize("cost", [float("nan"), float("inf"), -0.25, True])
-def test_a_cost_that_nothing_can_have_is_not_believed(begin, view, cost):
-    reply = call("stop")
-    priced = Reply({**reply.body, "usage": {**reply.body["usage"], "cost": cost}})
-    with OpenAIServer([priced]) as server:
-        usage = begin(server, params=PRICES).decide(view(), ()).usage
+def test_a_cost_that_nothing_can_have_is_not_believed(usage_of, cost):
+    usage = usage_of(reporting(cost=cost), params=PRICES)
     assert (usage.cost, usage.cost_estimated) == (pytest.approx(1000 * 1e-6), True)
 
 
 @pytest.mark.parametrize("count", [-1000, 10**15])
-def test_a_count_that_no_answer_has_is_not_believed(begin, view, count):
-    reply = call("stop")
-    counted = Reply({**reply.body, "usage": {"prompt_tokens": count, "completion_tokens": count, "total_tokens": 0}})
-    with OpenAIServer([counted]) as server:
-        usage = begin(server).decide(view(), ()).usage
+def test_a_count_that_no_answer_has_is_not_believed(usage_of, count):
+    usage = usage_of(reporting(prompt_tokens=count, completion_tokens=count, total_tokens=0))
     assert usage.estimated
     assert 0 < usage.tokens_in < 10_000
 

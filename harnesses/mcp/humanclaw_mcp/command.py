@@ -9,7 +9,7 @@ from typing import Any
 import click
 
 from humanclaw import Choice, HumanclawError
-from humanclaw.cli import check_options, engine_options, parse_pairs, plugin_options, scene_option
+from humanclaw.cli import check_options, engine_options, parse_pairs, plugin_options, scene_option, seed_option
 
 
 @click.command("mcp")
@@ -18,7 +18,7 @@ from humanclaw.cli import check_options, engine_options, parse_pairs, plugin_opt
 @click.option("--auth-env", default="", metavar="NAME", help="Variable with a token that HTTP requests must carry.")
 @scene_option("scenes", multiple=True, default=("house:0",), about="Scene that clients may choose. Repeatable.")
 @click.option("--instruction", help="The task, if the client gives none.")
-@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Seed of all random draws.")
+@seed_option(help="Seed of all random draws.")
 @click.option(
     "--max-steps", type=click.IntRange(1, 10_000), default=100, show_default=True, help="Most steps of an episode."
 )
@@ -29,13 +29,7 @@ from humanclaw.cli import check_options, engine_options, parse_pairs, plugin_opt
 @click.option("--option", "pairs", multiple=True, metavar="KEY=VALUE", help="Option of the verifier. Repeatable.")
 @click.option("--profile", type=click.Choice(["default", "paper"]), default="default", show_default=True)
 @engine_options
-@click.option(
-    "--sensor",
-    "sensors",
-    metavar="NAME",
-    multiple=True,
-    help="Sensor besides the view. Repeatable.",
-)
+@click.option("--sensor", "sensors", metavar="NAME", multiple=True, help="Sensor besides the view. Repeatable.")
 @click.option("--out", type=click.Path(path_type=Path), help="Folder for records; without it none are kept.")
 @plugin_options
 def command(

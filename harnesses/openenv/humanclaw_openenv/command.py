@@ -15,11 +15,7 @@ from humanclaw.cli import HOST, parse_pairs, plugin_options
 @click.option("--tasks", default="train", show_default=True, help="Source of training tasks.")
 @click.option("--option", "pairs", multiple=True, metavar="KEY=VALUE", help="Of the source of tasks. Repeatable.")
 @click.option(
-    "--reward",
-    "weights",
-    multiple=True,
-    metavar="NAME=WEIGHT",
-    help="Weight of a reward (default: the tasks').",
+    "--reward", "weights", multiple=True, metavar="NAME=WEIGHT", help="Weight of a reward (default: the tasks')."
 )
 @click.option(
     "--sessions", type=click.IntRange(1, 128), default=16, show_default=True, help="Maximum sessions at once."

@@ -86,12 +86,7 @@ FAULTS: Final[Mapping[str, Fault]] = {
             rooms=2,
         ),
         Fault(
-            "fidgeting",
-            "action",
-            "find: ineffective actions",
-            "turns to and fro from the start",
-            ways=_FAR,
-            rooms=2,
+            "fidgeting", "action", "find: ineffective actions", "turns to and fro from the start", ways=_FAR, rooms=2
         ),
         Fault(
             "give_up",
@@ -109,12 +104,7 @@ FAULTS: Final[Mapping[str, Fault]] = {
             ways=(8.0, float("inf")),
             rooms=3,
         ),
-        Fault(
-            "arrival",
-            _BODY,
-            "nav: unaware arrived/touch",
-            "does not notice that it has arrived, and never stops",
-        ),
+        Fault("arrival", _BODY, "nav: unaware arrived/touch", "does not notice that it has arrived, and never stops"),
         Fault(
             "distance",
             "ego-spatial distance",
@@ -155,14 +145,7 @@ FAULTS: Final[Mapping[str, Fault]] = {
             standing=True,
             elsewhere=True,
         ),
-        Fault(
-            "sitting",
-            "decision",
-            "interact: stop but never sit",
-            "stops at the seat",
-            seated=True,
-            standing=True,
-        ),
+        Fault("sitting", "decision", "interact: stop but never sit", "stops at the seat", seated=True, standing=True),
     )
 }
 """Faults by the name for `--option fault=NAME`, in the order of the root causes. None leads to "too far": that cause

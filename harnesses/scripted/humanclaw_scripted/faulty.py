@@ -16,16 +16,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from humanclaw import (
-    Call,
-    Decision,
-    EpisodeContext,
-    EpisodeSpec,
-    HistoryEntry,
-    Observation,
-    Skill,
-    Verdict,
-)
+from humanclaw import Call, Decision, EpisodeContext, EpisodeSpec, HistoryEntry, Observation, Skill, Verdict
 from humanclaw.body import Array
 from humanclaw.records import REACHED, SEATS, Answer as CheckAnswer, Feedback, acknowledges
 from humanclaw_scripted.behaviours import BEHAVIOURS, LOOK_AROUND, Snapshot

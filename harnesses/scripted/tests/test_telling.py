@@ -5,18 +5,13 @@ import re
 import numpy as np
 import pytest
 
-from humanclaw import Body, Call, Decision, Episode, Plugins
+from humanclaw import Body, Call, Decision, Episode
 from humanclaw.records import SEEN_PIXELS, acknowledges, free_episode
 from humanclaw_scripted.faulty import FaultyAgent
 from humanclaw_scripted.options import FaultyOptions
 from humanclaw_scripted.oracle import OracleAgent
 from humanclaw_scripted.sight import Sight
 from humanclaw_scripted.telling import Seen, told
-
-
-@pytest.fixture(scope="module")
-def plugins():
-    return Plugins.discover()
 
 
 @pytest.fixture(scope="module")

@@ -19,6 +19,7 @@ from humanclaw.cli import (
     decider_options,
     plugin_files,
     plugin_options,
+    seed_option,
 )
 from humanclaw.plugins import install
 from humanclaw.records import name_of
@@ -191,7 +192,7 @@ def agent_command(
     help="Print one table with this column (repeatable). It may be a metric of a plugin.",
 )
 @click.option("--paper/--no-paper", default=True, help="Add the paper's rows for reference.")
-@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Seed of the bootstrap.")
+@seed_option(help="Seed of the bootstrap.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON: every number in full, shares as fractions.")
 @PARTIAL
 @plugin_files
@@ -241,7 +242,7 @@ def _show(tables: Mapping[str, ResultTable]) -> None:
 @bench.command("compare")
 @click.argument("a", type=RUN)
 @click.argument("b", type=RUN)
-@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Of bootstrap and swaps.")
+@seed_option(help="Of bootstrap and swaps.")
 @click.option("--across-engines", is_flag=True, help="Compare even if the runs use different simulators.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON: each difference with interval, p and verdict.")
 @PARTIAL

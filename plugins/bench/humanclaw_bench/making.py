@@ -16,7 +16,7 @@ from rich.text import Text
 from tqdm import tqdm
 
 from humanclaw import EpisodeSpec, Plugins
-from humanclaw.cli import Console, parse_pairs
+from humanclaw.cli import Console, parse_pairs, seed_option
 from humanclaw.plugins import Tasks
 from humanclaw.records import write_episodes
 from humanclaw_bench.hands.drawing import choose, episodes
@@ -45,7 +45,7 @@ Draw = Callable[..., list[EpisodeSpec]]
     show_default=True,
     help="Starts to draw in each house for each category and range of distances.",
 )
-@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="All randomness derives from it.")
+@seed_option(help="All randomness derives from it.")
 @click.option(
     "--secret",
     type=click.IntRange(0),

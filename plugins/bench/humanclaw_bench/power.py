@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.special import betaincinv, ndtr
 
 from humanclaw.body import Array
-from humanclaw.cli import counted, show_markdown
+from humanclaw.cli import counted, seed_option, show_markdown
 from humanclaw_bench.splits import SPLITS, load_split
 from humanclaw_bench.statistics import SIGNIFICANT, sign_flips
 
@@ -122,7 +122,7 @@ def markdown(rows: Sequence[Power], differences: Sequence[float]) -> str:
 )  # fmt: skip
 @click.option("--tests", type=click.IntRange(1), default=3, show_default=True, help="Rates that are corrected for.")
 @click.option("--trials", type=click.IntRange(1), default=200, show_default=True, help="Simulated pairs of runs.")
-@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="All randomness derives from it.")
+@seed_option(help="All randomness derives from it.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def power_command(
     names: tuple[str, ...], rate: float, differences: tuple[float, ...], icc: float, correlations: tuple[float, ...],

@@ -12,17 +12,7 @@ from typing import Final
 import numpy as np
 
 from humanclaw import EpisodeSpec, Motion, RecordedEpisode, StepRecord, Verdict
-from humanclaw.body import (
-    FPS,
-    FUTURE,
-    Array,
-    Pose2D,
-    heading,
-    pelvis_jerk,
-    rest_pose,
-    root_jerk,
-    wrap_angle,
-)
+from humanclaw.body import FPS, FUTURE, Array, Pose2D, heading, pelvis_jerk, rest_pose, root_jerk, wrap_angle
 from humanclaw.records import (
     Outcome,
     acknowledges,

@@ -380,10 +380,7 @@ def _found(tale: Tale, *, late: bool, watched: bool, seen_last: bool, claimed: b
     rng, last, limit = tale.rng, len(tale.moves) - 1, 7 * tale.max_steps // 10
     for k in limit + np.flatnonzero(rng.random(last + 1 - limit) < 0.3):
         tale.pixels[k] = tale.bright()
-    early, found = (
-        _pick(rng, [limit - 1, rng.integers(limit)]),
-        _pick(rng, [limit, rng.integers(limit, last)]),
-    )
+    early, found = (_pick(rng, [limit - 1, rng.integers(limit)]), _pick(rng, [limit, rng.integers(limit, last)]))
     dark, light, soon = 99 - int(rng.integers(3)), tale.bright(), rng.random() < 0.5
     tale.pixels[found], tale.says[found] = tale.bright(), True
     if not late or watched:
@@ -455,11 +452,7 @@ def _stood(tale: Tale, miss: bool) -> str:
 
 def _air(tale: Tale, miss: bool) -> str:
     """Sits, and the hips touch nothing. A miss brushed something once, or never sat."""
-    places, brushes, obj = (
-        _places(tale, last=True),
-        tale.rng.random() < 0.5,
-        _pick(tale.rng, [TABLE, FLOOR, LAMP]),
-    )
+    places, brushes, obj = (_places(tale, last=True), tale.rng.random() < 0.5, _pick(tale.rng, [TABLE, FLOOR, LAMP]))
     place, at_end = _pick(tale.rng, tale.executed()), tale.rng.random() < 0.5
     if not miss or brushes:
         _sit(tale, places)

@@ -1,4 +1,4 @@
-"""A run.json for records that were written by hand."""
+"""A run.json for records that were written by hand, and the commands that read it."""
 
 from __future__ import annotations
 
@@ -6,7 +6,11 @@ import json
 from pathlib import Path
 from typing import Any
 
-from humanclaw import load_run
+from click.testing import CliRunner, Result
+
+from humanclaw import Plugins, load_run
+from humanclaw.cli import Commands
+from humanclaw_bench.cli import bench
 from humanclaw_bench.integrity import split_digest
 
 
@@ -20,3 +24,8 @@ def tell(run: Path, **more: Any) -> Path:
     }  # fmt: skip
     (run / "run.json").write_text(json.dumps(told | more))
     return run
+
+
+def invoke(*words: object) -> Result:
+    group = Commands("humanclaw", {"bench": bench}, plugins=Plugins)
+    return CliRunner().invoke(group, ["bench", *map(str, words)])

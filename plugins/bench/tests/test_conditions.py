@@ -8,15 +8,12 @@ import json
 from pathlib import Path
 from typing import Any
 
-import click
 import pytest
-from click.testing import CliRunner, Result
-from manifests import tell
+from manifests import invoke, tell
 from rollouts import COUCH, rollout, step
 
 from humanclaw import load_run
 from humanclaw.records import SkillInfo
-from humanclaw_bench.cli import bench
 from humanclaw_bench.conditions import conditions_of, differences, labels
 from humanclaw_bench.export import scored
 from humanclaw_bench.results import named
@@ -60,10 +57,6 @@ def test_the_time_to_rise_before_a_step_does_not_break_the_pace(tmp_path: Path) 
 
 def rows(*runs: Path) -> list[str]:
     return [one.name for one in named({str(run): scored(load_run(run)) for run in runs})]
-
-
-def invoke(*words: object) -> Result:
-    return CliRunner().invoke(click.Group("x", {"bench": bench}), ["bench", *map(str, words)])
 
 
 def body(**changed: Any) -> dict[str, Any]:

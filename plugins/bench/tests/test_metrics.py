@@ -226,10 +226,7 @@ def test_no_motion_means_no_share_of_it(tmp_path: Path) -> None:
 
 # -- disturbance -------------------------------------------------------------------------------------------------------
 def test_a_chain_of_contacts_carries_a_disturbance_forward_in_time(tmp_path: Path) -> None:
-    steps = [
-        step(touches=((3, VASE, BOOK),)),
-        step(contacts=(touch(LAMP, 4),), touches=((9, LAMP, VASE),)),
-    ]
+    steps = [step(touches=((3, VASE, BOOK),)), step(contacts=(touch(LAMP, 4),), touches=((9, LAMP, VASE),))]
     found = disturbed(rollout(tmp_path, steps), {})
     assert found == {LAMP: HISTORY + 19, VASE: HISTORY + 24}
 

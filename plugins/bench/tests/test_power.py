@@ -4,21 +4,15 @@ from __future__ import annotations
 
 import json
 
-import click
 import numpy as np
 import pytest
-from click.testing import CliRunner, Result
+from manifests import invoke
 from scipy import stats
 
-from humanclaw_bench.cli import bench
 from humanclaw_bench.power import Assumption, markdown, power, smallest
 from humanclaw_bench.statistics import SIGNIFICANT
 
 VAL, MINI = (30,) * 41, (2,) * 23 + (3,) * 18
-
-
-def invoke(*words: object) -> Result:
-    return CliRunner().invoke(click.Group("x", {"bench": bench}), ["bench", "power", *map(str, words)])
 
 
 def test_two_runs_without_a_difference_differ_as_rarely_as_the_test_promises() -> None:
@@ -48,12 +42,14 @@ def test_more_houses_and_runs_that_are_more_alike_show_more() -> None:
 def test_the_smallest_difference_is_interpolated_and_unknown_beyond_the_largest() -> None:
     assert smallest((0.1, 0.2), (0.6, 1.0)) == pytest.approx(0.15)
     assert np.isnan(smallest((0.1, 0.2), (0.3, 0.7)))
-    assert "over 20" in markdown([], ()) + invoke("--split", "smoke", "--difference", 0.2, "--trials", 5).output
+    assert (
+        "over 20" in markdown([], ()) + invoke("power", "--split", "smoke", "--difference", 0.2, "--trials", 5).output
+    )
 
 
 def test_the_command_tells_every_split_and_is_the_same_again() -> None:
     words = ("--split", "mini", "--split", "smoke", "--difference", 0.1, "--difference", 0.3, "--trials", 20, "--json")
-    first, again = (json.loads(invoke(*words).output) for _ in range(2))
+    first, again = (json.loads(invoke("power", *words).output) for _ in range(2))
     assert first == again
     assert [(row["split"], row["episodes"], row["alike"]) for row in first] == [
         ("mini", 100, 0.2), ("mini", 100, 0.6), ("smoke", 5, 0.2), ("smoke", 5, 0.6),
@@ -63,5 +59,5 @@ def test_the_command_tells_every_split_and_is_the_same_again() -> None:
 
 
 def test_a_difference_beyond_all_successes_is_refused() -> None:
-    result = invoke("--rate", 0.9, "--difference", 0.2)
+    result = invoke("power", "--rate", 0.9, "--difference", 0.2)
     assert (result.exit_code, "a rate of 0.9 cannot rise by 0.2" in result.output) == (2, True)

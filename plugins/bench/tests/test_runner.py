@@ -563,17 +563,9 @@ from pathlib import Path
 sys.path[:0] = {paths!r}
 import toy_world
 from humanclaw_bench.executors import LocalExecutor
-from humanclaw_bench.attribution import attribute
-from humanclaw_bench.integrity import RunFiles, check
-from humanclaw_bench.scores import score
-from humanclaw_bench.progress import foresight
-from humanclaw_bench.runner import RunStatus, run_split
-from humanclaw_bench.worker import Job, Worker
-from humanclaw.cli import Console
-from humanclaw.records import Difficulty, EpisodeRecord, write_record
-from humanclaw_bench.cli import bench
-from humanclaw import Backends
-from humanclaw import Plugins
+from humanclaw_bench.runner import run_split
+from humanclaw_bench.worker import Job
+from humanclaw import Backends, Plugins
 
 if __name__ == "__main__":
     job = Job("walker", {{"pause": {pause}}}, backends=Backends("toy", "toy", "toy"), files=(toy_world.FILE,),

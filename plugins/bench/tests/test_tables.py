@@ -13,19 +13,17 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import click
 import numpy as np
 import pytest
-from click.testing import CliRunner, Result
-from manifests import tell
+from hosting import plugin
+from manifests import invoke, tell
 from rollouts import COUCH, rollout, step
 
-from humanclaw import PluginError, Plugins, RecordedEpisode, hookimpl, load_run
-from humanclaw.cli import Commands, Console
+from humanclaw import PluginError, Plugins, RecordedEpisode, load_run
+from humanclaw.cli import Console
 from humanclaw.records import Difficulty, StepRecord, Verdict, write_episodes
 from humanclaw.world import GAZES
 from humanclaw_bench.attribution import CAUSES, attribute
-from humanclaw_bench.cli import bench
 from humanclaw_bench.comparison import compare_table, compared, verdict
 from humanclaw_bench.export import metrics_of, scored
 from humanclaw_bench.metrics import ALL, MAIN, compare
@@ -175,21 +173,10 @@ def test_csv_has_columns_for_n_of_n(part: Path, name: str) -> None:
     assert {(row[f"{prefix}episodes"], row[f"{prefix}of"]) for row in rows} == {("7", "8")}
 
 
-class TakenName:
-    """A metric with a name that is the benchmark's own."""
-
-    def __init__(self, name: str) -> None:
-        self.name = name
-
-    @hookimpl(optionalhook=True)
-    def humanclaw_metrics(self, register: Any) -> None:
-        register(self.name, lambda recorded: 1.0)
-
-
 @pytest.mark.parametrize("name", ["nav", "find", "outcome", "episode", "success", "cause", "collisions_any"])
 def test_a_metric_with_the_name_of_a_number_of_the_benchmarks_own_is_refused(name: str) -> None:
     plugins = Plugins.discover()
-    plugins.add(TakenName(name), "taker")
+    plugins.add(plugin(metrics=[(name, lambda recorded: 1.0)]), "taker")
     with pytest.raises(PluginError, match=rf"metric '{name}' of plugin 'taker' has the name"):
         metrics_of(plugins)
 
@@ -198,36 +185,24 @@ def interrupting(recorded: RecordedEpisode) -> float:
     raise KeyboardInterrupt
 
 
-class OddMetrics:
-    """Metrics that raise, exit, interrupt, return no number and never return; and a correct one."""
-
-    HUMANCLAW_PATIENCE = 0.2
-
-    def __init__(self) -> None:
-        self.let_go = threading.Event()
-
-    @hookimpl(optionalhook=True)
-    def humanclaw_metrics(self, register: Any) -> None:
-        register("raises", lambda recorded: 1 / 0)
-        register("leaves", lambda recorded: sys.exit(3))
-        register("interrupts", interrupting)
-        register("babbles", lambda recorded: "much")
-        register("hangs", lambda recorded: self.let_go.wait(60))
-        register("one", lambda recorded: 1.0)
-
-
 def test_a_metric_that_raises_leaves_hangs_or_babbles_is_not_known_and_harms_nothing(
     tmp_path: Path, caplog: Any
 ) -> None:
-    odd, plugins = OddMetrics(), Plugins.discover()
-    plugins.add(odd, "odd")
+    let_go, plugins = threading.Event(), Plugins.discover()
+    odd = {
+        "raises": lambda recorded: 1 / 0,
+        "leaves": lambda recorded: sys.exit(3),
+        "interrupts": interrupting,
+        "babbles": lambda recorded: "much",
+        "hangs": lambda recorded: let_go.wait(60),
+    }
+    metrics = [*odd.items(), ("one", lambda recorded: 1.0)]
+    plugins.add(plugin(metrics=metrics, HUMANCLAW_PATIENCE=0.2), "odd")
     extra, recorded = metrics_of(plugins), rollout(tmp_path, SAT)
     first, second = score(recorded, extra), score(recorded, extra)
-    odd.let_go.set()
+    let_go.set()
     for scores in (first, second):
-        assert [str(scores.extra[name]) for name in ("raises", "leaves", "interrupts", "babbles", "hangs")] == [
-            "nan"
-        ] * 5
+        assert [str(scores.extra[name]) for name in odd] == ["nan"] * 5
         assert (scores.extra["one"], scores.interact) == (1.0, True)
     assert "'hangs' failed on episode" in caplog.text
 
@@ -243,32 +218,23 @@ def test_a_note_is_a_line_that_steers_no_terminal(base: Scores) -> None:
     assert ("\x1b" in note, "\n" in note, "evil" in note) == (False, False, True)
 
 
-class Forgers:
-    """A metric that takes the steps out of a record and another that empties it; and one that counts what it is
-    given."""
+def forget(recorded: Any) -> float:
+    recorded.steps = ()
+    recorded.record.skills.clear()
+    return 1.0
 
-    @hookimpl(optionalhook=True)
-    def humanclaw_metrics(self, register: Any) -> None:
-        register("forgets", self.forget)
-        register("empties", self.empty)
-        register("counts", lambda recorded: len(recorded.steps) + len(recorded.record.skills))
 
-    def forget(self, recorded: Any) -> float:
-        recorded.steps = ()
-        return 1.0
-
-    def empty(self, recorded: Any) -> float:
-        recorded.record.skills.clear()
-        return 1.0
+def size(recorded: Any) -> int:
+    return len(recorded.steps) + len(recorded.record.skills)
 
 
 def test_a_metric_that_changes_the_record_it_is_given_changes_nothing_else(tmp_path: Path) -> None:
     plugins = Plugins.discover()
-    plugins.add(Forgers(), "forgers")
+    plugins.add(plugin(metrics=[("forgets", forget), ("counts", size)]), "forgers")
     recorded = rollout(tmp_path, FAR)
     ((plain, why),) = scored([recorded])
     ((scores, cause),) = scored([recorded], metrics_of(plugins))
-    assert scores.extra["counts"] == len(recorded.steps) + len(recorded.record.skills) > 2
+    assert scores.extra["counts"] == size(recorded) > 2
     assert (repr(replace(scores, extra={})), cause) == (repr(plain), why)
     assert why is not None
 
@@ -504,12 +470,6 @@ def test_a_terminal_shows_every_number_whatever_its_width(table: ResultTable, wi
 
 
 # -- the commands ------------------------------------------------------------------------------------------------------
-def invoke(*args: object) -> Result:
-    group = click.Group("humanclaw", commands={"bench": bench})
-    group.__class__ = Commands
-    return CliRunner().invoke(group, ["bench", *map(str, args)])
-
-
 def test_a_table_and_a_comparison_as_json_have_every_number_in_full(tmp_path: Path) -> None:
     run = write_run(tmp_path, 3, 1, 1)
     (row,) = json.loads(invoke("table", run, "--json", "--no-paper", "--only", "main").output)["main"]["rows"]
@@ -521,13 +481,13 @@ def test_a_table_and_a_comparison_as_json_have_every_number_in_full(tmp_path: Pa
 
 
 def test_a_latex_table_has_the_chosen_columns_in_their_order_and_metrics_of_plugins(tmp_path: Path) -> None:
-    run, plugin = write_run(tmp_path, 3, 1), tmp_path / "height.py"
-    plugin.write_text(
+    run, height = write_run(tmp_path, 3, 1), tmp_path / "height.py"
+    height.write_text(
         "from humanclaw import hookimpl\n\n\n@hookimpl(optionalhook=True)\n"
         "def humanclaw_metrics(register):\n    register('height', lambda recorded: 1.75)\n"
     )
     words = ("--column", "NavSR", "--column", "height", "--column", "GeoNavSR", "--format", "latex")
-    result = invoke("table", run, *words, "--partial", "--plugin", plugin)
+    result = invoke("table", run, *words, "--partial", "--plugin", height)
     text = result.output
     assert r"agent & NavSR $\uparrow$ & height & GeoNavSR $\uparrow$ \\" in text
     assert "75.0\\%" in text

@@ -15,11 +15,6 @@ from humanclaw_bench.training import AGAINST, MOST, require_training
 ONE = {"houses": 1}
 
 
-@pytest.fixture(scope="module")
-def plugins():
-    return Plugins.discover()
-
-
 def test_every_root_cause_has_a_source_of_tasks_that_trains_against_it(plugins):
     sources = {one.name for one in plugins.registered("tasks")}
     assert set(AGAINST) == {cause.label for cause in CAUSES}

@@ -34,8 +34,7 @@ MAKERS: dict[str, tuple[Callable[[Style, str], Piece], int]] = {
 
 def room(maker: str) -> Scene:
     """One piece two metres before the body, its front towards it, on a floor of its own."""
-    builder = SceneBuilder()
-    builder.floor()
+    builder = SceneBuilder.on_floor()
     style = Style.draw(np.random.default_rng(3))
     piece = MAKERS[maker][0](style, maker)
     placed = objects_of([Placed(piece, 0.0, 0.0, 2.0, np.pi)])

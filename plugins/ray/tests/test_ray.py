@@ -10,8 +10,6 @@ import pytest
 ray = pytest.importorskip("ray", reason="Ray is not installed: pip install humanclaw-ray")
 pytest.importorskip("humanclaw_ray", reason="humanclaw-ray is not installed: pip install -e plugins/ray")
 
-sys.path.insert(0, str(Path(__file__).parents[2] / "bench" / "tests"))
-
 import toy_world  # noqa: E402
 from ray.cluster_utils import Cluster  # noqa: E402
 

@@ -231,10 +231,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="humanclaw cards", description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--base", type=Path, help="base checkpoint (default: the shipped one)")
     parser.add_argument(
-        "--adapters",
-        type=Path,
-        nargs="*",
-        help="folders to search for adapters (default: the installed skills)",
+        "--adapters", type=Path, nargs="*", help="folders to search for adapters (default: the installed skills)"
     )
     parser.add_argument(
         "--skill",

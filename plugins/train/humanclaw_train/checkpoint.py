@@ -24,7 +24,6 @@ from humanclaw.motion import (
     Card,
     ModelConfig,
     Tensors,
-    Weights,
     broken,
     own_tensors,
     read_adapter,
@@ -113,11 +112,6 @@ def load_adapter(path: Path, base: Base, skill: str | None = None) -> Adapter:
         return _filled(Adapter(base.model, config), tensors).eval().requires_grad_(False)
     except (KeyError, RuntimeError) as error:
         raise broken(path, error, f"Train it again with: humanclaw train adapter {config.skill}") from error
-
-
-def weights_of(module: nn.Module) -> Weights:
-    """Return a module's weights in single precision, as humanclaw.motion takes them."""
-    return Weights({name: tensor.numpy(force=True) for name, tensor in module.state_dict().items()})
 
 
 def _halved(module: nn.Module) -> dict[str, Tensor]:

@@ -12,7 +12,7 @@ from typing import Any
 import click
 
 from humanclaw import Body, CallError, Choice, HumanclawError, Plugins, Scene, Simulator, Skill, default_simulator
-from humanclaw.cli import plugin_options
+from humanclaw.cli import plugin_options, seed_option
 from humanclaw.skills import Measure
 
 # No help option of its own: --help goes to the module, which defines the options.
@@ -75,10 +75,7 @@ naturalness = _forward(
     simulator=_simulator,
 )
 speed = _forward(
-    "speed",
-    "humanclaw_train.speed",
-    "Time the motion model with several solvers and runtimes.",
-    skills=_installed,
+    "speed", "humanclaw_train.speed", "Time the motion model with several solvers and runtimes.", skills=_installed
 )
 cards = _forward("cards", "humanclaw_train.cards", "Write the model card beside each checkpoint.", installed=_installed)
 
@@ -114,7 +111,7 @@ def show() -> None:
 @show.command("skill", context_settings={"ignore_unknown_options": True, "allow_extra_args": True})
 @click.argument("name")
 @click.option("--calls", type=click.IntRange(1, 100), default=6, show_default=True, help="Number of calls in a row.")
-@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Seed of the motion.")
+@seed_option(help="Seed of the motion.")
 @click.option(
     "--beside",
     type=click.Path(path_type=Path),

@@ -32,17 +32,7 @@ from humanclaw.motion import PROFILES, DiTGenerator, Solver, load_base, shipped_
 from humanclaw.skills import MEASURES, Agreement, Declaration, Measure, find, outcomes
 from humanclaw_train.chunks import Chunks, of_skill
 from humanclaw_train.notes import Notes
-from humanclaw_train.rollouts import (
-    Command,
-    Installed,
-    Measures,
-    Rollouts,
-    adapters,
-    file_digest,
-    others,
-    own,
-    roll,
-)
+from humanclaw_train.rollouts import Command, Installed, Measures, Rollouts, adapters, file_digest, others, own, roll
 from humanclaw_train.simulated import Actor, roll_simulated
 from humanclaw_train.tables import as_json, cell, numbers, save, table
 from humanclaw_train.uncommanded import Uncommanded, uncommanded, uncommanded_table
@@ -144,10 +134,7 @@ def fidelity(
 
 
 def live(
-    generator: DiTGenerator,
-    declaration: Declaration,
-    rollouts: int = 24,
-    measures: Mapping[str, Measure] = MEASURES,
+    generator: DiTGenerator, declaration: Declaration, rollouts: int = 24, measures: Mapping[str, Measure] = MEASURES
 ) -> Callable[[Path], str]:
     """Return a function that describes an adapter in one line: achieved over commanded of a few rollouts."""
 
@@ -357,10 +344,7 @@ def generator_options(parser: argparse.ArgumentParser) -> None:
     """Add the options that choose weights, skills and solver."""
     parser.add_argument("--skills", nargs="*", default=[], help="skills to measure (default: all that have an adapter)")
     parser.add_argument(
-        "--adapters",
-        type=Path,
-        nargs="*",
-        help="folders to search for adapters (default: the installed skills)",
+        "--adapters", type=Path, nargs="*", help="folders to search for adapters (default: the installed skills)"
     )
     parser.add_argument("--base", type=Path, help="base checkpoint (default: the shipped one)")
     parser.add_argument("--rollouts", type=int, default=200, help="rollouts per skill (default: 200)")

@@ -38,13 +38,7 @@ class TorchRuntime:
         return adapter, adapter.modulations(self._base.model, self._times)
 
     @torch.inference_mode()
-    def solve(
-        self,
-        history: Array,
-        noise: Array,
-        adapter: Path | None,
-        values: Sequence[Mapping[str, float]],
-    ) -> Array:
+    def solve(self, history: Array, noise: Array, adapter: Path | None, values: Sequence[Mapping[str, float]]) -> Array:
         """Return the futures that continue histories (Runtime.solve)."""
         branch = self._branch(adapter) if adapter is not None else None
         condition = self._condition(branch[0], values) if branch else None

@@ -52,8 +52,7 @@ def check(names: Iterable[str]) -> None:
     for name in names:
         if importlib.util.find_spec(name) is None:
             raise HumanclawError(
-                f"--logger {name} needs the package {name}, which is not installed.",
-                f"Run `pip install {name}`.",
+                f"--logger {name} needs the package {name}, which is not installed.", f"Run `pip install {name}`."
             )
 
 

@@ -48,13 +48,7 @@ _LIKENESS: Final = np.array([_ARMS if JOINTS[joint].startswith(("left", "right")
 
 
 def retimed(
-    clip: Motion,
-    standing: Motion,
-    chunks: int,
-    rng: np.random.Generator,
-    *,
-    begun: bool = False,
-    lowers: bool = True,
+    clip: Motion, standing: Motion, chunks: int, rng: np.random.Generator, *, begun: bool = False, lowers: bool = True
 ) -> Motion:
     """Play the poses of a clip for `chunks` half seconds after a history at rest: 5 + 15 * chunks frames.
 

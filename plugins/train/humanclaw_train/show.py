@@ -118,9 +118,7 @@ def nearest(
     whole = [(name, motion) for name, motion in spans if len(motion) >= CHUNK]
     wanted = HISTORY + calls * FUTURE
     return min(
-        whole,
-        key=lambda one: _difference(one[1], skill, values, measures) + 1 - len(one[1]) / wanted,
-        default=None,
+        whole, key=lambda one: _difference(one[1], skill, values, measures) + 1 - len(one[1]) / wanted, default=None
     )
 
 

@@ -14,16 +14,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from humanclaw import Body, Call, Motion, Scene, Skill, stand
-from humanclaw.body import (
-    CHUNK,
-    HISTORY,
-    LINKS,
-    Array,
-    Capsule,
-    Pose2D,
-    next_history,
-    re_rooted,
-)
+from humanclaw.body import CHUNK, HISTORY, LINKS, Array, Capsule, Pose2D, next_history, re_rooted
 from humanclaw.motion import HEEL_END, TOE_END, DiTGenerator
 from humanclaw.skills import Declaration, from_si
 from humanclaw.world import Asset, Mesh, SceneObject

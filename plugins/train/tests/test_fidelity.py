@@ -49,21 +49,17 @@ def _gliding(distances: np.ndarray) -> Chunks:
     rest = rest_pose(20)
     share = np.clip(np.arange(20) - 4, 0, None) / 15
     root = rest.root + share[:, None] * np.outer(distances, [0, 0, -1.0])[:, None]
-    return Chunks.of(
-        declaration("step_back").parameters,
-        root,
-        np.repeat(rest.rotations[None], len(distances), 0),
-        "made",
-        real=False,
-    )
+    turns = np.repeat(rest.rotations[None], len(distances), 0)
+    return Chunks.of(declaration("step_back").parameters, root, turns, "made", real=False)
+
+
+def _rolled(chunks: Chunks, *asked: float) -> Rollouts:
+    root, turns = chunks.root.astype(float), chunks.rotations.astype(float)
+    return Rollouts(root, turns, np.array(asked)[:, None], np.ones(len(asked), bool))
 
 
 def test_half_of_what_was_asked_is_a_ratio_of_a_half_and_the_rest_is_the_error(still):
-    chunks = _gliding(np.array([0.1, 0.2]))
-    rollouts = Rollouts(
-        chunks.root.astype(float), chunks.rotations.astype(float), np.array([[0.2], [0.4]]), np.ones(2, bool)
-    )
-    ratio = achieved(Command.of("step_back", still[1]), rollouts)
+    ratio = achieved(Command.of("step_back", still[1]), _rolled(_gliding(np.array([0.1, 0.2])), 0.2, 0.4))
     assert (ratio.mean, ratio.std, ratio.after_other) == pytest.approx((0.5, 0, 0.5), abs=1e-5)
     assert ratio.error == pytest.approx(15, abs=1e-3)
     assert (ratio.slope, ratio.r2) == pytest.approx((0.5, 1.0), abs=1e-4)
@@ -71,11 +67,7 @@ def test_half_of_what_was_asked_is_a_ratio_of_a_half_and_the_rest_is_the_error(s
 
 
 def test_a_constant_has_a_ratio_near_one_and_neither_slope_nor_a_smaller_error_than_the_best_constant(still):
-    chunks = _gliding(np.full(3, 0.3))
-    rollouts = Rollouts(
-        chunks.root.astype(float), chunks.rotations.astype(float), np.array([[0.25], [0.3], [0.35]]), np.ones(3, bool)
-    )
-    ratio = achieved(Command.of("step_back", still[1]), rollouts)
+    ratio = achieved(Command.of("step_back", still[1]), _rolled(_gliding(np.full(3, 0.3)), 0.25, 0.3, 0.35))
     assert ratio.mean == pytest.approx(1.02, abs=0.01)
     assert ratio.slope == pytest.approx(0, abs=1e-5)
     assert ratio.error == pytest.approx(ratio.constant, abs=1e-4)

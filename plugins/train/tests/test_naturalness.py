@@ -13,15 +13,7 @@ from humanclaw.motion import AdapterConfig, DiTGenerator, Solver, load_base
 from humanclaw_train.chunks import Chunks
 from humanclaw_train.first_steps import FirstSteps, first_steps
 from humanclaw_train.life import life
-from humanclaw_train.likeness import (
-    PRIOR,
-    free_running,
-    held_out,
-    likeness,
-    naturalness_of,
-    prior,
-    skills,
-)
+from humanclaw_train.likeness import PRIOR, free_running, held_out, likeness, naturalness_of, prior, skills
 from humanclaw_train.long_walks import corners, physical_gaits
 from humanclaw_train.measures import Features
 from humanclaw_train.naturalness import NaturalnessReport, main
@@ -210,22 +202,8 @@ def test_the_command_line_prints_every_table(still, capsys, tmp_path, monkeypatc
     _wobbling(40, 0.1, "one").save(tmp_path / "walk.npz")
     _wobbling(60, 0.1, "two").save(tmp_path / "base.npz")
     arguments = ["--adapters", str(still), "--base", str(still / "base.safetensors"), "--rollouts", "2", "--steps", "1"]
-    assert (
-        main(
-            [
-                *arguments,
-                "--bodies",
-                "1",
-                "--calls",
-                "2",
-                "--chunks",
-                str(tmp_path),
-                "--save",
-                str(tmp_path / "report.json"),
-            ]
-        )
-        == 0
-    )
+    few = ["--bodies", "1", "--calls", "2", "--chunks", str(tmp_path)]
+    assert main([*arguments, *few, "--save", str(tmp_path / "report.json")]) == 0
     printed = capsys.readouterr().out
     assert "| walk | real | 40 |" in printed
     for words in ("pairs are in the paper's order", "Peak of real motion", "random calls in a row"):
@@ -235,7 +213,6 @@ def test_the_command_line_prints_every_table(still, capsys, tmp_path, monkeypatc
     assert [row.source for row in report.of("walk", digest)] == ["generated", "real"]
     assert report.of("walk", "of other weights") == ()
     monkeypatch.delenv("COLUMNS")
-    few = ["--bodies", "1", "--calls", "2", "--chunks", str(tmp_path)]
     assert main([*arguments, *few]) == 0
     assert max(map(len, capsys.readouterr().out.splitlines())) <= 80
     assert main([*arguments, *few, "--json"]) == 0

@@ -7,7 +7,7 @@ torch = pytest.importorskip("torch")
 
 from tiny_motion import WALK, write_adapter, write_base
 
-from humanclaw import Backends, Body, Plugins
+from humanclaw import Backends, Body
 from humanclaw.errors import CheckpointError
 from humanclaw.motion import SIZES, DiTGenerator
 from humanclaw.testing import SceneBuilder
@@ -18,11 +18,6 @@ AHEAD = {"x": 0.05, "z": 0.4, "yaw": 0.1}
 
 def _difference(one, other) -> float:
     return max(np.abs(one.root - other.root).max(), np.abs(one.rotations - other.rotations).max())
-
-
-@pytest.fixture(scope="module")
-def plugins():
-    return Plugins.discover()
 
 
 @pytest.mark.parametrize("name", ["walk", "turn_in_place", "stop", "climb_upstairs"])
@@ -73,8 +68,7 @@ def test_values_that_an_adapter_does_not_take_are_refused(tmp_path):
 
 
 def test_an_episode_on_torch_walks_where_one_in_numpy_walks(plugins):
-    builder = SceneBuilder()
-    builder.floor()
+    builder = SceneBuilder.on_floor()
     ends = []
     for name in ("dit", "torch"):
         with Body(builder.scene(), plugins=plugins, backends=Backends(generator=name)) as body:

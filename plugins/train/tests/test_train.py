@@ -59,18 +59,8 @@ def _base(chunks: Path, out: Path, *more: str) -> Path:
 
 @pytest.fixture(scope="module")
 def base_file(chunks, tmp_path_factory) -> Path:
-    return _base(
-        chunks,
-        tmp_path_factory.mktemp("base"),
-        "--steps",
-        "400",
-        "--rate",
-        "3e-3",
-        "--history-noise",
-        "0",
-        "--licence",
-        "CC0",
-    )
+    words = "--steps 400 --rate 3e-3 --history-noise 0 --licence CC0"
+    return _base(chunks, tmp_path_factory.mktemp("base"), *words.split())
 
 
 def _step_back(backwards: Path, base_file: Path, out: Path) -> list[str]:

@@ -20,15 +20,7 @@ from humanclaw import (
     Verdict,
 )  # fmt: skip
 from humanclaw.plugins import admit, name_of, noun, origin, settings_of
-from humanclaw_bench.wall.messages import (
-    PROTOCOL,
-    Json,
-    context_of,
-    entry_of,
-    from_json,
-    observation_of,
-    to_json,
-)
+from humanclaw_bench.wall.messages import PROTOCOL, Json, context_of, entry_of, from_json, observation_of, to_json
 
 METHOD_NOT_FOUND: Final = -32601
 RAISED: Final = -32000
