@@ -143,9 +143,8 @@ class OccupancyGrid:
 
     def with_obstacle(self, point: Array, radius: float) -> OccupancyGrid:
         """Return the same grid with one more round obstacle: something was found to be in the way."""
-        centres = self.point(np.moveaxis(np.indices(self.blocked.shape), 0, -1))
-        disk = np.linalg.norm(centres - point, axis=-1) <= radius
-        return replace(self, blocked=self.blocked | disk)
+        middle = np.insert(point, 1, 0.0)
+        return replace(self, blocked=self.blocked | (self.gap(middle, middle) <= radius))
 
     def clear(self, start: Array, end: Array, radius: float = SQUEEZE) -> bool:
         """Tell whether a body of this radius can go straight from one point to the other."""
@@ -284,9 +283,9 @@ def rasterize(points: Array, low: Array, shape: tuple[int, int]) -> tuple[Mask, 
     first = np.clip(np.floor((points.min(0) - low) / CELL).astype(int) - 1, 0, shape)
     last = np.clip(np.ceil((points.max(0) - low) / CELL).astype(int) + 1, 0, shape)
     where = (slice(first[0], last[0]), slice(first[1], last[1]))
-    centres = (np.moveaxis(np.mgrid[where], 0, -1) + 0.5) * CELL + low
-    sides = _sides(points)
-    return np.asarray((centres @ sides[:, :2].T + sides[:, 2] <= CELL / 2).all(-1)), where
+    x, z = ((np.arange(first[axis], last[axis]) + 0.5) * CELL + low[axis] for axis in (0, 1))
+    along, across, off = _sides(points).T[..., None]
+    return np.asarray(((along * x)[..., None] + (across * z)[:, None] + off[..., None] <= CELL / 2).all(0)), where
 
 
 def _sides(points: Array) -> Array:
