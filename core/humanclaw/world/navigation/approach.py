@@ -8,7 +8,7 @@ from functools import cache
 from typing import Final
 
 import numpy as np
-from scipy.ndimage import distance_transform_edt
+import scipy
 
 from humanclaw.body.pose import Array, matrix_from_quaternion
 from humanclaw.world.navigation.occupancy import CELL, OBSTACLE_HEIGHTS, RADIUS, SQUEEZE, Mask, OccupancyGrid, yaw_of
@@ -184,5 +184,5 @@ def _extended(field: Array) -> Array:
     known = np.isfinite(field)
     if not known.any():
         return field
-    gap, nearest = distance_transform_edt(~known, sampling=CELL, return_indices=True)
+    gap, nearest = scipy.ndimage.distance_transform_edt(~known, sampling=CELL, return_indices=True)
     return np.asarray(np.where(gap < LEANING, field[tuple(nearest)] + gap, np.inf))
