@@ -16,10 +16,8 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
+import scipy  # Its parts load when they are used.
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt
-from scipy.optimize import Bounds, LinearConstraint, milp
-from scipy.sparse import csr_array
 
 from humanclaw import EpisodeSpec, HumanclawError, Scene
 from humanclaw.body import Array, Pose2D
@@ -100,7 +98,7 @@ def roomy(grid: OccupancyGrid) -> NDArray[np.bool_]:
     """Return the cells of a floor where a body can stand still; none on stairs."""
     if grid.slope is not None:
         return np.zeros(grid.blocked.shape, bool)
-    return np.asarray(grid.fits(ROOM) & (distance_transform_edt(~grid.movable) * CELL >= ROOM))
+    return np.asarray(grid.fits(ROOM) & (scipy.ndimage.distance_transform_edt(~grid.movable) * CELL >= ROOM))
 
 
 def _goals(floors: MultiFloorMap, scene: Scene, category: str, *, sit: bool = False) -> Array:
@@ -198,17 +196,17 @@ def _solve(cells: Sequence[tuple[str, str, int, str]], most: Sequence[int], quot
     table = np.concatenate([rows, np.concatenate([np.zeros((len(hard), 2 * len(soft))), slack])], 1)
     wanted = [share * quota.total for _, share in soft]
     slack_free = TOLERANCE * quota.total + 0.5
-    limits = LinearConstraint(
-        csr_array(table),
+    limits = scipy.optimize.LinearConstraint(
+        scipy.sparse.csr_array(table),
         [low for _, low, _ in hard] + [count - slack_free for count in wanted],
         [high for *_, high in hard] + [count + slack_free for count in wanted],
     )
     # A gap of 10 % and 500 nodes: a nearly optimal choice is as good as an optimal one, and found much sooner.
-    result = milp(
+    result = scipy.optimize.milp(
         np.concatenate([np.zeros(n), np.ones(2 * len(soft))]),
         constraints=limits,
         integrality=np.concatenate([np.ones(n), np.zeros(2 * len(soft))]),
-        bounds=Bounds(0, np.concatenate([most, np.full(2 * len(soft), np.inf)])),
+        bounds=scipy.optimize.Bounds(0, np.concatenate([most, np.full(2 * len(soft), np.inf)])),
         options={"mip_rel_gap": 0.1, "node_limit": 500},
     )
     if result.x is None:

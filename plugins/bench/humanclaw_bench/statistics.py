@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import brentq, minimize_scalar
 from scipy.special import betaln, expit, logit, ndtr, ndtri, stdtrit  # Not scipy.stats, which takes a second to load.
 
 from humanclaw.body import Array
@@ -119,7 +119,7 @@ def _profile_interval(drawn: Array) -> tuple[float, float]:
 
     share = float(drawn[:, 0].sum() / drawn[:, 1].sum())
     centre = float(np.clip(logit(share), 1 - EXTREME, EXTREME - 1))
-    best = minimize_scalar(lambda place: -fit(place), bounds=(centre - 1, centre + 1), options={"xatol": 1e-3})
+    best = scipy.optimize.minimize_scalar(lambda x: -fit(x), bounds=(centre - 1, centre + 1), options={"xatol": 1e-3})
     least = -best.fun - _student_quantile(len(drawn) - 1) ** 2 / 2
     low, high = (_crossing(lambda place: fit(place) - least, best.x, end) for end in (-EXTREME, EXTREME))
     return float(expit(low)), float(expit(high))
@@ -138,7 +138,7 @@ def _likelihood(share: float, drawn: Array) -> float:
 
 def _crossing(excess: Callable[[float], float], inside: float, end: float) -> float:
     """Return where a function falls below 0 on the way to an end; the end if nowhere."""
-    return float(brentq(excess, inside, end, xtol=1e-3)) if excess(end) < 0 else end
+    return float(scipy.optimize.brentq(excess, inside, end, xtol=1e-3)) if excess(end) < 0 else end
 
 
 def _normal_quantile() -> float:

@@ -160,13 +160,9 @@ class Objects:
         hinged = object_id in self._hinged
         return (self._hinged if hinged else self._movable)[object_id][0], 0 if hinged else -1
 
-    def movable_bodies(self) -> list[int]:
-        """Return the Bullet bodies of the movable objects."""
-        return [body for body, _ in self._movable.values()]
-
     def lull(self) -> None:
         """Let objects at rest sleep until something touches them: asleep they cost almost nothing."""
-        for body in self.movable_bodies():
+        for body, _ in self._movable.values():
             if np.abs(self._client.getBaseVelocity(body)).max() < _STILL:
                 self._client.changeDynamics(body, -1, activationState=self._client.ACTIVATION_STATE_SLEEP)
         for body, _ in self._hinged.values():

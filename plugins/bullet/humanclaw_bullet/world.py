@@ -60,11 +60,11 @@ class BulletWorld:
         return np.array(velocity), np.array(spin)
 
     def move(self, root: Array, quaternion: Array, velocity: Array, spin: Array) -> None:
-        self._client.resetBasePositionAndOrientation(self._body, root, quaternion)
+        self._client.resetBasePositionAndOrientation(self._body, root.tolist(), quaternion.tolist())
         self.drive(velocity, spin)
 
     def drive(self, velocity: Array, spin: Array) -> None:
-        self._client.resetBaseVelocity(self._body, velocity, spin)
+        self._client.resetBaseVelocity(self._body, velocity.tolist(), spin.tolist())
 
     def bend(self, quaternions: Array, speeds: Array) -> None:
         self._client.resetJointStatesMultiDof(self._body, _LINKS, quaternions.tolist(), speeds.tolist())

@@ -144,7 +144,7 @@ def _indoors(scene: Scene, head: Array) -> NDArray[np.bool_] | None:
 def panes(scene: Scene, name: str) -> NDArray[np.bool_]:
     """Return (F,) which faces of an asset are the glass of a window: large and to the front."""
     asset = scene.assets[name]
-    return front(asset.mesh) & (asset.category == "window")
+    return front(asset.mesh) if asset.category == "window" else np.zeros(len(asset.mesh.faces), bool)
 
 
 def front(mesh: Mesh) -> NDArray[np.bool_]:

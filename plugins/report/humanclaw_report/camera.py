@@ -7,8 +7,8 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter1d
 
 from humanclaw import Motion, Scene
 from humanclaw.body import JOINT_INDEX, Array
@@ -72,7 +72,7 @@ def follow(plans: Sequence[OccupancyGrid], storeys: NDArray[np.int64], motion: M
 
 def smoothed(values: Array, frames: float) -> Array:
     """Smooth (T, ...) values over time. frames: standard deviation of the Gaussian."""
-    return np.asarray(gaussian_filter1d(values, frames, axis=0, mode="nearest"))
+    return np.asarray(scipy.ndimage.gaussian_filter1d(values, frames, axis=0, mode="nearest"))
 
 
 def _discomfort(

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter1d
 
 from humanclaw import Motion, RecordedEpisode, RecordError, Scene, StepRecord
 from humanclaw.body import HISTORY, JOINT_INDEX, Array
@@ -122,7 +122,7 @@ def in_the_way(scene: Scene, motion: Motion, eyes: Array) -> tuple[frozenset[int
         hiding = _crosses(eyes[:, None], points, low, high).any(1) & ~around
         # Pictures go with their wall.
         ids = {obj.id} | (hung_on(scene, obj.id) if obj.category == "wall" else set())
-        for frame in np.flatnonzero(maximum_filter1d(hiding, 2 * AHEAD + 1)):
+        for frame in np.flatnonzero(scipy.ndimage.maximum_filter1d(hiding, 2 * AHEAD + 1)):
             sets[frame] |= ids
     return tuple(map(frozenset, sets))
 

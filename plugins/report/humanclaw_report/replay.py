@@ -12,8 +12,8 @@ from typing import Any, Final
 
 import markupsafe
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull, QhullError
 
 from humanclaw import Motion, RecordedEpisode, Scene
 from humanclaw.body import (
@@ -188,8 +188,8 @@ def _mesh(asset: Asset) -> Mesh:
     vertices, faces, count = [], [], 0
     for hull in asset.hulls:
         try:
-            simplices = ConvexHull(hull).simplices
-        except QhullError:
+            simplices = scipy.spatial.ConvexHull(hull).simplices
+        except scipy.spatial.QhullError:
             continue  # A flat piece has no volume to draw.
         vertices.append(hull)
         faces.append(_outward(hull, simplices) + count)

@@ -8,7 +8,7 @@ from functools import cache
 from typing import Final
 
 import numpy as np
-from scipy.ndimage import distance_transform_edt
+import scipy
 
 from humanclaw.body.pose import Array, matrix_from_quaternion
 from humanclaw.world.navigation.occupancy import CELL, OBSTACLE_HEIGHTS, RADIUS, SQUEEZE, Mask, OccupancyGrid, yaw_of
@@ -21,6 +21,8 @@ STAND_OFF: Final = 0.45
 """Metres from the edge of a seat to the place where a body turns round before sitting down."""
 NEAR: Final = 1.5
 """Places farther from the edge of a target are not beside it, metres."""
+_BATCH: Final = 256
+"""Cells that are looked at together; the nearest ones are mostly free."""
 _RADII: Final = (RADIUS, 0.2, SQUEEZE)
 """Half the widths of the bodies that ways are searched for, metres: the first that comes somewhere counts."""
 LEANING: Final = 1.0
@@ -81,13 +83,16 @@ def _beside(grid: OccupancyGrid, scene: Scene, target: int) -> Iterator[Viewpoin
         points = grid.point(np.argwhere(window >= radius) + first)
         edge = np.clip(points, low, high)
         gap = np.linalg.norm(points - edge, axis=1)
-        points, edge, gap = points[gap < NEAR], edge[gap < NEAR], gap[gap < NEAR]
-        free = ~_walled(grid, scene, points, edge)
-        if free.any():
-            chosen = np.flatnonzero(free & (gap <= gap[free].min() + 0.15))
-            for k in chosen[np.argsort(gap[chosen], kind="stable")]:
+        order, reach = np.argsort(gap, kind="stable"), np.inf
+        order = order[gap[order] < NEAR]
+        for batch in np.split(order, range(_BATCH, len(order), _BATCH)):
+            for k in batch[~_walled(grid, scene, points[batch], edge[batch])]:
+                if gap[k] > reach:
+                    return
+                reach = min(reach, gap[k] + 0.15)
                 x, z = points[k].tolist()
                 yield Viewpoint(target, x, z, yaw_of(edge[k] - points[k]), float(gap[k]), floor=grid.floor)
+        if reach < np.inf:
             return
 
 
@@ -118,7 +123,7 @@ def _seats(grid: OccupancyGrid, scene: Scene, target: int) -> Iterator[Viewpoint
             for side in sides
             for place, yaw in _along(scene, target, turn, side, stand_off, margin)
             if grid.at(grid.clearance, place) >= min(RADIUS, stand_off - 0.1)
-            and others.clear(place, place - stand_off * facing(yaw), 0.2)
+            and others.clear(place, place - stand_off * _facing(yaw)[[0, 2]], 0.2)
         ]
         yield from found
         if found:
@@ -131,7 +136,7 @@ def _along(
     """Places in front of one side of an object and where its front looks, from the middle of the side outwards."""
     obj = scene.by_id[target]
     asset = scene.assets[obj.asset]
-    out, along = _facing3(side), _facing3(side + np.pi / 2)
+    out, along = _facing(side), _facing(side + np.pi / 2)
     points = np.concatenate(asset.hulls) if asset.hulls else asset.mesh.vertices
     edge, reach = float((points @ out).max()), float(np.ptp(points @ along)) / 2
     offsets = np.arange(0.0, max(reach - margin, 0.0) + 1e-9, 0.2)
@@ -141,11 +146,7 @@ def _along(
     return [((turn @ place + obj.position)[[0, 2]], yaw_of(facing)) for place in places]
 
 
-def facing(yaw: float) -> Array:
-    return np.array([np.sin(yaw), np.cos(yaw)])
-
-
-def _facing3(yaw: float) -> Array:
+def _facing(yaw: float) -> Array:
     return np.array([np.sin(yaw), 0.0, np.cos(yaw)])
 
 
@@ -183,5 +184,5 @@ def _extended(field: Array) -> Array:
     known = np.isfinite(field)
     if not known.any():
         return field
-    gap, nearest = distance_transform_edt(~known, sampling=CELL, return_indices=True)
+    gap, nearest = scipy.ndimage.distance_transform_edt(~known, sampling=CELL, return_indices=True)
     return np.asarray(np.where(gap < LEANING, field[tuple(nearest)] + gap, np.inf))

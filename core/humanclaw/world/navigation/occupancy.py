@@ -14,9 +14,8 @@ from typing import Any, Final
 from weakref import WeakKeyDictionary
 
 import numpy as np
+import scipy  # Whose parts load when they are used: ndimage takes a fifth of a second, and few commands use it.
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt
-from scipy.spatial import ConvexHull, QhullError
 
 from humanclaw.body.pose import Array
 from humanclaw.world.scene import Room, Scene, SceneObject
@@ -87,7 +86,7 @@ class OccupancyGrid:
         if not rooms:
             return np.ones(self.blocked.shape, bool)
         inside = np.any([self.within(room) for room in rooms], axis=0)
-        return np.asarray(distance_transform_edt(~inside) * CELL <= 0.16)
+        return gap_to(inside) <= 0.16
 
     def within(self, room: Room) -> Mask:
         """Cells of a room; none if it is on another floor."""
@@ -119,7 +118,7 @@ class OccupancyGrid:
     @cached_property
     def clearance(self) -> Array:
         """Distance of each cell to the nearest obstacle, metres."""
-        return np.asarray(distance_transform_edt(~self.blocked) * CELL)
+        return gap_to(self.blocked)
 
     @cached_property
     def cost(self) -> Array:
@@ -127,7 +126,7 @@ class OccupancyGrid:
         impassable."""
         near = np.clip((COMFORT - self.clearance) / (COMFORT - RADIUS), 0.0, 1.0)
         cost = 1.0 + 2.0 * near**2
-        cost[distance_transform_edt(~self.movable) * CELL < RADIUS] += 4.0
+        cost[gap_to(self.movable) < RADIUS] += 4.0
         cost[self.clearance < RADIUS] += 30.0
         cost[~self.fits(SQUEEZE)] = -1.0
         return np.asarray(cost)
@@ -143,9 +142,8 @@ class OccupancyGrid:
 
     def with_obstacle(self, point: Array, radius: float) -> OccupancyGrid:
         """Return the same grid with one more round obstacle: something was found to be in the way."""
-        centres = self.point(np.moveaxis(np.indices(self.blocked.shape), 0, -1))
-        disk = np.linalg.norm(centres - point, axis=-1) <= radius
-        return replace(self, blocked=self.blocked | disk)
+        middle = np.insert(point, 1, 0.0)
+        return replace(self, blocked=self.blocked | (self.gap(middle, middle) <= radius))
 
     def clear(self, start: Array, end: Array, radius: float = SQUEEZE) -> bool:
         """Tell whether a body of this radius can go straight from one point to the other."""
@@ -191,6 +189,11 @@ def on_floor(grid: OccupancyGrid, points: Array) -> Array:
     """Return (..., 2) points as (..., 3) points on the floor of a grid."""
     points = np.asarray(points, float)
     return np.stack([points[..., 0], np.full(points.shape[:-1], grid.floor), points[..., 1]], -1)
+
+
+def gap_to(mask: Mask) -> Array:
+    """Return the distance of each cell from the nearest cell in a mask, metres."""
+    return np.asarray(scipy.ndimage.distance_transform_edt(~mask) * CELL)
 
 
 def length(path: Array) -> float:
@@ -284,15 +287,15 @@ def rasterize(points: Array, low: Array, shape: tuple[int, int]) -> tuple[Mask, 
     first = np.clip(np.floor((points.min(0) - low) / CELL).astype(int) - 1, 0, shape)
     last = np.clip(np.ceil((points.max(0) - low) / CELL).astype(int) + 1, 0, shape)
     where = (slice(first[0], last[0]), slice(first[1], last[1]))
-    centres = (np.moveaxis(np.mgrid[where], 0, -1) + 0.5) * CELL + low
-    sides = _sides(points)
-    return np.asarray((centres @ sides[:, :2].T + sides[:, 2] <= CELL / 2).all(-1)), where
+    x, z = ((np.arange(first[axis], last[axis]) + 0.5) * CELL + low[axis] for axis in (0, 1))
+    along, across, off = _sides(points).T[..., None]
+    return np.asarray(((along * x)[..., None] + (across * z)[:, None] + off[..., None] <= CELL / 2).all(0)), where
 
 
 def _sides(points: Array) -> Array:
     """(S, 3) outward half-planes of the convex hull of (K, 2) points; of their box if they lie on one line."""
     try:
-        return np.asarray(ConvexHull(points).equations)
-    except QhullError:
+        return np.asarray(scipy.spatial.ConvexHull(points).equations)
+    except scipy.spatial.QhullError:
         (x0, z0), (x1, z1) = points.min(0), points.max(0)
         return np.array([[-1.0, 0.0, x0], [1.0, 0.0, -x1], [0.0, -1.0, z0], [0.0, 1.0, -z1]])

@@ -8,8 +8,8 @@ from typing import Final
 from weakref import WeakKeyDictionary
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import binary_dilation, distance_transform_edt, label, uniform_filter
 
 from humanclaw.body.pose import Array
 from humanclaw.world.navigation.occupancy import (
@@ -18,6 +18,7 @@ from humanclaw.world.navigation.occupancy import (
     STEP,
     Mask,
     OccupancyGrid,
+    gap_to,
     rasterize,
     samples,
     yaw_of,
@@ -70,7 +71,7 @@ def _flight(scene: Scene, lower: OccupancyGrid, upper: OccupancyGrid) -> _Flight
     floors, known = (lower.blocked, upper.blocked), np.isfinite(ground)
     if not known.any():
         return _Flight(floors, ~known, ground, np.zeros((2, *ground.shape)), np.full(ground.shape, -np.inf))
-    near = ground[tuple(distance_transform_edt(~known, return_distances=False, return_indices=True))]
+    near = ground[tuple(scipy.ndimage.distance_transform_edt(~known, return_distances=False, return_indices=True))]
     blocked = _ledges(ground)
     for hull, mask, where in masks:
         above = hull[:, 1].max() - near[where] > STEP
@@ -102,9 +103,9 @@ def _climb(tops: Array, lower: OccupancyGrid, upper: OccupancyGrid) -> Array:
         reached[new] = tops[new]
         frontier = new
     steps = np.isfinite(tops) & np.isfinite(reached)
-    parts, _ = label(steps, np.ones((3, 3)))
+    parts, _ = scipy.ndimage.label(steps, np.ones((3, 3)))
     beside = np.isfinite(upper.ground) & ~upper.blocked
-    arrives = binary_dilation(beside, iterations=3) & (upper.floor - reached <= STEP) & steps
+    arrives = scipy.ndimage.binary_dilation(beside, iterations=3) & (upper.floor - reached <= STEP) & steps
     return np.where(np.isin(parts, np.unique(parts[arrives])) & steps, reached, np.nan)
 
 
@@ -112,17 +113,13 @@ def _with_aprons(steps: Array, lower: OccupancyGrid, upper: OccupancyGrid) -> Ar
     """Return steps with the floor around their lower and their upper end. Where both reach, the nearer end has it."""
     ends = [(grid, np.isfinite(steps) & (np.abs(steps - grid.floor) <= STEP)) for grid in (lower, upper)]
     gaps = [
-        np.where(grid.blocked | np.isfinite(steps), np.inf, _gap(end)) if end.any() else np.full(steps.shape, np.inf)
+        np.where(grid.blocked | np.isfinite(steps), np.inf, gap_to(end)) if end.any() else np.full(steps.shape, np.inf)
         for grid, end in ends
     ]
     ground = steps.copy()
     for mine, other, grid in ((gaps[0], gaps[1], lower), (gaps[1], gaps[0], upper)):
         ground[(mine <= APRON) & (mine <= other)] = grid.floor
     return ground
-
-
-def _gap(mask: Mask) -> Array:
-    return np.asarray(distance_transform_edt(~mask) * CELL)
 
 
 def _ledges(ground: Array) -> Mask:
@@ -135,8 +132,8 @@ def _ledges(ground: Array) -> Mask:
 def _slope(ground: Array) -> Array:
     """(2, ...) gradient of the ground after it is smoothed over the 0.55 m of two steps."""
     known = np.isfinite(ground)
-    share = uniform_filter(known.astype(float), 11)
-    smooth = uniform_filter(np.where(known, ground, 0.0), 11) / np.maximum(share, 1e-6)
+    share = scipy.ndimage.uniform_filter(known.astype(float), 11)
+    smooth = scipy.ndimage.uniform_filter(np.where(known, ground, 0.0), 11) / np.maximum(share, 1e-6)
     slope = np.array(np.gradient(smooth, CELL))
     return np.where(known, slope, 0.0)
 
