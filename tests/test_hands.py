@@ -28,7 +28,7 @@ from humanclaw import (
     Plugins,
     skill,
 )
-from humanclaw.body import JOINT_INDEX, JOINT_LIMITS, rest_pose
+from humanclaw.body import JOINT_INDEX, JOINT_LIMITS, Pose2D, rest_pose
 from humanclaw.body.limits import angles_from_standing
 from humanclaw.records import RecordedEpisode, free_episode
 from humanclaw.skills import MotionError
@@ -71,8 +71,10 @@ class Room:
     def put(self, size=(0.07, 0.1, 0.07), place=(-0.15, 0.85, 0.55), mass=0.3, **facts):
         return self.builder.box("thing", size, place, movable=True, mass=mass, **facts)
 
-    def body(self, plugins, engine, **chosen):
-        return Body(self.builder.scene(), plugins=plugins, backends=Backends(engine, **{"renderer": FAKE} | chosen))
+    def body(self, plugins, engine, start=None, **chosen):
+        return Body(
+            self.builder.scene(), start, plugins=plugins, backends=Backends(engine, **{"renderer": FAKE} | chosen)
+        )
 
 
 def thing(body, key):
@@ -168,6 +170,24 @@ def test_stairs_are_climbed_with_a_full_hand(plugins, engine):
             body.call("climb_upstairs", h_cm=16, d_cm=28)
         assert joint(body, "pelvis")[1] > 1.15
         assert body.state().held == {"right": cup}
+
+
+@both
+def test_steps_down_do_not_shake_a_light_thing_out_of_the_hand(plugins, engine):
+    """A hand brakes what it draws back to its place: it does not swing past, farther each time."""
+    room = Room(table=False)
+    room.builder.descent(5, 0.18, 0.3, 0.3)
+    room.builder.box("shelf", (0.2, 1.75, 0.2), (-0.45, 0, 0.4))
+    clock = room.put((0.1, 0.12, 0.1), (-0.4, 1.75, 0.4), 0.1)
+    with room.body(plugins, engine, Pose2D(0, 0, 0, floor=0.9)) as body:
+        assert take(body, clock)
+        ways = []
+        for _ in range(4):
+            body.call("walk_downstairs", h_cm=18, d_cm=36)
+            hands = body.last.chunks[-1].execution.simulated.joints()[:, JOINT_INDEX["right_hand"]]
+            ways += list(path(body, clock)[:, :3] - hands)
+        assert body.state().held == {"right": clock}
+        assert np.linalg.norm(np.array(ways) - ways[0], axis=1).mean() < 0.007
 
 
 @both

@@ -12,7 +12,7 @@ from humanclaw import Scene
 from humanclaw.body import JOINT_INDEX, Array, Pose2D, matrix_from_quaternion
 from humanclaw.skills import Side
 from humanclaw.world import OccupancyGrid, SceneObject, Slide, Viewpoint, WorldState, room_at
-from humanclaw_scripted.truth import PelvisPose
+from humanclaw_scripted.truth import PelvisPose, box
 
 _STEP: Final = {True: 0.3, False: 0.15}
 """How far a hand takes a door (radians) or a drawer (metres) with a call."""
@@ -65,8 +65,8 @@ class Handle:
     """(3,) in the frame of its asset."""
 
     @classmethod
-    def of(cls, hulls: Callable[[int, Array], list[Array]], obj: SceneObject) -> Handle:
-        """Return the spot of a front that is farthest from its hinge, at the height of a hand."""
+    def of(cls, hulls: Callable[[int, Array], list[Array]], obj: SceneObject, floor: float) -> Handle:
+        """Return the spot of a front that is farthest from its hinge, at the height of a hand over a floor (metres)."""
         joint = obj.joint
         assert joint is not None
         still = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
@@ -75,7 +75,7 @@ class Handle:
         x, y = (low[0] + high[0]) / 2, high[1] - 0.05
         if not isinstance(joint, Slide) and abs(joint.axis[1]) > 0.5:
             x = low[0] + 0.06 if high[0] - joint.point[0] < joint.point[0] - low[0] else high[0] - 0.06
-            y = float(np.clip(1.05 - obj.position[1] % 3.0, low[1] + 0.1, high[1] - 0.1))
+            y = float(np.clip(floor + 1.05 - obj.position[1], low[1] + 0.1, high[1] - 0.1))
         return cls(obj, np.array([x, y, high[2]]))
 
     @property
@@ -138,3 +138,18 @@ def places_around(
     for (x, z), way, gap in zip(points.tolist(), ways, np.linalg.norm(ways, axis=1), strict=True):
         if gap < far and room_at(scene, x, z, grid.floor) == room:
             yield Viewpoint(key, x, z, float(np.arctan2(*way)), float(gap), floor=grid.floor)
+
+
+def spot_on(scene: Scene, state: WorldState, thing: int, place: int) -> Array:
+    """Return where a thing fits on top of a piece of furniture, nearest to the body, (3,)."""
+    own, (low, high) = box(scene, state, thing), box(scene, state, place)
+    half = (own[1] - own[0])[[0, 2]].max() / 2
+    room = np.minimum(half + 0.04, (high - low)[[0, 2]] / 2 - 0.01)
+    xs, zs = (np.linspace(low[k] + room[j], high[k] - room[j], 25) for j, k in enumerate((0, 2)))
+    spots = np.stack(np.meshgrid(xs, zs), -1).reshape(-1, 2)
+    others = [box(scene, state, obj.id) for obj in scene.objects if obj.id not in (thing, place)]
+    there = [(a, b) for a, b in others if a[1] < high[1] + 0.3 and b[1] > high[1] + 0.01]
+    gaps = [np.maximum(np.maximum(a[[0, 2]] - spots, spots - b[[0, 2]]).max(1), 0.0) for a, b in there]
+    crowded = np.min(gaps, axis=0) < half + 0.02 if gaps else np.zeros(len(spots), bool)
+    x, z = spots[np.argmin(np.linalg.norm(spots - PelvisPose.of(state).point, axis=1) + 10.0 * crowded)]
+    return np.array([x, high[1], z])

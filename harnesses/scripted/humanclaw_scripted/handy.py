@@ -14,19 +14,17 @@ import numpy as np
 from humanclaw import Call, EpisodeContext
 from humanclaw.body import Array, wrap_angle
 from humanclaw.skills import Side
-from humanclaw.world import SceneObject, Viewpoint, WorldState, viewpoints
+from humanclaw.world import MultiFloorMap, SceneObject, Viewpoint, WorldState, viewpoints
 from humanclaw_scripted.calls import answering, gripping, reaching
-from humanclaw_scripted.handles import GRIPS, HOOKS, Handle, Here, places_around
+from humanclaw_scripted.handles import GRIPS, HOOKS, Handle, Here, places_around, spot_on
 from humanclaw_scripted.oracle import OracleAgent
 from humanclaw_scripted.truth import PelvisPose, box
 
 Script = Iterator[tuple[Call, str]]
 Stands = Callable[[], list[Viewpoint]]
 _SIDES: Final[tuple[Side, Side]] = ("right", "left")
-_FAR: Final = 0.55
-"""Metres from a place to stand to what an arm reaches from there."""
-_FARS: Final = (_FAR, 0.75)
-"""The same of a thing that lies elsewhere than at the start; the second if there is no place as near as the first."""
+_FARS: Final = (0.55, 0.75)
+"""Metres from a place to stand to what an arm reaches from there; the second where there is no place as near."""
 _BESIDE: Final = 0.16
 """Metres from the middle of the body to what a hand works on."""
 _AT_HAND: Final = (0.4, 0.56)
@@ -39,24 +37,32 @@ _LOOK: Final = (1.2, 1.6)
 """The same of furniture to look into."""
 _OVER_IT: Final = (0.36, 0.6)
 """The same of a place to lay something down."""
-_CARRIED: Final = (0.1, 1.1, 0.22)
+_CARRIED: Final = (0.1, 1.1, 0.16)
 """Aside, over the floor, and ahead of a thing's own half depth: where a hand carries it, metres."""
 _RISE: Final = 0.24
 """Metres that a hand raises a thing by with a call: out of a crouch, more shakes it off."""
 _KNEES: Final = 0.5
 """Metres over the floor below which bent knees are behind a thing: it is raised straight."""
+_STRETCH: Final = 0.62
+"""Metres ahead of them beyond which a hand at the floor takes the head down over what it raises."""
 _CHIN: Final = 0.7
 """Metres over the floor to which a crouching body raises a thing: higher, its head meets the thing as it stands up."""
-_SHINS: Final = 0.3
-"""Metres ahead of the hips that they need."""
+_SHINS: Final = 0.46
+"""Metres ahead of the hips that bent knees need: what is raised from nearer meets them."""
 _TRIES: Final = ((-0.02, 0.0), (-0.02, 0.05), (-0.02, -0.05), (0.01, 0.0), (-0.04, 0.03))
 """Metres outwards and ahead that a hand is elsewhere in one try after the other."""
+_OFF: Final = 0.04
+"""Metres farther from a thing of a hand that closes first: its palm does not meet the thing yet."""
 _HOVER: Final = 0.14
 _EASY: Final = float(np.radians(30))
 _SLOW: Final = 0.45
 """Turn and step (metres) in a call that a full hand stands."""
+_BEND: Final = 0.25
+"""Turn (radians) above which a body with a full hand turns on the spot: what it carries swings wide."""
+_BERTH: Final = 0.32
+"""How far it keeps from corners, metres."""
 _OPEN: Final = 0.1
-"""Share of the way by which a thing is opened farther than it has to be."""
+"""Share of the way by which a door or a drawer is opened farther than it has to be; a lid comes up with a step back."""
 
 
 class HandyOracle(OracleAgent):
@@ -79,18 +85,16 @@ class HandyOracle(OracleAgent):
             yield from self._open([self._scene.by_id[key] for key in goal.things], goal.share)
         if goal.answer:
             yield from self._look_inside()
+            said = f"I have looked inside: the answer is {goal.answer}."
+            yield answering(self._context.skills, goal.answer), said
         while True:
-            if goal.answer:
-                yield (
-                    answering(self._context.skills, goal.answer),
-                    f"I have looked inside: the answer is {goal.answer}.",
-                )
             yield Call(self._stop), "The task is complete."
 
     def _choose(self, pose: PelvisPose) -> bool:
         if super()._choose(pose):
             return True
-        self._memory.given_up = set()  # What failed from all places may work from the first one now.
+        # What failed from all places may work from the first one now, and what was in the way may be gone.
+        self._memory.given_up, self._memory.floors = set(), MultiFloorMap.of(self._scene, self._state().objects)
         return super()._choose(pose)
 
     # -- walking -------------------------------------------------------------------------------------------------------
@@ -141,7 +145,13 @@ class HandyOracle(OracleAgent):
     def _turn(self, angle: float) -> Call:
         return super()._turn(float(np.clip(angle, -_EASY, _EASY)) if self._state().held else angle)
 
+    @property
+    def _room(self) -> float:  # type: ignore[override]
+        return _BERTH if self._state().held else super()._room
+
     def _walk(self, left: float, forward: float, turn: float) -> Call:
+        if self._state().held and abs(turn) > _BEND:
+            return self._turn(turn)
         share = min(1.0, _SLOW / max(forward, 1e-9)) if self._state().held else 1.0
         return super()._walk(share * left, share * forward, share * turn)
 
@@ -182,7 +192,7 @@ class HandyOracle(OracleAgent):
         low, high = box(self._scene, self._state(), key)
         if np.allclose(low, self._scene.aabb(key)[0], atol=0.05):
             found = viewpoints(self._memory.floors, self._scene, key)
-            return [one for one in found if one.gap < _FAR]
+            return [one for one in found if one.gap < _FARS[0]]
         grids = [grid for grid in self._memory.floors.floors if -0.1 < low[1] - grid.floor < 2.0]
         ways = (
             [one for grid in grids for one in places_around(self._scene, grid, key, low, high, far)] for far in _FARS
@@ -204,19 +214,21 @@ class HandyOracle(OracleAgent):
         out = 1.0 if side == "left" else -1.0
         _, low, high = self._extent(thing)
         wide, deep = (high - low)[[0, 2]].tolist()
-        near = _AT_HAND if high[1] > _KNEES else (min(_SHINS + deep / 2, 0.52), 0.6)
+        near = _AT_HAND if high[1] > _KNEES else ((ahead := min(_SHINS + deep / 2, _STRETCH)), ahead + 0.08)
         yield from self._face(lambda: self._middle(thing), lambda: out * max(0.05, _BESIDE - wide / 4), near)
         for outwards, ahead in _TRIES:
             _, low, high = self._extent(thing)
             if np.hypot(low[0] + high[0], low[2] + high[2]) / 2 > _LOST:
                 return
-            yield from self._to_side_of(low, high, side, outwards, ahead)
-            yield self._close(side)
+            yield from self._close_on(thing, low, high, side, outwards, ahead)
             if self._in_hand(thing):
                 return
 
-    def _to_side_of(self, low: Array, high: Array, side: Side, outwards: float, ahead: float) -> Script:
-        """Bring a palm over a box, corners (3,) in the body's frame, down beside it, and to it."""
+    def _close_on(self, thing: int, low: Array, high: Array, side: Side, outwards: float, ahead: float) -> Script:
+        """Bring a palm over a box, corners (3,) in the body's frame, down beside it, and close; nearer if it misses.
+
+        A palm that meets a thing before it closes knocks it over.
+        """
         out = 1.0 if side == "left" else -1.0
         beside = (high[0] if out > 0 else low[0]) + out * (0.03 + outwards)
         height = max(low[1] + _ABOVE, min((low[1] + high[1]) / 2, low[1] + 0.25), 0.1)
@@ -225,10 +237,14 @@ class HandyOracle(OracleAgent):
         below = Here.of(self._state()).hand(side)[1] < high[1]
         for _ in range(2 if below else 1):
             yield self._to(side, over, "I bring my hand over it.")
-        yield self._to(side, at + [0.04 * out, 0.0, 0.0], "I bring my hand beside it.")
-        yield self._to(side, at, "I bring my palm to it.")
-        if float(np.linalg.norm(Here.of(self._state()).hand(side) - at)) > 0.04:
-            yield self._to(side, at, "I bring my palm to it.")
+        for gap in (_OFF, 0.0):
+            spot = at + [gap * out, 0.0, 0.0]
+            yield self._to(side, spot, "I bring my palm to it.")
+            if float(np.linalg.norm(Here.of(self._state()).hand(side) - spot)) > 0.04:
+                yield self._to(side, spot, "I bring my palm to it.")
+            yield self._close(side)
+            if self._in_hand(thing):
+                return
 
     def _lift(self, thing: int, side: Side) -> Script:
         """Raise what a hand holds, step back from what it lay on, and hold it before the body."""
@@ -253,7 +269,7 @@ class HandyOracle(OracleAgent):
 
     def _put(self, thing: int, place: int, side: Side) -> Script:
         """Lay what a hand holds on a piece of furniture."""
-        spot = self._spot(thing, place)
+        spot = spot_on(self._scene, self._state(), thing, place)
 
         def aside() -> float:
             _, low, high = self._extent(thing)
@@ -288,23 +304,10 @@ class HandyOracle(OracleAgent):
         low, top = box(self._scene, self._state(), thing)[0], box(self._scene, self._state(), place)[1]
         return self._above(thing, place) and abs(float(low[1] - top[1])) < 0.05
 
-    def _spot(self, thing: int, place: int) -> Array:
-        """Return where a thing fits on top of a piece of furniture, nearest to the body, (3,)."""
-        state, own = self._state(), box(self._scene, self._state(), thing)
-        (low, high), half = box(self._scene, state, place), (own[1] - own[0])[[0, 2]].max() / 2
-        room = np.minimum(half + 0.04, (high - low)[[0, 2]] / 2 - 0.01)
-        xs, zs = (np.linspace(low[k] + room[j], high[k] - room[j], 25) for j, k in enumerate((0, 2)))
-        spots = np.stack(np.meshgrid(xs, zs), -1).reshape(-1, 2)
-        others = [box(self._scene, state, obj.id) for obj in self._scene.objects if obj.id not in (thing, place)]
-        there = [(a, b) for a, b in others if a[1] < high[1] + 0.3 and b[1] > high[1] + 0.01]
-        gaps = [np.maximum(np.maximum(a[[0, 2]] - spots, spots - b[[0, 2]]).max(1), 0.0) for a, b in there]
-        crowded = np.min(gaps, axis=0) < half + 0.02 if gaps else np.zeros(len(spots), bool)
-        x, z = spots[np.argmin(np.linalg.norm(spots - PelvisPose.of(state).point, axis=1) + 10.0 * crowded)]
-        return np.array([x, high[1], z])
-
     # -- opening -------------------------------------------------------------------------------------------------------
     def _open(self, leaves: Sequence[SceneObject], share: float) -> Script:
-        handles = [Handle.of(self._scene.hulls, leaf) for leaf in leaves]
+        floor = max(grid.floor for grid in self._memory.floors.floors if grid.floor < leaves[0].position[1] + 0.1)
+        handles = [Handle.of(self._scene.hulls, leaf, floor) for leaf in leaves]
         while True:
             before = {(s.x, s.z): (handle, side) for handle in handles for s, side in self._before(handle)}
             yield from self._walk_to(lambda: [s for handle in handles for s, _ in self._before(handle)])
@@ -324,8 +327,7 @@ class HandyOracle(OracleAgent):
 
     def _before(self, handle: Handle) -> list[tuple[Viewpoint, Side]]:
         """Return places from which a hand reaches a handle, with the hand; the best first."""
-        found = []
-        ahead = handle.out
+        found, ahead = [], handle.out
         yaw = float(np.arctan2(-ahead[0], -ahead[2]))
         left = np.array([np.cos(yaw), 0.0, -np.sin(yaw)])
         for far in (0.62, 0.72, 0.54):
@@ -337,26 +339,24 @@ class HandyOracle(OracleAgent):
                         level = -0.1 < handle.at(handle.obj.state)[1] - grid.floor < 2.2
                         if level and grid.at(grid.clearance, np.array([x, z])) >= 0.2:
                             clash = handle.inside(place)
-                            view = Viewpoint(
-                                handle.obj.id, x, z, yaw, abs(far - 0.62) + abs(more) + clash, floor=grid.floor
-                            )
-                            found.append((view, side))
+                            gap = abs(far - 0.62) + abs(more) + clash
+                            found.append((Viewpoint(handle.obj.id, x, z, yaw, gap, floor=grid.floor), side))
         return found  # type: ignore[return-value]
 
     def _pull(self, handle: Handle, side: Side, share: float) -> Script:
         """Take a handle, and pull it until the thing is open."""
         out = 1.0 if side == "left" else -1.0
         key, wide = handle.obj.id, handle.wide
-        yield from self._square(handle, out)
         for _ in range(3):
+            yield from self._square(handle, out)
             yield from self._hold(handle, side)
             for _ in range(14):
-                if not self._in_hand(key) or handle.share(self._state()) > share + _OPEN:
+                if not self._in_hand(key) or handle.share(self._state()) > share + _OPEN * (not handle.tilts):
                     break
                 yield self._drawn(handle, side, wide)
             if self._in_hand(key):
                 yield self._let_go(side)
-            if handle.share(self._state()) > share:
+            if not 0.05 < handle.share(self._state()) <= share:
                 break
         here = Here.of(self._state())
         yield self._to(side, here.hand(side) + [0.1 * out, 0.05, -0.1], "I take my hand away.")

@@ -102,12 +102,13 @@ class OracleAgent:
         pose = PelvisPose.of(state)
         self._notice(pose, history)
         view = self._look(state)
-        call, reason = self._act(state, pose)
-        self._memory.before = pose
+        (call, reason), self._memory.before = self._act(state, pose), pose
         change = "revise" if self._memory.goal != self._goal() else "keep"
         self._memory.goal = self._goal()
         decision = Decision((call,), view, self._progress(pose), self._goal(), change, reason, raw="", prompt_digest="")
         return self._teller(decision, history) if self._teller else decision
+
+    _room = 0.2  # Metres that a straight step keeps from everything.
 
     # the task
     @property
@@ -275,7 +276,7 @@ class OracleAgent:
 
     def _follow(self, pose: PelvisPose, part: LevelSegment) -> tuple[Call, str]:
         """Take one step along a segment of the way."""
-        towards, rest = aim(part.grid, part.path, pose.point)
+        towards, rest = aim(part.grid, part.path, pose.point, self._room)
         left, forward = pose.local(towards)
         error = float(np.arctan2(left, forward))
         if abs(error) > TURN_FIRST and np.hypot(left, forward) > 0.25:

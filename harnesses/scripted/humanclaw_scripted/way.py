@@ -78,8 +78,11 @@ def remaining(way: Sequence[LevelSegment | StairRun], pose: PelvisPose) -> float
     return here + sum(float(p.edges[-1]) if isinstance(p, StairRun) else length(p.path) for p in rest)
 
 
-def aim(plan: OccupancyGrid, path: Array, point: Array) -> tuple[Array, float]:
-    """Return the farthest point of the path within LOOK_AHEAD that a straight walk reaches, and the metres left."""
+def aim(plan: OccupancyGrid, path: Array, point: Array, room: float = 0.2) -> tuple[Array, float]:
+    """Return the farthest point of the path within LOOK_AHEAD that a straight walk reaches, and the metres left.
+
+    room: how far from everything the walk keeps, metres.
+    """
     marks = np.concatenate([np.linspace(a, b, max(2, int(np.linalg.norm(b - a) / 0.05) + 1)) for a, b in _legs(path)])
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(marks, axis=0), axis=1))])
     here = int(np.argmin(np.linalg.norm(marks - point, axis=1)))
@@ -87,7 +90,7 @@ def aim(plan: OccupancyGrid, path: Array, point: Array) -> tuple[Array, float]:
     ahead = [k for k in range(here, len(marks)) if along[k] - along[here] <= LOOK_AHEAD]
     for k in reversed(ahead):
         # With a point nearer than a step the body would step on the spot; only the end of the path may be that near.
-        if along[k] - along[here] >= min(0.3, rest) and plan.clear(point, marks[k], 0.2):
+        if along[k] - along[here] >= min(0.3, rest) and plan.clear(point, marks[k], room):
             return marks[k], rest
     return marks[ahead[len(ahead) // 2]], rest
 

@@ -44,7 +44,7 @@ _BACK: Final = 0.02
 _CLOSING: Final = 0.4
 """Seconds in which it is."""
 _CATCHES_UP: Final = 0.3
-"""Share of a gap that a hand closes in a step."""
+"""Share of a gap that a hand closes in a step; no faster than its force can brake on half the way."""
 _LEARNS: Final = 0.3
 """Share of what a load took of a step's velocity that a hand adds to the next."""
 _FAST: Final = 4.0
@@ -97,7 +97,7 @@ class Hands:
         self._passing: set[tuple[Side, int]] = set()
         """Sides and things that do not push each other."""
         self._carried: dict[int, tuple[Array, Array, Array]] = {}
-        """Of each free held thing: where it was due, at what velocity, and what contact took of that in a step."""
+        """Of each free held thing: where it was due, the velocity that it was given, and what contact takes of that."""
         self._fastest = 0.0
         self._falling: dict[int, int] = {}
         """Free things that left a hand, and for how many more chunks they may fall."""
@@ -227,13 +227,15 @@ class Hands:
         turned = turns[0] if len(turns) == 1 else blend(turns[0], turns[1], 0.5)
         due = np.mean([self._due(side, places) for side in sides], axis=0)
         missing = vector_from_quaternion(multiply(turned, conjugate(motion.quaternion)))
-        before, wanted, load = self._carried.get(key, (due, motion.velocity, np.zeros(3)))
-        share = len(sides) * seconds / mass
-        load = _capped(load + _LEARNS * (wanted - motion.velocity), self._profile.lift * share)
-        wanted = _capped((due - before + _CATCHES_UP * (before - motion.position)) / seconds, _FAST)
-        gain = wanted - motion.velocity + load + [0.0, self._profile.gravity * seconds, 0.0]
-        velocity = motion.velocity + _capped(gain, min(self._profile.lift * share, _SHOCK * seconds))
-        self._carried[key] = due, wanted, load
+        before, given, load = self._carried.get(key, (due, motion.velocity, np.zeros(3)))
+        share, fall = len(sides) * seconds / mass, np.array([0.0, self._profile.gravity * seconds, 0.0])
+        most = min(self._profile.lift * share, _SHOCK * seconds)
+        load = _capped(load + _LEARNS * (given - load - motion.velocity), most)
+        gap = before - motion.position
+        brakes = math.sqrt(float(np.linalg.norm(gap)) * most / seconds)
+        wanted = _capped((due - before) / seconds + _capped(_CATCHES_UP * gap / seconds, brakes), _FAST)
+        velocity = motion.velocity + _capped(wanted - motion.velocity + load + fall, most)
+        self._carried[key] = due, velocity - fall, load
         faster = _capped(missing / seconds, _FAST / PALM) - motion.spin
         spin = motion.spin + _capped(faster, _WRIST * share / self._sizes[key] ** 2)
         self._world.set_motion(key, ObjectMotion(motion.position, motion.quaternion, velocity, spin))

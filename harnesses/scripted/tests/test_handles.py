@@ -1,0 +1,19 @@
+"""Tests of where the oracle takes hold of what opens."""
+
+import numpy as np
+import pytest
+
+from humanclaw.testing import SceneBuilder
+from humanclaw.world import Hinge
+from humanclaw_scripted.handles import Handle
+
+
+@pytest.mark.parametrize("floor", [0.0, 2.88, 6.1])
+def test_a_door_is_taken_at_the_height_of_a_hand_on_every_floor(floor):
+    """A storey of 2.88 m is none of 3 m: there the oracle took wardrobes at the ankles, and its head shut them."""
+    built = SceneBuilder()
+    key = built.box("door", (0.6, 1.9, 0.04), (0, floor + 0.05, 0.75), movable=True, mass=9.0,
+                    joint=Hinge((-0.3, 0, 0.02), -np.pi / 2, 0.0, 1.5, 2.0))  # fmt: skip
+    scene = built.scene()
+    handle = Handle.of(scene.hulls, scene.by_id[key], floor)
+    assert handle.at(0.0)[1] - floor == pytest.approx(1.05, abs=0.01)
