@@ -285,9 +285,11 @@ def _light_near(
     total, weight = np.float32(1e-6), np.float32(1e-6)
     for r in range(max((row - wide) // 2, 0), min((row + 1 + wide) // 2 + 1, light.shape[0])):
         for c in range(max((column - wide) // 2, 0), min((column + 1 + wide) // 2 + 1, light.shape[1])):
-            near = here / (here + np.float32(40) * abs(gbuffer.inverse_depth[2 * r, 2 * c] - here)) + np.float32(1e-4)
             number = gbuffer.surface[2 * r, 2 * c]
-            if number < 0 or gbuffer.faces[number, 0] != face or gbuffer.faces[number, 1] != instance:
+            if number < 0 or gbuffer.table[number, KIND] == PANE:
+                continue  # The sky lights nothing in the room by itself.
+            near = here / (here + np.float32(40) * abs(gbuffer.inverse_depth[2 * r, 2 * c] - here)) + np.float32(1e-4)
+            if gbuffer.faces[number, 0] != face or gbuffer.faces[number, 1] != instance:
                 near *= np.float32(0.02)  # Not 0: a small face may have no sample of its own.
             total += near * light[r, c]
             weight += near
