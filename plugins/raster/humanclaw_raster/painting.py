@@ -8,17 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanclaw.world import compiled
-from humanclaw_raster.buffers import (
-    HALF,
-    ONE,
-    TWO,
-    ZERO,
-    GBuffer,
-    Instances,
-    Pinhole,
-    floats,
-    ints,
-)
+from humanclaw_raster.buffers import HALF, ONE, TWO, ZERO, GBuffer, Instances, Pinhole, floats, ints
 from humanclaw_raster.lighting import SKY
 from humanclaw_raster.packing import LEVELS, PANE, Floats, Model
 from humanclaw_raster.sky import BOTTOM, TOP
@@ -202,14 +192,8 @@ def _colours(model: Model, points: _Points, count: int, rgb: NDArray[np.uint8]) 
     for k in range(count):
         first[k], height[k], width[k] = model.levels[level[k]]
     a, b, c, d = ints(count), ints(count), ints(count), ints(count)
-    left, right, upper, lower, east, south = (
-        ints(count),
-        ints(count),
-        ints(count),
-        ints(count),
-        floats(count),
-        floats(count),
-    )
+    left, right, upper, lower = ints(count), ints(count), ints(count), ints(count)
+    east, south = floats(count), floats(count)
     _between(points.u, width, left, right, east)
     _between(points.v, height, upper, lower, south)
     for k in range(count):
