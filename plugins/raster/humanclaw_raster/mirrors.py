@@ -22,8 +22,8 @@ SEEN: Final = 200
 """Pixels of a mirror from which it reflects."""
 _CLEAR: Final = 0.01
 """What reaches less far before the glass hides nothing in it, metres: its own frame and wall."""
-SHINE: Final = {"mirror": 0.85, "tv": 0.05}
-"""Share of the light that glass reflects, by category; a screen's is that of its two surfaces, seen from before it."""
+SHINE: Final = {"mirror": 0.85, "tv": 0.02}
+"""Share of the light that glass reflects, by category; screens are coated against it."""
 _DARK: Final = 60
 """Mean of a screen that is off, of 255. A picture outshines the room in it."""
 _LINEAR: Final = np.linspace(0, 1, 256) ** 2.2
