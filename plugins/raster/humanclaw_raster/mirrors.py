@@ -1,4 +1,4 @@
-"""Mirrors: the room before one, drawn once more by the eye's mirror image at half the size."""
+"""Mirrors and dark screens: the room before one, drawn once more by the eye's mirror image at half the size."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from scipy.ndimage import map_coordinates
 
 from humanclaw import Scene
 from humanclaw.body import Array, matrix_from_quaternion
-from humanclaw.world import View
+from humanclaw.world import Mesh, View
 from humanclaw_raster.buffers import Instances, Pinhole
 from humanclaw_raster.lighting import front
 from humanclaw_raster.packing import Model
@@ -22,14 +22,20 @@ SEEN: Final = 200
 """Pixels of a mirror from which it reflects."""
 _CLEAR: Final = 0.01
 """What reaches less far before the glass hides nothing in it, metres: its own frame and wall."""
-SHINE: Final = 0.85
-"""Share of a mirror's colour that it reflects."""
+SHINE: Final = {"mirror": 0.85, "tv": 0.02}
+"""Share of the light that glass reflects, by category; screens are coated against it."""
+_DARK: Final = 60
+"""Mean of a screen that is off, of 255. A picture outshines the room in it."""
+_LINEAR: Final = np.linspace(0, 1, 256) ** 2.2
+"""Light of each value of a picture."""
 
 
 class Glass(NamedTuple):
-    """The reflecting rectangle of one mirror."""
+    """The reflecting rectangle of one mirror or dark screen."""
 
     id: int
+    shine: float
+    """As SHINE has it."""
     place: Array
     """(3,) and"""
     turn: Array
@@ -41,13 +47,18 @@ class Glass(NamedTuple):
 
     @classmethod
     def all_in(cls, scene: Scene) -> Iterator[Self]:
-        """Yield the mirrors of a scene that hang still."""
-        for obj in scene.of_category("mirror"):
+        """Yield the mirrors and the dark screens of a scene that stay where they are."""
+        for obj in scene.objects:
+            if obj.category not in SHINE or obj.movable:
+                continue
             mesh = scene.assets[obj.asset].mesh
-            if not obj.movable and (pane := front(mesh)).any():
-                corners = mesh.vertices[mesh.faces[pane]].reshape(-1, 3).astype(float)
+            faces = mesh.faces[front(mesh)]
+            faces = faces[mesh.vertices[faces, 2].min(1) > mesh.vertices[faces, 2].max(initial=-np.inf) - 1e-3]
+            if len(faces) and (obj.category == "mirror" or _tone(mesh, faces) < _DARK):
+                corners = mesh.vertices[faces].reshape(-1, 3).astype(float)
                 turn = matrix_from_quaternion(np.array(obj.rotation))
-                yield cls(obj.id, np.array(obj.position), turn, corners.min(0), corners.max(0))
+                shine = SHINE[obj.category]
+                yield cls(obj.id, shine, np.array(obj.position), turn, corners.min(0), corners.max(0))
 
     @property
     def normal(self) -> Array:
@@ -90,8 +101,17 @@ class Glass(NamedTuple):
         return np.asarray((reach > 0) & (instances.id[instance] != self.id))
 
 
-def blend(rgb: NDArray[np.uint8], shown: NDArray[np.bool_], reflection: NDArray[np.uint8]) -> None:
-    """Put a reflection into the pixels (H, W) of a picture that show the glass."""
+def _tone(mesh: Mesh, faces: NDArray[np.int32]) -> float:
+    """Return the mean value of the texture on faces, 0 to 255, from 15 places on each."""
+    weights = np.array([[i, j, 4 - i - j] for i in range(5) for j in range(5 - i)]) / 4
+    u, v = np.moveaxis(weights @ mesh.uv[faces], -1, 0) % 1.0
+    high, wide = mesh.texture.shape[:2]
+    return float(mesh.texture[((1 - v) * high).astype(int).clip(0, high - 1), (u * wide).astype(int)].mean())
+
+
+def blend(rgb: NDArray[np.uint8], shown: NDArray[np.bool_], reflection: NDArray[np.uint8], shine: float) -> None:
+    """Put the light of a reflection into the pixels (H, W) of a picture that show the glass."""
     at = (np.stack(np.nonzero(shown)) + 0.5) / COARSE - 0.5
-    seen = [map_coordinates(reflection[..., k], at, float, 1, mode="nearest") for k in range(3)]
-    rgb[shown] = np.rint(SHINE * np.stack(seen, -1) + (1 - SHINE) * rgb[shown])
+    seen = [map_coordinates(_LINEAR[reflection[..., k]], at, float, 1, mode="nearest") for k in range(3)]
+    light = shine * np.stack(seen, -1) + (1 - shine) * _LINEAR[rgb[shown]]
+    rgb[shown] = np.rint(255 * light ** (1 / 2.2))

@@ -15,8 +15,8 @@ CLUSTER: Final = 64
 """Number of triangles that are tested against the view together."""
 LEVELS: Final = 8
 """Number of sizes of a texture (mipmap); each is half the previous one."""
-SMOOTH: Final = float(np.cos(np.radians(40.0)))
-"""Cosine of 40 degrees. Between faces whose normals differ more is a sharp edge."""
+SMOOTH: Final = float(np.cos(np.radians(62.0)))
+"""Cosine of 62 degrees. Between faces whose normals differ more is a sharp edge; a bar of six sides is round."""
 
 SMALL, WIDE, PANE = 0, 1, 2
 """Kinds of faces: light changes evenly over a small or bent one, and not over a wide flat one; a pane shows the sky."""
@@ -154,15 +154,18 @@ def _smooth_normals(corners: Floats, places: NDArray[np.int64]) -> Array:
     places: (T, 3) the number of each corner's place.
     """
     points: Array = corners.astype(float)
-    flat = _unit(np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0]))
-    mean = np.zeros((3 * len(flat), 3))
-    _add_alike(flat, np.argsort(places, axis=None, kind="stable"), np.cumsum(np.bincount(places.ravel())), mean)
+    area = np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])
+    mean = np.zeros((3 * len(area), 3))
+    _add_alike(
+        area, _unit(area), np.argsort(places, axis=None, kind="stable"), np.cumsum(np.bincount(places.ravel())), mean
+    )
     return _unit(mean).reshape(-1, 3, 3)
 
 
 @compiled
-def _add_alike(flat: Array, order: NDArray[np.int64], ends: NDArray[np.int64], mean: Array) -> None:
-    """Add to each corner the normals of all faces at its place that are SMOOTH with its own."""
+def _add_alike(area: Array, flat: Array, order: NDArray[np.int64], ends: NDArray[np.int64], mean: Array) -> None:
+    """Add to each corner the areas of all faces at its place that are SMOOTH with its own: rounded edges leave large
+    faces flat."""
     begin = 0
     for end in ends:
         for one in order[begin:end]:
@@ -170,7 +173,7 @@ def _add_alike(flat: Array, order: NDArray[np.int64], ends: NDArray[np.int64], m
                 a, b = flat[one // 3], flat[other // 3]
                 if a[0] * b[0] + a[1] * b[1] + a[2] * b[2] > SMOOTH:
                     for axis in range(3):
-                        mean[one, axis] += b[axis]
+                        mean[one, axis] += area[other // 3, axis]
         begin = end
 
 

@@ -8,17 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanclaw.world import compiled
-from humanclaw_raster.buffers import (
-    HALF,
-    ONE,
-    TWO,
-    ZERO,
-    GBuffer,
-    Instances,
-    Pinhole,
-    floats,
-    ints,
-)
+from humanclaw_raster.buffers import HALF, ONE, TWO, ZERO, GBuffer, Instances, Pinhole, floats, ints
 from humanclaw_raster.lighting import SKY
 from humanclaw_raster.packing import LEVELS, PANE, Floats, Model
 from humanclaw_raster.sky import BOTTOM, TOP
@@ -202,14 +192,8 @@ def _colours(model: Model, points: _Points, count: int, rgb: NDArray[np.uint8]) 
     for k in range(count):
         first[k], height[k], width[k] = model.levels[level[k]]
     a, b, c, d = ints(count), ints(count), ints(count), ints(count)
-    left, right, upper, lower, east, south = (
-        ints(count),
-        ints(count),
-        ints(count),
-        ints(count),
-        floats(count),
-        floats(count),
-    )
+    left, right, upper, lower = ints(count), ints(count), ints(count), ints(count)
+    east, south = floats(count), floats(count)
     _between(points.u, width, left, right, east)
     _between(points.v, height, upper, lower, south)
     for k in range(count):
@@ -285,9 +269,11 @@ def _light_near(
     total, weight = np.float32(1e-6), np.float32(1e-6)
     for r in range(max((row - wide) // 2, 0), min((row + 1 + wide) // 2 + 1, light.shape[0])):
         for c in range(max((column - wide) // 2, 0), min((column + 1 + wide) // 2 + 1, light.shape[1])):
-            near = here / (here + np.float32(40) * abs(gbuffer.inverse_depth[2 * r, 2 * c] - here)) + np.float32(1e-4)
             number = gbuffer.surface[2 * r, 2 * c]
-            if number < 0 or gbuffer.faces[number, 0] != face or gbuffer.faces[number, 1] != instance:
+            if number < 0 or gbuffer.table[number, KIND] == PANE:
+                continue  # The sky lights nothing in the room by itself.
+            near = here / (here + np.float32(40) * abs(gbuffer.inverse_depth[2 * r, 2 * c] - here)) + np.float32(1e-4)
+            if gbuffer.faces[number, 0] != face or gbuffer.faces[number, 1] != instance:
                 near *= np.float32(0.02)  # Not 0: a small face may have no sample of its own.
             total += near * light[r, c]
             weight += near

@@ -119,7 +119,7 @@ class RasterRenderer:
         small = replace(camera, width=camera.width // COARSE, height=camera.height // COARSE)
         self._loaded.instances.place[0] = self._person.dress(self._loaded.model, body, image.eye)
         found, _, _ = _painted(self._loaded, image, small, glass)
-        blend(view.rgb, shown, found.rgb)
+        blend(view.rgb, shown, found.rgb, glass.shine)
 
     def close(self) -> None:
         """Free the scene; a closed renderer can load again."""

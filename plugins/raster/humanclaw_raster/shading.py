@@ -8,17 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanclaw.world import compiled, inlined
-from humanclaw_raster.buffers import (
-    HALF,
-    ONE,
-    TINY,
-    TWO,
-    ZERO,
-    GBuffer,
-    OverheadMap,
-    Pinhole,
-    floats,
-)
+from humanclaw_raster.buffers import HALF, ONE, TINY, TWO, ZERO, GBuffer, OverheadMap, Pinhole, floats
 from humanclaw_raster.lighting import OFFSET, Light, facing, jitter, probe
 from humanclaw_raster.packing import PANE, WIDE, Floats
 from humanclaw_raster.surfaces import BRIGHT, FLAT, KIND

@@ -52,8 +52,8 @@ class SceneBuilder:
     def box(self, size, position, colour=(200, 200, 200), **facts):
         return self.mesh(box_mesh(size, colour), position, **facts)
 
-    def sheet(self, corners, position, category):
-        return self.mesh(flat_mesh(corners, [[0, 1, 2], [0, 2, 3]]), position, category)
+    def sheet(self, corners, position, category, colour=(200, 200, 200)):
+        return self.mesh(flat_mesh(corners, [[0, 1, 2], [0, 2, 3]], colour), position, category)
 
     def floor(self):
         return self.box((20, 0.2, 20), (0, -0.2, 0))

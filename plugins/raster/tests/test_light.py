@@ -12,7 +12,11 @@ import pytest
 from humanclaw.body import rest_pose
 from humanclaw.world import Room, WorldState
 from humanclaw_raster.baking import _filled
+from humanclaw_raster.buffers import GBuffer
+from humanclaw_raster.packing import PANE
+from humanclaw_raster.painting import _light_near
 from humanclaw_raster.renderer import RasterRenderer
+from humanclaw_raster.surfaces import KIND, SURFACE
 
 AWAY = rest_pose()
 AWAY.root[:, 0] += 500.0
@@ -78,6 +82,15 @@ def test_a_window_takes_no_light_from_its_frame(room, camera):
     view = room.look(camera((0, 1.6, -2.0), (0.7, 0, -1), 512))
     row = view.rgb[256][view.ids[256] == frame].mean(axis=1)
     assert np.ptp(row[2:12]) < 5  # Its side, from the pane to the front: 225 to 243 if the pane shaded it.
+
+
+def test_a_side_of_a_frame_too_thin_for_a_sample_is_lit_as_the_frame_and_not_as_the_pane_beside():
+    table = np.zeros((3, SURFACE), np.float32)
+    table[0, KIND] = PANE
+    faces, surface = np.array([[0, 1], [1, 2], [2, 2]], np.int32), np.array([[0, 1, 2], [0, 1, 2]], np.int32)
+    gbuffer = GBuffer(np.ones((2, 3), np.float32), surface, faces, table)
+    samples = np.array([[1.0, 0.5]], np.float32)
+    assert _light_near(samples, gbuffer, 1.0, 1, 2, 0, 1, 0) == pytest.approx(0.5, abs=1e-3)
 
 
 def test_a_large_screen_in_the_dark_is_as_bright_as_a_small_one(room, camera):

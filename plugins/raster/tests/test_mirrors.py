@@ -1,4 +1,4 @@
-"""What a mirror shows is what its side of the room would show to the eye behind it."""
+"""What a mirror shows is what its side of the room would show to the eye behind it; a dark screen shows it faintly."""
 
 import numpy as np
 import pytest
@@ -11,14 +11,21 @@ RED, BLUE = (220, 40, 40), (40, 40, 220)
 
 @pytest.fixture
 def hall(builder):
-    """A mirror of 1.2 m a side at z -2, which faces +Z. A red board stands at z 3, a blue one behind the mirror's
-    wall."""
+    return fill(builder), hang(builder, "mirror")
+
+
+def fill(builder):
+    """Build a wall at z -2. A red board stands at z 3, a blue one behind the wall."""
     builder.box((6, 4, 0.1), (0, -1, -2.06))
-    corners = [(x, y, 0.0) for x, y in ((-0.6, -0.6), (0.6, -0.6), (0.6, 0.6), (-0.6, 0.6))]
-    glass = builder.sheet(corners, (0, 1, -2), "mirror")
     builder.box((0.5, 0.5, 0.02), (-1.0, 0.75, 3.0), RED)
     builder.box((4, 4, 0.02), (0, -1, -2.5), BLUE)
-    return builder, glass
+    return builder
+
+
+def hang(builder, category, colour=(200, 200, 200)):
+    """Hang glass of 1.2 m a side on the wall, which faces +Z."""
+    corners = [(x, y, 0.0) for x, y in ((-0.6, -0.6), (0.6, -0.6), (0.6, 0.6), (-0.6, 0.6))]
+    return builder.sheet(corners, (0, 1, -2), category, colour)
 
 
 def seen(view, colour):
@@ -49,3 +56,20 @@ def test_the_body_sees_itself_whole_in_a_mirror_and_nothing_from_behind_the_glas
     assert changed.sum() > 500
     behind = builder.look(camera((0, 1, -4), (0, 0, 1), 512))
     assert not (seen(behind, RED) & (behind.ids == glass)).any()
+
+
+@pytest.mark.parametrize(("colour", "reflects"), [((20, 20, 20), True), ((120, 140, 160), False)])
+def test_a_screen_reflects_a_fiftieth_of_the_light_while_it_is_dark(builder, camera, colour, reflects):
+    screen, eye = hang(fill(builder), "tv", colour), camera((0, 1, 0), (0, 0, -1), 512)
+    view = builder.look(eye)
+    assert view.ids[256, 219] == screen
+    # The middle of the board's image, and the same height on the other side, where nothing is.
+    board, empty = (view.rgb[256, 256 + 37 * side].astype(int) for side in (-1, 1))
+    sky = np.array([218, 232, 245])
+    if reflects:
+        own = (np.array(colour) / 255) ** 2.2 * 0.95
+        assert empty == pytest.approx(255 * (own + 0.02 * (sky / 255) ** 2.2) ** (1 / 2.2), abs=4)
+        assert empty[2] - board[2] > 15
+        assert board[0] - board[2] > 10
+    else:
+        assert np.abs(board - empty).max() == 0
