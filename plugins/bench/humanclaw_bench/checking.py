@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
 import click
 from tqdm import tqdm
 
-from humanclaw import Plugins, load_run
 from humanclaw.cli import counted, plugin_files
 from humanclaw.storage import write_result
 from humanclaw_bench import leaderboard as leaderboards, submission as submissions
 from humanclaw_bench.cli import PARTIAL, RUN
-from humanclaw_bench.export import metrics_of, scored_runs
 from humanclaw_bench.integrity import RunFiles, check, is_told, split_digest
 from humanclaw_bench.replay import Replayed, replayed, sample
 from humanclaw_bench.signing import signer
@@ -134,7 +131,6 @@ def submit(run: Path, who: str, model_date: str, out: Path | None, partial: bool
 )
 @click.option("--by", default="", metavar="NAME", help="Who plays recorded calls again, as the page names it.")
 @click.option("--hidden", type=RUN, metavar="FILE", help="Episodes of the hidden test, whose table is marked.")
-@click.option("--pages", is_flag=True, help="Write the page of each run that lies here and agrees, and link to it.")
 @replay_options
 @plugin_files
 def leaderboard(
@@ -142,7 +138,6 @@ def leaderboard(
     any_pace: bool,
     by: str,
     hidden: Path | None,
-    pages: bool,
     again: int | None,
     seed: int | None,
     workers: int,
@@ -157,14 +152,5 @@ def leaderboard(
         return _played_again(run, again or 0, seed, workers, files)
 
     test = split_digest(load_split(str(hidden))) if hidden else ""
-    shown = partial(_pages, files) if pages else None
-    checks = leaderboards.Checks(any_pace, played if again else None, by, test, shown)
+    checks = leaderboards.Checks(any_pace, played if again else None, by, test)
     click.echo(leaderboards.leaderboard(folder, checks))
-
-
-def _pages(files: tuple[Path, ...], run: Path) -> list[Path]:
-    """Do what is done at the end of a run; return the files that were told then."""
-    plugins, episodes, told = Plugins.discover(files), load_run(run), list[str]()
-    found = scored_runs({run: episodes}, metrics_of(plugins))
-    plugins.tell("humanclaw_run_end", run=run, episodes=episodes, plugins=plugins, tell=told.append, scored=found)
-    return [path for path in (Path(line.partition(": ")[2]) for line in told) if path.is_file()]

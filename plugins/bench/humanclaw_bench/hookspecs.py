@@ -94,8 +94,7 @@ def humanclaw_run_end(
 ) -> None:  # fmt: skip
     """React to the end of `humanclaw bench run`, when no episode is left to play.
 
-    tell: prints a line; `report: PATH` is a page, to which a leaderboard may link. scored: scores and root cause of
-    each episode, by run.
+    tell: prints a line. scored: scores and root cause of each episode, by run.
     """
 
 

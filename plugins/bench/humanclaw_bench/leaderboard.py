@@ -5,11 +5,10 @@ from __future__ import annotations
 import html
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final
-from urllib.parse import quote
 
 import numpy as np
 
@@ -48,8 +47,6 @@ class Checks:
     """Who plays them again, as the page names it."""
     hidden: str = ""
     """Digest of the hidden test; empty for none."""
-    pages: Callable[[Path], Sequence[Path]] | None = None
-    """Writes the pages of a run that the board links to. Those that came with it are never linked."""
 
 
 @dataclass(frozen=True)
@@ -62,8 +59,6 @@ class Entry:
     """Result of its records: agree, not here, or the contradictions."""
     apart: str = ""
     """Reason why it is not ranked; empty if it is."""
-    pages: tuple[str, ...] = ()
-    """Addresses of its run's pages, from the board's folder."""
 
 
 def leaderboard(folder: Path, checks: Checks = Checks()) -> Path:
@@ -99,7 +94,7 @@ def _entries(folder: Path, checks: Checks) -> tuple[list[Entry], list[str]]:
     found, unread = [], []
     for path in map(folder.joinpath, Folder(folder).names(".json")):
         try:
-            found.append(_shown(_entry(path, read(path), checks), path.with_suffix(""), checks))
+            found.append(_entry(path, read(path), checks))
         except RecordError as error:
             unread.append(error.message)
         except Exception as error:  # A stranger's broken file must not hide the others.
@@ -131,13 +126,6 @@ def _entry(path: Path, one: Submission, checks: Checks) -> Entry:
     lies = [f"{each.episode}: {each.differing[0]}" for each in played if each.differing]
     apart = f"contradicted by playing again: {lies[0]}" if lies else apart
     return Entry(path.name, one, _replayed(played, checks.by), apart)
-
-
-def _shown(entry: Entry, run: Path, checks: Checks) -> Entry:
-    """Write the pages of a run that lies here and agrees."""
-    if checks.pages is None or not entry.records.startswith(AGREE):
-        return entry
-    return replace(entry, pages=tuple(quote(page.relative_to(run.parent).as_posix()) for page in checks.pages(run)))
 
 
 def _replayed(played: Sequence[Replayed], by: str) -> str:
@@ -209,7 +197,7 @@ def _cells(entry: Entry, label: str) -> tuple[str | Markup, ...]:
     privileged, near = any(e.scores.privileged for e in one.episodes), one.run.get("in process")
     agent = one.agent + " (privileged)" * privileged + " (in process)" * bool(near)
     rates = (_rate(Column.of(metric), one.rates.get(metric.name)) for metric in RATES)
-    return agent, one.who, *rates, _badge(entry.records, entry.pages), _details(one.engine + label, _facts(one))
+    return agent, one.who, *rates, _badge(entry.records), _details(one.engine + label, _facts(one))
 
 
 def _facts(one: Submission) -> dict[str, str]:
@@ -230,11 +218,10 @@ def _facts(one: Submission) -> dict[str, str]:
     }
 
 
-def _badge(records: str, pages: Sequence[str]) -> Markup:
+def _badge(records: str) -> Markup:
     told = records == "not here" or records.startswith(_HALF)
     kind = "told" if told else "good" if records.startswith(AGREE) else "bad"
-    links = "".join(f" <a href='{page}'>episodes</a>" for page in pages)
-    return Markup(f"<span class='{kind}'>{_escaped(records)}</span>{links}")
+    return Markup(f"<span class='{kind}'>{_escaped(records)}</span>")
 
 
 def _details(title: str, facts: Mapping[str, str]) -> Markup:
@@ -296,7 +283,6 @@ th, td {{ padding: .42rem .8rem .42rem 0; text-align: left; border-bottom: 1px s
   font-weight: 400; }}
 thead th, dt {{ color: var(--soft); font-size: .84rem; }}
 tbody th {{ font-weight: 600; }}
-a {{ color: inherit; }}
 .bar {{ display: block; position: relative; height: .4rem; min-width: 6rem; margin-top: .2rem; border-radius: 3px;
   background: var(--line); }}
 .bar span {{ position: absolute; inset-block: 0; min-width: 3px; border-radius: 3px; background: var(--bar); }}
