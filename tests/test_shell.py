@@ -2,6 +2,9 @@
 
 import importlib.metadata
 import json
+import os
+import shutil
+import sys
 from pathlib import Path
 
 import pytest
@@ -12,6 +15,26 @@ from humanclaw import Plugins
 from humanclaw.cli import build
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
+YARDS = """
+from humanclaw import hookimpl
+
+class Source:
+    def __init__(self, *names):
+        self.names = lambda: [str(name.lower()) for name in names]
+
+@hookimpl
+def humanclaw_scenes(register):
+    register("yard", Source("old", "new"))
+    register("field", Source("north", None))
+"""
+
+
+@pytest.fixture
+def yards(tmp_path):
+    """A file of two scene sources: one tells the names of its scenes, the other fails to."""
+    file = tmp_path / "yards.py"
+    file.write_text(YARDS)
+    return str(file)
 
 
 @pytest.fixture
@@ -29,6 +52,9 @@ def completed():
         (["run", "--agent"], "see", {"seeing", "seeing-colour"}),
         (["run", "--skills"], "stop,tu", {"stop,turn_in_place"}),
         (["run", "--scene"], "hou", {"house:"}),
+        (["run", "--scene"], "house:4", {"house:4", "house:40"}),
+        (["run", "--scene"], "house:t", {"house:train-"}),
+        (["run", "--scene"], "nowhere:", set()),
         (["play"], "step", {"step_back"}),
         (["bench", "run", "--split"], "val", {"val", "val-400"}),
         (["run", "--plugin", str(EXAMPLES / "nod.py"), "--skills"], "no", {"nod"}),
@@ -37,6 +63,35 @@ def completed():
 )
 def test_a_shell_completes_names_of_what_is_installed(completed, words, begun, found):
     assert completed(*words, begun=begun) == found
+
+
+@pytest.mark.parametrize(("begun", "found"), [("yard:", {"yard:old", "yard:new"}), ("field:", set())])
+def test_a_source_of_scenes_tells_the_names_that_a_shell_completes(completed, yards, begun, found):
+    assert completed("run", "--plugin", yards, "--scene", begun=begun) == found
+
+
+@pytest.mark.skipif(os.name == "nt" or not shutil.which("bash"), reason="needs bash and a terminal")
+@pytest.mark.parametrize(
+    ("typed", "line"),
+    [
+        ("run --scene hou", "run --scene house:"),
+        ("run --scene house:39", "run --scene house:39 "),
+        ("run --scene=house:t", "run --scene=house:train-"),
+        ("run --instruction 'é: x' --scene floor: --age", "run --instruction 'é: x' --scene floor: --agent "),
+    ],
+)
+def test_bash_completes_a_word_with_a_colon(typed, line):
+    pexpect = pytest.importorskip("pexpect")
+    folder = str(Path(sys.executable).parent)
+    environment = os.environ | {"PATH": f"{folder}:{os.environ['PATH']}", "PS1": "$ ", "TERM": "dumb", "COLUMNS": "200"}
+    shell = pexpect.spawn("bash --norc -i", env=environment, encoding="utf-8", dimensions=(24, 200), timeout=60)
+    shell.sendline('eval "$(_HUMANCLAW_COMPLETE=bash_source humanclaw)"; echo rea""dy')
+    shell.expect("ready")
+    shell.send(f"humanclaw {typed}\t")
+    shell.expect_exact(f"humanclaw {line}")
+    shell.send("|")
+    assert shell.expect_exact(["|", " "]) == 0, "what follows the word is the end of the line"
+    shell.close()
 
 
 def test_the_doctor_names_what_is_missing_and_the_command_that_installs_it(monkeypatch):

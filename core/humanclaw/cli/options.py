@@ -322,7 +322,7 @@ def scene_option(*name: str, about: str = "Where: source:argument.", **settings:
             raise HumanclawError(told, "Put secrets into the environment instead.")
         return value
 
-    shared: Any = {"callback": check, "show_default": True, "help": about, "shell_complete": names_of("scenes", ":")}
+    shared: Any = {"callback": check, "show_default": True, "help": about, "shell_complete": names_of("scenes")}
     return click.option("--scene", *(name or ("reference",)), **shared, **settings)
 
 

@@ -107,7 +107,8 @@ def humanclaw_recipes(register: RegisterRecipe) -> None:
 
 @hookspec
 def humanclaw_scenes(register: Register[SceneFactory]) -> None:
-    """Register scene sources: factory(argument: str) -> Scene, called with what follows the colon in name:argument."""
+    """Register scene sources: factory(argument: str) -> Scene, called with what follows the colon in name:argument.
+    A shell completes the arguments that the factory's method names() returns, if it has one."""
 
 
 @hookspec

@@ -9,10 +9,12 @@ from typing import TypeVar
 import click
 from tqdm import tqdm
 
+from humanclaw import Plugins, load_run
 from humanclaw.cli import counted, plugin_files
 from humanclaw.storage import write_result
 from humanclaw_bench import leaderboard as leaderboards, submission as submissions
 from humanclaw_bench.cli import PARTIAL, RUN
+from humanclaw_bench.export import metrics_of, scored_runs
 from humanclaw_bench.integrity import RunFiles, check, is_told, split_digest
 from humanclaw_bench.replay import Replayed, replayed, sample
 from humanclaw_bench.signing import signer
@@ -131,6 +133,7 @@ def submit(run: Path, who: str, model_date: str, out: Path | None, partial: bool
 )
 @click.option("--by", default="", metavar="NAME", help="Who plays recorded calls again, as the page names it.")
 @click.option("--hidden", type=RUN, metavar="FILE", help="Episodes of the hidden test, whose table is marked.")
+@click.option("--pages", is_flag=True, help="Also write the page of each run that agrees, and link to it from its row.")
 @replay_options
 @plugin_files
 def leaderboard(
@@ -138,6 +141,7 @@ def leaderboard(
     any_pace: bool,
     by: str,
     hidden: Path | None,
+    pages: bool,
     again: int | None,
     seed: int | None,
     workers: int,
@@ -151,6 +155,11 @@ def leaderboard(
     def played(run: Path) -> list[Replayed]:
         return _played_again(run, again or 0, seed, workers, files)
 
+    def write(run: Path) -> None:
+        plugins, episodes = Plugins.discover(files), load_run(run)
+        scores = scored_runs({run: episodes}, metrics_of(plugins))
+        plugins.tell("humanclaw_run_end", run=run, episodes=episodes, plugins=plugins, tell=click.echo, scored=scores)
+
     test = split_digest(load_split(str(hidden))) if hidden else ""
-    checks = leaderboards.Checks(any_pace, played if again else None, by, test)
+    checks = leaderboards.Checks(any_pace, played if again else None, by, test, write if pages else None)
     click.echo(leaderboards.leaderboard(folder, checks))

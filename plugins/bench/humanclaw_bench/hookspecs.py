@@ -92,7 +92,8 @@ def humanclaw_run_end(
     run: Path, episodes: Sequence[RecordedEpisode], plugins: Plugins, tell: Callable[[str], None],
     scored: Mapping[Path, Sequence[Any]],
 ) -> None:  # fmt: skip
-    """React to the end of `humanclaw bench run`, when no episode is left to play.
+    """React to the end of `humanclaw bench run`, when no episode is left to play; also for each run that
+    `humanclaw bench leaderboard --pages` shows.
 
     tell: prints a line. scored: scores and root cause of each episode, by run.
     """

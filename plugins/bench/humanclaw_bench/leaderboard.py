@@ -5,10 +5,11 @@ from __future__ import annotations
 import html
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final
+from urllib.parse import quote
 
 import numpy as np
 
@@ -31,6 +32,8 @@ class Markup(str):
     """Text of a page whose parts are escaped already."""
 
 
+REPORT: Final = "report.html"
+"""File of a run's page: its episodes, each with its replay."""
 Again = Callable[[Path], Sequence[Replayed]]
 """Plays episodes of a run again."""
 
@@ -47,6 +50,8 @@ class Checks:
     """Who plays them again, as the page names it."""
     hidden: str = ""
     """Digest of the hidden test; empty for none."""
+    pages: Callable[[Path], None] | None = None
+    """Writes the page of a run whose records agree; None links to none."""
 
 
 @dataclass(frozen=True)
@@ -59,6 +64,12 @@ class Entry:
     """Result of its records: agree, not here, or the contradictions."""
     apart: str = ""
     """Reason why it is not ranked; empty if it is."""
+    page: str = ""
+    """Address of the run's page beside this one; empty if there is none."""
+
+    @property
+    def agrees(self) -> bool:
+        return self.records.startswith(AGREE)
 
 
 def leaderboard(folder: Path, checks: Checks = Checks()) -> Path:
@@ -76,7 +87,7 @@ def leaderboard(folder: Path, checks: Checks = Checks()) -> Path:
     ranked: dict[tuple[str, int, bool], list[Entry]] = {}
     for one in found:
         if not one.apart:
-            split, told = str(one.submission.run.get("split", "")), not one.records.startswith(AGREE)
+            split, told = str(one.submission.run.get("split", "")), not one.agrees
             ranked.setdefault((split, one.submission.asked, told), []).append(one)
     body = "".join(_section(*key, entries, checks.hidden) for key, entries in sorted(ranked.items()))
     body += _unranked([one for one in found if one.apart], unread)
@@ -94,7 +105,8 @@ def _entries(folder: Path, checks: Checks) -> tuple[list[Entry], list[str]]:
     found, unread = [], []
     for path in map(folder.joinpath, Folder(folder).names(".json")):
         try:
-            found.append(_entry(path, read(path), checks))
+            one = _entry(path, read(path), checks)
+            found.append(replace(one, page=_written(path.with_suffix(""), checks.pages)) if one.agrees else one)
         except RecordError as error:
             unread.append(error.message)
         except Exception as error:  # A stranger's broken file must not hide the others.
@@ -126,6 +138,16 @@ def _entry(path: Path, one: Submission, checks: Checks) -> Entry:
     lies = [f"{each.episode}: {each.differing[0]}" for each in played if each.differing]
     apart = f"contradicted by playing again: {lies[0]}" if lies else apart
     return Entry(path.name, one, _replayed(played, checks.by), apart)
+
+
+def _written(run: Path, write: Callable[[Path], None] | None) -> str:
+    """Write the page of a run and return its address; empty if there is none. A page that came with the records may
+    hold anything, so it is removed."""
+    if write is None:
+        return ""
+    Folder(run).remove(REPORT)
+    write(run)
+    return quote(f"{run.name}/{REPORT}") if Folder(run).has(REPORT) else ""
 
 
 def _replayed(played: Sequence[Replayed], by: str) -> str:
@@ -197,7 +219,8 @@ def _cells(entry: Entry, label: str) -> tuple[str | Markup, ...]:
     privileged, near = any(e.scores.privileged for e in one.episodes), one.run.get("in process")
     agent = one.agent + " (privileged)" * privileged + " (in process)" * bool(near)
     rates = (_rate(Column.of(metric), one.rates.get(metric.name)) for metric in RATES)
-    return agent, one.who, *rates, _badge(entry.records), _details(one.engine + label, _facts(one))
+    name = Markup(f"<a href='{entry.page}'>{_escaped(agent)}</a>") if entry.page else agent
+    return name, one.who, *rates, _badge(entry.records), _details(one.engine + label, _facts(one))
 
 
 def _facts(one: Submission) -> dict[str, str]:
@@ -282,7 +305,7 @@ caption {{ text-align: left; font: 600 1.08rem var(--serif); padding-bottom: .5r
 th, td {{ padding: .42rem .8rem .42rem 0; text-align: left; border-bottom: 1px solid var(--line); vertical-align: top;
   font-weight: 400; }}
 thead th, dt {{ color: var(--soft); font-size: .84rem; }}
-tbody th {{ font-weight: 600; }}
+tbody th {{ font-weight: 600; }} a {{ color: inherit; }}
 .bar {{ display: block; position: relative; height: .4rem; min-width: 6rem; margin-top: .2rem; border-radius: 3px;
   background: var(--line); }}
 .bar span {{ position: absolute; inset-block: 0; min-width: 3px; border-radius: 3px; background: var(--bar); }}

@@ -322,11 +322,30 @@ def test_the_leaderboard_shows_who_and_whether_the_records_agree(run: Path) -> N
     assert "<span class='told'>not here</span>" in (run.parent / "index.html").read_text()
 
 
+def test_a_row_links_to_the_page_that_the_board_wrote_and_to_no_other(run: Path) -> None:
+    forged(run, lambda it: it["run"].update(page="https://example.org/"))
+    (run / "report.html").write_text("brought along")
+    shutil.copytree(run, run.parent / "o'f: <x>")
+    honest = submitted(run)
+    shutil.copy(honest, run.parent / "o'f: <x>.json")
+    shutil.copy(honest, run.parent / "told.json")
+    invoke("leaderboard", run.parent)
+    assert "<a " not in "".join(page(run))
+    assert invoke("leaderboard", "--pages", run.parent).exit_code == 0
+    assert re.findall("<a href='([^']*)'>model</a>", page(run)[0]) == [
+        "mine/report.html",
+        "o%27f%3A%20%3Cx%3E/report.html",
+    ]
+    assert "brought along" not in (run / "report.html").read_text()
+    assert "e0/page.html" in (run / "report.html").read_text()
+    assert invoke("verify", run, "--submission", honest).exit_code == 0
+
+
 @slow
 @looks
 def test_the_leaderboard_fits_and_has_no_serious_barrier(run: Path, size: dict[str, int], scheme: str) -> None:
     submitted(run)
-    invoke("leaderboard", run.parent)
+    invoke("leaderboard", "--pages", run.parent)
     with browsing() as browser:
         tab, errors = opened(browser, run.parent / "index.html", size, scheme, ready="true")
         assert not barriers(tab)

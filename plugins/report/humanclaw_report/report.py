@@ -83,20 +83,22 @@ def _write_episodes(found: Runs, target: Path, houses: Houses, collected: Collec
             home = run / REPORT if len(found) > 1 and Folder(run).has(REPORT) else target
             shelf.write("three.js", three().encode())
             shelf.write("skin.js", skin_script().encode())
+            written: set[str] = set()
             for episode in sorted(episodes, key=lambda e: e.record.spec.scene):
                 page, drawn = episode.folder / PAGE, houses.of(episode)
                 cause = collected.cause(run, episode.record.spec.id)
-                shared = _shared(shelf, drawn, page, home)
+                shared = _shared(shelf, drawn, page, home, written)
                 # Not settled: to wait for the disk takes long, and a page can be written again.
                 episode.files.write(PAGE, episode_page(episode, drawn, page, shared, cause).encode(), settled=False)
                 bar.update()
 
 
-def _shared(shelf: Folder, drawn: Drawn, page: Path, run: Path) -> Shared:
-    """Return where a page finds three.js and its house; write the house if it is not there yet."""
+def _shared(shelf: Folder, drawn: Drawn, page: Path, run: Path, written: set[str]) -> Shared:
+    """Return where a page finds three.js and its house; write the house unless it is one of those written already."""
     house = f"house-{drawn.digest[:16] or 'none'}.js"
-    # The name holds the digest of the scene, so an old file is still right.
-    if drawn.digest and not shelf.has(house):
+    # A file that is there already may be a stranger's script, brought along with records.
+    if drawn.digest and house not in written:
+        written.add(house)
         shelf.write(house, drawn.script.encode(), settled=False)
     return Shared(
         link(shelf.path / "three.js", page),

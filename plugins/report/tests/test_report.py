@@ -400,3 +400,15 @@ def test_a_picture_that_is_none_or_too_large_is_left_out(tmp_path, content):
     poster.write_bytes(content) if isinstance(content, bytes) else Image.new("L", (9000, 9000)).save(poster, content)
     write_report(tmp_path / "couch-0", tmp_path / "page.html", lambda name: two_rooms())
     assert "<video" in (tmp_path / "page.html").read_text()
+
+
+def test_a_script_that_came_with_the_records_is_replaced(tmp_path: Path) -> None:
+    for name in ("couch-0", "couch-1"):
+        scene = record_episode(tmp_path / name, name=name)
+    write_report(tmp_path, None, lambda name: scene)
+    scripts = {path: path.read_bytes() for path in (tmp_path / "report").iterdir()}
+    assert len(scripts) == 3
+    for path in scripts:
+        path.write_text("alert(1)")
+    write_report(tmp_path, None, lambda name: scene)
+    assert {path: path.read_bytes() for path in (tmp_path / "report").iterdir()} == scripts
