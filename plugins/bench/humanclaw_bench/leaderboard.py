@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -106,17 +107,19 @@ def _entries(folder: Path, checks: Checks) -> tuple[list[Entry], list[str]]:
     for path in map(folder.joinpath, Folder(folder).names(".json")):
         try:
             one = _entry(path, read(path), checks)
-            found.append(replace(one, page=_written(path.with_suffix(""), checks.pages)) if one.agrees else one)
+            found.append(_with_page(one, path.with_suffix(""), checks.pages) if one.agrees and checks.pages else one)
         except RecordError as error:
             unread.append(error.message)
         except Exception as error:  # A stranger's broken file must not hide the others.
             unread.append(f"{path} cannot be held to its records: {type(error).__name__}.")
-    return found, unread
+    return _with_twins(found), unread
 
 
 def _entry(path: Path, one: Submission, checks: Checks) -> Entry:
     """Check a submission against its records, if they lie here."""
     run = path.with_suffix("")
+    if not path.stem.strip("."):  # The folder of "...json" would be the one above the board.
+        raise RecordError(f"{path} has a name of dots alone, which names no run.", "Rename it, such as to mine.json.")
     here = run.is_dir() and not run.is_symlink()
     try:
         wrong = contradictions(one, run) if here else (*inconsistencies(one),)
@@ -140,14 +143,25 @@ def _entry(path: Path, one: Submission, checks: Checks) -> Entry:
     return Entry(path.name, one, _replayed(played, checks.by), apart)
 
 
-def _written(run: Path, write: Callable[[Path], None] | None) -> str:
-    """Write the page of a run and return its address; empty if there is none. A page that came with the records may
-    hold anything, so it is removed."""
-    if write is None:
-        return ""
-    Folder(run).remove(REPORT)
-    write(run)
-    return quote(f"{run.name}/{REPORT}") if Folder(run).has(REPORT) else ""
+def _with_page(entry: Entry, run: Path, write: Callable[[Path], None]) -> Entry:
+    """Write the page of a run and link to it. A page that came with the records may hold anything, so it is removed."""
+    with suppress(OSError):
+        Folder(run).remove(REPORT)
+        write(run)
+        if Folder(run).has(REPORT):
+            return replace(entry, page=quote(f"{run.name}/{REPORT}"))
+    return replace(entry, records=f"{entry.records}; page not written")
+
+
+def _with_twins(found: Sequence[Entry]) -> list[Entry]:
+    """Say of submissions of the same records that they are. Who copied whom cannot be told."""
+    keys = [tuple(sorted(one.digest for one in entry.submission.episodes)) for entry in found]
+    files = {key: [one.file for one, its in zip(found, keys, strict=True) if its == key] for key in keys}
+    told = [", ".join(file for file in files[key] if file != one.file) for one, key in zip(found, keys, strict=True)]
+    return [
+        replace(one, records=f"{one.records}; the same records as {others}") if others else one
+        for one, others in zip(found, told, strict=True)
+    ]
 
 
 def _replayed(played: Sequence[Replayed], by: str) -> str:
@@ -242,8 +256,8 @@ def _facts(one: Submission) -> dict[str, str]:
 
 
 def _badge(records: str) -> Markup:
-    told = records == "not here" or records.startswith(_HALF)
-    kind = "told" if told else "good" if records.startswith(AGREE) else "bad"
+    bad = not (records.startswith((AGREE, "not here")))
+    kind = "bad" if bad else "good" if records.startswith(f"{AGREE};") and "played again" in records else "told"
     return Markup(f"<span class='{kind}'>{_escaped(records)}</span>")
 
 

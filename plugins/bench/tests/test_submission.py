@@ -315,7 +315,7 @@ def test_the_leaderboard_shows_who_and_whether_the_records_agree(run: Path) -> N
     page = (run.parent / "index.html").read_text()
     assert "Ada &lt;ada@example.org&gt;" in page
     assert re.search(r"75\.0% \[30\.1, 95\.4\]<span class='bar'><span style='left:30\.1%;width:65\.\d%'>", page)
-    assert "<span class='good'>agree</span>" in page
+    assert "<span class='told'>agree</span>" in page
     assert "<dt>verifier</dt>" in page
     shutil.rmtree(run)
     invoke("leaderboard", run.parent)
@@ -338,7 +338,30 @@ def test_a_row_links_to_the_page_that_the_board_wrote_and_to_no_other(run: Path)
     ]
     assert "brought along" not in (run / "report.html").read_text()
     assert "e0/page.html" in (run / "report.html").read_text()
+    assert page(run)[0].count("the same records as") == 3
     assert invoke("verify", run, "--submission", honest).exit_code == 0
+
+
+@pytest.mark.parametrize("name", ["...json", "..json"])
+def test_a_submission_of_dots_alone_names_no_run_and_nothing_above_the_board_is_touched(run: Path, name: str) -> None:
+    told = submitted(run)
+    board = run / "board"
+    board.mkdir()
+    shutil.copy(told, board / name)
+    (run / "report.html").write_text("mine")
+    invoke("leaderboard", "--pages", board)
+    text = (board / "index.html").read_text()
+    assert "has a name of dots alone" in text
+    assert "href" not in text
+    assert (run / "report.html").read_text() == "mine"
+
+
+def test_a_page_that_cannot_be_written_is_told_and_the_row_stays(run: Path) -> None:
+    submitted(run)
+    (run / "report.html").mkdir()
+    (run / "report.html" / "x").touch()
+    assert invoke("leaderboard", "--pages", run.parent).exit_code == 0
+    assert "<span class='told'>agree; page not written</span>" in page(run)[0]
 
 
 @slow
@@ -510,7 +533,7 @@ def test_a_temperature_that_is_no_number_is_not_told(run: Path) -> None:
         rewrite(run, name, settings=WARM | {"agent": {"temperature": "default"}})
     assert submission.read(submitted(run)).temperature is None
     invoke("leaderboard", run.parent)
-    assert "<span class='good'>agree</span>" in page(run)[0]
+    assert "<span class='told'>agree</span>" in page(run)[0]
 
 
 def test_a_run_whose_host_has_no_journal_agrees(run: Path) -> None:
