@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
@@ -155,11 +156,13 @@ def leaderboard(
     def played(run: Path) -> list[Replayed]:
         return _played_again(run, again or 0, seed, workers, files)
 
-    def write(run: Path) -> None:
-        plugins, episodes = Plugins.discover(files), load_run(run)
-        scores = scored_runs({run: episodes}, metrics_of(plugins))
-        plugins.tell("humanclaw_run_end", run=run, episodes=episodes, plugins=plugins, tell=click.echo, scored=scores)
-
     test = split_digest(load_split(str(hidden))) if hidden else ""
-    checks = leaderboards.Checks(any_pace, played if again else None, by, test, write if pages else None)
+    write = partial(_write_page, Plugins.discover(files)) if pages else None
+    checks = leaderboards.Checks(any_pace, played if again else None, by, test, write)
     click.echo(leaderboards.leaderboard(folder, checks))
+
+
+def _write_page(plugins: Plugins, run: Path) -> None:
+    episodes = load_run(run)
+    scores = scored_runs({run: episodes}, metrics_of(plugins))
+    plugins.tell("humanclaw_run_end", run=run, episodes=episodes, plugins=plugins, tell=click.echo, scored=scores)

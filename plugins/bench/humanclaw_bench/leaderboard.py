@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import json
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -65,6 +66,8 @@ class Entry:
     """Result of its records: agree, not here, or the contradictions."""
     apart: str = ""
     """Reason why it is not ranked; empty if it is."""
+    replayed: bool = False
+    """Whether its calls were played again, and did the same."""
     page: str = ""
     """Address of the run's page beside this one; empty if there is none."""
 
@@ -140,7 +143,7 @@ def _entry(path: Path, one: Submission, checks: Checks) -> Entry:
     played = checks.again(run)
     lies = [f"{each.episode}: {each.differing[0]}" for each in played if each.differing]
     apart = f"contradicted by playing again: {lies[0]}" if lies else apart
-    return Entry(path.name, one, _replayed(played, checks.by), apart)
+    return Entry(path.name, one, _replayed(played, checks.by), apart, bool(played) and all(map(Replayed.same, played)))
 
 
 def _with_page(entry: Entry, run: Path, write: Callable[[Path], None]) -> Entry:
@@ -155,13 +158,19 @@ def _with_page(entry: Entry, run: Path, write: Callable[[Path], None]) -> Entry:
 
 def _with_twins(found: Sequence[Entry]) -> list[Entry]:
     """Say of submissions of the same records that they are. Who copied whom cannot be told."""
-    keys = [tuple(sorted(one.digest for one in entry.submission.episodes)) for entry in found]
-    files = {key: [one.file for one, its in zip(found, keys, strict=True) if its == key] for key in keys}
-    told = [", ".join(file for file in files[key] if file != one.file) for one, key in zip(found, keys, strict=True)]
-    return [
-        replace(one, records=f"{one.records}; the same records as {others}") if others else one
-        for one, others in zip(found, told, strict=True)
-    ]
+    files = defaultdict[frozenset[str], list[str]](list)
+    for one in found:
+        files[_records_of(one)].append(one.file)
+
+    def told(one: Entry) -> str:
+        others = [file for file in files[_records_of(one)] if file != one.file]
+        return f"{one.records}; the same records as {', '.join(others)}" if others else one.records
+
+    return [replace(one, records=told(one)) for one in found]
+
+
+def _records_of(entry: Entry) -> frozenset[str]:
+    return frozenset(episode.digest for episode in entry.submission.episodes)
 
 
 def _replayed(played: Sequence[Replayed], by: str) -> str:
@@ -234,7 +243,7 @@ def _cells(entry: Entry, label: str) -> tuple[str | Markup, ...]:
     agent = one.agent + " (privileged)" * privileged + " (in process)" * bool(near)
     rates = (_rate(Column.of(metric), one.rates.get(metric.name)) for metric in RATES)
     name = Markup(f"<a href='{entry.page}'>{_escaped(agent)}</a>") if entry.page else agent
-    return name, one.who, *rates, _badge(entry.records), _details(one.engine + label, _facts(one))
+    return name, one.who, *rates, _badge(entry), _details(one.engine + label, _facts(one))
 
 
 def _facts(one: Submission) -> dict[str, str]:
@@ -255,10 +264,10 @@ def _facts(one: Submission) -> dict[str, str]:
     }
 
 
-def _badge(records: str) -> Markup:
-    bad = not (records.startswith((AGREE, "not here")))
-    kind = "bad" if bad else "good" if records.startswith(f"{AGREE};") and "played again" in records else "told"
-    return Markup(f"<span class='{kind}'>{_escaped(records)}</span>")
+def _badge(entry: Entry) -> Markup:
+    told = entry.agrees or entry.records.startswith("not here")
+    kind = "good" if entry.replayed else "told" if told else "bad"
+    return Markup(f"<span class='{kind}'>{_escaped(entry.records)}</span>")
 
 
 def _details(title: str, facts: Mapping[str, str]) -> Markup:

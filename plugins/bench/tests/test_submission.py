@@ -339,6 +339,9 @@ def test_a_row_links_to_the_page_that_the_board_wrote_and_to_no_other(run: Path)
     assert "brought along" not in (run / "report.html").read_text()
     assert "e0/page.html" in (run / "report.html").read_text()
     assert page(run)[0].count("the same records as") == 3
+    shutil.copy(honest, run.parent / "played again the same.json")
+    invoke("leaderboard", run.parent)
+    assert "class='good'" not in page(run)[0]
     assert invoke("verify", run, "--submission", honest).exit_code == 0
 
 
