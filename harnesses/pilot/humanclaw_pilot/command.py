@@ -9,7 +9,7 @@ from pathlib import Path
 import click
 
 from humanclaw import HumanclawError, Plugins
-from humanclaw.cli import parse_pairs
+from humanclaw.cli import parse_pairs, seed_option
 
 
 @click.group("pilot")
@@ -63,7 +63,7 @@ def _range(houses: str) -> tuple[int, int]:
 @click.option("--most", type=click.IntRange(1), default=None, help="Number of files to learn from; all by default.")
 @click.option("--steps", type=click.IntRange(1), default=2000, show_default=True, help="Of 32 views.")
 @click.option("--start", type=click.Path(path_type=Path), default=None, help="Weights to go on from.")
-@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Of weights and views.")
+@seed_option(help="Of weights and views.")
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="File of weights.")
 def train(folders: tuple[Path, ...], most: int | None, steps: int, start: Path | None, seed: int, out: Path) -> None:
     """Train the eyes on folders of data."""

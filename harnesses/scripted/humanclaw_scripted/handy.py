@@ -214,7 +214,8 @@ class HandyOracle(OracleAgent):
         out = 1.0 if side == "left" else -1.0
         _, low, high = self._extent(thing)
         wide, deep = (high - low)[[0, 2]].tolist()
-        near = _AT_HAND if high[1] > _KNEES else ((ahead := min(_SHINS + deep / 2, _STRETCH)), ahead + 0.08)
+        past_knees = min(_SHINS + deep / 2, _STRETCH)
+        near = _AT_HAND if high[1] > _KNEES else (past_knees, past_knees + 0.08)
         yield from self._face(lambda: self._middle(thing), lambda: out * max(0.05, _BESIDE - wide / 4), near)
         for outwards, ahead in _TRIES:
             _, low, high = self._extent(thing)
