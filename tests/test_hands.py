@@ -267,6 +267,23 @@ def test_what_is_let_go_of_falls_at_g_and_the_arm_comes_down_when_the_body_walks
 
 
 @both
+def test_what_tumbles_off_the_edge_of_a_table_does_not_enter_the_floor(plugins, engine):
+    room = Room()
+    plate = room.put((0.2, 0.05, 0.14), mass=0.8)
+    with room.body(plugins, engine) as body:
+        assert take(body, plate)
+        reach(body, "right", -22, 100, 43, times=2)
+        body.call("release", side="right")
+        places = list(path(body, plate))
+        for _ in range(2):
+            body.call("step_back", z_cm=20)
+            places += list(path(body, plate))
+    heights = [body.scene.hulls(plate, place)[0][:, 1].min() for place in places]
+    assert heights[-1] < 0.1
+    assert min(heights) > -0.01
+
+
+@both
 def test_a_wall_knocks_a_thing_out_of_the_hand_and_nothing_passes_through_it(plugins, engine):
     room = Room()
     box = room.put((0.1, 0.1, 0.3), (-0.15, 0.85, 0.62), 1.0)

@@ -114,9 +114,10 @@ class Hands:
 
     @property
     def speed(self) -> float:
-        """Bound of the speed of the fastest thing in the coming step that is held or falls from a hand, m/s."""
-        falling = (float(np.linalg.norm(self._world.motion(key).velocity)) for key in self._falling)
-        return max(self._fastest + _SHOCK / FPS if self._holds else 0.0, *falling, 0.0)
+        """Bound of the speed of the fastest point in the coming step of what is held or falls from a hand, m/s."""
+        falling = [(self._world.motion(key), self._sizes[key]) for key in self._falling]
+        speeds = (float(np.linalg.norm(one.velocity) + size * np.linalg.norm(one.spin)) for one, size in falling)
+        return max(self._fastest + _SHOCK / FPS if self._holds else 0.0, *speeds, 0.0)
 
     @property
     def held(self) -> Mapping[Side, int]:
