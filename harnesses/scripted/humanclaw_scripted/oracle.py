@@ -36,6 +36,7 @@ from humanclaw_scripted.calls import (
     WALK,
     asking,
     ending,
+    looked_for,
     skill_for,
     way_of,
 )
@@ -89,7 +90,7 @@ class OracleAgent:
         if context.scene is None or context.state is None:
             raise PluginError("the oracle needs the scene and the state.", "Run it through the loop.")
         self._context, self._scene, self._state = context, context.scene, context.state
-        self._gaze = context.gaze
+        self._noun, self._gaze = looked_for(context.spec), context.gaze
         if self._teller:
             self._teller.begin(context)
         self._stop = ending(context.skills)
@@ -117,7 +118,7 @@ class OracleAgent:
 
     def _act(self, state: WorldState, pose: PelvisPose) -> tuple[Call, str]:
         if not self._spec.target_ids:
-            return Call(self._stop), "The instruction names nothing that I know how to look for, so I stop."
+            return Call(self._stop), f"There is no {self._noun} here, so I stop."
         if self._spec.interact and self._memory.sits:
             return self._after_sitting(state)
         if not self._spec.interact and self._distance(state) <= STOP_DISTANCE:
@@ -359,10 +360,6 @@ class OracleAgent:
         return self._memory.floors.grids[int(self._memory.floors.level(pose.root))]
 
     # words
-    @property
-    def _noun(self) -> str:
-        return str(self._spec.target_category).replace("_", " ") or "target"
-
     def _distance(self, state: WorldState) -> float:
         """Return the distance from the nearest joint to the nearest target, metres."""
         return distance_to_nearest(state.body.joints()[-1], [box(self._scene, state, k) for k in self._spec.target_ids])
