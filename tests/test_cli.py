@@ -249,16 +249,16 @@ def test_two_runs_that_begin_in_one_second_have_a_folder_each(cli, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("instruction", "said"),
+    ("instruction", "code", "said"),
     [
-        ("finde ein Sofa und setz dich darauf", "Scored: reaching a couch, not sitting on it."),
-        ("find a giraffe", "Not scored: the instruction names none of chair, couch, bed, potted plant, tv, toilet."),
+        ("finde ein Sofa und setz dich darauf", 0, "Scored: reaching a couch, not sitting on it."),
+        ("find a giraffe", 2, "expected an instruction with one of chair, couch, bed, potted plant, tv, toilet"),
     ],
 )
-def test_a_run_says_how_it_understood_the_instruction_and_why_the_agent_stops(cli, instruction, said):
-    told = cli("run", "--instruction", instruction, "--film", "none", "--max-steps", "1").stdout
-    assert said in told
-    assert "so I stop." in told or "I walk on." in told
+def test_a_run_says_how_it_understood_the_instruction_or_fails(cli, tmp_path, instruction, code, said):
+    done = cli("run", "--instruction", instruction, "--film", "none", "--max-steps", "1")
+    assert said in done.stdout + done.stderr
+    assert (done.returncode, any(tmp_path.glob("runs/*"))) == (code, code == 0)
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

@@ -13,6 +13,7 @@ from click.testing import CliRunner
 
 from humanclaw import Plugins
 from humanclaw.cli import build
+from humanclaw.cli.completion import Zsh
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 YARDS = """
@@ -55,7 +56,6 @@ def completed():
         (["run", "--scene"], "house:4", {"house:4", "house:40"}),
         (["run", "--scene"], "house:t", {"house:train-"}),
         (["run", "--scene"], "nowhere:", set()),
-        (["play"], "step", {"step_back"}),
         (["bench", "run", "--split"], "val", {"val", "val-400"}),
         (["run", "--plugin", str(EXAMPLES / "nod.py"), "--skills"], "no", {"nod"}),
         (["run", "--plugin", "broken.py", "--skills"], "no", set()),
@@ -78,13 +78,18 @@ def test_a_source_of_scenes_tells_the_names_that_a_shell_completes(completed, ya
         ("run --scene house:39", "run --scene house:39 "),
         ("run --scene=house:t", "run --scene=house:train-"),
         ("run --instruction 'é: x' --scene floor: --age", "run --instruction 'é: x' --scene floor: --agent "),
+        ("play no", "play nod.py "),
+        ("play side", "play side_step "),
     ],
 )
-def test_bash_completes_a_word_with_a_colon(typed, line):
+def test_bash_completes_the_word_that_was_begun(typed, line, tmp_path):
+    (tmp_path / "nod.py").touch()
     pexpect = pytest.importorskip("pexpect")
     folder = str(Path(sys.executable).parent)
     environment = os.environ | {"PATH": f"{folder}:{os.environ['PATH']}", "PS1": "$ ", "TERM": "dumb", "COLUMNS": "200"}
-    shell = pexpect.spawn("bash --norc -i", env=environment, encoding="utf-8", dimensions=(24, 200), timeout=60)
+    shell = pexpect.spawn(
+        "bash --norc -i", env=environment, encoding="utf-8", dimensions=(24, 200), timeout=60, cwd=tmp_path
+    )
     shell.sendline('eval "$(_HUMANCLAW_COMPLETE=bash_source humanclaw)"; echo rea""dy')
     shell.expect("ready")
     shell.send(f"humanclaw {typed}\t")
@@ -92,6 +97,16 @@ def test_bash_completes_a_word_with_a_colon(typed, line):
     shell.send("|")
     assert shell.expect_exact(["|", " "]) == 0, "what follows the word is the end of the line"
     shell.close()
+
+
+def test_play_completes_files_too():
+    completion = ShellComplete(build(Plugins.discover), {}, "humanclaw", "_HUMANCLAW_COMPLETE")
+    found = {(item.type, item.value) for item in completion.get_completions(["play"], "step")}
+    assert found == {("plain", "step_back"), ("file", "step")}
+
+
+def test_the_script_for_zsh_holds_each_change_to_that_of_click():
+    assert Zsh.source_template.count("joining") == 4
 
 
 def test_the_doctor_names_what_is_missing_and_the_command_that_installs_it(monkeypatch):

@@ -30,6 +30,12 @@ def names_of(kind: str) -> Complete:
     return complete
 
 
+def names_or_files(kind: str) -> Complete:
+    """Return what completes the name of a registered item, or a file."""
+    names = names_of(kind)
+    return lambda context, parameter, begun: [*names(context, parameter, begun), CompletionItem(begun, "file")]
+
+
 def _names(kind: str, begun: str, files: tuple[Path, ...]) -> Iterator[tuple[str, str]]:
     """Yield names and descriptions of the registered items of a kind."""
     from humanclaw.plugins.host import Plugins
@@ -54,7 +60,7 @@ class Bash(BashComplete):
         [[ $line == *:"$2" ]] && value=${value#*:}
         case $type in
             dir) compopt -o dirnames ;;
-            file) compopt -o default ;;
+            file) compopt -o default -o filenames; COMPREPLY+=($(compgen -f -- "$value")) ;;
             *) COMPREPLY+=("$value"); [[ $value == *[:-] ]] && compopt -o nospace ;;
         esac
     done < <(COMP_WORDS="$line" %(complete_var)s=bash_complete "$1")

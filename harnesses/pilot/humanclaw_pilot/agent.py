@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 from scipy.ndimage import maximum_filter, minimum_filter
 
-from humanclaw import Decision, EpisodeContext, HistoryEntry, HumanclawError, Observation, Plugins
+from humanclaw import Decision, EpisodeContext, HistoryEntry, Observation, PluginError, Plugins
 from humanclaw.body import rest_pose
 from humanclaw.plugins import read_options
 from humanclaw.world import BODY_ID, Gaze, View, ego_camera
@@ -72,7 +72,7 @@ class PilotAgent:
     def begin(self, context: EpisodeContext) -> None:
         if context.spec.target_category not in CLASSES:
             told = f"the pilot knows {', '.join(CLASSES[3:])}, and not {context.spec.target_category!r}."
-            raise HumanclawError(told, "Name one of these in the instruction.")
+            raise PluginError(told, "Name one of these in the instruction.")
         spec = context.spec.model_copy(update={"target_ids": (TARGET,)})
         self._context = replace(context, spec=spec, scene=None, state=None, view=lambda: self._view)
         self._kind = CLASSES.index(spec.target_category)

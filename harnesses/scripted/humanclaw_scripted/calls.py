@@ -10,7 +10,8 @@ from typing import Final
 
 import numpy as np
 
-from humanclaw import Call, PluginError, Skill
+from humanclaw import Call, EpisodeSpec, PluginError, Skill
+from humanclaw.records import ALIASES
 from humanclaw.skills import Parameter, Role, Side, from_si, suited
 
 WALK: Final = ("hips.left", "hips.forward", "heading.left")
@@ -44,6 +45,15 @@ def ending(skills: Mapping[str, Skill]) -> str:
     if not found:
         raise PluginError("no installed skill ends an episode.", "Install humanclaw-skill-stop.")
     return found[0]
+
+
+def looked_for(spec: EpisodeSpec) -> str:
+    """Return what an episode's target is called. Raises PluginError if its instruction names none."""
+    if not spec.target_category and spec.goal is None:
+        known = ", ".join(ALIASES).replace("_", " ")
+        told = f"the agent expected an instruction with one of {known}; got {spec.instruction!r:.80}."
+        raise PluginError(told, "Name one of these, or let a model understand the words: --model NAME.")
+    return spec.target_category.replace("_", " ") or "target"
 
 
 def skill_for(skills: Mapping[str, Skill], measures: Sequence[str]) -> Skill:

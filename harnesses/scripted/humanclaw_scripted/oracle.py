@@ -58,7 +58,7 @@ class OracleAgent(Walker):
     # the task
     def _act(self, state: WorldState, pose: PelvisPose) -> tuple[Call, str]:
         if not self._spec.target_ids:
-            return Call(self._stop), "The instruction names nothing that I know how to look for, so I stop."
+            return Call(self._stop), f"There is no {self._noun} here, so I stop."
         if self._spec.interact and self._memory.sits:
             return self._after_sitting(state)
         if not self._spec.interact and self._distance(state) <= STOP_DISTANCE:

@@ -30,6 +30,7 @@ from humanclaw_scripted.calls import (
     WALK,
     asking,
     ending,
+    looked_for,
 )
 from humanclaw_scripted.eyes import Eyes
 from humanclaw_scripted.sight import SeenMap, Sight, edges, gap_to, moved, placed, seats
@@ -88,6 +89,7 @@ class SeeingAgent:
         if context.view is None:
             raise HumanclawError("the seeing agent needs its view with depth and ids.", "Run it through the loop.")
         self._view, self._skills, self._spec = context.view, context.skills, context.spec
+        self._noun = looked_for(context.spec)
         self._eyes.begin(context.spec, context.gaze)
         self._stop = ending(context.skills)
         self._memory = SeeingMemory()
@@ -260,10 +262,6 @@ class SeeingAgent:
         return asking(self._skills, WALK, (ahead * np.sin(angle), ahead * np.cos(angle), 0.7 * angle))
 
     # words
-    @property
-    def _noun(self) -> str:
-        return self._spec.target_category.replace("_", " ") or "target"
-
     def _say(self, sight: Sight) -> str:
         if sight.pixels < SEEN_PIXELS or not sight.mine.any():
             return f"No {self._noun} is in view."

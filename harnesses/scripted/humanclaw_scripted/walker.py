@@ -22,6 +22,7 @@ from humanclaw_scripted.calls import (
     WALK,
     asking,
     ending,
+    looked_for,
     skill_for,
     way_of,
 )
@@ -60,7 +61,7 @@ class Walker(ABC):
         if context.scene is None or context.state is None:
             raise PluginError("the oracle needs the scene and the state.", "Run it through the loop.")
         self._context, self._scene, self._state = context, context.scene, context.state
-        self._stop = ending(context.skills)
+        self._noun, self._stop = looked_for(context.spec), ending(context.skills)
         for needed in (WALK, TURN, SIDE, BACK):
             skill_for(context.skills, needed)
         self._memory = Memory(MultiFloorMap.of(self._scene, context.state().objects))
@@ -83,10 +84,6 @@ class Walker(ABC):
         return 0.2
 
     # the way
-    @property
-    def _noun(self) -> str:
-        return str(self._spec.target_category).replace("_", " ") or "target"
-
     def _plan(self, pose: PelvisPose) -> OccupancyGrid:
         """Return the grid of the floor or the stairs that the body is on."""
         return self._memory.floors.grids[int(self._memory.floors.level(pose.root))]

@@ -20,6 +20,7 @@ from humanclaw import (
     HistoryEntry,
     HumanclawError,
     Observation,
+    PluginError,
     Scene,
 )
 from humanclaw.records import Feedback
@@ -151,11 +152,13 @@ def test_the_oracle_looks_at_a_target_behind_it_before_it_sits_down() -> None:
     assert walker.sat
 
 
-def test_the_oracle_stops_and_says_why_without_a_target() -> None:
+def test_an_instruction_that_names_no_target_is_refused_and_a_target_that_is_not_there_is_told() -> None:
     walker = Walker(two_rooms())
-    (only,) = play(OracleAgent(), walker, EpisodeSpec(id="free", instruction="Dance!", scene="test:rooms"))
+    with pytest.raises(PluginError, match=r"one of chair, couch, .* got 'Dance!'"):
+        play(OracleAgent(), walker, EpisodeSpec(id="free", instruction="Dance!", scene="test:rooms"))
+    (only,) = play(OracleAgent(), walker, episode(walker.scene, "giraffe"))
     assert only[1].skill == "stop"
-    assert "nothing that I know" in only[0].reasoning
+    assert "no giraffe here" in only[0].reasoning
 
 
 def test_the_oracle_stops_and_says_why_when_there_is_no_way() -> None:

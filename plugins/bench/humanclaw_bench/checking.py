@@ -10,13 +10,14 @@ from typing import TypeVar
 import click
 from tqdm import tqdm
 
-from humanclaw import Plugins, load_run
+from humanclaw import HumanclawError, Plugins, load_run
 from humanclaw.cli import counted, plugin_files
-from humanclaw.storage import write_result
+from humanclaw.records import MOTION_BYTES, RECORD_BYTES
+from humanclaw.storage import Folder, write_result
 from humanclaw_bench import leaderboard as leaderboards, submission as submissions
 from humanclaw_bench.cli import PARTIAL, RUN
 from humanclaw_bench.export import metrics_of, scored_runs
-from humanclaw_bench.integrity import RunFiles, check, is_told, split_digest
+from humanclaw_bench.integrity import MANIFEST, RunFiles, check, is_told, split_digest
 from humanclaw_bench.replay import Replayed, replayed, sample
 from humanclaw_bench.signing import signer
 from humanclaw_bench.splits import load_split
@@ -134,7 +135,12 @@ def submit(run: Path, who: str, model_date: str, out: Path | None, partial: bool
 )
 @click.option("--by", default="", metavar="NAME", help="Who plays recorded calls again, as the page names it.")
 @click.option("--hidden", type=RUN, metavar="FILE", help="Episodes of the hidden test, whose table is marked.")
-@click.option("--pages", is_flag=True, help="Also write the page of each run that agrees, and link to it from its row.")
+@click.option(
+    "--pages",
+    type=RUN,
+    metavar="FOLDER",
+    help="Write index.html there, with the records and the page of each run that agrees: a folder to publish.",
+)
 @replay_options
 @plugin_files
 def leaderboard(
@@ -142,7 +148,7 @@ def leaderboard(
     any_pace: bool,
     by: str,
     hidden: Path | None,
-    pages: bool,
+    pages: Path | None,
     again: int | None,
     seed: int | None,
     workers: int,
@@ -158,11 +164,21 @@ def leaderboard(
 
     test = split_digest(load_split(str(hidden))) if hidden else ""
     write = partial(_write_page, Plugins.discover(files)) if pages else None
-    checks = leaderboards.Checks(any_pace, played if again else None, by, test, write)
+    if pages and pages.resolve() == folder.resolve():
+        raise HumanclawError(f"{folder} holds what submitters sent.", "Name another folder with --pages.")
+    checks = leaderboards.Checks(any_pace, played if again else None, by, test, write, pages)
     click.echo(leaderboards.leaderboard(folder, checks))
 
 
-def _write_page(plugins: Plugins, run: Path) -> None:
-    episodes = load_run(run)
-    scores = scored_runs({run: episodes}, metrics_of(plugins))
-    plugins.tell("humanclaw_run_end", run=run, episodes=episodes, plugins=plugins, tell=click.echo, scored=scores)
+def _write_page(plugins: Plugins, run: Path, out: Path) -> None:
+    """Copy the records of a run, which may be a stranger's, and none of its other files; write their page."""
+    out.mkdir(parents=True, exist_ok=True)
+    for episode in load_run(run):
+        copy = Folder(out) / episode.files.path.relative_to(run).as_posix()
+        for name in ("episode.json", *episode.record.files):
+            copy.write(name, episode.files.read(name, MOTION_BYTES), settled=False)
+    if is_told(run):
+        Folder(out).write(MANIFEST, Folder(run).read(MANIFEST, RECORD_BYTES))
+    episodes = load_run(out)
+    scores = scored_runs({out: episodes}, metrics_of(plugins))
+    plugins.tell("humanclaw_run_end", run=out, episodes=episodes, plugins=plugins, tell=click.echo, scored=scores)

@@ -220,7 +220,9 @@ def table(
             click.echo(result.note, err=True)
     if form == "terminal":
         _show(chosen)
-        if brief and not columns:
+        if not chosen:
+            click.echo("Not scored: no episode has a target. --full prints what the body did.")
+        elif brief and not columns:
             click.echo("--full prints all tables, with the paper's rows.")
     else:
         for found in chosen.values():

@@ -52,8 +52,10 @@ class Checks:
     """Who plays them again, as the page names it."""
     hidden: str = ""
     """Digest of the hidden test; empty for none."""
-    pages: Callable[[Path], None] | None = None
-    """Writes the page of a run whose records agree; None links to none."""
+    pages: Callable[[Path, Path], None] | None = None
+    """Writes the page of a run whose records agree into another folder; None links to none."""
+    out: Path | None = None
+    """Folder to publish: of what submitters sent it holds records alone. None writes index.html beside them."""
 
 
 @dataclass(frozen=True)
@@ -100,8 +102,10 @@ def leaderboard(folder: Path, checks: Checks = Checks()) -> Path:
         body=body,
         made=datetime.now(UTC).date().isoformat(),
     )
-    Folder(folder).write("index.html", page.encode())
-    return folder / "index.html"
+    out = checks.out or folder
+    out.mkdir(parents=True, exist_ok=True)
+    Folder(out).write("index.html", page.encode())
+    return out / "index.html"
 
 
 def _entries(folder: Path, checks: Checks) -> tuple[list[Entry], list[str]]:
@@ -110,7 +114,7 @@ def _entries(folder: Path, checks: Checks) -> tuple[list[Entry], list[str]]:
     for path in map(folder.joinpath, Folder(folder).names(".json")):
         try:
             one = _entry(path, read(path), checks)
-            found.append(_with_page(one, path.with_suffix(""), checks.pages) if one.agrees and checks.pages else one)
+            found.append(_with_page(one, path.with_suffix(""), checks) if one.agrees else one)
         except RecordError as error:
             unread.append(error.message)
         except Exception as error:  # A stranger's broken file must not hide the others.
@@ -146,12 +150,13 @@ def _entry(path: Path, one: Submission, checks: Checks) -> Entry:
     return Entry(path.name, one, _replayed(played, checks.by), apart, bool(played) and all(map(Replayed.same, played)))
 
 
-def _with_page(entry: Entry, run: Path, write: Callable[[Path], None]) -> Entry:
-    """Write the page of a run and link to it. A page that came with the records may hold anything, so it is removed."""
-    with suppress(OSError):
-        Folder(run).remove(REPORT)
-        write(run)
-        if Folder(run).has(REPORT):
+def _with_page(entry: Entry, run: Path, checks: Checks) -> Entry:
+    """Write the page of a run into the folder to publish, and link to it."""
+    if not (checks.pages and checks.out):
+        return entry
+    with suppress(OSError, RecordError):
+        checks.pages(run, checks.out / run.name)
+        if Folder(checks.out).has(f"{run.name}/{REPORT}"):
             return replace(entry, page=quote(f"{run.name}/{REPORT}"))
     return replace(entry, records=f"{entry.records}; page not written")
 

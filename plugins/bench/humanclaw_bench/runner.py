@@ -118,10 +118,11 @@ def run_split(
     that every episode would meet, and KeyboardInterrupt on the second SIGINT.
     """
     _check_ids(specs)
+    job = introduced(seeded(job, out), plugins)
+    settings = manifest(specs, job, plugins)
     out.mkdir(parents=True, exist_ok=True)
     with _alone(out):
-        job = introduced(seeded(job, out), plugins)
-        agree(out, manifest(specs, job, plugins))
+        agree(out, settings)
         write_episodes(out / SPLIT, specs)
         records = [ended_record(Folder(out) / spec.id) for spec in specs]
         _catch_up(out, filter(None, records))

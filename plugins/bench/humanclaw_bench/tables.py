@@ -320,8 +320,12 @@ def extra_table(results: Sequence[Result], *, seed: int = 0) -> ResultTable:
 
 
 def brief_tables(results: Sequence[Result], *, seed: int = 0) -> dict[str, ResultTable]:
-    """Return what fits a screen: headline numbers, the funnel, and the root causes that occurred."""
+    """Return what fits a screen: headline numbers, the funnel, and the root causes that occurred.
+
+    Where no episode has a target, they are empty.
+    """
     walks, hands = _apart(results)
+    walks = walks if any(one.category for result in walks for one in result.scores) else []
     return {
         "main": chosen_table(walks, [metric.name for metric in HEADLINE], paper=False, seed=seed),
         "hands": hands_table(hands, seed=seed),

@@ -550,6 +550,12 @@ def test_a_budget_ends_the_run_and_another_sitting_goes_on(play):
     assert play(toy_world.specs(4), limits={"run.usd": 100})[0].done == 4
 
 
+def test_a_run_that_cannot_begin_leaves_no_folder(play, tmp_path):
+    with pytest.raises(HumanclawError, match="there is no agent 'wrong'"):
+        play(toy_world.specs(1), agent="wrong")
+    assert not (tmp_path / "run").exists()
+
+
 def test_two_runs_never_write_to_one_folder(play, tmp_path):
     (tmp_path / "run").mkdir()
     with FileLock(tmp_path / "run" / ".lock"), pytest.raises(RecordError, match="another run is writing"):

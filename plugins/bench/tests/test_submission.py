@@ -324,21 +324,25 @@ def test_the_leaderboard_shows_who_and_whether_the_records_agree(run: Path) -> N
 
 def test_a_row_links_to_the_page_that_the_board_wrote_and_to_no_other(run: Path) -> None:
     forged(run, lambda it: it["run"].update(page="https://example.org/"))
-    (run / "report.html").write_text("brought along")
+    for name in ("report.html", "evil.html", "e0/evil.js", "e0/film.gif"):
+        (run / name).write_text("brought along")
     shutil.copytree(run, run.parent / "o'f: <x>")
     honest = submitted(run)
     shutil.copy(honest, run.parent / "o'f: <x>.json")
     shutil.copy(honest, run.parent / "told.json")
     invoke("leaderboard", run.parent)
     assert "<a " not in "".join(page(run))
-    assert invoke("leaderboard", "--pages", run.parent).exit_code == 0
-    assert re.findall("<a href='([^']*)'>model</a>", page(run)[0]) == [
+    site = run.parent / "site"
+    assert "holds what submitters sent" in str(invoke("leaderboard", "--pages", run.parent, run.parent).exception)
+    assert invoke("leaderboard", "--pages", site, run.parent).exit_code == 0
+    assert re.findall("<a href='([^']*)'>model</a>", (site / "index.html").read_text()) == [
         "mine/report.html",
         "o%27f%3A%20%3Cx%3E/report.html",
     ]
-    assert "brought along" not in (run / "report.html").read_text()
-    assert "e0/page.html" in (run / "report.html").read_text()
-    assert page(run)[0].count("the same records as") == 3
+    assert not any(b"brought along" in path.read_bytes() for path in site.rglob("*") if path.is_file())
+    assert "e0/page.html" in (site / "mine" / "report.html").read_text()
+    assert (site / "mine" / "e0" / "steps.jsonl").read_bytes() == (run / "e0" / "steps.jsonl").read_bytes()
+    assert (site / "index.html").read_text().count("the same records as") == 3
     shutil.copy(honest, run.parent / "played again the same.json")
     invoke("leaderboard", run.parent)
     assert "class='good'" not in page(run)[0]
@@ -351,29 +355,28 @@ def test_a_submission_of_dots_alone_names_no_run_and_nothing_above_the_board_is_
     board = run / "board"
     board.mkdir()
     shutil.copy(told, board / name)
-    (run / "report.html").write_text("mine")
-    invoke("leaderboard", "--pages", board)
-    text = (board / "index.html").read_text()
+    invoke("leaderboard", "--pages", board / "site", board)
+    text = (board / "site" / "index.html").read_text()
     assert "has a name of dots alone" in text
     assert "href" not in text
-    assert (run / "report.html").read_text() == "mine"
+    assert [path.name for path in (board / "site").iterdir()] == ["index.html"]
 
 
 def test_a_page_that_cannot_be_written_is_told_and_the_row_stays(run: Path) -> None:
     submitted(run)
-    (run / "report.html").mkdir()
-    (run / "report.html" / "x").touch()
-    assert invoke("leaderboard", "--pages", run.parent).exit_code == 0
-    assert "<span class='told'>agree; page not written</span>" in page(run)[0]
+    site = run.parent / "site"
+    (site / "mine" / "report.html" / "x").mkdir(parents=True)
+    assert invoke("leaderboard", "--pages", site, run.parent).exit_code == 0
+    assert "<span class='told'>agree; page not written</span>" in (site / "index.html").read_text()
 
 
 @slow
 @looks
 def test_the_leaderboard_fits_and_has_no_serious_barrier(run: Path, size: dict[str, int], scheme: str) -> None:
     submitted(run)
-    invoke("leaderboard", "--pages", run.parent)
+    invoke("leaderboard", "--pages", run.parent / "site", run.parent)
     with browsing() as browser:
-        tab, errors = opened(browser, run.parent / "index.html", size, scheme, ready="true")
+        tab, errors = opened(browser, run.parent / "site" / "index.html", size, scheme, ready="true")
         assert not barriers(tab)
         assert not errors
 

@@ -498,6 +498,12 @@ def test_a_latex_table_has_the_chosen_columns_in_their_order_and_metrics_of_plug
     assert invoke("table", run, "--column", "NavSR", "--only", "main").exit_code == 2
 
 
+def test_episodes_without_a_target_are_said_to_be_unscored(tmp_path: Path) -> None:
+    rollout(tmp_path, [step()], category="")
+    shown = invoke("table", tmp_path)
+    assert shown.output == "Not scored: no episode has a target. --full prints what the body did.\n"
+
+
 def test_a_table_fits_a_screen_and_says_every_note_once(tmp_path: Path) -> None:
     shown = invoke("table", write_run(tmp_path, 3, 1, 1)).output
     assert len(shown.splitlines()) <= 50

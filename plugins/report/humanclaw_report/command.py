@@ -95,14 +95,17 @@ def _episode(folder: Path) -> RecordedEpisode:
 
 
 @click.command()
-@click.argument("folder", type=click.Path(path_type=Path, exists=True, file_okay=False), metavar="RUN")
+@click.argument("folder", type=click.Path(path_type=Path), metavar="RUN")
 @click.option("--port", type=click.IntRange(0, 65535), default=0, help="Port to serve on; default: a free one.")
 @plugin_files
 def watch(folder: Path, port: int, files: tuple[Path, ...]) -> None:
     """Show a run in progress in a browser on this machine. It changes no file; Ctrl-C ends it."""
-    from humanclaw import Plugins
+    from humanclaw import HumanclawError, Plugins
     from humanclaw_report.watch import Watcher, server
 
+    if not folder.is_dir():
+        remedy = "Begin a run in it with `humanclaw run --out FOLDER`, or name the folder of one."
+        raise HumanclawError(f"expected the folder of a run; {folder} is no folder.", remedy)
     serving = server(Watcher(folder, Plugins.discover(files).scene), port)
     click.echo(f"http://127.0.0.1:{serving.server_address[1]}/")
     serving.until_interrupted()

@@ -20,7 +20,7 @@ from humanclaw.storage import Folder
 from humanclaw_report.episode_page import environment, episode_page
 from humanclaw_report.facts import episodes_asked
 from humanclaw_report.houses import SCRIPT, Drawn, Houses
-from humanclaw_report.maps import path_maps
+from humanclaw_report.maps import PathMap, colour, path_maps
 from humanclaw_report.replay import as_json, person, replay
 from humanclaw_report.three import three
 
@@ -30,7 +30,8 @@ LIVE: Final = 4
 """The page shows views and maps of this many episodes: those that changed last."""
 _NAME: Final = r"[A-Za-z0-9_-][A-Za-z0-9._-]*"
 _FRAME: Final = re.compile(rf"/frame/({_NAME})/({_NAME}\.jpg)")
-_OF_EPISODE: Final = re.compile(rf"/(map|motion|house|replay)/({_NAME})")
+_STEPS: Final = re.compile(rf"/steps/({_NAME})/(\d{{1,6}})")
+_OF_EPISODE: Final = re.compile(rf"/(house|replay)/({_NAME})")
 
 
 @dataclass
@@ -69,19 +70,22 @@ class Watcher:
         """Return the folder of an episode: below the watched folder, or the watched folder itself."""
         return self.files if name == self.folder.resolve().name else self.files / name
 
-    def drawn(self, name: str) -> str:
-        """Return the maps of an episode up to now, as HTML."""
+    def since(self, name: str, first: int) -> str:
+        """Return map and motion of an episode from a step on, as JSON: a page that shows the steps before appends them.
+
+        "first" in the answer is 0 if the page has to begin again, since the episode did or came to another storey.
+        """
         episode, house = self._opened(name)
         # One page shows the houses of several episodes, so their element ids must differ.
         storeys = tuple(replace(storey, key=f"{name}-{storey.key}") for storey in house.maps)
-        maps = path_maps(episode, storeys, house.note)
+        maps = [_coloured(drawn, episode) for drawn in path_maps(episode, storeys, house.note)]
+        seen = all(drawn.targets or drawn.start or _before(drawn, first) for drawn in maps)
+        first = first if seen and first <= len(episode.steps) else 0
+        maps = [replace(drawn, pieces=drawn.pieces[len(_before(drawn, first)) :]) for drawn in maps]
         template = environment().get_template("live_map.html")
-        return template.render(maps=maps, house=storeys if house.digest else (), words=name, parts=())
-
-    def motion(self, name: str) -> str:
-        """Return the motion of an episode up to now, as JSON; empty if there is none."""
-        episode, house = self._opened(name)
-        return as_json(replay(episode, house.names, house.floors)) if episode.has_motion else ""
+        html = template.render(maps=maps, house=storeys if house.digest else (), words=name, parts=(), first=first)
+        motion = replay(episode, house.names, house.floors, first)
+        return json.dumps({"first": first, "steps": len(episode.steps), "map": html, "motion": motion})
 
     def house(self, name: str) -> str:
         """Return the house of an episode, as JSON; empty if it is not drawn."""
@@ -103,6 +107,17 @@ class Watcher:
             return (self.place(name) / "frames").read(file, FRAME_BYTES)
         except OSError:
             return b""
+
+
+def _coloured(drawn: PathMap, episode: RecordedEpisode) -> PathMap:
+    """Return a map whose pieces keep their colours while the episode goes on: shares of the steps that it may take."""
+    most = episode.record.spec.max_steps
+    return replace(drawn, pieces=tuple((points, colour(n / most), n) for points, _, n in drawn.pieces))
+
+
+def _before(drawn: PathMap, first: int) -> list[Any]:
+    """Return the pieces of a map that were drawn before a step."""
+    return [piece for piece in drawn.pieces if piece[2] < first]
 
 
 def _row(folder: Folder) -> dict[str, Any] | None:
@@ -132,6 +147,13 @@ def _row(folder: Folder) -> dict[str, Any] | None:
     }
 
 
+def _news(before: dict[str, Any], state: dict[str, Any]) -> dict[str, Any]:
+    """Return a state with the rows that changed alone, and whether the page has to forget those that it has."""
+    old, new = ({row["id"]: row for row in one.get("rows", ())} for one in (before, state))
+    forget = not before or not old.keys() <= new.keys()
+    return state | {"forget": forget, "rows": [row for key, row in new.items() if forget or old.get(key) != row]}
+
+
 def server(watcher: Watcher, port: int = 0) -> Server:
     """Return a server of a run on the loopback interface; shutdown() ends it. port: 0 picks a free one.
 
@@ -153,12 +175,12 @@ def server(watcher: Watcher, port: int = 0) -> Server:
             self.send_header("Content-Type", "text/event-stream")
             self.send_header("Cache-Control", "no-store")
             self.end_headers()
-            told = ""
+            state: dict[str, Any] = {}
             while True:
-                state = json.dumps(watcher.state())
+                before, state = state, watcher.state()
                 # A comment line is sent if nothing changed: only a failed write reveals a closed page.
-                self.wfile.write(f"data: {state}\n\n".encode() if state != told else b": still here\n\n")
-                told = state
+                told = f"data: {json.dumps(_news(before, state))}" if state != before else ": still here"
+                self.wfile.write(f"{told}\n\n".encode())
                 time.sleep(SECONDS)
 
     return Server(Asked, port)
@@ -174,7 +196,9 @@ def _content(watcher: Watcher, path: str) -> tuple[bytes, str]:
     with suppress(HumanclawError):
         if path in ("/three", "/skin"):
             return (three() if path == "/three" else as_json(person())).encode(), "text/javascript; charset=utf-8"
+        if match := _STEPS.fullmatch(path):
+            return watcher.since(match[1], int(match[2])).encode(), "application/json"
         if match := _OF_EPISODE.fullmatch(path):
-            made = {"map": watcher.drawn, "motion": watcher.motion, "house": watcher.house, "replay": watcher.replay}
-            return made[match[1]](match[2]).encode(), "text/html; charset=utf-8"
+            made, kind = (watcher.house, "application/json") if match[1] == "house" else (watcher.replay, "text/html")
+            return made(match[2]).encode(), f"{kind}; charset=utf-8"
     return b"", "text/plain"

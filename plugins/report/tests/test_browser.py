@@ -6,6 +6,7 @@ Run them with `make pages`.
 from __future__ import annotations
 
 import copy
+import math
 import shutil
 import threading
 from collections.abc import Iterator
@@ -21,6 +22,7 @@ from rooms import two_rooms
 
 from humanclaw import RecordedEpisode, Scene, load_run
 from humanclaw.body import skin
+from humanclaw_report.replay import replay
 from humanclaw_report.report import write_report
 from humanclaw_report.run_page import Collected, run_page
 from humanclaw_report.watch import Watcher, server
@@ -120,6 +122,26 @@ def test_the_page_and_python_pose_the_same_skin(browser: Any, pages: dict[str, P
     motion = load_run(pages["episode"].parent)[0].motion()
     expected, _ = skin().posed(motion.root[40], motion.rotations[40])
     assert np.array(posed) == pytest.approx(expected, abs=2e-3)
+    assert not errors
+
+
+def test_the_motion_of_steps_that_came_later_is_appended(browser: Any, pages: dict[str, Path]) -> None:
+    tab, errors = opened(browser, pages["episode"])
+    recorded = load_run(pages["episode"].parent)[0]
+    same, gone, come = tab.evaluate(
+        """async ([all, more]) => {
+        const [whole, later] = [await unpack(all.motion), await unpack(more.motion)], share = more.begins / all.frames;
+        const cut = ([name, values]) => [name, values.slice(0, share * values.length)];
+        const before = Object.fromEntries(Object.entries(whole).map(cut));
+        const both = joined({ ...before, object_1: new Float32Array(7 * more.begins).fill(1) }, more.begins,
+            { ...later, object_2: new Float32Array(7 * (all.frames - more.begins)).fill(2) });
+        const same = Object.keys(whole).map((name) => String(whole[name]) === String(both[name]));
+        return [same, ...["object_1", "object_2"].map((name) => [both[name].length, ...new Set(both[name])])];
+    }""",
+        [replay(recorded, {}, (), first) for first in (0, 7)],
+    )
+    frames = math.ceil(len(recorded.motion()) / 2)
+    assert (same, gone, come) == ([True] * 4, [7 * frames, 1], [7 * frames, 2]), "a new object rested until then"
     assert not errors
 
 

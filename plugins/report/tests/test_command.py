@@ -3,8 +3,20 @@
 import subprocess
 import sys
 
+from click.testing import CliRunner
+
+from humanclaw import Plugins
+from humanclaw.cli import build
+
 
 def test_being_listed_loads_nothing_that_a_page_needs():
     probe = "import sys, humanclaw_report.command; print(*sys.modules)"
     loaded = subprocess.run([sys.executable, "-c", probe], capture_output=True, text=True, check=True).stdout.split()
     assert not {"scipy", "skimage", "PIL", "humanclaw_report.report"} & set(loaded)
+
+
+def test_a_run_that_is_not_there_is_told_with_what_to_do():
+    done = CliRunner().invoke(build(Plugins.discover), ["watch", "nowhere"])
+    assert done.exit_code == 2
+    assert "expected the folder of a run; nowhere is no folder." in done.output
+    assert "humanclaw run --out FOLDER" in done.output

@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+import base64
+import gzip
 import json
+import math
 import re
 import shutil
 import threading
 from collections.abc import Iterator
 from http.client import HTTPConnection
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 from made import broken_off, picture, record_episode
+from rooms import two_storeys
 
-from humanclaw import RecordError
-from humanclaw_report.watch import Watcher, _content, server
+from humanclaw import RecordedEpisode, RecordError
+from humanclaw_report.watch import Watcher, _content, _news, server
 
 
 @pytest.fixture(scope="module")
@@ -49,27 +55,105 @@ def test_the_first_event_tells_of_every_episode(served: tuple[int, Path]) -> Non
     assert rows["couch-1"]["call"] == "stop()"
 
 
+def test_an_event_tells_of_the_episodes_that_changed_and_of_those_that_are_gone(tmp_path: Path) -> None:
+    scene = record_episode(tmp_path / "couch-0")
+    record_episode(tmp_path / "couch-1", name="couch-1")
+    watcher = Watcher(tmp_path, lambda name: scene)
+    both = watcher.state()
+    broken_off(tmp_path / "couch-1")
+    changed = watcher.state()
+    shutil.rmtree(tmp_path / "couch-1")
+    told = [_news(*pair) for pair in (({}, both), (both, changed), (changed, watcher.state()))]
+    assert [one["forget"] for one in told] == [True, False, True]
+    assert [{row["id"] for row in one["rows"]} for one in told] == [{"couch-0", "couch-1"}, {"couch-1"}, {"couch-0"}]
+    assert [one["episodes"] for one in told] == [2, 2, 1]
+
+
 def test_the_view_and_the_map_of_an_episode_are_served(served: tuple[int, Path]) -> None:
     assert get(served[0], "/frame/couch-0/0002.jpg") == (200, picture(2))
-    status, drawn = get(served[0], "/map/couch-1?3")
+    status, answer = get(served[0], "/steps/couch-1/0?3")
     assert status == 200
-    assert b'class="path"' in drawn
-    assert b'class="wall"' in drawn
+    drawn = json.loads(answer)["map"]
+    assert 'class="path"' in drawn
+    assert 'class="wall"' in drawn
 
 
 def test_body_and_house_of_an_episode_that_goes_on_are_served_for_the_viewer(run: tuple[Path, Watcher]) -> None:
     folder, watcher = run
-    whole = json.loads(watcher.motion("couch-0"))
-    broken_off(folder / "couch-0")
-    (folder / "couch-0" / "motion.npz").rename(folder / "couch-0" / "frames" / "000000.npz")
-    steps = folder / "couch-0" / "steps.jsonl"
-    steps.write_bytes(b"".join(steps.read_bytes().splitlines(keepends=True)[:3]))
-    sofar = json.loads(watcher.motion("couch-0"))
+    whole = json.loads(watcher.since("couch-0", 0))["motion"]
+    under_way(folder / "couch-0", 3)
+    sofar = json.loads(watcher.since("couch-0", 0))["motion"]
     assert sofar["frames"] == (5 + 3 * 15) / 2 < whole["frames"]
     assert watcher.state()["rows"][0]["replay"] == ""
     assert json.loads(watcher.house("couch-0"))["objects"]
     assert json.loads(_content(watcher, "/skin")[0])["bytes"]
     assert b"THREE" in _content(watcher, "/three")[0]
+
+
+def under_way(folder: Path, steps: int) -> None:
+    """Turn a closed record into one of an episode that goes on after some steps."""
+    broken_off(folder)
+    if not (folder / "frames" / "000000.npz").exists():
+        (folder / "motion.npz").rename(folder / "frames" / "000000.npz")
+        (folder / "steps.jsonl").rename(folder / "all.jsonl")
+    lines = (folder / "all.jsonl").read_bytes().splitlines(keepends=True)
+    (folder / "steps.jsonl").write_bytes(b"".join(lines[:steps]))
+
+
+def test_each_step_is_sent_once_with_its_own_motion_and_path(tmp_path: Path) -> None:
+    scene = record_episode(tmp_path / "couch-0")
+    whole = RecordedEpisode(tmp_path / "couch-0")
+    watcher, motion, steps = Watcher(tmp_path, lambda name: scene), whole.motion(), len(whole.steps)
+    frames, contacts, drawn, sent = [], [], [], []
+    for count in range(1, steps + 1):
+        under_way(tmp_path / "couch-0", count)
+        sent.append(watcher.since("couch-0", count - 1))
+        more = json.loads(sent[-1])
+        assert (more["first"], more["steps"], more["motion"]["begins"]) == (count - 1, count, len(frames))
+        frames += unpacked(more["motion"]["motion"])["simulated_root"].tolist()
+        assert more["motion"]["frames"] == len(frames)
+        contacts += more["motion"]["contacts"]
+        drawn += re.findall(r"<title>step (\d+)</title>", more["map"])
+        assert ("<symbol" in more["map"]) == (count == 1), "the house is sent once"
+    assert np.array(frames) == pytest.approx(motion.root[::2], abs=1e-5)
+    assert contacts == json.loads(watcher.since("couch-0", 0))["motion"]["contacts"] != []
+    assert [int(step) for step in drawn] == list(range(steps))
+    assert max(map(len, sent[1:])) < 1.2 * min(map(len, sent[1:])), "later steps take no more bytes"
+
+
+def test_an_object_that_was_pushed_is_sent_with_every_later_step_and_one_at_rest_never(tmp_path: Path) -> None:
+    scene = record_episode(tmp_path / "couch-0")
+    under_way(tmp_path / "couch-0", 4)
+    archive = tmp_path / "couch-0" / "frames" / "000000.npz"
+    arrays = dict(np.load(archive))
+    path = np.tile([0.0, 0, 0, 0, 0, 0, 1], (len(arrays["simulated_root"]), 1))
+    path[25:, 0] = 0.4
+    np.savez(archive, **arrays, object_7=path, object_8=path[:1].repeat(len(path), 0))
+    watcher = Watcher(tmp_path, lambda name: scene)
+    sent = [json.loads(watcher.since("couch-0", first))["motion"]["motion"] for first in range(5)]
+    assert [[one["name"] for one in packed["arrays"][4:]] for packed in sent] == [["object_7"]] * 5
+    assert unpacked(sent[1])["object_7"][:5, 0] == pytest.approx([0, 0, 0, 0.4, 0.4])
+
+
+def test_the_map_begins_again_on_another_storey_and_where_the_page_knows_more_than_the_record(tmp_path: Path) -> None:
+    scene = record_episode(tmp_path / "couch-0", two_storeys(), targets=(31,))
+    watcher, firsts = Watcher(tmp_path, lambda name: scene), []
+    for count in range(1, len(RecordedEpisode(tmp_path / "couch-0").steps) + 1):
+        under_way(tmp_path / "couch-0", count)
+        broken_off(tmp_path / "couch-0", targets={})
+        firsts.append(json.loads(watcher.since("couch-0", count - 1))["first"])
+    assert [k for k, first in enumerate(firsts) if first == 0] == [0, firsts.index(0, 1)]
+    assert json.loads(watcher.since("couch-0", count + 1))["first"] == 0
+
+
+def unpacked(packed: dict[str, Any]) -> dict[str, Any]:
+    """Return the arrays of packed() in replay.py."""
+    data, found = gzip.decompress(base64.b64decode(packed["bytes"])), {}
+    for head in packed["arrays"]:
+        count = int(np.prod(head["shape"]))
+        found[head["name"]] = np.frombuffer(data, head["type"], count).reshape(head["shape"])
+        data = data[4 * math.ceil(found[head["name"]].nbytes / 4) :]
+    return found
 
 
 def test_the_replay_of_an_episode_that_has_ended_is_served_in_one_file(served: tuple[int, Path]) -> None:
@@ -134,7 +218,7 @@ def test_a_run_that_is_deleted_is_watched_as_an_empty_one(run: tuple[Path, Watch
     assert run[1].state()["episodes"] == 1
     shutil.rmtree(run[0])
     assert run[1].state()["rows"] == []
-    assert _content(run[1], "/map/couch-0")[0] == b""
+    assert _content(run[1], "/steps/couch-0/0")[0] == b""
     assert run[1].frame("couch-0", "0000.jpg") == b""
 
 
@@ -149,7 +233,7 @@ def test_the_view_is_the_one_that_is_decided_on_now(run: tuple[Path, Watcher]) -
 
 def test_the_maps_of_two_houses_on_one_page_are_told_apart(run: tuple[Path, Watcher]) -> None:
     record_episode(run[0] / "couch-1", name="couch-1")
-    drawn = [run[1].drawn(name) for name in ("couch-0", "couch-1")]
+    drawn = [json.loads(run[1].since(name, 0))["map"] for name in ("couch-0", "couch-1")]
     ids = [set(re.findall(r'<symbol id="([^"]+)"', html)) for html in drawn]
     assert ids == [set(re.findall(r'<use href="#([^"]+)"', html)) for html in drawn]
     assert all(ids)
@@ -160,4 +244,4 @@ def test_of_a_run_that_is_one_episode_view_and_map_are_found_too(run: tuple[Path
     one = Watcher(run[0] / "couch-0", run[1].scenes)
     (row,) = one.state()["rows"]
     assert one.frame(*row["frame"].split("/")[2:]) == picture(row["steps"] - 1)
-    assert 'class="path"' in one.drawn(row["id"])
+    assert 'class="path"' in json.loads(one.since(row["id"], 0))["map"]

@@ -5,7 +5,8 @@
 
 {
   /** @typedef {{id: string, instruction: string, outcome: string, steps: number, call: string, words: string, distance: number | null, frame: string, replay: string}} Row */
-  /** @typedef {{ended: number, episodes: number, asked: number, rows: Row[], live: number}} State */
+  /** @typedef {{first: number, steps: number, map: string, motion: Replay | null}} Steps */
+  /** @typedef {{ended: number, episodes: number, asked: number, rows: Row[], live: number, forget: boolean}} State */
 
   const at = (/** @type {string} */ id) => /** @type {HTMLElement} */ (document.getElementById(id));
 
@@ -34,7 +35,7 @@
     return answer?.ok ? answer : null;
   };
 
-  /** The body from outside: each longer motion is played on from where the last one ended. */
+  /** The body from outside: the motion of each step is played when it comes. */
   class Outside {
     /** @param {HTMLCanvasElement} canvas @param {string} house */
     constructor(canvas, house) {
@@ -110,17 +111,31 @@
     return element;
   };
 
-  /** Draw the path up to now, and move the body there. One request at a time: the first map of a house takes the server seconds. @param {HTMLElement} element */
+  /** Draw a map, or append steps to it. @param {HTMLElement} map @param {Steps} steps */
+  const grow = (map, { first, map: html }) => {
+    const drawn = document.createElement("template");
+    drawn.innerHTML = html;
+    if (!first) return map.replaceChildren(drawn.content);
+    map.querySelectorAll("svg[role]").forEach((storey, k) => {
+      const more = drawn.content.children[k];
+      storey.querySelector(".end")?.remove();
+      storey.setAttribute("viewBox", more.getAttribute("viewBox") ?? ""); // Without its house, a map grows with the path.
+      storey.append(...more.children);
+    });
+  };
+
+  /** Draw the steps that the card does not show yet. One request at a time: the first map of a house takes the server seconds. @param {HTMLElement} element */
   const draw = async (element) => {
     const map = /** @type {HTMLElement} */ (element.querySelector(".map"));
     element.dataset.drawing = "yes";
     for (let wanted = element.dataset.state; map.dataset.shown !== wanted && element.isConnected; wanted = element.dataset.state) {
-      const name = element.dataset.episode, drawn = await fetched(`/map/${name}`), motion = await fetched(`/motion/${name}`);
-      if (!drawn) break;
-      map.innerHTML = await drawn.text();
-      map.dataset.shown = wanted;
+      const answer = await fetched(`/steps/${element.dataset.episode}/${map.dataset.steps ?? 0}`);
+      if (!answer) break;
+      const steps = /** @type {Steps} */ (await answer.json());
+      grow(map, steps);
+      Object.assign(map.dataset, { shown: wanted, steps: steps.steps });
       // Without WebGL, views and maps go on.
-      if (motion) await seen.get(element)?.show(await motion.json()).catch(() => seen.delete(element));
+      if (steps.motion) await seen.get(element)?.show(steps.motion).catch(() => seen.delete(element));
     }
     delete element.dataset.drawing;
   };
@@ -138,14 +153,19 @@
     return element;
   };
 
+  /** Episodes, last changed first. @type {Row[]} */
+  let rows = [];
+
   const events = new EventSource("/events");
   events.onmessage = (event) => {
     const state = /** @type {State} */ (JSON.parse(event.data));
     const of = state.asked ? ` of ${state.asked}` : "";
     at("lede").textContent = !state.episodes ? "No episode has begun." : `${state.ended}${of} ended, ${state.episodes - state.ended} in progress.`;
-    at("rows").replaceChildren(...state.rows.map(line));
-    const running = state.rows.filter((row) => row.outcome === "running");
-    const live = (running.length ? running : state.rows).slice(0, running.length ? state.live : 1);
+    const changed = new Set(state.rows.map(({ id }) => id));
+    rows = [...state.rows, ...rows.filter(({ id }) => !state.forget && !changed.has(id))];
+    at("rows").replaceChildren(...rows.map(line));
+    const running = rows.filter((row) => row.outcome === "running");
+    const live = (running.length ? running : rows).slice(0, running.length ? state.live : 1);
     at("now").textContent = live.length && !running.length ? "Last episode" : "Now";
     const cards = live.map(show);
     at("live").replaceChildren(...cards);
