@@ -397,7 +397,7 @@ def test_the_table_of_plugins_tells_what_is_wrong_with_one_word_for_word(cli, tm
         ("cp1252", ("physics", "free-space"), "| free space | contacts meanwhile | 0 | \\u2264 0 | yes |"),
         (
             "ascii",
-            ("run", "--instruction", "h\u00fcpf \u2713", "--max-steps", "1", "--film", "none"),
+            ("run", "--instruction", "h\u00fcpf \u2713", "--agent", "still", "--max-steps", "1", "--film", "none"),
             "h\\xfcpf \\u2713",
         ),
     ],
