@@ -8,6 +8,7 @@ With CHECKED, a folder of pictures, fail if one of them no longer looks like the
 from __future__ import annotations
 
 import io
+import shutil
 import subprocess
 import sys
 import threading
@@ -31,11 +32,11 @@ FONTS: Final = ":root, body { --serif: 'DejaVu Serif'; --sans: 'DejaVu Sans'; fo
 
 
 def make(run: Path, other: Path, out: Path) -> None:
-    """Write pictures of the pages of the other run, of both runs, and of the run's last episode, and of the end of each
-    of the run's episodes."""
+    """Write pictures of the pages of the other run, of both runs, and of the run's last episode, of the end of each of
+    the run's episodes, and of a leaderboard of both runs."""
     pair = out / "pair.html"
     for arguments in ([run], [other], [run, other, "--out", pair]):
-        subprocess.run([sys.executable, "-m", "humanclaw", "report", *map(str, arguments)], check=True)
+        _do("report", *arguments)
     episodes = load_run(run)
     episode = episodes[-1]
     pages = {"run": other / "report.html", "pair": pair, "episode": episode.folder / "page.html"}
@@ -49,9 +50,26 @@ def make(run: Path, other: Path, out: Path) -> None:
             picture = _seen(browser, page, {"width": 1000, "height": 1200}, "light", last, part="#stage")
             picture.thumbnail((480, 480))
             picture.save(out / f"replay-{one.record.spec.target_category}.jpg", quality=82)
-        for name, picture in _person(browser).items():
+        for name, picture in {**_person(browser), "leaderboard": _board(browser, run, other)}.items():
             picture.save(out / f"{name}-1400.jpg", quality=82)
     pair.unlink()
+
+
+def _do(*arguments: object) -> None:
+    subprocess.run([sys.executable, "-m", "humanclaw", *map(str, arguments)], check=True)
+
+
+def _board(browser: Any, *runs: Path) -> Image.Image:
+    """Return a picture of a leaderboard of runs, of which one episode each is played again."""
+    with TemporaryDirectory() as folder:
+        sent, site = Path(folder, "sent"), Path(folder, "site")
+        for run in runs:
+            shutil.copytree(run, sent / run.name)
+            _do("bench", "submit", run, "--who", "HumanCLAW", "--out", sent / f"{run.name}.json")
+        _do("bench", "leaderboard", sent, "--pages", site, "--replay", 1, "--by", "HumanCLAW")
+        tab = browser.new_page(viewport={"width": 1400, "height": 560})
+        tab.goto((site / "index.html").as_uri())
+        return _taken(tab)
 
 
 def _person(browser: Any) -> dict[str, Image.Image]:

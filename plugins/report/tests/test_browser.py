@@ -335,6 +335,15 @@ def test_a_run_under_way_is_seen_as_it_grows_by_all_who_watch(browser: Any, watc
         assert not errors
 
 
+def test_an_episode_that_has_ended_says_how(browser: Any, watched: Watched) -> None:
+    for number in (0, 1):
+        broken_off(watched.folder / f"couch-{number}", outcome="out_of_steps")
+    tab, errors = opened(browser, watched.address)
+    tab.locator(".said", has_text="Then it ended: out of steps.").wait_for()
+    assert tab.locator("tbody td", has_text="out of steps").count() == 2
+    assert not errors
+
+
 def test_views_are_seen_while_a_house_is_still_being_drawn(browser: Any, watched: Watched) -> None:
     watched.drawing.clear()
     tab, errors = opened(browser, watched.address)

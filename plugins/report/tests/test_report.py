@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
@@ -225,6 +226,11 @@ def test_an_episode_that_ended_before_its_first_step_shows_where_it_began(tmp_pa
     page = Page(write_report(tmp_path, None, lambda name: scene).read_text("utf-8"))
     assert not page.paths
     assert "start end" in page.text
+
+
+def test_a_page_says_first_what_was_run_and_last_what_stands_in_the_house(page: Page) -> None:
+    assert re.match("oracle in test:rooms: .*find a couch · HumanCLAW episode Skip to the replay Episode", page.text)
+    assert page.text.index("Made with HumanCLAW") < page.text.index("tv 21")
 
 
 def test_no_senses_are_told_of_a_record_without_them(page: Page) -> None:

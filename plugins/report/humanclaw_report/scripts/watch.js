@@ -22,7 +22,7 @@
 
   /** @param {Row} row */
   const line = (row) => {
-    const cells = [made("th", row.id), made("td", row.outcome.replace("_", " ")), made("td", String(row.steps), "num"), made("td", row.call)];
+    const cells = [made("th", row.id), made("td", row.outcome.replaceAll("_", " ")), made("td", String(row.steps), "num"), made("td", row.call)];
     cells[0].setAttribute("scope", "row");
     if (row.replay) cells[0].replaceChildren(linked(row.id, row.replay));
     const element = document.createElement("tr");
@@ -148,7 +148,8 @@
     if (row.frame && !picture.src.endsWith(row.frame)) picture.src = row.frame;
     const said = /** @type {HTMLElement} */ (element.querySelector(".said"));
     said.textContent = row.steps ? `Step ${row.steps - 1}, ${row.call}${row.words && `: ${row.words}`}` : "";
-    if (row.replay) said.append(" ", linked("Watch the replay", row.replay));
+    if (row.outcome !== "running") said.append(` Then it ended: ${row.outcome.replaceAll("_", " ")}. `);
+    if (row.replay) said.append(linked("Watch the replay", row.replay));
     element.dataset.state = `${row.steps} ${row.outcome}`;
     return element;
   };
