@@ -25,6 +25,11 @@ HOOKS: Final = tuple(
 _ROOM: Final = 0.2
 """Metres that are free around a place to stand."""
 
+_PALM_ROOM: Final = 0.07
+"""Metres from the side of a thing to the palm that comes to it."""
+_HAND_ROOM: Final = 0.05
+"""Metres around a hand that are free."""
+
 
 @dataclass(frozen=True, eq=False)
 class Here:
@@ -138,6 +143,28 @@ def places_around(
     for (x, z), way, gap in zip(points.tolist(), ways, np.linalg.norm(ways, axis=1), strict=True):
         if gap < far and room_at(scene, x, z, grid.floor) == room:
             yield Viewpoint(key, x, z, float(np.arctan2(*way)), float(gap), floor=grid.floor)
+
+
+def free_sides(scene: Scene, state: WorldState, key: int, places: Array) -> Array:
+    """Return whether a hand has room to the right and to the left of a thing, (N, 2), from places (N, 2)."""
+    low, high = box(scene, state, key)
+    ways = ((low + high) / 2)[[0, 2]] - places
+    ways /= np.maximum(np.linalg.norm(ways, axis=1, keepdims=True), 1e-9)
+    right = np.stack([-ways[:, 1], ways[:, 0]], 1)
+    out = np.stack([right, -right], 1)
+    far = np.abs(out) @ ((high - low)[[0, 2]] / 2) + _PALM_ROOM
+    x, z = np.moveaxis(((low + high) / 2)[[0, 2]] + out * far[..., None], -1, 0)
+    spots = np.stack([x, np.full_like(x, low[1] + 0.1), z], -1)
+    others = (obj.id for obj in scene.objects if obj.id != key)
+    near = (one for one in others if _gap(*box(scene, state, one), low, high) < 0.5)
+    hulls = [hull for one in near for hull in scene.hulls(one, state.objects.get(one))]
+    gaps = [_gap(hull.min(0), hull.max(0), spots, spots) for hull in hulls]
+    return np.asarray(np.min([np.full_like(x, np.inf), *gaps], axis=0) > _HAND_ROOM)
+
+
+def _gap(low: Array, high: Array, first: Array, last: Array) -> Array:
+    """Return the distance of a box from others with corners (..., 3), metres."""
+    return np.asarray(np.linalg.norm(np.maximum(np.maximum(low - last, first - high), 0.0), axis=-1))
 
 
 def spot_on(scene: Scene, state: WorldState, thing: int, place: int) -> Array:

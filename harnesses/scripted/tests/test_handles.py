@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
+from humanclaw.body import rest_pose
 from humanclaw.testing import SceneBuilder
-from humanclaw.world import Hinge
-from humanclaw_scripted.handles import Handle
+from humanclaw.world import Hinge, WorldState
+from humanclaw_scripted.handles import Handle, free_sides
 
 
 @pytest.mark.parametrize("floor", [0.0, 2.88, 6.1])
@@ -17,3 +18,13 @@ def test_a_door_is_taken_at_the_height_of_a_hand_on_every_floor(floor):
     scene = built.scene()
     handle = Handle.of(scene.hulls, scene.by_id[key], floor)
     assert handle.at(0.0)[1] - floor == pytest.approx(1.05, abs=0.01)
+
+
+def test_a_hand_has_room_where_nothing_is_beside_a_thing():
+    built = SceneBuilder()
+    built.floor()
+    box = built.box("box", (0.3, 0.3, 0.3), (0, 0, 0), movable=True)
+    built.box("wall", (0.2, 2.5, 3), (0.27, 0, 0))
+    places = np.array([(0.0, -0.8), (0.0, 0.8), (-0.8, 0.0)])
+    free = free_sides(built.scene(), WorldState(rest_pose(), {}), box, places)
+    assert free.tolist() == [[True, False], [False, True], [True, True]]
