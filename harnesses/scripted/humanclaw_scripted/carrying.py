@@ -90,10 +90,9 @@ class Carrying(ArmedOracle):
         if np.allclose(low, self._scene.aabb(key)[0], atol=0.05):
             found = viewpoints(self._memory.floors, self._scene, key)
             return [one for one in found if one.gap < _FARS[0]]
-        grids = [grid for grid in self._memory.floors.floors if -0.1 < low[1] - grid.floor < 2.0]
-        ways = (
-            [one for grid in grids for one in places_around(self._scene, grid, key, low, high, far)] for far in _FARS
-        )
+        middle = (low + high) / 2
+        grid = self._memory.floors.grids[int(self._memory.floors.level(np.array([middle[0], low[1], middle[2]])))]
+        ways = ([*places_around(self._scene, grid, key, low, high, far)] for far in _FARS)
         return next(filter(None, ways), [])
 
     def _take(self, thing: int, side: Side) -> Script:

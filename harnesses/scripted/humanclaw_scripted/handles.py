@@ -25,6 +25,8 @@ HOOKS: Final = tuple(
 _ROOM: Final = 0.2
 """Metres that are free around a place to stand."""
 
+_CROWD: Final = 50.0
+"""Metres that a spot may be farther off for each metre of room that it has more, as far as a thing needs room."""
 _PALM_ROOM: Final = 0.07
 """Metres from the side of a thing to the palm that comes to it."""
 _HAND_ROOM: Final = 0.05
@@ -134,15 +136,17 @@ class Handle:
 def places_around(
     scene: Scene, grid: OccupancyGrid, key: int, low: Array, high: Array, far: float
 ) -> Iterator[Viewpoint]:
-    """Yield free places around a box (3,) that are nearer to it than far (metres), in its room."""
+    """Yield free places around a box (3,) that are nearer to it than far (metres), in its room and on its level."""
     first, last = grid.cell(low[[0, 2]] - far), grid.cell(high[[0, 2]] + far) + 1
     points = grid.point(np.argwhere(grid.clearance[first[0] : last[0], first[1] : last[1]] >= _ROOM) + first)
     ways = np.clip(points, low[[0, 2]], high[[0, 2]]) - points
-    east, north = ((low + high) / 2)[[0, 2]].tolist()
-    room = room_at(scene, east, north, grid.floor)
-    for (x, z), way, gap in zip(points.tolist(), ways, np.linalg.norm(ways, axis=1), strict=True):
-        if gap < far and room_at(scene, x, z, grid.floor) == room:
-            yield Viewpoint(key, x, z, float(np.arctan2(*way)), float(gap), floor=grid.floor)
+    middle = ((low + high) / 2)[[0, 2]]
+    ground = float(grid.at(grid.ground, middle))
+    level = np.abs(grid.at(grid.ground, points) - ground) < 0.05
+    room = room_at(scene, *middle.tolist(), ground)
+    for (x, z), way, gap in zip(points[level].tolist(), ways[level], np.linalg.norm(ways[level], axis=1), strict=True):
+        if gap < far and room_at(scene, x, z, ground) == room:
+            yield Viewpoint(key, x, z, float(np.arctan2(*way)), float(gap), floor=ground)
 
 
 def free_sides(scene: Scene, state: WorldState, key: int, places: Array) -> Array:
@@ -177,6 +181,6 @@ def spot_on(scene: Scene, state: WorldState, thing: int, place: int) -> Array:
     others = [box(scene, state, obj.id) for obj in scene.objects if obj.id not in (thing, place)]
     there = [(a, b) for a, b in others if a[1] < high[1] + 0.3 and b[1] > high[1] + 0.01]
     gaps = [np.maximum(np.maximum(a[[0, 2]] - spots, spots - b[[0, 2]]).max(1), 0.0) for a, b in there]
-    crowded = np.min(gaps, axis=0) < half + 0.02 if gaps else np.zeros(len(spots), bool)
-    x, z = spots[np.argmin(np.linalg.norm(spots - PelvisPose.of(state).point, axis=1) + 10.0 * crowded)]
+    short = np.maximum(half + 0.02 - np.min([np.full(len(spots), np.inf), *gaps], axis=0), 0.0)
+    x, z = spots[np.argmin(np.linalg.norm(spots - PelvisPose.of(state).point, axis=1) + _CROWD * short)]
     return np.array([x, high[1], z])
