@@ -11,6 +11,7 @@ from typing import Final
 import numpy as np
 
 from humanclaw import Call, EpisodeSpec, PluginError, Skill
+from humanclaw.body import STANDING_HEIGHT
 from humanclaw.records import ALIASES
 from humanclaw.skills import Parameter, Role, Side, from_si, suited
 
@@ -97,6 +98,14 @@ def reaching(skills: Mapping[str, Skill], side: Side, place: Sequence[float]) ->
     amounts = dict(zip(HAND, place, strict=True))
     params = {one.key: _within(one, amounts[one.measure]) for one in found.parameters if one.measure in amounts}
     return Call(found.skill, {**params, **_of_side(skills[found.skill], side)})
+
+
+def rising(skills: Mapping[str, Skill]) -> Call:
+    """Return a call that brings the hips up over feet that stay."""
+    found = suited((skill.declaration for skill in skills.values()), *SIT, role="posture")
+    if found is None:
+        raise PluginError("the oracle needs a skill that rises from a crouch.", "Install the extra hands.")
+    return Call(found.skill, {one.key: _within(one, STANDING_HEIGHT) for one in found.parameters})
 
 
 def gripping(skills: Mapping[str, Skill], role: Role, side: Side) -> Call:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import count
 from typing import Final
 
@@ -12,10 +13,13 @@ from humanclaw.body import Array
 from humanclaw.skills import Side
 from humanclaw.world import Viewpoint, viewpoints
 from humanclaw_scripted.arms import AT_HAND, ArmedOracle, Script
-from humanclaw_scripted.handles import Here, places_around, spot_on
+from humanclaw_scripted.calls import rising
+from humanclaw_scripted.handles import Here, free_sides, places_around, spot_on
 from humanclaw_scripted.truth import PelvisPose, box
 
 _SIDES: Final[tuple[Side, Side]] = ("right", "left")
+_CRAMPED: Final = 0.5
+"""Price of a place without room for a hand, metres."""
 _FARS: Final = (0.55, 0.75)
 """Metres from a place to stand to what an arm reaches from there; the second where there is no place as near."""
 _BESIDE: Final = 0.16
@@ -50,8 +54,8 @@ class Carrying(ArmedOracle):
 
     def _carry(self, thing: int, place: int) -> Script:
         for attempt in count():
-            side = _SIDES[attempt // 2 % 2]
-            yield from self._walk_to(lambda: self._near(thing))
+            yield from self._walk_to(lambda: self._around(thing))
+            side = self._hand_for(thing, attempt)
             yield from self._take(thing, side)
             if not self._in_hand(thing):
                 self._give_up_stand(0.3)
@@ -65,16 +69,30 @@ class Carrying(ArmedOracle):
                 return
             self._memory.given_up = set()
 
+    def _hand_for(self, thing: int, attempt: int) -> Side:
+        """Return the hand that has room beside a thing; of two, one in every other pair of attempts."""
+        (free,) = free_sides(self._scene, self._state(), thing, PelvisPose.of(self._state()).point[None])
+        sides = [side for side, one in zip(_SIDES, free, strict=True) if one] or _SIDES
+        return sides[attempt // 2 % len(sides)]
+
+    def _around(self, thing: int) -> list[Viewpoint]:
+        """Return places to stand at a thing; those from which no hand has room are expensive."""
+        found = self._near(thing)
+        places = np.array([(one.x, one.z) for one in found]).reshape(-1, 2)
+        free = free_sides(self._scene, self._state(), thing, places)
+        return [
+            one if room.any() else replace(one, gap=one.gap + _CRAMPED) for one, room in zip(found, free, strict=True)
+        ]
+
     def _near(self, key: int) -> list[Viewpoint]:
         """Return places to stand at an object, where it is now."""
         low, high = box(self._scene, self._state(), key)
         if np.allclose(low, self._scene.aabb(key)[0], atol=0.05):
             found = viewpoints(self._memory.floors, self._scene, key)
             return [one for one in found if one.gap < _FARS[0]]
-        grids = [grid for grid in self._memory.floors.floors if -0.1 < low[1] - grid.floor < 2.0]
-        ways = (
-            [one for grid in grids for one in places_around(self._scene, grid, key, low, high, far)] for far in _FARS
-        )
+        middle = (low + high) / 2
+        grid = self._memory.floors.grids[int(self._memory.floors.level(np.array([middle[0], low[1], middle[2]])))]
+        ways = ([*places_around(self._scene, grid, key, low, high, far)] for far in _FARS)
         return next(filter(None, ways), [])
 
     def _take(self, thing: int, side: Side) -> Script:
@@ -120,6 +138,8 @@ class Carrying(ArmedOracle):
         out = 1.0 if side == "left" else -1.0
         _, low, high = self._extent(thing)
         yield from self._raise(thing, side)
+        if Here.of(self._state()).crouches:
+            yield rising(self._context.skills), "I rise with it."
         yield self._back(0.25), "I step back with it."
         pose = PelvisPose.of(self._state())
         if self._plan(pose).at(self._plan(pose).clearance, pose.point) < 0.5:

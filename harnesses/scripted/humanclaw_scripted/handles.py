@@ -25,6 +25,13 @@ HOOKS: Final = tuple(
 _ROOM: Final = 0.2
 """Metres that are free around a place to stand."""
 
+_CROWD: Final = 50.0
+"""Metres that a spot may be farther off for each metre of room that it has more, as far as a thing needs room."""
+_PALM_ROOM: Final = 0.07
+"""Metres from the side of a thing to the palm that comes to it."""
+_HAND_ROOM: Final = 0.05
+"""Metres around a hand that are free."""
+
 
 @dataclass(frozen=True, eq=False)
 class Here:
@@ -129,15 +136,39 @@ class Handle:
 def places_around(
     scene: Scene, grid: OccupancyGrid, key: int, low: Array, high: Array, far: float
 ) -> Iterator[Viewpoint]:
-    """Yield free places around a box (3,) that are nearer to it than far (metres), in its room."""
+    """Yield free places around a box (3,) that are nearer to it than far (metres), in its room and on its level."""
     first, last = grid.cell(low[[0, 2]] - far), grid.cell(high[[0, 2]] + far) + 1
     points = grid.point(np.argwhere(grid.clearance[first[0] : last[0], first[1] : last[1]] >= _ROOM) + first)
     ways = np.clip(points, low[[0, 2]], high[[0, 2]]) - points
-    east, north = ((low + high) / 2)[[0, 2]].tolist()
-    room = room_at(scene, east, north, grid.floor)
-    for (x, z), way, gap in zip(points.tolist(), ways, np.linalg.norm(ways, axis=1), strict=True):
-        if gap < far and room_at(scene, x, z, grid.floor) == room:
-            yield Viewpoint(key, x, z, float(np.arctan2(*way)), float(gap), floor=grid.floor)
+    middle = ((low + high) / 2)[[0, 2]]
+    ground = float(grid.at(grid.ground, middle))
+    level = np.abs(grid.at(grid.ground, points) - ground) < 0.05
+    room = room_at(scene, *middle.tolist(), ground)
+    for (x, z), way, gap in zip(points[level].tolist(), ways[level], np.linalg.norm(ways[level], axis=1), strict=True):
+        if gap < far and room_at(scene, x, z, ground) == room:
+            yield Viewpoint(key, x, z, float(np.arctan2(*way)), float(gap), floor=ground)
+
+
+def free_sides(scene: Scene, state: WorldState, key: int, places: Array) -> Array:
+    """Return whether a hand has room to the right and to the left of a thing, (N, 2), from places (N, 2)."""
+    low, high = box(scene, state, key)
+    ways = ((low + high) / 2)[[0, 2]] - places
+    ways /= np.maximum(np.linalg.norm(ways, axis=1, keepdims=True), 1e-9)
+    right = np.stack([-ways[:, 1], ways[:, 0]], 1)
+    out = np.stack([right, -right], 1)
+    far = np.abs(out) @ ((high - low)[[0, 2]] / 2) + _PALM_ROOM
+    x, z = np.moveaxis(((low + high) / 2)[[0, 2]] + out * far[..., None], -1, 0)
+    spots = np.stack([x, np.full_like(x, low[1] + 0.1), z], -1)
+    others = (obj.id for obj in scene.objects if obj.id != key)
+    near = (one for one in others if _gap(*box(scene, state, one), low, high) < 0.5)
+    hulls = [hull for one in near for hull in scene.hulls(one, state.objects.get(one))]
+    gaps = [_gap(hull.min(0), hull.max(0), spots, spots) for hull in hulls]
+    return np.asarray(np.min([np.full_like(x, np.inf), *gaps], axis=0) > _HAND_ROOM)
+
+
+def _gap(low: Array, high: Array, first: Array, last: Array) -> Array:
+    """Return the distance of a box from others with corners (..., 3), metres."""
+    return np.asarray(np.linalg.norm(np.maximum(np.maximum(low - last, first - high), 0.0), axis=-1))
 
 
 def spot_on(scene: Scene, state: WorldState, thing: int, place: int) -> Array:
@@ -150,6 +181,6 @@ def spot_on(scene: Scene, state: WorldState, thing: int, place: int) -> Array:
     others = [box(scene, state, obj.id) for obj in scene.objects if obj.id not in (thing, place)]
     there = [(a, b) for a, b in others if a[1] < high[1] + 0.3 and b[1] > high[1] + 0.01]
     gaps = [np.maximum(np.maximum(a[[0, 2]] - spots, spots - b[[0, 2]]).max(1), 0.0) for a, b in there]
-    crowded = np.min(gaps, axis=0) < half + 0.02 if gaps else np.zeros(len(spots), bool)
-    x, z = spots[np.argmin(np.linalg.norm(spots - PelvisPose.of(state).point, axis=1) + 10.0 * crowded)]
+    short = np.maximum(half + 0.02 - np.min([np.full(len(spots), np.inf), *gaps], axis=0), 0.0)
+    x, z = spots[np.argmin(np.linalg.norm(spots - PelvisPose.of(state).point, axis=1) + _CROWD * short)]
     return np.array([x, high[1], z])

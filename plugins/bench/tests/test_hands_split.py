@@ -114,8 +114,19 @@ class Spoilt:
         return replace(decision, calls=tuple(self._change(call, self._roles[call.skill]) for call in decision.calls))
 
 
-def play(plugins, folder, goal, change=lambda call, role: call, category="cup", targets=()):
-    scene = kitchen()[0]
+def corner():
+    """A box in the corner of two walls, and a table; with the ids of box and table."""
+    builder = SceneBuilder()
+    builder.floor()
+    for size, x, z in (((3, 2.5, 0.2), 0, 2.1), ((0.2, 2.5, 3), 1.1, 0.5)):
+        builder.box("wall", size, (x, 0, z))
+    box = builder.box("box", (0.28, 0.26, 0.27), (0.85, 0, 1.86), movable=True, mass=3.0)
+    table = builder.box("table", (0.9, 0.6, 0.6), (-1.5, 0, 0))
+    return builder.scene(), box, table
+
+
+def play(plugins, folder, goal, change=lambda call, role: call, category="cup", targets=(), scene=None):
+    scene = scene or kitchen()[0]
     spec = EpisodeSpec(id="one", instruction="do it", scene=scene.name, target_category=category, goal=goal,
                        start=Pose2D(0.0, 0.0, 0.0), target_ids=targets)  # fmt: skip
     folder = folder / "one"
@@ -152,6 +163,13 @@ def test_the_oracle_solves_it_and_every_stage_is_passed(plugins, tmp_path, task)
     assert "HoldSR" in told
     assert "Privileged (knows scene and true state): agent" in told
     assert "of an unknown total" in told
+
+
+def test_the_oracle_takes_a_box_out_of_a_corner_with_the_hand_that_has_room(plugins, tmp_path):
+    scene, box, table = corner()
+    goal = Goal(things=(box,), on=table)
+    success, scores, _ = play(plugins, tmp_path, goal, category="box", targets=(box, table), scene=scene)
+    assert (success, scores.dropped) == (True, 0)
 
 
 @pytest.mark.parametrize(
