@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from engines import BULLET, DEFAULT
-from hosting import plugin
+from hosting import host_of, plugin
 
 from humanclaw import Backends, default_simulator
 from humanclaw.body import FPS, JOINTS
@@ -20,6 +20,7 @@ from humanclaw.testing.speed import Quartiles, crowded, resident
 from humanclaw.world import find_profile
 from humanclaw.world.half_physics.kernels import approach
 from humanclaw.world.half_physics.swing import swings
+from humanclaw_skill_crouch import crouch
 
 
 def test_the_papers_profile_runs_at_120_hertz_with_stiffness_one_in_every_joint():
@@ -92,6 +93,8 @@ def test_a_skill_is_found_by_what_its_parameters_command_and_by_no_name():
     assert set(keys.values()) <= set(skill.schema["properties"])
     with pytest.raises(HumanclawError, match="flapped"):
         skill_with(Plugins.discover(), "arms.flapped")
+    with pytest.raises(HumanclawError, match="height"):  # Keyframes are no generated motion.
+        skill_with(host_of("crouch", skills=[crouch]), "hips.height")
 
 
 def _offering(*names):

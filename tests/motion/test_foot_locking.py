@@ -5,7 +5,7 @@ import pytest
 
 from humanclaw.body import JOINT_INDEX, SOLE, TOE_SOLE, Motion, forward_kinematics, rest_pose, shoe_heights, smoothstep
 from humanclaw.motion.foot_locking import lock_feet
-from humanclaw.motion.planted import planted
+from humanclaw.motion.planted import ANKLES, on_feet, planted
 
 LEFT_TOE, LEFT_ANKLE = JOINT_INDEX["left_foot"], JOINT_INDEX["left_ankle"]
 LEGS = [JOINT_INDEX[f"{side}_{part}"] for side in ("left", "right") for part in ("hip", "knee", "ankle")]
@@ -79,6 +79,18 @@ def test_a_heel_below_the_floor_is_lifted():
     result = lock_feet(_standing(5), tilted)
     assert shoe_heights(*forward_kinematics(tilted.root, tilted.rotations))[:, 0].min() < -0.01
     assert shoe_heights(*forward_kinematics(result.root, result.rotations)).min() > -0.002
+
+
+def test_a_shoe_that_would_drag_over_the_floor_swings_over_it():
+    """The left foot glides ahead at 1.2 m/s, its sole on the floor."""
+    pose = _standing(20)
+    feet = pose.joints()[:, list(ANKLES)]
+    feet[:, 0, 2] += np.clip(np.arange(20) - 7, 0, 10) * 0.04 - 0.2
+    dragging = on_feet(pose, feet, np.broadcast_to(np.eye(3), (20, 2, 3, 3)))
+    result = lock_feet(dragging[:5], dragging[5:])
+    left, right = shoe_heights(*forward_kinematics(result.root, result.rotations)).T
+    assert left[4:9] == pytest.approx(0.006, abs=1e-3)
+    assert right == pytest.approx(0.0, abs=1e-3)
 
 
 @pytest.mark.parametrize("high", [0.005, 0.01])

@@ -49,6 +49,16 @@ def test_a_foot_that_swings_into_the_other_one_gives_way_and_the_other_one_stand
     assert after[:, RIGHT] == pytest.approx(before[:, RIGHT], abs=0.002)
 
 
+def test_a_foot_gives_way_to_where_the_other_one_stands_although_the_model_lets_that_creep_away():
+    """The right foot creeps outwards at 10 cm/s and is held; the left one comes to where it would have been."""
+    swinging = rest_pose(20)
+    swinging.rotations[5:, JOINT_INDEX["left_hip"], 2] = -np.arcsin(0.13 / 0.82) * np.sin(np.linspace(0, np.pi, 15))
+    swinging.rotations[5:, JOINT_INDEX["right_hip"], 2] = -np.arcsin(0.05 / 0.82) * np.linspace(0, 1, 15)
+    after = lock_feet(swinging[:5], swinging[5:]).joints()
+    assert after[:, RIGHT] == pytest.approx(swinging[:5].joints()[-1:, RIGHT].repeat(15, 0), abs=0.002)
+    assert (after[:, LEFT, 0] - after[:, RIGHT, 0]).min() == pytest.approx(0.098, abs=0.003)
+
+
 HIPS = np.array([[[0.09, 0.9, 0.0]], [[-0.09, 0.9, 0.0]]])
 
 

@@ -4,8 +4,8 @@ A small model lets a standing foot creep by a few millimetres a frame. Here each
 is held at one point with a level sole, and the leg follows by two-bone inverse kinematics. The pelvis, and with it the
 outcome of the skill, stays; only hips that a long stride takes very low rise by a centimetre. A stance that began in
 the history is held where the history has it, so that errors do not add up. A foot on its way first gives way to the
-other one, and knees swivel apart, so that legs do not pass through each other. No shoe is below the floor, and never do
-both hover over it: in half-physics the one would push the whole body up, and the other would let it fall.
+other one, and knees swivel apart, so that legs do not pass through each other. No shoe is below the floor or drags over
+it, and never do both hover: in half-physics the one would push the whole body up, and the other would let it fall.
 """
 
 from __future__ import annotations
@@ -46,6 +46,9 @@ _STEP: Final = 0.03
 """Metres. A stance this close to the chunk's floor stands on it; a higher one stands on a stair."""
 _STAIR: Final = 0.05
 """Metres that no shoe sinks into a floor or hovers over it. Stairs go further down or up."""
+_CLEARS, _STANDS, _SWINGS = 0.006, 0.3, 1.3
+"""Metres over the floor at which a shoe swings: between two frames it comes up to 2 mm lower. It swings by as much
+as it is faster than the other one: not at the first of two speeds, m/s, and fully at the second."""
 _LIFT: Final = 0.012
 """Metres by which hips rise that a long stride takes very low: its legs are 3 to 11 cm shorter than they could be."""
 _DEEP, _SITS, _RANGE = 0.84, 0.76, 0.03
@@ -73,7 +76,7 @@ def lock_feet(history: Motion, future: Motion) -> Motion:
     positions[..., 1] -= shoe_heights(positions[:HISTORY], turns[:HISTORY]).min()
     feet = [_stood(*pair, positions, turns) for pair in zip(SIDES, _parted(positions, turns), strict=True)]
     heights = _heights(feet, whole.rotations)
-    rise = _on_floor(heights)
+    rise = _on_floor(heights, _swinging(np.stack([toes for toes, _ in feet])))
     up = _raised(positions[:, 0, 1] - (heights + rise).min(0))
     positions[..., 1] += up[:, None]
     for (toes, _), by in zip(feet, rise, strict=True):
@@ -87,9 +90,14 @@ def _parted(positions: Array, turns: Array) -> list[Array]:
     ankles, toes = ([JOINT_INDEX[f"{side}_{part}"] for side in SIDES] for part in ("ankle", "foot"))
     ahead = turns[:, ankles][..., 2]
     yaw = np.arctan2(ahead[..., 0], ahead[..., 2])
+    # The other foot stays where it stands, however far the model's creeps away.
+    stand = [
+        positions[:, ankle] + _holding(_stances(positions[:, toe]), positions[:, toe])
+        for ankle, toe in zip(ankles, toes, strict=True)
+    ]
     found = []
     for foot, side in ((0, 1.0), (1, -1.0)):
-        shift = apart(positions[:, ankles[foot]], yaw[:, foot], positions[:, ankles[1 - foot]], yaw[:, 1 - foot], side)
+        shift = apart(positions[:, ankles[foot]], yaw[:, foot], stand[1 - foot], yaw[:, 1 - foot], side)
         size, way = np.linalg.norm(shift, axis=-1), shift.sum(0)
         found.append(
             positions[:, toes[foot]]
@@ -135,13 +143,19 @@ def _heights(feet: Sequence[tuple[Array, Array]], rotations: Array) -> Array:
     return np.stack([_height(*foot, bends[:, index]) for index, foot in enumerate(feet)])
 
 
-def _on_floor(heights: Array) -> Array:
-    """Return how far each foot must rise (2, T), metres, for no shoe to sink into the floor and none to hover while the
-    other does.
+def _swinging(toes: Array) -> Array:
+    """Return how much each foot swings (2, T), 0 to 1. toes: (2, T, 3)."""
+    speeds = np.linalg.norm(np.gradient(toes[..., [0, 2]], 1 / FPS, axis=1), axis=-1)
+    return smoothstep((speeds - speeds[::-1] - _STANDS) / (_SWINGS - _STANDS))
 
-    A shoe that goes down a stair may sink, and two that go up one hover.
+
+def _on_floor(heights: Array, swinging: Array) -> Array:
+    """Return how far each foot must rise (2, T), metres, for no shoe to sink into the floor or drag over it, and none
+    to hover while the other does.
+
+    A shoe that goes down a stair may sink, and two that go up one hover. swinging: (2, T), 0 to 1.
     """
-    parts = [*np.maximum(-heights, 0.0), np.maximum(heights.min(0), 0.0)]
+    parts = [*np.maximum(_CLEARS * swinging - heights, 0.0), np.maximum(heights.min(0), 0.0)]
     left, right, both = (_gradually(part) if part.max() < _STAIR else np.zeros_like(part) for part in parts)
     return np.stack([left, right]) - both
 

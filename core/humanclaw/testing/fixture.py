@@ -152,11 +152,12 @@ class Fixture:
 
 
 def skill_with(plugins: Plugins, *measures: str) -> tuple[Skill, Mapping[str, str]]:
-    """Return the installed skill that commands these measures and the fewest others, with its parameter by measure.
+    """Return the installed skill with an adapter that commands these measures and the fewest others, with its parameter
+    by measure.
 
     Raises HumanclawError if there is none.
     """
-    found = {name: _commands(skill) for name, skill in sorted(plugins.skills.items())}
+    found = {name: _commands(skill) for name, skill in sorted(plugins.skills.items()) if skill.adapter}
     able = [name for name, keys in found.items() if set(measures) <= set(keys)]
     if not able:
         raise HumanclawError(

@@ -3,13 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from itertools import product
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 
 from humanclaw.body import JOINTS, OFFSETS, PARENTS, Array, Box
 from humanclaw.world import LINK_OF, Profile, capsule_frame, link_inertia, link_mass
 from humanclaw_bullet.engine import Client
+from humanclaw_bullet.objects import wavefront
+
+_CUBE: Final = "cube.obj"
+"""File of a cube of one metre. A box of the body is a hull: two boxes have no contact in Bullet before they overlap, so
+shoes would enter the floor and be pushed out again."""
+_MARGIN: Final = 0.001
+"""Metres that Bullet adds around a hull from a file."""
 
 
 def load_body(client: Client, profile: Profile, folder: Path) -> int:
@@ -19,6 +28,7 @@ def load_body(client: Client, profile: Profile, folder: Path) -> int:
     """
     path = folder / "body.urdf"
     path.write_text(urdf(profile), encoding="utf-8")
+    (folder / _CUBE).write_text(wavefront([np.array(list(product((-0.5, 0.5), repeat=3)))]), encoding="utf-8")
     # Without the second flag Bullet numbers the links depth first.
     flags = client.URDF_USE_INERTIA_FROM_FILE | client.URDF_MAINTAIN_LINK_ORDER
     body = int(client.loadURDF(str(path), flags=flags))
@@ -60,9 +70,9 @@ def _urdf_link(joint: int, profile: Profile) -> str:
 def _urdf_collision(name: str) -> str:
     shape = LINK_OF[name].shape
     if isinstance(shape, Box):
-        size = np.multiply(shape.half, 2)
-        box = f"<geometry><box size='{_text(size)}'/></geometry>"
-        return f"<collision><origin xyz='{_text(shape.centre)}'/>{box}</collision>"
+        scale = np.multiply(shape.half, 2) - 2 * _MARGIN
+        hull = f"<geometry><mesh filename='{_CUBE}' scale='{_text(scale)}'/></geometry>"
+        return f"<collision><origin xyz='{_text(shape.centre)}'/>{hull}</collision>"
     centre, turn, length = capsule_frame(shape)
     origin = f"<origin xyz='{_text(centre)}' rpy='{_text(roll_pitch_yaw(turn))}'/>"
     geometry = f"<geometry><capsule radius='{shape.radius}' length='{length}'/></geometry>"

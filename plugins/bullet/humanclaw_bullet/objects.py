@@ -132,7 +132,7 @@ class Objects:
         Bullet accepts several hulls in one shape only from a file, and never frees hulls that are passed as points.
         """
         path = self._files / f"{len(list(self._files.iterdir()))}.obj"
-        path.write_text(_wavefront(hulls), encoding="utf-8")
+        path.write_text(wavefront(hulls), encoding="utf-8")
         return int(self._client.createCollisionShape(self._client.GEOM_MESH, fileName=str(path)))
 
     def motion(self, object_id: int) -> ObjectMotion:
@@ -190,7 +190,7 @@ class Objects:
         return found
 
 
-def _wavefront(hulls: Sequence[Array]) -> str:
+def wavefront(hulls: Sequence[Array]) -> str:
     """Return an OBJ file of the hulls. Bullet only uses the points, so the faces are a fan that names every vertex."""
     lines, first = [], 1
     for number, hull in enumerate(hulls):

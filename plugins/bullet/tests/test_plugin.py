@@ -9,6 +9,9 @@ import pytest
 pybullet = pytest.importorskip("pybullet", reason="PyBullet has no wheel for this Python")
 
 import humanclaw_bullet
+from humanclaw.body import forward_kinematics, shoe_heights
+from humanclaw.testing.fixture import Fixture
+from humanclaw.testing.scenes import SceneBuilder
 from humanclaw.world import HalfPhysics
 from humanclaw_bullet.engine import Client
 
@@ -57,3 +60,9 @@ def test_a_closed_world_does_not_reach_into_the_one_that_got_its_number():
     with pytest.raises(pybullet.error):
         closed.setGravity(0, 0, 1)
     other.close()
+
+
+def test_shoes_of_a_fast_walk_stop_at_the_floor_and_are_not_pushed_out_of_it():
+    command = {"hips.left": 0.0, "hips.forward": 0.8, "heading.left": 0.0}
+    walk = Fixture.of("bullet").perform(SceneBuilder.on_floor().scene(), [command] * 4).simulated
+    assert shoe_heights(*forward_kinematics(walk.root, walk.rotations)).min() > -0.001
