@@ -1,7 +1,9 @@
+import gc
 import hashlib
 import os
 import subprocess
 import sys
+from weakref import WeakSet
 
 import numpy as np
 import pytest
@@ -151,3 +153,21 @@ def test_files_are_read_again_when_they_change_and_after_several_others(tmp_path
     os.utime(files[0], ns=(0, 0))
     reread(files[0])
     assert read[-1] == "0"
+
+
+def test_no_file_is_held_beyond_the_number_that_is_kept_while_the_next_is_read(tmp_path):
+    held: WeakSet[object] = WeakSet()
+    most: list[int] = []
+
+    def read(path):
+        gc.collect()
+        most.append(1 + len(held))
+        found = frozenset([path])
+        held.add(found)
+        return found
+
+    reread = Reread(read)
+    for number in range(8):
+        (tmp_path / str(number)).touch()
+        reread(tmp_path / str(number))
+    assert max(most) == 5

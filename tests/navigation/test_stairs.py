@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -79,3 +81,14 @@ def test_a_body_walks_down_the_stairs_to_an_object_on_the_lower_floor(body: Body
     joints = body.state().body.joints()[-1]
     assert joints[:, 1].min() < 0.2
     assert distance_to_box(joints, *body.scene.aabb(target)).min() <= 0.2
+
+
+def test_a_map_from_the_cache_is_the_map_that_was_drawn(
+    body: Body, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("HUMANCLAW_CACHE", str(tmp_path))
+    drawn, kept = (MultiFloorMap.of(replace(body.scene)).grids for _ in range(2))
+    assert len(list(tmp_path.glob("maps/*"))) == 3  # Two floors, and the stairs between them.
+    for one, other in zip(drawn, kept, strict=True):
+        for name in ("blocked", "movable", "owners", "tops", "ground", "cost"):
+            np.testing.assert_array_equal(getattr(one, name), getattr(other, name))

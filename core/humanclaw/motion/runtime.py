@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from functools import lru_cache, partial
+from functools import partial
 from pathlib import Path
 from typing import Final, Generic, Protocol, TypeVar
 
@@ -39,11 +39,16 @@ class Reread(Generic[T]):
     """Read files by a function: on first use, again when a file has changed, and after _KEPT others were used."""
 
     def __init__(self, read: Callable[[Path], T]) -> None:
-        self._read = lru_cache(_KEPT)(lambda path, state: read(path))
+        self._read, self._held = read, dict[tuple[Path, tuple[int, ...]], T]()
 
     def __call__(self, path: Path) -> T:
         """Return what the file holds."""
-        return self._read(path, state_of(path.stat() if path.exists() else None))
+        key = path, state_of(path.stat() if path.exists() else None)
+        if key not in self._held and len(self._held) == _KEPT:
+            # Before the next one is read: lru_cache would hold both meanwhile.
+            del self._held[next(iter(self._held))]
+        self._held[key] = self._held.pop(key) if key in self._held else self._read(path)
+        return self._held[key]
 
 
 class NumpyRuntime:

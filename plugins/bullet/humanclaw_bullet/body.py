@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from functools import cache
 from itertools import product
 from pathlib import Path
 from typing import Final
@@ -50,6 +51,7 @@ def _free(client: Client, body: int, profile: Profile) -> None:
         )  # fmt: skip
 
 
+@cache
 def urdf(profile: Profile) -> str:
     """Return the body as URDF: the one format through which Bullet accepts the inertia of a link."""
     parts = [part for joint in range(len(JOINTS)) for part in (_urdf_link(joint, profile), _urdf_joint(joint))]

@@ -44,11 +44,8 @@ class Client:
         self._id = pybullet.connect(pybullet.DIRECT)
 
     def __getattr__(self, name: str) -> Any:
-        function = getattr(pybullet, name)
-        if not callable(function):
-            return function
-
-        bound = partial(function, physicsClientId=self._id)
+        found = getattr(pybullet, name)
+        bound = partial(found, physicsClientId=self._id) if callable(found) else found
         setattr(self, name, bound)
         return bound
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -19,14 +20,56 @@ _MOVING: Final = 1
 """Bullet's collision group of everything that is not fixed."""
 
 
+class _Form(NamedTuple):
+    """A shape as Bullet takes it: a single box stays a box, which Bullet stacks better; others become a file."""
+
+    box: tuple[Array, Array] | None
+    """Centre and half the sides."""
+    text: str
+
+    @classmethod
+    def of(cls, hulls: Sequence[Array]) -> _Form:
+        box = box_of(hulls[0]) if len(hulls) == 1 else None
+        return cls(box, "" if box else wavefront(hulls))
+
+
+class _Forms:
+    """The shapes of a scene, worked out once for all its worlds: a reset makes a new one."""
+
+    def __init__(self, scene: Scene) -> None:
+        hulls = {name: [hull.astype(float) for hull in asset.hulls] for name, asset in scene.assets.items()}
+        solid = [obj for obj in scene.objects if hulls[obj.asset]]
+        self.fixed = {
+            name: [_Form.of([one]) for one in hulls[name]] for name in {o.asset for o in solid if not o.movable}
+        }
+        """Name of an asset to the forms of its hulls."""
+        self.centres = {
+            name: centre_of_mass(hulls[name]) for name in {o.asset for o in solid if o.movable and not o.joint}
+        }
+        """Name of an asset to its centre of mass."""
+        self.free = {name: _Form.of([one - centre for one in hulls[name]]) for name, centre in self.centres.items()}
+        """Name of an asset to the form of all its hulls about that centre."""
+        swings = {obj.id: Swing.of(scene, obj) for obj in solid if obj.joint}
+        self.hung = {
+            key: _Form.of([one - swing.point for one in hulls[swing.obj.asset]]) for key, swing in swings.items()
+        }
+        """Id of an object on a joint to the form of all its hulls about the joint."""
+        self.inertia = {key: np.diag(inertia(hulls[one.obj.asset], one.obj.mass)) for key, one in swings.items()}
+
+
+_KNOWN: Final[WeakKeyDictionary[Scene, _Forms]] = WeakKeyDictionary()
+"""The shapes of each scene. Freed with the scene."""
+
+
 class Objects:
     """The objects of a scene as Bullet bodies. Objects of one asset share its shapes."""
 
     def __init__(self, client: Client, scene: Scene, folder: Path) -> None:
         """folder: for files that Bullet reads meanwhile."""
         self._client, self._scene, self._files = client, scene, folder
+        self._forms = _KNOWN.get(scene) or _KNOWN.setdefault(scene, _Forms(scene))
         self._pieces: dict[str, list[int]] = {}
-        self._whole: dict[str, tuple[int, Array]] = {}
+        self._whole: dict[str, int] = {}
         self.object_of: dict[int, int] = {}
         """Bullet body to object id. A fixed object has one body per hull."""
         self._movable: dict[int, tuple[int, Array]] = {}
@@ -58,7 +101,7 @@ class Objects:
 
     def _add_fixed(self, obj: SceneObject, asset: Asset) -> None:
         if asset.name not in self._pieces:
-            self._pieces[asset.name] = [self._shape([hull.astype(float)], asset) for hull in asset.hulls]
+            self._pieces[asset.name] = [self._shape(form, asset) for form in self._forms.fixed[asset.name]]
         for shape in self._pieces[asset.name]:
             body = self._client.createMultiBody(0, shape, -1, obj.position, obj.rotation, useMaximalCoordinates=1)
             # Asleep. Otherwise Bullet updates the fixed body in every step, and objects on it never come to rest.
@@ -69,10 +112,8 @@ class Objects:
 
     def _add_movable(self, obj: SceneObject, asset: Asset) -> None:
         if asset.name not in self._whole:
-            hulls = [hull.astype(float) for hull in asset.hulls]
-            centre = centre_of_mass(hulls)
-            self._whole[asset.name] = self._shape([hull - centre for hull in hulls], asset), centre
-        shape, centre = self._whole[asset.name]
+            self._whole[asset.name] = self._shape(self._forms.free[asset.name], asset)
+        shape, centre = self._whole[asset.name], self._forms.centres[asset.name]
         position = np.array(obj.position) + matrix_from_quaternion(np.array(obj.rotation)) @ centre
         body = self._client.createMultiBody(
             obj.mass, shape, -1, position, obj.rotation, useMaximalCoordinates=1,
@@ -89,12 +130,11 @@ class Objects:
     def _add_hinged(self, obj: SceneObject, asset: Asset) -> None:
         """Add a fixed post at the joint, and the object as its link, with its frame also at the joint."""
         client, swing = self._client, Swing.of(self._scene, obj)
-        hulls, point = [hull.astype(float) for hull in asset.hulls], swing.point
         body = client.createMultiBody(
             0, -1, -1, swing.axis, swing.place(0.0)[3:], linkMasses=[obj.mass],
-            linkCollisionShapeIndices=[self._shape([hull - point for hull in hulls], asset)],
+            linkCollisionShapeIndices=[self._shape(self._forms.hung[obj.id], asset)],
             linkVisualShapeIndices=[-1], linkPositions=[[0, 0, 0]], linkOrientations=[[0, 0, 0, 1]],
-            linkInertialFramePositions=[swing.centre - point], linkInertialFrameOrientations=[[0, 0, 0, 1]],
+            linkInertialFramePositions=[swing.centre - swing.point], linkInertialFrameOrientations=[[0, 0, 0, 1]],
             linkParentIndices=[0], linkJointAxis=[swing.joint.axis],
             linkJointTypes=[client.JOINT_REVOLUTE if swing.turns else client.JOINT_PRISMATIC],
             flags=client.URDF_ENABLE_SLEEPING,
@@ -102,7 +142,7 @@ class Objects:
         client.changeDynamics(
             body, 0, lateralFriction=obj.friction, jointLowerLimit=swing.joint.low, jointUpperLimit=swing.joint.high,
             jointDamping=swing.joint.damping, linearDamping=0, angularDamping=0,
-            localInertiaDiagonal=np.diag(inertia(hulls, obj.mass)),
+            localInertiaDiagonal=self._forms.inertia[obj.id],
         )  # fmt: skip
         client.setJointMotorControl2(body, 0, client.VELOCITY_CONTROL, targetVelocity=0, force=swing.joint.friction)
         client.resetJointState(body, 0, swing.obj.state)
@@ -111,29 +151,23 @@ class Objects:
         self.object_of[body] = obj.id
         self._hinged[obj.id] = body, swing
 
-    def _shape(self, hulls: Sequence[Array], asset: Asset) -> int:
-        """Make one shape of some hulls. A single box stays a box, which Bullet stacks better; others become a file."""
-        client, boxes = self._client, [box_of(hull) for hull in hulls]
-        if len(hulls) == 1 and boxes[0] is not None:
-            centre, half = boxes[0]
+    def _shape(self, form: _Form, asset: Asset) -> int:
+        """Make a shape. Several hulls come through a file, in which each is a named object: Bullet accepts them in one
+        shape only from there, and never frees hulls that are passed as points."""
+        client = self._client
+        if form.box:
+            centre, half = form.box
             shape = client.createCollisionShape(client.GEOM_BOX, halfExtents=half, collisionFramePosition=centre)
         else:
-            shape = self._convex(hulls)
+            path = self._files / f"{len(list(self._files.iterdir()))}.obj"
+            path.write_text(form.text, encoding="utf-8")
+            shape = client.createCollisionShape(client.GEOM_MESH, fileName=str(path))
         if shape < 0:
             raise SceneError(
                 f"Bullet cannot make a shape of the hulls of asset {asset.name!r}.",
                 "Check that none of them is flat or empty.",
             )
         return int(shape)
-
-    def _convex(self, hulls: Sequence[Array]) -> int:
-        """Make one shape of convex pieces through a Wavefront file, in which each piece is a named object.
-
-        Bullet accepts several hulls in one shape only from a file, and never frees hulls that are passed as points.
-        """
-        path = self._files / f"{len(list(self._files.iterdir()))}.obj"
-        path.write_text(wavefront(hulls), encoding="utf-8")
-        return int(self._client.createCollisionShape(self._client.GEOM_MESH, fileName=str(path)))
 
     def motion(self, object_id: int) -> ObjectMotion:
         """Return the current motion of a movable object."""

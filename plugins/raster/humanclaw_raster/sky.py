@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import hashlib
 from functools import cache
+from importlib import resources
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from humanclaw.body import Array
+from humanclaw.storage import Cache
 
 TOP, BOTTOM = 0.6, -1.0
 """Elevation of its first and its last row, radians."""
@@ -19,7 +22,15 @@ _TREES: Final = 130
 
 @cache
 def panorama() -> NDArray[np.uint8]:
-    """Return (H, W, 3) all around, the same for every scene."""
+    """Return (H, W, 3) all around, the same for every scene. It is painted once on a machine."""
+    store, key = Cache("light"), hashlib.sha256((resources.files(__package__) / "sky.py").read_bytes()).hexdigest()
+    if (data := store.get(key)) is None:
+        data = _painted().tobytes()
+        store.put(key, data)
+    return np.frombuffer(data, np.uint8).reshape(_HEIGHT, _WIDTH, 3)
+
+
+def _painted() -> NDArray[np.uint8]:
     rng, slope = np.random.default_rng(0), np.tan(np.linspace(TOP, BOTTOM, _HEIGHT))[:, None]
     row, column = np.arange(_HEIGHT)[:, None], np.arange(_WIDTH)
     clouds = _wave(rng, 40)[(column + 5 * row) % _WIDTH] + _wave(rng, 40)[(column - 6 * row) % _WIDTH]

@@ -36,6 +36,7 @@ class Surroundings:
         self._full = np.array([box_of(hull) is not None for hull in fixed], bool)
         moving = {obj.id: scene.assets[obj.asset].hulls for obj in scene.objects if obj.movable}
         self._ids = sorted(key for key, hulls in moving.items() if hulls)
+        self._hung = np.array([scene.by_id[key].joint is not None for key in self._ids], bool)
         low, high = _bounds([np.concatenate(moving[key]) for key in self._ids])
         self._centres, self._halves = (low + high) / 2, (high - low) / 2
         self._places: Mapping[int, Array] = {}
@@ -52,7 +53,7 @@ class Surroundings:
         """
         boxes, (low, high) = link_boxes(course), self._boxes_of(objects)
         towards = approach(boxes, *self._fixed, self._full, _SLACK)
-        close = _pushed((boxes[2].min(axis=0)[None], boxes[3].max(axis=0)[None]), low, high)
+        close = _pushed((boxes[2].min(axis=0)[None], boxes[3].max(axis=0)[None]), low, high, self._hung)
         if held:
             close &= ~np.isin(self._ids, list(held))
         if not close.any():
@@ -82,11 +83,15 @@ def _meet(some: Boxes, others: Boxes, slack: float) -> NDArray[np.bool_]:
     return np.asarray((below & (some[1][:, None] + slack > others[0])).all(axis=2))
 
 
-def _pushed(body: Boxes, low: Array, high: Array) -> NDArray[np.bool_]:
-    """Tell for (objects,) whether a push of the body, which moves within a box, can reach each within a frame."""
+def _pushed(body: Boxes, low: Array, high: Array, hung: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Tell for (objects,) whether a push of the body, which moves within a box, can reach each within a frame.
+
+    hung: (objects,) which are on joints. Those do not push one another: a kitchen's doors and drawers stand in a row.
+    """
     close = _meet((low, high), body, _HANDS_ON)[:, 0]
     while close.any():
-        reached = close | _meet((low, high), (low[close], high[close]), _HANDS_ON).any(axis=1)
+        pushes = _meet((low, high), (low[close], high[close]), _HANDS_ON) & ~(hung[:, None] & hung[close])
+        reached = close | pushes.any(axis=1)
         if (reached == close).all():
             break
         close = reached

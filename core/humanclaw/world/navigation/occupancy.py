@@ -7,17 +7,16 @@ frame.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from copy import deepcopy
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Final
-from weakref import WeakKeyDictionary
 
 import numpy as np
 import scipy  # Whose parts load when they are used: ndimage takes a fifth of a second, and few commands use it.
 from numpy.typing import NDArray
 
 from humanclaw.body.pose import Array
+from humanclaw.world.navigation.keeping import Drawing, kept
 from humanclaw.world.scene import Room, Scene, SceneObject
 
 Mask = NDArray[np.bool_]
@@ -67,7 +66,8 @@ class OccupancyGrid:
     @classmethod
     def of(cls, scene: Scene, floor: float = 0.0, moved: Mapping[int, Array] | None = None) -> OccupancyGrid:
         """Rasterize a scene. moved: object id to (7,) pose, for movable objects that are not where the scene says."""
-        raster = deepcopy(_of_fixed(scene, floor))
+        raster = _Raster(scene, floor)
+        raster.add_fixed(scene)
         for obj in scene.objects:
             if obj.movable:
                 raster.add(scene, obj, (moved or {}).get(obj.id))
@@ -233,6 +233,17 @@ class _Raster:
         self.owners, self.tops = np.zeros(shape, np.int32), np.zeros(shape)
         self.under, self.over = np.full(shape, np.inf), np.zeros(shape)
 
+    def add_fixed(self, scene: Scene) -> None:
+        """Draw the fixed objects."""
+
+        def draw() -> Drawing:
+            for obj in scene.objects:
+                if not obj.movable:
+                    self.add(scene, obj)
+            return {name: getattr(self, name) for name in ("blocked", "owners", "tops", "under", "over")}
+
+        vars(self).update(kept(scene, f"floor {self.floor}", draw))
+
     def add(self, scene: Scene, obj: SceneObject, pose: Array | None = None) -> None:
         """Draw an object. pose: (7,), if it is not where the scene says."""
         for hull in _hulls(scene, obj, pose, self.floor):
@@ -247,22 +258,6 @@ class _Raster:
                 self.blocked[where] |= mask
                 self.owners[where][mask] = obj.id
                 self.tops[where] = np.maximum(self.tops[where], mask * top)
-
-
-_RASTERS: Final[WeakKeyDictionary[Scene, dict[float, _Raster]]] = WeakKeyDictionary()
-"""Fixed objects of each scene by floor. Each episode in a house needs them twice: for its distances and for its agent.
-They are freed with the scene."""
-
-
-def _of_fixed(scene: Scene, floor: float) -> _Raster:
-    """Return the fixed objects of a floor, drawn once a scene. Not for writing."""
-    known = _RASTERS.setdefault(scene, {})
-    if floor not in known:
-        known[floor] = _Raster(scene, floor)
-        for obj in scene.objects:
-            if not obj.movable:
-                known[floor].add(scene, obj)
-    return known[floor]
 
 
 def _extent(scene: Scene) -> tuple[Array, tuple[int, int]]:

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Final
-from weakref import WeakKeyDictionary
 
 import numpy as np
 import scipy
 from numpy.typing import NDArray
 
 from humanclaw.body.pose import Array
+from humanclaw.world.navigation.keeping import Drawing, kept
 from humanclaw.world.navigation.occupancy import (
     CELL,
     OBSTACLE_HEIGHTS,
@@ -31,36 +32,15 @@ APRON: Final = 0.7
 
 def staircase(scene: Scene, lower: OccupancyGrid, upper: OccupancyGrid) -> OccupancyGrid:
     """Build the grid of the stairs from one storey to the next. Without stairs every cell is blocked."""
-    built = _BUILT.setdefault(scene, {})
-    flight = built.get(lower.floor)
-    if flight is None or not flight.between(lower, upper):
-        flight = built[lower.floor] = _flight(scene, lower, upper)
-    movable = lower.movable & (flight.near < lower.floor + 0.05)
-    return replace(lower, blocked=flight.blocked, movable=movable, ground=flight.ground, slope=flight.slope)
+    walls = hashlib.sha256(lower.blocked.tobytes() + upper.blocked.tobytes()).hexdigest()
+    flight = kept(scene, f"stairs {lower.floor} {walls}", lambda: _flight(scene, lower, upper))
+    movable = lower.movable & (flight["near"] < lower.floor + 0.05)
+    return replace(lower, blocked=flight["blocked"], movable=movable, ground=flight["ground"], slope=flight["slope"])
 
 
-@dataclass(frozen=True, eq=False)
-class _Flight:
-    """The stairs between two floors, without the objects that can be pushed."""
-
-    floors: tuple[Mask, Mask]
-    """Blocked cells of the floors that it was built for."""
-    blocked: Mask
-    ground: Array
-    slope: Array
-    near: Array
-    """Height of the nearest ground, metres; minus infinity without stairs."""
-
-    def between(self, lower: OccupancyGrid, upper: OccupancyGrid) -> bool:
-        return np.array_equal(self.floors[0], lower.blocked) and np.array_equal(self.floors[1], upper.blocked)
-
-
-_BUILT: Final[WeakKeyDictionary[Scene, dict[float, _Flight]]] = WeakKeyDictionary()
-"""The stairs of each scene by lower floor. An episode needs them twice: for its distances and for its agent. They are
-freed with the scene."""
-
-
-def _flight(scene: Scene, lower: OccupancyGrid, upper: OccupancyGrid) -> _Flight:
+def _flight(scene: Scene, lower: OccupancyGrid, upper: OccupancyGrid) -> Drawing:
+    """Draw the stairs between two floors, without the objects that can be pushed. near: height of the nearest ground,
+    metres; minus infinity without stairs."""
     pieces = list(_static(scene, lower.floor + 0.05, upper.floor + OBSTACLE_HEIGHTS[1]))
     masks = [(hull, *rasterize(hull[:, [0, 2]], np.array(lower.origin), lower.blocked.shape)) for hull in pieces]
     tops = np.full(lower.blocked.shape, -np.inf)
@@ -68,15 +48,16 @@ def _flight(scene: Scene, lower: OccupancyGrid, upper: OccupancyGrid) -> _Flight
         if hull[:, 1].max() < upper.floor - 0.05:
             tops[where] = np.where(mask, np.maximum(tops[where], hull[:, 1].max()), tops[where])
     ground = _with_aprons(_climb(tops, lower, upper), lower, upper)
-    floors, known = (lower.blocked, upper.blocked), np.isfinite(ground)
+    known = np.isfinite(ground)
     if not known.any():
-        return _Flight(floors, ~known, ground, np.zeros((2, *ground.shape)), np.full(ground.shape, -np.inf))
+        flat, none = np.zeros((2, *ground.shape)), np.full(ground.shape, -np.inf)
+        return {"blocked": ~known, "ground": ground, "slope": flat, "near": none}
     near = ground[tuple(scipy.ndimage.distance_transform_edt(~known, return_distances=False, return_indices=True))]
     blocked = _ledges(ground)
     for hull, mask, where in masks:
         above = hull[:, 1].max() - near[where] > STEP
         blocked[where] |= mask & above & (hull[:, 1].min() - near[where] < OBSTACLE_HEIGHTS[1])
-    return _Flight(floors, blocked, ground, _slope(ground), near)
+    return {"blocked": blocked, "ground": ground, "slope": _slope(ground), "near": near}
 
 
 def _static(scene: Scene, low: float, high: float) -> Iterator[Array]:
