@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, Final, Literal, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
 from humanclaw import EpisodeSpec, HumanclawError, Plugins, Scene, TaskError
@@ -32,6 +33,12 @@ from humanclaw_bench.splits import (
     candidates,
 )
 
+NEAR: Final = 3.0
+"""Longest way of a task that begins near its target, metres."""
+EYES: Final = 1.5
+"""Height of the eyes over the floor, metres, to tell what a standing body could see."""
+VISIBLE: Final = 5
+"""Of 27 points of a target's box, those that must be free to see."""
 RESERVED: Final = frozenset((*HOUSES, *DEV_HOUSES))
 MOST: Final = 500_000
 """Training houses: house:train-0 to the first house of dev."""
@@ -114,6 +121,33 @@ class House:
     @cached_property
     def floors(self) -> MultiFloorMap:
         return MultiFloorMap.of(self.scene)
+
+    @cached_property
+    def near(self) -> tuple[tuple[EpisodeSpec, float, NDArray[np.float64]], ...]:
+        """Candidates within NEAR metres of their target; the heading in which it can be seen from there; and those of
+        all points of targets that can be seen, radians."""
+        near = (spec for spec in self.specs if spec.difficulty and spec.difficulty.distance <= NEAR)
+        return tuple((spec, *sight) for spec in near if (sight := self._sight(spec)) is not None)
+
+    def _sight(self, spec: EpisodeSpec) -> tuple[float, NDArray[np.float64]] | None:
+        """Return the headings from a start to the nearest target that can be seen, and to all their points."""
+        start = spec.start
+        assert start is not None
+        eyes = np.array([start.x, start.floor + EYES, start.z])
+        grid = self.floors.grids[int(self.floors.level(np.array([start.x, start.floor, start.z])))]
+        share = np.array([0.05, 0.5, 0.95])
+        corners = np.stack(np.meshgrid(share, share, share), -1).reshape(-1, 3)
+        best, heading, seen = np.inf, None, []
+        for key in spec.target_ids:
+            low, high = self.scene.aabb(key)
+            points = low + corners * (high - low)
+            points = points[grid.sees(eyes, points)] - eyes
+            seen.append(np.arctan2(points[:, 0], points[:, 2]))
+            way = (low + high)[[0, 2]] / 2 - eyes[[0, 2]]
+            far = float(np.linalg.norm(way))
+            if far < best and len(points) >= VISIBLE:
+                best, heading = far, float(np.arctan2(*way))
+        return None if heading is None else (heading, np.concatenate(seen))
 
 
 T = TypeVar("T")

@@ -1,5 +1,7 @@
 """Training tasks: endless, one a seed, in houses that no split and no hidden test has."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from click.testing import CliRunner
@@ -113,11 +115,21 @@ def test_to_approach_begins_with_the_target_ahead_and_a_stop_at_once_fails(gym):
     assert turn.reward == 0
 
 
-def test_to_turn_begins_out_of_view_and_is_solved_by_honest_words_alone(gym):
+def test_to_turn_begins_out_of_view_and_a_half_turn_without_looking_misses_targets(gym):
+    one, blindly = gym("turn"), []
+    for seed in range(10):
+        one.reset(seed)
+        assert _seen(one) < 100
+        spec = one.episode.spec
+        one.begin(spec.model_copy(update={"start": replace(spec.start, yaw=spec.start.yaw + np.pi)}))
+        blindly.append(_seen(one) >= 100)
+    assert sum(blindly) < 8
+
+
+def test_to_turn_is_solved_by_honest_words_alone(gym):
     one = gym("turn")
     for words in ("visible_state: A {} is ahead.", "visible_state: No {} is in view."):
         one.reset(0)
-        assert _seen(one) < 100
         noun = one.episode.spec.target_category
         for _ in range(9):
             if _seen(one) >= 500:
@@ -125,7 +137,7 @@ def test_to_turn_begins_out_of_view_and_is_solved_by_honest_words_alone(gym):
             _called(one, "turn_in_place", yaw_deg=60)
         turn = _called(one, "stop", thoughts=words.format(noun))
         assert turn.solved == ("No" not in words)
-        assert turn.reward == pytest.approx(1.2 if turn.solved else 0.0)
+        assert turn.reward == pytest.approx(2.0 if turn.solved else 0.0)
 
 
 def test_to_sit_begins_with_the_back_to_the_seat_and_is_solved_by_sitting(gym):
