@@ -158,16 +158,11 @@ class HouseTasks:
     """Tasks in training houses: a rule draws them from a house's candidates."""
 
     def __init__(
-        self, name: str, draw: Draw, goal: str, rewards: Mapping[str, float], options: Mapping[str, Any],
-        plugins: Plugins | None = None,
+        self, name: str, draw: Draw, goal: str, rewards: Mapping[str, float], options: Mapping[str, Any]
     ) -> None:  # fmt: skip
         self.name, self.goal, self.rewards = name, goal, rewards
-        self._draw, self._options, self._plugins = draw, TaskOptions.of(options), plugins
-        self._house = lru_cache(4)(self._load)
-
-    def _load(self, number: int) -> House:
-        self._plugins = self._plugins or Plugins.discover()
-        return House(self._plugins.scene(f"house:train-{number}"), number)
+        self._draw, self._options = draw, TaskOptions.of(options)
+        self._house = lru_cache(4)(_loaded)  # Of no method: houses would live on in a cycle until it is collected.
 
     def __call__(self, seed: int) -> EpisodeSpec:
         """Return the task of a seed. Raises TaskError if no house that was tried has one."""
@@ -183,6 +178,16 @@ class HouseTasks:
         for attempt in range(TRIES):
             number = self._options.first + int(houses.integers(self._options.houses))
             yield self._house(number), np.random.default_rng([seed, attempt, 32])
+
+
+def _loaded(number: int) -> House:
+    return House(_plugins().scene(f"house:train-{number}"), number)
+
+
+@lru_cache(1)
+def _plugins() -> Plugins:
+    """Return the installed plugins: a factory of tasks gets options alone, and not the plugins of the run."""
+    return Plugins.discover()
 
 
 def draw_episode(house: House, options: TaskOptions, rng: np.random.Generator) -> EpisodeSpec | None:

@@ -1,5 +1,7 @@
 """Training tasks: endless, one a seed, in houses that no split and no hidden test has."""
 
+import gc
+import weakref
 from dataclasses import replace
 
 import numpy as np
@@ -29,6 +31,17 @@ def test_a_seed_gives_its_task_by_itself(plugins):
     assert [second(seed) for seed in (7, 3)] == [drawn[7], drawn[3]]
     assert len({spec.id for spec in drawn}) == 8
     assert len({(spec.start.x, spec.start.z) for spec in drawn}) > 4
+
+
+def test_a_source_that_nobody_holds_frees_its_houses_at_once(plugins):
+    source = plugins.make("tasks", "train", ONE)
+    kept = weakref.ref(source._house(0))
+    gc.disable()
+    del source
+    try:
+        assert kept() is None
+    finally:
+        gc.enable()
 
 
 def test_difficulty_and_category_narrow_the_tasks(plugins):
