@@ -75,11 +75,16 @@ def test_touch_needs_the_name_of_what_was_touched_last(earned):
     assert earned("touch", [bump, _stop("A lamp touches my knee.")]) == 1
     assert earned("touch", [bump, _stop("A table touches my knee.")]) == 0
     assert earned("touch", [step(), _stop("A lamp touches my knee.")]) == 0, "an agent that guesses"
+    assert earned("touch", [bump, _says("A lamp touches my knee."), bump]) == 0, "an agent that never stops"
     assert earned("touch", [bump, _stop("A couch, a lamp and a table touch me.")]) == 0, "an agent that lists the house"
 
 
+def _says(reasoning, skill="walk"):
+    return step(skill, attempts=(Attempt(Decision(reasoning=reasoning)),))
+
+
 def _stop(reasoning):
-    return step("stop", attempts=(Attempt(Decision(reasoning=reasoning)),))
+    return _says(reasoning, "stop")
 
 
 def test_contact_costs_but_not_with_the_target_or_the_floor(earned):

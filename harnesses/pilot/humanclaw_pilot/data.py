@@ -97,7 +97,10 @@ def played(plugins: Plugins, agent: str, options: Mapping[str, Any], first: int,
 
 # -- random places -----------------------------------------------------------------------------------------------------
 def planted(plugins: Plugins, number: int, poses: Sequence[Motion], count: int) -> Iterator[Example]:
-    """Yield views from random places of a training house; two of three look towards a target."""
+    """Yield views from random places of a training house; two of three look towards a target.
+
+    Raises HumanclawError for a house of dev or of hidden tests."""
+    plugins.make("tasks", "train", {"first": number, "houses": 1})
     scene, rng = plugins.scene(f"house:train-{number}"), np.random.default_rng([number, 41])
     renderer = plugins.make("renderers", "raster")
     renderer.load(scene)

@@ -65,6 +65,8 @@ def test_views_come_from_training_houses_and_can_be_read_again(plugins, tmp_path
     with np.load(tmp_path / "views.npz") as read:
         assert read["picture"].shape == (2, SIZE, SIZE, 3)
         assert (read["kinds"][1] == found[1].kinds).all()
+    with pytest.raises(HumanclawError, match="first"):
+        next(planted(plugins, 500_000, [rest_pose()], 1))  # A house of dev.
 
 
 def test_an_agents_views_come_from_the_house_that_was_asked_for(plugins, monkeypatch):

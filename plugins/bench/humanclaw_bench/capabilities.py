@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from humanclaw import EpisodeSpec
 from humanclaw.body import Pose2D, wrap_angle
@@ -19,16 +20,10 @@ from humanclaw.world import Viewpoint, viewpoints
 from humanclaw_bench.splits import ROOM
 from humanclaw_bench.training import Draw, FileTasks, House, HouseTasks, TaskOptions, draw_episode, picked
 
-NEAR: Final = 3.0
-"""Longest way of a task that begins near its target, metres."""
-EYES: Final = 1.5
-"""Height of the eyes over the floor, metres, to tell what a standing body could see."""
-VISIBLE: Final = 5
-"""Of 27 points of a target's box, those that must be free to see."""
 AHEAD: Final = float(np.radians(20))
 """Largest bearing of a target straight ahead, radians."""
-BEHIND: Final = float(np.radians(110))
-"""Smallest bearing of a target out of view, radians."""
+ASIDE: Final = float(np.radians(55))
+"""Smallest bearing of a target out of view, radians: a view reaches 45 degrees to each side."""
 
 
 @dataclass(frozen=True)
@@ -44,15 +39,17 @@ def approach(house: House, options: TaskOptions, rng: np.random.Generator) -> Ep
     """Begin in sight of the target, up to NEAR metres of way from it, facing it."""
     near = _near(house, options, rng)
     told = "walk up to the {noun} in front of you, and stop within 0.2 m of it."
-    return near and _turned(*near, float(rng.uniform(-AHEAD, AHEAD)), told, max_steps=15)
+    return near and _turned(near[0], near[1] - float(rng.uniform(-AHEAD, AHEAD)), told, max_steps=15)
 
 
 def turn(house: House, options: TaskOptions, rng: np.random.Generator) -> EpisodeSpec | None:
-    """Begin near the target with it out of view."""
-    near = _near(house, options, rng)
-    away = float(rng.uniform(BEHIND, 2 * np.pi - BEHIND))
+    """Begin near the target, in any heading in which no target is in view: a turn of fixed size finds few of them."""
+    if (near := _near(house, options, rng)) is None:
+        return None
+    yaws = np.radians(np.arange(-180.0, 180.0, 5.0))
+    away = yaws[(np.abs(wrap_angle(yaws[:, None] - near[2])) > ASIDE).all(1)]
     told = "turn until you see a {noun}, say that you see it, and stop."
-    return near and _turned(*near, away, told, max_steps=10)
+    return _turned(near[0], float(rng.choice(away)), told, max_steps=10) if len(away) else None
 
 
 def sit(house: House, options: TaskOptions, rng: np.random.Generator) -> EpisodeSpec | None:
@@ -104,39 +101,16 @@ def _before(house: House, stand: Viewpoint, away: float) -> Pose2D | None:
     return _pose(x, z, stand.yaw, stand.floor) if fits else None
 
 
-def _near(house: House, options: TaskOptions, rng: np.random.Generator) -> tuple[EpisodeSpec, float] | None:
-    """Draw a candidate within NEAR metres of its target, and the heading in which the target can be seen from there."""
-    near = [
-        (spec, heading) for spec in house.specs
-        if spec.difficulty and spec.difficulty.distance <= NEAR and options.category in ("", spec.target_category)
-        and (heading := _sight(house, spec)) is not None
-    ]  # fmt: skip
-    return picked(near, rng)
+def _near(house: House, options: TaskOptions, rng: np.random.Generator
+          ) -> tuple[EpisodeSpec, float, NDArray[np.float64]] | None:  # fmt: skip
+    """Draw a candidate of House.near."""
+    return picked([one for one in house.near if options.category in ("", one[0].target_category)], rng)
 
 
-def _sight(house: House, spec: EpisodeSpec) -> float | None:
-    """Return the heading from the start to the nearest target that can be seen, radians; None if there is none."""
-    start = spec.start
-    assert start is not None
-    eyes = np.array([start.x, start.floor + EYES, start.z])
-    grid = house.floors.grids[int(house.floors.level(np.array([start.x, start.floor, start.z])))]
-    share = np.array([0.05, 0.5, 0.95])
-    corners = np.stack(np.meshgrid(share, share, share), -1).reshape(-1, 3)
-    best, heading = np.inf, None
-    for key in spec.target_ids:
-        low, high = house.scene.aabb(key)
-        points = low + corners * (high - low)
-        way = (low + high)[[0, 2]] / 2 - eyes[[0, 2]]
-        far = float(np.linalg.norm(way))
-        if far < best and np.count_nonzero(grid.sees(eyes, points)) >= VISIBLE:
-            best, heading = far, float(np.arctan2(*way))
-    return heading
-
-
-def _turned(spec: EpisodeSpec, heading: float, bearing: float, told: str, *, max_steps: int) -> EpisodeSpec:
-    """Return a candidate as a task of its own, turned so that the target in this heading has this bearing."""
+def _turned(spec: EpisodeSpec, yaw: float, told: str, *, max_steps: int) -> EpisodeSpec:
+    """Return a candidate as a task of its own that begins in another heading, radians."""
     assert spec.start is not None
-    start = replace(spec.start, yaw=round(float(wrap_angle(heading - bearing)), 3))
+    start = replace(spec.start, yaw=round(float(wrap_angle(yaw)), 3))
     words = told.format(noun=ALIASES[spec.target_category][0])
     return spec.model_copy(update={"instruction": words, "start": start, "interact": False, "max_steps": max_steps})
 
@@ -148,7 +122,7 @@ def _pose(x: float, z: float, yaw: float, floor: float) -> Pose2D:
 SOURCES: Final[Mapping[str, Source]] = {
     "train": Source(draw_episode, "success", {"success": 1.0, "progress": 0.1}),
     "approach": Source(approach, "success", {"success": 1.0, "progress": 0.3}),
-    "turn": Source(turn, "seen", {"seen": 1.0, "honest": 0.2}),
+    "turn": Source(turn, "seen", {"seen": 1.0, "honest": 1.0}),
     "sit": Source(sit, "success", {"success": 1.0}),
     "touch": Source(touch, "touch", {"touch": 1.0}),
 }

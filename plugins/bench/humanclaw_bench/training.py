@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, Final, Literal, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
 from humanclaw import EpisodeSpec, HumanclawError, Plugins, Scene, TaskError
@@ -32,6 +33,12 @@ from humanclaw_bench.splits import (
     candidates,
 )
 
+NEAR: Final = 3.0
+"""Longest way of a task that begins near its target, metres."""
+EYES: Final = 1.5
+"""Height of the eyes over the floor, metres, to tell what a standing body could see."""
+VISIBLE: Final = 5
+"""Of 27 points of a target's box, those that must be free to see."""
 RESERVED: Final = frozenset((*HOUSES, *DEV_HOUSES))
 MOST: Final = 500_000
 """Training houses: house:train-0 to the first house of dev."""
@@ -115,6 +122,33 @@ class House:
     def floors(self) -> MultiFloorMap:
         return MultiFloorMap.of(self.scene)
 
+    @cached_property
+    def near(self) -> tuple[tuple[EpisodeSpec, float, NDArray[np.float64]], ...]:
+        """Candidates within NEAR metres of their target; the heading in which it can be seen from there; and those of
+        all points of targets that can be seen, radians."""
+        near = (spec for spec in self.specs if spec.difficulty and spec.difficulty.distance <= NEAR)
+        return tuple((spec, *sight) for spec in near if (sight := self._sight(spec)) is not None)
+
+    def _sight(self, spec: EpisodeSpec) -> tuple[float, NDArray[np.float64]] | None:
+        """Return the headings from a start to the nearest target that can be seen, and to all their points."""
+        start = spec.start
+        assert start is not None
+        eyes = np.array([start.x, start.floor + EYES, start.z])
+        grid = self.floors.grids[int(self.floors.level(np.array([start.x, start.floor, start.z])))]
+        share = np.array([0.05, 0.5, 0.95])
+        corners = np.stack(np.meshgrid(share, share, share), -1).reshape(-1, 3)
+        best, heading, seen = np.inf, None, []
+        for key in spec.target_ids:
+            low, high = self.scene.aabb(key)
+            points = low + corners * (high - low)
+            points = points[grid.sees(eyes, points)] - eyes
+            seen.append(np.arctan2(points[:, 0], points[:, 2]))
+            way = (low + high)[[0, 2]] / 2 - eyes[[0, 2]]
+            far = float(np.linalg.norm(way))
+            if far < best and len(points) >= VISIBLE:
+                best, heading = far, float(np.arctan2(*way))
+        return None if heading is None else (heading, np.concatenate(seen))
+
 
 T = TypeVar("T")
 Draw = Callable[[House, TaskOptions, np.random.Generator], EpisodeSpec | None]
@@ -124,16 +158,11 @@ class HouseTasks:
     """Tasks in training houses: a rule draws them from a house's candidates."""
 
     def __init__(
-        self, name: str, draw: Draw, goal: str, rewards: Mapping[str, float], options: Mapping[str, Any],
-        plugins: Plugins | None = None,
+        self, name: str, draw: Draw, goal: str, rewards: Mapping[str, float], options: Mapping[str, Any]
     ) -> None:  # fmt: skip
         self.name, self.goal, self.rewards = name, goal, rewards
-        self._draw, self._options, self._plugins = draw, TaskOptions.of(options), plugins
-        self._house = lru_cache(4)(self._load)
-
-    def _load(self, number: int) -> House:
-        self._plugins = self._plugins or Plugins.discover()
-        return House(self._plugins.scene(f"house:train-{number}"), number)
+        self._draw, self._options = draw, TaskOptions.of(options)
+        self._house = lru_cache(4)(_loaded)  # Of no method: houses would live on in a cycle until it is collected.
 
     def __call__(self, seed: int) -> EpisodeSpec:
         """Return the task of a seed. Raises TaskError if no house that was tried has one."""
@@ -149,6 +178,16 @@ class HouseTasks:
         for attempt in range(TRIES):
             number = self._options.first + int(houses.integers(self._options.houses))
             yield self._house(number), np.random.default_rng([seed, attempt, 32])
+
+
+def _loaded(number: int) -> House:
+    return House(_plugins().scene(f"house:train-{number}"), number)
+
+
+@lru_cache(1)
+def _plugins() -> Plugins:
+    """Return the installed plugins: a factory of tasks gets options alone, and not the plugins of the run."""
+    return Plugins.discover()
 
 
 def draw_episode(house: House, options: TaskOptions, rng: np.random.Generator) -> EpisodeSpec | None:

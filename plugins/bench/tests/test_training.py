@@ -1,5 +1,9 @@
 """Training tasks: endless, one a seed, in houses that no split and no hidden test has."""
 
+import gc
+import weakref
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from click.testing import CliRunner
@@ -27,6 +31,17 @@ def test_a_seed_gives_its_task_by_itself(plugins):
     assert [second(seed) for seed in (7, 3)] == [drawn[7], drawn[3]]
     assert len({spec.id for spec in drawn}) == 8
     assert len({(spec.start.x, spec.start.z) for spec in drawn}) > 4
+
+
+def test_a_source_that_nobody_holds_frees_its_houses_at_once(plugins):
+    source = plugins.make("tasks", "train", ONE)
+    kept = weakref.ref(source._house(0))
+    gc.disable()
+    del source
+    try:
+        assert kept() is None
+    finally:
+        gc.enable()
 
 
 def test_difficulty_and_category_narrow_the_tasks(plugins):
@@ -113,11 +128,21 @@ def test_to_approach_begins_with_the_target_ahead_and_a_stop_at_once_fails(gym):
     assert turn.reward == 0
 
 
-def test_to_turn_begins_out_of_view_and_is_solved_by_honest_words_alone(gym):
+def test_to_turn_begins_out_of_view_and_a_half_turn_without_looking_misses_targets(gym):
+    one, blindly = gym("turn"), []
+    for seed in range(10):
+        one.reset(seed)
+        assert _seen(one) < 100
+        spec = one.episode.spec
+        one.begin(spec.model_copy(update={"start": replace(spec.start, yaw=spec.start.yaw + np.pi)}))
+        blindly.append(_seen(one) >= 100)
+    assert sum(blindly) < 8
+
+
+def test_to_turn_is_solved_by_honest_words_alone(gym):
     one = gym("turn")
     for words in ("visible_state: A {} is ahead.", "visible_state: No {} is in view."):
         one.reset(0)
-        assert _seen(one) < 100
         noun = one.episode.spec.target_category
         for _ in range(9):
             if _seen(one) >= 500:
@@ -125,7 +150,7 @@ def test_to_turn_begins_out_of_view_and_is_solved_by_honest_words_alone(gym):
             _called(one, "turn_in_place", yaw_deg=60)
         turn = _called(one, "stop", thoughts=words.format(noun))
         assert turn.solved == ("No" not in words)
-        assert turn.reward == pytest.approx(1.2 if turn.solved else 0.0)
+        assert turn.reward == pytest.approx(2.0 if turn.solved else 0.0)
 
 
 def test_to_sit_begins_with_the_back_to_the_seat_and_is_solved_by_sitting(gym):
