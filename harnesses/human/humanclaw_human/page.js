@@ -94,6 +94,8 @@
 
   at("keys").append(...Object.entries(keys).map(([key, line]) => {
     const button = made("button");
+    button.setAttribute("aria-keyshortcuts", key); // A screen reader says the words, then the key.
+    button.setAttribute("aria-label", words[key]);
     button.append(made("kbd", key.replace("Shift+", "⇧ ").replace(/Arrow\w+/, (name) => signs[name])), words[key]);
     button.title = line;
     button.type = "button";

@@ -103,6 +103,9 @@ def watch(folder: Path, port: int, files: tuple[Path, ...]) -> None:
     from humanclaw import HumanclawError, Plugins
     from humanclaw_report.watch import Watcher, server
 
+    runs = {one.parents[1] for one in folder.glob("*/*/episode.json")}
+    if runs and not any(folder.glob("*/episode.json")):
+        raise HumanclawError(f"expected one run; {folder} holds {len(runs)}.", f"Name one, such as {max(runs)}.")
     if not folder.is_dir():
         remedy = "Begin a run in it with `humanclaw run --out FOLDER`, or name the folder of one."
         raise HumanclawError(f"expected the folder of a run; {folder} is no folder.", remedy)

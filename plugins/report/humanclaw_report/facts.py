@@ -62,17 +62,17 @@ def _sat(recorded: RecordedEpisode) -> Milestone:
 
 def in_words(recorded: RecordedEpisode, met: Sequence[Milestone]) -> str:
     """Return the outcome as a sentence."""
-    record = recorded.record
+    record, facts = recorded.record, {stage.name: stage for stage in met}
+    took = "ran out of" if record.spec.target_ids else "took"
     endings = {
         "running": "has not ended",
         "stopped": f"stopped of its own accord after {counted(len(recorded.steps), 'step')}",
-        "out_of_steps": f"ran out of its {counted(record.spec.max_steps, 'step')}",
+        "out_of_steps": f"{took} its {counted(record.spec.max_steps, 'step')}",
         "plugin_error": f"was broken off by a fault in a plugin ({record.error})",
         "infra_error": f"was broken off by a provider failure ({record.error})",
         "limit_reached": f"was ended by a limit ({record.error})",
         "interrupted": f"was interrupted after {counted(len(recorded.steps), 'step')}",
     }
-    facts = {stage.name: stage for stage in met}
     noun = record.spec.target_category.replace("_", " ") or "target"
     told = [f"{'had' if facts[name].met else 'never had'} the {noun} in view" for name in facts if name == "in view"]
     told += [

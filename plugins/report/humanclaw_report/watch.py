@@ -78,10 +78,10 @@ class Watcher:
         episode, house = self._opened(name)
         # One page shows the houses of several episodes, so their element ids must differ.
         storeys = tuple(replace(storey, key=f"{name}-{storey.key}") for storey in house.maps)
-        maps = [_coloured(drawn, episode) for drawn in path_maps(episode, storeys, house.note)]
-        seen = all(drawn.targets or drawn.start or _before(drawn, first) for drawn in maps)
+        maps = path_maps(episode, storeys, house.note)
+        seen = all(drawn.targets or drawn.start or any(n < first for *_, n in drawn.pieces) for drawn in maps)
         first = first if seen and first <= len(episode.steps) else 0
-        maps = [replace(drawn, pieces=drawn.pieces[len(_before(drawn, first)) :]) for drawn in maps]
+        maps = tuple(_since(first, drawn, episode.record.spec.max_steps) for drawn in maps)
         template = environment().get_template("live_map.html")
         html = template.render(maps=maps, house=storeys if house.digest else (), words=name, parts=(), first=first)
         motion = replay(episode, house.names, house.floors, first)
@@ -109,15 +109,9 @@ class Watcher:
             return b""
 
 
-def _coloured(drawn: PathMap, episode: RecordedEpisode) -> PathMap:
-    """Return a map whose pieces keep their colours while the episode goes on: shares of the steps that it may take."""
-    most = episode.record.spec.max_steps
-    return replace(drawn, pieces=tuple((points, colour(n / most), n) for points, _, n in drawn.pieces))
-
-
-def _before(drawn: PathMap, first: int) -> list[Any]:
-    """Return the pieces of a map that were drawn before a step."""
-    return [piece for piece in drawn.pieces if piece[2] < first]
+def _since(first: int, drawn: PathMap, most: int) -> PathMap:
+    """Return a map with the pieces from a step on. Their colours, shares of the `most` steps, never change."""
+    return replace(drawn, pieces=tuple((points, colour(n / most), n) for points, _, n in drawn.pieces if n >= first))
 
 
 def _row(folder: Folder) -> dict[str, Any] | None:

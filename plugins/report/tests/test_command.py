@@ -15,6 +15,14 @@ def test_being_listed_loads_nothing_that_a_page_needs():
     assert not {"scipy", "skimage", "PIL", "humanclaw_report.report"} & set(loaded)
 
 
+def test_a_folder_of_runs_is_told_with_the_last_of_them(tmp_path):
+    for run in "ab":
+        (tmp_path / run / "couch-0").mkdir(parents=True)
+        (tmp_path / run / "couch-0" / "episode.json").touch()
+    done = CliRunner().invoke(build(Plugins.discover), ["watch", str(tmp_path)])
+    assert (done.exit_code, f"Name one, such as {tmp_path / 'b'}." in done.output) == (2, True)
+
+
 def test_a_run_that_is_not_there_is_told_with_what_to_do():
     done = CliRunner().invoke(build(Plugins.discover), ["watch", "nowhere"])
     assert done.exit_code == 2

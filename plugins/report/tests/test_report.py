@@ -233,6 +233,23 @@ def test_a_page_says_first_what_was_run_and_last_what_stands_in_the_house(page: 
     assert page.text.index("Made with HumanCLAW") < page.text.index("tv 21")
 
 
+def test_an_episode_without_a_target_has_missed_nothing(tmp_path: Path) -> None:
+    scene = record_episode(tmp_path)
+    record = RecordedEpisode(tmp_path).record
+    free = record.spec.model_copy(update={"target_ids": (), "target_category": "", "max_steps": record.steps})
+    broken_off(tmp_path, spec=free, targets={}, outcome="out_of_steps")
+    page = Page(write_report(tmp_path, None, lambda name: scene).read_text("utf-8"))
+    assert f"The body took its {record.steps} steps." in page.text
+    assert "not stopped" not in page.text
+
+
+def test_an_episode_of_one_of_two_runs_is_shown_under_the_name_of_its_run(tmp_path: Path) -> None:
+    for run, name in (("a", "couch-0"), ("b", "couch-1")):
+        scene = record_episode(tmp_path / run / name, name=name)
+    page = write_report([tmp_path / "a", tmp_path / "b"], tmp_path / "pair.html", lambda name: scene).read_text("utf-8")
+    assert re.findall(r'href="(\w)/couch-\d/page.html"><span class="unit">(\w)', page) == [("a", "a"), ("b", "b")]
+
+
 def test_no_senses_are_told_of_a_record_without_them(page: Page) -> None:
     assert "sensors" not in page.text
 

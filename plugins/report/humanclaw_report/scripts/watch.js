@@ -130,8 +130,8 @@
     element.dataset.drawing = "yes";
     for (let wanted = element.dataset.state; map.dataset.shown !== wanted && element.isConnected; wanted = element.dataset.state) {
       const answer = await fetched(`/steps/${element.dataset.episode}/${map.dataset.steps ?? 0}`);
-      if (!answer) break;
-      const steps = /** @type {Steps} */ (await answer.json());
+      const steps = /** @type {Steps | null} */ (await answer?.json().catch(() => null));
+      if (!steps) break;
       grow(map, steps);
       Object.assign(map.dataset, { shown: wanted, steps: steps.steps });
       // Without WebGL, views and maps go on.
