@@ -333,7 +333,7 @@ caption {{ text-align: left; font: 600 1.08rem var(--serif); padding-bottom: .5r
 th, td {{ padding: .42rem .8rem .42rem 0; text-align: left; border-bottom: 1px solid var(--line); vertical-align: top;
   font-weight: 400; }}
 thead th, dt {{ color: var(--soft); font-size: .84rem; }}
-tbody th {{ font-weight: 600; }} a {{ color: inherit; }}
+tbody th {{ font-weight: 600; }} a {{ color: inherit; }} td:has(.bar) {{ white-space: nowrap; }}
 .bar {{ display: block; position: relative; height: .4rem; min-width: 6rem; margin-top: .2rem; border-radius: 3px;
   background: var(--line); }}
 .bar span {{ position: absolute; inset-block: 0; min-width: 3px; border-radius: 3px; background: var(--bar); }}

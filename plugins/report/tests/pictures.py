@@ -67,7 +67,7 @@ def _board(browser: Any, *runs: Path) -> Image.Image:
             shutil.copytree(run, sent / run.name)
             _do("bench", "submit", run, "--who", "HumanCLAW", "--out", sent / f"{run.name}.json")
         _do("bench", "leaderboard", sent, "--pages", site, "--replay", 1, "--by", "HumanCLAW")
-        tab = browser.new_page(viewport={"width": 1400, "height": 560})
+        tab = browser.new_page(viewport={"width": 1400, "height": 640})
         tab.goto((site / "index.html").as_uri())
         return _taken(tab)
 

@@ -36,12 +36,12 @@ async function unpack(packed) {
 /** Return the first frames of a motion, then those of another. An object that only one of them names rests in the other. @param {Record<string, Values>} motion @param {number} first @param {Record<string, Values>} more */
 function joined(motion, first, more) {
   const [had, added] = [motion, more].map(({ simulated_root: root }) => root.length / 3);
+  if (!added) return motion;
   const rows = (/** @type {Values} */ values, /** @type {number} */ count) => Array.from({ length: count }, (_, k) => values.slice((k * values.length) / count, ((k + 1) * values.length) / count));
-  const all = Object.keys({ ...motion, ...more }).map((name) => {
+  return Object.fromEntries(Object.keys({ ...motion, ...more }).map((name) => {
     const after = more[name] && rows(more[name], added), before = motion[name] ? rows(motion[name], had).slice(0, first) : Array(first).fill(after[0]);
     return [name, Float32Array.from([...before, ...(after ?? Array(added).fill(before[first - 1]))].flatMap((row) => [...row]))];
-  });
-  return added ? Object.fromEntries(all) : motion;
+  }));
 }
 
 /** The frames before and after a time, and the share of the way to the second. @param {number} time @param {number} count @returns {[number, number, number]} */
