@@ -86,4 +86,6 @@ def _checked(key: str) -> str:
 
 def _digest(key: str, data: bytes) -> bytes:
     """Return the digest that an entry begins with. It covers the key: an entry under another key is damaged."""
-    return hashlib.sha256(hashlib.sha256(key.encode()).digest() + data).digest()
+    state = hashlib.sha256(hashlib.sha256(key.encode()).digest())
+    state.update(data)
+    return state.digest()

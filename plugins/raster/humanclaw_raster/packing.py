@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanclaw.body import Array
-from humanclaw.world import Mesh, compiled
+from humanclaw.world import Mesh, compiled, inlined
 
 CLUSTER: Final = 64
 """Number of triangles that are tested against the view together."""
@@ -184,30 +184,33 @@ def _unit(vectors: Array) -> Array:
 def _textures(pictures: Sequence[NDArray[np.uint8]]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     sizes = np.array([[[max(side >> level, 1) for side in p.shape[:2]] for level in range(LEVELS)] for p in pictures])
     begins = np.cumsum([0, *sizes.prod(axis=-1).ravel()])
-    texels = np.zeros(begins[-1], "<u4")
-    for shape in sorted({picture.shape for picture in pictures}):  # Pictures of one shape are halved together.
-        numbers = [k for k, picture in enumerate(pictures) if picture.shape == shape]
-        stack = np.zeros((len(numbers), *shape[:2], 4), np.uint8)
-        for k, number in enumerate(numbers):
-            stack[k, ..., :3] = pictures[number]
-        level = stack.view("<u4")[..., 0]
-        for k in range(LEVELS):
-            for number, picture in zip(numbers, level, strict=True):
-                texels[begins[number * LEVELS + k] :][: picture.size] = picture.ravel()
-            level = _half(level)
-    levels = np.concatenate([begins[:-1, None], sizes.reshape(-1, 2)], axis=1)
-    return texels.view("<i4").astype(np.int32, copy=False), levels.astype(np.int32)
+    levels = np.concatenate([begins[:-1, None], sizes.reshape(-1, 2)], axis=1).astype(np.int32)
+    texels = np.empty(begins[-1], np.int32)
+    _fill(np.concatenate([picture.ravel() for picture in pictures]), levels, texels)
+    return texels, levels
 
 
-def _half(pictures: NDArray[np.uint32]) -> NDArray[np.uint32]:
-    """Halve (N, H, W) pictures: each 2 x 2 texels become their mean. A side of one texel stays."""
-    if height := pictures.shape[1] // 2 * 2:
-        pictures = _mean(pictures[:, 0:height:2], pictures[:, 1:height:2])
-    if width := pictures.shape[2] // 2 * 2:
-        pictures = _mean(pictures[:, :, 0:width:2], pictures[:, :, 1:width:2])
-    return pictures
+@compiled
+def _fill(rgb: NDArray[np.uint8], levels: NDArray[np.int32], texels: NDArray[np.int32]) -> None:
+    """Copy the pictures, and make each smaller size of 2 x 2 texels of the one before it. A side of one texel stays."""
+    read = 0
+    for row in range(len(levels)):
+        start, height, width = levels[row]
+        if row % LEVELS == 0:
+            for k in range(start, start + height * width):
+                texels[k] = rgb[read] | rgb[read + 1] << 8 | rgb[read + 2] << 16
+                read += 3
+            continue
+        before, high, wide = levels[row - 1]
+        down, right = wide * min(high - 1, 1), min(wide - 1, 1)
+        for y in range(height):
+            for x in range(width):
+                k = before + 2 * (y * wide + x)
+                left, other = _mean(texels[k], texels[k + down]), _mean(texels[k + right], texels[k + right + down])
+                texels[start + y * width + x] = _mean(left, other)
 
 
-def _mean(even: NDArray[np.uint32], odd: NDArray[np.uint32]) -> NDArray[np.uint32]:
+@inlined
+def _mean(one: np.int32, other: np.int32) -> np.int32:
     """Return the mean of each byte, rounded down. Nothing carries from one byte into the next."""
-    return (even & odd) + ((even ^ odd) >> 1 & 0x7F7F7F7F)
+    return (one & other) + ((one ^ other) >> 1 & 0x7F7F7F7F)
