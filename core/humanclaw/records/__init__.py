@@ -56,6 +56,7 @@ if TYPE_CHECKING:
         touched_above_ground as touched_above_ground,
     )
     from humanclaw.records.reading import (
+        REPORT as REPORT,
         RecordedEpisode as RecordedEpisode,
         RecordedRun as RecordedRun,
         load_run as load_run,

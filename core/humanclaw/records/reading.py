@@ -38,6 +38,8 @@ from humanclaw.text.json import first_fault
 from humanclaw.text.notebook import card, spread, table
 from humanclaw.text.words import counted
 
+REPORT: Final = "report.html"
+"""File of the page that a reporter writes into the folder of an episode or a run."""
 _LARGEST: Final = 1 << 30
 """Maximum bytes of all arrays of motion. 10,000 steps take a sixth of it, 100 moving objects the rest."""
 _PIECES: Final = 1024

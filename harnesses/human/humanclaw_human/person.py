@@ -17,6 +17,7 @@ import click
 from pydantic import BaseModel, ConfigDict, Field
 
 from humanclaw import CallError, Decision, EpisodeContext, HistoryEntry, Observation, Skill
+from humanclaw.records import REPORT
 from humanclaw_human.commands import forms, in_words, keys, manual, parse
 from humanclaw_human.window import Controls, Moment, Window
 
@@ -91,9 +92,9 @@ class Person:
             return Decision((command.call,), command.seen, raw=line)
 
     def show_result(self, result: str, run: Path) -> None:
-        """End the page with the result, and with the run's report.html once a reporter has written it."""
+        """End the page with the result, and with the run's page once a reporter has written it."""
         if self._window:
-            self._window.end(result, run / "report.html")
+            self._window.end(result, run / REPORT)
 
 
 class Lines:

@@ -17,6 +17,7 @@ import numpy as np
 
 from humanclaw import RecordError
 from humanclaw.cli import counted, legible
+from humanclaw.records import REPORT
 from humanclaw.storage import Folder
 from humanclaw_bench.conditions import labels, summary
 from humanclaw_bench.integrity import RunFiles, known_split
@@ -34,8 +35,6 @@ class Markup(str):
     """Text of a page whose parts are escaped already."""
 
 
-REPORT: Final = "report.html"
-"""File of a run's page: its episodes, each with its replay."""
 Again = Callable[[Path], Sequence[Replayed]]
 """Plays episodes of a run again."""
 

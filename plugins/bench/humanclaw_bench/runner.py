@@ -22,7 +22,7 @@ from typing import Any, Final
 from filelock import FileLock, Timeout
 
 from humanclaw import EpisodeSpec, HumanclawError, Plugins, RecordError
-from humanclaw.records import EpisodeRecord, write_episodes
+from humanclaw.records import REPORT, EpisodeRecord, write_episodes
 from humanclaw.storage import Folder, add_line, writing
 from humanclaw_bench.executors import EpisodeQueue, Executor
 from humanclaw_bench.integrity import JOURNAL, MANIFEST, SPLIT, End, Journal
@@ -94,7 +94,7 @@ class Forecast:
 
 Watcher = Callable[[RunStatus, WorkerReport | None], None]
 """Called for every episode that ended, and once at the beginning without a report."""
-OWN: Final = frozenset({MANIFEST, SPLIT, JOURNAL, "logs", "scores.jsonl", "report.html", "submission.json"})
+OWN: Final = frozenset({MANIFEST, SPLIT, JOURNAL, "logs", "scores.jsonl", REPORT, "submission.json"})
 """Files and folders in the folder of a run that are not episodes."""
 PILOT: Final = 3
 """Number of episodes from which the rest of a run is estimated: one near, one middling and one far target."""

@@ -9,6 +9,7 @@ from typing import Final
 from tqdm import tqdm
 
 from humanclaw import RecordedEpisode, RecordError, Scene, load_run
+from humanclaw.records import REPORT
 from humanclaw.storage import Folder, write_result
 from humanclaw_report.episode_page import Shared, episode_page, link, skin_script
 from humanclaw_report.facts import episodes_asked
@@ -18,7 +19,6 @@ from humanclaw_report.three import three
 
 FOLDER: Final = "report"
 """Folder in the run for files that the pages of its episodes share."""
-REPORT: Final = "report.html"
 PAGE: Final = "page.html"
 """File in the folder of each episode of a run."""
 
