@@ -243,7 +243,7 @@ class Scene:
             asset = self.assets[name]
             state.update(f"{name}|{asset.category}|{asset.seat_height}".encode())
             for array in (asset.mesh.vertices, asset.mesh.faces, asset.mesh.uv, asset.mesh.texture, *asset.hulls):
-                state.update(np.ravel(array))  # A copy of all textures takes as long as their digest.
+                state.update(np.ascontiguousarray(array).ravel().data)  # Without a copy, which takes as long.
         rest = [[o.facts for o in self.objects], [vars(r) for r in self.rooms], vars(self.start)]
         state.update(json.dumps(rest, sort_keys=True).encode())
         return state.hexdigest()
