@@ -42,6 +42,10 @@ _CHIN: Final = 0.7
 """Metres over the floor to which a crouching body raises a thing: higher, its head meets the thing as it stands up."""
 _SHINS: Final = 0.46
 """Metres ahead of the hips that bent knees need: what is raised from nearer meets them."""
+_ELBOWS: Final = 1.0
+"""Metres over the floor of a shelf that a hand comes to from above: it is raised before it, so from farther back."""
+_RAISED: Final = (0.56, 0.68)
+"""Metres ahead of the hips of what lies there."""
 _TRIES: Final = ((-0.02, 0.0), (-0.02, 0.05), (-0.02, -0.05), (0.01, 0.0), (-0.04, 0.03))
 """Metres outwards and ahead that a hand is elsewhere in one try after the other."""
 _OFF: Final = 0.04
@@ -102,6 +106,7 @@ class Carrying(ArmedOracle):
         wide, deep = (high - low)[[0, 2]].tolist()
         past_knees = min(_SHINS + deep / 2, _STRETCH)
         near = AT_HAND if high[1] > _KNEES else (past_knees, past_knees + 0.08)
+        near = _RAISED if low[1] > _ELBOWS else near
         yield from self._face(lambda: self._middle(thing), lambda: out * max(0.05, _BESIDE - wide / 4), near)
         for outwards, ahead in _TRIES:
             _, low, high = self._extent(thing)
@@ -121,9 +126,10 @@ class Carrying(ArmedOracle):
         height = max(low[1] + _ABOVE, min((low[1] + high[1]) / 2, low[1] + 0.25), 0.1)
         at = np.array([beside, height, (low[2] + high[2]) / 2 - 0.04 + ahead])
         over = at + [0.06 * out, max(_HOVER, high[1] + 0.1 - height), -0.08]
-        below = Here.of(self._state()).hand(side)[1] < high[1]
-        for _ in range(2 if below else 1):
-            yield self._to(side, over, "I bring my hand over it.")
+        if Here.of(self._state()).hand(side)[1] < high[1]:
+            # From below, a hand meets the edge of what the thing lies on.
+            yield self._to(side, np.array([0.3 * out, over[1], 0.15]), "I raise my hand.")
+        yield self._to(side, over, "I bring my hand over it.")
         for gap in (_OFF, 0.0):
             spot = at + [gap * out, 0.0, 0.0]
             yield self._to(side, spot, "I bring my palm to it.")

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from scipy.spatial import Delaunay
 
 from humanclaw import Scene
 from humanclaw.body import JOINT_INDEX, Array, Pose2D, matrix_from_quaternion
@@ -27,6 +28,8 @@ _ROOM: Final = 0.2
 
 _CROWD: Final = 50.0
 """Metres that a spot may be farther off for each metre of room that it has more, as far as a thing needs room."""
+_FLAT: Final = 0.02
+"""Metres below the highest point of furniture down to which its parts are its top."""
 _PALM_ROOM: Final = 0.07
 """Metres from the side of a thing to the palm that comes to it."""
 _HAND_ROOM: Final = 0.05
@@ -159,11 +162,15 @@ def free_sides(scene: Scene, state: WorldState, key: int, places: Array) -> Arra
     far = np.abs(out) @ ((high - low)[[0, 2]] / 2) + _PALM_ROOM
     x, z = np.moveaxis(((low + high) / 2)[[0, 2]] + out * far[..., None], -1, 0)
     spots = np.stack([x, np.full_like(x, low[1] + 0.1), z], -1)
-    others = (obj.id for obj in scene.objects if obj.id != key)
-    near = (one for one in others if _gap(*box(scene, state, one), low, high) < 0.5)
-    hulls = [hull for one in near for hull in scene.hulls(one, state.objects.get(one))]
-    gaps = [_gap(hull.min(0), hull.max(0), spots, spots) for hull in hulls]
+    gaps = [_gap(*piece, spots, spots) for piece in _pieces_near(scene, state, low, high, key)]
     return np.asarray(np.min([np.full_like(x, np.inf), *gaps], axis=0) > _HAND_ROOM)
+
+
+def _pieces_near(scene: Scene, state: WorldState, low: Array, high: Array, *but: int) -> Iterator[tuple[Array, Array]]:
+    """Yield the corners (3,) of each convex piece of the other things less than half a metre from a box (3,)."""
+    others = (obj.id for obj in scene.objects if obj.id not in but)
+    near = (one for one in others if _gap(*box(scene, state, one), low, high) < 0.5)
+    return ((hull.min(0), hull.max(0)) for one in near for hull in scene.hulls(one, state.objects.get(one)))
 
 
 def _gap(low: Array, high: Array, first: Array, last: Array) -> Array:
@@ -178,9 +185,19 @@ def spot_on(scene: Scene, state: WorldState, thing: int, place: int) -> Array:
     room = np.minimum(half + 0.04, (high - low)[[0, 2]] / 2 - 0.01)
     xs, zs = (np.linspace(low[k] + room[j], high[k] - room[j], 25) for j, k in enumerate((0, 2)))
     spots = np.stack(np.meshgrid(xs, zs), -1).reshape(-1, 2)
-    others = [box(scene, state, obj.id) for obj in scene.objects if obj.id not in (thing, place)]
+    others = _pieces_near(scene, state, low, high, thing, place)
     there = [(a, b) for a, b in others if a[1] < high[1] + 0.3 and b[1] > high[1] + 0.01]
     gaps = [np.maximum(np.maximum(a[[0, 2]] - spots, spots - b[[0, 2]]).max(1), 0.0) for a, b in there]
     short = np.maximum(half + 0.02 - np.min([np.full(len(spots), np.inf), *gaps], axis=0), 0.0)
+    short += _bare(scene, state, place, spots, half)
     x, z = spots[np.argmin(np.linalg.norm(spots - PelvisPose.of(state).point, axis=1) + _CROWD * short)]
     return np.array([x, high[1], z])
+
+
+def _bare(scene: Scene, state: WorldState, place: int, spots: Array, half: float) -> Array:
+    """Return the share of four points around each spot (N, 2) that the top of a piece of furniture is not under."""
+    hulls = scene.hulls(place, state.objects.get(place))
+    top = max(hull[:, 1].max() for hull in hulls)
+    around = spots[:, None] + half * np.array([[1, 0], [-1, 0], [0, 1], [0, -1]])
+    tops = (Delaunay(hull[:, [0, 2]]) for hull in hulls if hull[:, 1].max() > top - _FLAT)
+    return 1.0 - np.any([one.find_simplex(around) >= 0 for one in tops], axis=0).mean(1)

@@ -19,6 +19,9 @@ from humanclaw_scripted.way import remaining, side_of
 STOP_DISTANCE: Final = 0.19
 """Distance to the target's bounding box at which the oracle stops, metres: just below the benchmark's 0.2."""
 
+_BOARD: Final = 0.35
+"""Depth of a shelf, metres."""
+
 
 class OracleAgent(Walker):
     """Walks to the target with the cheapest route, and sits down on it if the task says so.
@@ -177,7 +180,10 @@ class OracleAgent(Walker):
         room = room_at(self._scene, float(pose.point[0]), float(pose.point[1]), plan.floor)
         on = "on" if room == "stairs" else "in"
         here = f"I am {on} the {room.replace('_', ' ')}." if room else "I am between two rooms."
-        seen = [found for key in self._spec.target_ids if (found := in_view(plan, self._scene, state, key, self._gaze))]
+        # The map has a column where there is a shelf: what stands on a board of it is not in one.
+        last = 0.1 if self._spec.goal is None else _BOARD
+        looks = (in_view(plan, self._scene, state, key, self._gaze, last) for key in self._spec.target_ids)
+        seen = [found for found in looks if found]
         if not seen:
             return f"{here} No {self._noun} is in view." if self._spec.target_ids else here
         angle, distance = min(seen, key=lambda found: found[1])

@@ -110,11 +110,12 @@ def on_seat(scene: Scene, state: WorldState, target: int) -> bool:
 
 
 def in_view(
-    plan: OccupancyGrid, scene: Scene, state: WorldState, target: int, gaze: Gaze
+    plan: OccupancyGrid, scene: Scene, state: WorldState, target: int, gaze: Gaze, last: float = 0.1
 ) -> tuple[float, float] | None:
     """Return bearing (radians, left positive) and distance (metres) of a target in view; None if it is not.
 
     A target is in view if at least three of 27 points of its bounding box are in the view cone and not hidden.
+    last: metres before a point in which nothing hides it.
     """
     camera = ego_camera(state.body, gaze=gaze)
     low, high = box(scene, state, target)
@@ -125,7 +126,7 @@ def in_view(
     depth = offset @ camera.forward
     reach = np.tan(np.radians(camera.fov) / 2) * np.maximum(depth, 1e-6)
     inside = (depth > 0.1) & (np.abs(offset @ right) < reach) & (np.abs(offset @ camera.up) < reach)
-    shown = points[inside][plan.sees(camera.position, points[inside])]
+    shown = points[inside][plan.sees(camera.position, points[inside], last)]
     if len(shown) < 3:
         return None
     centre = np.mean(shown, axis=0) - camera.position

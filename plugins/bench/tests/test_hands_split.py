@@ -15,6 +15,7 @@ from humanclaw import Backends, Body, Call, Episode, EpisodeSpec, PluginError, P
 from humanclaw.body import Pose2D
 from humanclaw.records import Goal, is_met
 from humanclaw.testing import SceneBuilder
+from humanclaw.testing.scenes import block
 from humanclaw.world import Slide
 from humanclaw_bench.attribution import attribute
 from humanclaw_bench.cli import bench
@@ -125,6 +126,20 @@ def corner():
     return builder.scene(), box, table
 
 
+def shelf():
+    """A cup on the third of four boards of an open shelf, over the elbows, and a table; with the ids of cup and table."""
+    builder = SceneBuilder()
+    builder.floor()
+    boards = [block((-0.45, y, -0.18), (0.45, y + 0.03, 0.18)) for y in (0.12, 0.6, 1.08, 1.56)]
+    posts = [
+        block((x - 0.015, 0, z - 0.015), (x + 0.015, 1.6, z + 0.015)) for x in (-0.43, 0.43) for z in (-0.16, 0.16)
+    ]
+    builder.solid("shelf", [*boards, *posts], (0, 0, 1.3))
+    cup = builder.box("cup", (0.08, 0.16, 0.08), (0.1, 1.11, 1.3), (200, 40, 40), movable=True, mass=0.3)
+    table = builder.box("table", (0.9, 0.6, 0.6), (-1.5, 0, 0))
+    return builder.scene(), cup, table
+
+
 def play(plugins, folder, goal, change=lambda call, role: call, category="cup", targets=(), scene=None):
     scene = scene or kitchen()[0]
     spec = EpisodeSpec(id="one", instruction="do it", scene=scene.name, target_category=category, goal=goal,
@@ -170,6 +185,14 @@ def test_the_oracle_takes_a_box_out_of_a_corner_with_the_hand_that_has_room(plug
     goal = Goal(things=(box,), on=table)
     success, scores, _ = play(plugins, tmp_path, goal, category="box", targets=(box, table), scene=scene)
     assert (success, scores.dropped) == (True, 0)
+
+
+def test_the_oracle_takes_a_cup_from_a_shelf_over_its_elbows_and_says_that_it_sees_it(plugins, tmp_path):
+    """From below or from near by, the board stopped its arm; and the map has a column where the shelf is."""
+    scene, cup, table = shelf()
+    success, scores, _ = play(plugins, tmp_path, Goal(things=(cup,), on=table), targets=(cup, table), scene=scene)
+    assert success
+    assert all(scores.hands.values())
 
 
 @pytest.mark.parametrize(

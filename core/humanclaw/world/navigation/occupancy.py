@@ -149,15 +149,15 @@ class OccupancyGrid:
         """Tell whether a body of this radius can go straight from one point to the other."""
         return bool((self.at(self.clearance, samples(start, end)) >= radius).all())
 
-    def sees(self, eyes: Array, points: Array) -> Mask:
+    def sees(self, eyes: Array, points: Array, last: float = 0.1) -> Mask:
         """Return (...) whether nothing static stands between (..., 3) eyes and (..., 3) points.
 
-        The last 10 cm do not count.
+        last: metres before a point that do not count.
         """
         eyes, points = np.broadcast_arrays(np.asarray(eyes, float), np.asarray(points, float))
         far = np.linalg.norm(points - eyes, axis=-1)
         steps = max(2, int(np.max(far, initial=0.0) / CELL))
-        share = np.linspace(0.0, 1.0, steps) * np.maximum(0.0, 1.0 - 0.1 / np.maximum(far, 1e-6))[..., None]
+        share = np.linspace(0.0, 1.0, steps) * np.maximum(0.0, 1.0 - last / np.maximum(far, 1e-6))[..., None]
         line = eyes[..., None, :] + share[..., None] * (points - eyes)[..., None, :]
         height, under, over = line[..., 1] - self.floor, *self.overhead
         places = line[..., [0, 2]]
