@@ -230,8 +230,8 @@ CHECKS: Final[Mapping[str, Callable[[Fixture, Tick], Iterator[Finding]]]] = {
 def ticks(fixture: Fixture, names: Sequence[str]) -> int:
     """Return how often the checks of these names will tick."""
     each: Mapping[str, int] = {
-        "free-space": 1, "walls": fixture.samples, "ledge": 1, "stairs": 2 * len(RISES), "boxes": len(MASSES) + len(LOADS),
-        "chair": len(CHAIRS), "door": len(GAPS), "hinges": 7, "slides": 2, "lids": 2,
+        "free-space": 1, "walls": fixture.samples, "ledge": 1, "stairs": 2 * len(RISES),
+        "boxes": len(MASSES) + len(LOADS), "chair": len(CHAIRS), "door": len(GAPS), "hinges": 7, "slides": 2, "lids": 2,
         "seats": len(SEATS), "rates": 12, "wild": fixture.chunks,
     }  # fmt: skip
     return sum(each[name] for name in names)
