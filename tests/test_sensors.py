@@ -2,18 +2,20 @@
 
 import numpy as np
 import pytest
+from engines import DEFAULT
 from hosting import host_of
 
 from humanclaw import Backends, Body, Chunk, Decision, Episode, Keyframes, Plugins, skill
 from humanclaw.body import JOINT_INDEX, STANDING_HEIGHT, Motion, rest_pose
 from humanclaw.episodes.backends import check_sensors
+from humanclaw.episodes.falls import Descent
 from humanclaw.episodes.sensors import proprioception, tactile
-from humanclaw.episodes.step import fall
 from humanclaw.errors import HumanclawError, PluginRunError
 from humanclaw.records import Answer, Feedback, Reading, RecordedEpisode, StepRecord, Touch, free_episode
 from humanclaw.skills import Call
 from humanclaw.testing import fake_scene
-from humanclaw.testing.fakes import FAKE, Fakes
+from humanclaw.testing.fakes import FAKE, Fakes, ScriptedAgent
+from humanclaw.testing.scenes import SceneBuilder
 from humanclaw.world import Contact, Execution, View
 
 BEFORE = rest_pose(1)
@@ -46,21 +48,57 @@ def test_a_standing_body_feels_its_height_above_its_soles():
     )
 
 
-def _falling(to: float, *touched: int) -> Chunk:
+def _falling(by: float, *touched: int, begun: float = 0.0) -> Chunk:
     """Half a second in which the pelvis sinks evenly by so much, with the ground underfoot in some frames."""
-    motion = _after(up=-to)
-    return Chunk(motion, _did(motion, *(_contact("left_foot", "leg_foot", 0.0, frame) for frame in touched)))
+    sinking = Motion(_after(up=-by).root - [0, begun, 0], _after().rotations)
+    return Chunk(sinking, _did(sinking, *(_contact("left_foot", "leg_foot", 0.0, frame) for frame in touched)))
+
+
+def _standing() -> Descent:
+    return Descent(float(BEFORE.root[0, 1]))
 
 
 @pytest.mark.parametrize(("metres", "touched", "fell"), [(1.4, (2, 9), 0.7), (1.4, range(15), 0.0), (0.6, (2, 9), 0.0)])
 def test_a_fall_is_what_the_body_drops_between_two_contacts_from_half_a_metre_on(metres, touched, fell):
     """1.4 m in 14 frames are 10 cm a frame: 70 cm from frame 2 to frame 9."""
-    assert fall([_falling(metres, *touched)]) == pytest.approx(fell)
+    assert _standing().after([_falling(metres, *touched)]).fall == pytest.approx(fell)
 
 
-def test_a_fall_is_told():
-    done = StepRecord(step=0, status="executed", attempts=(), call=Call("walk", {}), fall=2.94)
-    assert "You fell 2.9 m." in str(done.feedback)
+def test_a_fall_that_begins_in_one_call_and_ends_in_the_next_has_its_whole_depth():
+    """It leaves the ground 40 cm above the end of the first call, and lands 30 cm below it."""
+    first = _standing().after([_falling(1.4, *range(11))])
+    second = first.after([_falling(1.4, *range(3, 15), begun=1.4)])
+    assert (first.fall, first.falling) == (0.0, False)
+    assert (second.fall, second.falling) == (pytest.approx(0.4 + 0.3), False)
+
+
+def test_what_falls_with_the_body_in_its_hand_bears_nobody():
+    motion = _after(up=-1.4)
+    cup = [_contact("left_hand", "arm_hand", 0.0, frame, movable=True) for frame in range(15)]
+    assert _standing().after([Chunk(motion, Execution(motion, tuple(cup), (), {}, {"left": 7}))]).fall == 1.4
+
+
+@pytest.mark.parametrize("height", [0.6, 1.0, 3.0, 6.0])
+def test_everybody_is_told_of_one_fall_however_many_calls_it_takes(height):
+    builder = SceneBuilder.on_floor()
+    builder.box("platform", (2, height, 1.6), (0, 0, 0))
+    scene = builder.scene(floor=height)
+    told, calls = [], [Call("walk", {"x_cm": 0, "z_cm": 80, "yaw_deg": 0})] * 6
+    with Body(scene, backends=Backends(DEFAULT, renderer="raster")) as body:
+        for call in calls:
+            told.append(body.call(call.skill, **call.params).feedback)
+        with Episode(body, free_episode("Walk.", scene), ScriptedAgent([])) as episode:
+            steps = [episode.submit(Decision((call,))) for call in calls]
+    landed = [feedback.fell for feedback in told if feedback.fell and not feedback.falling]
+    assert landed == pytest.approx([height], abs=0.1)
+    assert f"You fell {landed[0]:.1f} m." in " ".join(map(str, told))
+    assert [(step.fall, step.falling) for step in steps] == [(one.fell, one.falling) for one in told]
+    assert [step.feedback.fell for step in steps] == [one.fell for one in told]
+
+
+def test_a_body_in_the_air_is_told_that_it_is_falling():
+    done = StepRecord(step=0, status="executed", attempts=(), call=Call("walk", {}), fall=2.94, falling=True)
+    assert "You are falling, so far 2.9 m." in str(done.feedback)
 
 
 def test_height_is_felt_from_the_soles_and_not_from_the_scene():

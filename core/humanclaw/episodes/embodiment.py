@@ -18,6 +18,7 @@ from humanclaw.body.resting_hands import lay_hands
 from humanclaw.episodes.adapters import Adapters, untrained
 from humanclaw.episodes.backends import SENSORS, SHIPPED, VISION, Backends
 from humanclaw.episodes.execution import SkillExecution, Watcher, played_parts, working
+from humanclaw.episodes.falls import Descent
 from humanclaw.episodes.sensors import checked
 from humanclaw.episodes.tools import Verified, body_tools
 from humanclaw.errors import HumanclawError, blaming
@@ -123,6 +124,7 @@ class Body:
         self.last: SkillExecution | None = None
         self._history = stand(self._simulator, self._generator, self.scene, self.start)
         self._state = self._simulator.state()
+        self._descent = Descent(float(self._state.body.root[-1, 1]))
         self._course = Course()
         self._arms = Arms()
         self._pitch: float | None = None
@@ -231,6 +233,7 @@ class Body:
         ]
         told = played_parts(plan, played) if len(plan) > 1 else ()
         limits = tuple(dict.fromkeys(self._limits))
+        self._descent = self._descent.after(chunks)
         body, touch, readings = self._sense(Moment(before, tuple(chunks), self.view))
         self.last = SkillExecution(
             call,
@@ -244,6 +247,8 @@ class Body:
             limits,
             readings,
             tuple(self._aims),
+            self._descent.fall,
+            self._descent.falling,
         )
         return self.last
 

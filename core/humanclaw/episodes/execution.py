@@ -40,6 +40,10 @@ class SkillExecution:
     """Readings of the senses of plugins."""
     aims: tuple[HandAim, ...] = ()
     """Where hands were to go, and how far they are from there."""
+    fall: float = 0.0
+    """How deep the body fell, metres; 0 if it did not."""
+    falling: bool = False
+    """Whether it was still falling when the call ended."""
 
     @property
     def feedback(self) -> Feedback:
@@ -50,6 +54,8 @@ class SkillExecution:
             tactile=self.tactile,
             cancelled=self.cancelled,
             limits=self.limits,
+            fell=self.fall,
+            falling=self.falling,
             readings=self.readings,
         )
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import Final
 
 import numpy as np
 
@@ -17,9 +16,6 @@ from humanclaw.skills.call import Call
 from humanclaw.world.scene import Scene, Vec3, distance_to_nearest
 from humanclaw.world.simulator import Chunk, Contact, DistanceFn, Execution, WorldState
 from humanclaw.world.view import View
-
-FALL: Final = 0.5
-"""A drop through the air of so much counts as a fall, metres: a person steps down no further than that."""
 
 
 @dataclass
@@ -100,7 +96,8 @@ class Step:
             held=dict(after.held),
             aims=done.aims if done else (),
             joints=joint_states(scene, chunks),
-            fall=fall(chunks),
+            fall=done.fall if done else 0.0,
+            falling=done.falling if done else False,
             waypoints=tuple(vec3(chunk.execution.simulated.root[-1]) for chunk in chunks[:-1]),
             start=vec3(before.body.root[-1]),
             end=vec3(after.body.root[-1]),
@@ -181,19 +178,6 @@ def joint_states(scene: Scene, chunks: Sequence[Chunk]) -> dict[int, float]:
     paths = {key: path for chunk in chunks for key, path in chunk.execution.objects.items()}
     hung = {key: path for key, path in paths.items() if scene.by_id[key].joint}
     return {key: round(scene.by_id[key].state_at(path[-1]), 5) for key, path in sorted(hung.items())}
-
-
-def fall(chunks: Sequence[Chunk]) -> float:
-    """Return how far the pelvis came down while the body touched nothing, at most, metres; 0 for less than FALL."""
-    parts = list(_timed(chunks))
-    touched = {start + frame for start, part in parts for contact in part.contacts for frame in contact.frames}
-    heights = [height for _, part in parts for height in part.simulated.root[:, 1]]
-    deepest, left = 0.0, 0
-    for frame, height in enumerate(heights):
-        deepest = max(deepest, float(heights[left] - height))
-        if frame in touched:
-            left = frame
-    return round(deepest, 2) if deepest >= FALL else 0.0
 
 
 def pelvis_contacts(chunks: Sequence[Chunk]) -> tuple[int, ...]:

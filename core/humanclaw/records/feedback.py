@@ -132,6 +132,8 @@ class Feedback:
     """What the body could not do of the call, in words: a joint's limit, a target out of reach."""
     fell: float = 0.0
     """How far the body fell, metres; 0 if it did not."""
+    falling: bool = False
+    """Whether it is still falling."""
     readings: tuple[Reading, ...] = ()
     """Readings of the senses of plugins."""
 
@@ -142,7 +144,7 @@ class Feedback:
         if self.executed is None:
             return self.refusal
         held = f"Your body could not do all of it: {'; '.join(self.limits)}." if self.limits else ""
-        fell = f"You fell {self.fell:.1f} m." if self.fell else ""
+        fell = f"You {'are falling, so far' if self.falling else 'fell'} {self.fell:.1f} m." if self.fell else ""
         return " ".join(filter(None, (self._action(), held, fell, self.sensor_readings)))
 
     @property

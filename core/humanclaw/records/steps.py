@@ -103,7 +103,10 @@ class StepRecord(Record):
     joints: dict[int, float] = {}
     """State of each object on a joint that moved in the step, at its end: radians of a hinge, metres of a slide."""
     fall: Annotated[float, Field(ge=0, le=10_000)] = 0.0
-    """How far the body fell without touching anything, metres, if that was half a metre or more; the deepest fall."""
+    """How far the body fell without touching anything, metres, if that was half a metre or more; the deepest fall. One
+    that began in an earlier step counts from there."""
+    falling: bool = False
+    """Whether that fall was still going on when the step ended; the next step that moves tells its depth by then."""
     waypoints: tuple[Vec3, ...] = ()
     """Pelvis after each chunk but the last, metres."""
     start: Vec3 = (0.0, 0.0, 0.0)
@@ -167,6 +170,7 @@ class StepRecord(Record):
             cancelled=self.cancelled,
             limits=self.limits,
             fell=self.fall,
+            falling=self.falling,
             readings=self.readings,
         )
 

@@ -15,7 +15,7 @@ import numpy as np
 from humanclaw.body.limits import shoe_heights
 from humanclaw.body.pose import FPS, FUTURE, HISTORY, Array, Motion, forward_kinematics, matrix_from_vector, rest_pose
 from humanclaw.testing.fixture import DROP, FORWARD, GRAVITY, HEIGHT, RISE, Command, Finding, Fixture, Tick, walk
-from humanclaw.testing.object_laws import CHAIRS, GAPS, MASSES, boxes, chair, door, hinges, lids, slides
+from humanclaw.testing.object_laws import CHAIRS, GAPS, LOADS, MASSES, boxes, chair, door, hinges, lids, slides
 from humanclaw.testing.scenes import SceneBuilder
 from humanclaw.world.scene import Scene
 from humanclaw.world.simulator import Execution
@@ -230,8 +230,8 @@ CHECKS: Final[Mapping[str, Callable[[Fixture, Tick], Iterator[Finding]]]] = {
 def ticks(fixture: Fixture, names: Sequence[str]) -> int:
     """Return how often the checks of these names will tick."""
     each: Mapping[str, int] = {
-        "free-space": 1, "walls": fixture.samples, "ledge": 1, "stairs": 2 * len(RISES), "boxes": len(MASSES) + 4,
-        "chair": len(CHAIRS), "door": len(GAPS), "hinges": 7, "slides": 2, "lids": 2,
+        "free-space": 1, "walls": fixture.samples, "ledge": 1, "stairs": 2 * len(RISES),
+        "boxes": len(MASSES) + len(LOADS), "chair": len(CHAIRS), "door": len(GAPS), "hinges": 7, "slides": 2, "lids": 2,
         "seats": len(SEATS), "rates": 12, "wild": fixture.chunks,
     }  # fmt: skip
     return sum(each[name] for name in names)

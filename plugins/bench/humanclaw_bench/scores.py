@@ -187,7 +187,7 @@ class Scores:
     spec: EpisodeSpec | None = None
     """The specification of the episode."""
     falls: int = 0
-    """Number of steps in which the body fell."""
+    """Number of falls; one that goes on over several steps counts once."""
     chunks: int = 0
     """Number of half seconds of motion."""
     motion: float = 0.0
@@ -260,7 +260,7 @@ def score(recorded: RecordedEpisode, extra: Extra | None = None) -> Scores:
         displacement=sum(displaced),
         disturbed=len(since),
         disturbed_path=disturbed_path(since, moved),
-        falls=sum(step.fall > 0 for step in steps),
+        falls=_falls(steps),
         jerk=pelvis_jerk(motion),
         rigid_jerk=root_jerk(motion),
         reversals=reversals(recorded),
@@ -292,6 +292,12 @@ def score(recorded: RecordedEpisode, extra: Extra | None = None) -> Scores:
         dropped=None if spec.goal is None else HandFacts(recorded).dropped,
         extra={name: _measured(name, measure, recorded) for name, measure in (extra or {}).items()},
     )
+
+
+def _falls(steps: Sequence[StepRecord]) -> int:
+    """Count falls: one that goes on in the next step is that step's."""
+    moved = [step for step in steps if step.motion_frames]
+    return sum(step.fall > 0 for step in moved) - sum(step.falling for step in moved[:-1])
 
 
 def _privileged(settings: Mapping[str, Mapping[str, bool]]) -> str | None:

@@ -218,6 +218,14 @@ def test_a_sequence_counts_by_the_half_second_that_it_lasts(tmp_path: Path) -> N
     assert (scores.collisions["any"], scores.spl) == (0.25, 0.5)
 
 
+def test_a_fall_that_goes_on_in_the_next_step_counts_once_and_so_does_one_that_never_ends(tmp_path: Path) -> None:
+    falling, landed = step(fall=1.2, falling=True), step(fall=3.0)
+    ends = {"lands": [landed, step("stop")], "stops": [step("stop")], "goes-on": [step(fall=9.0, falling=True)]}
+    for name, rest in ends.items():
+        assert score(rollout(tmp_path, [step(), falling, *rest], name=name)).falls == 1
+    assert score(rollout(tmp_path, [landed, step(), landed], name="twice")).falls == 2
+
+
 def test_no_motion_means_no_share_of_it(tmp_path: Path) -> None:
     scores = score(rollout(tmp_path, [step("", away=None)]))
     assert np.isnan(scores.collisions["any"])
