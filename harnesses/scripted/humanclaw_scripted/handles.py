@@ -146,7 +146,7 @@ def places_around(
     middle = ((low + high) / 2)[[0, 2]]
     ground = float(grid.at(grid.ground, middle))
     level = np.abs(grid.at(grid.ground, points) - ground) < 0.05
-    room = room_at(scene, *middle.tolist(), ground)
+    room = room_at(scene, float(middle[0]), float(middle[1]), ground)
     for (x, z), way, gap in zip(points[level].tolist(), ways[level], np.linalg.norm(ways[level], axis=1), strict=True):
         if gap < far and room_at(scene, x, z, ground) == room:
             yield Viewpoint(key, x, z, float(np.arctan2(*way)), float(gap), floor=ground)
