@@ -44,7 +44,7 @@ _SHINS: Final = 0.46
 """Metres ahead of the hips that bent knees need: what is raised from nearer meets them."""
 _ELBOWS: Final = 1.0
 """Metres over the floor of a shelf that a hand comes to from above: it is raised before it, so from farther back."""
-_RAISED: Final = (0.56, 0.68)
+_RAISED: Final = (0.54, 0.63)
 """Metres ahead of the hips of what lies there."""
 _TRIES: Final = ((-0.02, 0.0), (-0.02, 0.05), (-0.02, -0.05), (0.01, 0.0), (-0.04, 0.03))
 """Metres outwards and ahead that a hand is elsewhere in one try after the other."""

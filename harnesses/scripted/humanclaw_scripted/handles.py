@@ -200,4 +200,4 @@ def _bare(scene: Scene, state: WorldState, place: int, spots: Array, half: float
     top = max(hull[:, 1].max() for hull in hulls)
     around = spots[:, None] + half * np.array([[1, 0], [-1, 0], [0, 1], [0, -1]])
     tops = (Delaunay(hull[:, [0, 2]]) for hull in hulls if hull[:, 1].max() > top - _FLAT)
-    return 1.0 - np.any([one.find_simplex(around) >= 0 for one in tops], axis=0).mean(1)
+    return np.asarray(1.0 - np.any([one.find_simplex(around) >= 0 for one in tops], axis=0).mean(1))

@@ -127,14 +127,11 @@ def corner():
 
 
 def shelf():
-    """A cup on the third of four boards of an open shelf, over the elbows, and a table; with the ids of cup and table."""
+    """A cup on a board of an open shelf, over the elbows, and a table; with the ids of cup and table."""
     builder = SceneBuilder()
     builder.floor()
     boards = [block((-0.45, y, -0.18), (0.45, y + 0.03, 0.18)) for y in (0.12, 0.6, 1.08, 1.56)]
-    posts = [
-        block((x - 0.015, 0, z - 0.015), (x + 0.015, 1.6, z + 0.015)) for x in (-0.43, 0.43) for z in (-0.16, 0.16)
-    ]
-    builder.solid("shelf", [*boards, *posts], (0, 0, 1.3))
+    builder.solid("shelf", boards, (0, 0, 1.3))
     cup = builder.box("cup", (0.08, 0.16, 0.08), (0.1, 1.11, 1.3), (200, 40, 40), movable=True, mass=0.3)
     table = builder.box("table", (0.9, 0.6, 0.6), (-1.5, 0, 0))
     return builder.scene(), cup, table
