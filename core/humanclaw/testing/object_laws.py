@@ -106,25 +106,30 @@ def burdened(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
     yield Finding("mass counts", "highest rise of the 2 or 4 kg", 100 * float(max(rises)), "cm", high=5.0)
 
 
-CHAIRS: Final = ((5.0, 0.0), (5.0, np.pi), (3.0, np.pi), (3.0, np.pi / 2))
-"""Mass of a chair before a wall, kg, and its turn: at 0 its back is at the wall, at pi at the body."""
+CHAIRS: Final = ((5.0, 0.0, 0.5), (5.0, np.pi, 0.5), *((3.0, k * np.pi / 4, 0.8) for k in range(8)))
+"""Mass of a chair before a wall, kg, its turn (at 0 its back is at the wall, at pi at the body), and the half second's
+way of the body, metres."""
 
 
 def chair(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
-    """Check a chair between the body and a wall, pushed for four seconds."""
+    """Check a chair between the body and a wall, pushed for four seconds. It may tip over, as a light one does for a
+    person; it may not leave the floor."""
     legs = [block((x, 0, z), (x + 0.04, 0.44, z + 0.04)) for x in (-0.22, 0.18) for z in (-0.22, 0.18)]
     hulls = [block((-0.22, 0.44, -0.22), (0.22, 0.48, 0.22)), block((-0.22, 0.48, 0.18), (0.22, 0.95, 0.22)), *legs]
-    paths = []
-    for mass, turn in CHAIRS:
+    paths, lows = [], []
+    for mass, turn, pace in CHAIRS:
         builder = SceneBuilder.on_floor()
         facing = (0.0, float(np.sin(turn / 2)), 0.0, float(np.cos(turn / 2)))
         pushed = builder.solid("chair", hulls, (0, 0, 0.75), movable=True, mass=mass, rotation=facing)
         builder.box("wall", (6, 2.5, 0.2), (0, 0, 1.2))
-        paths.append(fixture.perform(builder.scene(), walk(8)).path(pushed, np.array([0, 0, 0.75])))
+        places = fixture.perform(builder.scene(), walk(8, pace)).places(pushed, np.array([0, 0, 0.75, *facing]))
+        paths.append(places[:, :3])
+        turned = matrix_from_quaternion(places[:, 3:]) @ np.concatenate(hulls).T
+        lows.append((places[:, 1] + turned[:, 1].min(axis=-1)).max())
         tick()
-    path, check = np.stack(paths), "a chair against a wall stays down"
+    path, check = np.stack(paths), "a chair against a wall stays on the floor"
     speed = np.linalg.norm(np.diff(path, axis=1), axis=2).max() * FPS
-    yield Finding(check, f"highest rise of {len(CHAIRS)}", 100 * float(path[..., 1].max()), "cm", high=5.0)
+    yield Finding(check, f"highest lowest point of {len(CHAIRS)}", 100 * float(max(lows)), "cm", high=5.0)
     yield Finding(check, "fastest", float(speed), "m/s", high=3.0)
     yield Finding(check, "furthest", float(path[..., 2].max()), "m", high=0.9)
 

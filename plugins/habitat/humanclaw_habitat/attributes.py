@@ -20,7 +20,10 @@ from humanclaw.storage import read_file
 LARGEST: Final = 64 << 20
 """Maximum bytes of a text file of a dataset; of episodes, also unpacked."""
 
-Vec3 = tuple[float, float, float]
+_MOST: Final = 1000.0
+"""Largest coordinate, metres, and largest scale: a grid of a larger place would not fit into memory."""
+Number = Annotated[float, Field(ge=-_MOST, le=_MOST)]
+Vec3 = tuple[Number, Number, Number]
 Lower = Annotated[str, BeforeValidator(lambda value: value.lower() if isinstance(value, str) else value)]
 
 
@@ -41,7 +44,7 @@ class Template(_Attributes):
     front: Vec3 = (0.0, 0.0, -1.0)
     """The direction in the asset's own frame that becomes -Z, which is forward in Habitat."""
     scale: Vec3 = (1.0, 1.0, 1.0)
-    units_to_meters: Annotated[float, Field(gt=0)] = 1.0
+    units_to_meters: Annotated[float, Field(gt=0, le=_MOST)] = 1.0
     is_collidable: bool = True
     use_bounding_box_for_collision: bool = False
     join_collision_meshes: bool | None = None
@@ -66,7 +69,7 @@ class Placing(_Attributes):
     template_name: str
     translation: Vec3 = (0.0, 0.0, 0.0)
     rotation: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)
-    uniform_scale: float = 1.0
+    uniform_scale: Number = 1.0
     non_uniform_scale: Vec3 = (1.0, 1.0, 1.0)
     motion_type: Lower = ""
     translation_origin: Lower = ""
@@ -90,7 +93,7 @@ class Articulated(_Attributes):
 
     urdf_filepath: str = ""
     """The model. Empty: the file beside the config with the same name."""
-    uniform_scale: Annotated[float, Field(gt=0)] = 1.0
+    uniform_scale: Annotated[float, Field(gt=0, le=_MOST)] = 1.0
     semantic_id: int | None = None
 
 
@@ -116,8 +119,8 @@ class Region(_Attributes):
     name: str = ""
     label: str = ""
     poly_loop: tuple[Vec3, ...]
-    floor_height: float = 0.0
-    extrusion_height: float = 0.0
+    floor_height: Number = 0.0
+    extrusion_height: Number = 0.0
 
 
 class Semantics(_Attributes):
@@ -148,7 +151,7 @@ def read_json(path: Path) -> dict[str, Any]:
         found = json.loads(read_file(path, LARGEST))
     except OSError as error:
         raise SceneError(f"{path} cannot be read: {error.strerror}.", "Download the dataset again.") from error
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         remedy = "If it begins with `version https://git-lfs`, run `git lfs pull` in the dataset."
         raise SceneError(f"{path} is not JSON: {error}.", remedy) from error
     if not isinstance(found, dict):

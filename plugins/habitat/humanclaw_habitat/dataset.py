@@ -255,10 +255,14 @@ class Dataset:
         file = self.config.parent / "semantics" / "objects.csv"
         if not file.is_file():
             return None
-        reader = csv.DictReader(io.StringIO(read_file(file, LARGEST).decode("utf-8-sig"), newline=""))
-        if "id" not in (reader.fieldnames or ()):
-            raise SceneError(f"{file} must have a column id; it has {', '.join(reader.fieldnames or ['none'])}.")
-        return {row["id"]: row for row in reader}
+        try:
+            reader = csv.DictReader(io.StringIO(read_file(file, LARGEST).decode("utf-8-sig"), newline=""))
+            rows, columns = list(reader), reader.fieldnames or ()
+        except (UnicodeDecodeError, csv.Error) as error:
+            raise SceneError(f"{file} must be a table (CSV) in UTF-8: {error}.", "Save it as UTF-8.") from error
+        if "id" not in columns:
+            raise SceneError(f"{file} must have a column id; it has {', '.join(columns) or 'none'}.")
+        return {row["id"]: row for row in rows}
 
     @cached_property
     def _lexicon(self) -> Mapping[int, str]:

@@ -192,7 +192,7 @@ def _values(path: Path) -> Mapping[str, Any]:
     try:
         data = read_file(path, LARGEST)
         values = json.loads(gzip.GzipFile(fileobj=io.BytesIO(data)).read(LARGEST) if path.suffix == ".gz" else data)
-    except (OSError, ValueError, EOFError, zlib.error) as error:
+    except (OSError, ValueError, EOFError, RecursionError, zlib.error) as error:
         raise HumanclawError(f"it cannot be read: {error}.", "Check that the .json.gz is complete.") from error
     goals = values.get("goals_by_category", {}) if isinstance(values, dict) else None
     if not isinstance(goals, dict) or not all(

@@ -595,6 +595,39 @@ def test_a_template_that_nobody_defines_is_named(mine: Path) -> None:
     fails(mine, "object 1 (tv1)", "is not among the 4 objects")
 
 
+def test_a_table_of_objects_in_another_encoding_is_told(mine: Path) -> None:
+    table = mine / "semantics" / "objects.csv"
+    table.write_bytes(table.read_text().replace("Ficus", "Fougère").encode("latin-1"))
+    fails(mine, "objects.csv", "UTF-8", "byte 0xe8")
+
+
+def test_a_table_of_objects_with_an_endless_field_is_told(mine: Path) -> None:
+    table = mine / "semantics" / "objects.csv"
+    table.write_text(table.read_text() + "x" * 200_000)
+    fails(mine, "objects.csv", "field larger than field limit")
+
+
+@pytest.mark.parametrize("deep", ["[" * 100_000, '{"a":' * 100_000])
+def test_json_that_is_nested_too_deeply_is_told(mine: Path, deep: str) -> None:
+    (mine / "scenes" / "toy1.scene_instance.json").write_text(deep)
+    fails(mine, "toy1.scene_instance.json", "is not JSON", "recursion depth")
+
+
+@pytest.mark.parametrize("changed", [
+    {"translation": [1e30, 0, 0]}, {"translation": [0, -1e30, 0]}, {"translation": [0, 0, 20_000]},
+    {"uniform_scale": 1e30}, {"non_uniform_scale": [1, 1e5, 1]},
+])  # fmt: skip
+def test_what_is_placed_or_scaled_out_of_the_world_is_told(mine: Path, changed: dict[str, object]) -> None:
+    edit(mine / "scenes" / "toy1.scene_instance.json", object_instances=[PLACED[0] | changed])
+    fails(mine, "object", "1000", str(next(iter(changed))).split("_")[-1])
+
+
+def test_a_room_out_of_the_world_is_told(mine: Path) -> None:
+    far = {"name": "far", "poly_loop": [[0, 0, 0], [1e30, 0, 0], [0, 0, 1e30]]}
+    edit(mine / "semantics" / "scenes" / "toy1.semantic_config.json", region_annotations=[far])
+    fails(mine, "toy1.semantic_config.json", "poly_loop", "1000")
+
+
 def test_a_git_lfs_pointer_is_told_from_a_model(mine: Path) -> None:
     (mine / "objects" / "t" / "tv1.glb").write_text("version https://git-lfs.github.com/spec/v1\noid sha256:00\n")
     fails(mine, "tv1.glb", "not a GLB", "git lfs pull")
