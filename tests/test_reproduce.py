@@ -74,7 +74,7 @@ def test_time_and_cost_are_estimated_first_and_a_second_call_asks_nothing_again(
         second = reproduce(text)
     assert (first.exit_code, second.exit_code) == (0, 0), first.output
     # A request has 1,000 tokens in and 100 out: 1.5 cents, 3 cents a step with its verdict.
-    assert re.search(r"mine: Estimate for the remaining 4 episodes: 0:00:\d\d and \$0\.12 \(", first.output)
+    assert re.search(r"mine: Estimate for the remaining 4 episodes: 0:\d\d:\d\d and \$0\.12 \(", first.output)
     assert (asked, len(server.requests)) == (14, 14)
     assert "Ablation of mine" in page
     assert re.search(r"^\| history 0 \|", page, re.MULTILINE)

@@ -10,6 +10,7 @@ import pytest
 from click.testing import CliRunner
 
 import humanclaw_skill_answer
+import humanclaw_skill_crouch
 import humanclaw_skill_hands
 from humanclaw import Backends, Body, Call, Episode, EpisodeSpec, PluginError, Plugins, RecordedEpisode, StepRecord
 from humanclaw.body import Pose2D
@@ -30,7 +31,7 @@ SHUT, WIDE = 0.0, 0.35
 @pytest.fixture(scope="module")
 def plugins():
     found = Plugins.discover()
-    for module in (humanclaw_skill_answer, humanclaw_skill_hands):
+    for module in (humanclaw_skill_answer, humanclaw_skill_crouch, humanclaw_skill_hands):
         with suppress(PluginError):  # Installed already.
             found.add(module, module.__name__)
     return found

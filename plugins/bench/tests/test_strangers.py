@@ -55,7 +55,7 @@ def watched(run, plugins):
     pictures = [watcher.frame("toy-0", f"000{number}.jpg") for number in range(5)]
     maps = ""
     with suppress(HumanclawError):  # The server answers it as not found.
-        maps = watcher.drawn("toy-0")
+        maps = watcher.since("toy-0", 0)
     return f"{watcher.state()} {maps} {pictures}"
 
 

@@ -23,7 +23,8 @@ _TREES: Final = 130
 @cache
 def panorama() -> NDArray[np.uint8]:
     """Return (H, W, 3) all around, the same for every scene. It is painted once on a machine."""
-    store, key = Cache("light"), hashlib.sha256((resources.files(__package__) / "sky.py").read_bytes()).hexdigest()
+    source = resources.files(__package__).joinpath("sky.py").read_bytes()
+    store, key = Cache("light"), hashlib.sha256(source).hexdigest()
     if (data := store.get(key)) is None:
         data = _painted().tobytes()
         store.put(key, data)

@@ -38,6 +38,7 @@ def kept(scene: Scene, what: str, draw: Callable[[], Drawing]) -> Drawing:
 @cache
 def _version() -> str:
     """Return a digest of everything that may change a drawing of the same scene."""
-    core, names = resources.files("humanclaw"), ("keeping", "occupancy", "stairs", "../scene", "../../body/pose")
-    code = [(core / f"world/navigation/{name}.py").read_bytes() for name in names]
+    maps = [f"world/navigation/{name}.py" for name in ("keeping", "occupancy", "stairs")]
+    names = (*maps, "world/scene.py", "body/pose.py")
+    code = [resources.files("humanclaw").joinpath(name).read_bytes() for name in names]
     return hashlib.sha256(b"".join([*code, np.__version__.encode(), scipy.__version__.encode()])).hexdigest()
