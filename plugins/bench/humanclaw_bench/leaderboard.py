@@ -30,6 +30,9 @@ from humanclaw_bench.tables import Column
 _HALF: Final = f"{AGREE}, but only"
 """Beginning of the result of records that agree, of which some cannot be played again here."""
 
+_INDEX: Final = "index.html"
+_RENAME: Final = "Rename it, such as to mine.json."
+
 
 class Markup(str):
     """Text of a page whose parts are escaped already."""
@@ -103,8 +106,12 @@ def leaderboard(folder: Path, checks: Checks = Checks()) -> Path:
     )
     out = checks.out or folder
     out.mkdir(parents=True, exist_ok=True)
-    Folder(out).write("index.html", page.encode())
-    return out / "index.html"
+    if (out / _INDEX).is_dir():
+        raise RecordError(
+            f"{out / _INDEX} is a folder, and the board is to be a file.", "Name another folder with --pages."
+        )
+    Folder(out).write(_INDEX, page.encode())
+    return out / _INDEX
 
 
 def _entries(folder: Path, checks: Checks) -> tuple[list[Entry], list[str]]:
@@ -115,7 +122,7 @@ def _entries(folder: Path, checks: Checks) -> tuple[list[Entry], list[str]]:
             one = _entry(path, read(path), checks)
             found.append(_with_page(one, path.with_suffix(""), checks) if one.agrees else one)
         except RecordError as error:
-            unread.append(error.message)
+            unread.append(str(error))
         except Exception as error:  # A stranger's broken file must not hide the others.
             unread.append(f"{path} cannot be held to its records: {type(error).__name__}.")
     return _with_twins(found), unread
@@ -125,7 +132,9 @@ def _entry(path: Path, one: Submission, checks: Checks) -> Entry:
     """Check a submission against its records, if they lie here."""
     run = path.with_suffix("")
     if not path.stem.strip("."):  # The folder of "...json" would be the one above the board.
-        raise RecordError(f"{path} has a name of dots alone, which names no run.", "Rename it, such as to mine.json.")
+        raise RecordError(f"{path} has a name of dots alone, which names no run.", _RENAME)
+    if path.stem.lower() == _INDEX:
+        raise RecordError(f"{path} has the name of the board's own page.", _RENAME)
     here = run.is_dir() and not run.is_symlink()
     try:
         wrong = contradictions(one, run) if here else (*inconsistencies(one),)

@@ -362,6 +362,19 @@ def test_a_submission_of_dots_alone_names_no_run_and_nothing_above_the_board_is_
     assert [path.name for path in (board / "site").iterdir()] == ["index.html"]
 
 
+@pytest.mark.parametrize("name", ["index.html", "INDEX.HTML"])
+def test_a_submission_named_as_the_board_itself_is_to_be_renamed_and_the_others_are_shown(run: Path, name: str) -> None:
+    shutil.copy(submitted(run), run.parent / f"{name}.json")
+    shutil.copytree(run, run.parent / name)
+    site = run.parent / "site"
+    assert invoke("leaderboard", "--pages", site, run.parent).exit_code == 0
+    text = (site / "index.html").read_text()
+    assert re.search(r"Not read: \S+\.json has the name of the board&#x27;s own page. Rename it", text, re.IGNORECASE)
+    assert "mine/report.html" in text
+    if name == "index.html":
+        assert "Name another folder with --pages" in str(invoke("leaderboard", run.parent).exception)
+
+
 def test_a_page_that_cannot_be_written_is_told_and_the_row_stays(run: Path) -> None:
     submitted(run)
     site = run.parent / "site"
