@@ -107,9 +107,7 @@ def leaderboard(folder: Path, checks: Checks = Checks()) -> Path:
     out = checks.out or folder
     out.mkdir(parents=True, exist_ok=True)
     if (out / _INDEX).is_dir():
-        raise RecordError(
-            f"{out / _INDEX} is a folder, and the board is to be a file.", "Name another folder with --pages."
-        )
+        raise RecordError(f"{out / _INDEX} is a folder, not a file.", "Name another folder with --pages.")
     Folder(out).write(_INDEX, page.encode())
     return out / _INDEX
 
