@@ -117,7 +117,8 @@ def test_a_seed_below_zero_is_refused_in_words(cli, command):
         (["play", "walk", "--scene", "hssd:x?token=hunter2"], "--scene holds", "environment"),
         (["mcp", "--scene", "house:0", "--scene", "hssd:https://hunter2@example.org"], "--scene holds", "environment"),
         (["run", "--plugin", "none.py"], "there is no plugin file none.py", "path of a Python file"),
-        (["report", "nowhere"], "there is no episode record in nowhere", "humanclaw bench run"),
+        (["report", "nowhere"], "there is no folder nowhere", "humanclaw bench run"),
+        (["report", "x", "y", "--out", "pair"], "a report ends in .html; got pair", "Name pair.html"),
     ],
 )
 def test_what_the_user_can_mend_is_one_sentence_and_a_remedy(cli, tmp_path, args, message, remedy):

@@ -317,6 +317,10 @@ def test_the_leaderboard_shows_who_and_whether_the_records_agree(run: Path) -> N
     assert re.search(r"75\.0% \[30\.1, 95\.4\]<span class='bar'><span style='left:30\.1%;width:65\.\d%'>", page)
     assert "<span class='told'>agree</span>" in page
     assert "<dt>verifier</dt>" in page
+    assert "<i style='left:75.0%'></i>" in page  # The mark at the rate.
+    assert "<title>HumanCLAW-Bench: not one of the benchmark&#x27;s</title>" in page
+    assert re.findall("<th scope='col'>([^<]*)", page)[:3] == ["agent", "InteractSR", "records"]
+    assert page.index("</table>") < page.index("confidence intervals")
     shutil.rmtree(run)
     invoke("leaderboard", run.parent)
     assert "<span class='told'>not here</span>" in (run.parent / "index.html").read_text()
@@ -536,6 +540,7 @@ def test_somebody_of_no_name_or_too_long_a_one_is_told_so(run: Path, name: str) 
     assert isinstance(result.exception, RecordError)
     assert "no submission can be made" in str(result.exception)
     assert "who: " in str(result.exception)
+    assert str(result.exception) == str(invoke("submit", run.parent / "nowhere", "--who", name).exception)
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="there are no pipes in folders")
@@ -692,6 +697,8 @@ def test_verify_says_how_many_records_there_should_be(run: Path) -> None:
 def test_a_folder_without_submissions_is_no_leaderboard(tmp_path: Path) -> None:
     with pytest.raises(RecordError, match="no submission"):
         leaderboard.leaderboard(tmp_path)
+    with pytest.raises(RecordError, match=r"there is no folder .*nowhere"):
+        leaderboard.leaderboard(tmp_path / "nowhere")
 
 
 def test_a_partial_run_and_one_that_its_records_contradict_are_listed_apart_and_unranked(run: Path) -> None:

@@ -335,6 +335,13 @@ def test_a_large_film_is_linked(tmp_path: Path) -> None:
     assert "run/one/film.gif" in [link.get("href") for link in page.all("a")]
 
 
+def test_the_title_of_the_page_of_a_run_names_its_folder(tmp_path: Path) -> None:
+    for name in ("couch-0", "couch-1"):
+        scene = record_episode(tmp_path / "smoke-oracle" / name, name=name)
+    text = write_report(tmp_path / "smoke-oracle", None, lambda name: scene).read_text("utf-8")
+    assert "<title>smoke-oracle: oracle: 2 episodes, to find a couch" in text
+
+
 def test_links_lead_through_folders_of_any_name(tmp_path: Path) -> None:
     run = tmp_path / "run #2, 50%? of it"
     scene = record_episode(run / "couch-0")
