@@ -130,6 +130,11 @@ def test_links_between_pages_of_the_repository_lead_somewhere():
             assert (page.parent / target).exists(), f"{page.relative_to(ROOT)}: {target}"
 
 
+def test_the_readme_is_short():
+    text = (ROOT / "README.md").read_text("utf-8")
+    assert len(re.sub(r"<!--.*?-->", "", text, flags=re.DOTALL).split()) < 900
+
+
 def test_the_site_has_a_page_for_every_link_of_a_document_into_the_repository():
     site = runpy.run_path(str(ROOT / "docs" / "_site.py"))
     written = [path.relative_to(ROOT / "docs").as_posix() for path in (ROOT / "docs").rglob("*.md")]
