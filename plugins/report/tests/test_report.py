@@ -196,6 +196,7 @@ def test_the_labels_of_targets_beside_one_another_do_not_overlap(tmp_path: Path)
     episode.record = episode.record.model_copy(update={"targets": chairs})
     (drawn,) = path_maps(episode, house_maps(two_rooms(), "house"))
     assert [bool(label) for *_, label in drawn.targets] == [True, False, True]
+    assert not any(z <= at <= z + deep for _, z, _, deep, at, _ in drawn.targets)  # The mark of a body is there.
 
 
 def test_a_storey_with_neither_path_nor_target_is_left_out(tmp_path: Path) -> None:
