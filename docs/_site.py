@@ -42,7 +42,7 @@ def on_files(files: Files, config: Any) -> Files:
     """Add a page and the pictures of every README of a package, and a page that lists them."""
     for path, page in pages().items():
         text = (ROOT / path).read_text("utf-8")
-        files.append(File.generated(config, page, content=relinked(text, path, page)))
+        files.append(File.generated(config, page, content=_shown(relinked(text, path, page), path, page)))
         for picture in _pictures(text, path):
             if files.get_file_from_path(picture) is None:
                 files.append(File(picture, str(ROOT), config.site_dir, config.use_directory_urls))
@@ -68,9 +68,9 @@ def _target(path: str, link: str) -> str:
 
 
 def relinked(text: str, path: str, page: str) -> str:
-    """Point the links and pictures of a README at the site; a link to a file without a page becomes its path."""
+    """Point the links of a file of the repository at the site; a link to a file without a page becomes its path."""
     written = [one.relative_to(ROOT / "docs").as_posix() for one in (ROOT / "docs").rglob("*.md")]
-    known = pages() | {f"docs/{one}": one for one in written}
+    known = {**pages(), "plugins/README.md": "packages.md", **{f"docs/{one}": one for one in written}}
 
     def link(match: re.Match[str]) -> str:
         target = _target(path, match[2])
@@ -79,11 +79,17 @@ def relinked(text: str, path: str, page: str) -> str:
             return f"{match[1]} (`{target}`)" if target not in match[1] else match[1]
         return f"[{match[1]}]({posixpath.relpath(goal, posixpath.dirname(page) or '.')}{match[3] or ''})"
 
+    return _LINK.sub(link, text)
+
+
+def _shown(text: str, path: str, page: str) -> str:
+    """Point the pictures of a README at the site."""
+
     def picture(match: re.Match[str]) -> str:
         shown = posixpath.relpath(_target(path, match[2]), posixpath.dirname(page) or ".")
         return f"![{match[1]}]({shown})"
 
-    return _PICTURE.sub(picture, _LINK.sub(link, text))
+    return _PICTURE.sub(picture, text)
 
 
 # -- replays -----------------------------------------------------------------------------------------------------------
@@ -118,14 +124,17 @@ def plugins() -> str:
 
 # -- commands ----------------------------------------------------------------------------------------------------------
 def on_page_markdown(markdown: str, page: Any, config: Any, files: Files) -> str:
-    """Replace the marks on the pages of commands, checks and plugins with what the code says."""
-    if page.file.src_path == "index.md":
+    """Point links into the repository at the site, and replace the marks of some pages with what the code says."""
+    name = page.file.src_path
+    if (ROOT / "docs" / name).is_file():  # Other pages are READMEs, whose links are.
+        markdown = relinked(markdown, f"docs/{name}", name)
+    if name == "index.md":
         return gallery(markdown)
-    if page.file.src_path == "commands.md":
+    if name == "commands.md":
         return markdown.replace("<!-- commands -->", "\n".join(commands()))
-    if page.file.src_path == "check.md":
+    if name == "check.md":
         return markdown.replace("<!-- checks -->", checks())
-    if page.file.src_path == "plugins.md":
+    if name == "plugins.md":
         return markdown.replace("<!-- plugins -->", plugins())
     return markdown
 

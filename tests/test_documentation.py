@@ -1,6 +1,7 @@
 """The documentation is whole: it tells of every hook, command, option and field of a record."""
 
 import ast
+import posixpath
 import re
 import runpy
 from pathlib import Path
@@ -124,9 +125,26 @@ def test_every_page_of_the_site_is_in_its_contents():
 
 def test_links_between_pages_of_the_repository_lead_somewhere():
     pages = [ROOT / "README.md", *ROOT.glob("*/README.md"), *ROOT.glob("[phs]*/*/README.md")]
-    for page in pages:
+    for page in [*pages, *(ROOT / "docs").rglob("*.md")]:
         for target in re.findall(r"\]\((?!https?://|#)([^)#\s]+)", page.read_text("utf-8")):
             assert (page.parent / target).exists(), f"{page.relative_to(ROOT)}: {target}"
+
+
+def test_the_readme_is_short():
+    text = (ROOT / "README.md").read_text("utf-8")
+    assert len(re.sub(r"<!--.*?-->", "", text, flags=re.DOTALL).split()) < 900
+
+
+def test_the_site_has_a_page_for_every_link_of_a_document_into_the_repository():
+    site = runpy.run_path(str(ROOT / "docs" / "_site.py"))
+    written = [path.relative_to(ROOT / "docs").as_posix() for path in (ROOT / "docs").rglob("*.md")]
+    for name in written:
+        text = (ROOT / "docs" / name).read_text("utf-8")
+        told = site["relinked"](text, f"docs/{name}", name)
+        assert told.count("](") == text.count("]("), name
+        for target in re.findall(r"(?<!!)\[[^\]]+\]\((?!https?://|#)([^)#\s]+)", told):
+            page = posixpath.normpath(posixpath.join(posixpath.dirname(name), target))
+            assert page in {*written, *site["pages"]().values(), "packages.md"}, f"{name}: {target}"
 
 
 def test_the_arm_that_points_ahead_on_the_page_of_skills_does_so():

@@ -150,7 +150,6 @@ def run(instruction: str, reference: str, deciders: Deciders, files: tuple[Path,
         option = "--plugin" if word.endswith(".py") else "--instruction"
         raise HumanclawError(f"run takes options alone; got {word!r:.60}.", f"Did you mean {option} {word!r:.60}?")
     console = Console(markup=False, emoji=False, highlight=False)  # Instructions and paths may contain brackets.
-    console.print(f'{deciders.agent} in {reference}: "{instruction}"', soft_wrap=True)
     with console.status("Loading the plugins") as status:
         # Imported here: it takes a second, and the user has an answer by then.
         from humanclaw.cli.play import play

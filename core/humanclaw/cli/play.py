@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from itertools import chain, count
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import click
 from rich.status import Status
@@ -18,23 +18,26 @@ from rich.status import Status
 from humanclaw.cli.options import INTERRUPTED, Deciders
 from humanclaw.cli.progress import StepProgress, scoring, summary
 from humanclaw.cli.terminal import Console
-from humanclaw.episodes.backends import SIMULATORS, Backends
+from humanclaw.episodes.backends import SHIPPED, SIMULATORS, Backends
 from humanclaw.episodes.embodiment import Body
-from humanclaw.episodes.loop import run_episode
-from humanclaw.errors import RecordError
+from humanclaw.episodes.episode import Episode
+from humanclaw.errors import PluginError, PluginRunError, RecordError, blaming
 from humanclaw.plugins.agents import Reporter
 from humanclaw.plugins.choice import Choice
+from humanclaw.plugins.deciders import origin
 from humanclaw.plugins.host import Plugins
 from humanclaw.records.reading import RecordedEpisode
 from humanclaw.records.specification import name_of
 from humanclaw.records.steps import EpisodeRecord
-from humanclaw.records.tasks import free_episode
+from humanclaw.records.tasks import free_episode, require_words
 from humanclaw.storage.files import writing
 from humanclaw.world.navigation.approach import geodesics
 from humanclaw.world.scene import Scene
 
 PLAYING: Final = "Playing (the first time on a machine, this compiles for up to a minute)"
 """Shown from the making of the body on. One line of a terminal: Rich cannot take back a status that is wider."""
+
+RUNS: Final = Path("runs")
 
 
 def play(
@@ -55,11 +58,14 @@ def play(
     """Play one episode. The arguments are the options of `humanclaw run`. Exits with 130 after Ctrl-C."""
     plugins = Plugins.discover(files, choice)
     plugins.require(*_needed(plugins, deciders, backends, reference))
+    backends.chosen(plugins)  # An unknown sense or a missing key is told before the house and the body are made.
+    require_words(instruction)
     agent, verifier = deciders.make(plugins)
+    for decider in filter(None, (agent, verifier)):
+        _require_ready(decider, instruction)
     status.update("Making the scene")
     scene: Scene = plugins.scene(reference)
     spec = free_episode(instruction, scene, seed=seed, max_steps=max_steps, name=f"{name_of(reference)}-{seed}")
-    console.print(scoring(spec), soft_wrap=True)
     out = out or new_folder(deciders.agent)
     folder = out / spec.id
     claim(folder)
@@ -71,8 +77,7 @@ def play(
         _interrupting() as interrupted,
         _kept(folder),
         Body(scene, seed=seed, plugins=plugins, backends=backends) as body,
-    ):
-        run_episode(
+        Episode(
             body,
             spec,
             agent,
@@ -81,8 +86,11 @@ def play(
             options=deciders.options,
             distance=geodesics,
             meter=deciders.meter(),
-            stopping=interrupted,
-        )
+        ) as episode,
+    ):
+        console.print(f'{deciders.agent} in {reference}: "{instruction}"\n{scoring(spec)}', soft_wrap=True)
+        while not (episode.done or interrupted()):
+            episode.ask()
     try:
         recorded = RecordedEpisode(folder)
         console.print(told := summary(recorded.record, recorded.steps))
@@ -95,9 +103,18 @@ def play(
     end(recorded.record)
 
 
+def _require_ready(decider: Any, instruction: str) -> None:
+    """Raise PluginError if an agent or a verifier says that it cannot begin, or breaks as it is asked."""
+    try:
+        with blaming(origin(decider), PluginError):
+            getattr(decider, "ready", lambda told: None)(instruction)
+    except PluginRunError as fault:
+        raise PluginError(f"{fault}, when it was asked whether it is ready.", "Mend its plugin.") from fault
+
+
 def new_folder(agent: str) -> Path:
     """Make a new folder for a run. Two runs that begin in the same second get different folders."""
-    first = Path("runs") / f"{datetime.datetime.now():%Y%m%d-%H%M%S}-{agent}"
+    first = RUNS / f"{datetime.datetime.now():%Y%m%d-%H%M%S}-{agent}"
     for name in chain([first.name], (f"{first.name}-{number}" for number in count(2))):
         with writing(first), suppress(FileExistsError):
             first.with_name(name).mkdir(parents=True)
@@ -121,7 +138,7 @@ def left_empty(folder: Path) -> Iterator[None]:
     try:
         yield
     finally:
-        for empty in (folder, folder.parent):
+        for empty in (folder, folder.parent, *{RUNS}.intersection(folder.parents)):
             with suppress(OSError):
                 empty.rmdir()
 
@@ -176,6 +193,8 @@ def _needed(plugins: Plugins, deciders: Deciders, backends: Backends, reference:
         yield "simulators", backends.simulator or SIMULATORS[-1]
     yield "renderers", backends.renderer
     yield "motion_generators", backends.generator
+    if backends.prior != SHIPPED:
+        yield "priors", backends.prior
     yield "agents", deciders.agent
     if deciders.verifier:
         yield "verifiers", deciders.verifier

@@ -32,7 +32,7 @@ from humanclaw.records.folder import (
     reading,
 )
 from humanclaw.records.steps import MOST_FRAMES, EpisodeRecord, StepRecord, seal_of
-from humanclaw.storage.files import Folder, state_of
+from humanclaw.storage.files import Folder, lacking, state_of
 from humanclaw.storage.pictures import from_jpeg
 from humanclaw.text.json import first_fault
 from humanclaw.text.notebook import card, spread, table
@@ -169,10 +169,8 @@ def load_run(folder: Path) -> RecordedRun:
     """Read all episodes under a folder, by name. Raises RecordError if there are none."""
     found = Folder(folder).holding("episode.json")
     if not found:
-        raise RecordError(
-            f"there is no episode record in {folder}.",
-            "Name a folder that `humanclaw run` or `humanclaw bench run` wrote.",
-        )
+        remedy = "Name a folder that `humanclaw run` or `humanclaw bench run` wrote."
+        raise lacking(folder, "episode record", remedy)
     episodes = RecordedRun(map(RecordedEpisode, found))
     for run in {one.folder.parent for one in episodes}:
         if Folder(run).has("run.json"):

@@ -43,6 +43,12 @@ def category_of(instruction: str) -> str:
     return max(found)[1] if found else ""
 
 
+def require_words(instruction: str) -> None:
+    """Raise HumanclawError for an empty instruction."""
+    if not instruction.strip():
+        raise HumanclawError("the instruction is empty.", "Say what the body is to do: 'find a couch and sit on it'.")
+
+
 def wants_to_sit(instruction: str) -> bool:
     return bool(re.search(r"\b(sit|seat|sit down|take a seat)\b", instruction.lower()))
 
@@ -52,8 +58,7 @@ def free_episode(instruction: str, scene: Scene, *, seed: int = 0, max_steps: in
 
     Raises HumanclawError for an empty instruction.
     """
-    if not instruction.strip():
-        raise HumanclawError("the instruction is empty.", "Say what the body is to do: 'find a couch and sit on it'.")
+    require_words(instruction)
     category = category_of(instruction)
     return EpisodeSpec(
         id=name or f"free-{seed}",

@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from humanclaw.storage.files import (
         Folder as Folder,
         add_line as add_line,
+        lacking as lacking,
         open_file as open_file,
         read_file as read_file,
         within as within,

@@ -339,6 +339,13 @@ def within(folder: Path, name: str | Path) -> Path:
     return Path(path)
 
 
+def lacking(folder: Path, what: str, remedy: str) -> RecordError:
+    """Return the error of a folder that does not exist, or that holds no such thing."""
+    if not folder.is_dir():
+        return RecordError(f"there is no folder {folder}.", remedy)
+    return RecordError(f"there is no {what} in {folder if folder.name else folder.resolve()}.", remedy)
+
+
 @contextmanager
 def writing(folder: Path | Folder) -> Iterator[None]:
     """Turn an OSError, such as a full disk or a read-only folder, into a RecordError."""

@@ -54,6 +54,10 @@ class ModelAgent:
         """The mode of the next request."""
         return self._negotiator.mode
 
+    def ready(self, instruction: str) -> None:
+        """Raise ModelError if the model cannot be reached."""
+        self._negotiator.begin(None)
+
     def begin(self, context: EpisodeContext) -> None:
         """Begin an episode. Raises ModelError if the model cannot be reached or if there is no skill to call."""
         self._negotiator.begin(context.meter)

@@ -43,6 +43,10 @@ class ModelVerifier:
         self._negotiator = ModeNegotiator(settings, cache)
         self._skills: tuple[Skill, ...] = ()
 
+    def ready(self, instruction: str) -> None:
+        """Raise ModelError if the model cannot be reached."""
+        self._negotiator.begin(None)
+
     def begin(self, context: EpisodeContext) -> None:
         """Begin an episode. Raises ModelError if the model cannot be reached."""
         self._negotiator.begin(context.meter)

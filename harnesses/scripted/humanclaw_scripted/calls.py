@@ -12,7 +12,7 @@ import numpy as np
 
 from humanclaw import Call, EpisodeSpec, PluginError, Skill
 from humanclaw.body import STANDING_HEIGHT
-from humanclaw.records import ALIASES
+from humanclaw.records import ALIASES, category_of
 from humanclaw.skills import Parameter, Role, Side, from_si, suited
 
 WALK: Final = ("hips.left", "hips.forward", "heading.left")
@@ -48,13 +48,23 @@ def ending(skills: Mapping[str, Skill]) -> str:
     return found[0]
 
 
+def require_target(instruction: str) -> None:
+    """Raise PluginError if an instruction names no target."""
+    if not category_of(instruction):
+        raise _nameless(instruction)
+
+
 def looked_for(spec: EpisodeSpec) -> str:
     """Return what an episode's target is called. Raises PluginError if its instruction names none."""
     if not spec.target_category and spec.goal is None:
-        known = ", ".join(ALIASES).replace("_", " ")
-        told = f"the agent expected an instruction with one of {known}; got {spec.instruction!r:.80}."
-        raise PluginError(told, "Name one of these, or let a model understand the words: --model NAME.")
+        raise _nameless(spec.instruction)
     return spec.target_category.replace("_", " ") or "target"
+
+
+def _nameless(instruction: str) -> PluginError:
+    known = ", ".join(ALIASES).replace("_", " ")
+    told = f"the agent expected an instruction with one of {known}; got {instruction!r:.80}."
+    return PluginError(told, "Name one of these, or let a model understand the words: --model NAME.")
 
 
 def skill_for(skills: Mapping[str, Skill], measures: Sequence[str]) -> Skill:

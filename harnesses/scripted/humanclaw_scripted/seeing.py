@@ -31,6 +31,7 @@ from humanclaw_scripted.calls import (
     asking,
     ending,
     looked_for,
+    require_target,
 )
 from humanclaw_scripted.eyes import Eyes
 from humanclaw_scripted.sight import SeenMap, Sight, edges, gap_to, moved, placed, seats
@@ -81,6 +82,7 @@ class SeeingAgent:
     """Finds its way by its own view. Privileged only in that it gets the depth and ids of that view."""
 
     privileged = True
+    ready = staticmethod(require_target)
 
     def __init__(self, name: str, eyes: Eyes) -> None:
         self.name, self._eyes, self.settings = name, eyes, {**eyes.settings, "words": "eyes"}

@@ -23,6 +23,7 @@ from humanclaw_scripted.calls import (
     asking,
     ending,
     looked_for,
+    require_target,
     skill_for,
     way_of,
 )
@@ -56,6 +57,8 @@ class Memory:
 
 class Walker(ABC):
     """Walks to one of the places to stand, from the true state. A subclass says which those are, and acts there."""
+
+    ready = staticmethod(require_target)
 
     def begin(self, context: EpisodeContext) -> None:
         if context.scene is None or context.state is None:

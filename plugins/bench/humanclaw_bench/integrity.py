@@ -23,7 +23,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from humanclaw import EpisodeSpec, HumanclawError, RecordedEpisode, RecordError
 from humanclaw.cli import counted
 from humanclaw.records import EpisodeRecord, first_fault, read_episodes
-from humanclaw.storage import Folder
+from humanclaw.storage import Folder, lacking
 from humanclaw_bench.motion_check import moved
 from humanclaw_bench.scores import ended
 from humanclaw_bench.splits import SPLITS, load_split, repeated
@@ -154,7 +154,7 @@ def check(run: Path, files: RunFiles | None = None) -> tuple[int, tuple[str, ...
     held = {one.path: one for name in ("episode.json", "steps.jsonl") for one in Folder(run).holding(name)}
     folders = [held[path] for path in sorted(held)]
     if not folders:
-        raise RecordError(f"there is no episode record in {run}.", "Name a folder that `humanclaw bench run` wrote.")
+        raise lacking(run, "episode record", "Name a folder that `humanclaw bench run` wrote.")
     whole, damaged = [], []
     for folder in folders:
         try:

@@ -18,7 +18,7 @@ import numpy as np
 from humanclaw import RecordError
 from humanclaw.cli import counted, legible
 from humanclaw.records import REPORT
-from humanclaw.storage import Folder
+from humanclaw.storage import Folder, lacking
 from humanclaw_bench.conditions import labels, summary
 from humanclaw_bench.integrity import RunFiles, known_split
 from humanclaw_bench.metrics import FALSE_CLAIMS
@@ -29,6 +29,9 @@ from humanclaw_bench.tables import Column
 
 _HALF: Final = f"{AGREE}, but only"
 """Beginning of the result of records that agree, of which some cannot be played again here."""
+
+_INDEX: Final = "index.html"
+_RENAME: Final = "Rename it, such as to mine.json."
 
 
 class Markup(str):
@@ -88,23 +91,28 @@ def leaderboard(folder: Path, checks: Checks = Checks()) -> Path:
     found, unread = _entries(folder, checks)
     if not (found or unread):
         remedy = f"Write one with `humanclaw bench submit RUN --who NAME --out {folder}/NAME.json`."
-        raise RecordError(f"there is no submission in {folder}.", remedy)
+        raise lacking(folder, "submission", remedy)
     ranked: dict[tuple[str, int, bool], list[Entry]] = {}
     for one in found:
         if not one.apart:
             split, told = str(one.submission.run.get("split", "")), not one.agrees
             ranked.setdefault((split, one.submission.asked, told), []).append(one)
-    body = "".join(_section(*key, entries, checks.hidden) for key, entries in sorted(ranked.items()))
+    sections = sorted(ranked.items())
+    splits = [_split(split, asked, checks.hidden) for (split, asked, _), _ in sections]
+    body = "".join(_section(*key, entries, checks.hidden) for key, entries in sections)
     body += _unranked([one for one in found if one.apart], unread)
     page = _PAGE.format(
+        splits=html.escape(", ".join(dict.fromkeys(splits)) or "no ranked run"),
         meanings="; ".join(f"{metric.name}: {metric.meaning}" for metric in RATES),
         body=body,
         made=datetime.now(UTC).date().isoformat(),
     )
     out = checks.out or folder
     out.mkdir(parents=True, exist_ok=True)
-    Folder(out).write("index.html", page.encode())
-    return out / "index.html"
+    if (out / _INDEX).is_dir():
+        raise RecordError(f"{out / _INDEX} is a folder, not a file.", "Name another folder with --pages.")
+    Folder(out).write(_INDEX, page.encode())
+    return out / _INDEX
 
 
 def _entries(folder: Path, checks: Checks) -> tuple[list[Entry], list[str]]:
@@ -115,7 +123,7 @@ def _entries(folder: Path, checks: Checks) -> tuple[list[Entry], list[str]]:
             one = _entry(path, read(path), checks)
             found.append(_with_page(one, path.with_suffix(""), checks) if one.agrees else one)
         except RecordError as error:
-            unread.append(error.message)
+            unread.append(str(error))
         except Exception as error:  # A stranger's broken file must not hide the others.
             unread.append(f"{path} cannot be held to its records: {type(error).__name__}.")
     return _with_twins(found), unread
@@ -125,7 +133,9 @@ def _entry(path: Path, one: Submission, checks: Checks) -> Entry:
     """Check a submission against its records, if they lie here."""
     run = path.with_suffix("")
     if not path.stem.strip("."):  # The folder of "...json" would be the one above the board.
-        raise RecordError(f"{path} has a name of dots alone, which names no run.", "Rename it, such as to mine.json.")
+        raise RecordError(f"{path} has a name of dots alone, which names no run.", _RENAME)
+    if path.stem.lower() == _INDEX:
+        raise RecordError(f"{path} has the name of the board's own page.", _RENAME)
     here = run.is_dir() and not run.is_symlink()
     try:
         wrong = contradictions(one, run) if here else (*inconsistencies(one),)
@@ -195,9 +205,14 @@ def _ended(one: Submission) -> int:
     return sum(result.scores.ended for result in one.episodes)
 
 
+def _split(split: str, asked: int, hidden: str) -> str:
+    """Return the name of a split."""
+    return "hidden test" if hidden and split == hidden else known_split(split, asked)[0] or "not one of the benchmark's"
+
+
 def _section(split: str, asked: int, told: bool, entries: Sequence[Entry], hidden: str) -> str:
     ordered = sorted(entries, key=lambda entry: _rank(entry.submission), reverse=True)
-    name = "hidden test" if hidden and split == hidden else known_split(split, asked)[0] or "not one of the benchmark's"
+    name = _split(split, asked, hidden)
     how = "as told: nobody here has the records" if told else "scored again from the records"
     return _table(f"{name}: {counted(asked, 'episode')}, split {split[:12]}, {how}", _TITLES, _rows(ordered))
 
@@ -232,7 +247,9 @@ def _rank(one: Submission) -> tuple[float, ...]:
     return tuple(one.rates.get(metric.name, (-1.0,))[0] for metric in reversed(RATES))
 
 
-_TITLES: Final = ("agent", "by", *(metric.name for metric in RATES), "records", "played with")
+_RANKING, *_EARLIER = reversed(RATES)
+_TITLES: Final = ("agent", _RANKING.name, "records", *(metric.name for metric in _EARLIER), "by", "played with")
+"""The rate that ranks and what was checked come first: a phone shows three columns."""
 
 
 def _rows(entries: Sequence[Entry]) -> list[tuple[str | Markup, ...]]:
@@ -245,9 +262,9 @@ def _cells(entry: Entry, label: str) -> tuple[str | Markup, ...]:
     one = entry.submission
     privileged, near = any(e.scores.privileged for e in one.episodes), one.run.get("in process")
     agent = one.agent + " (privileged)" * privileged + " (in process)" * bool(near)
-    rates = (_rate(Column.of(metric), one.rates.get(metric.name)) for metric in RATES)
+    rate, *earlier = (_rate(Column.of(metric), one.rates.get(metric.name)) for metric in (_RANKING, *_EARLIER))
     name = Markup(f"<a href='{entry.page}'>{_escaped(agent)}</a>") if entry.page else agent
-    return name, one.who, *rates, _badge(entry), _details(one.engine + label, _facts(one))
+    return name, rate, _badge(entry), *earlier, one.who, _details(one.engine + label, _facts(one))
 
 
 def _facts(one: Submission) -> dict[str, str]:
@@ -306,18 +323,19 @@ def _false_claims(one: Submission) -> float:
 
 
 def _rate(column: Column, values: tuple[float, float, float, int] | None) -> Markup:
-    """Return a rate, its interval, and the interval as a bar from 0 to 100 %."""
+    """Return a rate, its interval, and the interval as a bar from 0 to 100 % with a mark at the rate."""
     found = Estimate(*values) if values else Estimate(float("nan"))
     text = html.escape(f"{column.number(found.value)} {column.interval(found)}".strip())
     if not np.isfinite([found.low, found.high]).all():
         return Markup(text)
     place = f"left:{100 * found.low:.1f}%;width:{100 * (found.high - found.low):.1f}%"
-    return Markup(f"{text}<span class='bar'><span style='{place}'></span></span>")
+    mark = f"<i style='left:{100 * found.value:.1f}%'></i>"
+    return Markup(f"{text}<span class='bar'><span style='{place}'></span>{mark}</span>")
 
 
 _PAGE: Final = """<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
-<title>HumanCLAW-Bench</title><style>
+<title>HumanCLAW-Bench: {splits}</title><style>
 :root {{ color-scheme: light dark; --paper: light-dark(#fbfaf7, #15171a); --ink: light-dark(#1d2126, #e7e5df);
   --soft: light-dark(#59616b, #a3a9b1); --line: light-dark(#dcd8cf, #343940); --bar: light-dark(#7c9be0, #4d6cb5);
   --good: light-dark(#1b6e46, #7fd3a4); --bad: light-dark(#9b2c2c, #f1a09a);
@@ -325,10 +343,11 @@ _PAGE: Final = """<!doctype html>
 body {{ font: 16px/1.55 system-ui, sans-serif; margin: 0 auto; max-width: 90rem; padding: 3rem clamp(1rem, 4vw, 3rem);
   background: var(--paper); color: var(--ink); font-variant-numeric: tabular-nums; }}
 h1 {{ font: 600 2.5rem/1.2 var(--serif); margin: 0; }}
-h1 + p {{ font: 1.15rem/1.5 var(--serif); color: var(--soft); max-width: 46rem; }}
+.note {{ font: 1.05rem/1.5 var(--serif); color: var(--soft); max-width: 46rem; }}
 div {{ overflow-x: auto; }}
 table {{ border-collapse: collapse; width: 100%; margin: 2rem 0; font-size: .92rem; }}
-caption {{ text-align: left; font: 600 1.08rem var(--serif); padding-bottom: .5rem; }}
+caption {{ text-align: left; font: 600 1.08rem var(--serif); padding-bottom: .5rem;
+  max-width: calc(100vw - 2rem); }}
 th, td {{ padding: .42rem .8rem .42rem 0; text-align: left; border-bottom: 1px solid var(--line); vertical-align: top;
   font-weight: 400; }}
 thead th, dt {{ color: var(--soft); font-size: .84rem; }}
@@ -336,13 +355,17 @@ tbody th {{ font-weight: 600; }} a {{ color: inherit; }} td:has(.bar) {{ white-s
 .bar {{ display: block; position: relative; height: .4rem; min-width: 6rem; margin-top: .2rem; border-radius: 3px;
   background: var(--line); }}
 .bar span {{ position: absolute; inset-block: 0; min-width: 3px; border-radius: 3px; background: var(--bar); }}
+.bar i {{ position: absolute; inset-block: -.15rem; width: 2px; margin-left: -1px; background: var(--ink); }}
+@media (max-width: 40rem) {{ body {{ padding-top: 1rem; }} h1 {{ font-size: 1.6rem; }} table {{ margin: 1rem 0; }}
+  td:has(.bar) {{ white-space: normal; }} .bar {{ min-width: 4rem; }} }}
 .good {{ color: var(--good); }} .bad {{ color: var(--bad); }}
 .good::before {{ content: "✓ "; }} .told::before {{ content: "- "; }} .bad::before {{ content: "✗ "; }}
 dl {{ margin: .4rem 0; max-width: 30rem; overflow-wrap: anywhere; }}
 dd {{ margin: 0 0 .3rem; }}
 </style></head><body><main><h1>HumanCLAW-Bench</h1>
-<p>Rates with 95 % confidence intervals, clustered by house. "agree": the records lie here, and scored again they give
-the same numbers; only "played again the same" shows that these calls do what the records say. Do not compare rows of
-different tables, or rows that were played with other settings. {meanings}. Made {made}.</p>
-{body}</main></body></html>
+{body}
+<p class="note">Rates with 95 % confidence intervals, clustered by house. "agree": the records lie here, and scored
+again they give the same numbers; only "played again the same" shows that these calls do what the records say. Do not
+compare rows of different tables, or rows that were played with other settings. {meanings}. Made {made}.</p>
+</main></body></html>
 """

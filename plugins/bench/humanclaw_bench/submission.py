@@ -10,7 +10,7 @@ from itertools import chain
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from humanclaw import RecordedEpisode, RecordError, load_run
 from humanclaw.records import first_fault
@@ -44,6 +44,7 @@ class _Value(BaseModel):
 
 
 Text = Annotated[str, Field(max_length=500)]
+Who = Annotated[Text, Field(min_length=1)]
 Dollars = Annotated[float, Field(ge=0, le=MOST)]
 Measure = Annotated[float, Field(ge=0, le=MOST)]
 """Of seconds or metres."""
@@ -95,7 +96,7 @@ class Submission(_Value):
     """The numbers of a run for a leaderboard, with everything needed to check them."""
 
     format: Literal[2] = 2
-    who: Annotated[Text, Field(min_length=1)]
+    who: Who
     """The author, as shown on the page."""
     made: date
     """Date of this file."""
@@ -143,6 +144,10 @@ def submit(run: Path, who: str, model_date: str = "", partial: bool = True) -> S
 
     partial: allow missing episodes.
     """
+    try:  # The author first: it is the command's own word.
+        TypeAdapter(Who).validate_python(who)
+    except ValidationError as error:
+        raise RecordError(f"no submission can be made: who: {first_fault(error)}.", "Name the author.") from error
     manifest, episodes = read_manifest(run), load_run(run)
     known = standing(run, episodes)
     if fault := next(chain(known.faults, moved(episodes)), None):

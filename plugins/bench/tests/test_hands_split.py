@@ -128,7 +128,7 @@ def corner():
 
 
 def shelf():
-    """A cup on a board of an open shelf, over the elbows, and a table; with the ids of cup and table."""
+    """A cup on the third of four boards of a shelf, over the elbows, and a table; with the ids of cup and table."""
     builder = SceneBuilder()
     builder.floor()
     boards = [block((-0.45, y, -0.18), (0.45, y + 0.03, 0.18)) for y in (0.12, 0.6, 1.08, 1.56)]

@@ -317,6 +317,10 @@ def test_the_leaderboard_shows_who_and_whether_the_records_agree(run: Path) -> N
     assert re.search(r"75\.0% \[30\.1, 95\.4\]<span class='bar'><span style='left:30\.1%;width:65\.\d%'>", page)
     assert "<span class='told'>agree</span>" in page
     assert "<dt>verifier</dt>" in page
+    assert "<i style='left:75.0%'></i>" in page  # The mark at the rate.
+    assert "<title>HumanCLAW-Bench: not one of the benchmark&#x27;s</title>" in page
+    assert re.findall("<th scope='col'>([^<]*)", page)[:3] == ["agent", "InteractSR", "records"]
+    assert page.index("</table>") < page.index("confidence intervals")
     shutil.rmtree(run)
     invoke("leaderboard", run.parent)
     assert "<span class='told'>not here</span>" in (run.parent / "index.html").read_text()
@@ -360,6 +364,19 @@ def test_a_submission_of_dots_alone_names_no_run_and_nothing_above_the_board_is_
     assert "has a name of dots alone" in text
     assert "href" not in text
     assert [path.name for path in (board / "site").iterdir()] == ["index.html"]
+
+
+@pytest.mark.parametrize("name", ["index.html", "INDEX.HTML"])
+def test_a_submission_named_as_the_board_itself_is_to_be_renamed_and_the_others_are_shown(run: Path, name: str) -> None:
+    shutil.copy(submitted(run), run.parent / f"{name}.json")
+    shutil.copytree(run, run.parent / name)
+    site = run.parent / "site"
+    assert invoke("leaderboard", "--pages", site, run.parent).exit_code == 0
+    text = (site / "index.html").read_text()
+    assert re.search(r"Not read: \S+\.json has the name of the board&#x27;s own page. Rename it", text, re.IGNORECASE)
+    assert "mine/report.html" in text
+    if name == "index.html":
+        assert "Name another folder with --pages" in str(invoke("leaderboard", run.parent).exception)
 
 
 def test_a_page_that_cannot_be_written_is_told_and_the_row_stays(run: Path) -> None:
@@ -523,6 +540,7 @@ def test_somebody_of_no_name_or_too_long_a_one_is_told_so(run: Path, name: str) 
     assert isinstance(result.exception, RecordError)
     assert "no submission can be made" in str(result.exception)
     assert "who: " in str(result.exception)
+    assert str(result.exception) == str(invoke("submit", run.parent / "nowhere", "--who", name).exception)
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="there are no pipes in folders")
@@ -679,6 +697,8 @@ def test_verify_says_how_many_records_there_should_be(run: Path) -> None:
 def test_a_folder_without_submissions_is_no_leaderboard(tmp_path: Path) -> None:
     with pytest.raises(RecordError, match="no submission"):
         leaderboard.leaderboard(tmp_path)
+    with pytest.raises(RecordError, match=r"there is no folder .*nowhere"):
+        leaderboard.leaderboard(tmp_path / "nowhere")
 
 
 def test_a_partial_run_and_one_that_its_records_contradict_are_listed_apart_and_unranked(run: Path) -> None:

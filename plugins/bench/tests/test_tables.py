@@ -551,10 +551,14 @@ def test_a_number_that_is_not_known_is_null(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("command", ["table", "rescore"])
-def test_a_folder_without_records_is_an_error_with_a_remedy(tmp_path: Path, command: str) -> None:
-    result = invoke(command, tmp_path)
+def test_a_folder_without_records_is_an_error_with_a_remedy(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    result = invoke(command, Path())
     assert result.exit_code == 2
-    assert "no episode record" in result.output
+    assert f"no episode record in {tmp_path.resolve()}." in result.output.replace("\n", "")
+    assert "there is no folder nowhere." in invoke(command, Path("nowhere")).output
     assert "`humanclaw bench run` wrote" in result.output.replace("\n", " ")
 
 

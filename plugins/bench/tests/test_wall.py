@@ -16,7 +16,7 @@ from click.testing import CliRunner
 from PIL import Image
 from test_runner import SEED, TOY, Here, digests, rewrite
 
-from humanclaw import PluginError, Plugins, RecordedEpisode, load_run
+from humanclaw import HumanclawError, PluginError, Plugins, RecordedEpisode, load_run
 from humanclaw.world import GAZES
 from humanclaw_bench.cli import bench
 from humanclaw_bench.executors import LocalExecutor
@@ -503,7 +503,23 @@ def test_an_agent_at_a_url_plays_as_one_in_a_process_does(play, served):
     assert (record.agent, record.settings["apart"]) == ("own", {"agent": served})
 
 
-def test_a_url_that_does_not_answer_is_a_provider_that_failed(play):
+@pytest.mark.parametrize(
+    ("url", "words"),
+    [
+        ("notaurl", "--agent-url takes an address of http or https"),
+        ("http://", "--agent-url takes an address of http or https"),
+        ("http://127.0.0.1:x/", "--agent-url takes an address of http or https"),
+        ("http://127.0.0.1:9/", "does not answer initialize"),
+    ],
+)
+def test_an_address_at_which_nobody_answers_is_told_before_anything_is_written(play, tmp_path, url, words):
+    with pytest.raises(HumanclawError, match=words):
+        play(PLAIN, agent_url=url)
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_server_that_leaves_during_a_run_is_a_provider_that_failed(play, monkeypatch):
+    monkeypatch.setattr("humanclaw_bench.settings.require_answer", lambda url, asked: None)
     status, _ = play(PLAIN, agent_url="http://127.0.0.1:9/")
     assert (status.done, status.failed) == (0, 1)
 

@@ -70,7 +70,7 @@ class _Chart:
             self.pen.polygon(self.line(outline), fill="#4a4e55")
 
     def walk(self, path: PathMap) -> None:
-        for x, z, wide, deep, _ in path.targets:
+        for x, z, wide, deep, *_ in path.targets:
             self.pen.rectangle(self.corners(x, z, wide, deep), outline="#1b6e46", width=4)
         for points, colour, _ in path.pieces:
             self.pen.line(self.line(points), fill=colour, width=8, joint="curve")

@@ -23,9 +23,11 @@ if TYPE_CHECKING:
 @plugin_files
 def report(runs: tuple[Path, ...], out: Path | None, files: tuple[Path, ...]) -> None:
     """Write the page that shows a run, or several side by side: tables, and every episode with its replay."""
-    from humanclaw import Plugins
+    from humanclaw import HumanclawError, Plugins
     from humanclaw_report.report import write_report
 
+    if out and out.suffix != ".html":
+        raise HumanclawError(f"a report ends in .html; got {out}.", f"Name {out}.html.")
     plugins = Plugins.discover(files)
 
     click.echo(

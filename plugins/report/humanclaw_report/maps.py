@@ -58,8 +58,8 @@ class PathMap:
     start: tuple[float, float, float] | None
     """x, z and bearing in degrees, clockwise from up; None if the path begins on another storey."""
     end: tuple[float, float, float] | None
-    targets: tuple[tuple[float, float, float, float, str], ...]
-    """x, z, width and depth in centimetres, and label; empty where it would lie over another one."""
+    targets: tuple[tuple[float, float, float, float, float, str], ...]
+    """x, z, width and depth in centimetres, z of the label, and label; empty where it would lie over another one."""
     note: str = ""
     """Why the house is not drawn."""
 
@@ -236,16 +236,20 @@ def _text(house: HouseMap) -> float:
     return round(max(house.box[2], house.box[3]) / 34)
 
 
-def _labelled(targets: list[Corners], noun: str, house: HouseMap) -> Iterator[tuple[float, float, float, float, str]]:
-    """Yield the targets of a map, with the label in the middle of each box where there is room for it."""
+def _labelled(
+    targets: list[Corners], noun: str, house: HouseMap
+) -> Iterator[tuple[float, float, float, float, float, str]]:
+    """Yield the targets of a map. A label stands over its box, or under it at the edge of the map: in the box, it would
+    lie over the mark of a body that sits there."""
     size = _text(house)
     taken = [(x + 14, z + 14, 0.5 * size * len(kind), size) for x, z, _, _, kind in house.rooms]
     for low, high in targets:
         x, z, wide, deep = _c(low[0]), _c(low[2]), _c(high[0] - low[0]), _c(high[2] - low[2])
-        label = (x + wide / 2 - 0.3 * size * len(noun), z + deep / 2 - size / 2, 0.6 * size * len(noun), size)
+        place = z - 0.7 * size if z - 1.5 * size > house.box[1] else z + deep + 0.7 * size
+        label = (x + wide / 2 - 0.3 * size * len(noun), place - size / 2, 0.6 * size * len(noun), size)
         free = not any(_overlap(label, other) for other in taken)
         taken += [label] if free else []
-        yield x, z, wide, deep, noun if free else ""
+        yield x, z, wide, deep, place, noun if free else ""
 
 
 def _overlap(a: Box, b: Box) -> bool:

@@ -15,7 +15,7 @@ from urllib.parse import unquote, urlsplit
 
 from humanclaw import EpisodeRecord, HumanclawError, RecordedEpisode, Scene, StepRecord
 from humanclaw.cli import Handler, Server
-from humanclaw.records import FRAME_BYTES, RECORD_BYTES, STEPS_BYTES
+from humanclaw.records import FRAME_BYTES, RECORD_BYTES, STEPS_BYTES, stopped_within_reach
 from humanclaw.storage import Folder
 from humanclaw_report.episode_page import environment, episode_page
 from humanclaw_report.facts import episodes_asked
@@ -132,6 +132,7 @@ def _row(folder: Folder) -> dict[str, Any] | None:
         "id": name,
         "instruction": record.spec.instruction,
         "outcome": record.outcome,
+        "goal": _goal(record, last),
         "steps": len(lines),
         "call": str(last.call or "no usable call") if last else "",
         "words": (last.decision.reasoning or last.decision.visible_state) if last else "",
@@ -139,6 +140,15 @@ def _row(folder: Folder) -> dict[str, Any] | None:
         "frame": f"/frame/{name}/{frame}" if frame else "",
         "replay": f"/replay/{name}" if folder.has("motion.npz") else "",
     }
+
+
+def _goal(record: EpisodeRecord, last: StepRecord | None) -> str:
+    """Return whether an episode that ended of its own accord met the goal of its target; empty if it has none."""
+    spec = record.spec
+    if record.outcome not in ("stopped", "out_of_steps") or not spec.target_ids or spec.goal is not None or not last:
+        return ""
+    sat = not spec.interact or set(last.pelvis_contacts) & set(spec.target_ids)
+    return "goal reached" if sat and stopped_within_reach((last,)) else "goal not reached"
 
 
 def _news(before: dict[str, Any], state: dict[str, Any]) -> dict[str, Any]:

@@ -196,6 +196,7 @@ def test_the_labels_of_targets_beside_one_another_do_not_overlap(tmp_path: Path)
     episode.record = episode.record.model_copy(update={"targets": chairs})
     (drawn,) = path_maps(episode, house_maps(two_rooms(), "house"))
     assert [bool(label) for *_, label in drawn.targets] == [True, False, True]
+    assert not any(z <= at <= z + deep for _, z, _, deep, at, _ in drawn.targets)  # The mark of a body is there.
 
 
 def test_a_storey_with_neither_path_nor_target_is_left_out(tmp_path: Path) -> None:
@@ -333,6 +334,13 @@ def test_a_large_film_is_linked(tmp_path: Path) -> None:
     (tmp_path / "run" / "one" / "film.gif").write_bytes(b"\0" * 4_000_001)
     page = Page(write_report(tmp_path / "run", tmp_path / "page.html", lambda name: scene).read_text("utf-8"))
     assert "run/one/film.gif" in [link.get("href") for link in page.all("a")]
+
+
+def test_the_title_of_the_page_of_a_run_names_its_folder(tmp_path: Path) -> None:
+    for name in ("couch-0", "couch-1"):
+        scene = record_episode(tmp_path / "smoke-oracle" / name, name=name)
+    text = write_report(tmp_path / "smoke-oracle", None, lambda name: scene).read_text("utf-8")
+    assert "<title>smoke-oracle: oracle: 2 episodes, to find a couch" in text
 
 
 def test_links_lead_through_folders_of_any_name(tmp_path: Path) -> None:

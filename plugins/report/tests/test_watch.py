@@ -52,7 +52,18 @@ def test_the_first_event_tells_of_every_episode(served: tuple[int, Path]) -> Non
     assert (state["episodes"], state["ended"]) == (2, 1)
     rows = {row["id"]: row for row in state["rows"]}
     assert rows["couch-1"]["outcome"] == "running"
+    assert (rows["couch-0"]["goal"], rows["couch-1"]["goal"]) == ("goal reached", "")
     assert rows["couch-1"]["call"] == "stop()"
+
+
+@pytest.mark.parametrize("wrong", [{"target_distance": 0.21}, {"pelvis_contacts": []}])
+def test_an_episode_that_stops_elsewhere_or_beside_its_seat_did_not_reach_its_goal(tmp_path: Path, wrong: Any) -> None:
+    scene = record_episode(tmp_path / "couch-0")
+    steps = tmp_path / "couch-0" / "steps.jsonl"
+    *before, last = steps.read_text().splitlines()
+    steps.write_text("\n".join([*before, json.dumps(json.loads(last) | wrong)]) + "\n")
+    (row,) = Watcher(tmp_path, lambda name: scene).rows()
+    assert (row["outcome"], row["goal"]) == ("stopped", "goal not reached")
 
 
 def test_an_event_tells_of_the_episodes_that_changed_and_of_those_that_are_gone(tmp_path: Path) -> None:

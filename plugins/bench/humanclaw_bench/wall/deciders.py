@@ -6,10 +6,23 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final, TypeVar
+from urllib.parse import urlsplit
 
 from pydantic import ValidationError
 
-from humanclaw import Call, Decision, EpisodeContext, HistoryEntry, Meter, Observation, PluginError, Skill, Verdict
+from humanclaw import (
+    Call,
+    Decision,
+    EpisodeContext,
+    HistoryEntry,
+    HumanclawError,
+    Meter,
+    Observation,
+    PluginError,
+    ProviderError,
+    Skill,
+    Verdict,
+)
 from humanclaw.plugins import StandIn
 from humanclaw_bench.wall.links import GRACE, STARTING, Link, OverdueError, ProcessLink, UrlLink
 from humanclaw_bench.wall.messages import PROTOCOL, Json, from_json, past, seen, task, to_json
@@ -103,6 +116,21 @@ def introduce(link: Link, kinds: Sequence[str], params: Json) -> dict[str, Intro
     if not isinstance(told, Mapping) or told.get("protocolVersion") != PROTOCOL:
         raise RuntimeError(f"it does not speak protocol {PROTOCOL}: {str(told)[:80]}")
     return {kind: _read(Introduction, told.get(kind), "initialize") for kind in kinds}
+
+
+def require_answer(url: str, asked: Json) -> None:
+    """Have the server at an address make its agent once. Raises HumanclawError if it cannot. asked: as for Wall."""
+    remedy = "`humanclaw bench agent` serves an agent and prints its address."
+    try:
+        if (parts := urlsplit(url)).scheme not in ("http", "https") or not parts.hostname or parts.port == 0:
+            raise ValueError
+    except ValueError:  # Also of a port that is no number.
+        told = f"--agent-url takes an address of http or https, such as http://127.0.0.1:8000/; got {url!r}."
+        raise HumanclawError(told, remedy) from None
+    try:
+        Wall({"agents": url}, asked, {}).make()
+    except ProviderError as error:
+        raise HumanclawError(f"{error}.", remedy) from error
 
 
 class Wall:

@@ -4,7 +4,7 @@
 "use strict";
 
 {
-  /** @typedef {{id: string, instruction: string, outcome: string, steps: number, call: string, words: string, distance: number | null, frame: string, replay: string}} Row */
+  /** @typedef {{id: string, instruction: string, outcome: string, goal: string, steps: number, call: string, words: string, distance: number | null, frame: string, replay: string}} Row */
   /** @typedef {{first: number, steps: number, map: string, motion: Replay | null}} Steps */
   /** @typedef {{ended: number, episodes: number, asked: number, rows: Row[], live: number, forget: boolean}} State */
 
@@ -20,9 +20,11 @@
 
   const linked = (/** @type {string} */ text, /** @type {string} */ href) => Object.assign(made("a", text), { href, target: "_blank" });
 
+  const ending = (/** @type {Row} */ row) => [row.outcome.replaceAll("_", " "), row.goal].filter(Boolean).join(", ");
+
   /** @param {Row} row */
   const line = (row) => {
-    const cells = [made("th", row.id), made("td", row.outcome.replaceAll("_", " ")), made("td", String(row.steps), "num"), made("td", row.call)];
+    const cells = [made("th", row.id), made("td", ending(row)), made("td", String(row.steps), "num"), made("td", row.call)];
     cells[0].setAttribute("scope", "row");
     if (row.replay) cells[0].replaceChildren(linked(row.id, row.replay));
     const element = document.createElement("tr");
@@ -120,7 +122,7 @@
       const more = drawn.content.children[k];
       storey.querySelector(".end")?.remove();
       storey.setAttribute("viewBox", more.getAttribute("viewBox") ?? ""); // Without its house, a map grows with the path.
-      storey.append(...more.children);
+      storey.append(...more.children, ...storey.querySelectorAll(".name")); // Names stay over the marks.
     });
   };
 
@@ -148,7 +150,7 @@
     if (row.frame && !picture.src.endsWith(row.frame)) picture.src = row.frame;
     const said = /** @type {HTMLElement} */ (element.querySelector(".said"));
     said.textContent = row.steps ? `Step ${row.steps - 1}, ${row.call}${row.words && `: ${row.words}`}` : "";
-    if (row.outcome !== "running") said.append(` Then it ended: ${row.outcome.replaceAll("_", " ")}. `);
+    if (row.outcome !== "running") said.append(` Then it ended: ${ending(row)}. `);
     if (row.replay) said.append(linked("Watch the replay", row.replay));
     element.dataset.state = `${row.steps} ${row.outcome}`;
     return element;
