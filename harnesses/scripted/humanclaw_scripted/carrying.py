@@ -58,6 +58,7 @@ class Carrying(ArmedOracle):
 
     def _carry(self, thing: int, place: int) -> Script:
         for attempt in count():
+            self._bound_for = self._noun
             yield from self._walk_to(lambda: self._around(thing))
             side = self._hand_for(thing, attempt)
             yield from self._take(thing, side)
@@ -66,6 +67,7 @@ class Carrying(ArmedOracle):
                 continue
             yield from self._lift(thing, side)
             self._memory.given_up = set()
+            self._bound_for = self._scene.by_id[place].category.replace("_", " ")
             yield from self._walk_to(lambda: self._near(place), lambda: self._in_hand(thing))
             if self._in_hand(thing):
                 yield from self._put(thing, place, side)

@@ -65,6 +65,7 @@ class Walker(ABC):
             raise PluginError("the oracle needs the scene and the state.", "Run it through the loop.")
         self._context, self._scene, self._state = context, context.scene, context.state
         self._noun, self._stop = looked_for(context.spec), ending(context.skills)
+        self._bound_for = self._noun
         for needed in (WALK, TURN, SIDE, BACK):
             skill_for(context.skills, needed)
         self._memory = Memory(MultiFloorMap.of(self._scene, context.state().objects))
@@ -139,11 +140,11 @@ class Walker(ABC):
         left, forward = pose.local(towards)
         error = float(np.arctan2(left, forward))
         if abs(error) > TURN_FIRST and np.hypot(left, forward) > 0.25:
-            return self._turn(error), f"The way to the {self._noun} leads to my {side_of(left)}: I turn."
+            return self._turn(error), f"The way to the {self._bound_for} leads to my {side_of(left)}: I turn."
         if rest < 0.35 and forward < 0.1:
             return self._shuffle(left, forward), "I am almost at the place and adjust my footing."
         step = min(MAX_STEP, float(np.hypot(left, forward)), max(0.15, rest))
-        reason = f"The way to the {self._noun} is {rest:.1f} m further: I walk on."
+        reason = f"The way to the {self._bound_for} is {rest:.1f} m further: I walk on."
         return self._walk(0.3 * left, step * float(np.cos(error)), 0.7 * error), reason
 
     def _shuffle(self, left: float, forward: float) -> Call:

@@ -183,6 +183,8 @@ def test_the_oracle_takes_a_box_out_of_a_corner_with_the_hand_that_has_room(plug
     goal = Goal(things=(box,), on=table)
     success, scores, _ = play(plugins, tmp_path, goal, category="box", targets=(box, table), scene=scene)
     assert (success, scores.dropped) == (True, 0)
+    carrying = "".join(step.model_dump_json() for step in RecordedEpisode(tmp_path / "one").steps if step.held)
+    assert ("way to the table" in carrying, "way to the box" in carrying) == (True, False)
 
 
 def test_the_oracle_takes_a_cup_from_a_shelf_over_its_elbows_and_says_that_it_sees_it(plugins, tmp_path):
