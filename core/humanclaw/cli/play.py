@@ -107,7 +107,8 @@ def _require_ready(decider: Any, instruction: str) -> None:
     """Raise PluginError if an agent or a verifier says that it cannot begin, or breaks as it is asked."""
     try:
         with blaming(origin(decider), PluginError):
-            getattr(decider, "ready", lambda told: None)(instruction)
+            if callable(ready := getattr(decider, "ready", None)):
+                ready(instruction)
     except PluginRunError as fault:
         raise PluginError(f"{fault}, when it was asked whether it is ready.", "Mend its plugin.") from fault
 

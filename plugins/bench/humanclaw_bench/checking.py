@@ -23,6 +23,7 @@ from humanclaw_bench.signing import signer
 from humanclaw_bench.splits import load_split
 
 F = TypeVar("F", bound=Callable[..., object])
+FOLDER = click.Path(file_okay=False, path_type=Path)
 
 
 def replay_options(command: F) -> F:
@@ -129,7 +130,7 @@ def submit(run: Path, who: str, model_date: str, out: Path | None, partial: bool
 
 
 @click.command()
-@click.argument("folder", type=RUN)
+@click.argument("folder", type=FOLDER)
 @click.option(
     "--any-pace", is_flag=True, help="Also rank runs whose calls move longer or faster than the paper's skills."
 )
@@ -137,7 +138,7 @@ def submit(run: Path, who: str, model_date: str, out: Path | None, partial: bool
 @click.option("--hidden", type=RUN, metavar="FILE", help="Episodes of the hidden test, whose table is marked.")
 @click.option(
     "--pages",
-    type=RUN,
+    type=FOLDER,
     metavar="FOLDER",
     help="Write index.html there, with the records and the page of each run that agrees: a folder to publish.",
 )

@@ -38,6 +38,7 @@ from humanclaw_bench.splits import (
     repeated,
 )  # fmt: skip
 from humanclaw_bench.tables import ResultTable, all_tables, brief_tables, chosen_table, main_table
+from humanclaw_bench.wall.deciders import require_address
 from humanclaw_bench.worker import Job
 from humanclaw_bench.writers import WRITERS, plain, plain_differences, terminal
 
@@ -118,17 +119,19 @@ for _name, _target, _told in (
 @click.option(
     "--in-process", is_flag=True, help="For debugging: play the agent beside the body, not in a process of its own."
 )
-@click.option("--agent-url", default="", metavar="URL", help="Ask an agent that a server plays (see docs/wall.md).")
+@click.option("--agent-url", metavar="URL", help="Ask an agent that a server plays (see docs/wall.md).")
 @plugin_options
 def run_command(
     name: str, deciders: Deciders, backends: Backends, workers: int, executor: str, address: str | None,
-    out: Path | None, resume: bool, repeats: int, yes: bool, seed: int | None, in_process: bool, agent_url: str,
+    out: Path | None, resume: bool, repeats: int, yes: bool, seed: int | None, in_process: bool, agent_url: str | None,
     files: tuple[Path, ...], choice: Choice,
 ) -> None:  # fmt: skip
     """Run a split, or resume it. Finished episodes are kept; others continue after their last recorded step."""
     plugins = Plugins.discover(files, choice)
     specs = repeated(load_split(name), repeats)
     metrics = metrics_of(plugins)  # Refuses a metric with a reserved name now, not after hours of playing.
+    if agent_url is not None:
+        require_address(agent_url)  # An empty one may be a variable of the shell that is not set.
     agent = agent_url or deciders.agent
     out = out or Path("runs") / f"{Path(name).stem}-{name_of(agent)}"
     if not resume and Folder(out).has("run.json"):
@@ -137,7 +140,7 @@ def run_command(
         )
     job = Job(
         agent, deciders.options, deciders.verifier, backends.chosen(plugins), deciders.limits,
-        tuple(str(file.resolve()) for file in files), choice, in_process=in_process, agent_url=agent_url,
+        tuple(str(file.resolve()) for file in files), choice, in_process=in_process, agent_url=agent_url or "",
         seed=seed,
     )  # fmt: skip
     wanted = executor or ("ray" if address else "local")

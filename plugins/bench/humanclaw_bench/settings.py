@@ -20,7 +20,7 @@ from humanclaw.cli import check_options
 from humanclaw.plugins import PluginInfo, noun, own
 from humanclaw.storage import Folder, writing
 from humanclaw_bench.integrity import MANIFEST, read_manifest, split_digest
-from humanclaw_bench.wall.deciders import PROCESS, require_answer
+from humanclaw_bench.wall.deciders import PROCESS
 from humanclaw_bench.worker import Job
 
 FORMAT: Final = 1
@@ -40,11 +40,8 @@ def seeded(job: Job, out: Path) -> Job:
 def introduced(job: Job, plugins: Plugins) -> Job:
     """Fill in the names of backends, agent and verifier, and where agent and verifier play.
 
-    Raises HumanclawError if the job names something unknown, options that neither agent nor verifier takes, or an
-    address at which no agent answers.
+    Raises HumanclawError if the job names something unknown, or options that neither agent nor verifier takes.
     """
-    if job.agent_url:
-        require_answer(job.agent_url, {"agents": job.agent, "options": dict(job.options)})
     made = {"agents": None if job.agent_url else plugins.make("agents", job.agent, job.options)}
     made["verifiers"] = plugins.make("verifiers", job.verifier, job.options) if job.verifier else None
     check_options(job.options, job.agent, made["agents"], made["verifiers"])

@@ -509,6 +509,8 @@ def test_an_agent_at_a_url_plays_as_one_in_a_process_does(play, served):
         ("notaurl", "--agent-url takes an address of http or https"),
         ("http://", "--agent-url takes an address of http or https"),
         ("http://127.0.0.1:x/", "--agent-url takes an address of http or https"),
+        ("http://me:pass@127.0.0.1:9/", "takes no user, password or query"),
+        ("http://127.0.0.1:9/?key=abc", "takes no user, password or query"),
         ("http://127.0.0.1:9/", "does not answer initialize"),
     ],
 )
@@ -518,8 +520,16 @@ def test_an_address_at_which_nobody_answers_is_told_before_anything_is_written(p
     assert not (tmp_path / "run").exists()
 
 
+def test_a_run_that_has_ended_asks_no_server(play, served):
+    play(PLAIN, name="there", agent_url=served)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("humanclaw_bench.runner.require_answer", lambda url, asked: pytest.fail(url))
+        status, _ = play(PLAIN, name="there", agent_url=served)
+    assert status.done == 1
+
+
 def test_a_server_that_leaves_during_a_run_is_a_provider_that_failed(play, monkeypatch):
-    monkeypatch.setattr("humanclaw_bench.settings.require_answer", lambda url, asked: None)
+    monkeypatch.setattr("humanclaw_bench.runner.require_answer", lambda url, asked: None)
     status, _ = play(PLAIN, agent_url="http://127.0.0.1:9/")
     assert (status.done, status.failed) == (0, 1)
 

@@ -19,7 +19,6 @@ from humanclaw import (
     Meter,
     Observation,
     PluginError,
-    ProviderError,
     Skill,
     Verdict,
 )
@@ -118,19 +117,31 @@ def introduce(link: Link, kinds: Sequence[str], params: Json) -> dict[str, Intro
     return {kind: _read(Introduction, told.get(kind), "initialize") for kind in kinds}
 
 
+_SERVE: Final = "`humanclaw bench agent` serves an agent and prints its address."
+
+
 def require_answer(url: str, asked: Json) -> None:
     """Have the server at an address make its agent once. Raises HumanclawError if it cannot. asked: as for Wall."""
-    remedy = "`humanclaw bench agent` serves an agent and prints its address."
+    require_address(url)
+    try:
+        Wall({"agents": url}, asked, {}).make()
+    except PluginError:
+        raise
+    except Exception as error:  # The server names errors of its agent, of any class.
+        raise HumanclawError(f"{error}".rstrip(".") + ".", _SERVE) from error
+
+
+def require_address(url: str) -> None:
+    """Raise HumanclawError for what is no address of a server, and for one with a secret: records hold the address."""
     try:
         if (parts := urlsplit(url)).scheme not in ("http", "https") or not parts.hostname or parts.port == 0:
             raise ValueError
     except ValueError:  # Also of a port that is no number.
         told = f"--agent-url takes an address of http or https, such as http://127.0.0.1:8000/; got {url!r}."
-        raise HumanclawError(told, remedy) from None
-    try:
-        Wall({"agents": url}, asked, {}).make()
-    except ProviderError as error:
-        raise HumanclawError(f"{error}.", remedy) from error
+        raise HumanclawError(told, _SERVE) from None
+    if parts.username or parts.password or parts.query:
+        told = "--agent-url takes no user, password or query, since the records hold the address."
+        raise HumanclawError(told, "Let the server know its callers in another way.")
 
 
 class Wall:
