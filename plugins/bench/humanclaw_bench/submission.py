@@ -144,6 +144,8 @@ def submit(run: Path, who: str, model_date: str = "", partial: bool = True) -> S
 
     partial: allow missing episodes.
     """
+    if not who.strip():
+        raise RecordError("no submission can be made: who: expected a name, got a blank one.", "Name the author.")
     try:  # The author first: it is the command's own word.
         TypeAdapter(Who).validate_python(who)
     except ValidationError as error:

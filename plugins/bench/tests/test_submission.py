@@ -534,7 +534,7 @@ def test_a_submission_that_says_something_odd_is_none(run: Path, key: str, bad: 
     assert f"is not a submission: {key}: " in "".join(page(run))
 
 
-@pytest.mark.parametrize("name", ["", "x" * 501])
+@pytest.mark.parametrize("name", ["", " ", "x" * 501])
 def test_somebody_of_no_name_or_too_long_a_one_is_told_so(run: Path, name: str) -> None:
     result = invoke("submit", run, "--who", name)
     assert isinstance(result.exception, RecordError)
