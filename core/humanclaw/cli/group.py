@@ -151,7 +151,7 @@ def run(instruction: str, reference: str, deciders: Deciders, files: tuple[Path,
         raise HumanclawError(f"run takes options alone; got {word!r:.60}.", f"Did you mean {option} {word!r:.60}?")
     console = Console(markup=False, emoji=False, highlight=False)  # Instructions and paths may contain brackets.
     with console.status("Loading the plugins") as status:
-        # Imported here: it takes a second, and the user has an answer by then.
+        # Imported here: it takes a second, and the user sees the status by then.
         from humanclaw.cli.play import play
 
         play(instruction, reference, deciders, files, console, status, **options)  # type: ignore[arg-type]

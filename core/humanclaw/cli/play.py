@@ -20,7 +20,7 @@ from humanclaw.cli.progress import StepProgress, scoring, summary
 from humanclaw.cli.terminal import Console
 from humanclaw.episodes.backends import SHIPPED, SIMULATORS, Backends
 from humanclaw.episodes.embodiment import Body
-from humanclaw.episodes.episode import Episode
+from humanclaw.episodes.loop import run_episode
 from humanclaw.errors import PluginError, PluginRunError, RecordError, blaming
 from humanclaw.plugins.agents import Reporter
 from humanclaw.plugins.choice import Choice
@@ -66,6 +66,7 @@ def play(
     status.update("Making the scene")
     scene: Scene = plugins.scene(reference)
     spec = free_episode(instruction, scene, seed=seed, max_steps=max_steps, name=f"{name_of(reference)}-{seed}")
+    head = f'{deciders.agent} in {reference}: "{instruction}"\n{scoring(spec)}'
     out = out or new_folder(deciders.agent)
     folder = out / spec.id
     claim(folder)
@@ -77,7 +78,8 @@ def play(
         _interrupting() as interrupted,
         _kept(folder),
         Body(scene, seed=seed, plugins=plugins, backends=backends) as body,
-        Episode(
+    ):
+        run_episode(
             body,
             spec,
             agent,
@@ -86,11 +88,9 @@ def play(
             options=deciders.options,
             distance=geodesics,
             meter=deciders.meter(),
-        ) as episode,
-    ):
-        console.print(f'{deciders.agent} in {reference}: "{instruction}"\n{scoring(spec)}', soft_wrap=True)
-        while not (episode.done or interrupted()):
-            episode.ask()
+            begun=lambda: console.print(head, soft_wrap=True),
+            stopping=interrupted,
+        )
     try:
         recorded = RecordedEpisode(folder)
         console.print(told := summary(recorded.record, recorded.steps))

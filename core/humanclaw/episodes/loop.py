@@ -27,10 +27,12 @@ def run_episode(
     distance: DistanceFactory | None = None,
     replay: Sequence[StepRecord] = (),
     meter: Meter | None = None,
+    begun: Callable[[], object] = lambda: None,
     stopping: Callable[[], bool] = lambda: False,
 ) -> EpisodeRecord:
     """Run one episode to its end. See Episode for the arguments.
 
+    begun: called once, as soon as the agent and the verifier have begun.
     stopping: called before each step; if true, the episode ends there and is recorded as interrupted.
 
     A provider's failure, a plugin's error and a limit are outcomes. If the record's `limit` is "run", begin no further
@@ -39,6 +41,7 @@ def run_episode(
     with Episode(
         body, spec, agent, verifier, folder=folder, options=options, distance=distance, replay=replay, meter=meter
     ) as episode:
+        begun()
         while not (episode.done or stopping()):
             episode.ask()
     return episode.record

@@ -55,7 +55,7 @@ class ModelAgent:
         return self._negotiator.mode
 
     def ready(self, instruction: str) -> None:
-        """Raise ModelError if the model cannot be reached."""
+        """Raise ModelError if the model's name, key or environment rules out any request. None is made."""
         self._negotiator.begin(None)
 
     def begin(self, context: EpisodeContext) -> None:

@@ -44,7 +44,7 @@ class ModelVerifier:
         self._skills: tuple[Skill, ...] = ()
 
     def ready(self, instruction: str) -> None:
-        """Raise ModelError if the model cannot be reached."""
+        """Raise ModelError if the model's name, key or environment rules out any request. None is made."""
         self._negotiator.begin(None)
 
     def begin(self, context: EpisodeContext) -> None:
