@@ -20,9 +20,9 @@ from humanclaw.storage import read_file
 LARGEST: Final = 64 << 20
 """Maximum bytes of a text file of a dataset; of episodes, also unpacked."""
 
-_MOST: Final = 1000.0
+MOST: Final = 1000.0
 """Largest coordinate, metres, and largest scale: a grid of a larger place would not fit into memory."""
-Number = Annotated[float, Field(ge=-_MOST, le=_MOST)]
+Number = Annotated[float, Field(ge=-MOST, le=MOST)]
 Vec3 = tuple[Number, Number, Number]
 Lower = Annotated[str, BeforeValidator(lambda value: value.lower() if isinstance(value, str) else value)]
 
@@ -44,7 +44,7 @@ class Template(_Attributes):
     front: Vec3 = (0.0, 0.0, -1.0)
     """The direction in the asset's own frame that becomes -Z, which is forward in Habitat."""
     scale: Vec3 = (1.0, 1.0, 1.0)
-    units_to_meters: Annotated[float, Field(gt=0, le=_MOST)] = 1.0
+    units_to_meters: Annotated[float, Field(gt=0, le=MOST)] = 1.0
     is_collidable: bool = True
     use_bounding_box_for_collision: bool = False
     join_collision_meshes: bool | None = None
@@ -93,7 +93,7 @@ class Articulated(_Attributes):
 
     urdf_filepath: str = ""
     """The model. Empty: the file beside the config with the same name."""
-    uniform_scale: Annotated[float, Field(gt=0, le=_MOST)] = 1.0
+    uniform_scale: Annotated[float, Field(gt=0, le=MOST)] = 1.0
     semantic_id: int | None = None
 
 
@@ -127,6 +127,25 @@ class Semantics(_Attributes):
     """*.semantic_config.json"""
 
     region_annotations: tuple[Region, ...] = ()
+
+
+class Section(_Attributes):
+    """A section of a *.scene_dataset_config.json."""
+
+    paths: dict[str, tuple[str, ...]] = {}
+    """Ending of a file name to files, folders and patterns."""
+    default_attributes: dict[str, Any] = {}
+
+
+class Label(_Attributes):
+    id: int
+    name: str
+
+
+class Lexicon(_Attributes):
+    """The file of a dataset that names semantic ids."""
+
+    classes: tuple[Label, ...] = ()
 
 
 class Nested(_Attributes):

@@ -199,7 +199,7 @@ class Models:
         found = [self._piece(kind, scale, category, joined, name, mover) for mover in (None, *moving)]
         pieces = [piece for piece in found if piece]
         if not pieces:
-            raise SceneError(f"{path}: none of its links has a shape.")
+            raise SceneError(f"{path} has no shape: none of its triangles has an area.")
         assets = {asset.name: asset for asset, _, _ in pieces}
         objects = tuple(replace(obj, id=number) for number, (_, obj, _) in enumerate(pieces, 1))
         return Scene(name, assets, objects, (), Pose2D(0, 0, 0), {"middle": json.dumps(pieces[0][2])})
@@ -211,11 +211,12 @@ class Models:
         shape."""
         template, link = kind.template, mover.link if mover else ""
         parts = _scaled(self._parts(kind.path(template.render_asset), template, mover=link), np.array(scale))
-        if not parts:
+        whole = bake(parts) if parts else None
+        if whole is None or not len(whole.faces):
             return None
         low, high = bounds(parts)
         base = base_of(np.stack([low, high]))
-        mesh = moved(lightened(bake(parts), self.triangles), -base)
+        mesh = moved(lightened(whole, self.triangles), -base)
         # A seat faces away from its back, even if the config states another front.
         quarters = _FROM_BACK[(back_of(mesh) if category in SEATS else "") or "+z"]
         mesh = turned(mesh, quarters)
@@ -225,7 +226,7 @@ class Models:
             given = self._given(kind, np.array(scale), link)
             placed = tuple(exact((hull - base) @ quarter(quarters).T) for hull in given)
             hulls = _hulls(mesh, placed, template, joined, seat.room if seat else None)
-        asset = self._asset(f"{name} {link}".strip(), category, mesh, hulls, seat.height if seat else None)
+        asset = self._asset(f"{name} {link}" if mover else name, category, mesh, hulls, seat.height if seat else None)
         obj = _object(1, asset, base, quarter(-quarters), kind)
         if mover:
             obj = _hung(obj, asset, mover, axes(template.up, template.front), np.array(scale), base, quarter(quarters))

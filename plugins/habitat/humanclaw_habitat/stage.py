@@ -53,9 +53,11 @@ def pieces(parts: Sequence[Part], shell: Sequence[Part] | None, solid: bool) -> 
     shells = {} if shell is None else _by_category(shell)
     walls = found.pop("wall", [])
     groups = [*found.items(), *(("wall", group) for group in ([walls] if shells else _standing(walls)) if group)]
+    # A triangle without an area, of which files have some, may be a piece of its own: nothing is left of it.
     return [
-        Piece(name, bake(group), slabs(shells.get(name, ()) if shells else group, name) if solid else ())
+        Piece(name, mesh, slabs(shells.get(name, ()) if shells else group, name) if solid else ())
         for name, group in groups
+        if len((mesh := bake(group)).faces)
     ]
 
 
