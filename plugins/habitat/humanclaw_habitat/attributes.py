@@ -27,14 +27,16 @@ Vec3 = tuple[Number, Number, Number]
 Lower = Annotated[str, BeforeValidator(lambda value: value.lower() if isinstance(value, str) else value)]
 
 
-class _Attributes(BaseModel):
+class Attributes(BaseModel):
+    """Values of a file; what nobody reads is ignored."""
+
     model_config = ConfigDict(frozen=True, extra="ignore", allow_inf_nan=False)
 
 
-M = TypeVar("M", bound=_Attributes)
+M = TypeVar("M", bound=Attributes)
 
 
-class Template(_Attributes):
+class Template(Attributes):
     """A stage or an object before a scene places it. Paths are relative to the file that names them."""
 
     render_asset: str = ""
@@ -63,7 +65,7 @@ class Template(_Attributes):
         return self
 
 
-class Placing(_Attributes):
+class Placing(Attributes):
     """One object of a scene. rotation: a quaternion w, x, y, z."""
 
     template_name: str
@@ -88,7 +90,7 @@ class Placing(_Attributes):
         return self
 
 
-class Articulated(_Attributes):
+class Articulated(Attributes):
     """*.ao_config.json: an object of links and joints. Paths are relative to the file that names them."""
 
     urdf_filepath: str = ""
@@ -97,11 +99,11 @@ class Articulated(_Attributes):
     semantic_id: int | None = None
 
 
-class StagePlacing(_Attributes):
+class StagePlacing(Attributes):
     template_name: str = ""
 
 
-class SceneInstance(_Attributes):
+class SceneInstance(Attributes):
     """*.scene_instance.json"""
 
     stage_instance: StagePlacing = StagePlacing()
@@ -113,23 +115,22 @@ class SceneInstance(_Attributes):
     semantic_scene_instance: str = ""
 
 
-class Region(_Attributes):
+class Region(Attributes):
     """A room: a polygon on the floor, extruded upwards. Points are x, y, z in metres."""
 
     name: str = ""
     label: str = ""
     poly_loop: tuple[Vec3, ...]
     floor_height: Number = 0.0
-    extrusion_height: Number = 0.0
 
 
-class Semantics(_Attributes):
+class Semantics(Attributes):
     """*.semantic_config.json"""
 
     region_annotations: tuple[Region, ...] = ()
 
 
-class Section(_Attributes):
+class Section(Attributes):
     """A section of a *.scene_dataset_config.json."""
 
     paths: dict[str, tuple[str, ...]] = {}
@@ -137,18 +138,18 @@ class Section(_Attributes):
     default_attributes: dict[str, Any] = {}
 
 
-class Label(_Attributes):
+class Label(Attributes):
     id: int
     name: str
 
 
-class Lexicon(_Attributes):
+class Lexicon(Attributes):
     """The file of a dataset that names semantic ids."""
 
     classes: tuple[Label, ...] = ()
 
 
-class Nested(_Attributes):
+class Nested(Attributes):
     """An entry of `configs` in a *.scene_dataset_config.json: attributes of a template that has no file of its own."""
 
     original_file: str = ""

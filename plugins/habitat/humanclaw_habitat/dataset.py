@@ -204,12 +204,8 @@ class Dataset:
 
     def _kind(self, section: str, name: str) -> Kind:
         if is_primitive(name) and section == "objects":
-            return Kind(
-                name,
-                self.config,
-                checked(Template, {"render_asset": name, "scale": DEFAULT_SCALE}, self.config),
-                self.config.parent,
-            )
+            template = checked(Template, {"render_asset": name, "scale": DEFAULT_SCALE}, self.config)
+            return Kind(name, self.config, template, self.config.parent)
         (found, *others), source, values = self._found(section, name)
         return Kind(found, source.file, checked(Template, values, source.file), self._home(source.file), tuple(others))
 

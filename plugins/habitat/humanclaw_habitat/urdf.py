@@ -16,10 +16,11 @@ from xml.etree import ElementTree
 import numpy as np
 
 from humanclaw import SceneError
-from humanclaw.body import Array
+from humanclaw.body import Array, matrix_from_vector
 from humanclaw.storage import read_file
 from humanclaw.world import Hinge, Joint, Part, Slide
 from humanclaw_habitat.attributes import LARGEST, MOST
+from humanclaw_habitat.frames import scaled
 from humanclaw_habitat.primitives import primitive
 
 _MOVING: Final = ("revolute", "continuous", "prismatic", "planar", "floating")
@@ -174,7 +175,7 @@ def _rest(joint: ElementTree.Element, path: Path) -> Array:
     if joint.get("type") == "prismatic":
         frame[:3, 3] = value * way
     else:
-        frame[:3, :3] = _about(way, value)
+        frame[:3, :3] = matrix_from_vector(value * way)
     return frame
 
 
@@ -185,12 +186,6 @@ def _way(joint: ElementTree.Element, path: Path) -> Array:
     return np.asarray(way / max(float(np.linalg.norm(way)), 1e-12))
 
 
-def _about(way: Array, angle: float) -> Array:
-    """Return the (3, 3) rotation by an angle (radians) about a unit axis: Rodrigues' formula."""
-    cross = np.cross(np.eye(3), way)
-    return np.asarray(np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross)
-
-
 def _origin(element: ElementTree.Element, path: Path) -> Array:
     """Return the (4, 4) frame of an element's origin: roll, pitch and yaw about fixed axes."""
     origin = element.find("origin")
@@ -198,7 +193,7 @@ def _origin(element: ElementTree.Element, path: Path) -> Array:
     if origin is not None:
         roll, pitch, yaw = _numbers(origin.get("rpy", "0 0 0"), 3, path)
         x, y, z = np.eye(3)
-        frame[:3, :3] = _about(z, yaw) @ _about(y, pitch) @ _about(x, roll)
+        frame[:3, :3] = matrix_from_vector(yaw * z) @ matrix_from_vector(pitch * y) @ matrix_from_vector(roll * x)
         frame[:3, 3] = _numbers(origin.get("xyz", "0 0 0"), 3, path)
     return frame
 
@@ -208,13 +203,7 @@ def _shape(element: ElementTree.Element, path: Path, read: Callable[[Path], list
     geometry = element.find("geometry")
     for shape in () if geometry is None else geometry:
         if shape.tag == "mesh":
-            size = _numbers(shape.get("scale", "1 1 1"), 3, path)
-            # A mirrored mesh reverses its faces, so that its outside stays outside.
-            faces = slice(None, None, 1 if np.prod(size) > 0 else -1)
-            return [
-                replace(part, vertices=part.vertices * size, faces=part.faces[:, faces])
-                for part in read(_file(shape, path))
-            ]
+            return scaled(read(_file(shape, path)), _numbers(shape.get("scale", "1 1 1"), 3, path))
         return [replace(part, colour=_colour(element, path) or part.colour) for part in _solid(shape, path)]
     raise SceneError(f"{path}: each {element.tag} must have a geometry; one has none.")
 
