@@ -501,6 +501,7 @@ def test_a_hinge_of_many_turns_turns_once_and_keeps_its_nearer_stop(mine: Path, 
         file = fridge(mine, lower=f"{lower}") / "fridge.urdf"
         file.write_text(file.read_text().replace('upper="1.570796"', f'upper="{end}"'))
         door = parts(load(mine))["door"]
+        assert door.joint is not None
         assert (door.joint.low, door.joint.high) == pytest.approx((low, low + 2 * np.pi))
         assert door.state == max(lower, 0)
 
@@ -508,7 +509,9 @@ def test_a_hinge_of_many_turns_turns_once_and_keeps_its_nearer_stop(mine: Path, 
 def test_a_slide_may_be_longer_than_a_turn(mine: Path) -> None:
     file = fridge(mine) / "fridge.urdf"
     file.write_text(file.read_text().replace('upper="0.4"', 'upper="8"'))
-    assert parts(load(mine))["drawer"].joint.high == 8
+    drawer = parts(load(mine))["drawer"]
+    assert drawer.joint is not None
+    assert drawer.joint.high == 8
 
 
 def test_a_link_without_a_surface_is_left_out(mine: Path) -> None:
