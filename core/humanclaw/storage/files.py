@@ -297,6 +297,8 @@ def state_of(found: os.stat_result | None) -> tuple[int, ...]:
 @contextmanager
 def open_file(path: Path, most: int) -> Iterator[BufferedReader]:
     """Open a regular file of at most `most` bytes that the user named. Links are followed. Raises OSError."""
+    if "\0" in str(path):  # For which Python raises ValueError.
+        raise OSError(errno.EINVAL, os.strerror(errno.EINVAL), str(path))
     place = Path(os.path.realpath(path))
     with Folder(place.parent).open(place.name, most) as stream:
         yield stream

@@ -20,21 +20,23 @@ from humanclaw.storage import read_file
 LARGEST: Final = 64 << 20
 """Maximum bytes of a text file of a dataset; of episodes, also unpacked."""
 
-_MOST: Final = 1000.0
+MOST: Final = 1000.0
 """Largest coordinate, metres, and largest scale: a grid of a larger place would not fit into memory."""
-Number = Annotated[float, Field(ge=-_MOST, le=_MOST)]
+Number = Annotated[float, Field(ge=-MOST, le=MOST)]
 Vec3 = tuple[Number, Number, Number]
 Lower = Annotated[str, BeforeValidator(lambda value: value.lower() if isinstance(value, str) else value)]
 
 
-class _Attributes(BaseModel):
+class Attributes(BaseModel):
+    """Values of a file; what nobody reads is ignored."""
+
     model_config = ConfigDict(frozen=True, extra="ignore", allow_inf_nan=False)
 
 
-M = TypeVar("M", bound=_Attributes)
+M = TypeVar("M", bound=Attributes)
 
 
-class Template(_Attributes):
+class Template(Attributes):
     """A stage or an object before a scene places it. Paths are relative to the file that names them."""
 
     render_asset: str = ""
@@ -44,7 +46,7 @@ class Template(_Attributes):
     front: Vec3 = (0.0, 0.0, -1.0)
     """The direction in the asset's own frame that becomes -Z, which is forward in Habitat."""
     scale: Vec3 = (1.0, 1.0, 1.0)
-    units_to_meters: Annotated[float, Field(gt=0, le=_MOST)] = 1.0
+    units_to_meters: Annotated[float, Field(gt=0, le=MOST)] = 1.0
     is_collidable: bool = True
     use_bounding_box_for_collision: bool = False
     join_collision_meshes: bool | None = None
@@ -63,7 +65,7 @@ class Template(_Attributes):
         return self
 
 
-class Placing(_Attributes):
+class Placing(Attributes):
     """One object of a scene. rotation: a quaternion w, x, y, z."""
 
     template_name: str
@@ -88,20 +90,20 @@ class Placing(_Attributes):
         return self
 
 
-class Articulated(_Attributes):
+class Articulated(Attributes):
     """*.ao_config.json: an object of links and joints. Paths are relative to the file that names them."""
 
     urdf_filepath: str = ""
     """The model. Empty: the file beside the config with the same name."""
-    uniform_scale: Annotated[float, Field(gt=0, le=_MOST)] = 1.0
+    uniform_scale: Annotated[float, Field(gt=0, le=MOST)] = 1.0
     semantic_id: int | None = None
 
 
-class StagePlacing(_Attributes):
+class StagePlacing(Attributes):
     template_name: str = ""
 
 
-class SceneInstance(_Attributes):
+class SceneInstance(Attributes):
     """*.scene_instance.json"""
 
     stage_instance: StagePlacing = StagePlacing()
@@ -113,23 +115,41 @@ class SceneInstance(_Attributes):
     semantic_scene_instance: str = ""
 
 
-class Region(_Attributes):
+class Region(Attributes):
     """A room: a polygon on the floor, extruded upwards. Points are x, y, z in metres."""
 
     name: str = ""
     label: str = ""
     poly_loop: tuple[Vec3, ...]
     floor_height: Number = 0.0
-    extrusion_height: Number = 0.0
 
 
-class Semantics(_Attributes):
+class Semantics(Attributes):
     """*.semantic_config.json"""
 
     region_annotations: tuple[Region, ...] = ()
 
 
-class Nested(_Attributes):
+class Section(Attributes):
+    """A section of a *.scene_dataset_config.json."""
+
+    paths: dict[str, tuple[str, ...]] = {}
+    """Ending of a file name to files, folders and patterns."""
+    default_attributes: dict[str, Any] = {}
+
+
+class Label(Attributes):
+    id: int
+    name: str
+
+
+class Lexicon(Attributes):
+    """The file of a dataset that names semantic ids."""
+
+    classes: tuple[Label, ...] = ()
+
+
+class Nested(Attributes):
     """An entry of `configs` in a *.scene_dataset_config.json: attributes of a template that has no file of its own."""
 
     original_file: str = ""

@@ -11,33 +11,23 @@ _SAME: Final[Mapping[str, tuple[str, ...]]] = {
     "couch": ("couch", "sofa", "settee", "loveseat", "sectional", "chaise_longue", "daybed"),
     "bed": ("bed", "double_bed", "single_bed", "bunk_bed", "crib"),
     "potted_plant": ("potted_plant", "plant", "houseplant", "flowerpot", "pot_plant", "indoor_plant"),
-    "tv": (
-        "tv",
-        "television",
-        "tv_monitor",
-        "tv_screen",
-        "television_set",
-        "television_receiver",
-        "flat_screen_television",
-    ),
+    "tv": ("tv", "television", "tv_monitor", "tv_screen", "television_set", "television_receiver",
+           "flat_screen_television"),
     "toilet": ("toilet", "toilet_bowl", "wc", "lavatory"),
     "door": ("door", "doors"),
     "window": ("window", "windows"),
     "stairs": ("stairs", "staircase", "stair", "steps"),
-}
+}  # fmt: skip
 _CATEGORY: Final[Mapping[str, str]] = {word: name for name, words in _SAME.items() for word in words}
 SEATS: Final = frozenset({"chair", "couch", "bed", "toilet", "stool", "bench", "ottoman"})
 """Categories with a surface to sit on."""
 
 MOVABLE: Final = frozenset({
     "backpack", "bag", "ball", "basket", "bin", "blanket", "board_game", "book", "bottle", "bowl", "box", "candle",
-    "chair",
-    "clock", "cup", "cushion", "drinkware", "file_sorter", "food", "foot_stool", "footstool", "fruit", "hamper",
-    "handbag",
-    "headphones", "kettle", "laptop", "laundry_basket", "magazine", "mug", "ottoman", "pan", "pillow", "plate",
-    "plush_toy",
-    "pot", "shoe", "shoes", "stool", "stuffed_animal", "suitcase", "tray", "teddy_bear", "toy", "toys", "trash_can",
-    "trashcan", "umbrella", "vase", "waste_basket", "wastebasket",
+    "chair", "clock", "cup", "cushion", "drinkware", "file_sorter", "food", "foot_stool", "footstool", "fruit",
+    "hamper", "handbag", "headphones", "kettle", "laptop", "laundry_basket", "magazine", "mug", "ottoman", "pan",
+    "pillow", "plate", "plush_toy", "pot", "shoe", "shoes", "stool", "stuffed_animal", "suitcase", "tray", "teddy_bear",
+    "toy", "toys", "trash_can", "trashcan", "umbrella", "vase", "waste_basket", "wastebasket",
 })  # fmt: skip
 """Categories that people pick up or push aside if the object is small."""
 

@@ -17,9 +17,11 @@ from humanclaw.storage import read_file, within
 from humanclaw_habitat.attributes import (
     LARGEST,
     Articulated,
+    Lexicon,
     Nested,
     Region,
     SceneInstance,
+    Section,
     Semantics,
     Template,
     checked,
@@ -114,8 +116,10 @@ class Dataset:
         return read_json(self.config)
 
     def _section(self, name: str) -> dict[str, Any]:
+        """Return a section as the file has it. Raises SceneError if its paths or defaults are of no use."""
         found = self._values.get(name, {})
-        return found if isinstance(found, dict) else {}
+        checked(Section, found, self.config)
+        return dict(found)
 
     def _files(self, section: str) -> Iterator[Path]:
         """Yield every file that a section's paths name: each path is a file, a folder or a pattern."""
@@ -200,12 +204,8 @@ class Dataset:
 
     def _kind(self, section: str, name: str) -> Kind:
         if is_primitive(name) and section == "objects":
-            return Kind(
-                name,
-                self.config,
-                checked(Template, {"render_asset": name, "scale": DEFAULT_SCALE}, self.config),
-                self.config.parent,
-            )
+            template = checked(Template, {"render_asset": name, "scale": DEFAULT_SCALE}, self.config)
+            return Kind(name, self.config, template, self.config.parent)
         (found, *others), source, values = self._found(section, name)
         return Kind(found, source.file, checked(Template, values, source.file), self._home(source.file), tuple(others))
 
@@ -274,7 +274,7 @@ class Dataset:
             # The path is relative to the file of a scene, in a folder of its own: from here it may lead nowhere.
             for file in (self.config.parent / text, self.config.parent / "semantics" / Path(text).name):
                 if file.is_file():
-                    return {entry["id"]: entry["name"] for entry in read_json(file).get("classes", [])}
+                    return {label.id: label.name for label in checked(Lexicon, read_json(file), file).classes}
         return {}
 
     def category(self, kind: Kind) -> str:
@@ -295,7 +295,10 @@ def _places(folder: Path, pattern: str) -> list[Path]:
     place = folder / pattern
     if place.exists() or Path(pattern).is_absolute():
         return [place]
-    return sorted(folder.glob(pattern)) if pattern else [folder]
+    try:
+        return sorted(folder.glob(pattern)) if pattern else [folder]
+    except ValueError as error:
+        raise SceneError(f"{folder}: the path {pattern!r} is no pattern: {error}.") from error
 
 
 def _stem(file: Path) -> str:

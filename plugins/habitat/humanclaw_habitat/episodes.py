@@ -22,17 +22,17 @@ from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import Any, Final
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
+from pydantic import ValidationError, model_validator
 
 from humanclaw import EpisodeSpec, HumanclawError, Scene, SceneError
 from humanclaw.body import Array, Pose2D
 from humanclaw.records import SEATS, Difficulty, first_fault, instruction, name_of, route_difficulty
 from humanclaw.storage import read_file
 from humanclaw.world import DistanceField, MultiFloorMap, SceneObject, distance_to_box, goals_at
-from humanclaw_habitat.attributes import LARGEST, Vec3
+from humanclaw_habitat.attributes import LARGEST, Attributes, M, Vec3
 from humanclaw_habitat.categories import GOALS, category_of
 from humanclaw_habitat.frames import heading
 from humanclaw_habitat.models import template_of
@@ -49,12 +49,7 @@ _TURN: Final = 1.0
 """Largest difference between init_yaw and the yaw of start_rotation, degrees."""
 
 
-M = TypeVar("M", bound=BaseModel)
-
-
-class Goal(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="ignore", allow_inf_nan=False)
-
+class Goal(Attributes):
     object_id: int | str | None = None
     """A hint: in some releases the index into the scene's object_instances."""
     object_name: str | None = None
@@ -73,10 +68,8 @@ class Goal(BaseModel):
         return re.sub(r"_:\d+$", "", Path(self.object_name or "").name)
 
 
-class Task(BaseModel):
+class Task(Attributes):
     """One episode of a file."""
-
-    model_config = ConfigDict(frozen=True, extra="ignore", allow_inf_nan=False)
 
     episode_id: str | int
     scene_id: str
@@ -297,16 +290,13 @@ class _Site:
         meant = [self._meant(goal, category) for goal in goals]
         found = tuple(dict.fromkeys(obj.id for obj in meant if obj))
         if not found:
-            said = (
-                f"its {len(goals)} goals are not in the scene{self._near(goals, category)}"
-                if goals
-                else "the file has no goals"
-            )
+            lost = f"its {len(goals)} goals are not in the scene{self._near(goals, category)}"
+            said = lost if goals else "the file has no goals"
             raise SceneError(f"it has no target of category {task.object_category}: {said}.", _VERSION)
         for number, (goal, obj) in enumerate(zip(goals, meant, strict=True)):
             if obj is None:
-                lost = SceneError(f"no such object is there{self._near([goal], category)}.", _VERSION)
-                self.left_out.add(f"scene {task.scene}: goal {number} of {task.object_category}", lost, 0)
+                fault = SceneError(f"no such object is there{self._near([goal], category)}.", _VERSION)
+                self.left_out.add(f"scene {task.scene}: goal {number} of {task.object_category}", fault, 0)
         return found
 
     def _near(self, goals: Sequence[Goal], category: str) -> str:

@@ -6,17 +6,26 @@ An unrotated body faces -Z in Habitat and +Z here, so the headings differ by hal
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from humanclaw.body import Array, matrix_from_quaternion, wrap_angle
-from humanclaw.world import Quaternion
+from humanclaw.world import Part, Quaternion
 
 
 def axes(up: Sequence[float], front: Sequence[float]) -> Array:
     """Return the (3, 3) rotation that turns an asset's up to +Y and its front to -Z."""
     y, z = (np.asarray(way, float) / np.linalg.norm(way) for way in (up, [-value for value in front]))
     return np.stack([np.cross(y, z), y, z])
+
+
+def scaled(parts: Sequence[Part], scale: Array) -> list[Part]:
+    """Scale parts along the axes. Mirrored parts reverse their faces, so that the outside stays outside."""
+    return [
+        replace(part, vertices=part.vertices * scale, faces=part.faces if np.prod(scale) > 0 else part.faces[:, ::-1])
+        for part in parts
+    ]
 
 
 def rotation(wxyz: Sequence[float]) -> Array:

@@ -51,12 +51,12 @@ from humanclaw_habitat import urdf
 from humanclaw_habitat.attributes import Template, Vec3
 from humanclaw_habitat.categories import SEATS
 from humanclaw_habitat.dataset import Kind
-from humanclaw_habitat.frames import axes, quarter, quaternion
+from humanclaw_habitat.frames import axes, quarter, quaternion, scaled
 from humanclaw_habitat.gltf import readable
 from humanclaw_habitat.primitives import is_primitive, primitive
-from humanclaw_habitat.stage import floor_levels, pieces, righted
+from humanclaw_habitat.stage import floor_levels, pieces, righted, together
 
-VERSION: Final = 5
+VERSION: Final = 6
 """Part of the cache key. Raise it when a change of the code makes another asset from the same files."""
 _LIMIT: Final = 1 << 32
 _SMALL: Final = 0.35
@@ -199,7 +199,7 @@ class Models:
         found = [self._piece(kind, scale, category, joined, name, mover) for mover in (None, *moving)]
         pieces = [piece for piece in found if piece]
         if not pieces:
-            raise SceneError(f"{path}: none of its links has a shape.")
+            raise SceneError(f"{path} has no shape: none of its triangles has an area.")
         assets = {asset.name: asset for asset, _, _ in pieces}
         objects = tuple(replace(obj, id=number) for number, (_, obj, _) in enumerate(pieces, 1))
         return Scene(name, assets, objects, (), Pose2D(0, 0, 0), {"middle": json.dumps(pieces[0][2])})
@@ -210,12 +210,13 @@ class Models:
         """Return an object, or the part of it that a mover carries, with the centre of its bounding box; None without a
         shape."""
         template, link = kind.template, mover.link if mover else ""
-        parts = _scaled(self._parts(kind.path(template.render_asset), template, mover=link), np.array(scale))
-        if not parts:
+        parts = scaled(self._parts(kind.path(template.render_asset), template, mover=link), np.array(scale))
+        whole = bake(parts) if parts else None
+        if whole is None or not len(whole.faces):
             return None
         low, high = bounds(parts)
         base = base_of(np.stack([low, high]))
-        mesh = moved(lightened(bake(parts), self.triangles), -base)
+        mesh = moved(lightened(whole, self.triangles), -base)
         # A seat faces away from its back, even if the config states another front.
         quarters = _FROM_BACK[(back_of(mesh) if category in SEATS else "") or "+z"]
         mesh = turned(mesh, quarters)
@@ -225,14 +226,15 @@ class Models:
             given = self._given(kind, np.array(scale), link)
             placed = tuple(exact((hull - base) @ quarter(quarters).T) for hull in given)
             hulls = _hulls(mesh, placed, template, joined, seat.room if seat else None)
-        asset = self._asset(f"{name} {link}".strip(), category, mesh, hulls, seat.height if seat else None)
+        asset = self._asset(f"{name} {link}" if mover else name, category, mesh, hulls, seat.height if seat else None)
         obj = _object(1, asset, base, quarter(-quarters), kind)
         if mover:
             obj = _hung(obj, asset, mover, axes(template.up, template.front), np.array(scale), base, quarter(quarters))
         return asset, obj, ((low + high) / 2).tolist()
 
     def _shell(self, kind: Kind, asset: str) -> Sequence[Part]:
-        return righted(_scaled(self._parts(kind.path(asset), kind.template), _size(kind.template)))
+        size = np.array(kind.template.scale) * kind.template.units_to_meters
+        return righted(scaled(self._parts(kind.path(asset), kind.template), size))
 
     def _given(self, kind: Kind, scale: Array, mover: str) -> list[NDArray[np.float32]]:
         """Return the pieces of a template's own collision model; pieces that are not convex are decomposed."""
@@ -240,7 +242,7 @@ class Models:
         asset = kind.template.collision_asset or shape
         if not asset or kind.template.use_bounding_box_for_collision:
             return []
-        parts = _scaled(self._parts(kind.path(asset), kind.template, "collision", mover), scale)
+        parts = scaled(self._parts(kind.path(asset), kind.template, "collision", mover), scale)
         solids = [solid for part in parts for solid in _solids(part)]
         return [hull for solid in solids for hull in convex_pieces(solid, 1 if _is_convex(solid) else 16)]
 
@@ -248,10 +250,6 @@ class Models:
         self, name: str, category: str, mesh: Mesh, hulls: tuple[NDArray[np.float32], ...], seat: float | None
     ) -> Asset:
         return Asset(name, category, mesh, hulls, seat, self.origin.source, self.origin.licence)
-
-
-def _size(template: Template) -> Array:
-    return np.array(template.scale) * template.units_to_meters
 
 
 def _object(number: int, asset: Asset, base: Array, turn: Array, kind: Kind) -> SceneObject:
@@ -283,14 +281,6 @@ def _hung(
 def _vec3(point: Array) -> Vec3:
     x, y, z = (np.round(point, 5) + 0.0).tolist()
     return x, y, z
-
-
-def _scaled(parts: Sequence[Part], scale: Array) -> list[Part]:
-    """Scale parts along the axes. Mirrored parts reverse their faces, so that the outside stays outside."""
-    return [
-        replace(part, vertices=part.vertices * scale, faces=part.faces if np.prod(scale) > 0 else part.faces[:, ::-1])
-        for part in parts
-    ]
 
 
 def _hulls(
@@ -325,18 +315,11 @@ def _cloud(points: Array) -> Mesh:
 
 def _solids(part: Part) -> list[Mesh]:
     """Return the connected pieces of a part, without textures."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
     points, place = np.unique(np.round(part.vertices, 5), axis=0, return_inverse=True)
     faces = place.ravel()[part.faces]
-    edges = np.concatenate([faces[:, :2], faces[:, 1:]])
-    _, label = connected_components(
-        coo_array((np.ones(len(edges)), edges.T), (len(points), len(points))), directed=False
-    )
-    blank, found = np.zeros((1, 1, 3), np.uint8), []
-    for number in np.unique(label[faces[:, 0]]):
-        used, index = np.unique(faces[label[faces[:, 0]] == number], return_inverse=True)
+    label, blank, found = together(faces), np.zeros((1, 1, 3), np.uint8), []
+    for number in np.unique(label):
+        used, index = np.unique(faces[label == number], return_inverse=True)
         uv = np.zeros((len(used), 2), np.float32)
         found.append(Mesh(exact(points[used]), index.reshape(-1, 3).astype(np.int32), uv, blank))
     return found

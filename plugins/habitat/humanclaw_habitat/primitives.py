@@ -57,11 +57,8 @@ def _settings(name: str, kind: str, text: str) -> dict[str, float]:
     for key, value in re.findall(r"_([A-Za-z]+)_([\d.]+)", text):
         settings[key] = float(value)
     for key, value in settings.items():
-        if (
-            not 0 <= value <= _MOST.get(key, 1000)
-            or (key in ("segments", "rings") and value < 1)
-            or (key == "halfLen" and not value)
-        ):
+        least = {"segments": 1, "rings": 1, "halfLen": 1e-6}.get(key, 0)
+        if not least <= value <= _MOST.get(key, 1000):
             raise SceneError(f"{name}: {key} cannot be {value:g}.")
     return settings
 

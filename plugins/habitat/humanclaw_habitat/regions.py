@@ -55,8 +55,10 @@ def floors(slabs: Sequence[Array], levels: Sequence[float]) -> tuple[Room, ...]:
     found: list[Room] = []
     for number, level in enumerate(levels, 1):
         tops = [slab for slab in slabs if abs(slab[:, 1].max() - level) < 0.05]
-        low, high = _extent(tops)
-        x, z = (np.arange(a, b + _STEP, _STEP) for a, b in zip(low, high, strict=True))
+        if not tops:
+            continue
+        points = np.concatenate(tops)[:, [0, 2]]
+        x, z = (np.arange(a, b + _STEP, _STEP) for a, b in zip(points.min(axis=0), points.max(axis=0), strict=True))
         middle = np.stack(np.meshgrid(x[:-1] + _STEP / 2, z[:-1] + _STEP / 2, indexing="ij"), axis=-1)
         cells = np.zeros(middle.shape[:-1], bool)
         for slab in tops:
@@ -65,11 +67,6 @@ def floors(slabs: Sequence[Array], levels: Sequence[float]) -> tuple[Room, ...]:
         boxes = [(float(x[a]), float(z[c]), float(x[b]), float(z[d])) for a, b, c, d in _blocks(cells)]
         found += [Room(f"floor {number}", "room", *box, level) for box in boxes]
     return tuple(found)
-
-
-def _extent(slabs: Sequence[Array]) -> tuple[Array, Array]:
-    points = np.concatenate([np.zeros((0, 3)), *slabs])[:, [0, 2]]
-    return (points.min(axis=0), points.max(axis=0)) if len(points) else (np.zeros(2), np.zeros(2))
 
 
 def rectangles(loop: Array) -> list[tuple[float, float, float, float]]:

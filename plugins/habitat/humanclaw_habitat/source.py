@@ -17,7 +17,7 @@ from tqdm import tqdm
 from humanclaw import Scene, SceneError
 from humanclaw.body import Array, Pose2D, matrix_from_quaternion
 from humanclaw.world import Asset, Room, SceneObject
-from humanclaw_habitat.attributes import Placing, SceneInstance, Template
+from humanclaw_habitat.attributes import Placing, SceneInstance, Template, Vec3
 from humanclaw_habitat.categories import MOVABLE, category_of
 from humanclaw_habitat.dataset import Dataset, Kind
 from humanclaw_habitat.frames import quaternion, rotation
@@ -127,17 +127,12 @@ class _Assembly:
     def _place(self, number: int, placing: Placing) -> None:
         kind = self._known(self.dataset.furniture(placing.template_name), placing.template_name)
         template = kind.template
-        # Exports hold 0.9999998807907176 for a scale of 1. Rounded, equal scales share one asset.
-        factors = np.array([template.scale, placing.non_uniform_scale]).prod(axis=0)
-        x, y, z = np.round(factors * template.units_to_meters * placing.uniform_scale, 4).tolist()
-        if not x * y * z:
-            raise SceneError(f"its scale must not be 0 along any axis; got {x} x {y} x {z}.")
-        category = self.dataset.category(kind)
-        fragment = self.models.scene_of(kind, (x, y, z), category)
+        scale, category = _scale(placing, template), self.dataset.category(kind)
+        fragment = self.models.scene_of(kind, scale, category)
         mass = self._mass(placing, template, category, np.ptp(fragment.aabb(1), axis=0))
         # Only a movable object joins its hulls into one: a fixed one keeps the exact pieces.
         if mass and template.join_collision_meshes:
-            fragment = self.models.scene_of(kind, (x, y, z), category, joined=True)
+            fragment = self.models.scene_of(kind, scale, category, joined=True)
         (part,) = fragment.objects
         turn, place = rotation(placing.rotation), np.array(placing.translation)
         if (placing.translation_origin or self.instance.translation_origin) != "asset_local":
@@ -151,9 +146,7 @@ class _Assembly:
         category = self.dataset.category(kind)
         if category == "object":
             category = category_of([re.sub(r"[_-]?\d+$", "", kind.name)])
-        factors = np.array([kind.template.scale, placing.non_uniform_scale]).prod(axis=0) * placing.uniform_scale
-        x, y, z = np.round(factors, 4).tolist()
-        fragment = self.models.scene_of(kind, (x, y, z), category)
+        fragment = self.models.scene_of(kind, _scale(placing, kind.template), category)
         turn, place = rotation(placing.rotation), np.array(placing.translation)
         placed = [_placed(part, turn, place) for part in fragment.objects]
         self.assets |= fragment.assets
@@ -227,6 +220,16 @@ class _Assembly:
     def _files(self) -> str:
         """Return the SHA-256 over all model files that were read."""
         return hashlib.sha256(" ".join(sorted(self.models.digests.values())).encode()).hexdigest()
+
+
+def _scale(placing: Placing, template: Template) -> Vec3:
+    """Return the scale of a placed template along its axes, metres a unit. Raises SceneError if one is 0."""
+    # Exports hold 0.9999998807907176 for a scale of 1. Rounded, equal scales share one asset.
+    factors = np.array([template.scale, placing.non_uniform_scale]).prod(axis=0)
+    x, y, z = np.round(factors * template.units_to_meters * placing.uniform_scale, 4).tolist()
+    if not x * y * z:
+        raise SceneError(f"its scale must not be 0 along any axis; got {x} x {y} x {z}.")
+    return x, y, z
 
 
 def _placed(thing: SceneObject, turn: Array, place: Array) -> SceneObject:

@@ -53,9 +53,11 @@ def pieces(parts: Sequence[Part], shell: Sequence[Part] | None, solid: bool) -> 
     shells = {} if shell is None else _by_category(shell)
     walls = found.pop("wall", [])
     groups = [*found.items(), *(("wall", group) for group in ([walls] if shells else _standing(walls)) if group)]
+    # A triangle without an area, of which files have some, may be a piece of its own: nothing is left of it.
     return [
-        Piece(name, bake(group), slabs(shells.get(name, ()) if shells else group, name) if solid else ())
+        Piece(name, mesh, slabs(shells.get(name, ()) if shells else group, name) if solid else ())
         for name, group in groups
+        if len((mesh := bake(group)).faces)
     ]
 
 
@@ -126,7 +128,7 @@ def _standing(parts: Sequence[Part]) -> list[list[Part]]:
     """Split walls into connected pieces, the largest first; the smallest together form the last piece."""
     found: list[tuple[float, Part]] = []
     for part in parts:
-        label = _together(_welded(part))
+        label = together(_welded(part))
         for number in np.unique(label):
             piece = replace(part, faces=part.faces[label == number])
             found.append((_area(piece), piece))
@@ -146,7 +148,7 @@ def _welded(part: Part) -> Faces:
     return np.asarray(place.ravel()[part.faces], np.int64)
 
 
-def _together(faces: Faces) -> NDArray[np.int32]:
+def together(faces: Faces) -> NDArray[np.int32]:
     """Return (M,) the number of the connected piece that each face belongs to."""
     count = int(faces.max()) + 1
     edges = np.concatenate([faces[:, :2], faces[:, 1:]])

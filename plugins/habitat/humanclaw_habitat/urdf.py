@@ -16,10 +16,11 @@ from xml.etree import ElementTree
 import numpy as np
 
 from humanclaw import SceneError
-from humanclaw.body import Array
+from humanclaw.body import Array, matrix_from_vector
 from humanclaw.storage import read_file
 from humanclaw.world import Hinge, Joint, Part, Slide
-from humanclaw_habitat.attributes import LARGEST
+from humanclaw_habitat.attributes import LARGEST, MOST
+from humanclaw_habitat.frames import scaled
 from humanclaw_habitat.primitives import primitive
 
 _MOVING: Final = ("revolute", "continuous", "prismatic", "planar", "floating")
@@ -71,16 +72,16 @@ def movers(path: Path) -> list[Mover]:
     """Return the links on hinges and slides that have no other such link between them and the root, as the file lists
     their joints. Raises SceneError if it cannot be read."""
     robot, found = _root(path), dict[str, Mover]()
-    moving = {_named(joint, "child"): joint for joint in robot.findall("joint") if _range(joint, path)}
+    moving = {_named(joint, "child", path): joint for joint in robot.findall("joint") if _range(joint, path)}
     for number, (link, joint) in enumerate(moving.items()):
-        _, chain = _place(robot, _named(joint, "parent"), path)
+        _, chain = _place(robot, _named(joint, "parent", path), path)
         if not moving.keys() & set(chain):
             found[link] = _mover(robot, link, number, joint, path)
     return list(found.values())
 
 
 def _mover(robot: ElementTree.Element, link: str, number: int, joint: ElementTree.Element, path: Path) -> Mover:
-    frame = _place(robot, _named(joint, "parent"), path)[0] @ _origin(joint, path)
+    frame = _place(robot, _named(joint, "parent", path), path)[0] @ _origin(joint, path)
     x, y, z = (float(value) for value in frame[:3, :3] @ _way(joint, path))
     low, high = _range(joint, path) or (0.0, 0.0)
     dynamics = joint.find("dynamics")
@@ -102,8 +103,17 @@ def _range(joint: ElementTree.Element, path: Path) -> tuple[float, float] | None
     limit = joint.find("limit")
     if limit is None or joint.get("type") not in ("revolute", "prismatic"):
         return None
-    low, high = _numbers(f"{limit.get('lower', '0')} {limit.get('upper', '0')}", 2, path).tolist()
-    return (low, min(high, low + 2 * np.pi)) if low < high else None
+    low, high = _limits(limit, path)
+    if joint.get("type") == "revolute" and high - low > 2 * np.pi:
+        low = max(low, float(np.clip(0.0, low, high)) - np.pi)
+        high = min(high, low + 2 * np.pi)
+    return (low, high) if low < high else None
+
+
+def _limits(limit: ElementTree.Element, path: Path) -> tuple[float, float]:
+    """Return the limits of a joint. Files write 1e30 for none; no way is longer than the world is wide."""
+    low, high = np.clip(_numbers(f"{limit.get('lower', '0')} {limit.get('upper', '0')}", 2, path), -MOST, MOST).tolist()
+    return low, high
 
 
 def meshes(path: Path) -> list[Path]:
@@ -134,21 +144,24 @@ def _root(path: Path) -> ElementTree.Element:
 
 def _place(robot: ElementTree.Element, link: str, path: Path) -> tuple[Array, list[str]]:
     """Return the (4, 4) frame of a link in that of the root link, and the link with all above it."""
-    above = {_named(joint, "child"): joint for joint in robot.findall("joint")}
+    above = {_named(joint, "child", path): joint for joint in robot.findall("joint")}
     frame, chain = np.eye(4), [link]
     for _ in range(len(above) + 1):  # A longer chain would have to pass a joint twice.
         if link not in above:
             return frame, chain
         joint = above[link]
         frame = _origin(joint, path) @ _rest(joint, path) @ frame
-        link = _named(joint, "parent")
+        link = _named(joint, "parent", path)
         chain.append(link)
     raise SceneError(f"{path}: the joints form a circle at link {link!r}.")
 
 
-def _named(joint: ElementTree.Element, end: str) -> str:
+def _named(joint: ElementTree.Element, end: str, path: Path) -> str:
+    """Return the link at an end of a joint: 'parent' or 'child'."""
     found = joint.find(end)
-    return "" if found is None else found.get("link", "")
+    if found is None or not found.get("link"):
+        raise SceneError(f"{path}: each joint must name a {end} link; joint {joint.get('name', '')!r} names none.")
+    return found.get("link", "")
 
 
 def _rest(joint: ElementTree.Element, path: Path) -> Array:
@@ -157,12 +170,12 @@ def _rest(joint: ElementTree.Element, path: Path) -> Array:
     frame = np.eye(4)
     if limit is None or joint.get("type") not in ("revolute", "prismatic"):
         return frame
-    value = float(np.clip(0.0, *_numbers(f"{limit.get('lower', '0')} {limit.get('upper', '0')}", 2, path)))
+    value = float(np.clip(0.0, *_limits(limit, path)))
     way = _way(joint, path)
     if joint.get("type") == "prismatic":
         frame[:3, 3] = value * way
     else:
-        frame[:3, :3] = _about(way, value)
+        frame[:3, :3] = matrix_from_vector(value * way)
     return frame
 
 
@@ -173,12 +186,6 @@ def _way(joint: ElementTree.Element, path: Path) -> Array:
     return np.asarray(way / max(float(np.linalg.norm(way)), 1e-12))
 
 
-def _about(way: Array, angle: float) -> Array:
-    """Return the (3, 3) rotation by an angle (radians) about a unit axis: Rodrigues' formula."""
-    cross = np.cross(np.eye(3), way)
-    return np.asarray(np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross)
-
-
 def _origin(element: ElementTree.Element, path: Path) -> Array:
     """Return the (4, 4) frame of an element's origin: roll, pitch and yaw about fixed axes."""
     origin = element.find("origin")
@@ -186,7 +193,7 @@ def _origin(element: ElementTree.Element, path: Path) -> Array:
     if origin is not None:
         roll, pitch, yaw = _numbers(origin.get("rpy", "0 0 0"), 3, path)
         x, y, z = np.eye(3)
-        frame[:3, :3] = _about(z, yaw) @ _about(y, pitch) @ _about(x, roll)
+        frame[:3, :3] = matrix_from_vector(yaw * z) @ matrix_from_vector(pitch * y) @ matrix_from_vector(roll * x)
         frame[:3, 3] = _numbers(origin.get("xyz", "0 0 0"), 3, path)
     return frame
 
@@ -196,13 +203,7 @@ def _shape(element: ElementTree.Element, path: Path, read: Callable[[Path], list
     geometry = element.find("geometry")
     for shape in () if geometry is None else geometry:
         if shape.tag == "mesh":
-            size = _numbers(shape.get("scale", "1 1 1"), 3, path)
-            # A mirrored mesh reverses its faces, so that its outside stays outside.
-            faces = slice(None, None, 1 if np.prod(size) > 0 else -1)
-            return [
-                replace(part, vertices=part.vertices * size, faces=part.faces[:, faces])
-                for part in read(_file(shape, path))
-            ]
+            return scaled(read(_file(shape, path)), _numbers(shape.get("scale", "1 1 1"), 3, path))
         return [replace(part, colour=_colour(element, path) or part.colour) for part in _solid(shape, path)]
     raise SceneError(f"{path}: each {element.tag} must have a geometry; one has none.")
 

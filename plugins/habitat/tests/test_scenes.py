@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 from toy_dataset import HALF, PLACED, box, model, room, textured, walls, write
 
 from humanclaw import HumanclawError, Plugins, Scene, SceneError
@@ -471,10 +472,11 @@ def test_a_joint_on_another_stands_still(mine: Path) -> None:
     assert json.loads(found.notes["ignored"]) == ["articulated object 0 (fridge): 1 of its joints stand still"]
 
 
-def test_the_name_of_a_link_is_a_name_alone(mine: Path) -> None:
+@pytest.mark.parametrize("name", ["a'drawer", " drawer ", " "])
+def test_the_name_of_a_link_is_a_name_alone(mine: Path, name: str) -> None:
     file = fridge(mine) / "fridge.urdf"
-    file.write_text(file.read_text().replace('"drawer"', '"a\'drawer"'))
-    assert "a'drawer" in parts(load(mine))
+    file.write_text(file.read_text().replace('"drawer"', f'"{name}"'))
+    assert name in parts(load(mine))
 
 
 def test_what_would_fall_by_its_weight_is_held(mine: Path) -> None:
@@ -490,6 +492,34 @@ def test_a_joint_that_cannot_be_at_zero_is_at_the_nearest_that_it_can(mine: Path
     fridge(mine, lower="1.2")
     door = parts(load(mine))["door"]
     assert door.state == pytest.approx(1.2)
+
+
+@pytest.mark.parametrize("end", [100, 1e30])
+def test_a_hinge_of_many_turns_turns_once_and_keeps_its_nearer_stop(mine: Path, end: float) -> None:
+    """Files write a large number for a hinge without stops."""
+    for lower, low in ((-end, -np.pi), (-1, -1), (1, 1)):
+        file = fridge(mine, lower=f"{lower}") / "fridge.urdf"
+        file.write_text(file.read_text().replace('upper="1.570796"', f'upper="{end}"'))
+        door = parts(load(mine))["door"]
+        assert door.joint is not None
+        assert (door.joint.low, door.joint.high) == pytest.approx((low, low + 2 * np.pi))
+        assert door.state == max(lower, 0)
+
+
+def test_a_slide_may_be_longer_than_a_turn(mine: Path) -> None:
+    file = fridge(mine) / "fridge.urdf"
+    file.write_text(file.read_text().replace('upper="0.4"', 'upper="8"'))
+    drawer = parts(load(mine))["drawer"]
+    assert drawer.joint is not None
+    assert drawer.joint.high == 8
+
+
+def test_a_link_without_a_surface_is_left_out(mine: Path) -> None:
+    file = fridge(mine) / "fridge.urdf"
+    file.write_text(file.read_text().replace('scale="2 1 1"', 'scale="0 0 0"'))
+    found = load(mine)
+    assert set(parts(found)) == {"", "drawer"}
+    assert json.loads(found.notes["ignored"]) == ["articulated object 0 (fridge): 1 of its joints stand still"]
 
 
 def test_an_articulated_object_is_turned_and_scaled_about_its_root(mine: Path) -> None:
@@ -534,6 +564,8 @@ def test_another_mesh_of_a_link_makes_another_scene(mine: Path) -> None:
         ('<parent link="body"/><child link="door"/>', '<parent link="door"/><child link="door"/>', "circle"),
         ("<robot", '<?xml version="1.0" encoding="big5"?><robot', "multi-byte"),
         ('<cylinder radius="0.1"', '<capsule radius="0"', "radius 0"),
+        ('<child link="drawer"/>', '<child link=""/>', "child link"),
+        ('<parent link="body"/><child link="drawer"/>', '<child link="drawer"/>', "parent link"),
         ("</robot>", "<link/>" * 500 + "</robot>", "at most 500"),
     ],
 )
@@ -543,6 +575,11 @@ def test_an_articulated_object_that_cannot_be_read_is_named(mine: Path, was: str
     fails(mine, "articulated object 0 (fridge)", said)
     with pytest.warns(UserWarning, match="fridge"):
         assert 6 not in load(mine, "?missing=skip").by_id
+
+
+def test_a_scale_of_nothing_is_named(mine: Path) -> None:
+    fridge(mine, uniform_scale=0)
+    fails(mine, "articulated object 0 (fridge)", "must not be 0")
 
 
 def test_an_articulated_object_that_nobody_defines_is_named(mine: Path) -> None:
@@ -620,6 +657,24 @@ def test_json_that_is_nested_too_deeply_is_told(mine: Path, deep: str) -> None:
 def test_what_is_placed_or_scaled_out_of_the_world_is_told(mine: Path, changed: dict[str, object]) -> None:
     edit(mine / "scenes" / "toy1.scene_instance.json", object_instances=[PLACED[0] | changed])
     fails(mine, "object", "1000", str(next(iter(changed))).split("_")[-1])
+
+
+@pytest.mark.parametrize("grown", [(1e5, 1e5, 1e5), (1e30, 1, 1), (6000, 1, 6000)])
+def test_a_model_too_large_to_walk_around_is_told(mine: Path, grown: tuple[float, ...]) -> None:
+    """The cup is 0.1 m wide."""
+    mesh = box((0, 0, 0), (0.1, 0.1, 0.1)).apply_scale(grown)
+    model(mine / "objects" / "c" / "cup1.glb", mesh)
+    with pytest.raises(SceneError, match=r"at most 100,000 m².*object 4 \(cup1"):
+        load(mine)
+
+
+def test_a_model_of_lines_alone_is_told_and_costs_a_building_nothing(mine: Path) -> None:
+    line = trimesh.Trimesh([(0, 0, 0), (1, 0, 0), (2, 0, 0)], [(0, 1, 2)])
+    before = load(mine)
+    model(mine / "stages" / "toy.glb", *walls(), line.copy())
+    assert [thing.category for thing in load(mine).objects] == [thing.category for thing in before.objects]
+    model(mine / "objects" / "c" / "cup1.glb", line)
+    fails(mine, "object 3 (cup1)", "has an area")
 
 
 def test_a_room_out_of_the_world_is_told(mine: Path) -> None:
@@ -726,6 +781,30 @@ def test_a_scene_instance_with_a_wrong_field_is_told_by_file_and_field(mine: Pat
 def test_axes_that_are_not_orthogonal_are_refused(mine: Path) -> None:
     edit(mine / "objects" / "t" / "tv1.object_config.json", up=[0, 1, 0], front=[0, 1, 1])
     fails(mine, "tv1.object_config.json", "orthogonal")
+
+
+@pytest.mark.parametrize(("section", "said"), [
+    ("objects", "valid dict"), ({"default_attributes": [1]}, "default_attributes"),
+    ({"paths": {".json": [5]}}, "paths"), ({"paths": {".json": "objects/*"}}, "paths"),
+    ({"paths": {".json": ["a**b"]}}, "a**b"),
+])  # fmt: skip
+def test_a_section_of_a_config_of_no_use_is_told(mine: Path, section: object, said: str) -> None:
+    edit(mine / "toy.scene_dataset_config.json", objects=section)
+    fails(mine, said)
+
+
+@pytest.mark.parametrize("classes", [5, [{"id": 1}], [{"id": "x", "name": "couch"}]])
+def test_a_lexicon_of_no_use_is_told(mine: Path, classes: object) -> None:
+    (mine / "semantics" / "objects.csv").unlink()
+    write(mine / "semantics" / "toy.json", {"classes": classes})
+    named = {"default_attributes": {"semantic_descriptor_filename": "semantics/toy.json"}}
+    edit(mine / "toy.scene_dataset_config.json", semantic_scene_descriptor_instances=named)
+    fails(mine, "toy.json", "classes")
+
+
+def test_the_name_of_a_model_that_no_file_can_have_is_told(mine: Path) -> None:
+    edit(mine / "objects" / "c" / "cup1.object_config.json", render_asset="cup\0.glb")
+    fails(mine, "object 3 (cup1)", "cannot be read")
 
 
 def test_json_that_is_none_is_told_by_file(mine: Path) -> None:

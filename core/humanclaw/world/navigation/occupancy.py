@@ -16,6 +16,7 @@ import scipy  # Whose parts load when they are used: ndimage takes a fifth of a 
 from numpy.typing import NDArray
 
 from humanclaw.body.pose import Array
+from humanclaw.errors import SceneError
 from humanclaw.world.navigation.keeping import Drawing, kept
 from humanclaw.world.scene import Room, Scene, SceneObject
 
@@ -23,6 +24,8 @@ Mask = NDArray[np.bool_]
 
 CELL: Final = 0.05
 """Side of a grid cell, metres."""
+_LARGEST: Final = 100_000
+"""Largest area of a grid, square metres: 40 million cells take 2 GB."""
 OBSTACLE_HEIGHTS: Final = (0.05, 1.9)
 """Heights above the floor, metres, between which an object blocks a body: lower it is stepped over, higher the head
 passes below it."""
@@ -265,8 +268,12 @@ def _extent(scene: Scene) -> tuple[Array, tuple[int, int]]:
     corners += [np.array(pair) for room in scene.rooms for pair in ((room.x0, room.z0), (room.x1, room.z1))]
     corners.append(np.array([scene.start.x, scene.start.z]))
     low = np.floor((np.min(corners, axis=0) - 0.5) / CELL) * CELL
-    nx, nz = np.ceil((np.max(corners, axis=0) + 0.5 - low) / CELL).astype(int)
-    return low, (int(nx), int(nz))
+    wide, deep = np.max(corners, axis=0) + 0.5 - low
+    if wide * deep > _LARGEST:
+        far = max(scene.objects, key=lambda obj: float(np.abs(scene.aabb(obj.id)).max()))
+        told = f"the scene is {wide:.0f} m by {deep:.0f} m; at most {_LARGEST:,} m² can be searched."
+        raise SceneError(told, f"Look at object {far.id} ({far.asset}): it reaches farthest from the origin.")
+    return low, (int(np.ceil(wide / CELL)), int(np.ceil(deep / CELL)))
 
 
 def _hulls(scene: Scene, obj: SceneObject, pose: Array | None, floor: float) -> Iterator[Array]:
