@@ -10,7 +10,7 @@ from itertools import chain
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, StringConstraints, TypeAdapter, ValidationError
 
 from humanclaw import RecordedEpisode, RecordError, load_run
 from humanclaw.records import first_fault
@@ -44,7 +44,7 @@ class _Value(BaseModel):
 
 
 Text = Annotated[str, Field(max_length=500)]
-Who = Annotated[Text, Field(min_length=1)]
+Who = Annotated[Text, StringConstraints(strip_whitespace=True, min_length=1)]
 Dollars = Annotated[float, Field(ge=0, le=MOST)]
 Measure = Annotated[float, Field(ge=0, le=MOST)]
 """Of seconds or metres."""
@@ -144,8 +144,6 @@ def submit(run: Path, who: str, model_date: str = "", partial: bool = True) -> S
 
     partial: allow missing episodes.
     """
-    if not who.strip():
-        raise RecordError("no submission can be made: who: expected a name, got a blank one.", "Name the author.")
     try:  # The author first: it is the command's own word.
         TypeAdapter(Who).validate_python(who)
     except ValidationError as error:

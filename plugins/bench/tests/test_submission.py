@@ -526,7 +526,9 @@ def test_an_episode_with_a_number_that_is_none_is_no_submission(run: Path, numbe
     assert f"is not a submission: episodes.1.scores.{number}: " in "".join(page(run))
 
 
-@pytest.mark.parametrize(("key", "bad"), [("asked", -(10**400)), ("made", "9999-99-99"), ("who", "x" * 501)])
+@pytest.mark.parametrize(
+    ("key", "bad"), [("asked", -(10**400)), ("made", "9999-99-99"), ("who", "x" * 501), ("who", " ")]
+)
 def test_a_submission_that_says_something_odd_is_none(run: Path, key: str, bad: object) -> None:
     path = submitted(run)
     path.write_text(json.dumps(json.loads(path.read_text()) | {key: bad}))
