@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Final
 
 import torch
@@ -18,19 +19,15 @@ FEET: Final = tuple(JOINT_INDEX[name] for name in ("left_ankle", "right_ankle", 
 _SOLES: Final = (SOLE, SOLE, TOE_SOLE, TOE_SOLE)
 
 
-def _levels() -> tuple[tuple[int, ...], ...]:
-    """Group joints by their distance from the root; the joints of one level are computed together."""
-    depth = [0] * N_JOINTS
-    for joint in range(1, N_JOINTS):
-        depth[joint] = depth[PARENTS[joint]] + 1
-    return tuple(tuple(j for j in range(N_JOINTS) if depth[j] == level) for level in range(1, max(depth) + 1))
+def _levels() -> Iterator[tuple[slice, list[int]]]:
+    """Yield the joints as far from the root as one another, which are computed together, and their parents."""
+    parents = [0]
+    while joints := [joint for joint in range(1, N_JOINTS) if PARENTS[joint] in parents]:
+        yield slice(joints[0], joints[-1] + 1), [PARENTS[joint] for joint in joints]
+        parents = joints
 
 
-_LEVELS: Final = _levels()
-# Joints in the order in which levels append them, and the way back.
-_ORDER: Final = (0, *(joint for level in _LEVELS for joint in level))
-_PLACE: Final = {joint: place for place, joint in enumerate(_ORDER)}
-_BACK: Final = tuple(_PLACE[joint] for joint in range(N_JOINTS))
+_LEVELS: Final = tuple(_levels())
 
 
 def matrices(vectors: Tensor) -> Tensor:
@@ -48,16 +45,16 @@ def matrices(vectors: Tensor) -> Tensor:
 
 def joints(root: Tensor, rotations: Tensor) -> Tensor:
     """Compute joint positions (..., 24, 3) from root positions (..., 3) and local rotations (..., 24, 3)."""
-    offsets = torch.as_tensor(OFFSETS, dtype=root.dtype, device=root.device)
+    offsets = torch.as_tensor(OFFSETS, dtype=root.dtype, device=root.device)[..., None]
     local = matrices(rotations)
     positions, turns = root[..., None, :], local[..., :1, :, :]
-    for level in _LEVELS:
-        parents = [_PLACE[PARENTS[joint]] for joint in level]
-        turn = turns[..., parents, :, :]
-        moved = positions[..., parents, :] + (turn @ offsets[list(level), :, None])[..., 0]
-        positions = torch.cat([positions, moved], -2)
-        turns = torch.cat([turns, turn @ local[..., list(level), :, :]], -3)
-    return positions[..., list(_BACK), :]
+    for level, parents in _LEVELS:
+        # No list as an index: it is copied to the device each time, and a GPU waits for the copy.
+        turn = torch.cat([turns[..., joint : joint + 1, :, :] for joint in parents], -3)
+        start = torch.cat([positions[..., joint : joint + 1, :] for joint in parents], -2)
+        positions = torch.cat([positions, start + (turn @ offsets[level])[..., 0]], -2)
+        turns = torch.cat([turns, turn @ local[..., level, :, :]], -3)
+    return positions
 
 
 def support_height(positions: Tensor) -> Tensor:

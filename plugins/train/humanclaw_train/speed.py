@@ -47,6 +47,8 @@ RUNTIMES: Final[dict[str, Callable[[Path, Solver], Runtime]]] = {
     "numpy": lambda base, solver: NumpyRuntime(load_base(base), solver),
     "torch": lambda base, solver: TorchRuntime(base, solver, torch.device("cpu")),
 }
+if torch.cuda.is_available():
+    RUNTIMES["torch on the GPU"] = lambda base, solver: TorchRuntime(base, solver, torch.device("cuda"))
 SOLVERS: Final = (PROFILES["default"], Solver("midpoint", 4), Solver("midpoint", 30))
 GOALS: Final = {"lite": 50.0, "paper": 250.0}
 """Limit of the default solver's time per chunk, ms."""

@@ -1,7 +1,11 @@
+from collections import Counter
+
 import numpy as np
 import pytest
 
 torch = pytest.importorskip("torch")
+
+from torch.utils._python_dispatch import TorchDispatchMode
 
 from humanclaw.body import Motion, encode, support_height
 from humanclaw_train import kinematics
@@ -41,3 +45,25 @@ def test_the_gradient_at_no_rotation_is_finite():
     kinematics.joints(torch.zeros(1, 3), rotations).square().sum().backward()
     assert rotations.grad is not None
     assert torch.isfinite(rotations.grad).all()
+
+
+class _Operations(TorchDispatchMode):
+    """Counts operations by name."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.found = Counter()
+
+    def __torch_dispatch__(self, function, types, args=(), kwargs=None):
+        self.found[str(function)] += 1
+        return function(*args, **(kwargs or {}))
+
+
+def test_joints_are_computed_with_at_most_one_copy_to_the_device():
+    # A list of numbers as an index becomes a tensor on the CPU (lift_fresh); a GPU copies it and waits.
+    root, rotations = (torch.from_numpy(part).float() for part in _motions())
+    with _Operations() as operations:
+        kinematics.joints(root, rotations)
+    assert operations.found["aten.bmm.default"] > 0
+    assert operations.found["aten.lift_fresh.default"] <= 1
+    assert operations.found["aten.index.Tensor"] == 0
