@@ -1,6 +1,7 @@
 """Open the fridge of a house: `python examples/fridge.py STRIP.jpg` draws it in six pictures."""
 
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,8 @@ from humanclaw.body import Pose2D, matrix_from_quaternion, yaw_matrix
 from humanclaw.world import Camera
 
 SKILLS = Path(__file__).parents[1] / "skills"
-PACKAGES = [SKILLS / name / f"humanclaw_skill_{name}" for name in ("hands", "handle")]
+PARTS = {name: f"humanclaw_skill_{name}" for name in ("hands", "handle")}
+PACKAGES = [SKILLS / name / package for name, package in PARTS.items() if find_spec(package) is None]
 SIDE = {"side": "right"}
 CALLS = (
     ("reach", SIDE | {"x_cm": -22, "y_cm": 110, "z_cm": 48}), ("reach", SIDE | {"x_cm": -22, "y_cm": 110, "z_cm": 63}),

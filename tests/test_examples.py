@@ -1,5 +1,6 @@
 """Every example runs as its docstring says."""
 
+import runpy
 import subprocess
 import sys
 from pathlib import Path
@@ -38,6 +39,18 @@ def test_a_hand_opens_a_fridge(tmp_path):
     opened = int(done.stdout.splitlines()[-1].removeprefix("The door is open by ").removesuffix(" degrees."))
     assert 40 < opened < 95
     assert Image.open(tmp_path / "strip.jpg").size == (2400, 400)
+
+
+def test_the_fridge_takes_hands_that_are_installed_already(tmp_path, monkeypatch):
+    """As docs/hands.md installs them."""
+    for name in ("handle", "hands"):
+        info = tmp_path / f"humanclaw_skill_{name}-0.1.0.dist-info"
+        info.mkdir()
+        (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: humanclaw-skill-{name}\nVersion: 0.1.0\n")
+        (info / "entry_points.txt").write_text(f"[humanclaw]\n{name} = humanclaw_skill_{name}\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    packages = runpy.run_path(str(EXAMPLES / "fridge.py"))["PACKAGES"]
+    assert {"reach", "pull"} <= Plugins.discover(packages).skills.keys()
 
 
 def test_the_ten_line_skill_nods(house):
