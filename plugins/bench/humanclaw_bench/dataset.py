@@ -73,18 +73,16 @@ class Dataset:
 
 def card(kind: str, parts: Mapping[str, Sequence[Json]], licences: Collection[str]) -> str:
     """Return the card of a dataset: where its parts are, counts, licences and how its words were written."""
-    rows = [row for part in parts.values() for row in part]
-    episodes = {(row["agent"], row["episode"]): row for row in rows}.values()
+    of = {part: _episodes(rows) for part, rows in parts.items()}
     lines = ["---", "configs:", "- config_name: default", "  data_files:"]
     lines += [f"  - split: {part}\n    path: {part}/*.jsonl" for part in parts if parts[part]]
     lines += [f"license: {'apache-2.0' if all(map(_ours, licences)) else 'other'}", "---", f"# {kind}", ""]
     lines += ["| part | rows | episodes | houses | succeeded |", "| --- | ---: | ---: | ---: | ---: |"]
     for part, found in parts.items():
-        own = {(row["agent"], row["episode"]): row for row in found}.values()
-        houses, good = len({row["house"] for row in own}), sum(row["success"] for row in own)
-        lines.append(f"| {part} | {len(found)} | {len(own)} | {houses} | {good} |")
+        houses, good = len({row["house"] for row in of[part]}), sum(row["success"] for row in of[part])
+        lines.append(f"| {part} | {len(found)} | {len(of[part])} | {houses} | {good} |")
     for key in ("agent", "difficulty", "cause"):
-        counted = Counter(row[key] or "none" for row in episodes).most_common()
+        counted = Counter(row[key] or "none" for own in of.values() for row in own).most_common()
         lines += ["", f"Episodes by {key}: {', '.join(f'{name} {count}' for name, count in counted)}."]
     lines += [
         "",
@@ -93,6 +91,11 @@ def card(kind: str, parts: Mapping[str, Sequence[Json]], licences: Collection[st
         f"Licences of what is in the scenes: {'; '.join(sorted(set(licences))) or 'Apache-2.0'}.",
     ]
     return "\n".join(lines) + "\n"
+
+
+def _episodes(rows: Sequence[Json]) -> list[Json]:
+    """Return the last row of each episode: its pictures are in a folder of their own."""
+    return list({Path(row["images"][0]).parent: row for row in rows}.values())
 
 
 def _ours(licence: str) -> bool:
@@ -134,8 +137,8 @@ def rollouts(
     episodes = [one for run in runs for one in load_run(run)]
     for recorded in tqdm(episodes, unit="episode"):
         require_honest(recorded)
-        if not data.folder.has(data.name(recorded)):
-            data.add(recorded, _rows(made, recorded, better))
+        if not data.folder.has(data.name(recorded)) and (rows := _rows(made, recorded, better)):
+            data.add(recorded, rows)
     parts = {part: list(data.written(part)) for part in _PARTS}
     licences = {licence for one in episodes for licence in one.record.licences}
     data.folder.write("README.md", card(kind, parts, licences).encode())

@@ -102,19 +102,20 @@ class Conversations:
                 yield {**about, "step": step.step, "messages": messages, "images": [_file(recorded, index)]}, picture
 
     def pair(self, bad: RecordedEpisode, good: RecordedEpisode, cause: Cause) -> tuple[Json, bytes] | None:
-        """Return the row of the first step at which two plays of an episode differ; None if a call is missing there.
+        """Return the row of the first step at which two plays of an episode differ.
 
-        Until there both have the same prompt, because the same calls in the same episode lead to the same views.
+        None if a call is missing there, or if they were not shown the same until there: two tasks, or two engines.
         """
         pairs = enumerate(zip(bad.steps, good.steps, strict=False))
         index = next((k for k, (one, two) in pairs if _said(one.decision) != _said(two.decision)), None)
         if index is None or bad.steps[index].call is None or good.steps[index].call is None:
             return None
+        prompt, view = self._prompt(bad, index), bad.view(bad.steps[index])
+        if (prompt, view) != (self._prompt(good, index), good.view(good.steps[index])):
+            return None
         about = self._about(bad, score(bad), cause) | {"step": index, "images": [_file(bad, index)]}
         rejected, chosen = (_answer(one.steps[index].decision, self.wanted.settings) for one in (bad, good))
-        return {
-            **about, "prompt": self._prompt(bad, index), "chosen": [chosen], "rejected": [rejected],
-        }, bad.view(bad.steps[index])  # fmt: skip
+        return {**about, "prompt": prompt, "chosen": [chosen], "rejected": [rejected]}, view
 
     def _about(self, recorded: RecordedEpisode, scores: Scores, cause: Cause | None) -> Json:
         record = recorded.record
@@ -161,8 +162,9 @@ def _said(decision: Decision) -> Decision:
 
 
 def named(recorded: RecordedEpisode) -> str:
-    """Return a file name for an episode of an agent."""
-    return f"{name_of(recorded.record.agent)}--{recorded.record.spec.id}"
+    """Return a file name for a played episode. Other runs may hold the same agent and id, hence the seal."""
+    record = recorded.record
+    return f"{name_of(record.agent)}--{record.spec.id}--{record.sealed.seal[:12]}"
 
 
 def _file(recorded: RecordedEpisode, index: int) -> str:
