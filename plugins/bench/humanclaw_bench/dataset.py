@@ -130,11 +130,11 @@ def rollouts(
     The same command continues where it was interrupted. `bench export --to lerobot` writes robots' data.
     """
     wanted = Wanted(success, cause or "", difficulty or "", test)
-    data, kind = Dataset.at(out, wanted), "Preferences" if repaired else "Rollouts"
-    data.begin(kind)
     better = {one.record.spec.id: one for one in load_run(repaired)} if repaired else None
     made = Conversations(Plugins.discover(), wanted)
     episodes = [one for run in runs for one in load_run(run)]
+    data, kind = Dataset.at(out, wanted), "Preferences" if repaired else "Rollouts"
+    data.begin(kind)
     for recorded in tqdm(episodes, unit="episode"):
         require_honest(recorded)
         if not data.folder.has(data.name(recorded)) and (rows := _rows(made, recorded, better)):
