@@ -22,7 +22,7 @@ EYES = {"privileged": {"agent": True}, "agent": {"words": "eyes"}}
 
 @pytest.fixture(scope="module")
 def made(plugins):
-    return Conversations(plugins, Wanted())
+    return Conversations(plugins)
 
 
 def _texts(messages):

@@ -6,7 +6,7 @@ judged as an episode of a run is.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from numbers import Integral
@@ -83,7 +83,8 @@ class Gym:
         self._rewards = {name: self.plugins.offered("rewards", name) for name in {*self.weights, self.tasks.goal}}
         self._backends = (backends or Backends()).chosen(self.plugins)
         self._agent, self._verifier = agent, verifier
-        self._scenes = lru_cache(SCENES)(self.plugins.scene)
+        self.scene: Callable[[str], Scene] = lru_cache(SCENES)(self.plugins.scene)
+        """Return the scene of a reference; the last ones are kept."""
         self._ways = lru_cache(SCENES)(geodesics)
         self._body: Body | None = None
         self._episode: Episode | None = None
@@ -105,11 +106,6 @@ class Gym:
     def skills(self) -> tuple[Skill, ...]:
         """The skills that can be called."""
         return tuple(skill for skill in self.plugins.skills.values() if skill.trained)
-
-    def scene(self, reference: str) -> Scene:
-        """Return a scene; the last ones are kept."""
-        found: Scene = self._scenes(reference)
-        return found
 
     def reset(self, seed: int) -> Turn:
         """Begin the task of a seed. Raises HumanclawError unless it is a whole number from 0."""

@@ -31,9 +31,8 @@ def command(
     from humanclaw_openenv.server import serve
 
     plugins = Plugins.discover(files, choice)
-    gym = partial(
-        Gym, tasks, parse_pairs(weights) or None, options=parse_pairs(pairs), agent="openenv", plugins=plugins
-    )
+    rewards = parse_pairs(weights) or None
+    gym = partial(Gym, tasks, rewards, options=parse_pairs(pairs), agent="openenv", plugins=plugins)
     with gym() as first:
         # Refuses wrong names and options, and compiles the renderer, before anybody connects and waits.
         first.reset(0)

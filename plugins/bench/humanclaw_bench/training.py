@@ -39,7 +39,6 @@ EYES: Final = 1.5
 """Height of the eyes over the floor, metres, to tell what a standing body could see."""
 VISIBLE: Final = 5
 """Of 27 points of a target's box, those that must be free to see."""
-RESERVED: Final = frozenset((*HOUSES, *DEV_HOUSES))
 MOST: Final = 500_000
 """Training houses: house:train-0 to the first house of dev."""
 TOGETHER: Final = 10
@@ -102,7 +101,7 @@ def require_training(reference: str) -> None:
         return
     number = argument.removeprefix("train-")
     hidden = argument != number and number.isdecimal() and int(number) >= HIDDEN_HOUSES
-    if hidden or f"house:{argument}" in RESERVED:
+    if hidden or f"house:{argument}" in (*HOUSES, *DEV_HOUSES):
         whose = "hidden tests" if hidden else "val" if f"house:{argument}" in HOUSES else "dev"
         told = f"{reference} is a house of {whose}: what is trained in it cannot be tested in it."
         raise HumanclawError(told, f"Use house:train-N with N below {MOST}.")
