@@ -76,12 +76,8 @@ def card(kind: str, parts: Mapping[str, Sequence[Json]], licences: Collection[st
     of = {part: _episodes(rows) for part, rows in parts.items()}
     lines = ["---", "configs:", "- config_name: default", "  data_files:"]
     lines += [f"  - split: {part}\n    path: {part}/*.jsonl" for part in parts if parts[part]]
-    lines += [
-        f"license: {'apache-2.0' if all(one.startswith('Apache-2.0') for one in licences) else 'other'}",
-        "---",
-        f"# {kind}",
-        "",
-    ]
+    ours = all(one.startswith("Apache-2.0") for one in licences)
+    lines += [f"license: {'apache-2.0' if ours else 'other'}", "---", f"# {kind}", ""]
     lines += ["| part | rows | episodes | houses | succeeded |", "| --- | ---: | ---: | ---: | ---: |"]
     for part, found in parts.items():
         houses, good = len({row["house"] for row in of[part]}), sum(row["success"] for row in of[part])
