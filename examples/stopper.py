@@ -48,7 +48,7 @@ def examples(data: Path) -> Iterator[tuple[Array, int]]:
     """Yield input and index of the call for each row of a dataset."""
     for file in sorted(data.glob("train/*.jsonl")):
         before = None
-        for row in map(json.loads, file.read_text("utf-8").splitlines()):
+        for row in map(json.loads, file.open(encoding="utf-8")):
             seen, before = features(Image.open(data / row["images"][0]), before, row["step"])
             called = row["messages"][-1]["tool_calls"][0]["function"]
             yield seen, nearest(called["name"], json.loads(called["arguments"]))

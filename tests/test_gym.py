@@ -82,7 +82,9 @@ def test_a_call_that_cannot_be_read_costs_a_step_and_is_told(gym):
     turn = gym.call("stop", '{"thoughts": "I stop')
     assert "not valid JSON" in turn.words
     assert not turn.done, "a broken call of stop is no stop"
-    assert "not valid JSON" in situation(gym, turn)[0]["text"]
+    told = situation(gym, turn)[0]["text"]
+    assert "not valid JSON" in told
+    assert "held no call" not in told, "it held one"
     assert "make exactly one skill call" in gym.submit(Decision()).words
     assert len(gym.episode.steps) == 2
 
@@ -92,8 +94,15 @@ def test_after_the_end_nothing_is_played(gym):
     assert gym.call("stop", {"thoughts": ""}).done
     with pytest.raises(HumanclawError, match="the episode has ended"):
         gym.call("walk", {"thoughts": "", "z_cm": 60})
-    with pytest.raises(HumanclawError, match="from 0"):
-        gym.reset(-1)
+    for seed in (-1, 1.5, "3", None):
+        with pytest.raises(HumanclawError, match="from 0"):
+            gym.reset(seed)
+
+
+@pytest.mark.parametrize("weight", [float("nan"), float("inf"), "much", None])
+def test_a_weight_that_is_no_finite_number_is_refused_before_anything_is_learnt_from_it(host, weight):
+    with pytest.raises(HumanclawError, match="must be a finite number"):
+        Gym("approach", {"success": weight}, options=ONE, plugins=host)
 
 
 @pytest.mark.parametrize(("name", "reason"), [("nan", "must be a finite number"), ("raises", "ZeroDivisionError")])

@@ -9,7 +9,7 @@ from rollouts import rollout, step
 
 from humanclaw import Plugins, RecordError, load_run, run_episode
 from humanclaw.cli import build
-from humanclaw.records import Attempt, Decision, EpisodeSpec
+from humanclaw.records import Attempt, Decision, EpisodeSpec, RecordedEpisode
 from humanclaw.skills import Call, read_call
 from humanclaw_bench.attribution import CAUSES
 from humanclaw_bench.dataset import Dataset
@@ -22,7 +22,7 @@ EYES = {"privileged": {"agent": True}, "agent": {"words": "eyes"}}
 
 @pytest.fixture(scope="module")
 def made(plugins):
-    return Conversations(plugins, Wanted())
+    return Conversations(plugins)
 
 
 def _texts(messages):
@@ -135,6 +135,28 @@ def test_an_interrupted_export_continues_and_its_card_counts(run, tmp_path):
     ]
 
 
+def test_two_runs_with_tasks_of_the_same_ids_both_become_data(run, tmp_path):
+    """Two batches of training tasks begin with the same id, in other houses or by other agents."""
+    calls = [("walk", {"z_cm": 40}), ("stop", {})], [("walk", {"z_cm": 30}), ("stop", {})]
+    runs = [run(name, said, True) for name, said in zip(("one", "two"), calls, strict=True)]
+    _command(runs[0], "--out", tmp_path / "data")
+    _command(*runs, "--out", tmp_path / "data")
+    said = [row["messages"][2]["tool_calls"][0]["function"]["arguments"] for row in _rows(tmp_path / "data")]
+    assert sorted(json.loads(one).get("z_cm", 0) for one in said) == [0, 0, 30, 40]
+    assert "| train | 4 | 2 | 1 | 2 |" in (tmp_path / "data" / "README.md").read_text("utf-8")
+
+
+def test_an_episode_that_had_not_ended_is_taken_when_it_has(run, tmp_path):
+    source = run("run", [("walk", {"z_cm": 40}), ("stop", {})], True)
+    record = source / "one" / "episode.json"
+    ended = record.read_bytes()
+    begun = RecordedEpisode(source / "one").record.model_copy(update={"outcome": "running", "steps": 0, "files": {}})
+    record.write_text(begun.sealed.model_dump_json(), "utf-8")
+    assert "0 rows in train" in _command(source, "--out", tmp_path / "data")
+    record.write_bytes(ended)
+    assert "2 rows in train" in _command(source, "--out", tmp_path / "data")
+
+
 def test_a_folder_with_other_options_is_refused(run, tmp_path):
     source = run("run", [("walk", {"z_cm": 40}), ("stop", {})], True)
     _command(source, "--out", tmp_path / "data")
@@ -152,6 +174,13 @@ def test_a_preference_pair_is_the_first_step_at_which_a_repaired_play_differs(ru
     assert (row["step"], row["cause"]) == (1, "nav: stop while far")
     assert (chosen["name"], rejected["name"]) == ("walk", "stop")
     assert "result: Executed walk(z_cm=40)." in row["prompt"][1]["content"][0]["text"]
+
+
+def test_two_plays_that_saw_something_else_make_no_pair(run, tmp_path):
+    """The repaired run may be of other tasks with the same ids, or of another engine."""
+    bad, good = run("bad", [("stop", {})], False), run("good", [("walk", {"z_cm": 30}), ("stop", {})], True)
+    (good / "one" / "frames" / "0000.jpg").write_bytes(b"another view")
+    assert "0 rows in train" in _command(bad, "--repaired", good, "--out", tmp_path / "pairs")
 
 
 def test_runs_in_houses_of_val_are_refused(tmp_path):

@@ -22,9 +22,7 @@ def opening(gym: Gym, turn: Turn, settings: PromptSettings = TURNS) -> list[Json
 
 def situation(gym: Gym, turn: Turn, settings: PromptSettings = TURNS) -> list[Json]:
     """Return the content of the user message of a step, with the picture as a data URL."""
-    feedback = turn.observation.feedback
-    note = "" if turn.words == str(feedback) else turn.words
-    return step_content(gym.context, turn.observation, gym.episode.history, note, settings)
+    return step_content(gym.context, turn.observation, gym.episode.history, "", settings)
 
 
 def tool_call(decision: Decision, settings: PromptSettings) -> tuple[str, Json]:

@@ -6,9 +6,10 @@ judged as an episode of a run is.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from numbers import Integral
 from typing import Any, Final, Self
 
 import numpy as np
@@ -37,14 +38,17 @@ class Turn:
     """What an agent may know before its next decision, and the reward of the last one."""
 
     observation: Observation
-    words: str = ""
-    """Outcome of the last decision; empty at the start."""
     reward: float = 0.0
     rewards: Mapping[str, float] = field(default_factory=dict)
     """The parts of the reward by name, before their weights."""
     done: bool = False
     solved: bool = False
     """Whether the task is solved."""
+
+    @property
+    def words(self) -> str:
+        """Outcome of the last decision; empty at the start."""
+        return str(self.observation.feedback)
 
 
 class Gym:
@@ -70,15 +74,17 @@ class Gym:
             agent: name of the agent, for records.
             verifier: checks each call before the body moves.
 
-        Raises HumanclawError for unknown names and options.
+        Raises HumanclawError for unknown names and options, and for a weight that is no finite number.
         """
         self.plugins = plugins or Plugins.discover()
         self.tasks: Tasks = self.plugins.make("tasks", tasks, options or {}) if isinstance(tasks, str) else tasks
-        self.weights = dict(self.tasks.rewards if rewards is None else rewards)
+        weights = self.tasks.rewards if rewards is None else rewards
+        self.weights = {name: _weight(name, value) for name, value in weights.items()}
         self._rewards = {name: self.plugins.offered("rewards", name) for name in {*self.weights, self.tasks.goal}}
         self._backends = (backends or Backends()).chosen(self.plugins)
         self._agent, self._verifier = agent, verifier
-        self._scenes = lru_cache(SCENES)(self.plugins.scene)
+        self.scene: Callable[[str], Scene] = lru_cache(SCENES)(self.plugins.scene)
+        """Return the scene of a reference; the last ones are kept."""
         self._ways = lru_cache(SCENES)(geodesics)
         self._body: Body | None = None
         self._episode: Episode | None = None
@@ -101,15 +107,10 @@ class Gym:
         """The skills that can be called."""
         return tuple(skill for skill in self.plugins.skills.values() if skill.trained)
 
-    def scene(self, reference: str) -> Scene:
-        """Return a scene; the last ones are kept."""
-        found: Scene = self._scenes(reference)
-        return found
-
     def reset(self, seed: int) -> Turn:
-        """Begin the task of a seed. Raises HumanclawError for a seed below 0."""
-        if seed < 0:
-            raise HumanclawError(f"a seed is a whole number from 0; got {seed}.", "Give another one.")
+        """Begin the task of a seed. Raises HumanclawError unless it is a whole number from 0."""
+        if not isinstance(seed, Integral) or seed < 0:
+            raise HumanclawError(f"a seed is a whole number from 0; got {seed!r}.", "Give another one.")
         return self.begin(self.tasks(seed))
 
     def begin(self, spec: EpisodeSpec) -> Turn:
@@ -129,8 +130,8 @@ class Gym:
     def _distance(self, scene: Scene, targets: Sequence[int], floor: float) -> DistanceFn:
         return self._ways(scene, tuple(targets), floor)
 
-    def submit(self, decision: Decision, words: str = "") -> Turn:
-        """Take a step. words: what the agent is told instead of the episode's own words.
+    def submit(self, decision: Decision, refusal: str = "") -> Turn:
+        """Take a step. refusal: why the answer held no call, in place of the episode's own words.
 
         Raises HumanclawError if the episode has ended.
         """
@@ -142,7 +143,9 @@ class Gym:
         self._solved = self._solved or rewards[self.tasks.goal] >= 1
         reward = sum(weight * rewards[name] for name, weight in self.weights.items())
         seen = episode.observe()
-        return Turn(seen, words or str(seen.feedback), reward, rewards, episode.done, self._solved)
+        if refusal:
+            seen = replace(seen, feedback=replace(seen.feedback, refusal=refusal))
+        return Turn(seen, reward, rewards, episode.done, self._solved)
 
     def call(self, name: str, arguments: str | Mapping[str, Any]) -> Turn:
         """Take a step by a tool call of a model: a skill's parameters behind the reasoning fields.
@@ -152,7 +155,7 @@ class Gym:
         try:
             said, call = read_call(name, arguments)
         except CallError as fault:
-            return self.submit(Decision(raw=str(arguments)), words=str(fault))
+            return self.submit(Decision(raw=str(arguments)), str(fault))
         return self.submit(Decision((call,), **vars(said)))
 
     def _rewarded(self, name: str, trial: Trial) -> float:
@@ -180,3 +183,14 @@ class Gym:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+
+def _weight(name: str, value: Any) -> float:
+    """Return the weight of a reward. Raises HumanclawError for anything but a finite number."""
+    try:
+        found = float(value)
+    except (TypeError, ValueError, OverflowError):
+        found = np.nan
+    if not np.isfinite(found):
+        raise HumanclawError(f"the weight of {name} must be a finite number; got {value!r}.", "Give another one.")
+    return found

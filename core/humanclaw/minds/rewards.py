@@ -56,7 +56,8 @@ def touch(trial: Trial) -> float:
     it did not touch."""
     if not trial.stopped or len(trial.steps) < 2:
         return 0.0
-    said, touched = trial.step.decision.reasoning, _touched(trial, trial.steps[-2])
+    said, contacts = trial.step.decision.reasoning, touched_above_ground(trial, trial.steps[-2])
+    touched = {trial.scene.by_id[one.object_id].category for one in contacts}
     named = {one.category for one in trial.scene.objects if acknowledges(said, one.category)}
     return float(bool(named) and named <= touched)
 
@@ -71,10 +72,6 @@ def verifier(trial: Trial) -> float:
     """Return -1 if the verifier replaced the call; 0 without a verifier, and where it gave no verdict."""
     verdict = trial.step.verdict
     return -float(verdict is not None and not verdict.accepted)
-
-
-def _touched(trial: Trial, step: StepRecord) -> set[str]:
-    return {trial.scene.by_id[one.object_id].category for one in touched_above_ground(trial, step)}
 
 
 REWARDS: Final[Mapping[str, tuple[Callable[[Trial], float], str]]] = {

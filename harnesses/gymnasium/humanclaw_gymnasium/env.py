@@ -31,7 +31,7 @@ class BodyEnv(gymnasium.Env[Picture, Action]):
 
     def __init__(
         self,
-        scene: str | Sequence[str] = "house:0",
+        scene: str | Sequence[str] = "house:train-0",
         instruction: str = "find a couch and sit on it",
         *,
         tasks: str = "",

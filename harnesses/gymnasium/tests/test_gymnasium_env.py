@@ -148,6 +148,7 @@ def test_calls_that_no_action_stands_for_are_refused(actions, skill, params, fau
 
 def test_before_the_first_reset_there_is_no_body():
     env = BodyEnv()
+    assert env.scenes == ("house:train-0",), "who names no house trains in none of val"
     with pytest.raises(gymnasium.error.ResetNeeded):
         env.step(env.actions.encode("stop"))
     with pytest.raises(ValueError, match="rgb_array"):

@@ -31,7 +31,7 @@ def command(
     from humanclaw_openenv.server import serve
 
     plugins = Plugins.discover(files, choice)
-    rewards = {name: float(weight) for name, weight in parse_pairs(weights).items()} or None
+    rewards = parse_pairs(weights) or None
     gym = partial(Gym, tasks, rewards, options=parse_pairs(pairs), agent="openenv", plugins=plugins)
     with gym() as first:
         # Refuses wrong names and options, and compiles the renderer, before anybody connects and waits.

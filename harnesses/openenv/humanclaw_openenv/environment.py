@@ -17,7 +17,6 @@ from openenv.core.env_server.types import Observation, State
 from pydantic import Field
 
 from humanclaw import TURNS, Gym, Turn, model_tools, opening, situation
-from humanclaw.skills import Json
 
 
 class BodyObservation(CallToolObservation):
@@ -61,7 +60,8 @@ class BodyEnvironment(Environment[CallToolAction, Observation, BodyState]):
     def step(self, action: CallToolAction | ListToolsAction, timeout_s: float | None = None, **_: Any) -> Observation:
         """Call a skill, or list the skills; listing needs no episode and takes no step."""
         if isinstance(action, ListToolsAction):
-            return ListToolsObservation(tools=[_tool(one["function"]) for one in model_tools(self._gym.skills, TURNS)])
+            told = [one["function"] for one in model_tools(self._gym.skills, TURNS)]
+            return ListToolsObservation(tools=[Tool(input_schema=one.pop("parameters"), **one) for one in told])
         turn = self._turn = self._gym.call(action.tool_name, action.arguments)
         return BodyObservation(
             tool_name=action.tool_name, result=situation(self._gym, turn), reward=turn.reward, done=turn.done,
@@ -82,7 +82,3 @@ class BodyEnvironment(Environment[CallToolAction, Observation, BodyState]):
         """Free the body."""
         self._gym.close()
         self._turn = None
-
-
-def _tool(spec: Json) -> Tool:
-    return Tool(name=spec["name"], description=spec["description"], input_schema=spec["parameters"])

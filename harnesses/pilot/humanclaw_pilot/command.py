@@ -22,7 +22,7 @@ def command() -> None:
 @click.option("--views", type=click.IntRange(1), default=60, show_default=True, help="Views of each.")
 @click.option("--agent", default="", help="Take the views that this agent comes to see, instead of random ones.")
 @click.option("--option", "pairs", multiple=True, metavar="KEY=VALUE", help="Of the agent. Repeatable.")
-@click.option("--out", type=click.Path(path_type=Path), required=True, help="Folder, continued if it exists.")
+@click.option("--out", type=click.Path(path_type=Path), required=True, help="Folder; files in it stay as they are.")
 def data(houses: str, views: int, agent: str, pairs: tuple[str, ...], out: Path) -> None:
     """Draw views with labels, one file a house."""
     from humanclaw_pilot.data import planted, played, written

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, Final
+from zlib import crc32
 
 import numpy as np
 import torch
@@ -115,7 +116,8 @@ def train(data: Data, out: Path, steps: int, seed: int, told: Callable[[str], No
     model = TorchLayers()
     model.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
     optimizer = torch.optim.AdamW(model.parameters(), RATE, weight_decay=0.02)
-    done = _resumed(model, optimizer, out, [steps, seed])
+    call = [steps, seed, crc32(data[1].tobytes())]
+    done = _resumed(model, optimizer, out, call)
     if start and not done:
         model.load_state_dict(_checkpoint(start)["model"])
     for step in range(done, steps):
@@ -127,7 +129,7 @@ def train(data: Data, out: Path, steps: int, seed: int, told: Callable[[str], No
         if (step + 1) % every == 0 or step + 1 == steps:
             save_file({name: part.contiguous() for name, part in model.folded().items()}, out)
             kept = {"model": model.state_dict(), "optimizer": optimizer.state_dict(), "step": step + 1}
-            torch.save({**kept, "call": [steps, seed]}, _beside(out).with_suffix(".part"))
+            torch.save({**kept, "call": call}, _beside(out).with_suffix(".part"))
             _beside(out).with_suffix(".part").replace(_beside(out))
             told(f"step {step + 1} of {steps}: loss {loss.item():.3f}")
 
@@ -138,7 +140,7 @@ def _resumed(model: TorchLayers, optimizer: torch.optim.Optimizer, out: Path, ca
         return 0
     kept = _checkpoint(out)
     if kept["call"] != call:
-        told = f"{_beside(out)} is of a training with steps and seed {kept['call']}; this one has {call}."
+        told = f"{_beside(out)} is of a training with other views, steps or seed."
         raise HumanclawError(told, "Give those again, or another --out.")
     model.load_state_dict(kept["model"])
     optimizer.load_state_dict(kept["optimizer"])

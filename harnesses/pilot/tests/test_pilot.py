@@ -116,8 +116,9 @@ def test_numpy_and_torch_answer_alike_and_training_goes_on_where_it_stopped(tmp_
         training.train(data, again, 4, 0, interrupt, every=2)
     training.train(data, again, 4, 0, print, every=2)
     assert again.read_bytes() == out.read_bytes()
-    with pytest.raises(HumanclawError, match=r"steps and seed \[4, 0\]; this one has \[4, 1\]"):
-        training.train(data, again, 4, 1, print)
+    for others, seed in ((data, 1), ((pictures, 1 - kinds, data[2]), 0)):
+        with pytest.raises(HumanclawError, match="is of a training with other views, steps or seed"):
+            training.train(others, again, 4, seed, print)
     with pytest.raises(HumanclawError, match="there is no checkpoint"):
         training.train(data, tmp_path / "new.safetensors", 4, 0, print, start=tmp_path / "none.safetensors")
 

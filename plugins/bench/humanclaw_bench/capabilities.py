@@ -12,7 +12,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from humanclaw import EpisodeSpec
+from humanclaw import EpisodeSpec, HumanclawError
 from humanclaw.body import Pose2D, wrap_angle
 from humanclaw.plugins import Tasks
 from humanclaw.records import ALIASES, SEATS
@@ -132,5 +132,7 @@ def tasks(name: str, options: Mapping[str, Any]) -> Tasks:
     """Make a source of training tasks. Raises HumanclawError for a wrong option."""
     if name == "file":
         return FileTasks(options)
+    if name != "train" and options.get("difficulty"):
+        raise HumanclawError(f"difficulty has no effect on tasks of {name!r}.", "Leave it out, or take 'train'.")
     one = SOURCES[name]
     return HouseTasks(name, one.draw, one.goal, one.rewards, options)

@@ -28,7 +28,7 @@ _PARTS: Final = ("train", "test")
 
 @dataclass(frozen=True)
 class Dataset:
-    """A folder of rows: a file for each episode, and the pictures that its rows name."""
+    """A folder of rows: a file for each wanted episode, and the pictures that its rows name."""
 
     folder: Folder
     wanted: Wanted
@@ -42,7 +42,7 @@ class Dataset:
 
     def begin(self, kind: str) -> None:
         """Begin the folder, or continue it. Raises RecordError if it was begun with other options."""
-        told = json.dumps({"kind": kind, **asdict(self.wanted)}, indent=2, default=str).encode()
+        told = json.dumps({"kind": kind, **asdict(self.wanted)}, indent=2).encode()
         with writing(self.folder):
             if self.folder.has("options.json") and self.folder.read("options.json", _ROWS) != told:
                 raise RecordError(
@@ -73,18 +73,17 @@ class Dataset:
 
 def card(kind: str, parts: Mapping[str, Sequence[Json]], licences: Collection[str]) -> str:
     """Return the card of a dataset: where its parts are, counts, licences and how its words were written."""
-    rows = [row for part in parts.values() for row in part]
-    episodes = {(row["agent"], row["episode"]): row for row in rows}.values()
+    of = {part: _episodes(rows) for part, rows in parts.items()}
     lines = ["---", "configs:", "- config_name: default", "  data_files:"]
     lines += [f"  - split: {part}\n    path: {part}/*.jsonl" for part in parts if parts[part]]
-    lines += [f"license: {'apache-2.0' if all(map(_ours, licences)) else 'other'}", "---", f"# {kind}", ""]
+    ours = all(one.startswith("Apache-2.0") for one in licences)
+    lines += [f"license: {'apache-2.0' if ours else 'other'}", "---", f"# {kind}", ""]
     lines += ["| part | rows | episodes | houses | succeeded |", "| --- | ---: | ---: | ---: | ---: |"]
     for part, found in parts.items():
-        own = {(row["agent"], row["episode"]): row for row in found}.values()
-        houses, good = len({row["house"] for row in own}), sum(row["success"] for row in own)
-        lines.append(f"| {part} | {len(found)} | {len(own)} | {houses} | {good} |")
+        houses, good = len({row["house"] for row in of[part]}), sum(row["success"] for row in of[part])
+        lines.append(f"| {part} | {len(found)} | {len(of[part])} | {houses} | {good} |")
     for key in ("agent", "difficulty", "cause"):
-        counted = Counter(row[key] or "none" for row in episodes).most_common()
+        counted = Counter(row[key] or "none" for own in of.values() for row in own).most_common()
         lines += ["", f"Episodes by {key}: {', '.join(f'{name} {count}' for name, count in counted)}."]
     lines += [
         "",
@@ -95,8 +94,9 @@ def card(kind: str, parts: Mapping[str, Sequence[Json]], licences: Collection[st
     return "\n".join(lines) + "\n"
 
 
-def _ours(licence: str) -> bool:
-    return licence.startswith("Apache-2.0")
+def _episodes(rows: Sequence[Json]) -> list[Json]:
+    """Return the last row of each episode: its pictures are in a folder of their own."""
+    return list({Path(row["images"][0]).parent: row for row in rows}.values())
 
 
 _ORIGIN: Final = (
@@ -127,26 +127,28 @@ def rollouts(
     The same command continues where it was interrupted. `bench export --to lerobot` writes robots' data.
     """
     wanted = Wanted(success, cause or "", difficulty or "", test)
+    better = {one.record.spec.id: one for one in load_run(repaired)} if repaired else None
+    made = Conversations(Plugins.discover())
+    episodes = [one for run in runs for one in load_run(run)]
     data, kind = Dataset.at(out, wanted), "Preferences" if repaired else "Rollouts"
     data.begin(kind)
-    better = {one.record.spec.id: one for one in load_run(repaired)} if repaired else None
-    made = Conversations(Plugins.discover(), wanted)
-    episodes = [one for run in runs for one in load_run(run)]
     for recorded in tqdm(episodes, unit="episode"):
         require_honest(recorded)
-        if not data.folder.has(data.name(recorded)):
-            data.add(recorded, _rows(made, recorded, better))
+        if not data.folder.has(data.name(recorded)) and (rows := _rows(made, wanted, recorded, better)):
+            data.add(recorded, rows)
     parts = {part: list(data.written(part)) for part in _PARTS}
     licences = {licence for one in episodes for licence in one.record.licences}
     data.folder.write("README.md", card(kind, parts, licences).encode())
     click.echo(f"{out}: {', '.join(f'{len(rows)} rows in {part}' for part, rows in parts.items())}")
 
 
-def _rows(made: Conversations, recorded: RecordedEpisode, better: Mapping[str, RecordedEpisode] | None) -> Rows:
+def _rows(
+    made: Conversations, wanted: Wanted, recorded: RecordedEpisode, better: Mapping[str, RecordedEpisode] | None
+) -> Rows:
     """Return the rows of an episode; none if it is not wanted."""
     scores = score(recorded)
     cause = attribute(recorded, scores)
-    if not made.wanted.takes(recorded, scores, cause):
+    if not wanted.takes(recorded, scores, cause):
         return []
     if better is None:
         return list(made.rows(recorded, scores, cause))

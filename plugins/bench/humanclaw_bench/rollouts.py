@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -40,6 +40,8 @@ from humanclaw_bench.training import require_training
 
 PLACE: Final = {"type": "image"}
 """Where a picture stands in a message; the row's `images` name the files in the same order."""
+SETTINGS: Final = PromptSettings(history_slack=10)
+"""Contents of the prompt: those of `humanclaw run --model`."""
 _UNSEEN: Final = np.zeros((1, 1, 3), np.uint8)
 
 
@@ -55,8 +57,6 @@ class Wanted:
     """Only episodes of this overall difficulty."""
     test: float = 0.1
     """Share of the houses whose episodes go into test.jsonl."""
-    settings: PromptSettings = field(default_factory=lambda: PromptSettings(history_slack=10))
-    """Contents of the prompt; by default those of `humanclaw run --model`."""
 
     def takes(self, recorded: RecordedEpisode, scores: Scores, cause: Cause | None) -> bool:
         """Tell whether an episode is wanted."""
@@ -88,8 +88,8 @@ def require_honest(recorded: RecordedEpisode) -> None:
 class Conversations:
     """Turns episodes into rows."""
 
-    def __init__(self, plugins: Plugins, wanted: Wanted) -> None:
-        self._skills, self.wanted = plugins.skills, wanted
+    def __init__(self, plugins: Plugins) -> None:
+        self._skills = plugins.skills
 
     def rows(self, recorded: RecordedEpisode, scores: Scores, cause: Cause | None) -> Iterator[tuple[Json, bytes]]:
         """Yield a row and its picture for each step with one usable call."""
@@ -97,24 +97,24 @@ class Conversations:
         for index, step in enumerate(recorded.steps):
             picture = recorded.view(step)
             if step.call is not None and picture:
-                answer = _answer(step.decision, self.wanted.settings)
-                messages = [*self._prompt(recorded, index), answer]
+                messages = [*self._prompt(recorded, index), _answer(step.decision)]
                 yield {**about, "step": step.step, "messages": messages, "images": [_file(recorded, index)]}, picture
 
     def pair(self, bad: RecordedEpisode, good: RecordedEpisode, cause: Cause) -> tuple[Json, bytes] | None:
-        """Return the row of the first step at which two plays of an episode differ; None if a call is missing there.
+        """Return the row of the first step at which two plays of an episode differ.
 
-        Until there both have the same prompt, because the same calls in the same episode lead to the same views.
+        None if a call is missing there, or if they were not shown the same until there: two tasks, or two engines.
         """
         pairs = enumerate(zip(bad.steps, good.steps, strict=False))
         index = next((k for k, (one, two) in pairs if _said(one.decision) != _said(two.decision)), None)
         if index is None or bad.steps[index].call is None or good.steps[index].call is None:
             return None
+        prompt, view = self._prompt(bad, index), bad.view(bad.steps[index])
+        if (prompt, view) != (self._prompt(good, index), good.view(good.steps[index])):
+            return None
         about = self._about(bad, score(bad), cause) | {"step": index, "images": [_file(bad, index)]}
-        rejected, chosen = (_answer(one.steps[index].decision, self.wanted.settings) for one in (bad, good))
-        return {
-            **about, "prompt": self._prompt(bad, index), "chosen": [chosen], "rejected": [rejected],
-        }, bad.view(bad.steps[index])  # fmt: skip
+        rejected, chosen = (_answer(one.steps[index].decision) for one in (bad, good))
+        return {**about, "prompt": prompt, "chosen": [chosen], "rejected": [rejected]}, view
 
     def _about(self, recorded: RecordedEpisode, scores: Scores, cause: Cause | None) -> Json:
         record = recorded.record
@@ -122,7 +122,7 @@ class Conversations:
         return {
             "episode": spec.id, "agent": record.agent, "house": spec.scene, "success": bool(scores.success),
             "cause": cause.label if cause else "", "difficulty": overall(spec.difficulty) if spec.difficulty else "",
-            "tools": json.dumps(model_tools(skills, self.wanted.settings), ensure_ascii=False),
+            "tools": json.dumps(model_tools(skills, SETTINGS), ensure_ascii=False),
         }  # fmt: skip
 
     def _callable(self, recorded: RecordedEpisode) -> list[Any]:
@@ -130,13 +130,13 @@ class Conversations:
 
     def _prompt(self, recorded: RecordedEpisode, index: int) -> list[Json]:
         """Return the messages that a model would have been sent before a step."""
-        settings, steps, record = self.wanted.settings, recorded.steps, recorded.record
+        steps, record = recorded.steps, recorded.record
         context = EpisodeContext(record.spec.told, self._skills, 0, gaze=record.gaze)
         history = [_past(recorded, k) for k in range(index)]
         feedback = steps[index - 1].feedback if index else Feedback()
         seen = Observation(index, record.spec.instruction, _UNSEEN, feedback)
-        content = step_content(context, seen, history, "", settings)
-        words = system_prompt(context, self._callable(recorded), settings, None)
+        content = step_content(context, seen, history, "", SETTINGS)
+        words = system_prompt(context, self._callable(recorded), SETTINGS, None)
         return [
             {"role": "system", "content": [{"type": "text", "text": words}]},
             {"role": "user", "content": [part if part["type"] == "text" else PLACE for part in content]},
@@ -148,9 +148,9 @@ def _past(recorded: RecordedEpisode, index: int) -> HistoryEntry:
     return RecalledEntry.seen(step.step, step.decision, step.feedback, jpeg(_UNSEEN))
 
 
-def _answer(decision: Decision, settings: PromptSettings) -> Json:
+def _answer(decision: Decision) -> Json:
     """Return the assistant's message. Its arguments are JSON text, as columns of a table need one type."""
-    name, arguments = tool_call(decision, settings)
+    name, arguments = tool_call(decision, SETTINGS)
     function = {"name": name, "arguments": json.dumps(arguments, ensure_ascii=False)}
     return {"role": "assistant", "content": [], "tool_calls": [{"type": "function", "function": function}]}
 
@@ -161,8 +161,9 @@ def _said(decision: Decision) -> Decision:
 
 
 def named(recorded: RecordedEpisode) -> str:
-    """Return a file name for an episode of an agent."""
-    return f"{name_of(recorded.record.agent)}--{recorded.record.spec.id}"
+    """Return a file name for a played episode. Other runs may hold the same agent and id, hence the seal."""
+    record = recorded.record
+    return f"{name_of(record.agent)}--{record.spec.id}--{record.sealed.seal[:12]}"
 
 
 def _file(recorded: RecordedEpisode, index: int) -> str:

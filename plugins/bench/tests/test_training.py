@@ -52,7 +52,17 @@ def test_difficulty_and_category_narrow_the_tasks(plugins):
 
 
 @pytest.mark.parametrize(
-    "house", [*HOUSES[::20], *DEV_HOUSES[::20], *secret_houses(7)[::20], "humanclaw-houses:house:3"]
+    "house",
+    [
+        *HOUSES[::20],
+        *DEV_HOUSES[::20],
+        *secret_houses(7)[::20],
+        "humanclaw-houses:house:3",
+        "house:3?",
+        "house:3?assets=/a:b",
+        f"{DEV_HOUSES[1]}?assets=x",
+        f"{secret_houses(7)[0]}?assets=x",
+    ],
 )
 def test_a_house_of_val_dev_or_a_hidden_test_is_refused(house, tmp_path, plugins):
     with pytest.raises(HumanclawError, match="cannot be tested in it"):
@@ -75,6 +85,11 @@ WRONG = [{"hous": 1}, {"houses": 0}, {"houses": MOST + 1}, {"first": MOST - 1}, 
 def test_a_wrong_option_is_named(plugins, options):
     with pytest.raises(HumanclawError, match=r"The options are houses, first, difficulty|Stay below"):
         plugins.make("tasks", "train", options)
+
+
+def test_a_difficulty_is_refused_where_it_would_have_no_effect(plugins):
+    with pytest.raises(HumanclawError, match="difficulty has no effect on tasks of 'sit'"):
+        plugins.make("tasks", "sit", {"difficulty": "hard"})
 
 
 def test_training_tasks_are_written_to_a_file_that_a_gym_plays(tmp_path):
