@@ -206,6 +206,20 @@ def test_a_hand_closes_on_nothing_that_is_far_behind_its_back_or_fixed(plugins, 
 
 
 @both
+@pytest.mark.parametrize("wall", [True, False])
+def test_a_hand_closes_on_nothing_behind_a_wall_even_a_thin_one(plugins, engine, wall):
+    room = Room()
+    if wall:
+        room.builder.box("wall", (0.015, 0.3, 0.4), (-0.21, 0.85, 0.6))
+    block = room.put((0.07, 0.2, 0.2), (-0.165, 0.85, 0.55))
+    with room.body(plugins, engine) as body:
+        reach(body, "right", -30, 110, 40)
+        reach(body, "right", -25, 95, 50, times=2)
+        body.call("grasp", side="right")
+        assert body.state().held == ({} if wall else {"right": block})
+
+
+@both
 def test_one_hand_lifts_10_kg_and_not_20_and_two_lift_20(plugins, engine):
     """150 N each; 20 kg weigh 196 N."""
     rises, held = [], []
@@ -365,7 +379,10 @@ def test_a_door_opens_for_a_hand_that_pulls_it_no_faster_than_the_hand(plugins, 
         assert obj.state_at(thing(body, door)) < np.radians(-35)
         assert fastest < hand_speed + 0.1
         assert hand_speed < 2.1
+        before = joint(body, "right_hand")
         body.call("release", side="right")
+        hand = body.last.chunks[0].execution.simulated.joints()[:, JOINT_INDEX["right_hand"]]
+        assert np.linalg.norm(np.diff([before, *hand], axis=0), axis=1).max() * 30 < 2.0
         still = obj.state_at(thing(body, door))
         body.call("step_back", z_cm=20)
         assert obj.state_at(thing(body, door)) == pytest.approx(still, abs=0.2)

@@ -60,6 +60,12 @@ _PULL: Final = 250.0
 take up to 180: their friction bears their weight."""
 _LEAD: Final = 0.04
 """Metres that a hand goes ahead of a handle that does not follow."""
+_BETWEEN: Final = np.linspace(0.1, 0.9, 9)[:, None]
+"""Shares of the way from a hand to a spot at which something fixed may be in between."""
+_TOUCH: Final = 1e-3
+"""Metres from which a point counts as outside a hull."""
+_RETURN: Final = 12
+"""Frames in which an arm that has let go of a handle comes back to where it is told to be."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,6 +107,8 @@ class Hands:
         self._fastest = 0.0
         self._falling: dict[int, int] = {}
         """Free things that left a hand, and for how many more chunks they may fall."""
+        self._returning: dict[Side, tuple[int, Array]] = {}
+        """Of each arm that let go of a handle: frames since then, and the turns (24, 4) of the body there."""
 
     @cached_property
     def _swings(self) -> Mapping[int, Swing]:
@@ -111,6 +119,10 @@ class Hands:
         """Distance of the farthest point of each movable object from the origin of its asset, metres."""
         hulls = {obj.id: self._scene.assets[obj.asset].hulls for obj in self._scene.objects if obj.movable}
         return {key: float(np.linalg.norm(np.concatenate(own), axis=1).max()) for key, own in hulls.items() if own}
+
+    @cached_property
+    def _fixed(self) -> Sequence[int]:
+        return [obj.id for obj in self._scene.objects if not obj.movable]
 
     @property
     def speed(self) -> float:
@@ -135,7 +147,8 @@ class Hands:
         if not closed:
             self._let_go(side)
         elif side not in self._holds:
-            found = min(self._before(side, self._world.objects()), key=lambda one: one[0], default=None)
+            open_to = (one for one in self._before(side, self._world.objects()) if not self._walled(*one[2:]))
+            found = min(open_to, key=lambda one: one[0], default=None)
             if found is not None:
                 self._holds[side] = self._closed(side, *found[1:])
                 self._let_pass({*self._passing, (side, found[1])})
@@ -171,7 +184,11 @@ class Hands:
         self._holds = {side: replace(hold, age=hold.age + seconds) for side, hold in self._holds.items()}
 
     def guided(self, target: Pose, velocity: Array) -> Pose:
-        """Return a pose that is due at the end of a frame with each hand on the way of the handle that it holds."""
+        """Return a pose that is due at the end of a frame with each hand on the way of the handle that it holds, or on
+        the way back from one."""
+        for side, (frames, there) in self._returning.items():
+            target = Pose(target.root, _returned(side, there, target.quaternions, (frames + 1) / _RETURN))
+        self._returning = {k: (frames + 1, there) for k, (frames, there) in self._returning.items() if frames < _RETURN}
         for side, hold in self._holds.items():
             if hold.object_id in self._swings:
                 root = self._world.pose().root + velocity * [1.0, 0.0, 1.0] / FPS
@@ -190,7 +207,9 @@ class Hands:
 
     def _let_go(self, side: Side) -> None:
         hold = self._holds.pop(side, None)
-        if hold is not None and hold.object_id not in self._swings:
+        if hold is not None and hold.object_id in self._swings:
+            self._returning[side] = 0, self._world.pose().quaternions
+        elif hold is not None:
             self._falling[hold.object_id] = _FALL
 
     # -- closing -------------------------------------------------------------------------------------------------------
@@ -209,6 +228,12 @@ class Hands:
                 gap = float(np.linalg.norm(spot - point))
                 if gap <= PALM and float((spot - point) @ turn[:, 1]) <= back:
                     yield gap, key, spot, point
+
+    def _walled(self, spot: Array, point: Array) -> bool:
+        """Tell whether something fixed lies between a spot (3,) and a point of the hand (3,)."""
+        ways, box = point + _BETWEEN * (spot - point), (np.minimum(spot, point), np.maximum(spot, point))
+        hulls = (hull for key in self._fixed if _meet(self._scene.aabb(key), box) for hull in self._scene.hulls(key))
+        return any(_apart(hull, point) > _TOUCH and any(_apart(hull, one) < _TOUCH for one in ways) for hull in hulls)
 
     def _closed(self, side: Side, key: int, spot: Array, point: Array) -> _Hold:
         knuckles, turn = _palms(self._world.pose())[side]
@@ -292,6 +317,23 @@ class Hands:
 
 def _capped(vector: Array, most: float) -> Array:
     return vector * min(1.0, most / max(float(np.linalg.norm(vector)), 1e-12))
+
+
+def _meet(one: tuple[Array, Array], other: tuple[Array, Array]) -> bool:
+    """Tell whether two boxes (lower and upper corner) meet."""
+    return bool((one[0] <= other[1]).all() and (other[0] <= one[1]).all())
+
+
+def _apart(hull: Array, point: Array) -> float:
+    return float(np.linalg.norm(nearest_point(hull, point) - point))
+
+
+def _returned(side: Side, there: Array, told: Array, share: float) -> Array:
+    """Return the turns (24, 4) that are told, with an arm at a share of the way to them from where it was."""
+    arm = [JOINT_INDEX[f"{side}_{part}"] for part in ("shoulder", "elbow", "wrist")]
+    quaternions = told.copy()
+    quaternions[arm] = blend(there[arm], told[arm], float(smoothstep(np.array(share))))
+    return quaternions
 
 
 def _palms(pose: Pose) -> Palms:

@@ -131,9 +131,7 @@ class HalfPhysics:
         profile, met = self._profile, list[Touch]()
         if self._reflex.borne:
             target = self._drive.laid(target)
-        held = self._hands.held
-        if held:
-            target = self._hands.guided(target, velocity)
+        held, target = self._hands.held, self._hands.guided(target, velocity)
         self._drive.aim(target.quaternions, swing)
         course = self._drive.course(velocity, self._reflex)
         towards, near = self._surroundings.look(course, self._objects, held.values())
