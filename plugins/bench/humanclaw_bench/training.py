@@ -100,9 +100,9 @@ def require_training(reference: str) -> None:
     if source.rpartition(":")[2] != "house":
         return
     number = argument.removeprefix("train-")
-    hidden = argument != number and number.isdecimal() and int(number) >= HIDDEN_HOUSES
-    if hidden or f"house:{argument}" in (*HOUSES, *DEV_HOUSES):
-        whose = "hidden tests" if hidden else "val" if f"house:{argument}" in HOUSES else "dev"
+    hidden, house = argument != number and number.isdecimal() and int(number) >= HIDDEN_HOUSES, f"house:{argument}"
+    whose = "hidden tests" if hidden else "val" if house in HOUSES else "dev" if house in DEV_HOUSES else ""
+    if whose:
         told = f"{reference} is a house of {whose}: what is trained in it cannot be tested in it."
         raise HumanclawError(told, f"Use house:train-N with N below {MOST}.")
 
