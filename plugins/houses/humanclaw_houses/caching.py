@@ -10,15 +10,8 @@ from humanclaw import Scene, SceneError
 from humanclaw.storage import Cache, source_digest
 from humanclaw.world import pack_scene, unpack_scene
 
-CORE: Final = (
-    "body",
-    "records/tasks.py",
-    "world/joints.py",
-    "world/keeping.py",
-    "world/meshes",
-    "world/navigation",
-    "world/scene.py",
-)
+_WORLD: Final = ("joints.py", "keeping.py", "meshes", "navigation", "scene.py")
+CORE: Final = ("body", "records/tasks.py", *(f"world/{part}" for part in _WORLD))
 """Parts of the core whose code may change a house."""
 _LIBRARIES: Final = ("manifold3d", "numpy", "scikit-image", "scipy")
 """Distributions whose version may change a house."""
