@@ -136,7 +136,7 @@ def load_file(path: Path) -> ModuleType:
     spec = importlib.util.spec_from_file_location(name, file)
     if spec is None or spec.loader is None:
         raise PluginError(f"{path} is not a Python file.", "Give the path of a file that ends in .py.")
-    if path.is_dir() and name in sys.modules and not _is_from(sys.modules[name], file):
+    if path.is_dir() and name in sys.modules and not is_from(sys.modules[name], file):
         raise PluginError(f"a package {name!r} is loaded already, from elsewhere.", "Rename the folder.")
     module = importlib.util.module_from_spec(spec)
     try:
@@ -152,5 +152,6 @@ def load_file(path: Path) -> ModuleType:
     return module
 
 
-def _is_from(module: ModuleType, file: Path) -> bool:
-    return Path(getattr(module, "__file__", None) or "").resolve() == file.resolve()
+def is_from(module: object, file: Path) -> bool:
+    """Return whether an object is the module of a file."""
+    return isinstance(module, ModuleType) and Path(vars(module).get("__file__") or "").resolve() == file.resolve()
