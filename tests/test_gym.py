@@ -138,6 +138,7 @@ def test_the_page_has_the_sources_the_rewards_and_the_task_of_each_root_cause(ho
 
 SHORT = {
     "--train 160": "--train 4 --option houses=1", "--train 200": "--train 2 --option houses=1", "first=2000": "first=1",
+    "--workers 2": "--workers 1",
 }  # fmt: skip
 
 

@@ -24,15 +24,14 @@ def body(plugins, house):
 
 
 @pytest.fixture
-def one_process(monkeypatch, plugins):
+def one_process(monkeypatch):
     """Runs of the benchmark play in this process: for each, two others load what they need, litellm too, for ten
     seconds."""
+    from here import Here
+
     from humanclaw_bench.executors import LocalExecutor
-    from humanclaw_bench.worker import Worker
 
     def reports(executor, job, queue, out):
-        with Worker(replace(job, apart={}), out, lambda: bool(executor._stopping.value), plugins=plugins) as worker:
-            while not executor._stopping.value and (spec := queue.take()):
-                yield worker.play(spec)
+        return Here().reports(replace(job, apart={}), queue, out)
 
     monkeypatch.setattr(LocalExecutor, "reports", reports)
