@@ -11,7 +11,7 @@ from tiny_motion import write_adapter
 from humanclaw import Plugins
 from humanclaw.body import STANDING_HEIGHT, rest_pose
 from humanclaw.motion import AdapterConfig, DiTGenerator, Solver, load_base
-from humanclaw_train import naturalness
+from humanclaw_train import long_walks, naturalness
 from humanclaw_train.chunks import Chunks
 from humanclaw_train.first_steps import FirstSteps, first_steps
 from humanclaw_train.life import life
@@ -110,7 +110,8 @@ def test_first_steps_and_drift_of_a_standing_body_are_zero(generator, commands):
     assert drift(generator, commands[0], bodies=2, calls=2).side == pytest.approx((0, 0), abs=1e-3)
 
 
-def test_a_standing_body_keeps_its_hips_at_every_corner_and_has_no_gait(generator, commands):
+def test_a_standing_body_keeps_its_hips_at_every_corner_and_has_no_gait(generator, commands, monkeypatch):
+    monkeypatch.setattr(long_walks, "_BODIES", 1)
     simulator = Plugins.discover().make("simulators", "mujoco", profile="default")
     actor, walks = Actor(generator, simulator), walker(commands)
     found = corners(actor, walks, calls=1, bodies=1)
