@@ -1,7 +1,6 @@
 """Open the fridge of a house: `python examples/fridge.py STRIP.jpg` draws it in six pictures."""
 
 import sys
-from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -12,8 +11,7 @@ from humanclaw.body import Pose2D, matrix_from_quaternion, yaw_matrix
 from humanclaw.world import Camera
 
 SKILLS = Path(__file__).parents[1] / "skills"
-PARTS = {name: f"humanclaw_skill_{name}" for name in ("hands", "handle")}
-PACKAGES = [SKILLS / name / package for name, package in PARTS.items() if find_spec(package) is None]
+PACKAGES = [SKILLS / name / f"humanclaw_skill_{name}" for name in ("hands", "handle")]
 SIDE = {"side": "right"}
 CALLS = (
     ("reach", SIDE | {"x_cm": -22, "y_cm": 110, "z_cm": 48}), ("reach", SIDE | {"x_cm": -22, "y_cm": 110, "z_cm": 63}),

@@ -1,7 +1,7 @@
 """Hands: what they take, carry and let go of, on both engines; what the record and the senses say of it."""
 
-from contextlib import suppress
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -24,7 +24,6 @@ from humanclaw import (
     Keyframes,
     Motion,
     OwnBody,
-    PluginError,
     Plugins,
     skill,
 )
@@ -50,10 +49,8 @@ def wave_with_what_is_held(body: OwnBody) -> Keyframes:
 
 @pytest.fixture(scope="module")
 def plugins():
-    found = Plugins.discover()
-    for module in (humanclaw_skill_crouch, humanclaw_skill_gaze, humanclaw_skill_handle, humanclaw_skill_hands):
-        with suppress(PluginError):  # Installed already.
-            found.add(module, module.__name__)
+    packages = (humanclaw_skill_crouch, humanclaw_skill_gaze, humanclaw_skill_handle, humanclaw_skill_hands)
+    found = Plugins.discover([Path(package.__file__).parent for package in packages])
     found.add(plugin(skills=[wave_with_what_is_held]), "own")
     found.add(Fakes(), FAKE)
     return found

@@ -6,6 +6,8 @@ import threading
 import time
 import types
 from dataclasses import replace
+from importlib.util import find_spec
+from pathlib import Path
 
 import click
 import pytest
@@ -497,3 +499,10 @@ def test_a_module_that_raises_for_names_that_it_lacks_is_disabled_by_name(site):
     plugins = Plugins.discover()
     assert "walk" in plugins.skills
     assert "RuntimeError: lazy" in next(info.error for info in plugins.infos if info.name == "humanclaw-lazy")
+
+
+def test_a_package_that_is_named_and_installed_is_one_plugin():
+    installed = Plugins.discover()
+    found = find_spec("humanclaw_skill_sit")
+    named = Plugins.discover([Path(path) for path in found.submodule_search_locations])
+    assert named.infos == installed.infos

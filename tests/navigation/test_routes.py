@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from rooms import GOING, RISER, STEPS, UPSTAIRS, asset, block, scene_object, two_rooms, two_storeys
+from rooms import GOING, RISER, STEPS, UPSTAIRS, asset, block, scene, scene_object, two_rooms, two_storeys
 
 from humanclaw.records.difficulty import route_difficulty
 from humanclaw.world import (
@@ -144,6 +144,15 @@ def test_one_stands_in_front_of_a_couch_with_the_back_to_it() -> None:
     assert first.yaw == pytest.approx(-np.pi / 2)
     assert first.seat_height == pytest.approx(0.42)
     assert all(abs(stand.z - 2.5) <= 0.51 for stand in stands)
+
+
+def test_a_corner_couch_is_sat_on_where_it_has_a_seat() -> None:
+    # Seen from above, an L of 2.4 m, 0.8 m deep, whose right 0.8 m reach 0.8 m further: fronts at z = 0.4 and 1.2.
+    parts = block(2.4, 0.42, 0.8), block(0.8, 0.42, 0.8) + np.array([0.8, 0, 0.8], np.float32)
+    corner = asset("corner couch", "couch", *parts, seat=0.42)
+    placed = scene((corner, scene_object(1, corner, 0.0, 0.0)))
+    stands = viewpoints(MultiFloorMap.of(placed), placed, 1, sit=True)
+    assert {(round(stand.z - stand.gap, 6), stand.x > 0.19) for stand in stands} == {(0.4, False), (1.2, True)}
 
 
 def test_a_blocked_seat_is_sat_on_beside_the_obstacle() -> None:

@@ -37,6 +37,7 @@ from humanclaw.plugins.loading import (
     check_patience,
     has_hook,
     held_to_requirements,
+    is_from,
     load_file,
     origin_of,
     reason_of,
@@ -71,7 +72,7 @@ class Plugins(Lookup):
 
     @classmethod
     def discover(cls, files: Sequence[Path] = (), choice: Choice = Choice(), absent: Collection[str] = ()) -> Plugins:
-        """Load every installed plugin that the choice allows, then the given files.
+        """Load every installed plugin that the choice allows, then the given files but for installed packages.
 
         absent: plugins that stay unloaded, whatever the choice, because their code plays elsewhere.
 
@@ -101,7 +102,8 @@ class Plugins(Lookup):
                 name, version, origin = origin_of(point)
                 self._try(point, partial(self.add, plugin, self._free(name, point.name), version, origin))
         for path in files:
-            self._add_file(path)
+            if not any(is_from(plugin, path / "__init__.py") for plugin in self._manager.get_plugins()):
+                self._add_file(path)
         self._check_choice()
 
     def _free(self, name: str, part: str) -> str:

@@ -54,7 +54,8 @@ def origin_of(point: importlib.metadata.EntryPoint) -> tuple[str, str, str]:
     may have the same name."""
     # An interrupted pip leaves no metadata: the standard library then returns None for both.
     try:
-        name, version = (point.dist.name, point.dist.version) if point.dist else ("", "")
+        told = point.dist and point.dist.metadata  # Read once: name and version would each read it anew.
+        name, version = (told["Name"], told["Version"]) if told else ("", "")
     except (TypeError, FileNotFoundError):  # importlib_metadata, which litellm brings, raises instead.
         name, version = "", ""
     return name or point.name, version or "", name or ""
@@ -136,7 +137,7 @@ def load_file(path: Path) -> ModuleType:
     spec = importlib.util.spec_from_file_location(name, file)
     if spec is None or spec.loader is None:
         raise PluginError(f"{path} is not a Python file.", "Give the path of a file that ends in .py.")
-    if path.is_dir() and name in sys.modules and not _is_from(sys.modules[name], file):
+    if path.is_dir() and name in sys.modules and not is_from(sys.modules[name], file):
         raise PluginError(f"a package {name!r} is loaded already, from elsewhere.", "Rename the folder.")
     module = importlib.util.module_from_spec(spec)
     try:
@@ -152,5 +153,6 @@ def load_file(path: Path) -> ModuleType:
     return module
 
 
-def _is_from(module: ModuleType, file: Path) -> bool:
-    return Path(getattr(module, "__file__", None) or "").resolve() == file.resolve()
+def is_from(module: object, file: Path) -> bool:
+    """Return whether an object is the module of a file."""
+    return isinstance(module, ModuleType) and Path(vars(module).get("__file__") or "").resolve() == file.resolve()

@@ -25,6 +25,8 @@ _BATCH: Final = 256
 """Cells that are looked at together; the nearest ones are mostly free."""
 _RADII: Final = (RADIUS, 0.2, SQUEEZE)
 """Half the widths of the bodies that ways are searched for, metres: the first that comes somewhere counts."""
+_CORNER: Final = 0.25
+"""A front that lies so much further back is that of the open corner of a couch, metres."""
 LEANING: Final = 1.0
 """Metres. A body farther than this from every reachable cell is not leaning on furniture but shut in."""
 
@@ -137,11 +139,17 @@ def _along(
     obj = scene.by_id[target]
     asset = scene.assets[obj.asset]
     out, along = _facing(side), _facing(side + np.pi / 2)
-    points = np.concatenate(asset.hulls) if asset.hulls else asset.mesh.vertices
-    edge, reach = float((points @ out).max()), float(np.ptp(points @ along)) / 2
+    parts = [(part @ along, part @ out) for part in asset.hulls or (asset.mesh.vertices,)]
+    wide, deep = map(np.concatenate, zip(*parts, strict=True))
+    edge, reach = float(deep.max()), float(np.ptp(wide)) / 2
+
+    def front(step: float) -> float:
+        there = [out.max() for along, out in parts if along.min() - RADIUS < step < along.max() + RADIUS]
+        return edge if max(there, default=edge) > edge - _CORNER else float(max(there))
+
     offsets = np.arange(0.0, max(reach - margin, 0.0) + 1e-9, 0.2)
     facing = (turn @ out)[[0, 2]]
-    places = [out * (edge + stand_off) + along * step for step in [*offsets, *-offsets[1:]]]
+    places = [out * (front(step) + stand_off) + along * step for step in [*offsets, *-offsets[1:]]]
     places.sort(key=lambda place: abs(float(place @ along)))
     return [((turn @ place + obj.position)[[0, 2]], yaw_of(facing)) for place in places]
 
