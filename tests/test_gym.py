@@ -1,6 +1,5 @@
 """The gym: tasks by seed, rewards by step, and the page about it."""
 
-import os
 import re
 import shlex
 import subprocess
@@ -9,9 +8,11 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 from hosting import plugin
 
 from humanclaw import Decision, Gym, HumanclawError, Plugins, PromptSettings, load_run, opening, situation, tool_call
+from humanclaw.cli import build
 from humanclaw.errors import PluginRunError
 from humanclaw.skills import Call, read_call
 from humanclaw_bench.training import AGAINST
@@ -138,23 +139,24 @@ def test_the_page_has_the_sources_the_rewards_and_the_task_of_each_root_cause(ho
 
 SHORT = {
     "--train 160": "--train 4 --option houses=1", "--train 200": "--train 2 --option houses=1", "first=2000": "first=1",
+    "--agent stopper": "--agent stopper --in-process",
 }  # fmt: skip
 
 
-def test_the_tutorial_trains_something_as_written_in_a_short_form(tmp_path):
+def test_the_tutorial_trains_something_as_written_in_a_short_form(tmp_path, monkeypatch, one_process):
     """The commands of the page, with fewer tasks in fewer houses."""
     blocks = re.findall(r"elsewhere\. tests/test_gym\.py.*?```\n(.*?)```", PAGE, re.DOTALL)
     (tmp_path / "examples").symlink_to(ROOT / "examples")
-    bin_folder = Path(sys.executable).parent
+    monkeypatch.chdir(tmp_path)
     for line in "".join(blocks).splitlines():
         for long, short in SHORT.items():
             line = line.replace(long, short)
-        words = shlex.split(line)
-        path = {"PATH": f"{bin_folder}{os.pathsep}{os.environ['PATH']}", "OMP_NUM_THREADS": "1"}
-        done = subprocess.run(
-            [bin_folder / words[0], *words[1:]], cwd=tmp_path, env=os.environ | path, capture_output=True, text=True
-        )
-        assert done.returncode == 0, f"{line}\n{done.stdout[-2000:]}{done.stderr[-2000:]}"
+        program, *words = shlex.split(line)
+        if program == "python":
+            subprocess.run([sys.executable, *words], check=True)
+        else:
+            done = CliRunner().invoke(build(Plugins.discover), words)
+            assert done.exit_code == 0, f"{line}\n{done.output[-4000:]}"
     assert "stopper" in done.stdout
     before, after = (load_run(tmp_path / "runs" / name) for name in ("before", "after"))
     assert [one.record.settings["agent"]["weights"] for one in (before[0], after[0])] == ["", "weights.npz"]

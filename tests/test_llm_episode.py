@@ -172,7 +172,7 @@ def test_an_empty_key_is_told_before_the_first_step(shell, tmp_path, monkeypatch
 
 
 # -- the paper's ablation ----------------------------------------------------------------------------------------------
-def test_the_papers_ablation_plays_ten_settings_and_stands_beside_the_paper(tmp_path, monkeypatch):
+def test_the_papers_ablation_plays_ten_settings_and_stands_beside_the_paper(tmp_path, monkeypatch, one_process):
     monkeypatch.setenv("OPENAI_API_KEY", KEY)
     monkeypatch.chdir(tmp_path)
     (spec, *_) = load_split("smoke")

@@ -24,7 +24,7 @@ YES = {f"check_{k}_{part}": said for k in (1, 2) for part, said in (("evidence",
 
 
 @pytest.fixture
-def reproduce(tmp_path, monkeypatch):
+def reproduce(tmp_path, monkeypatch, one_process):
     monkeypatch.chdir(tmp_path)
     for provider in ("OPENAI", "ANTHROPIC", "GEMINI"):
         monkeypatch.setenv(f"{provider}_API_KEY", "sk-planted-0123456789-abcdef")

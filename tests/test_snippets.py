@@ -168,15 +168,18 @@ def _skip_slow(snippet):
 
 
 def test_every_snippet_passes_mypy_strict(tmp_path):
-    """With stubs of ours alone: packages that are not installed count as untyped."""
+    """By the settings of `make types`, whose cache spares half a minute. What a snippet calls my_... is untyped."""
     python = [one for one in CODE if one.language == "python" and one.way in ("always", "slow")]
     for one in python:
         (tmp_path / (re.sub(r"\W", "_", str(one)) + ".py")).write_text(one.code)
-    (tmp_path / "mypy.ini").write_text(
-        "[mypy]\nstrict = True\nignore_missing_imports = True\nfollow_imports = silent\n"
-    )
-    paths = [ROOT / "core", *(path for part in ("plugins", "skills", "harnesses") for path in (ROOT / part).iterdir())]
-    command = [sys.executable, "-m", "mypy", "--config-file", tmp_path / "mypy.ini", *sorted(tmp_path.glob("*.py"))]
+        for name in re.findall(r"^ *(?:from|import) (my_\w+)", one.code, re.MULTILINE):
+            (tmp_path / f"{name}.pyi").write_text("from typing import Any\n\ndef __getattr__(name: str) -> Any: ...\n")
+    paths = [
+        ROOT / "core",
+        tmp_path,
+        *(path for part in ("plugins", "skills", "harnesses") for path in (ROOT / part).iterdir()),
+    ]
+    command = [sys.executable, "-m", "mypy", *sorted(tmp_path.glob("*.py"))]
     found = os.environ | {"MYPYPATH": os.pathsep.join(map(str, paths))}
     done = subprocess.run(command, cwd=ROOT, env=found, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout

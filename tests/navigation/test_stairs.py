@@ -88,7 +88,7 @@ def test_a_map_from_the_cache_is_the_map_that_was_drawn(
 ) -> None:
     monkeypatch.setenv("HUMANCLAW_CACHE", str(tmp_path))
     drawn, kept = (MultiFloorMap.of(replace(body.scene)).grids for _ in range(2))
-    assert len(list(tmp_path.glob("maps/*"))) == 3  # Two floors, and the stairs between them.
+    assert len(list(tmp_path.glob("maps/*"))) == 5  # Two floors, each with fixed objects alone too, and their stairs.
     for one, other in zip(drawn, kept, strict=True):
         for name in ("blocked", "movable", "owners", "tops", "ground", "cost"):
             np.testing.assert_array_equal(getattr(one, name), getattr(other, name))

@@ -1,5 +1,7 @@
 """Fixtures that are slow to make. Tests share them safely because each test resets what it uses."""
 
+from dataclasses import replace
+
 import pytest
 
 from humanclaw import Body, Plugins
@@ -19,3 +21,17 @@ def house(plugins):
 def body(plugins, house):
     with Body(house, plugins=plugins) as made:
         yield made
+
+
+@pytest.fixture
+def one_process(monkeypatch):
+    """Runs of the benchmark play in this process: for each, two others load what they need, litellm too, for ten
+    seconds."""
+    from here import Here
+
+    from humanclaw_bench.executors import LocalExecutor
+
+    def reports(executor, job, queue, out):
+        return Here().reports(replace(job, apart={}), queue, out)
+
+    monkeypatch.setattr(LocalExecutor, "reports", reports)

@@ -209,7 +209,7 @@ class Body:
         """
         skill = self.plugins.skill(call.skill)
         with blaming(self.plugins.owner(call.skill)):
-            plan = skill.planned(call.params, self.feeling)
+            plan = skill.planned(call.params, self.feeling if skill.feels else None)
         self._limits: list[str] = []
         self._aims: list[HandAim] = []
         self._rise_frames = 0

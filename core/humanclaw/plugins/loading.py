@@ -54,7 +54,8 @@ def origin_of(point: importlib.metadata.EntryPoint) -> tuple[str, str, str]:
     may have the same name."""
     # An interrupted pip leaves no metadata: the standard library then returns None for both.
     try:
-        name, version = (point.dist.name, point.dist.version) if point.dist else ("", "")
+        told = point.dist and point.dist.metadata  # Read once: name and version would each read it anew.
+        name, version = (told["Name"], told["Version"]) if told else ("", "")
     except (TypeError, FileNotFoundError):  # importlib_metadata, which litellm brings, raises instead.
         name, version = "", ""
     return name or point.name, version or "", name or ""

@@ -24,7 +24,7 @@ from humanclaw.world.scene import Vec3
 from humanclaw.world.simulator import Contact
 from humanclaw.world.view import Gaze, gaze_of
 
-FORMAT: Literal[4] = 4
+FORMAT: Literal[5] = 5
 Outcome = Literal["running", "stopped", "out_of_steps", "plugin_error", "infra_error", "limit_reached", "interrupted"]
 
 
@@ -199,7 +199,7 @@ class SkillInfo:
 class EpisodeRecord(Record):
     """episode.json: the task, the agent, the versions and weights in use, and the end."""
 
-    format: Literal[2, 3, 4] = FORMAT
+    format: Literal[2, 3, 4, 5] = FORMAT
     spec: EpisodeSpec
     start: Pose2D
     agent: Name

@@ -106,8 +106,11 @@ class Skill:
         """Whether its plan depends on what the body feels of itself."""
         return "body" in inspect.signature(self.plan).parameters
 
-    def planned(self, params: Mapping[str, Any], body: OwnBody) -> tuple[Part, ...]:
-        """Return the parts of a checked call. Raises MotionError for a plan that cannot be played."""
+    def planned(self, params: Mapping[str, Any], body: OwnBody | None) -> tuple[Part, ...]:
+        """Return the parts of a checked call. body: only for a skill that feels it.
+
+        Raises MotionError for a plan that cannot be played.
+        """
         return parts(self.plan(params, body) if self.feels else self.plan(params))
 
     def usage(self) -> str:

@@ -6,7 +6,7 @@ from humanclaw.doors import door
 
 if TYPE_CHECKING:
     from humanclaw.storage.archives import DAMAGED as DAMAGED
-    from humanclaw.storage.cache import VARIABLE as VARIABLE, Cache as Cache
+    from humanclaw.storage.cache import VARIABLE as VARIABLE, Cache as Cache, source_digest as source_digest
     from humanclaw.storage.files import (
         Folder as Folder,
         add_line as add_line,

@@ -7,9 +7,13 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import importlib.metadata
 import os
 import re
 import warnings
+from functools import cache
+from importlib import resources
+from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Final
 
@@ -89,3 +93,28 @@ def _digest(key: str, data: bytes) -> bytes:
     state = hashlib.sha256(hashlib.sha256(key.encode()).digest())
     state.update(data)
     return state.digest()
+
+
+@cache
+def source_digest(sources: tuple[str, ...], libraries: tuple[str, ...] = ()) -> str:
+    """Return a digest of everything that may change a cached result, for its key.
+
+    Args:
+        sources: packages, and files or folders in them, such as "humanclaw/body/pose.py".
+        libraries: distributions whose version counts.
+    """
+    state = hashlib.sha256()
+    for package, *inside in (source.split("/") for source in sources):
+        for path in _sources(resources.files(package).joinpath(*inside)):
+            state.update(path.name.encode() + path.read_bytes())
+    for name in libraries:
+        state.update(f"{name} {importlib.metadata.version(name)}".encode())
+    return state.hexdigest()
+
+
+def _sources(part: Traversable) -> list[Traversable]:
+    """Return a file, or the Python and table files of a package and the packages in it, in order."""
+    if part.is_file():
+        return [part] if part.name.endswith((".py", ".toml")) else []
+    inside = sorted(part.iterdir(), key=lambda item: item.name)
+    return [path for item in inside if item.name != "__pycache__" for path in _sources(item)]

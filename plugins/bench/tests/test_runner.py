@@ -18,6 +18,7 @@ import rooms
 import toy_world
 from click.testing import CliRunner
 from filelock import FileLock
+from here import Here
 
 from humanclaw import Backends, Choice, HumanclawError, PluginError, Plugins, RecordedEpisode, RecordError, load_run
 from humanclaw.cli import Console
@@ -34,20 +35,6 @@ from humanclaw_bench.worker import Job, Worker, WorkerReport, mark, unpack
 TOY = Backends("toy", "toy", "toy")
 SEED = 643
 """Of runs whose episodes keep their order, up to five."""
-
-
-class Here:
-    """An executor as a plugin would bring one: it plays in this process."""
-
-    stopping = False
-
-    def reports(self, job, queue, out):
-        with Worker(job, out, lambda: self.stopping, "here") as worker:
-            while not self.stopping and (spec := queue.take()):
-                yield worker.play(spec)
-
-    def stop(self):
-        self.stopping = True
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,8 @@ import pytest
 import toy_world
 from click.testing import CliRunner
 from fuzzing import timed
-from test_runner import TOY, Here
+from here import Here
+from test_runner import TOY
 
 from humanclaw import HumanclawError, Plugins
 from humanclaw.cli import build

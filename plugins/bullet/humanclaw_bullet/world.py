@@ -11,6 +11,7 @@ import numpy as np
 
 from humanclaw import Scene
 from humanclaw.body import JOINTS, Array
+from humanclaw.storage import source_digest
 from humanclaw.world import TOUCHING, HalfPhysics, ObjectMotion, Pose, Profile, Touch
 from humanclaw_bullet.body import load_body
 from humanclaw_bullet.engine import Client
@@ -142,4 +143,4 @@ def _iterations(scene: Scene) -> int:
 
 def bullet(profile: str | Profile = "default") -> HalfPhysics:
     """Return half-physics on Bullet. profile: 'default', 'paper', 'reference', or constants of your own."""
-    return HalfPhysics(BulletWorld, profile)
+    return HalfPhysics(BulletWorld, profile, source_digest(("humanclaw_bullet",), ("pybullet",)))

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from humanclaw import Scene
 from humanclaw.body import Array, matrix_from_quaternion
+from humanclaw.storage import source_digest
 from humanclaw.world import TOUCHING, HalfPhysics, ObjectMotion, Pose, Profile, Touch
 from humanclaw_mujoco.contacts import body_contacts, harden, harden_stops, let_slide
 from humanclaw_mujoco.model import FIXED_GROUP, Model, build
@@ -261,4 +262,4 @@ def mujoco(profile: str | Profile = "default") -> HalfPhysics:
     """
     if mj.get_mju_user_warning() is None:
         mj.set_mju_user_warning(_LOG.warning)
-    return HalfPhysics(_Worlds(), profile)
+    return HalfPhysics(_Worlds(), profile, source_digest(("humanclaw_mujoco",), ("mujoco",)))

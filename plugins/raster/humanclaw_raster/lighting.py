@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-from functools import cache
-from importlib import resources
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -12,12 +10,14 @@ from numpy.typing import NDArray
 
 from humanclaw import Scene
 from humanclaw.body import Array, matrix_from_quaternion
-from humanclaw.storage import Cache
+from humanclaw.storage import Cache, source_digest
 from humanclaw.world import Mesh, SceneObject, compiled, inlined
 from humanclaw_raster.baking import Lights, bake, voxels
 from humanclaw_raster.buffers import HALF, TINY, ZERO, Instances
 from humanclaw_raster.packing import LEVELS, Floats, Model
 
+_CODE: Final = tuple(f"humanclaw_raster/{name}.py" for name in ("baking", "lighting", "packing"))
+"""What may change the light of the same scene."""
 DAYLIGHT: Final = 1.0
 """Radiance of the sky, which all other brightness is relative to."""
 LAMPS: Final = {"ceiling_lamp": 0.22, "lamp": 0.12}
@@ -104,7 +104,7 @@ def light_of(scene: Scene, model: Model, instances: Instances) -> Light:
     lights = _lights(scene)
     if not lights.power.size:
         return Light((2, 2, 2), np.tile(np.array(PLAIN, np.float32), 8), np.zeros(3, np.float32), np.float32(1))
-    key, store = hashlib.sha256(f"{_code()}|{scene.digest}".encode()).hexdigest(), Cache("light")
+    key, store = hashlib.sha256(f"{source_digest(_CODE)}|{scene.digest}".encode()).hexdigest(), Cache("light")
     if (data := store.get(key)) is None:
         space = voxels(*_solid(scene, model, instances), lights.place)
         head = np.array([*space.shape, *(space.corner + space.size), 1 / (2 * space.size)])
@@ -113,12 +113,6 @@ def light_of(scene: Scene, model: Model, instances: Instances) -> Light:
     head, bright = np.frombuffer(data, "<f8", 7), np.frombuffer(data, "<f2", offset=56).astype(np.float32)
     high, deep, wide = head[:3].astype(int).tolist()
     return Light((high, deep, wide), bright, head[3:6].astype(np.float32), np.float32(head[6]))
-
-
-@cache
-def _code() -> str:
-    names = ("baking.py", "lighting.py", "packing.py")
-    return hashlib.sha256(b"".join((resources.files(__package__) / name).read_bytes() for name in names)).hexdigest()
 
 
 def _exposed(light: Floats) -> Floats:

@@ -5,20 +5,20 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import cache
-from importlib import resources
 from threading import Lock
 from typing import Final
 
 from pydantic import TypeAdapter, ValidationError
 
 from humanclaw import HumanclawError, RecordedEpisode, Scene, __version__
-from humanclaw.storage import Cache
+from humanclaw.storage import Cache, source_digest
 from humanclaw.world import floors_of
 from humanclaw_report.facts import named
 from humanclaw_report.maps import HouseMap, house_maps
 from humanclaw_report.replay import as_json, house
 
+_CODE: Final = tuple(f"humanclaw_report/{name}.py" for name in ("facts", "houses", "maps", "replay"))
+"""What may change the drawing of the same scene."""
 SCRIPT: Final = "window.humanclawHouse = "
 KEPT: Final = 4
 """Houses in memory. A run has dozens, and its episodes come house by house; `humanclaw watch` shows four at a time."""
@@ -95,11 +95,4 @@ class Houses:
 
 
 def _key(digest: str) -> str:
-    return hashlib.sha256(f"{__version__}|{_code()}|{digest}".encode()).hexdigest()
-
-
-@cache
-def _code() -> str:
-    """Return a digest of the code that draws houses, so that no stale drawing is shown."""
-    names = ("facts.py", "houses.py", "maps.py", "replay.py")
-    return hashlib.sha256(b"".join((resources.files(__package__) / name).read_bytes() for name in names)).hexdigest()
+    return hashlib.sha256(f"{__version__}|{source_digest(_CODE)}|{digest}".encode()).hexdigest()

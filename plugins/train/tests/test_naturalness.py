@@ -1,6 +1,7 @@
 """Tests of naturalness (likeness, transitions, a long life, sequences) on models that stand still."""
 
 import json
+from functools import partial
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from tiny_motion import write_adapter
 from humanclaw import Plugins
 from humanclaw.body import STANDING_HEIGHT, rest_pose
 from humanclaw.motion import AdapterConfig, DiTGenerator, Solver, load_base
+from humanclaw_train import long_walks, naturalness
 from humanclaw_train.chunks import Chunks
 from humanclaw_train.first_steps import FirstSteps, first_steps
 from humanclaw_train.life import life
@@ -108,7 +110,8 @@ def test_first_steps_and_drift_of_a_standing_body_are_zero(generator, commands):
     assert drift(generator, commands[0], bodies=2, calls=2).side == pytest.approx((0, 0), abs=1e-3)
 
 
-def test_a_standing_body_keeps_its_hips_at_every_corner_and_has_no_gait(generator, commands):
+def test_a_standing_body_keeps_its_hips_at_every_corner_and_has_no_gait(generator, commands, monkeypatch):
+    monkeypatch.setattr(long_walks, "_BODIES", 1)
     simulator = Plugins.discover().make("simulators", "mujoco", profile="default")
     actor, walks = Actor(generator, simulator), walker(commands)
     found = corners(actor, walks, calls=1, bodies=1)
@@ -199,6 +202,8 @@ def test_a_standing_body_has_no_jerk_in_any_sequence(generator, commands):
 
 def test_the_command_line_prints_every_table(still, capsys, tmp_path, monkeypatch):
     monkeypatch.setenv("COLUMNS", "200")
+    for measure in (first_steps, sequence_jerks):  # As they are, both measure enough bodies for minutes.
+        monkeypatch.setattr(naturalness, measure.__name__, partial(measure, bodies=1))
     _wobbling(40, 0.1, "one").save(tmp_path / "walk.npz")
     _wobbling(60, 0.1, "two").save(tmp_path / "base.npz")
     arguments = ["--adapters", str(still), "--base", str(still / "base.safetensors"), "--rollouts", "2", "--steps", "1"]

@@ -53,34 +53,31 @@ def test_three_steps_and_three_more_are_six_steps_bit_for_bit(chunks, tmp_path, 
     assert _base(chunks, tmp_path / "cut", *mode).read_bytes() == whole.read_bytes()
 
 
-def test_three_processes_train_as_one_does_and_resume_bit_for_bit(chunks, tmp_path):
+PARTING = """
+import pathlib, sys
+from humanclaw_train import train
+assert train.main(sys.argv[1:]) == 0
+names = [path.read_text() for path in pathlib.Path("/proc/self/task").glob("*/comm")]
+assert not [name for name in names if "gloo" in name], names  # One that is left may abort the process as Python ends.
+"""
+
+
+def test_three_processes_train_as_one_does_resume_bit_for_bit_and_leave_no_thread(chunks, tmp_path):
     def arguments(name: str) -> list[str]:
         more = ["--precision", "float32", "--batch", "9", "--export", str(tmp_path / f"{name}.safetensors")]
         return ["base", "--data", str(chunks), "--out", str(tmp_path / name), *SIX, *more]
 
-    _torchrun(3, ["-m", "humanclaw_train.train", *arguments("whole")])
     _torchrun(3, [str(SUPPORT / "cut_short.py"), "3", *arguments("cut")])
     assert torch.load(tmp_path / "cut" / "state.pt")["step"] == 3
-    _torchrun(3, ["-m", "humanclaw_train.train", *arguments("cut")])
+    program = tmp_path / "parting.py"
+    program.write_text(PARTING)
+    _torchrun(3, [str(program), *arguments("cut")])
+    _torchrun(3, ["-m", "humanclaw_train.train", *arguments("whole")])
     assert (tmp_path / "cut.safetensors").read_bytes() == (tmp_path / "whole.safetensors").read_bytes()
 
     alone = _base(chunks, tmp_path / "alone", "--precision", "float32", "--batch", "9").parent / "state.pt"
     one, two = (torch.load(path)["module"] for path in (alone, tmp_path / "whole" / "state.pt"))
     assert all(torch.allclose(one[name], two[name], atol=1e-5) for name in one)
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
-def test_no_thread_of_the_other_processes_is_left_when_they_part(chunks, tmp_path):
-    """One that is left may abort the process as Python ends."""
-    program = tmp_path / "parting.py"
-    program.write_text(
-        "import pathlib, sys\n"
-        "from humanclaw_train import train\n"
-        "assert train.main(sys.argv[1:]) == 0\n"
-        "names = [path.read_text() for path in pathlib.Path('/proc/self/task').glob('*/comm')]\n"
-        "assert not [name for name in names if 'gloo' in name], names\n"
-    )
-    _torchrun(2, [str(program), "base", "--data", str(chunks), "--out", str(tmp_path / "out"), *SIX])
 
 
 def test_a_batch_that_cannot_be_shared_evenly_is_refused():

@@ -3,6 +3,7 @@
 import hashlib
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,7 @@ from safetensors.numpy import load_file
 from humanclaw import HumanclawError
 from humanclaw.body import Motion, Pose2D, rest_pose
 from humanclaw.motion import DiTGenerator, ModelConfig, Solver, load_adapter, load_base, read_header
-from humanclaw_train import data, kinematics, train, trainer
+from humanclaw_train import data, fidelity, kinematics, train, trainer
 from humanclaw_train.data import commanded, noisy_history
 from humanclaw_train.flow import Loss, Weights
 from humanclaw_train.train import main
@@ -44,10 +45,11 @@ def backwards(tmp_path_factory) -> Path:
 
 @pytest.fixture(scope="module", autouse=True)
 def _small():
-    """A model that trains in seconds, on one thread."""
+    """A model that trains in seconds, on one thread, and is looked at in one rollout."""
     threads = torch.get_num_threads()
     with pytest.MonkeyPatch.context() as patch:
         patch.setitem(train.SIZES, "lite", ModelConfig(64, 1, 4, prediction="clean"))
+        patch.setattr(fidelity, "live", partial(fidelity.live, rollouts=1))
         yield
     torch.set_num_threads(threads)
 

@@ -16,9 +16,16 @@ import numpy as np
 from humanclaw.body.pose import FPS, Array, Motion, matrix_from_quaternion, vector_from_quaternion
 from humanclaw.body.resting_hands import HIPS, RAISED, lay_hands
 from humanclaw.body.skeleton import JOINTS
-from humanclaw.world.half_physics.kernels import hold_back, joint_speeds, link_points, link_speed, moved_on
+from humanclaw.world.half_physics.kernels import (
+    hold_back,
+    joint_speeds,
+    link_points,
+    link_speed,
+    moved_on,
+    turns_between,
+)
 from humanclaw.world.half_physics.profile import Profile
-from humanclaw.world.half_physics.quaternions import Pose, blend, conjugate, motion_of, multiply, poses_of
+from humanclaw.world.half_physics.quaternions import Pose, blend, motion_of, poses_of
 from humanclaw.world.half_physics.reflexes import CALM, LEG_OF, Reflex, reach_down
 from humanclaw.world.half_physics.skeleton import ARMS, tip_speeds
 from humanclaw.world.half_physics.world import World
@@ -46,7 +53,7 @@ class Drive:
     def aim(self, target: Array, swing: float = 0.0) -> None:
         """Take up the pose (24, 4) that is due at the end of the coming frame; on the way to it no link swings faster,
         m/s."""
-        self._way = vector_from_quaternion(multiply(conjugate(self._target), target))
+        self._way = turns_between(self._target, target)
         self._target, self._swing = target, swing
 
     def laid(self, target: Pose) -> Pose:
@@ -161,13 +168,13 @@ class Drive:
         return np.array([x, max(min(falling, -profile.max_lift), min(speed[1], profile.max_lift)), z])
 
     def _root_velocity(self, horizontal: Array | None, reflex: Reflex) -> Array:
-        velocity = np.array(self._world.velocity()[0])
+        x, y, z = self._world.velocity()[0].tolist()
         if horizontal is not None:
-            velocity[[0, 2]] = _level(horizontal, self._profile.max_speed)
-        velocity[1] = max(-self._profile.max_fall, min(velocity[1], self._profile.max_rise))
+            x, z = _level(horizontal, self._profile.max_speed)
+        y = max(-self._profile.max_fall, min(y, self._profile.max_rise))
         if reflex.lift:
-            velocity[1] = min(reflex.lift * FPS * self._profile.substeps, self._profile.max_lift)
-        return velocity
+            y = min(reflex.lift * FPS * self._profile.substeps, self._profile.max_lift)
+        return np.array([x, y, z])
 
 
 def _level(velocity: Array, most: float) -> tuple[float, float]:

@@ -49,6 +49,25 @@ def _length(v: Array) -> float:
     return np.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])  # type: ignore[no-any-return]
 
 
+@inlined
+def _scale(q: Array) -> float:
+    """Return the length of a rotation vector, on the shortest arc, over that of its quaternion's vector."""
+    length = _length(q)
+    scale = 2.0 if length < 1e-9 else 2 * np.arctan2(length, abs(q[3])) / length
+    return -scale if q[3] < 0 else scale
+
+
+@compiled
+def turns_between(before: Array, after: Array) -> Array:
+    """Return (24, 3) rotation vectors from a pose (24, 4) to another, each in its joint's own frame."""
+    turns, inverse, turn = np.empty((N_JOINTS, 3)), np.empty(4), np.empty(4)
+    for joint in range(N_JOINTS):
+        inverse[:3], inverse[3] = -before[joint, :3], before[joint, 3]
+        _product(inverse, after[joint], turn)
+        turns[joint] = turn[:3] * _scale(turn)
+    return turns
+
+
 @compiled
 def joint_speeds(actual: Array, target: Array, way: Array, recovery: Array, left: float, substeps: int) -> Array:
     """Return (24, 3) the speeds with which a pose (24, 4) comes to its target in the steps left of a frame.
@@ -63,9 +82,7 @@ def joint_speeds(actual: Array, target: Array, way: Array, recovery: Array, left
             _product(target[0], inverse, missing)
         else:
             _product(inverse, target[joint], missing)
-        length = _length(missing)
-        scale = 2.0 if length < 1e-9 else 2 * np.arctan2(length, abs(missing[3])) / length
-        scale = -scale if missing[3] < 0 else scale
+        scale = _scale(missing)
         share = 1.0 if joint == 0 else recovery[joint]
         for axis in range(3):
             along = 0.0 if joint == 0 else way[joint, axis] * (left / substeps)

@@ -54,7 +54,7 @@ class Pose:
 
 def poses_of(motion: Motion) -> tuple[Pose, ...]:
     """Return one pose a frame."""
-    return tuple(Pose(root, from_vector(turn)) for root, turn in zip(motion.root, motion.rotations, strict=True))
+    return tuple(map(Pose, motion.root, from_vector(motion.rotations)))
 
 
 def motion_of(poses: Sequence[Pose]) -> Motion:

@@ -6,6 +6,7 @@ frame.
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -17,11 +18,17 @@ from numpy.typing import NDArray
 
 from humanclaw.body.pose import Array
 from humanclaw.errors import SceneError
-from humanclaw.world.navigation.keeping import Drawing, kept
+from humanclaw.storage.cache import source_digest
+from humanclaw.world.keeping import Arrays, kept
 from humanclaw.world.scene import Room, Scene, SceneObject
 
 Mask = NDArray[np.bool_]
 
+DRAWING: Final = (
+    ("humanclaw/world/navigation", "humanclaw/world/keeping.py", "humanclaw/world/scene.py", "humanclaw/body/pose.py"),
+    ("numpy", "scipy"),
+)
+"""Sources and libraries that may change a drawing of the same scene."""
 CELL: Final = 0.05
 """Side of a grid cell, metres."""
 _LARGEST: Final = 100_000
@@ -68,12 +75,23 @@ class OccupancyGrid:
 
     @classmethod
     def of(cls, scene: Scene, floor: float = 0.0, moved: Mapping[int, Array] | None = None) -> OccupancyGrid:
-        """Rasterize a scene. moved: object id to (7,) pose, for movable objects that are not where the scene says."""
+        """Rasterize a scene. moved: object id to (7,) pose, for movable objects that are not where the scene says.
+
+        A grid is kept on disk: every start in a house finds each object at the same place.
+        """
+        places = b"".join(np.array([key, *pose]).tobytes() for key, pose in sorted((moved or {}).items()))
+        what = f"grid {floor} {hashlib.sha256(places).hexdigest()}"
+        found = dict(kept(scene, what, source_digest(*DRAWING), lambda: cls._drawn(scene, floor, moved or {})._arrays))
+        x, z = found.pop("origin").tolist()
+        return cls((x, z), overhead=(found.pop("under"), found.pop("over")), floor=floor, **found)
+
+    @classmethod
+    def _drawn(cls, scene: Scene, floor: float, moved: Mapping[int, Array]) -> OccupancyGrid:
         raster = _Raster(scene, floor)
         raster.add_fixed(scene)
         for obj in scene.objects:
             if obj.movable:
-                raster.add(scene, obj, (moved or {}).get(obj.id))
+                raster.add(scene, obj, moved.get(obj.id))
         ground = np.full(raster.blocked.shape, floor)
         grid = cls(
             (float(raster.low[0]), float(raster.low[1])), raster.blocked, raster.movable, raster.owners, raster.tops,
@@ -81,6 +99,15 @@ class OccupancyGrid:
         )  # fmt: skip
         inside = grid._indoors(scene)
         return replace(grid, blocked=grid.blocked | ~inside, ground=np.where(inside, ground, np.nan))
+
+    @property
+    def _arrays(self) -> Arrays:
+        """Everything but floor and slope, by name."""
+        under, over = self.overhead
+        names = ("blocked", "movable", "owners", "tops", "ground")
+        return {"origin": np.array(self.origin), "under": under, "over": over} | {
+            name: getattr(self, name) for name in names
+        }
 
     def _indoors(self, scene: Scene) -> Mask:
         """Cells of this floor's rooms and of the walls and doorways between them; everything if the scene has no
@@ -239,13 +266,13 @@ class _Raster:
     def add_fixed(self, scene: Scene) -> None:
         """Draw the fixed objects."""
 
-        def draw() -> Drawing:
+        def draw() -> Arrays:
             for obj in scene.objects:
                 if not obj.movable:
                     self.add(scene, obj)
             return {name: getattr(self, name) for name in ("blocked", "owners", "tops", "under", "over")}
 
-        vars(self).update(kept(scene, f"floor {self.floor}", draw))
+        vars(self).update(kept(scene, f"floor {self.floor}", source_digest(*DRAWING), draw))
 
     def add(self, scene: Scene, obj: SceneObject, pose: Array | None = None) -> None:
         """Draw an object. pose: (7,), if it is not where the scene says."""

@@ -12,9 +12,11 @@ import scipy
 from numpy.typing import NDArray
 
 from humanclaw.body.pose import Array
-from humanclaw.world.navigation.keeping import Drawing, kept
+from humanclaw.storage.cache import source_digest
+from humanclaw.world.keeping import Arrays, kept
 from humanclaw.world.navigation.occupancy import (
     CELL,
+    DRAWING,
     OBSTACLE_HEIGHTS,
     STEP,
     Mask,
@@ -33,12 +35,12 @@ APRON: Final = 0.7
 def staircase(scene: Scene, lower: OccupancyGrid, upper: OccupancyGrid) -> OccupancyGrid:
     """Build the grid of the stairs from one storey to the next. Without stairs every cell is blocked."""
     walls = hashlib.sha256(lower.blocked.tobytes() + upper.blocked.tobytes()).hexdigest()
-    flight = kept(scene, f"stairs {lower.floor} {walls}", lambda: _flight(scene, lower, upper))
+    flight = kept(scene, f"stairs {lower.floor} {walls}", source_digest(*DRAWING), lambda: _flight(scene, lower, upper))
     movable = lower.movable & (flight["near"] < lower.floor + 0.05)
     return replace(lower, blocked=flight["blocked"], movable=movable, ground=flight["ground"], slope=flight["slope"])
 
 
-def _flight(scene: Scene, lower: OccupancyGrid, upper: OccupancyGrid) -> Drawing:
+def _flight(scene: Scene, lower: OccupancyGrid, upper: OccupancyGrid) -> Arrays:
     """Draw the stairs between two floors, without the objects that can be pushed. near: height of the nearest ground,
     metres; minus infinity without stairs."""
     pieces = list(_static(scene, lower.floor + 0.05, upper.floor + OBSTACLE_HEIGHTS[1]))

@@ -1,0 +1,57 @@
+"""Movable objects at rest: how they lie once they have settled, without a body.
+
+They settle once for a scene and an engine, and the result is kept on disk. So each start in a house finds every object
+at the same place, and does not wait for it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final
+
+import numpy as np
+
+from humanclaw.body.pose import FPS, Array, Pose2D, rest_pose
+from humanclaw.storage.cache import source_digest
+from humanclaw.world.half_physics.profile import Profile
+from humanclaw.world.half_physics.quaternions import poses_of
+from humanclaw.world.half_physics.world import ObjectMotion, OpenWorld
+from humanclaw.world.keeping import kept
+from humanclaw.world.scene import Scene
+
+_FRAMES: Final = 15
+_ALOFT: Final = 1000.0
+"""Height of the body meanwhile, metres: it meets nothing."""
+_SOURCES: Final = tuple(
+    f"humanclaw/{name}"
+    for name in ("world/half_physics", "world/keeping.py", "world/scene.py", "world/joints.py", "body")
+)
+
+
+def at_rest(open_world: OpenWorld, scene: Scene, profile: Profile, engine: str = "") -> Mapping[int, ObjectMotion]:
+    """Return how each movable object with hulls moves after half a second alone in a scene; most lie still.
+
+    engine: digest of everything in the engine that may change it; empty to keep nothing on disk.
+    """
+    movable = [obj.id for obj in scene.objects if obj.movable and scene.assets[obj.asset].hulls]
+    if not movable:
+        return {}
+
+    def settle() -> dict[str, Array]:
+        return {"motions": _settled(open_world, scene, profile, movable)}
+
+    code = f"{source_digest(_SOURCES, ('numpy',))}|{engine}|{profile}"
+    found = (kept(scene, "rest", code, settle) if engine else settle())["motions"]
+    return {key: ObjectMotion(*np.split(row, (3, 7, 10))) for key, row in zip(movable, found, strict=True)}
+
+
+def _settled(open_world: OpenWorld, scene: Scene, profile: Profile, movable: list[int]) -> Array:
+    """Return (N, 13) position, quaternion, velocity and spin of the objects."""
+    (aloft,) = poses_of(Pose2D(0.0, 0.0, 0.0, _ALOFT).to_world(rest_pose()))
+    world = open_world(scene, profile, aloft)
+    try:
+        for _ in range(_FRAMES * profile.substeps):
+            world.step(1 / (FPS * profile.substeps))
+        return np.array([np.concatenate([*vars(world.motion(key)).values()]) for key in movable])
+    finally:
+        world.close()

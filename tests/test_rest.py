@@ -1,0 +1,106 @@
+"""Movable objects come to rest once for a house and an engine, and lie there at every start."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from humanclaw import Plugins, Scene, Simulator
+from humanclaw.body import FUTURE, Motion, Pose2D, rest_pose
+from humanclaw.testing.scenes import SceneBuilder
+from humanclaw.world import Execution
+
+ENGINES = pytest.mark.parametrize("engine", ["bullet", "mujoco"])
+FALLS = 9.81 * np.array([0.5, 1.0]) ** 2 / 2
+"""Metres that a thing falls in half a second and in one."""
+
+
+@pytest.fixture
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("HUMANCLAW_CACHE", str(tmp_path))
+    return tmp_path
+
+
+@pytest.fixture(scope="module")
+def plugins() -> Plugins:
+    return Plugins.discover()
+
+
+def house() -> Scene:
+    """Return a floor with a leaning pile that takes a moment to settle, two metres before the body."""
+    builder = SceneBuilder.on_floor()
+    builder.box("table", (1.0, 0.7, 1.0), (0, 0, 2.0))
+    for level in range(4):
+        builder.box("book", (0.2, 0.04, 0.15), (0.03 * level, 0.705 + 0.045 * level, 1.7), movable=True, mass=0.5)
+    builder.box("box", (0.3, 0.3, 0.3), (0, 0.01, 0.6), movable=True, mass=2.0)
+    return builder.scene()
+
+
+def places(simulator: Simulator, scene: Scene, start: Pose2D) -> dict[int, bytes]:
+    return {key: place.tobytes() for key, place in simulator.reset(scene, start).objects.items()}
+
+
+def walked(simulator: Simulator, scene: Scene) -> Execution:
+    """Walk into the box for half a second."""
+    simulator.reset(scene, scene.start)
+    path = rest_pose().root + np.linspace(0, 0.7, FUTURE)[:, None] * [0.0, 0.0, 1.0]
+    return simulator.execute(Motion(path, rest_pose(FUTURE).rotations))
+
+
+def same(one: Execution, other: Execution) -> bool:
+    arrays = [(one.simulated.root, other.simulated.root), (one.simulated.rotations, other.simulated.rotations)]
+    arrays += [(one.objects[key], other.objects[key]) for key in one.objects.keys() | other.objects.keys()]
+    return one.contacts == other.contacts and all(np.array_equal(*pair) for pair in arrays)
+
+
+@ENGINES
+def test_every_start_finds_every_object_at_the_same_place(engine: str, cache: Path, plugins: Plugins) -> None:
+    scene, simulator = house(), plugins.make("simulators", engine)
+    starts = [Pose2D(), Pose2D(x=-1.0, z=0.5, yaw=2.0), Pose2D(x=2.0, z=-3.0)]
+    found = [places(simulator, scene, start) for start in starts]
+    walked(simulator, scene)
+    found.append(places(simulator, scene, starts[0]))
+    simulator.close()
+    assert all(one == found[0] for one in found)
+
+
+@ENGINES
+def test_a_house_from_the_cache_is_the_house_that_settled_to_the_last_bit(
+    engine: str, cache: Path, plugins: Plugins
+) -> None:
+    first, later = (walked(plugins.make("simulators", engine), house()) for _ in range(2))
+    assert len(list(cache.glob("*/*"))) == 1
+    assert first.objects, "the box must move"
+    assert same(first, later)
+
+
+@ENGINES
+def test_a_damaged_entry_is_made_again(engine: str, cache: Path, plugins: Plugins) -> None:
+    first = walked(plugins.make("simulators", engine), house())
+    (entry,) = cache.glob("*/*")
+    sound = entry.read_bytes()
+    entry.write_bytes(sound[:-1] + bytes([sound[-1] ^ 1]))
+    with pytest.warns(UserWarning, match="is made anew: it is damaged"):
+        assert same(walked(plugins.make("simulators", engine), house()), first)
+    assert entry.read_bytes() == sound
+
+
+def test_engines_and_profiles_do_not_share_entries(cache: Path, plugins: Plugins) -> None:
+    for engine in ("bullet", "mujoco"):
+        for profile in ("default", "paper", "default"):
+            walked(plugins.make("simulators", engine, profile=profile), house())
+    assert len(list(cache.glob("*/*"))) == 4
+
+
+@ENGINES
+def test_what_has_not_come_to_rest_goes_on_falling(engine: str, cache: Path, plugins: Plugins) -> None:
+    """A box falls from 9 m for half a second without the body, and goes on while the body stands."""
+    builder = SceneBuilder.on_floor()
+    box = builder.box("box", (0.3, 0.3, 0.3), (2.0, 9.0, 0.0), movable=True, mass=2.0)
+    scene, simulator = builder.scene(), plugins.make("simulators", engine)
+    at_start = 9.0 - simulator.reset(scene, Pose2D()).objects[box][1]
+    simulator.execute(rest_pose(FUTURE))
+    later = 9.0 - simulator.state().objects[box][1]
+    simulator.close()
+    assert FALLS[0] < at_start < FALLS[1]
+    assert later - at_start > FALLS[1] - FALLS[0]
