@@ -59,6 +59,8 @@ def test_a_house_is_in_one_part_alone_and_about_a_tenth_are_in_test():
     parts = [Wanted().part(f"house:train-{number}") for number in range(1000)]
     assert 70 < parts.count("test") < 130
     assert parts == [Wanted(success=True).part(f"house:train-{number}") for number in range(1000)]
+    assert parts == [Wanted().part(f"house:train-{number}?assets=/lib") for number in range(1000)], "other furniture"
+    assert parts == [Wanted().part(f"humanclaw-houses:house:train-{number}") for number in range(1000)]
 
 
 @pytest.mark.parametrize(

@@ -31,7 +31,7 @@ class BodyEnvironment:
         self._turn: Turn | None = None
         self._return = 0.0
 
-    def reset(self, seed: int = 0, **_: Any) -> str:
+    def reset(self, seed: int, **_: Any) -> str:
         """Begin the task of a seed, a column of the dataset; return what TRL appends to the prompt."""
         self._turn, self._return = self._gym.reset(int(seed)), 0.0
         system, user = opening(self._gym, self._turn)

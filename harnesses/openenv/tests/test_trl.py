@@ -73,6 +73,11 @@ def test_an_environment_ends_with_its_task(kind):
     assert env.walk(thoughts="", x_cm=0, z_cm=50, yaw_deg=0) == "The task is over."
 
 
+def test_a_dataset_without_seeds_is_refused(kind):
+    with pytest.raises(TypeError, match="seed"):
+        kind().reset(prompt=[])
+
+
 def test_two_steps_of_grpo_change_the_weights(kind, tmp_path):
     """The model is new. What it says at random is a call of four, as the other words are suppressed."""
     tokenizer = _tokenizer()

@@ -65,7 +65,8 @@ async def _play(gym: Gym, client: AsyncOpenAI, model: str, seed: int) -> tuple[f
     while not turn.done:
         asked: Any = {"messages": messages, "tools": tools}
         answer = await client.chat.completions.create(model=model, **asked)
-        said = answer.choices[0].message.model_dump(exclude_none=True)
+        # A server may refuse a message with neither words nor a call, even if the model sent it.
+        said = {"content": ""} | answer.choices[0].message.model_dump(exclude_none=True)
         turn = await asyncio.to_thread(_step, gym, said)
         reward += turn.reward
         messages += [said, *_results(said, turn), {"role": "user", "content": situation(gym, turn)}]

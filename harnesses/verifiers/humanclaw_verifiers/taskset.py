@@ -10,6 +10,8 @@ import verifiers.v1 as vf
 from pydantic import Field
 from verifiers.v1.envs.single_agent import SingleAgentEnv, SingleAgentEnvConfig
 
+from humanclaw import Gym
+
 FACTS = "humanclaw"
 """Key of `trace.info` under which the harness leaves what the rubric reads."""
 
@@ -56,8 +58,9 @@ class BodyTaskset(vf.Taskset[BodyTask, BodyConfig]):
     INFINITE: ClassVar[bool] = True
 
     def load(self) -> Iterator[BodyTask]:
-        """Yield the task of each seed."""
+        """Yield the task of each seed. Raises HumanclawError for wrong names and options, before any rollout."""
         config = self.config
+        Gym(config.tasks, config.rewards, options=config.options)
         for seed in itertools.count(config.first):
             data = BodyData(
                 name=f"{config.tasks}-{seed}", prompt="", tasks=config.tasks, options=config.options,

@@ -10,7 +10,11 @@ import pytest
 
 pytest.importorskip("verifiers.v1", reason="verifiers is not installed: pip install humanclaw-verifiers")
 
-from model_servers import OpenAIServer, call, calls, text
+from model_servers import OpenAIServer, call, calls, message
+
+from humanclaw import EpisodeSpec, HumanclawError
+from humanclaw.records import write_episodes
+from humanclaw_verifiers.taskset import BodyConfig, BodyTaskset
 
 SEES = "visible_state: A chair is ahead."
 
@@ -34,14 +38,29 @@ def _evaluated(script, tmp_path, *words):
 
 def test_an_evaluation_scores_what_the_body_did(tmp_path):
     walk = call("walk", thoughts=SEES, z_cm=60)
-    script = [walk, text("I wait."), calls(("walk", {"z_cm": 40}), ("stop", {})), call("stop", thoughts=SEES)]
+    mute = message({"role": "assistant", "content": None})
+    script = [walk, mute, calls(("walk", {"z_cm": 40}), ("stop", {})), call("stop", thoughts=SEES)]
     trace, requests = _evaluated(script, tmp_path)
     assert len(requests) == 4
     assert {"walk", "sit_in_place", "stop"} <= set(requests[0].tool_names)
     assert "Calling stop ends the episode" in requests[0].role("system")
     assert [len(request.images) for request in requests] == [1, 2, 3, 4]
     assert "no call" in requests[2].text
+    assert all("content" in one for one in requests[2].messages), "a server may refuse a message of nothing"
     assert "2 calls" in requests[3].text
     metrics = trace["metrics"]
     assert (metrics["steps"], metrics["solved"], metrics["found"], metrics["arrived"]) == (4, 0, 1, 0)
     assert 0.03 < trace["rewards"]["earned"]["score"] < 0.3, "progress of one walk of 60 cm, times .3"
+
+
+@pytest.mark.parametrize("wrong", [{"tasks": "nonsense"}, {"options": {"houses": 0}}, {"rewards": {"none": 1.0}}])
+def test_wrong_names_and_options_are_refused_before_any_rollout(wrong):
+    with pytest.raises(HumanclawError):
+        next(BodyTaskset(BodyConfig(**wrong)).load())
+
+
+def test_a_house_of_a_test_is_refused_before_any_rollout(tmp_path):
+    write_episodes(tmp_path / "mine.jsonl", [EpisodeSpec(id="a", instruction="find a couch", scene="house:3")])
+    options = {"file": str(tmp_path / "mine.jsonl")}
+    with pytest.raises(HumanclawError, match="is a house of val"):
+        next(BodyTaskset(BodyConfig(tasks="file", options=options)).load())

@@ -36,7 +36,7 @@ from humanclaw.storage import jpeg
 from humanclaw_bench.causes import Cause
 from humanclaw_bench.difficulty import overall
 from humanclaw_bench.scores import Scores, ended, score
-from humanclaw_bench.training import require_training
+from humanclaw_bench.training import house_of, require_training
 
 PLACE: Final = {"type": "image"}
 """Where a picture stands in a message; the row's `images` name the files in the same order."""
@@ -70,7 +70,7 @@ class Wanted:
 
     def part(self, scene: str) -> str:
         """Return 'train' or 'test': a house is in one of them alone, whatever else is exported."""
-        share = int.from_bytes(hashlib.sha256(scene.encode()).digest()[:4]) / 2**32
+        share = int.from_bytes(hashlib.sha256(house_of(scene).encode()).digest()[:4]) / 2**32
         return "test" if share < self.test else "train"
 
 
