@@ -100,11 +100,9 @@ def house_of(reference: str) -> str:
 
 def require_training(reference: str) -> None:
     """Raise HumanclawError for a house of val, of dev or of hidden tests."""
-    source, _, argument = house_of(reference).partition(":")
-    if source != "house":
-        return
-    number = argument.removeprefix("train-")
-    hidden, house = argument != number and number.isdecimal() and int(number) >= HIDDEN_HOUSES, f"house:{argument}"
+    house = house_of(reference)
+    number = house.removeprefix("house:train-")
+    hidden = house != number and number.isdecimal() and int(number) >= HIDDEN_HOUSES
     whose = "hidden tests" if hidden else "val" if house in HOUSES else "dev" if house in DEV_HOUSES else ""
     if whose:
         told = f"{reference} is a house of {whose}: what is trained in it cannot be tested in it."

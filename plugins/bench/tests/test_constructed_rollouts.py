@@ -16,7 +16,7 @@ from humanclaw import Decision, RecordedEpisode
 from humanclaw.records import Attempt
 from humanclaw_bench.attribution import CAUSES, attribute
 
-EACH, MISSES, RANDOM = 25, 15, 100
+EACH, MISSES, RANDOM = 25, 15, 200
 
 
 def label_of(recorded: RecordedEpisode) -> str:

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import hashlib
 from functools import cache
-from importlib import resources
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from humanclaw.body import Array
-from humanclaw.storage import Cache
+from humanclaw.storage import Cache, source_digest
 
 TOP, BOTTOM = 0.6, -1.0
 """Elevation of its first and its last row, radians."""
@@ -23,8 +21,7 @@ _TREES: Final = 130
 @cache
 def panorama() -> NDArray[np.uint8]:
     """Return (H, W, 3) all around, the same for every scene. It is painted once on a machine."""
-    source = resources.files(__package__).joinpath("sky.py").read_bytes()
-    store, key = Cache("light"), hashlib.sha256(source).hexdigest()
+    store, key = Cache("light"), source_digest(("humanclaw_raster/sky.py",))
     if (data := store.get(key)) is None:
         data = _painted().tobytes()
         store.put(key, data)

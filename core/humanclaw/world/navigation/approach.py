@@ -144,8 +144,9 @@ def _along(
     edge, reach = float(deep.max()), float(np.ptp(wide)) / 2
 
     def front(step: float) -> float:
-        there = [out.max() for along, out in parts if along.min() - RADIUS < step < along.max() + RADIUS]
-        return edge if max(there, default=edge) > edge - _CORNER else float(max(there))
+        there = [ahead.max() for aside, ahead in parts if aside.min() - RADIUS < step < aside.max() + RADIUS]
+        nearest = float(max(there, default=edge))
+        return edge if nearest > edge - _CORNER else nearest
 
     offsets = np.arange(0.0, max(reach - margin, 0.0) + 1e-9, 0.2)
     facing = (turn @ out)[[0, 2]]
