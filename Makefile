@@ -30,7 +30,8 @@ $(VENV)/.installed: $(VENV)/.demo requirements.txt requirements-train.txt
 
 locked:  ## Fill .venv from requirements-lock.txt; `make install` then adds what is ours
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/pip install --quiet --require-hashes --no-deps -r requirements-lock.txt
+	@# pip would compile all 26,000 modules one by one; few are ever imported.
+	$(BIN)/pip install --quiet --no-compile --require-hashes --no-deps -r requirements-lock.txt
 
 demo: $(VENV)/.demo  ## Play one episode: find a couch and sit on it
 	$(BIN)/humanclaw run --instruction "find a couch and sit on it" --scene house:0
