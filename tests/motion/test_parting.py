@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from humanclaw.body import JOINT_INDEX, rest_pose
 from humanclaw.body.ik import Limb, solve
@@ -10,9 +11,9 @@ from humanclaw.motion.foot_locking import lock_feet
 from humanclaw.motion.parting import knees_apart
 
 
-def shift(x, z, yaw=0.0, side=1.0):
+def shift(x, z, yaw=0.0, side=1.0, over=0.0):
     """Of a foot at x to the left and z ahead of the other one, which faces ahead."""
-    return apart(np.array([x, 0.0, z]), np.array(yaw), np.zeros(3), np.zeros(()), side)
+    return apart(np.array([x, 0.0, z]), np.array(yaw), np.zeros(3), np.zeros(()), side, over)
 
 
 @pytest.mark.parametrize(
@@ -21,6 +22,11 @@ def shift(x, z, yaw=0.0, side=1.0):
 def test_a_foot_goes_to_its_own_side_until_the_shoes_are_beside_each_other(x, z, goes):
     assert shift(x, z) == pytest.approx([goes, 0, 0])
     assert shift(-x, z, side=-1.0) == pytest.approx([-goes, 0, 0])
+
+
+@pytest.mark.parametrize(("x", "goes"), [(0.02, 0.025), (0.05, 0.0)])
+def test_a_shoe_over_the_other_one_keeps_its_lane_alone(x, goes):
+    assert shift(x, 0.0, over=0.02) == pytest.approx([goes, 0, 0])
 
 
 def test_feet_at_a_right_angle_need_room_for_the_length_of_a_shoe():
@@ -47,6 +53,17 @@ def test_a_foot_that_swings_into_the_other_one_gives_way_and_the_other_one_stand
     assert (before[:, LEFT, 0] - before[:, RIGHT, 0]).min() == pytest.approx(0.05, abs=0.002)
     assert (after[:, LEFT, 0] - after[:, RIGHT, 0]).min() == pytest.approx(0.098, abs=0.002)
     assert after[:, RIGHT] == pytest.approx(before[:, RIGHT], abs=0.002)
+
+
+def test_a_foot_that_is_lifted_over_the_other_one_goes_where_it_is_going():
+    """A bent leg is .82 cos 0.7 = 0.63 m long and comes inwards by 13 cm, with its sole 13 cm over the other shoe."""
+    lifted = rest_pose(20)
+    lifts = np.sin(np.linspace(0, np.pi, 15))[:, None]
+    inwards = Rotation.from_euler("z", -np.arcsin(0.13 / 0.63) * lifts)
+    lifted.rotations[5:, JOINT_INDEX["left_hip"]] = (inwards * Rotation.from_euler("x", -0.7 * lifts)).as_rotvec()
+    lifted.rotations[5:, [JOINT_INDEX["left_knee"], LEFT], 0] = lifts * [1.4, -0.7]
+    after = lock_feet(lifted[:5], lifted[5:]).joints()
+    assert (after[:, LEFT, 0] - after[:, RIGHT, 0]).min() == pytest.approx(0.05, abs=0.003)
 
 
 def test_a_foot_gives_way_to_where_the_other_one_stands_although_the_model_lets_that_creep_away():

@@ -72,9 +72,11 @@ def lock_feet(history: Motion, future: Motion) -> Motion:
     history at 0)."""
     whole = history.then(future)
     positions, turns = forward_kinematics(whole.root, whole.rotations)
+    soles = shoe_heights(positions, turns)
     # A heel or a toe tip may be lower than the soles that the canonical frame stands on.
-    positions[..., 1] -= shoe_heights(positions[:HISTORY], turns[:HISTORY]).min()
-    feet = [_stood(*pair, positions, turns) for pair in zip(SIDES, _parted(positions, turns), strict=True)]
+    positions[..., 1] -= soles[:HISTORY].min()
+    parted = _parted(positions, turns, soles - soles[:HISTORY].min())
+    feet = [_stood(*pair, positions, turns) for pair in zip(SIDES, parted, strict=True)]
     heights = _heights(feet, whole.rotations)
     rise = _on_floor(heights, _swinging(np.stack([toes for toes, _ in feet])))
     up = _raised(positions[:, 0, 1] - (heights + rise).min(0))
@@ -85,11 +87,15 @@ def lock_feet(history: Motion, future: Motion) -> Motion:
     return Motion(root, _bent(feet, positions, turns, whole.rotations)[HISTORY:])
 
 
-def _parted(positions: Array, turns: Array) -> list[Array]:
-    """Return the toes of both feet (T, 3), each swinging around the other foot, without change in the history."""
+def _parted(positions: Array, turns: Array, soles: Array) -> list[Array]:
+    """Return the toes of both feet (T, 3), each swinging around the other foot, without change in the history.
+
+    soles: (T, 2) heights of the lowest points of both shoes.
+    """
     ankles, toes = ([JOINT_INDEX[f"{side}_{part}"] for side in SIDES] for part in ("ankle", "foot"))
     ahead = turns[:, ankles][..., 2]
     yaw = np.arctan2(ahead[..., 0], ahead[..., 2])
+    over = (soles - positions[:, ankles[::-1], 1]).max(-1)  # The top of a shoe is at its ankle.
     # The other foot stays where it stands, however far the model's creeps away.
     stand = [
         positions[:, ankle] + _holding(_stances(positions[:, toe]), positions[:, toe])
@@ -97,7 +103,7 @@ def _parted(positions: Array, turns: Array) -> list[Array]:
     ]
     found = []
     for foot, side in ((0, 1.0), (1, -1.0)):
-        shift = apart(positions[:, ankles[foot]], yaw[:, foot], stand[1 - foot], yaw[:, 1 - foot], side)
+        shift = apart(positions[:, ankles[foot]], yaw[:, foot], stand[1 - foot], yaw[:, 1 - foot], side, over)
         size, way = np.linalg.norm(shift, axis=-1), shift.sum(0)
         found.append(
             positions[:, toes[foot]]

@@ -26,18 +26,23 @@ _LANE: Final = 0.045
 """Least distance of the feet across their heading, metres, where one is ahead of the other: legs never cross."""
 _RAMP: Final = 0.1
 """Distance of the shoes along their heading, metres, from which only _LANE counts."""
+_CLEAR: Final = 0.02
+"""The same for their distance in height: on stairs a foot passes over the other one."""
 
 
-def apart(sole: Array, yaw: Array, other: Array, other_yaw: Array, side: Array | float) -> Array:
+def apart(
+    sole: Array, yaw: Array, other: Array, other_yaw: Array, side: Array | float, over: Array | float = 0.0
+) -> Array:
     """Return the shift (..., 3) over the floor that keeps a foot out of the other one, and on its own side of it.
 
-    sole, other: (..., 3) below the ankles. side: 1 for a left foot, -1 for a right one.
+    sole, other: (..., 3) below the ankles. side: 1 for a left foot, -1 for a right one. over: how far one shoe is
+    above the other one, metres.
     """
     aside = _aside((yaw + other_yaw) / 2) * np.asarray(side)[..., None]
     between = (sole - other)[..., [0, 2]]
     centre = between + (HEEL_END + TOE_END) / 2 * (_ahead(yaw) - _ahead(other_yaw))
     across, along = _gaps(centre, yaw, other_yaw, aside)
-    share = smoothstep(1 - along / _RAMP)
+    share = smoothstep(1 - along / _RAMP) * smoothstep(1 - over / _CLEAR)
     lane = _LANE - np.sum(between * aside, -1)
     size = np.maximum(share * across + (1 - share) * lane, 0.0)
     shift = size[..., None] * aside

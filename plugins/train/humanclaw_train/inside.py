@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from humanclaw.motion import DiTGenerator
 
 _LINK: Final = {link.joint: link for link in LINKS}
-_ARM, _SHOE = ("elbow", "wrist", "hand"), ("ankle", "foot")
+_ARM, _LEG = ("elbow", "wrist", "hand"), ("knee", "ankle", "foot")
 ARMS: Final = "arms in legs or trunk"
 PAIRS: Final[Mapping[str, Sequence[tuple[str, str]]]] = {
     ARMS: [
@@ -29,8 +29,7 @@ PAIRS: Final[Mapping[str, Sequence[tuple[str, str]]]] = {
         for other in ("left_hip", "right_hip", "pelvis", "spine1", "spine2")
     ],
     "legs in each other": [
-        *((f"left_{one}", f"right_{other}") for one, other in product(_SHOE, _SHOE)),
-        ("left_knee", "right_knee"),
+        *((f"left_{one}", f"right_{other}") for one, other in product(_LEG, _LEG)),
         ("left_hip", "right_hip"),
     ],
 }

@@ -149,7 +149,8 @@ def free_running(
 ) -> float:
     """Return the Frechet distance to real chunks of motion that starts from standing and continues itself.
 
-    The model gets only parameters, drawn from those of the chunks. The first call does not count.
+    The model gets only parameters, drawn from those of the chunks. The first call does not count. Windows begin at any
+    frame, as those of real clips do: all bodies start with the same foot, so that their calls begin in step.
     """
     some = _some(data, _MOST // 3, seed)
     motions = [generator.start() for _ in range(len(some))]
@@ -157,8 +158,8 @@ def free_running(
     for call in range(calls):
         values = _asked(command, some[random.permutation(len(some))])
         extend(generator, command, motions, np.arange(len(some)), values, (seed, 8, call))
-    starts = [call * FUTURE for call in range(1, calls)]
-    windows = [motion[start : start + HISTORY + FUTURE] for motion in motions for start in starts]
+    starts = random.integers(FUTURE, (calls - 1) * FUTURE + 1, (len(motions), calls - 1)).tolist()
+    windows = [motion[at : at + HISTORY + FUTURE] for motion, own in zip(motions, starts, strict=True) for at in own]
     made = canonical(*_arrays(windows))
     return measures.frechet(features(*made), features(*_arrays(data)))
 

@@ -85,7 +85,7 @@ def joined(device: torch.device) -> Iterator[Processes]:
         # One that leaves while another still talks to it may end in an abort.
         dist.barrier()
     finally:
-        # To let go of what it did, a thread of gloo needs the interpreter's lock. Whoever drops the group holds that lock
-        # and waits for the thread (torch 2.13): now and then a run hung as it parted. Here the lock is free.
+        # To let go of what it did, a thread of gloo needs the interpreter's lock. Whoever drops the group holds that
+        # lock and waits for the thread (torch 2.13): now and then a run hung as it parted. Here the lock is free.
         time.sleep(0.5)
         dist.destroy_process_group()

@@ -2,22 +2,23 @@
 
 import json
 from functools import partial
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from declared import declaration, declare, folder_of
 from tiny_motion import write_adapter
 
-from humanclaw import Plugins
-from humanclaw.body import STANDING_HEIGHT, rest_pose
+from humanclaw import Motion, Plugins
+from humanclaw.body import FUTURE, HISTORY, STANDING_HEIGHT, rest_pose
 from humanclaw.motion import AdapterConfig, DiTGenerator, Solver, load_base
 from humanclaw_train import long_walks, naturalness
-from humanclaw_train.chunks import Chunks
+from humanclaw_train.chunks import Chunks, canonical, stacked
 from humanclaw_train.first_steps import FirstSteps, first_steps
 from humanclaw_train.life import life
 from humanclaw_train.likeness import PRIOR, free_running, held_out, likeness, naturalness_of, prior, skills
 from humanclaw_train.long_walks import corners, physical_gaits
-from humanclaw_train.measures import Features
+from humanclaw_train.measures import Features, frechet
 from humanclaw_train.naturalness import NaturalnessReport, main
 from humanclaw_train.rollouts import Command, adapters, file_digest
 from humanclaw_train.sequences import SEQUENCES, agreement, sequence_jerks
@@ -69,6 +70,28 @@ def test_a_model_that_stands_still_is_less_like_moving_people_than_they_are_like
     made, floor = likeness(generator, commands[0], data[:80], data[80:], features, seed=0)
     assert made > 3 * floor
     assert free_running(generator, commands[0], data, features, seed=0) > 3 * floor
+
+
+def _rocking(start: Motion, count: int, random: np.random.Generator) -> Motion:
+    """Continue a motion by so many times half a second, in each of which the body rocks ahead and back by 10 cm."""
+    ahead = 0.1 * np.sin(2 * np.pi * np.arange(1, count * FUTURE + 1) / FUTURE)
+    root = start.root[-1] + ahead[:, None] * [0.0, 0.0, 1.0] + random.normal(0, 1e-3, (len(ahead), 3))
+    return start.then(Motion(root, np.repeat(start.rotations[-1:], len(root), 0)))
+
+
+def test_windows_of_the_model_begin_at_any_frame_as_those_of_people_do(commands):
+    """A model that rocks once a call, always in step, is as like people who rock as they are like one another."""
+    random, rest = np.random.default_rng(0), rest_pose(HISTORY)
+    clips = [_rocking(rest, 6, random) for _ in range(200)]
+    windows = [clip[at : at + HISTORY + FUTURE] for clip, at in zip(clips, random.integers(5, 60, 200), strict=True)]
+    root, rotations = canonical(*stacked(windows))
+    data = Chunks.of(declaration("walk").parameters, root, rotations, "people", real=True)
+    model = SimpleNamespace(
+        start=lambda: rest, generate_batch=lambda found, *_: [_rocking(one, 1, random)[HISTORY:] for one in found]
+    )
+    features = Features.of(root, rotations)
+    halves = frechet(features(root[::2], rotations[::2]), features(root[1::2], rotations[1::2]))
+    assert free_running(model, commands[0], data, features, seed=0) < 2 * halves
 
 
 def test_chunks_of_clips_that_nothing_learnt_from_are_kept_apart(tmp_path):
