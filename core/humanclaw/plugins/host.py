@@ -33,6 +33,7 @@ from humanclaw.plugins.bounded import Bounded
 from humanclaw.plugins.choice import Choice, PluginInfo, Registration, is_owner
 from humanclaw.plugins.loading import (
     PATIENCE,
+    Origin,
     check_api,
     check_patience,
     has_hook,
@@ -50,8 +51,6 @@ T = TypeVar("T")
 PREFIX: Final = "humanclaw_"
 _LOG: Final = logging.getLogger(__name__)
 EXTENSION: Final = "humanclaw_hookspecs"
-FIRST: Final = (EXTENSION, "humanclaw_measures", "humanclaw_priors")
-"""Plugins with these hooks load first: others may need their definitions."""
 
 
 class Plugins(Lookup):
@@ -88,19 +87,15 @@ class Plugins(Lookup):
         return host
 
     def _discover(self, files: Sequence[Path]) -> None:
-        points = sorted(importlib.metadata.entry_points(group=hookspecs.PROJECT), key=lambda point: origin_of(point)[0])
-        loaded = [(point, self._load(point)) for point in points]
+        points = importlib.metadata.entry_points(group=hookspecs.PROJECT)
+        found = sorted(((origin_of(point), point) for point in points), key=lambda pair: pair[0].name)
+        loaded = [(origin, point.name, self._load(origin, point)) for origin, point in found]
         # The core first, then those that others may extend or measure with.
-        loaded.sort(
-            key=lambda pair: (
-                origin_of(pair[0])[2] != hookspecs.PROJECT,
-                not any(has_hook(pair[1], hook) for hook in FIRST),
-            )
-        )
-        for point, plugin in loaded:
+        loaded.sort(key=lambda one: (one[0].distribution != hookspecs.PROJECT, not _goes_first(one[2])))
+        for origin, part, plugin in loaded:
             if plugin is not None:
-                name, version, origin = origin_of(point)
-                self._try(point, partial(self.add, plugin, self._free(name, point.name), version, origin))
+                name = self._free(origin.name, part)
+                self._try(origin, partial(self.add, plugin, name, origin.version, origin.distribution))
         for path in files:
             if not any(is_from(plugin, path / "__init__.py") for plugin in self._manager.get_plugins()):
                 self._add_file(path)
@@ -213,26 +208,26 @@ class Plugins(Lookup):
         patient = Bounded(self._patience(one.owner))
         return lambda *args: patient(partial(one.value, *args))
 
-    def _load(self, point: importlib.metadata.EntryPoint) -> object | None:
+    def _load(self, found: Origin, point: importlib.metadata.EntryPoint) -> object | None:
         """Import a plugin's module. Returns None, and notes the reason in the infos, if it is not wanted, cannot be
         imported or was made for another version."""
-        name, version, origin = origin_of(point)
+        name, _, origin = found
         if origin != hookspecs.PROJECT and any(is_owner(text, name) for text in self.choice.without):
-            self._infos.append(PluginInfo(name, version, origin, error="left out by --without"))
+            self._infos.append(PluginInfo(*found, error="left out by --without"))
             return None
         if name in self._absent:
-            self._infos.append(PluginInfo(name, version, origin, error="plays elsewhere"))
+            self._infos.append(PluginInfo(*found, error="plays elsewhere"))
             return None
-        return self._try(point, lambda: held_to_requirements(point).load())
+        return self._try(found, lambda: held_to_requirements(point).load())
 
-    def _try(self, point: importlib.metadata.EntryPoint, use: Callable[[], T]) -> T | None:
+    def _try(self, found: Origin, use: Callable[[], T]) -> T | None:
         try:
             return use()
         except KeyboardInterrupt:
             raise
         except BaseException as error:  # Third-party code: not even its SystemExit may end the program.
             reason = str(error) if isinstance(error, PluginError) else reason_of(error)
-            self._infos.append(PluginInfo(*origin_of(point), error=reason.rstrip(".")))
+            self._infos.append(PluginInfo(*found, error=reason.rstrip(".")))
             return None
 
     def _gather(self, plugin: object, name: str) -> Registry:
@@ -289,6 +284,11 @@ class Plugins(Lookup):
         begun = [name for name in known if name.startswith(word)]
         near = begun or difflib.get_close_matches(word, known, n=1, cutoff=0.5)
         return f"Did you mean {PREFIX}{near[0]}?" if near else f"The hooks are {', '.join(sorted(specified))}."
+
+
+def _goes_first(plugin: object) -> bool:
+    """Whether a plugin may define what others need."""
+    return any(has_hook(plugin, hook) for hook in (EXTENSION, "humanclaw_measures", "humanclaw_priors"))
 
 
 def _bare(hook: str) -> str:

@@ -5,22 +5,24 @@ from __future__ import annotations
 import importlib.metadata
 import importlib.util
 import logging
+import re
 import sys
 from collections.abc import Mapping
 from contextlib import redirect_stdout
 from pathlib import Path
 from types import ModuleType
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import pluggy
 from packaging.requirements import Requirement
-from packaging.utils import canonicalize_name
 
 from humanclaw.errors import PluginError, in_words
 from humanclaw.plugins import hookspecs
 from humanclaw.plugins.distributions import version
 
 _LOG: Final = logging.getLogger(__name__)
+_OURS: Final = re.compile(r"humanclaw(?![\w.-])", re.IGNORECASE)
+"""A requirement of the core itself; of a hundred others the name is not worth parsing."""
 PATIENCE: Final = 30.0
 """Seconds that an observer or a metric may take by default; a plugin sets others in HUMANCLAW_PATIENCE."""
 
@@ -49,16 +51,23 @@ def check_patience(seconds: object, name: str) -> None:
         raise PluginError(told, 'Write one, such as 60.0, or float("inf").')
 
 
-def origin_of(point: importlib.metadata.EntryPoint) -> tuple[str, str, str]:
-    """Return name, version and distribution of a plugin. The distribution names it: entry points of two distributions
-    may have the same name."""
+class Origin(NamedTuple):
+    """Where a plugin is from. The distribution names it: entry points of two distributions may have the same name."""
+
+    name: str
+    version: str
+    distribution: str
+
+
+def origin_of(point: importlib.metadata.EntryPoint) -> Origin:
+    """Return where a plugin is from. Reads its distribution's metadata anew at each call."""
     # An interrupted pip leaves no metadata: the standard library then returns None for both.
     try:
         told = point.dist and point.dist.metadata  # Read once: name and version would each read it anew.
         name, version = (told["Name"], told["Version"]) if told else ("", "")
     except (TypeError, FileNotFoundError):  # importlib_metadata, which litellm brings, raises instead.
         name, version = "", ""
-    return name or point.name, version or "", name or ""
+    return Origin(name or point.name, version or "", name or "")
 
 
 class Modules:
@@ -69,14 +78,15 @@ class Modules:
         """Call a hook of every plugin that has it, the core's first. A plugin that fails is logged and skipped. What
         plugins print goes to stderr."""
         points = importlib.metadata.entry_points(group=hookspecs.PROJECT)
-        for point in sorted(points, key=lambda point: (origin_of(point)[2] != hookspecs.PROJECT, origin_of(point))):
+        found = [(origin_of(point), point) for point in points]
+        for origin, point in sorted(found, key=lambda pair: (pair[0].distribution != hookspecs.PROJECT, pair[0])):
             try:
                 with redirect_stdout(sys.stderr):
                     _tell(point, hook, event)
             except KeyboardInterrupt:
                 raise
             except BaseException as error:  # Third-party code: not even its SystemExit may end the program.
-                _LOG.warning("plugin %r failed at %s: %s", origin_of(point)[0], hook, reason_of(error))
+                _LOG.warning("plugin %r failed at %s: %s", origin.name, hook, reason_of(error))
 
 
 def _tell(point: importlib.metadata.EntryPoint, hook: str, event: Mapping[str, Any]) -> None:
@@ -107,11 +117,10 @@ def held_to_requirements(point: importlib.metadata.EntryPoint) -> importlib.meta
 
 def _check_requirement(dist: importlib.metadata.Distribution) -> None:
     """Raise PluginError if the distribution's metadata require another version of humanclaw."""
-    for text in dist.requires or ():
-        requirement = Requirement(text)
-        if canonicalize_name(requirement.name) == "humanclaw" and version() not in requirement.specifier:
+    for text in filter(_OURS.match, dist.requires or ()):
+        if version() not in (wanted := Requirement(text).specifier):
             raise PluginError(
-                f"{dist.name} {dist.version} needs humanclaw{requirement.specifier}, this is {version()}.",
+                f"{dist.name} {dist.version} needs humanclaw{wanted}, this is {version()}.",
                 f"Upgrade {dist.name} and humanclaw.",
             )
 

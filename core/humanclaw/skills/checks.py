@@ -15,7 +15,7 @@ import jsonschema
 
 from humanclaw.errors import ContractError, PluginError
 from humanclaw.skills.adapter_checks import ANY, Faults, Priors, Subject, misfits
-from humanclaw.skills.contract import OFFLINE, Skill, read_checks, refusals
+from humanclaw.skills.contract import OFFLINE, RESERVED, Skill, read_checks, refusals
 from humanclaw.skills.measures import MEASURES, Measure, Parameter, read_schema, si_unit
 from humanclaw.skills.publishing import OPTIONAL_FIELDS, REASONING_FIELDS, Format, parameter_schema, unpublishable
 
@@ -163,7 +163,14 @@ def read_draft(folder: Path) -> tuple[Draft | None, tuple[ContractError, ...]]:
 
 # -- the schema --------------------------------------------------------------------------------------------------------
 def _refused(subject: Subject) -> Faults:
-    yield from refusals(subject.skill)
+    # A plain Skill passed these checks, which take the most time of all, as it was made.
+    return iter(()) if type(subject.skill) is Skill else refusals(subject.skill)
+
+
+def _reserved(subject: Subject) -> Faults:
+    if (name := subject.skill.name) in RESERVED:
+        taken = f"skill name {name!r} is taken: a harness has a tool of that name."
+        yield ContractError("name-reserved", taken, "Rename the skill.")
 
 
 def _odd_properties(subject: Subject) -> Faults:
@@ -325,6 +332,6 @@ def _bad_measure(one: Parameter, where: str, measures: Mapping[str, Measure]) ->
 
 
 _FINDERS: Final[tuple[Callable[[Subject], Faults], ...]] = (
-    _refused, _odd_properties, _unpublishable, _bad_texts, _bad_checks, _open_ended, _bad_bounds, _bad_defaults,
-    _undefined, _bad_conditions, misfits,
+    _refused, _reserved, _odd_properties, _unpublishable, _bad_texts, _bad_checks, _open_ended, _bad_bounds,
+    _bad_defaults, _undefined, _bad_conditions, misfits,
 )  # fmt: skip

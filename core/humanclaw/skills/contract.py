@@ -67,8 +67,7 @@ class Skill:
 
     def __post_init__(self) -> None:
         for fault in refusals(self):
-            if fault.check != "name-reserved":  # The host refuses the name, and keeps the plugin's other skills.
-                raise fault
+            raise fault
 
     @property
     def trained(self) -> bool:
@@ -148,9 +147,6 @@ def refusals(skill: Skill) -> Iterator[ContractError]:
     name, schema = skill.name, skill.schema
     if not isinstance(name, str) or not NAME_PATTERN.fullmatch(name):
         yield ContractError("name", f"skill name {name!r} does not match {NAME_PATTERN.pattern}.", "Rename the skill.")
-    if name in RESERVED:
-        taken = f"skill name {name!r} is taken: a harness has a tool of that name."
-        yield ContractError("name-reserved", taken, "Rename the skill.")
     if schema.get("type") != "object":
         wrong = f"the schema of skill {name!r} must have type 'object'."
         yield ContractError("schema-object", wrong, "Mend its schema.json.")
