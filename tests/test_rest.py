@@ -7,7 +7,7 @@ import pytest
 
 from humanclaw import Plugins, Scene, Simulator
 from humanclaw.body import FUTURE, Motion, Pose2D, rest_pose
-from humanclaw.testing.scenes import SceneBuilder
+from humanclaw.testing.scenes import SceneBuilder, block
 from humanclaw.world import Execution
 
 ENGINES = pytest.mark.parametrize("engine", ["bullet", "mujoco"])
@@ -90,6 +90,21 @@ def test_engines_and_profiles_do_not_share_entries(cache: Path, plugins: Plugins
         for profile in ("default", "paper", "default"):
             walked(plugins.make("simulators", engine, profile=profile), house())
     assert len(list(cache.glob("*/*"))) == 4
+
+
+@ENGINES
+def test_a_tray_whose_sides_become_one_solid_piece_carries_a_book_on_top(
+    engine: str, cache: Path, plugins: Plugins
+) -> None:
+    """Two scenes of the same points in other pieces do not share an entry: the tray is hollow, then solid."""
+    bottom, sides = block((-0.5, 0, -0.5), (0.5, 0.05, 0.5)), [(-0.5, -0.4), (0.4, 0.5)]
+    pieces = [bottom, *(block((low, 0.05, -0.5), (high, 0.4, 0.5)) for low, high in sides)]
+    for hulls, height in ((pieces, 0.05), ([np.concatenate(pieces)], 0.4)):
+        builder = SceneBuilder.on_floor()
+        builder.solid("tray", hulls, (0, 0, 2.0), movable=True, mass=5.0)
+        book = builder.box("book", (0.1, 0.05, 0.1), (0, 0.41, 2.0), movable=True, mass=0.3)
+        found = plugins.make("simulators", engine).reset(builder.scene(), Pose2D()).objects[book]
+        assert found[1] == pytest.approx(height, abs=0.01)
 
 
 @ENGINES
