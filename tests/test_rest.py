@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from humanclaw import Plugins, Scene, Simulator
-from humanclaw.body import FUTURE, Motion, Pose2D, rest_pose
-from humanclaw.testing.scenes import SceneBuilder
+from humanclaw.body import FUTURE, Motion, Pose2D, matrix_from_quaternion, rest_pose
+from humanclaw.testing.scenes import SceneBuilder, block
 from humanclaw.world import Execution
 
 ENGINES = pytest.mark.parametrize("engine", ["bullet", "mujoco"])
@@ -93,6 +93,21 @@ def test_engines_and_profiles_do_not_share_entries(cache: Path, plugins: Plugins
 
 
 @ENGINES
+def test_a_tray_whose_sides_become_one_solid_piece_carries_a_book_on_top(
+    engine: str, cache: Path, plugins: Plugins
+) -> None:
+    """Two scenes of the same points in other pieces do not share an entry: the tray is hollow, then solid."""
+    bottom, sides = block((-0.5, 0, -0.5), (0.5, 0.05, 0.5)), [(-0.5, -0.4), (0.4, 0.5)]
+    pieces = [bottom, *(block((low, 0.05, -0.5), (high, 0.4, 0.5)) for low, high in sides)]
+    for hulls, height in ((pieces, 0.05), ([np.concatenate(pieces)], 0.4)):
+        builder = SceneBuilder.on_floor()
+        builder.solid("tray", hulls, (0, 0, 2.0), movable=True, mass=5.0)
+        book = builder.box("book", (0.1, 0.05, 0.1), (0, 0.41, 2.0), movable=True, mass=0.3)
+        found = plugins.make("simulators", engine).reset(builder.scene(), Pose2D()).objects[book]
+        assert found[1] == pytest.approx(height, abs=0.01)
+
+
+@ENGINES
 def test_what_has_not_come_to_rest_goes_on_falling(engine: str, cache: Path, plugins: Plugins) -> None:
     """A box falls from 9 m for half a second without the body, and goes on while the body stands."""
     builder = SceneBuilder.on_floor()
@@ -104,3 +119,27 @@ def test_what_has_not_come_to_rest_goes_on_falling(engine: str, cache: Path, plu
     simulator.close()
     assert FALLS[0] < at_start < FALLS[1]
     assert later - at_start > FALLS[1] - FALLS[0]
+
+
+@ENGINES
+def test_a_plank_that_still_topples_slowly_after_half_a_second_falls_over(
+    engine: str, cache: Path, plugins: Plugins
+) -> None:
+    """It stands 2 degrees off the vertical, over an edge that bears it up to atan(0.03 / 1.2) = 1.4 degrees."""
+    lean = np.radians(2) / 2
+    builder = SceneBuilder.on_floor()
+    turn = (0.0, 0.0, float(np.sin(lean)), float(np.cos(lean)))
+    plank = builder.box("plank", (0.03, 1.2, 0.2), (0, 0.001, 3), rotation=turn, movable=True, mass=1.0)
+    scene, simulator = builder.scene(), plugins.make("simulators", engine)
+    tilts = [up(simulator.reset(scene, Pose2D()).objects[plank])]
+    for _ in range(6):
+        simulator.execute(rest_pose(FUTURE))
+        tilts.append(up(simulator.state().objects[plank]))
+    simulator.close()
+    assert tilts[0] > np.cos(np.radians(10)), "it has hardly begun to fall"
+    assert abs(tilts[-1]) < 0.05, "it lies"
+
+
+def up(place: np.ndarray) -> float:
+    """Return how far the upright axis of a thing at (7,) points up: 1 upright, 0 lying."""
+    return float(matrix_from_quaternion(place[3:])[1, 1])

@@ -80,7 +80,8 @@ def main() -> int:
 
 def played(decisions: int, length: int, simulator: str) -> list[Sample]:
     """Play a number of decisions in episodes of some length; sample before the first and after every EVERY."""
-    plugins = Plugins.discover(choice=Choice(without=("stop",)))  # No episode ends before its last step.
+    ends = tuple(name for name, skill in Plugins.discover().skills.items() if skill.role == "stop")
+    plugins = Plugins.discover(choice=Choice(without=ends))  # No episode ends before its last step.
     samples = [Sample.now(0)]
     backends = Backends(simulator or default_simulator(plugins))
     with tempfile.TemporaryDirectory() as out, Body("house:0", plugins=plugins, backends=backends) as body:

@@ -83,12 +83,28 @@ def test_a_body_walks_down_the_stairs_to_an_object_on_the_lower_floor(body: Body
     assert distance_to_box(joints, *body.scene.aabb(target)).min() <= 0.2
 
 
+def test_a_map_of_places_that_never_come_again_is_not_kept(
+    body: Body, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("HUMANCLAW_CACHE", str(tmp_path))
+    moved = {obj.id: np.array([*obj.position, *obj.rotation]) for obj in body.scene.objects if obj.movable}
+    drawn = MultiFloorMap.of(body.scene, moved, keep=False)
+    assert len(list(tmp_path.glob("maps/*"))) == 1, "the stairs, which know no free object"
+    kept = MultiFloorMap.of(body.scene, moved)
+    assert len(list(tmp_path.glob("maps/*"))) == 3
+    assert_same(drawn, kept)
+
+
 def test_a_map_from_the_cache_is_the_map_that_was_drawn(
     body: Body, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("HUMANCLAW_CACHE", str(tmp_path))
-    drawn, kept = (MultiFloorMap.of(replace(body.scene)).grids for _ in range(2))
-    assert len(list(tmp_path.glob("maps/*"))) == 5  # Two floors, each with fixed objects alone too, and their stairs.
-    for one, other in zip(drawn, kept, strict=True):
+    drawn, kept = (MultiFloorMap.of(replace(body.scene)) for _ in range(2))
+    assert len(list(tmp_path.glob("maps/*"))) == 3, "two floors and their stairs"
+    assert_same(drawn, kept)
+
+
+def assert_same(drawn: MultiFloorMap, kept: MultiFloorMap) -> None:
+    for one, other in zip(drawn.grids, kept.grids, strict=True):
         for name in ("blocked", "movable", "owners", "tops", "ground", "cost"):
             np.testing.assert_array_equal(getattr(one, name), getattr(other, name))

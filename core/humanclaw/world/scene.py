@@ -234,7 +234,7 @@ class Scene:
 
     @cached_property
     def digest(self) -> str:
-        """SHA-256 over everything physical and visible; two scenes with one digest behave and look the same.
+        """SHA-256 over everything physical and visible, but not over how an asset's points are divided into hulls.
 
         The name is not in it: it may hold a path, which differs from machine to machine.
         """

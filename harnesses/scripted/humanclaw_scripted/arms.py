@@ -48,7 +48,8 @@ class ArmedOracle(OracleAgent):
         if super()._choose(pose):
             return True
         # What failed from all places may work from the first one now, and what was in the way may be gone.
-        self._memory.given_up, self._memory.floors = set(), MultiFloorMap.of(self._scene, self._state().objects)
+        places = self._state().objects
+        self._memory.given_up, self._memory.floors = set(), MultiFloorMap.of(self._scene, places, keep=False)
         return super()._choose(pose)
 
     @abstractmethod

@@ -14,8 +14,6 @@ from humanclaw.body import Array, matrix_from_quaternion
 from humanclaw.world import Asset, ObjectMotion, SceneObject, Swing, box_of, centre_of_mass, inertia
 from humanclaw_bullet.engine import Client
 
-_STILL: Final = 0.1
-"""Speed below which an object counts as still after it had time to settle, m/s and rad/s."""
 _MOVING: Final = 1
 """Bullet's collision group of everything that is not fixed."""
 
@@ -197,10 +195,10 @@ class Objects:
     def lull(self) -> None:
         """Let objects at rest sleep until something touches them: asleep they cost almost nothing."""
         for body, _ in self._movable.values():
-            if np.abs(self._client.getBaseVelocity(body)).max() < _STILL:
+            if not np.any(self._client.getBaseVelocity(body)):
                 self._client.changeDynamics(body, -1, activationState=self._client.ACTIVATION_STATE_SLEEP)
         for body, _ in self._hinged.values():
-            if abs(self._client.getJointState(body, 0)[1]) < _STILL:
+            if not self._client.getJointState(body, 0)[1]:
                 self._client.changeDynamics(body, -1, activationState=self._client.ACTIVATION_STATE_SLEEP)
 
     def states(self) -> Mapping[int, Array]:

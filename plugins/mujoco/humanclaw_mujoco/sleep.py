@@ -11,8 +11,6 @@ from humanclaw.body import Array
 from humanclaw_mujoco.contacts import NEAR, disturbed
 from humanclaw_mujoco.model import HINGED, MOVABLE, Model
 
-_LULLED: Final = 0.1
-"""Speed below which an object counts as still after it had time to settle, m/s and rad/s."""
 _STILL: Final = 0.01
 """Speed below which an object falls asleep by itself, m/s and rad/s."""
 _PATIENCE: Final = 60
@@ -45,10 +43,9 @@ class Sleep:
         self._let_meet()
 
     def lull(self, data: Any) -> None:
-        """Put every object to sleep that hardly moves."""
-        self._asleep |= self._speeds(data) < _LULLED
+        """Put every object to sleep that does not move."""
+        self._asleep |= self._speeds(data) == 0.0
         self._held = self._dofs[self._asleep].ravel()
-        data.qvel[self._held] = 0.0
         self._let_meet()
 
     def held(self) -> NDArray[np.int64]:

@@ -262,4 +262,4 @@ def mujoco(profile: str | Profile = "default") -> HalfPhysics:
     """
     if mj.get_mju_user_warning() is None:
         mj.set_mju_user_warning(_LOG.warning)
-    return HalfPhysics(_Worlds(), profile, source_digest(("humanclaw_mujoco",), ("mujoco",)))
+    return HalfPhysics(_Worlds(), profile, source_digest(("humanclaw_mujoco",), ("mujoco", "numba")))

@@ -20,6 +20,10 @@ from humanclaw.world.keeping import kept
 from humanclaw.world.scene import Scene
 
 _FRAMES: Final = 15
+_LAST: Final = 3
+_STILL: Final = 0.1, 0.001
+"""An object lies still if it is slower than this, m/s and rad/s, and strays less than this in the last frames, metres.
+One that topples is slow for a while, and one that rises is slow before it falls: they stray."""
 _ALOFT: Final = 1000.0
 """Height of the body meanwhile, metres: it meets nothing."""
 _SOURCES: Final = tuple(
@@ -46,12 +50,19 @@ def at_rest(open_world: OpenWorld, scene: Scene, profile: Profile, engine: str =
 
 
 def _settled(open_world: OpenWorld, scene: Scene, profile: Profile, movable: list[int]) -> Array:
-    """Return (N, 13) position, quaternion, velocity and spin of the objects."""
+    """Return (N, 13) position, quaternion, velocity and spin of the objects; 0 for both speeds of one that is still."""
     (aloft,) = poses_of(Pose2D(0.0, 0.0, 0.0, _ALOFT).to_world(rest_pose()))
     world = open_world(scene, profile, aloft)
-    try:
-        for _ in range(_FRAMES * profile.substeps):
+
+    def after(frames: int) -> Array:
+        for _ in range(frames * profile.substeps):
             world.step(1 / (FPS * profile.substeps))
         return np.array([np.concatenate([*vars(world.motion(key)).values()]) for key in movable])
+
+    try:
+        before, found = after(_FRAMES - _LAST), after(_LAST)
+        speed, way = (np.abs(part).max(axis=1) for part in (found[:, 7:], (found - before)[:, :3]))
+        found[(speed < _STILL[0]) & (way < _STILL[1]), 7:] = 0.0
+        return found
     finally:
         world.close()

@@ -79,8 +79,7 @@ class HalfPhysics:
         self.close()
         (pose,) = poses_of(Pose2D(start.x, start.z, start.yaw, start.floor).to_world(rest_pose()))
         if self._measured is None or self._measured.scene is not scene:
-            self._rest = at_rest(self._open, scene, self._profile, self._digest)
-            self._measured = Surroundings(scene)
+            self._rest, self._measured = at_rest(self._open, scene, self._profile, self._digest), Surroundings(scene)
         self._world = world = self._open(scene, self._profile, pose)
         for key, motion in self._rest.items():
             world.set_motion(key, motion)

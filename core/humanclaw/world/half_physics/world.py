@@ -96,7 +96,7 @@ class World(Protocol):
         """Let these links (index of the joint) and objects (id) alone have no contact, from now on."""
 
     def settled(self) -> None:
-        """Everything has come to rest: an engine may let still objects sleep."""
+        """Objects without speed have come to rest: an engine may let them sleep."""
 
     def close(self) -> None:
         """Free the engine's memory."""

@@ -74,11 +74,18 @@ class OccupancyGrid:
     ramp."""
 
     @classmethod
-    def of(cls, scene: Scene, floor: float = 0.0, moved: Mapping[int, Array] | None = None) -> OccupancyGrid:
-        """Rasterize a scene. moved: object id to (7,) pose, for movable objects that are not where the scene says.
+    def of(
+        cls, scene: Scene, floor: float = 0.0, moved: Mapping[int, Array] | None = None, keep: bool = True
+    ) -> OccupancyGrid:
+        """Rasterize a scene.
 
-        A grid is kept on disk: every start in a house finds each object at the same place.
+        Args:
+            moved: object id to (7,) pose, for movable objects that are not where the scene says.
+            keep: whether to keep the grid on disk. Every start in a house finds each object at the same place; later
+                places never come again.
         """
+        if not keep:
+            return cls._drawn(scene, floor, moved or {})
         places = b"".join(np.array([key, *pose]).tobytes() for key, pose in sorted((moved or {}).items()))
         what = f"grid {floor} {hashlib.sha256(places).hexdigest()}"
         found = dict(kept(scene, what, source_digest(*DRAWING), lambda: cls._drawn(scene, floor, moved or {})._arrays))
@@ -88,10 +95,8 @@ class OccupancyGrid:
     @classmethod
     def _drawn(cls, scene: Scene, floor: float, moved: Mapping[int, Array]) -> OccupancyGrid:
         raster = _Raster(scene, floor)
-        raster.add_fixed(scene)
-        for obj in scene.objects:
-            if obj.movable:
-                raster.add(scene, obj, moved.get(obj.id))
+        for obj in sorted(scene.objects, key=lambda obj: obj.movable):
+            raster.add(scene, obj, moved.get(obj.id))
         ground = np.full(raster.blocked.shape, floor)
         grid = cls(
             (float(raster.low[0]), float(raster.low[1])), raster.blocked, raster.movable, raster.owners, raster.tops,
@@ -262,17 +267,6 @@ class _Raster:
         self.blocked, self.movable = np.zeros(shape, bool), np.zeros(shape, bool)
         self.owners, self.tops = np.zeros(shape, np.int32), np.zeros(shape)
         self.under, self.over = np.full(shape, np.inf), np.zeros(shape)
-
-    def add_fixed(self, scene: Scene) -> None:
-        """Draw the fixed objects."""
-
-        def draw() -> Arrays:
-            for obj in scene.objects:
-                if not obj.movable:
-                    self.add(scene, obj)
-            return {name: getattr(self, name) for name in ("blocked", "owners", "tops", "under", "over")}
-
-        vars(self).update(kept(scene, f"floor {self.floor}", source_digest(*DRAWING), draw))
 
     def add(self, scene: Scene, obj: SceneObject, pose: Array | None = None) -> None:
         """Draw an object. pose: (7,), if it is not where the scene says."""

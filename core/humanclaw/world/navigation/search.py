@@ -39,12 +39,11 @@ class MultiFloorMap:
     grids: tuple[OccupancyGrid, ...]
 
     @classmethod
-    def of(cls, scene: Scene, moved: Mapping[int, Array] | None = None) -> MultiFloorMap:
-        """Build the grids of a scene. moved: object id to (7,) pose, for movable objects that are not where the scene
-        says."""
+    def of(cls, scene: Scene, moved: Mapping[int, Array] | None = None, keep: bool = True) -> MultiFloorMap:
+        """Build the grids of a scene. moved, keep: as for OccupancyGrid.of."""
         if not moved and scene in _MAPS:
             return _MAPS[scene]
-        floors = [OccupancyGrid.of(scene, floor, moved) for floor in floors_of(scene)]
+        floors = [OccupancyGrid.of(scene, floor, moved, keep) for floor in floors_of(scene)]
         grids = floors[:1]
         for lower, upper in pairwise(floors):
             grids += [staircase(scene, lower, upper), upper]
