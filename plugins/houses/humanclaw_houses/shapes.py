@@ -9,8 +9,9 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, lru_cache
 from itertools import pairwise
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,15 +61,15 @@ def _turn(degrees: Point) -> Array:
 def sheet(corner: Point, along: Point, up: Point, cells: tuple[int, int] = (1, 1)) -> Chart:
     """Return a flat grid from a corner along two sides; its outside faces the cross product of `along` and `up`."""
     u, v = _lattice(cells)
-    points = np.array(corner, float) + u[:, None] * np.array(along, float) + v[:, None] * np.array(up, float)
-    uv = np.stack([u * math.hypot(*along), v * math.hypot(*up)], -1)
+    points = np.array(corner, float) + u * np.array(along, float) + v * np.array(up, float)
+    uv = np.hstack([u * math.hypot(*along), v * math.hypot(*up)])
     return Chart(points, _grid_faces(cells[1] + 1, cells[0] + 1), uv)
 
 
 @cache
 def _lattice(cells: tuple[int, int]) -> tuple[Array, Array]:
     u, v = np.meshgrid(np.linspace(0, 1, cells[0] + 1), np.linspace(0, 1, cells[1] + 1))
-    return u.ravel(), v.ravel()
+    return u.reshape(-1, 1), v.reshape(-1, 1)
 
 
 @cache
@@ -84,17 +85,21 @@ def box(size: Point, at: Point = (0.0, 0.0, 0.0), skip: str = "") -> Shape:
 
     skip: sides to leave out: b(ottom), t(op), l(eft), r(ight), (bac)k, f(ront).
     """
-    w, h, d = size
-    x, y, z = at[0] - w / 2, at[1], at[2] - d / 2
-    sides = {
-        "f": sheet((x, y, z + d), (w, 0, 0), (0, h, 0)),
-        "k": sheet((x + w, y, z), (-w, 0, 0), (0, h, 0)),
-        "l": sheet((x + w, y, z + d), (0, 0, -d), (0, h, 0)),
-        "r": sheet((x, y, z), (0, 0, d), (0, h, 0)),
-        "t": sheet((x, y + h, z + d), (w, 0, 0), (0, 0, -d)),
-        "b": sheet((x, y, z), (w, 0, 0), (0, 0, d)),
-    }
-    return Shape(tuple(chart for key, chart in sides.items() if key not in skip))
+    corner, along, up = _SIDES * np.array(size)
+    low = np.array([at[0] - size[0] / 2, at[1], at[2] - size[2] / 2])
+    u, v = _lattice((1, 1))
+    points = (low + corner)[:, None] + u * along[:, None] + v * up[:, None]
+    lengths = np.abs(np.stack([along.sum(axis=1), up.sum(axis=1)], -1))
+    uv, faces = np.hstack([u, v]) * lengths[:, None], _grid_faces(2, 2)
+    return Shape(tuple(Chart(points[k], faces, uv[k]) for k, side in enumerate("fklrtb") if side not in skip))
+
+
+_SIDES: Final = np.array([
+    [[0, 0, 1], [1, 0, 0], [1, 0, 1], [0, 0, 0], [0, 1, 1], [0, 0, 0]],
+    [[1, 0, 0], [-1, 0, 0], [0, 0, -1], [0, 0, 1], [1, 0, 0], [1, 0, 0]],
+    [[0, 1, 0], [0, 1, 0], [0, 1, 0], [0, 1, 0], [0, 0, -1], [0, 0, 1]],
+], float)  # fmt: skip
+"""(3, 6, 3) corner, way along and way up of the sides of a box of size 1: front, back, left, right, top, bottom."""
 
 
 @dataclass(frozen=True)
@@ -111,25 +116,26 @@ class Ring:
     x: float = 0.0
     z: float = 0.0
 
-    def points(self, segments: int) -> Array:
-        angle = np.linspace(0, 2 * np.pi, segments + 1)
-        # Rounded, so that sin(pi) is exactly 0: a large power would enlarge its error.
-        cos, sin = np.round(np.cos(angle), 12), np.round(np.sin(angle), 12)
-        x = self.x + self.rx * np.sign(cos) * np.abs(cos) ** (2 / self.power)
-        z = self.z + self.rz * np.sign(sin) * np.abs(sin) ** (2 / self.power)
-        return np.stack([x, np.full_like(x, self.y), z], -1)
+
+@lru_cache(1024)
+def _unit(power: float, segments: int) -> Array:
+    """Return (segments + 1, 3) a ring of radius 1 around the origin."""
+    angle = np.linspace(0, 2 * np.pi, segments + 1)
+    # Rounded, so that sin(pi) is exactly 0: a large power would enlarge its error.
+    cos, sin = np.round(np.cos(angle), 12), np.round(np.sin(angle), 12)
+    x, z = (np.sign(way) * np.abs(way) ** (2 / power) for way in (cos, sin))
+    return np.stack([x, np.zeros_like(x), z], -1)
 
 
 def loft(rings: Sequence[Ring], segments: int = 16, bottom: bool = True, top: bool = True) -> Shape:
     """Return a surface through rings from the lowest to the highest (or inward for hollow objects), with flat ends."""
-    rows = np.array([ring.points(segments) for ring in rings])
-    around = np.linalg.norm(np.diff(rows, axis=1), axis=-1).max(axis=0)
-    u = np.concatenate([[0.0], np.cumsum(around)])
-    rise = np.linalg.norm(np.diff(rows, axis=0), axis=-1).mean(axis=1)
-    v = np.concatenate([[0.0], np.cumsum(rise)])
-    uv = np.stack(np.broadcast_arrays(u[None, :], v[:, None]), -1).reshape(-1, 2)
+    places = np.array([(ring.x, ring.y, ring.z, ring.rx, 0.0, ring.rz) for ring in rings])[:, None]
+    rows = places[..., :3] + places[..., 3:] * np.array([_unit(ring.power, segments) for ring in rings])
+    uv = np.zeros((*rows.shape[:2], 2))
+    uv[:, 1:, 0] = np.cumsum(_lengths(rows[:, 1:] - rows[:, :-1]).max(axis=0))
+    uv[1:, :, 1] = np.cumsum(_lengths(rows[1:] - rows[:-1]).mean(axis=1))[:, None]
     # Angles run from +X to +Z, clockwise from above, so faces are reversed to look outward.
-    side = Chart(rows.reshape(-1, 3), _grid_faces(*rows.shape[:2])[:, ::-1], uv)
+    side = Chart(rows.reshape(-1, 3), _grid_faces(*rows.shape[:2])[:, ::-1], uv.reshape(-1, 2))
     charts = [side]
     if bottom:
         charts.append(_lid(rows[0, :-1], up=False))
@@ -138,13 +144,23 @@ def loft(rings: Sequence[Ring], segments: int = 16, bottom: bool = True, top: bo
     return Shape(tuple(charts))
 
 
+def _lengths(ways: Array) -> Array:
+    return np.asarray(np.sqrt((ways * ways).sum(axis=-1)))
+
+
 def _lid(points: Array, up: bool) -> Chart:
-    count = len(points)
+    vertices = np.concatenate([points, points.mean(axis=0, keepdims=True)])
+    return Chart(vertices, _fan(len(points), up), vertices[:, ::2] * _TO_UV)
+
+
+_TO_UV: Final = np.array([1, -1])
+
+
+@cache
+def _fan(count: int, up: bool) -> NDArray[np.int64]:
     ring = np.arange(count)
     fan = np.stack([np.full(count, count), ring, (ring + 1) % count], -1)
-    vertices = np.concatenate([points, points.mean(axis=0, keepdims=True)])
-    uv = vertices[:, [0, 2]] * [1, -1]
-    return Chart(vertices, fan[:, ::-1] if up else fan, uv)
+    return fan[:, ::-1] if up else fan
 
 
 def soft_box(size: Point, at: Point = (0.0, 0.0, 0.0), radius: float = 0.04, crown: float = 0.0) -> Shape:
@@ -172,7 +188,7 @@ def pillow(size: Point, at: Point = (0.0, 0.0, 0.0), pinch: float = 0.06, cells:
 
     pinch: share by which the seam is drawn in at the middle of each side.
     """
-    u, v = (2 * value - 1 for value in _lattice((cells, cells)))
+    u, v = (2 * value.ravel() - 1 for value in _lattice((cells, cells)))
     u, v = np.sin(u * np.pi / 2), np.sin(v * np.pi / 2)
     x = size[0] / 2 * u * (1 - pinch * (1 - v**2))
     z = size[2] / 2 * v * (1 - pinch * (1 - u**2))

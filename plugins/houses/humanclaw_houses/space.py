@@ -7,8 +7,8 @@ different grid finds the ways too.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from typing import Final, Literal
+from functools import lru_cache
+from typing import Final, Literal, NamedTuple
 
 import numpy as np
 from scipy.ndimage import distance_transform_edt, label
@@ -34,8 +34,7 @@ _HEAD: Final = 1.9
 """Objects above this height are in nobody's way, metres."""
 
 
-@dataclass(frozen=True)
-class Rect:
+class Rect(NamedTuple):
     """A rectangle of floor, metres."""
 
     x0: float
@@ -62,8 +61,7 @@ class Rect:
         return (self.x0 + self.x1) / 2, (self.z0 + self.z1) / 2
 
 
-@dataclass(frozen=True)
-class Block:
+class Block(NamedTuple):
     """A rectangle from one height to another."""
 
     rect: Rect
@@ -76,9 +74,14 @@ class Block:
 
 def turn(points: Array, yaw: float) -> Array:
     """Turn (N, 3) points about y by an angle in radians."""
-    cos, sin = float(np.cos(yaw)), float(np.sin(yaw))
+    cos, sin = _cos_sin(yaw)
     x, y, z = np.asarray(points, float).T
     return np.stack([cos * x + sin * z, y, cos * z - sin * x], -1)
+
+
+@lru_cache(1024)
+def _cos_sin(yaw: float) -> tuple[float, float]:
+    return float(np.cos(yaw)), float(np.sin(yaw))
 
 
 def outline(points: Array, obj: Placed) -> Block:
@@ -89,8 +92,8 @@ def outline(points: Array, obj: Placed) -> Block:
 
 
 def block_of(obj: Placed) -> Block:
-    return outline(np.array([obj.piece.low, [obj.piece.low[0], 0, obj.piece.high[2]],
-                             [obj.piece.high[0], 0, obj.piece.low[2]], obj.piece.high]), obj)  # fmt: skip
+    (x0, y0, z0), (x1, y1, z1) = obj.piece.low.tolist(), obj.piece.high.tolist()
+    return Block(local(obj, x0, z0, x1, z1), min(y0, 0.0) + obj.y, max(y1, 0.0) + obj.y)
 
 
 def at_hand(obj: Placed) -> tuple[Rect, ...]:
@@ -101,7 +104,10 @@ def at_hand(obj: Placed) -> tuple[Rect, ...]:
 
 def local(obj: Placed, x0: float, z0: float, x1: float, z1: float) -> Rect:
     """Return the world box around a rectangle in the frame of a placed piece."""
-    return outline(np.array([[x0, 0, z0], [x1, 0, z0], [x0, 0, z1], [x1, 0, z1]]), obj).rect
+    cos, sin = _cos_sin(obj.yaw)
+    x = [cos * x + sin * z for x in (x0, x1) for z in (z0, z1)]
+    z = [cos * z - sin * x for x in (x0, x1) for z in (z0, z1)]
+    return Rect(min(x) + obj.x, min(z) + obj.z, max(x) + obj.x, max(z) + obj.z)
 
 
 class Space:
@@ -198,7 +204,7 @@ class Space:
         return ahead.within(self.rect) and not self._blocked(Block(ahead, 0.03, 1.2), 0.0, ignore)
 
     def _blocked(self, block: Block, gap: float, ignore: Sequence[Block] = ()) -> bool:
-        return any(block.meets(other, gap) for other in self._taken if other not in ignore)
+        return any(block.meets(other, gap) and other not in ignore for other in self._taken)
 
     def is_free(self, rect: Rect) -> bool:
         """Return whether a rectangle is floor inside the room with nothing on it."""

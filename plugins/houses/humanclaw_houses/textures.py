@@ -1,13 +1,14 @@
 """Procedural texture tiles: wood, cloth, ceramic, plaster, screens, pictures.
 
 A tile is a small picture that covers a surface. All randomness comes from the generator that is passed in. Noise is
-blurred in integers, so that a tile is the same on every machine.
+blurred in whole numbers, so that a tile is the same on every machine.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Final
 
 import numpy as np
@@ -37,12 +38,15 @@ class Tile:
 
 def _noise(rng: np.random.Generator, blur: tuple[int, int] = (1, 1), size: int = SIZE) -> Field:
     """Return (size, size) periodic noise with mean 0 and standard deviation 1. blur: over so many rows and columns."""
-    field = rng.integers(0, 256, (size, size))
-    for axis, reach in enumerate(blur):
-        for _ in range(2 if reach > 1 else 0):
-            field = sum((np.roll(field, k, axis) for k in range(1, reach)), start=field)
-    real = field.astype(float)
-    return np.asarray((real - real.mean()) / real.std())
+    field = _blur(blur[0], size) @ rng.integers(0, 256, (size, size)) @ _blur(blur[1], size).T
+    return np.asarray((field - field.mean()) / field.std())
+
+
+@cache
+def _blur(reach: int, size: int) -> Field:
+    """Return (size, size) the matrix that sums up `reach` rows, twice. Floats are as exact here, and faster."""
+    once = np.array(sum(np.roll(np.eye(size), k, 0) for k in range(reach)))
+    return once @ once
 
 
 def _shade(colour: Colour, field: Field) -> Pixels:
