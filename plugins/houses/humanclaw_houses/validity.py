@@ -23,9 +23,9 @@ _SHARED: Final = 2e-5
 """Largest volume that two objects may share, cubic metres: a cube of about 2.7 cm. Touching objects share some."""
 
 
-def problems(scene: Scene) -> list[str]:
-    """Return a message for each problem of a house; empty if it is usable."""
-    walkable = WalkableArea.of(scene)
+def problems(scene: Scene, walkable: WalkableArea | None = None) -> list[str]:
+    """Return a message for each problem of a house; empty if it is usable. walkable: of the scene, if it is known."""
+    walkable = walkable or WalkableArea.of(scene)
     found = [f"there is no {category}" for category in FURNISHED if not scene.of_category(category)]
     found += [f"{scene.by_id[a].asset} and {scene.by_id[b].asset} interpenetrate" for a, b in interpenetrating(scene)]
     found += [

@@ -80,7 +80,7 @@ class OccupancyGrid:
         A grid is kept on disk: every start in a house finds each object at the same place.
         """
         places = b"".join(np.array([key, *pose]).tobytes() for key, pose in sorted((moved or {}).items()))
-        what = f"grid {floor} {hashlib.sha256(places).hexdigest()}"
+        what = f"grid {floor} {_extent(scene)} {hashlib.sha256(places).hexdigest()}"
         found = dict(kept(scene, what, source_digest(*DRAWING), lambda: cls._drawn(scene, floor, moved or {})._arrays))
         x, z = found.pop("origin").tolist()
         return cls((x, z), overhead=(found.pop("under"), found.pop("over")), floor=floor, **found)
@@ -272,7 +272,8 @@ class _Raster:
                     self.add(scene, obj)
             return {name: getattr(self, name) for name in ("blocked", "owners", "tops", "under", "over")}
 
-        vars(self).update(kept(scene, f"floor {self.floor}", source_digest(*DRAWING), draw))
+        what = f"floor {self.floor} {self.low} {self.blocked.shape}"
+        vars(self).update(kept(scene, what, source_digest(*DRAWING), draw))
 
     def add(self, scene: Scene, obj: SceneObject, pose: Array | None = None) -> None:
         """Draw an object. pose: (7,), if it is not where the scene says."""
