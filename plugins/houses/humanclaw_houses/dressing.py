@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import islice
 from typing import Final
 
 import numpy as np
@@ -69,7 +70,7 @@ def dress(space: Space, kit: Kit) -> None:
     if space.area.kind == "hall":
         for maker in (things.shoes, things.shoes, things.shoes, things.handbag):
             piece = kit.make(maker)
-            space.try_put(space.spots(piece, kit.rng)[:40])
+            space.try_put(islice(space.spots(piece, kit.rng), 40))
 
 
 def _of(space: Space, category: str) -> list[Placed]:

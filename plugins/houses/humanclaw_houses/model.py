@@ -217,7 +217,7 @@ def atlas(tiles: Sequence[Tile]) -> tuple[Pixels, dict[int, tuple[Array, Array]]
     for number, tile in enumerate(tiles):
         row, column = divmod(number, columns)
         scale = side // len(tile.pixels)
-        large = tile.pixels.repeat(scale, axis=0).repeat(scale, axis=1)
+        large = tile.pixels.repeat(scale, axis=0).repeat(scale, axis=1) if scale > 1 else tile.pixels
         picture[row * side : (row + 1) * side, column * side : (column + 1) * side] = large
         corner = np.array([column / columns, 1 - (row + 1) / rows])
         cells[id(tile)] = corner + inset, np.array([1 / columns, 1 / rows]) - 2 * inset

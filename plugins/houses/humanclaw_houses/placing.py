@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -34,7 +34,7 @@ def put_in_corner(space: Space, kit: Kit, maker: Maker, front: float = 0.0, targ
     r = space.rect
     corners = [(x, z) for x in (r.x0, r.x1) for z in (r.z0, r.z1)]
     spots = space.spots(kit.make(maker), kit.rng)
-    spots.sort(key=lambda spot: min(abs(spot.x - x) + abs(spot.z - z) for x, z in corners))
+    spots = sorted(spots, key=lambda spot: min(abs(spot.x - x) + abs(spot.z - z) for x, z in corners))
     return space.try_put(spots, front=front, target=target)
 
 
@@ -83,15 +83,10 @@ def hang(space: Space, kit: Kit, count: int) -> None:
 
 
 def hang_one(space: Space, kit: Kit, piece: Piece, y: float) -> Placed | None:
-    return space.try_put((replace(s, y=y) for s in _flush(space, piece, kit.rng)), gap=0.08)
-
-
-def _flush(space: Space, piece: Piece, rng: np.random.Generator) -> Sequence[Placed]:
-    """Return spots along the walls without the gap for the skirting."""
-    return [
-        replace(s, x=s.x - 0.014 * np.sin(s.yaw), z=s.z - 0.014 * np.cos(s.yaw))
-        for s in space.spots(piece, rng, step=0.2)
-    ]
+    spots = space.spots(piece, kit.rng, y, step=0.2)
+    # Without the gap for the skirting.
+    flush = (replace(s, x=s.x - 0.014 * np.sin(s.yaw), z=s.z - 0.014 * np.cos(s.yaw)) for s in spots)
+    return space.try_put(flush, gap=0.08)
 
 
 def put_above(space: Space, obj: Placed, piece: Piece, y: float) -> None:

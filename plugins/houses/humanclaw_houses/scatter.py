@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import islice
 from typing import Final
 
 from humanclaw_houses.building import Placed
@@ -66,6 +67,6 @@ def _on_floor(space: Space, kit: Kit) -> bool:
     maker = _ON_FLOOR[int(kit.rng.integers(len(_ON_FLOOR)))]
 
     def put() -> Placed | None:
-        return space.try_put(space.spots(kit.make(maker), kit.rng)[:40])
+        return space.try_put(islice(space.spots(kit.make(maker), kit.rng), 40))
 
     return (from_household(kit, "chair", put) if maker is seats.stool else put()) is not None

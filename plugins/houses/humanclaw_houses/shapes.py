@@ -86,12 +86,16 @@ def box(size: Point, at: Point = (0.0, 0.0, 0.0), skip: str = "") -> Shape:
     skip: sides to leave out: b(ottom), t(op), l(eft), r(ight), (bac)k, f(ront).
     """
     corner, along, up = _SIDES * np.array(size)
-    low = np.array([at[0] - size[0] / 2, at[1], at[2] - size[2] / 2])
+    sides = quads(np.array([at[0] - size[0] / 2, at[1], at[2] - size[2] / 2]) + corner, along, up)
+    return Shape(tuple(chart for key, chart in zip("fklrtb", sides, strict=True) if key not in skip))
+
+
+def quads(corners: Array, along: Array, up: Array) -> tuple[Chart, ...]:
+    """Return N sheets of one cell. corners, along, up: (N, 3) as for a sheet; all of them along an axis."""
     u, v = _lattice((1, 1))
-    points = (low + corner)[:, None] + u * along[:, None] + v * up[:, None]
-    lengths = np.abs(np.stack([along.sum(axis=1), up.sum(axis=1)], -1))
-    uv, faces = np.hstack([u, v]) * lengths[:, None], _grid_faces(2, 2)
-    return Shape(tuple(Chart(points[k], faces, uv[k]) for k, side in enumerate("fklrtb") if side not in skip))
+    points = corners[:, None] + u * along[:, None] + v * up[:, None]
+    uv = np.hstack([u, v]) * np.stack([_lengths(along), _lengths(up)], -1)[:, None]
+    return tuple(Chart(place, _grid_faces(2, 2), where) for place, where in zip(points, uv, strict=True))
 
 
 _SIDES: Final = np.array([

@@ -6,7 +6,7 @@ different grid finds the ways too.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import lru_cache
 from typing import Final, Literal, NamedTuple
 
@@ -177,16 +177,14 @@ class Space:
         }[side]  # fmt: skip
         return Placed(piece, x, y, z, YAW[side], self.area.name)
 
-    def spots(self, piece: Piece, rng: np.random.Generator, y: float = 0.0, step: float = 0.1) -> list[Placed]:
-        """Return places along the walls in random order, corners included."""
+    def spots(self, piece: Piece, rng: np.random.Generator, y: float = 0.0, step: float = 0.1) -> Iterator[Placed]:
+        """Return places along the walls in random order, corners included. The order is drawn before the first."""
         half = piece.size[0] / 2 + 0.02
-        found = []
-        for side in SIDES:
-            room = self.length(side) - 2 * half
-            if room >= 0:
-                found += [self.at_wall(piece, side, half + k) for k in [*np.arange(0, room, step), room]]
-        placed = [Placed(p.piece, p.x, y, p.z, p.yaw, p.room) for p in found]
-        return [placed[k] for k in rng.permutation(len(placed))]
+        rooms = [(side, self.length(side) - 2 * half) for side in SIDES]
+        found = [
+            (side, half + k) for side, room in rooms if room >= 0 for k in (*np.arange(0, room, step).tolist(), room)
+        ]
+        return (self.at_wall(piece, *found[k], y) for k in rng.permutation(len(found)))
 
     def fits(self, obj: Placed, front: float = 0.0, gap: float = 0.01, ignore: Sequence[Block] = ()) -> bool:
         """Return whether a piece is inside the room, overlaps nothing, and leaves ways and floor in front free.

@@ -39,7 +39,8 @@ class Tile:
 def _noise(rng: np.random.Generator, blur: tuple[int, int] = (1, 1), size: int = SIZE) -> Field:
     """Return (size, size) periodic noise with mean 0 and standard deviation 1. blur: over so many rows and columns."""
     field = _blur(blur[0], size) @ rng.integers(0, 256, (size, size)) @ _blur(blur[1], size).T
-    return np.asarray((field - field.mean()) / field.std())
+    away = field - field.mean()
+    return np.asarray(away / np.sqrt((away * away).mean()))
 
 
 @cache

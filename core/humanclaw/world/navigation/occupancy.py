@@ -314,8 +314,8 @@ def _hulls(scene: Scene, obj: SceneObject, pose: Array | None, floor: float) -> 
 
 def rasterize(points: Array, low: Array, shape: tuple[int, int]) -> tuple[Mask, tuple[slice, slice]]:
     """Cells whose centre is within half a cell of the convex hull of (K, 2) points, and the window that they lie in."""
-    first = np.clip(np.floor((points.min(0) - low) / CELL).astype(int) - 1, 0, shape)
-    last = np.clip(np.ceil((points.max(0) - low) / CELL).astype(int) + 1, 0, shape)
+    first = np.minimum(np.maximum(np.floor((points.min(0) - low) / CELL).astype(int) - 1, 0), shape)
+    last = np.minimum(np.maximum(np.ceil((points.max(0) - low) / CELL).astype(int) + 1, 0), shape)
     where = (slice(first[0], last[0]), slice(first[1], last[1]))
     x, z = ((np.arange(first[axis], last[axis]) + 0.5) * CELL + low[axis] for axis in (0, 1))
     along, across, off = _sides(points).T[..., None]
