@@ -147,7 +147,7 @@ def _tiled(corner: Point, along: Point, up: Point) -> Shape:
     columns, rows = _cells(float(np.linalg.norm(side))), _cells(float(np.linalg.norm(rise)))
     i, j = np.indices((columns, rows)).reshape(2, -1, 1)
     places = start + side * i / columns + rise * j / rows
-    return Shape(quads(places, *(np.broadcast_to(way, places.shape) for way in (side / columns, rise / rows))))
+    return Shape(quads(places, np.broadcast_to([[side / columns], [rise / rows]], (2, *places.shape))))
 
 
 def _ceiling(area: Area, style: Style) -> Placed:

@@ -101,8 +101,8 @@ def _somewhere(host: Placed, piece: Piece, top: Top, rng: np.random.Generator) -
     across, along = (size / 2 + _SPARE for size in (piece.size[0], piece.size[2]))
     if piece.size[1] > top.room or top.x1 - top.x0 < 2 * across or top.z1 - top.z0 < 2 * along:
         return None
-    x, z = rng.uniform((top.x0 + across, top.z0 + along), (top.x1 - across, top.z1 - along))
-    return replace(beside(host, piece, float(x), float(z), yaw), y=host.y + top.y + 0.001)
+    x, z = rng.uniform(top.x0 + across, top.x1 - across), rng.uniform(top.z0 + along, top.z1 - along)
+    return beside(host, piece, x, z, yaw, host.y + top.y + 0.001)
 
 
 def _lay_table(space: Space, kit: Kit, table: Placed) -> None:
@@ -117,7 +117,7 @@ def _lay_table(space: Space, kit: Kit, table: Placed) -> None:
         yaw = float(np.pi / 2 * np.sign(x) if ends else np.pi * (z < 0))
         for piece, right, ahead in ((plate, 0.0, 0.0), (glass, 0.12, 0.14)):
             at = out[0] + right * np.cos(yaw) - ahead * np.sin(yaw), out[1] - right * np.sin(yaw) - ahead * np.cos(yaw)
-            spot = replace(beside(table, piece, float(at[0]), float(at[1]), yaw), y=table.y + top.y + 0.001)
+            spot = beside(table, piece, float(at[0]), float(at[1]), yaw, table.y + top.y + 0.001)
             if space.rests(spot, table, chair):
                 space.put(spot)
 

@@ -262,8 +262,8 @@ def put_work_place(space: Space, kit: Kit) -> bool:
         if space.fits(spot, 0.95) and space.put(spot, seat, want=[at_hand(seat)]):
             kit.left["chair"] -= 1
             y = desk.tops[0].y + 0.002
-            space.put(replace(beside(spot, kit.make(media.laptop), -0.19, 0.02), y=y))
-            space.put(replace(beside(spot, kit.make(decor.table_lamp), desk.size[0] / 2 - 0.2, -0.12), y=y))
+            space.put(beside(spot, kit.make(media.laptop), -0.19, 0.02, y=y))
+            space.put(beside(spot, kit.make(decor.table_lamp), desk.size[0] / 2 - 0.2, -0.12, y=y))
             return True
     return False
 

@@ -12,13 +12,13 @@ from humanclaw_houses.furniture import decor, plants, seats, storage
 from humanclaw_houses.kit import Kit, Maker
 from humanclaw_houses.model import Piece
 from humanclaw_houses.plan import CEILING
-from humanclaw_houses.space import Side, Space, block_of, turn
+from humanclaw_houses.space import Side, Space, block_of, cos_sin
 
 
-def beside(obj: Placed, piece: Piece, x: float, z: float, yaw: float = 0.0) -> Placed:
-    """Return a piece at (x, z) in the frame of another piece, on the floor. yaw: relative to it, radians."""
-    (dx, _, dz) = turn(np.array([[x, 0.0, z]]), obj.yaw)[0]
-    return Placed(piece, obj.x + float(dx), 0.0, obj.z + float(dz), obj.yaw + yaw, obj.room)
+def beside(obj: Placed, piece: Piece, x: float, z: float, yaw: float = 0.0, y: float = 0.0) -> Placed:
+    """Return a piece at (x, z) in the frame of another piece. yaw: relative to it, radians. y: over the floor."""
+    cos, sin = cos_sin(obj.yaw)
+    return Placed(piece, obj.x + (cos * x + sin * z), y, obj.z + (cos * z - sin * x), obj.yaw + yaw, obj.room)
 
 
 # -- single objects ----------------------------------------------------------------------------------------------------
@@ -92,7 +92,7 @@ def hang_one(space: Space, kit: Kit, piece: Piece, y: float) -> Placed | None:
 def put_above(space: Space, obj: Placed, piece: Piece, y: float) -> None:
     """Hang a piece on the wall behind another."""
     back = -obj.piece.size[2] / 2 + piece.size[2] / 2 - 0.014
-    spot = replace(beside(obj, piece, 0.0, back), y=y)
+    spot = beside(obj, piece, 0.0, back, y=y)
     if space.fits(spot):
         space.put(spot)
 

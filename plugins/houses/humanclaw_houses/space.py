@@ -74,13 +74,13 @@ class Block(NamedTuple):
 
 def turn(points: Array, yaw: float) -> Array:
     """Turn (N, 3) points about y by an angle in radians."""
-    cos, sin = _cos_sin(yaw)
+    cos, sin = cos_sin(yaw)
     x, y, z = np.asarray(points, float).T
     return np.stack([cos * x + sin * z, y, cos * z - sin * x], -1)
 
 
 @lru_cache(1024)
-def _cos_sin(yaw: float) -> tuple[float, float]:
+def cos_sin(yaw: float) -> tuple[float, float]:
     return float(np.cos(yaw)), float(np.sin(yaw))
 
 
@@ -104,7 +104,7 @@ def at_hand(obj: Placed) -> tuple[Rect, ...]:
 
 def local(obj: Placed, x0: float, z0: float, x1: float, z1: float) -> Rect:
     """Return the world box around a rectangle in the frame of a placed piece."""
-    cos, sin = _cos_sin(obj.yaw)
+    cos, sin = cos_sin(obj.yaw)
     x = [cos * x + sin * z for x in (x0, x1) for z in (z0, z1)]
     z = [cos * z - sin * x for x in (x0, x1) for z in (z0, z1)]
     return Rect(min(x) + obj.x, min(z) + obj.z, max(x) + obj.x, max(z) + obj.z)
