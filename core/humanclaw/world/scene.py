@@ -211,14 +211,10 @@ class Scene:
         return self._placed(object_id, pose, self.assets[self.by_id[object_id].asset].hulls)
 
     def _placed(self, object_id: int, pose: Array | None, pieces: Iterable[NDArray[np.float32]]) -> list[Array]:
-        turn, place = self._places[object_id] if pose is None else (matrix_from_quaternion(pose[3:]), pose[:3])
-        return [np.asarray(points.astype(float) @ turn.T + place) for points in pieces]
-
-    @cached_property
-    def _places(self) -> Mapping[int, tuple[Array, Array]]:
-        """(3, 3) rotation and (3,) position by id."""
-        turns = matrix_from_quaternion(np.array([obj.rotation for obj in self.objects]).reshape(-1, 4))
-        return {obj.id: (turn, np.array(obj.position)) for obj, turn in zip(self.objects, turns, strict=True)}
+        obj = self.by_id[object_id]
+        place = np.array([*obj.position, *obj.rotation]) if pose is None else np.asarray(pose)
+        turn = matrix_from_quaternion(place[3:])
+        return [np.asarray(points.astype(float) @ turn.T + place[:3]) for points in pieces]
 
     @cached_property
     def _boxes(self) -> Mapping[int, tuple[NDArray[np.float64], NDArray[np.float64]]]:
@@ -242,17 +238,17 @@ class Scene:
 
         The name is not in it: it may hold a path, which differs from machine to machine.
         """
-        state = self._still.copy()
+        state = self._state()
+        vars(self)["still"] = state.hexdigest()  # On the way: the arrays take long.
         state.update(f", {json.dumps(vars(self.start), sort_keys=True)}]".encode())
-        return state.hexdigest()
-
-    @property
-    def still(self) -> str:
-        """SHA-256 over the same but the start: what does not depend on the start is kept under it."""
-        return self._still.hexdigest()
+        return str(state.hexdigest())
 
     @cached_property
-    def _still(self) -> Any:
+    def still(self) -> str:
+        """SHA-256 over the same but the start: what does not depend on the start is kept under it."""
+        return str(self._state().hexdigest())
+
+    def _state(self) -> Any:
         state = hashlib.sha256()
         for name in sorted(self.assets):
             asset = self.assets[name]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Final, Literal
+from typing import Literal
 
 import numpy as np
 from manifold3d import Manifold
@@ -161,10 +161,8 @@ def _vec3(point: Array) -> Point:
 
 def corners(low: Array, high: Array) -> Array:
     """Return the (8, 3) corners of a box."""
-    return np.where(_CORNERS, high, low)
-
-
-_CORNERS: Final = np.array([[i, j, k] for i in (False, True) for j in (False, True) for k in (False, True)])
+    pick = np.array([[i, j, k] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
+    return np.where(pick == 1, high, low)
 
 
 def convex(points: Array, tolerance: float = 0.004) -> Array:
@@ -197,10 +195,8 @@ def _fit(uv: Array, counts: NDArray[np.int64], first: NDArray[np.int64], tiles: 
     span[across] = span[across, ::-1]
     rows = np.repeat(across, counts)
     uv[rows] = uv[rows, ::-1]
-    share = np.minimum(span / np.array([[tile.metres] for tile in tiles]), 1.0)
+    share = np.minimum(span / np.array([[1e-9 if tile.fit else tile.metres] for tile in tiles]), 1.0)
     offset = np.arange(len(tiles))[:, None] * np.array([0.37, 0.61]) % 1.0 * (1.0 - share)
-    fit = np.array([tile.fit for tile in tiles])
-    share[fit], offset[fit] = 1.0, 0.0
     span, share, offset = (np.repeat(each, counts, axis=0) for each in (span, share, offset))
     return np.asarray(uv / span * share + offset)
 

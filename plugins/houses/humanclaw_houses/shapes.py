@@ -60,16 +60,15 @@ def _turn(degrees: Point) -> Array:
 
 def sheet(corner: Point, along: Point, up: Point, cells: tuple[int, int] = (1, 1)) -> Chart:
     """Return a flat grid from a corner along two sides; its outside faces the cross product of `along` and `up`."""
-    u, v = _lattice(cells)
-    points = np.array(corner, float) + u * np.array(along, float) + v * np.array(up, float)
-    uv = np.hstack([u * math.hypot(*along), v * math.hypot(*up)])
-    return Chart(points, _grid_faces(cells[1] + 1, cells[0] + 1), uv)
+    share = _lattice(cells)
+    points = np.array(corner, float) + share[:, :1] * np.array(along, float) + share[:, 1:] * np.array(up, float)
+    return Chart(points, _grid_faces(cells[1] + 1, cells[0] + 1), share * [math.hypot(*along), math.hypot(*up)])
 
 
 @cache
-def _lattice(cells: tuple[int, int]) -> tuple[Array, Array]:
-    u, v = np.meshgrid(np.linspace(0, 1, cells[0] + 1), np.linspace(0, 1, cells[1] + 1))
-    return u.reshape(-1, 1), v.reshape(-1, 1)
+def _lattice(cells: tuple[int, int]) -> Array:
+    grid = np.meshgrid(np.linspace(0, 1, cells[0] + 1), np.linspace(0, 1, cells[1] + 1))
+    return np.stack(grid, axis=-1).reshape(-1, 2)
 
 
 @cache
@@ -92,13 +91,10 @@ def box(size: Point, at: Point = (0.0, 0.0, 0.0), skip: str = "") -> Shape:
 
 def quads(corners: Array, ways: Array) -> tuple[Chart, ...]:
     """Return N sheets of one cell. corners: (N, 3). ways: (2, N, 3) along and up as for a sheet, each along an axis."""
-    u, v = _lattice((1, 1))
-    points = corners[:, None] + u * ways[0][:, None] + v * ways[1][:, None]
-    uv, faces = _UNIT * _lengths(ways).T[:, None], _grid_faces(2, 2)
+    share, faces = _lattice((1, 1)), _grid_faces(2, 2)
+    points = corners[:, None] + share[:, :1] * ways[0][:, None] + share[:, 1:] * ways[1][:, None]
+    uv = share * _lengths(ways).T[:, None]
     return tuple(Chart(points[k], faces, uv[k]) for k in range(len(corners)))
-
-
-_UNIT: Final = np.array([[0, 0], [1, 0], [0, 1], [1, 1]])
 
 
 _SIDES: Final = np.array([
@@ -152,15 +148,13 @@ def loft(rings: Sequence[Ring], segments: int = 16, bottom: bool = True, top: bo
 
 
 def _lengths(ways: Array) -> Array:
-    return np.asarray(np.sqrt((ways * ways).sum(axis=-1)))
+    square = ways * ways
+    return np.asarray(np.sqrt(square[..., 0] + square[..., 1] + square[..., 2]))
 
 
 def _lid(points: Array, up: bool) -> Chart:
-    vertices = np.concatenate([points, points.mean(axis=0, keepdims=True)])
-    return Chart(vertices, _fan(len(points), up), vertices[:, ::2] * _TO_UV)
-
-
-_TO_UV: Final = np.array([1, -1])
+    vertices = np.concatenate([points, points.sum(axis=0, keepdims=True) / len(points)])
+    return Chart(vertices, _fan(len(points), up), vertices[:, ::2] * [1, -1])
 
 
 @cache
@@ -195,7 +189,7 @@ def pillow(size: Point, at: Point = (0.0, 0.0, 0.0), pinch: float = 0.06, cells:
 
     pinch: share by which the seam is drawn in at the middle of each side.
     """
-    u, v = (2 * value.ravel() - 1 for value in _lattice((cells, cells)))
+    u, v = 2 * _lattice((cells, cells)).T - 1
     u, v = np.sin(u * np.pi / 2), np.sin(v * np.pi / 2)
     x = size[0] / 2 * u * (1 - pinch * (1 - v**2))
     z = size[2] / 2 * v * (1 - pinch * (1 - u**2))
@@ -234,17 +228,11 @@ def _bar(start: Array, end: Array, radius: float, segments: int) -> Shape:
     way = end - start
     length = float(np.linalg.norm(way))
     up = way / length
-    side = _cross(up, np.eye(3)[0 if abs(up[0]) < 0.9 else 2])
+    side = np.array([0.0, up[2], -up[1]] if abs(up[0]) < 0.9 else [up[1], -up[0], 0.0])
     side /= np.linalg.norm(side)
-    frame = np.stack([side, up, _cross(side, up)])
+    frame = np.stack([side, up, np.cross(side, up)])
     bar = post(radius, length, segments=segments)
     return Shape(tuple(replace(c, vertices=c.vertices @ frame + start) for c in bar.charts))
-
-
-def _cross(one: Array, other: Array) -> Array:
-    """Return the cross product of two vectors; np.cross takes ten times as long for a single one."""
-    (a, b, c), (x, y, z) = one.tolist(), other.tolist()
-    return np.array([b * z - c * y, c * x - a * z, a * y - b * x])
 
 
 def ball(radius: float, at: Point = (0.0, 0.0, 0.0), squash: Point = (1.0, 1.0, 1.0), segments: int = 14) -> Shape:

@@ -91,6 +91,7 @@ def outline(points: Array, obj: Placed) -> Block:
     return Block(rect, low[1] + obj.y, high[1] + obj.y)
 
 
+@lru_cache(64)
 def block_of(obj: Placed) -> Block:
     (x0, y0, z0), (x1, y1, z1) = obj.piece.low.tolist(), obj.piece.high.tolist()
     return Block(local(obj, x0, z0, x1, z1), min(y0, 0.0) + obj.y, max(y1, 0.0) + obj.y)

@@ -128,8 +128,9 @@ class OccupancyGrid:
 
     def gap(self, low: Array, high: Array) -> Array:
         """Distance of each cell's middle from a box with these (3,) corners, seen from above, metres."""
-        points = self.point(np.moveaxis(np.indices(self.blocked.shape), 0, -1))
-        return np.asarray(np.linalg.norm(np.clip(points, low[[0, 2]], high[[0, 2]]) - points, axis=-1))
+        middles = [(np.arange(size) + 0.5) * CELL + self.origin[k] for k, size in enumerate(self.blocked.shape)]
+        x, z = (np.clip(middle, low[2 * k], high[2 * k]) - middle for k, middle in enumerate(middles))
+        return np.asarray(np.sqrt((x * x)[:, None] + z * z))
 
     def cell(self, points: Array) -> NDArray[np.int64]:
         """Map (..., 2) points to (..., 2) cell indices, held inside the grid."""
