@@ -139,12 +139,7 @@ def loft(rings: Sequence[Ring], segments: int = 16, bottom: bool = True, top: bo
     uv[1:, :, 1] = np.cumsum(_lengths(rows[1:] - rows[:-1]).mean(axis=1))[:, None]
     # Angles run from +X to +Z, clockwise from above, so faces are reversed to look outward.
     side = Chart(rows.reshape(-1, 3), _grid_faces(*rows.shape[:2])[:, ::-1], uv.reshape(-1, 2))
-    charts = [side]
-    if bottom:
-        charts.append(_lid(rows[0, :-1], up=False))
-    if top:
-        charts.append(_lid(rows[-1, :-1], up=True))
-    return Shape(tuple(charts))
+    return Shape((side, *(_lid(rows[end, :-1], end < 0) for end, flat in ((0, bottom), (-1, top)) if flat)))
 
 
 def _lengths(ways: Array) -> Array:
@@ -217,11 +212,8 @@ def turned(
 
 def tube(path: Sequence[Point], radius: float, segments: int = 6) -> Shape:
     """Return a bent bar through points."""
-    points = np.array(path, float)
-    charts: list[Chart] = []
-    for start, end in pairwise(points):
-        charts += _bar(start, end, radius, segments).charts
-    return Shape(tuple(charts))
+    bars = [_bar(start, end, radius, segments) for start, end in pairwise(np.array(path, float))]
+    return Shape(tuple(chart for bar in bars for chart in bar.charts))
 
 
 def _bar(start: Array, end: Array, radius: float, segments: int) -> Shape:
@@ -253,8 +245,7 @@ def blade(base: Point, heading: float, length: float, width: float, rise: float,
     """Return a two-sided leaf. It leaves its base at `rise` degrees and bends down by `droop` degrees."""
     t, widths, uv = _outline(rows)
     pitch = np.radians(rise - droop * (t[:-1] + t[1:]) / 2)
-    reach = np.concatenate([[0], np.cumsum(np.cos(pitch))]) * length / rows
-    height = np.concatenate([[0], np.cumsum(np.sin(pitch))]) * length / rows
+    reach, height = (np.append(0, np.cumsum(way)) * length / rows for way in (np.cos(pitch), np.sin(pitch)))
     out = np.array([np.sin(heading), 0.0, np.cos(heading)])
     across = np.array([np.cos(heading), 0.0, -np.sin(heading)])
     spine = np.array(base) + reach[:, None] * out + height[:, None] * np.array([0.0, 1.0, 0.0])

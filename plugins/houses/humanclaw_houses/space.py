@@ -187,20 +187,17 @@ class Space:
         ]
         return (self.at_wall(piece, *found[k], y) for k in rng.permutation(len(found)))
 
-    def fits(self, obj: Placed, front: float = 0.0, gap: float = 0.01, ignore: Sequence[Block] = ()) -> bool:
+    def fits(self, obj: Placed, front: float = 0.0, gap: float = 0.01) -> bool:
         """Return whether a piece is inside the room, overlaps nothing, and leaves ways and floor in front free.
 
-        front: metres of free floor in front of it. gap: distance to other objects. ignore: blocks that it may overlap.
+        front: metres of free floor in front of it. gap: distance to other objects.
         """
         block = block_of(obj)
-        if not block.rect.within(self.rect) or self._blocked(block, gap, ignore):
+        if not block.rect.within(self.rect) or self._blocked(block, gap):
             return False
         if block.y0 < _HEAD and any(block.rect.meets(rect) for rect in self._kept):
             return False
-        if not front:
-            return True
-        ahead = self.ahead(obj, front)
-        return ahead.within(self.rect) and not self._blocked(Block(ahead, 0.03, 1.2), 0.0, ignore)
+        return not front or self.is_free(self.ahead(obj, front))
 
     def _blocked(self, block: Block, gap: float, ignore: Sequence[Block] = ()) -> bool:
         return any(block.meets(other, gap) and other not in ignore for other in self._taken)

@@ -116,7 +116,7 @@ def bake(space: Voxels, lights: Lights, sky: float, indoors: NDArray[np.bool_] |
     lit = kept.copy()
     for _ in range(BOUNCES):
         lit[hit[lit]] = True  # Those that pass light on to probes that are kept; the others take as long.
-    _shine(space.albedo, lit, space.corner, space.size, *lights, direct)
+    _shine(space, lights, lit, direct)
     light = direct.copy()
     for _ in range(BOUNCES):
         light = direct + _gather(light, free, ways, hit, albedo, sky)
@@ -133,11 +133,9 @@ def _spread(count: int) -> Array:
 
 
 @compiled
-def _shine(
-    solid: NDArray[np.uint8], lit: NDArray[np.bool_], corner: Array, size: float,
-    place: Array, way: Array, power: Array, direct: Array,
-) -> None:  # fmt: skip
+def _shine(space: Voxels, lights: Lights, lit: NDArray[np.bool_], direct: Array) -> None:
     """Add the light of all lights to the probes that are `lit`."""
+    (solid, corner, size), (place, way, power) = space, lights
     depth, width = solid.shape[1] // 2, solid.shape[2] // 2
     start, to, end = np.empty(3), np.empty(3), 0.0
     for number in np.flatnonzero(lit):
