@@ -14,7 +14,7 @@ from humanclaw_houses.furniture import small, things
 from humanclaw_houses.kit import Kit, Maker
 from humanclaw_houses.model import Piece, Top
 from humanclaw_houses.placing import beside, hang_one
-from humanclaw_houses.space import Side, Space
+from humanclaw_houses.space import Space
 
 _ON: Final[dict[str, tuple[Maker, ...]]] = {
     "kitchen_counter": (things.kettle, things.jar, things.toaster, things.board, things.jar, things.microwave,
@@ -139,16 +139,12 @@ def _radiators(space: Space, kit: Kit) -> Iterator[Placed]:
     for side, hole in space.windows:
         if hole.bottom > 0.75:
             piece = kit.make(things.radiator, round(min(hole.width, 1.2) - 0.1, 2))
-            yield space.at_wall(piece, side, hole.at - _start(space, side), 0.14, gap=0.02)
+            yield space.at_wall(piece, side, hole.at - space.start(side), 0.14, gap=0.02)
 
 
 def _switches(space: Space, kit: Kit) -> Iterator[Placed]:
     piece = kit.make(things.switch)
     for side, hole in space.doors:
-        along = hole.at - _start(space, side) + (hole.leaf or 1) * -(hole.width / 2 + 0.14)
+        along = hole.at - space.start(side) + (hole.leaf or 1) * -(hole.width / 2 + 0.14)
         if 0.05 < along < space.length(side) - 0.05:
             yield space.at_wall(piece, side, along, 1.05, gap=0.001)
-
-
-def _start(space: Space, side: Side) -> float:
-    return space.rect.x0 if side in ("south", "north") else space.rect.z0

@@ -211,7 +211,7 @@ def _above_unit(space: Space, kit: Kit, fronts: kitchen.Fronts, unit: Placed) ->
         piece, y = kit.make(kitchen.wall_cabinet, fronts, round(unit.piece.size[0] - 0.005, 3)), 1.45
     else:
         return
-    along = unit.x - space.rect.x0 if side in ("south", "north") else unit.z - space.rect.z0
+    along = (unit.x if side in ("south", "north") else unit.z) - space.start(side)
     obj = space.at_wall(piece, side, along, y, gap=0.002)
     if space.fits(obj, gap=-0.002):
         space.put(obj)

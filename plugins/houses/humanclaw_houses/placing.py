@@ -116,8 +116,7 @@ def put_curtain(space: Space, kit: Kit, side: Side, at: float, width: float, top
     short = kit.chance(0.5)
     height = round(top + 0.1 - (0.75 if short else 0.05), 2)
     piece = kit.make(decor.curtain, width, height, kit.style.second_cloth)
-    start = space.rect.x0 if side in ("south", "north") else space.rect.z0
-    spot = space.at_wall(piece, side, at - start, y=round(top + 0.1 - height, 2), gap=0.03)
+    spot = space.at_wall(piece, side, at - space.start(side), y=round(top + 0.1 - height, 2), gap=0.03)
     if block_of(spot).rect.within(space.rect.grown(0.001)) and space.clear_of_doors(spot):
         space.put(spot)
 

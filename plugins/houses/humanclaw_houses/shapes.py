@@ -172,10 +172,8 @@ def soft_box(size: Point, at: Point = (0.0, 0.0, 0.0), radius: float = 0.04, cro
     elif thin:
         levels = [(0.0, r), (r, 0.0), (h - r, 0.0), (h, r)]
     rings = [Ring(at[1] + y, w / 2 - cut, d / 2 - cut, power, at[0], at[2]) for y, cut in levels]
-    if crown:
-        rings += [
-            Ring(at[1] + h + crown * k, s * w / 2, s * d / 2, power, at[0], at[2]) for k, s in ((0.8, 0.55), (1, 0.2))
-        ]
+    tops = ((0.8, 0.55), (1, 0.2)) if crown else ()
+    rings += [Ring(at[1] + h + crown * k, s * w / 2, s * d / 2, power, at[0], at[2]) for k, s in tops]
     return loft(rings, 16 if large else 12)
 
 
@@ -243,21 +241,13 @@ def ball(radius: float, at: Point = (0.0, 0.0, 0.0), squash: Point = (1.0, 1.0, 
 
 def blade(base: Point, heading: float, length: float, width: float, rise: float, droop: float, rows: int = 4) -> Shape:
     """Return a two-sided leaf. It leaves its base at `rise` degrees and bends down by `droop` degrees."""
-    t, widths, uv = _outline(rows)
+    t = np.linspace(0, 1, rows + 1)
     pitch = np.radians(rise - droop * (t[:-1] + t[1:]) / 2)
     reach, height = (np.append(0, np.cumsum(way)) * length / rows for way in (np.cos(pitch), np.sin(pitch)))
     out = np.array([np.sin(heading), 0.0, np.cos(heading)])
     across = np.array([np.cos(heading), 0.0, -np.sin(heading)])
     spine = np.array(base) + reach[:, None] * out + height[:, None] * np.array([0.0, 1.0, 0.0])
-    edge = (width / 2 * widths)[:, None] * across
+    edge = (width / 2 * np.sin(np.pi * np.clip(0.12 + 0.88 * t, 0, 0.985)) ** 0.8)[:, None] * across
     points = np.stack([spine - edge, spine + edge], 1).reshape(-1, 3)
-    faces = _grid_faces(rows + 1, 2)
+    faces, uv = _grid_faces(rows + 1, 2), np.stack([np.tile([0.0, 1.0], rows + 1), np.repeat(t, 2)], -1)
     return Shape((Chart(points, faces, uv), Chart(points, faces[:, ::-1], uv)))
-
-
-@cache
-def _outline(rows: int) -> tuple[Array, Array, Array]:
-    """Return the rows of a leaf as shares of its length, its width in each as a share of its largest, and its uv."""
-    t = np.linspace(0, 1, rows + 1)
-    widths = np.sin(np.pi * np.clip(0.12 + 0.88 * t, 0, 0.985)) ** 0.8
-    return t, widths, np.stack([np.tile([0.0, 1.0], rows + 1), np.repeat(t, 2)], -1)

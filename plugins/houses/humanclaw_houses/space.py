@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from functools import lru_cache
-from typing import Final, Literal, NamedTuple
+from typing import Any, Final, Literal, NamedTuple
 
 import numpy as np
 from scipy.ndimage import distance_transform_edt, label
@@ -154,16 +154,17 @@ class Space:
     def _strip(self, side: Side, at: float, width: float, depth: float) -> Rect:
         """Return the floor along a wall in front of a stretch of it."""
         r, h = self.rect, width / 2
-        if side in ("south", "north"):
-            return (
-                Rect(at - h, r.z0, at + h, r.z0 + depth)
-                if side == "south"
-                else Rect(at - h, r.z1 - depth, at + h, r.z1)
-            )
-        return Rect(r.x0, at - h, r.x0 + depth, at + h) if side == "west" else Rect(r.x1 - depth, at - h, r.x1, at + h)
+        return {
+            "south": Rect(at - h, r.z0, at + h, r.z0 + depth), "north": Rect(at - h, r.z1 - depth, at + h, r.z1),
+            "west": Rect(r.x0, at - h, r.x0 + depth, at + h), "east": Rect(r.x1 - depth, at - h, r.x1, at + h),
+        }[side]  # fmt: skip
 
     def length(self, side: Side) -> float:
         return self.rect.x1 - self.rect.x0 if side in ("south", "north") else self.rect.z1 - self.rect.z0
+
+    def start(self, side: Side) -> float:
+        """Return where a wall begins along itself: the smaller coordinate, metres."""
+        return self.rect.x0 if side in ("south", "north") else self.rect.z0
 
     def depth(self, side: Side) -> float:
         """Return the distance to the opposite wall, metres."""
@@ -211,8 +212,7 @@ class Space:
 
         It is 0.65 m deep, lower than window sills, and needs 0.6 m of free floor in front.
         """
-        start = self.rect.x0 if side in ("south", "north") else self.rect.z0
-        unit, floor = (self._strip(side, start + along + width / 2, width, depth) for depth in (0.65, 1.25))
+        unit, floor = (self._strip(side, self.start(side) + along + width / 2, width, depth) for depth in (0.65, 1.25))
         if self._blocked(Block(unit, 0.0, 0.87), 0.0) or any(unit.meets(rect) for rect in self._kept):
             return False
         return floor.within(self.rect.grown(1e-6)) and not self._blocked(Block(floor, 0.03, 0.87), 0.0)
@@ -243,17 +243,16 @@ class Space:
 
         keep: floor that must stay free. want: groups of places; a body must still reach one place of each group.
         """
-        before = len(self.objects), len(self._taken), len(self._solid), len(self._kept), len(self._wanted)
+        lists: tuple[list[Any], ...] = (self.objects, self._taken, self._solid, self._kept, self._wanted)
+        before = [len(items) for items in lists]
         for obj in objects:
             self._add(obj)
         self._kept += keep
         self._wanted += want
         low = any(block_of(obj).y0 < _HEAD and obj.piece.asset.hulls for obj in objects)
         if low and not self.walkable():
-            for items, count in zip(
-                (self.objects, self._taken, self._solid, self._kept, self._wanted), before, strict=True
-            ):
-                del items[count:]  # type: ignore[attr-defined]
+            for items, count in zip(lists, before, strict=True):
+                del items[count:]
             return False
         return True
 

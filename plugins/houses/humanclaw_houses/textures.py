@@ -101,9 +101,8 @@ def checks(first: Colour, second: Colour, rng: np.random.Generator, count: int =
     """Return a tartan of two colours that mix where they cross."""
     band = ((np.arange(SIZE) * 2 * count // SIZE) % 2).astype(float)
     share = ((band[:, None] + band[None, :]) / 2)[..., None]
-    return Tile(
-        _grade(np.array(first) * share + np.array(second) * (1 - share), 0.02 * _noise(rng, (2, 2))), metres=0.9
-    )
+    picture = np.array(first) * share + np.array(second) * (1 - share)
+    return Tile(_grade(picture, 0.02 * _noise(rng, (2, 2))), metres=0.9)
 
 
 def _grade(picture: NDArray[np.floating], field: Field) -> Pixels:
@@ -301,7 +300,6 @@ COVERS: Final[tuple[Colour, ...]] = (
 """Colours of upholstery and curtains: light and muted, so that their folds and seams show."""
 LEATHERS: Final[tuple[Colour, ...]] = ((58, 88, 80), (62, 80, 108), (150, 74, 58))
 PAINTS: Final[tuple[Colour, ...]] = (
-    (236, 230, 218), (216, 224, 220), (226, 214, 196), (208, 218, 228), (232, 222, 200), (214, 220, 204), (228, 216,
-    214),
-    (222, 222, 222), (196, 210, 206), (238, 226, 204),
+    (236, 230, 218), (216, 224, 220), (226, 214, 196), (208, 218, 228), (232, 222, 200), (214, 220, 204),
+    (228, 216, 214), (222, 222, 222), (196, 210, 206), (238, 226, 204),
 )  # fmt: skip
