@@ -34,8 +34,8 @@ def put_in_corner(space: Space, kit: Kit, maker: Maker, front: float = 0.0, targ
     r = space.rect
     corners = [(x, z) for x in (r.x0, r.x1) for z in (r.z0, r.z1)]
     spots = space.spots(kit.make(maker), kit.rng)
-    spots = sorted(spots, key=lambda spot: min(abs(spot.x - x) + abs(spot.z - z) for x, z in corners))
-    return space.try_put(spots, front=front, target=target)
+    near = sorted(spots, key=lambda spot: min(abs(spot.x - x) + abs(spot.z - z) for x, z in corners))
+    return space.try_put(near, front=front, target=target)
 
 
 def put_plant(space: Space, kit: Kit) -> Placed | None:

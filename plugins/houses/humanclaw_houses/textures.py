@@ -47,7 +47,7 @@ def _noise(rng: np.random.Generator, blur: tuple[int, int] = (1, 1), size: int =
 def _blur(reach: int, size: int) -> Field:
     """Return (size, size) the matrix that sums up `reach` rows, twice. Floats are as exact here, and faster."""
     once = np.array(sum(np.roll(np.eye(size), k, 0) for k in range(reach)))
-    return once @ once
+    return np.asarray(once @ once)
 
 
 def _shade(colour: Colour, field: Field) -> Pixels:
