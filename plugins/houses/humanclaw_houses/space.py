@@ -186,7 +186,8 @@ class Space:
         found = [
             (side, half + k) for side, room in rooms if room >= 0 for k in (*np.arange(0, room, step).tolist(), room)
         ]
-        return (self.at_wall(piece, *found[k], y=y) for k in rng.permutation(len(found)))
+        order = [found[k] for k in rng.permutation(len(found))]
+        return (self.at_wall(piece, side, along, y) for side, along in order)
 
     def fits(self, obj: Placed, front: float = 0.0, gap: float = 0.01) -> bool:
         """Return whether a piece is inside the room, overlaps nothing, and leaves ways and floor in front free.
