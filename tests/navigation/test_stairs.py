@@ -83,11 +83,14 @@ def test_a_body_walks_down_the_stairs_to_an_object_on_the_lower_floor(body: Body
     assert distance_to_box(joints, *body.scene.aabb(target)).min() <= 0.2
 
 
-def test_a_map_from_the_cache_is_the_map_that_was_drawn(
+def test_a_map_from_the_cache_is_the_map_that_was_drawn_for_another_start(
     body: Body, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("HUMANCLAW_CACHE", str(tmp_path))
-    drawn, kept = (MultiFloorMap.of(replace(body.scene)).grids for _ in range(2))
+    start = body.scene.start
+    scenes = [replace(body.scene, start=replace(start, x=start.x + aside)) for aside in (0.0, 0.1)]
+    assert scenes[0].digest != scenes[1].digest
+    drawn, kept = (MultiFloorMap.of(scene).grids for scene in scenes)
     assert len(list(tmp_path.glob("maps/*"))) == 5  # Two floors, each with fixed objects alone too, and their stairs.
     for one, other in zip(drawn, kept, strict=True):
         for name in ("blocked", "movable", "owners", "tops", "ground", "cost"):
