@@ -95,11 +95,14 @@ def test_a_map_of_places_that_never_come_again_is_not_kept(
     assert_same(drawn, kept)
 
 
-def test_a_map_from_the_cache_is_the_map_that_was_drawn(
+def test_a_map_from_the_cache_is_the_map_that_was_drawn_for_another_start(
     body: Body, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("HUMANCLAW_CACHE", str(tmp_path))
-    drawn, kept = (MultiFloorMap.of(replace(body.scene)) for _ in range(2))
+    start = body.scene.start
+    scenes = [replace(body.scene, start=replace(start, x=start.x + aside)) for aside in (0.0, 0.1)]
+    assert scenes[0].digest != scenes[1].digest
+    drawn, kept = map(MultiFloorMap.of, scenes)
     assert len(list(tmp_path.glob("maps/*"))) == 3, "two floors and their stairs"
     assert_same(drawn, kept)
 

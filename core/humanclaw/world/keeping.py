@@ -25,12 +25,12 @@ def kept(scene: Scene, what: str, code: str, make: Callable[[], Arrays]) -> Arra
     """Return arrays by name from the cache, or make them, and store them if that takes long.
 
     Args:
-        what: names them among all arrays of the scene.
+        what: names them among all arrays of the scene, from whatever start.
         code: digest of everything else that may change them.
     """
     # A scene's digest joins the hulls of an asset: it does not tell one piece from two with the same points.
     pieces = [[len(hull) for hull in scene.assets[name].hulls] for name in sorted(scene.assets)]
-    store, key = Cache("maps"), hashlib.sha256(f"{code}|{scene.digest}|{pieces}|{what}".encode()).hexdigest()
+    store, key = Cache("maps"), hashlib.sha256(f"{code}|{scene.still}|{pieces}|{what}".encode()).hexdigest()
     if (data := store.get(key)) is not None:
         return load(zlib.decompress(data))
     began, made = time.process_time(), make()

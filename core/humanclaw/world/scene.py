@@ -238,15 +238,26 @@ class Scene:
 
         The name is not in it: it may hold a path, which differs from machine to machine.
         """
+        state = self._state()
+        vars(self)["still"] = state.hexdigest()  # On the way: the arrays take long.
+        state.update(f", {json.dumps(vars(self.start), sort_keys=True)}]".encode())
+        return str(state.hexdigest())
+
+    @cached_property
+    def still(self) -> str:
+        """SHA-256 over the same but the start: what does not depend on the start is kept under it."""
+        return str(self._state().hexdigest())
+
+    def _state(self) -> Any:
         state = hashlib.sha256()
         for name in sorted(self.assets):
             asset = self.assets[name]
             state.update(f"{name}|{asset.category}|{asset.seat_height}".encode())
             for array in (asset.mesh.vertices, asset.mesh.faces, asset.mesh.uv, asset.mesh.texture, *asset.hulls):
                 state.update(np.ascontiguousarray(array).ravel().data)  # Without a copy, which takes as long.
-        rest = [[o.facts for o in self.objects], [vars(r) for r in self.rooms], vars(self.start)]
-        state.update(json.dumps(rest, sort_keys=True).encode())
-        return state.hexdigest()
+        rest = [[o.facts for o in self.objects], [vars(r) for r in self.rooms]]
+        state.update(json.dumps(rest, sort_keys=True)[:-1].encode())  # The digest continues the list with the start.
+        return state
 
 
 def distance_to_box(points: Array, low: Array, high: Array) -> Array:

@@ -11,7 +11,7 @@ from humanclaw.world import Hinge, Joint
 from humanclaw_houses import textures as t
 from humanclaw_houses.model import Model, Piece
 from humanclaw_houses.plan import CEILING, WALL, Area, FloorPlan, Opening, Wall, room_at
-from humanclaw_houses.shapes import Array, Point, Shape, box, post, sheet
+from humanclaw_houses.shapes import Point, Shape, box, post, quads, sheet
 from humanclaw_houses.stairs import staircase
 from humanclaw_houses.style import Style
 from humanclaw_houses.textures import Tile
@@ -134,27 +134,20 @@ def _floor(area: Area, finish: Finish, thick: float) -> Placed:
     """Build a slab whose top is at height 0."""
     m = Model()
     w, d = area.x1 - area.x0, area.z1 - area.z0
-    for chart in _tiled((-w / 2, thick, d / 2), (w, 0, 0), (0, 0, -d)):
-        m.add(chart, finish.floor)
+    m.add(_tiled((-w / 2, thick, d / 2), (w, 0, 0), (0, 0, -d)), finish.floor)
     m.add(box((w, thick, d), (0, 0, 0), skip="t"), finish.floor)
     m.solid((w, thick, d), (0, 0, 0))
     middle = (area.x0 + area.x1) / 2, (area.z0 + area.z1) / 2
     return Placed(m.piece(f"floor_{area.name}", "floor"), middle[0], -thick, middle[1], room=area.name)
 
 
-def _tiled(corner: Point, along: Point, up: Point) -> Iterator[Shape]:
-    """Yield a rectangle as quads of about one tile each, so that the tile repeats and no uv leaves 0..1."""
+def _tiled(corner: Point, along: Point, up: Point) -> Shape:
+    """Return a rectangle as quads of about one tile each, so that the tile repeats and no uv leaves 0..1."""
     start, side, rise = np.array(corner), np.array(along), np.array(up)
     columns, rows = _cells(float(np.linalg.norm(side))), _cells(float(np.linalg.norm(rise)))
-    for i in range(columns):
-        for j in range(rows):
-            place = start + side * i / columns + rise * j / rows
-            yield Shape((sheet(_point(place), _point(side / columns), _point(rise / rows)),))
-
-
-def _point(array: Array) -> Point:
-    x, y, z = array.tolist()
-    return x, y, z
+    i, j = np.indices((columns, rows)).reshape(2, -1, 1)
+    places = start + side * i / columns + rise * j / rows
+    return Shape(quads(places, np.broadcast_to([[side / columns], [rise / rows]], (2, *places.shape))))
 
 
 def _ceiling(area: Area, style: Style) -> Placed:
@@ -247,8 +240,7 @@ def _face(m: Model, side: int, span: tuple[float, float, float, float], tile: Ti
     x0, x1, y0, y1 = span
     z = side * WALL / 2
     corner, along = ((x1, y0, z), (x0 - x1, 0.0, 0.0)) if side < 0 else ((x0, y0, z), (x1 - x0, 0.0, 0.0))
-    for chart in _tiled(corner, along, (0, y1 - y0, 0)):
-        m.add(chart, tile)
+    m.add(_tiled(corner, along, (0, y1 - y0, 0)), tile)
 
 
 def _reveal(m: Model, hole: Opening, x: float, style: Style) -> None:

@@ -27,7 +27,8 @@ def open_house(argument: str) -> Scene:
     number, library = _parts(argument)
     seed_of(number)
     scene = kept(number, library.digest if library else "", lambda: _make(number, library))
-    return replace(scene, name=f"house:{argument}")
+    # Only if it must be: a copy works its digest and its boxes out again.
+    return scene if scene.name == (name := f"house:{argument}") else replace(scene, name=name)
 
 
 def _make(number: str, library: Library | None) -> Scene:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import islice
 from typing import Final
 
 import numpy as np
@@ -13,7 +14,7 @@ from humanclaw_houses.furniture import small, things
 from humanclaw_houses.kit import Kit, Maker
 from humanclaw_houses.model import Piece, Top
 from humanclaw_houses.placing import beside, hang_one
-from humanclaw_houses.space import Side, Space
+from humanclaw_houses.space import Space
 
 _ON: Final[dict[str, tuple[Maker, ...]]] = {
     "kitchen_counter": (things.kettle, things.jar, things.toaster, things.board, things.jar, things.microwave,
@@ -69,7 +70,7 @@ def dress(space: Space, kit: Kit) -> None:
     if space.area.kind == "hall":
         for maker in (things.shoes, things.shoes, things.shoes, things.handbag):
             piece = kit.make(maker)
-            space.try_put(space.spots(piece, kit.rng)[:40])
+            space.try_put(islice(space.spots(piece, kit.rng), 40))
 
 
 def _of(space: Space, category: str) -> list[Placed]:
@@ -100,8 +101,8 @@ def _somewhere(host: Placed, piece: Piece, top: Top, rng: np.random.Generator) -
     across, along = (size / 2 + _SPARE for size in (piece.size[0], piece.size[2]))
     if piece.size[1] > top.room or top.x1 - top.x0 < 2 * across or top.z1 - top.z0 < 2 * along:
         return None
-    x, z = rng.uniform((top.x0 + across, top.z0 + along), (top.x1 - across, top.z1 - along))
-    return replace(beside(host, piece, float(x), float(z), yaw), y=host.y + top.y + 0.001)
+    x, z = rng.uniform(top.x0 + across, top.x1 - across), rng.uniform(top.z0 + along, top.z1 - along)
+    return beside(host, piece, x, z, yaw, host.y + top.y + 0.001)
 
 
 def _lay_table(space: Space, kit: Kit, table: Placed) -> None:
@@ -116,7 +117,7 @@ def _lay_table(space: Space, kit: Kit, table: Placed) -> None:
         yaw = float(np.pi / 2 * np.sign(x) if ends else np.pi * (z < 0))
         for piece, right, ahead in ((plate, 0.0, 0.0), (glass, 0.12, 0.14)):
             at = out[0] + right * np.cos(yaw) - ahead * np.sin(yaw), out[1] - right * np.sin(yaw) - ahead * np.cos(yaw)
-            spot = replace(beside(table, piece, float(at[0]), float(at[1]), yaw), y=table.y + top.y + 0.001)
+            spot = beside(table, piece, float(at[0]), float(at[1]), yaw, table.y + top.y + 0.001)
             if space.rests(spot, table, chair):
                 space.put(spot)
 
@@ -138,16 +139,12 @@ def _radiators(space: Space, kit: Kit) -> Iterator[Placed]:
     for side, hole in space.windows:
         if hole.bottom > 0.75:
             piece = kit.make(things.radiator, round(min(hole.width, 1.2) - 0.1, 2))
-            yield space.at_wall(piece, side, hole.at - _start(space, side), 0.14, gap=0.02)
+            yield space.at_wall(piece, side, hole.at - space.start(side), 0.14, gap=0.02)
 
 
 def _switches(space: Space, kit: Kit) -> Iterator[Placed]:
     piece = kit.make(things.switch)
     for side, hole in space.doors:
-        along = hole.at - _start(space, side) + (hole.leaf or 1) * -(hole.width / 2 + 0.14)
+        along = hole.at - space.start(side) + (hole.leaf or 1) * -(hole.width / 2 + 0.14)
         if 0.05 < along < space.length(side) - 0.05:
             yield space.at_wall(piece, side, along, 1.05, gap=0.001)
-
-
-def _start(space: Space, side: Side) -> float:
-    return space.rect.x0 if side in ("south", "north") else space.rect.z0

@@ -211,7 +211,7 @@ def _above_unit(space: Space, kit: Kit, fronts: kitchen.Fronts, unit: Placed) ->
         piece, y = kit.make(kitchen.wall_cabinet, fronts, round(unit.piece.size[0] - 0.005, 3)), 1.45
     else:
         return
-    along = unit.x - space.rect.x0 if side in ("south", "north") else unit.z - space.rect.z0
+    along = (unit.x if side in ("south", "north") else unit.z) - space.start(side)
     obj = space.at_wall(piece, side, along, y, gap=0.002)
     if space.fits(obj, gap=-0.002):
         space.put(obj)
@@ -262,8 +262,8 @@ def put_work_place(space: Space, kit: Kit) -> bool:
         if space.fits(spot, 0.95) and space.put(spot, seat, want=[at_hand(seat)]):
             kit.left["chair"] -= 1
             y = desk.tops[0].y + 0.002
-            space.put(replace(beside(spot, kit.make(media.laptop), -0.19, 0.02), y=y))
-            space.put(replace(beside(spot, kit.make(decor.table_lamp), desk.size[0] / 2 - 0.2, -0.12), y=y))
+            space.put(beside(spot, kit.make(media.laptop), -0.19, 0.02, y=y))
+            space.put(beside(spot, kit.make(decor.table_lamp), desk.size[0] / 2 - 0.2, -0.12, y=y))
             return True
     return False
 

@@ -9,6 +9,7 @@ from typing import Literal
 
 import numpy as np
 from manifold3d import Manifold
+from numpy.typing import NDArray
 
 from humanclaw.world import Asset, Hinge, Joint, Mesh, balanced, exact
 from humanclaw_houses.shapes import Array, Chart, Point, Shape, box
@@ -172,31 +173,31 @@ def convex(points: Array, tolerance: float = 0.004) -> Array:
 
 def bake(parts: Sequence[tuple[Chart, Tile]], shift: Array) -> Mesh:
     """Combine charts into one mesh: their tiles side by side in an atlas, their uv fitted into the tiles."""
-    tiles = list({id(tile): tile for _, tile in parts}.values())
-    texture, cells = atlas(tiles)
-    vertices, faces, uvs, count = [], [], [], 0
-    for number, (chart, tile) in enumerate(parts):
-        vertices.append(chart.vertices + shift)
-        faces.append(chart.faces + count)
-        uvs.append(_fit(chart, tile, number) * cells[id(tile)][1] + cells[id(tile)][0])
-        count += len(chart.vertices)
-    triangles = np.asarray(np.concatenate(faces), np.int32)
-    return Mesh(exact(np.concatenate(vertices)), triangles, exact(np.concatenate(uvs)), texture)
+    texture, cells = atlas(list({id(tile): tile for _, tile in parts}.values()))
+    counts = np.array([len(chart.vertices) for chart, _ in parts])
+    first = np.cumsum(counts) - counts
+    faces = np.concatenate([chart.faces for chart, _ in parts])
+    faces += np.repeat(first, [len(chart.faces) for chart, _ in parts])[:, None]
+    corner, extent = np.repeat([cells[id(tile)] for _, tile in parts], counts, axis=0).swapaxes(0, 1)
+    uv = _fit(np.concatenate([chart.uv for chart, _ in parts]), counts, first, [tile for _, tile in parts])
+    vertices = np.concatenate([chart.vertices for chart, _ in parts]) + shift
+    return Mesh(exact(vertices), faces.astype(np.int32), exact(uv * extent + corner), texture)
 
 
-def _fit(chart: Chart, tile: Tile, number: int) -> Array:
-    """Return (N, 2) uv in 0..1 of the tile: all of it, or a cut as large as the chart, at a place that varies by part.
+def _fit(uv: Array, counts: NDArray[np.int64], first: NDArray[np.int64], tiles: Sequence[Tile]) -> Array:
+    """Return (N, 2) uv in 0..1 of each part's tile: all of it, or a cut as large as the part, at a place that varies.
 
     The places vary so that equal parts do not show the same pattern.
     """
-    uv = chart.uv - chart.uv.min(axis=0)
-    span = np.maximum(uv.max(axis=0), 1e-9)
-    if tile.grain and span[0] > span[1]:
-        uv, span = uv[:, ::-1], span[::-1]
-    if tile.fit:
-        return np.asarray(uv / span)
-    share = np.minimum(span / tile.metres, 1.0)
-    offset = np.array([0.37 * number % 1.0, 0.61 * number % 1.0]) * (1.0 - share)
+    uv = uv - np.repeat(np.minimum.reduceat(uv, first), counts, axis=0)
+    span = np.maximum(np.maximum.reduceat(uv, first), 1e-9)
+    across = np.array([tile.grain for tile in tiles]) & (span[:, 0] > span[:, 1])
+    span[across] = span[across, ::-1]
+    rows = np.repeat(across, counts)
+    uv[rows] = uv[rows, ::-1]
+    share = np.minimum(span / np.array([[1e-9 if tile.fit else tile.metres] for tile in tiles]), 1.0)
+    offset = np.arange(len(tiles))[:, None] * np.array([0.37, 0.61]) % 1.0 * (1.0 - share)
+    span, share, offset = (np.repeat(each, counts, axis=0) for each in (span, share, offset))
     return np.asarray(uv / span * share + offset)
 
 
@@ -212,7 +213,7 @@ def atlas(tiles: Sequence[Tile]) -> tuple[Pixels, dict[int, tuple[Array, Array]]
     for number, tile in enumerate(tiles):
         row, column = divmod(number, columns)
         scale = side // len(tile.pixels)
-        large = tile.pixels.repeat(scale, axis=0).repeat(scale, axis=1)
+        large = tile.pixels.repeat(scale, axis=0).repeat(scale, axis=1) if scale > 1 else tile.pixels
         picture[row * side : (row + 1) * side, column * side : (column + 1) * side] = large
         corner = np.array([column / columns, 1 - (row + 1) / rows])
         cells[id(tile)] = corner + inset, np.array([1 / columns, 1 / rows]) - 2 * inset

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -12,13 +12,13 @@ from humanclaw_houses.furniture import decor, plants, seats, storage
 from humanclaw_houses.kit import Kit, Maker
 from humanclaw_houses.model import Piece
 from humanclaw_houses.plan import CEILING
-from humanclaw_houses.space import Side, Space, block_of, turn
+from humanclaw_houses.space import Side, Space, block_of, cos_sin
 
 
-def beside(obj: Placed, piece: Piece, x: float, z: float, yaw: float = 0.0) -> Placed:
-    """Return a piece at (x, z) in the frame of another piece, on the floor. yaw: relative to it, radians."""
-    (dx, _, dz) = turn(np.array([[x, 0.0, z]]), obj.yaw)[0]
-    return Placed(piece, obj.x + float(dx), 0.0, obj.z + float(dz), obj.yaw + yaw, obj.room)
+def beside(obj: Placed, piece: Piece, x: float, z: float, yaw: float = 0.0, y: float = 0.0) -> Placed:
+    """Return a piece at (x, z) in the frame of another piece. yaw: relative to it, radians. y: over the floor."""
+    cos, sin = cos_sin(obj.yaw)
+    return Placed(piece, obj.x + (cos * x + sin * z), y, obj.z + (cos * z - sin * x), obj.yaw + yaw, obj.room)
 
 
 # -- single objects ----------------------------------------------------------------------------------------------------
@@ -34,8 +34,8 @@ def put_in_corner(space: Space, kit: Kit, maker: Maker, front: float = 0.0, targ
     r = space.rect
     corners = [(x, z) for x in (r.x0, r.x1) for z in (r.z0, r.z1)]
     spots = space.spots(kit.make(maker), kit.rng)
-    spots.sort(key=lambda spot: min(abs(spot.x - x) + abs(spot.z - z) for x, z in corners))
-    return space.try_put(spots, front=front, target=target)
+    near = sorted(spots, key=lambda spot: min(abs(spot.x - x) + abs(spot.z - z) for x, z in corners))
+    return space.try_put(near, front=front, target=target)
 
 
 def put_plant(space: Space, kit: Kit) -> Placed | None:
@@ -83,21 +83,16 @@ def hang(space: Space, kit: Kit, count: int) -> None:
 
 
 def hang_one(space: Space, kit: Kit, piece: Piece, y: float) -> Placed | None:
-    return space.try_put((replace(s, y=y) for s in _flush(space, piece, kit.rng)), gap=0.08)
-
-
-def _flush(space: Space, piece: Piece, rng: np.random.Generator) -> Sequence[Placed]:
-    """Return spots along the walls without the gap for the skirting."""
-    return [
-        replace(s, x=s.x - 0.014 * np.sin(s.yaw), z=s.z - 0.014 * np.cos(s.yaw))
-        for s in space.spots(piece, rng, step=0.2)
-    ]
+    spots = space.spots(piece, kit.rng, y, step=0.2)
+    # Without the gap for the skirting.
+    flush = (replace(s, x=s.x - 0.014 * np.sin(s.yaw), z=s.z - 0.014 * np.cos(s.yaw)) for s in spots)
+    return space.try_put(flush, gap=0.08)
 
 
 def put_above(space: Space, obj: Placed, piece: Piece, y: float) -> None:
     """Hang a piece on the wall behind another."""
     back = -obj.piece.size[2] / 2 + piece.size[2] / 2 - 0.014
-    spot = replace(beside(obj, piece, 0.0, back), y=y)
+    spot = beside(obj, piece, 0.0, back, y=y)
     if space.fits(spot):
         space.put(spot)
 
@@ -121,8 +116,7 @@ def put_curtain(space: Space, kit: Kit, side: Side, at: float, width: float, top
     short = kit.chance(0.5)
     height = round(top + 0.1 - (0.75 if short else 0.05), 2)
     piece = kit.make(decor.curtain, width, height, kit.style.second_cloth)
-    start = space.rect.x0 if side in ("south", "north") else space.rect.z0
-    spot = space.at_wall(piece, side, at - start, y=round(top + 0.1 - height, 2), gap=0.03)
+    spot = space.at_wall(piece, side, at - space.start(side), y=round(top + 0.1 - height, 2), gap=0.03)
     if block_of(spot).rect.within(space.rect.grown(0.001)) and space.clear_of_doors(spot):
         space.put(spot)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from itertools import islice
 from typing import Final
 
 from humanclaw_houses.building import Placed
@@ -53,10 +53,8 @@ def _on_top(space: Space, kit: Kit) -> bool:
     if piece.size[1] > top.room or top.x1 - top.x0 < 2 * reach or top.z1 - top.z0 < 2 * reach:
         return False
     for _ in range(6):
-        x, z = kit.rng.uniform((top.x0 + reach, top.z0 + reach), (top.x1 - reach, top.z1 - reach))
-        spot = replace(
-            beside(host, piece, float(x), float(z), float(kit.rng.uniform(-0.5, 0.5))), y=top.y + host.y + 0.001
-        )
+        x, z = kit.rng.uniform(top.x0 + reach, top.x1 - reach), kit.rng.uniform(top.z0 + reach, top.z1 - reach)
+        spot = beside(host, piece, x, z, kit.rng.uniform(-0.5, 0.5), top.y + host.y + 0.001)
         if space.rests(spot, host):
             return space.put(spot)
     return False
@@ -66,6 +64,6 @@ def _on_floor(space: Space, kit: Kit) -> bool:
     maker = _ON_FLOOR[int(kit.rng.integers(len(_ON_FLOOR)))]
 
     def put() -> Placed | None:
-        return space.try_put(space.spots(kit.make(maker), kit.rng)[:40])
+        return space.try_put(islice(space.spots(kit.make(maker), kit.rng), 40))
 
     return (from_household(kit, "chair", put) if maker is seats.stool else put()) is not None

@@ -9,8 +9,9 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, lru_cache
 from itertools import pairwise
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,16 +60,15 @@ def _turn(degrees: Point) -> Array:
 
 def sheet(corner: Point, along: Point, up: Point, cells: tuple[int, int] = (1, 1)) -> Chart:
     """Return a flat grid from a corner along two sides; its outside faces the cross product of `along` and `up`."""
-    u, v = _lattice(cells)
-    points = np.array(corner, float) + u[:, None] * np.array(along, float) + v[:, None] * np.array(up, float)
-    uv = np.stack([u * math.hypot(*along), v * math.hypot(*up)], -1)
-    return Chart(points, _grid_faces(cells[1] + 1, cells[0] + 1), uv)
+    share = _lattice(cells)
+    points = np.array(corner, float) + share[:, :1] * np.array(along, float) + share[:, 1:] * np.array(up, float)
+    return Chart(points, _grid_faces(cells[1] + 1, cells[0] + 1), share * [math.hypot(*along), math.hypot(*up)])
 
 
 @cache
-def _lattice(cells: tuple[int, int]) -> tuple[Array, Array]:
-    u, v = np.meshgrid(np.linspace(0, 1, cells[0] + 1), np.linspace(0, 1, cells[1] + 1))
-    return u.ravel(), v.ravel()
+def _lattice(cells: tuple[int, int]) -> Array:
+    grid = np.meshgrid(np.linspace(0, 1, cells[0] + 1), np.linspace(0, 1, cells[1] + 1))
+    return np.stack(grid, axis=-1).reshape(-1, 2)
 
 
 @cache
@@ -84,17 +84,25 @@ def box(size: Point, at: Point = (0.0, 0.0, 0.0), skip: str = "") -> Shape:
 
     skip: sides to leave out: b(ottom), t(op), l(eft), r(ight), (bac)k, f(ront).
     """
-    w, h, d = size
-    x, y, z = at[0] - w / 2, at[1], at[2] - d / 2
-    sides = {
-        "f": sheet((x, y, z + d), (w, 0, 0), (0, h, 0)),
-        "k": sheet((x + w, y, z), (-w, 0, 0), (0, h, 0)),
-        "l": sheet((x + w, y, z + d), (0, 0, -d), (0, h, 0)),
-        "r": sheet((x, y, z), (0, 0, d), (0, h, 0)),
-        "t": sheet((x, y + h, z + d), (w, 0, 0), (0, 0, -d)),
-        "b": sheet((x, y, z), (w, 0, 0), (0, 0, d)),
-    }
-    return Shape(tuple(chart for key, chart in sides.items() if key not in skip))
+    corner, *ways = _SIDES * np.array(size)
+    sides = quads(np.array([at[0] - size[0] / 2, at[1], at[2] - size[2] / 2]) + corner, np.array(ways))
+    return Shape(tuple(chart for key, chart in zip("fklrtb", sides, strict=True) if key not in skip))
+
+
+def quads(corners: Array, ways: Array) -> tuple[Chart, ...]:
+    """Return N sheets of one cell. corners: (N, 3). ways: (2, N, 3) along and up as for a sheet, each along an axis."""
+    share, faces = _lattice((1, 1)), _grid_faces(2, 2)
+    points = corners[:, None] + share[:, :1] * ways[0][:, None] + share[:, 1:] * ways[1][:, None]
+    uv = share * _lengths(ways).T[:, None]
+    return tuple(Chart(points[k], faces, uv[k]) for k in range(len(corners)))
+
+
+_SIDES: Final = np.array([
+    [[0, 0, 1], [1, 0, 0], [1, 0, 1], [0, 0, 0], [0, 1, 1], [0, 0, 0]],
+    [[1, 0, 0], [-1, 0, 0], [0, 0, -1], [0, 0, 1], [1, 0, 0], [1, 0, 0]],
+    [[0, 1, 0], [0, 1, 0], [0, 1, 0], [0, 1, 0], [0, 0, -1], [0, 0, 1]],
+], float)  # fmt: skip
+"""(3, 6, 3) corner, way along and way up of the sides of a box of size 1: front, back, left, right, top, bottom."""
 
 
 @dataclass(frozen=True)
@@ -111,40 +119,44 @@ class Ring:
     x: float = 0.0
     z: float = 0.0
 
-    def points(self, segments: int) -> Array:
-        angle = np.linspace(0, 2 * np.pi, segments + 1)
-        # Rounded, so that sin(pi) is exactly 0: a large power would enlarge its error.
-        cos, sin = np.round(np.cos(angle), 12), np.round(np.sin(angle), 12)
-        x = self.x + self.rx * np.sign(cos) * np.abs(cos) ** (2 / self.power)
-        z = self.z + self.rz * np.sign(sin) * np.abs(sin) ** (2 / self.power)
-        return np.stack([x, np.full_like(x, self.y), z], -1)
+
+@lru_cache(1024)
+def _unit(power: float, segments: int) -> Array:
+    """Return (segments + 1, 3) a ring of radius 1 around the origin."""
+    angle = np.linspace(0, 2 * np.pi, segments + 1)
+    # Rounded, so that sin(pi) is exactly 0: a large power would enlarge its error.
+    cos, sin = np.round(np.cos(angle), 12), np.round(np.sin(angle), 12)
+    x, z = (np.sign(way) * np.abs(way) ** (2 / power) for way in (cos, sin))
+    return np.stack([x, np.zeros_like(x), z], -1)
 
 
 def loft(rings: Sequence[Ring], segments: int = 16, bottom: bool = True, top: bool = True) -> Shape:
     """Return a surface through rings from the lowest to the highest (or inward for hollow objects), with flat ends."""
-    rows = np.array([ring.points(segments) for ring in rings])
-    around = np.linalg.norm(np.diff(rows, axis=1), axis=-1).max(axis=0)
-    u = np.concatenate([[0.0], np.cumsum(around)])
-    rise = np.linalg.norm(np.diff(rows, axis=0), axis=-1).mean(axis=1)
-    v = np.concatenate([[0.0], np.cumsum(rise)])
-    uv = np.stack(np.broadcast_arrays(u[None, :], v[:, None]), -1).reshape(-1, 2)
+    places = np.array([(ring.x, ring.y, ring.z, ring.rx, 0.0, ring.rz) for ring in rings])[:, None]
+    rows = places[..., :3] + places[..., 3:] * np.array([_unit(ring.power, segments) for ring in rings])
+    uv = np.zeros((*rows.shape[:2], 2))
+    uv[:, 1:, 0] = np.cumsum(_lengths(rows[:, 1:] - rows[:, :-1]).max(axis=0))
+    uv[1:, :, 1] = np.cumsum(_lengths(rows[1:] - rows[:-1]).mean(axis=1))[:, None]
     # Angles run from +X to +Z, clockwise from above, so faces are reversed to look outward.
-    side = Chart(rows.reshape(-1, 3), _grid_faces(*rows.shape[:2])[:, ::-1], uv)
-    charts = [side]
-    if bottom:
-        charts.append(_lid(rows[0, :-1], up=False))
-    if top:
-        charts.append(_lid(rows[-1, :-1], up=True))
-    return Shape(tuple(charts))
+    side = Chart(rows.reshape(-1, 3), _grid_faces(*rows.shape[:2])[:, ::-1], uv.reshape(-1, 2))
+    return Shape((side, *(_lid(rows[end, :-1], end < 0) for end, flat in ((0, bottom), (-1, top)) if flat)))
+
+
+def _lengths(ways: Array) -> Array:
+    square = ways * ways
+    return np.asarray(np.sqrt(square[..., 0] + square[..., 1] + square[..., 2]))
 
 
 def _lid(points: Array, up: bool) -> Chart:
-    count = len(points)
+    vertices = np.concatenate([points, points.sum(axis=0, keepdims=True) / len(points)])
+    return Chart(vertices, _fan(len(points), up), vertices[:, ::2] * [1, -1])
+
+
+@cache
+def _fan(count: int, up: bool) -> NDArray[np.int64]:
     ring = np.arange(count)
     fan = np.stack([np.full(count, count), ring, (ring + 1) % count], -1)
-    vertices = np.concatenate([points, points.mean(axis=0, keepdims=True)])
-    uv = vertices[:, [0, 2]] * [1, -1]
-    return Chart(vertices, fan[:, ::-1] if up else fan, uv)
+    return fan[:, ::-1] if up else fan
 
 
 def soft_box(size: Point, at: Point = (0.0, 0.0, 0.0), radius: float = 0.04, crown: float = 0.0) -> Shape:
@@ -160,10 +172,8 @@ def soft_box(size: Point, at: Point = (0.0, 0.0, 0.0), radius: float = 0.04, cro
     elif thin:
         levels = [(0.0, r), (r, 0.0), (h - r, 0.0), (h, r)]
     rings = [Ring(at[1] + y, w / 2 - cut, d / 2 - cut, power, at[0], at[2]) for y, cut in levels]
-    if crown:
-        rings += [
-            Ring(at[1] + h + crown * k, s * w / 2, s * d / 2, power, at[0], at[2]) for k, s in ((0.8, 0.55), (1, 0.2))
-        ]
+    tops = ((0.8, 0.55), (1, 0.2)) if crown else ()
+    rings += [Ring(at[1] + h + crown * k, s * w / 2, s * d / 2, power, at[0], at[2]) for k, s in tops]
     return loft(rings, 16 if large else 12)
 
 
@@ -172,7 +182,7 @@ def pillow(size: Point, at: Point = (0.0, 0.0, 0.0), pinch: float = 0.06, cells:
 
     pinch: share by which the seam is drawn in at the middle of each side.
     """
-    u, v = (2 * value - 1 for value in _lattice((cells, cells)))
+    u, v = 2 * _lattice((cells, cells)).T - 1
     u, v = np.sin(u * np.pi / 2), np.sin(v * np.pi / 2)
     x = size[0] / 2 * u * (1 - pinch * (1 - v**2))
     z = size[2] / 2 * v * (1 - pinch * (1 - u**2))
@@ -200,18 +210,15 @@ def turned(
 
 def tube(path: Sequence[Point], radius: float, segments: int = 6) -> Shape:
     """Return a bent bar through points."""
-    points = np.array(path, float)
-    charts: list[Chart] = []
-    for start, end in pairwise(points):
-        charts += _bar(start, end, radius, segments).charts
-    return Shape(tuple(charts))
+    bars = [_bar(start, end, radius, segments) for start, end in pairwise(np.array(path, float))]
+    return Shape(tuple(chart for bar in bars for chart in bar.charts))
 
 
 def _bar(start: Array, end: Array, radius: float, segments: int) -> Shape:
     way = end - start
     length = float(np.linalg.norm(way))
     up = way / length
-    side = np.cross(up, [1.0, 0.0, 0.0] if abs(up[0]) < 0.9 else [0.0, 0.0, 1.0])
+    side = np.array([0.0, up[2], -up[1]] if abs(up[0]) < 0.9 else [up[1], -up[0], 0.0])
     side /= np.linalg.norm(side)
     frame = np.stack([side, up, np.cross(side, up)])
     bar = post(radius, length, segments=segments)
@@ -236,14 +243,11 @@ def blade(base: Point, heading: float, length: float, width: float, rise: float,
     """Return a two-sided leaf. It leaves its base at `rise` degrees and bends down by `droop` degrees."""
     t = np.linspace(0, 1, rows + 1)
     pitch = np.radians(rise - droop * (t[:-1] + t[1:]) / 2)
-    reach = np.concatenate([[0], np.cumsum(np.cos(pitch))]) * length / rows
-    height = np.concatenate([[0], np.cumsum(np.sin(pitch))]) * length / rows
-    half = width / 2 * np.sin(np.pi * np.clip(0.12 + 0.88 * t, 0, 0.985)) ** 0.8
+    reach, height = (np.append(0, np.cumsum(way)) * length / rows for way in (np.cos(pitch), np.sin(pitch)))
     out = np.array([np.sin(heading), 0.0, np.cos(heading)])
     across = np.array([np.cos(heading), 0.0, -np.sin(heading)])
     spine = np.array(base) + reach[:, None] * out + height[:, None] * np.array([0.0, 1.0, 0.0])
-    edge = half[:, None] * across
+    edge = (width / 2 * np.sin(np.pi * np.clip(0.12 + 0.88 * t, 0, 0.985)) ** 0.8)[:, None] * across
     points = np.stack([spine - edge, spine + edge], 1).reshape(-1, 3)
-    uv = np.stack([np.tile([0.0, 1.0], rows + 1), np.repeat(t, 2)], -1)
-    faces = _grid_faces(rows + 1, 2)
-    return Shape((Chart(points, faces, uv), Chart(points.copy(), faces[:, ::-1], uv)))
+    faces, uv = _grid_faces(rows + 1, 2), np.stack([np.tile([0.0, 1.0], rows + 1), np.repeat(t, 2)], -1)
+    return Shape((Chart(points, faces, uv), Chart(points, faces[:, ::-1], uv)))

@@ -22,7 +22,7 @@ from humanclaw_houses.names import GENERATOR, seed_of
 from humanclaw_houses.plan import Area, FloorPlan, Layout
 from humanclaw_houses.scatter import scatter
 from humanclaw_houses.space import Space, turn
-from humanclaw_houses.starting import choose_start
+from humanclaw_houses.starting import WalkableArea, choose_start
 from humanclaw_houses.stock import Stock
 from humanclaw_houses.style import Style
 from humanclaw_houses.validity import problems
@@ -55,8 +55,12 @@ def generate(seed: Sequence[int], name: str, library: Library | None = None) -> 
     wrong: list[str] = []
     layout = layout_of(seed)
     for draft in range(_DRAFTS):
-        scene = _draft(np.random.default_rng([*seed, draft]), name, layout, library)
-        wrong = problems(scene)
+        rng = np.random.default_rng([*seed, draft])
+        scene = _draft(rng, name, layout, library)
+        walkable = WalkableArea.of(scene)
+        # In place: the boxes and the map of the scene do not depend on its start, and are not made again.
+        object.__setattr__(scene, "start", choose_start(walkable, rng))
+        wrong = problems(scene, walkable)
         if not wrong:
             return scene
     raise SceneError(
@@ -82,7 +86,7 @@ def _draft(rng: np.random.Generator, name: str, layout: Layout, library: Library
     # A spawned generator: a library must not change the draws from which the rest of the house is made.
     for space in _furnish(plans, style, rng, Stock(library, rng.spawn(1)[0]) if library else None):
         placed += _lifted(space.objects, space.floor)
-    return _scene(name, plans, placed, rng)
+    return _scene(name, plans, placed)
 
 
 def _lifted(scene_objects: Iterable[Placed], floor: float) -> Iterator[Placed]:
@@ -106,15 +110,14 @@ def _furnish(plans: Sequence[FloorPlan], style: Style, rng: np.random.Generator,
     return spaces
 
 
-def _scene(name: str, plans: Sequence[FloorPlan], placed: Sequence[Placed], rng: np.random.Generator) -> Scene:
+def _scene(name: str, plans: Sequence[FloorPlan], placed: Sequence[Placed]) -> Scene:
     assets = {obj.piece.asset.name: obj.piece.asset for obj in placed}
     assets |= {leaf.piece.asset.name: leaf.piece.asset for obj in placed for leaf in obj.piece.leaves}
     objects = objects_of(placed)
     rooms = tuple(
         _room(area, plan.floor) for plan in plans for area in plan.areas if area.kind != "stairs" or plan.floor == 0
     )
-    scene = Scene(name, assets, objects, rooms, Pose2D(0.0, 0.0, 0.0), {"generator": f"humanclaw-houses {GENERATOR}"})
-    return Scene(name, assets, objects, rooms, choose_start(scene, rng), scene.notes)
+    return Scene(name, assets, objects, rooms, Pose2D(0.0, 0.0, 0.0), {"generator": f"humanclaw-houses {GENERATOR}"})
 
 
 def objects_of(placed: Sequence[Placed]) -> tuple[SceneObject, ...]:

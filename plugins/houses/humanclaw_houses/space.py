@@ -6,9 +6,9 @@ different grid finds the ways too.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from typing import Final, Literal
+from collections.abc import Iterable, Iterator, Sequence
+from functools import lru_cache
+from typing import Any, Final, Literal, NamedTuple
 
 import numpy as np
 from scipy.ndimage import distance_transform_edt, label
@@ -34,8 +34,7 @@ _HEAD: Final = 1.9
 """Objects above this height are in nobody's way, metres."""
 
 
-@dataclass(frozen=True)
-class Rect:
+class Rect(NamedTuple):
     """A rectangle of floor, metres."""
 
     x0: float
@@ -62,8 +61,7 @@ class Rect:
         return (self.x0 + self.x1) / 2, (self.z0 + self.z1) / 2
 
 
-@dataclass(frozen=True)
-class Block:
+class Block(NamedTuple):
     """A rectangle from one height to another."""
 
     rect: Rect
@@ -76,9 +74,14 @@ class Block:
 
 def turn(points: Array, yaw: float) -> Array:
     """Turn (N, 3) points about y by an angle in radians."""
-    cos, sin = float(np.cos(yaw)), float(np.sin(yaw))
+    cos, sin = cos_sin(yaw)
     x, y, z = np.asarray(points, float).T
     return np.stack([cos * x + sin * z, y, cos * z - sin * x], -1)
+
+
+@lru_cache(1024)
+def cos_sin(yaw: float) -> tuple[float, float]:
+    return float(np.cos(yaw)), float(np.sin(yaw))
 
 
 def outline(points: Array, obj: Placed) -> Block:
@@ -88,9 +91,10 @@ def outline(points: Array, obj: Placed) -> Block:
     return Block(rect, low[1] + obj.y, high[1] + obj.y)
 
 
+@lru_cache(64)
 def block_of(obj: Placed) -> Block:
-    return outline(np.array([obj.piece.low, [obj.piece.low[0], 0, obj.piece.high[2]],
-                             [obj.piece.high[0], 0, obj.piece.low[2]], obj.piece.high]), obj)  # fmt: skip
+    (x0, y0, z0), (x1, y1, z1) = obj.piece.low.tolist(), obj.piece.high.tolist()
+    return Block(local(obj, x0, z0, x1, z1), min(y0, 0.0) + obj.y, max(y1, 0.0) + obj.y)
 
 
 def at_hand(obj: Placed) -> tuple[Rect, ...]:
@@ -101,7 +105,10 @@ def at_hand(obj: Placed) -> tuple[Rect, ...]:
 
 def local(obj: Placed, x0: float, z0: float, x1: float, z1: float) -> Rect:
     """Return the world box around a rectangle in the frame of a placed piece."""
-    return outline(np.array([[x0, 0, z0], [x1, 0, z0], [x0, 0, z1], [x1, 0, z1]]), obj).rect
+    cos, sin = cos_sin(obj.yaw)
+    x = [cos * x + sin * z for x in (x0, x1) for z in (z0, z1)]
+    z = [cos * z - sin * x for x in (x0, x1) for z in (z0, z1)]
+    return Rect(min(x) + obj.x, min(z) + obj.z, max(x) + obj.x, max(z) + obj.z)
 
 
 class Space:
@@ -147,16 +154,17 @@ class Space:
     def _strip(self, side: Side, at: float, width: float, depth: float) -> Rect:
         """Return the floor along a wall in front of a stretch of it."""
         r, h = self.rect, width / 2
-        if side in ("south", "north"):
-            return (
-                Rect(at - h, r.z0, at + h, r.z0 + depth)
-                if side == "south"
-                else Rect(at - h, r.z1 - depth, at + h, r.z1)
-            )
-        return Rect(r.x0, at - h, r.x0 + depth, at + h) if side == "west" else Rect(r.x1 - depth, at - h, r.x1, at + h)
+        return {
+            "south": Rect(at - h, r.z0, at + h, r.z0 + depth), "north": Rect(at - h, r.z1 - depth, at + h, r.z1),
+            "west": Rect(r.x0, at - h, r.x0 + depth, at + h), "east": Rect(r.x1 - depth, at - h, r.x1, at + h),
+        }[side]  # fmt: skip
 
     def length(self, side: Side) -> float:
         return self.rect.x1 - self.rect.x0 if side in ("south", "north") else self.rect.z1 - self.rect.z0
+
+    def start(self, side: Side) -> float:
+        """Return where a wall begins along itself: the smaller coordinate, metres."""
+        return self.rect.x0 if side in ("south", "north") else self.rect.z0
 
     def depth(self, side: Side) -> float:
         """Return the distance to the opposite wall, metres."""
@@ -171,34 +179,30 @@ class Space:
         }[side]  # fmt: skip
         return Placed(piece, x, y, z, YAW[side], self.area.name)
 
-    def spots(self, piece: Piece, rng: np.random.Generator, y: float = 0.0, step: float = 0.1) -> list[Placed]:
-        """Return places along the walls in random order, corners included."""
+    def spots(self, piece: Piece, rng: np.random.Generator, y: float = 0.0, step: float = 0.1) -> Iterator[Placed]:
+        """Return places along the walls in random order, corners included. The order is drawn before the first."""
         half = piece.size[0] / 2 + 0.02
-        found = []
-        for side in SIDES:
-            room = self.length(side) - 2 * half
-            if room >= 0:
-                found += [self.at_wall(piece, side, half + k) for k in [*np.arange(0, room, step), room]]
-        placed = [Placed(p.piece, p.x, y, p.z, p.yaw, p.room) for p in found]
-        return [placed[k] for k in rng.permutation(len(placed))]
+        rooms = [(side, self.length(side) - 2 * half) for side in SIDES]
+        found = [
+            (side, half + k) for side, room in rooms if room >= 0 for k in (*np.arange(0, room, step).tolist(), room)
+        ]
+        order = [found[k] for k in rng.permutation(len(found))]
+        return (self.at_wall(piece, side, along, y) for side, along in order)
 
-    def fits(self, obj: Placed, front: float = 0.0, gap: float = 0.01, ignore: Sequence[Block] = ()) -> bool:
+    def fits(self, obj: Placed, front: float = 0.0, gap: float = 0.01) -> bool:
         """Return whether a piece is inside the room, overlaps nothing, and leaves ways and floor in front free.
 
-        front: metres of free floor in front of it. gap: distance to other objects. ignore: blocks that it may overlap.
+        front: metres of free floor in front of it. gap: distance to other objects.
         """
         block = block_of(obj)
-        if not block.rect.within(self.rect) or self._blocked(block, gap, ignore):
+        if not block.rect.within(self.rect) or self._blocked(block, gap):
             return False
         if block.y0 < _HEAD and any(block.rect.meets(rect) for rect in self._kept):
             return False
-        if not front:
-            return True
-        ahead = self.ahead(obj, front)
-        return ahead.within(self.rect) and not self._blocked(Block(ahead, 0.03, 1.2), 0.0, ignore)
+        return not front or self.is_free(self.ahead(obj, front))
 
     def _blocked(self, block: Block, gap: float, ignore: Sequence[Block] = ()) -> bool:
-        return any(block.meets(other, gap) for other in self._taken if other not in ignore)
+        return any(block.meets(other, gap) and other not in ignore for other in self._taken)
 
     def is_free(self, rect: Rect) -> bool:
         """Return whether a rectangle is floor inside the room with nothing on it."""
@@ -209,8 +213,7 @@ class Space:
 
         It is 0.65 m deep, lower than window sills, and needs 0.6 m of free floor in front.
         """
-        start = self.rect.x0 if side in ("south", "north") else self.rect.z0
-        unit, floor = (self._strip(side, start + along + width / 2, width, depth) for depth in (0.65, 1.25))
+        unit, floor = (self._strip(side, self.start(side) + along + width / 2, width, depth) for depth in (0.65, 1.25))
         if self._blocked(Block(unit, 0.0, 0.87), 0.0) or any(unit.meets(rect) for rect in self._kept):
             return False
         return floor.within(self.rect.grown(1e-6)) and not self._blocked(Block(floor, 0.03, 0.87), 0.0)
@@ -241,17 +244,16 @@ class Space:
 
         keep: floor that must stay free. want: groups of places; a body must still reach one place of each group.
         """
-        before = len(self.objects), len(self._taken), len(self._solid), len(self._kept), len(self._wanted)
+        lists: tuple[list[Any], ...] = (self.objects, self._taken, self._solid, self._kept, self._wanted)
+        before = [len(items) for items in lists]
         for obj in objects:
             self._add(obj)
         self._kept += keep
         self._wanted += want
         low = any(block_of(obj).y0 < _HEAD and obj.piece.asset.hulls for obj in objects)
         if low and not self.walkable():
-            for items, count in zip(
-                (self.objects, self._taken, self._solid, self._kept, self._wanted), before, strict=True
-            ):
-                del items[count:]  # type: ignore[attr-defined]
+            for items, count in zip(lists, before, strict=True):
+                del items[count:]
             return False
         return True
 

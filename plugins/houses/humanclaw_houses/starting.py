@@ -60,17 +60,16 @@ class WalkableArea:
         return np.where(np.isfinite(self.reached[2 * plan]), self.floors.floors[plan].clearance, 0.0)
 
 
-def choose_start(scene: Scene, rng: np.random.Generator) -> Pose2D:
+def choose_start(walkable: WalkableArea, rng: np.random.Generator) -> Pose2D:
     """Choose a start on the lowest floor with 0.55 m of free space around it, facing the longest free line of sight.
 
     If possible it is 4 to 10 m on foot from the nearest couch and in the hall; otherwise conditions are dropped one by
     one.
     """
-    walkable = WalkableArea.of(scene)
-    plan = walkable.floors.grids[0]
+    plan, rooms = walkable.floors.grids[0], walkable.scene.rooms
     roomy = walkable.room_at(0) > 0.55
     far = _from_couches(walkable)
-    hall = np.any([plan.within(room) for room in scene.rooms if room.kind == "hall"] or [np.zeros_like(roomy)], axis=0)
+    hall = np.any([plan.within(room) for room in rooms if room.kind == "hall"] or [np.zeros_like(roomy)], axis=0)
     well = roomy & (far > 4) & (far < 10)
     choices = [well & hall, well, roomy & (far > 2.5), roomy, plan.fits(RADIUS), ~plan.blocked]
     cells = np.argwhere(next(choice for choice in choices if choice.any()))

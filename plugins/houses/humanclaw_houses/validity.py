@@ -23,9 +23,9 @@ _SHARED: Final = 2e-5
 """Largest volume that two objects may share, cubic metres: a cube of about 2.7 cm. Touching objects share some."""
 
 
-def problems(scene: Scene) -> list[str]:
-    """Return a message for each problem of a house; empty if it is usable."""
-    walkable = WalkableArea.of(scene)
+def problems(scene: Scene, walkable: WalkableArea | None = None) -> list[str]:
+    """Return a message for each problem of a house; empty if it is usable. walkable: of the scene, if it is known."""
+    walkable = walkable or WalkableArea.of(scene)
     found = [f"there is no {category}" for category in FURNISHED if not scene.of_category(category)]
     found += [f"{scene.by_id[a].asset} and {scene.by_id[b].asset} interpenetrate" for a, b in interpenetrating(scene)]
     found += [
@@ -114,20 +114,21 @@ def swung_through(scene: Scene) -> Iterator[tuple[int, int]]:
     lows, highs = (np.array([f(hulls[k], axis=0) for k in others]) for f in (np.min, np.max))
     for obj in scene.objects:
         for leaf in _swept(scene, obj) if obj.joint else ():
-            low, high = leaf.min(axis=0) + 0.001, leaf.max(axis=0) - 0.001
-            for k in np.flatnonzero(((lows < high) & (highs > low)).all(axis=1)):
+            low, high = leaf.min(axis=1)[:, None] + 0.001, leaf.max(axis=1)[:, None] - 0.001
+            for state, k in np.argwhere(((lows < high) & (highs > low)).all(axis=-1)):
                 hull = hulls[others[k]]
-                if (Manifold.hull_points(leaf) ^ Manifold.hull_points(hull)).volume() > _SHARED:
+                if (Manifold.hull_points(leaf[state]) ^ Manifold.hull_points(hull)).volume() > _SHARED:
                     yield obj.id, int(owners[others[k]])
 
 
 def _swept(scene: Scene, obj: SceneObject) -> Iterator[NDArray[np.float64]]:
-    """Yield the world hulls of an object on a joint at states at most five degrees or centimetres apart."""
+    """Yield each hull of an object on a joint, (N, K, 3) world points at states five degrees or centimetres apart."""
     assert obj.joint is not None
     step = np.radians(5) if isinstance(obj.joint, Hinge) else 0.05
     steps = int(np.ceil((obj.joint.high - obj.joint.low) / step)) + 1
-    for angle in np.linspace(obj.joint.low, obj.joint.high, steps):
-        yield from scene.hulls(obj.id, obj.at(float(angle)))
+    poses = np.array([obj.at(angle) for angle in np.linspace(obj.joint.low, obj.joint.high, steps).tolist()])
+    turns = matrix_from_quaternion(poses[:, 3:]).swapaxes(1, 2)
+    yield from (hull.astype(float) @ turns + poses[:, None, :3] for hull in scene.assets[obj.asset].hulls)
 
 
 def _hulls(scene: Scene) -> tuple[NDArray[np.int64], list[NDArray[np.float64]]]:

@@ -109,14 +109,18 @@ def bake(space: Voxels, lights: Lights, sky: float, indoors: NDArray[np.bool_] |
     count, ways = int(np.prod(space.shape)), _spread(RAYS)
     direct, free = np.zeros((count, 6)), np.zeros(count)
     hit, albedo = np.full((count, RAYS), -1, np.int32), np.zeros((count, RAYS), np.float32)
-    _shine(space.albedo, space.corner, space.size, *lights, direct)
     _trace(space.albedo, ways, hit, albedo, free)
     valid = free > _SHORT
+    inside = (hit < 0).mean(axis=1) < OPEN if indoors is None else indoors.ravel()
+    kept = valid & inside if inside[valid].any() or indoors is not None else valid
+    lit = kept.copy()
+    for _ in range(BOUNCES):
+        lit[hit[lit]] = True  # Those that pass light on to probes that are kept; the others take as long.
+    _shine(space, lights, lit, direct)
     light = direct.copy()
     for _ in range(BOUNCES):
         light = direct + _gather(light, free, ways, hit, albedo, sky)
-    inside = (hit < 0).mean(axis=1) < OPEN if indoors is None else indoors.ravel()
-    light[~valid | ~(inside if inside[valid].any() or indoors is not None else valid)] = np.nan
+    light[~kept] = np.nan
     return _filled(_blurred(light.reshape(*space.shape, 6), space.albedo == 0)).astype(np.float32)
 
 
@@ -129,17 +133,14 @@ def _spread(count: int) -> Array:
 
 
 @compiled
-def _shine(
-    solid: NDArray[np.uint8], corner: Array, size: float, place: Array, way: Array, power: Array, direct: Array
-) -> None:
-    """Add the light of all lights to all probes."""
+def _shine(space: Voxels, lights: Lights, lit: NDArray[np.bool_], direct: Array) -> None:
+    """Add the light of all lights to the probes that are `lit`."""
+    (solid, corner, size), (place, way, power) = space, lights
     depth, width = solid.shape[1] // 2, solid.shape[2] // 2
-    start, to = np.empty(3), np.empty(3)
-    for number in range(direct.shape[0]):
+    start, to, end = np.empty(3), np.empty(3), 0.0
+    for number in np.flatnonzero(lit):
         start[0] = 2 * (number % width) + 1
         start[1], start[2] = 2 * (number // (depth * width)) + 1, 2 * (number // width % depth) + 1
-        if solid[int(start[1]), int(start[2]), int(start[0])]:
-            continue
         for light in range(power.size):
             square, toward, flat = 1e-6, 0.0, False
             for axis in range(3):
@@ -149,21 +150,29 @@ def _shine(
                 flat |= way[light, axis] != 0
             far = np.sqrt(square)
             strength = power[light] * (toward / far if flat else 1.0) / max(square, 0.1)
-            if strength > _FAINT and _seen(solid, start, to, max(far - _BEFORE, 0.0) / far / size):
-                for axis in range(3):
+            if strength > _FAINT:
+                # Most lights are behind the wall that the one before is behind.
+                end = _end(solid, start, to, max(far - _BEFORE, 0.0) / far / size, end)
+                for axis in range(3 if end == 1 else 0):
                     direct[number, 2 * axis + (to[axis] < 0)] += strength * abs(to[axis]) / far
 
 
 @compiled
-def _seen(solid: NDArray[np.uint8], start: Array, to: Array, share: float) -> bool:
-    """Return whether nothing solid lies on the way from a place in voxels along a share of a vector."""
+def _end(solid: NDArray[np.uint8], start: Array, to: Array, share: float, likely: float) -> float:
+    """Return how much of the way from a place in voxels along a share of a vector ends at something solid, 1 if none.
+
+    likely: the part at whose end is looked first.
+    """
     dx, dy, dz = to[0] * share, to[1] * share, to[2] * share
     steps = int(np.sqrt(dx * dx + dy * dy + dz * dz) / _STEP) + 1
-    for k in range(1, steps):
-        part = k / steps
-        if solid[np.uint64(start[1] + dy * part), np.uint64(start[2] + dz * part), np.uint64(start[0] + dx * part)]:
-            return False
-    return True
+    near = int(likely * steps)
+    for first, last in ((max(near, 1), min(near + 2, steps)), (1, steps)):
+        for k in range(first, last):
+            part = k / steps
+            x, y, z = int(start[0] + dx * part), int(start[1] + dy * part), int(start[2] + dz * part)
+            if solid[np.uint64(y), np.uint64(z), np.uint64(x)]:
+                return part
+    return 1.0
 
 
 @compiled
@@ -185,7 +194,7 @@ def _trace(solid: NDArray[np.uint8], ways: Array, hit: NDArray[np.int32], albedo
                 qx, qy, qz = px + dx, py + dy, pz + dz
                 if not (0 <= qx < wide and 0 <= qy < high and 0 <= qz < deep):
                     break
-                tone = solid[np.uint64(qy), np.uint64(qz), np.uint64(qx)]
+                tone = solid[np.uint64(int(qy)), np.uint64(int(qz)), np.uint64(int(qx))]
                 if tone:
                     # The probe of the last place may be inside the wall: then the one before it.
                     while solid[int(py) // 2 * 2 + 1, int(pz) // 2 * 2 + 1, int(px) // 2 * 2 + 1]:

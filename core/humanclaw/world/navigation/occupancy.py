@@ -87,7 +87,7 @@ class OccupancyGrid:
         if not keep:
             return cls._drawn(scene, floor, moved or {})
         places = b"".join(np.array([key, *pose]).tobytes() for key, pose in sorted((moved or {}).items()))
-        what = f"grid {floor} {hashlib.sha256(places).hexdigest()}"
+        what = f"grid {floor} {_extent(scene)} {hashlib.sha256(places).hexdigest()}"
         found = dict(kept(scene, what, source_digest(*DRAWING), lambda: cls._drawn(scene, floor, moved or {})._arrays))
         x, z = found.pop("origin").tolist()
         return cls((x, z), overhead=(found.pop("under"), found.pop("over")), floor=floor, **found)
@@ -133,8 +133,9 @@ class OccupancyGrid:
 
     def gap(self, low: Array, high: Array) -> Array:
         """Distance of each cell's middle from a box with these (3,) corners, seen from above, metres."""
-        points = self.point(np.moveaxis(np.indices(self.blocked.shape), 0, -1))
-        return np.asarray(np.linalg.norm(np.clip(points, low[[0, 2]], high[[0, 2]]) - points, axis=-1))
+        middles = [(np.arange(size) + 0.5) * CELL + self.origin[k] for k, size in enumerate(self.blocked.shape)]
+        x, z = (np.clip(middle, low[2 * k], high[2 * k]) - middle for k, middle in enumerate(middles))
+        return np.asarray(np.sqrt((x * x)[:, None] + z * z))
 
     def cell(self, points: Array) -> NDArray[np.int64]:
         """Map (..., 2) points to (..., 2) cell indices, held inside the grid."""
@@ -307,8 +308,8 @@ def _hulls(scene: Scene, obj: SceneObject, pose: Array | None, floor: float) -> 
 
 def rasterize(points: Array, low: Array, shape: tuple[int, int]) -> tuple[Mask, tuple[slice, slice]]:
     """Cells whose centre is within half a cell of the convex hull of (K, 2) points, and the window that they lie in."""
-    first = np.clip(np.floor((points.min(0) - low) / CELL).astype(int) - 1, 0, shape)
-    last = np.clip(np.ceil((points.max(0) - low) / CELL).astype(int) + 1, 0, shape)
+    first = np.minimum(np.maximum(np.floor((points.min(0) - low) / CELL).astype(int) - 1, 0), shape)
+    last = np.minimum(np.maximum(np.ceil((points.max(0) - low) / CELL).astype(int) + 1, 0), shape)
     where = (slice(first[0], last[0]), slice(first[1], last[1]))
     x, z = ((np.arange(first[axis], last[axis]) + 0.5) * CELL + low[axis] for axis in (0, 1))
     along, across, off = _sides(points).T[..., None]

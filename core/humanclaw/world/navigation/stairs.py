@@ -77,14 +77,12 @@ def _climb(tops: Array, lower: OccupancyGrid, upper: OccupancyGrid) -> Array:
     elsewhere."""
     reached = np.full(tops.shape, np.nan)
     reached[~np.isfinite(tops) & ~lower.blocked] = lower.floor
-    frontier = np.isfinite(reached)
-    while frontier.any():
-        new = np.zeros(tops.shape, bool)
-        for axis, way in ((0, 1), (0, -1), (1, 1), (1, -1)):
-            came = np.roll(np.where(frontier, reached, np.nan), way, axis)
-            new |= np.isnan(reached) & np.isfinite(tops) & (np.abs(tops - came) <= STEP)
-        reached[new] = tops[new]
-        frontier = new
+    flat, frontier = reached.ravel(), np.flatnonzero(np.isfinite(reached))
+    while len(frontier):
+        ways = [(frontier + way) % flat.size for way in (1, -1, tops.shape[1], -tops.shape[1])]
+        new = [to[np.isnan(flat[to]) & (np.abs(tops.flat[to] - flat[frontier]) <= STEP)] for to in ways]
+        frontier = np.unique(np.concatenate(new))
+        flat[frontier] = tops.flat[frontier]
     steps = np.isfinite(tops) & np.isfinite(reached)
     parts, _ = scipy.ndimage.label(steps, np.ones((3, 3)))
     beside = np.isfinite(upper.ground) & ~upper.blocked
