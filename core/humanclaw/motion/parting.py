@@ -42,7 +42,7 @@ def apart(
     between = (sole - other)[..., [0, 2]]
     centre = between + (HEEL_END + TOE_END) / 2 * (_ahead(yaw) - _ahead(other_yaw))
     across, along = _gaps(centre, yaw, other_yaw, aside)
-    share = smoothstep(1 - along / _RAMP) * smoothstep(1 - over / _CLEAR)
+    share = smoothstep(1 - along / _RAMP) * smoothstep(1 - np.asarray(over) / _CLEAR)
     lane = _LANE - np.sum(between * aside, -1)
     size = np.maximum(share * across + (1 - share) * lane, 0.0)
     shift = size[..., None] * aside
