@@ -219,7 +219,7 @@ def table(
         _print_json({name: plain(found) for name, found in chosen.items()})
         return
     if form == "csv":
-        for result in filter(lambda result: result.faults, results):
+        for result in filter(lambda result: result.known.faults, results):
             click.echo(result.note, err=True)
     if form == "terminal":
         _show(chosen)

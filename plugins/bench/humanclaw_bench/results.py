@@ -29,20 +29,8 @@ class Result:
     scores: tuple[Scores, ...]
     causes: tuple[Cause | None, ...]
     """One for each score; None for an episode that did not fail."""
-    asked: int = 0
-    """Number of episodes of the run according to run.json; 0 without one."""
-    faults: tuple[str, ...] = ()
-    """Contradictions to run.json, and records without a seal."""
-    again: int = 0
-    """Number of episodes that were played more than once from their first step."""
-    continued: int = 0
-    """Number of episodes that went on after their last recorded step, in another session."""
-    unstarted: int = 0
-    """Number of episodes without a start in the journal."""
-    in_process: bool = False
-    """Whether agent or verifier played in the body's own process, unprivileged."""
-    beside: tuple[str, ...] = ()
-    """Code of others that was loaded beside the body."""
+    known: Standing = field(default_factory=Standing)
+    """Of the run's folder."""
     conditions: Conditions = field(default_factory=dict)
     """What the episodes were played with."""
 
@@ -50,10 +38,7 @@ class Result:
     def of(cls, name: str, found: Sequence[tuple[Scores, Cause | None]], known: Standing) -> Result:
         """Return the result of scored episodes with their root causes. known: facts from the run's folder."""
         scores = tuple(one for one, _ in found)
-        return cls(
-            name, scores, tuple(cause for _, cause in found), known.asked, known.faults, known.again, known.continued,
-            known.unstarted, known.in_process, known.beside, shared_conditions(scores),
-        )  # fmt: skip
+        return cls(name, scores, tuple(cause for _, cause in found), known, shared_conditions(scores))
 
     @property
     def finished(self) -> tuple[Scores, ...]:
@@ -67,17 +52,17 @@ class Result:
     @property
     def total(self) -> int:
         """Number of episodes that the run should have."""
-        return max(self.asked, len(self.scores))
+        return max(self.known.asked, len(self.scores))
 
     @property
     def partial(self) -> bool:
         """Whether episodes are missing (not run, cut short by a limit of the run, infra_error), or may be."""
-        return not self.asked or len(self.finished) < self.total
+        return not self.known.asked or len(self.finished) < self.total
 
     @property
     def counts(self) -> tuple[int, int]:
         """Number of episodes behind the numbers, and of the run; 0 if unknown."""
-        return len(self.finished), self.total if self.asked else 0
+        return len(self.finished), self.total if self.known.asked else 0
 
     @property
     def note(self) -> str:
@@ -85,7 +70,9 @@ class Result:
         apart = Counter(s.outcome for s in self.scores if not s.finished)
         left_out = "".join(f"; not in any number: {count} {outcome}" for outcome, count in sorted(apart.items()))
         of = f"{len(self.finished)} of " if len(self.finished) < self.total else ""
-        told = f"{of}{counted(self.total, 'episode')}" + ("" if self.asked else ", of an unknown total (no run.json)")
+        told = f"{of}{counted(self.total, 'episode')}" + (
+            "" if self.known.asked else ", of an unknown total (no run.json)"
+        )
         note = (
             f"{self.name}: {told}{left_out}.{self._privileged}{self._again}{self._broken}{self._unasked}{self._foreign}"
             f"{self._near}{self._pace}{self._played}"
@@ -94,8 +81,9 @@ class Result:
 
     @property
     def _near(self) -> str:
-        near = " Played in the body's own process, which agent and verifier can change." if self.in_process else ""
-        return near + (f" Code of others beside the body: {', '.join(self.beside)}." if self.beside else "")
+        near, beside = self.known.in_process, self.known.beside
+        told = " Played in the body's own process, which agent and verifier can change." if near else ""
+        return told + (f" Code of others beside the body: {', '.join(beside)}." if beside else "")
 
     @property
     def _played(self) -> str:
@@ -108,16 +96,17 @@ class Result:
     @property
     def _again(self) -> str:
         told = {
-            "Played more than once from the first step": self.again,
-            "Continued after the last recorded step": self.continued,
-            "Missing from the journal, so that further attempts are not known": self.unstarted,
+            "Played more than once from the first step": self.known.again,
+            "Continued after the last recorded step": self.known.continued,
+            "Missing from the journal, so that further attempts are not known": self.known.unstarted,
         }
         return "".join(f" {what}: {count}." for what, count in told.items() if count)
 
     @property
     def _foreign(self) -> str:
-        more = f" ({len(self.faults)} such faults: see `humanclaw bench verify`)" if len(self.faults) > 1 else ""
-        return f" Warning: {self.faults[0]}{more}" if self.faults else ""
+        faults = self.known.faults
+        more = f" ({len(faults)} such faults: see `humanclaw bench verify`)" if len(faults) > 1 else ""
+        return f" Warning: {faults[0]}{more}" if faults else ""
 
     @property
     def _privileged(self) -> str:
@@ -187,8 +176,8 @@ def shared_conditions(scores: Sequence[Scores]) -> Conditions:
 def require_whole(results: Sequence[Result], partial: bool) -> None:
     """Raise RecordError for a run with foreign records, and for one that may be incomplete without --partial."""
     for result in results:
-        if result.faults:
-            raise RecordError(result.faults[0], "`humanclaw bench verify` lists everything that is wrong with the run.")
+        for fault in result.known.faults:
+            raise RecordError(fault, "`humanclaw bench verify` lists everything that is wrong with the run.")
         if result.partial and not partial:
-            known = "" if result.asked else "known to be "
+            known = "" if result.known.asked else "known to be "
             raise RecordError(f"the run is not {known}complete: {result.note}", "Continue it, or add --partial.")
