@@ -73,11 +73,10 @@ class Cache:
             self._files.remove(_checked(key))
 
     def _shrink(self, new: str) -> None:
-        found = {name: status for name in self._files.names() if (status := self._files.status(name))}
+        found = self._files.statuses()
         excess = sum(status.st_size for status in found.values()) - self._limit
-        for name in sorted(found, key=lambda name: (name == new, found[name].st_mtime_ns)):
-            if excess <= 0 or name == new:
-                return
+        oldest = iter(sorted(found.keys() - {new}, key=lambda name: found[name].st_mtime_ns))
+        while excess > 0 and (name := next(oldest, None)):
             self._files.remove(name)
             excess -= found[name].st_size
 

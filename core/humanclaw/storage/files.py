@@ -96,6 +96,15 @@ class Folder:
             return sorted(name for name in found if name.endswith(ending))
         return []
 
+    def statuses(self) -> dict[str, os.stat_result]:
+        """Return size and times of each regular file in the folder; none if there is no folder."""
+        found = {}
+        with suppress(FileNotFoundError), self._held() as (path, descriptor):
+            for one in os.scandir(path if descriptor is None else descriptor):
+                with suppress(FileNotFoundError):  # Another process may remove it meanwhile.
+                    found[one.name] = one.stat(follow_symlinks=False)
+        return {name: status for name, status in found.items() if stat.S_ISREG(status.st_mode)}
+
     def holding(self, name: str) -> list[Folder]:
         """Return each folder that holds a file of that name, this one and all below it, in order."""
         found = []
