@@ -74,9 +74,11 @@ def lock_feet(history: Motion, future: Motion) -> Motion:
     positions, turns = forward_kinematics(whole.root, whole.rotations)
     soles = shoe_heights(positions, turns)
     # A heel or a toe tip may be lower than the soles that the canonical frame stands on.
-    positions[..., 1] -= soles[:HISTORY].min()
-    parted = _parted(positions, turns, soles - soles[:HISTORY].min())
-    feet = [_stood(*pair, positions, turns) for pair in zip(SIDES, parted, strict=True)]
+    floor = soles[:HISTORY].min()
+    positions[..., 1] -= floor
+    feet = [
+        _stood(*pair, positions, turns) for pair in zip(SIDES, _parted(positions, turns, soles - floor), strict=True)
+    ]
     heights = _heights(feet, whole.rotations)
     rise = _on_floor(heights, _swinging(np.stack([toes for toes, _ in feet])))
     up = _raised(positions[:, 0, 1] - (heights + rise).min(0))

@@ -19,6 +19,7 @@ import threading
 import warnings
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import redirect_stdout
+from dataclasses import replace
 from functools import partial
 from itertools import chain
 from pathlib import Path
@@ -33,7 +34,6 @@ from humanclaw.plugins.bounded import Bounded
 from humanclaw.plugins.choice import Choice, PluginInfo, Registration, is_owner
 from humanclaw.plugins.loading import (
     PATIENCE,
-    Origin,
     check_api,
     check_patience,
     has_hook,
@@ -89,13 +89,12 @@ class Plugins(Lookup):
     def _discover(self, files: Sequence[Path]) -> None:
         points = importlib.metadata.entry_points(group=hookspecs.PROJECT)
         found = sorted(((origin_of(point), point) for point in points), key=lambda pair: pair[0].name)
-        loaded = [(origin, point.name, self._load(origin, point)) for origin, point in found]
+        loaded = [(info, point.name, self._load(info, point)) for info, point in found]
         # The core first, then those that others may extend or measure with.
-        loaded.sort(key=lambda one: (one[0].distribution != hookspecs.PROJECT, not _goes_first(one[2])))
-        for origin, part, plugin in loaded:
+        loaded.sort(key=lambda one: (one[0].origin != hookspecs.PROJECT, not _goes_first(one[2])))
+        for info, part, plugin in loaded:
             if plugin is not None:
-                name = self._free(origin.name, part)
-                self._try(origin, partial(self.add, plugin, name, origin.version, origin.distribution))
+                self._try(info, partial(self.add, plugin, self._free(info.name, part), info.version, info.origin))
         for path in files:
             if not any(is_from(plugin, path / "__init__.py") for plugin in self._manager.get_plugins()):
                 self._add_file(path)
@@ -208,26 +207,25 @@ class Plugins(Lookup):
         patient = Bounded(self._patience(one.owner))
         return lambda *args: patient(partial(one.value, *args))
 
-    def _load(self, found: Origin, point: importlib.metadata.EntryPoint) -> object | None:
+    def _load(self, info: PluginInfo, point: importlib.metadata.EntryPoint) -> object | None:
         """Import a plugin's module. Returns None, and notes the reason in the infos, if it is not wanted, cannot be
         imported or was made for another version."""
-        name, _, origin = found
-        if origin != hookspecs.PROJECT and any(is_owner(text, name) for text in self.choice.without):
-            self._infos.append(PluginInfo(*found, error="left out by --without"))
+        if info.origin != hookspecs.PROJECT and any(is_owner(text, info.name) for text in self.choice.without):
+            self._infos.append(replace(info, error="left out by --without"))
             return None
-        if name in self._absent:
-            self._infos.append(PluginInfo(*found, error="plays elsewhere"))
+        if info.name in self._absent:
+            self._infos.append(replace(info, error="plays elsewhere"))
             return None
-        return self._try(found, lambda: held_to_requirements(point).load())
+        return self._try(info, lambda: held_to_requirements(point).load())
 
-    def _try(self, found: Origin, use: Callable[[], T]) -> T | None:
+    def _try(self, info: PluginInfo, use: Callable[[], T]) -> T | None:
         try:
             return use()
         except KeyboardInterrupt:
             raise
         except BaseException as error:  # Third-party code: not even its SystemExit may end the program.
             reason = str(error) if isinstance(error, PluginError) else reason_of(error)
-            self._infos.append(PluginInfo(*found, error=reason.rstrip(".")))
+            self._infos.append(replace(info, error=reason.rstrip(".")))
             return None
 
     def _gather(self, plugin: object, name: str) -> Registry:

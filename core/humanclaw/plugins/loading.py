@@ -11,13 +11,14 @@ from collections.abc import Mapping
 from contextlib import redirect_stdout
 from pathlib import Path
 from types import ModuleType
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import pluggy
 from packaging.requirements import Requirement
 
 from humanclaw.errors import PluginError, in_words
 from humanclaw.plugins import hookspecs
+from humanclaw.plugins.choice import PluginInfo
 from humanclaw.plugins.distributions import version
 
 _LOG: Final = logging.getLogger(__name__)
@@ -51,23 +52,16 @@ def check_patience(seconds: object, name: str) -> None:
         raise PluginError(told, 'Write one, such as 60.0, or float("inf").')
 
 
-class Origin(NamedTuple):
-    """Where a plugin is from. The distribution names it: entry points of two distributions may have the same name."""
-
-    name: str
-    version: str
-    distribution: str
-
-
-def origin_of(point: importlib.metadata.EntryPoint) -> Origin:
-    """Return where a plugin is from. Reads its distribution's metadata anew at each call."""
+def origin_of(point: importlib.metadata.EntryPoint) -> PluginInfo:
+    """Return where a plugin is from. The distribution names it: entry points of two distributions may have the same
+    name. Reads its metadata anew at each call."""
     # An interrupted pip leaves no metadata: the standard library then returns None for both.
     try:
         told = point.dist and point.dist.metadata  # Read once: name and version would each read it anew.
         name, version = (told["Name"], told["Version"]) if told else ("", "")
     except (TypeError, FileNotFoundError):  # importlib_metadata, which litellm brings, raises instead.
         name, version = "", ""
-    return Origin(name or point.name, version or "", name or "")
+    return PluginInfo(name or point.name, version or "", name or "")
 
 
 class Modules:
@@ -79,14 +73,14 @@ class Modules:
         plugins print goes to stderr."""
         points = importlib.metadata.entry_points(group=hookspecs.PROJECT)
         found = [(origin_of(point), point) for point in points]
-        for origin, point in sorted(found, key=lambda pair: (pair[0].distribution != hookspecs.PROJECT, pair[0])):
+        for info, point in sorted(found, key=lambda pair: (pair[0].origin != hookspecs.PROJECT, pair[0].name)):
             try:
                 with redirect_stdout(sys.stderr):
                     _tell(point, hook, event)
             except KeyboardInterrupt:
                 raise
             except BaseException as error:  # Third-party code: not even its SystemExit may end the program.
-                _LOG.warning("plugin %r failed at %s: %s", origin.name, hook, reason_of(error))
+                _LOG.warning("plugin %r failed at %s: %s", info.name, hook, reason_of(error))
 
 
 def _tell(point: importlib.metadata.EntryPoint, hook: str, event: Mapping[str, Any]) -> None:

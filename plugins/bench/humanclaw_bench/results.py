@@ -70,9 +70,8 @@ class Result:
         apart = Counter(s.outcome for s in self.scores if not s.finished)
         left_out = "".join(f"; not in any number: {count} {outcome}" for outcome, count in sorted(apart.items()))
         of = f"{len(self.finished)} of " if len(self.finished) < self.total else ""
-        told = f"{of}{counted(self.total, 'episode')}" + (
-            "" if self.known.asked else ", of an unknown total (no run.json)"
-        )
+        unknown = "" if self.known.asked else ", of an unknown total (no run.json)"
+        told = f"{of}{counted(self.total, 'episode')}{unknown}"
         note = (
             f"{self.name}: {told}{left_out}.{self._privileged}{self._again}{self._broken}{self._unasked}{self._foreign}"
             f"{self._near}{self._pace}{self._played}"
