@@ -32,7 +32,7 @@ Cm = Annotated[int, Field(ge=-200, le=300)]
 
 
 @skill()
-def reach(x_cm: Cm, y_cm: Cm, z_cm: Cm, hand: Literal["left", "right"] = "right") -> Reach:
+def stretch(x_cm: Cm, y_cm: Cm, z_cm: Cm, hand: Literal["left", "right"] = "right") -> Reach:
     """Reach to a point in front of the body."""
     return Reach(hand, (x_cm / 100, y_cm / 100, z_cm / 100), seconds=1.5)
 
@@ -67,17 +67,17 @@ TARGETS = [(-20, 120, 45), (-40, 150, 20), (0, 100, 60), (-25, 60, 45), (-20, 19
 
 @pytest.mark.parametrize("target", TARGETS)
 def test_a_hand_reaches_its_target_also_three_times_in_a_row(target):
-    with on_engine(reach) as body:
+    with on_engine(stretch) as body:
         for _ in range(3):
-            seen = body.call("reach", **dict(zip(("x_cm", "y_cm", "z_cm"), target, strict=True)))
+            seen = body.call("stretch", **dict(zip(("x_cm", "y_cm", "z_cm"), target, strict=True)))
             assert np.linalg.norm(joint(body, "right_hand") - np.divide(target, 100)) < 0.03
             assert "could not" not in str(seen.feedback)
 
 
 def test_the_feet_stay_while_the_trunk_helps_the_hand():
-    with fake_body(reach) as body:
+    with fake_body(stretch) as body:
         before = body.state().body.joints()[-1]
-        body.call("reach", x_cm=-25, y_cm=60, z_cm=45)
+        body.call("stretch", x_cm=-25, y_cm=60, z_cm=45)
         after = body.state().body.joints()[-1]
     feet = [JOINT_INDEX["left_ankle"], JOINT_INDEX["right_ankle"]]
     assert np.abs(after[feet] - before[feet]).max() < 0.01
@@ -85,8 +85,8 @@ def test_the_feet_stay_while_the_trunk_helps_the_hand():
 
 
 def test_a_target_out_of_reach_is_approached_and_the_feedback_says_how_far_it_is_away():
-    with fake_body(reach) as body:
-        seen = body.call("reach", x_cm=0, y_cm=130, z_cm=200)
+    with fake_body(stretch) as body:
+        seen = body.call("stretch", x_cm=0, y_cm=130, z_cm=200)
         gap = 100 * np.linalg.norm(joint(body, "right_hand") - [0, 1.3, 2.0])
     (told,) = re.findall(r"your right hand stays (\d+) cm short", str(seen.feedback))
     assert float(told) == pytest.approx(gap, abs=2)
@@ -196,7 +196,7 @@ def test_a_ready_motion_is_a_part_that_begins_in_the_pose_of_the_body():
 def test_the_record_keeps_what_the_body_could_not_do(tmp_path):
 
     with (
-        fake_body(reach) as body,
+        fake_body(stretch) as body,
         Episode(body, free_episode("reach", body.scene), "t", folder=tmp_path / "e") as episode,
     ):
         episode.submit(Decision((Call("reach", {"x_cm": 0, "y_cm": 130, "z_cm": 200}),)))

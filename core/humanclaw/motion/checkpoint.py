@@ -137,6 +137,7 @@ def load_adapter(path: Path, base: Base, skill: str | None = None) -> Adapter:
     config, tensors = read_adapter(path, base.digest, skill)
     try:
         weights = Weights(tensors)
+        del tensors  # Each is freed as it is taken.
         adapter = Adapter(base.model, config, weights)
         weights.check_all_taken()
     except (KeyError, ValueError) as error:

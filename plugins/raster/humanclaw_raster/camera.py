@@ -6,8 +6,8 @@ import zlib
 from typing import Final
 
 import numpy as np
+import scipy  # Its parts load when they are used: ndimage takes a fifth of a second.
 from numpy.typing import NDArray
-from scipy.ndimage import map_coordinates
 
 from humanclaw import Renderer, Scene
 from humanclaw.world import Camera, View, WorldState
@@ -55,7 +55,7 @@ def bent(view: View) -> View:
     square = np.square(off).sum(-1)
     at = np.moveaxis(middle + off * (middle * ((1 + BARREL * square) / (1 + 2 * BARREL))[..., None]), -1, 0)
     light = 1 - CORNER * np.square(square / 2)
-    rgb = np.stack([light * map_coordinates(view.rgb[..., k], at, float, 1) for k in range(3)], -1)
+    rgb = np.stack([light * scipy.ndimage.map_coordinates(view.rgb[..., k], at, float, 1) for k in range(3)], -1)
     near = tuple(np.rint(at).astype(int))
     return View(np.rint(rgb).astype(np.uint8), view.depth[near], view.ids[near])
 

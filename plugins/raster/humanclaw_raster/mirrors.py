@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from typing import Final, NamedTuple, Self
 
 import numpy as np
+import scipy  # Its parts load when they are used: ndimage takes a fifth of a second.
 from numpy.typing import NDArray
-from scipy.ndimage import map_coordinates
 
 from humanclaw import Scene
 from humanclaw.body import Array, matrix_from_quaternion
@@ -112,6 +112,6 @@ def _tone(mesh: Mesh, faces: NDArray[np.int32]) -> float:
 def blend(rgb: NDArray[np.uint8], shown: NDArray[np.bool_], reflection: NDArray[np.uint8], shine: float) -> None:
     """Put the light of a reflection into the pixels (H, W) of a picture that show the glass."""
     at = (np.stack(np.nonzero(shown)) + 0.5) / COARSE - 0.5
-    seen = [map_coordinates(_LINEAR[reflection[..., k]], at, float, 1, mode="nearest") for k in range(3)]
+    seen = [scipy.ndimage.map_coordinates(_LINEAR[reflection[..., k]], at, float, 1, mode="nearest") for k in range(3)]
     light = shine * np.stack(seen, -1) + (1 - shine) * _LINEAR[rgb[shown]]
     rgb[shown] = np.rint(255 * light ** (1 / 2.2))
