@@ -48,7 +48,9 @@ def _world_options(function: Callable[..., Any]) -> Callable[..., Any]:
 
 @click.command()
 @_world_options
-@click.option("--samples", type=click.IntRange(1), default=200, show_default=True, help="Random walls.")
+@click.option(
+    "--samples", type=click.IntRange(1), default=200, show_default=True, help="Walls; loads and chairs at least."
+)
 @click.option("--chunks", type=click.IntRange(1), default=10_000, show_default=True, help="Random commands of 0.5 s.")
 @seed_option(help="Of the random commands.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Final, TypeVar
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from humanclaw.world.scene import Scene
 from humanclaw.world.simulator import Execution, Simulator
 
 GRAVITY: Final = 9.81
+T = TypeVar("T")
 Command = Mapping[str, float]
 """Command of one chunk: value by measure, metres or radians."""
 Tick = Callable[[], object]
@@ -87,8 +88,8 @@ class Played:
 
 @dataclass
 class Fixture:
-    """The simulator under test and the size of the checks. samples: number of random walls; chunks: of random
-    commands."""
+    """The simulator under test and the size of the checks. samples: number of random walls, and of listed cases at
+    least; chunks: of random commands."""
 
     make: Callable[[Profile], Simulator]
     """The simulator under test, as a plugin's factory makes it."""
@@ -115,6 +116,10 @@ class Fixture:
     def simulator(self) -> Simulator:
         """Return a simulator of the fixture's profile."""
         return self.make(self.profile)
+
+    def some(self, cases: Sequence[T]) -> Sequence[T]:
+        """Return listed cases of a check: all, or where there are more than `samples`, every second, third, ..."""
+        return cases[:: max(1, len(cases) // self.samples)]
 
     def stand(self, simulator: Simulator, scene: Scene) -> Motion:
         """Put the body on a scene's start. Returns the five frames that its first motion continues."""

@@ -231,7 +231,8 @@ def ticks(fixture: Fixture, names: Sequence[str]) -> int:
     """Return how often the checks of these names will tick."""
     each: Mapping[str, int] = {
         "free-space": 1, "walls": fixture.samples, "ledge": 1, "stairs": 2 * len(RISES),
-        "boxes": len(MASSES) + len(LOADS), "chair": len(CHAIRS), "door": len(GAPS), "hinges": 7, "slides": 2, "lids": 2,
+        "boxes": len(MASSES) + len(fixture.some(LOADS)), "chair": len(fixture.some(CHAIRS)), "door": len(GAPS),
+        "hinges": 7, "slides": 2, "lids": 2,
         "seats": len(SEATS), "rates": 12, "wild": fixture.chunks,
     }  # fmt: skip
     return sum(each[name] for name in names)
