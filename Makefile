@@ -62,8 +62,7 @@ imports: $(READY)  ## Check which package imports which (import-linter)
 HERE = $(if $(wildcard $(BIN)/python),$(BIN),$(shell python -c "import sys; print(sys.prefix)")/bin)
 
 ci:  ## Run lint, docs and test without installing anything, in .venv or else in the environment of `python`
-	$(MAKE) -j2 lint docs READY= BIN=$(HERE)
-	$(MAKE) test READY= BIN=$(HERE)
+	$(MAKE) -j3 lint docs test READY= BIN=$(HERE)
 
 package: install  ## Add a package to this repository: make package KIND=skill NAME=salute (MORE="--trained")
 	$(BIN)/python tests/support/package.py $(KIND) $(NAME) $(MORE)

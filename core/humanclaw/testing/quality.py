@@ -120,22 +120,28 @@ def _speeds(motion: Motion) -> Array:
 # -- the arms and the body ---------------------------------------------------------------------------------------------
 def _contacts(motion: Motion, pose: Motion, call: str) -> Faults:
     """Yield a fault for the deepest place where an arm goes into the body, or into the other arm."""
-    found = {pair: _depth(motion, *pair).max() for pair in _PAIRS}
-    own = {pair: max(float(_depth(pose, *pair).max()), 0.0) for pair in _PAIRS}
-    (arm, other), depth = max(found.items(), key=lambda item: item[1] - own[item[0]])
-    if depth > DEPTH + own[arm, other]:
-        message = f"{call} puts {arm.joint} {100 * depth:.0f} cm into {other.joint}."
+    found, own = _depths(motion), np.maximum(_depths(pose), 0.0)
+    worst = int((found - own).argmax())
+    if found[worst] > DEPTH + own[worst]:
+        arm, other = (LINKS[links[worst]].joint for links in _PAIRS)
+        message = f"{call} puts {arm} {100 * found[worst]:.0f} cm into {other}."
         yield ContractError("self-contact", message, "Turn the joint the other way, or less.")
 
 
-def _depth(motion: Motion, one: Link, other: Link) -> Array:
-    """Return (T,) by how much two links overlap, metres; negative if they are apart."""
+def _depths(motion: Motion) -> Array:
+    """Return (P,) by how much each pair of links overlaps at most, metres; negative if they are apart."""
     joints, turns = forward_kinematics(motion.root, motion.rotations)
-    ends = []
-    for link in (one, other):
-        index, (a, b, _) = JOINT_INDEX[link.joint], _capsule(link)
-        ends += [joints[:, index] + turns[:, index] @ point for point in (a, b)]
-    return _capsule(one)[2] + _capsule(other)[2] - _apart(*ends)
+    ends = joints[:, _JOINTS, None] + np.einsum("tlij,lej->tlei", turns[:, _JOINTS], _ENDS)
+    one, other = (ends[:, links].swapaxes(0, 2) for links in _PAIRS)
+    return np.asarray((_RADII[_PAIRS].sum(0)[:, None] - _apart(*one, *other)).max(-1))
+
+
+def _apart(a: Array, b: Array, c: Array, d: Array) -> Array:
+    """Return the distances (...) of the segments a-b and c-d, each end (..., 3), at nine points of the first."""
+    points = a[..., None, :] + np.linspace(0, 1, 9)[:, None] * (b - a)[..., None, :]
+    along, off = (d - c)[..., None, :], points - c[..., None, :]
+    share = np.clip((off * along).sum(-1) / np.maximum((along**2).sum(-1), 1e-12), 0, 1)
+    return np.asarray(np.linalg.norm(off - share[..., None] * along, axis=-1).min(-1))
 
 
 def _capsule(link: Link) -> tuple[Array, Array, float]:
@@ -147,20 +153,15 @@ def _capsule(link: Link) -> tuple[Array, Array, float]:
     return centre - [x - radius, 0, 0], centre + [x - radius, 0, 0], radius
 
 
-def _apart(a: Array, b: Array, c: Array, d: Array) -> Array:
-    """Return the distances (T,) of the segments a-b and c-d, each end (T, 3), at nine points of the first."""
-    points = a[:, None] + np.linspace(0, 1, 9)[:, None] * (b - a)[:, None]
-    along = (d - c)[:, None]
-    length = np.maximum((along**2).sum(-1), 1e-12)
-    share = np.clip(((points - c[:, None]) * along).sum(-1) / length, 0, 1)
-    return np.asarray(np.linalg.norm(points - c[:, None] - share[..., None] * along, axis=-1).min(-1))
-
-
-def _pairs() -> Iterator[tuple[Link, Link]]:
-    left, right = ([one for one in LINKS if one.joint in [f"{side}_{part}" for part in _ARMS]] for side in SIDES)
-    body = [one for one in LINKS if one.joint.rstrip("123") in _BODY]
+def _pairs() -> Iterator[tuple[int, int]]:
+    left, right = ([k for k, one in enumerate(LINKS) if one.joint in [f"{side}_{p}" for p in _ARMS]] for side in SIDES)
+    body = [k for k, one in enumerate(LINKS) if one.joint.rstrip("123") in _BODY]
     yield from product([*left, *right], body)
     yield from product(left, right)
 
 
-_PAIRS: Final = tuple(_pairs())
+_CAPSULES: Final = [_capsule(link) for link in LINKS]
+_ENDS, _RADII = np.array([[a, b] for a, b, _ in _CAPSULES]), np.array([radius for *_, radius in _CAPSULES])
+_JOINTS: Final = [JOINT_INDEX[link.joint] for link in LINKS]
+_PAIRS: Final = np.array([*_pairs()]).T
+"""(2, P) links, by their number, that may not go into each other."""
