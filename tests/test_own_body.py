@@ -199,7 +199,7 @@ def test_the_record_keeps_what_the_body_could_not_do(tmp_path):
         fake_body(stretch) as body,
         Episode(body, free_episode("reach", body.scene), "t", folder=tmp_path / "e") as episode,
     ):
-        episode.submit(Decision((Call("reach", {"x_cm": 0, "y_cm": 130, "z_cm": 200}),)))
+        episode.submit(Decision((Call("stretch", {"x_cm": 0, "y_cm": 130, "z_cm": 200}),)))
     (step,) = RecordedEpisode(tmp_path / "e").steps
     assert "cm short" in step.limits[0]
     assert "cm short" in str(step.feedback)
