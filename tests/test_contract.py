@@ -114,6 +114,12 @@ def test_a_schema_that_is_not_one_is_refused(tmp_path):
         Skill.from_folder(folder)
 
 
+def test_a_schema_that_json_cannot_say_is_refused():
+    schema = {"type": "object", "properties": {"far": {"enum": {1, 2}}}}
+    with pytest.raises(PluginError, match="schema of skill 'hop' is not valid: Object of type set"):
+        Skill("hop", "Hop.", schema, nod)
+
+
 def test_a_skill_without_its_adapter_says_so(tmp_path):
     folder = tmp_path / "hop"
     folder.mkdir()

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from functools import lru_cache
@@ -25,6 +25,7 @@ from humanclaw.body.skeleton import N_JOINTS
 from humanclaw.errors import CheckpointError
 from humanclaw.motion.control import Adapter, AdapterConfig
 from humanclaw.motion.dit import Array, DiT, ModelConfig, Weights
+from humanclaw.storage.files import state_of
 
 FORMAT: Final = 1
 HEADER: Final = "humanclaw"
@@ -173,7 +174,7 @@ def read_checkpoint(path: Path, kind: str, remedy: str) -> tuple[dict[str, Any],
 
 def check_checkpoint(path: Path, kind: str, remedy: str) -> dict[str, Any]:
     """Return the header of a checkpoint of one kind, once every weight is known to be a finite float: 3 ms for an
-    adapter.
+    adapter, the first time.
 
     Raises CheckpointError with that remedy; WeightsError for weights that are not.
     """
@@ -181,7 +182,7 @@ def check_checkpoint(path: Path, kind: str, remedy: str) -> dict[str, Any]:
     if header.get("kind") != kind:
         found = f"{path} holds {header.get('kind')!r} weights where {kind!r} weights were expected."
         raise CheckpointError(found, remedy)
-    if odd := next(_odd_weights(path), ""):
+    if odd := _odd_weights(path, state_of(path.stat())):
         raise WeightsError(f"{path} holds {odd}.", remedy)
     return header
 
@@ -244,10 +245,12 @@ def _adapter_config(header: Mapping[str, Any]) -> AdapterConfig:
     return AdapterConfig(**{key: _tuple(value) for key, value in header["adapter"].items()})
 
 
-def _odd_weights(path: Path) -> Iterator[str]:
-    """Yield tensors that are not floats, or hold NaN or infinity.
+@lru_cache(maxsize=64)
+def _odd_weights(path: Path, state: tuple[int, ...]) -> str:
+    """Return the first tensor that is not of floats, or holds NaN or infinity.
 
-    Exponents of all ones in the raw bytes show NaN and infinity without a conversion.
+    Exponents of all ones in the raw bytes show NaN and infinity without a conversion. state: of the file; each host
+    asks again.
     """
     raw = np.memmap(path, np.uint8, "r")
     start = 8 + int.from_bytes(raw[:8].tobytes(), "little")
@@ -255,13 +258,13 @@ def _odd_weights(path: Path) -> Iterator[str]:
         if name == "__metadata__":
             continue
         if entry["dtype"] not in _EXPONENTS:
-            yield f"{entry['dtype']} in {name}, where floats belong"
-            continue
+            return f"{entry['dtype']} in {name}, where floats belong"
         exponent = _EXPONENTS[entry["dtype"]]
         first, last = entry["data_offsets"]
         bits = raw[start + first : start + last].view(exponent.dtype)
         if bits.size and (bits & exponent).max() == exponent:
-            yield f"NaN or infinity in {name}"
+            return f"NaN or infinity in {name}"
+    return ""
 
 
 def read_header(path: Path, remedy: str = "Train it with: humanclaw train") -> dict[str, Any]:

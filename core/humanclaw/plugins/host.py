@@ -240,8 +240,9 @@ class Plugins(Lookup):
         registry.notes = tuple(str(one.message) for one in told if issubclass(one.category, DeprecationWarning))
         registry.keep(self.choice)
         own = {one.name: one.value for one in registry.found.get("measures", [])}
-        priors = {**self.priors, **by_digest(registry.found.get("priors", []))}
-        registry.disable_faulty_skills({**own, **self.measures}, priors)
+        priors = by_digest(registry.found.get("priors", []))
+        if registry.found.get("skills"):
+            registry.disable_faulty_skills({**own, **self.measures}, {**self.priors, **priors})
         return registry
 
     def _call_hooks(self, plugin: object, name: str) -> Registry:

@@ -6,12 +6,14 @@ A skill is atomic and body-local (paper, section 3.3). It never sees a scene.
 from __future__ import annotations
 
 import inspect
+import json
 import math
 import os
 import re
 import tomllib
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, Final, Self
 
@@ -158,13 +160,26 @@ def refusals(skill: Skill) -> Iterator[ContractError]:
         known = f"Set x-role in its schema.json to one of: {', '.join(ROLES)}."
         yield ContractError("role", f"skill {name!r} has the role {skill.role!r}.", known)
     try:
-        jsonschema.Draft202012Validator.check_schema(dict(schema))
-    except jsonschema.SchemaError as error:
-        invalid = f"the schema of skill {name!r} is not valid: {error.message}."
-        yield ContractError("schema-valid", invalid, "Mend its schema.json.")
+        invalid = _invalid(json.dumps(dict(schema)))
+    except (TypeError, ValueError) as error:  # No JSON, which is what a model is told.
+        invalid = str(error)
+    if invalid:
+        yield ContractError(
+            "schema-valid", f"the schema of skill {name!r} is not valid: {invalid}.", "Mend its schema.json."
+        )
     for foreign in dict.fromkeys(_foreign(schema)):
         leads = f"the schema of skill {name!r} has {foreign}."
         yield ContractError("references", leads, "Refer to #/$defs/NAME alone.")
+
+
+@lru_cache(maxsize=64)
+def _invalid(schema: str) -> str:
+    """Return what is wrong with a JSON schema. Each host asks again."""
+    try:
+        jsonschema.Draft202012Validator.check_schema(json.loads(schema))
+    except jsonschema.SchemaError as error:
+        return str(error.message)
+    return ""
 
 
 def read_checks(path: Path) -> tuple[tuple[Check, ...], tuple[ContractError, ...]]:
