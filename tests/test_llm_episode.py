@@ -203,7 +203,7 @@ def test_the_papers_ablation_plays_ten_settings_and_stands_beside_the_paper(tmp_
     assert not settings["without-mid-level"]["mid_level"]
 
 
-def test_an_ablation_plays_the_settings_that_are_named_memory_among_them(tmp_path, monkeypatch):
+def test_an_ablation_plays_the_settings_that_are_named_memory_among_them(tmp_path, monkeypatch, one_process):
     monkeypatch.setenv("OPENAI_API_KEY", KEY)
     monkeypatch.chdir(tmp_path)
     (spec, *_) = load_split("smoke")
