@@ -1,11 +1,11 @@
 """Measure how often a detector trained on photos recognises targets: python recognise.py [HOUSES] [RENDERER] [LIBRARY]
 
-Looks at every category of target in HOUSES (a number N for the first N, or 12-23, or 3,5,8) from places where a body
-can stand. Counts the targets that fill more than 3 % of a picture. A hit is a box of the right class whose intersection
-over union with the target's visible pixels is 0.3 or more. A false box has a target's class and a score of 0.3 and fits
-no visible object of that class, however small. The detector is CenterNet with MobileNet-v3, trained on
-COCO, from the npm package @vladmandic/human. "Whole" targets are not cut by the edge of the picture; furniture may
-still hide a part of them.
+Looks at every category of target in HOUSES (a number N for the first N, or 12-23, or 3,5,8, or train-72-95 for training
+houses) from places where a body can stand. Counts the targets that fill more than 3 % of a picture. A hit is a box of
+the right class whose intersection over union with the target's visible pixels is 0.3 or more. A false box has a
+target's class and a score of 0.3 and fits no visible object of that class, however small. The detector is CenterNet
+with MobileNet-v3, trained on COCO, from the npm package @vladmandic/human. "Whole" targets are not cut by the edge of
+the picture; furniture may still hide a part of them.
 
 RENDERER is raster or raster-2x. With LIBRARY, the houses are furnished from it. Needs node; `make recognise` installs
 the packages beside this file. Writes pictures with hits in green and misses in red to build/recognise, and two hits and
@@ -161,21 +161,21 @@ def sheet(judged: list[tuple[np.ndarray, list[tuple[Target, float]]]]) -> Image.
     return whole
 
 
-def numbers_of(houses: str) -> list[int]:
-    """Parse houses: '3' is 0, 1, 2; '4-6' is 4, 5, 6; '3,5,8' is 3, 5, 8."""
-    if "-" in houses:
-        first, last = map(int, houses.split("-"))
-        return list(range(first, last + 1))
-    return [int(number) for number in houses.split(",")] if "," in houses else list(range(int(houses)))
+def houses_of(which: str) -> dict[str, int]:
+    """Return names and seeds: '3' is 0, 1, 2; '4-6' is 4, 5, 6; '3,5,8' is 3, 5, 8; 'train-4-6' is of training."""
+    kind = "train-" if which.startswith("train-") else ""
+    first, *rest = map(int, which.removeprefix(kind).replace(",", "-").split("-"))
+    numbers = [first, *rest] if "," in which else range(first, rest[0] + 1) if rest else range(first)
+    return {f"house:{kind}{number}": number for number in numbers}
 
 
 def main(houses: str = "12", drawn_by: str = "raster", library: str = "") -> None:
     plugins = Plugins.discover()
     renderer = plugins.make("renderers", drawn_by)
     OUT.mkdir(parents=True, exist_ok=True)
-    numbers = numbers_of(houses)
-    scenes = [plugins.scene(f"house:{number}" + (f"?assets={library}" if library else "")) for number in numbers]
-    shown = [view for number, scene in zip(numbers, scenes, strict=True) for view in views(scene, renderer, number)]
+    seeds, furnished = houses_of(houses), f"?assets={library}" if library else ""
+    scenes = [plugins.scene(name + furnished) for name in seeds]
+    shown = [view for scene, seed in zip(scenes, seeds.values(), strict=True) for view in views(scene, renderer, seed)]
     boxes = detected([picture for picture, _ in shown])
     judged = [
         [(t, score(t, seen)) for t in found if t.share > SHARE] for (_, found), seen in zip(shown, boxes, strict=True)
