@@ -55,6 +55,13 @@ def test_a_foot_that_swings_into_the_other_one_gives_way_and_the_other_one_stand
     assert after[:, RIGHT] == pytest.approx(before[:, RIGHT], abs=0.002)
 
 
+def test_a_foot_that_is_in_the_other_one_in_the_first_frame_gives_way_in_that_frame():
+    swinging = rest_pose(20)
+    swinging.rotations[5:, JOINT_INDEX["left_hip"], 2] = -np.arcsin(0.13 / 0.82) * np.linspace(1, 0, 15)
+    after = lock_feet(swinging[:5], swinging[5:]).joints()
+    assert (after[:, LEFT, 0] - after[:, RIGHT, 0]).min() == pytest.approx(0.098, abs=0.002)
+
+
 def test_a_foot_that_is_lifted_over_the_other_one_goes_where_it_is_going():
     """A bent leg is .82 cos 0.7 = 0.63 m long and comes inwards by 13 cm, with its sole 13 cm over the other shoe."""
     lifted = rest_pose(20)

@@ -107,10 +107,10 @@ def _parted(positions: Array, turns: Array, soles: Array) -> list[Array]:
     for foot, side in ((0, 1.0), (1, -1.0)):
         shift = apart(positions[:, ankles[foot]], yaw[:, foot], stand[1 - foot], yaw[:, 1 - foot], side, over)
         size, way = np.linalg.norm(shift, axis=-1), shift.sum(0)
-        found.append(
-            positions[:, toes[foot]]
-            + (widened(size) * _begun(len(yaw), _GIVES))[:, None] * way / max(np.linalg.norm(way), 1e-9)
-        )
+        gives = widened(size) * _begun(len(yaw), _GIVES)
+        # A foot can swing into the other one between the history and the first frame.
+        gives[HISTORY] = max(gives[HISTORY], size[HISTORY])
+        found.append(positions[:, toes[foot]] + gives[:, None] * way / max(np.linalg.norm(way), 1e-9))
     return found
 
 
