@@ -79,10 +79,10 @@ def lock_feet(history: Motion, future: Motion) -> Motion:
     positions[..., 1] -= floor
     stances = [_stances(positions[:, toe]) for toe in _TOES]
     turned = [_laid(own, turns[:, ankle]) for own, ankle in zip(stances, _ANKLES, strict=True)]
-    toes = _parted(positions, turned, stances, soles - floor)
+    swung = _parted(positions, turned, stances, soles - floor)
     feet = [
         (toe + _corrections(own, _holding(own, toe)), turn)
-        for own, toe, turn in zip(stances, toes, turned, strict=True)
+        for own, toe, turn in zip(stances, swung, turned, strict=True)
     ]
     heights = _heights(feet, whole.rotations)
     rise = _on_floor(heights, _swinging(np.stack([toes for toes, _ in feet])))
