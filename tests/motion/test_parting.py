@@ -55,6 +55,13 @@ def test_a_foot_that_swings_into_the_other_one_gives_way_and_the_other_one_stand
     assert after[:, RIGHT] == pytest.approx(before[:, RIGHT], abs=0.002)
 
 
+def test_a_foot_that_is_in_the_other_one_in_the_first_frame_gives_way_in_that_frame():
+    swinging = rest_pose(20)
+    swinging.rotations[5:, JOINT_INDEX["left_hip"], 2] = -np.arcsin(0.13 / 0.82) * np.linspace(1, 0, 15)
+    after = lock_feet(swinging[:5], swinging[5:]).joints()
+    assert (after[:, LEFT, 0] - after[:, RIGHT, 0]).min() == pytest.approx(0.098, abs=0.002)
+
+
 def test_a_foot_that_is_lifted_over_the_other_one_goes_where_it_is_going():
     """A bent leg is .82 cos 0.7 = 0.63 m long and comes inwards by 13 cm, with its sole 13 cm over the other shoe."""
     lifted = rest_pose(20)
@@ -74,6 +81,18 @@ def test_a_foot_gives_way_to_where_the_other_one_stands_although_the_model_lets_
     after = lock_feet(swinging[:5], swinging[5:]).joints()
     assert after[:, RIGHT] == pytest.approx(swinging[:5].joints()[-1:, RIGHT].repeat(15, 0), abs=0.002)
     assert (after[:, LEFT, 0] - after[:, RIGHT, 0]).min() == pytest.approx(0.098, abs=0.003)
+
+
+def test_a_foot_gives_way_to_how_the_other_one_stands_although_the_model_lets_that_turn_away():
+    """The right foot points inwards by 0.25 radians and is held so. The corner of its toes, .045 m to the left of and
+    .225 m ahead of its ankle, is .045 cos 0.25 + .225 sin 0.25 = .099 m to the left; the left shoe begins .045 m right
+    of its ankle."""
+    swinging = rest_pose(20)
+    swinging.rotations[:, JOINT_INDEX["right_hip"], 1] = 0.25
+    swinging.rotations[5:, JOINT_INDEX["right_hip"], 1] -= np.linspace(0, 0.25, 15)
+    swinging.rotations[5:, JOINT_INDEX["left_hip"], 2] = -np.arcsin(0.13 / 0.82) * np.sin(np.linspace(0, np.pi, 15))
+    after = lock_feet(swinging[:5], swinging[5:]).joints()
+    assert (after[:, LEFT, 0] - after[:, RIGHT, 0]).min() > 0.144
 
 
 HIPS = np.array([[[0.09, 0.9, 0.0]], [[-0.09, 0.9, 0.0]]])

@@ -56,6 +56,7 @@ _DEEP, _SITS, _RANGE = 0.84, 0.76, 0.03
 body lower than the second sits. _RANGE: over which the rise fades in and out."""
 _LEAST: Final = 3
 """Frames of the shortest stance."""
+_ANKLES, _TOES = ([JOINT_INDEX[f"{side}_{part}"] for side in SIDES] for part in ("ankle", "foot"))
 
 
 @dataclass(frozen=True)
@@ -76,8 +77,12 @@ def lock_feet(history: Motion, future: Motion) -> Motion:
     # A heel or a toe tip may be lower than the soles that the canonical frame stands on.
     floor = soles[:HISTORY].min()
     positions[..., 1] -= floor
+    stances = [_stances(positions[:, toe]) for toe in _TOES]
+    turned = [_laid(own, turns[:, ankle]) for own, ankle in zip(stances, _ANKLES, strict=True)]
+    swung = _parted(positions, turned, stances, soles - floor)
     feet = [
-        _stood(*pair, positions, turns) for pair in zip(SIDES, _parted(positions, turns, soles - floor), strict=True)
+        (toe + _corrections(own, _holding(own, toe)), turn)
+        for own, toe, turn in zip(stances, swung, turned, strict=True)
     ]
     heights = _heights(feet, whole.rotations)
     rise = _on_floor(heights, _swinging(np.stack([toes for toes, _ in feet])))
@@ -89,41 +94,31 @@ def lock_feet(history: Motion, future: Motion) -> Motion:
     return Motion(root, _bent(feet, positions, turns, whole.rotations)[HISTORY:])
 
 
-def _parted(positions: Array, turns: Array, soles: Array) -> list[Array]:
+def _parted(positions: Array, turned: Sequence[Array], stances: Sequence[list[_Stance]], soles: Array) -> list[Array]:
     """Return the toes of both feet (T, 3), each swinging around the other foot, without change in the history.
 
-    soles: (T, 2) heights of the lowest points of both shoes.
+    turned: orientations (T, 3, 3) of both feet. soles: (T, 2) heights of the lowest points of both shoes.
     """
-    ankles, toes = ([JOINT_INDEX[f"{side}_{part}"] for side in SIDES] for part in ("ankle", "foot"))
-    ahead = turns[:, ankles][..., 2]
-    yaw = np.arctan2(ahead[..., 0], ahead[..., 2])
-    over = (soles - positions[:, ankles[::-1], 1]).max(-1)  # The top of a shoe is at its ankle.
+    yaw = [np.arctan2(turn[:, 0, 2], turn[:, 2, 2]) for turn in turned]
+    over = (soles - positions[:, _ANKLES[::-1], 1]).max(-1)  # The top of a shoe is at its ankle.
+    ankles = [positions[:, toe] - turn @ TOE_BASE for toe, turn in zip(_TOES, turned, strict=True)]
     # The other foot stays where it stands, however far the model's creeps away.
-    stand = [
-        positions[:, ankle] + _holding(_stances(positions[:, toe]), positions[:, toe])
-        for ankle, toe in zip(ankles, toes, strict=True)
-    ]
+    stand = [ankle + _holding(own, positions[:, toe]) for ankle, own, toe in zip(ankles, stances, _TOES, strict=True)]
     found = []
     for foot, side in ((0, 1.0), (1, -1.0)):
-        shift = apart(positions[:, ankles[foot]], yaw[:, foot], stand[1 - foot], yaw[:, 1 - foot], side, over)
+        shift = apart(ankles[foot], yaw[foot], stand[1 - foot], yaw[1 - foot], side, over)
         size, way = np.linalg.norm(shift, axis=-1), shift.sum(0)
-        found.append(
-            positions[:, toes[foot]]
-            + (widened(size) * _begun(len(yaw), _GIVES))[:, None] * way / max(np.linalg.norm(way), 1e-9)
-        )
+        gives = widened(size) * _begun(len(size), _GIVES)
+        # A foot can swing into the other one between the history and the first frame.
+        gives[HISTORY] = max(gives[HISTORY], size[HISTORY])
+        found.append(positions[:, _TOES[foot]] + gives[:, None] * way / max(np.linalg.norm(way), 1e-9))
     return found
 
 
-def _stood(side: str, toe: Array, positions: Array, turns: Array) -> tuple[Array, Array]:
-    """Return the toes (T, 3) and the orientations (T, 3, 3) of a foot that stands where its stances are.
-
-    toe: (T, 3) where it is to be. positions (T, 24, 3), turns (T, 24, 3, 3).
-    """
-    ankle, base = (JOINT_INDEX[f"{side}_{part}"] for part in ("ankle", "foot"))
-    stances = _stances(positions[:, base])
-    level = [stance for stance in stances if _level(stance, turns[:, ankle])]
-    foot = matrix_from_vector(_corrections(level, _levelling(level, turns[:, ankle]))) @ turns[:, ankle]
-    return toe + _corrections(stances, _holding(stances, toe)), foot
+def _laid(stances: list[_Stance], turn: Array) -> Array:
+    """Return the orientations (T, 3, 3) of a foot that is level where it stands. turn: (T, 3, 3) as it is."""
+    level = [stance for stance in stances if _level(stance, turn)]
+    return matrix_from_vector(_corrections(level, _levelling(level, turn))) @ turn
 
 
 def _bent(feet: Sequence[tuple[Array, Array]], positions: Array, turns: Array, rotations: Array) -> Array:
