@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cache, cached_property
 from importlib import resources
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,7 +83,7 @@ class Skin:
         return mixed
 
     @cached_property
-    def _shares(self) -> list[tuple[NDArray[np.intp], NDArray[np.uint8], Floats]]:
+    def _shares(self) -> list[tuple[NDArray[Any], NDArray[Any], NDArray[Any]]]:
         """Vertices that follow a first frame, a second, a third, a fourth; which one, and (K, 1) its share.
 
         Most follow one or two. scipy's sparse matrices are faster, but loading them takes 24 MiB.
