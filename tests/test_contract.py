@@ -114,10 +114,21 @@ def test_a_schema_that_is_not_one_is_refused(tmp_path):
         Skill.from_folder(folder)
 
 
-def test_a_schema_that_json_cannot_say_is_refused():
-    schema = {"type": "object", "properties": {"far": {"enum": {1, 2}}}}
-    with pytest.raises(PluginError, match="schema of skill 'hop' is not valid: Object of type set"):
-        Skill("hop", "Hop.", schema, nod)
+ELSEWHERE = ({"$ref": "https://example.org/far.json"},)
+
+
+@pytest.mark.parametrize(
+    ("properties", "why"),
+    [
+        ({"far": {"enum": {1, 2}}}, "Object of type set"),
+        ({"far": {"anyOf": ELSEWHERE}}, "JSON has no tuples"),
+        ({1: {"type": "no type"}, "1": {"type": "integer"}}, "JSON has no tuples, and keys are texts"),
+        ({"far": {"type": "number", "maximum": math.inf}}, "Out of range float"),
+    ],
+)
+def test_a_schema_that_json_cannot_say_is_refused(properties, why):
+    with pytest.raises(PluginError, match=f"schema of skill 'hop' is not valid: {why}"):
+        Skill("hop", "Hop.", {"type": "object", "properties": properties}, nod)
 
 
 def test_a_skill_without_its_adapter_says_so(tmp_path):

@@ -136,6 +136,18 @@ def test_one_weight_that_is_no_number_keeps_a_skill_out_where_it_is_registered_a
         check_skill(folder)
 
 
+def test_a_weight_that_is_spoilt_in_place_is_found_although_the_file_keeps_its_size_and_time(copy):
+    folder = copy("step_back")
+    file = folder / "adapter.safetensors"
+    assert set(host_of("whole", skills=[folder]).skills) == {"step_back"}
+    before = file.stat()
+    with file.open("r+b") as stream:
+        stream.seek(-2, os.SEEK_END)
+        stream.write(np.float16(np.inf).tobytes())
+    os.utime(file, ns=(before.st_atime_ns, before.st_mtime_ns))
+    assert "holds NaN or infinity" in _disabled(folder)
+
+
 def test_the_largest_weights_that_are_numbers_are_kept(copy):
     """65504 is the largest half: its exponent lacks the last bit of that of infinity."""
     folder = copy("step_back")

@@ -160,7 +160,9 @@ def refusals(skill: Skill) -> Iterator[ContractError]:
         known = f"Set x-role in its schema.json to one of: {', '.join(ROLES)}."
         yield ContractError("role", f"skill {name!r} has the role {skill.role!r}.", known)
     try:
-        invalid = _invalid(json.dumps(dict(schema)))
+        said = json.dumps(dict(schema), allow_nan=False)
+        same = json.loads(said) == dict(schema)
+        invalid = _invalid(said) if same else "JSON has no tuples, and keys are texts"
     except (TypeError, ValueError) as error:  # No JSON, which is what a model is told.
         invalid = str(error)
     if invalid:

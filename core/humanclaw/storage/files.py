@@ -299,8 +299,11 @@ def _whole(stream: BinaryIO, before: int) -> Iterator[None]:
 
 
 def state_of(found: os.stat_result | None) -> tuple[int, ...]:
-    """Return inode, time and size of a file, by which a changed one is known; () if there is none."""
-    return (found.st_ino, found.st_mtime_ns, found.st_size) if found else ()
+    """Return inode, times and size of a file, by which a changed one is known; () if there is none.
+
+    The first time can be put back, as copies do; the time of the last change of anything cannot.
+    """
+    return (found.st_ino, found.st_mtime_ns, found.st_ctime_ns, found.st_size) if found else ()
 
 
 @contextmanager
