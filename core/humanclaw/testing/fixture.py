@@ -118,7 +118,7 @@ class Fixture:
         return self.make(self.profile)
 
     def some(self, cases: Sequence[T]) -> Sequence[T]:
-        """Return listed cases of a check: all, or where there are more than `samples`, every second, third, ..."""
+        """Return listed cases of a check: every second, third, ... that leaves `samples` or more."""
         return cases[:: max(1, len(cases) // self.samples)]
 
     def stand(self, simulator: Simulator, scene: Scene) -> Motion:
