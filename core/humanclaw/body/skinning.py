@@ -8,10 +8,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cache, cached_property
 from importlib import resources
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
 from humanclaw.body.pose import Array, forward_kinematics, matrix_from_vector
 from humanclaw.body.skeleton import JOINT_INDEX, N_JOINTS, PARENTS
@@ -61,7 +62,7 @@ class Skin:
         places, turns = _frames(root, rotations)
         turns = turns @ self._bound[1]
         moves = np.concatenate([turns, (places - np.einsum("kij,kj->ki", turns, self._bound[0]))[..., None]], -1)
-        each = self._mixed(moves.reshape(-1, 12).astype(np.float32)).reshape(-1, 3, 4)
+        each = (self._shares @ moves.reshape(-1, 12).astype(np.float32)).reshape(-1, 3, 4)
         vertices = np.einsum("nij,nj->ni", each[..., :3], self.vertices) + each[..., 3]
         return vertices, np.einsum("nij,nj->ni", each[..., :3], self.normals)
 
@@ -75,23 +76,13 @@ class Skin:
         folded[rows] += share * (np.asarray(neck, np.float32) - folded[rows])
         return folded
 
-    def _mixed(self, moves: Floats) -> Floats:
-        """Return (N, k) the mean of a vertex's frames, of (48, k) one for each frame."""
-        mixed = np.zeros((len(self.vertices), moves.shape[1]), np.float32)
-        for rows, frames, shares in self._shares:
-            mixed[rows] += shares * moves[frames]
-        return mixed
-
     @cached_property
-    def _shares(self) -> list[tuple[NDArray[Any], NDArray[Any], NDArray[Any]]]:
-        """Vertices that follow a first frame, a second, a third, a fourth; which one, and (K, 1) its share.
-
-        Most follow one or two. scipy's sparse matrices are faster, but loading them takes 24 MiB.
-        """
-        order = np.argsort(np.where(self.weights > 0, self.frames, 2 * N_JOINTS), axis=1, kind="stable")
-        frames, shares = (np.take_along_axis(each, order, axis=1).T for each in (self.frames, self.weights))
-        followed = [np.flatnonzero(each) for each in shares]
-        return [(rows, frames[k, rows], shares[k, rows, None]) for k, rows in enumerate(followed)]
+    def _shares(self) -> csr_array:
+        """(N, 48) share of each frame: sparse, as most vertices follow one or two, and a BLAS would start threads."""
+        rows = np.repeat(np.arange(len(self.frames)), self.frames.shape[1])
+        shares = csr_array((self.weights.ravel(), (rows, self.frames.ravel())), (len(self.frames), 2 * N_JOINTS))
+        shares.eliminate_zeros()
+        return shares
 
     @cached_property
     def _bound(self) -> tuple[Array, Array]:
@@ -102,7 +93,7 @@ class Skin:
     @cached_property
     def _head(self) -> tuple[NDArray[np.int64], Floats]:
         """The vertices that follow head or neck, and (K, 1) by how much."""
-        share = np.where(np.isin(self.frames, _ABOVE), self.weights, 0).sum(axis=1)
+        share = self._shares[:, _ABOVE].sum(axis=1)
         return np.flatnonzero(share), share[share > 0][:, None]
 
 

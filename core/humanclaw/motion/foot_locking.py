@@ -31,6 +31,7 @@ from humanclaw.body.pose import (
 )
 from humanclaw.body.skeleton import JOINT_INDEX, TOE_SOLE
 from humanclaw.motion.parting import SHOE, TOES, apart, knees_apart, widened
+from humanclaw.motion.planted import ANKLES, FEET
 
 _SLOW: Final = 0.25
 """Metres a second below which a toe counts as standing."""
@@ -56,7 +57,6 @@ _DEEP, _SITS, _RANGE = 0.84, 0.76, 0.03
 body lower than the second sits. _RANGE: over which the rise fades in and out."""
 _LEAST: Final = 3
 """Frames of the shortest stance."""
-_ANKLES, _TOES = ([JOINT_INDEX[f"{side}_{part}"] for side in SIDES] for part in ("ankle", "foot"))
 
 
 @dataclass(frozen=True)
@@ -77,8 +77,8 @@ def lock_feet(history: Motion, future: Motion) -> Motion:
     # A heel or a toe tip may be lower than the soles that the canonical frame stands on.
     floor = soles[:HISTORY].min()
     positions[..., 1] -= floor
-    stances = [_stances(positions[:, toe]) for toe in _TOES]
-    turned = [_laid(own, turns[:, ankle]) for own, ankle in zip(stances, _ANKLES, strict=True)]
+    stances = [_stances(positions[:, toe]) for toe in FEET]
+    turned = [_laid(own, turns[:, ankle]) for own, ankle in zip(stances, ANKLES, strict=True)]
     swung = _parted(positions, turned, stances, soles - floor)
     feet = [
         (toe + _corrections(own, _holding(own, toe)), turn)
@@ -100,10 +100,10 @@ def _parted(positions: Array, turned: Sequence[Array], stances: Sequence[list[_S
     turned: orientations (T, 3, 3) of both feet. soles: (T, 2) heights of the lowest points of both shoes.
     """
     yaw = [np.arctan2(turn[:, 0, 2], turn[:, 2, 2]) for turn in turned]
-    over = (soles - positions[:, _ANKLES[::-1], 1]).max(-1)  # The top of a shoe is at its ankle.
-    ankles = [positions[:, toe] - turn @ TOE_BASE for toe, turn in zip(_TOES, turned, strict=True)]
+    over = (soles - positions[:, ANKLES[::-1], 1]).max(-1)  # The top of a shoe is at its ankle.
+    ankles = [positions[:, toe] - turn @ TOE_BASE for toe, turn in zip(FEET, turned, strict=True)]
     # The other foot stays where it stands, however far the model's creeps away.
-    stand = [ankle + _holding(own, positions[:, toe]) for ankle, own, toe in zip(ankles, stances, _TOES, strict=True)]
+    stand = [ankle + _holding(own, positions[:, toe]) for ankle, own, toe in zip(ankles, stances, FEET, strict=True)]
     found = []
     for foot, side in ((0, 1.0), (1, -1.0)):
         shift = apart(ankles[foot], yaw[foot], stand[1 - foot], yaw[1 - foot], side, over)
@@ -111,7 +111,7 @@ def _parted(positions: Array, turned: Sequence[Array], stances: Sequence[list[_S
         gives = widened(size) * _begun(len(size), _GIVES)
         # A foot can swing into the other one between the history and the first frame.
         gives[HISTORY] = max(gives[HISTORY], size[HISTORY])
-        found.append(positions[:, _TOES[foot]] + gives[:, None] * way / max(np.linalg.norm(way), 1e-9))
+        found.append(positions[:, FEET[foot]] + gives[:, None] * way / max(np.linalg.norm(way), 1e-9))
     return found
 
 
@@ -142,7 +142,7 @@ def _bent(feet: Sequence[tuple[Array, Array]], positions: Array, turns: Array, r
 
 def _heights(feet: Sequence[tuple[Array, Array]], rotations: Array) -> Array:
     """Return the heights of the lowest corners of both shoes (2, T). feet: toes (T, 3) and orientations (T, 3, 3)."""
-    bends = matrix_from_vector(rotations[:, [JOINT_INDEX[f"{side}_foot"] for side in SIDES]])
+    bends = matrix_from_vector(rotations[:, FEET])
     return np.stack([_height(*foot, bends[:, index]) for index, foot in enumerate(feet)])
 
 

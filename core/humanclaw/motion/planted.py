@@ -14,6 +14,7 @@ LEGS: Final = tuple(f"{side}_{joint}" for side in SIDES for joint in ("hip", "kn
 _UP: Final = np.array([0.0, 0.4, 0.0])
 """Knees of a body that lies come up, and not through the floor."""
 ANKLES: Final = (JOINT_INDEX["left_ankle"], JOINT_INDEX["right_ankle"])
+FEET: Final = (JOINT_INDEX["left_foot"], JOINT_INDEX["right_foot"])
 
 
 def planted(motion: Motion, pose: Motion) -> Motion:

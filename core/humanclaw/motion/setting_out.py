@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from humanclaw.body.pose import FPS, Array, Motion
-from humanclaw.body.skeleton import JOINT_INDEX
+from humanclaw.motion.planted import FEET
 
 _STANDS: Final = 0.1
 """Metres a second. A body with both toes slower than this at the end of the history stands."""
@@ -20,7 +20,6 @@ _SLIDES: Final = 0.01
 """Metres by which both feet may slide; a proper step slides by a tenth of that."""
 _DRAWS: Final = 4
 """Maximum redraws. Each fails once in twenty."""
-_TOES: Final = (JOINT_INDEX["left_foot"], JOINT_INDEX["right_foot"])
 
 Draw = Callable[[Sequence[int], int], Sequence[Motion]]
 """Maps indices of bodies and the number of the attempt to futures."""
@@ -51,5 +50,5 @@ def _slide(history: Motion, future: Motion) -> float:
 
 def _toe_steps(motion: Motion) -> Array:
     """Return (T - 1, 2) the step of each toe over the floor, metres."""
-    steps = np.diff(motion.joints()[:, _TOES], axis=0)[..., [0, 2]]
+    steps = np.diff(motion.joints()[:, FEET], axis=0)[..., [0, 2]]
     return np.asarray(np.linalg.norm(steps, axis=-1))

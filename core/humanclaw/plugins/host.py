@@ -239,9 +239,9 @@ class Plugins(Lookup):
         registry = self._call_hooks(plugin, name)
         registry.notes = tuple(str(one.message) for one in told if issubclass(one.category, DeprecationWarning))
         registry.keep(self.choice)
-        own = {one.name: one.value for one in registry.found.get("measures", [])}
         priors = by_digest(registry.found.get("priors", []))
         if registry.found.get("skills"):
+            own = {one.name: one.value for one in registry.found.get("measures", [])}
             registry.disable_faulty_skills({**own, **self.measures}, {**self.priors, **priors})
         return registry
 
