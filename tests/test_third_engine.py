@@ -105,3 +105,18 @@ def test_an_engine_with_one_fault_fails_the_test_that_is_about_it(fault):
         simulator = staticmethod(lambda profile="default": Faulty(does, profile))
 
     assert passes(Third(), name, {}) is (fault == "nothing")
+
+
+def test_an_engine_that_keeps_a_tenth_of_a_megabyte_at_each_reset_leaks():
+    kept = []
+
+    class Leaking(Faulty):
+        def __init__(self, profile="default"):
+            super().__init__(lambda done: done, profile)
+            reset = self.reset
+            self.reset = lambda *where: (kept.append(np.ones(2**20 // 80)), reset(*where))[1]
+
+    class Third(SimulatorConformance):
+        simulator = staticmethod(Leaking)
+
+    assert not passes(Third(), "test_resetting_keeps_no_memory", {})

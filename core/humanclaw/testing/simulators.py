@@ -92,8 +92,9 @@ class SimulatorConformance(ObjectConformance):
         for number in range(100):
             hull = random.uniform(0, 0.1, (12, 3)).astype(np.float32)
             builder.solid(f"rock {number}", [hull], (random.uniform(-1.5, 1.5), 3, 1))
-        _, memory = reset_times(self.simulator(), builder.scene(), 40, lambda: None)
-        assert memory[-1] - memory[9] < 2.0
+        _, memory = reset_times(self.simulator(), builder.scene(), 50, lambda: None)
+        # A leak grows at every reset. What else a long process holds grows once: pages made huge, a thread's buffers.
+        assert np.diff(memory[9::10]).min() < 0.7
 
     @pytest.mark.parametrize("check", sorted(CHECKS))
     def test_the_law_holds(self, check: str) -> None:
