@@ -49,7 +49,7 @@ def _world_options(function: Callable[..., Any]) -> Callable[..., Any]:
 @click.command()
 @_world_options
 @click.option(
-    "--samples", type=click.IntRange(1), default=200, show_default=True, help="Walls; loads and chairs at least."
+    "--samples", type=click.IntRange(1), default=200, show_default=True, help="Walls; loads and chairs at most."
 )
 @click.option("--chunks", type=click.IntRange(1), default=10_000, show_default=True, help="Random commands of 0.5 s.")
 @seed_option(help="Of the random commands.")

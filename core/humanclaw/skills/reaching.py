@@ -32,6 +32,8 @@ _HAND_SPEED: Final = 2.0
 """Metres a second of a hand at most."""
 _SPINE: Final = [JOINT_INDEX[f"spine{number}"] for number in (1, 2, 3)]
 _SOLES: Final = [JOINT_INDEX[f"{side}_{part}"] for side in ("left", "right") for part in ("ankle", "foot")]
+_STEP: Final = 2.0**-26
+"""Difference by which slopes of the cost are found: half of the digits."""
 _NEAR: Final = 0.15
 """Metres from shoulder to hand within which an elbow cannot bend further."""
 _SWAY: Final = 0.09
@@ -148,11 +150,17 @@ class Reach:
 
         from scipy.optimize import least_squares  # Every command loads this module; few aim a hand.
 
-        def cost(bend: Array) -> Array:
-            return _cost(_bent(start, bend, seated), middle, _EFFORT * (bend - usual), ends)
+        def costs(bends: Array) -> Array:
+            return _costs(_bent(start, bends, seated), middle, _EFFORT * (bends - usual), ends)
 
-        found = least_squares(cost, np.clip(usual, low + 1e-7, high - 1e-7), bounds=(low, high), max_nfev=40)
-        return _bent(start, found.x, seated)
+        def slopes(bend: Array) -> Array:
+            steps = np.where(bend + _STEP < high, _STEP, -_STEP)
+            here, *there = costs(np.vstack([bend, bend + np.diag(steps)]))
+            return np.transpose((there - here) / steps[:, None])
+
+        begin = np.clip(usual, low + 1e-7, high - 1e-7)
+        found = least_squares(lambda bend: costs(bend[None])[0], begin, slopes, bounds=(low, high), max_nfev=40)
+        return _bent(start, found.x[None], seated)
 
     def _end(self, palm: Array | None) -> tuple[Limb, Array]:
         """Return the limb that reaches, and where its end (3,) is to be: the knuckles, or the wrist of a palm."""
@@ -178,17 +186,17 @@ def _shoulder(side: str) -> int:
     return JOINT_INDEX[f"{side}_shoulder"]
 
 
-def _cost(pose: Motion, middle: Array | None, effort: Array, ends: Sequence[tuple[int, Limb, Array]]) -> Array:
-    """Weigh what arms cannot cover, the loss of balance, and the effort.
+def _costs(poses: Motion, middle: Array | None, effort: Array, ends: Sequence[tuple[int, Limb, Array]]) -> Array:
+    """Weigh (N, ...) what arms cannot cover, the loss of balance, and the effort (N, 5), of N poses.
 
     middle: (3,) of the feet that carry the body; None on a seat. ends: shoulder, limb and end (3,) of arms.
     """
-    joints, turns = forward_kinematics(pose.root[0], pose.rotations[0])
-    away = np.array([np.linalg.norm(joints[shoulder] - end) for shoulder, _, end in ends])
+    joints, turns = forward_kinematics(poses.root, poses.rotations)
+    away = np.stack([np.linalg.norm(joints[:, shoulder] - end, axis=1) for shoulder, _, end in ends], axis=1)
     far = np.maximum(away - [limb.reach - 0.01 for _, limb, _ in ends], 0.0)
     near = np.maximum(_NEAR - away, 0.0)
-    sway = np.zeros(2) if middle is None else (centre_of_mass(joints, turns) - middle)[[0, 2]]
-    return np.concatenate([60 * far, 60 * near, 60 * np.maximum(np.abs(sway) - _SWAY, 0.0), effort])
+    sway = np.zeros((len(away), 2)) if middle is None else (centre_of_mass(joints, turns) - middle)[:, [0, 2]]
+    return np.hstack([60 * far, 60 * near, 60 * np.maximum(np.abs(sway) - _SWAY, 0.0), effort])
 
 
 def _is_seated(start: Motion) -> bool:
@@ -201,13 +209,13 @@ def _straight(side: str) -> Limb:
     return Limb(arm.upper, arm.lower + OFFSETS[JOINT_INDEX[f"{side}_hand"]], arm.hinge)
 
 
-def _bent(start: Motion, bend: Array, seated: bool) -> Motion:
-    """Return a pose: pelvis height, pitch of the pelvis, and the bend of the spine."""
-    root, rotations = start.root.copy(), start.rotations.copy()
-    root[0, 1] = bend[0]
-    rotations[0, 0] = (bend[1], 0.0, 0.0)
-    rotations[0, _SPINE] = bend[2:]
-    rotations[0, [JOINT_INDEX["left_collar"], JOINT_INDEX["right_collar"]]] = 0.0
+def _bent(start: Motion, bends: Array, seated: bool) -> Motion:
+    """Return N poses from (N, 5): pelvis height, pitch of the pelvis, and the bend of the spine."""
+    root, rotations = (np.repeat(each, len(bends), axis=0) for each in (start.root, start.rotations))
+    root[:, 1] = bends[:, 0]
+    rotations[:, 0] = bends[:, 1, None] * np.eye(3)[0]
+    rotations[:, _SPINE] = bends[:, None, 2:]
+    rotations[:, [JOINT_INDEX["left_collar"], JOINT_INDEX["right_collar"]]] = 0.0
     bent = Motion(root, rotations)
     return bent if seated else planted(bent, start)
 

@@ -89,7 +89,7 @@ class Played:
 @dataclass
 class Fixture:
     """The simulator under test and the size of the checks. samples: number of random walls, and of listed cases at
-    least; chunks: of random commands."""
+    most; chunks: of random commands."""
 
     make: Callable[[Profile], Simulator]
     """The simulator under test, as a plugin's factory makes it."""
@@ -118,8 +118,8 @@ class Fixture:
         return self.make(self.profile)
 
     def some(self, cases: Sequence[T]) -> Sequence[T]:
-        """Return listed cases of a check: every second, third, ... that leaves `samples` or more."""
-        return cases[:: max(1, len(cases) // self.samples)]
+        """Return at most `samples` of the listed cases of a check, evenly spaced."""
+        return cases[:: -(-len(cases) // self.samples)]
 
     def stand(self, simulator: Simulator, scene: Scene) -> Motion:
         """Put the body on a scene's start. Returns the five frames that its first motion continues."""
