@@ -95,6 +95,18 @@ def test_a_foot_gives_way_to_how_the_other_one_stands_although_the_model_lets_th
     assert (after[:, LEFT, 0] - after[:, RIGHT, 0]).min() > 0.144
 
 
+@pytest.mark.parametrize("outwards", [-0.1, 0.1])
+def test_a_foot_whose_toes_point_straight_down_and_further_gives_way_to_no_foot_that_is_elsewhere(outwards):
+    """The left shoe is tilted by 0.3 + 0.8 + 0.7 = 1.8 radians, and its ankle is .49 m behind and .18 m left of the
+    right one. Its toes point backwards, but its left side is where it was. The body glides: no foot stands."""
+    raised = rest_pose(20)
+    raised.rotations[:, [JOINT_INDEX["left_hip"], JOINT_INDEX["left_knee"], LEFT], 0] = 0.3, 0.8, 0.7
+    raised.rotations[:, LEFT, 1] = outwards
+    raised.root[:, 2] += 0.05 * np.arange(20)
+    before, after = raised[5:].joints(), lock_feet(raised[:5], raised[5:]).joints()
+    assert after[:, [LEFT, RIGHT]] == pytest.approx(before[:, [LEFT, RIGHT]], abs=0.002)
+
+
 HIPS = np.array([[[0.09, 0.9, 0.0]], [[-0.09, 0.9, 0.0]]])
 
 

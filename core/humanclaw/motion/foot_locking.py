@@ -99,7 +99,8 @@ def _parted(positions: Array, turned: Sequence[Array], stances: Sequence[list[_S
 
     turned: orientations (T, 3, 3) of both feet. soles: (T, 2) heights of the lowest points of both shoes.
     """
-    yaw = [np.arctan2(turn[:, 0, 2], turn[:, 2, 2]) for turn in turned]
+    # Of a foot whose toes point straight down, its side alone tells the heading.
+    yaw = [np.arctan2(-turn[:, 2, 0], turn[:, 0, 0]) for turn in turned]
     over = (soles - positions[:, ANKLES[::-1], 1]).max(-1)  # The top of a shoe is at its ankle.
     ankles = [positions[:, toe] - turn @ TOE_BASE for toe, turn in zip(FEET, turned, strict=True)]
     # The other foot stays where it stands, however far the model's creeps away.

@@ -14,33 +14,36 @@ import numpy as np
 
 from humanclaw.body.pose import FUTURE, Array, Motion, smoothstep
 from humanclaw.body.skeleton import JOINT_INDEX, N_JOINTS
+from humanclaw.motion.planted import ANKLES
 
 _BACK: Final = 0.1
 """Share of the return in a chunk. The fastest of these errors grows by 7 % a chunk."""
 _TWIST: Final = 0.2
-"""The same for the twist of the trunk, which grows in fast straight walks."""
+"""The same for the twist of the trunk, which grows in fast straight walks, and of the feet, which grows by 5 degrees a
+chunk in fast curves, until they point backwards."""
 _MOST: Final = 0.035
-"""Radians of the return in a chunk at most: an arm that a skill holds up is no error."""
+"""Radians of the return in a chunk at most: an arm that a skill holds up is no error. Feet return however far."""
 _WITHIN: Final = 10
 """Frames of the return, so that the next history begins corrected."""
 _LOADED: Final = ("pelvis", "left_hip", "right_hip", "left_knee", "right_knee")
-"""Joints that carry weight, and the ankles: they are left alone."""
+"""Joints that carry weight, and the tilt of the ankles: they are left alone."""
 
 
 def _shares() -> Array:
     """Return (24, 3) shares of the return in a chunk, 0 for joints that carry weight."""
     shares = np.full((N_JOINTS, 3), _BACK)
-    shares[[JOINT_INDEX[name] for name in ("spine1", "spine2", "spine3")], 1] = _TWIST
+    shares[[JOINT_INDEX["spine1"], JOINT_INDEX["spine2"], JOINT_INDEX["spine3"], *ANKLES], 1] = _TWIST
     shares[[JOINT_INDEX[name] for name in _LOADED]] = 0
-    shares[[JOINT_INDEX["left_ankle"], JOINT_INDEX["right_ankle"]], 0] = 0
+    shares[list(ANKLES), 0] = 0
     return shares
 
 
 _RAMP: Final = smoothstep(np.arange(1, FUTURE + 1) / _WITHIN)[:, None, None]
 _SHARES: Final = _shares()
+_LIMITS: Final = np.where(np.isin(np.arange(N_JOINTS), ANKLES), np.inf, _MOST)[:, None]
 
 
 def settle(future: Motion, usual: Array) -> Motion:
     """Return the future with weightless joints nearer to their usual pose. usual: (24, 3) rotation vectors, radians."""
-    back = np.clip(_SHARES * (future.rotations - usual), -_MOST, _MOST)
+    back = np.clip(_SHARES * (future.rotations - usual), -_LIMITS, _LIMITS)
     return Motion(future.root, future.rotations - _RAMP * back)
