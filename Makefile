@@ -14,22 +14,25 @@ help:  ## List the targets
 
 install: $(VENV)/.installed  ## Create .venv with the development tools and every package but Ray, Rerun, OpenEnv, verifiers and the skills of hands
 
-$(VENV)/.demo: requirements-demo.txt pyproject.toml
+$(BIN)/pip:
 	$(PYTHON) -m venv $(VENV)
+
+$(VENV)/.demo: requirements-demo.txt pyproject.toml | $(BIN)/pip
 	$(BIN)/pip install --quiet hatchling editables
 	@echo "pip is quiet for a minute or two."
 	$(BIN)/pip install --quiet --no-build-isolation -r requirements-demo.txt
 	@touch $@
 
 # Without torch, training is installed without its dependencies, and the tests that need torch are skipped.
-$(VENV)/.installed: $(VENV)/.demo requirements.txt requirements-train.txt
+$(VENV)/.installed: requirements.txt requirements-demo.txt requirements-train.txt pyproject.toml | $(BIN)/pip
+	$(BIN)/pip install --quiet hatchling editables
+	@echo "pip is quiet for two or three minutes."
 	$(BIN)/pip install --quiet --no-build-isolation -r requirements.txt
 	$(BIN)/pip install --quiet --no-build-isolation -r requirements-train.txt || \
 		$(BIN)/pip install --quiet --no-build-isolation --no-deps -e plugins/train
-	@touch $@
+	@touch $(VENV)/.demo $@
 
-locked:  ## Fill .venv from requirements-lock.txt; `make install` then adds what is ours
-	$(PYTHON) -m venv $(VENV)
+locked: | $(BIN)/pip  ## Fill .venv from requirements-lock.txt; `make install` then adds what is ours
 	@# pip would compile all 26,000 modules one by one; few are ever imported.
 	$(BIN)/pip install --quiet --no-compile --require-hashes --no-deps -r requirements-lock.txt
 

@@ -6,7 +6,7 @@ import re
 
 import pytest
 from click.testing import CliRunner
-from model_servers import OpenAIServer, call, calls, delayed, status
+from model_servers import OpenAIServer, call, calls, delayed, status, warm_up
 
 from humanclaw import Plugins, run_episode
 from humanclaw.cli import build
@@ -20,6 +20,8 @@ STEP = {"visible_state": "A hall, no couch.", "progress": "Nothing yet.", "reaso
 
 @pytest.fixture
 def play(body, house, plugins, tmp_path):
+    warm_up()
+
     def run(*script, verify=False, max_steps=4, limits=None, **options):
         spec = free_episode("find a couch and sit on it", house, max_steps=max_steps)
         with OpenAIServer(script) as server:

@@ -145,7 +145,7 @@ class Episode:
 
     @property
     def history(self) -> tuple[HistoryEntry, ...]:
-        """Every step so far, as an agent may recall it. Views of more than 16 steps ago have passed through JPEG."""
+        """Every step so far, as an agent may recall it. Views of more than ten steps ago have passed through JPEG."""
         return self._history.entries
 
     @property

@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+import hashlib
+import pickle
+import sys
 import time
 from collections.abc import Callable
+from functools import cache
+from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
 from numba import njit
+from numba.core.dispatcher import Dispatcher
 from numba.core.event import Event, Listener, register
 
 
@@ -47,6 +54,8 @@ def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
     Where neither can be written, each process compiles again.
     """
     how: Any = {"error_model": "numpy", "nogil": True}
+    # The cached file has this name. numba looks at the time of the function's own file alone.
+    function.__qualname__ += f"_{_taken_in(function.__module__)[:12]}"
     try:
         return njit(cache=True, **how)(function)  # type: ignore[no-any-return]
     except RuntimeError:
@@ -56,3 +65,15 @@ def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
 def inlined(function: Callable[..., Any]) -> Callable[..., Any]:
     """Let compiled functions use a function as if it were part of them."""
     return njit(inline="always", error_model="numpy")(function)
+
+
+@cache
+def _taken_in(module: str) -> str:
+    """Return a digest of what a module may give to machine code: numbers, arrays, and functions of other files."""
+    state = hashlib.sha256()
+    for name, value in sorted(vars(sys.modules[module]).items()):
+        if isinstance(value, (bool, int, float, tuple, np.generic, np.ndarray)):
+            state.update(name.encode() + pickle.dumps(value))
+        elif isinstance(value, Dispatcher) and (elsewhere := value.py_func.__module__) != module:
+            state.update(Path(value.py_func.__code__.co_filename).read_bytes() + _taken_in(elsewhere).encode())
+    return state.hexdigest()

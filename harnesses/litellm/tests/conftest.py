@@ -7,7 +7,7 @@ import importlib
 
 import numpy as np
 import pytest
-from model_servers import OpenAIServer
+from model_servers import OpenAIServer, warm_up
 
 import humanclaw_litellm
 from humanclaw import EpisodeContext, EpisodeSpec, Observation, Plugins
@@ -55,6 +55,7 @@ def context(skills):
 @pytest.fixture
 def begin(context):
     """begin(server, **options): return an agent or verifier that has begun an episode. Tests share no cache."""
+    warm_up()
     host = Plugins()
     host.add(humanclaw_litellm, "litellm")
 

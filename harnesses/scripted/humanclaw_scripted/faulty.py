@@ -160,6 +160,9 @@ class BoundedRationality:
 
 
 # -- a verifier -------------------------------------------------------------------------------------------------------
+_NO_VIEW: Final = np.zeros((0, 0, 3), np.uint8)
+
+
 class OracleVerifier:
     """Replaces a stop out of reach of the target by the oracle's call.
 
@@ -184,7 +187,7 @@ class OracleVerifier:
         lets_pass = np.random.default_rng([self._perception.context.seed, observation.step, 79]).random() < self._miss
         accepted = skill.role != "stop" or self._perception.reach() <= REACHED or lets_pass
         done = call if accepted else advice.calls[0]
-        # The oracle learns from the executed call whether the body is blocked or sits.
-        self._history.append(HistoryEntry(observation.step, advice, Feedback(done), observation.rgb))
+        # The oracle learns from the executed call whether the body is blocked or sits. It recalls no view.
+        self._history.append(HistoryEntry(observation.step, advice, Feedback(done), _NO_VIEW))
         answer = CheckAnswer("within_reach", accepted, "" if accepted else "The target is not within reach.")
         return Verdict(accepted, None if accepted else done, (answer,))

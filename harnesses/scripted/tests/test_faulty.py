@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import weakref
 
 import numpy as np
 import pytest
@@ -211,6 +212,17 @@ def test_a_verifier_that_knows_better_lets_nobody_stop_out_of_reach():
     assert not verdict.accepted
     assert verdict.replacement.skill != "stop"
     assert verifier.verify(view, Call("walk", {"z_cm": 30}), SKILLS["walk"], "").accepted
+
+
+def test_a_verifier_that_knows_better_keeps_no_view():
+    walker = Walker(two_rooms(), (COUCH,), 0)
+    verifier = OracleVerifier({})
+    verifier.begin(EpisodeContext(spec(False), SKILLS, 0, walker.scene, walker.state))
+    view = Observation(0, "Find a couch.", PICTURE.copy())
+    verifier.verify(view, Call("walk", {"z_cm": 30}), SKILLS["walk"], "")
+    seen = weakref.ref(view.rgb)
+    del view
+    assert seen() is None
 
 
 @pytest.mark.parametrize("wrong", [{"fault": "hunger"}, {"history": -1}, {"memory": 3}])
