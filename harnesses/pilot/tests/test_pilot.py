@@ -133,7 +133,7 @@ def test_numpy_and_torch_answer_alike_and_training_goes_on_where_it_stopped(tmp_
 
 
 def test_the_eyes_undo_the_film_curve_of_pictures():
-    """The tones that plugins/raster/tests/test_light.py derives by hand for surfaces of brightness 60, 120, 180, 240."""
+    """Tones that plugins/raster/tests/test_light.py derives by hand for surfaces of brightness 60, 120, 180, 240."""
     tones = np.zeros((1, SIZE, SIZE, 3), np.uint8)
     tones[0, 0, :5, 0] = 28, 93, 170, 233, 255
     assert prepared(tones)[0, 0, 0, :5] * 127.5 + 127.5 == pytest.approx([60, 120, 180, 240, 255], abs=1)
