@@ -27,6 +27,8 @@ SIZE: Final = 256
 """Side of the network's picture, pixels: half of the view's."""
 CELLS: Final = 64
 """Side of the grid that it answers, cells."""
+BRIGHTNESS: Final = np.minimum(1.15 * (0.5 - np.sin(np.arcsin(1 - np.arange(256) / 127.5) / 3)), 1).astype(np.float32)
+"""Brightness of each tone of a picture, at most 1: the renderer's film curve, undone. The network learnt from it."""
 WEIGHTS: Final = Path(__file__).with_name("pilot.safetensors")
 _MOST_BYTES: Final = 64 << 20
 _REMEDY: Final = "Train some with `humanclaw pilot train`."
@@ -147,7 +149,7 @@ def halved(rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 
 def prepared(pictures: NDArray[np.uint8]) -> Floats:
-    """Map pictures (N, SIZE, SIZE, 3) to (N, 4, SIZE, SIZE): colours and row from -1 to 1."""
-    colours = pictures.transpose(0, 3, 1, 2).astype(np.float32) / 127.5 - 1
+    """Map pictures (N, SIZE, SIZE, 3) to (N, 4, SIZE, SIZE): brightness of colours, and row, from -1 to 1."""
+    colours = 2 * BRIGHTNESS[pictures.transpose(0, 3, 1, 2)] - 1
     rows = np.broadcast_to(np.linspace(-1, 1, SIZE, dtype=np.float32)[:, None], (len(pictures), 1, SIZE, SIZE))
     return np.concatenate([colours, rows], 1)

@@ -102,7 +102,7 @@ def test_numpy_and_torch_answer_alike_and_training_goes_on_where_it_stopped(tmp_
     torch = pytest.importorskip("torch")
     from humanclaw_pilot import training
 
-    monkeypatch.setattr(training, "BATCH", 2)  # A step on 32 pictures takes 20 s.
+    monkeypatch.setattr(training, "BATCH", 2)  # A step on 32 pictures takes seconds.
     rng = np.random.default_rng(0)
     kinds = rng.integers(2, size=(4, CELLS, CELLS)).astype(np.uint8)
     pictures = (255 * kinds[..., None]).repeat(4, 1).repeat(4, 2).repeat(3, 3).astype(np.uint8)
@@ -130,6 +130,13 @@ def test_numpy_and_torch_answer_alike_and_training_goes_on_where_it_stopped(tmp_
     found = Eyes.read(out)(pictures[0].repeat(2, 0).repeat(2, 1))
     assert np.abs(np.exp(told[-1]) / found.depth - 1).max() < 0.05  # Weights are kept in half precision.
     assert (halved(pictures[0].repeat(2, 0).repeat(2, 1)) == pictures[0]).all()
+
+
+def test_the_eyes_undo_the_film_curve_of_pictures():
+    """Tones that plugins/raster/tests/test_light.py derives by hand for surfaces of brightness 60, 120, 180, 240."""
+    tones = np.zeros((1, SIZE, SIZE, 3), np.uint8)
+    tones[0, 0, :5, 0] = 28, 93, 170, 233, 255
+    assert prepared(tones)[0, 0, 0, :5] * 127.5 + 127.5 == pytest.approx([60, 120, 180, 240, 255], abs=1)
 
 
 def test_the_shipped_weights_are_those_of_this_network_and_small():

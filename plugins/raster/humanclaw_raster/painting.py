@@ -14,8 +14,8 @@ from humanclaw_raster.packing import LEVELS, PANE, Floats, Model
 from humanclaw_raster.sky import BOTTOM, TOP
 from humanclaw_raster.surfaces import BRIGHT, DENSITY, KIND, UV
 
-KNEE: Final = 0.8
-"""Brightness above which highlights are compressed."""
+WHITE: Final = 1.15
+"""Brightness that is drawn white."""
 
 
 class _Points(NamedTuple):
@@ -236,11 +236,10 @@ def _blend(
         p, q = np.float32(np.uint8(a[k] >> shift)), np.float32(np.uint8(b[k] >> shift))
         r, s = np.float32(np.uint8(c[k] >> shift)), np.float32(np.uint8(d[k] >> shift))
         high, low = p + (q - p) * east[k], r + (s - r) * east[k]
-        value = (high + (low - high) * south[k]) * bright[k] * np.float32(1 / 255)
-        # A film's shoulder: above the knee a parabola, which is level where it reaches white.
-        value = min(value, np.float32(2 - KNEE))
-        over = max(value - np.float32(KNEE), ZERO)
-        tone[k] = np.uint8((value - over * over * np.float32(1 / (4 - 4 * KNEE))) * np.float32(255) + HALF)
+        value = (high + (low - high) * south[k]) * bright[k] * np.float32(1 / (255 * WHITE))
+        # The curve of a film, level at black and white. A detector trained on photos recognises more with it.
+        value = min(value, ONE)
+        tone[k] = np.uint8(value * value * (np.float32(3 * 255) - np.float32(2 * 255) * value) + HALF)
 
 
 @compiled

@@ -44,6 +44,13 @@ def test_the_floor_near_a_window_is_brighter_than_the_floor_far_from_it(room, ca
     assert near > 1.1 * middle > 1.1 * far
 
 
+@pytest.mark.parametrize(("grey", "seen"), [(60, 28), (120, 93), (180, 170), (240, 233)])
+def test_dark_tones_are_darker_and_bright_ones_level_off_as_on_film(builder, camera, grey, seen):
+    """Tops of a scene without lamps have brightness 1: with s = grey / 255 / 1.15 they show 255 s s (3 - 2 s)."""
+    builder.box((20, 0.2, 20), (0, -0.2, 0), (grey, grey, grey))
+    assert builder.look(camera((0, 1.5, 0), (0, -1, 0), 64, up=(0, 0, 1))).rgb[32, 32, 0] == pytest.approx(seen, abs=1)
+
+
 def test_a_lamp_lights_what_is_near_it(room, camera):
     room.box((0.3, 0.1, 0.3), (0, 2.4, 2.0), category="ceiling_lamp")
     assert _floor(room, camera, 2.0) > 1.1 * _floor(room, camera, -2.0)
