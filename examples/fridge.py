@@ -31,10 +31,10 @@ def before(scene, door):
 
 
 def picture(body, renderer, place):
-    """Draw the body from its left."""
+    """Draw the body from its right: on its left is a wall."""
     ahead, left = yaw_matrix(place.yaw)[:, 2], yaw_matrix(place.yaw)[:, 0]
     at = np.array([place.x, 0.95, place.z]) + 0.3 * ahead
-    eye = np.array([place.x, 1.5, place.z]) + 1.5 * left - 0.6 * ahead
+    eye = np.array([place.x, 1.5, place.z]) - 1.4 * left - 0.6 * ahead
     return renderer.render(body.state(), Camera(eye, at - eye, np.array([0.0, 1.0, 0.0]), 65.0, 400, 400)).rgb
 
 
