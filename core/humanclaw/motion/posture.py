@@ -19,10 +19,12 @@ from humanclaw.motion.planted import ANKLES
 _BACK: Final = 0.1
 """Share of the return in a chunk. The fastest of these errors grows by 7 % a chunk."""
 _TWIST: Final = 0.2
-"""The same for the twist of the trunk, which grows in fast straight walks, and of the feet, which grows by 5 degrees a
-chunk in fast curves, until they point backwards."""
+"""The same for the twist of the trunk, which grows in fast straight walks, and of feet in the air, which grows by 5
+degrees a chunk in fast curves, until they point backwards. Foot locking keeps the heading of feet that stand."""
 _MOST: Final = 0.035
-"""Radians of the return in a chunk at most: an arm that a skill holds up is no error. Feet return however far."""
+"""Radians of the return in a chunk at most: an arm that a skill holds up is no error."""
+_MOST_OF_FEET: Final = 0.35
+"""The same for ankles, whose twist is always one. Past half a turn it changes its sign, and must not throw feet."""
 _WITHIN: Final = 10
 """Frames of the return, so that the next history begins corrected."""
 _LOADED: Final = ("pelvis", "left_hip", "right_hip", "left_knee", "right_knee")
@@ -40,7 +42,7 @@ def _shares() -> Array:
 
 _RAMP: Final = smoothstep(np.arange(1, FUTURE + 1) / _WITHIN)[:, None, None]
 _SHARES: Final = _shares()
-_LIMITS: Final = np.where(np.isin(np.arange(N_JOINTS), ANKLES), np.inf, _MOST)[:, None]
+_LIMITS: Final = np.where(np.isin(np.arange(N_JOINTS), ANKLES), _MOST_OF_FEET, _MOST)[:, None]
 
 
 def settle(future: Motion, usual: Array) -> Motion:
