@@ -28,7 +28,7 @@ SIZE: Final = 256
 CELLS: Final = 64
 """Side of the grid that it answers, cells."""
 BRIGHTNESS: Final = np.minimum(1.15 * (0.5 - np.sin(np.arcsin(1 - np.arange(256) / 127.5) / 3)), 1).astype(np.float32)
-"""Brightness of each tone of a picture, at most 1: the renderer's film curve, undone. The network learnt from it."""
+"""Brightness of each tone of a picture, at most 1: the renderer's film curve, undone."""
 WEIGHTS: Final = Path(__file__).with_name("pilot.safetensors")
 _MOST_BYTES: Final = 64 << 20
 _REMEDY: Final = "Train some with `humanclaw pilot train`."

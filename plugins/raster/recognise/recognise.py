@@ -7,7 +7,7 @@ target's class and a score of 0.3 and fits no visible object of that class, howe
 with MobileNet-v3, trained on COCO, from the npm package @vladmandic/human. "Whole" targets are not cut by the edge of
 the picture; furniture may still hide a part of them.
 
-RENDERER is raster or raster-2x. With LIBRARY, the houses are furnished from it. Needs node; `make recognise` installs
+RENDERER: any that is registered. With LIBRARY, the houses are furnished from it. Needs node; `make recognise` installs
 the packages beside this file. Writes pictures with hits in green and misses in red to build/recognise, and two hits and
 two misses of each category to build/recognise/sheet.jpg.
 """
