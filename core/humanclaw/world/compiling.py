@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import hashlib
+import inspect
 import pickle
 import sys
 import time
 from collections.abc import Callable
 from functools import cache
-from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -75,5 +75,5 @@ def _taken_in(module: str) -> str:
         if isinstance(value, (bool, int, float, tuple, np.generic, np.ndarray)):
             state.update(name.encode() + pickle.dumps(value))
         elif isinstance(value, Dispatcher) and (elsewhere := value.py_func.__module__) != module:
-            state.update(Path(value.py_func.__code__.co_filename).read_bytes() + _taken_in(elsewhere).encode())
+            state.update((inspect.getsource(sys.modules[elsewhere]) + _taken_in(elsewhere)).encode())
     return state.hexdigest()
