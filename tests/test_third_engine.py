@@ -108,12 +108,12 @@ def test_an_engine_with_one_fault_fails_the_test_that_is_about_it(fault):
     assert passes(Third(), name, {}) is (fault == "nothing")
 
 
-def test_an_engine_that_keeps_a_tenth_of_a_megabyte_at_each_reset_leaks():
+def test_an_engine_that_keeps_a_megabyte_at_each_reset_leaks():
     kept = []
 
     def leak():  # Fresh pages: an array may lie where a larger process once held something else.
-        kept.append(mmap.mmap(-1, 2**17))
-        kept[-1].write(b"x" * 2**17)
+        kept.append(mmap.mmap(-1, 2**20))
+        kept[-1].write(b"x" * 2**20)
 
     class Leaking(Faulty):
         def __init__(self, profile="default"):
