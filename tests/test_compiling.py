@@ -18,7 +18,6 @@ def moved(x):
     return x + {step}
 """
 KERNEL = """
-import sys
 from elsewhere import FACTOR, POINTS, moved
 from humanclaw.world import compiled
 

@@ -72,7 +72,7 @@ def _taken_in(module: str) -> str:
     """Return a digest of what a module may give to machine code: numbers, arrays, and functions of other files."""
     state = hashlib.sha256()
     for name, value in sorted(vars(sys.modules[module]).items()):
-        if isinstance(value, (bool, int, float, tuple, np.generic, np.ndarray)):
+        if isinstance(value, (int, float, tuple, np.generic, np.ndarray)):
             state.update(name.encode() + pickle.dumps(value))
         elif isinstance(value, Dispatcher) and (elsewhere := value.py_func.__module__) != module:
             state.update((inspect.getsource(sys.modules[elsewhere]) + _taken_in(elsewhere)).encode())

@@ -15,7 +15,7 @@ from humanclaw.world import Mesh, View
 from humanclaw_raster.buffers import Instances, Pinhole
 from humanclaw_raster.lighting import front
 from humanclaw_raster.packing import Model
-from humanclaw_raster.painting import WHITE
+from humanclaw_raster.painting import BRIGHTNESS, tones
 
 COARSE: Final = 2
 """Pixels of a picture to one of a reflection, along each axis."""
@@ -27,8 +27,8 @@ SHINE: Final = {"mirror": 0.85, "tv": 0.02}
 """Share of the light that glass reflects, by category; screens are coated against it."""
 _DARK: Final = 60
 """Mean of a screen that is off, of 255. A picture outshines the room in it."""
-_LINEAR: Final = (WHITE * (0.5 - np.sin(np.arcsin(1 - np.arange(256) / 127.5) / 3))) ** 2.2
-"""Light of each value of a picture: the film curve, undone."""
+_LINEAR: Final = BRIGHTNESS**2.2
+"""Light of each value of a picture."""
 
 
 class Glass(NamedTuple):
@@ -115,5 +115,4 @@ def blend(rgb: NDArray[np.uint8], shown: NDArray[np.bool_], reflection: NDArray[
     at = (np.stack(np.nonzero(shown)) + 0.5) / COARSE - 0.5
     seen = [scipy.ndimage.map_coordinates(_LINEAR[reflection[..., k]], at, float, 1, mode="nearest") for k in range(3)]
     light = shine * np.stack(seen, -1) + (1 - shine) * _LINEAR[rgb[shown]]
-    share = np.minimum(light ** (1 / 2.2) / WHITE, 1.0)
-    rgb[shown] = np.rint(255 * share**2 * (3 - 2 * share))
+    rgb[shown] = np.rint(tones(light ** (1 / 2.2)))

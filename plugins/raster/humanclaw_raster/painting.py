@@ -7,6 +7,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from humanclaw.body import Array
 from humanclaw.world import compiled
 from humanclaw_raster.buffers import HALF, ONE, TWO, ZERO, GBuffer, Instances, Pinhole, floats, ints
 from humanclaw_raster.lighting import SKY
@@ -16,6 +17,8 @@ from humanclaw_raster.surfaces import BRIGHT, DENSITY, KIND, UV
 
 WHITE: Final = 1.15
 """Brightness that is drawn white."""
+BRIGHTNESS: Final = WHITE * (0.5 - np.sin(np.arcsin(1 - np.arange(256) / 127.5) / 3))
+"""Brightness of each tone: the film curve, undone."""
 
 
 class _Points(NamedTuple):
@@ -224,6 +227,12 @@ def _between(
         before[k] = np.int32(part[k]) if part[k] >= ZERO else size[k] - 1
     for k in range(size.size):
         part[k] -= np.floor(part[k])
+
+
+def tones(brightness: Array) -> Array:
+    """Return the tones of brightness, 0 to 255: the film curve, as in `_blend`."""
+    share = np.minimum(brightness / WHITE, 1.0)
+    return np.asarray(255 * share**2 * (3 - 2 * share))
 
 
 @compiled
