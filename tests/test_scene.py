@@ -9,6 +9,7 @@ from rooms import asset, block, scene, scene_object, two_rooms
 from safetensors.numpy import load, save
 
 from humanclaw import SceneError
+from humanclaw.body import Pose2D
 from humanclaw.world import Hinge, Slide, pack_scene, unpack_scene
 
 STOOL = asset("stool", "chair", block(0.4, 0.45, 0.4), seat=0.45)
@@ -139,3 +140,15 @@ def test_an_object_of_impossible_numbers_is_refused_where_it_is_made(facts, told
     with pytest.raises(SceneError, match=told) as refused:
         replace(hung(), **facts)
     assert "object 1 (door)" in str(refused.value)
+
+
+def test_a_scene_with_another_start_is_the_scene_that_was_made_with_it():
+    """Equal digests and boxes, whether or not they were asked for before."""
+    made, start = two_rooms(), Pose2D(1.5, 0.5, 0.25)
+    begun, made_digest = replace(made, start=start), made.digest
+    made.aabb(made.objects[0].id)
+    other = made.starting(start)
+    assert other.start == start
+    assert other.digest == begun.digest != made_digest
+    assert other.still == begun.still == made.still
+    assert np.array_equal(other.aabb(made.objects[0].id), begun.aabb(made.objects[0].id))

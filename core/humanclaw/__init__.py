@@ -14,10 +14,11 @@ if TYPE_CHECKING:
         Backends as Backends,
         default_simulator as default_simulator,
     )
-    from humanclaw.episodes.embodiment import Body as Body, stand as stand
+    from humanclaw.episodes.embodiment import Body as Body
     from humanclaw.episodes.episode import Episode as Episode
     from humanclaw.episodes.execution import SkillExecution as SkillExecution
     from humanclaw.episodes.loop import run_episode as run_episode
+    from humanclaw.episodes.moving import stand as stand
     from humanclaw.episodes.tools import body_tools as body_tools
     from humanclaw.errors import (
         CallError as CallError,

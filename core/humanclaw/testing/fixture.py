@@ -10,7 +10,7 @@ import numpy as np
 
 from humanclaw.body.pose import HISTORY, Array, Motion, next_history
 from humanclaw.episodes.backends import default_simulator
-from humanclaw.episodes.embodiment import stand
+from humanclaw.episodes.moving import stand
 from humanclaw.errors import HumanclawError
 from humanclaw.motion.generator import MotionGenerator
 from humanclaw.plugins.host import Plugins

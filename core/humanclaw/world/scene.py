@@ -199,6 +199,12 @@ class Scene:
     def by_id(self) -> Mapping[int, SceneObject]:
         return {obj.id: obj for obj in self.objects}
 
+    def starting(self, start: Pose2D) -> Scene:
+        """Return the scene with another start. Boxes that were measured of it are not measured again."""
+        other = replace(self, start=start)
+        vars(other).update((name, value) for name, value in vars(self).items() if name in ("by_id", "_boxes"))
+        return other
+
     def of_category(self, category: str) -> tuple[SceneObject, ...]:
         return tuple(obj for obj in self.objects if obj.category == category)
 
@@ -232,23 +238,21 @@ class Scene:
         points = self.vertices(object_id, pose)
         return points.min(axis=0), points.max(axis=0)
 
-    @cached_property
+    @property
     def digest(self) -> str:
         """SHA-256 over everything physical and visible, but not over how an asset's points are divided into hulls.
 
         The name is not in it: it may hold a path, which differs from machine to machine.
         """
-        state = self._state()
-        vars(self)["still"] = state.hexdigest()  # On the way: the arrays take long.
-        state.update(f", {json.dumps(vars(self.start), sort_keys=True)}]".encode())
-        return str(state.hexdigest())
+        return self._digests[0]
 
-    @cached_property
+    @property
     def still(self) -> str:
         """SHA-256 over the same but the start: what does not depend on the start is kept under it."""
-        return str(self._state().hexdigest())
+        return self._digests[1]
 
-    def _state(self) -> Any:
+    @cached_property
+    def _digests(self) -> tuple[str, str]:
         state = hashlib.sha256()
         for name in sorted(self.assets):
             asset = self.assets[name]
@@ -257,7 +261,9 @@ class Scene:
                 state.update(np.ascontiguousarray(array).ravel().data)  # Without a copy, which takes as long.
         rest = [[o.facts for o in self.objects], [vars(r) for r in self.rooms]]
         state.update(json.dumps(rest, sort_keys=True)[:-1].encode())  # The digest continues the list with the start.
-        return state
+        still = state.hexdigest()
+        state.update(f", {json.dumps(vars(self.start), sort_keys=True)}]".encode())
+        return state.hexdigest(), still
 
 
 def distance_to_box(points: Array, low: Array, high: Array) -> Array:

@@ -204,7 +204,7 @@ class _Assembly:
             "without_textures": json.dumps([f"{path}: {'; '.join(lost)}" for path, lost in self.models.lost.items()]),
         }  # fmt: skip
         scene = Scene(name, self.assets, objects, tuple(regions), Pose2D(0.0, 0.0, 0.0, floor), notes)
-        return replace(scene, start=self._start(scene, floor))
+        return scene.starting(self._start(scene, floor))
 
     def _start(self, scene: Scene, floor: float) -> Pose2D:
         """Return the roomiest place. It is cached, because the search takes long in a large scene."""

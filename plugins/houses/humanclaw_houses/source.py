@@ -58,8 +58,7 @@ def generate(seed: Sequence[int], name: str, library: Library | None = None) -> 
         rng = np.random.default_rng([*seed, draft])
         scene = _draft(rng, name, layout, library)
         walkable = WalkableArea.of(scene)
-        # In place: the boxes and the map of the scene do not depend on its start, and are not made again.
-        object.__setattr__(scene, "start", choose_start(walkable, rng))
+        scene = scene.starting(choose_start(walkable, rng))
         wrong = problems(scene, walkable)
         if not wrong:
             return scene

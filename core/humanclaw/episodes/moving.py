@@ -1,0 +1,170 @@
+"""How a body moves: the parts of a plan become motion, half a second at a time, each from where the last one ended."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Final
+
+from humanclaw.body.pose import FUTURE, Motion, Pose2D, next_history, re_rooted
+from humanclaw.body.resting_hands import lay_hands
+from humanclaw.episodes.adapters import Adapters, untrained
+from humanclaw.episodes.backends import Backends
+from humanclaw.motion.carrying import Arms
+from humanclaw.motion.generator import MotionGenerator
+from humanclaw.motion.rising import is_down, rise
+from humanclaw.records.feedback import HandAim
+from humanclaw.skills.aims import Gaze as Aim, Grip
+from humanclaw.skills.contract import Skill
+from humanclaw.skills.course import Course
+from humanclaw.skills.measures import Declaration
+from humanclaw.skills.own_body import OwnBody
+from humanclaw.skills.plan import Control
+from humanclaw.skills.posing import Part, arms_of, posed
+from humanclaw.skills.reaching import Reach
+from humanclaw.world.scene import Scene
+from humanclaw.world.simulator import Chunk, Simulator
+
+_SHORT: Final = 0.03
+"""Metres from its target at which a hand is there."""
+
+
+class Mover:
+    """Moves a body through one scene, from its start on."""
+
+    def __init__(
+        self, backends: Backends, adapters: Adapters, generator: MotionGenerator, simulator: Simulator,
+        scene: Scene, start: Pose2D,
+    ) -> None:  # fmt: skip
+        """Stand the body on its start, with every object at rest."""
+        self._backends, self.adapters = backends, adapters
+        self._generator, self._simulator = generator, simulator
+        self.history = stand(simulator, generator, scene, start)
+        """The five frames that the next motion continues (world frame)."""
+        self.state = simulator.state()
+        self.pitch: float | None = None
+        """How far up the eyes look since a part turned them, radians; None while they look as they usually do."""
+        self.course, self.arms = Course(), Arms()
+
+    @property
+    def feeling(self) -> OwnBody:
+        """What the body feels of itself."""
+        return OwnBody.of(self.arms.pose(self.history), self.state.held)
+
+    @property
+    def must_rise(self) -> bool:
+        """Whether the body has to rise before it steps: the motion model steps from standing alone."""
+        return self._backends.profile != "paper" and is_down(self.state.body)
+
+    def rising(self) -> Motion:
+        """Return the motion that stands the body up."""
+        return rise(self.state.body, self._generator.start())
+
+    def generate(self, declared: Declaration | None, part: Control, key: tuple[int, ...]) -> Motion:
+        """Generate the motion of a control. But for the paper's profile, correct the heading error of earlier calls.
+
+        declared: what its skill declares, if that is installed. key: seed of its random numbers.
+        """
+        declared = None if self._backends.profile == "paper" else declared
+        values = part.values if declared is None else self.course.steer(declared, part.values)
+        adapter = self.adapters.of(part.adapter, self._generator.digest)
+        motion = self._generator.generate(self.history, adapter, values, key)
+        if declared is not None:
+            self.course = self.course.after(declared, part.values, self.history, motion)
+        return motion
+
+    def simulate(self, motion: Motion, part: Part) -> Chunk:
+        """Drive the body through the motion of a part."""
+        source = self._backends.motion_history
+        # A model that goes on from the simulated hands would meet hands that it has never seen.
+        corrects = isinstance(part, Control) and source == "generated" and self._backends.profile != "paper"
+        laid = lay_hands(motion) if corrects else motion
+        commanded = self.arms.over(laid, arms_of(part), self.state.body)
+        execution = self._simulator.execute(commanded)
+        self.state = self._simulator.state()
+        self.arms.after(execution.simulated, self.state.held, arms_of(part))
+        self.history = next_history(self.history, motion, execution.simulated, source)
+        return Chunk(commanded, execution)
+
+    def grip(self, part: Grip) -> str:
+        """Close or open a hand, and return what it could not do. A simulator of plugin API 1.2 has no hands."""
+        if not hasattr(self._simulator, "grip"):
+            return "your hands hold nothing in this world"
+        self._simulator.grip(part.hand, part.closed)
+        self.state = self._simulator.state()
+        missed = part.closed and part.hand not in self.state.held
+        return f"your {part.hand} hand closed on nothing" if missed else ""
+
+
+class Playing:
+    """One call under way, and what it found that the body could not do."""
+
+    def __init__(self, mover: Mover, skill: Skill, plan: Sequence[Part], key: tuple[int, int]) -> None:
+        """Take a skill's plan. key: seed of the episode and number of the step."""
+        self._mover, self._skill, self._plan, self._key = mover, skill, plan, key
+        self.limits: list[str] = []
+        """What the body could not do, in words."""
+        self.aims: list[HandAim] = []
+        self.rise_frames = 0
+
+    def chunks(self) -> Iterator[tuple[int, Motion, bool]]:
+        """Yield the motion of the plan, 15 frames at a time: the number of the part, the motion, and whether more
+        follows. Each is to be simulated before the next one is asked for."""
+        index = 0
+        for number, part in enumerate(self._plan):
+            for commanded, left in self._pieces(part, index):
+                yield number, commanded, left or number + 1 < len(self._plan)
+                index += 1
+
+    def _pieces(self, part: Part, index: int) -> Iterator[tuple[Motion, bool]]:
+        """Yield the chunks of one part. index: number of its first chunk within the call."""
+        if isinstance(part, Control):
+            yield from self._controlled(part, index)
+            return
+        if isinstance(part, Grip) and (limit := self._mover.grip(part)):
+            self.limits.append(limit)
+        pose = self._mover.arms.pose(self._mover.history)
+        motion, limits = posed(part, pose, self._mover.arms.palms)
+        self.limits += limits
+        yield from self._played(motion)
+        if isinstance(part, Reach):
+            self._aim(part, pose)
+        elif isinstance(part, Aim):
+            self._mover.pitch = part.pitch(self._mover.state.body)
+
+    def _controlled(self, part: Control, index: int) -> Iterator[tuple[Motion, bool]]:
+        """Yield the chunk of a control, and before it those that stand a body up that is down."""
+        self._mover.pitch = None
+        if part.adapter == self._skill.adapter and not self._skill.trained:
+            raise untrained(self._skill)
+        declared = self._mover.adapters.declared(self._skill, part.adapter)
+        if (declared or self._skill).role == "locomotion" and self._mover.must_rise:
+            for piece, _ in self._played(self._mover.rising()):
+                self.rise_frames += len(piece)
+                yield piece, True
+        yield self._mover.generate(declared, part, (*self._key, index)), False
+
+    def _played(self, motion: Motion) -> Iterator[tuple[Motion, bool]]:
+        """Yield a ready motion 15 frames at a time, each from where the body is, and whether more follows."""
+        before = self._mover.history.root[-1]
+        for first in range(0, len(motion), FUTURE):
+            piece = motion[first : first + FUTURE]
+            level = [1.0, 0.0, 1.0] * (self._mover.history.root[-1] - before)
+            yield Motion(piece.root + level, piece.rotations), first + FUTURE < len(motion)
+            before = piece.root[-1]
+
+    def _aim(self, part: Reach, pose: Motion) -> None:
+        """Enter how far a hand is from its target. pose: in whose frame the target is."""
+        short = part.short(pose, self._mover.state.body)
+        self.aims.append(HandAim(part.hand, part.at, round(short, 4)))
+        if short > _SHORT:
+            self.limits.append(f"your {part.hand} hand stays {100 * short:.0f} cm short")
+
+
+def stand(simulator: Simulator, generator: MotionGenerator, scene: Scene, start: Pose2D) -> Motion:
+    """Stand a body on its start, in the stance that the motion model begins from.
+
+    A simulator places the body in a pose of its own, so the stance is played first. Returns its five frames, the
+    history of the first motion (world frame).
+    """
+    stance = re_rooted(generator.start(), simulator.reset(scene, start).body)
+    return re_rooted(stance, simulator.execute(stance).simulated)
