@@ -69,8 +69,9 @@ class Half(NamedTuple):
 def ambient_occlusion(pinhole: Pinhole, gbuffer: GBuffer, overhead: OverheadMap, lamps: Light) -> Floats:
     """Return (H / 2, W / 2) the share of the light that reaches every second pixel.
 
-    Screen-space ambient occlusion darkens corners, and what is close behind the edge of a thing. The overhead map adds the shadows of objects above and towards the
-    strongest light. Wide faces get the light of the probes here, too; other faces have it from their corners.
+    Screen-space ambient occlusion darkens corners, and things darken what is close behind their edges. The overhead map
+    adds the shadows of objects above and towards the strongest light. Wide faces get the light of the probes here, too;
+    other faces have it from their corners.
     """
     half = _halved(gbuffer)
     swing = _swing(half.depth.shape[1])
