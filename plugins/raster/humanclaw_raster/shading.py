@@ -148,25 +148,20 @@ def _set_off(depth: Floats, radius: float, light: Floats) -> None:
     depths is the pixel's own.
     """
     height, width = depth.shape
-    inverse, taken = ONE / depth, floats(width)
-    for row in range(height):
-        taken[:] = ZERO
-        for ray in range(RAYS):
-            reach = radius * np.sqrt((ray + 0.5) / RAYS)
-            down, aside = int(np.rint(reach * np.sin(2.399963 * ray))), int(np.rint(reach * np.cos(2.399963 * ray)))
-            above, below, first, last = row - down, row + down, abs(aside), max(width - abs(aside), abs(aside))
-            if min(above, below) < 0 or max(above, below) >= height:
-                continue
-            z, own, out = depth[row, first:last], inverse[row, first:last], taken[first:last]
-            z1, one = depth[above, first - aside : last - aside], inverse[above, first - aside : last - aside]
-            z2, two = depth[below, first + aside : last + aside], inverse[below, first + aside : last + aside]
+    inverse, taken = ONE / depth, np.zeros((height, width), np.float32)
+    for ray in range(RAYS):
+        reach = radius * np.sqrt((ray + 0.5) / RAYS)
+        down, aside = int(np.rint(reach * np.sin(2.399963 * ray))), int(np.rint(reach * np.cos(2.399963 * ray)))
+        first, last = abs(aside), max(width - abs(aside), abs(aside))
+        for row in range(abs(down), height - abs(down)):
+            z, own, out = depth[row, first:last], inverse[row, first:last], taken[row, first:last]
+            z1, one = depth[row - down, first - aside : last - aside], inverse[row - down, first - aside : last - aside]
+            z2, two = depth[row + down, first + aside : last + aside], inverse[row + down, first + aside : last + aside]
             for k in range(out.size):
                 nearer = max(ZERO, ONE - abs(z1[k] - z[k]) * np.float32(1 / NEARBY)) * (one[k] - own[k])
                 nearer += max(ZERO, ONE - abs(z2[k] - z[k]) * np.float32(1 / NEARBY)) * (two[k] - own[k])
                 out[k] += max(ZERO, nearer)
-        for k in range(width):
-            lost = np.float32(BEHIND / RAYS / 2) * taken[k] * depth[row, k]
-            light[row, k] *= ONE - min(lost, np.float32(MOST))
+    light *= ONE - np.minimum(np.float32(BEHIND / RAYS / 2) * taken * depth, np.float32(MOST))
 
 
 @compiled
