@@ -9,6 +9,7 @@ from humanclaw import HumanclawError
 from humanclaw.body import JOINT_INDEX, matrix_from_quaternion, rest_pose
 from humanclaw.world import BODY_ID, Camera, Mesh, WorldState, ego_camera
 from humanclaw_raster.packing import pack
+from humanclaw_raster.painting import BRIGHTNESS
 from humanclaw_raster.renderer import RasterRenderer
 
 STANDING = WorldState(rest_pose(), {})
@@ -311,6 +312,17 @@ def test_a_box_keeps_the_light_from_the_side_that_is_turned_away_from_it(builder
     row = builder.look(camera((0, 3, 0), (0, -1, 0), up=(0, 0, 1))).rgb[64, :, 0]
     away = round(0.65 / 3 * 64)  # 65 cm from the middle of the box, 25 cm from its side; +X is on the left
     assert row[64 + away] < 0.8 * row[63 - away]
+
+
+@pytest.mark.parametrize(("gap", "remains"), [(0.5, 0.915), (1.1, 1.0)])
+def test_a_wall_is_darker_beside_what_stands_near_before_it(builder, camera, gap, remains):
+    wall = builder.box((20, 20, 0.2), (0, -10, 5.1))
+    builder.box((20, 20, 0.2), (10, -10, 5.1 - gap))
+    view = builder.look(camera((0, 0, 0), (0, 0, 1), 512))
+    light, edge = BRIGHTNESS[view.rgb[256, :, 0]], int(np.flatnonzero(view.ids[256] == wall)[0])
+    # Its neighbour 5 m away and 4.5 m away in three of four pairs: 4 * (5 / 4.5 - 1) / 2 * (1 - 0.5) * 3 / 4 = 8.3 %.
+    assert light[edge + 2] / light[edge + 40] == pytest.approx(remains, abs=0.02)
+    assert light[edge - 3] == pytest.approx(light[edge - 40], abs=0.01)
 
 
 def test_a_flat_wall_does_not_shade_itself(builder, camera):
