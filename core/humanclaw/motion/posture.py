@@ -48,5 +48,7 @@ _LIMITS: Final = np.where(np.isin(np.arange(N_JOINTS), ANKLES), _MOST_OF_FEET, _
 
 def settle(future: Motion, usual: Array) -> Motion:
     """Return the future with weightless joints nearer to their usual pose. usual: (24, 3) rotation vectors, radians."""
-    back = np.clip(_SHARES * (future.rotations - usual), -_LIMITS, _LIMITS)
-    return Motion(future.root, future.rotations - _RAMP * back)
+    rotations = future.rotations - _RAMP * np.clip(_SHARES * (future.rotations - usual), -_LIMITS, _LIMITS)
+    # Foot locking bends a knee further the way it is bent: one that is 3 degrees beyond straight, by 60 backwards.
+    rotations[:, _KNEES, 0] = np.maximum(rotations[:, _KNEES, 0], 0.0)
+    return Motion(future.root, rotations)
