@@ -55,6 +55,12 @@ def test_a_foot_in_the_air_that_is_turned_in_its_ankle_comes_back_by_a_fifth_a_c
     assert after("left_ankle", 1, 3.0) == pytest.approx(3.0 - 0.35)
 
 
+def test_a_knee_is_a_hinge_that_loses_two_degrees_of_twist_or_sideways_bend_a_call_and_never_bends_backwards():
+    assert after("left_knee", 2, 0.02) == pytest.approx(0.0)
+    assert after("right_knee", 1, -0.2) == pytest.approx(-0.165)
+    assert after("left_knee", 0, -0.05) == 0.0
+
+
 @pytest.mark.parametrize(("joint", "axis"), [("pelvis", 0), ("left_hip", 2), ("right_knee", 0), ("left_ankle", 0)])
 def test_what_carries_weight_stays_where_the_model_has_it(joint, axis):
     assert after(joint, axis, 0.2) == 0.2

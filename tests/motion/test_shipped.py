@@ -134,6 +134,17 @@ def test_after_a_hundred_straight_calls_a_body_still_walks_upright_and_straight_
     assert np.degrees(np.abs(last.rotations[:, JOINT_INDEX["left_wrist"]])).max() < 40
 
 
+@pytest.mark.parametrize("aside", [0.4, 0.08])
+def test_after_a_hundred_side_steps_knees_bend_like_hinges_and_feet_point_where_shins_do(generator, aside):
+    """People's feet turn by 25 degrees inwards and 35 outwards."""
+    motion = _rollout(generator, *[("side_step", {"x": aside})] * 100)
+    turned = np.degrees(np.abs(motion.rotations))
+    knees, ankles = ([JOINT_INDEX[f"{side}_{part}"] for side in ("left", "right")] for part in ("knee", "ankle"))
+    assert turned[:, knees, 1:].max() < 2
+    assert turned[:, ankles, 1].max() < 25
+    assert motion.root[:, 1].min() > 0.9
+
+
 def test_short_steps_straight_ahead_begin_with_one_foot(generator):
     """The first commands that a model is unsure of: before slides were drawn again, 9 of 210 slid by 2 to 8 cm."""
     values = [{"x": 0.0, "z": z / 100, "yaw": 0.0} for z in range(4, 19)] * 4
