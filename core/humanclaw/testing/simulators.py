@@ -60,6 +60,14 @@ class SimulatorConformance(ObjectConformance):
             self.simulator().reset(builder.scene(), Pose2D(0.0, 0.0, 0.0, floor=1.0))
         assert raised.value.remedy
 
+    def test_a_start_that_is_no_place_is_refused_and_leaves_no_scene(self) -> None:
+        builder, simulator = SceneBuilder.on_floor(), self.simulator()
+        with pytest.raises(SceneError, match="does not stay on its start"):
+            simulator.reset(builder.scene(), Pose2D(float("nan"), 0.0, 0.0))
+        with pytest.raises(HumanclawError, match="holds no scene"):
+            simulator.state()
+        assert np.isfinite(simulator.reset(builder.scene(), Pose2D(0.0, 0.0, 0.0)).body.root).all()
+
     def test_a_start_may_lie_on_an_upper_floor_and_face_anywhere(self) -> None:
         builder = SceneBuilder()
         builder.floor(y=2.9)

@@ -9,11 +9,12 @@ import pytest
 pybullet = pytest.importorskip("pybullet", reason="PyBullet has no wheel for this Python")
 
 import humanclaw_bullet
-from humanclaw.body import forward_kinematics, shoe_heights
+from humanclaw.body import Pose2D, forward_kinematics, shoe_heights
 from humanclaw.testing.fixture import Fixture
 from humanclaw.testing.scenes import SceneBuilder
 from humanclaw.world import HalfPhysics
 from humanclaw_bullet.engine import Client
+from humanclaw_bullet.world import BulletWorld
 
 
 def offered(hook):
@@ -66,3 +67,27 @@ def test_shoes_of_a_fast_walk_stop_at_the_floor_and_are_not_pushed_out_of_it():
     command = {"hips.left": 0.0, "hips.forward": 0.8, "heading.left": 0.0}
     walk = Fixture.of("bullet").perform(SceneBuilder.on_floor().scene(), [command] * 4).simulated
     assert shoe_heights(*forward_kinematics(walk.root, walk.rotations)).min() > -0.001
+
+
+def test_a_reset_that_fails_half_way_closes_its_world():
+    """Bullet has room for some hundred worlds."""
+
+    class FailingWorld(BulletWorld):
+        opened = 0
+
+        def __init__(self, *args):
+            super().__init__(*args)
+            FailingWorld.opened += 1
+
+        def close(self):
+            super().close()
+            FailingWorld.opened -= 1
+
+        def objects(self):
+            raise RuntimeError("the engine failed")
+
+    simulator = HalfPhysics(FailingWorld)
+    for _ in range(2):
+        with pytest.raises(RuntimeError, match="the engine failed"):
+            simulator.reset(SceneBuilder.on_floor().scene(), Pose2D(0.0, 0.0, 0.0))
+    assert FailingWorld.opened == 0

@@ -70,12 +70,17 @@ class HalfPhysics:
         surroundings, rest = self._measured
         (pose,) = poses_of(Pose2D(start.x, start.z, start.yaw, start.floor).to_world(rest_pose()))
         world = self._open(scene, self._profile, pose)
-        for key, motion in rest.items():
-            world.set_motion(key, motion)
-        self._simulation = simulation = Simulation(world, self._profile, surroundings, pose)
-        _refuse_overlap(simulation, scene, start)
-        world.settled()
-        _settle(simulation, pose, scene, start)
+        try:
+            for key, motion in rest.items():
+                world.set_motion(key, motion)
+            simulation = Simulation(world, self._profile, surroundings, pose)
+            _refuse_overlap(simulation, scene, start)
+            world.settled()
+            _settle(simulation, pose, scene, start)
+        except BaseException:
+            world.close()
+            raise
+        self._simulation = simulation
         return simulation.state()
 
     def execute(self, motion: Motion) -> Execution:
@@ -132,7 +137,7 @@ def _settle(simulation: Simulation, pose: Pose, scene: Scene, start: Pose2D) -> 
     for _ in range(_SETTLE_FRAMES):
         simulation.frame(pose, np.zeros(3))
     drift = simulation.world.pose().root - pose.root
-    if np.abs(drift).max() > _MAX_DRIFT:
+    if not np.abs(drift).max() <= _MAX_DRIFT:  # NaN, of a start that is none, is no drift within bounds either.
         raise SceneError(
             f"the body does not stay on its start {_say(start)} of scene {scene.name!r}: it moved by "
             f"{np.round(drift, 2).tolist()} m at once.",
