@@ -59,6 +59,8 @@ class Half(NamedTuple):
 
     depth: Floats
     """(H, W), metres; VOID in empty pixels."""
+    things: Floats
+    """(H, W) the same, but VOID where the body is."""
     normals: Floats
     """(3, H, W) camera frame; zero in empty pixels."""
     tone: Floats
@@ -76,7 +78,7 @@ def ambient_occlusion(pinhole: Pinhole, gbuffer: GBuffer, overhead: OverheadMap,
     half = _halved(gbuffer)
     swing = _swing(half.depth.shape[1])
     light = _occlusion(half, np.float32(pinhole.focal / 2), swing)
-    _set_off(half.depth, AROUND * pinhole.focal / 2, light)
+    _set_off(half, AROUND * pinhole.focal / 2, light)
     _shadow(half, pinhole, overhead, lamps, swing, light)
     return _smoothed(light, half)  # type: ignore[no-any-return]
 
@@ -85,17 +87,19 @@ def ambient_occlusion(pinhole: Pinhole, gbuffer: GBuffer, overhead: OverheadMap,
 def _halved(gbuffer: GBuffer) -> Half:
     height, width = (gbuffer.surface.shape[0] + 1) // 2, (gbuffer.surface.shape[1] + 1) // 2
     depth, normals = np.full((height, width), VOID, np.float32), np.zeros((3, height, width), np.float32)
-    tone = np.zeros((height, width), np.float32)
+    things, tone = np.full((height, width), VOID, np.float32), np.zeros((height, width), np.float32)
     for row in range(height):
         for column in range(width):
             number = gbuffer.surface[2 * row, 2 * column]
             if number >= 0 and gbuffer.table[number, KIND] != PANE:  # A window takes no light from its frame.
                 depth[row, column] = ONE / gbuffer.inverse_depth[2 * row, 2 * column]
+                if gbuffer.faces[number, 1] > 0:  # The first instance is the body.
+                    things[row, column] = depth[row, column]
                 if gbuffer.table[number, KIND] == WIDE:
                     tone[row, column] = gbuffer.table[number, BRIGHT]
                 for axis in range(3):
                     normals[axis, row, column] = gbuffer.table[number, FLAT + axis]
-    return Half(depth, normals, tone)
+    return Half(depth, things, normals, tone)
 
 
 @compiled
@@ -140,28 +144,47 @@ def _occlusion(half: Half, focal: float, swing: Floats) -> Floats:
     return light
 
 
+@inlined
+def _nearer(z: float, z1: float, z2: float, own: float, one: float, two: float) -> float:
+    """Return by how much two opposite neighbours are nearer to the eye than a pixel, 1/m; 0 on a plane.
+
+    z, z1, z2: depths of the pixel and of both. own, one, two: their inverses.
+    """
+    gap = max(abs(z1 - z), abs(z2 - z))
+    return max(ZERO, ONE - gap * np.float32(1 / NEARBY)) * max(ZERO, one + two - TWO * own)
+
+
 @compiled
-def _set_off(depth: Floats, radius: float, light: Floats) -> None:
+def _set_off(half: Half, radius: float, light: Floats) -> None:
     """Darken what is close behind the edge of a thing. A detector trained on photos recognises more with it.
 
     radius: pixels. Opposite neighbours are compared with each pixel in pairs: on a plane, the mean of their inverse
-    depths is the pixel's own.
+    depths is the pixel's own. Towards the border of the picture they come closer to it. The body darkens nothing: its
+    hands are so close to the eyes that all behind them would be black.
     """
-    height, width = depth.shape
-    inverse, taken = ONE / depth, np.zeros((height, width), np.float32)
+    height, width = light.shape
+    own, inverse, taken = ONE / half.depth, ONE / half.things, np.zeros((height, width), np.float32)
     for ray in range(RAYS):
         reach = radius * np.sqrt((ray + 0.5) / RAYS)
         down, aside = int(np.rint(reach * np.sin(2.399963 * ray))), int(np.rint(reach * np.cos(2.399963 * ray)))
-        first, last = abs(aside), max(width - abs(aside), abs(aside))
-        for row in range(abs(down), height - abs(down)):
-            z, own, out = depth[row, first:last], inverse[row, first:last], taken[row, first:last]
-            z1, one = depth[row - down, first - aside : last - aside], inverse[row - down, first - aside : last - aside]
-            z2, two = depth[row + down, first + aside : last + aside], inverse[row + down, first + aside : last + aside]
+        first = min(abs(aside), width // 2)
+        last, way = width - first, (1 if aside > 0 else -1)
+        edges = np.concatenate((np.arange(first), np.arange(last, width)))
+        for row in range(height):
+            most = min(row, height - 1 - row)
+            to = min(max(down, -most), most)
+            z, z1, z2 = half.depth[row], half.things[row - to], half.things[row + to]
+            o, one, two = own[row], inverse[row - to], inverse[row + to]
+            for k in edges:
+                a = way * min(k, width - 1 - k)
+                taken[row, k] += _nearer(z[k], z1[k - a], z2[k + a], o[k], one[k - a], two[k + a])
+            a = way * first
+            inner, here, there = z[first:last], z1[first - a : last - a], z2[first + a : last + a]
+            mine, near, off = o[first:last], one[first - a : last - a], two[first + a : last + a]
+            out = taken[row, first:last]
             for k in range(out.size):
-                nearer = max(ZERO, ONE - abs(z1[k] - z[k]) * np.float32(1 / NEARBY)) * (one[k] - own[k])
-                nearer += max(ZERO, ONE - abs(z2[k] - z[k]) * np.float32(1 / NEARBY)) * (two[k] - own[k])
-                out[k] += max(ZERO, nearer)
-    light *= ONE - np.minimum(np.float32(BEHIND / RAYS / 2) * taken * depth, np.float32(MOST))
+                out[k] += _nearer(inner[k], here[k], there[k], mine[k], near[k], off[k])
+    light *= ONE - np.minimum(np.float32(BEHIND / RAYS / 2) * taken * half.depth, np.float32(MOST))
 
 
 @compiled

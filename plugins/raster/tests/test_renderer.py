@@ -4,6 +4,7 @@ import tracemalloc
 
 import numpy as np
 import pytest
+from scipy import ndimage
 
 from humanclaw import HumanclawError
 from humanclaw.body import JOINT_INDEX, matrix_from_quaternion, rest_pose
@@ -325,10 +326,30 @@ def test_a_wall_is_darker_beside_what_stands_near_before_it(builder, camera, gap
     assert light[edge - 3] == pytest.approx(light[edge - 40], abs=0.01)
 
 
+def test_it_is_as_dark_at_the_border_of_the_picture(builder, camera):
+    wall = builder.box((20, 20, 0.2), (0, -10, 5.1))
+    builder.box((20, 20, 0.2), (10, -10, 4.6))
+    view = builder.look(camera((0, 0, 0), (0, 0, 1), 512))
+    beside = view.rgb[:, int(np.flatnonzero(view.ids[256] == wall)[0]) + 2, 0].astype(int)
+    assert np.abs(beside - beside[256]).max() <= 2
+
+
+def test_the_own_hands_darken_nothing(builder):
+    builder.box((20, 20, 0.2), (0, -10, 1.1))
+    body, gone = rest_pose(), rest_pose()
+    body.rotations[0, JOINT_INDEX["left_shoulder"]] = (0, -np.pi / 2, 0)
+    gone.root[:, 0] += 500.0
+    eye = ego_camera(body)
+    with_hand, without = builder.look(eye, WorldState(body, {})), builder.look(eye, WorldState(gone, {}))
+    others = ndimage.binary_erosion(with_hand.ids != BODY_ID, iterations=3)  # Edges are smoothed.
+    assert (with_hand.ids == BODY_ID).mean() > 0.01
+    assert np.abs(with_hand.rgb.astype(int) - without.rgb)[others].max() <= 2
+
+
 def test_a_flat_wall_does_not_shade_itself(builder, camera):
     builder.box((80, 80, 0.2), (0, -40, 5.1))
-    for forward in ((0, 0, 1), (0.5, 0.2, 1)):
-        assert np.ptp(builder.look(camera((0, 1, 0), forward)).rgb[..., 0]) <= 2
+    for eye, forward in (((0, 1, 0), (0, 0, 1)), ((0, 1, 0), (0.5, 0.2, 1)), ((0, 1, 4.7), (1, 0, 1.1))):
+        assert np.ptp(builder.look(camera(eye, forward)).rgb[..., 0]) <= 2
 
 
 # -- the renderer as a whole -------------------------------------------------------------------------------------------
