@@ -145,7 +145,9 @@ def _occlusion(half: Half, focal: float, swing: Floats) -> Floats:
 
 
 @inlined
-def _nearer(z: float, z1: float, z2: float, own: float, one: float, two: float) -> float:
+def _nearer(
+    z: np.float32, z1: np.float32, z2: np.float32, own: np.float32, one: np.float32, two: np.float32
+) -> np.float32:
     """Return by how much two opposite neighbours are nearer to the eye than a pixel, 1/m; 0 on a plane.
 
     z, z1, z2: depths of the pixel and of both. own, one, two: their inverses.
