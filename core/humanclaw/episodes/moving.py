@@ -43,7 +43,7 @@ class Mover:
         self.state = simulator.state()
         self.pitch: float | None = None
         """How far up the eyes look since a part turned them, radians; None while they look as they usually do."""
-        self.course, self.arms = Course(), Arms()
+        self._course, self.arms = Course(), Arms()
 
     @property
     def feeling(self) -> OwnBody:
@@ -65,11 +65,11 @@ class Mover:
         declared: what its skill declares, if that is installed. key: seed of its random numbers.
         """
         declared = None if self._backends.profile == "paper" else declared
-        values = part.values if declared is None else self.course.steer(declared, part.values)
+        values = part.values if declared is None else self._course.steer(declared, part.values)
         adapter = self.adapters.of(part.adapter, self._generator.digest)
         motion = self._generator.generate(self.history, adapter, values, key)
         if declared is not None:
-            self.course = self.course.after(declared, part.values, self.history, motion)
+            self._course = self._course.after(declared, part.values, self.history, motion)
         return motion
 
     def simulate(self, motion: Motion, part: Part) -> Chunk:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from humanclaw.body import Array
 from humanclaw.world import compiled
+from humanclaw_raster.buffers import GOLDEN
 from humanclaw_raster.packing import Floats
 
 SPACING: Final = 0.24
@@ -127,7 +128,7 @@ def bake(space: Voxels, lights: Lights, sky: float, indoors: NDArray[np.bool_] |
 def _spread(count: int) -> Array:
     """Return (N, 3) unit vectors spread evenly over the sphere."""
     height = 1 - (2 * np.arange(count) + 1) / count
-    angle = 2.399963 * np.arange(count)
+    angle = GOLDEN * np.arange(count)
     flat = np.sqrt(1 - height * height)
     return np.stack([flat * np.cos(angle), height, flat * np.sin(angle)], axis=1)
 

@@ -13,6 +13,8 @@ from humanclaw_raster.packing import Floats
 
 NEAR: Final = 0.02
 """Near plane: surfaces closer to the eye than this are cut away, metres."""
+GOLDEN: Final = 2.399963
+"""The golden angle: points at its multiples are spread evenly, however many there are; radians."""
 ZERO, HALF, ONE, TWO, TINY = (np.float32(number) for number in (0, 0.5, 1, 2, 1e-9))
 """Constants as float32. A plain Python number would turn the whole formula into float64, and then a loop would process
 only half as many pixels at once."""

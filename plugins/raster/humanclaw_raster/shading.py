@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanclaw.world import compiled, inlined
-from humanclaw_raster.buffers import HALF, ONE, TINY, TWO, ZERO, GBuffer, OverheadMap, Pinhole, floats
+from humanclaw_raster.buffers import GOLDEN, HALF, ONE, TINY, TWO, ZERO, GBuffer, OverheadMap, Pinhole, floats
 from humanclaw_raster.lighting import OFFSET, Light, facing, jitter, probe
 from humanclaw_raster.packing import PANE, WIDE, Floats
 from humanclaw_raster.surfaces import BRIGHT, FLAT, KIND
@@ -156,6 +156,13 @@ def _nearer(
     return max(ZERO, ONE - gap * np.float32(1 / NEARBY)) * max(ZERO, one + two - TWO * own)
 
 
+@inlined
+def _within(way: int, place: int, size: int) -> int:
+    """Return a way in pixels that leaves the picture neither forwards nor backwards from a place."""
+    most = min(place, size - 1 - place)
+    return min(max(way, -most), most)
+
+
 @compiled
 def _set_off(half: Half, radius: float, light: Floats) -> None:
     """Darken what is close behind the edge of a thing. A detector trained on photos recognises more with it.
@@ -168,19 +175,17 @@ def _set_off(half: Half, radius: float, light: Floats) -> None:
     own, inverse, taken = ONE / half.depth, ONE / half.things, np.zeros((height, width), np.float32)
     for ray in range(RAYS):
         reach = radius * np.sqrt((ray + 0.5) / RAYS)
-        down, aside = int(np.rint(reach * np.sin(2.399963 * ray))), int(np.rint(reach * np.cos(2.399963 * ray)))
-        first = min(abs(aside), width // 2)
-        last, way = width - first, (1 if aside > 0 else -1)
+        down, aside = int(np.rint(reach * np.sin(GOLDEN * ray))), int(np.rint(reach * np.cos(GOLDEN * ray)))
+        a = _within(aside, width // 2, width)
+        first, last = abs(a), width - abs(a)
         edges = np.concatenate((np.arange(first), np.arange(last, width)))
         for row in range(height):
-            most = min(row, height - 1 - row)
-            to = min(max(down, -most), most)
+            to = _within(down, row, height)
             z, z1, z2 = half.depth[row], half.things[row - to], half.things[row + to]
             o, one, two = own[row], inverse[row - to], inverse[row + to]
             for k in edges:
-                a = way * min(k, width - 1 - k)
-                taken[row, k] += _nearer(z[k], z1[k - a], z2[k + a], o[k], one[k - a], two[k + a])
-            a = way * first
+                by = _within(aside, k, width)
+                taken[row, k] += _nearer(z[k], z1[k - by], z2[k + by], o[k], one[k - by], two[k + by])
             inner, here, there = z[first:last], z1[first - a : last - a], z2[first + a : last + a]
             mine, near, off = o[first:last], one[first - a : last - a], two[first + a : last + a]
             out = taken[row, first:last]
@@ -340,7 +345,7 @@ def _swing(width: int) -> Floats:
         for ray in range(RAYS):
             reach = np.sqrt((ray + 0.5) / RAYS)
             for column in range(4):
-                angle = 2.399963 * ray + 2 * np.pi * ((4 * row + column) * 7 % 16) / 16
+                angle = GOLDEN * ray + 2 * np.pi * ((4 * row + column) * 7 % 16) / 16
                 out[row, ray, 0, column::4], out[row, ray, 1, column::4] = reach * np.sin(angle), reach * np.cos(angle)
     return out
 
