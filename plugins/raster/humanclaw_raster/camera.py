@@ -51,7 +51,7 @@ def bent(view: View) -> View:
     """Return a view through a lens: straight lines at the sides bulge, and corners are darker."""
     height, width = view.ids.shape
     middle = np.array([height - 1, width - 1]) / 2
-    off = (np.moveaxis(np.indices((height, width)), 0, -1) - middle) / middle
+    off = (np.moveaxis(np.indices((height, width)), 0, -1) - middle) / np.maximum(middle, 0.5)
     square = np.square(off).sum(-1)
     at = np.moveaxis(middle + off * (middle * ((1 + BARREL * square) / (1 + 2 * BARREL))[..., None]), -1, 0)
     light = 1 - CORNER * np.square(square / 2)

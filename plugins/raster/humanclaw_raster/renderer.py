@@ -116,7 +116,7 @@ class RasterRenderer:
         if glass is None or not shown.any():
             return
         image = glass.image(pinhole)
-        small = replace(camera, width=camera.width // COARSE, height=camera.height // COARSE)
+        small = replace(camera, width=-(-camera.width // COARSE), height=-(-camera.height // COARSE))
         self._loaded.instances.place[0] = self._person.dress(self._loaded.model, body, image.eye)
         found, _, _ = _painted(self._loaded, image, small, glass)
         blend(view.rgb, shown, found.rgb, glass.shine)

@@ -16,10 +16,10 @@ def looks(builder, camera):
     scene, away = builder.scene(), rest_pose()
     away.root[:, 0] += 500.0
 
-    def look(name):
+    def look(name, size=256):
         renderer = Plugins.discover().make("renderers", name)
         renderer.load(scene)
-        return renderer.render(WorldState(away, {}), camera((0, 1, 0), (0, 0, 1), 256))
+        return renderer.render(WorldState(away, {}), camera((0, 1, 0), (0, 0, 1), size))
 
     return look
 
@@ -35,6 +35,10 @@ def test_a_lens_bulges_straight_lines_and_keeps_colour_depth_and_id_of_a_pixel_t
     plain = looks("raster").rgb.astype(float)
     assert view.rgb[127, 127] == pytest.approx(plain[127, 127], abs=2)
     assert view.rgb[0, 0] == pytest.approx(0.7 * plain[0, 0], abs=3)
+
+
+def test_the_only_pixel_of_a_picture_is_the_middle_of_the_lens(looks):
+    assert np.array_equal(looks("raster-lens", 1).rgb, looks("raster", 1).rgb)
 
 
 def test_noise_is_that_of_light_and_sensor_and_the_same_each_time(looks):

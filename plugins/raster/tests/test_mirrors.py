@@ -1,5 +1,7 @@
 """What a mirror shows is what its side of the room would show to the eye behind it; a dark screen shows it faintly."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -51,6 +53,12 @@ def test_a_board_behind_the_eye_appears_in_the_mirror_where_the_law_of_reflectio
     assert (rows.min() - 256, rows.max() + 1 - 256) == pytest.approx((-9.2, 9.2), abs=2)
     assert not seen(view, BLUE).any()
     assert view.depth[256, 256] == pytest.approx(2.0, abs=1e-4)
+
+
+def test_a_mirror_is_drawn_in_a_picture_one_pixel_wide(hall, camera):
+    builder, glass = hall
+    view = builder.look(replace(camera((0, 1, -1.9), (0, 0, -1), 300), width=1))
+    assert (view.ids == glass).all()
 
 
 def test_the_body_sees_itself_whole_in_a_mirror_and_nothing_from_behind_the_glass(hall, camera):
