@@ -19,8 +19,8 @@ from humanclaw.body.skeleton import JOINT_INDEX, N_JOINTS
 _BACK: Final = 0.1
 """Share of the return in a chunk. The fastest of these errors grows by 7 % a chunk."""
 _TWIST: Final = 0.2
-"""The same for the twist of the trunk, which grows in fast straight walks, and of feet in the air, which grows by 5
-degrees a chunk in fast curves, until they point backwards. Foot locking keeps the heading of feet that stand."""
+"""The same for the twist of feet in the air, which grows by 5 degrees a chunk in fast curves, until they point
+backwards. Foot locking keeps the heading of feet that stand."""
 _MOST: Final = 0.035
 """Radians of the return in a chunk at most: an arm that a skill holds up is no error."""
 _MOST_OF_FEET: Final = 0.35
@@ -34,7 +34,7 @@ _HIPS, _KNEES, _ANKLES = _LEGS.T
 def _shares() -> Array:
     """Return (24, 3) shares of the return in a chunk, 0 for the axes that carry weight."""
     shares = np.full((N_JOINTS, 3), _BACK)
-    shares[[JOINT_INDEX["spine1"], JOINT_INDEX["spine2"], JOINT_INDEX["spine3"], *_ANKLES], 1] = _TWIST
+    shares[_ANKLES, 1] = _TWIST
     shares[_KNEES] = 1  # In fifty side steps 30 degrees of sideways bend added up, and twisted the feet by 90.
     shares[[JOINT_INDEX["pelvis"], *_HIPS]] = 0
     shares[[*_KNEES, *_ANKLES], 0] = 0

@@ -15,6 +15,8 @@ from humanclaw_train.state import SEATED, SECONDS, STAND, State
 
 COAST: Final = 0.2
 """How far the hips go on where no travel is commanded, as a share of one chunk at the current speed."""
+OVER_FOOT: Final = 0.03
+"""How far to the side the hips of a body on stairs are at the end of a chunk, metres, over the foot that stands."""
 LEVEL_FEET: Final = 0.005
 """Distance along the facing, metres, within which standing feet count as level, so that either may go first."""
 
@@ -25,7 +27,8 @@ class StepPlan:
 
     * end, velocity (N, 2): of the hips over the floor, at the end. yaw, yaw_rate.
     * level: height of the floor. height: of the pelvis above it. rise: vertical velocity of the pelvis.
-    * seat: as in State. ahead: displacement along the facing. speed: over the floor, m/s.
+    * seat: as in State. ahead: displacement along the facing. aside: size of that across the mean of the facings.
+    * speed: over the floor, m/s.
     * flow: 0 to 1, how far the second foot is still in the air at the end.
     * base (N, 2): the point between the feet when they stand.
     * first: the foot that lands first. wrong: the other foot is in the air and must come down before.
@@ -41,6 +44,7 @@ class StepPlan:
     rise: Array
     seat: Array
     ahead: Array
+    aside: Array
     flow: Array
     base: Array
     first: Ints
@@ -78,9 +82,10 @@ def plan(state: State, c: Commands) -> StepPlan:
     shuffle = tight | c.does("shuffle")
     strides = c.does("stride") & ~shuffle
     flow = np.where(strides, smoothstep((np.abs(z) - 0.02) / 0.25), 0.0)
-    end = floor(state.root) + turned(step, state.yaw)
-    base = end + turned(np.stack([np.zeros_like(seat), seat], -1), state.yaw + yaw)
     first = _first_foot(state, c, step, yaw, shuffle)
+    middle, over = floor(state.root) + turned(step, state.yaw), np.where(_climbs(state, c), OVER_FOOT, 0.0)
+    end = middle + turned(np.stack([over * (1.0 - 2.0 * first), np.zeros_like(over)], -1), state.yaw + yaw)
+    base = middle + turned(np.stack([np.zeros_like(seat), seat], -1), state.yaw + yaw)
     speed = np.linalg.norm(step, axis=-1) / SECONDS
     stride = _goes_on(state, c, step, yaw, flow)
     return StepPlan(
@@ -93,6 +98,7 @@ def plan(state: State, c: Commands) -> StepPlan:
         rise=stair * np.where(stair > 0, 0.5, 0.45),
         seat=seat,
         ahead=z,
+        aside=np.abs(turned(step, -yaw / 2)[:, 0]),
         flow=flow,
         base=base,
         first=first,
@@ -110,18 +116,25 @@ def _goes_on(state: State, c: Commands, step: Array, yaw: Array, flow: Array) ->
     along = np.sum(turned(floor(state.velocity), -state.yaw) * step, -1)
     level = c.does("stride") & ~c.stairs & (step[:, 1] > 0)
     near = (along > 0.5 * np.sum(step**2, -1)) & (along < 2.2 * np.sum(step**2, -1))
-    return np.asarray(level & (flow > 0.6) & (state.cadence > 0) & near & (np.abs(yaw) < 0.45))
+    curved = (np.abs(yaw) > 0.45) | (np.abs(turned(step, -yaw / 2)[:, 0]) > 0.15)
+    return np.asarray(level & (flow > 0.6) & (state.cadence > 0) & near & ~curved)
+
+
+def _climbs(state: State, c: Commands) -> Mask:
+    return np.asarray(c.stairs & ~state.seated)
 
 
 def _displacement(state: State, c: Commands) -> tuple[Array, Array, Array]:
     """Return the hips' displacement (N, 2) in the body's frame, the seat (N,) and the pelvis height (N,).
 
-    Travel that a command leaves open is used to slow down from a walk or to stand up from a seat.
+    Travel that a command leaves open is used to slow down from a walk or to stand up from a seat; on stairs the hips
+    return to the middle between the feet.
     """
     stays = c.stays_seated & state.seated & ~c.sits
     seat = np.select([c.sits, stays], [seat_depth(np.nan_to_num(c.height, nan=STAND)), state.seat], 0.0)
     run_out = np.where(state.seated[:, None], 0.0, COAST * turned(floor(state.velocity), -state.yaw))
-    x = np.where(np.isnan(c.x), run_out[:, 0], c.x)
+    between = turned(floor(state.foot.mean(1) - state.root), -state.yaw)[:, 0]
+    x = np.where(np.isnan(c.x), np.where(_climbs(state, c), between, run_out[:, 0]), c.x)
     z = np.where(np.isnan(c.z), run_out[:, 1] + state.seat - seat, c.z)
     # On stairs the pelvis keeps its height above the tread, so that it rises by exactly the height of the step.
     low = np.where(state.seated, STAND, np.clip(state.height, 0.8, STAND))
@@ -134,9 +147,9 @@ def _exit_velocity(state: State, c: Commands, step: Array, yaw: Array, strides: 
     """Return the velocity of the hips at the end (N, 2), in the frame of the start.
 
     The tangent of a steady arc differs from its chord by half the turn. A body that speeds up ends above its mean
-    velocity.
+    velocity. On stairs the hips come to rest to the side.
     """
-    chord = turned(step, yaw / 2)
+    chord = turned(step * np.stack([~_climbs(state, c), np.ones(len(yaw))], -1), yaw / 2)
     gain = 0.25 * (chord - turned(turned(floor(state.velocity), -state.yaw), yaw))
     limit = 0.3 * np.linalg.norm(step, axis=-1) / np.maximum(np.linalg.norm(gain, axis=-1), 1e-9)
     share = np.where(tight, 0.3, c.gait["exit"])[:, None]

@@ -129,11 +129,13 @@ def past(track: Track, other: Track, side: Array) -> Track:
 def _timed(c: Commands, p: StepPlan, in_stance: Mask) -> Steps:
     """Set the times of landing and leaving, and the distance between the feet.
 
-    A first foot that still stands has half a swing more to do. Striding feet pass closer together than feet stand.
+    A first foot that still stands has half a swing more to do. Striding feet pass closer together than feet stand. The
+    further hips of a walker go aside, the sooner the second foot leaves: legs do not cross.
     """
     m = Steps(*(c.gait[name] for name in Steps._fields))
     land = np.select([c.stairs & in_stance, p.wrong, in_stance], [0.5, 0.54, 0.52], m.land)
     lift = np.where(in_stance, np.where(c.rise > 0, 0.55, 0.61), m.lift)
+    lift = lift - 0.35 * np.clip((p.aside - 0.15) / 0.35, 0.0, 1.0) * (c.does("stride") & ~in_stance)
     return m._replace(land=land, lift=lift, width=m.width - c.gait["narrowing"] * p.flow)
 
 

@@ -12,6 +12,7 @@ as in humanclaw.body; "floor" vectors are (x, z). Needs only numpy.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Final
 
 import numpy as np
 
@@ -28,7 +29,7 @@ from humanclaw.body import (
 )
 from humanclaw_train import gait, ik
 from humanclaw_train.augment import UPPER, Profiles, RealClip, channel
-from humanclaw_train.commands import Commands, Mask, Trained
+from humanclaw_train.commands import Commands, Trained
 from humanclaw_train.curves import GRID, bump, raised, soft_minimum
 from humanclaw_train.ik import Feet
 from humanclaw_train.state import State, Style
@@ -53,7 +54,7 @@ def advance(state: State, c: Commands, style: Style) -> tuple[State, Array, Arra
     pelvis = pelvis_orientation(yaw, values[..., :3])
     root, sway = swaying(state, p, style, steps, _bobbing(path, p, c), yaw)
     may_lift = _may_lift(p, steps)
-    root = _lowered(root, ik.ceiling(root, pelvis, stand, may_lift), p.stride)
+    root = _lowered(root, ik.ceiling(root, pelvis, stand, may_lift), p, _lowest(state, p, c))
     stand = ik.ease_ankles(root, pelvis, ik.raise_heels(root, pelvis, stand, may_lift), yaw)
     rotations = np.zeros((*yaw.shape, N_JOINTS, 3))
     rotations[:, :, 0] = to_vector(pelvis)
@@ -97,7 +98,16 @@ def _bobbing(root: Array, p: StepPlan, c: Commands) -> Array:
     return sunk
 
 
-def _lowered(root: Array, ceiling: Array, stride: Mask) -> Array:
+_LOWEST: Final = 0.84
+"""Height of a walker's pelvis, metres, below which no leg pulls it: in fast steps aside a foot leaves the floor."""
+
+
+def _lowest(state: State, p: StepPlan, c: Commands) -> Array:
+    """Return the height (N,) below which no leg pulls the pelvis. A body that sets out on a long step lunges."""
+    return np.where(state.hanging & ~c.stairs, p.level + _LOWEST, -np.inf)
+
+
+def _lowered(root: Array, ceiling: Array, p: StepPlan, lowest: Array) -> Array:
     """Keep the path below its ceiling: one round dip at the tightest moment, then a soft minimum for the rest."""
     height = root[..., 1]
     need = (height - ceiling + 0.006 * bump(GRID)) * (bump(GRID) > 0.2)
@@ -105,9 +115,10 @@ def _lowered(root: Array, ceiling: Array, stride: Mask) -> Array:
     skew = np.log(0.5) / np.log(np.clip(GRID[need.argmax(1)], 0.4, 0.65))
     dip = np.maximum(need.max(1), 0.0)[:, None] * bump(GRID ** skew[:, None])
     lowered = root.copy()
-    dipped = np.where(stride[:, None], height, height - dip)
-    width = np.where(stride[:, None], 0.012, 0.004 + 0.02 * bump(GRID))
-    lowered[..., 1] = soft_minimum(dipped, ceiling, width)
+    dipped = np.where(p.stride[:, None], height, height - dip)
+    width = np.where(p.stride[:, None], 0.012, 0.004 + 0.02 * bump(GRID))
+    reached = np.where(height > lowest[:, None], lowest[:, None], -np.inf)
+    lowered[..., 1] = np.maximum(soft_minimum(dipped, ceiling, width), reached)
     return lowered
 
 
@@ -116,9 +127,9 @@ def _ended(
 ) -> State:
     """Return the state that the next chunk starts from. Only feet in the air have a velocity."""
     phase = np.where(p.stride, steps.phase[:, -1] % 2, p.first)
-    progress = steps.progress(np.ceil(phase - gait.LAND).astype(int))[:, -1]
-    passing = np.ceil(phase - gait.LAND) + (progress > 0.92)  # A foot that is about to land counts as landed.
-    next_foot = np.where(p.stride, gait.foot_of(passing.astype(int)), 1 - p.first)
+    passing = steps.swinging(phase)
+    landed = steps.progress(passing)[:, -1] > 0.92  # A foot that is about to land counts as landed.
+    next_foot = np.where(p.stride, gait.foot_of(passing + landed), 1 - p.first)
     hangs = (np.arange(2) == (1 - p.first)[:, None]) & (p.flow > 0)[:, None] | p.stride[:, None]
     cadence = np.where(p.stride, steps.end_rate, np.where(p.flow > 0.5, 1.0, 0.0))
 

@@ -27,6 +27,8 @@ PLAIN: Final = 0.3
 
 Models call these most, but independent draws of the parameters rarely produce them.
 """
+CORNERS: Final = 0.08
+"""Share of calls near a corner of the range, all parameters at once, where independent draws are rarer still."""
 STEADY: Final = 0.3
 """Share of bodies that continue one skill at about the same values.
 
@@ -75,10 +77,12 @@ def _drawn(skills: Sequence[Trained], skill: Ints, rng: np.random.Generator) -> 
     values = np.zeros((len(skill), max(len(_names(one)) for one in skills)))
     for index, one in enumerate(skills):
         rows = np.flatnonzero(skill == index)
-        plain = rng.random(len(rows)) < PLAIN
+        plain, corner = rng.random(len(rows)) < PLAIN, rng.random(len(rows)) < CORNERS
         for column, name in enumerate(_names(one)):
             how = one.recipe.commands[name]
             values[rows, column] = np.where(plain & (how.nought > 0), 0.0, _draw(how, len(rows), rng))
+            end = np.where(rng.random(len(rows)) < 0.5, how.low, how.high) * rng.uniform(0.75, 1.0, len(rows))
+            values[rows, column] = np.where(corner, end.clip(how.low, how.high), values[rows, column])
     return values
 
 

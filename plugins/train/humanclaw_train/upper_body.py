@@ -33,6 +33,8 @@ _TWIST: Final = 0.7
 """Swing of the trunk at most, in that of real walkers at 1.15 m/s: shoulders turn no more in a fast walk."""
 _OUT: Final = 0.08
 """How far a walker's arms are away from the trunk, beyond the clips', radians: our hips are wider than the walkers'."""
+_ASIDE_ON_STAIRS: Final = 0.06
+"""Lean of the trunk to the side on stairs, radians."""
 _ASIDE: Final = 0.8
 """How far hands go aside for hips that sink or rise by 1 m, radians: they pass the thighs on the outside."""
 _TRUNK: Final = np.isin(np.arange(CHANNELS), [channel(joint, axis) for joint in (
@@ -45,6 +47,9 @@ def pose_targets(state: State, p: StepPlan, c: Commands, style: Style, steps: ga
     pace = np.hypot(p.speed, 0.35 * (p.yaw - state.yaw) / SECONDS)
     arms = (c.gait["arms"] * np.clip(pace / 1.15, 0, 1.3))[:, None, None]
     amplitude = np.where(_TRUNK, np.minimum(arms, _TWIST), arms)
+    amplitude[..., 2] = np.select(
+        [p.stride[:, None], c.stairs[:, None]], [gait.pelvis_yaw(p.speed)[:, None], 0.8], arms[..., 0]
+    )
     # Walking backwards is the same poses in reverse.
     direction = np.where(c.does("stride") & (p.ahead < -0.02), -1.0, 1.0)[:, None]
     phase = np.where(p.stride[:, None], steps.phase, (1 - p.first)[:, None] + direction * GRID)
@@ -60,6 +65,9 @@ def pose_targets(state: State, p: StepPlan, c: Commands, style: Style, steps: ga
     target = np.where(p.sits[:, None, None], _seat_pose(style.seats, p.height)[:, None] + 0.5 * sway, standing)
     lean = c.gait["lean"] + np.where(p.stride, gait.lean(p.speed), 0.0)
     target = _bent(target, {"pelvis": 0.5, "spine1": 0.5, "neck": -0.5, "head": -0.5}, 0, lean[:, None])
+    # On stairs the trunk leans over the foot that stands, as the hips do.
+    aside = (_ASIDE_ON_STAIRS * c.stairs * style.swings[:, 0])[:, None] * np.cos(np.pi * phase)
+    target = _bent(target, {"spine1": 0.5, "spine2": 0.5}, 2, -aside)
     return _bent(target, {"neck": 0.5, "head": 0.5}, 0, c.gait["gaze_pitch"][:, None])
 
 

@@ -14,7 +14,7 @@ RECIPE = Recipe(
         lift_pitch=0.9,
         land_pitch=0.9,
         arms=1.0,
-        lean=0.02,
+        lean=0.08,
         gaze_pitch=0.2,
         exit=1.0,
     ),
