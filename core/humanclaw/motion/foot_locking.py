@@ -29,9 +29,9 @@ from humanclaw.body.pose import (
     vector_from_matrix,
     yaw_matrix,
 )
-from humanclaw.body.skeleton import JOINT_INDEX, TOE_SOLE
+from humanclaw.body.skeleton import TOE_SOLE
 from humanclaw.motion.parting import SHOE, TOES, apart, knees_apart, widened
-from humanclaw.motion.planted import ANKLES, FEET
+from humanclaw.motion.planted import ANKLES, FEET, LEG_JOINTS
 
 _SLOW: Final = 0.25
 """Metres a second below which a toe counts as standing."""
@@ -128,13 +128,12 @@ def _bent(feet: Sequence[tuple[Array, Array]], positions: Array, turns: Array, r
     feet: toes (T, 3) and orientations (T, 3, 3).
     """
     rotations = rotations.copy()
-    legs = [[JOINT_INDEX[f"{side}_{part}"] for part in ("hip", "knee", "ankle")] for side in SIDES]
     bones = [
         bent(Limb.leg(side), positions[:, leg], turns[:, leg[:2]], toes - foot @ TOE_BASE, REACH)
-        for side, leg, (toes, foot) in zip(SIDES, legs, feet, strict=True)
+        for side, leg, (toes, foot) in zip(SIDES, LEG_JOINTS, feet, strict=True)
     ]
-    hips = np.stack([positions[:, leg[0]] for leg in legs])
-    for leg, (_, foot), (thigh, shin), swivel in zip(legs, feet, bones, knees_apart(hips, bones), strict=True):
+    hips = np.stack([positions[:, leg[0]] for leg in LEG_JOINTS])
+    for leg, (_, foot), (thigh, shin), swivel in zip(LEG_JOINTS, feet, bones, knees_apart(hips, bones), strict=True):
         parts = np.stack([swivel @ thigh, swivel @ shin, foot], 1)
         parents = np.concatenate([turns[:, :1], parts[:, :2]], 1)
         rotations[:, leg] = vector_from_matrix(np.swapaxes(parents, -1, -2) @ parts)

@@ -11,6 +11,8 @@ from humanclaw.body.pose import Array, Motion, forward_kinematics, matrix_from_v
 from humanclaw.body.skeleton import JOINT_INDEX, OFFSETS
 
 LEGS: Final = tuple(f"{side}_{joint}" for side in SIDES for joint in ("hip", "knee", "ankle", "foot"))
+LEG_JOINTS: Final = np.array([[JOINT_INDEX[f"{side}_{part}"] for part in ("hip", "knee", "ankle")] for side in SIDES])
+"""(2, 3) Hip, knee and ankle of both legs, left first."""
 _UP: Final = np.array([0.0, 0.4, 0.0])
 """Knees of a body that lies come up, and not through the floor."""
 ANKLES: Final = (JOINT_INDEX["left_ankle"], JOINT_INDEX["right_ankle"])
@@ -28,8 +30,7 @@ def on_feet(motion: Motion, ankles: Array, feet: Array) -> Motion:
     as legs reach; for all frames, or each of T."""
     rotations = motion.rotations.copy()
     root = matrix_from_vector(rotations[:, 0])
-    for index, side in enumerate(SIDES):
-        hip, knee, ankle = (JOINT_INDEX[f"{side}_{joint}"] for joint in ("hip", "knee", "ankle"))
+    for index, (side, (hip, knee, ankle)) in enumerate(zip(SIDES, LEG_JOINTS, strict=True)):
         foot = np.broadcast_to(feet[..., index, :, :], root.shape)
         start = motion.root + root @ OFFSETS[hip]
         thigh, shin = _leg(side, start, ankles[..., index, :], foot)

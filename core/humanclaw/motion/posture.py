@@ -12,9 +12,9 @@ from typing import Final
 
 import numpy as np
 
-from humanclaw.body.ik import SIDES
 from humanclaw.body.pose import FUTURE, Array, Motion, smoothstep
 from humanclaw.body.skeleton import JOINT_INDEX, N_JOINTS
+from humanclaw.motion.planted import LEG_JOINTS
 
 _BACK: Final = 0.1
 """Share of the return in a chunk. The fastest of these errors grows by 7 % a chunk."""
@@ -27,8 +27,7 @@ _MOST_OF_FEET: Final = 0.35
 """The same for ankles, whose twist is always one. Past half a turn it changes its sign, and must not throw feet."""
 _WITHIN: Final = 10
 """Frames of the return, so that the next history begins corrected."""
-_LEGS: Final = np.array([[JOINT_INDEX[f"{side}_{part}"] for part in ("hip", "knee", "ankle")] for side in SIDES])
-_HIPS, _KNEES, _ANKLES = _LEGS.T
+_HIPS, _KNEES, _ANKLES = LEG_JOINTS.T
 
 
 def _shares() -> Array:
@@ -51,5 +50,5 @@ def settle(future: Motion, usual: Array) -> Motion:
     rotations = future.rotations - _RAMP * np.clip(_SHARES * (future.rotations - usual), -_LIMITS, _LIMITS)
     # Foot locking bends a knee further the way it is bent: one that is 3 degrees beyond straight, by 60 backwards.
     # Hip and ankle turn back by half as much, so that the foot stays: in fast curves it jolted at 150 m/s².
-    rotations[:, _LEGS, 0] += np.maximum(-rotations[:, _KNEES, 0], 0.0)[..., None] * [-0.5, 1.0, -0.5]
+    rotations[:, LEG_JOINTS, 0] += np.maximum(-rotations[:, _KNEES, 0], 0.0)[..., None] * [-0.5, 1.0, -0.5]
     return Motion(future.root, rotations)

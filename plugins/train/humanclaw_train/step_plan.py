@@ -87,7 +87,8 @@ def plan(state: State, c: Commands) -> StepPlan:
     end = middle + turned(np.stack([over * (1.0 - 2.0 * first), np.zeros_like(over)], -1), state.yaw + yaw)
     base = middle + turned(np.stack([np.zeros_like(seat), seat], -1), state.yaw + yaw)
     speed = np.linalg.norm(step, axis=-1) / SECONDS
-    stride = _goes_on(state, c, step, yaw, flow)
+    aside = np.abs(turned(step, -yaw / 2)[:, 0])
+    stride = _goes_on(state, c, step, yaw, flow) & (aside <= 0.15)
     return StepPlan(
         end=end,
         velocity=turned(_exit_velocity(state, c, step, yaw, strides, tight), state.yaw),
@@ -98,7 +99,7 @@ def plan(state: State, c: Commands) -> StepPlan:
         rise=stair * np.where(stair > 0, 0.5, 0.45),
         seat=seat,
         ahead=z,
-        aside=np.abs(turned(step, -yaw / 2)[:, 0]),
+        aside=aside,
         flow=flow,
         base=base,
         first=first,
@@ -116,8 +117,7 @@ def _goes_on(state: State, c: Commands, step: Array, yaw: Array, flow: Array) ->
     along = np.sum(turned(floor(state.velocity), -state.yaw) * step, -1)
     level = c.does("stride") & ~c.stairs & (step[:, 1] > 0)
     near = (along > 0.5 * np.sum(step**2, -1)) & (along < 2.2 * np.sum(step**2, -1))
-    curved = (np.abs(yaw) > 0.45) | (np.abs(turned(step, -yaw / 2)[:, 0]) > 0.15)
-    return np.asarray(level & (flow > 0.6) & (state.cadence > 0) & near & ~curved)
+    return np.asarray(level & (flow > 0.6) & (state.cadence > 0) & near & (np.abs(yaw) <= 0.45))
 
 
 def _climbs(state: State, c: Commands) -> Mask:

@@ -19,8 +19,8 @@ from humanclaw.body import (
     TOE_SOLE,
     forward_kinematics,
     rest_pose,
+    shoe_heights,
 )
-from humanclaw.body.limits import shoe_heights
 from humanclaw.skills import Declaration, Draw, GaitParameters, Recipe
 from humanclaw_train import synthesis
 from humanclaw_train.augment import Profiles, channel
