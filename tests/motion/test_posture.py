@@ -52,7 +52,17 @@ def test_an_arm_that_is_held_up_is_no_error_and_sinks_by_two_degrees_at_most():
 def test_a_foot_in_the_air_that_is_turned_in_its_ankle_comes_back_by_a_fifth_a_call_and_20_degrees_at_most():
     assert after("left_ankle", 1, 1.0) == pytest.approx(0.8)
     assert after("right_ankle", 1, -1.0, calls=20) == pytest.approx(-(0.8**20))
-    assert after("left_ankle", 1, 3.0) == pytest.approx(3.0 - 0.35)
+
+
+def test_an_ankle_turns_by_68_degrees_at_most_and_is_left_alone_up_to_55():
+    assert after("left_ankle", 0, np.radians(54)) == pytest.approx(np.radians(54))
+    assert np.degrees(after("right_ankle", 0, np.radians(70))) == pytest.approx(55 + 13 * np.tanh(15 / 13))
+    assert np.degrees(after("left_ankle", 0, -np.radians(100))) == pytest.approx(-67.97, abs=0.01)
+
+
+def test_a_foot_that_begins_far_beyond_is_not_thrown():
+    path = settle(held("left_ankle", 0, np.radians(170), FUTURE), USUAL).rotations[:, JOINT_INDEX["left_ankle"], 0]
+    assert np.abs(np.diff(path, prepend=np.radians(170))).max() < np.radians(40)
 
 
 def test_a_knee_is_a_hinge_that_loses_two_degrees_of_twist_or_sideways_bend_a_call_and_never_bends_backwards():

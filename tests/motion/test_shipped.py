@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from humanclaw.body import HISTORY, JOINT_INDEX, STANDING_HEIGHT, Motion, Pose2D, support_height
+from humanclaw.body import HISTORY, JOINT_INDEX, JOINT_LIMITS, STANDING_HEIGHT, Motion, Pose2D, support_height
+from humanclaw.body.limits import angles_from_standing
 from humanclaw.motion.checkpoint import load_adapter, read_header, shipped_base
 from humanclaw.motion.generator import DiTGenerator
 from humanclaw.skills import Course, Declaration, outcomes
@@ -143,6 +144,14 @@ def test_after_a_hundred_side_steps_knees_bend_like_hinges_and_feet_point_where_
     assert turned[:, knees, 1:].max() < 2
     assert turned[:, ankles, 1].max() < 25
     assert motion.root[:, 1].min() > 0.9
+
+
+@pytest.mark.parametrize("side", [-1, 1])
+def test_in_the_fastest_curves_against_the_steps_ankles_stay_within_their_limit(generator, side):
+    corner = {"x": 0.3 * side, "z": 0.8, "yaw": np.radians(-30) * side}
+    walk = _rollout(generator, *[("walk", corner)] * 8)
+    ankles = angles_from_standing(walk.rotations)[:, [JOINT_INDEX["left_ankle"], JOINT_INDEX["right_ankle"]]]
+    assert 50 < ankles.max() <= JOINT_LIMITS["left_ankle"] + 2
 
 
 def test_short_steps_straight_ahead_begin_with_one_foot(generator):

@@ -2,8 +2,8 @@
 
 The model continues any pose of its history, its own small errors included. Without correction a wrist turns by a right
 angle within eighty calls. So each joint that carries no weight comes closer to its usual pose, by a share of each
-frame's distance, and a knee bends like a hinge. A shift by the distance of the history would drive the swing of the
-trunk: in straight walks of 80 cm shoulders turned by 37 degrees instead of 15.
+frame's distance; a knee bends like a hinge, and an ankle stops at its limit. A shift by the distance of the history
+would drive the swing of the trunk: in straight walks of 80 cm shoulders turned by 37 degrees instead of 15.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ _TWIST: Final = 0.2
 backwards. Foot locking keeps the heading of feet that stand."""
 _MOST: Final = 0.035
 """Radians of the return in a chunk at most: an arm that a skill holds up is no error."""
-_MOST_OF_FEET: Final = 0.35
-"""The same for ankles, whose twist is always one. Past half a turn it changes its sign, and must not throw feet."""
+_EASY, _LAST = np.radians([55.0, 13.0])
+"""Where the last degrees of an ankle begin, and how many they are: within `JOINT_LIMITS`, which count from standing."""
 _WITHIN: Final = 10
 """Frames of the return, so that the next history begins corrected."""
 _HIPS, _KNEES, _ANKLES = LEG_JOINTS.T
@@ -41,14 +41,29 @@ def _shares() -> Array:
 
 
 _RAMP: Final = smoothstep(np.arange(1, FUTURE + 1) / _WITHIN)[:, None, None]
+_SOON: Final = smoothstep(np.arange(1, FUTURE + 1) / 4)[:, None, None]
+"""An ankle that a history has far beyond its limit comes back within four frames: at once would throw the foot."""
 _SHARES: Final = _shares()
-_LIMITS: Final = np.where(np.isin(np.arange(N_JOINTS), _ANKLES), _MOST_OF_FEET, _MOST)[:, None]
+_LIMITS: Final = np.where(np.isin(np.arange(N_JOINTS), _ANKLES), np.pi, _MOST)[
+    :, None
+]  # An ankle's twist is always an error.
 
 
 def settle(future: Motion, usual: Array) -> Motion:
-    """Return the future with weightless joints nearer to their usual pose. usual: (24, 3) rotation vectors, radians."""
+    """Return the future with weightless joints nearer to their usual pose and ankles within their limit.
+
+    usual: (24, 3) rotation vectors, radians.
+    """
     rotations = future.rotations - _RAMP * np.clip(_SHARES * (future.rotations - usual), -_LIMITS, _LIMITS)
     # Foot locking bends a knee further the way it is bent: one that is 3 degrees beyond straight, by 60 backwards.
     # Hip and ankle turn back by half as much, so that the foot stays: in fast curves it jolted at 150 m/s².
     rotations[:, LEG_JOINTS, 0] += np.maximum(-rotations[:, _KNEES, 0], 0.0)[..., None] * [-0.5, 1.0, -0.5]
+    rotations[:, _ANKLES] += _SOON * (_eased(rotations[:, _ANKLES]) - rotations[:, _ANKLES])
     return Motion(future.root, rotations)
+
+
+def _eased(ankles: Array) -> Array:
+    """Return rotation vectors (..., 3) that turn by no more than the joint's limit. The last degrees come gently."""
+    angles = np.linalg.norm(ankles, axis=-1, keepdims=True)
+    beyond = np.maximum(angles - _EASY, 0.0)
+    return np.asarray(ankles * (1.0 - (beyond - _LAST * np.tanh(beyond / _LAST)) / np.maximum(angles, _EASY)))

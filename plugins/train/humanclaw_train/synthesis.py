@@ -98,7 +98,7 @@ def _bobbing(root: Array, p: StepPlan, c: Commands) -> Array:
     return sunk
 
 
-_LOWEST: Final = 0.84
+_LOWEST: Final = 0.88
 """Height of a walker's pelvis, metres, below which no leg pulls it: in fast steps aside a foot leaves the floor."""
 
 

@@ -21,7 +21,6 @@ runs four processes, each on a GPU of its own; together they compute the batches
 from __future__ import annotations
 
 import argparse
-import copy
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -138,7 +137,6 @@ def train_adapter(
         card = read_header(init)["card"]
         recipe = replace(recipe, init=str(card["recipe_digest"]), licences=(*recipe.licences, *card["licences"]))
     frozen, normaliser, adapter = base.model.to(device), base.normaliser.to(device), adapter.to(device)
-    start = copy.deepcopy(adapter)
     trainer = Trainer(adapter, chunks, recipe, session.processes)
     path, loss = out / "adapter.safetensors", Loss(normaliser, LOSSES[recipe.terms])
 
@@ -159,26 +157,12 @@ def train_adapter(
         trainer.own = OwnHistories(chunks, predecessors(chunks), recipe.rollout - 1, made)
 
     def export() -> None:
-        save_adapter(path, between(start, trainer.mean, recipe.share), base.digest, _card(trainer, loss.weights, skill))
+        save_adapter(path, trainer.mean, base.digest, _card(trainer, loss.weights, skill))
         if look is not None and trainer.step:
             print(f"step {trainer.step:7d}  {look(path)}", flush=True)
 
     session.run(trainer, problem, out, export, held_out(folders, skill))
     return path
-
-
-@torch.no_grad()
-def between(start: Adapter, end: Adapter, share: float) -> Adapter:
-    """Return an adapter that lies this share of the way between two in weight space.
-
-    It keeps what the first does well where the second has seen less data (Wortsman et al. 2022, arXiv 2109.01903).
-    """
-    if share == 1:
-        return end
-    mean = copy.deepcopy(end)
-    for own, first in zip(mean.parameters(), start.parameters(), strict=True):
-        own.lerp_(first, 1 - share)
-    return mean
 
 
 def adapter_config(chunks: ChunkTensors) -> AdapterConfig:
@@ -245,12 +229,6 @@ def _trained(options: argparse.Namespace, session: Session, measures: Measures) 
     return path, options.export or (options.folder / "adapter.safetensors" if options.folder else None)
 
 
-def _share(text: str) -> float:
-    if not 0 < (share := float(text)) <= 1:
-        raise ValueError(text)
-    return share
-
-
 def _recipe(options: argparse.Namespace, device: torch.device) -> Recipe:
     precision = options.precision
     return Recipe(
@@ -266,7 +244,6 @@ def _recipe(options: argparse.Namespace, device: torch.device) -> Recipe:
         precision=precision if precision != "auto" else "bf16" if has_bfloat16(device) else "float32",
         terms=options.loss,
         rollout=getattr(options, "rollout", 1),
-        share=getattr(options, "share", 1.0),
         licences=tuple(options.licence),
     )
 
@@ -320,9 +297,6 @@ def _parser() -> argparse.ArgumentParser:
                 "--base", type=Path, default=shipped_base(), help="base to train against (default: the shipped one)"
             )
             one.add_argument("--init", type=Path, help="adapter to start from, instead of a copy of the base")
-            one.add_argument(
-                "--share", type=_share, default=1.0, help="share of the trained weights, the rest are those of --init"
-            )
             one.add_argument(
                 "--rollout", type=int, default=1, help="chunks in a row, the earlier ones generated (default: 1)"
             )

@@ -50,8 +50,6 @@ class Recipe:
     """Chunks in a row: over 1, histories are also those that the model leaves (own_histories)."""
     init: str = ""
     """Recipe digest of the checkpoint that the run began from; empty for a run from scratch."""
-    share: float = 1.0
-    """Share of the trained weights in the checkpoint; the rest are those that the run began from."""
     licences: tuple[str, ...] = ()
     """Licences of the data, for the checkpoint's header."""
 

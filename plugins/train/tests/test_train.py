@@ -12,7 +12,6 @@ import pytest
 torch = pytest.importorskip("torch")
 
 from gliding import gliding, save_chunks
-from safetensors.numpy import load_file
 
 from humanclaw import HumanclawError
 from humanclaw.body import Motion, Pose2D, rest_pose
@@ -149,20 +148,10 @@ def test_the_papers_training_is_two_switches_and_the_header_tells(backwards, bas
     assert capsys.readouterr().out.splitlines()[0].endswith("on cpu, from step 0 to step 3")
 
 
-def test_a_checkpoint_may_lie_half_way_between_the_weights_it_began_from_and_the_trained_ones(
-    backwards, base_file, tmp_path
-):
-    first = _adapter(backwards, base_file, tmp_path / "first", "--steps", "3", "--licence", "CMU: free")
-    more = ("--init", str(first), "--steps", "3", "--rate", "1e-2")
-    end, middle = (
-        _adapter(backwards, base_file, tmp_path / share, *more, "--share", share) for share in ("1.0", "0.5")
-    )
-    a, b, half = (load_file(path) for path in (first, end, middle))
-    moved = max(a, key=lambda name: abs(b[name].astype(float) - a[name]).max())
-    assert abs(b[moved].astype(float) - a[moved]).max() > 0.004
-    np.testing.assert_allclose(half[moved], (a[moved].astype(float) + b[moved]) / 2, atol=3e-4)
-    assert read_header(middle)["card"]["recipe"]["share"] == 0.5
-    assert read_header(first)["card"]["licences"] == read_header(middle)["card"]["licences"] == ["CMU: free"]
+def test_a_checkpoint_that_began_from_another_one_names_the_licences_of_both(backwards, base_file, tmp_path):
+    first = _adapter(backwards, base_file, tmp_path / "first", "--steps", "1", "--licence", "CMU: free")
+    second = _adapter(backwards, base_file, tmp_path / "second", "--steps", "1", "--init", str(first))
+    assert read_header(second)["card"]["licences"] == ["CMU: free"]
 
 
 def test_uniform_flow_times_are_the_roots_of_the_squared_ones(base_file, backwards):
