@@ -42,17 +42,16 @@ def _shares() -> Array:
 
 _RAMP: Final = smoothstep(np.arange(1, FUTURE + 1) / _WITHIN)[:, None, None]
 _SOON: Final = smoothstep(np.arange(1, FUTURE + 1) / 4)[:, None, None]
-"""An ankle that a history has far beyond its limit comes back within four frames: at once would throw the foot."""
+"""Only histories begin with an ankle beyond its limit; at once it would throw the foot."""
 _SHARES: Final = _shares()
-_LIMITS: Final = np.where(np.isin(np.arange(N_JOINTS), _ANKLES), np.pi, _MOST)[
-    :, None
-]  # An ankle's twist is always an error.
+_LIMITS: Final = np.where(np.isin(np.arange(N_JOINTS), _ANKLES), np.pi, _MOST)[:, None]
+"""Radians of the return in a chunk at most (24, 1): the twist of an ankle is always an error."""
 
 
 def settle(future: Motion, usual: Array) -> Motion:
     """Return the future with weightless joints nearer to their usual pose and ankles within their limit.
 
-    usual: (24, 3) rotation vectors, radians.
+    usual: (24, 3) rotation vectors, radians. Foot locking, which comes later, may turn an ankle by a few degrees more.
     """
     rotations = future.rotations - _RAMP * np.clip(_SHARES * (future.rotations - usual), -_LIMITS, _LIMITS)
     # Foot locking bends a knee further the way it is bent: one that is 3 degrees beyond straight, by 60 backwards.
@@ -65,5 +64,5 @@ def settle(future: Motion, usual: Array) -> Motion:
 def _eased(ankles: Array) -> Array:
     """Return rotation vectors (..., 3) that turn by no more than the joint's limit. The last degrees come gently."""
     angles = np.linalg.norm(ankles, axis=-1, keepdims=True)
-    beyond = np.maximum(angles - _EASY, 0.0)
-    return np.asarray(ankles * (1.0 - (beyond - _LAST * np.tanh(beyond / _LAST)) / np.maximum(angles, _EASY)))
+    eased = np.minimum(angles, _EASY) + _LAST * np.tanh(np.maximum(angles - _EASY, 0.0) / _LAST)
+    return np.asarray(ankles * (eased / np.maximum(angles, 1e-9)))
