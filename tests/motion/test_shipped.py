@@ -11,6 +11,7 @@ from humanclaw.body import HISTORY, JOINT_INDEX, JOINT_LIMITS, STANDING_HEIGHT, 
 from humanclaw.body.limits import angles_from_standing
 from humanclaw.motion.checkpoint import load_adapter, read_header, shipped_base
 from humanclaw.motion.generator import DiTGenerator
+from humanclaw.motion.planted import ANKLES
 from humanclaw.skills import Course, Declaration, outcomes
 
 SKILLS = Path(__file__).parents[2] / "skills"
@@ -150,7 +151,7 @@ def test_after_a_hundred_side_steps_knees_bend_like_hinges_and_feet_point_where_
 def test_in_the_fastest_curves_against_the_steps_ankles_stay_within_their_limit(generator, side):
     corner = {"x": 0.3 * side, "z": 0.8, "yaw": np.radians(-30) * side}
     walk = _rollout(generator, *[("walk", corner)] * 8)
-    ankles = angles_from_standing(walk.rotations)[:, [JOINT_INDEX["left_ankle"], JOINT_INDEX["right_ankle"]]]
+    ankles = angles_from_standing(walk.rotations)[:, ANKLES]
     assert 50 < ankles.max() <= JOINT_LIMITS["left_ankle"] + 2
 
 

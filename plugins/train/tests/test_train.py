@@ -150,8 +150,10 @@ def test_the_papers_training_is_two_switches_and_the_header_tells(backwards, bas
 
 def test_a_checkpoint_that_began_from_another_one_names_the_licences_of_both(backwards, base_file, tmp_path):
     first = _adapter(backwards, base_file, tmp_path / "first", "--steps", "1", "--licence", "CMU: free")
-    second = _adapter(backwards, base_file, tmp_path / "second", "--steps", "1", "--init", str(first))
-    assert read_header(second)["card"]["licences"] == ["CMU: free"]
+    second = _adapter(
+        backwards, base_file, tmp_path / "second", "--steps", "1", "--init", str(first), "--licence", "Own: MIT"
+    )
+    assert read_header(second)["card"]["licences"] == ["Own: MIT", "CMU: free"]
 
 
 def test_uniform_flow_times_are_the_roots_of_the_squared_ones(base_file, backwards):
