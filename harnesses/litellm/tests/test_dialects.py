@@ -21,14 +21,18 @@ DOCS = Path(__file__).parents[3] / "docs" / "results" / "harnesses.md"
 WALK = Call("walk", {"x_cm": 0, "z_cm": 40, "yaw_deg": 0})
 
 
+@pytest.fixture(autouse=True)
+def key(monkeypatch):
+    """Set the one key that litellm asks for although the server is the user's own."""
+    monkeypatch.setenv("ZAI_API_KEY", "planted-0123456789-key")
+
+
 @pytest.fixture
-def play(begin, view, monkeypatch):
+def play(begin, view):
     """play(row, replies, ...): take a decision in each step; return the decisions and the requests.
 
     past: number of steps before. options: of the agent.
     """
-
-    monkeypatch.setenv("ZAI_API_KEY", "planted-0123456789-key")  # litellm does not report that it is missing.
 
     def run(row, replies, steps=1, past=0, **options):
         before = [HistoryEntry(step, Decision((WALK,)), Feedback(executed=WALK), view(step).rgb) for step in range(past)]
@@ -47,7 +51,7 @@ def executed(row, play, skills):
     assert row.thoughts in json.loads(decision.raw)["thoughts"]
     usage = decision.usage
     counted = (usage.tokens_in, usage.tokens_out, usage.tokens_reasoning)
-    assert (counted, usage.estimated) == (row.tokens or counted, False)
+    assert (counted[: len(row.tokens)], usage.estimated) == (row.tokens, False)
 
 
 def told(row, play, skills):
@@ -77,11 +81,12 @@ def shortened(row, play, skills):
 
 def retried(row, play, skills):
     began = time.monotonic()
-    (decision,), requests = play(row, [row.reply, a_call(row.provider).reply])
-    assert (check(decision, skills), len(requests)) == (WALK, 2)
+    good = a_call(row.provider).reply
+    (decision,), _ = play(row, [row.reply, good])
+    assert check(decision, skills) == WALK
     assert time.monotonic() - began >= row.wait
     with pytest.raises(ProviderError, match=row.says):
-        play(row, [row.reply] * 2)
+        play(row, [row.reply, row.reply, good])  # One retry was asked for, and no client below makes another.
 
 
 def mended_by_the_user(row, play, skills):
@@ -146,16 +151,16 @@ def test_alternatives_that_a_provider_would_drop_are_not_sent(name, begin, view,
 def test_a_lost_connection_or_a_broken_body_is_asked_for_again(name, play, skills):
     row = a_call(name)
     for fault in (dropped(), truncated(row.reply)):
-        (decision,), requests = play(row, [fault, row.reply])
-        assert (check(decision, skills), len(requests)) == (WALK, 2)
+        (decision,), _ = play(row, [fault, row.reply])
+        assert check(decision, skills) == WALK
         with pytest.raises(ProviderError):
-            play(row, [fault] * 2)
+            play(row, [fault, fault, row.reply])
 
 
 @pytest.mark.parametrize("name", providers())
 def test_a_late_answer_is_a_provider_error(name, play):
     row = a_call(name)
-    with pytest.raises(ProviderError, match=r"(?i)time"):
+    with pytest.raises(ProviderError, match=r"(?i)time|no answer within"):
         play(row, [delayed(20, row.reply)] * 2, timeout=0.3)
 
 
