@@ -1,4 +1,4 @@
-"""Tests of the providers that litellm reaches, over HTTP: their requests, and replies in their own words (replies.toml).
+"""Tests of providers over HTTP, through litellm: requests to them, and their replies in their own words (replies.toml).
 
 No provider needs anything of its last answer back: each step is a conversation of its own.
 """
@@ -11,7 +11,17 @@ import pytest
 from model_servers import delayed, dropped, text, truncated
 from model_servers.table import a_call, markdown, providers, rows
 
-from humanclaw import Call, CallError, Decision, EpisodeContext, HistoryEntry, Keyframes, LimitError, ProviderError, skill
+from humanclaw import (
+    Call,
+    CallError,
+    Decision,
+    EpisodeContext,
+    HistoryEntry,
+    Keyframes,
+    LimitError,
+    ProviderError,
+    skill,
+)
 from humanclaw.records import Feedback
 from humanclaw.testing import check
 from humanclaw_litellm import library
@@ -35,7 +45,9 @@ def play(begin, view):
     """
 
     def run(row, replies, steps=1, past=0, **options):
-        before = [HistoryEntry(step, Decision((WALK,)), Feedback(executed=WALK), view(step).rgb) for step in range(past)]
+        before = [
+            HistoryEntry(step, Decision((WALK,)), Feedback(executed=WALK), view(step).rgb) for step in range(past)
+        ]
         with row.server(replies) as server:
             agent = begin(server, model=row.model, **{"num_retries": 1, **options})
             taken = [agent.decide(view(past + step), before) for step in range(steps)]
