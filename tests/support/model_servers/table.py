@@ -1,0 +1,79 @@
+"""The replies of replies.toml, and what the harness makes of each, as a table for the docs."""
+
+from __future__ import annotations
+
+import functools
+import json
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Self
+
+from model_servers import dialects
+from model_servers.openai_server import OpenAIServer, Reply
+
+FILE = Path(__file__).with_name("replies.toml")
+
+
+@dataclass(frozen=True)
+class Row:
+    """A reply of a provider, and what becomes of it. The head of replies.toml explains the fields."""
+
+    provider: str
+    when: str
+    model: str
+    server: type[OpenAIServer]
+    reply: Reply
+    then: str
+    source: str
+    says: str = ""
+    without: str = ""
+    thoughts: str = ""
+    wait: float = 0.0
+    tokens: tuple[int, ...] = ()
+
+    @classmethod
+    def of(cls, provider: str, about: dict[str, Any], told: dict[str, Any]) -> Self:
+        body = told.get("body") or _filled(about["envelope"], told["answer"], told["end"], about["usage"])
+        json.loads(body)  # Every row is JSON but one that says otherwise.
+        reply = Reply(body, told.get("status", 200), told.get("headers", {}))
+        own = {key: told[key] for key in ("says", "without", "thoughts", "wait") if key in told}
+        given = {key: told.get(key) or about[key] for key in ("model", "source")}
+        server = getattr(dialects, about["server"], OpenAIServer)
+        tokens = tuple(told.get("tokens", ()))
+        return cls(provider, told["when"], server=server, reply=reply, then=told["then"], tokens=tokens, **given, **own)
+
+    def __str__(self) -> str:
+        return f"{self.provider}: {self.when}"
+
+
+@functools.cache
+def providers() -> dict[str, dict[str, Any]]:
+    return tomllib.loads(FILE.read_text())
+
+
+def rows() -> list[Row]:
+    return [Row.of(name, about, told) for name, about in providers().items() for told in about["replies"]]
+
+
+def a_call(provider: str) -> Row:
+    """Return the row of the provider's usual answer."""
+    return next(row for row in rows() if (row.provider, row.when) == (provider, "a call"))
+
+
+def markdown() -> str:
+    """Return the table of providers and situations for the docs."""
+    found = {(row.when, row.provider): row.then for row in rows()}
+    names = list(providers())
+    lines = [["", *names], ["---"] * (len(names) + 1)]
+    for when in dict.fromkeys(row.when for row in rows()):
+        lines.append([when, *(found.get((when, name), "") for name in names)])
+    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
+
+
+def _filled(envelope: str, answer: str, end: str, usage: str) -> str:
+    return envelope.replace("ANSWER", answer).replace("END", end).replace("USAGE", usage)
+
+
+if __name__ == "__main__":
+    print(markdown(), end="")
