@@ -187,6 +187,8 @@ class Client:
                 response = self._retrying()(self._request, messages, request)
             except FailedRequest as failure:
                 self._meter.check()  # A timeout shortened by a limit counts as the limit.
+                if failure.filtered:
+                    return Completion("", (), "content_filter", "", "", Usage(estimated=True))
                 if not self._leaves_out(failure):
                     raise self._sorted(failure) from None  # The cause may hold the key.
             else:

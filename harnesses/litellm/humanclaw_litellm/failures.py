@@ -14,8 +14,8 @@ Json = dict[str, Any]
 _PREFIXES: Final = re.compile(r"^(?:litellm\.\w+: |\w+(?:Error|Exception): |\w+Exception\w* ?\w* - )+")
 _TRACE: Final = re.compile(r"\s*Traceback \(most recent call last\):.*", re.DOTALL)
 _TRANSIENT: Final = frozenset({408, 409, 425, 429})
-_FILTERED: Final = 451
-"""The status given to a request that the provider's filter refused: no other form of it succeeds."""
+_FAILED: Final = frozenset({"error", "network_error", "insufficient_system_resource"})
+"""Finish reasons of a generation that failed: of gateways and mlx, of GLM, and of DeepSeek."""
 _CAUSES: Final = 8
 """Longest chain of causes that is followed."""
 _SIZE: Final = r"context[ _-]?(?:length|window|size|limit)"
@@ -39,7 +39,11 @@ _NO_PICTURES: Final = re.compile(
     re.IGNORECASE,
 )
 _UNSUPPORTED: Final = re.compile(r"(?:not|n't|un) ?support|requires --|no endpoints found that", re.IGNORECASE)
-_NO_MONEY: Final = re.compile(r"insufficient[ _](?:quota|balance|credit|fund)|credit balance is too low", re.IGNORECASE)
+_NO_MONEY: Final = re.compile(
+    r"insufficient[ _](?:quota|balance|credit|fund)|credit balance is too low|exceeded_current_quota_error",
+    re.IGNORECASE,
+)
+_FILTERED: Final = re.compile(r"content_filter|content_policy|data_inspection_failed|input was flagged", re.IGNORECASE)
 _DELAY: Final = re.compile(r'"retryDelay":\s*"([\d.]+)s"')
 """Gemini's words for a wait."""
 _AGAIN: Final = re.compile(
@@ -80,6 +84,11 @@ class FailedRequest(Exception):  # noqa: N818
     def about_pictures(self) -> bool:
         """Whether the model takes no pictures."""
         return self._is_answer and bool(_NO_PICTURES.search(self.told))
+
+    @property
+    def filtered(self) -> bool:
+        """Whether the provider's filter refused the request."""
+        return self.status in (400, 403) and bool(_FILTERED.search(self.told))
 
     @property
     def unpaid(self) -> bool:
@@ -138,16 +147,20 @@ def _until(date: str) -> float:
 
 
 def check_reply(completion: Any, response: Any) -> None:
-    """Raise FailedRequest for a reply of status 200 that reports a failed generation, or holds no choices.
+    """Raise FailedRequest for a reply of status 200 that reports a failure, or holds no choices.
 
-    litellm turns the finish reasons `error` and `network_error` into `stop`.
+    litellm turns these finish reasons into `stop` and `length`.
     """
     body = _body_of(response)
-    choices = body.get("choices") if isinstance(body, dict) else None
+    body = body if isinstance(body, dict) else {}
+    choices = body.get("choices")
     first = choices[0] if isinstance(choices, list) and choices and isinstance(choices[0], dict) else {}
-    fault = first.get("error") or (body.get("error") if isinstance(body, dict) else None)
-    if fault or first.get("finish_reason") in ("error", "network_error"):
-        raise FailedRequest(_words(fault) or "the generation failed", _code(fault), json.dumps(fault))
+    reason, fault = first.get("finish_reason") or body.get("stop_reason"), first.get("error") or body.get("error")
+    if reason == "model_context_window_exceeded":
+        raise FailedRequest("the context window is full", 400, "context_length_exceeded")
+    if fault or reason in _FAILED:
+        said = first.get("message", {}).get("content")
+        raise FailedRequest(_words(fault) or _words(said) or "the generation failed", _code(fault), json.dumps(fault))
     if not completion.choices:
         raise FailedRequest("the reply held no choices", 502)
 
@@ -161,7 +174,7 @@ def failure_of(error: BaseException, response: Any) -> FailedRequest:
     if name == "UnsupportedParamsError":  # litellm's own: nothing was sent.
         return FailedRequest(plain, 400, text)
     if name == "ContentPolicyViolationError":
-        return FailedRequest(plain, _FILTERED, text)
+        return FailedRequest(plain, 400, "content_filter")
     if response is None:
         return FailedRequest(f"{plain}{_address(error)}", getattr(error, "status_code", None) or 0)
     body, headers = _body_of(response), dict(response.headers)

@@ -36,18 +36,25 @@ def load() -> Any:
 
 
 def _restrain_clients() -> None:
-    """Make HTTP clients follow no redirects, and keep each response for its thread.
+    """Make HTTP clients follow no redirects, retry nothing, and keep each response for its thread.
 
-    Prompt and picture go only to the address that the user chose. litellm has no setting for it; it makes all of its
-    clients in these two functions.
+    Prompt and picture go only to the address that the user chose. litellm has no setting for it, and loses max_retries
+    for some providers; it makes all of its clients in these functions.
     """
     from litellm.llms.custom_httpx.http_handler import HTTPHandler
     from litellm.llms.openai.common_utils import BaseOpenAILLM
+    from litellm.llms.openai.openai import OpenAIChatCompletion
 
     HTTPHandler.create_client = _restrained(HTTPHandler.create_client)  # type: ignore[method-assign]
     BaseOpenAILLM._get_sync_http_client = staticmethod(  # type: ignore[method-assign]
         _restrained(BaseOpenAILLM._get_sync_http_client)
     )
+    make_client = OpenAIChatCompletion._get_openai_client
+
+    def make_without_retries(*args: Any, **options: Any) -> Any:
+        return make_client(*args, **{**options, "max_retries": 0})
+
+    OpenAIChatCompletion._get_openai_client = make_without_retries  # type: ignore[method-assign]
 
 
 def _restrained(make: Callable[..., Any]) -> Callable[..., Any]:
