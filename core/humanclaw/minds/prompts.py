@@ -173,7 +173,7 @@ def step_content(
     The parts of past steps never change. So the next message begins like this one, and a provider's cache applies,
     until old steps are dropped.
     """
-    first = first_told(len(history), settings)
+    first = settings.first_told(len(history))
     content = [_text(_past(history, index, settings.mid_level)) for index in range(first, len(history))]
     if content and settings.marks_cache:
         content[-1]["cache_control"] = {"type": "ephemeral"}
@@ -195,14 +195,6 @@ def step_content(
 def _view(observation: Observation, settings: PromptSettings) -> list[Json]:
     """Return the current view; nothing for a model that takes no pictures."""
     return [picture(observation.rgb, settings.detail)] if settings.images else []
-
-
-def first_told(steps: int, settings: PromptSettings) -> int:
-    """Return the index of the oldest past step in the prompt. It advances history_slack + 1 steps at a time."""
-    if not settings.history:
-        return steps
-    stride = settings.history_slack + 1
-    return max(0, steps - settings.history) // stride * stride
 
 
 def _past(history: Sequence[HistoryEntry], index: int, mid_level: bool) -> str:

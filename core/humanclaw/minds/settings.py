@@ -38,6 +38,16 @@ class PromptSettings(BaseModel):
         """Names of the OPTIONAL_FIELDS of an answer."""
         return ("expected_success",) * self.expected_success + ("note_to_self",) * bool(self.memory)
 
+    def first_told(self, steps: int) -> int:
+        """Return the index of the oldest of `steps` past steps in the prompt.
+
+        It advances history_slack + 1 steps at a time.
+        """
+        if not self.history:
+            return steps
+        stride = self.history_slack + 1
+        return max(0, steps - self.history) // stride * stride
+
     @property
     def marks_cache(self) -> bool:
         """Whether the provider needs cache marks. For other models a mark does nothing or harms."""

@@ -72,6 +72,8 @@ class Decision:
     raw: str = ""
     prompt_digest: str = ""
     usage: Usage = field(default_factory=Usage)
+    dropped_steps: Annotated[int, Field(ge=0)] = 0
+    """Past steps that the settings put into the prompt and that were left out because the model's context was full."""
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ import hashlib
 import json
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Final, get_args
+from typing import Any
 
 from humanclaw import Meter, ProviderError
 from humanclaw_litellm.client import Client, Completion
@@ -14,13 +14,10 @@ from humanclaw_litellm.failures import RefusalError
 from humanclaw_litellm.settings import Mode, ModelError, Settings
 
 Json = dict[str, Any]
-ModeCache = dict[tuple[str, str], Mode]
-"""Model and address to the mode that worked; shared by the agents and verifiers of one set of plugins."""
-MODES: Final[tuple[Mode, ...]] = get_args(Mode)
 
 
 @dataclass(frozen=True)
-class Form:
+class AnswerFormat:
     """The form of an answer: a call of one of these tools, in OpenAI's format, or one object of this schema."""
 
     tools: tuple[Json, ...]
@@ -33,8 +30,7 @@ class Form:
         if mode == "schema":
             named = {"name": "answer", "schema": self.schema}
             return {"response_format": {"type": "json_schema", "json_schema": named}}
-        must = {"tool_choice": "required"} if mode == "tools" else {}
-        return {"tools": list(self.tools), **must, "parallel_tool_calls": False}
+        return {"tools": list(self.tools), **({"tool_choice": "required"} if mode == "tools" else {})}
 
 
 @dataclass(frozen=True)
@@ -61,66 +57,64 @@ class Reply:
 
 
 class ModeNegotiator:
-    """Finds the first mode in which a model can answer, keeps it, and caches it for others that ask this model.
+    """Finds the first mode in which a model can answer, together with all others that ask this model.
 
-    The negotiator drops a mode when the provider refuses it, or when a complete text of the model holds no answer. The
+    The negotiator drops a mode when the provider refuses it, or when a complete reply of the model holds no answer. The
     first usable answer settles the mode.
     """
 
-    def __init__(self, settings: Settings, cache: ModeCache | None = None) -> None:
+    def __init__(self, settings: Settings) -> None:
         self._client = Client(settings)
-        self._cache: ModeCache = {} if cache is None else cache
-        self._key = (settings.model, settings.api_base)
-        known = [self._cache[self._key]] if self._key in self._cache else list(MODES)
-        self._left: list[Mode] = known if settings.mode == "auto" else [settings.mode]
-        self._chosen = settings.mode != "auto"
-        self._settled = not self._chosen and self._key in self._cache
+        self._learned = self._client.learned
+        self._chosen: Mode | None = None if settings.mode == "auto" else settings.mode
 
     @property
     def mode(self) -> Mode:
-        return self._left[0]
+        return self._chosen or self._learned.modes[0]
+
+    @property
+    def in_force(self) -> Json:
+        """The settings as JSON values, with what the model refused of them."""
+        return self._client.in_force
 
     def begin(self, meter: Meter | None) -> None:
         """Begin an episode within these limits. Raises ModelError if the model cannot be reached."""
         self._client.begin(meter or Meter())
 
-    def ask(self, form: Form, messages: Callable[[Mode], list[Json]]) -> Reply:
+    def ask(self, form: AnswerFormat, messages: Callable[[Mode], list[Json]]) -> Reply:
         """Ask for an answer. messages: returns the conversation for a mode.
 
-        Raises ProviderError, and ModelError if the provider refuses every mode.
+        Raises ProviderError, TooLongError, and ModelError if the provider refuses every mode.
         """
         while True:
-            sent, request = messages(self.mode), form.request(self.mode)
+            mode = self.mode
+            sent, request = messages(mode), form.request(mode)
             try:
-                return Reply(self._client.complete(sent, request), self.mode, _digest(sent, request))
+                return Reply(self._client.complete(sent, request), mode, _digest(sent, request))
             except RefusalError as refusal:
-                self._refused(str(refusal))
+                self._refused(mode, str(refusal))
 
     def report(self, reply: Reply, understood: bool) -> None:
         """Learn from a reply. understood: whether it held a usable answer."""
-        completion = reply.completion
-        said_something = bool(completion.text.strip()) and not (
-            completion.calls or completion.cut_off or completion.withheld
-        )
+        completion, learned = reply.completion, self._learned
+        if self._chosen or learned.settled:
+            return
         if understood:
-            self._settled = True
-            if not self._chosen:
-                self._cache[self._key] = reply.mode
-        elif said_something and not self._settled and len(self._left) > 1:
+            learned.settled = True
+        elif not (completion.calls or completion.cut_off or completion.withheld) and len(learned.modes) > 1:
             # A model that writes text although it must use tools will not use them voluntarily: both modes go.
             tools = ("tools", "tools_auto")
-            self._left = [
-                mode for mode in self._left if mode != reply.mode and (reply.mode not in tools or mode not in tools)
-            ]
+            dropped = tools if reply.mode in tools else (reply.mode,)
+            learned.modes = [mode for mode in learned.modes if mode not in dropped]
 
-    def _refused(self, reason: str) -> None:
-        if self._settled:
+    def _refused(self, mode: Mode, reason: str) -> None:
+        learned = self._learned
+        if learned.worked if self._chosen else learned.settled:
             raise ProviderError(f"the provider refused a request: {reason}")
-        if len(self._left) == 1:
-            raise ModelError(
-                f"the provider refuses the requests: {reason}.", "Use a model that takes pictures, or other params."
-            )
-        self._left.pop(0)
+        if self._chosen or learned.modes == [mode]:
+            hint = "Name another model; parameters of the request are --option params, temperature and max_tokens."
+            raise ModelError(f"the provider refuses the requests: {reason}.", hint)
+        learned.modes = [other for other in learned.modes if other != mode]
 
 
 def _digest(messages: list[Json], request: Json) -> str:

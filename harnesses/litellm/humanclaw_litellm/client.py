@@ -10,47 +10,46 @@ import json
 import logging
 import os
 import re
-import threading
 import time
-from collections.abc import Callable, Mapping
-from concurrent.futures import Future, TimeoutError as FutureTimeoutError
-from dataclasses import dataclass
-from typing import Any, Final
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Final, get_args
 
 import tenacity
 
-from humanclaw import LimitError, Meter, ProviderError
+from humanclaw import Meter, ProviderError
 from humanclaw.cli import legible
 from humanclaw.records import Usage
-from humanclaw_litellm.accounting import price_of, tokens_sent, usage_of
-from humanclaw_litellm.failures import (
-    NoAnswerError,
-    RefusalError,
-    TooSlowError,
-    is_refusal,
-    is_transient,
-    message_of,
-    redirect,
-    retry_after,
-    unusable,
-    wants_stream,
-)
-from humanclaw_litellm.library import WebPageError, load, missing_keys
-from humanclaw_litellm.rates import Gate
+from humanclaw_litellm.failures import FailedRequest, RefusalError, TooLongError
+from humanclaw_litellm.litellm_setup import complete, load, missing_key
+from humanclaw_litellm.rates import RateLimiter
 from humanclaw_litellm.redaction import redact
-from humanclaw_litellm.settings import ModelError, Settings
+from humanclaw_litellm.settings import Mode, ModelError, Settings
+from humanclaw_litellm.usage import price_of, text_tokens_sent, tokens_sent, usage_of
+
+try:
+    from humanclaw.skills import split_thoughts
+except ImportError:
+
+    def split_thoughts(text: str) -> tuple[str, str]:
+        return "", text
+
 
 Json = dict[str, Any]
+MODES: Final[tuple[Mode, ...]] = get_args(Mode)
 _LOG: Final = logging.getLogger(__name__)
 _LONGEST_BACKOFF: Final = 60.0
-_LONGEST_RETRY_AFTER: Final = 600.0
+_LONGEST_WAIT: Final = 600.0
 _SHORTEST_TIMEOUT: Final = 0.05
-_GRACE: Final = 0.25
-_HINTS: Final = frozenset({"parallel_tool_calls"})
 _BREAKS: Final = re.compile(r"[\t\n\r]+")
 _LONGEST_NAME: Final = 200
 _ANSWER: Final = 300
 """Tokens reserved for an answer before the first one has come."""
+_ROOM: Final = 2048
+"""Tokens of Ollama's context window for an answer without max_tokens."""
+_WINDOW: Final = 8192
+"""Tokens of the smallest context window that Ollama is asked for. A change loads the model again, so it only doubles."""
+_PRICES: Final = 'params={"input_cost_per_token": 1e-6, "output_cost_per_token": 4e-6}'
 
 
 @dataclass(frozen=True)
@@ -58,6 +57,7 @@ class Completion:
     """A model's answer."""
 
     text: str
+    """What the model said, without thoughts."""
     calls: tuple[tuple[str, str], ...]
     """Name and arguments of every tool call; the arguments are JSON as received."""
     finish_reason: str
@@ -76,16 +76,51 @@ class Completion:
         return self.finish_reason == "content_filter"
 
 
+@dataclass
+class Learned:
+    """What requests have shown of a model. All agents and verifiers of this process that ask it share one."""
+
+    modes: list[Mode] = field(default_factory=lambda: list(MODES))
+    """The ways of asking that are left to try; the first one is in use."""
+    settled: bool = False
+    """Whether that way has brought a usable answer."""
+    worked: bool = False
+    left_out: list[str] = field(default_factory=list)
+    """Parameters that the model has refused."""
+    priced: bool | None = None
+    """Whether a price is known; None before the first episode."""
+    window: int = _WINDOW
+    warned: set[str] = field(default_factory=set)
+
+    @classmethod
+    def of(cls, settings: Settings) -> Learned:
+        return _LEARNED.setdefault((settings.model, settings.api_base, settings.auth_env), cls())
+
+    def warn(self, kind: str, text: str) -> None:
+        """Log a warning, once for each kind."""
+        if kind not in self.warned:
+            self.warned.add(kind)
+            _LOG.warning(text)
+
+
+_LEARNED: Final[dict[tuple[str, str, str], Learned]] = {}
+
+
 class Client:
     """One model at one provider."""
 
     def __init__(self, settings: Settings) -> None:
         self._settings = settings
-        self._worked = False
-        self._streams = settings.stream
-        self._gate = Gate.of(settings)
+        self.learned = Learned.of(settings)
+        self._limiter = RateLimiter.of(settings)
         self._answer = settings.max_tokens or _ANSWER
         self._meter = Meter()
+
+    @property
+    def in_force(self) -> Json:
+        """The settings, what the model refused of them, and whether a price is known. They hold no key."""
+        left_out = [name for name in self.learned.left_out if name in self._chosen()]
+        return {**self._settings.in_force, "left_out": left_out, "priced": self.learned.priced}
 
     def begin(self, meter: Meter) -> None:
         """Begin an episode within these limits.
@@ -95,13 +130,12 @@ class Client:
         """
         self._meter = meter
         self._check_name()
-        self._check_key()
-        # Checked before the first request: afterwards the money would already be spent.
-        if meter.limits_money() and price_of(self._settings) is None:
-            hint = 'Give prices: --option \'params={"input_cost_per_token": 1e-6, "output_cost_per_token": 4e-6}\'.'
-            raise ModelError(
-                f"a limit in usd cannot be kept: no price is known for model {self._settings.model!r}.", hint
-            )
+        self._key()
+        self._check_price()
+        listed = load().model_cost.get(self._settings.model, {})
+        if self._settings.images and listed.get("mode") == "chat" and not listed.get("supports_vision"):
+            told = f"litellm lists {self._settings.model} without image input; --images 0 sends no picture"
+            self.learned.warn("pictures", told)
 
     def _check_name(self) -> None:
         settings = self._settings
@@ -113,155 +147,194 @@ class Client:
             )
             raise ModelError(f"no provider is known for model {settings.model!r}.", hint) from None
 
-    def _check_key(self) -> None:
-        settings = self._settings
-        self._key()
-        missing = self._missing_keys()
-        if missing and not settings.api_base:
-            hint = f"Set {missing[0]}, or name a server of your own with api_base."
-            raise ModelError(f"model {settings.model!r} needs a key and {missing[0]} is not set.", hint)
+    def _check_price(self) -> None:
+        model, self.learned.priced = self._settings.model, price_of(self._settings) is not None
+        if self.learned.priced:
+            return
+        # Checked before the first request: afterwards the money would already be spent.
+        if self._meter.limits_money():
+            hint = f"Give prices: --option '{_PRICES}'."
+            raise ModelError(f"a limit in usd cannot be kept: no price is known for model {model!r}.", hint)
+        if not self._settings.api_base and not model.startswith("ollama"):
+            told = f"no price is known for model {model!r}: its cost is recorded as 0; give --option '{_PRICES}'"
+            self.learned.warn("price", told)
 
-    def complete(self, messages: list[Json], request: Mapping[str, Any]) -> Completion:
-        """Send one request, and retry it after transient failures.
+    def _key(self) -> str:
+        """Return the key to send; empty if litellm finds one by itself. Raises ModelError if it is missing.
 
-        Raises ProviderError if the retries fail, RefusalError if the provider refuses this form of request, ModelError
-        if this client's first request shows that the key or the model is wrong, and LimitError if time runs out.
+        "none" for a local server, which often needs no key although its client library does.
         """
-        try:
-            response = self._retrying()(self._request, messages, request)
-        except LimitError:
-            raise
-        except Exception as error:
-            self._meter.check()  # A timeout shortened by a limit counts as the limit.
-            if self._may_stream(error) and (completion := self._in_pieces(messages, request)):
-                return completion
-            raise self._sorted(error) from None  # The cause may hold the key.
-        self._worked = True
-        completion = self._completion(response, messages, request)
-        self._settle(completion.usage, tokens_sent(messages, request) + self._answer)
-        return completion
+        if name := self._settings.auth_env:
+            if key := os.environ.get(name, "").strip():
+                return key
+            raise ModelError(f"auth_env names {name}, which is not set.", f"Set {name}.")
+        missing = missing_key(self._settings.model)
+        if missing and not self._settings.api_base:
+            hint = f"Set {missing}, or name a server of your own with api_base."
+            raise ModelError(f"model {self._settings.model!r} needs a key and {missing} is not set.", hint)
+        return "none" if missing else ""
 
-    def _in_pieces(self, messages: list[Json], request: Mapping[str, Any]) -> Completion | None:
-        """Stream from now on; None if the server cannot stream either."""
-        self._streams = True
-        try:
-            return self.complete(messages, request)
-        except ModelError:
-            self._streams = False
-            return None
+    # -- requests ---------------------------------------------------------------------------------------------------
+    def complete(self, messages: list[Json], request: Mapping[str, Any]) -> Completion:
+        """Send one request, and retry it after transient failures and without a parameter that the model refuses.
 
-    def _may_stream(self, error: Exception) -> bool:
-        return not (self._streams or self._worked) and wants_stream(error)
-
-    def _settle(self, usage: Usage, reserved: int) -> None:
-        self._gate.settle(usage.tokens_in + usage.tokens_out - reserved)
-        self._answer = usage.tokens_out  # The next answer is expected to be about as long.
-
-    def _wait_for_turn(self, tokens: int) -> None:
-        """Wait until the rate limit allows the request. Raises LimitError if time runs out meanwhile."""
-        wait = self._gate.enter(tokens)
-        if wait > 0:
-            time.sleep(min(wait, self._meter.seconds_left()))
-        self._meter.check()
+        Raises ProviderError if the retries fail, RefusalError if the provider refuses this form of request,
+        TooLongError if it does not fit the model's context, ModelError if no request of this run can succeed, and
+        LimitError if time runs out.
+        """
+        while True:
+            try:
+                response = self._retrying()(self._request, messages, request)
+            except FailedRequest as failure:
+                self._meter.check()  # A timeout shortened by a limit counts as the limit.
+                if failure.filtered:
+                    return Completion("", (), "content_filter", "", "", Usage(estimated=True))
+                if not self._leaves_out(failure):
+                    raise self._sorted(failure) from None  # The cause may hold the key.
+            else:
+                self.learned.worked = True
+                return self._completion(response, messages, request)
 
     def _request(self, messages: list[Json], request: Mapping[str, Any]) -> Any:
         self._meter.check()
         self._wait_for_turn(tokens_sent(messages, request) + self._answer)
         settings = self._settings
-        optional = {"api_base": settings.api_base, "api_key": self._key()}
-        chosen = {"temperature": settings.temperature, "max_tokens": settings.max_tokens}
-        known = load().get_supported_openai_params(settings.model) or ()
-        seconds = max(_SHORTEST_TIMEOUT, min(settings.timeout, self._meter.seconds_left()))
-        response = _within(
-            seconds,
-            _streamed if self._streams else load().completion,
+        where = {"api_base": settings.api_base, "api_key": self._key()}
+        return complete(
+            max(_SHORTEST_TIMEOUT, min(settings.timeout, self._meter.seconds_left())),
             model=settings.model,
             messages=messages,
-            timeout=seconds,
             num_retries=0,  # of litellm
             max_retries=0,  # of the provider's client
-            drop_params=False,  # Parameters are sent or refused, never dropped silently; only _HINTS may be dropped.
-            **{key: value for key, value in optional.items() if value},
-            **{key: value for key, value in chosen.items() if value is not None},
-            **({key: value for key, value in request.items() if key not in _HINTS or key in known} | settings.params),
+            drop_params=False,  # A refused parameter is left out and recorded, never dropped silently.
+            **{key: value for key, value in where.items() if value},
+            **self._window(messages, request),
+            **{**request, **self._optional(request)},
         )
-        if not response.choices:
-            raise NoAnswerError("the reply held no choices")
-        return response
+
+    def _chosen(self) -> Json:
+        """Return the parameters that the user chose."""
+        chosen = {"temperature": self._settings.temperature, "max_tokens": self._settings.max_tokens}
+        return {**{key: value for key, value in chosen.items() if value is not None}, **self._settings.params}
+
+    def _optional(self, request: Mapping[str, Any]) -> Json:
+        """Return the parameters that can be left out, without those that the model has refused."""
+        parallel = {} if "tools" not in request else {"parallel_tool_calls": False}
+        found = {**parallel, **self._chosen()}
+        return {key: value for key, value in found.items() if key not in self.learned.left_out}
+
+    def _leaves_out(self, failure: FailedRequest) -> bool:
+        """Leave out the first parameter that a refusal names. Return whether it names one."""
+        if not failure.refused or failure.too_long:
+            return False
+        names = [name for name in {**self._chosen(), "parallel_tool_calls": False} if name not in self.learned.left_out]
+        places = {name: re.search(rf"(?<!\w){re.escape(name)}(?!\w)", failure.told) for name in names}
+        named = {name: place.start() for name, place in places.items() if place}
+        if named:
+            first = min(named, key=lambda name: named[name])
+            self.learned.left_out.append(first)
+            told = f"{self._settings.model} does not take {first}, which is left out: {self._tell(failure)}"
+            (_LOG.info if first == "parallel_tool_calls" else _LOG.warning)(told)
+        return bool(named)
+
+    def _window(self, messages: list[Json], request: Mapping[str, Any]) -> Json:
+        """Return the context window to ask Ollama for: by default it cuts long prompts silently."""
+        if not self._settings.model.startswith("ollama") or "num_ctx" in self._settings.params:
+            return {}
+        while self.learned.window < tokens_sent(messages, request) + (self._settings.max_tokens or _ROOM):
+            self.learned.window *= 2
+        return {"num_ctx": self.learned.window}
+
+    def _wait_for_turn(self, tokens: int) -> None:
+        """Wait until the rate limit allows the request. Raises LimitError if time runs out meanwhile."""
+        wait = self._limiter.enter(tokens)
+        if wait > 0:
+            time.sleep(min(wait, self._meter.seconds_left()))
+        self._meter.check()
 
     def _retrying(self) -> tenacity.Retrying:
         return tenacity.Retrying(
             stop=tenacity.stop_after_attempt(self._settings.num_retries + 1),
-            wait=self._wait,
-            retry=tenacity.retry_if_exception(is_transient),
-            before_sleep=self._warn,
+            wait=self._pause,
+            retry=tenacity.retry_if_exception(lambda error: isinstance(error, FailedRequest) and error.transient),
+            before_sleep=self._tell_retry,
             reraise=True,
         )
 
-    def _wait(self, state: tenacity.RetryCallState) -> float:
+    def _pause(self, state: tenacity.RetryCallState) -> float:
         """Return the seconds to wait: exponential with jitter, at least as the provider asks, at most the time left."""
         first = self._settings.backoff
         spread = (tenacity.wait_exponential(multiplier=first) + tenacity.wait_random(0, first))(state)
-        asked = min(retry_after(state.outcome.exception() if state.outcome else None), _LONGEST_RETRY_AFTER)
+        error = state.outcome.exception() if state.outcome else None
+        asked = min(error.wait, _LONGEST_WAIT) if isinstance(error, FailedRequest) else 0.0
         if asked:
-            self._gate.close(asked)  # All workers wait: the provider would refuse them too.
-        pause = max(min(spread, _LONGEST_BACKOFF), asked)
-        return min(pause, self._meter.seconds_left())
+            self._limiter.close(asked)  # All workers wait: the provider would refuse them too.
+        return min(max(min(spread, _LONGEST_BACKOFF), asked), self._meter.seconds_left())
 
-    def _warn(self, state: tenacity.RetryCallState) -> None:
+    def _tell_retry(self, state: tenacity.RetryCallState) -> None:
         error = state.outcome.exception() if state.outcome else None
         pause = state.next_action.sleep if state.next_action else 0.0
-        _LOG.warning("%s: %s; next try in %.1f s", self._settings.model, self._tell(error or Exception()), pause)
-
-    def _key(self) -> str:
-        """Return the key to send; empty if litellm finds one by itself.
-
-        "none" for a local server, which often needs no key although its client library does.
-        """
-        name = self._settings.auth_env
-        if name and not os.environ.get(name, "").strip():
-            raise ModelError(f"auth_env names {name}, which is not set.", f"Set {name}.")
-        return os.environ[name] if name else "none" if self._settings.api_base and self._missing_keys() else ""
-
-    def _missing_keys(self) -> list[str]:
-        return [] if self._settings.auth_env else missing_keys(self._settings.model)
+        _LOG.warning("%s: %s; next try in %.1f s", self._settings.model, self._tell(error), pause)
 
     # -- answers ----------------------------------------------------------------------------------------------------
     def _completion(self, response: Any, messages: list[Json], request: Mapping[str, Any]) -> Completion:
         choice = response.choices[0]
-        message = choice.message
-        called = getattr(message, "tool_calls", None) or ()
+        called = getattr(choice.message, "tool_calls", None) or ()
         calls = tuple(
             (self._redact(item.function.name or ""), self._redact(_as_text(item.function.arguments))) for item in called
         )
-        text = self._redact(getattr(message, "content", None) or "")
-        thoughts = self._redact(getattr(message, "reasoning_content", None) or "")
-        said = text + "".join(arguments for _, arguments in calls)
-        usage = usage_of(response, self._settings, messages, request, said + thoughts)
+        inner, text = split_thoughts(self._redact(getattr(choice.message, "content", None) or ""))
+        told = self._redact(getattr(choice.message, "reasoning_content", None) or "")
+        thoughts = "\n".join(filter(None, (told, inner)))
+        said = thoughts + text + "".join(arguments for _, arguments in calls)
+        usage = usage_of(response, self._settings, messages, request, said)
+        self._settle(usage, messages, request)
         model = self._redact(str(response.model or ""))[:_LONGEST_NAME]
         return Completion(text, calls, str(choice.finish_reason or ""), thoughts, model, usage)
 
-    # -- failures ---------------------------------------------------------------------------------------------------
-    def _sorted(self, error: Exception) -> Exception:
-        """Turn an error into the exception that the caller gets."""
-        if isinstance(error, ModelError):
-            return error
-        if elsewhere := redirect(error):
-            return self._redirected(elsewhere)
-        if reply := unusable(error):
-            told = f"{self._where()} gave no answer: {reply}"
-            wrong = isinstance(reply, WebPageError) and not self._worked
-            return ModelError(f"{told}.", "Check api_base; it often ends in /v1.") if wrong else ProviderError(told)
-        told = self._tell(error)
-        if is_refusal(error):
-            return RefusalError(told)
-        # A key or name that worked before is right, so the fault must be the provider's.
-        mendable = None if self._worked else self._mendable(getattr(error, "status_code", None), told)
-        return mendable or ProviderError(f"{self._where()} gave no answer: {told}")
+    def _settle(self, usage: Usage, messages: list[Json], request: Mapping[str, Any]) -> None:
+        """Correct the rate limiter by the tokens that were used, and warn if the server read far fewer than were sent."""
+        used = usage.tokens_in + usage.tokens_out
+        self._limiter.settle(used - tokens_sent(messages, request) - self._answer)
+        self._answer = usage.tokens_out  # The next answer is expected to be about as long.
+        sent = text_tokens_sent(messages, request)
+        if not usage.estimated and usage.tokens_in < sent / 2:
+            told = f"{self._where()} counted {usage.tokens_in} tokens of about {sent} that were sent: it may have cut"
+            self.learned.warn("cut", f"{told} the prompt; give it a larger context window (Ollama: params num_ctx)")
 
-    def _tell(self, error: BaseException) -> str:
+    # -- failures ---------------------------------------------------------------------------------------------------
+    def _sorted(self, failure: FailedRequest) -> Exception:
+        """Turn a failure into the exception that the caller gets."""
+        told, where = self._tell(failure), self._where()
+        if failure.redirect:
+            return ModelError(
+                f"{where} sends requests on to {self._redact(failure.redirect)}, where nothing was sent.",
+                "Name that address with api_base if prompt and picture may go there.",
+            )
+        if failure.too_long:
+            return TooLongError(f"{where} says: {told}")
+        if failure.about_pictures and not self.learned.worked:
+            hint = "Name a model that takes pictures, or play without any: --images 0."
+            return ModelError(f"{self._settings.model} takes no pictures: {told}.", hint)
+        if mendable := self._mendable(failure, told):
+            return mendable
+        return RefusalError(told) if failure.refused else ProviderError(f"{where} gave no answer: {told}")
+
+    def _mendable(self, failure: FailedRequest, told: str) -> ModelError | None:
+        """Return the error that ends the run; None if another request may succeed."""
+        model, server = self._settings.model, self._settings.api_base or "the provider"
+        if failure.unpaid:
+            return ModelError(f"the quota for {model} is used up: {told}.", "Top it up or use another key.")
+        # Some gateways answer 403 to a single request that their filter refuses.
+        if failure.status == 401 or (failure.status == 403 and not self.learned.worked):
+            return ModelError(f"{server} does not accept the key for {model}: {told}.", "Set the right key.")
+        if failure.status == 404 and not failure.refused:
+            return ModelError(f"{server} does not know {model}: {told}.", "Check the model's name and api_base.")
+        return None
+
+    def _tell(self, failure: BaseException | None) -> str:
         """Return the provider's message on one line of at most 300 characters, without secrets."""
-        return _BREAKS.sub(" ", legible(self._redact(message_of(error))))[:300].rstrip(". ")
+        return _BREAKS.sub(" ", legible(self._redact(str(failure))))[:300].rstrip(". ")
 
     def _redact(self, text: str) -> str:
         return redact(text, os.environ.get(self._settings.auth_env, "") if self._settings.auth_env else "")
@@ -269,60 +342,6 @@ class Client:
     def _where(self) -> str:
         base = self._settings.api_base
         return f"{self._settings.model} at {base}" if base else self._settings.model
-
-    def _redirected(self, address: str) -> ModelError:
-        told = f"{self._where()} sends requests on to {self._redact(address)}, where nothing was sent."
-        return ModelError(told, "Name that address with api_base if prompt and picture may go there.")
-
-    def _mendable(self, status: int | None, told: str) -> ModelError | None:
-        model, server = self._settings.model, self._settings.api_base or "the provider"
-        if status in (401, 403):
-            return ModelError(f"{server} does not accept the key for {model}: {told}.", "Set the right key.")
-        if status == 404:
-            return ModelError(f"{server} does not know {model}: {told}.", "Check the model's name and api_base.")
-        if "insufficient_quota" in told:
-            return ModelError(f"the quota for {model} is used up: {told}.", "Top it up or use another key.")
-        return None
-
-
-def _within(seconds: float, ask: Callable[..., Any], **request: Any) -> Any:
-    """Return the result of a call that takes at most `seconds` of wall time. Raises TooSlowError.
-
-    A client's own timeout restarts with every byte that arrives. A request that is too slow is abandoned to its
-    thread.
-    """
-    answer: Future[Any] = Future()
-
-    def run() -> None:
-        try:
-            answer.set_result(ask(**request))
-        except BaseException as error:
-            answer.set_exception(error)
-
-    threading.Thread(target=run, name="request", daemon=True).start()
-    try:
-        # The client's own timeout gets a head start: its error says more.
-        return answer.result(seconds + _GRACE)
-    except FutureTimeoutError:
-        if answer.done():
-            raise
-        raise TooSlowError(f"no answer within {seconds:.3g} s") from None
-
-
-def _streamed(**request: Any) -> Any:
-    """Request a stream and assemble the answer, without the token count that litellm makes up if none came."""
-    stream = load().completion(**request, stream=True, stream_options={"include_usage": True})
-    pieces = list(stream)
-    if getattr(stream, "received_finish_reason", "") is None:  # litellm would invent one.
-        raise NoAnswerError("the reply broke off before its end")
-    whole = load().stream_chunk_builder(pieces, messages=request["messages"])
-    if whole is None:
-        raise NoAnswerError("the reply held no pieces")
-    counted = load().token_counter(model=pieces[0].model, messages=request["messages"])
-    # A count that equals litellm's own estimate is that estimate.
-    if getattr(getattr(whole, "usage", None), "prompt_tokens", counted) == counted:
-        whole.usage = None
-    return whole
 
 
 def _as_text(arguments: Any) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -12,6 +13,7 @@ from humanclaw import (
     EpisodeContext,
     HistoryEntry,
     HumanclawError,
+    LimitError,
     Observation,
     Skill,
     model_tools,
@@ -20,8 +22,9 @@ from humanclaw import (
     system_prompt,
 )
 from humanclaw.skills import Json, Reasoning, answer_schema, read_call, read_text
-from humanclaw_litellm.asking import Form, ModeCache, ModeNegotiator, Reply
+from humanclaw_litellm.asking import AnswerFormat, ModeNegotiator, Reply
 from humanclaw_litellm.client import Completion
+from humanclaw_litellm.failures import TooLongError
 from humanclaw_litellm.settings import Mode, ModelError, Settings
 
 
@@ -29,7 +32,7 @@ from humanclaw_litellm.settings import Mode, ModelError, Settings
 class _Episode:
     context: EpisodeContext
     skills: tuple[Skill, ...]
-    form: Form
+    form: AnswerFormat
 
 
 class ModelAgent:
@@ -40,14 +43,19 @@ class ModelAgent:
 
     privileged = False
 
-    def __init__(self, settings: Settings, cache: ModeCache | None = None) -> None:
-        """cache: modes that worked before."""
+    def __init__(self, settings: Settings) -> None:
         self.name = settings.model
-        self.settings = settings.in_force
         self._settings = settings
-        self._negotiator = ModeNegotiator(settings, cache)
+        self._negotiator = ModeNegotiator(settings)
         self._episode: _Episode | None = None
         self._note = ""
+        self._room = sys.maxsize
+        """The most past steps that fit into the model's context, as far as this episode has shown."""
+
+    @property
+    def settings(self) -> Json:
+        """The settings in force; left_out names the parameters that the model refused."""
+        return self._negotiator.in_force
 
     @property
     def mode(self) -> Mode:
@@ -63,28 +71,52 @@ class ModelAgent:
         self._negotiator.begin(context.meter)
         skills, settings = usable(context), self._settings
         asked: Json = {"mid_level": settings.mid_level, "described": False, "optional": settings.optional}
-        form = Form(tuple(model_tools(skills, settings)), answer_schema(skills, **asked))
-        self._episode, self._note = _Episode(context, skills, form), ""
+        form = AnswerFormat(tuple(model_tools(skills, settings)), answer_schema(skills, **asked))
+        self._episode, self._note, self._room = _Episode(context, skills, form), "", sys.maxsize
 
     def decide(self, observation: Observation, history: Sequence[HistoryEntry]) -> Decision:
-        """Ask the model for a decision.
+        """Ask the model for a decision. Past steps that do not fit into its context are dropped, oldest first.
 
-        Raises ProviderError if the provider gives no answer, and ModelError if it rejects the model or the key.
+        Raises ProviderError if the provider gives no answer, ModelError if it rejects the model or the key, and
+        LimitError if a step alone does not fit.
         """
         if self._episode is None:
             raise HumanclawError("an agent must begin an episode before it decides.", "Call begin first.")
-        episode = self._episode
-        content = step_content(episode.context, observation, history, self._note, self._settings)
+        wanted = len(history) - self._settings.first_told(len(history))
+        while True:
+            told = min(wanted, self._room)
+            try:
+                reply = self._ask(self._episode, observation, history, told if told < wanted else None)
+                break
+            except TooLongError as fault:
+                if not told:
+                    raise LimitError("episode", _no_room(observation.step, fault)) from None
+                self._room = told // 2
+        found, self._note = read(reply.completion, prose=reply.mode == "prompt")
+        self._negotiator.report(reply, bool(found))
+        return _decision(found, reply, wanted - told)
+
+    def _ask(
+        self, episode: _Episode, observation: Observation, history: Sequence[HistoryEntry], told: int | None
+    ) -> Reply:
+        """Ask about a step. told: number of past steps in the prompt; None for as many as the settings say."""
+        settings = self._settings
+        if told is not None:
+            fewer = {"history": told, "history_slack": 0, "images": min(settings.images, told + 1)}
+            settings = settings.model_copy(update=fewer)
+        content = step_content(episode.context, observation, history, self._note, settings)
 
         def messages(mode: Mode) -> list[Json]:
             schema = episode.form.schema if mode in ("schema", "prompt") else None
-            system = system_prompt(episode.context, episode.skills, self._settings, schema)
-            return [system_message(system, self._settings), {"role": "user", "content": content}]
+            system = system_prompt(episode.context, episode.skills, settings, schema)
+            return [system_message(system, settings), {"role": "user", "content": content}]
 
-        reply = self._negotiator.ask(episode.form, messages)
-        found, self._note = read(reply.completion, prose=reply.mode == "prompt")
-        self._negotiator.report(reply, bool(found))
-        return _decision(found, reply)
+        return self._negotiator.ask(episode.form, messages)
+
+
+def _no_room(step: int, fault: TooLongError) -> str:
+    told = f"step {step + 1} alone, without past steps (--history 0), does not fit the model's context window: {fault}."
+    return f"{told} Use a model or a server with a larger window, or a shorter answer (max_tokens)."
 
 
 def usable(context: EpisodeContext) -> tuple[Skill, ...]:
@@ -125,7 +157,7 @@ def _read_calls(completion: Completion) -> tuple[tuple[tuple[Reasoning, Call], .
     return (() if faults and len(found) == 1 else tuple(found)), " ".join(faults)
 
 
-def _decision(found: Sequence[tuple[Reasoning, Call]], reply: Reply) -> Decision:
+def _decision(found: Sequence[tuple[Reasoning, Call]], reply: Reply, dropped: int) -> Decision:
     said = found[0][0] if found else Reasoning()
     return Decision(
         tuple(call for _, call in found),
@@ -133,4 +165,5 @@ def _decision(found: Sequence[tuple[Reasoning, Call]], reply: Reply) -> Decision
         raw=reply.raw,
         prompt_digest=reply.prompt_digest,
         usage=reply.completion.usage,
+        dropped_steps=dropped,
     )

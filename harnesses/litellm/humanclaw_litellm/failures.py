@@ -1,117 +1,139 @@
-"""Failed requests: what an error of litellm or of a provider means, what it says, and whether to try again."""
+"""Failed requests: the server's own words, what they mean, and whether to try again."""
 
 from __future__ import annotations
 
 import datetime
 import email.utils
+import json
 import math
 import re
 from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
-from humanclaw.skills import json_objects
-from humanclaw_litellm.library import UnusableReplyError
-
 Json = dict[str, Any]
-_NO_REFUSALS: Final = frozenset({"ContentPolicyViolationError", "ContextWindowExceededError"})
 _PREFIXES: Final = re.compile(r"^(?:litellm\.\w+: |\w+(?:Error|Exception): |\w+Exception\w* ?\w* - )+")
-_RETRY_DELAY: Final = re.compile(r'"retryDelay":\s*"([\d.]+)s"')
-_UNREADABLE: Final = re.compile(
-    "Error converting to valid response|Empty or invalid response from LLM endpoint|Invalid response object"
-)
-"""litellm's words for a reply that it could not read."""
-_IN_PIECES: Final = re.compile(r"Received: ['\"]data:")
-"""litellm's words for server-sent events that it did not ask for."""
 _TRACE: Final = re.compile(r"\s*Traceback \(most recent call last\):.*", re.DOTALL)
-_WANTS_STREAM: Final = re.compile(r"stream", re.IGNORECASE)
-_REDIRECTS: Final = frozenset({301, 302, 303, 307, 308})
 _TRANSIENT: Final = frozenset({408, 409, 425, 429})
+_FAILED: Final = frozenset({"error", "network_error", "insufficient_system_resource"})
+"""Finish reasons of a generation that failed: of gateways and mlx, of GLM, and of DeepSeek."""
 _CAUSES: Final = 8
 """Longest chain of causes that is followed."""
+_SIZE: Final = r"context[ _-]?(?:length|window|size|limit)"
+_TOO_LONG: Final = re.compile(
+    rf"(?:exceed|longer than|larger than|greater than|too large for|maximum|overflow)[^.]{{0,80}}{_SIZE}"
+    rf"|{_SIZE}[^.]{{0,80}}(?:exceed|overflow|only|not enough)"
+    r"|context[ _]length[ _]exceeded|exceed_context_size"  # OpenAI; llama.cpp
+    r"|(?:prompt|input|request)\b[^.]{0,40} too (?:long|large)"  # Anthropic, Bedrock, Groq
+    r"|(?:exceeds? the|longer than the) maximum (?:number of tokens allowed|model length|size)"  # Gemini, vLLM, Anthropic
+    r"|maximum prompt length is|exceeded model token limit|prompt exceeds max|too many tokens"  # xAI, Kimi, GLM, Cohere
+    r"|range of input length|`inputs` tokens"  # Qwen, TGI
+    r"|reduce (?:the length of|your message size)",
+    re.IGNORECASE,
+)
+_PICTURE: Final = r"(?:image|picture|vision|multi-?modal)"
+_NO_PICTURES: Final = re.compile(
+    rf"{_PICTURE}[^.]{{0,60}}(?:not|n't|un)[ -]?(?:\w+ )?(?:support|enabled|allowed|accept|available)"
+    rf"|(?:not|n't|cannot) (?:support|accept|take|have|process|read)[^.]{{0,40}}{_PICTURE}"
+    r"|no endpoints found[^.]*image|at most 0 image|not a multimodal model|missing data required for image"
+    r"|image_url[^.]{0,40}only supported|unknown variant .?image_url",
+    re.IGNORECASE,
+)
+_UNSUPPORTED: Final = re.compile(r"(?:not|n't|un) ?support|requires --|no endpoints found that", re.IGNORECASE)
+_NO_MONEY: Final = re.compile(
+    r"insufficient[ _](?:quota|balance|credit|fund)|credit balance is too low|exceeded_current_quota_error",
+    re.IGNORECASE,
+)
+_FILTERED: Final = re.compile(r"content_filter|content_policy|data_inspection_failed|input was flagged", re.IGNORECASE)
+_DELAY: Final = re.compile(r'"retryDelay":\s*"([\d.]+)s"')
+"""Gemini's words for a wait."""
+_AGAIN: Final = re.compile(
+    r"(?:try again|retry)(?: again)? (?:in|after) ((?:[\d.]+ ?(?:ms|[hms])[a-z]* ?)+)", re.IGNORECASE
+)
+_PART: Final = re.compile(r"([\d.]+) ?(ms|[hms])", re.IGNORECASE)
+_SECONDS: Final = {"h": 3600.0, "m": 60.0, "s": 1.0, "ms": 0.001}
 
 
 class RefusalError(Exception):
     """The provider understood the request and will not serve it in this form."""
 
 
-class TooSlowError(Exception):
-    """The deadline has passed, whether or not bytes still arrive."""
-
-    status_code = 408
+class TooLongError(Exception):
+    """The request does not fit the model's context window."""
 
 
-class NoAnswerError(Exception):
-    """The reply is well-formed but holds no answer of a model."""
+class FailedRequest(Exception):  # noqa: N818
+    """A request that brought no answer.
 
-    status_code = 502
-
-
-def is_transient(error: BaseException) -> bool:
-    """Tell whether the same request may succeed later."""
-    if redirect(error) or unusable(error) or _IN_PIECES.search(str(error)):
-        return False
-    status = getattr(error, "status_code", None)
-    # A used-up quota also has status 429, but no retry brings it back.
-    if not isinstance(status, int) or "insufficient_quota" in str(error):
-        return False
-    return status in _TRANSIENT or status >= 500 or _is_unreadable(error)
-
-
-def is_refusal(error: BaseException) -> bool:
-    """Tell whether the provider refuses the form of the request, so that another form may succeed."""
-    refused = getattr(error, "status_code", None) in (400, 422) and type(error).__name__ not in _NO_REFUSALS
-    return refused and not _is_unreadable(error)
-
-
-def wants_stream(error: BaseException) -> bool:
-    """Tell whether the server only streams: its refusal says so, or its reply shows it."""
-    refused = getattr(error, "status_code", None) in (400, 405, 422) and _WANTS_STREAM.search(str(error))
-    return bool(refused or _is_unreadable(error))
-
-
-def _is_unreadable(error: BaseException) -> bool:
-    """Tell whether litellm could not read the provider's reply, which it reports as a fault of the request."""
-    return bool(_UNREADABLE.search(str(error)))
-
-
-def redirect(error: BaseException | None) -> str:
-    """Return the address that a server redirects to; empty if its answer is no redirect."""
-    found = ""
-    for one in _causes(error):  # The errors of some providers lack the response; their causes have it.
-        response = getattr(one, "response", None)
-        if getattr(response, "status_code", None) in _REDIRECTS:
-            headers: Mapping[str, str] = getattr(response, "headers", None) or {}
-            found = headers.get("location", "") or found or "another address"
-    return found
-
-
-def unusable(error: BaseException | None) -> UnusableReplyError | None:
-    """Return the error of a reply that is too long or a web page; None if it is neither."""
-    return next((one for one in _causes(error) if isinstance(one, UnusableReplyError)), None)
-
-
-def _causes(error: BaseException | None) -> Iterator[BaseException]:
-    """Yield an error and its causes, _CAUSES errors at most."""
-    for _ in range(_CAUSES):
-        if error is None:
-            return
-        yield error
-        error = error.__cause__ or error.__context__
-
-
-def retry_after(error: BaseException | None) -> float:
-    """Return the seconds that the provider asks to wait; 0 if it does not say, or asks for ever.
-
-    Reads the header Retry-After, a number or a date, and the retryDelay in the body of Gemini's errors.
+    told: everything that the server or litellm said, which decides what the failure means.
     """
-    headers: Mapping[str, str] = getattr(error, "litellm_response_headers", None) or {}
-    in_body = _RETRY_DELAY.search(str(error))
-    asked = headers.get("retry-after") or (in_body[1] if in_body else "0")
+
+    def __init__(self, words: str, status: int, told: str = "", headers: Mapping[str, str] | None = None) -> None:
+        super().__init__(words)
+        self.words, self.status, self.told, self.headers = words, status, told or words, headers or {}
+
+    @property
+    def redirect(self) -> str:
+        """The address that the server redirects to; empty if its answer is no redirect."""
+        return self.headers.get("location", "another address") if 300 <= self.status < 400 else ""
+
+    @property
+    def too_long(self) -> bool:
+        return self._is_answer and (self.status == 413 or bool(_TOO_LONG.search(self.told)))
+
+    @property
+    def about_pictures(self) -> bool:
+        """Whether the model takes no pictures."""
+        return self._is_answer and bool(_NO_PICTURES.search(self.told))
+
+    @property
+    def filtered(self) -> bool:
+        """Whether the provider's filter refused the request."""
+        return self.status in (400, 403) and bool(_FILTERED.search(self.told))
+
+    @property
+    def unpaid(self) -> bool:
+        """Whether the account is empty. Some providers send status 429, but no retry brings the money back."""
+        return self.status == 402 or (self._is_answer and bool(_NO_MONEY.search(self.told)))
+
+    @property
+    def refused(self) -> bool:
+        """Whether the provider refuses the form of the request, so that another form may succeed."""
+        lacking = (self.status in (404, 405, 501) or self.status >= 500) and _UNSUPPORTED.search(self.told)
+        return self.status in (400, 415, 422) or bool(lacking)
+
+    @property
+    def transient(self) -> bool:
+        """Whether the same request may succeed later."""
+        if self.too_long or self.about_pictures or self.unpaid or self.refused:
+            return False
+        return self.status in _TRANSIENT or self.status >= 500
+
+    @property
+    def wait(self) -> float:
+        """Seconds that the provider asks to wait; 0 if it does not say, or asks for ever."""
+        if (asked := self.headers.get("retry-after-ms", "")) and (seconds := _number(asked) / 1000):
+            return seconds
+        if asked := self.headers.get("retry-after", ""):
+            return _number(asked) or _until(asked)
+        if delay := _DELAY.search(self.told):
+            return _number(delay[1])
+        again = _AGAIN.search(self.told)
+        parts = _PART.findall(again[1]) if again else ()
+        return sum(_number(count) * _SECONDS[unit.lower()] for count, unit in parts)
+
+    @property
+    def _is_answer(self) -> bool:
+        """Whether the words may be about the request."""
+        return self.status >= 400 and self.status not in (401, 403, 408)
+
+
+def _number(text: str) -> float:
+    """Return a number of 0 or more; 0 for any other text."""
     try:
-        seconds = float(asked)
-        return max(0.0, seconds) if math.isfinite(seconds) else 0.0
+        found = float(text)
     except ValueError:
-        return _until(asked)
+        return 0.0
+    return max(0.0, found) if math.isfinite(found) else 0.0
 
 
 def _until(date: str) -> float:
@@ -124,14 +146,88 @@ def _until(date: str) -> float:
     return max(0.0, (then - datetime.datetime.now(datetime.UTC)).total_seconds())
 
 
-def message_of(error: BaseException) -> str:
-    """Return the provider's message, or the first line of the error, without class names and tracebacks."""
-    text = _TRACE.sub("", re.sub(_PREFIXES, "", str(error).strip())) or type(error).__name__
-    return next(map(_message_in, json_objects(text)), "") or text.splitlines()[0]
+def check_reply(completion: Any, response: Any) -> None:
+    """Raise FailedRequest for a reply of status 200 that reports a failure, or holds no choices.
+
+    litellm turns these finish reasons into `stop` and `length`.
+    """
+    body = _body_of(response)
+    body = body if isinstance(body, dict) else {}
+    choices = body.get("choices")
+    first = choices[0] if isinstance(choices, list) and choices and isinstance(choices[0], dict) else {}
+    reason, fault = first.get("finish_reason") or body.get("stop_reason"), first.get("error") or body.get("error")
+    if reason == "model_context_window_exceeded":
+        raise FailedRequest("the context window is full", 400, "context_length_exceeded")
+    if fault or reason in _FAILED:
+        said = first.get("message", {}).get("content")
+        raise FailedRequest(_words(fault) or _words(said) or "the generation failed", _code(fault), json.dumps(fault))
+    if not completion.choices:
+        raise FailedRequest("the reply held no choices", 502)
 
 
-def _message_in(body: Json) -> str:
-    """Read the message in {"error": {"message": ...}}, {"error": ...} or {"message": ...}; providers differ."""
-    inner = body.get("error", body)
-    found = inner.get("message", "") if isinstance(inner, dict) else inner
-    return found if isinstance(found, str) else ""
+def failure_of(error: BaseException, response: Any) -> FailedRequest:
+    """Return the failure behind an error of litellm. response: the HTTP response, if there was one."""
+    if isinstance(error, FailedRequest):
+        return error
+    name, text = type(error).__name__, re.sub(_PREFIXES, "", _TRACE.sub("", str(error).strip()))
+    plain = text.splitlines()[0] if text else name
+    if name == "UnsupportedParamsError":  # litellm's own: nothing was sent.
+        return FailedRequest(plain, 400, text)
+    if name == "ContentPolicyViolationError":
+        return FailedRequest(plain, 400, "content_filter")
+    if response is None:
+        return FailedRequest(f"{plain}{_address(error)}", getattr(error, "status_code", None) or 0)
+    body, headers = _body_of(response), dict(response.headers)
+    if response.status_code >= 300:
+        return FailedRequest(_words(body) or plain, response.status_code, response.text, headers)
+    if response.headers.get("content-type", "").startswith("text/html"):
+        return FailedRequest("it answers with a web page; an api_base often ends in /v1", 404)
+    fault = body.get("error") if isinstance(body, dict) else None
+    return FailedRequest(_words(fault) or plain, _code(fault), json.dumps(fault) if fault else "", headers)
+
+
+def _body_of(response: Any) -> Any:
+    """Return the body of a response: JSON where it is, else its text."""
+    try:
+        return response.json()
+    except (AttributeError, ValueError, RecursionError):
+        return getattr(response, "text", "")
+
+
+def _code(fault: Any) -> int:
+    """Return the status within an error of a reply of status 200; 502 without one."""
+    code = fault.get("code") if isinstance(fault, dict) else None
+    return code if isinstance(code, int) and 400 <= code < 600 else 502
+
+
+def _words(body: Any) -> str:
+    """Return the message in the body of an error. Every provider names it in its own way."""
+    if isinstance(body, str):
+        return "" if body.lstrip().startswith("<") else body.strip()
+    if isinstance(body, list):
+        return "; ".join(filter(None, map(_words, body)))
+    if not isinstance(body, dict):
+        return ""
+    found = next(filter(None, (_words(body.get(key)) for key in ("error", "detail", "message", "msg"))), "")
+    where = ".".join(map(str, body["loc"])) if isinstance(body.get("loc"), list) else ""
+    meta = body.get("metadata")
+    upstream = _words(meta.get("raw")) if isinstance(meta, dict) else ""  # OpenRouter's provider.
+    return ": ".join(filter(None, (where, found, upstream)))
+
+
+def _address(error: BaseException) -> str:
+    """Return the address that could not be reached, and why, in words; empty if neither is known."""
+    for cause in _causes(error):
+        if type(cause).__module__.startswith(("httpx", "httpcore")) and hasattr(cause, "request"):
+            url = getattr(cause, "_request", None) and cause.request.url
+            return f" ({cause})" if not url else f" at {url.scheme}://{url.netloc.decode()} ({cause})"
+    return ""
+
+
+def _causes(error: BaseException | None) -> Iterator[BaseException]:
+    """Yield an error and its causes, _CAUSES errors at most."""
+    for _ in range(_CAUSES):
+        if error is None:
+            return
+        yield error
+        error = error.__cause__ or error.__context__

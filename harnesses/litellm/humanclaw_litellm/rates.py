@@ -1,6 +1,6 @@
-"""A rate limit that all workers of this machine share: one gate for each model, address and key variable.
+"""A rate limit that all workers of this machine share: one limiter for each model, address and key variable.
 
-Requests and tokens are spread evenly over the minute, so a gate stores one number: the time of the next free slot.
+Requests and tokens are spread evenly over the minute, so a limiter stores one number: the time of the next free slot.
 Libraries that share a limit between processes store a row for each token, and cannot correct a count afterwards.
 """
 
@@ -23,7 +23,7 @@ _LONGEST: Final = 3600.0
 """Seconds. A stored time that differs more from the clock dates from before a restart of the machine."""
 
 
-class Gate:
+class RateLimiter:
     """Spaces requests in time. Any number of processes and threads may share its file."""
 
     def __init__(
@@ -41,8 +41,8 @@ class Gate:
         self._requests, self._tokens = requests, tokens
 
     @classmethod
-    def of(cls, settings: Settings) -> Gate:
-        """Return the gate of a model. Its file is in the user's cache folder."""
+    def of(cls, settings: Settings) -> RateLimiter:
+        """Return the limiter of a model. Its file is in the user's cache folder."""
         who = "\n".join((settings.model, settings.api_base, settings.auth_env))
         path = Cache("rates").folder / hashlib.sha256(who.encode()).hexdigest()[:32]
         return cls(path, settings.requests_per_minute, settings.tokens_per_minute)
@@ -70,13 +70,13 @@ class Gate:
             free[0] = max(free[0], self._clock() + seconds)
 
     def _seconds(self, requests: int, tokens: int) -> float:
-        """Return the seconds that requests and tokens occupy the gate, by the stricter limit."""
+        """Return the seconds that requests and tokens occupy the limiter, by the stricter limit."""
         spans = [60.0 * count / rate for count, rate in ((requests, self._requests), (tokens, self._tokens)) if rate]
         return min(spans, default=0.0) if tokens < 0 else max(spans, default=0.0)
 
     @contextmanager
     def _next(self) -> Iterator[list[float]]:
-        """Lock the gate and yield the time of the next free slot, as a list of one number to change."""
+        """Lock the file and yield the time of the next free slot, as a list of one number to change."""
         try:
             self._path.parent.mkdir(parents=True, exist_ok=True)
             lock = FileLock(self._path.with_suffix(".lock"))

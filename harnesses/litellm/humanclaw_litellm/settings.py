@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from typing import Annotated, Any, Final, Literal, Self
 from urllib.parse import urlsplit
 
-from pydantic import AfterValidator, Field, Json, ValidationError
+from pydantic import AfterValidator, BeforeValidator, Field, Json, ValidationError
 
 from humanclaw import PluginError, PromptSettings
 from humanclaw_litellm.redaction import holds_key, redact, secrets_in
@@ -64,6 +64,11 @@ def _without_keys(params: dict[str, Any]) -> dict[str, Any]:
     return params
 
 
+def _or_none(value: Any) -> Any:
+    """Read the words of a command line for no value."""
+    return None if isinstance(value, str) and value.strip().lower() in ("", "none", "null") else value
+
+
 Params = Annotated[dict[str, Any], AfterValidator(_without_keys)]
 
 
@@ -77,15 +82,14 @@ class Settings(PromptSettings):
     auth_env: str = ""
     """Environment variable with the key; by default the provider's own variable."""
     mode: Literal["auto", "tools", "tools_auto", "schema", "prompt"] = "auto"
-    temperature: Annotated[float, Field(ge=0)] | None = None
-    max_tokens: Annotated[int, Field(ge=1)] | None = None
+    temperature: Annotated[Annotated[float, Field(ge=0)] | None, BeforeValidator(_or_none)] = None
+    """Sampling temperature; none to send no temperature, whatever the profile says."""
+    max_tokens: Annotated[Annotated[int, Field(ge=1)] | None, BeforeValidator(_or_none)] = None
     timeout: Annotated[float, Field(gt=0)] = 120.0
     """Seconds for one request."""
     num_retries: Annotated[int, Field(ge=0)] = 5
     backoff: Annotated[float, Field(ge=0)] = 1.0
     """Seconds before the first retry; the wait doubles each time, up to 60 seconds."""
-    stream: bool = False
-    """Whether to stream answers. A server that only streams is detected without this option."""
     requests_per_minute: Annotated[float, Field(gt=0)] | None = None
     """Limit for all workers of this machine together."""
     tokens_per_minute: Annotated[float, Field(gt=0)] | None = None

@@ -20,9 +20,10 @@ from humanclaw import (
 )
 from humanclaw.records import Answer, Usage
 from humanclaw.skills import Json, call_schema, json_objects, read_answer
-from humanclaw_litellm.asking import Form, ModeCache, ModeNegotiator
+from humanclaw_litellm.asking import AnswerFormat, ModeNegotiator
 from humanclaw_litellm.client import Completion
 from humanclaw_litellm.decision import usable
+from humanclaw_litellm.failures import TooLongError
 from humanclaw_litellm.settings import Mode, Settings
 
 _YES: Final = {"yes": True, "true": True, "no": False, "false": False}
@@ -35,13 +36,16 @@ class ModelVerifier:
     passes without a request. LimitError, a limit of the episode, passes through.
     """
 
-    def __init__(self, settings: Settings, cache: ModeCache | None = None) -> None:
-        """cache: modes that worked before."""
+    def __init__(self, settings: Settings) -> None:
         self.name = f"litellm:{settings.model}"
-        self.settings = settings.in_force
         self._settings = settings
-        self._negotiator = ModeNegotiator(settings, cache)
+        self._negotiator = ModeNegotiator(settings)
         self._skills: tuple[Skill, ...] = ()
+
+    @property
+    def settings(self) -> Json:
+        """The settings in force; left_out names the parameters that the model refused."""
+        return self._negotiator.in_force
 
     def ready(self, instruction: str) -> None:
         """Raise ModelError if the model's name, key or environment rules out any request. None is made."""
@@ -68,7 +72,7 @@ class ModelVerifier:
 
         try:
             reply = self._negotiator.ask(form, messages)
-        except ProviderError as fault:
+        except (ProviderError, TooLongError) as fault:
             return Verdict(True, failed_open=str(fault))
         found = _object(reply.completion)
         self._negotiator.report(reply, found is not None)
@@ -80,7 +84,7 @@ def _numbered(skill: Skill) -> dict[str, Check]:
     return {f"check_{number}": check for number, check in enumerate(skill.checks, start=1)}
 
 
-def _form(checks: Mapping[str, Check], skills: Sequence[Skill]) -> Form:
+def _form(checks: Mapping[str, Check], skills: Sequence[Skill]) -> AnswerFormat:
     asked: Json = {}
     for key in checks:
         # Models write properties in order, so evidence comes before the answer that it supports.
@@ -97,24 +101,27 @@ def _form(checks: Mapping[str, Check], skills: Sequence[Skill]) -> Form:
         "description": "Report the answers, and what to do instead if any is no.",
         "parameters": schema,
     }
-    return Form(({"type": "function", "function": function},), schema)
+    return AnswerFormat(({"type": "function", "function": function},), schema)
 
 
 def _object(completion: Completion) -> Json | None:
-    """Return the verdict's object from a tool call or the text; None if it is missing, cut off, or repeats a key."""
-    if completion.cut_off or completion.withheld:
+    """Return the verdict's object from a tool call or the text; None without one, and with several.
+
+    Of several, the one that the model means is unknown, as with calls. None too if it is cut off or repeats a key.
+    """
+    if completion.cut_off or completion.withheld or len(completion.calls) > 1:
         return None
     said = completion.calls[0][1] if completion.calls else completion.text
     try:
-        found = list(json_objects(said, once=True))
+        verdicts = [found for found in json_objects(said, once=True) if any(key.endswith("_answer") for key in found)]
     except CallError:
         return None
-    return next((item for item in found if any(key.endswith("_answer") for key in item)), None)
+    return verdicts[0] if len(verdicts) == 1 else None
 
 
 def _verdict(found: Json | None, checks: Mapping[str, Check], call: Call, usage: Usage) -> Verdict:
     if found is None:
-        return Verdict(True, failed_open="the verifier's answer held no verdict", usage=usage)
+        return Verdict(True, failed_open="the verifier's answer held no verdict, or several", usage=usage)
     answers = tuple(filter(None, (_answer(key, check, found) for key, check in checks.items())))
     if all(answer.passed for answer in answers):
         left = [check.id for check, key in zip(checks.values(), checks, strict=True) if _passed(found, key) is None]

@@ -12,15 +12,17 @@ from model_servers import OpenAIServer, warm_up
 import humanclaw_litellm
 from humanclaw import EpisodeContext, EpisodeSpec, Observation, Plugins
 from humanclaw.records import Feedback
+from humanclaw_litellm import client
 
 GOAL = "Find the couch and sit on it."
 
 
 @pytest.fixture(autouse=True)
 def no_keys(monkeypatch, tmp_path):
-    """Use no key, no file .env and no rate limit of the person who runs the tests."""
+    """Use no key, no file .env and no rate limit of the person who runs the tests, and nothing of the test before."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("HUMANCLAW_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr(client, "_LEARNED", {})
     for name in (
         "OPENAI_API_KEY",
         "ANTHROPIC_API_KEY",

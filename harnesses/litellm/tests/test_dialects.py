@@ -8,7 +8,7 @@ import time
 from pathlib import Path
 
 import pytest
-from model_servers import delayed, dropped, text, truncated
+from model_servers import delayed, dropped, truncated
 from model_servers.table import a_call, markdown, providers, rows
 
 from humanclaw import (
@@ -24,7 +24,6 @@ from humanclaw import (
 )
 from humanclaw.records import Feedback
 from humanclaw.testing import check
-from humanclaw_litellm import library
 from humanclaw_litellm.settings import ModelError
 
 DOCS = Path(__file__).parents[3] / "docs" / "results" / "harnesses.md"
@@ -178,10 +177,3 @@ def test_a_late_answer_is_a_provider_error(name, play):
     row = a_call(name)
     with pytest.raises(ProviderError, match=r"(?i)time|no answer within"):
         play(row, [delayed(20, row.reply)] * 2, timeout=0.3)
-
-
-@pytest.mark.parametrize("name", providers())
-def test_a_reply_without_an_end_is_cut_off_and_told(name, play, monkeypatch):
-    monkeypatch.setattr(library, "LONGEST_REPLY", 2**17)
-    with pytest.raises(ProviderError, match=r"gave no answer: the reply has more than 0\.125 MiB$"):
-        play(a_call(name), [text("word " * 40_000)])

@@ -14,7 +14,7 @@ from model_servers import AnthropicServer, OpenAIServer, call
 from humanclaw import Call, Decision, HistoryEntry, Plugins
 from humanclaw.minds.prompts import data
 from humanclaw.records import Feedback
-from humanclaw_litellm.library import load
+from humanclaw_litellm.litellm_setup import load
 from humanclaw_litellm.settings import Settings
 
 SNAPSHOTS = Path(__file__).parent / "snapshots"

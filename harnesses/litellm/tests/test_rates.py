@@ -16,14 +16,10 @@ from model_servers import (
     call,
     redirected,
     status,
-    streaming_only,
-    text,
-    truncated,
-    without_usage,
 )
 
 from humanclaw import LimitError, Meter
-from humanclaw_litellm.rates import Gate
+from humanclaw_litellm.rates import RateLimiter
 from humanclaw_litellm.settings import ModelError, Settings
 
 
@@ -44,14 +40,14 @@ def clock():
 
 # -- the gate ----------------------------------------------------------------------------------------------------------
 def test_requests_are_spread_evenly_over_the_minute(tmp_path, clock):
-    gate = Gate(tmp_path / "a", requests=30, clock=clock)
+    gate = RateLimiter(tmp_path / "a", requests=30, clock=clock)
     assert [gate.enter(0) for _ in range(3)] == [0, 2, 4]
     clock.now += 60
     assert gate.enter(0) == 0
 
 
 def test_tokens_are_counted_beforehand_and_settled_afterwards(tmp_path, clock):
-    gate = Gate(tmp_path / "a", tokens=6000, clock=clock)
+    gate = RateLimiter(tmp_path / "a", tokens=6000, clock=clock)
     assert gate.enter(1000) == 0
     gate.settle(500)
     assert gate.enter(0) == pytest.approx(15)
@@ -60,32 +56,32 @@ def test_tokens_are_counted_beforehand_and_settled_afterwards(tmp_path, clock):
 
 
 def test_the_slower_rate_is_the_one_that_is_kept(tmp_path, clock):
-    gate = Gate(tmp_path / "a", requests=60, tokens=6000, clock=clock)
+    gate = RateLimiter(tmp_path / "a", requests=60, tokens=6000, clock=clock)
     gate.enter(50)
     assert gate.enter(1000) == pytest.approx(1)
     assert gate.enter(0) == pytest.approx(11)
 
 
 def test_what_the_provider_asks_for_holds_for_everybody(tmp_path, clock):
-    Gate(tmp_path / "a", clock=clock).close(7)
-    assert Gate(tmp_path / "a", clock=clock).enter(1) == pytest.approx(7)
+    RateLimiter(tmp_path / "a", clock=clock).close(7)
+    assert RateLimiter(tmp_path / "a", clock=clock).enter(1) == pytest.approx(7)
 
 
 @pytest.mark.parametrize("content", ["", "nonsense", "nan", "1e9", "-1e9"])
 def test_a_moment_that_cannot_be_is_not_waited_for(tmp_path, clock, content):
     (tmp_path / "a").write_text(content)
-    assert Gate(tmp_path / "a", requests=60, clock=clock).enter(0) == 0
+    assert RateLimiter(tmp_path / "a", requests=60, clock=clock).enter(0) == 0
 
 
 def test_a_rate_that_cannot_be_shared_is_refused_and_without_one_nothing_is_needed(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(ModelError, match="no rate can be kept"):
-        Gate(tmp_path / "file" / "a", requests=60).enter(0)
-    assert Gate(tmp_path / "file" / "a").enter(0) == 0
+        RateLimiter(tmp_path / "file" / "a", requests=60).enter(0)
+    assert RateLimiter(tmp_path / "file" / "a").enter(0) == 0
 
 
 def passes(path, count):
-    gate = Gate(path, requests=6)
+    gate = RateLimiter(path, requests=6)
     for _ in range(count):
         gate.enter(0)
 
@@ -99,7 +95,7 @@ def test_processes_share_one_gate_and_none_loses_the_turn_of_another(tmp_path):
     for worker in workers:
         worker.join()
     assert [worker.exitcode for worker in workers] == [0, 0]
-    assert Gate(tmp_path / "a", requests=6).enter(0) > 60 * 10 - (time.monotonic() - began)
+    assert RateLimiter(tmp_path / "a", requests=6).enter(0) > 60 * 10 - (time.monotonic() - began)
 
 
 # -- the agent -----------------------------------------------------------------------------------------------------
@@ -155,17 +151,6 @@ def test_a_limit_on_time_also_ends_the_waiting_for_a_turn(context, begin, view):
 
 
 # -- in pieces -----------------------------------------------------------------------------------------------------
-def test_a_server_that_only_streams_is_found_out_once(begin, view):
-    with OpenAIServer(streaming_only([call("walk", reasoning="Go — on.", z_cm=30), call("stop")])) as server:
-        agent = begin(server)
-        walk = agent.decide(view(), ())
-        stop = agent.decide(view(), ())
-    assert (walk.calls[0].params, walk.reasoning) == ({"z_cm": 30}, "Go — on.")
-    assert stop.calls[0].skill == "stop"
-    assert (walk.usage.tokens_in, walk.usage.tokens_out, walk.usage.estimated) == (1000, 100, False)
-    assert ["stream" in request.body for request in server.requests] == [False, True, True]
-
-
 class PiecesServer(OpenAIServer):
     """Always streams, even if the request does not ask for it."""
 
@@ -176,39 +161,12 @@ class PiecesServer(OpenAIServer):
         return super().respond(request)
 
 
-def test_a_server_that_sends_pieces_unasked_is_found_out_at_once(begin, view):
-    with PiecesServer([call("walk", z_cm=30)] * 2) as server:
-        began = time.monotonic()
-        assert begin(server, num_retries=5, backoff=5).decide(view(), ()).calls[0].params == {"z_cm": 30}
-    assert server.asked == [False, True]
-    assert time.monotonic() - began < 5
-
-
 class EndlessServer(OpenAIServer):
     """The first streamed reply ends cleanly before the model has finished."""
 
     def stream(self, reply, request):
         data = super().stream(reply, request)
         return data if len(self.requests) > 1 else b"\n\n".join(data.split(b"\n\n")[:-4]) + b"\n\n"
-
-
-def test_a_stream_that_ends_before_the_answer_does_is_no_answer(begin, view):
-    with EndlessServer([call("walk", z_cm=30), call("stop")]) as server:
-        assert begin(server, stream=True).decide(view(), ()).calls[0].skill == "stop"
-    assert len(server.requests) == 2
-
-
-def test_streaming_can_be_asked_for_and_a_count_that_nobody_told_is_an_estimate(begin, view):
-    with OpenAIServer([without_usage(text('{"skill": "stop", "parameters": {}}'))]) as server:
-        decision = begin(server, stream=True, mode="prompt").decide(view(), ())
-    assert decision.calls[0].skill == "stop"
-    assert decision.usage.estimated
-
-
-def test_a_stream_that_breaks_off_is_asked_for_again(begin, view):
-    with OpenAIServer([truncated(call("walk", z_cm=30)), call("stop")]) as server:
-        assert begin(server, stream=True).decide(view(), ()).calls[0].skill == "stop"
-    assert len(server.requests) == 2
 
 
 # -- elsewhere -----------------------------------------------------------------------------------------------------

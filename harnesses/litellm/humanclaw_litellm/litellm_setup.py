@@ -1,0 +1,139 @@
+"""litellm: loaded on first use, made quiet, and restrained: no redirects, and a deadline for a whole request."""
+
+from __future__ import annotations
+
+import functools
+import logging
+import os
+import threading
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, TimeoutError as FutureTimeoutError
+from contextlib import contextmanager
+from typing import Any, Final
+
+from humanclaw_litellm.failures import FailedRequest, check_reply, failure_of
+
+_GRACE: Final = 0.25
+"""Seconds of a head start for the client's own timeout: its error says more."""
+_exchange: Final = threading.local()
+"""The last HTTP response of this thread. litellm's errors keep neither its words nor all of its headers."""
+
+
+@functools.cache
+def load() -> Any:
+    """Return litellm, silent and without telemetry. The import takes seconds."""
+    for part in ("MODEL_COST_MAP", "ANTHROPIC_BETA_HEADERS"):
+        os.environ.setdefault(f"LITELLM_LOCAL_{part}", "True")  # Otherwise litellm downloads these lists.
+    import litellm
+
+    _restrain_clients()
+    _leave_arguments()
+    litellm.telemetry = False
+    litellm.suppress_debug_info = True
+    for name in ("LiteLLM", "LiteLLM Router", "LiteLLM Proxy"):
+        logging.getLogger(name).setLevel(logging.CRITICAL + 1)  # Its logs hold requests: pictures, and perhaps keys.
+    return litellm
+
+
+def _restrain_clients() -> None:
+    """Make HTTP clients follow no redirects, retry nothing, and keep each response for its thread.
+
+    Prompt and picture go only to the address that the user chose. litellm has no setting for it, and loses max_retries
+    for some providers; it makes all of its clients in these functions.
+    """
+    from litellm.llms.custom_httpx.http_handler import HTTPHandler
+    from litellm.llms.openai.common_utils import BaseOpenAILLM
+    from litellm.llms.openai.openai import OpenAIChatCompletion
+
+    HTTPHandler.create_client = _restrained(HTTPHandler.create_client)  # type: ignore[method-assign]
+    BaseOpenAILLM._get_sync_http_client = staticmethod(  # type: ignore[method-assign]
+        _restrained(BaseOpenAILLM._get_sync_http_client)
+    )
+    make_client = OpenAIChatCompletion._get_openai_client
+
+    def make_without_retries(*args: Any, **options: Any) -> Any:
+        return make_client(*args, **{**options, "max_retries": 0})
+
+    OpenAIChatCompletion._get_openai_client = make_without_retries  # type: ignore[method-assign]
+
+
+def _restrained(make: Callable[..., Any]) -> Callable[..., Any]:
+    @functools.wraps(make)
+    def made(*args: Any) -> Any:
+        client = make(*args)
+        client.follow_redirects = False
+        hooks = client.event_hooks
+        client.event_hooks = {
+            "request": [*hooks.get("request", ()), _forget],
+            "response": [*hooks.get("response", ()), _keep],
+        }
+        return client
+
+    return made
+
+
+def _forget(request: Any) -> None:
+    _exchange.response = None
+
+
+def _keep(response: Any) -> None:
+    response.read()
+    _exchange.response = response
+
+
+def _leave_arguments() -> None:
+    """Keep litellm from parsing a model's arguments; the harness does, and explains errors to the model.
+
+    litellm looks there for a mistake of older models. It reports arguments that Python's JSON reader rejects as a
+    failure of the provider.
+    """
+    from litellm.litellm_core_utils.llm_response_utils import convert_dict_to_response as reading
+
+    reading.handle_invalid_parallel_tool_calls = lambda tool_calls: tool_calls
+
+
+def complete(seconds: float, **request: Any) -> Any:
+    """Return the completion of one request that takes at most `seconds` of wall time. Raises FailedRequest.
+
+    A client's own timeout restarts with every byte that arrives. A request that is too slow is abandoned to its
+    thread.
+    """
+    answer: Future[Any] = Future()
+    litellm = load()
+
+    def run() -> None:
+        _exchange.response = None
+        try:
+            completion = litellm.completion(timeout=seconds, **request)
+            check_reply(completion, _exchange.response)
+            answer.set_result(completion)
+        except BaseException as error:
+            answer.set_exception(failure_of(error, _exchange.response))
+
+    threading.Thread(target=run, name="request", daemon=True).start()
+    try:
+        return answer.result(seconds + _GRACE)
+    except FutureTimeoutError:
+        raise FailedRequest(f"no answer within {seconds:.3g} s", 408) from None
+
+
+def missing_key(model: str) -> str:
+    """Return the variable of an API key that the model's provider needs and that is unset; empty if there is none.
+
+    Other credentials, such as a cloud's, are left out: litellm's check does not know all of their places.
+    """
+    with _without_empty_keys():
+        missing = load().validate_environment(model)["missing_keys"]
+    return next((name for name in missing if name.endswith("_API_KEY")), "")
+
+
+@contextmanager
+def _without_empty_keys() -> Iterator[None]:
+    """Remove empty key variables for a moment: litellm would take them as set."""
+    empty = {name: value for name, value in os.environ.items() if name.endswith("_API_KEY") and not value.strip()}
+    for name in empty:
+        del os.environ[name]
+    try:
+        yield
+    finally:
+        os.environ.update(empty)
