@@ -20,7 +20,6 @@ from pathlib import Path
 from typing import Any
 
 import platformdirs
-
 from model_servers import Reply, Request, calls, text
 
 TASK = "Walk forward, turn to the left, and stop."

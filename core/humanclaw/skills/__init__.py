@@ -65,6 +65,7 @@ if TYPE_CHECKING:
         Recipe as Recipe,
         WindowTravel as WindowTravel,
     )
+    from humanclaw.skills.thoughts import split_thoughts as split_thoughts
 
 if not TYPE_CHECKING:
     __getattr__, __dir__, __all__ = door(__name__)

@@ -14,7 +14,9 @@ from typing import Any, Final
 
 from humanclaw.errors import CallError
 from humanclaw.skills.call import Call
+from humanclaw.skills.call_dialects import is_padding, written_calls
 from humanclaw.skills.publishing import OPTIONAL_FIELDS, REASONING_FIELDS, THOUGHTS, Json
+from humanclaw.skills.thoughts import split_thoughts
 from humanclaw.text.json import DEEPEST, LARGEST, once
 from humanclaw.text.words import LONGEST
 
@@ -23,8 +25,10 @@ _FIELD: Final = re.compile(rf"[\W\d]*({'|'.join(_FIELDS)})\W*?:\W*(.*)", re.IGNO
 _PER_CENT: Final = re.compile(r"(\d{1,3})\s*(%|per ?cent)?\.?", re.IGNORECASE)
 _TRIES: Final = 200
 """Maximum opening braces that open no object: each costs time in proportion to the text after it."""
-_BARE: Final = re.compile(r"\s*(?:```\w*)?\s*(\{.*\})\s*(?:```)?\s*", re.DOTALL)
-"""A text that begins and ends as a JSON object, perhaps in a fence."""
+_NAMES: Final = ("skill", "name", "function", "tool_name")
+"""Keys under which models name the called function."""
+_ABOUT_CALLS: Final = frozenset({"type", "id", "index", "tool_call_id"})
+"""Keys of a call's envelope, which are no parameters."""
 
 
 @dataclass(frozen=True)
@@ -62,10 +66,15 @@ def read_call(name: str, arguments: str | Mapping[str, Any]) -> tuple[Reasoning,
 def read_answer(answer: Mapping[str, Any]) -> tuple[Reasoning, Call]:
     """Read an object with `skill` and `parameters`, the form of answer_schema. Raises CallError, written for the model.
 
-    `name` and `arguments` are read too, as some models write them. Parameters that are null were not given.
+    `name` and `arguments` are read too, and OpenAI's object of type "function", as some models write them. Parameters
+    that are null were not given.
     """
     rest = dict(answer)
-    name = _pop_first(rest, "skill", "name")
+    if rest.get("type") == "function" or "tool_name" in rest:  # OpenAI's format, as Llama writes it, and Command's
+        rest = {key: value for key, value in rest.items() if key not in _ABOUT_CALLS}
+    if isinstance(rest.get("function"), Mapping):
+        rest |= rest.pop("function")
+    name = _pop_first(rest, *_NAMES)
     if not isinstance(name, str):
         raise CallError(f"Nothing was executed: 'skill' must be the name of a skill; got {name!r}.")
     inner = _pop_first(rest, "parameters", "arguments") or {}
@@ -78,54 +87,56 @@ def read_answer(answer: Mapping[str, Any]) -> tuple[Reasoning, Call]:
 
 
 def read_text(text: str, prose: bool = True) -> list[tuple[Reasoning, Call]]:
-    """Read every call in a text: JSON objects that name a skill, with anything around them.
+    """Read every call in a model's text, in the order of the text. Thoughts hold no call (split_thoughts).
 
-    prose=False: with nothing around them but thoughts and a fence; who was given tools and talks may only be thinking
-    of a call. Raises CallError, written for the model, if there is none, and if a key is there twice or the text is too
-    long.
+    The text may hold calls alone, in any format of written_calls. prose=True: else it may also hold JSON objects that
+    name a skill after other words. Words behind the last call are refused: they could take it back. prose=False is for
+    a model that was given tools: among its words such an object may be an example.
+    The number of calls is not judged here: a step takes one, so whoever decides refuses several, equal ones too, as
+    with tool calls.
+
+    Raises CallError, written for the model, if there is no call, if a key is there twice, or the text is too long.
     """
-    if len(text) > LONGEST:
+    _, answer = split_thoughts(text)
+    if len(answer) > LONGEST:
         raise CallError(f"Nothing was executed: the answer is longer than {LONGEST} letters; be brief.")
-    if not prose and not _is_bare(_spoken(text)):
+    found = [item for item in written_calls(answer, _once) if _is_named(item)]
+    if not found and not prose:
         raise CallError("Nothing was executed: a call among other words is no call; call a tool.")
-    items = _objects(text, _once)
-    found = [read_answer(item) for item in items if isinstance(item.get("skill", item.get("name")), str)]
+    found = found or _among_words(answer)
     if not found:
         raise CallError('Nothing was executed: the answer held no complete JSON object with "skill" and "parameters".')
-    return [item for index, item in enumerate(found) if item not in found[:index]]
+    return [read_answer(item) for item in found]
+
+
+def _among_words(text: str) -> list[Json]:
+    """Return the JSON objects that name a skill. Raises CallError if words follow the last one."""
+    named = [(item, end) for item, end in _objects(text, _once) if _is_named(item)]
+    if named and not is_padding(text, named[-1][1]):
+        raise CallError("Nothing was executed: words follow the call; write the call last, with nothing behind it.")
+    return [item for item, _ in named]
 
 
 def json_objects(text: str, once: bool = False) -> Iterator[Json]:
-    """Find the complete outermost JSON objects in a text. Thoughts between <think> tags are skipped, fences ignored.
+    """Find the complete outermost JSON objects in a text, whatever stands around them.
 
     It takes time in proportion to the text: what follows its first 100,000 letters, or 200 braces that open nothing, is
     not read. once: raise CallError if a key is there twice.
     """
-    return _objects(text[:LONGEST], _once if once else dict)
+    return (item for item, _ in _objects(text[:LONGEST], _once if once else dict))
 
 
-def _spoken(text: str) -> str:
-    return re.sub(r"<think>.*?(</think>|$)", "", text, flags=re.DOTALL)
+def _is_named(item: Mapping[str, Any]) -> bool:
+    return any(isinstance(item.get(key), str) for key in _NAMES) or isinstance(item.get("function"), Mapping)
 
 
-def _is_bare(text: str) -> bool:
-    """Whether a text is one JSON object and nothing else, perhaps in a fence."""
-    found = _BARE.fullmatch(text)
-    if found is None:
-        return False
-    try:
-        return json.JSONDecoder().raw_decode(found[1])[1] == len(found[1])
-    except (ValueError, RecursionError):
-        return False
-
-
-def _objects(text: str, make: Callable[[list[tuple[str, Any]]], Json]) -> Iterator[Json]:
-    text = _spoken(text)
+def _objects(text: str, make: Callable[[list[tuple[str, Any]]], Json]) -> Iterator[tuple[Json, int]]:
+    """Yield each outermost JSON object and the place behind it."""
     decoder, place, failed = json.JSONDecoder(object_pairs_hook=make), text.find("{"), 0
     while place >= 0 and failed < _TRIES:
         try:
             value, place = decoder.raw_decode(text, place)
-            yield value
+            yield value, place
         except (ValueError, RecursionError):
             place, failed = place + 1, failed + 1
         place = text.find("{", place)

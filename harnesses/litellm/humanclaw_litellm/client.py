@@ -48,7 +48,7 @@ _ANSWER: Final = 300
 _ROOM: Final = 2048
 """Tokens of Ollama's context window for an answer without max_tokens."""
 _WINDOW: Final = 8192
-"""Tokens of the smallest context window that Ollama is asked for. A change loads the model again, so it only doubles."""
+"""Tokens of the smallest window that Ollama is asked for. A change loads the model again, so it only doubles."""
 _PRICES: Final = 'params={"input_cost_per_token": 1e-6, "output_cost_per_token": 4e-6}'
 
 
@@ -293,7 +293,7 @@ class Client:
         return Completion(text, calls, str(choice.finish_reason or ""), thoughts, model, usage)
 
     def _settle(self, usage: Usage, messages: list[Json], request: Mapping[str, Any]) -> None:
-        """Correct the rate limiter by the tokens that were used, and warn if the server read far fewer than were sent."""
+        """Correct the rate limiter by the tokens used, and warn if the server read far fewer than were sent."""
         used = usage.tokens_in + usage.tokens_out
         self._limiter.settle(used - tokens_sent(messages, request) - self._answer)
         self._answer = usage.tokens_out  # The next answer is expected to be about as long.

@@ -24,7 +24,7 @@ _TOO_LONG: Final = re.compile(
     rf"|{_SIZE}[^.]{{0,80}}(?:exceed|overflow|only|not enough)"
     r"|context[ _]length[ _]exceeded|exceed_context_size"  # OpenAI; llama.cpp
     r"|(?:prompt|input|request)\b[^.]{0,40} too (?:long|large)"  # Anthropic, Bedrock, Groq
-    r"|(?:exceeds? the|longer than the) maximum (?:number of tokens allowed|model length|size)"  # Gemini, vLLM, Anthropic
+    r"|(?:exceeds? the|longer than the) maximum (?:number of tokens allowed|model length|size)"  # Gemini, vLLM
     r"|maximum prompt length is|exceeded model token limit|prompt exceeds max|too many tokens"  # xAI, Kimi, GLM, Cohere
     r"|range of input length|`inputs` tokens"  # Qwen, TGI
     r"|reduce (?:the length of|your message size)",

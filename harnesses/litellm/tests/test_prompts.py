@@ -81,8 +81,7 @@ def lived(view):
     [
         ("decision_paper.txt", {"profile": "paper"}),
         ("decision_tools.txt", {}),
-        ("decision_schema.txt", {"mode": "schema"}),
-        ("decision_prompt.txt", {"mode": "prompt"}),
+        ("decision_words.txt", {"mode": "prompt"}),
         ("decision_without_mid_level.txt", {"mid_level": False}),
     ],
 )
@@ -92,12 +91,46 @@ def test_the_decision_maker_is_told_just_this(begin, view, context, lived, same,
     same(name, shown(server.requests[0]))
 
 
-@pytest.mark.parametrize("name", ["walk", "stop", "turn_in_place", "climb_upstairs", "walk_downstairs"])
-def test_the_verifier_is_told_just_this(begin, view, skills, same, name):
-    params = {"walk": {"x_cm": 0, "z_cm": 40, "yaw_deg": 0}, "turn_in_place": {"yaw_deg": 90}}.get(name, {})
-    with OpenAIServer([call("verdict")]) as server:
-        begin(server, "verifiers", mode="tools").verify(view(), Call(name, params), skills[name], "reach the couch")
-    same(f"verifier_{name}.txt", shown(server.requests[0]))
+def test_a_schema_is_sent_beside_the_words_that_explain_it(begin, view, lived, same):
+    with OpenAIServer([call("stop")]) as server:
+        begin(server, mode="schema").decide(view(3, lived(3)[-1].feedback), lived(3))
+    (request,) = server.requests
+    same("decision_words.txt", shown(request))
+    schema = request.body["response_format"]["json_schema"]["schema"]
+    assert schema["required"][-2:] == ["skill", "parameters"]
+    assert json.dumps(schema, ensure_ascii=False) in request.role("system")
+
+
+@pytest.fixture
+def verified(begin, view, skills):
+    """verified(call): return what the verifier is told of a call."""
+
+    def ask(proposed):
+        with OpenAIServer([call("verdict")]) as server:
+            verifier = begin(server, "verifiers", mode="tools")
+            verifier.verify(view(), proposed, skills[proposed.skill], "reach the couch")
+        return shown(server.requests[0])
+
+    return ask
+
+
+WALK = Call("walk", {"x_cm": 0, "z_cm": 40, "yaw_deg": 0})
+
+
+def test_the_verifier_is_told_just_this(verified, same):
+    same("verifier_walk.txt", verified(WALK))
+
+
+@pytest.mark.parametrize(
+    ("name", "params"),
+    [("stop", {}), ("turn_in_place", {"yaw_deg": 90}), ("climb_upstairs", {}), ("walk_downstairs", {})],
+)
+def test_of_another_skill_the_verifier_is_told_call_and_checks(verified, skills, name, params):
+    proposed = Call(name, params)
+    lines, others = verified(WALK).split("\n"), verified(proposed).split("\n")
+    differing = [other for line, other in zip(lines, others, strict=True) if line != other]
+    asked = [f"- check_{number}: {check.question}" for number, check in enumerate(skills[name].checks, start=1)]
+    assert differing == [f"call: {proposed}", *asked]
 
 
 # -- a stable prefix ---------------------------------------------------------------------------------------------------

@@ -92,14 +92,6 @@ def test_a_wrong_key_or_model_at_first_is_for_the_user_to_mend(begin, view):
             assert len(server.requests) == 1
 
 
-def test_the_same_after_a_first_success_is_the_providers_fault(begin, view):
-    with OpenAIServer([call("stop"), status(401)]) as server:
-        agent = begin(server)
-        agent.decide(view(), ())
-        with pytest.raises(ProviderError):
-            agent.decide(view(), ())
-
-
 def test_a_wait_may_also_be_asked_for_until_a_date(begin, view):
     moment = datetime.datetime.now(datetime.UTC) + datetime.timedelta(seconds=2)
     with OpenAIServer(
@@ -122,7 +114,7 @@ def test_a_web_page_is_called_one_and_asked_for_once():
     with OpenAIServer([page] * 9) as server:
         client = Client(Settings.of({"model": "openai/x", "api_base": server.url}))
         client.begin(Meter())
-        with pytest.raises(ModelError, match=r"a web page\. Check api_base"):
+        with pytest.raises(ModelError, match=r"a web page; an api_base often ends in /v1"):
             client.complete([{"role": "user", "content": "hello"}], {})
         assert len(server.requests) == 1
 
@@ -153,13 +145,6 @@ def test_a_refusal_once_a_way_of_asking_is_settled_is_a_provider_error(begin, vi
         agent.decide(view(), ())
         with pytest.raises(ProviderError, match="refused"):
             agent.decide(view(), ())
-
-
-def test_an_option_that_the_model_does_not_take_is_refused_rather_than_left_out(begin, view):
-    with OpenAIServer([call("stop")]) as server:
-        with pytest.raises(ModelError, match="temperature"):
-            begin(server, model="openai/gpt-5", temperature=0.5).decide(view(), ())
-        assert server.requests == []
 
 
 # -- keys --------------------------------------------------------------------------------------------------------------
@@ -411,7 +396,7 @@ with OpenAIServer([status(500)]) as server:
 """
     env = os.environ | {"PYTHONPATH": os.pathsep.join(map(os.path.abspath, sys.path))}
     done = subprocess.run(
-        [sys.executable, "-c", script], capture_output=True, text=True, timeout=60, env=env, check=False
+        [sys.executable, "-c", script], capture_output=True, text=True, timeout=600, env=env, check=False
     )
     assert (done.stdout, done.stderr) == ("ProviderError {'127.0.0.1'}\n", "")
 

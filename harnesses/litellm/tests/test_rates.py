@@ -12,7 +12,6 @@ from model_servers import (
     GeminiServer,
     OllamaServer,
     OpenAIServer,
-    VLLMServer,
     call,
     redirected,
     status,
@@ -174,7 +173,7 @@ class EndlessServer(OpenAIServer):
     ("model", "kind"),
     [
         ("openai/x", OpenAIServer),
-        ("hosted_vllm/x", VLLMServer),
+        ("hosted_vllm/x", OpenAIServer),
         ("anthropic/claude-x", AnthropicServer),
         ("gemini/gemini-2.5-pro", GeminiServer),
         ("ollama_chat/x", OllamaServer),

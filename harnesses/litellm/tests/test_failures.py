@@ -1,0 +1,432 @@
+"""Tests of what a server may say: its reply, and what must happen. Whole providers are in test_dialects.py."""
+
+import json
+import logging
+
+import pytest
+from model_servers import AnthropicServer, GeminiServer, OllamaServer, OpenAIServer, Reply, call, status, text, thinking
+
+from humanclaw import Call, Decision, HistoryEntry, LimitError, ProviderError
+from humanclaw.records import Feedback
+from humanclaw_litellm.failures import FailedRequest
+from humanclaw_litellm.settings import ModelError, Settings
+from humanclaw_litellm.usage import price_of
+
+WALK = {"x_cm": 0, "z_cm": 40, "yaw_deg": 0}
+FULL = "This model's maximum context length is 4096 tokens. However, you requested 5000 tokens."
+TEMPERATURE = "Unsupported value: 'temperature' does not support 0 with this model."
+
+
+def body(code, **fields):
+    """Return a reply of this status with a body of these fields."""
+    return Reply(fields, code)
+
+
+def past(view, steps):
+    walk = Call("walk", WALK)
+    return [HistoryEntry(step, Decision((walk,)), Feedback(executed=walk), view(0).rgb) for step in range(steps)]
+
+
+def verdict(skill):
+    """Return a verdict that accepts a call."""
+    return call("verdict", **{f"check_{number}_answer": "yes" for number, _ in enumerate(skill.checks, start=1)})
+
+
+# -- parameters that a model refuses -----------------------------------------------------------------------------------
+def without(*fields, then=("stop",)):
+    """Return a script of a model that takes none of these parameters, and names the first that it was sent."""
+    rest = iter(call(name) for name in then)
+
+    def script(request):
+        sent = [field for field in fields if field in request.body]
+        return body(400, detail=[{"loc": ["body", sent[0]], "msg": "extra inputs"}]) if sent else next(rest)
+
+    return script
+
+
+@pytest.mark.parametrize(
+    ("options", "left"),
+    [
+        ({"temperature": 0.0}, ["temperature"]),
+        ({"temperature": 0.0, "max_tokens": 300}, ["temperature", "max_tokens"]),
+        ({"temperature": 0.0, "params": {"seed": 7, "top_p": 0.5}}, ["temperature", "seed"]),
+        ({}, []),
+    ],
+)
+def test_a_refused_parameter_is_left_out_and_recorded(begin, view, options, left):
+    with OpenAIServer(without("temperature", "max_tokens", "seed", then=("stop", "stop"))) as server:
+        agent = begin(server, **options)
+        assert agent.settings["left_out"] == []
+        for _ in range(2):
+            assert agent.decide(view(), ()).calls == (Call("stop"),)
+    assert agent.settings["left_out"] == left
+    assert len(server.requests) == len(left) + 2
+    assert server.requests[-1].body.get("top_p") == options.get("params", {}).get("top_p")
+
+
+def test_the_verifier_does_not_send_what_the_agent_was_refused(begin, view, skills):
+    refuse = without("temperature", then=("stop",))
+
+    def script(request):
+        return verdict(skills["walk"]) if "verdict" in request.tool_names else refuse(request)
+
+    with OpenAIServer(script) as server:
+        agent, verifier = begin(server, temperature=0.0), begin(server, "verifiers", temperature=0.0)
+        agent.decide(view(), ())
+        verifier.verify(view(), Call("walk", WALK), skills["walk"], "")
+    assert ["temperature" in request.body for request in server.requests] == [True, False, False]
+    assert verifier.settings["left_out"] == ["temperature"]
+
+
+def test_what_litellm_refuses_itself_is_left_out_too(begin, view):
+    with OpenAIServer([call("stop")]) as server:
+        agent = begin(server, model="openai/gpt-5", profile="paper")
+        assert agent.decide(view(), ()).calls == (Call("stop"),)
+    assert agent.settings["left_out"] == ["temperature"]
+    assert "temperature" not in server.requests[0].body
+
+
+@pytest.mark.parametrize("word", ["none", "null", "", "None"])
+def test_a_parameter_can_be_left_out_by_option(word):
+    settings = Settings.of({"model": "m", "profile": "paper", "temperature": word, "max_tokens": word})
+    assert (settings.temperature, settings.max_tokens) == (None, None)
+
+
+def test_a_refusal_speaks_of_pictures_only_if_it_is_about_pictures(begin, view):
+    with OpenAIServer(lambda _: status(400, "the moon is full")) as server, pytest.raises(ModelError) as fault:
+        begin(server, temperature=0.0).decide(view(), ())
+    assert "the moon is full" in str(fault.value)
+    assert "picture" not in str(fault.value)
+
+
+# -- pictures ----------------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("code", "words"),
+    [
+        (400, "image input is not supported by this model"),
+        (500, "image input is not supported - hint: you may need to provide the mmproj"),
+        (500, "this model is missing data required for image input"),
+        (400, "At most 0 image(s) may be provided in one request."),
+        (400, "qwen3 is not a multimodal model"),
+        (400, "Failed to deserialize the JSON body: messages[1]: unknown variant `image_url`, expected `text`"),
+        (404, "No endpoints found that support image input"),
+        (400, "Invalid content type. image_url is only supported by certain models."),
+    ],
+)
+def test_a_model_without_pictures_ends_the_run_before_a_step(begin, view, code, words):
+    with OpenAIServer([status(code, words)] * 9) as server, pytest.raises(ModelError) as fault:
+        begin(server).decide(view(), ())
+    assert "takes no pictures" in str(fault.value)
+    assert "--images 0" in fault.value.remedy
+    assert len(server.requests) == 1
+
+
+@pytest.mark.parametrize(
+    ("model", "images", "warned"),
+    [
+        ("deepseek/deepseek-chat", 1, True),
+        ("deepseek/deepseek-chat", 0, False),
+        ("openai/gpt-4o-mini", 1, False),
+        ("openai/unlisted", 1, False),
+    ],
+)
+def test_a_model_listed_without_pictures_is_named_at_once(begin, caplog, model, images, warned):
+    with OpenAIServer([]) as server:
+        begin(server, model=model, images=images)
+    assert ("without image input" in caplog.text) == warned
+
+
+# -- a full context ----------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("code", "words"),
+    [
+        (400, FULL),
+        (400, "Your input exceeds the context window of this model. Please adjust your input and try again."),
+        (400, "The decoder prompt (length 5000) is longer than the maximum model length of 4096."),
+        (400, "You passed 5001 input tokens. However, the model's context length is only 4096 tokens"),
+        (400, "'max_tokens' is too large: 1000. This model's maximum context length is 4096 tokens"),
+        (400, "the request exceeds the available context size (4096 tokens), try increasing it"),
+        (500, "Context size has been exceeded."),
+        (400, "The model is loaded with context length of only 4096 tokens, which is not enough"),
+        (400, "The number of tokens to keep from the initial prompt is greater than the context length"),
+        (400, "prompt is too long: 210000 tokens > 200000 maximum"),
+        (400, "input length and `max_tokens` exceed context limit: 190000 + 20000 > 200000"),
+        (413, "Request exceeds the maximum size"),
+        (400, "The input token count (1200000) exceeds the maximum number of tokens allowed (1048576)."),
+        (400, "Prompt contains 40000 tokens and 0 draft tokens, too large for model with 32768 maximum context length"),
+        (400, "Please reduce the length of the messages or completion."),
+        (429, "Request too large for gpt-4o on tokens per min (TPM): Limit 30000, Requested 35000."),
+        (400, "Range of input length should be [1, 30720]"),
+        (400, "This model's maximum prompt length is 131072 but the request contains 200000 tokens."),
+        (400, "Invalid request: Your request exceeded model token limit: 8192"),
+        (400, "Prompt exceeds max length"),
+        (400, "Input is too long for requested model."),
+        (400, "The input (5000 tokens) is longer than the model's context length (4096 tokens)."),
+        (400, "`inputs` tokens + `max_new_tokens` must be <= 4096. Given: 5000"),
+    ],
+)
+def test_a_full_context_is_known_by_the_words_of_every_server(code, words):
+    failure = FailedRequest(words, code)
+    assert failure.too_long
+    assert not failure.transient
+
+
+@pytest.mark.parametrize(
+    ("code", "words"),
+    [
+        (400, TEMPERATURE),
+        (429, "Rate limit reached for gpt-5 on tokens per min (TPM): Limit 30000, Used 29000, Requested 4102."),
+        (400, "max_tokens is too large: 100000. This model supports at most 16384 completion tokens"),
+        (401, "maximum context length"),
+        (503, "The engine is currently overloaded, please try again later"),
+    ],
+)
+def test_other_failures_are_not_taken_for_a_full_context(code, words):
+    assert not FailedRequest(words, code).too_long
+
+
+def holding(steps):
+    """Return a script of a model whose context holds this many past steps; a number below 0: not even the step."""
+    return lambda request: call("stop") if request.text.count("<past step=") <= steps else status(400, FULL)
+
+
+def test_older_steps_are_dropped_until_the_question_fits(begin, view):
+    with OpenAIServer(holding(5)) as server:
+        agent = begin(server, history=20)
+        first = agent.decide(view(), past(view, 20))
+        second = agent.decide(view(), past(view, 21))
+    shown = [request.text.count("<past step=") for request in server.requests]
+    assert shown == [20, 10, 5, 5]  # Halved until it fits, and not asked again with more.
+    assert (first.dropped_steps, second.dropped_steps) == (15, 15)
+    assert '<past step="20">' in server.requests[2].text, "the latest step stays"
+
+
+def test_pictures_of_the_past_are_dropped_with_their_steps(begin, view):
+    with OpenAIServer(lambda request: call("stop") if len(request.images) < 3 else status(400, FULL)) as server:
+        begin(server, history=10, images=10).decide(view(), past(view, 10))
+    assert [len(request.images) for request in server.requests] == [10, 6, 3, 2]
+
+
+def test_a_step_that_does_not_fit_alone_is_a_limit_of_the_model(begin, view):
+    with OpenAIServer(holding(-1)) as server, pytest.raises(LimitError) as fault:
+        begin(server).decide(view(), past(view, 3))
+    assert fault.value.scope == "episode"
+    for word in ("4096", "--history", "larger window"):
+        assert word in str(fault.value)
+    assert [request.text.count("<past step=") for request in server.requests] == [3, 1, 0]
+
+
+def test_a_verifier_whose_question_does_not_fit_fails_open(begin, view, skills):
+    with OpenAIServer([status(400, FULL)]) as server:
+        found = begin(server, "verifiers").verify(view(), Call("walk", WALK), skills["walk"], "")
+    assert found.accepted
+    assert "maximum context length" in found.failed_open
+
+
+# -- Ollama's window ---------------------------------------------------------------------------------------------------
+def test_ollama_is_asked_for_a_window_that_holds_prompt_and_answer(begin, view):
+    with OllamaServer([call("stop")] * 4) as server:
+        agent = begin(server, model="ollama_chat/x", max_tokens=8000)
+        agent.decide(view(), ())
+        begin(server, model="ollama_chat/x", params={"num_ctx": 5000}).decide(view(), ())
+    first, given = (request.raw["options"]["num_ctx"] for request in server.requests)
+    prompt = len(server.requests[0].text) // 4
+    assert 16384 > prompt + 8000 > 8192
+    assert first == 16384
+    assert given == 5000
+
+
+def test_a_prompt_that_the_server_has_cut_is_told_once(begin, view, caplog):
+    small = call("stop")
+    small.body["usage"] = {"prompt_tokens": 40, "completion_tokens": 10, "total_tokens": 50}
+    with OpenAIServer([small] * 2) as server:
+        agent = begin(server)
+        for _ in range(2):
+            agent.decide(view(), ())
+    assert caplog.text.count("it may have cut the prompt") == 1
+    assert "counted 40 tokens" in caplog.text
+
+
+# -- failed generations and thoughts alone -----------------------------------------------------------------------------
+def ended(reason, reply):
+    reply.body["choices"][0]["finish_reason"] = reason
+    return reply
+
+
+@pytest.mark.parametrize(
+    ("reply", "words"),
+    [
+        (ended("error", text("half an ans")), "half an ans"),
+        (ended("error", call("stop")), "the generation failed"),
+        (body(200, error={"message": "upstream is down", "code": 502}), "upstream is down"),
+        (body(200, error="upstream is down"), "upstream is down"),
+        (body(200, error={"message": "slow down", "code": 429}), "slow down"),
+    ],
+)
+@pytest.mark.parametrize("kind", [(OpenAIServer, "openai/x"), (OpenAIServer, "openrouter/x/y")])
+def test_a_failed_generation_is_the_providers_fault(begin, view, monkeypatch, kind, reply, words):
+    monkeypatch.setenv("OPENROUTER_API_KEY", "planted-0123456789-key")
+    server_of, model = kind
+    with server_of([reply, call("stop")]) as server:
+        assert begin(server, model=model).decide(view(), ()).calls == (Call("stop"),)
+    with server_of([reply] * 2) as server, pytest.raises(ProviderError, match=words):
+        begin(server, model=model, num_retries=1).decide(view(), ())
+
+
+@pytest.mark.parametrize("kind", [AnthropicServer, GeminiServer, OllamaServer])
+def test_an_error_in_a_success_keeps_the_servers_words(begin, view, kind):
+    class Broken(kind):
+        def write(self, reply, request):
+            return {"error": {"message": "upstream is down"}}
+
+    model = {AnthropicServer: "anthropic/claude-sonnet-4-5", GeminiServer: "gemini/gemini-2.5-pro"}
+    with Broken([call("stop")] * 2) as server, pytest.raises(ProviderError, match="upstream is down"):
+        begin(server, model=model.get(kind, "ollama_chat/x"), num_retries=1).decide(view(), ())
+
+
+@pytest.mark.parametrize("silent", [thinking("I should walk.", text("")), text("")])
+def test_an_answer_of_nothing_or_thoughts_changes_the_way_of_asking(begin, view, silent):
+    whole = json.dumps({"skill": "walk", "parameters": WALK})
+    with OpenAIServer(lambda request: silent if "tools" in request.body else text(whole)) as server:
+        agent = begin(server)
+        assert [len(agent.decide(view(), ()).calls) for _ in range(2)] == [0, 1]
+    assert len(server.requests) == 2
+
+
+def test_agent_and_verifier_find_the_way_of_asking_once(begin, view, skills):
+    passed = {f"check_{number}_answer": "yes" for number, _ in enumerate(skills["walk"].checks, start=1)}
+
+    def script(request):
+        if "tools" in request.body:
+            return status(400, "this model does not support tools")
+        asked = json.dumps(request.body["response_format"])
+        return text(json.dumps(passed if "check_1_answer" in asked else {"skill": "walk", "parameters": WALK}))
+
+    with OpenAIServer(script) as server:
+        agent, verifier = begin(server), begin(server, "verifiers")
+        agent.decide(view(), ())
+        assert verifier.verify(view(), Call("walk", WALK), skills["walk"], "").failed_open == ""
+    assert ["tools" in request.body for request in server.requests] == [True, True, False, False]
+
+
+# -- tokens and money --------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("sent", "wrote", "thought", "total", "booked"),
+    [
+        (1000, 10, 5000, 6010, (1000, 5010, 5000)),
+        (1000, 5010, 5000, 6010, (1000, 5010, 5000)),
+        (1000, 10, None, 6010, (1000, 5010, 5000)),
+        (1000, 10, 5000, 1010, (1000, 5010, 5000)),
+        (1000, 10, 5000, None, (1000, 5010, 5000)),
+        (1000, 10, None, 1010, (1000, 10, 0)),
+        (1000, 10, 4, 900, (1000, 10, 4)),
+    ],
+)
+def test_reasoning_is_booked_and_billed_wherever_it_is_counted(begin, view, sent, wrote, thought, total, booked):
+    told = {"prompt_tokens": sent, "completion_tokens": wrote, "total_tokens": total}
+    details = {} if thought is None else {"completion_tokens_details": {"reasoning_tokens": thought}}
+    reply = call("stop")
+    reply.body["usage"] = {key: value for key, value in told.items() if value is not None} | details
+    prices = {"input_cost_per_token": 1e-6, "output_cost_per_token": 1e-5}
+    for options in ({"params": prices}, {"model": "openai/gpt-4o-mini"}):
+        with OpenAIServer([reply]) as server:
+            agent = begin(server, **options)
+            usage = agent.decide(view(), ()).usage
+        assert (usage.tokens_in, usage.tokens_out, usage.tokens_reasoning) == booked
+        first, second = price_of(Settings.of({"model": "m"} | options))
+        assert usage.cost == pytest.approx(booked[0] * first + booked[1] * second)
+
+
+def test_a_model_without_a_price_is_named_at_once(context, plugins, monkeypatch, caplog):
+    monkeypatch.setenv("OPENAI_API_KEY", "planted-0123456789-key")
+    for model, known in (("openai/gpt-4o-mini", True), ("openai/gpt-unheard-of", False)):
+        caplog.clear()
+        agent = plugins.make("agents", "litellm", {"model": model})
+        agent.begin(context)
+        assert (agent.settings["priced"], "no price is known" in caplog.text) == (known, not known)
+
+
+# -- words and waits ---------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("reply", "words"),
+    [
+        (body(503, error="the server is on fire"), "the server is on fire"),
+        (body(503, detail="the server is on fire"), "the server is on fire"),
+        (body(503, detail=[{"loc": ["body", "n"], "msg": "too many"}]), "body.n: too many"),
+        (body(503, message="the server is on fire"), "the server is on fire"),
+        (
+            body(503, error={"message": "Provider returned error", "metadata": {"raw": "no GPU"}}),
+            "returned error: no GPU",
+        ),
+        (Reply("the server is on fire", 503), "the server is on fire"),
+        (Reply("<html>502 nginx</html>", 502), "502"),
+    ],
+)
+@pytest.mark.parametrize("model", ["openai/x", "hosted_vllm/x"])
+def test_the_servers_own_words_are_told(begin, view, model, reply, words):
+    with OpenAIServer([reply]) as server, pytest.raises(ProviderError) as fault:
+        begin(server, model=model, num_retries=0).decide(view(), ())
+    assert words in str(fault.value)
+    assert "{" not in str(fault.value)
+
+
+def test_an_address_that_nobody_answers_is_named(begin, view, monkeypatch):
+    with OpenAIServer([]) as server:
+        agent = begin(server, model="ollama_chat/x", num_retries=0)
+    monkeypatch.setenv("OLLAMA_API_BASE", server.origin)
+    for model, options in (("ollama_chat/x", {"api_base": ""}), ("openai/x", {})):
+        agent = begin(server, model=model, num_retries=0, **options)
+        with pytest.raises(ProviderError) as fault:
+            agent.decide(view(), ())
+        assert str(fault.value).count(server.origin) >= 1
+        assert "refused" in str(fault.value)
+
+
+@pytest.mark.parametrize(
+    ("headers", "words", "seconds"),
+    [
+        ({"retry-after-ms": "1500", "retry-after": "9"}, "", 1.5),
+        ({"retry-after": "9"}, "", 9),
+        ({}, "Please try again in 1.2s. Contact us", 1.2),
+        ({}, "Please try again in 20ms.", 0.02),
+        ({}, "Please try again in 6m0s.", 360),
+        ({}, "Please try again in 1h2m3.5s.", 3723.5),
+        ({}, "Please retry after 30 seconds.", 30),
+        ({}, "Please retry in 12.5s.", 12.5),
+        ({}, '{"retryDelay": "7s"}', 7),
+        ({}, "please try again later", 0),
+        ({"retry-after": "soon"}, "", 0),
+    ],
+)
+def test_a_wait_is_read_from_headers_and_from_words(headers, words, seconds):
+    assert FailedRequest(words, 429, words, headers).wait == pytest.approx(seconds)
+
+
+# -- the end of a run --------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("code", "words", "error"),
+    [
+        (402, "Insufficient Balance", ModelError),
+        (400, "Your credit balance is too low to access the Anthropic API", ModelError),
+        (401, "the key was revoked", ModelError),
+        (404, "The model does not exist", ModelError),
+        (403, "your network is not allowed", ProviderError),
+        (400, "the moon is full", ProviderError),
+    ],
+)
+def test_what_no_later_request_betters_ends_the_run_in_its_middle(begin, view, code, words, error):
+    with OpenAIServer([call("stop"), status(code, words), call("stop")]) as server:
+        agent = begin(server)
+        agent.decide(view(), ())
+        with pytest.raises(error, match=words):
+            agent.decide(view(), ())
+    assert len(server.requests) == 2
+
+
+def test_a_refused_parameter_is_warned_of_once(begin, view, caplog):
+    caplog.set_level(logging.WARNING)
+    with OpenAIServer([status(400, TEMPERATURE), call("stop"), call("stop")]) as server:
+        agent = begin(server, temperature=0.0)
+        for _ in range(2):
+            agent.decide(view(), ())
+    assert caplog.text.count("does not take temperature, which is left out") == 1
