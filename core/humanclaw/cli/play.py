@@ -6,7 +6,7 @@ import datetime
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from itertools import chain, count
 from pathlib import Path
@@ -28,7 +28,7 @@ from humanclaw.plugins.deciders import origin
 from humanclaw.plugins.host import Plugins
 from humanclaw.records.reading import RecordedEpisode
 from humanclaw.records.specification import name_of
-from humanclaw.records.steps import EpisodeRecord
+from humanclaw.records.steps import EpisodeRecord, StepRecord
 from humanclaw.records.tasks import free_episode, require_words
 from humanclaw.storage.files import writing
 from humanclaw.world.navigation.approach import geodesics
@@ -100,7 +100,7 @@ def play(
     except KeyboardInterrupt:
         console.print(f"The report is not whole. `humanclaw report {out}` writes it.", soft_wrap=True)
         raise
-    end(recorded.record)
+    end(recorded.record, recorded.steps)
 
 
 def _require_ready(decider: Any, instruction: str) -> None:
@@ -210,8 +210,13 @@ def present(plugins: Plugins, backends: Backends, out: Path, folder: Path, film:
             console.print(f"{name}: {path}", soft_wrap=True)
 
 
-def end(record: EpisodeRecord) -> None:
-    """Exit with the code of an episode that was not played to its end."""
+def end(record: EpisodeRecord, steps: Sequence[StepRecord]) -> None:
+    """Exit with the code of an episode that was not played to its end, or without any usable call."""
+    if steps and all(step.status == "invalid" for step in steps):
+        raise click.ClickException(
+            f"no answer held a usable call. The last was refused: {steps[-1].feedback.refusal.rstrip('.')}. "
+            "Try another way of asking (--option mode=prompt), a larger max_tokens, or another model."
+        )
     if record.outcome == "infra_error":
         raise click.ClickException(f"the provider failed: {record.error}")
     if record.outcome == "plugin_error":

@@ -89,7 +89,7 @@ def play(
             episode.submit(Decision((call,)))
             console.print(str(episode.steps[-1].feedback), soft_wrap=True)
     present(plugins, backends, out, out / spec.id, film, console)
-    end(episode.record)
+    end(episode.record, episode.steps)
 
 
 def _found(target: str, skill: str, files: tuple[Path, ...], choice: Choice) -> tuple[Plugins, Skill]:

@@ -49,7 +49,7 @@ class StepProgress:
 
     @hookimpl
     def humanclaw_step(self, episode: EpisodeRecord, step: StepRecord) -> None:
-        thought = step.decision.reasoning.split("\n")[0]
+        thought = (step.feedback.refusal or step.decision.reasoning).split("\n")[0]
         known = self._distances and step.target_distance is not None
         near = f"{step.target_distance:.2f} m" if known else ""
         call = str(step.call or "(no usable call)")

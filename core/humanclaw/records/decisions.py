@@ -74,6 +74,8 @@ class Decision:
     usage: Usage = field(default_factory=Usage)
     dropped_steps: Annotated[int, Field(ge=0)] = 0
     """Past steps that the settings put into the prompt and that were left out because the model's context was full."""
+    left_out: tuple[str, ...] = ()
+    """Parameters of the settings, such as temperature, that the model refuses and was asked without."""
 
 
 @dataclass(frozen=True)

@@ -94,7 +94,7 @@ class ModelAgent:
                 self._room = told // 2
         found, self._note = read(reply.completion, prose=reply.mode == "prompt")
         self._negotiator.report(reply, bool(found))
-        return _decision(found, reply, wanted - told)
+        return _decision(found, reply, wanted - told, tuple(self.settings["left_out"]))
 
     def _ask(
         self, episode: _Episode, observation: Observation, history: Sequence[HistoryEntry], told: int | None
@@ -157,7 +157,9 @@ def _read_calls(completion: Completion) -> tuple[tuple[tuple[Reasoning, Call], .
     return (() if faults and len(found) == 1 else tuple(found)), " ".join(faults)
 
 
-def _decision(found: Sequence[tuple[Reasoning, Call]], reply: Reply, dropped: int) -> Decision:
+def _decision(
+    found: Sequence[tuple[Reasoning, Call]], reply: Reply, dropped: int, left_out: tuple[str, ...]
+) -> Decision:
     said = found[0][0] if found else Reasoning()
     return Decision(
         tuple(call for _, call in found),
@@ -166,4 +168,5 @@ def _decision(found: Sequence[tuple[Reasoning, Call]], reply: Reply, dropped: in
         prompt_digest=reply.prompt_digest,
         usage=reply.completion.usage,
         dropped_steps=dropped,
+        left_out=left_out,
     )

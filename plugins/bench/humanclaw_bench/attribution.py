@@ -264,6 +264,15 @@ FURTHER: Final[tuple[Rule[EpisodeFeatures], ...]] = (
 """Causes that the paper does not name, as second labels alone."""
 
 
+NO_CALL: Final = Cause("call", "no usable call", "tool calling")
+"""Not of the paper: most steps were lost because the agent named no call that could be executed."""
+
+
+def _called_nothing(steps: Sequence[StepRecord]) -> bool:
+    """Tell whether at least half of the steps held no usable call: then their way says little about the agent's."""
+    return 2 * sum(step.status == "invalid" for step in steps) >= max(1, len(steps))
+
+
 def failed_stage(scores: Scores) -> Stage | None:
     """Return the first stage that was not met.
 
@@ -283,17 +292,23 @@ def attribute(recorded: RecordedEpisode, scores: Scores | None = None) -> Cause 
     stage = failed_stage(scores or score(recorded))
     if stage is None:
         return None
+    if _called_nothing(recorded.steps):
+        return NO_CALL
     if recorded.record.spec.goal is not None:
         return cause_of(recorded, stage)
     return first_cause(CAUSES, stage, EpisodeFeatures.of(recorded))
 
 
-def also(recorded: RecordedEpisode, first: Cause | None) -> tuple[Cause, ...]:
-    """Return the other causes of a failed episode that its first one hides, in the order of the rules."""
+def also(recorded: RecordedEpisode, first: Cause | None, scores: Scores | None = None) -> tuple[Cause, ...]:
+    """Return the other causes of a failed episode that its first one hides, in the order of the rules.
+
+    After "no usable call" they are the paper's causes that describe the failure. scores: of the record, if known.
+    """
     if first is None or recorded.record.spec.goal is not None:
         return ()
     features = EpisodeFeatures.of(recorded)
-    alike = (cause for cause in (*CAUSES, *FURTHER) if cause.stage == first.stage and cause is not first)
+    stage = failed_stage(scores or score(recorded)) if first is NO_CALL else first.stage
+    alike = (cause for cause in (*CAUSES, *FURTHER) if cause.stage == stage and cause is not first)
     return tuple(cause for cause in alike if cause.describes(features))
 
 

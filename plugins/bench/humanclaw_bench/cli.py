@@ -29,7 +29,7 @@ from humanclaw_bench.conditions import differences as unlike
 from humanclaw_bench.export import FORMATS, metrics_of, results, results_of as _results, row, scored, scored_runs
 from humanclaw_bench.integrity import standing
 from humanclaw_bench.metrics import ALL, common, compare
-from humanclaw_bench.progress import RunProgress
+from humanclaw_bench.progress import RunProgress, stop_after_option
 from humanclaw_bench.results import Result, named, require_whole
 from humanclaw_bench.runner import run_split
 from humanclaw_bench.splits import (
@@ -113,6 +113,7 @@ for _name, _target, _told in (
     help="Play every episode N times, each with another seed, to show the variation between seeds.",
 )
 @click.option("--yes", is_flag=True, help="Do not ask for confirmation after the estimate of time and cost.")
+@stop_after_option
 @click.option(
     "--seed", type=click.IntRange(0), help="Of the agent's random numbers and the order of episodes (default: new)."
 )
@@ -123,8 +124,8 @@ for _name, _target, _told in (
 @plugin_options
 def run_command(
     name: str, deciders: Deciders, backends: Backends, workers: int, executor: str, address: str | None,
-    out: Path | None, resume: bool, repeats: int, yes: bool, seed: int | None, in_process: bool, agent_url: str | None,
-    files: tuple[Path, ...], choice: Choice,
+    out: Path | None, resume: bool, repeats: int, yes: bool, stop_after: int, seed: int | None, in_process: bool,
+    agent_url: str | None, files: tuple[Path, ...], choice: Choice,
 ) -> None:  # fmt: skip
     """Run a split, or resume it. Finished episodes are kept; others continue after their last recorded step."""
     plugins = Plugins.discover(files, choice)
@@ -133,7 +134,7 @@ def run_command(
     if agent_url is not None:
         require_address(agent_url)  # An empty one may be a variable of the shell that is not set.
     agent = agent_url or deciders.agent
-    out = out or Path("runs") / f"{Path(name).stem}-{name_of(agent)}"
+    out = out or Path("runs") / f"{Path(name).stem}-{name_of(str(deciders.options.get('model') or agent))}"
     if not resume and Folder(out).has("run.json"):
         raise RecordError(
             f"{out} already holds a run.", "Name another folder with --out, or continue it with --resume."
@@ -141,7 +142,7 @@ def run_command(
     job = Job(
         agent, deciders.options, deciders.verifier, backends.chosen(plugins), deciders.limits,
         tuple(str(file.resolve()) for file in files), choice, in_process=in_process, agent_url=agent_url or "",
-        seed=seed,
+        stop_after=stop_after, seed=seed,
     )  # fmt: skip
     wanted = executor or ("ray" if address else "local")
     if wanted == "ray" and "ray" not in {one.name for one in plugins.registered("executors")}:
@@ -159,7 +160,7 @@ def run_command(
         _show(_filled(brief_tables(results({out: episodes}, found))))
         plugins.tell("humanclaw_run_end", run=out, episodes=episodes, plugins=plugins, tell=click.echo, scored=found)
     if status.failed or status.stopped:
-        raise SystemExit(130 if status.stopped else 1)
+        raise SystemExit(130 if status.stopped and not status.halted else 1)
 
 
 @bench.command("agent")

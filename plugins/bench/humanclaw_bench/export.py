@@ -55,7 +55,7 @@ def scored(episodes: Sequence[RecordedEpisode], extra: Extra | None = None, name
     for recorded in _with_progress(episodes, f"scoring {name}"):
         scores = score(recorded, extra)
         cause = attribute(recorded, scores)
-        further = "; ".join(one.label for one in also(recorded, cause))
+        further = "; ".join(one.label for one in also(recorded, cause, scores))
         found.append((replace(scores, also=further), cause))
     return found
 

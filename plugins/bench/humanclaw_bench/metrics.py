@@ -81,6 +81,10 @@ COST: Final = (
 """Tokens and cost of models."""
 FALSE_CLAIMS: Final = _mean("false claims", lambda s: s.false_claims, percent=True)
 """The price of FindSR for an agent that always claims to see its target."""
+REFUSED: Final = Metric(
+    "refused", "lower", lambda s: (s.refused, s.answers) if s.answers else None, percent=True,
+    meaning="share of the agent's answers without a usable call",
+)  # fmt: skip
 MAIN: Final = (
     FIND, FALSE_CLAIMS, NAV, ARRIVE, INTERACT, COLLISIONS,
     _mean("#Dtb", lambda s: s.displaced, 2, meaning="objects displaced in an episode"),
@@ -88,6 +92,7 @@ MAIN: Final = (
         "dDtb (m)", "lower", lambda s: (s.displacement, s.displaced), digits=2, meaning="how far they were displaced"
     ),
     _mean("Jerk", lambda s: s.jerk, meaning="roughness of the body's path, m/s\u00b3"),
+    REFUSED,
     _mean("steps", lambda s: s.steps, better=""),
     _mean("motion (s)", lambda s: s.motion, better=""),
     *COST,

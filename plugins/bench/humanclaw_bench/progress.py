@@ -16,6 +16,14 @@ from humanclaw_bench.worker import WorkerReport
 _LONG: Final = 600
 """Seconds of a rest that nobody needs to be asked about."""
 
+stop_after_option = click.option(
+    "--stop-after",
+    type=click.IntRange(0),
+    default=10,
+    show_default=True,
+    help="Stop the run after N answers in a row without a usable call, or N provider failures in a row; 0 for never.",
+)
+
 
 class RunProgress:
     """A line per episode, and below them a bar with rate, remaining time and cost."""
@@ -52,6 +60,8 @@ class RunProgress:
             f"{state}: {status.done} of {counted(status.total, 'episode')}{failed}; "
             f"{_clock(status.seconds)}{_spent(status)}."
         )
+        if status.halted:
+            self._print(status.halted)
         if status.done < status.total:
             self._print("The same command continues the run.")
 

@@ -18,7 +18,7 @@ from humanclaw.records import name_of
 from humanclaw.storage import Folder, read_file, write_result
 from humanclaw_bench.ablation import FURTHER_SETTINGS, MODEL_SETTINGS, model_jobs
 from humanclaw_bench.export import results_of
-from humanclaw_bench.progress import RunProgress, foresight
+from humanclaw_bench.progress import RunProgress, foresight, stop_after_option
 from humanclaw_bench.runner import Forecast, RunStatus, run_split
 from humanclaw_bench.splits import load_split, repeated
 from humanclaw_bench.tables import ResultTable, ablation_table, all_tables
@@ -118,14 +118,15 @@ class Plan(BaseModel):
 @click.option("--models", "file", type=click.Path(path_type=Path), required=True, help="TOML file of models.")
 @click.option("--out", type=click.Path(path_type=Path), default=Path("runs/paper"), show_default=True, help="Folder.")
 @click.option("--workers", type=click.IntRange(1), default=1, show_default=True, help="Episodes at a time.")
+@stop_after_option
 @click.option("--yes", is_flag=True, help="Do not ask for confirmation after the estimate of time and cost.")
-def reproduce(what: str, file: Path, out: Path, workers: int, yes: bool) -> None:
+def reproduce(what: str, file: Path, out: Path, workers: int, stop_after: int, yes: bool) -> None:
     """Play the paper's tables 2 and 3 for the models of a file, or continue.
 
     First each model plays three episodes, and the command estimates time and cost of everything. At the end, and after
     Ctrl-C, `paper.md` in the folder holds the tables.
     """
-    plan, player = Plan.read(file), _Player(workers)
+    plan, player = Plan.read(file), _Player(workers, stop_after)
     if not yes and not _agreed([player.forecast(plan, model, out) for model in plan.models], plan.models):
         return
     try:
@@ -139,14 +140,17 @@ def reproduce(what: str, file: Path, out: Path, workers: int, yes: bool) -> None
 class _Player:
     """Plays runs with the benchmark's local executor."""
 
-    def __init__(self, workers: int) -> None:
-        self._workers, self._plugins = workers, Plugins.discover()
+    def __init__(self, workers: int, stop_after: int) -> None:
+        self._workers, self._stop_after, self._plugins = workers, stop_after, Plugins.discover()
+        self._halted: set[str] = set()
+        """Models whose runs stopped by themselves: they get no further question."""
 
     def forecast(self, plan: Plan, model: Model, out: Path) -> Forecast | None:
         """Play a model's first episodes and estimate the rest of all its runs; None if they are (almost) done."""
         found: list[Forecast] = []
         folder, specs, job = next(plan.runs(model))
-        self._run(specs, job, out / model.folder / folder, found, until_forecast=True)
+        if self._run(specs, job, out / model.folder / folder, found, until_forecast=True).halted:
+            self._halted.add(model.folder)
         if not found:
             return None
         later = sum(len(others) for name, others, _ in plan.runs(model) if name != MAIN)
@@ -155,11 +159,13 @@ class _Player:
     def play(self, plan: Plan, model: Model, out: Path) -> bool:
         """Play a model's runs to their end or limit. Returns whether an episode failed by infrastructure.
 
-        Ctrl-C exits with 130.
+        A model whose run stops by itself counts as failed, and its other runs are not begun. Ctrl-C exits with 130.
         """
-        failed = False
-        for folder, specs, job in plan.runs(model):
+        failed = model.folder in self._halted
+        for folder, specs, job in () if failed else plan.runs(model):
             status = self._run(specs, job, out / model.folder / folder, [])
+            if status.halted:
+                return True
             if status.stopped and not status.limited:
                 raise SystemExit(130)
             failed |= status.failed > 0
@@ -174,10 +180,12 @@ class _Player:
 
         with RunProgress(Console(stderr=True), out) as progress:
             player = self._plugins.make("executors", "local", self._workers, "")
-            job = replace(job, backends=job.backends.chosen(self._plugins))
+            job = replace(job, backends=job.backends.chosen(self._plugins), stop_after=self._stop_after)
             status = run_split(specs, job, player, out, plugins=self._plugins, watch=progress.watch, go_on=go_on)
             progress.end(status)
-        if status.stopped and until_forecast and not found:  # Ctrl-C, or a limit, before there was an estimate.
+        if (
+            status.stopped and until_forecast and not (found or status.halted)
+        ):  # Ctrl-C, or a limit, before there was an estimate.
             raise SystemExit(130)
         return status
 

@@ -74,7 +74,7 @@ class Result:
         told = f"{of}{counted(self.total, 'episode')}{unknown}"
         note = (
             f"{self.name}: {told}{left_out}.{self._privileged}{self._again}{self._broken}{self._unasked}{self._foreign}"
-            f"{self._near}{self._pace}{self._played}"
+            f"{self._near}{self._pace}{self._asked}{self._played}"
         )
         return " ".join(legible(note).split())  # One line, whatever text a foreign record holds.
 
@@ -91,6 +91,16 @@ class Result:
     @property
     def _pace(self) -> str:
         return "" if all(s.in_pace for s in self.scores) else f" Not at the paper's pace: {pace(self.scores)}."
+
+    @property
+    def _asked(self) -> str:
+        """What the model refused or had no room for."""
+        left_out = sorted({name for s in self.scores for name in s.left_out})
+        dropped = sum(s.dropped_steps for s in self.finished)
+        told = f" Asked without {', '.join(left_out)}, which the model refuses." if left_out else ""
+        return told + (
+            f" Past steps were dropped because the model's context was full: in {dropped} steps." if dropped else ""
+        )
 
     @property
     def _again(self) -> str:

@@ -58,6 +58,11 @@ class RunStatus:
     limited: bool = False
     """Whether a limit of the run stopped it."""
 
+    halted: str = ""
+    """Why the run stopped by itself (Job.stop_after), and what to try; empty if it did not."""
+    failed_in_a_row: int = 0
+    """Provider failures since the last episode that ended otherwise."""
+
     @property
     def left(self) -> int:
         return self.total - self.done - self.failed
@@ -145,12 +150,29 @@ def run_split(
                     raise HumanclawError(f"episode {report.episode} cannot be run: {report.error}")
                 asked = pilot.ends_with(report) and status.left > 0
                 refused = asked and not go_on(pilot.forecast(status))
+                halted = halted_by(report, status, job.stop_after)
                 limited = report.limit == "run" or _spent(status, job.limits)
-                status = replace(status, limited=status.limited or limited)
-                if limited or refused:
+                status = replace(status, limited=status.limited or limited, halted=status.halted or halted)
+                if limited or refused or halted:
                     executor.stop()
                     stopped.set()
     return replace(status, stopped=stopped.is_set())
+
+
+def halted_by(report: WorkerReport, status: RunStatus, stop_after: int) -> str:
+    """Return why a run stops after this episode, and what to try; empty if it goes on."""
+    if report.refusal:
+        return (
+            f"{stop_after} answers in a row held no usable call. The last was refused: {report.refusal.rstrip('.')}. "
+            "Try another way of asking (--option mode=prompt), a larger max_tokens, or another model; "
+            "--stop-after 0 plays on."
+        )
+    if 0 < stop_after <= status.failed_in_a_row:
+        return (
+            f"{stop_after} episodes in a row failed for want of an answer. The last: {report.error.rstrip('.')}. "
+            "Mend that and give the same command again; --stop-after 0 plays on."
+        )
+    return ""
 
 
 def pilot_of(specs: Sequence[EpisodeSpec]) -> tuple[EpisodeSpec, ...]:
@@ -225,7 +247,8 @@ def _counted(status: RunStatus, report: WorkerReport, seconds: float, waiting: i
     """Add a report. seconds: since the session began; waiting: number of episodes that no worker has taken."""
     done, failed = ended(report.outcome, report.limit), report.outcome == FAILED
     return replace(
-        status, done=status.done + done, failed=status.failed + failed, played=status.played + done,
+        status, done=status.done + done, failed=status.failed + failed,
+        failed_in_a_row=status.failed_in_a_row + 1 if failed else 0, played=status.played + done,
         steps=status.steps + report.steps, seconds=seconds, cost=status.cost + report.cost,
         tokens=status.tokens + report.tokens, playing=status.playing + done * report.seconds,
         workers=max(status.workers, status.left - waiting),
@@ -238,7 +261,7 @@ def _keep(out: Path, report: WorkerReport) -> None:
     unpack(record, report.files)
     if report.outcome == FAILED:
         mark(record, FAILED, report.error)
-    line = {key: value for key, value in vars(report).items() if key not in ("files", "fatal")}
+    line = {key: value for key, value in vars(report).items() if key not in ("files", "fatal", "refusal")}
     _note(out, line)
 
 

@@ -178,6 +178,14 @@ class Scores:
     """Number of steps whose call the verifier should check. Calls of skills without checks do not count."""
     unasked: int = 0
     """Number of these steps that passed without a usable answer of the verifier."""
+    answers: int = 0
+    """Number of answers of the agent; a step has up to three."""
+    refused: int = 0
+    """Number of answers without a usable call."""
+    dropped_steps: int = 0
+    """Number of steps whose prompt lacked past steps because the model's context was full."""
+    left_out: tuple[str, ...] = ()
+    """Parameters that the model refuses and was asked without."""
     tier: str = ""
     """easy, medium or hard; empty if unknown."""
     simulator: str = ""
@@ -276,6 +284,10 @@ def score(recorded: RecordedEpisode, extra: Extra | None = None) -> Scores:
         error=record.error,
         verified=sum(step.verdict is not None and _asked(step.verdict) for step in steps),
         unasked=sum(step.verdict is not None and bool(step.verdict.failed_open) for step in steps),
+        answers=sum(len(step.attempts) for step in steps),
+        refused=sum(bool(attempt.error) for step in steps for attempt in step.attempts),
+        dropped_steps=sum(bool(step.dropped_steps) for step in steps),
+        left_out=tuple(sorted({name for step in steps for name in step.decision.left_out})),
         tier=overall(spec.difficulty) if spec.difficulty else "",
         simulator=str(record.settings.get("body", {}).get("simulator", "")),
         privileged=_privileged(record.settings),

@@ -24,7 +24,7 @@ from humanclaw_bench.wall.deciders import PROCESS
 from humanclaw_bench.worker import Job
 
 FORMAT: Final = 1
-UNTOLD: Final = ("files", "limits", "choice", "names", "in_process", "agent_url", "apart", "absent")
+UNTOLD: Final = ("files", "limits", "choice", "names", "in_process", "agent_url", "apart", "absent", "stop_after")
 """Fields of a job that run.json tells otherwise, or that follow from others."""
 
 

@@ -9,7 +9,7 @@ from typing import Any, Final, Literal
 import numpy as np
 
 from humanclaw import HumanclawError
-from humanclaw_bench.attribution import CAUSES, FURTHER, Funnel
+from humanclaw_bench.attribution import CAUSES, FURTHER, NO_CALL, Funnel
 from humanclaw_bench.causes import Cause, Rule
 from humanclaw_bench.difficulty import THRESHOLDS, TIERS, tiers
 from humanclaw_bench.hands.scores import CAUSES as HAND_CAUSES
@@ -25,6 +25,7 @@ from humanclaw_bench.metrics import (
     MAIN,
     NAV,
     OWN,
+    REFUSED,
     VARIANTS,
     Metric,
     clusters,
@@ -39,7 +40,7 @@ from humanclaw_bench.statistics import CONFIDENCE, FEW, Estimate, rate
 
 REPEATED: Final = (FIND, NAV, INTERACT, COLLISIONS)
 """Metrics whose variation between repeats is shown."""
-HEADLINE: Final = (FIND, ARRIVE, NAV, INTERACT, COLLISIONS)
+HEADLINE: Final = (FIND, ARRIVE, NAV, INTERACT, COLLISIONS, REFUSED)
 """Columns of the table that fits a screen."""
 TELLING: Final = 0.1
 """Relevant difference, which the verdict "noise" must exclude: absolute for shares, else relative to the mean."""
@@ -213,10 +214,17 @@ def causes_table(results: Sequence[Result], causes: Sequence[Rule[Any]] = CAUSES
         f"Failures of {result.name}: " + ", ".join(f"{stage} {len(failures[stage])}" for stage in stages) + "."
         for result, failures in zip(results, failed, strict=True)
     )
-    if len(rows) > len(causes):
+    if any(NO_CALL in result.causes for result in results):
+        rows += (Row(f"{NO_CALL.label}, of all failures", tuple(map(_share_without_calls, results))),)
+    if any(row.name.startswith("also ") for row in rows):
         notes += ("Rows that begin with 'also' are second labels: other rules that describe a failure.",)
     notes += tuple(result.note for result in results)
     return ResultTable("Root causes, share of the failures of each stage", "cause", columns, rows, notes)
+
+
+def _share_without_calls(result: Result) -> Estimate:
+    failures = [(cause, scores) for scores, cause in zip(result.scores, result.causes, strict=True) if cause]
+    return _share(NO_CALL, failures)
 
 
 def _share(cause: Cause, failures: Sequence[tuple[Cause, Scores]]) -> Estimate:

@@ -26,7 +26,7 @@ from humanclaw import (
     ReplayError,
     StepRecord,
 )
-from humanclaw.records import MOTION_BYTES, Outcome, Usage, close_record
+from humanclaw.records import MOTION_BYTES, Outcome, Refusal, Usage, close_record
 from humanclaw.storage import Folder, writing
 from humanclaw.world import geodesics
 from humanclaw_bench.wall.deciders import Wall
@@ -61,6 +61,8 @@ class Job:
     absent: tuple[str, ...] = ()
     """Plugins, by name or by path of their file, that are not loaded beside the body, since they bring agents and
     verifiers alone."""
+    stop_after: int = 0
+    """Refused answers in a row of one worker, or provider failures in a row, after which the run stops; 0 for never."""
     seed: int | None = None
     """Of the order of the episodes and of the deciders' random numbers. None draws one for a new run. Episodes number
     their seeds, so that an agent that could compute its seed from theirs would know which episode it plays."""
@@ -85,6 +87,8 @@ class WorkerReport:
     """US dollars that this session has spent on it."""
     tokens: int = 0
     error: str = ""
+    refusal: str = ""
+    """Words of the last refused answer, if the job's stop_after was reached; the episode was cut off there."""
     fatal: bool = False
     """Whether every other episode would meet the error too, so that the user must fix it first."""
     worker: str = ""
@@ -107,6 +111,9 @@ class Worker:
         self._meter = Meter(job.limits)
         self._body: Body | None = None
         self._episode: Episode | None = None
+        self._refused = 0
+        """Refused answers in a row, over all episodes of this worker."""
+        self._refusal = ""
         self._replayed = Usage()
         """Usage of the steps that an earlier session played."""
 
@@ -147,10 +154,19 @@ class Worker:
             print(f"{fault} The episode starts again.", flush=True)
             self._episode = self._begun(spec, folder, ())
         with self._episode as episode:
-            while not (episode.done or self._stopping()):
-                episode.ask()
+            while not (episode.done or self._stopping() or self._is_hopeless):
+                self._note(episode.ask())
         if episode.fault:
             traceback.print_exception(episode.fault)
+
+    def _note(self, answer: StepRecord | Refusal) -> None:
+        """Count refused answers in a row."""
+        self._refusal = answer.error if isinstance(answer, Refusal) else answer.feedback.refusal
+        self._refused = self._refused + 1 if self._refusal else 0
+
+    @property
+    def _is_hopeless(self) -> bool:
+        return 0 < self._job.stop_after <= self._refused
 
     def _begun(self, spec: EpisodeSpec, folder: Folder, replay: tuple[StepRecord, ...]) -> Episode:
         """Begin or resume an episode. Raises ReplayError if the world no longer reproduces the record."""
@@ -179,7 +195,8 @@ class Worker:
             report = replace(report, outcome=end.outcome, error=end.error)
         cost = end.usage.cost - before.cost
         tokens = end.usage.tokens_in + end.usage.tokens_out - before.tokens_in - before.tokens_out
-        return replace(report, limit=end.limit, steps=end.steps, cost=cost, tokens=tokens)
+        refusal = self._refusal if self._is_hopeless and end.outcome == "interrupted" else ""
+        return replace(report, limit=end.limit, steps=end.steps, cost=cost, tokens=tokens, refusal=refusal)
 
     def close(self) -> None:
         body, self._body = self._body, None
