@@ -33,9 +33,11 @@ _CLOSING: Final = (
     r"(?=<\|channel\|>commentary)",  # The name of the called function follows, so this marker stays in the answer.
     "Here(?:'s| is) my response:",
     r"<(?:answer|response|output)>",  # Hunyuan, ERNIE, Marco-o1: the answer is marked as well
+    r"<\|begin_of_box\|>",  # GLM too
 )
 _ENDING: Final = (
     r"</(?:answer|response|output)>",
+    r"<\|end_of_box\|>",
     r"<\|(?:im_end|eot_id|end|endoftext|end_of_text|return|call|user|im_start)\|>",
     "<end_of_turn>",
     "</s>",

@@ -20,20 +20,13 @@ import tenacity
 from humanclaw import Meter, ProviderError
 from humanclaw.cli import legible
 from humanclaw.records import Usage
+from humanclaw.skills import split_thoughts
 from humanclaw_litellm.failures import FailedRequest, RefusalError, TooLongError
 from humanclaw_litellm.litellm_setup import complete, load, missing_key
 from humanclaw_litellm.rates import RateLimiter
 from humanclaw_litellm.redaction import redact
 from humanclaw_litellm.settings import Mode, ModelError, Settings
 from humanclaw_litellm.usage import price_of, text_tokens_sent, tokens_sent, usage_of
-
-try:
-    from humanclaw.skills import split_thoughts
-except ImportError:
-
-    def split_thoughts(text: str) -> tuple[str, str]:
-        return "", text
-
 
 Json = dict[str, Any]
 MODES: Final[tuple[Mode, ...]] = get_args(Mode)

@@ -7,7 +7,7 @@ import email.utils
 import json
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Any, Final
 
 Json = dict[str, Any]
@@ -16,8 +16,6 @@ _TRACE: Final = re.compile(r"\s*Traceback \(most recent call last\):.*", re.DOTA
 _TRANSIENT: Final = frozenset({408, 409, 425, 429})
 _FAILED: Final = frozenset({"error", "network_error", "insufficient_system_resource"})
 """Finish reasons of a generation that failed: of gateways and mlx, of GLM, and of DeepSeek."""
-_CAUSES: Final = 8
-"""Longest chain of causes that is followed."""
 _SIZE: Final = r"context[ _-]?(?:length|window|size|limit)"
 _TOO_LONG: Final = re.compile(
     rf"(?:exceed|longer than|larger than|greater than|too large for|maximum|overflow)[^.]{{0,80}}{_SIZE}"
@@ -165,8 +163,11 @@ def check_reply(completion: Any, response: Any) -> None:
         raise FailedRequest("the reply held no choices", 502)
 
 
-def failure_of(error: BaseException, response: Any) -> FailedRequest:
-    """Return the failure behind an error of litellm. response: the HTTP response, if there was one."""
+def failure_of(error: BaseException, response: Any, address: str) -> FailedRequest:
+    """Return the failure behind an error of litellm.
+
+    response: the HTTP response, if there was one. address: where the request went; empty if none was sent.
+    """
     if isinstance(error, FailedRequest):
         return error
     name, text = type(error).__name__, re.sub(_PREFIXES, "", _TRACE.sub("", str(error).strip()))
@@ -176,7 +177,8 @@ def failure_of(error: BaseException, response: Any) -> FailedRequest:
     if name == "ContentPolicyViolationError":
         return FailedRequest(plain, 400, "content_filter")
     if response is None:
-        return FailedRequest(f"{plain}{_address(error)}", getattr(error, "status_code", None) or 0)
+        where = f" at {address} ({_cause(error)})" if address else ""
+        return FailedRequest(f"{plain.rstrip('.')}{where}", getattr(error, "status_code", None) or 0)
     body, headers = _body_of(response), dict(response.headers)
     if response.status_code >= 300:
         return FailedRequest(_words(body) or plain, response.status_code, response.text, headers)
@@ -215,19 +217,8 @@ def _words(body: Any) -> str:
     return ": ".join(filter(None, (where, found, upstream)))
 
 
-def _address(error: BaseException) -> str:
-    """Return the address that could not be reached, and why, in words; empty if neither is known."""
-    for cause in _causes(error):
-        if type(cause).__module__.startswith(("httpx", "httpcore")) and hasattr(cause, "request"):
-            url = getattr(cause, "_request", None) and cause.request.url
-            return f" ({cause})" if not url else f" at {url.scheme}://{url.netloc.decode()} ({cause})"
-    return ""
-
-
-def _causes(error: BaseException | None) -> Iterator[BaseException]:
-    """Yield an error and its causes, _CAUSES errors at most."""
-    for _ in range(_CAUSES):
-        if error is None:
-            return
-        yield error
-        error = error.__cause__ or error.__context__
+def _cause(error: BaseException) -> str:
+    """Return the words of the innermost cause, such as "Connection refused"."""
+    while inner := error.__cause__ or error.__context__:
+        error = inner
+    return str(error) or type(error).__name__

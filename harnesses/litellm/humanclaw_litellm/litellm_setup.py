@@ -16,7 +16,7 @@ from humanclaw_litellm.failures import FailedRequest, check_reply, failure_of
 _GRACE: Final = 0.25
 """Seconds of a head start for the client's own timeout: its error says more."""
 _exchange: Final = threading.local()
-"""The last HTTP response of this thread. litellm's errors keep neither its words nor all of its headers."""
+"""Address and response of this thread's last request. litellm's errors keep neither whole."""
 
 
 @functools.cache
@@ -64,7 +64,7 @@ def _restrained(make: Callable[..., Any]) -> Callable[..., Any]:
         client.follow_redirects = False
         hooks = client.event_hooks
         client.event_hooks = {
-            "request": [*hooks.get("request", ()), _forget],
+            "request": [*hooks.get("request", ()), _begin],
             "response": [*hooks.get("response", ()), _keep],
         }
         return client
@@ -72,8 +72,8 @@ def _restrained(make: Callable[..., Any]) -> Callable[..., Any]:
     return made
 
 
-def _forget(request: Any) -> None:
-    _exchange.response = None
+def _begin(request: Any) -> None:
+    _exchange.response, _exchange.address = None, f"{request.url.scheme}://{request.url.netloc.decode()}"
 
 
 def _keep(response: Any) -> None:
@@ -102,13 +102,13 @@ def complete(seconds: float, **request: Any) -> Any:
     litellm = load()
 
     def run() -> None:
-        _exchange.response = None
+        _exchange.response, _exchange.address = None, ""
         try:
             completion = litellm.completion(timeout=seconds, **request)
             check_reply(completion, _exchange.response)
             answer.set_result(completion)
         except BaseException as error:
-            answer.set_exception(failure_of(error, _exchange.response))
+            answer.set_exception(failure_of(error, _exchange.response, _exchange.address))
 
     threading.Thread(target=run, name="request", daemon=True).start()
     try:

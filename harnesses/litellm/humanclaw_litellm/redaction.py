@@ -6,6 +6,7 @@ import os
 import re
 from collections.abc import Iterator, Mapping
 from typing import Any, Final
+from urllib.parse import urlsplit
 
 _SECRET_VARIABLE: Final = re.compile(r"KEY|TOKEN|SECRET|PASSWORD|CREDENTIAL", re.IGNORECASE)
 _SECRET_FORM: Final = re.compile(r"\b(?:sk|pk|gsk|xai|hf)[-_][\w*.-]{6,}|\bAIza[\w-]{20,}|(?<=Bearer )\S+")
@@ -28,11 +29,6 @@ def redact(text: str, *secrets: str) -> str:
     return _SECRET_FORM.sub("[redacted]", text)
 
 
-def holds_key(path: str) -> bool:
-    """Tell whether a part of a URL's path is a key or looks like one."""
-    return redact(path) != path or any(map(_RANDOM.fullmatch, _PARTS.split(path)))
-
-
 def secrets_in(value: Any, where: str = "") -> Iterator[str]:
     """Yield the places in nested options that hold a key, judged by field name or by value."""
     if isinstance(value, Mapping):
@@ -45,8 +41,16 @@ def secrets_in(value: Any, where: str = "") -> Iterator[str]:
     elif isinstance(value, list | tuple):
         for number, inner in enumerate(value):
             yield from secrets_in(inner, f"{where}.{number}")
-    elif isinstance(value, str) and redact(value) != value:
+    elif isinstance(value, str) and (redact(value) != value or ("://" in value and _has_credentials(value))):
         yield where
+
+
+def _has_credentials(url: str) -> bool:
+    """Tell whether a URL holds a user, a query, a fragment, or a part of a path that looks like a key."""
+    parts = urlsplit(url)
+    return bool(parts.username or parts.password or parts.query or parts.fragment) or any(
+        map(_RANDOM.fullmatch, _PARTS.split(parts.path))
+    )
 
 
 def _kept() -> list[str]:

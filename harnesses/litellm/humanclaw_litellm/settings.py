@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import difflib
 import json
 import re
 from collections.abc import Mapping
 from typing import Annotated, Any, Final, Literal, Self
-from urllib.parse import urlsplit
 
 from pydantic import AfterValidator, BeforeValidator, Field, Json, ValidationError
 
 from humanclaw import PluginError, PromptSettings
-from humanclaw_litellm.redaction import holds_key, redact, secrets_in
+from humanclaw_litellm.redaction import redact, secrets_in
 
 Mode = Literal["tools", "tools_auto", "schema", "prompt"]
 """Ways to ask a model for a call: tools it must use, tools it may use, a JSON schema, or instructions alone."""
@@ -47,20 +45,9 @@ def _address(url: str) -> str:
     return url
 
 
-def _without_credentials(url: str) -> str:
-    parts = urlsplit(url)
-    if parts.username or parts.password or parts.query or parts.fragment or holds_key(parts.path):
-        raise ValueError(
-            "it must hold no user, password, query, fragment or key, because options are recorded; use auth_env"
-        )
-    return url
-
-
-def _without_keys(params: dict[str, Any]) -> dict[str, Any]:
+def _not_ours(params: dict[str, Any]) -> dict[str, Any]:
     if taken := sorted(_OURS & set(params)):
         raise ValueError(f"{taken[0]} cannot be set here; it is an option of its own, or decided by the harness")
-    if place := next(secrets_in(params), ""):
-        raise ValueError(f"{redact(place)} looks like a key, and options are recorded; use auth_env")
     return params
 
 
@@ -69,7 +56,7 @@ def _or_none(value: Any) -> Any:
     return None if isinstance(value, str) and value.strip().lower() in ("", "none", "null") else value
 
 
-Params = Annotated[dict[str, Any], AfterValidator(_without_keys)]
+Params = Annotated[dict[str, Any], AfterValidator(_not_ours)]
 
 
 class Settings(PromptSettings):
@@ -78,7 +65,7 @@ class Settings(PromptSettings):
     model: Annotated[str, Field(min_length=1)]
     """provider/name, as litellm writes it."""
     profile: Literal["default", "paper"] = "default"
-    api_base: Annotated[str, AfterValidator(_without_credentials), AfterValidator(_address)] = ""
+    api_base: Annotated[str, AfterValidator(_address)] = ""
     auth_env: str = ""
     """Environment variable with the key; by default the provider's own variable."""
     mode: Literal["auto", "tools", "tools_auto", "schema", "prompt"] = "auto"
@@ -99,7 +86,7 @@ class Settings(PromptSettings):
 
     @classmethod
     def of(cls, options: Mapping[str, Any]) -> Self:
-        """Read the options of a run. Raises ModelError for an invalid or misspelt option.
+        """Read the options of a run. Raises ModelError for an invalid option.
 
         Options of other plugins are ignored.
         """
@@ -108,8 +95,6 @@ class Settings(PromptSettings):
             raise ModelError(
                 "no model is named.", "Name one with --model or --option model=NAME, such as openai/gpt-4o-mini."
             )
-        for key in set(given) - set(cls.model_fields):
-            cls._refuse_near_miss(key)
         _refuse_secrets(given)
         try:
             return cls(**_profile(given) | given)
@@ -140,37 +125,17 @@ class Settings(PromptSettings):
         """All settings as JSON values. They hold no key."""
         return self.model_dump(mode="json")
 
-    @classmethod
-    def _refuse_near_miss(cls, key: str) -> None:
-        if key == "api_key":
-            raise ModelError(
-                "a key must not be an option, because options are recorded.", "Name its variable: auth_env."
-            )
-        near = difflib.get_close_matches(key.removeprefix("verifier_"), cls.model_fields, n=1, cutoff=0.8)
-        if near and not key.startswith("verifier_"):
-            raise ModelError(f"there is no option {key!r}.", f"Did you mean {near[0]}?")
-
 
 def _refuse_secrets(given: Mapping[str, Any]) -> None:
-    """Refuse keys in any option. Options of other plugins are recorded too."""
+    """Refuse keys in any option, also in JSON text. Options of other plugins are recorded too."""
     for key, value in given.items():
         try:
-            if isinstance(value, str) and "://" in value:
-                _without_credentials(value)
-        except ValueError as error:
-            raise ModelError(f"option {key} is not valid: {error}.") from None
-        if (isinstance(value, str) and redact(value) != value) or _hides(key, value):
-            raise ModelError(f"option {key} holds a key, and options are recorded.", "Name its variable: auth_env.")
-
-
-def _hides(key: str, value: Any) -> bool:
-    """Tell whether an option of another plugin holds a key in a nested value, or in JSON text."""
-    if key in Settings.model_fields:
-        return False  # The checks of these options give a better message.
-    try:
-        return any(secrets_in(json.loads(value) if isinstance(value, str) else value, key))
-    except ValueError:
-        return False
+            read = json.loads(value) if isinstance(value, str) else value
+        except ValueError:
+            read = value
+        if place := "api_key" if key == "api_key" else next(secrets_in(read, key), ""):
+            told = f"option {redact(place)} holds a key, and options are recorded."
+            raise ModelError(told, "Name the variable of the key: auth_env.")
 
 
 def _profile(given: Mapping[str, Any]) -> dict[str, Any]:
