@@ -180,12 +180,6 @@ def dropped() -> Reply:
     return Reply({}, cut=-1.0)
 
 
-def refusing_images(otherwise: Script, explanation: str = "this model does not take images", code: int = 400) -> Script:
-    """Return a script that refuses requests with pictures, and follows another script otherwise."""
-    rest = _player(otherwise)
-    return lambda request: status(code, explanation) if request.images else rest(request)
-
-
 def refusing(field_name: str, otherwise: Script) -> Callable[[Request], Reply]:
     """Return a script that answers 400 to requests with a field such as "tools", and follows another otherwise."""
     rest = _player(otherwise)
