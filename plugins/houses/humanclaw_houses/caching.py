@@ -1,4 +1,4 @@
-"""Cache generated houses, keyed by the generator's code, the house's name and the library's digest."""
+"""Open `house:ARGUMENT`. Generated houses are cached, keyed by the generator's code and the house's name."""
 
 from __future__ import annotations
 
@@ -9,21 +9,31 @@ from typing import Final
 from humanclaw import Scene, SceneError
 from humanclaw.storage import Cache, source_digest
 from humanclaw.world import pack_scene, unpack_scene
+from humanclaw_houses.names import seed_of
 
-_WORLD: Final = ("joints.py", "keeping.py", "meshes", "navigation", "scene.py")
-CORE: Final = ("body", "records/tasks.py", *(f"world/{part}" for part in _WORLD))
-"""Parts of the core whose code may change a house."""
+SOURCES: Final = ("humanclaw/body", "humanclaw/records", "humanclaw/world", "humanclaw_houses")
+"""Packages and folders whose code may change a house."""
 _LIBRARIES: Final = ("manifold3d", "numpy", "scikit-image", "scipy")
 """Distributions whose version may change a house."""
 
 
-def kept(name: str, assets: str, generate: Callable[[], Scene], store: Cache | None = None) -> Scene:
-    """Return the house from the cache; if it is not there, generate and store it.
+def open_house(argument: str) -> Scene:
+    """Open house '0' to '40' or 'train-N'. Raises SceneError for any other argument."""
+    seed_of(argument)
+    return kept(argument, lambda: _generate(argument))
 
-    assets: digest of the library, or empty.
-    """
-    store = store or Cache("houses")
-    key = hashlib.sha256(f"{generator_version()}|{name}|{assets}".encode()).hexdigest()
+
+def _generate(argument: str) -> Scene:
+    # Imported late: the geometry libraries take longer to load than a cached house.
+    from humanclaw_houses.source import house
+
+    return house(argument)
+
+
+def kept(name: str, generate: Callable[[], Scene]) -> Scene:
+    """Return the house from the cache; if it is not there, generate and store it."""
+    store = Cache("houses")
+    key = hashlib.sha256(f"{generator_version()}|{name}".encode()).hexdigest()
     data = store.get(key)
     if data is not None:
         try:
@@ -36,8 +46,5 @@ def kept(name: str, assets: str, generate: Callable[[], Scene], store: Cache | N
 
 
 def generator_version() -> str:
-    """Return a digest of everything that may change a house: this package, CORE, and the versions of libraries.
-
-    A test compares CORE with the imports of this package, so that no stale house is served.
-    """
-    return source_digest((*(f"humanclaw/{part}" for part in CORE), "humanclaw_houses"), _LIBRARIES)
+    """Return a digest of the code in SOURCES and of the versions of libraries, so that no stale house is served."""
+    return source_digest(SOURCES, _LIBRARIES)

@@ -13,7 +13,6 @@ from humanclaw_houses.kit import Kit
 from humanclaw_houses.model import Piece
 from humanclaw_houses.placing import beside, lay, put_above, put_at_wall
 from humanclaw_houses.space import SIDES, YAW, Rect, Side, Space, at_hand, local
-from humanclaw_houses.stock import apart
 
 
 # -- groups ------------------------------------------------------------------------------------------------------------
@@ -145,12 +144,12 @@ def _open_spots(space: Space, w: float, d: float, rng: np.random.Generator) -> l
 def _at_table(table: Placed, chair: Piece, along: float, side: int, rng: np.random.Generator) -> Placed:
     out = table.piece.size[2] / 2 + chair.size[2] / 2 - 0.16 + float(rng.uniform(0.0, 0.1))
     yaw = (np.pi if side > 0 else 0.0) + float(rng.uniform(-0.06, 0.06))
-    return apart(beside(table, chair, along, side * out, yaw), table)
+    return beside(table, chair, along, side * out, yaw)
 
 
 def _at_end(table: Placed, chair: Piece, side: int) -> Placed:
     out = table.piece.size[0] / 2 + chair.size[2] / 2 - 0.12
-    return apart(beside(table, chair, side * out, 0.0, -side * np.pi / 2), table)
+    return beside(table, chair, side * out, 0.0, -side * np.pi / 2)
 
 
 def put_counters(space: Space, kit: Kit) -> None:
@@ -258,7 +257,7 @@ def put_work_place(space: Space, kit: Kit) -> bool:
         return put_at_wall(space, kit, tables.desk, front=0.5) is not None
     chair = kit.make(seats.office_chair if kit.chance(0.7) else seats.dining_chair)
     for spot in space.spots(desk, kit.rng, step=0.15):
-        seat = apart(beside(spot, chair, -0.19, desk.size[2] / 2 + chair.size[2] / 2 - 0.12, np.pi), spot)
+        seat = beside(spot, chair, -0.19, desk.size[2] / 2 + chair.size[2] / 2 - 0.12, np.pi)
         if space.fits(spot, 0.95) and space.put(spot, seat, want=[at_hand(seat)]):
             kit.left["chair"] -= 1
             y = desk.tops[0].y + 0.002

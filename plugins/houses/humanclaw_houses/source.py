@@ -16,14 +16,12 @@ from humanclaw_houses.drafting import draw_plans
 from humanclaw_houses.dressing import dress
 from humanclaw_houses.furnish import furnish
 from humanclaw_houses.kit import Kit
-from humanclaw_houses.library import Library
 from humanclaw_houses.model import Leaf
 from humanclaw_houses.names import GENERATOR, seed_of
 from humanclaw_houses.plan import Area, FloorPlan, Layout
 from humanclaw_houses.scatter import scatter
 from humanclaw_houses.space import Space, turn
 from humanclaw_houses.starting import WalkableArea, choose_start
-from humanclaw_houses.stock import Stock
 from humanclaw_houses.style import Style
 from humanclaw_houses.validity import problems
 
@@ -39,15 +37,12 @@ _MOVABLE: Final = 0.21
 """Share of the furniture that is movable."""
 
 
-def house(argument: str, library: Library | None = None) -> Scene:
-    """Generate house '0' to '40' or 'train-N', without the cache. Raises SceneError for any other argument.
-
-    library: imported furniture, which replaces parametric pieces where it has a similar asset.
-    """
-    return generate(seed_of(argument), f"house:{argument}", library)
+def house(argument: str) -> Scene:
+    """Generate house '0' to '40' or 'train-N', without the cache. Raises SceneError for any other argument."""
+    return generate(seed_of(argument), f"house:{argument}")
 
 
-def generate(seed: Sequence[int], name: str, library: Library | None = None) -> Scene:
+def generate(seed: Sequence[int], name: str) -> Scene:
     """Generate a house from a seed alone: the first of its drafts without problems.
 
     Raises SceneError if all drafts have problems.
@@ -56,7 +51,7 @@ def generate(seed: Sequence[int], name: str, library: Library | None = None) -> 
     layout = layout_of(seed)
     for draft in range(_DRAFTS):
         rng = np.random.default_rng([*seed, draft])
-        scene = _draft(rng, name, layout, library)
+        scene = _draft(rng, name, layout)
         walkable = WalkableArea.of(scene)
         scene = scene.starting(choose_start(walkable, rng))
         wrong = problems(scene, walkable)
@@ -77,13 +72,12 @@ def layout_of(seed: Sequence[int]) -> Layout:
     return Layout.draw(np.random.default_rng([*seed, _LAYOUT]), storeys_of(seed))
 
 
-def _draft(rng: np.random.Generator, name: str, layout: Layout, library: Library | None) -> Scene:
+def _draft(rng: np.random.Generator, name: str, layout: Layout) -> Scene:
     plans, style = draw_plans(rng, layout), Style.draw(rng)
     placed: list[Placed] = []
     for plan in plans:
         placed += _lifted(build(plan, style, draw_finishes(plan, style)), plan.floor)
-    # A spawned generator: a library must not change the draws from which the rest of the house is made.
-    for space in _furnish(plans, style, rng, Stock(library, rng.spawn(1)[0]) if library else None):
+    for space in _furnish(plans, style, rng):
         placed += _lifted(space.objects, space.floor)
     return _scene(name, plans, placed)
 
@@ -93,9 +87,9 @@ def _lifted(scene_objects: Iterable[Placed], floor: float) -> Iterator[Placed]:
     return (replace(obj, y=obj.y + floor) for obj in scene_objects)
 
 
-def _furnish(plans: Sequence[FloorPlan], style: Style, rng: np.random.Generator, stock: Stock | None) -> list[Space]:
+def _furnish(plans: Sequence[FloorPlan], style: Style, rng: np.random.Generator) -> list[Space]:
     areas = [(area, plan) for plan in plans for area in plan.areas]
-    kit = Kit(style, rng, tuple(area.kind for area, _ in areas), stock)
+    kit = Kit(style, rng, tuple(area.kind for area, _ in areas))
     spaces = [Space(area, plan) for area, plan in areas if area.kind != "stairs" or plan.floor > 0]
     for space in spaces:
         furnish(space, kit)
