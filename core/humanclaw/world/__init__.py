@@ -38,7 +38,7 @@ if TYPE_CHECKING:
         Vec3 as Vec3,
         balanced as balanced,
     )
-    from humanclaw.world.meshes.baking import area as area, bake as bake
+    from humanclaw.world.meshes.baking import area as area, atlas as atlas, bake as bake
     from humanclaw.world.meshes.decimation import simplify as simplify
     from humanclaw.world.meshes.hulls import KeepOutBox as KeepOutBox, convex_pieces as convex_pieces, exact as exact
     from humanclaw.world.meshes.measure import (

@@ -9,7 +9,7 @@ import numpy as np
 
 from humanclaw.world import Hinge, Joint
 from humanclaw_houses import textures as t
-from humanclaw_houses.model import Model, Piece
+from humanclaw_houses.model import Model, Piece, maker
 from humanclaw_houses.plan import CEILING, WALL, Area, FloorPlan, Opening, Wall, room_at
 from humanclaw_houses.shapes import Point, Shape, box, post, quads, sheet
 from humanclaw_houses.stairs import staircase
@@ -122,7 +122,7 @@ def _stairs(plan: FloorPlan, area: Area, finishes: Mapping[str, Finish], style: 
         x0, x1 = (wall.line, x1) if wall.high == area.name else (x0, wall.line)
         size, yaw = (z1 - z0, x1 - x0), -np.pi / 2 if wall.high == area.name else np.pi / 2
     width, depth = (round(v, 4) for v in size)
-    piece = staircase(style, plan.stair, width, depth, finishes[area.name].wall)
+    piece = staircase(style, "stairs", plan.stair, width, depth, finishes[area.name].wall)
     return Placed(piece, (x0 + x1) / 2, 0.0, (z0 + z1) / 2, yaw, area.name)
 
 
@@ -279,9 +279,9 @@ def _fill(wall: Wall, hole: Opening, name: str, style: Style) -> Iterator[Placed
         yield _leaf(wall, hole, name, style)
 
 
-def _window(style: Style, name: str, hole: Opening) -> Piece:
+@maker("window")
+def _window(m: Model, style: Style, hole: Opening) -> None:
     """Build a frame with a bright pane, in two casements if it is wide."""
-    m = Model()
     w, h = hole.width, hole.top - hole.bottom
     m.add(Shape((sheet((-w / 2, 0, 0), (w, 0, 0), (0, h, 0)),)), t.sky(style.rng))
     m.add(Shape((sheet((w / 2, 0, -0.01), (-w, 0, 0), (0, h, 0)),)), style.steel)
@@ -292,27 +292,25 @@ def _window(style: Style, name: str, hole: Opening) -> Piece:
         m.add(box((w, 0.05, 0.04), (0, y, 0.0)), style.white)
     m.add(box((0.02, 0.1, 0.03), (0.045 if w > 0.9 else w / 2 - 0.07, h * 0.45, 0.03)), style.chrome)
     m.solid((w, h, 0.08), (0, 0, 0))
-    return m.piece(name, "window")
 
 
-def _front_door(style: Style, name: str, hole: Opening) -> Piece:
+@maker("door")
+def _front_door(m: Model, style: Style, hole: Opening) -> None:
     """Build the front door, closed."""
-    m = Model()
     tile = t.panel_door(t.pick(style.rng, ((120, 60, 48), (52, 78, 92), (62, 88, 70), (104, 74, 50))), style.rng)
     m.box((hole.width, hole.top, 0.06), (0, 0, 0), tile)
     m.add(box((0.13, 0.02, 0.03), (hole.width / 2 - 0.13, 1.02, 0.06)), style.brass)
     m.add(post(0.018, 0.02).moved((0, 1.5, 0.03), (90, 0, 0)), style.brass)
-    return m.piece(name, "door")
 
 
 def _leaf(wall: Wall, hole: Opening, name: str, style: Style) -> Placed:
     """Build a door leaf that stands open at about a right angle to its wall. Shut, it lies in front of the frame."""
-    m = Model()
+    m = Model(mass=25.0)
     length, thick = hole.width, 0.04
     m.box((thick, hole.top - 0.02, length), (0, 0.01, 0), t.panel_door((236, 234, 228), style.rng))
     for side in (-1, 1):
         m.add(box((0.03, 0.02, 0.12), (side * 0.045, 1.0, length / 2 - 0.1)), style.chrome)
-    piece = m.piece(f"door_{name}", "door", mass=25.0)
+    piece = m.piece(f"door_{name}", "door")
     across = -1 if hole.opens_low else 1
     # The open leaf hangs beside the clear width of the doorway, not in it.
     along = hole.at + hole.leaf * (hole.width / 2 + thick / 2 + 0.005)

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import Literal
+from functools import cached_property, wraps
+from typing import Concatenate, Literal, ParamSpec
 
 import numpy as np
 from manifold3d import Manifold
 from numpy.typing import NDArray
 
-from humanclaw.world import Asset, Hinge, Joint, Mesh, balanced, exact
+from humanclaw.world import Asset, Hinge, Joint, Mesh, atlas, balanced, exact
 from humanclaw_houses.shapes import Array, Chart, Point, Shape, box
-from humanclaw_houses.textures import Pixels, Tile
+from humanclaw_houses.style import Style
+from humanclaw_houses.textures import Tile
 
 Solid = Literal["", "box", "hull"]
+P = ParamSpec("P")
 
 
 @dataclass(frozen=True)
@@ -81,11 +83,15 @@ class Leaf:
 class Model:
     """Gathers the parts of one asset."""
 
-    def __init__(self) -> None:
+    def __init__(self, mass: float = 0.0, friction: float = 0.5) -> None:
+        """mass: kilograms; 0 if it is fixed."""
+        self.mass, self.friction = mass, friction
+        self.seat: float | None = None
+        """Height of the seat, metres."""
         self._parts: list[tuple[Chart, Tile]] = []
         self._hulls: list[Array] = []
         self._tops: list[Top] = []
-        self._leaves: list[tuple[Model, Joint, float]] = []
+        self._leaves: list[tuple[Model, Joint]] = []
 
     def add(self, shape: Shape, tile: Tile, solid: Solid = "") -> None:
         """Add a part. solid: whether its bounding box or its convex hull collides, or nothing."""
@@ -116,37 +122,52 @@ class Model:
 
     def leaf(self, joint: Joint, mass: float) -> Model:
         """Return a model for a part on a hinge or slide, in the same frame. mass: kilograms."""
-        part = Model()
-        self._leaves.append((part, joint, mass))
+        part = Model(mass)
+        self._leaves.append((part, joint))
         return part
 
     def points(self) -> Array:
         """Return (N, 3) all vertices so far."""
         return np.concatenate([chart.vertices for chart, _ in self._parts])
 
-    def piece(
-        self, name: str, category: str, *, seat: float | None = None, mass: float = 0.0, friction: float = 0.5
-    ) -> Piece:
+    def piece(self, name: str, category: str) -> Piece:
         """Return the finished asset, moved so that its footprint is centred on the origin."""
-        shift = -_footprint(np.concatenate([self.points(), *(part.points() for part, _, _ in self._leaves)]))
+        shift = -_footprint(np.concatenate([self.points(), *(part.points() for part, _ in self._leaves)]))
         hulls = tuple(exact(hull + shift) for hull in self._hulls)
-        asset = Asset(name, category, bake(self._parts, shift), hulls, seat)
+        asset = Asset(name, category, bake(self._parts, shift), hulls, self.seat)
         sx, _, sz = shift
         tops = tuple(replace(t, x0=t.x0 + sx, z0=t.z0 + sz, x1=t.x1 + sx, z1=t.z1 + sz) for t in self._tops)
         leaves = tuple(
-            part._leaf(f"{name}_{number}", category, joint, weight, shift)
-            for number, (part, joint, weight) in enumerate(self._leaves, 1)
+            part._leaf(f"{name}_{number}", category, joint, shift)
+            for number, (part, joint) in enumerate(self._leaves, 1)
         )
-        return Piece(asset, tops, mass, friction, leaves)
+        return Piece(asset, tops, self.mass, self.friction, leaves)
 
-    def _leaf(self, name: str, category: str, joint: Joint, mass: float, shift: Array) -> Leaf:
+    def _leaf(self, name: str, category: str, joint: Joint, shift: Array) -> Leaf:
         """Return this model as a leaf. shift: of the piece that it belongs to."""
         middle = _footprint(self.points())
         x, y, z = (middle + shift).tolist()
         if isinstance(joint, Hinge):
             joint = replace(joint, point=_vec3(np.array(joint.point) - middle))
-        piece = self.piece(name, category, mass=mass)
-        return Leaf(piece, (x, y, z), balanced(joint, (piece.low + piece.high) / 2, mass))
+        piece = self.piece(name, category)
+        return Leaf(piece, (x, y, z), balanced(joint, (piece.low + piece.high) / 2, self.mass))
+
+
+def maker(
+    category: str, *, mass: float = 0.0, friction: float = 0.5
+) -> Callable[[Callable[Concatenate[Model, Style, P], None]], Callable[Concatenate[Style, str, P], Piece]]:
+    """Make a maker of pieces, which takes style and name, of a function that adds the parts of a piece to a model."""
+
+    def decorate(add: Callable[Concatenate[Model, Style, P], None]) -> Callable[Concatenate[Style, str, P], Piece]:
+        @wraps(add)
+        def make(style: Style, name: str, /, *args: P.args, **options: P.kwargs) -> Piece:
+            model = Model(mass, friction)
+            add(model, style, *args, **options)
+            return model.piece(name, category)
+
+        return make
+
+    return decorate
 
 
 def _footprint(points: Array) -> Array:
@@ -173,12 +194,14 @@ def convex(points: Array, tolerance: float = 0.004) -> Array:
 
 def bake(parts: Sequence[tuple[Chart, Tile]], shift: Array) -> Mesh:
     """Combine charts into one mesh: their tiles side by side in an atlas, their uv fitted into the tiles."""
-    texture, cells = atlas(list({id(tile): tile for _, tile in parts}.values()))
+    tiles = list({id(tile): tile for _, tile in parts}.values())
+    texture, places, extent = atlas([tile.pixels for tile in tiles])
+    cells = {id(tile): place for tile, place in zip(tiles, places, strict=True)}
     counts = np.array([len(chart.vertices) for chart, _ in parts])
     first = np.cumsum(counts) - counts
     faces = np.concatenate([chart.faces for chart, _ in parts])
     faces += np.repeat(first, [len(chart.faces) for chart, _ in parts])[:, None]
-    corner, extent = np.repeat([cells[id(tile)] for _, tile in parts], counts, axis=0).swapaxes(0, 1)
+    corner = np.repeat([cells[id(tile)] for _, tile in parts], counts, axis=0)
     uv = _fit(np.concatenate([chart.uv for chart, _ in parts]), counts, first, [tile for _, tile in parts])
     vertices = np.concatenate([chart.vertices for chart, _ in parts]) + shift
     return Mesh(exact(vertices), faces.astype(np.int32), exact(uv * extent + corner), texture)
@@ -199,22 +222,3 @@ def _fit(uv: Array, counts: NDArray[np.int64], first: NDArray[np.int64], tiles: 
     offset = np.arange(len(tiles))[:, None] * np.array([0.37, 0.61]) % 1.0 * (1.0 - share)
     span, share, offset = (np.repeat(each, counts, axis=0) for each in (span, share, offset))
     return np.asarray(uv / span * share + offset)
-
-
-def atlas(tiles: Sequence[Tile]) -> tuple[Pixels, dict[int, tuple[Array, Array]]]:
-    """Return a picture of all tiles in a grid, and each tile's id() to the corner and the extent of its cell in uv."""
-    side = max(len(tile.pixels) for tile in tiles)
-    columns = int(np.ceil(np.sqrt(len(tiles))))
-    rows = int(np.ceil(len(tiles) / columns))
-    picture = np.zeros((rows * side, columns * side, 3), np.uint8)
-    cells = {}
-    # Half a pixel stays free at each border of a cell: a sample on the edge must not fall into the neighbour.
-    inset = 0.5 / np.array([columns * side, rows * side])
-    for number, tile in enumerate(tiles):
-        row, column = divmod(number, columns)
-        scale = side // len(tile.pixels)
-        large = tile.pixels.repeat(scale, axis=0).repeat(scale, axis=1) if scale > 1 else tile.pixels
-        picture[row * side : (row + 1) * side, column * side : (column + 1) * side] = large
-        corner = np.array([column / columns, 1 - (row + 1) / rows])
-        cells[id(tile)] = corner + inset, np.array([1 / columns, 1 / rows]) - 2 * inset
-    return picture, cells

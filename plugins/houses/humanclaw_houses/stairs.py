@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from humanclaw_houses.model import Model, Piece
+from humanclaw_houses.model import Model, maker
 from humanclaw_houses.plan import Stair
 from humanclaw_houses.shapes import box
 from humanclaw_houses.style import Style
@@ -21,13 +21,13 @@ _SPINE: Final = 0.1
 """Width of the spine between the flights, metres."""
 
 
-def staircase(style: Style, stair: Stair, width: float, depth: float, wall: Tile) -> Piece:
+@maker("stairs")
+def staircase(m: Model, style: Style, stair: Stair, width: float, depth: float, wall: Tile) -> None:
     """Build a staircase on a floor of width x depth metres. Its front (+Z) is the entrance on both floors.
 
     The steps are solid down to the floor. Its hulls are the steps, the landing, the spine and rail between the flights,
     and the guard at the front above the lower flight.
     """
-    m = Model()
     flight = (width - _SPINE) / 2
     # Seen from the hall, along -Z, left is -X.
     lower = (-1 if stair.left else 1) * (flight + _SPINE) / 2
@@ -41,7 +41,6 @@ def staircase(style: Style, stair: Stair, width: float, depth: float, wall: Tile
     _landing(m, style, wall, width, stair.steps * stair.riser, -front, edge)
     _rail(m, style, stair, front, edge)
     _guard(m, style, stair, flight, lower, front)
-    return m.piece("stairs", "stairs")
 
 
 def _step(

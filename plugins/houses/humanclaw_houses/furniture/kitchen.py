@@ -8,7 +8,7 @@ from typing import Final
 from humanclaw_houses import textures as t
 from humanclaw_houses.furniture import opening
 from humanclaw_houses.furniture.opening import BOARD, carcass, door, lid
-from humanclaw_houses.model import Model, Piece
+from humanclaw_houses.model import Model, maker
 from humanclaw_houses.shapes import Ring, Shape, box, loft, post, sheet, tube
 from humanclaw_houses.style import Style
 from humanclaw_houses.textures import Tile
@@ -47,12 +47,11 @@ def _cupboard(m: Model, style: Style, fronts: Fronts, width: float, drawer: floa
         opening.drawer(m, front, (0, 0.1 + _UNIT - drawer, 0.01), fronts.body, style.steel)
 
 
-def counter(style: Style, name: str, fronts: Fronts, width: float) -> Piece:
+@maker("kitchen_counter")
+def counter(m: Model, style: Style, fronts: Fronts, width: float) -> None:
     """Return a worktop over a drawer over a door, or over two doors with a shelf behind them if it is wide."""
-    m = Model()
     _cupboard(m, style, fronts, width, 0.16 if width <= _ONE_DOOR else 0.0)
     _worktop(m, style, width)
-    return m.piece(name, "kitchen_counter")
 
 
 def _worktop(m: Model, style: Style, width: float) -> None:
@@ -60,19 +59,18 @@ def _worktop(m: Model, style: Style, width: float) -> None:
     m.top(width, DEPTH - 0.08, HEIGHT, room=0.5)
 
 
-def dishwasher(style: Style, name: str, fronts: Fronts) -> Piece:
+@maker("dishwasher")
+def dishwasher(m: Model, style: Style, fronts: Fronts) -> None:
     """Return a dishwasher below a worktop, 0.6 m wide."""
-    m = Model()
     m.box((0.6, 0.1, DEPTH - 0.1), (0, 0, -0.05), style.black)
     carcass(m, (0.6, _UNIT, 0.555), (0, 0.1, -0.0225), style.steel, 1)
     lid(m, (0.6, _UNIT, 0.03), (0, 0.1, 0.27), fronts.body, style.steel)
     _worktop(m, style, 0.6)
-    return m.piece(name, "dishwasher")
 
 
-def sink(style: Style, name: str, fronts: Fronts) -> Piece:
+@maker("sink")
+def sink(m: Model, style: Style, fronts: Fronts) -> None:
     """Return a unit with a steel basin and a tap."""
-    m = Model()
     w = 0.8
     _cupboard(m, style, fronts, w, roof=False)
     edge = [Ring(HEIGHT - 0.04, w / 2, DEPTH / 2, 60), Ring(HEIGHT, w / 2, DEPTH / 2, 60)]
@@ -82,12 +80,11 @@ def sink(style: Style, name: str, fronts: Fronts) -> Piece:
     m.solid((w, 0.04, DEPTH), (0, HEIGHT - 0.04, 0))
     arc = [(0.0, HEIGHT, -0.22), (0.0, HEIGHT + 0.26, -0.22), (0.0, HEIGHT + 0.32, -0.15), (0.0, HEIGHT + 0.26, -0.07)]
     m.add(tube(arc, 0.013, 8), style.chrome)
-    return m.piece(name, "sink")
 
 
-def stove(style: Style, name: str) -> Piece:
+@maker("stove")
+def stove(m: Model, style: Style) -> None:
     """Return an oven with a lid of glass below a hob."""
-    m = Model()
     body, d = style.choice(style.steel, style.white, style.black), DEPTH - 0.02
     m.box((0.6, 0.06, d - 0.1), (0, 0, -0.03), style.black)
     carcass(m, (0.6, 0.7, d - 0.04), (0, 0.06, -0.02), style.black, 1)
@@ -99,23 +96,21 @@ def stove(style: Style, name: str) -> Piece:
         m.add(knob, style.black if body is not style.black else style.steel)
     m.add(Shape((sheet((-0.28, HEIGHT + 0.004, 0.26), (0.56, 0, 0), (0, 0, -0.52)),)), t.burner(style.rng))
     m.top(0.4, 0.3, HEIGHT + 0.005, room=0.5)
-    return m.piece(name, "stove")
 
 
-def fridge(style: Style, name: str) -> Piece:
+@maker("fridge")
+def fridge(m: Model, style: Style) -> None:
     """Return a fridge over a freezer, each with shelves and a door."""
-    m = Model()
     tile, w, h, d = style.choice(style.steel, style.white), style.between(0.6, 0.7), style.between(1.7, 1.85), 0.62
     split, left = round(0.38 * h, 2), style.chance(0.5)
     for y, high, shelves in ((0.03, split - 0.03, 1), (split, h - split, 3)):
         carcass(m, (w, high, d - 0.05), (0, y, -0.025), style.white, shelves)
         door(m, (w, high - 0.005, 0.04), (0, y, d / 2 - 0.02), tile, style.chrome, left)
     m.box((w - 0.04, 0.03, d - 0.12), (0, 0, -0.03), style.black)
-    return m.piece(name, "fridge")
 
 
-def wall_cabinet(style: Style, name: str, fronts: Fronts, width: float) -> Piece:
-    m = Model()
+@maker("cabinet")
+def wall_cabinet(m: Model, style: Style, fronts: Fronts, width: float) -> None:
     m.box((width, 0.68, 0.31), (0, 0, 0), fronts.body)
     count = max(1, round(width / 0.5))
     wide = width / count
@@ -123,13 +118,11 @@ def wall_cabinet(style: Style, name: str, fronts: Fronts, width: float) -> Piece
         x = (k - (count - 1) / 2) * wide
         m.add(box((wide - 0.008, 0.67, 0.016), (x, 0.005, 0.163), "k"), fronts.door)
         m.add(box((0.1, 0.01, 0.018), (x, 0.04, 0.178)), style.steel)
-    return m.piece(name, "cabinet")
 
 
-def hood(style: Style, name: str) -> Piece:
+@maker("range_hood")
+def hood(m: Model, style: Style) -> None:
     """Return an extractor above a hob."""
-    m = Model()
     wide = [Ring(y, 0.3, 0.24, 40) for y in (0, 0.06)]
     m.add(loft([*wide, *(Ring(y, 0.13, 0.12, 40, z=-0.1) for y in (0.2, 0.8))], 20), style.steel)
     m.solid((0.6, 0.2, 0.48), (0, 0, 0))
-    return m.piece(name, "range_hood")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from humanclaw_houses import textures as t
-from humanclaw_houses.model import Model, Piece
+from humanclaw_houses.model import Model, maker
 from humanclaw_houses.shapes import blade, post, tube, turned
 from humanclaw_houses.style import Style
 from humanclaw_houses.textures import Tile
@@ -17,16 +17,15 @@ Leaves = tuple[Tile, Tile, Tile]
 """Leaves of one plant: in the light, in the shade, and new ones."""
 
 
-def plant(style: Style, name: str, habit: int | None = None) -> Piece:
+@maker("potted_plant")
+def plant(m: Model, style: Style, habit: int | None = None) -> None:
     """Return a plant on the floor, 0.7 to 1.6 m high. Its pot and stem collide, its leaves do not."""
-    m = Model()
     habit = int(style.rng.integers(5)) if habit is None else habit
     radius, height = style.between(0.14, 0.18), style.between(0.26, 0.34)
     _pot(m, style, radius, height)
     green = t.leaf(t.pick(style.rng, GREENS), style.rng)
     leaves = green, t.shaded(green, 0.62), t.shaded(green, 1.3)
     [_palm, _sword, _bush, _tree, _broad][habit](m, style, leaves, height - 0.03)
-    return m.piece(name, "potted_plant")
 
 
 def _pot(m: Model, style: Style, r: float, h: float) -> None:

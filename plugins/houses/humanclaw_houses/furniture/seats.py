@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from humanclaw_houses import textures as t
-from humanclaw_houses.model import Model, Piece
+from humanclaw_houses.model import Model, maker
 from humanclaw_houses.shapes import ball, box, pillow, post, soft_box, tube
 from humanclaw_houses.style import Style
 from humanclaw_houses.textures import Tile
@@ -65,17 +65,19 @@ class _Cut:
         return [(number - (self.seats - 1) / 2) * self.per_seat for number in range(self.seats)]
 
 
-def couch(style: Style, name: str, seats: int = 3) -> Piece:
+@maker("couch")
+def couch(m: Model, style: Style, seats: int = 3) -> None:
     """Return a couch for two or three: soft, boxy, with wooden arms, or buttoned leather with rolled arms."""
-    return _sofa(style, name, "couch", seats)
+    _sofa(m, style, seats)
 
 
-def armchair(style: Style, name: str) -> Piece:
-    return _sofa(style, name, "chair", 1)
+@maker("chair")
+def armchair(m: Model, style: Style) -> None:
+    _sofa(m, style, 1)
 
 
-def _sofa(style: Style, name: str, category: str, seats: int) -> Piece:
-    m, cut = Model(), _Cut.draw(style, seats)
+def _sofa(m: Model, style: Style, seats: int) -> None:
+    cut = _Cut.draw(style, seats)
     kind = str(style.rng.choice(["soft", "boxy", "wooden", "buttoned"]))
     if kind == "wooden":
         cut = replace(cut, arm=0.09)
@@ -93,7 +95,7 @@ def _sofa(style: Style, name: str, category: str, seats: int) -> Piece:
     m.solid(
         (cut.inner, cut.back - cut.leg, cut.BACK_DEPTH + 0.06), (0, cut.leg, (cut.BACK_DEPTH + 0.06 - cut.depth) / 2)
     )
-    return m.piece(name, category, seat=cut.seat)
+    m.seat = cut.seat
 
 
 def _seat_and_back(m: Model, cut: _Cut, cover: Tile, kind: str) -> None:
@@ -167,9 +169,9 @@ def _arm(m: Model, style: Style, cut: _Cut, cover: Tile, kind: str, side: int) -
         m.add(soft_box((cut.arm, rise, cut.depth - 0.01), (x, cut.leg, 0.0), radius), cover)
 
 
-def dining_chair(style: Style, name: str) -> Piece:
+@maker("chair", mass=5.0, friction=0.5)
+def dining_chair(m: Model, style: Style) -> None:
     """Return a wooden chair: slatted, ladder or upholstered back."""
-    m = Model()
     frame = style.choice(style.wood, style.second_wood, style.white, style.black)
     w, d, seat, back = (
         style.between(0.42, 0.46),
@@ -188,7 +190,7 @@ def dining_chair(style: Style, name: str) -> Piece:
     m.solid((w, 0.045, d), (0, seat - 0.04, 0))
     _chair_back(m, style, frame, kind, w, d, seat, back)
     m.solid((w, back - seat - 0.01, 0.045), (0, seat + 0.01, -d / 2 + 0.02))
-    return m.piece(name, "chair", seat=seat, mass=5.0, friction=0.5)
+    m.seat = seat
 
 
 def _legs(m: Model, tile: Tile, width: float, depth: float, height: float, thick: float) -> None:
@@ -212,9 +214,9 @@ def _chair_back(m: Model, style: Style, frame: Tile, kind: int, w: float, d: flo
         m.add(soft_box((w - 0.06, rise - 0.14, 0.045), (0, seat + 0.06, z + 0.01), 0.02), style.second_cloth)
 
 
-def office_chair(style: Style, name: str) -> Piece:
+@maker("chair", mass=9.0, friction=0.25)
+def office_chair(m: Model, style: Style) -> None:
     """Return a swivel chair on a star of five castors."""
-    m = Model()
     cover = style.choice(style.black, style.cloth)
     seat = style.between(0.45, 0.48)
     for k in range(5):
@@ -233,28 +235,27 @@ def office_chair(style: Style, name: str) -> Piece:
     m.solid((0.07, seat - 0.18, 0.07), (0, 0.1, 0))
     m.solid((0.48, 0.085, 0.46), (0, seat - 0.085, 0.02))
     m.solid((0.44, 0.48, 0.1), (0, seat + 0.05, -0.225))
-    return m.piece(name, "chair", seat=seat, mass=9.0, friction=0.25)
+    m.seat = seat
 
 
-def stool(style: Style, name: str) -> Piece:
+@maker("chair", mass=3.5, friction=0.5)
+def stool(m: Model, style: Style) -> None:
     """Return a round stool on four splayed legs."""
-    m = Model()
     seat = style.between(0.44, 0.48)
     m.add(post(0.17, 0.035, (0, seat - 0.035, 0), segments=16), style.wood, "hull")
     for x in (-1, 1):
         for z in (-1, 1):
             m.add(tube([(x * 0.15, 0.0, z * 0.15), (x * 0.1, seat - 0.03, z * 0.1)], 0.015), style.wood)
     m.solid((0.3, seat - 0.06, 0.3), (0, 0.005, 0))
-    return m.piece(name, "chair", seat=seat, mass=3.5, friction=0.5)
+    m.seat = seat
 
 
-def bench(style: Style, name: str) -> Piece:
+@maker("bench")
+def bench(m: Model, style: Style) -> None:
     """Return a bench for the hall, with space for shoes below."""
-    m = Model()
     w, d, h = style.between(0.8, 1.1), 0.32, 0.44
     m.box((w, 0.04, d), (0, h - 0.06, 0), style.wood)
     m.add(soft_box((w - 0.02, 0.04, d - 0.02), (0, h - 0.03, 0), 0.018), style.cloth)
     for x in (-1, 1):
         m.box((0.04, h - 0.06, d), (x * (w / 2 - 0.03), 0, 0), style.wood)
     m.box((w - 0.06, 0.02, d - 0.04), (0, 0.16, 0), style.wood)
-    return m.piece(name, "bench")

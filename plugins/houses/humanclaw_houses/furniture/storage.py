@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from humanclaw_houses import textures as t
 from humanclaw_houses.furniture.opening import BOARD, carcass, door
-from humanclaw_houses.model import Model, Piece
+from humanclaw_houses.model import Model, maker
 from humanclaw_houses.shapes import Shape, box, post, sheet, tube
 from humanclaw_houses.style import Style
 
 
-def wardrobe(style: Style, name: str) -> Piece:
+@maker("wardrobe")
+def wardrobe(m: Model, style: Style) -> None:
     """Return a wardrobe with two or three doors, one of three sometimes a mirror, with a shelf and a rail."""
-    m = Model()
     doors = int(style.rng.integers(2, 4))
     w, h, d, gap = doors * 0.5, style.between(1.95, 2.15), 0.58, 0.06
     tile = style.choice(style.wood, style.second_wood, style.white)
@@ -23,12 +23,11 @@ def wardrobe(style: Style, name: str) -> Piece:
         x, look = (k - (doors - 1) / 2) * 0.5, mirror if doors == 3 and k == 1 else panel
         door(m, (0.5, h - gap, BOARD), (x, gap, (d - BOARD) / 2), look, style.steel, k < doors - 1)
     m.add(box((w - 0.04, 0.025, 0.025), (0, h - 0.12, 0)), style.chrome)
-    return m.piece(name, "wardrobe")
 
 
-def bookshelf(style: Style, name: str, low: bool = False) -> Piece:
+@maker("bookshelf")
+def bookshelf(m: Model, style: Style, low: bool = False) -> None:
     """Return a bookshelf with rows of books, some gaps, and a free top."""
-    m = Model()
     w, d = style.between(0.75, 1.0), 0.3
     levels = 2 if low else 5
     h = 0.06 + 0.36 * levels
@@ -42,7 +41,6 @@ def bookshelf(style: Style, name: str, low: bool = False) -> Piece:
         _row(m, style, w, 0.065 + 0.36 * k, d)
     m.solid((w, h, d), (0, 0, 0))
     m.top(w, d, h, room=0.3)
-    return m.piece(name, "bookshelf")
 
 
 def _row(m: Model, style: Style, w: float, y: float, d: float) -> None:
@@ -58,9 +56,9 @@ def _row(m: Model, style: Style, w: float, y: float, d: float) -> None:
         m.add(post(0.05, 0.14, (spare, y, 0.02), 0.03), style.paint())
 
 
-def sideboard(style: Style, name: str) -> Piece:
+@maker("sideboard")
+def sideboard(m: Model, style: Style) -> None:
     """Return a long low cupboard on legs."""
-    m = Model()
     w, h, d, gap = style.between(1.2, 1.6), style.between(0.72, 0.82), 0.42, 0.14
     tile = style.choice(style.wood, style.second_wood)
     m.box((w, h - gap, d - 0.02), (0, gap, -0.01), tile)
@@ -72,12 +70,11 @@ def sideboard(style: Style, name: str) -> Piece:
         for z in (-1, 1):
             m.box((0.04, gap, 0.04), (x * (w / 2 - 0.1), 0, z * (d / 2 - 0.07)), style.black, skip="t")
     m.top(w, d - 0.04, h)
-    return m.piece(name, "sideboard")
 
 
-def open_shelf(style: Style, name: str) -> Piece:
+@maker("shelf")
+def open_shelf(m: Model, style: Style) -> None:
     """Return a metal rack whose boards can hold objects."""
-    m = Model()
     w, d, h = style.between(0.75, 0.95), 0.36, 1.6
     for x in (-1, 1):
         for z in (-1, 1):
@@ -86,24 +83,22 @@ def open_shelf(style: Style, name: str) -> Piece:
         y = 0.12 + 0.48 * k
         m.box((w, 0.025, d), (0, y, 0), style.wood)
         m.top(w - 0.1, d - 0.06, y + 0.025, room=0.42)
-    return m.piece(name, "shelf")
 
 
-def wall_shelf(style: Style, name: str) -> Piece:
+@maker("wall_shelf")
+def wall_shelf(m: Model, style: Style) -> None:
     """Return a board on brackets with a few books, hung on a wall."""
-    m = Model()
     w = style.between(0.6, 0.9)
     m.box((w, 0.03, 0.2), (0, 0, 0), style.wood)
     row = box((w * 0.5, 0.22, 0.15), (-w * 0.2, 0.03, -0.01), "f")
     m.add(row, style.second_wood)
     m.add(Shape((sheet((-w * 0.45, 0.03, 0.066), (w * 0.5, 0, 0), (0, 0.24, 0)),)), t.books(style.rng))
     m.add(post(0.05, 0.12, (w * 0.3, 0.03, 0), 0.035, 10), style.paint())
-    return m.piece(name, "wall_shelf")
 
 
-def coat_rack(style: Style, name: str) -> Piece:
+@maker("coat_rack")
+def coat_rack(m: Model, style: Style) -> None:
     """Return a board with hooks and two coats, hung on a wall."""
-    m = Model()
     m.add(box((0.8, 0.1, 0.02), (0, 0.9, 0.01)), style.wood)
     for k in range(4):
         x = -0.3 + 0.2 * k
@@ -111,4 +106,3 @@ def coat_rack(style: Style, name: str) -> Piece:
     for x, tile in ((-0.3, style.paint()), (0.1, style.paint())):
         m.add(box((0.3, 0.75, 0.06), (x, 0.12, 0.05)).moved(), tile)
         m.add(box((0.16, 0.08, 0.05), (x, 0.86, 0.05)), tile)
-    return m.piece(name, "coat_rack")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from humanclaw_houses.furniture.opening import BOARD, carcass, drawer
-from humanclaw_houses.model import Model, Piece
+from humanclaw_houses.model import Model, maker
 from humanclaw_houses.shapes import box, post, soft_box, turned
 from humanclaw_houses.style import Style
 from humanclaw_houses.textures import Tile
@@ -22,9 +22,9 @@ def _table(m: Model, style: Style, size: tuple[float, float, float], tile: Tile,
     m.top(w, d, h)
 
 
-def dining_table(style: Style, name: str, seats: int = 4) -> Piece:
+@maker("table")
+def dining_table(m: Model, style: Style, seats: int = 4) -> None:
     """Return a table for two, four, six or eight; tables for four are sometimes round."""
-    m = Model()
     tile = style.choice(style.wood, style.wood, style.second_wood)
     if seats == 4 and style.chance(0.3):
         r = style.between(0.52, 0.58)
@@ -37,11 +37,10 @@ def dining_table(style: Style, name: str, seats: int = 4) -> Piece:
         lengths = {2: style.between(0.75, 0.85), 4: style.between(1.2, 1.35), 6: style.between(1.6, 1.8)}
         w = style.between(2.2, 2.4) if seats == 8 else lengths[seats]
         _table(m, style, (w, 0.75, style.between(0.78, 0.9)), tile)
-    return m.piece(name, "table")
 
 
-def coffee_table(style: Style, name: str) -> Piece:
-    m = Model()
+@maker("coffee_table")
+def coffee_table(m: Model, style: Style) -> None:
     tile = style.choice(style.wood, style.second_wood, style.white)
     w, h, d = style.between(0.85, 1.15), style.between(0.38, 0.44), style.between(0.48, 0.58)
     if style.chance(0.35):
@@ -52,11 +51,10 @@ def coffee_table(style: Style, name: str) -> Piece:
     else:
         _table(m, style, (w, h, d), tile)
         m.box((w - 0.12, 0.02, d - 0.12), (0, 0.14, 0), tile)
-    return m.piece(name, "coffee_table")
 
 
-def side_table(style: Style, name: str) -> Piece:
-    m = Model()
+@maker("side_table")
+def side_table(m: Model, style: Style) -> None:
     h = style.between(0.48, 0.55)
     m.add(post(0.22, 0.025, (0, h - 0.025, 0), segments=18), style.wood, "hull")
     m.add(post(0.02, h - 0.03, (0, 0.01, 0)), style.black)
@@ -64,21 +62,22 @@ def side_table(style: Style, name: str) -> Piece:
     m.solid((0.2, 0.02, 0.2), (0, 0, 0))
     m.solid((0.04, h - 0.05, 0.04), (0, 0.02, 0))
     m.top(0.3, 0.3, h)
-    return m.piece(name, "side_table")
 
 
-def nightstand(style: Style, name: str) -> Piece:
+@maker("nightstand")
+def nightstand(m: Model, style: Style) -> None:
     """Return a small chest of two drawers beside a bed."""
-    return _chest(style, name, "nightstand", (style.between(0.4, 0.48), style.between(0.48, 0.56), 0.38), 2)
+    _chest(m, style, (style.between(0.4, 0.48), style.between(0.48, 0.56), 0.38), 2)
 
 
-def dresser(style: Style, name: str) -> Piece:
+@maker("dresser")
+def dresser(m: Model, style: Style) -> None:
     """Return a chest of four drawers."""
-    return _chest(style, name, "dresser", (style.between(0.85, 1.2), style.between(0.8, 0.95), 0.45), 4)
+    _chest(m, style, (style.between(0.85, 1.2), style.between(0.8, 0.95), 0.45), 4)
 
 
-def _chest(style: Style, name: str, category: str, size: tuple[float, float, float], rows: int) -> Piece:
-    m, (w, h, d), plinth = Model(), size, 0.06
+def _chest(m: Model, style: Style, size: tuple[float, float, float], rows: int) -> None:
+    (w, h, d), plinth = size, 0.06
     tile = style.choice(style.wood, style.second_wood, style.white)
     m.box((w - 0.04, plinth, d - 0.06), (0, 0, -0.02), style.black)
     carcass(m, (w, h - plinth, d - 0.02), (0, plinth, -0.01), tile)
@@ -86,12 +85,11 @@ def _chest(style: Style, name: str, category: str, size: tuple[float, float, flo
     for k in range(rows):
         drawer(m, (w - 2 * BOARD, each, d - 0.03), (0, plinth + BOARD + k * each, 0.015), tile, style.steel)
     m.top(w, d - 0.04, h)
-    return m.piece(name, category)
 
 
-def desk(style: Style, name: str) -> Piece:
+@maker("desk")
+def desk(m: Model, style: Style) -> None:
     """Return a desk with drawers at its +X end; the place to sit is at x = -0.19."""
-    m = Model()
     w, d, h = style.between(1.15, 1.4), style.between(0.58, 0.66), 0.74
     tile = style.choice(style.wood, style.second_wood, style.white)
     m.box((w, 0.03, d), (0, h - 0.03, 0), tile)
@@ -103,19 +101,17 @@ def desk(style: Style, name: str) -> Piece:
     for z in (-1, 1):
         m.box((0.045, h - 0.03, 0.045), (-side * (w / 2 - 0.04), 0, z * (d / 2 - 0.04)), tile)
     m.top(w, d, h)
-    return m.piece(name, "desk")
 
 
-def console(style: Style, name: str) -> Piece:
+@maker("console_table")
+def console(m: Model, style: Style) -> None:
     """Return a narrow table for a hall."""
-    m = Model()
     _table(m, style, (style.between(0.7, 1.0), 0.8, 0.28), style.wood, 0.03)
-    return m.piece(name, "console_table")
 
 
-def tv_stand(style: Style, name: str, width: float) -> Piece:
+@maker("tv_stand")
+def tv_stand(m: Model, style: Style, width: float) -> None:
     """Return a low board on legs. It is open below for the feet of a body that steps up to the screen."""
-    m = Model()
     d, h, gap = 0.36, style.between(0.44, 0.52), 0.16
     tile = style.choice(style.wood, style.second_wood, style.white, style.black)
     m.box((width, h - gap, d - 0.02), (0, gap, -0.01), tile)
@@ -130,12 +126,10 @@ def tv_stand(style: Style, name: str, width: float) -> Piece:
         if k != 1:
             m.add(box((0.016, 0.09, 0.018), (x + wide * 0.3 * (1 - k), gap + 0.1, d / 2 + 0.004)), style.steel)
     m.top(width, d - 0.04, h)
-    return m.piece(name, "tv_stand")
 
 
-def cushion_block(style: Style, name: str) -> Piece:
+@maker("pouffe", mass=3.0, friction=0.6)
+def cushion_block(m: Model, style: Style) -> None:
     """Return a pouffe."""
-    m = Model()
     m.add(soft_box((0.48, 0.36, 0.48), (0, 0, 0), 0.08, 0.02), style.second_cloth)
     m.solid((0.46, 0.36, 0.46), (0, 0, 0))
-    return m.piece(name, "pouffe", mass=3.0, friction=0.6)
