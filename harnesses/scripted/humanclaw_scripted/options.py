@@ -53,26 +53,3 @@ class FaultyOptions(OracleOptions):
                 f"there is no fault {sorted(unknown)[0]!r}.", f"Choose from: {', '.join(FAULTS)}, none."
             )
         return found
-
-
-class DetectorOptions(BaseModel):
-    """Options of `--agent seeing-colour`."""
-
-    model_config = ConfigDict(frozen=True, extra="ignore", str_strip_whitespace=True)
-
-    detector: str = Field(min_length=1)
-    """Command line of a program that detects things in pictures."""
-    score: float = Field(0.3, ge=0, le=1)
-    """Least score of a box that counts."""
-    seconds: float = Field(60.0, gt=0, le=3600)
-    """Time limit of one answer, seconds."""
-
-    @classmethod
-    def of(cls, given: Mapping[str, Any]) -> DetectorOptions:
-        """Check options. Raises HumanclawError that names the wrong one."""
-        if not str(given.get("detector", "")).strip():
-            raise HumanclawError(
-                "the agent 'seeing-colour' needs a program that detects things in pictures, and none was given.",
-                "Give its command, as in --option detector='node detect.mjs'; see the README of humanclaw-scripted.",
-            )
-        return read_options(cls, given)

@@ -1,14 +1,15 @@
 """An agent with its own view and nothing else: no map, no pose.
 
-It has the depth of its view, and eyes (humanclaw_scripted.eyes) that find its target. It maps what it sees, explores
+It has the depth of its view, and knows its target by the ids of drawn objects. It maps what it sees, explores
 frontiers (Yamauchi 1997) until a target comes into view, goes to the target, and sits down if that is the task. It
 estimates its pose from its own calls, corrected by aligning its views.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -33,7 +34,6 @@ from humanclaw_scripted.calls import (
     looked_for,
     require_target,
 )
-from humanclaw_scripted.eyes import Eyes
 from humanclaw_scripted.sight import SeenMap, Sight, edges, gap_to, moved, placed, seats
 from humanclaw_scripted.way import aim
 
@@ -81,23 +81,21 @@ class SeeingMemory:
 class SeeingAgent:
     """Finds its way by its own view. Privileged only in that it gets the depth and ids of that view."""
 
+    name = "seeing"
     privileged = True
+    settings: Mapping[str, Any] = {"words": "eyes"}
     ready = staticmethod(require_target)
-
-    def __init__(self, name: str, eyes: Eyes) -> None:
-        self.name, self._eyes, self.settings = name, eyes, {**eyes.settings, "words": "eyes"}
 
     def begin(self, context: EpisodeContext) -> None:
         if context.view is None:
             raise HumanclawError("the seeing agent needs its view with depth and ids.", "Run it through the loop.")
-        self._view, self._skills, self._spec = context.view, context.skills, context.spec
+        self._view, self._skills, self._spec, self._gaze = context.view, context.skills, context.spec, context.gaze
         self._noun = looked_for(context.spec)
-        self._eyes.begin(context.spec, context.gaze)
         self._stop = ending(context.skills)
         self._memory = SeeingMemory()
 
     def decide(self, observation: Observation, history: Sequence[HistoryEntry]) -> Decision:
-        sight = self._eyes.look(self._view())
+        sight = Sight.of(self._view(), self._spec.target_ids, self._gaze)
         self._locate(sight, history[-1].executed if history else None)
         self._memory.map.add(sight, self._memory.pose)
         said = self._say(sight)

@@ -15,7 +15,6 @@ import numpy as np
 from humanclaw import Call, Decision, EpisodeContext, HistoryEntry, PluginError, Skill
 from humanclaw.records import SEEN_PIXELS
 from humanclaw.skills import to_si
-from humanclaw_scripted.eyes import PerfectEyes
 from humanclaw_scripted.sight import LEVEL, Sight
 
 AHEAD: Final = float(np.radians(15))
@@ -60,13 +59,13 @@ class Teller:
         """Begin an episode. Raises PluginError without the view."""
         if context.view is None:
             raise PluginError("words from the eyes need the view.", "Run the agent through the loop.")
-        self._view, self._skills, self._eyes = context.view, context.skills, PerfectEyes()
-        self._eyes.begin(context.spec, context.gaze)
+        self._view, self._context = context.view, context
         self._noun = context.spec.target_category.replace("_", " ") or "target"
 
     def __call__(self, decision: Decision, past: Sequence[HistoryEntry]) -> Decision:
         """Return the decision with the words of the current view."""
-        return told(decision, Seen.of(self._eyes.look(self._view())), self._noun, self._skills, past)
+        sight = Sight.of(self._view(), self._context.spec.target_ids, self._context.gaze)
+        return told(decision, Seen.of(sight), self._noun, self._context.skills, past)
 
 
 def told(

@@ -42,7 +42,7 @@ def before_a_wall() -> View:
 
 def sight_of(view: View) -> Sight:
     """Return the view as points, with the wall as target."""
-    return Sight.of(view, view.ids != 0, view.ids == 2, GAZE)
+    return Sight.of(view, (2,), GAZE)
 
 
 def test_depth_becomes_points_on_the_floor_and_on_the_wall() -> None:

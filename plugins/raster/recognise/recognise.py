@@ -14,7 +14,8 @@ build/recognise/sheet.jpg.
 
 from __future__ import annotations
 
-import shlex
+import json
+import subprocess
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -26,10 +27,11 @@ from PIL import Image, ImageDraw
 from humanclaw import Plugins, Renderer, Scene
 from humanclaw.body import Pose2D, rest_pose
 from humanclaw.world import MultiFloorMap, WorldState, ego_camera
-from humanclaw_scripted.eyes import Box, Detector
 
 HERE, OUT = Path(__file__).parent, Path("build/recognise")
 DETECTOR = ("node", str(HERE / "detect.mjs"))
+Box = tuple[float, float, float, float, float, str]
+"""x0, y0, x1, y1 in pixels, a score from 0 to 1, and the name of a COCO category."""
 CATEGORIES = ("chair", "couch", "potted_plant", "bed", "toilet", "tv")
 SHARE, OVERLAP, SCORES = 0.03, 0.3, (0.3, 0.5)
 SAME = {"succulent": "potted_plant"}
@@ -118,9 +120,13 @@ def false_boxes(visible: Sequence[Target], boxes: Sequence[Box]) -> int:
 
 
 def detected(pictures: Sequence[np.ndarray], command: Sequence[str] = DETECTOR) -> list[Sequence[Box]]:
-    """Return the detector's boxes in each of (512, 512, 3) pictures."""
-    detector = Detector(shlex.join(command))
-    return [detector(picture) for picture in pictures]
+    """Return the detector's boxes in each of (512, 512, 3) pictures.
+
+    command: a program that reads pictures from its input, rows from the top, and answers each with a line of JSON.
+    """
+    data = b"".join(picture.tobytes() for picture in pictures)
+    lines = subprocess.run(command, input=data, stdout=subprocess.PIPE, check=True).stdout.splitlines()
+    return [json.loads(line) for line in lines]
 
 
 def table(scores: list[tuple[Target, float]]) -> str:
