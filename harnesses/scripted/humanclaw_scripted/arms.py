@@ -15,7 +15,7 @@ from humanclaw import Call, EpisodeContext
 from humanclaw.body import Array
 from humanclaw.skills import Side
 from humanclaw.world import MultiFloorMap, Viewpoint, WorldState
-from humanclaw_scripted.calls import gripping, reaching
+from humanclaw_scripted.calls import HAND, asking
 from humanclaw_scripted.handles import Here
 from humanclaw_scripted.oracle import OracleAgent
 from humanclaw_scripted.truth import PelvisPose, box
@@ -117,13 +117,13 @@ class ArmedOracle(OracleAgent):
     # -- hands ---------------------------------------------------------------------------------------------------------
     def _to(self, side: Side, place: Array, why: str) -> tuple[Call, str]:
         """Return a call that brings a hand to a place (3,) in the body's frame."""
-        return reaching(self._context.skills, side, place.tolist()), why
+        return asking(self._context.skills, HAND, place.tolist(), "gesture", side), why
 
     def _close(self, side: Side) -> tuple[Call, str]:
-        return gripping(self._context.skills, "grasp", side), "It is before my palm: I close my hand."
+        return asking(self._context.skills, (), (), "grasp", side), "It is before my palm: I close my hand."
 
     def _let_go(self, side: Side) -> tuple[Call, str]:
-        return gripping(self._context.skills, "release", side), "I let go."
+        return asking(self._context.skills, (), (), "release", side), "I let go."
 
     def _in_hand(self, key: int) -> bool:
         return key in self._state().held.values()

@@ -9,11 +9,11 @@ from typing import Final
 import numpy as np
 
 from humanclaw import Call
-from humanclaw.body import Array
+from humanclaw.body import STANDING_HEIGHT, Array
 from humanclaw.skills import Side
 from humanclaw.world import Viewpoint, viewpoints
 from humanclaw_scripted.arms import AT_HAND, ArmedOracle, Script
-from humanclaw_scripted.calls import rising
+from humanclaw_scripted.calls import SIT, asking
 from humanclaw_scripted.handles import Here, free_sides, places_around, spot_on
 from humanclaw_scripted.truth import PelvisPose, box
 
@@ -147,7 +147,7 @@ class Carrying(ArmedOracle):
         _, low, high = self._extent(thing)
         yield from self._raise(thing, side)
         if Here.of(self._state()).crouches:
-            yield rising(self._context.skills), "I rise with it."
+            yield asking(self._context.skills, SIT, (STANDING_HEIGHT,), "posture"), "I rise with it."
         yield self._back(0.25), "I step back with it."
         pose = PelvisPose.of(self._state())
         if self._plan(pose).at(self._plan(pose).clearance, pose.point) < 0.5:
