@@ -14,8 +14,8 @@ from humanclaw.skills import Side
 from humanclaw.world import Viewpoint, viewpoints
 from humanclaw_scripted.arms import AT_HAND, ArmedOracle, Script
 from humanclaw_scripted.calls import SIT, asking
-from humanclaw_scripted.handles import Here, free_sides, places_around, spot_on
-from humanclaw_scripted.truth import PelvisPose, box
+from humanclaw_scripted.handles import free_sides, places_around, spot_on
+from humanclaw_scripted.truth import BodyView, box
 
 _SIDES: Final[tuple[Side, Side]] = ("right", "left")
 _CRAMPED: Final = 0.5
@@ -77,7 +77,7 @@ class Carrying(ArmedOracle):
 
     def _hand_for(self, thing: int, attempt: int) -> Side:
         """Return the hand that has room beside a thing; of two, one in every other pair of attempts."""
-        (free,) = free_sides(self._scene, self._state(), thing, PelvisPose.of(self._state()).point[None])
+        (free,) = free_sides(self._scene, self._state(), thing, BodyView(self._state()).point[None])
         sides = [side for side, one in zip(_SIDES, free, strict=True) if one] or _SIDES
         return sides[attempt // 2 % len(sides)]
 
@@ -128,14 +128,14 @@ class Carrying(ArmedOracle):
         height = max(low[1] + _ABOVE, min((low[1] + high[1]) / 2, low[1] + 0.25), 0.1)
         at = np.array([beside, height, (low[2] + high[2]) / 2 - 0.04 + ahead])
         over = at + [0.06 * out, max(_HOVER, high[1] + 0.1 - height), -0.08]
-        if Here.of(self._state()).hand(side)[1] < high[1]:
+        if BodyView(self._state()).hand(side)[1] < high[1]:
             # From below, a hand meets the edge of what the thing lies on.
             yield self._to(side, np.array([0.3 * out, over[1], 0.15]), "I raise my hand.")
         yield self._to(side, over, "I bring my hand over it.")
         for gap in (_OFF, 0.0):
             spot = at + [gap * out, 0.0, 0.0]
             yield self._to(side, spot, "I bring my palm to it.")
-            if float(np.linalg.norm(Here.of(self._state()).hand(side) - spot)) > 0.04:
+            if float(np.linalg.norm(BodyView(self._state()).hand(side) - spot)) > 0.04:
                 yield self._to(side, spot, "I bring my palm to it.")
             yield self._close(side)
             if self._in_hand(thing):
@@ -146,10 +146,10 @@ class Carrying(ArmedOracle):
         out = 1.0 if side == "left" else -1.0
         _, low, high = self._extent(thing)
         yield from self._raise(thing, side)
-        if Here.of(self._state()).crouches:
+        if BodyView(self._state()).crouches:
             yield asking(self._context.skills, SIT, (STANDING_HEIGHT,), "posture"), "I rise with it."
         yield self._back(0.25), "I step back with it."
-        pose = PelvisPose.of(self._state())
+        pose = BodyView(self._state())
         if self._plan(pose).at(self._plan(pose).clearance, pose.point) < 0.5:
             yield self._back(0.25), "I step back with it, to have room to turn."
         deep = float(high[2] - low[2]) / 2
@@ -157,7 +157,7 @@ class Carrying(ArmedOracle):
 
     def _raise(self, thing: int, side: Side) -> Script:
         for _ in range(5):
-            here = Here.of(self._state())
+            here = BodyView(self._state())
             hand, top = here.hand(side), _CHIN if here.crouches else _CARRIED[1]
             if not self._in_hand(thing) or hand[1] > top - 0.1:
                 break
@@ -181,7 +181,7 @@ class Carrying(ArmedOracle):
             if self._in_hand(thing) and (low[1] - spot[1] > 0.04 or not self._above(thing, place)):
                 yield self._over(thing, spot, side, 0.005)
         yield self._let_go(side)
-        here = Here.of(self._state())
+        here = BodyView(self._state())
         out = 1.0 if side == "left" else -1.0
         yield self._to(side, here.hand(side) + [0.08 * out, 0.05, -0.05], "I take my hand away.")
         yield self._to(side, here.hand(side) + [0.08 * out, 0.25, -0.15], "I take my hand away.")

@@ -12,7 +12,8 @@ from humanclaw.body import wrap_angle
 from humanclaw.skills import Side
 from humanclaw.world import SceneObject, Viewpoint
 from humanclaw_scripted.arms import ArmedOracle, Script
-from humanclaw_scripted.handles import GRIPS, HOOKS, Handle, Here
+from humanclaw_scripted.handles import GRIPS, HOOKS, Handle
+from humanclaw_scripted.truth import BodyView
 
 _LOOK: Final = (1.2, 1.6)
 """Metres from the hips to the middle of furniture to look into."""
@@ -76,16 +77,16 @@ class Opening(ArmedOracle):
                 yield self._let_go(side)
             if not 0.05 < handle.share(self._state()) <= share:
                 break
-        here = Here.of(self._state())
+        here = BodyView(self._state())
         yield self._to(side, here.hand(side) + [0.1 * out, 0.05, -0.1], "I take my hand away.")
 
     def _square(self, handle: Handle, out: float) -> Script:
         """Stand square to a front, its handle at hand."""
         yaw = float(np.arctan2(-handle.out[0], -handle.out[2]))
         for _ in range(8):
-            here = Here.of(self._state())
+            here = BodyView(self._state())
             left, _, ahead = here.local(handle.now(here.state))
-            error = float(wrap_angle(yaw - here.frame.yaw))
+            error = float(wrap_angle(yaw - here.yaw))
             if abs(error) > np.radians(8):
                 yield self._turn(error), "I square up to it."
             elif ahead > 0.7 and self._memory.blocked < 1:
@@ -100,7 +101,7 @@ class Opening(ArmedOracle):
     def _hold(self, handle: Handle, side: Side) -> Script:
         for grip in HOOKS if handle.tilts and handle.share(self._state()) > 0.1 else GRIPS:
             for up, ahead in grip:
-                here = Here.of(self._state())
+                here = BodyView(self._state())
                 at = here.local(handle.now(here.state)) + [0.0, up, ahead]
                 yield self._to(side, at, "I bring my hand to it.")
             yield self._close(side)
@@ -109,7 +110,7 @@ class Opening(ArmedOracle):
 
     def _drawn(self, handle: Handle, side: Side, wide: float) -> tuple[Call, str]:
         """Return a call that takes a handle farther on its way."""
-        here, now = Here.of(self._state()), handle.state(self._state())
+        here, now = BodyView(self._state()), handle.state(self._state())
         there = now + float(np.clip(wide - now, -handle.step, handle.step))
         due = here.hand(side) + here.local(handle.at(there)) - here.local(handle.at(now))
         if due[2] < handle.near:
