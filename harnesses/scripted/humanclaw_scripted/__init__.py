@@ -80,6 +80,8 @@ def _faulty(options: Mapping[str, Any]) -> Agent:
 
 
 def _oracle_verifier(options: Mapping[str, Any]) -> Verifier:
+    from humanclaw.plugins import read_options
     from humanclaw_scripted.faulty import OracleVerifier
+    from humanclaw_scripted.options import VerifierOptions
 
-    return OracleVerifier(options)
+    return OracleVerifier(read_options(VerifierOptions, options))

@@ -10,7 +10,7 @@ narrow these limits: the ablations of the paper's table 3 should show them.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
@@ -22,7 +22,7 @@ from humanclaw.records import REACHED, SEATS, Answer as CheckAnswer, Feedback, a
 from humanclaw_scripted.behaviours import BEHAVIOURS, LOOK_AROUND, Snapshot
 from humanclaw_scripted.calls import BACK, TURN, asking, ending
 from humanclaw_scripted.faults import FAULTS, Fault
-from humanclaw_scripted.options import FaultyOptions
+from humanclaw_scripted.options import FaultyOptions, VerifierOptions
 from humanclaw_scripted.oracle import OracleAgent
 from humanclaw_scripted.telling import Teller
 from humanclaw_scripted.truth import Perception
@@ -164,17 +164,14 @@ _NO_VIEW: Final = np.zeros((0, 0, 3), np.uint8)
 
 
 class OracleVerifier:
-    """Replaces a stop out of reach of the target by the oracle's call.
-
-    Option `miss`: the probability that it accepts such a stop.
-    """
+    """Replaces a stop out of reach of the target by the oracle's call."""
 
     name = "oracle"
     privileged = True
 
-    def __init__(self, given: Mapping[str, Any]) -> None:
-        self._miss = float(given.get("miss", 0.0))
-        self.settings = {"miss": self._miss}
+    def __init__(self, given: VerifierOptions) -> None:
+        self._miss = given.miss
+        self.settings = given.model_dump()
 
     def begin(self, context: EpisodeContext) -> None:
         self._perception = Perception(context)

@@ -21,6 +21,15 @@ class OracleOptions(BaseModel):
     """What its words are written from: the map that it knows, or its view alone, for training data."""
 
 
+class VerifierOptions(BaseModel):
+    """Options of `--verifier oracle`; those of the agent are ignored."""
+
+    model_config = ConfigDict(frozen=True, extra="ignore")
+
+    miss: float = Field(0.0, ge=0, le=1)
+    """Probability that it accepts a stop out of reach of the target."""
+
+
 class FaultyOptions(OracleOptions):
     """Options of `--agent faulty`. history, images and mid_level mean the same as for a model."""
 

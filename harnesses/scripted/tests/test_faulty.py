@@ -11,12 +11,12 @@ import pytest
 from rooms import asset, block, scene_object, two_rooms
 from walker import PICTURE, SKILLS, Walker, play
 
-from humanclaw import Call, EpisodeContext, EpisodeSpec, HumanclawError, Observation
+from humanclaw import Call, EpisodeContext, EpisodeSpec, HumanclawError, Observation, Plugins
 from humanclaw.records import Difficulty, acknowledges
 from humanclaw.world import distance_to_box
 from humanclaw_scripted.faults import FAULTS
 from humanclaw_scripted.faulty import FaultyAgent, OracleVerifier
-from humanclaw_scripted.options import FaultyOptions
+from humanclaw_scripted.options import FaultyOptions, VerifierOptions
 
 COUCH = 20
 
@@ -205,7 +205,7 @@ def test_many_pictures_confuse_a_bounded_agent():
 
 def test_a_verifier_that_knows_better_lets_nobody_stop_out_of_reach():
     walker = Walker(two_rooms(), (COUCH,), 0)
-    verifier = OracleVerifier({})
+    verifier = OracleVerifier(VerifierOptions())
     verifier.begin(EpisodeContext(spec(False), SKILLS, 0, walker.scene, walker.state))
     view = Observation(0, "Find a couch.", PICTURE)
     verdict = verifier.verify(view, Call("stop"), SKILLS["stop"], "")
@@ -216,7 +216,7 @@ def test_a_verifier_that_knows_better_lets_nobody_stop_out_of_reach():
 
 def test_a_verifier_that_knows_better_keeps_no_view():
     walker = Walker(two_rooms(), (COUCH,), 0)
-    verifier = OracleVerifier({})
+    verifier = OracleVerifier(VerifierOptions())
     verifier.begin(EpisodeContext(spec(False), SKILLS, 0, walker.scene, walker.state))
     view = Observation(0, "Find a couch.", PICTURE.copy())
     verifier.verify(view, Call("walk", {"z_cm": 30}), SKILLS["walk"], "")
@@ -229,3 +229,14 @@ def test_a_verifier_that_knows_better_keeps_no_view():
 def test_options_that_make_no_sense_are_refused(wrong):
     with pytest.raises(HumanclawError, match=r"options are|Choose from"):
         FaultyOptions.of(wrong)
+
+
+@pytest.mark.parametrize("miss", ["abc", 7, -0.1])
+def test_a_verifier_that_overlooks_no_probability_is_refused(miss):
+    with pytest.raises(HumanclawError, match="--option miss"):
+        Plugins.discover().make("verifiers", "oracle", {"miss": miss})
+
+
+def test_a_verifier_records_its_own_option_and_no_other():
+    verifier = Plugins.discover().make("verifiers", "oracle", {"miss": 0.25, "fault": "jam"})
+    assert verifier.settings == {"miss": 0.25}
