@@ -167,6 +167,7 @@ def test_of_two_faults_at_once_either_can_be_put_right():
     assert [call for _, call in sense] == [call for _, call in live(sit=False, fault="blindness")[1]]
 
 
+@pytest.mark.integration
 def test_the_table_of_faults_loads_no_agent():
     """Every command loads the table."""
     script = "import sys; from humanclaw import Plugins; Plugins.discover().registered('faults'); print(*sys.modules)"
@@ -185,6 +186,7 @@ def test_a_fault_shows_only_in_episodes_that_fit_it():
     assert not FAULTS["seat"].fits(spec(False))
 
 
+@pytest.mark.evidence
 def test_a_bounded_agent_without_memory_cannot_turn_its_back_on_the_seat():
     """Over ten seeds, most agents with a history of ten steps sit down, and none without a history."""
     sat = {n: sum(live(bounded=True, misjudged=0, history=n, seed=s)[0].sat for s in range(10)) for n in (0, 10)}
@@ -192,12 +194,14 @@ def test_a_bounded_agent_without_memory_cannot_turn_its_back_on_the_seat():
     assert sat[10] >= 8
 
 
+@pytest.mark.evidence
 def test_a_bounded_agent_without_a_mid_level_goal_arrives_and_does_not_sit():
     lives = [live(bounded=True, misjudged=0, mid_level=False, seed=seed) for seed in range(10)]
     assert not any(walker.sat for walker, _ in lives)
     assert sum(reach(walker) < 0.6 and log[-1][1].skill == "stop" for walker, log in lives) >= 8
 
 
+@pytest.mark.evidence
 def test_many_pictures_confuse_a_bounded_agent():
     steps = {n: [len(live(False, s, bounded=True, misjudged=0, images=n)[1]) for s in range(20)] for n in (1, 10)}
     assert np.mean(steps[10]) > 1.2 * np.mean(steps[1])

@@ -13,6 +13,8 @@ from humanclaw_scripted.oracle import OracleAgent
 from humanclaw_scripted.sight import Sight
 from humanclaw_scripted.telling import Seen, told
 
+pytestmark = pytest.mark.integration
+
 
 @pytest.fixture(scope="module")
 def played(plugins):

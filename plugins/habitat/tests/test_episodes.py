@@ -59,6 +59,7 @@ def test_the_body_looks_where_habitats_agent_looks(dataset: Path, tmp_path: Path
     np.testing.assert_allclose((np.sin(yaw), np.cos(yaw)), ahead, atol=1e-3)
 
 
+@pytest.mark.integration
 def test_the_body_really_faces_that_way_in_the_scene(dataset: Path, tmp_path: Path) -> None:
     start = one(dataset, tmp_path, "couch", [2, 0.1, 2], [0, -HALF, 0, HALF]).start
     with Body(f"hssd:{dataset}#toy1", Pose2D(start.x, start.z, start.yaw, start.floor)) as body:
@@ -235,6 +236,7 @@ def test_scenes_are_listed_and_checked(dataset: Path) -> None:
     assert "2 rooms; chair 1, couch 1, potted_plant 1, tv 1" in checked.output
 
 
+@pytest.mark.integration
 def test_the_oracle_finds_the_couch_and_sits_on_it(dataset: Path, tmp_path: Path) -> None:
     spec = one(dataset, tmp_path, "couch", [2, 0.1, 2], [0, -HALF, 0, HALF])
     with Body(spec.scene, spec.start, seed=spec.seed) as body:

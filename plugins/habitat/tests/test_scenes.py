@@ -77,6 +77,7 @@ def test_assets_stand_on_the_middle_of_their_footprint(scene: Scene) -> None:
         np.testing.assert_allclose([low[0] + high[0], low[1], low[2] + high[2]], 0, atol=1e-4)
 
 
+@pytest.mark.integration
 def test_a_seat_whose_back_is_elsewhere_than_its_front_axis_says_is_turned_to_its_real_front(mine: Path) -> None:
     # The couch's back is at +Z; the config calls +Z the front.
     edit(mine / "objects" / "c" / "couch1.object_config.json", front=[0, 0, 1])
@@ -106,6 +107,7 @@ def test_a_thing_of_unknown_motion_type_is_dynamic_as_in_habitat(mine: Path) -> 
     assert thing.mass == 3
 
 
+@pytest.mark.integration
 def test_small_things_can_be_made_movable_and_weigh_by_their_size(mine: Path) -> None:
     change_object(mine, 3, motion_type="static")
     scene = load(mine, "?movable=small")
@@ -132,6 +134,7 @@ def test_a_given_collision_model_becomes_its_convex_parts(scene: Scene) -> None:
     np.testing.assert_allclose(sizes, [(0.6, 0.54, 0.06), (0.6, 0.54, 0.6)], atol=1e-4)
 
 
+@pytest.mark.integration
 def test_a_part_of_a_collision_model_that_is_not_convex_is_decomposed(mine: Path) -> None:
     tall, wide = box((0, 0, 0), (0.2, 1, 0.2)), box((0.2, 0, 0), (1, 0.2, 0.2))
     ell = tall.union(wide) if find_spec("manifold3d") else pytest.skip("needs manifold3d")
@@ -438,6 +441,7 @@ def test_a_joint_that_cannot_be_at_zero_is_at_the_nearest_that_it_can(mine: Path
 
 
 @pytest.mark.parametrize("end", [100, 1e30])
+@pytest.mark.integration
 def test_a_hinge_of_many_turns_turns_once_and_keeps_its_nearer_stop(mine: Path, end: float) -> None:
     """Files write a large number for a hinge without stops."""
     for lower, low in ((-end, -np.pi), (-1, -1), (1, 1)):

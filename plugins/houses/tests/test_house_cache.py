@@ -19,6 +19,8 @@ from humanclaw_houses import caching
 from humanclaw_houses.caching import open_house
 from humanclaw_houses.source import house
 
+pytestmark = pytest.mark.integration
+
 
 @pytest.fixture(scope="module")
 def fresh() -> Scene:

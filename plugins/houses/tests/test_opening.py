@@ -55,6 +55,7 @@ def test_doors_and_drawers_overlap_nothing_closed_or_anywhere_on_their_way(maker
     assert not list(swung_through(scene))
 
 
+@pytest.mark.integration
 @pytest.mark.parametrize("name", ["fridge", "dresser", "stove", "dishwasher"])
 @pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
 @pytest.mark.parametrize("engine", ["bullet", "mujoco"])
