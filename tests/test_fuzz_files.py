@@ -10,9 +10,11 @@ import warnings
 
 import numpy as np
 import pytest
+import trimesh
 from fuzzing import HOSTILE, PICKS, bounded, changed, damaged, damages, fuzz, rewritten
 from hypothesis import example, given, strategies as st
 from made import record_episode
+from PIL import Image
 from rooms import two_rooms
 from tiny_motion import write_base
 
@@ -20,7 +22,7 @@ from humanclaw import CheckpointError, HumanclawError, RecordedEpisode, RecordEr
 from humanclaw.motion.checkpoint import load_base
 from humanclaw.records import read_episodes
 from humanclaw.storage import Cache
-from humanclaw.world import Mesh, pack_scene, read_model, unpack_scene, write_model
+from humanclaw.world import Mesh, pack_scene, read_model, unpack_scene
 from humanclaw_bench.integrity import RunFiles, check
 from humanclaw_bench.leaderboard import leaderboard
 from humanclaw_bench.submission import Submission, submit
@@ -203,9 +205,16 @@ def test_a_checkpoint_whose_header_would_fill_memory_is_refused(home):
 
 
 # -- models ------------------------------------------------------------------------------------------------------------
+def written(mesh):
+    """Return a GLB of a mesh with its texture."""
+    look = trimesh.visual.material.PBRMaterial(baseColorTexture=Image.fromarray(mesh.texture))
+    visual = trimesh.visual.TextureVisuals(uv=mesh.uv, material=look)
+    return trimesh.Trimesh(mesh.vertices, mesh.faces, visual=visual, process=False).export(file_type="glb")
+
+
 @functools.cache
 def glb():
-    return write_model(next(iter(two_rooms().assets.values())).mesh)
+    return written(next(iter(two_rooms().assets.values())).mesh)
 
 
 def with_head(data, picks, new):
@@ -292,7 +301,7 @@ def test_a_model_that_asks_for_ten_gigabytes_is_refused(home):
 
 def test_a_model_whose_pieces_share_one_large_array_is_refused(home):
     corners = np.zeros((200_000, 3), np.float32)
-    data = write_model(Mesh(corners, np.array([[0, 1, 2]]), corners[:, :2], np.zeros((1, 1, 3), np.uint8)))
+    data = written(Mesh(corners, np.array([[0, 1, 2]]), corners[:, :2], np.zeros((1, 1, 3), np.uint8)))
     head = json.loads(data[20 : 20 + struct.unpack_from("<I", data, 12)[0]])
     head["meshes"][0]["primitives"] *= 500
     (home / "copies.glb").write_bytes(with_head(data, [], head))
