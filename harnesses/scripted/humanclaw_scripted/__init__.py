@@ -49,25 +49,25 @@ def _oracle(options: Mapping[str, Any]) -> Agent:
 
 
 def _random(options: Mapping[str, Any]) -> Agent:
-    from humanclaw_scripted.blind import RandomAgent
+    from humanclaw_scripted.baselines import RandomAgent
 
     return RandomAgent()
 
 
 def _seeing(options: Mapping[str, Any]) -> Agent:
-    from humanclaw_scripted.seeing import SeeingAgent
+    from humanclaw_scripted.frontier_agent import SeeingAgent
 
     return SeeingAgent()
 
 
 def _wanderer(options: Mapping[str, Any]) -> Agent:
-    from humanclaw_scripted.blind import WanderingAgent
+    from humanclaw_scripted.baselines import WanderingAgent
 
     return WanderingAgent()
 
 
 def _still(options: Mapping[str, Any]) -> Agent:
-    from humanclaw_scripted.blind import StillAgent
+    from humanclaw_scripted.baselines import StillAgent
 
     return StillAgent()
 

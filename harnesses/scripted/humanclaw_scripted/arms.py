@@ -15,9 +15,9 @@ from humanclaw import Call, EpisodeContext
 from humanclaw.body import Array
 from humanclaw.skills import Side
 from humanclaw.world import MultiFloorMap, Viewpoint, WorldState
-from humanclaw_scripted.calls import HAND, asking
+from humanclaw_scripted.actions import HAND, asking
+from humanclaw_scripted.ground_truth import BodyView, box
 from humanclaw_scripted.oracle import OracleAgent
-from humanclaw_scripted.truth import BodyView, box
 
 Script = Iterator[tuple[Call, str]]
 Stands = Callable[[], list[Viewpoint]]

@@ -12,10 +12,10 @@ from humanclaw import Call
 from humanclaw.body import STANDING_HEIGHT, Array
 from humanclaw.skills import Side
 from humanclaw.world import Viewpoint, viewpoints
+from humanclaw_scripted.actions import SIT, asking
 from humanclaw_scripted.arms import AT_HAND, ArmedOracle, Script
-from humanclaw_scripted.calls import SIT, asking
+from humanclaw_scripted.ground_truth import BodyView, box
 from humanclaw_scripted.handles import free_sides, places_around, spot_on
-from humanclaw_scripted.truth import BodyView, box
 
 _SIDES: Final[tuple[Side, Side]] = ("right", "left")
 _CRAMPED: Final = 0.5

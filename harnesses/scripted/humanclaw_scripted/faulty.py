@@ -19,13 +19,13 @@ import numpy as np
 from humanclaw import Call, Decision, EpisodeContext, EpisodeSpec, HistoryEntry, Observation, Skill, Verdict
 from humanclaw.body import Array
 from humanclaw.records import REACHED, SEATS, Answer as CheckAnswer, Feedback, acknowledges
+from humanclaw_scripted.actions import BACK, TURN, asking, ending
 from humanclaw_scripted.behaviours import BEHAVIOURS, LOOK_AROUND, Snapshot
-from humanclaw_scripted.calls import BACK, TURN, asking, ending
 from humanclaw_scripted.faults import FAULTS, Fault
+from humanclaw_scripted.ground_truth import Perception
+from humanclaw_scripted.narration import Teller
 from humanclaw_scripted.options import FaultyOptions, VerifierOptions
 from humanclaw_scripted.oracle import OracleAgent
-from humanclaw_scripted.telling import Teller
-from humanclaw_scripted.truth import Perception
 
 AT_HAND: Final = 1.5
 """Distance to the target within which an agent sits down, metres."""

@@ -12,7 +12,7 @@ from scipy.spatial import Delaunay
 from humanclaw import Scene
 from humanclaw.body import Array, matrix_from_quaternion
 from humanclaw.world import OccupancyGrid, SceneObject, Slide, Viewpoint, WorldState, room_at
-from humanclaw_scripted.truth import BodyView, box
+from humanclaw_scripted.ground_truth import BodyView, box
 
 _STEP: Final = {True: 0.3, False: 0.15}
 """How far a hand takes a door (radians) or a drawer (metres) with a call."""

@@ -12,8 +12,8 @@ from humanclaw.body import wrap_angle
 from humanclaw.skills import Side
 from humanclaw.world import SceneObject, Viewpoint
 from humanclaw_scripted.arms import ArmedOracle, Script
+from humanclaw_scripted.ground_truth import BodyView
 from humanclaw_scripted.handles import GRIPS, HOOKS, Handle
-from humanclaw_scripted.truth import BodyView
 
 _LOOK: Final = (1.2, 1.6)
 """Metres from the hips to the middle of furniture to look into."""

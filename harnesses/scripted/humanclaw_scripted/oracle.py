@@ -10,11 +10,11 @@ import numpy as np
 from humanclaw import Call, Decision, EpisodeContext, HistoryEntry, Observation
 from humanclaw.body import Array, wrap_angle
 from humanclaw.world import Viewpoint, WorldState, distance_to_nearest, room_at, viewpoints
-from humanclaw_scripted.calls import AT_SEAT, HIPS_OVER_SEAT, LEVEL_THIGHS, SIT, skill_for
-from humanclaw_scripted.telling import Teller
-from humanclaw_scripted.truth import BodyView, box, in_view, on_seat
+from humanclaw_scripted.actions import AT_SEAT, HIPS_OVER_SEAT, LEVEL_THIGHS, SIT, skill_for
+from humanclaw_scripted.ground_truth import BodyView, box, in_view, on_seat
+from humanclaw_scripted.narration import Teller
+from humanclaw_scripted.path_following import remaining, side_of
 from humanclaw_scripted.walker import Walker
-from humanclaw_scripted.way import remaining, side_of
 
 STOP_DISTANCE: Final = 0.19
 """Distance to the target's bounding box at which the oracle stops, metres: just below the benchmark's 0.2."""
@@ -33,7 +33,7 @@ class OracleAgent(Walker):
     privileged = True
 
     def __init__(self, words: str = "map") -> None:
-        """words: "map" tells what the agent knows, "eyes" only what its view shows (humanclaw_scripted.telling)."""
+        """words: "map" tells what the agent knows, "eyes" only what its view shows (humanclaw_scripted.narration)."""
         self.settings: Mapping[str, Any] = {"words": words} if words != "map" else {}
         self._teller = Teller() if words == "eyes" else None
 

@@ -11,7 +11,7 @@ import numpy as np
 from humanclaw import Call, EpisodeContext, EpisodeSpec, HistoryEntry, PluginError
 from humanclaw.body import STANDING_HEIGHT, wrap_angle
 from humanclaw.world import MultiFloorMap, OccupancyGrid, Routes, StairRun, Viewpoint, WorldState
-from humanclaw_scripted.calls import (
+from humanclaw_scripted.actions import (
     BACK,
     DOWN,
     MAX_STEP,
@@ -27,8 +27,8 @@ from humanclaw_scripted.calls import (
     skill_for,
     way_of,
 )
-from humanclaw_scripted.truth import BodyView
-from humanclaw_scripted.way import BEFORE_STEPS, ONTO_FLOOR, LevelSegment, aim, on_stairs, parts, side_of
+from humanclaw_scripted.ground_truth import BodyView
+from humanclaw_scripted.path_following import BEFORE_STEPS, ONTO_FLOOR, LevelSegment, aim, on_stairs, parts, side_of
 
 
 @dataclass

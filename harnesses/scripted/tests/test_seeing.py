@@ -14,8 +14,8 @@ from humanclaw import Agent, Call, EpisodeContext, EpisodeSpec, HistoryEntry, Hu
 from humanclaw.body import Pose2D, rest_pose
 from humanclaw.records import Feedback
 from humanclaw.world import DEFAULT_GAZE, GAZES, View, distance_to_box, ego_camera
-from humanclaw_scripted.blind import WanderingAgent
-from humanclaw_scripted.sight import SeenMap, Sight, aligned, edges, gap_to, moved, placed
+from humanclaw_scripted.baselines import WanderingAgent
+from humanclaw_scripted.depth_mapping import SeenMap, Sight, aligned, edges, gap_to, moved, placed
 
 GAZE = GAZES[DEFAULT_GAZE]
 WALL = 3.0

@@ -18,7 +18,7 @@ from humanclaw.body import Array, Pose2D, wrap_angle
 from humanclaw.records import SEEN_PIXELS
 from humanclaw.skills import to_si
 from humanclaw.world import MultiFloorMap, OccupancyGrid, Routes
-from humanclaw_scripted.calls import (
+from humanclaw_scripted.actions import (
     AT_SEAT,
     BACK,
     HIPS_OVER_SEAT,
@@ -34,8 +34,8 @@ from humanclaw_scripted.calls import (
     looked_for,
     require_target,
 )
-from humanclaw_scripted.sight import SeenMap, Sight, edges, gap_to, moved, placed, seats
-from humanclaw_scripted.way import aim
+from humanclaw_scripted.depth_mapping import SeenMap, Sight, edges, gap_to, moved, placed, seats
+from humanclaw_scripted.path_following import aim
 
 TOUCHING_DISTANCE = 0.27
 """Distance from the pelvis to the target at which it stops, metres: chest and hands are nearer."""

@@ -11,7 +11,7 @@ import numpy as np
 
 from humanclaw.body import Array
 from humanclaw.world import OccupancyGrid, Segment, StairRun, length, stair_runs
-from humanclaw_scripted.truth import BodyView
+from humanclaw_scripted.ground_truth import BodyView
 
 LOOK_AHEAD: Final = 0.7
 """Greatest distance along the way to the next point to walk to, metres."""

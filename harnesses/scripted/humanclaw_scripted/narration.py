@@ -15,7 +15,7 @@ import numpy as np
 from humanclaw import Call, Decision, EpisodeContext, HistoryEntry, PluginError, Skill
 from humanclaw.records import SEEN_PIXELS
 from humanclaw.skills import to_si
-from humanclaw_scripted.sight import LEVEL, Sight
+from humanclaw_scripted.depth_mapping import LEVEL, Sight
 
 AHEAD: Final = float(np.radians(15))
 """Largest bearing that is told as ahead, radians."""

@@ -7,11 +7,11 @@ import pytest
 
 from humanclaw import Body, Call, Decision, Episode
 from humanclaw.records import SEEN_PIXELS, acknowledges, free_episode
+from humanclaw_scripted.depth_mapping import Sight
 from humanclaw_scripted.faulty import FaultyAgent
+from humanclaw_scripted.narration import Seen, told
 from humanclaw_scripted.options import FaultyOptions
 from humanclaw_scripted.oracle import OracleAgent
-from humanclaw_scripted.sight import Sight
-from humanclaw_scripted.telling import Seen, told
 
 pytestmark = pytest.mark.integration
 
