@@ -41,10 +41,10 @@ would not touch it."""
 
 def ending(skills: Mapping[str, Skill]) -> str:
     """Return the name of the skill that ends an episode. Raises PluginError if there is none."""
-    found = [name for name, one in skills.items() if one.role == "stop" and not one.schema.get("required")]
-    if not found:
+    stops = [name for name, skill in skills.items() if skill.role == "stop" and not skill.schema.get("required")]
+    if not stops:
         raise PluginError("no installed skill ends an episode.", "Install humanclaw-skill-stop.")
-    return found[0]
+    return stops[0]
 
 
 def require_target(instruction: str) -> None:
@@ -62,8 +62,8 @@ def looked_for(spec: EpisodeSpec) -> str:
 
 def _nameless(instruction: str) -> PluginError:
     known = ", ".join(ALIASES).replace("_", " ")
-    told = f"the agent expected an instruction with one of {known}; got {instruction!r:.80}."
-    return PluginError(told, "Name one of these, or let a model understand the words: --model NAME.")
+    message = f"the agent expected an instruction with one of {known}; got {instruction!r:.80}."
+    return PluginError(message, "Name one of these, or let a model understand the words: --model NAME.")
 
 
 def skill_for(skills: Mapping[str, Skill], measures: Sequence[str], role: Role | None = None) -> Skill:
@@ -73,17 +73,17 @@ def skill_for(skills: Mapping[str, Skill], measures: Sequence[str], role: Role |
     trained.
     """
     role = role or ("sit" if measures == SIT else "locomotion")
-    found = suited((skill.declaration for skill in skills.values()), *measures, role=role)
-    if found is None:
+    declaration = suited((skill.declaration for skill in skills.values()), *measures, role=role)
+    if declaration is None:
         wanted = f"a skill of role {role}" + (f" that commands {', '.join(measures)}" if measures else "")
         remedy = "Install the first-party skills, for tasks of hands also the extra hands."
         raise PluginError(f"the oracle needs {wanted}.", remedy)
-    if not skills[found.skill].trained:
+    if not skills[declaration.skill].trained:
         raise PluginError(
-            f"the oracle needs the skill {found.skill}, whose adapter is not trained.",
-            f"Train it with `humanclaw train adapter {found.skill}`.",
+            f"the oracle needs the skill {declaration.skill}, whose adapter is not trained.",
+            f"Train it with `humanclaw train adapter {declaration.skill}`.",
         )
-    return skills[found.skill]
+    return skills[declaration.skill]
 
 
 def asking(
@@ -96,14 +96,18 @@ def asking(
     """
     skill, asked = skill_for(skills, measures, role), dict(zip(measures, amounts, strict=True))
     # A parameter without bounds is no number: a side is a word.
-    numbers = [one for one in skill.parameters if np.isfinite(one.low)]
-    params = {one.key: _within(one, asked.get(one.measure, 0.0)) for one in numbers}
+    numbers = [parameter for parameter in skill.parameters if np.isfinite(parameter.low)]
+    params = {number.key: _within(number, asked.get(number.measure, 0.0)) for number in numbers}
     return Call(skill.name, {**params, **(_of_side(skill, side) if side else {})})
 
 
 def way_of(skills: Mapping[str, Skill], call: Call) -> float:
     """Return how far over the floor a call should take the body, metres."""
-    asked = [call.params.get(one.key, 0) for one in skills[call.skill].parameters if one.measure in _OVER_FLOOR]
+    asked = [
+        call.params.get(parameter.key, 0)
+        for parameter in skills[call.skill].parameters
+        if parameter.measure in _OVER_FLOOR
+    ]
     return float(np.hypot(*[*asked, 0.0, 0.0][:2])) / 100
 
 

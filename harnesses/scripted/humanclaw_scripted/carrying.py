@@ -78,24 +78,25 @@ class Carrying(ArmedOracle):
     def _hand_for(self, thing: int, attempt: int) -> Side:
         """Return the hand that has room beside a thing; of two, one in every other pair of attempts."""
         (free,) = free_sides(self._scene, self._state(), thing, BodyView(self._state()).point[None])
-        sides = [side for side, one in zip(_SIDES, free, strict=True) if one] or _SIDES
+        sides = [side for side, is_free in zip(_SIDES, free, strict=True) if is_free] or _SIDES
         return sides[attempt // 2 % len(sides)]
 
     def _around(self, thing: int) -> list[Viewpoint]:
         """Return places to stand at a thing; those from which no hand has room are expensive."""
-        found = self._near(thing)
-        places = np.array([(one.x, one.z) for one in found]).reshape(-1, 2)
+        stands = self._near(thing)
+        places = np.array([(stand.x, stand.z) for stand in stands]).reshape(-1, 2)
         free = free_sides(self._scene, self._state(), thing, places)
         return [
-            one if room.any() else replace(one, gap=one.gap + _CRAMPED) for one, room in zip(found, free, strict=True)
+            stand if room.any() else replace(stand, gap=stand.gap + _CRAMPED)
+            for stand, room in zip(stands, free, strict=True)
         ]
 
     def _near(self, key: int) -> list[Viewpoint]:
         """Return places to stand at an object, where it is now."""
         low, high = box(self._scene, self._state(), key)
         if np.allclose(low, self._scene.aabb(key)[0], atol=0.05):
-            found = viewpoints(self._memory.floors, self._scene, key)
-            return [one for one in found if one.gap < _FARS[0]]
+            stands = viewpoints(self._memory.floors, self._scene, key)
+            return [stand for stand in stands if stand.gap < _FARS[0]]
         middle = (low + high) / 2
         grid = self._memory.floors.grids[int(self._memory.floors.level(np.array([middle[0], low[1], middle[2]])))]
         ways = ([*places_around(self._scene, grid, key, low, high, far)] for far in _FARS)

@@ -191,9 +191,9 @@ class SeenMap:
         if len(cells) < 30 or len(points) < 30:
             return guesses[0]
         tree = cKDTree((cells + 0.5) * CELL + self.origin)
-        found = [aligned(points, tree, guess) for guess in guesses]
-        best, left = min(found, key=lambda one: one[1])
-        first, residue = found[0]
+        fits = [aligned(points, tree, guess) for guess in guesses]
+        best, left = min(fits, key=lambda fit: fit[1])
+        first, residue = fits[0]
         return first if residue < left + 0.004 else best
 
     def grid(self) -> OccupancyGrid:
@@ -222,8 +222,8 @@ def edges(grid: OccupancyGrid) -> list[Array]:
     border = np.pad(unknown, 1, constant_values=True)
     edge = grid.fits(RADIUS) & binary_dilation(border, iterations=2)[1:-1, 1:-1]
     groups, count = label(edge, np.ones((3, 3)))
-    found = (np.argwhere(groups == k) for k in range(1, count + 1))
-    return [grid.point(cells) for cells in found if len(cells) >= FEW_CELLS]
+    stretches = (np.argwhere(groups == k) for k in range(1, count + 1))
+    return [grid.point(cells) for cells in stretches if len(cells) >= FEW_CELLS]
 
 
 def seats(heights: Array) -> Mask:

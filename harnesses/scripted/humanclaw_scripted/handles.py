@@ -138,8 +138,8 @@ def free_sides(scene: Scene, state: WorldState, key: int, places: Array) -> Arra
 def _pieces_near(scene: Scene, state: WorldState, low: Array, high: Array, *but: int) -> Iterator[tuple[Array, Array]]:
     """Yield the corners (3,) of each convex piece of the other things less than half a metre from a box (3,)."""
     others = (obj.id for obj in scene.objects if obj.id not in but)
-    near = (one for one in others if _gap(*box(scene, state, one), low, high) < 0.5)
-    return ((hull.min(0), hull.max(0)) for one in near for hull in scene.hulls(one, state.objects.get(one)))
+    near = (key for key in others if _gap(*box(scene, state, key), low, high) < 0.5)
+    return ((hull.min(0), hull.max(0)) for key in near for hull in scene.hulls(key, state.objects.get(key)))
 
 
 def _gap(low: Array, high: Array, first: Array, last: Array) -> Array:
@@ -169,4 +169,4 @@ def _bare(scene: Scene, state: WorldState, place: int, spots: Array, half: float
     top = max(hull[:, 1].max() for hull in hulls)
     around = spots[:, None] + half * np.array([[1, 0], [-1, 0], [0, 1], [0, -1]])
     tops = (Delaunay(hull[:, [0, 2]]) for hull in hulls if hull[:, 1].max() > top - _FLAT)
-    return np.asarray(1.0 - np.any([one.find_simplex(around) >= 0 for one in tops], axis=0).mean(1))
+    return np.asarray(1.0 - np.any([top.find_simplex(around) >= 0 for top in tops], axis=0).mean(1))

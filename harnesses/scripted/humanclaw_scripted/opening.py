@@ -46,7 +46,7 @@ class Opening(ArmedOracle):
 
     def _before(self, handle: Handle) -> list[tuple[Viewpoint, Side]]:
         """Return places from which a hand reaches a handle, with the hand; the best first."""
-        found, ahead = [], handle.out
+        places, ahead = [], handle.out
         yaw = float(np.arctan2(-ahead[0], -ahead[2]))
         left = np.array([np.cos(yaw), 0.0, -np.sin(yaw)])
         for far in (0.62, 0.72, 0.54):
@@ -59,8 +59,8 @@ class Opening(ArmedOracle):
                         if level and grid.at(grid.clearance, np.array([x, z])) >= 0.2:
                             clash = handle.inside(place)
                             gap = abs(far - 0.62) + abs(more) + clash
-                            found.append((Viewpoint(handle.obj.id, x, z, yaw, gap, floor=grid.floor), side))
-        return found  # type: ignore[return-value]
+                            places.append((Viewpoint(handle.obj.id, x, z, yaw, gap, floor=grid.floor), side))
+        return places  # type: ignore[return-value]
 
     def _pull(self, handle: Handle, side: Side, share: float) -> Script:
         """Take a handle, and pull it until the thing is open."""

@@ -55,10 +55,10 @@ class FaultyOptions(OracleOptions):
     @classmethod
     def of(cls, given: Mapping[str, Any]) -> FaultyOptions:
         """Check options. Raises HumanclawError that names the wrong one."""
-        found = read_options(cls, given)
-        unknown = {*found.fault.split("+")} - {*FAULTS, "none"}
+        options = read_options(cls, given)
+        unknown = {*options.fault.split("+")} - {*FAULTS, "none"}
         if unknown:
             raise HumanclawError(
                 f"there is no fault {sorted(unknown)[0]!r}.", f"Choose from: {', '.join(FAULTS)}, none."
             )
-        return found
+        return options

@@ -12,7 +12,7 @@ from humanclaw.body import Array, wrap_angle
 from humanclaw.world import Viewpoint, WorldState, distance_to_nearest, room_at, viewpoints
 from humanclaw_scripted.actions import AT_SEAT, HIPS_OVER_SEAT, LEVEL_THIGHS, SIT, skill_for
 from humanclaw_scripted.ground_truth import BodyView, box, in_view, on_seat
-from humanclaw_scripted.narration import Teller
+from humanclaw_scripted.narration import Narrator
 from humanclaw_scripted.path_following import remaining, side_of
 from humanclaw_scripted.walker import Walker
 
@@ -35,13 +35,13 @@ class OracleAgent(Walker):
     def __init__(self, words: str = "map") -> None:
         """words: "map" tells what the agent knows, "eyes" only what its view shows (humanclaw_scripted.narration)."""
         self.settings: Mapping[str, Any] = {"words": words} if words != "map" else {}
-        self._teller = Teller() if words == "eyes" else None
+        self._narrator = Narrator() if words == "eyes" else None
 
     def begin(self, context: EpisodeContext) -> None:
         super().begin(context)
         self._gaze = context.gaze
-        if self._teller:
-            self._teller.begin(context)
+        if self._narrator:
+            self._narrator.begin(context)
         if context.spec.interact:
             skill_for(context.skills, SIT)
 
@@ -56,7 +56,7 @@ class OracleAgent(Walker):
         change = "revise" if self._memory.goal != self._goal() else "keep"
         self._memory.goal = self._goal()
         decision = Decision((call,), view, self._progress(pose), self._goal(), change, reason, raw="", prompt_digest="")
-        return self._teller(decision, history) if self._teller else decision
+        return self._narrator(decision, history) if self._narrator else decision
 
     # the task
     def _act(self, state: WorldState, pose: BodyView) -> tuple[Call, str]:
@@ -183,10 +183,10 @@ class OracleAgent(Walker):
         # The map has a column where there is a shelf: what stands on a board of it is not in one.
         last = 0.1 if self._spec.goal is None else _BOARD
         looks = (in_view(plan, self._scene, state, key, self._gaze, last) for key in self._spec.target_ids)
-        seen = [found for found in looks if found]
+        seen = [look for look in looks if look]
         if not seen:
             return f"{here} No {self._noun} is in view." if self._spec.target_ids else here
-        angle, distance = min(seen, key=lambda found: found[1])
+        angle, distance = min(seen, key=lambda look: look[1])
         self._memory.seen = True
         side = "ahead" if abs(angle) < np.radians(15) else f"ahead on the {side_of(angle)}"
         return f"{here} A {self._noun} is {side}, about {distance:.1f} m away."
