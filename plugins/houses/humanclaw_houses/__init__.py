@@ -15,7 +15,7 @@ __version__ = "0.1.0"
 
 class _Houses:
     def __call__(self, argument: str) -> Scene:
-        from humanclaw_houses.caching import open_house
+        from humanclaw_houses.reference import open_house
 
         return open_house(argument)
 

@@ -9,12 +9,12 @@ import numpy as np
 
 from humanclaw.world import Hinge, Joint
 from humanclaw_houses import textures as t
-from humanclaw_houses.model import Model, Piece, maker
-from humanclaw_houses.plan import CEILING, WALL, Area, FloorPlan, Opening, Wall, room_at
+from humanclaw_houses.piece_builder import Piece, PieceBuilder, maker
+from humanclaw_houses.plan import CEILING, WALL, Area, FloorPlan, Wall, WallOpening, room_at
 from humanclaw_houses.shapes import Point, Shape, box, post, quads, sheet
 from humanclaw_houses.stairs import staircase
 from humanclaw_houses.style import Style
-from humanclaw_houses.textures import Tile
+from humanclaw_houses.textures import Texture
 
 SKIRTING = 0.08
 """Height of the skirting boards, metres."""
@@ -47,8 +47,8 @@ class Placed:
 class Finish:
     """The tiles on the walls and the floor of a room."""
 
-    wall: Tile
-    floor: Tile
+    wall: Texture
+    floor: Texture
 
 
 def draw_finishes(plan: FloorPlan, style: Style) -> Mapping[str, Finish]:
@@ -83,11 +83,11 @@ def _zones(plan: FloorPlan) -> dict[str, int]:
     return zone
 
 
-def _bath_tiles(rng: np.random.Generator) -> Tile:
+def _bath_tiles(rng: np.random.Generator) -> Texture:
     return t.ceramic(t.pick(rng, ((226, 236, 238), (236, 234, 226), (206, 222, 226), (220, 232, 220))), rng, 8)
 
 
-def _floor_tiles(rng: np.random.Generator) -> Tile:
+def _floor_tiles(rng: np.random.Generator) -> Texture:
     return t.ceramic(t.pick(rng, ((196, 190, 180), (150, 152, 156), (214, 206, 192))), rng, 4)
 
 
@@ -132,7 +132,7 @@ def _cells(length: float) -> int:
 
 def _floor(area: Area, finish: Finish, thick: float) -> Placed:
     """Build a slab whose top is at height 0."""
-    m = Model()
+    m = PieceBuilder()
     w, d = area.x1 - area.x0, area.z1 - area.z0
     m.add(_tiled((-w / 2, thick, d / 2), (w, 0, 0), (0, 0, -d)), finish.floor)
     m.add(box((w, thick, d), (0, 0, 0), skip="t"), finish.floor)
@@ -151,7 +151,7 @@ def _tiled(corner: Point, along: Point, up: Point) -> Shape:
 
 
 def _ceiling(area: Area, style: Style) -> Placed:
-    m = Model()
+    m = PieceBuilder()
     w, d = area.x1 - area.x0, area.z1 - area.z0
     columns, rows = _cells(w), _cells(d)
     m.add(Shape((sheet((-w / 2, 0, -d / 2), (w, 0, 0), (0, 0, d), (columns, rows)),)), style.white)
@@ -161,12 +161,12 @@ def _ceiling(area: Area, style: Style) -> Placed:
 
 
 # -- walls -------------------------------------------------------------------------------------------------------------
-def _wall(plan: FloorPlan, wall: Wall, number: str, tiles: list[Tile], style: Style) -> Placed:
+def _wall(plan: FloorPlan, wall: Wall, number: str, tiles: list[Texture], style: Style) -> Placed:
     """Build a wall: faces, reveals of the openings, top, skirting, and a collision box for every solid stretch.
 
-    It is built along x. A wall along z is turned so that its x becomes z; its low room is then at the model's +Z.
+    It is built along x. A wall along z is turned so that its x becomes z; its low room is then at the builder's +Z.
     """
-    m = Model()
+    m = PieceBuilder()
     middle, turn = (wall.start + wall.end) / 2, 1 if wall.axis == "x" else -1
     for low, tile in zip((True, False), tiles, strict=True):
         start, end = _face_ends(plan, wall, low)
@@ -188,15 +188,15 @@ def _wall(plan: FloorPlan, wall: Wall, number: str, tiles: list[Tile], style: St
     return Placed(piece[0], *_shift(x, z, piece[1], yaw), yaw, room=wall.low or wall.high)
 
 
-def _centred(m: Model, name: str) -> tuple[Piece, tuple[float, float]]:
-    """Return the centred piece, and the (x, z) of its centre in the model's frame."""
+def _centred(m: PieceBuilder, name: str) -> tuple[Piece, tuple[float, float]]:
+    """Return the centred piece, and the (x, z) of its centre in the builder's frame."""
     points = m.points()
     cx, cz = ((points[:, k].min() + points[:, k].max()) / 2 for k in (0, 2))
     return m.piece(name, "wall"), (float(cx), float(cz))
 
 
 def _shift(x: float, z: float, offset: tuple[float, float], yaw: float) -> tuple[float, float, float]:
-    """Return the place of a centred piece at which its model's origin is at (x, z)."""
+    """Return the place of a centred piece at which its builder's origin is at (x, z)."""
     ox, oz = offset
     cos, sin = np.round(np.cos(yaw)), np.round(np.sin(yaw))
     return float(x + cos * ox + sin * oz), 0.0, float(z - sin * ox + cos * oz)
@@ -236,14 +236,14 @@ def _stretches(
     return [part for part in parts if part[1] - part[0] > 1e-6 and part[3] - part[2] > 1e-6]
 
 
-def _face(m: Model, side: int, span: tuple[float, float, float, float], tile: Tile) -> None:
+def _face(m: PieceBuilder, side: int, span: tuple[float, float, float, float], tile: Texture) -> None:
     x0, x1, y0, y1 = span
     z = side * WALL / 2
     corner, along = ((x1, y0, z), (x0 - x1, 0.0, 0.0)) if side < 0 else ((x0, y0, z), (x1 - x0, 0.0, 0.0))
     m.add(_tiled(corner, along, (0, y1 - y0, 0)), tile)
 
 
-def _reveal(m: Model, hole: Opening, x: float, style: Style) -> None:
+def _reveal(m: PieceBuilder, hole: WallOpening, x: float, style: Style) -> None:
     """Build the inner faces of an opening, and a white frame around it on both sides."""
     half, high = hole.width / 2, hole.top - hole.bottom
     depth = WALL
@@ -267,7 +267,7 @@ def _reveal(m: Model, hole: Opening, x: float, style: Style) -> None:
 
 
 # -- doors and windows -------------------------------------------------------------------------------------------------
-def _fill(wall: Wall, hole: Opening, name: str, style: Style) -> Iterator[Placed]:
+def _fill(wall: Wall, hole: WallOpening, name: str, style: Style) -> Iterator[Placed]:
     x, z = wall.point(hole.at)
     inside_high = wall.low == ""
     yaw = (0.0 if inside_high else np.pi) if wall.axis == "x" else (np.pi / 2 if inside_high else -np.pi / 2)
@@ -280,7 +280,7 @@ def _fill(wall: Wall, hole: Opening, name: str, style: Style) -> Iterator[Placed
 
 
 @maker("window")
-def _window(m: Model, style: Style, hole: Opening) -> None:
+def _window(m: PieceBuilder, style: Style, hole: WallOpening) -> None:
     """Build a frame with a bright pane, in two casements if it is wide."""
     w, h = hole.width, hole.top - hole.bottom
     m.add(Shape((sheet((-w / 2, 0, 0), (w, 0, 0), (0, h, 0)),)), t.sky(style.rng))
@@ -295,7 +295,7 @@ def _window(m: Model, style: Style, hole: Opening) -> None:
 
 
 @maker("door")
-def _front_door(m: Model, style: Style, hole: Opening) -> None:
+def _front_door(m: PieceBuilder, style: Style, hole: WallOpening) -> None:
     """Build the front door, closed."""
     tile = t.panel_door(t.pick(style.rng, ((120, 60, 48), (52, 78, 92), (62, 88, 70), (104, 74, 50))), style.rng)
     m.box((hole.width, hole.top, 0.06), (0, 0, 0), tile)
@@ -303,9 +303,9 @@ def _front_door(m: Model, style: Style, hole: Opening) -> None:
     m.add(post(0.018, 0.02).moved((0, 1.5, 0.03), (90, 0, 0)), style.brass)
 
 
-def _leaf(wall: Wall, hole: Opening, name: str, style: Style) -> Placed:
+def _leaf(wall: Wall, hole: WallOpening, name: str, style: Style) -> Placed:
     """Build a door leaf that stands open at about a right angle to its wall. Shut, it lies in front of the frame."""
-    m = Model(mass=25.0)
+    m = PieceBuilder(mass=25.0)
     length, thick = hole.width, 0.04
     m.box((thick, hole.top - 0.02, length), (0, 0.01, 0), t.panel_door((236, 234, 228), style.rng))
     for side in (-1, 1):

@@ -15,12 +15,12 @@ from humanclaw_houses.building import Placed, build, draw_finishes
 from humanclaw_houses.drafting import draw_plans
 from humanclaw_houses.dressing import dress
 from humanclaw_houses.furnish import furnish
-from humanclaw_houses.kit import Kit
-from humanclaw_houses.model import Leaf
+from humanclaw_houses.furnishing_context import FurnishingContext
 from humanclaw_houses.names import GENERATOR, seed_of
+from humanclaw_houses.piece_builder import HingedPart
 from humanclaw_houses.plan import Area, FloorPlan, Layout
+from humanclaw_houses.room_occupancy import RoomOccupancy, turn
 from humanclaw_houses.scatter import scatter
-from humanclaw_houses.space import Space, turn
 from humanclaw_houses.starting import WalkableArea, choose_start
 from humanclaw_houses.style import Style
 from humanclaw_houses.validity import problems
@@ -87,25 +87,25 @@ def _lifted(scene_objects: Iterable[Placed], floor: float) -> Iterator[Placed]:
     return (replace(obj, y=obj.y + floor) for obj in scene_objects)
 
 
-def _furnish(plans: Sequence[FloorPlan], style: Style, rng: np.random.Generator) -> list[Space]:
+def _furnish(plans: Sequence[FloorPlan], style: Style, rng: np.random.Generator) -> list[RoomOccupancy]:
     areas = [(area, plan) for plan in plans for area in plan.areas]
-    kit = Kit(style, rng, tuple(area.kind for area, _ in areas))
-    spaces = [Space(area, plan) for area, plan in areas if area.kind != "stairs" or plan.floor > 0]
+    context = FurnishingContext(style, rng, tuple(area.kind for area, _ in areas))
+    spaces = [RoomOccupancy(area, plan) for area, plan in areas if area.kind != "stairs" or plan.floor > 0]
     for space in spaces:
-        furnish(space, kit)
+        furnish(space, context)
     scene_objects = [obj.piece for space in spaces for obj in space.objects]
     movable = sum(piece.mass > 0 for piece in scene_objects)
     # With n more small objects, (movable + n) / (all + n) is to be _MOVABLE: solved for n.
     wanted = round((_MOVABLE * len(scene_objects) - movable) / (1 - _MOVABLE))
-    scatter([space for space in spaces if space.area.kind != "stairs"], kit, max(wanted, 0))
+    scatter([space for space in spaces if space.area.kind != "stairs"], context, max(wanted, 0))
     for space in spaces:
-        dress(space, kit)
+        dress(space, context)
     return spaces
 
 
 def _scene(name: str, plans: Sequence[FloorPlan], placed: Sequence[Placed]) -> Scene:
     assets = {obj.piece.asset.name: obj.piece.asset for obj in placed}
-    assets |= {leaf.piece.asset.name: leaf.piece.asset for obj in placed for leaf in obj.piece.leaves}
+    assets |= {leaf.piece.asset.name: leaf.piece.asset for obj in placed for leaf in obj.piece.hinged_parts}
     objects = objects_of(placed)
     rooms = tuple(
         _room(area, plan.floor) for plan in plans for area in plan.areas if area.kind != "stairs" or plan.floor == 0
@@ -115,12 +115,12 @@ def _scene(name: str, plans: Sequence[FloorPlan], placed: Sequence[Placed]) -> S
 
 def objects_of(placed: Sequence[Placed]) -> tuple[SceneObject, ...]:
     """Return placed pieces as objects 1, 2, ..., followed by their doors and drawers."""
-    hung = [(_hung(obj, leaf), leaf.state) for obj in placed for leaf in obj.piece.leaves]
+    hung = [(_hung(obj, leaf), leaf.state) for obj in placed for leaf in obj.piece.hinged_parts]
     leaves = (_object(number, obj).opened(state) for number, (obj, state) in enumerate(hung, len(placed) + 1))
     return *(_object(number, obj) for number, obj in enumerate(placed, 1)), *leaves
 
 
-def _hung(body: Placed, leaf: Leaf) -> Placed:
+def _hung(body: Placed, leaf: HingedPart) -> Placed:
     """Return a door or drawer of a placed piece, closed."""
     x, y, z = turn(np.array([leaf.at]), body.yaw)[0].tolist()
     return Placed(leaf.piece, body.x + x, body.y + y, body.z + z, body.yaw, body.room, leaf.joint)

@@ -6,13 +6,13 @@ from dataclasses import replace
 
 from humanclaw_houses import textures as t
 from humanclaw_houses.furniture.decor import folds
-from humanclaw_houses.model import Model, maker
+from humanclaw_houses.piece_builder import PieceBuilder, maker
 from humanclaw_houses.shapes import Ring, Shape, box, loft, post, sheet, soft_box, tube
 from humanclaw_houses.style import Style
 
 
 @maker("toilet")
-def toilet(m: Model, style: Style) -> None:
+def toilet(m: PieceBuilder, style: Style) -> None:
     """Return a close-coupled toilet: bowl, seat, lid up or down, cistern at -Z."""
     seat, z = style.between(0.4, 0.43), 0.1
     rim = seat - 0.03
@@ -48,7 +48,7 @@ def toilet(m: Model, style: Style) -> None:
     m.seat = seat
 
 
-def _seat(m: Model, style: Style, low: float, high: float, z: float) -> None:
+def _seat(m: PieceBuilder, style: Style, low: float, high: float, z: float) -> None:
     """Add the seat ring."""
     outer, hole = (0.19, 0.245, 2.3), (0.12, 0.165, 2.1)
     rings = [
@@ -61,7 +61,7 @@ def _seat(m: Model, style: Style, low: float, high: float, z: float) -> None:
 
 
 @maker("sink")
-def vanity(m: Model, style: Style) -> None:
+def vanity(m: PieceBuilder, style: Style) -> None:
     """Return a wash basin on a cupboard, with a tap."""
     w, d, h, tile = style.between(0.6, 0.85), 0.45, 0.74, style.choice(style.wood, style.second_wood, style.white)
     m.box((w, h - 0.2, d - 0.02), (0, 0.16, -0.01), tile)
@@ -80,13 +80,13 @@ def vanity(m: Model, style: Style) -> None:
     _tap(m, style, h + 0.1, -d / 2 + 0.06)
 
 
-def _tap(m: Model, style: Style, y: float, z: float) -> None:
+def _tap(m: PieceBuilder, style: Style, y: float, z: float) -> None:
     m.add(tube([(0, y, z), (0, y + 0.2, z), (0, y + 0.23, z + 0.06), (0, y + 0.2, z + 0.13)], 0.013, 8), style.chrome)
     m.add(box((0.02, 0.012, 0.07), (0.04, y + 0.05, z)), style.chrome)
 
 
 @maker("bathtub")
-def bathtub(m: Model, style: Style) -> None:
+def bathtub(m: PieceBuilder, style: Style) -> None:
     """Return an empty bathtub."""
     length, width, h = style.between(1.55, 1.7), 0.75, 0.56
     a, b = length / 2, width / 2
@@ -97,7 +97,7 @@ def bathtub(m: Model, style: Style) -> None:
 
 
 @maker("shower")
-def shower(m: Model, style: Style) -> None:
+def shower(m: PieceBuilder, style: Style) -> None:
     """Return a tray in a corner with a riser, a head, and a curtain drawn back on its rail."""
     s = 0.9
     m.box((s, 0.06, s), (0, 0, 0), style.ceramic)
@@ -118,14 +118,14 @@ def _inside_out(shape: Shape) -> Shape:
 
 
 @maker("washing_machine")
-def washing_machine(m: Model, style: Style) -> None:
+def washing_machine(m: PieceBuilder, style: Style) -> None:
     m.box((0.6, 0.85, 0.58), (0, 0, 0), style.white)
     m.add(Shape((sheet((-0.29, 0.02, 0.292), (0.58, 0, 0), (0, 0.81, 0)),)), t.porthole(style.rng))
-    m.top(0.5, 0.45, 0.85)
+    m.surface(0.5, 0.45, 0.85)
 
 
 @maker("towel")
-def towel_rail(m: Model, style: Style) -> None:
+def towel_rail(m: PieceBuilder, style: Style) -> None:
     """Return a rail with a towel, hung on a wall."""
     m.add(tube([(-0.3, 0.6, 0.05), (0.3, 0.6, 0.05)], 0.01), style.chrome)
     for x in (-0.3, 0.3):
@@ -134,7 +134,7 @@ def towel_rail(m: Model, style: Style) -> None:
 
 
 @maker("paper_holder")
-def paper_holder(m: Model, style: Style) -> None:
+def paper_holder(m: PieceBuilder, style: Style) -> None:
     """Return a roll of paper on the wall."""
     m.add(post(0.055, 0.1, segments=14).moved((0.05, 0.06, 0.06), (0, 0, 90)), style.white)
     m.add(box((0.09, 0.1, 0.003), (0, -0.02, 0.115)), style.white)

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from humanclaw_houses import textures as t
-from humanclaw_houses.model import Model, maker
+from humanclaw_houses.piece_builder import PieceBuilder, maker
 from humanclaw_houses.shapes import Chart, Shape, box, pillow, post, sheet, soft_box
 from humanclaw_houses.style import Style
-from humanclaw_houses.textures import Tile
+from humanclaw_houses.textures import Texture
 
 
 @maker("bed")
-def bed(m: Model, style: Style, double: bool = True) -> None:
+def bed(m: PieceBuilder, style: Style, double: bool = True) -> None:
     """Return a made bed: frame, mattress, duvet turned back below the pillows, headboard at -Z."""
     frame = style.choice(style.wood, style.second_wood, style.white, style.cloth)
     width = style.between(1.4, 1.7) if double else style.between(0.9, 1.0)
@@ -63,7 +63,7 @@ def _over(share: np.ndarray, reach: float, drop: float) -> tuple[np.ndarray, np.
     return out, down
 
 
-def _headboard(m: Model, tile: Tile, kind: int, width: float, height: float, z: float) -> None:
+def _headboard(m: PieceBuilder, tile: Texture, kind: int, width: float, height: float, z: float) -> None:
     if kind == 0:
         m.add(soft_box((width, height - 0.25, 0.07), (0, 0.25, z), 0.03), tile)
     elif kind == 1:

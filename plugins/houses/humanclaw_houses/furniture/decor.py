@@ -5,17 +5,17 @@ from __future__ import annotations
 import numpy as np
 
 from humanclaw_houses import textures as t
-from humanclaw_houses.model import Model, maker
+from humanclaw_houses.piece_builder import PieceBuilder, maker
 from humanclaw_houses.shapes import Chart, Shape, box, post, sheet, tube, turned
 from humanclaw_houses.style import Style
 
 
-def _shade(style: Style) -> t.Tile:
+def _shade(style: Style) -> t.Texture:
     return t.plain(t.pick(style.rng, ((250, 240, 214), (248, 248, 240), (240, 220, 180))), style.rng)
 
 
 @maker("lamp")
-def floor_lamp(m: Model, style: Style) -> None:
+def floor_lamp(m: PieceBuilder, style: Style) -> None:
     metal = style.choice(style.black, style.brass, style.steel)
     m.add(post(0.14, 0.02, segments=16), metal, "hull")
     m.add(post(0.013, 1.36, (0, 0.02, 0)), metal, "box")
@@ -23,7 +23,7 @@ def floor_lamp(m: Model, style: Style) -> None:
 
 
 @maker("lamp", mass=1.2, friction=0.5)
-def table_lamp(m: Model, style: Style) -> None:
+def table_lamp(m: PieceBuilder, style: Style) -> None:
     """Return a lamp for a nightstand or a sideboard; it can be knocked over."""
     m.add(
         turned([(0.07, 0), (0.075, 0.02), (0.03, 0.06), (0.06, 0.14), (0.02, 0.24)], segments=8), style.paint(), "box"
@@ -33,14 +33,14 @@ def table_lamp(m: Model, style: Style) -> None:
 
 
 @maker("ceiling_lamp")
-def ceiling_lamp(m: Model, style: Style, drop: float = 0.12) -> None:
+def ceiling_lamp(m: PieceBuilder, style: Style, drop: float = 0.12) -> None:
     """Return a lamp that hangs from the ceiling, fixed at its top."""
     m.add(turned([(0.18, 0.0), (0.2, 0.02), (0.12, 0.1)], segments=12), _shade(style))
     m.add(post(0.012, drop, (0, 0.09, 0)), style.black)
 
 
 @maker("rug")
-def rug(m: Model, style: Style, width: float, depth: float) -> None:
+def rug(m: PieceBuilder, style: Style, width: float, depth: float) -> None:
     """Return a rug. It does not collide."""
     accent, ground = t.pick(style.rng, t.ACCENTS), t.pick(style.rng, t.FABRICS)
     kind = style.rng.random()
@@ -54,7 +54,7 @@ def rug(m: Model, style: Style, width: float, depth: float) -> None:
 
 
 @maker("picture")
-def picture(m: Model, style: Style, width: float, height: float) -> None:
+def picture(m: PieceBuilder, style: Style, width: float, height: float) -> None:
     """Return a framed picture, to hang on a wall."""
     m.add(box((width, height, 0.025), (0, 0, 0.0125)), style.choice(style.wood, style.black, style.white, style.brass))
     face = sheet((-width / 2 + 0.025, 0.025, 0.0265), (width - 0.05, 0, 0), (0, height - 0.05, 0))
@@ -62,14 +62,14 @@ def picture(m: Model, style: Style, width: float, height: float) -> None:
 
 
 @maker("mirror")
-def mirror(m: Model, style: Style, width: float = 0.55, height: float = 0.75) -> None:
+def mirror(m: PieceBuilder, style: Style, width: float = 0.55, height: float = 0.75) -> None:
     m.add(box((width, height, 0.02), (0, 0, 0.01)), style.choice(style.wood, style.chrome, style.black))
     face = sheet((-width / 2 + 0.02, 0.02, 0.0215), (width - 0.04, 0, 0), (0, height - 0.04, 0))
     m.add(Shape((face,)), t.glass(style.rng))
 
 
 @maker("curtain")
-def curtain(m: Model, style: Style, width: float, height: float, tile: t.Tile) -> None:
+def curtain(m: PieceBuilder, style: Style, width: float, height: float, tile: t.Texture) -> None:
     """Return two gathered curtains at the sides of a window, and the rod above it. width: of the window."""
     for side in (-1, 1):
         m.add(Shape((folds(side * (width / 2 + 0.06), 0.32, height),)), tile)

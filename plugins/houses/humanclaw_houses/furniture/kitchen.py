@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from typing import Final
 
 from humanclaw_houses import textures as t
-from humanclaw_houses.furniture import opening
-from humanclaw_houses.furniture.opening import BOARD, carcass, door, lid
-from humanclaw_houses.model import Model, maker
+from humanclaw_houses.furniture import hinged_parts
+from humanclaw_houses.furniture.hinged_parts import BOARD, carcass, door, lid
+from humanclaw_houses.piece_builder import PieceBuilder, maker
 from humanclaw_houses.shapes import Ring, Shape, box, loft, post, sheet, tube
 from humanclaw_houses.style import Style
-from humanclaw_houses.textures import Tile
+from humanclaw_houses.textures import Texture
 
 DEPTH, HEIGHT = 0.6, 0.9
 _UNIT: Final = HEIGHT - 0.14
@@ -24,8 +24,8 @@ _ONE_DOOR: Final = 0.6
 class Fronts:
     """The look that all doors of one kitchen share."""
 
-    door: Tile
-    body: Tile
+    door: Texture
+    body: Texture
 
     @classmethod
     def draw(cls, style: Style) -> Fronts:
@@ -34,7 +34,9 @@ class Fronts:
         return cls(t.panel_door(colour, style.rng), t.plain(colour, style.rng))
 
 
-def _cupboard(m: Model, style: Style, fronts: Fronts, width: float, drawer: float = 0.0, roof: bool = True) -> None:
+def _cupboard(
+    m: PieceBuilder, style: Style, fronts: Fronts, width: float, drawer: float = 0.0, roof: bool = True
+) -> None:
     """Add a plinth and a carcass with one or two doors. drawer: height of a drawer over them, metres; 0 for none."""
     m.box((width, 0.1, DEPTH - 0.1), (0, 0, -0.05), style.black)
     carcass(m, (width, _UNIT, 0.567), (0, 0.1, -0.0165), fronts.body, 0 if drawer else 1, roof=roof)
@@ -44,23 +46,23 @@ def _cupboard(m: Model, style: Style, fronts: Fronts, width: float, drawer: floa
         door(m, (width / count, _UNIT - drawer, BOARD), (x, 0.1, 0.276), fronts.door, style.steel, k == 0)
     if drawer:
         front = (width - 2 * BOARD, drawer - BOARD, 0.55)
-        opening.drawer(m, front, (0, 0.1 + _UNIT - drawer, 0.01), fronts.body, style.steel)
+        hinged_parts.drawer(m, front, (0, 0.1 + _UNIT - drawer, 0.01), fronts.body, style.steel)
 
 
 @maker("kitchen_counter")
-def counter(m: Model, style: Style, fronts: Fronts, width: float) -> None:
+def counter(m: PieceBuilder, style: Style, fronts: Fronts, width: float) -> None:
     """Return a worktop over a drawer over a door, or over two doors with a shelf behind them if it is wide."""
     _cupboard(m, style, fronts, width, 0.16 if width <= _ONE_DOOR else 0.0)
     _worktop(m, style, width)
 
 
-def _worktop(m: Model, style: Style, width: float) -> None:
+def _worktop(m: PieceBuilder, style: Style, width: float) -> None:
     m.box((width, 0.04, DEPTH + 0.01), (0, HEIGHT - 0.04, 0.005), style.stone)
-    m.top(width, DEPTH - 0.08, HEIGHT, room=0.5)
+    m.surface(width, DEPTH - 0.08, HEIGHT, room=0.5)
 
 
 @maker("dishwasher")
-def dishwasher(m: Model, style: Style, fronts: Fronts) -> None:
+def dishwasher(m: PieceBuilder, style: Style, fronts: Fronts) -> None:
     """Return a dishwasher below a worktop, 0.6 m wide."""
     m.box((0.6, 0.1, DEPTH - 0.1), (0, 0, -0.05), style.black)
     carcass(m, (0.6, _UNIT, 0.555), (0, 0.1, -0.0225), style.steel, 1)
@@ -69,7 +71,7 @@ def dishwasher(m: Model, style: Style, fronts: Fronts) -> None:
 
 
 @maker("sink")
-def sink(m: Model, style: Style, fronts: Fronts) -> None:
+def sink(m: PieceBuilder, style: Style, fronts: Fronts) -> None:
     """Return a unit with a steel basin and a tap."""
     w = 0.8
     _cupboard(m, style, fronts, w, roof=False)
@@ -83,7 +85,7 @@ def sink(m: Model, style: Style, fronts: Fronts) -> None:
 
 
 @maker("stove")
-def stove(m: Model, style: Style) -> None:
+def stove(m: PieceBuilder, style: Style) -> None:
     """Return an oven with a lid of glass below a hob."""
     body, d = style.choice(style.steel, style.white, style.black), DEPTH - 0.02
     m.box((0.6, 0.06, d - 0.1), (0, 0, -0.03), style.black)
@@ -95,11 +97,11 @@ def stove(m: Model, style: Style) -> None:
         knob = post(0.022, 0.025, segments=10).moved((-0.2 + 0.1 * k, 0.83, d / 2 - 0.005), (90, 0, 0))
         m.add(knob, style.black if body is not style.black else style.steel)
     m.add(Shape((sheet((-0.28, HEIGHT + 0.004, 0.26), (0.56, 0, 0), (0, 0, -0.52)),)), t.burner(style.rng))
-    m.top(0.4, 0.3, HEIGHT + 0.005, room=0.5)
+    m.surface(0.4, 0.3, HEIGHT + 0.005, room=0.5)
 
 
 @maker("fridge")
-def fridge(m: Model, style: Style) -> None:
+def fridge(m: PieceBuilder, style: Style) -> None:
     """Return a fridge over a freezer, each with shelves and a door."""
     tile, w, h, d = style.choice(style.steel, style.white), style.between(0.6, 0.7), style.between(1.7, 1.85), 0.62
     split, left = round(0.38 * h, 2), style.chance(0.5)
@@ -110,7 +112,7 @@ def fridge(m: Model, style: Style) -> None:
 
 
 @maker("cabinet")
-def wall_cabinet(m: Model, style: Style, fronts: Fronts, width: float) -> None:
+def wall_cabinet(m: PieceBuilder, style: Style, fronts: Fronts, width: float) -> None:
     m.box((width, 0.68, 0.31), (0, 0, 0), fronts.body)
     count = max(1, round(width / 0.5))
     wide = width / count
@@ -121,7 +123,7 @@ def wall_cabinet(m: Model, style: Style, fronts: Fronts, width: float) -> None:
 
 
 @maker("range_hood")
-def hood(m: Model, style: Style) -> None:
+def hood(m: PieceBuilder, style: Style) -> None:
     """Return an extractor above a hob."""
     wide = [Ring(y, 0.3, 0.24, 40) for y in (0, 0.06)]
     m.add(loft([*wide, *(Ring(y, 0.13, 0.12, 40, z=-0.1) for y in (0.2, 0.8))], 20), style.steel)

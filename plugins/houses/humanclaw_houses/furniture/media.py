@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from humanclaw_houses import textures as t
-from humanclaw_houses.model import Model, maker
+from humanclaw_houses.piece_builder import PieceBuilder, maker
 from humanclaw_houses.shapes import Shape, box, sheet
 from humanclaw_houses.style import Style
 
 
-def _panel(m: Model, style: Style, width: float, y: float, z: float) -> float:
+def _panel(m: PieceBuilder, style: Style, width: float, y: float, z: float) -> float:
     """Add a flat screen of 16:9 with its bottom at y and its front at z; return its height."""
     height = round(0.5625 * width, 3)
     m.add(box((width, height, 0.045), (0, y, z - 0.0225)), style.black, "box")
@@ -20,7 +20,7 @@ def _panel(m: Model, style: Style, width: float, y: float, z: float) -> float:
 
 
 @maker("tv")
-def tv(m: Model, style: Style, width: float = 1.1) -> None:
+def tv(m: PieceBuilder, style: Style, width: float = 1.1) -> None:
     """Return a television on its own foot."""
     _panel(m, style, width, 0.075, 0.06)
     m.add(box((0.09, 0.1, 0.03), (0, 0.012, 0.02)), style.black)
@@ -28,14 +28,14 @@ def tv(m: Model, style: Style, width: float = 1.1) -> None:
 
 
 @maker("tv")
-def wall_tv(m: Model, style: Style, width: float = 1.1) -> None:
+def wall_tv(m: PieceBuilder, style: Style, width: float = 1.1) -> None:
     """Return a television on a wall bracket."""
     _panel(m, style, width, 0.0, 0.09)
     m.box((0.3, 0.2, 0.06), (0, 0.15, 0.03), style.black, solid=False)
 
 
 @maker("tv")
-def floor_tv(m: Model, style: Style, width: float = 1.1) -> None:
+def floor_tv(m: PieceBuilder, style: Style, width: float = 1.1) -> None:
     """Return a television on a low cabinet of its own, for a bedroom."""
     high = 0.5
     m.box((width - 0.02, high - 0.1, 0.45), (0, 0.1, -0.03), style.wood)
@@ -51,7 +51,7 @@ def floor_tv(m: Model, style: Style, width: float = 1.1) -> None:
 
 
 @maker("laptop", mass=1.6, friction=0.5)
-def laptop(m: Model, style: Style) -> None:
+def laptop(m: PieceBuilder, style: Style) -> None:
     m.box((0.33, 0.018, 0.23), (0, 0, 0), style.steel, solid=False)
     m.add(Shape((sheet((-0.145, 0.0185, 0.02), (0.29, 0, 0), (0, 0, -0.11)),)), style.black)
     lid = box((0.33, 0.22, 0.01), (0, 0, 0)) + Shape((sheet((-0.15, 0.015, 0.006), (0.3, 0, 0), (0, 0.19, 0)),))

@@ -8,10 +8,10 @@ from typing import ClassVar
 import numpy as np
 
 from humanclaw_houses import textures as t
-from humanclaw_houses.model import Model, maker
+from humanclaw_houses.piece_builder import PieceBuilder, maker
 from humanclaw_houses.shapes import ball, box, pillow, post, soft_box, tube
 from humanclaw_houses.style import Style
-from humanclaw_houses.textures import Tile
+from humanclaw_houses.textures import Texture
 
 
 @dataclass(frozen=True)
@@ -66,17 +66,17 @@ class _Cut:
 
 
 @maker("couch")
-def couch(m: Model, style: Style, seats: int = 3) -> None:
+def couch(m: PieceBuilder, style: Style, seats: int = 3) -> None:
     """Return a couch for two or three: soft, boxy, with wooden arms, or buttoned leather with rolled arms."""
     _sofa(m, style, seats)
 
 
 @maker("chair")
-def armchair(m: Model, style: Style) -> None:
+def armchair(m: PieceBuilder, style: Style) -> None:
     _sofa(m, style, 1)
 
 
-def _sofa(m: Model, style: Style, seats: int) -> None:
+def _sofa(m: PieceBuilder, style: Style, seats: int) -> None:
     cut = _Cut.draw(style, seats)
     kind = str(style.rng.choice(["soft", "boxy", "wooden", "buttoned"]))
     if kind == "wooden":
@@ -98,7 +98,7 @@ def _sofa(m: Model, style: Style, seats: int) -> None:
     m.seat = cut.seat
 
 
-def _seat_and_back(m: Model, cut: _Cut, cover: Tile, kind: str) -> None:
+def _seat_and_back(m: PieceBuilder, cut: _Cut, cover: Texture, kind: str) -> None:
     """Add the frame below, a seat cushion for each person, and loose back cushions or one buttoned back."""
     shade = t.shaded(cover, 0.55)
     m.add(box((cut.inner + 0.02, cut.seat - 0.13 - cut.leg, cut.reach - 0.03), (0, cut.leg, cut.middle - 0.015)), cover)
@@ -114,7 +114,7 @@ def _seat_and_back(m: Model, cut: _Cut, cover: Tile, kind: str) -> None:
             m.add(pad.moved((x, cut.seat - 0.01, cut.BACK_DEPTH - cut.depth / 2 + 0.02), (-10, 0, 0)), cover)
 
 
-def _back(m: Model, cut: _Cut, cover: Tile, kind: str) -> None:
+def _back(m: PieceBuilder, cut: _Cut, cover: Texture, kind: str) -> None:
     """Add the back, upholstered with one panel per seat; a buttoned back is one piece."""
     z, depth = (cut.BACK_DEPTH - cut.depth) / 2, cut.BACK_DEPTH
     width, high = (cut.width if kind in ("soft", "buttoned") else cut.inner + 0.02), cut.back - cut.leg
@@ -133,7 +133,7 @@ def _back(m: Model, cut: _Cut, cover: Tile, kind: str) -> None:
         )
 
 
-def _scatter_cushions(m: Model, style: Style, cut: _Cut) -> None:
+def _scatter_cushions(m: PieceBuilder, style: Style, cut: _Cut) -> None:
     """Add two cushions in the corners of a couch, at most one on an armchair. They do not collide."""
     tile, z = style.fabric(), cut.BACK_DEPTH - cut.depth / 2 + 0.2
     out = cut.inner / 2 - 0.22
@@ -142,7 +142,7 @@ def _scatter_cushions(m: Model, style: Style, cut: _Cut) -> None:
         m.add(pad.moved((x, cut.seat + 0.2, z)), tile)
 
 
-def _buttons(m: Model, cut: _Cut, cover: Tile, x: float) -> None:
+def _buttons(m: PieceBuilder, cut: _Cut, cover: Texture, x: float) -> None:
     """Add a buttoned back as a grid of small pads."""
     columns, rows = 3, 2
     wide, high = cut.per_seat / columns, (cut.back - cut.seat + 0.02) / rows
@@ -153,7 +153,7 @@ def _buttons(m: Model, cut: _Cut, cover: Tile, x: float) -> None:
             m.add(pad.moved((x + (i - 1) * wide, cut.seat - 0.02 + j * high, z), (-6, 0, 0)), cover)
 
 
-def _arm(m: Model, style: Style, cut: _Cut, cover: Tile, kind: str, side: int) -> None:
+def _arm(m: PieceBuilder, style: Style, cut: _Cut, cover: Texture, kind: str, side: int) -> None:
     x, rise = side * (cut.width - cut.arm) / 2, cut.arm_top - cut.leg
     if kind == "wooden":
         for z in (-cut.depth / 2 + 0.06, cut.depth / 2 - 0.06):
@@ -170,7 +170,7 @@ def _arm(m: Model, style: Style, cut: _Cut, cover: Tile, kind: str, side: int) -
 
 
 @maker("chair", mass=5.0, friction=0.5)
-def dining_chair(m: Model, style: Style) -> None:
+def dining_chair(m: PieceBuilder, style: Style) -> None:
     """Return a wooden chair: slatted, ladder or upholstered back."""
     frame = style.choice(style.wood, style.second_wood, style.white, style.black)
     w, d, seat, back = (
@@ -193,13 +193,15 @@ def dining_chair(m: Model, style: Style) -> None:
     m.seat = seat
 
 
-def _legs(m: Model, tile: Tile, width: float, depth: float, height: float, thick: float) -> None:
+def _legs(m: PieceBuilder, tile: Texture, width: float, depth: float, height: float, thick: float) -> None:
     for x in (-1, 1):
         for z in (-1, 1):
             m.box((thick, height, thick), (x * (width - thick) / 2, 0, z * (depth - thick) / 2), tile, skip="b")
 
 
-def _chair_back(m: Model, style: Style, frame: Tile, kind: int, w: float, d: float, seat: float, back: float) -> None:
+def _chair_back(
+    m: PieceBuilder, style: Style, frame: Texture, kind: int, w: float, d: float, seat: float, back: float
+) -> None:
     z, rise = -d / 2 + 0.02, back - seat
     for x in (-1, 1):
         m.add(box((0.04, rise, 0.036), (x * (w - 0.04) / 2, seat, z)), frame)
@@ -215,7 +217,7 @@ def _chair_back(m: Model, style: Style, frame: Tile, kind: int, w: float, d: flo
 
 
 @maker("chair", mass=9.0, friction=0.25)
-def office_chair(m: Model, style: Style) -> None:
+def office_chair(m: PieceBuilder, style: Style) -> None:
     """Return a swivel chair on a star of five castors."""
     cover = style.choice(style.black, style.cloth)
     seat = style.between(0.45, 0.48)
@@ -239,7 +241,7 @@ def office_chair(m: Model, style: Style) -> None:
 
 
 @maker("chair", mass=3.5, friction=0.5)
-def stool(m: Model, style: Style) -> None:
+def stool(m: PieceBuilder, style: Style) -> None:
     """Return a round stool on four splayed legs."""
     seat = style.between(0.44, 0.48)
     m.add(post(0.17, 0.035, (0, seat - 0.035, 0), segments=16), style.wood, "hull")
@@ -251,7 +253,7 @@ def stool(m: Model, style: Style) -> None:
 
 
 @maker("bench")
-def bench(m: Model, style: Style) -> None:
+def bench(m: PieceBuilder, style: Style) -> None:
     """Return a bench for the hall, with space for shoes below."""
     w, d, h = style.between(0.8, 1.1), 0.32, 0.44
     m.box((w, 0.04, d), (0, h - 0.06, 0), style.wood)

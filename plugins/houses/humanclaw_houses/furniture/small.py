@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 from humanclaw_houses import textures as t
-from humanclaw_houses.model import Model, maker
+from humanclaw_houses.piece_builder import PieceBuilder, maker
 from humanclaw_houses.shapes import Ring, ball, box, loft, post, soft_box, tube, turned
 from humanclaw_houses.style import Style
 
 
 @maker("cup", mass=0.3, friction=0.4)
-def cup(m: Model, style: Style) -> None:
+def cup(m: PieceBuilder, style: Style) -> None:
     tile = style.paint()
     m.add(turned([(0.032, 0), (0.04, 0.09), (0.035, 0.09), (0.03, 0.02)], segments=12), tile, "hull")
     m.add(tube([(0.038, 0.075, 0), (0.062, 0.06, 0), (0.058, 0.03, 0), (0.036, 0.025, 0)], 0.006, 5), tile)
 
 
 @maker("bottle", mass=0.8, friction=0.4)
-def bottle(m: Model, style: Style) -> None:
+def bottle(m: PieceBuilder, style: Style) -> None:
     tile = t.plain(t.pick(style.rng, ((50, 92, 60), (90, 56, 36), (176, 206, 214), (40, 70, 110))), style.rng)
     m.add(turned([(0.036, 0), (0.037, 0.17), (0.015, 0.22), (0.014, 0.27)], segments=12), tile, "hull")
     m.add(turned([(0.0375, 0.05), (0.0375, 0.13)], segments=12), style.linen)
@@ -24,7 +24,7 @@ def bottle(m: Model, style: Style) -> None:
 
 
 @maker("vase", mass=1.0, friction=0.4)
-def vase(m: Model, style: Style) -> None:
+def vase(m: PieceBuilder, style: Style) -> None:
     """Return a vase with a few flowers."""
     m.add(
         turned([(0.05, 0), (0.075, 0.08), (0.05, 0.17), (0.035, 0.2), (0.045, 0.23)], segments=14),
@@ -40,7 +40,7 @@ def vase(m: Model, style: Style) -> None:
 
 
 @maker("book", mass=0.8, friction=0.5)
-def book(m: Model, style: Style) -> None:
+def book(m: PieceBuilder, style: Style) -> None:
     """Return one book, or a pile of three."""
     y = 0.0
     for k in range(1 if style.chance(0.5) else 3):
@@ -52,7 +52,7 @@ def book(m: Model, style: Style) -> None:
 
 
 @maker("bowl", mass=1.1, friction=0.5)
-def bowl(m: Model, style: Style) -> None:
+def bowl(m: PieceBuilder, style: Style) -> None:
     """Return a bowl of fruit."""
     m.add(
         turned([(0.06, 0), (0.12, 0.06), (0.14, 0.09), (0.13, 0.09), (0.09, 0.05)], segments=16), style.ceramic, "hull"
@@ -63,7 +63,7 @@ def bowl(m: Model, style: Style) -> None:
 
 
 @maker("pot", mass=1.5, friction=0.4)
-def pot(m: Model, style: Style) -> None:
+def pot(m: PieceBuilder, style: Style) -> None:
     """Return a cooking pot with a lid."""
     tile = style.choice(style.steel, style.black, style.paint())
     m.add(turned([(0.1, 0), (0.11, 0.02), (0.11, 0.13), (0.115, 0.135), (0.06, 0.16)], segments=16), tile, "hull")
@@ -73,7 +73,7 @@ def pot(m: Model, style: Style) -> None:
 
 
 @maker("box", friction=0.5)
-def carton(m: Model, style: Style) -> None:
+def carton(m: PieceBuilder, style: Style) -> None:
     """Return a cardboard box with tape over its lid."""
     w, h, d = style.between(0.28, 0.42), style.between(0.22, 0.34), style.between(0.25, 0.34)
     m.box((w, h, d), (0, 0, 0), t.plain((190, 150, 104), style.rng, 0.03))
@@ -82,14 +82,14 @@ def carton(m: Model, style: Style) -> None:
 
 
 @maker("ball", mass=0.4, friction=0.6)
-def toy_ball(m: Model, style: Style) -> None:
+def toy_ball(m: PieceBuilder, style: Style) -> None:
     r = style.between(0.1, 0.13)
     tile = t.stripes(t.pick(style.rng, t.ACCENTS), (240, 236, 226), style.rng, 3)
     m.add(ball(r, segments=16), tile, "hull")
 
 
 @maker("basket", mass=2.0, friction=0.5)
-def basket(m: Model, style: Style) -> None:
+def basket(m: PieceBuilder, style: Style) -> None:
     """Return a wicker basket with folded cloth in it."""
     wicker = t.checks((190, 150, 100), (150, 112, 70), style.rng, 8)
     m.add(turned([(0.16, 0), (0.2, 0.28), (0.18, 0.28), (0.16, 0.2)], segments=16), wicker, "hull")
@@ -97,13 +97,13 @@ def basket(m: Model, style: Style) -> None:
 
 
 @maker("bin", mass=1.0, friction=0.5)
-def bin_(m: Model, style: Style) -> None:
+def bin_(m: PieceBuilder, style: Style) -> None:
     tile = style.choice(style.steel, style.black, style.white)
     m.add(turned([(0.11, 0), (0.13, 0.3), (0.12, 0.3), (0.1, 0.04)], segments=14), tile, "hull")
 
 
 @maker("shoe", mass=0.4, friction=0.7)
-def shoe(m: Model, style: Style) -> None:
+def shoe(m: PieceBuilder, style: Style) -> None:
     """Return one shoe."""
     tile = style.paint()
     m.add(soft_box((0.1, 0.025, 0.27), (0, 0, 0), 0.012), style.white)
@@ -118,7 +118,7 @@ def shoe(m: Model, style: Style) -> None:
 
 
 @maker("teddy_bear", mass=0.5, friction=0.8)
-def teddy(m: Model, style: Style) -> None:
+def teddy(m: PieceBuilder, style: Style) -> None:
     """Return a sitting teddy bear."""
     fur = t.carpet(t.pick(style.rng, ((156, 108, 66), (206, 170, 124), (120, 84, 60))), style.rng)
     m.add(ball(0.1, (0, 0, 0), (1, 1.1, 0.9), 10), fur)
@@ -133,12 +133,12 @@ def teddy(m: Model, style: Style) -> None:
 
 
 @maker("toy", mass=0.3, friction=0.6)
-def toy_block(m: Model, style: Style) -> None:
+def toy_block(m: PieceBuilder, style: Style) -> None:
     m.box((0.1, 0.1, 0.1), (0, 0, 0), style.paint())
 
 
 @maker("toy", mass=0.5, friction=0.4)
-def toy_car(m: Model, style: Style) -> None:
+def toy_car(m: PieceBuilder, style: Style) -> None:
     tile = style.paint()
     m.add(soft_box((0.12, 0.06, 0.24), (0, 0.025, 0), 0.02), tile)
     m.add(soft_box((0.1, 0.05, 0.12), (0, 0.08, -0.01), 0.02), style.chrome)
@@ -149,7 +149,7 @@ def toy_car(m: Model, style: Style) -> None:
 
 
 @maker("clock", mass=0.3, friction=0.5)
-def clock(m: Model, style: Style) -> None:
+def clock(m: PieceBuilder, style: Style) -> None:
     """Return an alarm clock."""
     m.box((0.12, 0.09, 0.06), (0, 0, 0), style.paint())
     m.add(box((0.1, 0.07, 0.004), (0, 0.01, 0.03)), style.white)
@@ -158,14 +158,14 @@ def clock(m: Model, style: Style) -> None:
 
 
 @maker("soap", mass=0.3, friction=0.4)
-def soap(m: Model, style: Style) -> None:
+def soap(m: PieceBuilder, style: Style) -> None:
     """Return a soap dispenser."""
     m.add(turned([(0.03, 0), (0.032, 0.1), (0.012, 0.13)], segments=10), style.paint(), "hull")
     m.add(tube([(0, 0.13, 0), (0, 0.16, 0), (0, 0.16, 0.035)], 0.006, 5), style.chrome)
 
 
 @maker("backpack", mass=3.0, friction=0.6)
-def backpack(m: Model, style: Style) -> None:
+def backpack(m: PieceBuilder, style: Style) -> None:
     tile = style.fabric()
     m.add(soft_box((0.3, 0.42, 0.16), (0, 0, 0), 0.06), tile)
     m.add(soft_box((0.24, 0.2, 0.07), (0, 0.03, 0.1), 0.03), tile)

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from humanclaw_houses import textures as t
-from humanclaw_houses.furniture.opening import BOARD, carcass, door
-from humanclaw_houses.model import Model, maker
+from humanclaw_houses.furniture.hinged_parts import BOARD, carcass, door
+from humanclaw_houses.piece_builder import PieceBuilder, maker
 from humanclaw_houses.shapes import Shape, box, post, sheet, tube
 from humanclaw_houses.style import Style
 
 
 @maker("wardrobe")
-def wardrobe(m: Model, style: Style) -> None:
+def wardrobe(m: PieceBuilder, style: Style) -> None:
     """Return a wardrobe with two or three doors, one of three sometimes a mirror, with a shelf and a rail."""
     doors = int(style.rng.integers(2, 4))
     w, h, d, gap = doors * 0.5, style.between(1.95, 2.15), 0.58, 0.06
@@ -26,7 +26,7 @@ def wardrobe(m: Model, style: Style) -> None:
 
 
 @maker("bookshelf")
-def bookshelf(m: Model, style: Style, low: bool = False) -> None:
+def bookshelf(m: PieceBuilder, style: Style, low: bool = False) -> None:
     """Return a bookshelf with rows of books, some gaps, and a free top."""
     w, d = style.between(0.75, 1.0), 0.3
     levels = 2 if low else 5
@@ -40,10 +40,10 @@ def bookshelf(m: Model, style: Style, low: bool = False) -> None:
     for k in range(levels):
         _row(m, style, w, 0.065 + 0.36 * k, d)
     m.solid((w, h, d), (0, 0, 0))
-    m.top(w, d, h, room=0.3)
+    m.surface(w, d, h, room=0.3)
 
 
-def _row(m: Model, style: Style, w: float, y: float, d: float) -> None:
+def _row(m: PieceBuilder, style: Style, w: float, y: float, d: float) -> None:
     share = style.between(0.5, 0.98)
     side = 1 if style.chance(0.5) else -1
     length = (w - 0.06) * share
@@ -57,7 +57,7 @@ def _row(m: Model, style: Style, w: float, y: float, d: float) -> None:
 
 
 @maker("sideboard")
-def sideboard(m: Model, style: Style) -> None:
+def sideboard(m: PieceBuilder, style: Style) -> None:
     """Return a long low cupboard on legs."""
     w, h, d, gap = style.between(1.2, 1.6), style.between(0.72, 0.82), 0.42, 0.14
     tile = style.choice(style.wood, style.second_wood)
@@ -69,11 +69,11 @@ def sideboard(m: Model, style: Style) -> None:
     for x in (-1, 1):
         for z in (-1, 1):
             m.box((0.04, gap, 0.04), (x * (w / 2 - 0.1), 0, z * (d / 2 - 0.07)), style.black, skip="t")
-    m.top(w, d - 0.04, h)
+    m.surface(w, d - 0.04, h)
 
 
 @maker("shelf")
-def open_shelf(m: Model, style: Style) -> None:
+def open_shelf(m: PieceBuilder, style: Style) -> None:
     """Return a metal rack whose boards can hold objects."""
     w, d, h = style.between(0.75, 0.95), 0.36, 1.6
     for x in (-1, 1):
@@ -82,11 +82,11 @@ def open_shelf(m: Model, style: Style) -> None:
     for k in range(4):
         y = 0.12 + 0.48 * k
         m.box((w, 0.025, d), (0, y, 0), style.wood)
-        m.top(w - 0.1, d - 0.06, y + 0.025, room=0.42)
+        m.surface(w - 0.1, d - 0.06, y + 0.025, room=0.42)
 
 
 @maker("wall_shelf")
-def wall_shelf(m: Model, style: Style) -> None:
+def wall_shelf(m: PieceBuilder, style: Style) -> None:
     """Return a board on brackets with a few books, hung on a wall."""
     w = style.between(0.6, 0.9)
     m.box((w, 0.03, 0.2), (0, 0, 0), style.wood)
@@ -97,7 +97,7 @@ def wall_shelf(m: Model, style: Style) -> None:
 
 
 @maker("coat_rack")
-def coat_rack(m: Model, style: Style) -> None:
+def coat_rack(m: PieceBuilder, style: Style) -> None:
     """Return a board with hooks and two coats, hung on a wall."""
     m.add(box((0.8, 0.1, 0.02), (0, 0.9, 0.01)), style.wood)
     for k in range(4):

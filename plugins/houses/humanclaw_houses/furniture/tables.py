@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from humanclaw_houses.furniture.opening import BOARD, carcass, drawer
-from humanclaw_houses.model import Model, maker
+from humanclaw_houses.furniture.hinged_parts import BOARD, carcass, drawer
+from humanclaw_houses.piece_builder import PieceBuilder, maker
 from humanclaw_houses.shapes import box, post, soft_box, turned
 from humanclaw_houses.style import Style
-from humanclaw_houses.textures import Tile
+from humanclaw_houses.textures import Texture
 
 
-def _table(m: Model, style: Style, size: tuple[float, float, float], tile: Tile, thick: float = 0.035) -> None:
+def _table(
+    m: PieceBuilder, style: Style, size: tuple[float, float, float], tile: Texture, thick: float = 0.035
+) -> None:
     w, h, d = size
     leg = 0.055 if h > 0.6 else 0.045
     m.box((w, thick, d), (0, h - thick, 0), tile)
@@ -19,11 +21,11 @@ def _table(m: Model, style: Style, size: tuple[float, float, float], tile: Tile,
             m.box(
                 (leg, h - thick, leg), (x * (w / 2 - leg / 2 - 0.02), 0, z * (d / 2 - leg / 2 - 0.02)), tile, skip="t"
             )
-    m.top(w, d, h)
+    m.surface(w, d, h)
 
 
 @maker("table")
-def dining_table(m: Model, style: Style, seats: int = 4) -> None:
+def dining_table(m: PieceBuilder, style: Style, seats: int = 4) -> None:
     """Return a table for two, four, six or eight; tables for four are sometimes round."""
     tile = style.choice(style.wood, style.wood, style.second_wood)
     if seats == 4 and style.chance(0.3):
@@ -32,7 +34,7 @@ def dining_table(m: Model, style: Style, seats: int = 4) -> None:
         m.add(turned([(0.26, 0), (0.25, 0.03), (0.06, 0.08), (0.05, 0.6), (0.12, 0.715)]), tile)
         m.solid((0.36, 0.05, 0.36), (0, 0, 0))
         m.solid((0.12, 0.66, 0.12), (0, 0.05, 0))
-        m.top(1.3 * r, 1.3 * r, 0.75)
+        m.surface(1.3 * r, 1.3 * r, 0.75)
     else:
         lengths = {2: style.between(0.75, 0.85), 4: style.between(1.2, 1.35), 6: style.between(1.6, 1.8)}
         w = style.between(2.2, 2.4) if seats == 8 else lengths[seats]
@@ -40,43 +42,43 @@ def dining_table(m: Model, style: Style, seats: int = 4) -> None:
 
 
 @maker("coffee_table")
-def coffee_table(m: Model, style: Style) -> None:
+def coffee_table(m: PieceBuilder, style: Style) -> None:
     tile = style.choice(style.wood, style.second_wood, style.white)
     w, h, d = style.between(0.85, 1.15), style.between(0.38, 0.44), style.between(0.48, 0.58)
     if style.chance(0.35):
         m.add(post(0.38, 0.03, (0, h - 0.03, 0), segments=20), tile, "hull")
         for x, z in ((-0.22, -0.22), (0.22, -0.22), (-0.22, 0.22), (0.22, 0.22)):
             m.box((0.035, h - 0.03, 0.035), (x, 0, z), style.black)
-        m.top(0.5, 0.5, h)
+        m.surface(0.5, 0.5, h)
     else:
         _table(m, style, (w, h, d), tile)
         m.box((w - 0.12, 0.02, d - 0.12), (0, 0.14, 0), tile)
 
 
 @maker("side_table")
-def side_table(m: Model, style: Style) -> None:
+def side_table(m: PieceBuilder, style: Style) -> None:
     h = style.between(0.48, 0.55)
     m.add(post(0.22, 0.025, (0, h - 0.025, 0), segments=18), style.wood, "hull")
     m.add(post(0.02, h - 0.03, (0, 0.01, 0)), style.black)
     m.add(post(0.15, 0.015, segments=16), style.black)
     m.solid((0.2, 0.02, 0.2), (0, 0, 0))
     m.solid((0.04, h - 0.05, 0.04), (0, 0.02, 0))
-    m.top(0.3, 0.3, h)
+    m.surface(0.3, 0.3, h)
 
 
 @maker("nightstand")
-def nightstand(m: Model, style: Style) -> None:
+def nightstand(m: PieceBuilder, style: Style) -> None:
     """Return a small chest of two drawers beside a bed."""
     _chest(m, style, (style.between(0.4, 0.48), style.between(0.48, 0.56), 0.38), 2)
 
 
 @maker("dresser")
-def dresser(m: Model, style: Style) -> None:
+def dresser(m: PieceBuilder, style: Style) -> None:
     """Return a chest of four drawers."""
     _chest(m, style, (style.between(0.85, 1.2), style.between(0.8, 0.95), 0.45), 4)
 
 
-def _chest(m: Model, style: Style, size: tuple[float, float, float], rows: int) -> None:
+def _chest(m: PieceBuilder, style: Style, size: tuple[float, float, float], rows: int) -> None:
     (w, h, d), plinth = size, 0.06
     tile = style.choice(style.wood, style.second_wood, style.white)
     m.box((w - 0.04, plinth, d - 0.06), (0, 0, -0.02), style.black)
@@ -84,11 +86,11 @@ def _chest(m: Model, style: Style, size: tuple[float, float, float], rows: int) 
     each = (h - plinth - 2 * BOARD) / rows
     for k in range(rows):
         drawer(m, (w - 2 * BOARD, each, d - 0.03), (0, plinth + BOARD + k * each, 0.015), tile, style.steel)
-    m.top(w, d - 0.04, h)
+    m.surface(w, d - 0.04, h)
 
 
 @maker("desk")
-def desk(m: Model, style: Style) -> None:
+def desk(m: PieceBuilder, style: Style) -> None:
     """Return a desk with drawers at its +X end; the place to sit is at x = -0.19."""
     w, d, h = style.between(1.15, 1.4), style.between(0.58, 0.66), 0.74
     tile = style.choice(style.wood, style.second_wood, style.white)
@@ -100,17 +102,17 @@ def desk(m: Model, style: Style) -> None:
         m.add(box((0.12, 0.012, 0.02), (side * (w / 2 - 0.22), 0.16 + 0.205 * k, d / 2 - 0.012)), style.steel)
     for z in (-1, 1):
         m.box((0.045, h - 0.03, 0.045), (-side * (w / 2 - 0.04), 0, z * (d / 2 - 0.04)), tile)
-    m.top(w, d, h)
+    m.surface(w, d, h)
 
 
 @maker("console_table")
-def console(m: Model, style: Style) -> None:
+def console(m: PieceBuilder, style: Style) -> None:
     """Return a narrow table for a hall."""
     _table(m, style, (style.between(0.7, 1.0), 0.8, 0.28), style.wood, 0.03)
 
 
 @maker("tv_stand")
-def tv_stand(m: Model, style: Style, width: float) -> None:
+def tv_stand(m: PieceBuilder, style: Style, width: float) -> None:
     """Return a low board on legs. It is open below for the feet of a body that steps up to the screen."""
     d, h, gap = 0.36, style.between(0.44, 0.52), 0.16
     tile = style.choice(style.wood, style.second_wood, style.white, style.black)
@@ -125,11 +127,11 @@ def tv_stand(m: Model, style: Style, width: float) -> None:
         m.add(box((wide - 0.012, h - gap - 0.04, 0.016), (x, gap + 0.02, d / 2 - 0.012), "k"), front)
         if k != 1:
             m.add(box((0.016, 0.09, 0.018), (x + wide * 0.3 * (1 - k), gap + 0.1, d / 2 + 0.004)), style.steel)
-    m.top(width, d - 0.04, h)
+    m.surface(width, d - 0.04, h)
 
 
 @maker("pouffe", mass=3.0, friction=0.6)
-def cushion_block(m: Model, style: Style) -> None:
+def cushion_block(m: PieceBuilder, style: Style) -> None:
     """Return a pouffe."""
     m.add(soft_box((0.48, 0.36, 0.48), (0, 0, 0), 0.08, 0.02), style.second_cloth)
     m.solid((0.46, 0.36, 0.46), (0, 0, 0))

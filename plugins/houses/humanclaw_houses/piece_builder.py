@@ -1,4 +1,4 @@
-"""Build an asset from shapes and tiles: one mesh with one atlas, collision hulls, and tops for other objects."""
+"""Build an asset from shapes and textures: one mesh, one atlas, collision hulls, and surfaces that support objects."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from numpy.typing import NDArray
 from humanclaw.world import Asset, Hinge, Joint, Mesh, atlas, balanced, exact
 from humanclaw_houses.shapes import Array, Chart, Point, Shape, box
 from humanclaw_houses.style import Style
-from humanclaw_houses.textures import Tile
+from humanclaw_houses.textures import Texture
 
 Solid = Literal["", "box", "hull"]
 P = ParamSpec("P")
 
 
 @dataclass(frozen=True)
-class Top:
+class SupportSurface:
     """A level rectangle that objects can be put on, in the asset's frame, metres."""
 
     x0: float
@@ -40,11 +40,11 @@ class Piece:
     """An asset with the properties that furnishing needs."""
 
     asset: Asset
-    tops: tuple[Top, ...] = ()
+    surfaces: tuple[SupportSurface, ...] = ()
     mass: float = 0.0
     """Kilograms; 0 if it is fixed."""
     friction: float = 0.5
-    leaves: tuple[Leaf, ...] = ()
+    hinged_parts: tuple[HingedPart, ...] = ()
     """Its doors and drawers, closed."""
 
     @cached_property
@@ -56,16 +56,16 @@ class Piece:
     @cached_property
     def low(self) -> Array:
         own = self.asset.mesh.vertices.min(axis=0)
-        return np.asarray(np.min([own, *(leaf.piece.low + leaf.at for leaf in self.leaves)], axis=0), float)
+        return np.asarray(np.min([own, *(leaf.piece.low + leaf.at for leaf in self.hinged_parts)], axis=0), float)
 
     @cached_property
     def high(self) -> Array:
         own = self.asset.mesh.vertices.max(axis=0)
-        return np.asarray(np.max([own, *(leaf.piece.high + leaf.at for leaf in self.leaves)], axis=0), float)
+        return np.asarray(np.max([own, *(leaf.piece.high + leaf.at for leaf in self.hinged_parts)], axis=0), float)
 
 
 @dataclass(frozen=True, eq=False)
-class Leaf:
+class HingedPart:
     """A door, drawer or lid of a piece."""
 
     piece: Piece
@@ -75,12 +75,12 @@ class Leaf:
     state: float = 0.0
     """How far it is open, in the unit of its joint."""
 
-    def opened(self, share: float) -> Leaf:
+    def opened(self, share: float) -> HingedPart:
         """Return it open by a share of its range."""
         return replace(self, state=round(share * max(self.joint.low, self.joint.high, key=abs), 4))
 
 
-class Model:
+class PieceBuilder:
     """Gathers the parts of one asset."""
 
     def __init__(self, mass: float = 0.0, friction: float = 0.5) -> None:
@@ -88,12 +88,12 @@ class Model:
         self.mass, self.friction = mass, friction
         self.seat: float | None = None
         """Height of the seat, metres."""
-        self._parts: list[tuple[Chart, Tile]] = []
+        self._parts: list[tuple[Chart, Texture]] = []
         self._hulls: list[Array] = []
-        self._tops: list[Top] = []
-        self._leaves: list[tuple[Model, Joint]] = []
+        self._surfaces: list[SupportSurface] = []
+        self._hinged_parts: list[tuple[PieceBuilder, Joint]] = []
 
-    def add(self, shape: Shape, tile: Tile, solid: Solid = "") -> None:
+    def add(self, shape: Shape, tile: Texture, solid: Solid = "") -> None:
         """Add a part. solid: whether its bounding box or its convex hull collides, or nothing."""
         self._parts += [(chart, tile) for chart in shape.charts]
         if solid == "box":
@@ -102,7 +102,7 @@ class Model:
         elif solid == "hull":
             self._hulls.append(convex(shape.vertices))
 
-    def box(self, size: Point, at: Point, tile: Tile, *, solid: bool = True, skip: str = "") -> None:
+    def box(self, size: Point, at: Point, tile: Texture, *, solid: bool = True, skip: str = "") -> None:
         """Add a box that stands on `at`. solid: whether it collides. skip: sides to leave out, as in shapes.box."""
         self.add(box(size, at, skip), tile)
         if solid:
@@ -113,17 +113,19 @@ class Model:
         half = np.array([size[0] / 2, 0.0, size[2] / 2])
         self._hulls.append(corners(np.array(at) - half, np.array(at) + half + [0.0, size[1], 0.0]))
 
-    def top(
+    def surface(
         self, width: float, depth: float, y: float, x: float = 0.0, z: float = 0.0, room: float = 1.0,
         *, inside: bool = False,
     ) -> None:  # fmt: skip
         """Declare a level rectangle about (x, z)."""
-        self._tops.append(Top(x - width / 2, z - depth / 2, x + width / 2, z + depth / 2, y, room, inside))
+        self._surfaces.append(
+            SupportSurface(x - width / 2, z - depth / 2, x + width / 2, z + depth / 2, y, room, inside)
+        )
 
-    def leaf(self, joint: Joint, mass: float) -> Model:
-        """Return a model for a part on a hinge or slide, in the same frame. mass: kilograms."""
-        part = Model(mass)
-        self._leaves.append((part, joint))
+    def hinged_part(self, joint: Joint, mass: float) -> PieceBuilder:
+        """Return a builder for a part on a hinge or slide, in the same frame. mass: kilograms."""
+        part = PieceBuilder(mass)
+        self._hinged_parts.append((part, joint))
         return part
 
     def points(self) -> Array:
@@ -132,38 +134,40 @@ class Model:
 
     def piece(self, name: str, category: str) -> Piece:
         """Return the finished asset, moved so that its footprint is centred on the origin."""
-        shift = -_footprint(np.concatenate([self.points(), *(part.points() for part, _ in self._leaves)]))
+        shift = -_footprint(np.concatenate([self.points(), *(part.points() for part, _ in self._hinged_parts)]))
         hulls = tuple(exact(hull + shift) for hull in self._hulls)
         asset = Asset(name, category, bake(self._parts, shift), hulls, self.seat)
         sx, _, sz = shift
-        tops = tuple(replace(t, x0=t.x0 + sx, z0=t.z0 + sz, x1=t.x1 + sx, z1=t.z1 + sz) for t in self._tops)
-        leaves = tuple(
-            part._leaf(f"{name}_{number}", category, joint, shift)
-            for number, (part, joint) in enumerate(self._leaves, 1)
+        surfaces = tuple(replace(s, x0=s.x0 + sx, z0=s.z0 + sz, x1=s.x1 + sx, z1=s.z1 + sz) for s in self._surfaces)
+        hinged_parts = tuple(
+            part._hinged(f"{name}_{number}", category, joint, shift)
+            for number, (part, joint) in enumerate(self._hinged_parts, 1)
         )
-        return Piece(asset, tops, self.mass, self.friction, leaves)
+        return Piece(asset, surfaces, self.mass, self.friction, hinged_parts)
 
-    def _leaf(self, name: str, category: str, joint: Joint, shift: Array) -> Leaf:
-        """Return this model as a leaf. shift: of the piece that it belongs to."""
+    def _hinged(self, name: str, category: str, joint: Joint, shift: Array) -> HingedPart:
+        """Return the finished hinged part. shift: of the piece that it belongs to."""
         middle = _footprint(self.points())
         x, y, z = (middle + shift).tolist()
         if isinstance(joint, Hinge):
             joint = replace(joint, point=_vec3(np.array(joint.point) - middle))
         piece = self.piece(name, category)
-        return Leaf(piece, (x, y, z), balanced(joint, (piece.low + piece.high) / 2, self.mass))
+        return HingedPart(piece, (x, y, z), balanced(joint, (piece.low + piece.high) / 2, self.mass))
 
 
 def maker(
     category: str, *, mass: float = 0.0, friction: float = 0.5
-) -> Callable[[Callable[Concatenate[Model, Style, P], None]], Callable[Concatenate[Style, str, P], Piece]]:
-    """Make a maker of pieces, which takes style and name, of a function that adds the parts of a piece to a model."""
+) -> Callable[[Callable[Concatenate[PieceBuilder, Style, P], None]], Callable[Concatenate[Style, str, P], Piece]]:
+    """Make a maker of pieces, which takes style and name, of a function that adds the parts of a piece to a builder."""
 
-    def decorate(add: Callable[Concatenate[Model, Style, P], None]) -> Callable[Concatenate[Style, str, P], Piece]:
+    def decorate(
+        add: Callable[Concatenate[PieceBuilder, Style, P], None],
+    ) -> Callable[Concatenate[Style, str, P], Piece]:
         @wraps(add)
         def make(style: Style, name: str, /, *args: P.args, **options: P.kwargs) -> Piece:
-            model = Model(mass, friction)
-            add(model, style, *args, **options)
-            return model.piece(name, category)
+            builder = PieceBuilder(mass, friction)
+            add(builder, style, *args, **options)
+            return builder.piece(name, category)
 
         return make
 
@@ -192,7 +196,7 @@ def convex(points: Array, tolerance: float = 0.004) -> Array:
     return np.asarray(hull.to_mesh64().vert_properties[:, :3], float)
 
 
-def bake(parts: Sequence[tuple[Chart, Tile]], shift: Array) -> Mesh:
+def bake(parts: Sequence[tuple[Chart, Texture]], shift: Array) -> Mesh:
     """Combine charts into one mesh: their tiles side by side in an atlas, their uv fitted into the tiles."""
     tiles = list({id(tile): tile for _, tile in parts}.values())
     texture, places, extent = atlas([tile.pixels for tile in tiles])
@@ -207,7 +211,7 @@ def bake(parts: Sequence[tuple[Chart, Tile]], shift: Array) -> Mesh:
     return Mesh(exact(vertices), faces.astype(np.int32), exact(uv * extent + corner), texture)
 
 
-def _fit(uv: Array, counts: NDArray[np.int64], first: NDArray[np.int64], tiles: Sequence[Tile]) -> Array:
+def _fit(uv: Array, counts: NDArray[np.int64], first: NDArray[np.int64], tiles: Sequence[Texture]) -> Array:
     """Return (N, 2) uv in 0..1 of each part's tile: all of it, or a cut as large as the part, at a place that varies.
 
     The places vary so that equal parts do not show the same pattern.

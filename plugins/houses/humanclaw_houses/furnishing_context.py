@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from humanclaw_houses.model import Piece
+from humanclaw_houses.piece_builder import Piece
 from humanclaw_houses.style import Style
 
 Maker = Callable[[Style, str], Piece]
@@ -17,7 +17,7 @@ _COUCHES: Final = (0.3, 0.3, 0.25, 0.15)
 
 
 @dataclass(eq=False)
-class Kit:
+class FurnishingContext:
     """The resources that furnishing rules use."""
 
     style: Style
