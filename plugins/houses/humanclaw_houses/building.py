@@ -19,7 +19,7 @@ from humanclaw_houses.textures import Texture
 SKIRTING = 0.08
 """Height of the skirting boards, metres."""
 _CELL = 1.2
-"""Length that a tile covers on walls, floors and ceilings, about, metres."""
+"""Length that a texture covers on walls, floors and ceilings, about, metres."""
 _WIDEST = 95.0
 """Largest angle to which a door opens, degrees: a wall or a shelf is behind it."""
 _AJAR = (70.0, 85.0)
@@ -45,7 +45,7 @@ class Placed:
 
 @dataclass(frozen=True, eq=False)
 class Finish:
-    """The tiles on the walls and the floor of a room."""
+    """The textures on the walls and the floor of a room."""
 
     wall: Texture
     floor: Texture
@@ -104,8 +104,8 @@ def build(plan: FloorPlan, style: Style, finishes: Mapping[str, Finish]) -> Iter
             yield _stairs(plan, area, finishes, style)
     above = "upper_" if plan.floor > 0 else ""
     for number, wall in enumerate(plan.walls):
-        tiles = [finishes[name].wall if name else outside for name in (wall.low, wall.high)]
-        yield _wall(plan, wall, f"{above}{number}", tiles, style)
+        textures = [finishes[name].wall if name else outside for name in (wall.low, wall.high)]
+        yield _wall(plan, wall, f"{above}{number}", textures, style)
         for index, opening in enumerate(wall.openings):
             yield from _fill(wall, opening, f"{above}{number}_{index}", style)
 
@@ -142,7 +142,7 @@ def _floor(area: Area, finish: Finish, thick: float) -> Placed:
 
 
 def _tiled(corner: Point, along: Point, up: Point) -> Shape:
-    """Return a rectangle as quads of about one tile each, so that the tile repeats and no uv leaves 0..1."""
+    """Return a rectangle as quads of about one texture each, so that the texture repeats and no uv leaves 0..1."""
     start, side, rise = np.array(corner), np.array(along), np.array(up)
     columns, rows = _cells(float(np.linalg.norm(side))), _cells(float(np.linalg.norm(rise)))
     i, j = np.indices((columns, rows)).reshape(2, -1, 1)
@@ -161,18 +161,18 @@ def _ceiling(area: Area, style: Style) -> Placed:
 
 
 # -- walls -------------------------------------------------------------------------------------------------------------
-def _wall(plan: FloorPlan, wall: Wall, number: str, tiles: list[Texture], style: Style) -> Placed:
+def _wall(plan: FloorPlan, wall: Wall, number: str, textures: list[Texture], style: Style) -> Placed:
     """Build a wall: faces, reveals of the openings, top, skirting, and a collision box for every solid stretch.
 
     It is built along x. A wall along z is turned so that its x becomes z; its low room is then at the builder's +Z.
     """
     m = PieceBuilder()
     middle, turn = (wall.start + wall.end) / 2, 1 if wall.axis == "x" else -1
-    for low, tile in zip((True, False), tiles, strict=True):
+    for low, texture in zip((True, False), textures, strict=True):
         start, end = _face_ends(plan, wall, low)
         side = (-1 if low else 1) * turn
         for x0, x1, y0, y1 in _stretches(wall, start - middle, end - middle, middle, plan.height):
-            _face(m, side, (x0, x1, y0, y1), tile)
+            _face(m, side, (x0, x1, y0, y1), texture)
             if y0 == 0 and (wall.low if low else wall.high):
                 m.add(box((x1 - x0, SKIRTING, 0.012), ((x0 + x1) / 2, 0, side * (WALL / 2 + 0.006)), "b"), style.white)
     reach = WALL / 2
@@ -236,11 +236,11 @@ def _stretches(
     return [part for part in parts if part[1] - part[0] > 1e-6 and part[3] - part[2] > 1e-6]
 
 
-def _face(m: PieceBuilder, side: int, span: tuple[float, float, float, float], tile: Texture) -> None:
+def _face(m: PieceBuilder, side: int, span: tuple[float, float, float, float], texture: Texture) -> None:
     x0, x1, y0, y1 = span
     z = side * WALL / 2
     corner, along = ((x1, y0, z), (x0 - x1, 0.0, 0.0)) if side < 0 else ((x0, y0, z), (x1 - x0, 0.0, 0.0))
-    m.add(_tiled(corner, along, (0, y1 - y0, 0)), tile)
+    m.add(_tiled(corner, along, (0, y1 - y0, 0)), texture)
 
 
 def _reveal(m: PieceBuilder, hole: WallOpening, x: float, style: Style) -> None:
@@ -297,8 +297,8 @@ def _window(m: PieceBuilder, style: Style, hole: WallOpening) -> None:
 @maker("door")
 def _front_door(m: PieceBuilder, style: Style, hole: WallOpening) -> None:
     """Build the front door, closed."""
-    tile = t.panel_door(t.pick(style.rng, ((120, 60, 48), (52, 78, 92), (62, 88, 70), (104, 74, 50))), style.rng)
-    m.box((hole.width, hole.top, 0.06), (0, 0, 0), tile)
+    texture = t.panel_door(t.pick(style.rng, ((120, 60, 48), (52, 78, 92), (62, 88, 70), (104, 74, 50))), style.rng)
+    m.box((hole.width, hole.top, 0.06), (0, 0, 0), texture)
     m.add(box((0.13, 0.02, 0.03), (hole.width / 2 - 0.13, 1.02, 0.06)), style.brass)
     m.add(post(0.018, 0.02).moved((0, 1.5, 0.03), (90, 0, 0)), style.brass)
 

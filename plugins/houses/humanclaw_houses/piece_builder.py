@@ -93,18 +93,18 @@ class PieceBuilder:
         self._surfaces: list[SupportSurface] = []
         self._hinged_parts: list[tuple[PieceBuilder, Joint]] = []
 
-    def add(self, shape: Shape, tile: Texture, solid: Solid = "") -> None:
+    def add(self, shape: Shape, texture: Texture, solid: Solid = "") -> None:
         """Add a part. solid: whether its bounding box or its convex hull collides, or nothing."""
-        self._parts += [(chart, tile) for chart in shape.charts]
+        self._parts += [(chart, texture) for chart in shape.charts]
         if solid == "box":
             low, high = shape.vertices.min(axis=0), shape.vertices.max(axis=0)
             self._hulls.append(corners(low, high))
         elif solid == "hull":
             self._hulls.append(convex(shape.vertices))
 
-    def box(self, size: Point, at: Point, tile: Texture, *, solid: bool = True, skip: str = "") -> None:
+    def box(self, size: Point, at: Point, texture: Texture, *, solid: bool = True, skip: str = "") -> None:
         """Add a box that stands on `at`. solid: whether it collides. skip: sides to leave out, as in shapes.box."""
-        self.add(box(size, at, skip), tile)
+        self.add(box(size, at, skip), texture)
         if solid:
             self.solid(size, at)
 
@@ -197,32 +197,32 @@ def convex(points: Array, tolerance: float = 0.004) -> Array:
 
 
 def bake(parts: Sequence[tuple[Chart, Texture]], shift: Array) -> Mesh:
-    """Combine charts into one mesh: their tiles side by side in an atlas, their uv fitted into the tiles."""
-    tiles = list({id(tile): tile for _, tile in parts}.values())
-    texture, places, extent = atlas([tile.pixels for tile in tiles])
-    cells = {id(tile): place for tile, place in zip(tiles, places, strict=True)}
+    """Combine charts into one mesh: their textures side by side in an atlas, their uv fitted into the textures."""
+    textures = list({id(texture): texture for _, texture in parts}.values())
+    picture, places, extent = atlas([texture.pixels for texture in textures])
+    cells = {id(texture): place for texture, place in zip(textures, places, strict=True)}
     counts = np.array([len(chart.vertices) for chart, _ in parts])
     first = np.cumsum(counts) - counts
     faces = np.concatenate([chart.faces for chart, _ in parts])
     faces += np.repeat(first, [len(chart.faces) for chart, _ in parts])[:, None]
-    corner = np.repeat([cells[id(tile)] for _, tile in parts], counts, axis=0)
-    uv = _fit(np.concatenate([chart.uv for chart, _ in parts]), counts, first, [tile for _, tile in parts])
+    corner = np.repeat([cells[id(texture)] for _, texture in parts], counts, axis=0)
+    uv = _fit(np.concatenate([chart.uv for chart, _ in parts]), counts, first, [texture for _, texture in parts])
     vertices = np.concatenate([chart.vertices for chart, _ in parts]) + shift
-    return Mesh(exact(vertices), faces.astype(np.int32), exact(uv * extent + corner), texture)
+    return Mesh(exact(vertices), faces.astype(np.int32), exact(uv * extent + corner), picture)
 
 
-def _fit(uv: Array, counts: NDArray[np.int64], first: NDArray[np.int64], tiles: Sequence[Texture]) -> Array:
-    """Return (N, 2) uv in 0..1 of each part's tile: all of it, or a cut as large as the part, at a place that varies.
+def _fit(uv: Array, counts: NDArray[np.int64], first: NDArray[np.int64], textures: Sequence[Texture]) -> Array:
+    """Return (N, 2) uv in 0..1 of each part's texture: all of it, or a cut as large as the part at a varying place.
 
     The places vary so that equal parts do not show the same pattern.
     """
     uv = uv - np.repeat(np.minimum.reduceat(uv, first), counts, axis=0)
     span = np.maximum(np.maximum.reduceat(uv, first), 1e-9)
-    across = np.array([tile.grain for tile in tiles]) & (span[:, 0] > span[:, 1])
+    across = np.array([texture.grain for texture in textures]) & (span[:, 0] > span[:, 1])
     span[across] = span[across, ::-1]
     rows = np.repeat(across, counts)
     uv[rows] = uv[rows, ::-1]
-    share = np.minimum(span / np.array([[1e-9 if tile.fit else tile.metres] for tile in tiles]), 1.0)
-    offset = np.arange(len(tiles))[:, None] * np.array([0.37, 0.61]) % 1.0 * (1.0 - share)
+    share = np.minimum(span / np.array([[1e-9 if texture.fit else texture.metres] for texture in textures]), 1.0)
+    offset = np.arange(len(textures))[:, None] * np.array([0.37, 0.61]) % 1.0 * (1.0 - share)
     span, share, offset = (np.repeat(each, counts, axis=0) for each in (span, share, offset))
     return np.asarray(uv / span * share + offset)

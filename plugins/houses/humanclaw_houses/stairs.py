@@ -68,7 +68,7 @@ def _step(
 
 
 def _edging(style: Style) -> Texture:
-    """Return the tile of the edges: dark on light wood, light on dark wood."""
+    """Return the texture of the edges: dark on light wood, light on dark wood."""
     return style.black if float(style.wood.pixels.mean()) > 95 else style.white
 
 

@@ -12,7 +12,7 @@ from humanclaw_houses.textures import Texture
 
 @dataclass(frozen=True, eq=False)
 class Style:
-    """The tiles that the furniture of a house shares."""
+    """The textures that the furniture of a house shares."""
 
     rng: np.random.Generator
     wood: Texture

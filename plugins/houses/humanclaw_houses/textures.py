@@ -1,7 +1,7 @@
-"""Procedural texture tiles: wood, cloth, ceramic, plaster, screens, pictures.
+"""Procedural textures: wood, cloth, ceramic, plaster, screens, pictures.
 
-A tile is a small picture that covers a surface. All randomness comes from the generator that is passed in. Noise is
-blurred in whole numbers, so that a tile is the same on every machine.
+A texture is a small picture that covers a surface. All randomness comes from the generator that is passed in. Noise is
+blurred in whole numbers, so that a texture is the same on every machine.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ class Texture:
     pixels: Pixels
     """(H, H, 3), first row at the top."""
     metres: float = 1.0
-    """Length that the tile covers, metres."""
+    """Length that the texture covers, metres."""
     grain: bool = False
     """Whether the pattern runs from bottom to top; it is then laid along the longer side of a face."""
     fit: bool = False
-    """Whether the tile is a picture of the whole face and is stretched over it; otherwise a part is cut from it."""
+    """Whether the texture is a picture of the whole face and is stretched over it; otherwise a part is cut from it."""
 
 
 def _noise(rng: np.random.Generator, blur: tuple[int, int] = (1, 1), size: int = SIZE) -> Field:
@@ -61,21 +61,21 @@ def plain(colour: Colour, rng: np.random.Generator, noise: float = 0.007) -> Tex
     return Texture(_shade(colour, noise * _noise(rng, (4, 4))))
 
 
-def shaded(tile: Texture, share: float) -> Texture:
-    """Return a tile at a share of its brightness: the same material in a seam, a fold or in better light."""
-    return replace(tile, pixels=np.asarray(np.clip(np.round(tile.pixels * share), 0, 255), np.uint8))
+def shaded(texture: Texture, share: float) -> Texture:
+    """Return a texture at a share of its brightness: the same material in a seam, a fold or in better light."""
+    return replace(texture, pixels=np.asarray(np.clip(np.round(texture.pixels * share), 0, 255), np.uint8))
 
 
-def pastel(tile: Texture) -> Texture:
-    """Return a nearly white tile with a tenth of its colour and a third of its contrast: a cloth as bed linen."""
-    pixels = np.maximum(tile.pixels.astype(float), 1.0)
+def pastel(texture: Texture) -> Texture:
+    """Return a nearly white texture with a tenth of its colour and a third of its contrast: a cloth as bed linen."""
+    pixels = np.maximum(texture.pixels.astype(float), 1.0)
     mean = pixels.mean(axis=(0, 1))
     picture = (240 - 0.1 * (240 - mean)) * (pixels / mean) ** 0.35
-    return replace(tile, pixels=np.asarray(np.clip(np.round(picture), 0, 255), np.uint8))
+    return replace(texture, pixels=np.asarray(np.clip(np.round(picture), 0, 255), np.uint8))
 
 
 def wood(colour: Colour, rng: np.random.Generator, contrast: float = 0.09) -> Texture:
-    """Grain along the tile: long streaks, a little fine fibre, and slow changes of tone."""
+    """Grain along the texture: long streaks, a little fine fibre, and slow changes of tone."""
     field = 0.6 * _noise(rng, (24, 2)) + 0.25 * _noise(rng, (8, 1)) + 0.5 * _noise(rng, (32, 8))
     return Texture(_shade(colour, contrast * field), metres=0.8, grain=True)
 
@@ -91,7 +91,7 @@ def leather(colour: Colour, rng: np.random.Generator) -> Texture:
 
 
 def stripes(first: Colour, second: Colour, rng: np.random.Generator, count: int = 4) -> Texture:
-    """Stripes along the tile, on cloth or wallpaper."""
+    """Stripes along the texture, on cloth or wallpaper."""
     column = (np.arange(SIZE) * 2 * count // SIZE) % 2
     picture = np.where(column[None, :, None] == 1, np.array(first), np.array(second)) * np.ones((SIZE, 1, 1))
     return Texture(_grade(picture, 0.02 * _noise(rng, (3, 3))), metres=0.9, grain=True)

@@ -63,8 +63,8 @@ def _seat(m: PieceBuilder, style: Style, low: float, high: float, z: float) -> N
 @maker("sink")
 def vanity(m: PieceBuilder, style: Style) -> None:
     """Return a wash basin on a cupboard, with a tap."""
-    w, d, h, tile = style.between(0.6, 0.85), 0.45, 0.74, style.choice(style.wood, style.second_wood, style.white)
-    m.box((w, h - 0.2, d - 0.02), (0, 0.16, -0.01), tile)
+    w, d, h, texture = style.between(0.6, 0.85), 0.45, 0.74, style.choice(style.wood, style.second_wood, style.white)
+    m.box((w, h - 0.2, d - 0.02), (0, 0.16, -0.01), texture)
     front = t.panel_door((225, 226, 224), style.rng)
     for x in (-1, 1):
         m.add(box((w / 2 - 0.012, h - 0.24, 0.016), (x * w / 4, 0.18, d / 2 - 0.012), "k"), front)

@@ -63,14 +63,14 @@ def _over(share: np.ndarray, reach: float, drop: float) -> tuple[np.ndarray, np.
     return out, down
 
 
-def _headboard(m: PieceBuilder, tile: Texture, kind: int, width: float, height: float, z: float) -> None:
+def _headboard(m: PieceBuilder, texture: Texture, kind: int, width: float, height: float, z: float) -> None:
     if kind == 0:
-        m.add(soft_box((width, height - 0.25, 0.07), (0, 0.25, z), 0.03), tile)
+        m.add(soft_box((width, height - 0.25, 0.07), (0, 0.25, z), 0.03), texture)
     elif kind == 1:
         for x in (-1, 1):
-            m.add(box((0.06, height, 0.06), (x * (width / 2 - 0.03), 0, z)), tile)
+            m.add(box((0.06, height, 0.06), (x * (width / 2 - 0.03), 0, z)), texture)
         for k in range(3):
-            m.add(box((width - 0.12, 0.13, 0.03), (0, 0.45 + k * (height - 0.5) / 3, z)), tile)
+            m.add(box((width - 0.12, 0.13, 0.03), (0, 0.45 + k * (height - 0.5) / 3, z)), texture)
     else:
         for k in range(4):
-            m.add(soft_box((width / 4 - 0.008, height - 0.3, 0.07), ((k - 1.5) * width / 4, 0.3, z), 0.03), tile)
+            m.add(soft_box((width / 4 - 0.008, height - 0.3, 0.07), ((k - 1.5) * width / 4, 0.3, z), 0.03), texture)

@@ -45,12 +45,12 @@ def rug(m: PieceBuilder, style: Style, width: float, depth: float) -> None:
     accent, ground = t.pick(style.rng, t.ACCENTS), t.pick(style.rng, t.FABRICS)
     kind = style.rng.random()
     if kind < 0.5:
-        tile = t.oriental(ground, accent, style.rng)
+        texture = t.oriental(ground, accent, style.rng)
     elif kind < 0.75:
-        tile = t.carpet(ground, style.rng)
+        texture = t.carpet(ground, style.rng)
     else:
-        tile = t.stripes(ground, (228, 220, 204), style.rng, 6)
-    m.box((width, 0.008, depth), (0, 0, 0), tile, solid=False, skip="b")
+        texture = t.stripes(ground, (228, 220, 204), style.rng, 6)
+    m.box((width, 0.008, depth), (0, 0, 0), texture, solid=False, skip="b")
 
 
 @maker("picture")
@@ -69,10 +69,10 @@ def mirror(m: PieceBuilder, style: Style, width: float = 0.55, height: float = 0
 
 
 @maker("curtain")
-def curtain(m: PieceBuilder, style: Style, width: float, height: float, tile: t.Texture) -> None:
+def curtain(m: PieceBuilder, style: Style, width: float, height: float, texture: t.Texture) -> None:
     """Return two gathered curtains at the sides of a window, and the rod above it. width: of the window."""
     for side in (-1, 1):
-        m.add(Shape((folds(side * (width / 2 + 0.06), 0.32, height),)), tile)
+        m.add(Shape((folds(side * (width / 2 + 0.06), 0.32, height),)), texture)
     m.add(tube([(-width / 2 - 0.3, height + 0.015, 0.07), (width / 2 + 0.3, height + 0.015, 0.07)], 0.012), style.black)
 
 

@@ -103,11 +103,11 @@ def stove(m: PieceBuilder, style: Style) -> None:
 @maker("fridge")
 def fridge(m: PieceBuilder, style: Style) -> None:
     """Return a fridge over a freezer, each with shelves and a door."""
-    tile, w, h, d = style.choice(style.steel, style.white), style.between(0.6, 0.7), style.between(1.7, 1.85), 0.62
+    texture, w, h, d = style.choice(style.steel, style.white), style.between(0.6, 0.7), style.between(1.7, 1.85), 0.62
     split, left = round(0.38 * h, 2), style.chance(0.5)
     for y, high, shelves in ((0.03, split - 0.03, 1), (split, h - split, 3)):
         carcass(m, (w, high, d - 0.05), (0, y, -0.025), style.white, shelves)
-        door(m, (w, high - 0.005, 0.04), (0, y, d / 2 - 0.02), tile, style.chrome, left)
+        door(m, (w, high - 0.005, 0.04), (0, y, d / 2 - 0.02), texture, style.chrome, left)
     m.box((w - 0.04, 0.03, d - 0.12), (0, 0, -0.03), style.black)
 
 

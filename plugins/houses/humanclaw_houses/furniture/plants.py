@@ -29,7 +29,7 @@ def plant(m: PieceBuilder, style: Style, habit: int | None = None) -> None:
 
 
 def _pot(m: PieceBuilder, style: Style, r: float, h: float) -> None:
-    tile = t.plain(t.pick(style.rng, POTS), style.rng, 0.03)
+    texture = t.plain(t.pick(style.rng, POTS), style.rng, 0.03)
     outer = [
         (0.7 * r, 0.0),
         (0.8 * r, 0.3 * h),
@@ -39,9 +39,9 @@ def _pot(m: PieceBuilder, style: Style, r: float, h: float) -> None:
         (0.93 * r, h),
     ]
     shell = turned([*outer, (0.9 * r, h - 0.03)], segments=14, top=False)
-    m.add(shell, tile)
+    m.add(shell, texture)
     m.add(turned([(0.93 * r, h - 0.04), (0.93 * r, h - 0.03)], segments=14), t.plain((62, 46, 36), style.rng, 0.12))
-    m.add(turned([(0.72 * r, 0.0), (1.04 * r, h)], segments=10), tile, "hull")
+    m.add(turned([(0.72 * r, 0.0), (1.04 * r, h)], segments=10), texture, "hull")
 
 
 def _spread(style: Style, count: int) -> np.ndarray:

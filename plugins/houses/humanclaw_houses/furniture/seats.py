@@ -135,11 +135,11 @@ def _back(m: PieceBuilder, cut: _Cut, cover: Texture, kind: str) -> None:
 
 def _scatter_cushions(m: PieceBuilder, style: Style, cut: _Cut) -> None:
     """Add two cushions in the corners of a couch, at most one on an armchair. They do not collide."""
-    tile, z = style.fabric(), cut.BACK_DEPTH - cut.depth / 2 + 0.2
+    texture, z = style.fabric(), cut.BACK_DEPTH - cut.depth / 2 + 0.2
     out = cut.inner / 2 - 0.22
     for x in (-out, out) if cut.seats > 1 else (0.0,) if style.chance(0.4) else ():
         pad = pillow((0.46, 0.17, 0.46)).moved((0.0, -0.085, 0.0)).moved(turn=(66, -14 * np.sign(x), 0))
-        m.add(pad.moved((x, cut.seat + 0.2, z)), tile)
+        m.add(pad.moved((x, cut.seat + 0.2, z)), texture)
 
 
 def _buttons(m: PieceBuilder, cut: _Cut, cover: Texture, x: float) -> None:
@@ -193,10 +193,10 @@ def dining_chair(m: PieceBuilder, style: Style) -> None:
     m.seat = seat
 
 
-def _legs(m: PieceBuilder, tile: Texture, width: float, depth: float, height: float, thick: float) -> None:
+def _legs(m: PieceBuilder, texture: Texture, width: float, depth: float, height: float, thick: float) -> None:
     for x in (-1, 1):
         for z in (-1, 1):
-            m.box((thick, height, thick), (x * (width - thick) / 2, 0, z * (depth - thick) / 2), tile, skip="b")
+            m.box((thick, height, thick), (x * (width - thick) / 2, 0, z * (depth - thick) / 2), texture, skip="b")
 
 
 def _chair_back(

@@ -10,15 +10,15 @@ from humanclaw_houses.style import Style
 
 @maker("cup", mass=0.3, friction=0.4)
 def cup(m: PieceBuilder, style: Style) -> None:
-    tile = style.paint()
-    m.add(turned([(0.032, 0), (0.04, 0.09), (0.035, 0.09), (0.03, 0.02)], segments=12), tile, "hull")
-    m.add(tube([(0.038, 0.075, 0), (0.062, 0.06, 0), (0.058, 0.03, 0), (0.036, 0.025, 0)], 0.006, 5), tile)
+    texture = style.paint()
+    m.add(turned([(0.032, 0), (0.04, 0.09), (0.035, 0.09), (0.03, 0.02)], segments=12), texture, "hull")
+    m.add(tube([(0.038, 0.075, 0), (0.062, 0.06, 0), (0.058, 0.03, 0), (0.036, 0.025, 0)], 0.006, 5), texture)
 
 
 @maker("bottle", mass=0.8, friction=0.4)
 def bottle(m: PieceBuilder, style: Style) -> None:
-    tile = t.plain(t.pick(style.rng, ((50, 92, 60), (90, 56, 36), (176, 206, 214), (40, 70, 110))), style.rng)
-    m.add(turned([(0.036, 0), (0.037, 0.17), (0.015, 0.22), (0.014, 0.27)], segments=12), tile, "hull")
+    texture = t.plain(t.pick(style.rng, ((50, 92, 60), (90, 56, 36), (176, 206, 214), (40, 70, 110))), style.rng)
+    m.add(turned([(0.036, 0), (0.037, 0.17), (0.015, 0.22), (0.014, 0.27)], segments=12), texture, "hull")
     m.add(turned([(0.0375, 0.05), (0.0375, 0.13)], segments=12), style.linen)
     m.add(post(0.016, 0.025, (0, 0.268, 0)), style.brass)
 
@@ -65,8 +65,8 @@ def bowl(m: PieceBuilder, style: Style) -> None:
 @maker("pot", mass=1.5, friction=0.4)
 def pot(m: PieceBuilder, style: Style) -> None:
     """Return a cooking pot with a lid."""
-    tile = style.choice(style.steel, style.black, style.paint())
-    m.add(turned([(0.1, 0), (0.11, 0.02), (0.11, 0.13), (0.115, 0.135), (0.06, 0.16)], segments=16), tile, "hull")
+    texture = style.choice(style.steel, style.black, style.paint())
+    m.add(turned([(0.1, 0), (0.11, 0.02), (0.11, 0.13), (0.115, 0.135), (0.06, 0.16)], segments=16), texture, "hull")
     m.add(ball(0.018, (0, 0.158, 0), segments=8), style.black)
     for x in (-1, 1):
         m.add(box((0.05, 0.015, 0.06), (x * 0.125, 0.1, 0)), style.black)
@@ -84,8 +84,8 @@ def carton(m: PieceBuilder, style: Style) -> None:
 @maker("ball", mass=0.4, friction=0.6)
 def toy_ball(m: PieceBuilder, style: Style) -> None:
     r = style.between(0.1, 0.13)
-    tile = t.stripes(t.pick(style.rng, t.ACCENTS), (240, 236, 226), style.rng, 3)
-    m.add(ball(r, segments=16), tile, "hull")
+    texture = t.stripes(t.pick(style.rng, t.ACCENTS), (240, 236, 226), style.rng, 3)
+    m.add(ball(r, segments=16), texture, "hull")
 
 
 @maker("basket", mass=2.0, friction=0.5)
@@ -98,21 +98,21 @@ def basket(m: PieceBuilder, style: Style) -> None:
 
 @maker("bin", mass=1.0, friction=0.5)
 def bin_(m: PieceBuilder, style: Style) -> None:
-    tile = style.choice(style.steel, style.black, style.white)
-    m.add(turned([(0.11, 0), (0.13, 0.3), (0.12, 0.3), (0.1, 0.04)], segments=14), tile, "hull")
+    texture = style.choice(style.steel, style.black, style.white)
+    m.add(turned([(0.11, 0), (0.13, 0.3), (0.12, 0.3), (0.1, 0.04)], segments=14), texture, "hull")
 
 
 @maker("shoe", mass=0.4, friction=0.7)
 def shoe(m: PieceBuilder, style: Style) -> None:
     """Return one shoe."""
-    tile = style.paint()
+    texture = style.paint()
     m.add(soft_box((0.1, 0.025, 0.27), (0, 0, 0), 0.012), style.white)
     upper = [
         Ring(0.02, 0.046, 0.128, 3.5),
         Ring(0.06, 0.045, 0.115, 3, z=-0.01),
         Ring(0.085, 0.036, 0.06, 2.5, z=-0.055),
     ]
-    m.add(loft(upper, 12), tile)
+    m.add(loft(upper, 12), texture)
     m.add(loft([Ring(0.086, 0.028, 0.045, 2.5, z=-0.06), Ring(0.087, 0.02, 0.04, 2, z=-0.06)], 10), style.black)
     m.solid((0.1, 0.08, 0.27), (0, 0, 0))
 
@@ -139,8 +139,8 @@ def toy_block(m: PieceBuilder, style: Style) -> None:
 
 @maker("toy", mass=0.5, friction=0.4)
 def toy_car(m: PieceBuilder, style: Style) -> None:
-    tile = style.paint()
-    m.add(soft_box((0.12, 0.06, 0.24), (0, 0.025, 0), 0.02), tile)
+    texture = style.paint()
+    m.add(soft_box((0.12, 0.06, 0.24), (0, 0.025, 0), 0.02), texture)
     m.add(soft_box((0.1, 0.05, 0.12), (0, 0.08, -0.01), 0.02), style.chrome)
     for x in (-1, 1):
         for z in (-1, 1):
@@ -166,9 +166,9 @@ def soap(m: PieceBuilder, style: Style) -> None:
 
 @maker("backpack", mass=3.0, friction=0.6)
 def backpack(m: PieceBuilder, style: Style) -> None:
-    tile = style.fabric()
-    m.add(soft_box((0.3, 0.42, 0.16), (0, 0, 0), 0.06), tile)
-    m.add(soft_box((0.24, 0.2, 0.07), (0, 0.03, 0.1), 0.03), tile)
+    texture = style.fabric()
+    m.add(soft_box((0.3, 0.42, 0.16), (0, 0, 0), 0.06), texture)
+    m.add(soft_box((0.24, 0.2, 0.07), (0, 0.03, 0.1), 0.03), texture)
     m.add(
         tube([(-0.05, 0.4, -0.04), (-0.03, 0.47, -0.04), (0.03, 0.47, -0.04), (0.05, 0.4, -0.04)], 0.01, 5), style.black
     )

@@ -14,10 +14,10 @@ def wardrobe(m: PieceBuilder, style: Style) -> None:
     """Return a wardrobe with two or three doors, one of three sometimes a mirror, with a shelf and a rail."""
     doors = int(style.rng.integers(2, 4))
     w, h, d, gap = doors * 0.5, style.between(1.95, 2.15), 0.58, 0.06
-    tile = style.choice(style.wood, style.second_wood, style.white)
+    texture = style.choice(style.wood, style.second_wood, style.white)
     m.box((w - 0.04, gap, d - 0.08), (0, 0, -0.02), style.black)
-    carcass(m, (w, h - gap, d - BOARD), (0, gap, -BOARD / 2), tile, 1)
-    panel = t.panel_door(tuple(tile.pixels.reshape(-1, 3).mean(axis=0).astype(int).tolist()), style.rng)
+    carcass(m, (w, h - gap, d - BOARD), (0, gap, -BOARD / 2), texture, 1)
+    panel = t.panel_door(tuple(texture.pixels.reshape(-1, 3).mean(axis=0).astype(int).tolist()), style.rng)
     mirror = t.glass(style.rng) if style.chance(0.3) else panel
     for k in range(doors):
         x, look = (k - (doors - 1) / 2) * 0.5, mirror if doors == 3 and k == 1 else panel
@@ -31,12 +31,12 @@ def bookshelf(m: PieceBuilder, style: Style, low: bool = False) -> None:
     w, d = style.between(0.75, 1.0), 0.3
     levels = 2 if low else 5
     h = 0.06 + 0.36 * levels
-    tile = style.choice(style.wood, style.second_wood, style.white)
-    m.add(box((w, h, 0.015), (0, 0, -d / 2 + 0.0075)), tile)
+    texture = style.choice(style.wood, style.second_wood, style.white)
+    m.add(box((w, h, 0.015), (0, 0, -d / 2 + 0.0075)), texture)
     for x in (-1, 1):
-        m.add(box((0.025, h, d), (x * (w - 0.025) / 2, 0, 0)), tile)
+        m.add(box((0.025, h, d), (x * (w - 0.025) / 2, 0, 0)), texture)
     for k in range(levels + 1):
-        m.add(box((w - 0.05, 0.025, d - 0.005), (0, min(0.04 + 0.36 * k, h - 0.025), 0)), tile)
+        m.add(box((w - 0.05, 0.025, d - 0.005), (0, min(0.04 + 0.36 * k, h - 0.025), 0)), texture)
     for k in range(levels):
         _row(m, style, w, 0.065 + 0.36 * k, d)
     m.solid((w, h, d), (0, 0, 0))
@@ -60,11 +60,11 @@ def _row(m: PieceBuilder, style: Style, w: float, y: float, d: float) -> None:
 def sideboard(m: PieceBuilder, style: Style) -> None:
     """Return a long low cupboard on legs."""
     w, h, d, gap = style.between(1.2, 1.6), style.between(0.72, 0.82), 0.42, 0.14
-    tile = style.choice(style.wood, style.second_wood)
-    m.box((w, h - gap, d - 0.02), (0, gap, -0.01), tile)
+    texture = style.choice(style.wood, style.second_wood)
+    m.box((w, h - gap, d - 0.02), (0, gap, -0.01), texture)
     for k in range(3):
         x, wide = (k - 1) * (w - 0.02) / 3, (w - 0.02) / 3
-        m.add(box((wide - 0.012, h - gap - 0.04, 0.016), (x, gap + 0.02, d / 2 - 0.012), "k"), tile)
+        m.add(box((wide - 0.012, h - gap - 0.04, 0.016), (x, gap + 0.02, d / 2 - 0.012), "k"), texture)
         m.add(post(0.012, 0.02).moved((x + wide * 0.35, h - 0.2, d / 2), (90, 0, 0)), style.brass)
     for x in (-1, 1):
         for z in (-1, 1):
@@ -103,6 +103,6 @@ def coat_rack(m: PieceBuilder, style: Style) -> None:
     for k in range(4):
         x = -0.3 + 0.2 * k
         m.add(tube([(x, 0.94, 0.02), (x, 0.93, 0.07), (x, 0.96, 0.08)], 0.008), style.black)
-    for x, tile in ((-0.3, style.paint()), (0.1, style.paint())):
-        m.add(box((0.3, 0.75, 0.06), (x, 0.12, 0.05)).moved(), tile)
-        m.add(box((0.16, 0.08, 0.05), (x, 0.86, 0.05)), tile)
+    for x, texture in ((-0.3, style.paint()), (0.1, style.paint())):
+        m.add(box((0.3, 0.75, 0.06), (x, 0.12, 0.05)).moved(), texture)
+        m.add(box((0.16, 0.08, 0.05), (x, 0.86, 0.05)), texture)

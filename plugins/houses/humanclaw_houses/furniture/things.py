@@ -21,23 +21,23 @@ def plate(m: PieceBuilder, style: Style) -> None:
 
 @maker("glass")
 def glass(m: PieceBuilder, style: Style) -> None:
-    tile = t.plain((206, 222, 226), style.rng)
-    m.add(turned([(0.028, 0), (0.034, 0.12), (0.031, 0.12), (0.026, 0.012)], segments=10), tile)
+    texture = t.plain((206, 222, 226), style.rng)
+    m.add(turned([(0.028, 0), (0.034, 0.12), (0.031, 0.12), (0.026, 0.012)], segments=10), texture)
 
 
 @maker("cup")
 def mug(m: PieceBuilder, style: Style) -> None:
-    tile = style.paint()
-    m.add(turned([(0.038, 0), (0.04, 0.09), (0.035, 0.09), (0.033, 0.015)], segments=10), tile)
-    m.add(tube([(0.039, 0.075, 0), (0.062, 0.06, 0), (0.058, 0.03, 0), (0.038, 0.02, 0)], 0.006, 4), tile)
+    texture = style.paint()
+    m.add(turned([(0.038, 0), (0.04, 0.09), (0.035, 0.09), (0.033, 0.015)], segments=10), texture)
+    m.add(tube([(0.039, 0.075, 0), (0.062, 0.06, 0), (0.058, 0.03, 0), (0.038, 0.02, 0)], 0.006, 4), texture)
 
 
 @maker("kettle")
 def kettle(m: PieceBuilder, style: Style) -> None:
-    tile = style.choice(style.steel, style.white, style.black)
-    m.add(turned([(0.085, 0), (0.09, 0.03), (0.065, 0.19), (0.02, 0.21)], segments=12), tile)
+    texture = style.choice(style.steel, style.white, style.black)
+    m.add(turned([(0.085, 0), (0.09, 0.03), (0.065, 0.19), (0.02, 0.21)], segments=12), texture)
     m.add(tube([(-0.06, 0.17, 0), (-0.13, 0.16, 0), (-0.12, 0.05, 0), (-0.08, 0.04, 0)], 0.012, 5), style.black)
-    m.add(tube([(0.06, 0.14, 0), (0.12, 0.18, 0)], 0.016, 6), tile)
+    m.add(tube([(0.06, 0.14, 0), (0.12, 0.18, 0)], 0.016, 6), texture)
 
 
 @maker("toaster")
@@ -50,8 +50,8 @@ def toaster(m: PieceBuilder, style: Style) -> None:
 
 @maker("microwave")
 def microwave(m: PieceBuilder, style: Style) -> None:
-    tile = style.choice(style.steel, style.white, style.black)
-    m.add(box((0.46, 0.27, 0.34), (0, 0.01, 0)), tile)
+    texture = style.choice(style.steel, style.white, style.black)
+    m.add(box((0.46, 0.27, 0.34), (0, 0.01, 0)), texture)
     m.add(box((0.32, 0.2, 0.012), (-0.05, 0.045, 0.172), "k"), style.black)
     m.add(box((0.07, 0.02, 0.01), (0.17, 0.2, 0.172), "k"), style.black)
     m.add(post(0.01, 0.18, (0.12, 0.055, 0.19)), style.chrome)
@@ -124,10 +124,10 @@ def candle(m: PieceBuilder, style: Style) -> None:
 @maker("storage_box")
 def casket(m: PieceBuilder, style: Style) -> None:
     """Return a storage box with a lid."""
-    tile = style.choice(style.wood, style.paint(), style.linen)
+    texture = style.choice(style.wood, style.paint(), style.linen)
     w, h, d = style.between(0.2, 0.3), style.between(0.1, 0.2), style.between(0.16, 0.22)
-    m.add(box((w, h, d)), tile)
-    m.add(box((w + 0.012, 0.03, d + 0.012), (0, h, 0)), t.shaded(tile, 0.85))
+    m.add(box((w, h, d)), texture)
+    m.add(box((w + 0.012, 0.03, d + 0.012), (0, h, 0)), t.shaded(texture, 0.85))
 
 
 @maker("succulent")
@@ -166,10 +166,10 @@ def speaker(m: PieceBuilder, style: Style) -> None:
 
 @maker("desk_lamp")
 def desk_lamp(m: PieceBuilder, style: Style) -> None:
-    tile = style.choice(style.black, style.white, style.paint())
-    m.add(post(0.085, 0.02, segments=12), tile)
+    texture = style.choice(style.black, style.white, style.paint())
+    m.add(post(0.085, 0.02, segments=12), texture)
     m.add(tube([(0, 0.02, 0), (0, 0.24, -0.07), (0, 0.4, 0.06)], 0.008, 5), style.steel)
-    m.add(turned([(0.075, 0), (0.03, 0.1)], segments=12).moved((0, 0.32, 0.07), (-24, 0, 0)), tile)
+    m.add(turned([(0.075, 0), (0.03, 0.1)], segments=12).moved((0, 0.32, 0.07), (-24, 0, 0)), texture)
 
 
 @maker("towels")
@@ -183,8 +183,8 @@ def towels(m: PieceBuilder, style: Style) -> None:
 def toiletries(m: PieceBuilder, style: Style) -> None:
     """Return two bottles and a mug with toothbrushes."""
     for k, (r, h) in enumerate(((0.024, 0.16), (0.03, 0.12))):
-        tile = style.paint()
-        m.add(turned([(r, 0), (r, 0.8 * h), (0.4 * r, 0.9 * h), (0.4 * r, h)], (-0.07 + 0.065 * k, 0, 0), 10), tile)
+        texture = style.paint()
+        m.add(turned([(r, 0), (r, 0.8 * h), (0.4 * r, 0.9 * h), (0.4 * r, h)], (-0.07 + 0.065 * k, 0, 0), 10), texture)
     m.add(turned([(0.03, 0), (0.034, 0.09), (0.03, 0.09)], (0.07, 0, 0), 10), style.ceramic)
     for k in (-1, 1):
         m.add(tube([(0.07, 0.02, 0.01 * k), (0.07 + 0.03 * k, 0.18, 0.012 * k)], 0.004, 4), style.paint())
@@ -192,8 +192,8 @@ def toiletries(m: PieceBuilder, style: Style) -> None:
 
 @maker("detergent")
 def detergent(m: PieceBuilder, style: Style) -> None:
-    tile = style.paint()
-    m.add(soft_box((0.17, 0.22, 0.09), (0, 0, 0), 0.03), tile)
+    texture = style.paint()
+    m.add(soft_box((0.17, 0.22, 0.09), (0, 0, 0), 0.03), texture)
     m.add(post(0.025, 0.05, (0.04, 0.22, 0), segments=8), style.white)
 
 
@@ -208,18 +208,18 @@ def bath_shelf(m: PieceBuilder, style: Style) -> None:
 @maker("shoes")
 def shoes(m: PieceBuilder, style: Style) -> None:
     """Return a pair of shoes."""
-    tile = style.paint()
+    texture = style.paint()
     for x in (-0.065, 0.065):
         m.add(soft_box((0.095, 0.025, 0.27), (x, 0, 0), 0.012), style.white)
-        m.add(soft_box((0.088, 0.045, 0.25), (x, 0.024, -0.005), 0.02), tile)
-        m.add(soft_box((0.08, 0.04, 0.12), (x, 0.066, -0.065), 0.02), tile)
+        m.add(soft_box((0.088, 0.045, 0.25), (x, 0.024, -0.005), 0.02), texture)
+        m.add(soft_box((0.08, 0.04, 0.12), (x, 0.066, -0.065), 0.02), texture)
 
 
 @maker("handbag")
 def handbag(m: PieceBuilder, style: Style) -> None:
-    tile = style.choice(t.leather(t.pick(style.rng, t.LEATHERS), style.rng), style.black)
-    m.add(soft_box((0.34, 0.26, 0.13), (0, 0, 0), 0.04), tile)
-    m.add(tube([(-0.09, 0.25, 0), (-0.07, 0.38, 0), (0.07, 0.38, 0), (0.09, 0.25, 0)], 0.01, 5), tile)
+    texture = style.choice(t.leather(t.pick(style.rng, t.LEATHERS), style.rng), style.black)
+    m.add(soft_box((0.34, 0.26, 0.13), (0, 0, 0), 0.04), texture)
+    m.add(tube([(-0.09, 0.25, 0), (-0.07, 0.38, 0), (0.07, 0.38, 0), (0.09, 0.25, 0)], 0.01, 5), texture)
 
 
 @maker("radiator")
