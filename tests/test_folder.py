@@ -150,7 +150,6 @@ OWN = {
     "plugins/bench/humanclaw_bench/settings.py": "plugin files that the user named, and weights of installed skills",
     "plugins/bullet/humanclaw_bullet/": "a temporary folder, and the null device",
     "plugins/habitat/humanclaw_habitat/gltf.py": "bytes",
-    "plugins/houses/humanclaw_houses/importers/sweethome.py": "a stream of the door",
     "plugins/ray/humanclaw_ray/executor.py": "a temporary folder",
     "plugins/report/humanclaw_report/": "a script of this package",
     "plugins/train/": "motion capture and runs of the user",

@@ -50,7 +50,7 @@ def completed():
 @pytest.mark.parametrize(
     ("words", "begun", "found"),
     [
-        (["run", "--agent"], "see", {"seeing", "seeing-colour"}),
+        (["run", "--agent"], "see", {"seeing"}),
         (["run", "--skills"], "stop,tu", {"stop,turn_in_place"}),
         (["run", "--scene"], "hou", {"house:"}),
         (["run", "--scene"], "house:4", {"house:4", "house:40"}),

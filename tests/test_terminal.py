@@ -31,8 +31,6 @@ TABLES = {
     "bench power": "--split smoke --trials 2",
     "bench ablate": None,
     "bench repair": None,
-    "assets list": None,
-    "assets import": None,
     "fidelity": "--skills walk --rollouts 2",
     "naturalness": None,
     "speed": None,

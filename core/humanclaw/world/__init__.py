@@ -38,7 +38,7 @@ if TYPE_CHECKING:
         Vec3 as Vec3,
         balanced as balanced,
     )
-    from humanclaw.world.meshes.baking import area as area, bake as bake
+    from humanclaw.world.meshes.baking import area as area, atlas as atlas, bake as bake
     from humanclaw.world.meshes.decimation import simplify as simplify
     from humanclaw.world.meshes.hulls import KeepOutBox as KeepOutBox, convex_pieces as convex_pieces, exact as exact
     from humanclaw.world.meshes.measure import (
@@ -46,15 +46,12 @@ if TYPE_CHECKING:
         MIDDLE as MIDDLE,
         back_of as back_of,
         seat_of as seat_of,
-        top_of as top_of,
     )
     from humanclaw.world.meshes.reading import (
         MODEL_BYTES as MODEL_BYTES,
         Part as Part,
         bounds as bounds,
-        read_mesh as read_mesh,
         read_model as read_model,
-        write_model as write_model,
     )
     from humanclaw.world.meshes.shaping import (
         base_of as base_of,

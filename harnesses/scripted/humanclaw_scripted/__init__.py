@@ -22,7 +22,6 @@ def humanclaw_agents(register: Register[AgentFactory]) -> None:
     register("oracle", _oracle, "privileged route follower; calls the same tools as a model")
     register("random", _random, "a random skill with random parameters each step")
     register("seeing", _seeing, "depth and ids of its own view, no map, no pose: perfect perception")
-    register("seeing-colour", _seeing_colour, "as seeing, but with a detector of your own instead of ids")
     register("wanderer", _wanderer, "walks and turns at random, never stops: chance")
     register("still", _still, "stops at once")
     register("faulty", _faulty, "the oracle without a capability or with limits, for ablations and root causes")
@@ -50,34 +49,25 @@ def _oracle(options: Mapping[str, Any]) -> Agent:
 
 
 def _random(options: Mapping[str, Any]) -> Agent:
-    from humanclaw_scripted.blind import RandomAgent
+    from humanclaw_scripted.baselines import RandomAgent
 
     return RandomAgent()
 
 
 def _seeing(options: Mapping[str, Any]) -> Agent:
-    from humanclaw_scripted.eyes import PerfectEyes
-    from humanclaw_scripted.seeing import SeeingAgent
+    from humanclaw_scripted.frontier_agent import SeeingAgent
 
-    return SeeingAgent("seeing", PerfectEyes())
-
-
-def _seeing_colour(options: Mapping[str, Any]) -> Agent:
-    from humanclaw_scripted.eyes import DetectorEyes
-    from humanclaw_scripted.options import DetectorOptions
-    from humanclaw_scripted.seeing import SeeingAgent
-
-    return SeeingAgent("seeing-colour", DetectorEyes(DetectorOptions.of(options)))
+    return SeeingAgent()
 
 
 def _wanderer(options: Mapping[str, Any]) -> Agent:
-    from humanclaw_scripted.blind import WanderingAgent
+    from humanclaw_scripted.baselines import WanderingAgent
 
     return WanderingAgent()
 
 
 def _still(options: Mapping[str, Any]) -> Agent:
-    from humanclaw_scripted.blind import StillAgent
+    from humanclaw_scripted.baselines import StillAgent
 
     return StillAgent()
 
@@ -90,6 +80,8 @@ def _faulty(options: Mapping[str, Any]) -> Agent:
 
 
 def _oracle_verifier(options: Mapping[str, Any]) -> Verifier:
+    from humanclaw.plugins import read_options
     from humanclaw_scripted.faulty import OracleVerifier
+    from humanclaw_scripted.options import VerifierOptions
 
-    return OracleVerifier(options)
+    return OracleVerifier(read_options(VerifierOptions, options))

@@ -15,10 +15,9 @@ from humanclaw import Call, EpisodeContext
 from humanclaw.body import Array
 from humanclaw.skills import Side
 from humanclaw.world import MultiFloorMap, Viewpoint, WorldState
-from humanclaw_scripted.calls import gripping, reaching
-from humanclaw_scripted.handles import Here
+from humanclaw_scripted.actions import HAND, asking
+from humanclaw_scripted.ground_truth import BodyView, box
 from humanclaw_scripted.oracle import OracleAgent
-from humanclaw_scripted.truth import PelvisPose, box
 
 Script = Iterator[tuple[Call, str]]
 Stands = Callable[[], list[Viewpoint]]
@@ -41,10 +40,10 @@ class ArmedOracle(OracleAgent):
         # A script holds its agent, and so the house, until the garbage collector comes: not where none is played.
         self._script: Script = self._play() if self._spec.goal is not None else iter(())
 
-    def _act(self, state: WorldState, pose: PelvisPose) -> tuple[Call, str]:
+    def _act(self, state: WorldState, pose: BodyView) -> tuple[Call, str]:
         return super()._act(state, pose) if self._spec.goal is None else next(self._script)
 
-    def _choose(self, pose: PelvisPose) -> bool:
+    def _choose(self, pose: BodyView) -> bool:
         if super()._choose(pose):
             return True
         # What failed from all places may work from the first one now, and what was in the way may be gone.
@@ -65,16 +64,16 @@ class ArmedOracle(OracleAgent):
         memory = self._memory
         self._wanted, memory.way, memory.arrived, memory.blocked = stands, [], False, 0
         while goes_on() and not self._stands_there():
-            call, why = self._go(self._state(), PelvisPose.of(self._state()))
+            call, why = self._go(self._state(), BodyView(self._state()))
             yield (self._back(0.25), "I see no way: I step back.") if call.skill == self._stop else (call, why)
 
     def _stands_there(self) -> bool:
-        memory, pose = self._memory, PelvisPose.of(self._state())
+        memory, pose = self._memory, BodyView(self._state())
         if len(memory.way) != 1 or memory.stand is None or memory.blocked >= 2:
             return False
         return self._arrived(pose, memory.stand, 0.12)
 
-    def _at_stand(self, pose: PelvisPose) -> tuple[Call, str]:
+    def _at_stand(self, pose: BodyView) -> tuple[Call, str]:
         return super()._at_stand(pose) if self._spec.goal is None else self._follow(pose, self._last)
 
     def _give_up_stand(self, around: float = 0.01) -> None:
@@ -88,7 +87,7 @@ class ArmedOracle(OracleAgent):
         """Turn and step until a point (3,) is at hand. aside: where it is to be to the left, metres."""
         low, high = near
         for _ in range(8):
-            here = Here.of(self._state())
+            here = BodyView(self._state())
             left, _, ahead = here.local(point())
             far = max(float(np.hypot(left, ahead)), abs(aside()) + 0.01)
             error = float(np.arctan2(left, ahead)) - float(np.arcsin(np.clip(aside() / far, -1, 1)))
@@ -117,20 +116,20 @@ class ArmedOracle(OracleAgent):
     # -- hands ---------------------------------------------------------------------------------------------------------
     def _to(self, side: Side, place: Array, why: str) -> tuple[Call, str]:
         """Return a call that brings a hand to a place (3,) in the body's frame."""
-        return reaching(self._context.skills, side, place.tolist()), why
+        return asking(self._context.skills, HAND, place.tolist(), "gesture", side), why
 
     def _close(self, side: Side) -> tuple[Call, str]:
-        return gripping(self._context.skills, "grasp", side), "It is before my palm: I close my hand."
+        return asking(self._context.skills, (), (), "grasp", side), "It is before my palm: I close my hand."
 
     def _let_go(self, side: Side) -> tuple[Call, str]:
-        return gripping(self._context.skills, "release", side), "I let go."
+        return asking(self._context.skills, (), (), "release", side), "I let go."
 
     def _in_hand(self, key: int) -> bool:
         return key in self._state().held.values()
 
-    def _extent(self, key: int) -> tuple[Here, Array, Array]:
+    def _extent(self, key: int) -> tuple[BodyView, Array, Array]:
         """Return the body's frame, and the corners (3,) of an object's box in it."""
-        here = Here.of(self._state())
+        here = BodyView(self._state())
         points = here.local(self._scene.vertices(key, here.state.objects.get(key)))
         return here, points.min(0), points.max(0)
 

@@ -11,8 +11,8 @@ import numpy as np
 from humanclaw import Call, Decision
 from humanclaw.body import Array
 from humanclaw.records import REACHED
-from humanclaw_scripted.calls import BACK, SIDE, SIT, TURN, WALK, asking
-from humanclaw_scripted.truth import Perception
+from humanclaw_scripted.actions import BACK, SIDE, SIT, TURN, WALK, asking
+from humanclaw_scripted.ground_truth import Perception
 
 LOOK_AROUND: Final = 45
 """Turn of each step of a search, degrees."""

@@ -9,13 +9,13 @@ from typing import Final
 import numpy as np
 
 from humanclaw import Call
-from humanclaw.body import Array
+from humanclaw.body import STANDING_HEIGHT, Array
 from humanclaw.skills import Side
 from humanclaw.world import Viewpoint, viewpoints
+from humanclaw_scripted.actions import SIT, asking
 from humanclaw_scripted.arms import AT_HAND, ArmedOracle, Script
-from humanclaw_scripted.calls import rising
-from humanclaw_scripted.handles import Here, free_sides, places_around, spot_on
-from humanclaw_scripted.truth import PelvisPose, box
+from humanclaw_scripted.ground_truth import BodyView, box
+from humanclaw_scripted.handles import free_sides, places_around, spot_on
 
 _SIDES: Final[tuple[Side, Side]] = ("right", "left")
 _CRAMPED: Final = 0.5
@@ -77,25 +77,26 @@ class Carrying(ArmedOracle):
 
     def _hand_for(self, thing: int, attempt: int) -> Side:
         """Return the hand that has room beside a thing; of two, one in every other pair of attempts."""
-        (free,) = free_sides(self._scene, self._state(), thing, PelvisPose.of(self._state()).point[None])
-        sides = [side for side, one in zip(_SIDES, free, strict=True) if one] or _SIDES
+        (free,) = free_sides(self._scene, self._state(), thing, BodyView(self._state()).point[None])
+        sides = [side for side, is_free in zip(_SIDES, free, strict=True) if is_free] or _SIDES
         return sides[attempt // 2 % len(sides)]
 
     def _around(self, thing: int) -> list[Viewpoint]:
         """Return places to stand at a thing; those from which no hand has room are expensive."""
-        found = self._near(thing)
-        places = np.array([(one.x, one.z) for one in found]).reshape(-1, 2)
+        stands = self._near(thing)
+        places = np.array([(stand.x, stand.z) for stand in stands]).reshape(-1, 2)
         free = free_sides(self._scene, self._state(), thing, places)
         return [
-            one if room.any() else replace(one, gap=one.gap + _CRAMPED) for one, room in zip(found, free, strict=True)
+            stand if room.any() else replace(stand, gap=stand.gap + _CRAMPED)
+            for stand, room in zip(stands, free, strict=True)
         ]
 
     def _near(self, key: int) -> list[Viewpoint]:
         """Return places to stand at an object, where it is now."""
         low, high = box(self._scene, self._state(), key)
         if np.allclose(low, self._scene.aabb(key)[0], atol=0.05):
-            found = viewpoints(self._memory.floors, self._scene, key)
-            return [one for one in found if one.gap < _FARS[0]]
+            stands = viewpoints(self._memory.floors, self._scene, key)
+            return [stand for stand in stands if stand.gap < _FARS[0]]
         middle = (low + high) / 2
         grid = self._memory.floors.grids[int(self._memory.floors.level(np.array([middle[0], low[1], middle[2]])))]
         ways = ([*places_around(self._scene, grid, key, low, high, far)] for far in _FARS)
@@ -128,14 +129,14 @@ class Carrying(ArmedOracle):
         height = max(low[1] + _ABOVE, min((low[1] + high[1]) / 2, low[1] + 0.25), 0.1)
         at = np.array([beside, height, (low[2] + high[2]) / 2 - 0.04 + ahead])
         over = at + [0.06 * out, max(_HOVER, high[1] + 0.1 - height), -0.08]
-        if Here.of(self._state()).hand(side)[1] < high[1]:
+        if BodyView(self._state()).hand(side)[1] < high[1]:
             # From below, a hand meets the edge of what the thing lies on.
             yield self._to(side, np.array([0.3 * out, over[1], 0.15]), "I raise my hand.")
         yield self._to(side, over, "I bring my hand over it.")
         for gap in (_OFF, 0.0):
             spot = at + [gap * out, 0.0, 0.0]
             yield self._to(side, spot, "I bring my palm to it.")
-            if float(np.linalg.norm(Here.of(self._state()).hand(side) - spot)) > 0.04:
+            if float(np.linalg.norm(BodyView(self._state()).hand(side) - spot)) > 0.04:
                 yield self._to(side, spot, "I bring my palm to it.")
             yield self._close(side)
             if self._in_hand(thing):
@@ -146,10 +147,10 @@ class Carrying(ArmedOracle):
         out = 1.0 if side == "left" else -1.0
         _, low, high = self._extent(thing)
         yield from self._raise(thing, side)
-        if Here.of(self._state()).crouches:
-            yield rising(self._context.skills), "I rise with it."
+        if BodyView(self._state()).crouches:
+            yield asking(self._context.skills, SIT, (STANDING_HEIGHT,), "posture"), "I rise with it."
         yield self._back(0.25), "I step back with it."
-        pose = PelvisPose.of(self._state())
+        pose = BodyView(self._state())
         if self._plan(pose).at(self._plan(pose).clearance, pose.point) < 0.5:
             yield self._back(0.25), "I step back with it, to have room to turn."
         deep = float(high[2] - low[2]) / 2
@@ -157,7 +158,7 @@ class Carrying(ArmedOracle):
 
     def _raise(self, thing: int, side: Side) -> Script:
         for _ in range(5):
-            here = Here.of(self._state())
+            here = BodyView(self._state())
             hand, top = here.hand(side), _CHIN if here.crouches else _CARRIED[1]
             if not self._in_hand(thing) or hand[1] > top - 0.1:
                 break
@@ -181,7 +182,7 @@ class Carrying(ArmedOracle):
             if self._in_hand(thing) and (low[1] - spot[1] > 0.04 or not self._above(thing, place)):
                 yield self._over(thing, spot, side, 0.005)
         yield self._let_go(side)
-        here = Here.of(self._state())
+        here = BodyView(self._state())
         out = 1.0 if side == "left" else -1.0
         yield self._to(side, here.hand(side) + [0.08 * out, 0.05, -0.05], "I take my hand away.")
         yield self._to(side, here.hand(side) + [0.08 * out, 0.25, -0.15], "I take my hand away.")

@@ -10,7 +10,7 @@ narrow these limits: the ablations of the paper's table 3 should show them.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
@@ -19,13 +19,13 @@ import numpy as np
 from humanclaw import Call, Decision, EpisodeContext, EpisodeSpec, HistoryEntry, Observation, Skill, Verdict
 from humanclaw.body import Array
 from humanclaw.records import REACHED, SEATS, Answer as CheckAnswer, Feedback, acknowledges
+from humanclaw_scripted.actions import BACK, TURN, asking, ending
 from humanclaw_scripted.behaviours import BEHAVIOURS, LOOK_AROUND, Snapshot
-from humanclaw_scripted.calls import BACK, TURN, asking, ending
 from humanclaw_scripted.faults import FAULTS, Fault
-from humanclaw_scripted.options import FaultyOptions
+from humanclaw_scripted.ground_truth import Perception
+from humanclaw_scripted.narration import Narrator
+from humanclaw_scripted.options import FaultyOptions, VerifierOptions
 from humanclaw_scripted.oracle import OracleAgent
-from humanclaw_scripted.telling import Teller
-from humanclaw_scripted.truth import Perception
 
 AT_HAND: Final = 1.5
 """Distance to the target within which an agent sits down, metres."""
@@ -61,9 +61,9 @@ class FaultyAgent:
         self._pads: dict[str, tuple[dict[str, int], list[Array]]] = {fault.name: ({}, []) for fault in self._faults}
         self._last_seen: int | None = None
         self._limits = BoundedRationality(self.options, self._perception, self._stop)
-        self._teller = Teller() if self.options.words == "eyes" else None
-        if self._teller:
-            self._teller.begin(context)
+        self._narrator = Narrator() if self.options.words == "eyes" else None
+        if self._narrator:
+            self._narrator.begin(context)
 
     def _to_another_seat(self) -> OracleAgent:
         """Return an oracle that sits down on the nearest seat of another category than the target."""
@@ -97,11 +97,11 @@ class FaultyAgent:
     def _told(self, decision: Decision, seen: str, history: Sequence[HistoryEntry]) -> Decision:
         """Return the decision with words from the eyes, if asked for. What a fault claims to see stays: it is the
         fault. Its reasons would tell what only the map knows."""
-        if self._teller is None:
+        if self._narrator is None:
             return decision
-        told = self._teller(decision, history)
-        claimed = told.visible_state if decision.visible_state == seen else decision.visible_state
-        return replace(told, visible_state=claimed)
+        narrated = self._narrator(decision, history)
+        claimed = narrated.visible_state if decision.visible_state == seen else decision.visible_state
+        return replace(narrated, visible_state=claimed)
 
     def _snapshot(self, fault: Fault, decision: Decision, seen: bool, step: int) -> Snapshot:
         left = self._perception.context.spec.max_steps - step
@@ -153,7 +153,7 @@ class BoundedRationality:
     def _in_routine(self, call: Call) -> bool:
         """Tell whether a call belongs to sitting down: the turn before the seat, the step back, or the sit."""
         skill = self.perception.context.skills[call.skill].declaration
-        measures = tuple(one.measure for one in skill.parameters)
+        measures = tuple(parameter.measure for parameter in skill.parameters)
         sits = skill.role == "sit" or measures == BACK
         near = self.perception.context.spec.interact and self.perception.away() < AT_HAND
         return near and (sits or (measures == TURN and self.perception.reach() < 2 * REACHED))
@@ -164,17 +164,14 @@ _NO_VIEW: Final = np.zeros((0, 0, 3), np.uint8)
 
 
 class OracleVerifier:
-    """Replaces a stop out of reach of the target by the oracle's call.
-
-    Option `miss`: the probability that it accepts such a stop.
-    """
+    """Replaces a stop out of reach of the target by the oracle's call."""
 
     name = "oracle"
     privileged = True
 
-    def __init__(self, given: Mapping[str, Any]) -> None:
-        self._miss = float(given.get("miss", 0.0))
-        self.settings = {"miss": self._miss}
+    def __init__(self, given: VerifierOptions) -> None:
+        self._miss = given.miss
+        self.settings = given.model_dump()
 
     def begin(self, context: EpisodeContext) -> None:
         self._perception = Perception(context)

@@ -1,4 +1,4 @@
-"""Where hands work: the body's frame, the handles of what opens, and the places to stand around a thing."""
+"""Where hands work: the handles of what opens, and the places to stand around a thing."""
 
 from __future__ import annotations
 
@@ -10,10 +10,9 @@ import numpy as np
 from scipy.spatial import Delaunay
 
 from humanclaw import Scene
-from humanclaw.body import JOINT_INDEX, Array, Pose2D, matrix_from_quaternion
-from humanclaw.skills import Side
+from humanclaw.body import Array, matrix_from_quaternion
 from humanclaw.world import OccupancyGrid, SceneObject, Slide, Viewpoint, WorldState, room_at
-from humanclaw_scripted.truth import PelvisPose, box
+from humanclaw_scripted.ground_truth import BodyView, box
 
 _STEP: Final = {True: 0.3, False: 0.15}
 """How far a hand takes a door (radians) or a drawer (metres) with a call."""
@@ -34,36 +33,6 @@ _PALM_ROOM: Final = 0.07
 """Metres from the side of a thing to the palm that comes to it."""
 _HAND_ROOM: Final = 0.05
 """Metres around a hand that are free."""
-
-
-@dataclass(frozen=True, eq=False)
-class Here:
-    """The body's frame, as its hands are told places in it."""
-
-    frame: Pose2D
-    body: PelvisPose
-    joints: Array
-    """(24, 3) in this frame."""
-    state: WorldState
-
-    @classmethod
-    def of(cls, state: WorldState) -> Here:
-        last = state.body[-1:]
-        frame = Pose2D.of(last)
-        return cls(frame, PelvisPose.of(state), frame.point_to_local(last.joints()[0]), state)
-
-    def local(self, points: Array) -> Array:
-        """Return (..., 3) world points in this frame."""
-        return self.frame.point_to_local(points)
-
-    @property
-    def crouches(self) -> bool:
-        """Whether the hips are under 0.8 m."""
-        return float(self.joints[JOINT_INDEX["pelvis"], 1]) < 0.8
-
-    def hand(self, side: Side) -> Array:
-        """Return the knuckles (3,)."""
-        return np.asarray(self.joints[JOINT_INDEX[f"{side}_hand"]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,8 +138,8 @@ def free_sides(scene: Scene, state: WorldState, key: int, places: Array) -> Arra
 def _pieces_near(scene: Scene, state: WorldState, low: Array, high: Array, *but: int) -> Iterator[tuple[Array, Array]]:
     """Yield the corners (3,) of each convex piece of the other things less than half a metre from a box (3,)."""
     others = (obj.id for obj in scene.objects if obj.id not in but)
-    near = (one for one in others if _gap(*box(scene, state, one), low, high) < 0.5)
-    return ((hull.min(0), hull.max(0)) for one in near for hull in scene.hulls(one, state.objects.get(one)))
+    near = (key for key in others if _gap(*box(scene, state, key), low, high) < 0.5)
+    return ((hull.min(0), hull.max(0)) for key in near for hull in scene.hulls(key, state.objects.get(key)))
 
 
 def _gap(low: Array, high: Array, first: Array, last: Array) -> Array:
@@ -190,7 +159,7 @@ def spot_on(scene: Scene, state: WorldState, thing: int, place: int) -> Array:
     gaps = [np.maximum(np.maximum(a[[0, 2]] - spots, spots - b[[0, 2]]).max(1), 0.0) for a, b in there]
     short = np.maximum(half + 0.02 - np.min([np.full(len(spots), np.inf), *gaps], axis=0), 0.0)
     short += _bare(scene, state, place, spots, half)
-    x, z = spots[np.argmin(np.linalg.norm(spots - PelvisPose.of(state).point, axis=1) + _CROWD * short)]
+    x, z = spots[np.argmin(np.linalg.norm(spots - BodyView(state).point, axis=1) + _CROWD * short)]
     return np.array([x, high[1], z])
 
 
@@ -200,4 +169,4 @@ def _bare(scene: Scene, state: WorldState, place: int, spots: Array, half: float
     top = max(hull[:, 1].max() for hull in hulls)
     around = spots[:, None] + half * np.array([[1, 0], [-1, 0], [0, 1], [0, -1]])
     tops = (Delaunay(hull[:, [0, 2]]) for hull in hulls if hull[:, 1].max() > top - _FLAT)
-    return np.asarray(1.0 - np.any([one.find_simplex(around) >= 0 for one in tops], axis=0).mean(1))
+    return np.asarray(1.0 - np.any([top.find_simplex(around) >= 0 for top in tops], axis=0).mean(1))

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from humanclaw import Call
+from humanclaw_scripted.actions import answering
 from humanclaw_scripted.arms import Script
-from humanclaw_scripted.calls import answering
 from humanclaw_scripted.carrying import Carrying
 from humanclaw_scripted.opening import Opening
 

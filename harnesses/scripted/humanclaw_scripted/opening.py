@@ -12,7 +12,8 @@ from humanclaw.body import wrap_angle
 from humanclaw.skills import Side
 from humanclaw.world import SceneObject, Viewpoint
 from humanclaw_scripted.arms import ArmedOracle, Script
-from humanclaw_scripted.handles import GRIPS, HOOKS, Handle, Here
+from humanclaw_scripted.ground_truth import BodyView
+from humanclaw_scripted.handles import GRIPS, HOOKS, Handle
 
 _LOOK: Final = (1.2, 1.6)
 """Metres from the hips to the middle of furniture to look into."""
@@ -45,7 +46,7 @@ class Opening(ArmedOracle):
 
     def _before(self, handle: Handle) -> list[tuple[Viewpoint, Side]]:
         """Return places from which a hand reaches a handle, with the hand; the best first."""
-        found, ahead = [], handle.out
+        places, ahead = [], handle.out
         yaw = float(np.arctan2(-ahead[0], -ahead[2]))
         left = np.array([np.cos(yaw), 0.0, -np.sin(yaw)])
         for far in (0.62, 0.72, 0.54):
@@ -58,8 +59,8 @@ class Opening(ArmedOracle):
                         if level and grid.at(grid.clearance, np.array([x, z])) >= 0.2:
                             clash = handle.inside(place)
                             gap = abs(far - 0.62) + abs(more) + clash
-                            found.append((Viewpoint(handle.obj.id, x, z, yaw, gap, floor=grid.floor), side))
-        return found  # type: ignore[return-value]
+                            places.append((Viewpoint(handle.obj.id, x, z, yaw, gap, floor=grid.floor), side))
+        return places  # type: ignore[return-value]
 
     def _pull(self, handle: Handle, side: Side, share: float) -> Script:
         """Take a handle, and pull it until the thing is open."""
@@ -76,16 +77,16 @@ class Opening(ArmedOracle):
                 yield self._let_go(side)
             if not 0.05 < handle.share(self._state()) <= share:
                 break
-        here = Here.of(self._state())
+        here = BodyView(self._state())
         yield self._to(side, here.hand(side) + [0.1 * out, 0.05, -0.1], "I take my hand away.")
 
     def _square(self, handle: Handle, out: float) -> Script:
         """Stand square to a front, its handle at hand."""
         yaw = float(np.arctan2(-handle.out[0], -handle.out[2]))
         for _ in range(8):
-            here = Here.of(self._state())
+            here = BodyView(self._state())
             left, _, ahead = here.local(handle.now(here.state))
-            error = float(wrap_angle(yaw - here.frame.yaw))
+            error = float(wrap_angle(yaw - here.yaw))
             if abs(error) > np.radians(8):
                 yield self._turn(error), "I square up to it."
             elif ahead > 0.7 and self._memory.blocked < 1:
@@ -100,7 +101,7 @@ class Opening(ArmedOracle):
     def _hold(self, handle: Handle, side: Side) -> Script:
         for grip in HOOKS if handle.tilts and handle.share(self._state()) > 0.1 else GRIPS:
             for up, ahead in grip:
-                here = Here.of(self._state())
+                here = BodyView(self._state())
                 at = here.local(handle.now(here.state)) + [0.0, up, ahead]
                 yield self._to(side, at, "I bring my hand to it.")
             yield self._close(side)
@@ -109,7 +110,7 @@ class Opening(ArmedOracle):
 
     def _drawn(self, handle: Handle, side: Side, wide: float) -> tuple[Call, str]:
         """Return a call that takes a handle farther on its way."""
-        here, now = Here.of(self._state()), handle.state(self._state())
+        here, now = BodyView(self._state()), handle.state(self._state())
         there = now + float(np.clip(wide - now, -handle.step, handle.step))
         due = here.hand(side) + here.local(handle.at(there)) - here.local(handle.at(now))
         if due[2] < handle.near:

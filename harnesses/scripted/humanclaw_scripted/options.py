@@ -21,6 +21,15 @@ class OracleOptions(BaseModel):
     """What its words are written from: the map that it knows, or its view alone, for training data."""
 
 
+class VerifierOptions(BaseModel):
+    """Options of `--verifier oracle`; those of the agent are ignored."""
+
+    model_config = ConfigDict(frozen=True, extra="ignore")
+
+    miss: float = Field(0.0, ge=0, le=1)
+    """Probability that it accepts a stop out of reach of the target."""
+
+
 class FaultyOptions(OracleOptions):
     """Options of `--agent faulty`. history, images and mid_level mean the same as for a model."""
 
@@ -46,33 +55,10 @@ class FaultyOptions(OracleOptions):
     @classmethod
     def of(cls, given: Mapping[str, Any]) -> FaultyOptions:
         """Check options. Raises HumanclawError that names the wrong one."""
-        found = read_options(cls, given)
-        unknown = {*found.fault.split("+")} - {*FAULTS, "none"}
+        options = read_options(cls, given)
+        unknown = {*options.fault.split("+")} - {*FAULTS, "none"}
         if unknown:
             raise HumanclawError(
                 f"there is no fault {sorted(unknown)[0]!r}.", f"Choose from: {', '.join(FAULTS)}, none."
             )
-        return found
-
-
-class DetectorOptions(BaseModel):
-    """Options of `--agent seeing-colour`."""
-
-    model_config = ConfigDict(frozen=True, extra="ignore", str_strip_whitespace=True)
-
-    detector: str = Field(min_length=1)
-    """Command line of a program that detects things in pictures."""
-    score: float = Field(0.3, ge=0, le=1)
-    """Least score of a box that counts."""
-    seconds: float = Field(60.0, gt=0, le=3600)
-    """Time limit of one answer, seconds."""
-
-    @classmethod
-    def of(cls, given: Mapping[str, Any]) -> DetectorOptions:
-        """Check options. Raises HumanclawError that names the wrong one."""
-        if not str(given.get("detector", "")).strip():
-            raise HumanclawError(
-                "the agent 'seeing-colour' needs a program that detects things in pictures, and none was given.",
-                "Give its command, as in --option detector='node detect.mjs'; see the README of humanclaw-scripted.",
-            )
-        return read_options(cls, given)
+        return options

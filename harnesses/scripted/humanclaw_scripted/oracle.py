@@ -10,11 +10,11 @@ import numpy as np
 from humanclaw import Call, Decision, EpisodeContext, HistoryEntry, Observation
 from humanclaw.body import Array, wrap_angle
 from humanclaw.world import Viewpoint, WorldState, distance_to_nearest, room_at, viewpoints
-from humanclaw_scripted.calls import AT_SEAT, HIPS_OVER_SEAT, LEVEL_THIGHS, SIT, skill_for
-from humanclaw_scripted.telling import Teller
-from humanclaw_scripted.truth import PelvisPose, box, in_view, on_seat
+from humanclaw_scripted.actions import AT_SEAT, HIPS_OVER_SEAT, LEVEL_THIGHS, SIT, skill_for
+from humanclaw_scripted.ground_truth import BodyView, box, in_view, on_seat
+from humanclaw_scripted.narration import Narrator
+from humanclaw_scripted.path_following import remaining, side_of
 from humanclaw_scripted.walker import Walker
-from humanclaw_scripted.way import remaining, side_of
 
 STOP_DISTANCE: Final = 0.19
 """Distance to the target's bounding box at which the oracle stops, metres: just below the benchmark's 0.2."""
@@ -33,21 +33,21 @@ class OracleAgent(Walker):
     privileged = True
 
     def __init__(self, words: str = "map") -> None:
-        """words: "map" tells what the agent knows, "eyes" only what its view shows (humanclaw_scripted.telling)."""
+        """words: "map" tells what the agent knows, "eyes" only what its view shows (humanclaw_scripted.narration)."""
         self.settings: Mapping[str, Any] = {"words": words} if words != "map" else {}
-        self._teller = Teller() if words == "eyes" else None
+        self._narrator = Narrator() if words == "eyes" else None
 
     def begin(self, context: EpisodeContext) -> None:
         super().begin(context)
         self._gaze = context.gaze
-        if self._teller:
-            self._teller.begin(context)
+        if self._narrator:
+            self._narrator.begin(context)
         if context.spec.interact:
             skill_for(context.skills, SIT)
 
     def decide(self, observation: Observation, history: Sequence[HistoryEntry]) -> Decision:
         state = self._state()
-        pose = PelvisPose.of(state)
+        pose = BodyView(state)
         self._notice(pose, history)
         sat = [self._sits(past.executed) for past in reversed(history)]
         self._memory.sits = next((k for k, is_sit in enumerate(sat) if not is_sit), len(sat))
@@ -56,10 +56,10 @@ class OracleAgent(Walker):
         change = "revise" if self._memory.goal != self._goal() else "keep"
         self._memory.goal = self._goal()
         decision = Decision((call,), view, self._progress(pose), self._goal(), change, reason, raw="", prompt_digest="")
-        return self._teller(decision, history) if self._teller else decision
+        return self._narrator(decision, history) if self._narrator else decision
 
     # the task
-    def _act(self, state: WorldState, pose: PelvisPose) -> tuple[Call, str]:
+    def _act(self, state: WorldState, pose: BodyView) -> tuple[Call, str]:
         if not self._spec.target_ids:
             return Call(self._stop), f"There is no {self._noun} here, so I stop."
         if self._spec.interact and self._memory.sits:
@@ -68,7 +68,7 @@ class OracleAgent(Walker):
             return Call(self._stop), "I am within reach of the target, so the task is complete."
         return self._go(state, pose)
 
-    def _at_stand(self, pose: PelvisPose) -> tuple[Call, str]:
+    def _at_stand(self, pose: BodyView) -> tuple[Call, str]:
         return self._seat(pose) if self._spec.interact else self._reach(pose)
 
     def _stands(self) -> list[Viewpoint]:
@@ -77,7 +77,7 @@ class OracleAgent(Walker):
         return [s for key in self._spec.target_ids for s in viewpoints(floors, self._scene, key, sit=sit)]
 
     # at the target
-    def _reach(self, pose: PelvisPose) -> tuple[Call, str]:
+    def _reach(self, pose: BodyView) -> tuple[Call, str]:
         """Go to the standing place, then approach the target until it is within reach."""
         stand = self._memory.stand
         assert stand is not None
@@ -88,16 +88,16 @@ class OracleAgent(Walker):
         self._memory.sideways |= self._memory.blocked > 0
         if self._memory.sideways:
             return self._sideways(pose, edge)
-        left, forward = pose.local(edge)
+        left, forward = pose.on_floor(edge)
         error = float(np.arctan2(left, forward))
         if abs(error) > np.radians(20) and np.hypot(left, forward) > 0.05:
             return self._turn(error), "I am beside the target and turn to face it."
         gap = float(np.hypot(left, forward))
         return self._walk(0.0, min(0.25, max(0.1, gap)), error), "The target is right in front of me: I close the gap."
 
-    def _sideways(self, pose: PelvisPose, edge: Array) -> tuple[Call, str]:
+    def _sideways(self, pose: BodyView, edge: Array) -> tuple[Call, str]:
         """Turn the nearer side to the target: an arm reaches over furniture that stops the toes."""
-        left, forward = pose.local(edge)
+        left, forward = pose.on_floor(edge)
         bearing = float(np.arctan2(left, forward))
         side = 1.0 if bearing >= 0 else -1.0
         error = float(wrap_angle(bearing - side * np.pi / 2))
@@ -105,7 +105,7 @@ class OracleAgent(Walker):
             return self._turn(error), f"My feet cannot get closer to the {self._noun}: I turn my side to it."
         return self._side(side * 0.15), f"I step sideways towards the {self._noun}."
 
-    def _seat(self, pose: PelvisPose) -> tuple[Call, str]:
+    def _seat(self, pose: BodyView) -> tuple[Call, str]:
         """Go to the place in front of the seat, turn round, step back to its edge and sit down."""
         stand = self._memory.stand
         assert stand is not None
@@ -120,7 +120,7 @@ class OracleAgent(Walker):
             ), f"I should look at the {self._noun} before I turn my back to it."
         if abs(error) > np.radians(12):
             return self._turn(error), f"I stand in front of the {self._noun} and turn my back to it."
-        left, ahead = pose.local(stand.point)
+        left, ahead = pose.on_floor(stand.point)
         gap = stand.gap - ahead
         # Too far off for shuffling: plan the way to the seat again.
         if gap > 0.9 or gap < -0.3 or abs(left) > 0.6:
@@ -164,7 +164,7 @@ class OracleAgent(Walker):
             return f"Straight to the {self._noun}."
         return f"Sit down on the {self._noun}." if self._spec.interact else f"Get within reach of the {self._noun}."
 
-    def _progress(self, pose: PelvisPose) -> str:
+    def _progress(self, pose: BodyView) -> str:
         if self._memory.sits:
             return f"I have reached the {self._noun} and sat down."
         if self._memory.arrived:
@@ -175,7 +175,7 @@ class OracleAgent(Walker):
 
     def _look(self, state: WorldState) -> str:
         """Describe the room, and the nearest target in view."""
-        pose = PelvisPose.of(state)
+        pose = BodyView(state)
         plan = self._plan(pose)
         room = room_at(self._scene, float(pose.point[0]), float(pose.point[1]), plan.floor)
         on = "on" if room == "stairs" else "in"
@@ -183,10 +183,10 @@ class OracleAgent(Walker):
         # The map has a column where there is a shelf: what stands on a board of it is not in one.
         last = 0.1 if self._spec.goal is None else _BOARD
         looks = (in_view(plan, self._scene, state, key, self._gaze, last) for key in self._spec.target_ids)
-        seen = [found for found in looks if found]
+        seen = [look for look in looks if look]
         if not seen:
             return f"{here} No {self._noun} is in view." if self._spec.target_ids else here
-        angle, distance = min(seen, key=lambda found: found[1])
+        angle, distance = min(seen, key=lambda look: look[1])
         self._memory.seen = True
         side = "ahead" if abs(angle) < np.radians(15) else f"ahead on the {side_of(angle)}"
         return f"{here} A {self._noun} is {side}, about {distance:.1f} m away."

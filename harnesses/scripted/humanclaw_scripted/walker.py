@@ -11,7 +11,7 @@ import numpy as np
 from humanclaw import Call, EpisodeContext, EpisodeSpec, HistoryEntry, PluginError
 from humanclaw.body import STANDING_HEIGHT, wrap_angle
 from humanclaw.world import MultiFloorMap, OccupancyGrid, Routes, StairRun, Viewpoint, WorldState
-from humanclaw_scripted.calls import (
+from humanclaw_scripted.actions import (
     BACK,
     DOWN,
     MAX_STEP,
@@ -27,8 +27,8 @@ from humanclaw_scripted.calls import (
     skill_for,
     way_of,
 )
-from humanclaw_scripted.truth import PelvisPose
-from humanclaw_scripted.way import BEFORE_STEPS, ONTO_FLOOR, LevelSegment, aim, on_stairs, parts, side_of
+from humanclaw_scripted.ground_truth import BodyView
+from humanclaw_scripted.path_following import BEFORE_STEPS, ONTO_FLOOR, LevelSegment, aim, on_stairs, parts, side_of
 
 
 @dataclass
@@ -39,7 +39,7 @@ class Memory:
     way: list[LevelSegment | StairRun] = field(default_factory=list)
     """The rest of the way, the current part first; empty without a plan."""
     stand: Viewpoint | None = None
-    before: PelvisPose | None = None
+    before: BodyView | None = None
     blocked: int = 0
     """Consecutive steps that should have moved the body and did not."""
     sits: int = 0
@@ -75,7 +75,7 @@ class Walker(ABC):
         """Return places to stand."""
 
     @abstractmethod
-    def _at_stand(self, pose: PelvisPose) -> tuple[Call, str]:
+    def _at_stand(self, pose: BodyView) -> tuple[Call, str]:
         """Take one step on the last part of the way, or at its end."""
 
     @property
@@ -88,11 +88,11 @@ class Walker(ABC):
         return 0.2
 
     # the way
-    def _plan(self, pose: PelvisPose) -> OccupancyGrid:
+    def _plan(self, pose: BodyView) -> OccupancyGrid:
         """Return the grid of the floor or the stairs that the body is on."""
         return self._memory.floors.grids[int(self._memory.floors.level(pose.root))]
 
-    def _go(self, state: WorldState, pose: PelvisPose) -> tuple[Call, str]:
+    def _go(self, state: WorldState, pose: BodyView) -> tuple[Call, str]:
         """Take one step to the standing place, and on from there."""
         if self._memory.blocked >= 2:
             return self._break_free(pose)
@@ -105,7 +105,7 @@ class Walker(ABC):
             return self._to_stairs(state, pose, part)
         return self._at_stand(pose)
 
-    def _choose(self, pose: PelvisPose) -> bool:
+    def _choose(self, pose: BodyView) -> bool:
         """Pick the target and the standing place with the cheapest route; False if there is none."""
         memory = self._memory
         routes = Routes.of(memory.floors, pose.root)
@@ -122,7 +122,7 @@ class Walker(ABC):
                 skill_for(self._context.skills, needed)
         return bool(memory.way)
 
-    def _arrived(self, pose: PelvisPose, stand: Viewpoint, tolerance: float) -> bool:
+    def _arrived(self, pose: BodyView, stand: Viewpoint, tolerance: float) -> bool:
         if np.linalg.norm(pose.point - stand.point) < tolerance:
             self._memory.arrived = True
         return self._memory.arrived
@@ -134,10 +134,10 @@ class Walker(ABC):
         assert isinstance(part, LevelSegment)
         return part
 
-    def _follow(self, pose: PelvisPose, part: LevelSegment) -> tuple[Call, str]:
+    def _follow(self, pose: BodyView, part: LevelSegment) -> tuple[Call, str]:
         """Take one step along a segment of the way."""
         towards, rest = aim(part.grid, part.path, pose.point, self._room)
-        left, forward = pose.local(towards)
+        left, forward = pose.on_floor(towards)
         error = float(np.arctan2(left, forward))
         if abs(error) > TURN_FIRST and np.hypot(left, forward) > 0.25:
             return self._turn(error), f"The way to the {self._bound_for} leads to my {side_of(left)}: I turn."
@@ -153,14 +153,14 @@ class Walker(ABC):
         return self._back(-forward) if forward < 0 else self._walk(0.0, forward, 0.0)
 
     # on stairs
-    def _to_stairs(self, state: WorldState, pose: PelvisPose, part: LevelSegment) -> tuple[Call, str]:
+    def _to_stairs(self, state: WorldState, pose: BodyView, part: LevelSegment) -> tuple[Call, str]:
         """Walk on this floor to the next stairs."""
         if np.linalg.norm(pose.point - part.path[-1]) > 0.2:
             return self._follow(pose, part)
         self._memory.way.pop(0)
         return self._go(state, pose)
 
-    def _climb(self, pose: PelvisPose, run: StairRun) -> tuple[Call, str]:
+    def _climb(self, pose: BodyView, run: StairRun) -> tuple[Call, str]:
         """Take one step up or down from the true place of the body: contact shortens some steps."""
         along, left = on_stairs(pose, run)
         k = int(np.argmin(np.abs(run.levels - (pose.root[1] - STANDING_HEIGHT))))
@@ -184,7 +184,7 @@ class Walker(ABC):
         return call, f"I take step {k + 1} of {len(run.edges)} {word} the stairs."
 
     # when blocked
-    def _notice(self, pose: PelvisPose, history: Sequence[HistoryEntry]) -> None:
+    def _notice(self, pose: BodyView, history: Sequence[HistoryEntry]) -> None:
         """Compare the last step with its call: count blocked steps."""
         memory = self._memory
         last = history[-1].executed if history else None
@@ -195,7 +195,7 @@ class Walker(ABC):
             moved = float(np.linalg.norm(pose.point - memory.before.point))
             memory.blocked = memory.blocked + 1 if moved < 0.35 * wanted else 0
 
-    def _break_free(self, pose: PelvisPose) -> tuple[Call, str]:
+    def _break_free(self, pose: BodyView) -> tuple[Call, str]:
         """Remember the obstacle, step to the side with most room, and plan again from there."""
         memory = self._memory
         ahead = np.array([np.sin(pose.yaw), np.cos(pose.yaw)])

@@ -25,9 +25,9 @@ from humanclaw import (
 )
 from humanclaw.records import Feedback
 from humanclaw.world import GAZES, OccupancyGrid, distance_to_box
-from humanclaw_scripted.blind import RandomAgent, StillAgent
+from humanclaw_scripted.baselines import RandomAgent, StillAgent
+from humanclaw_scripted.ground_truth import in_view
 from humanclaw_scripted.oracle import OracleAgent
-from humanclaw_scripted.truth import in_view
 
 
 def episode(scene: Scene, category: str, *targets: int, sit: bool = False) -> EpisodeSpec:

@@ -11,12 +11,12 @@ import pytest
 from rooms import asset, block, scene_object, two_rooms
 from walker import PICTURE, SKILLS, Walker, play
 
-from humanclaw import Call, EpisodeContext, EpisodeSpec, HumanclawError, Observation
+from humanclaw import Call, EpisodeContext, EpisodeSpec, HumanclawError, Observation, Plugins
 from humanclaw.records import Difficulty, acknowledges
 from humanclaw.world import distance_to_box
 from humanclaw_scripted.faults import FAULTS
 from humanclaw_scripted.faulty import FaultyAgent, OracleVerifier
-from humanclaw_scripted.options import FaultyOptions
+from humanclaw_scripted.options import FaultyOptions, VerifierOptions
 
 COUCH = 20
 
@@ -167,6 +167,7 @@ def test_of_two_faults_at_once_either_can_be_put_right():
     assert [call for _, call in sense] == [call for _, call in live(sit=False, fault="blindness")[1]]
 
 
+@pytest.mark.integration
 def test_the_table_of_faults_loads_no_agent():
     """Every command loads the table."""
     script = "import sys; from humanclaw import Plugins; Plugins.discover().registered('faults'); print(*sys.modules)"
@@ -185,6 +186,7 @@ def test_a_fault_shows_only_in_episodes_that_fit_it():
     assert not FAULTS["seat"].fits(spec(False))
 
 
+@pytest.mark.evidence
 def test_a_bounded_agent_without_memory_cannot_turn_its_back_on_the_seat():
     """Over ten seeds, most agents with a history of ten steps sit down, and none without a history."""
     sat = {n: sum(live(bounded=True, misjudged=0, history=n, seed=s)[0].sat for s in range(10)) for n in (0, 10)}
@@ -192,12 +194,14 @@ def test_a_bounded_agent_without_memory_cannot_turn_its_back_on_the_seat():
     assert sat[10] >= 8
 
 
+@pytest.mark.evidence
 def test_a_bounded_agent_without_a_mid_level_goal_arrives_and_does_not_sit():
     lives = [live(bounded=True, misjudged=0, mid_level=False, seed=seed) for seed in range(10)]
     assert not any(walker.sat for walker, _ in lives)
     assert sum(reach(walker) < 0.6 and log[-1][1].skill == "stop" for walker, log in lives) >= 8
 
 
+@pytest.mark.evidence
 def test_many_pictures_confuse_a_bounded_agent():
     steps = {n: [len(live(False, s, bounded=True, misjudged=0, images=n)[1]) for s in range(20)] for n in (1, 10)}
     assert np.mean(steps[10]) > 1.2 * np.mean(steps[1])
@@ -205,7 +209,7 @@ def test_many_pictures_confuse_a_bounded_agent():
 
 def test_a_verifier_that_knows_better_lets_nobody_stop_out_of_reach():
     walker = Walker(two_rooms(), (COUCH,), 0)
-    verifier = OracleVerifier({})
+    verifier = OracleVerifier(VerifierOptions())
     verifier.begin(EpisodeContext(spec(False), SKILLS, 0, walker.scene, walker.state))
     view = Observation(0, "Find a couch.", PICTURE)
     verdict = verifier.verify(view, Call("stop"), SKILLS["stop"], "")
@@ -216,7 +220,7 @@ def test_a_verifier_that_knows_better_lets_nobody_stop_out_of_reach():
 
 def test_a_verifier_that_knows_better_keeps_no_view():
     walker = Walker(two_rooms(), (COUCH,), 0)
-    verifier = OracleVerifier({})
+    verifier = OracleVerifier(VerifierOptions())
     verifier.begin(EpisodeContext(spec(False), SKILLS, 0, walker.scene, walker.state))
     view = Observation(0, "Find a couch.", PICTURE.copy())
     verifier.verify(view, Call("walk", {"z_cm": 30}), SKILLS["walk"], "")
@@ -229,3 +233,14 @@ def test_a_verifier_that_knows_better_keeps_no_view():
 def test_options_that_make_no_sense_are_refused(wrong):
     with pytest.raises(HumanclawError, match=r"options are|Choose from"):
         FaultyOptions.of(wrong)
+
+
+@pytest.mark.parametrize("miss", ["abc", 7, -0.1])
+def test_a_verifier_that_overlooks_no_probability_is_refused(miss):
+    with pytest.raises(HumanclawError, match="--option miss"):
+        Plugins.discover().make("verifiers", "oracle", {"miss": miss})
+
+
+def test_a_verifier_records_its_own_option_and_no_other():
+    verifier = Plugins.discover().make("verifiers", "oracle", {"miss": 0.25, "fault": "jam"})
+    assert verifier.settings == {"miss": 0.25}

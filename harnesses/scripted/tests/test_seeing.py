@@ -14,8 +14,8 @@ from humanclaw import Agent, Call, EpisodeContext, EpisodeSpec, HistoryEntry, Hu
 from humanclaw.body import Pose2D, rest_pose
 from humanclaw.records import Feedback
 from humanclaw.world import DEFAULT_GAZE, GAZES, View, distance_to_box, ego_camera
-from humanclaw_scripted.blind import WanderingAgent
-from humanclaw_scripted.sight import SeenMap, Sight, aligned, edges, gap_to, moved, placed
+from humanclaw_scripted.baselines import WanderingAgent
+from humanclaw_scripted.depth_mapping import SeenMap, Sight, aligned, edges, gap_to, moved, placed
 
 GAZE = GAZES[DEFAULT_GAZE]
 WALL = 3.0
@@ -42,7 +42,7 @@ def before_a_wall() -> View:
 
 def sight_of(view: View) -> Sight:
     """Return the view as points, with the wall as target."""
-    return Sight.of(view, view.ids != 0, view.ids == 2, GAZE)
+    return Sight.of(view, (2,), GAZE)
 
 
 def test_depth_becomes_points_on_the_floor_and_on_the_wall() -> None:

@@ -28,7 +28,6 @@ from humanclaw_habitat.attributes import (
     read_json,
 )
 from humanclaw_habitat.categories import category_of
-from humanclaw_habitat.primitives import DEFAULT_SCALE, is_primitive
 
 CONFIG: Final = ".scene_dataset_config.json"
 SCENE: Final = ".scene_instance.json"
@@ -50,12 +49,7 @@ class Kind:
     """Templates that the name fits too; as in Habitat, the first by path is taken."""
 
     def path(self, asset: str) -> Path:
-        """Return the path of an asset. A primitive of Habitat has no file; its path is only its name.
-
-        Raises SceneError for a file outside of the dataset.
-        """
-        if is_primitive(asset):
-            return Path(asset)
+        """Return the path of an asset. Raises SceneError for a file outside of the dataset."""
         try:
             return within(self.root, (self.file.parent / asset).absolute())
         except ValueError as error:
@@ -203,9 +197,6 @@ class Dataset:
         return Kind(found, source.file, template, self._home(source.file))
 
     def _kind(self, section: str, name: str) -> Kind:
-        if is_primitive(name) and section == "objects":
-            template = checked(Template, {"render_asset": name, "scale": DEFAULT_SCALE}, self.config)
-            return Kind(name, self.config, template, self.config.parent)
         (found, *others), source, values = self._found(section, name)
         return Kind(found, source.file, checked(Template, values, source.file), self._home(source.file), tuple(others))
 

@@ -6,9 +6,8 @@ whose keys are `<scene>_<category>`.
 A goal is matched to an object by name and place. Its object_id only breaks ties: some releases mean an index into
 object_instances, others a number of the semantic annotation.
 
-The reference release adds two fields, which repeat the start for a world with z up: `init_offset` is (-x, z, height of
-the floor), and `init_yaw` is the yaw of `start_rotation` in degrees. The repeated values are checked. Only the height
-of the floor is new, because `start_position` hovers over the floor.
+The reference release adds `init_offset`, the start in a world with z up: (-x, z, height of the floor). Only that height
+is read: `start_position` hovers over the floor.
 """
 
 from __future__ import annotations
@@ -43,10 +42,6 @@ _FLOOR: Final = 0.5
 """Largest distance between the height of a start and a floor of the scene, metres."""
 
 _VERSION: Final = "Check that the episodes are for this version of the dataset and that the scene is complete."
-_SAME: Final = 0.05
-"""Largest distance between init_offset and start_position in x and z, metres."""
-_TURN: Final = 1.0
-"""Largest difference between init_yaw and the yaw of start_rotation, degrees."""
 
 
 class Goal(Attributes):
@@ -79,29 +74,19 @@ class Task(Attributes):
     object_category: str
     init_offset: Vec3 | None = None
     """-x, z and height of the floor under the body, metres."""
-    init_yaw: float | None = None
-    """The yaw of start_rotation, degrees."""
     goals: tuple[Goal, ...] = ()
 
     @model_validator(mode="before")
     @classmethod
     def _from_info(cls, values: Any) -> Any:
-        """Add the fields that some files keep in `info`."""
+        """Take init_offset from `info`, where some files keep it."""
         info = values.get("info") if isinstance(values, Mapping) else None
-        extra = {key: info[key] for key in ("init_offset", "init_yaw") if key in info} if info else {}
-        return {**extra, **values} if extra else values
+        return {"init_offset": info["init_offset"], **values} if info and "init_offset" in info else values
 
     @model_validator(mode="after")
     def _sensible(self) -> Task:
         if np.linalg.norm(self.start_rotation) < 0.5:
             raise ValueError(f"start_rotation must be a quaternion x, y, z, w; got {self.start_rotation}")
-        turn = float(np.degrees(2 * np.arctan2(self.start_rotation[1], self.start_rotation[3])))
-        if self.init_yaw is not None and abs((self.init_yaw - turn + 180) % 360 - 180) > _TURN:
-            raise ValueError(f"init_yaw must be the yaw of start_rotation, {turn:.1f} degrees; got {self.init_yaw}")
-        # Two copies of the start that disagree mean an episode in another frame: it would begin in the wrong place.
-        x, _, z = self.start_position
-        if self.init_offset and np.hypot(self.init_offset[0] + x, self.init_offset[1] - z) > _SAME:
-            raise ValueError(f"init_offset must be (-x, z, floor) of start_position {x, z}; got {self.init_offset}")
         return self
 
     @property

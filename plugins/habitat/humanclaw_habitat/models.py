@@ -53,10 +53,9 @@ from humanclaw_habitat.categories import SEATS
 from humanclaw_habitat.dataset import Kind
 from humanclaw_habitat.frames import axes, quarter, quaternion, scaled
 from humanclaw_habitat.gltf import readable
-from humanclaw_habitat.primitives import is_primitive, primitive
 from humanclaw_habitat.stage import floor_levels, pieces, righted, together
 
-VERSION: Final = 6
+VERSION: Final = 7
 """Part of the cache key. Raise it when a change of the code makes another asset from the same files."""
 _LIMIT: Final = 1 << 32
 _SMALL: Final = 0.35
@@ -143,8 +142,6 @@ class Models:
         return fragment
 
     def _digest(self, path: Path) -> str:
-        if is_primitive(path.name):
-            return path.name
         if path not in self.digests:
             try:
                 self.digests[path] = hashlib.sha256(read_file(path, MODEL_BYTES)).hexdigest()
@@ -168,8 +165,6 @@ class Models:
         return urdf.links(path, what, self._read, mover) or urdf.links(path, "collision", self._read, mover)
 
     def _read(self, path: Path) -> list[Part]:
-        if is_primitive(path.name):
-            return primitive(path.name)
         if path.suffix.lower() != ".glb":
             return read_model(path)
         data, lost = readable(read_file(path, MODEL_BYTES), str(path))
@@ -238,8 +233,7 @@ class Models:
 
     def _given(self, kind: Kind, scale: Array, mover: str) -> list[NDArray[np.float32]]:
         """Return the pieces of a template's own collision model; pieces that are not convex are decomposed."""
-        shape = kind.template.render_asset if is_primitive(kind.template.render_asset) else ""
-        asset = kind.template.collision_asset or shape
+        asset = kind.template.collision_asset
         if not asset or kind.template.use_bounding_box_for_collision:
             return []
         parts = scaled(self._parts(kind.path(asset), kind.template, "collision", mover), scale)

@@ -7,7 +7,7 @@ not rotated. A hinge or slide moves all that hangs on it as one piece: joints fu
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
@@ -21,14 +21,13 @@ from humanclaw.storage import read_file
 from humanclaw.world import Hinge, Joint, Part, Slide
 from humanclaw_habitat.attributes import LARGEST, MOST
 from humanclaw_habitat.frames import scaled
-from humanclaw_habitat.primitives import primitive
 
 _MOVING: Final = ("revolute", "continuous", "prismatic", "planar", "floating")
 _LINKS: Final = 500
 """Maximum links of a file: finding their places takes the square of that."""
-_ROUND: Final = "segments_24_halfLen_1"
-_TURN: Final = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
-"""Turns the axis of Habitat's primitives, +Y, to that of URDF's, +Z."""
+_SEGMENTS: Final = 24
+"""Sides of a cylinder and of a capsule."""
+_GREY: Final = (200, 200, 200)
 
 
 @dataclass(frozen=True)
@@ -204,31 +203,32 @@ def _shape(element: ElementTree.Element, path: Path, read: Callable[[Path], list
     for shape in () if geometry is None else geometry:
         if shape.tag == "mesh":
             return scaled(read(_file(shape, path)), _numbers(shape.get("scale", "1 1 1"), 3, path))
-        return [replace(part, colour=_colour(element, path) or part.colour) for part in _solid(shape, path)]
+        return [replace(_solid(shape, path), colour=_colour(element, path) or _GREY)]
     raise SceneError(f"{path}: each {element.tag} must have a geometry; one has none.")
 
 
-def _solid(shape: ElementTree.Element, path: Path) -> Iterator[Part]:
-    """Yield a box, sphere, cylinder or capsule centred on its origin, with axis +Z."""
+def _solid(shape: ElementTree.Element, path: Path) -> Part:
+    """Return a box, sphere, cylinder or capsule centred on its origin, with axis +Z."""
+    from trimesh import creation
 
-    def number(key: str) -> float:
-        return float(_numbers(shape.get(key, ""), 1, path)[0])
+    def length(key: str) -> float:
+        found = float(_numbers(shape.get(key, ""), 1, path)[0])
+        if found <= 0:
+            raise SceneError(f"{path}: a {shape.tag} has the {key} {found:g}.", "Give one above 0.")
+        return found
 
     if shape.tag == "box":
-        name, size = "cubeSolid", _numbers(shape.get("size", ""), 3, path) / 2
+        mesh = creation.box(_numbers(shape.get("size", ""), 3, path))
     elif shape.tag == "sphere":
-        name, size = "icosphereSolid_subdivs_2", np.full(3, number("radius"))
+        mesh = creation.icosphere(2, length("radius"))
     elif shape.tag == "cylinder":
-        name, size = f"cylinderSolid_{_ROUND}", np.array([number("radius"), number("radius"), number("length") / 2])
+        mesh = creation.cylinder(length("radius"), length("length"), _SEGMENTS)
     elif shape.tag == "capsule":
-        if (radius := number("radius")) <= 0:
-            raise SceneError(f"{path}: a capsule has the radius {radius:g}.", "Give one above 0.")
-        name, size = f"capsule3DSolid_segments_24_halfLen_{number('length') / 2 / radius:.6f}", np.full(3, radius)
+        mesh = creation.capsule(length("length"), length("radius"), count=[8, _SEGMENTS])
     else:
         raise SceneError(f"{path}: the shape {shape.tag} is not supported.")
-    turn = np.eye(3) if shape.tag == "box" else _TURN
-    for part in primitive(name):
-        yield replace(part, vertices=part.vertices @ turn.T * size)
+    vertices = np.asarray(mesh.vertices, float) - mesh.bounds.mean(axis=0)
+    return Part(vertices, np.asarray(mesh.faces, np.int64), None, _GREY)
 
 
 def _colour(element: ElementTree.Element, path: Path) -> tuple[int, int, int] | None:

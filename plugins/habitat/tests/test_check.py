@@ -5,12 +5,15 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import pytest
 import trimesh
 from click.testing import CliRunner, Result
 from toy_dataset import box, model, walls, write
 
 from humanclaw import Plugins
 from humanclaw.cli import build
+
+pytestmark = pytest.mark.integration
 
 
 def check(*args: object) -> Result:

@@ -77,6 +77,7 @@ def test_assets_stand_on_the_middle_of_their_footprint(scene: Scene) -> None:
         np.testing.assert_allclose([low[0] + high[0], low[1], low[2] + high[2]], 0, atol=1e-4)
 
 
+@pytest.mark.integration
 def test_a_seat_whose_back_is_elsewhere_than_its_front_axis_says_is_turned_to_its_real_front(mine: Path) -> None:
     # The couch's back is at +Z; the config calls +Z the front.
     edit(mine / "objects" / "c" / "couch1.object_config.json", front=[0, 0, 1])
@@ -106,6 +107,7 @@ def test_a_thing_of_unknown_motion_type_is_dynamic_as_in_habitat(mine: Path) -> 
     assert thing.mass == 3
 
 
+@pytest.mark.integration
 def test_small_things_can_be_made_movable_and_weigh_by_their_size(mine: Path) -> None:
     change_object(mine, 3, motion_type="static")
     scene = load(mine, "?movable=small")
@@ -132,6 +134,7 @@ def test_a_given_collision_model_becomes_its_convex_parts(scene: Scene) -> None:
     np.testing.assert_allclose(sizes, [(0.6, 0.54, 0.06), (0.6, 0.54, 0.6)], atol=1e-4)
 
 
+@pytest.mark.integration
 def test_a_part_of_a_collision_model_that_is_not_convex_is_decomposed(mine: Path) -> None:
     tall, wide = box((0, 0, 0), (0.2, 1, 0.2)), box((0.2, 0, 0), (1, 0.2, 0.2))
     ell = tall.union(wide) if find_spec("manifold3d") else pytest.skip("needs manifold3d")
@@ -328,63 +331,6 @@ def test_a_nested_config_that_says_nothing_usable_is_named(mine: Path, config: d
     fails(mine, "toy.scene_dataset_config.json", said)
 
 
-# -- shapes that Habitat makes itself
-# -----------------------------------------------------------------------------------
-CYLINDER = "cylinderSolid_rings_1_segments_12_halfLen_1_useTexCoords_false_useTangents_false_capEnds_true"
-CONE = "coneSolid_segments_12_halfLen_1.25_rings_1_useTexCoords_false_useTangents_false_capEnd_true"
-CAPSULE = "capsule3DSolid_hemiRings_4_cylRings_1_segments_12_halfLen_0.75_useTexCoords_false_useTangents_false"
-
-
-@pytest.mark.parametrize(
-    ("shape", "height", "volume", "least"),
-    [
-        # Cubic metres of the true shape, and the share of them that one of so few faces fills at least.
-        ("cubeSolid", 2, 8, 1.0),
-        ("icosphereSolid_subdivs_1", 2, 4 / 3 * np.pi, 0.8),
-        ("uvSphereSolid_rings_8_segments_16_useTexCoords_false_useTangents_false", 2, 4 / 3 * np.pi, 0.9),
-        (CYLINDER, 2, 2 * np.pi, 0.95),
-        (CONE, 2.5, 2.5 / 3 * np.pi, 0.95),
-        (CAPSULE, 3.5, (4 / 3 + 1.5) * np.pi, 0.9),
-    ],
-)
-def test_a_shape_is_built_as_a_mesh_and_one_convex_piece(
-    mine: Path, shape: str, height: float, volume: float, least: float
-) -> None:
-    # A tenth of the shape's size, its middle 1 m over the floor.
-    write(mine / "objects" / "s" / "shape.object_config.json", {"render_asset": shape, "scale": [0.1, 0.1, 0.1]})
-    change_object(mine, 3, template_name="shape", translation=[1, 1, 5])
-    scene = load(mine)
-    low, high = scene.aabb(4)
-    assert (high[1] - low[1], (high + low)[1] / 2) == (
-        pytest.approx(height / 10, rel=0.01),
-        pytest.approx(1, abs=0.005),
-    )
-    np.testing.assert_allclose((high - low)[[0, 2]], 0.2, rtol=0.06)
-    asset = scene.assets[scene.by_id[4].asset]
-    (hull,) = asset.hulls
-    np.testing.assert_allclose(np.ptp(hull, axis=0), high - low, atol=1e-4)
-    a, b, c = (asset.mesh.vertices[asset.mesh.faces[:, k]].astype(float) for k in range(3))
-    filled = np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6
-    assert least * volume / 1000 * 0.999 <= filled <= volume / 1000 * 1.001
-
-
-def test_a_shape_that_is_itself_the_template_is_a_tenth_of_its_size(mine: Path) -> None:
-    change_object(mine, 3, template_name="cubeSolid", translation=[1, 0.1, 5])
-    np.testing.assert_allclose(load(mine).aabb(4), ((0.9, 0, 4.9), (1.1, 0.2, 5.1)), atol=1e-4)
-
-
-def test_a_shape_may_be_the_collision_model_of_a_mesh(mine: Path) -> None:
-    edit(mine / "objects" / "t" / "tv1.object_config.json", collision_asset="cubeWireframe")
-    scene = load(mine)
-    (hull,) = scene.assets[scene.by_id[2].asset].hulls
-    np.testing.assert_allclose(np.ptp(hull, axis=0), (2, 2, 2), atol=1e-4)
-
-
-def test_a_shape_that_cannot_be_is_named(mine: Path) -> None:
-    change_object(mine, 3, template_name="icosphereSolid_subdivs_40")
-    fails(mine, "object 3 (icosphereSolid_subdivs_40)", "subdivs cannot be 40")
-
-
 # -- articulated objects -----------------------------------------------------------------------------------------------
 FRIDGE = """<robot name="fridge">
   <link name="body">
@@ -495,6 +441,7 @@ def test_a_joint_that_cannot_be_at_zero_is_at_the_nearest_that_it_can(mine: Path
 
 
 @pytest.mark.parametrize("end", [100, 1e30])
+@pytest.mark.integration
 def test_a_hinge_of_many_turns_turns_once_and_keeps_its_nearer_stop(mine: Path, end: float) -> None:
     """Files write a large number for a hinge without stops."""
     for lower, low in ((-end, -np.pi), (-1, -1), (1, 1)):

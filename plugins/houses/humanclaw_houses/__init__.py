@@ -7,8 +7,6 @@ from typing import TYPE_CHECKING
 from humanclaw import hookimpl
 
 if TYPE_CHECKING:
-    import click
-
     from humanclaw import Scene
     from humanclaw.plugins import Register, SceneFactory
 
@@ -17,7 +15,7 @@ __version__ = "0.1.0"
 
 class _Houses:
     def __call__(self, argument: str) -> Scene:
-        from humanclaw_houses.door import open_house
+        from humanclaw_houses.reference import open_house
 
         return open_house(argument)
 
@@ -30,10 +28,3 @@ class _Houses:
 @hookimpl
 def humanclaw_scenes(register: Register[SceneFactory]) -> None:
     register("house", _Houses(), "Generated houses: house:0 to house:40 for validation, house:train-N for training.")
-
-
-@hookimpl
-def humanclaw_commands(cli: click.Group) -> None:
-    from humanclaw.cli import LazyCommand
-
-    cli.add_command(LazyCommand("assets", "humanclaw_houses.command:assets", "Libraries of furniture for houses."))

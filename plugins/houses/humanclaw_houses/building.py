@@ -9,17 +9,17 @@ import numpy as np
 
 from humanclaw.world import Hinge, Joint
 from humanclaw_houses import textures as t
-from humanclaw_houses.model import Model, Piece
-from humanclaw_houses.plan import CEILING, WALL, Area, FloorPlan, Opening, Wall, room_at
+from humanclaw_houses.piece_builder import Piece, PieceBuilder, maker
+from humanclaw_houses.plan import CEILING, WALL, Area, FloorPlan, Wall, WallOpening, room_at
 from humanclaw_houses.shapes import Point, Shape, box, post, quads, sheet
 from humanclaw_houses.stairs import staircase
 from humanclaw_houses.style import Style
-from humanclaw_houses.textures import Tile
+from humanclaw_houses.textures import Texture
 
 SKIRTING = 0.08
 """Height of the skirting boards, metres."""
 _CELL = 1.2
-"""Length that a tile covers on walls, floors and ceilings, about, metres."""
+"""Length that a texture covers on walls, floors and ceilings, about, metres."""
 _WIDEST = 95.0
 """Largest angle to which a door opens, degrees: a wall or a shelf is behind it."""
 _AJAR = (70.0, 85.0)
@@ -45,10 +45,10 @@ class Placed:
 
 @dataclass(frozen=True, eq=False)
 class Finish:
-    """The tiles on the walls and the floor of a room."""
+    """The textures on the walls and the floor of a room."""
 
-    wall: Tile
-    floor: Tile
+    wall: Texture
+    floor: Texture
 
 
 def draw_finishes(plan: FloorPlan, style: Style) -> Mapping[str, Finish]:
@@ -83,11 +83,11 @@ def _zones(plan: FloorPlan) -> dict[str, int]:
     return zone
 
 
-def _bath_tiles(rng: np.random.Generator) -> Tile:
+def _bath_tiles(rng: np.random.Generator) -> Texture:
     return t.ceramic(t.pick(rng, ((226, 236, 238), (236, 234, 226), (206, 222, 226), (220, 232, 220))), rng, 8)
 
 
-def _floor_tiles(rng: np.random.Generator) -> Tile:
+def _floor_tiles(rng: np.random.Generator) -> Texture:
     return t.ceramic(t.pick(rng, ((196, 190, 180), (150, 152, 156), (214, 206, 192))), rng, 4)
 
 
@@ -104,8 +104,8 @@ def build(plan: FloorPlan, style: Style, finishes: Mapping[str, Finish]) -> Iter
             yield _stairs(plan, area, finishes, style)
     above = "upper_" if plan.floor > 0 else ""
     for number, wall in enumerate(plan.walls):
-        tiles = [finishes[name].wall if name else outside for name in (wall.low, wall.high)]
-        yield _wall(plan, wall, f"{above}{number}", tiles, style)
+        textures = [finishes[name].wall if name else outside for name in (wall.low, wall.high)]
+        yield _wall(plan, wall, f"{above}{number}", textures, style)
         for index, opening in enumerate(wall.openings):
             yield from _fill(wall, opening, f"{above}{number}_{index}", style)
 
@@ -122,7 +122,7 @@ def _stairs(plan: FloorPlan, area: Area, finishes: Mapping[str, Finish], style: 
         x0, x1 = (wall.line, x1) if wall.high == area.name else (x0, wall.line)
         size, yaw = (z1 - z0, x1 - x0), -np.pi / 2 if wall.high == area.name else np.pi / 2
     width, depth = (round(v, 4) for v in size)
-    piece = staircase(style, plan.stair, width, depth, finishes[area.name].wall)
+    piece = staircase(style, "stairs", plan.stair, width, depth, finishes[area.name].wall)
     return Placed(piece, (x0 + x1) / 2, 0.0, (z0 + z1) / 2, yaw, area.name)
 
 
@@ -132,7 +132,7 @@ def _cells(length: float) -> int:
 
 def _floor(area: Area, finish: Finish, thick: float) -> Placed:
     """Build a slab whose top is at height 0."""
-    m = Model()
+    m = PieceBuilder()
     w, d = area.x1 - area.x0, area.z1 - area.z0
     m.add(_tiled((-w / 2, thick, d / 2), (w, 0, 0), (0, 0, -d)), finish.floor)
     m.add(box((w, thick, d), (0, 0, 0), skip="t"), finish.floor)
@@ -142,7 +142,7 @@ def _floor(area: Area, finish: Finish, thick: float) -> Placed:
 
 
 def _tiled(corner: Point, along: Point, up: Point) -> Shape:
-    """Return a rectangle as quads of about one tile each, so that the tile repeats and no uv leaves 0..1."""
+    """Return a rectangle as quads of about one texture each, so that the texture repeats and no uv leaves 0..1."""
     start, side, rise = np.array(corner), np.array(along), np.array(up)
     columns, rows = _cells(float(np.linalg.norm(side))), _cells(float(np.linalg.norm(rise)))
     i, j = np.indices((columns, rows)).reshape(2, -1, 1)
@@ -151,7 +151,7 @@ def _tiled(corner: Point, along: Point, up: Point) -> Shape:
 
 
 def _ceiling(area: Area, style: Style) -> Placed:
-    m = Model()
+    m = PieceBuilder()
     w, d = area.x1 - area.x0, area.z1 - area.z0
     columns, rows = _cells(w), _cells(d)
     m.add(Shape((sheet((-w / 2, 0, -d / 2), (w, 0, 0), (0, 0, d), (columns, rows)),)), style.white)
@@ -161,18 +161,18 @@ def _ceiling(area: Area, style: Style) -> Placed:
 
 
 # -- walls -------------------------------------------------------------------------------------------------------------
-def _wall(plan: FloorPlan, wall: Wall, number: str, tiles: list[Tile], style: Style) -> Placed:
+def _wall(plan: FloorPlan, wall: Wall, number: str, textures: list[Texture], style: Style) -> Placed:
     """Build a wall: faces, reveals of the openings, top, skirting, and a collision box for every solid stretch.
 
-    It is built along x. A wall along z is turned so that its x becomes z; its low room is then at the model's +Z.
+    It is built along x. A wall along z is turned so that its x becomes z; its low room is then at the builder's +Z.
     """
-    m = Model()
+    m = PieceBuilder()
     middle, turn = (wall.start + wall.end) / 2, 1 if wall.axis == "x" else -1
-    for low, tile in zip((True, False), tiles, strict=True):
+    for low, texture in zip((True, False), textures, strict=True):
         start, end = _face_ends(plan, wall, low)
         side = (-1 if low else 1) * turn
         for x0, x1, y0, y1 in _stretches(wall, start - middle, end - middle, middle, plan.height):
-            _face(m, side, (x0, x1, y0, y1), tile)
+            _face(m, side, (x0, x1, y0, y1), texture)
             if y0 == 0 and (wall.low if low else wall.high):
                 m.add(box((x1 - x0, SKIRTING, 0.012), ((x0 + x1) / 2, 0, side * (WALL / 2 + 0.006)), "b"), style.white)
     reach = WALL / 2
@@ -188,15 +188,15 @@ def _wall(plan: FloorPlan, wall: Wall, number: str, tiles: list[Tile], style: St
     return Placed(piece[0], *_shift(x, z, piece[1], yaw), yaw, room=wall.low or wall.high)
 
 
-def _centred(m: Model, name: str) -> tuple[Piece, tuple[float, float]]:
-    """Return the centred piece, and the (x, z) of its centre in the model's frame."""
+def _centred(m: PieceBuilder, name: str) -> tuple[Piece, tuple[float, float]]:
+    """Return the centred piece, and the (x, z) of its centre in the builder's frame."""
     points = m.points()
     cx, cz = ((points[:, k].min() + points[:, k].max()) / 2 for k in (0, 2))
     return m.piece(name, "wall"), (float(cx), float(cz))
 
 
 def _shift(x: float, z: float, offset: tuple[float, float], yaw: float) -> tuple[float, float, float]:
-    """Return the place of a centred piece at which its model's origin is at (x, z)."""
+    """Return the place of a centred piece at which its builder's origin is at (x, z)."""
     ox, oz = offset
     cos, sin = np.round(np.cos(yaw)), np.round(np.sin(yaw))
     return float(x + cos * ox + sin * oz), 0.0, float(z - sin * ox + cos * oz)
@@ -236,14 +236,14 @@ def _stretches(
     return [part for part in parts if part[1] - part[0] > 1e-6 and part[3] - part[2] > 1e-6]
 
 
-def _face(m: Model, side: int, span: tuple[float, float, float, float], tile: Tile) -> None:
+def _face(m: PieceBuilder, side: int, span: tuple[float, float, float, float], texture: Texture) -> None:
     x0, x1, y0, y1 = span
     z = side * WALL / 2
     corner, along = ((x1, y0, z), (x0 - x1, 0.0, 0.0)) if side < 0 else ((x0, y0, z), (x1 - x0, 0.0, 0.0))
-    m.add(_tiled(corner, along, (0, y1 - y0, 0)), tile)
+    m.add(_tiled(corner, along, (0, y1 - y0, 0)), texture)
 
 
-def _reveal(m: Model, hole: Opening, x: float, style: Style) -> None:
+def _reveal(m: PieceBuilder, hole: WallOpening, x: float, style: Style) -> None:
     """Build the inner faces of an opening, and a white frame around it on both sides."""
     half, high = hole.width / 2, hole.top - hole.bottom
     depth = WALL
@@ -267,7 +267,7 @@ def _reveal(m: Model, hole: Opening, x: float, style: Style) -> None:
 
 
 # -- doors and windows -------------------------------------------------------------------------------------------------
-def _fill(wall: Wall, hole: Opening, name: str, style: Style) -> Iterator[Placed]:
+def _fill(wall: Wall, hole: WallOpening, name: str, style: Style) -> Iterator[Placed]:
     x, z = wall.point(hole.at)
     inside_high = wall.low == ""
     yaw = (0.0 if inside_high else np.pi) if wall.axis == "x" else (np.pi / 2 if inside_high else -np.pi / 2)
@@ -279,9 +279,9 @@ def _fill(wall: Wall, hole: Opening, name: str, style: Style) -> Iterator[Placed
         yield _leaf(wall, hole, name, style)
 
 
-def _window(style: Style, name: str, hole: Opening) -> Piece:
+@maker("window")
+def _window(m: PieceBuilder, style: Style, hole: WallOpening) -> None:
     """Build a frame with a bright pane, in two casements if it is wide."""
-    m = Model()
     w, h = hole.width, hole.top - hole.bottom
     m.add(Shape((sheet((-w / 2, 0, 0), (w, 0, 0), (0, h, 0)),)), t.sky(style.rng))
     m.add(Shape((sheet((w / 2, 0, -0.01), (-w, 0, 0), (0, h, 0)),)), style.steel)
@@ -292,27 +292,25 @@ def _window(style: Style, name: str, hole: Opening) -> Piece:
         m.add(box((w, 0.05, 0.04), (0, y, 0.0)), style.white)
     m.add(box((0.02, 0.1, 0.03), (0.045 if w > 0.9 else w / 2 - 0.07, h * 0.45, 0.03)), style.chrome)
     m.solid((w, h, 0.08), (0, 0, 0))
-    return m.piece(name, "window")
 
 
-def _front_door(style: Style, name: str, hole: Opening) -> Piece:
+@maker("door")
+def _front_door(m: PieceBuilder, style: Style, hole: WallOpening) -> None:
     """Build the front door, closed."""
-    m = Model()
-    tile = t.panel_door(t.pick(style.rng, ((120, 60, 48), (52, 78, 92), (62, 88, 70), (104, 74, 50))), style.rng)
-    m.box((hole.width, hole.top, 0.06), (0, 0, 0), tile)
+    texture = t.panel_door(t.pick(style.rng, ((120, 60, 48), (52, 78, 92), (62, 88, 70), (104, 74, 50))), style.rng)
+    m.box((hole.width, hole.top, 0.06), (0, 0, 0), texture)
     m.add(box((0.13, 0.02, 0.03), (hole.width / 2 - 0.13, 1.02, 0.06)), style.brass)
     m.add(post(0.018, 0.02).moved((0, 1.5, 0.03), (90, 0, 0)), style.brass)
-    return m.piece(name, "door")
 
 
-def _leaf(wall: Wall, hole: Opening, name: str, style: Style) -> Placed:
+def _leaf(wall: Wall, hole: WallOpening, name: str, style: Style) -> Placed:
     """Build a door leaf that stands open at about a right angle to its wall. Shut, it lies in front of the frame."""
-    m = Model()
+    m = PieceBuilder(mass=25.0)
     length, thick = hole.width, 0.04
     m.box((thick, hole.top - 0.02, length), (0, 0.01, 0), t.panel_door((236, 234, 228), style.rng))
     for side in (-1, 1):
         m.add(box((0.03, 0.02, 0.12), (side * 0.045, 1.0, length / 2 - 0.1)), style.chrome)
-    piece = m.piece(f"door_{name}", "door", mass=25.0)
+    piece = m.piece(f"door_{name}", "door")
     across = -1 if hole.opens_low else 1
     # The open leaf hangs beside the clear width of the doorway, not in it.
     along = hole.at + hole.leaf * (hole.width / 2 + thick / 2 + 0.005)

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from humanclaw import SceneError
+from humanclaw_houses.doors_and_windows import walls_between, with_doors, with_windows
 from humanclaw_houses.layouts import SHAPED, arrange_rows, lay_out, living_block, name_areas, turned
-from humanclaw_houses.openings import walls_between, with_doors, with_windows
 from humanclaw_houses.plan import CEILING, STAIR_WIDTH, FloorPlan, Layout, Stair
 
 

@@ -10,11 +10,11 @@ from typing import Final
 import numpy as np
 
 from humanclaw_houses.building import Placed
+from humanclaw_houses.furnishing_context import FurnishingContext, Maker
 from humanclaw_houses.furniture import small, things
-from humanclaw_houses.kit import Kit, Maker
-from humanclaw_houses.model import Piece, Top
+from humanclaw_houses.piece_builder import Piece, SupportSurface
 from humanclaw_houses.placing import beside, hang_one
-from humanclaw_houses.space import Space
+from humanclaw_houses.room_occupancy import RoomOccupancy
 
 _ON: Final[dict[str, tuple[Maker, ...]]] = {
     "kitchen_counter": (things.kettle, things.jar, things.toaster, things.board, things.jar, things.microwave,
@@ -54,48 +54,54 @@ _SETTING: Final = 0.12
 _TRIES: Final = 12
 
 
-def dress(space: Space, kit: Kit) -> None:
+def dress(space: RoomOccupancy, context: FurnishingContext) -> None:
     """Dress one furnished room. Of what this adds, bottles in fridges can be pushed, and radiators collide."""
-    _fittings(space, kit)
+    _fittings(space, context)
     for _ in range(2 if space.area.kind == "bathroom" else 0):
-        hang_one(space, kit, kit.make(things.bath_shelf), 1.1)
-    for host in [obj for obj in space.objects if obj.piece.tops]:
-        category, tops = host.piece.asset.category, host.piece.tops
+        hang_one(space, context, context.make(things.bath_shelf), 1.1)
+    for host in [obj for obj in space.objects if obj.piece.surfaces]:
+        category, tops = host.piece.asset.category, host.piece.surfaces
         if category == "table":
-            _lay_table(space, kit, host)
-        _fill(space, kit, host, _ON.get(category, ()), [top for top in tops if not top.inside])
-        if not kit.chance(_EMPTY):
-            _fill(space, kit, host, _IN.get(category, ()), [top for top in tops if top.inside])
-    space.objects[:] = [_ajar(obj, kit) for obj in space.objects]
+            _lay_table(space, context, host)
+        _fill(space, context, host, _ON.get(category, ()), [top for top in tops if not top.inside])
+        if not context.chance(_EMPTY):
+            _fill(space, context, host, _IN.get(category, ()), [top for top in tops if top.inside])
+    space.objects[:] = [_ajar(obj, context) for obj in space.objects]
     if space.area.kind == "hall":
         for maker in (things.shoes, things.shoes, things.shoes, things.handbag):
-            piece = kit.make(maker)
-            space.try_put(islice(space.spots(piece, kit.rng), 40))
+            piece = context.make(maker)
+            space.try_put(islice(space.spots(piece, context.rng), 40))
 
 
-def _of(space: Space, category: str) -> list[Placed]:
+def _of(space: RoomOccupancy, category: str) -> list[Placed]:
     return [obj for obj in space.objects if obj.piece.asset.category == category]
 
 
-def _ajar(obj: Placed, kit: Kit) -> Placed:
+def _ajar(obj: Placed, context: FurnishingContext) -> Placed:
     """Leave some doors and drawers of a piece open by up to a quarter of their range."""
-    leaves = tuple(leaf.opened(float(kit.rng.uniform(0.05, 0.25))) if kit.chance(_AJAR) else leaf
-                   for leaf in obj.piece.leaves)  # fmt: skip
-    return replace(obj, piece=replace(obj.piece, leaves=leaves))
+    leaves = tuple(leaf.opened(float(context.rng.uniform(0.05, 0.25))) if context.chance(_AJAR) else leaf
+                   for leaf in obj.piece.hinged_parts)  # fmt: skip
+    return replace(obj, piece=replace(obj.piece, hinged_parts=leaves))
 
 
-def _fill(space: Space, kit: Kit, host: Placed, makers: Sequence[Maker], tops: Sequence[Top]) -> None:
+def _fill(
+    space: RoomOccupancy,
+    context: FurnishingContext,
+    host: Placed,
+    makers: Sequence[Maker],
+    tops: Sequence[SupportSurface],
+) -> None:
     """Put things on the tops of a piece, as many as find a place."""
-    for number in kit.rng.permutation(len(makers)) if tops else ():
-        piece = kit.make(makers[number])
+    for number in context.rng.permutation(len(makers)) if tops else ():
+        piece = context.make(makers[number])
         for _ in range(_TRIES):
-            spot = _somewhere(host, piece, tops[int(kit.rng.integers(len(tops)))], kit.rng)
+            spot = _somewhere(host, piece, tops[int(context.rng.integers(len(tops)))], context.rng)
             if spot and space.rests(spot, host):
                 space.put(spot)
                 break
 
 
-def _somewhere(host: Placed, piece: Piece, top: Top, rng: np.random.Generator) -> Placed | None:
+def _somewhere(host: Placed, piece: Piece, top: SupportSurface, rng: np.random.Generator) -> Placed | None:
     """Return a random place on a top, nearly square to its edges; None if it is too small."""
     yaw = float(rng.uniform(-0.15, 0.15))
     across, along = (size / 2 + _SPARE for size in (piece.size[0], piece.size[2]))
@@ -105,9 +111,9 @@ def _somewhere(host: Placed, piece: Piece, top: Top, rng: np.random.Generator) -
     return beside(host, piece, x, z, yaw, host.y + top.y + 0.001)
 
 
-def _lay_table(space: Space, kit: Kit, table: Placed) -> None:
+def _lay_table(space: RoomOccupancy, context: FurnishingContext, table: Placed) -> None:
     """Put a plate and a glass before each chair at a table."""
-    plate, glass, top = kit.make(things.plate), kit.make(things.glass), table.piece.tops[0]
+    plate, glass, top = context.make(things.plate), context.make(things.glass), table.piece.surfaces[0]
     for chair in _of(space, "chair"):
         x, z = _seen_from(table, chair)
         if abs(x) > top.x1 + 0.6 or abs(z) > top.z1 + 0.6:
@@ -128,22 +134,22 @@ def _seen_from(table: Placed, obj: Placed) -> tuple[float, float]:
     return float(cos * dx - sin * dz), float(sin * dx + cos * dz)
 
 
-def _fittings(space: Space, kit: Kit) -> None:
+def _fittings(space: RoomOccupancy, context: FurnishingContext) -> None:
     """Put a radiator below each window and a switch beside each door, where the wall is free."""
-    for spot in (*_radiators(space, kit), *_switches(space, kit)):
+    for spot in (*_radiators(space, context), *_switches(space, context)):
         if space.fits(spot):
             space.put(spot)
 
 
-def _radiators(space: Space, kit: Kit) -> Iterator[Placed]:
+def _radiators(space: RoomOccupancy, context: FurnishingContext) -> Iterator[Placed]:
     for side, hole in space.windows:
         if hole.bottom > 0.75:
-            piece = kit.make(things.radiator, round(min(hole.width, 1.2) - 0.1, 2))
+            piece = context.make(things.radiator, round(min(hole.width, 1.2) - 0.1, 2))
             yield space.at_wall(piece, side, hole.at - space.start(side), 0.14, gap=0.02)
 
 
-def _switches(space: Space, kit: Kit) -> Iterator[Placed]:
-    piece = kit.make(things.switch)
+def _switches(space: RoomOccupancy, context: FurnishingContext) -> Iterator[Placed]:
+    piece = context.make(things.switch)
     for side, hole in space.doors:
         along = hole.at - space.start(side) + (hole.leaf or 1) * -(hole.width / 2 + 0.14)
         if 0.05 < along < space.length(side) - 0.05:

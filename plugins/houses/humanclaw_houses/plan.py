@@ -72,7 +72,7 @@ class Area:
 
 
 @dataclass(frozen=True)
-class Opening:
+class WallOpening:
     """A hole in a wall: a doorway (bottom 0) or a window. at: its centre along the wall."""
 
     at: float
@@ -100,7 +100,7 @@ class Wall:
     end: float
     low: str
     high: str
-    openings: tuple[Opening, ...] = ()
+    openings: tuple[WallOpening, ...] = ()
 
     def point(self, along: float, across: float = 0.0) -> tuple[float, float]:
         """Return the world (x, z) of a point along the wall."""

@@ -7,10 +7,10 @@ from itertools import islice
 from typing import Final
 
 from humanclaw_houses.building import Placed
+from humanclaw_houses.furnishing_context import FurnishingContext, Maker
 from humanclaw_houses.furniture import seats, small
-from humanclaw_houses.kit import Kit, Maker
 from humanclaw_houses.placing import beside, from_household
-from humanclaw_houses.space import Space
+from humanclaw_houses.room_occupancy import RoomOccupancy
 
 # -- small objects -----------------------------------------------------------------------------------------------------
 _ON_TOP: Final[dict[str, tuple[Maker, ...]]] = {
@@ -30,7 +30,7 @@ _ON_FLOOR: Final[tuple[Maker, ...]] = (
 )  # fmt: skip
 
 
-def scatter(spaces: Sequence[Space], kit: Kit, count: int) -> None:
+def scatter(spaces: Sequence[RoomOccupancy], context: FurnishingContext, count: int) -> None:
     """Put up to `count` small objects on tops and floors, in one room after the other."""
     done = 0
     # Eight tries per object: many draws find no free place.
@@ -38,32 +38,32 @@ def scatter(spaces: Sequence[Space], kit: Kit, count: int) -> None:
         if done >= count:
             return
         space = spaces[round_ % len(spaces)]
-        on_top = kit.chance(0.75)
-        done += bool(_on_top(space, kit) if on_top else _on_floor(space, kit))
+        on_top = context.chance(0.75)
+        done += bool(_on_top(space, context) if on_top else _on_floor(space, context))
 
 
-def _on_top(space: Space, kit: Kit) -> bool:
-    tops = [(obj, top) for obj in space.objects for top in obj.piece.tops if not top.inside]
+def _on_top(space: RoomOccupancy, context: FurnishingContext) -> bool:
+    tops = [(obj, top) for obj in space.objects for top in obj.piece.surfaces if not top.inside]
     if not tops:
         return False
-    host, top = tops[int(kit.rng.integers(len(tops)))]
+    host, top = tops[int(context.rng.integers(len(tops)))]
     makers = _ON_TOP[space.area.kind]
-    piece = kit.make(makers[int(kit.rng.integers(len(makers)))])
+    piece = context.make(makers[int(context.rng.integers(len(makers)))])
     reach = (max(piece.size[0], piece.size[2]) / 2 + 0.02) * 1.1
     if piece.size[1] > top.room or top.x1 - top.x0 < 2 * reach or top.z1 - top.z0 < 2 * reach:
         return False
     for _ in range(6):
-        x, z = kit.rng.uniform(top.x0 + reach, top.x1 - reach), kit.rng.uniform(top.z0 + reach, top.z1 - reach)
-        spot = beside(host, piece, x, z, kit.rng.uniform(-0.5, 0.5), top.y + host.y + 0.001)
+        x, z = context.rng.uniform(top.x0 + reach, top.x1 - reach), context.rng.uniform(top.z0 + reach, top.z1 - reach)
+        spot = beside(host, piece, x, z, context.rng.uniform(-0.5, 0.5), top.y + host.y + 0.001)
         if space.rests(spot, host):
             return space.put(spot)
     return False
 
 
-def _on_floor(space: Space, kit: Kit) -> bool:
-    maker = _ON_FLOOR[int(kit.rng.integers(len(_ON_FLOOR)))]
+def _on_floor(space: RoomOccupancy, context: FurnishingContext) -> bool:
+    maker = _ON_FLOOR[int(context.rng.integers(len(_ON_FLOOR)))]
 
     def put() -> Placed | None:
-        return space.try_put(islice(space.spots(kit.make(maker), kit.rng), 40))
+        return space.try_put(islice(space.spots(context.make(maker), context.rng), 40))
 
-    return (from_household(kit, "chair", put) if maker is seats.stool else put()) is not None
+    return (from_household(context, "chair", put) if maker is seats.stool else put()) is not None

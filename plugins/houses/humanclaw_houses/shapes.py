@@ -1,7 +1,7 @@
 """Make the surfaces of furniture: boxes, lofts through rounded rings, tubes and leaves.
 
 A shape is a list of charts. Charts share no vertices, so a renderer that averages normals shades each chart smoothly
-and its borders sharply. Frame: metres, Y up. (u, v) are in metres until a model fits them into a tile.
+and its borders sharply. Frame: metres, Y up. (u, v) are in metres until a builder fits them into a texture.
 """
 
 from __future__ import annotations

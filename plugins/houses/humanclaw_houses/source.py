@@ -15,15 +15,13 @@ from humanclaw_houses.building import Placed, build, draw_finishes
 from humanclaw_houses.drafting import draw_plans
 from humanclaw_houses.dressing import dress
 from humanclaw_houses.furnish import furnish
-from humanclaw_houses.kit import Kit
-from humanclaw_houses.library import Library
-from humanclaw_houses.model import Leaf
+from humanclaw_houses.furnishing_context import FurnishingContext
 from humanclaw_houses.names import GENERATOR, seed_of
+from humanclaw_houses.piece_builder import HingedPart
 from humanclaw_houses.plan import Area, FloorPlan, Layout
+from humanclaw_houses.room_occupancy import RoomOccupancy, turn
 from humanclaw_houses.scatter import scatter
-from humanclaw_houses.space import Space, turn
 from humanclaw_houses.starting import WalkableArea, choose_start
-from humanclaw_houses.stock import Stock
 from humanclaw_houses.style import Style
 from humanclaw_houses.validity import problems
 
@@ -39,15 +37,12 @@ _MOVABLE: Final = 0.21
 """Share of the furniture that is movable."""
 
 
-def house(argument: str, library: Library | None = None) -> Scene:
-    """Generate house '0' to '40' or 'train-N', without the cache. Raises SceneError for any other argument.
-
-    library: imported furniture, which replaces parametric pieces where it has a similar asset.
-    """
-    return generate(seed_of(argument), f"house:{argument}", library)
+def house(argument: str) -> Scene:
+    """Generate house '0' to '40' or 'train-N', without the cache. Raises SceneError for any other argument."""
+    return generate(seed_of(argument), f"house:{argument}")
 
 
-def generate(seed: Sequence[int], name: str, library: Library | None = None) -> Scene:
+def generate(seed: Sequence[int], name: str) -> Scene:
     """Generate a house from a seed alone: the first of its drafts without problems.
 
     Raises SceneError if all drafts have problems.
@@ -56,7 +51,7 @@ def generate(seed: Sequence[int], name: str, library: Library | None = None) -> 
     layout = layout_of(seed)
     for draft in range(_DRAFTS):
         rng = np.random.default_rng([*seed, draft])
-        scene = _draft(rng, name, layout, library)
+        scene = _draft(rng, name, layout)
         walkable = WalkableArea.of(scene)
         scene = scene.starting(choose_start(walkable, rng))
         wrong = problems(scene, walkable)
@@ -77,13 +72,12 @@ def layout_of(seed: Sequence[int]) -> Layout:
     return Layout.draw(np.random.default_rng([*seed, _LAYOUT]), storeys_of(seed))
 
 
-def _draft(rng: np.random.Generator, name: str, layout: Layout, library: Library | None) -> Scene:
+def _draft(rng: np.random.Generator, name: str, layout: Layout) -> Scene:
     plans, style = draw_plans(rng, layout), Style.draw(rng)
     placed: list[Placed] = []
     for plan in plans:
         placed += _lifted(build(plan, style, draw_finishes(plan, style)), plan.floor)
-    # A spawned generator: a library must not change the draws from which the rest of the house is made.
-    for space in _furnish(plans, style, rng, Stock(library, rng.spawn(1)[0]) if library else None):
+    for space in _furnish(plans, style, rng):
         placed += _lifted(space.objects, space.floor)
     return _scene(name, plans, placed)
 
@@ -93,25 +87,25 @@ def _lifted(scene_objects: Iterable[Placed], floor: float) -> Iterator[Placed]:
     return (replace(obj, y=obj.y + floor) for obj in scene_objects)
 
 
-def _furnish(plans: Sequence[FloorPlan], style: Style, rng: np.random.Generator, stock: Stock | None) -> list[Space]:
+def _furnish(plans: Sequence[FloorPlan], style: Style, rng: np.random.Generator) -> list[RoomOccupancy]:
     areas = [(area, plan) for plan in plans for area in plan.areas]
-    kit = Kit(style, rng, tuple(area.kind for area, _ in areas), stock)
-    spaces = [Space(area, plan) for area, plan in areas if area.kind != "stairs" or plan.floor > 0]
+    context = FurnishingContext(style, rng, tuple(area.kind for area, _ in areas))
+    spaces = [RoomOccupancy(area, plan) for area, plan in areas if area.kind != "stairs" or plan.floor > 0]
     for space in spaces:
-        furnish(space, kit)
+        furnish(space, context)
     scene_objects = [obj.piece for space in spaces for obj in space.objects]
     movable = sum(piece.mass > 0 for piece in scene_objects)
     # With n more small objects, (movable + n) / (all + n) is to be _MOVABLE: solved for n.
     wanted = round((_MOVABLE * len(scene_objects) - movable) / (1 - _MOVABLE))
-    scatter([space for space in spaces if space.area.kind != "stairs"], kit, max(wanted, 0))
+    scatter([space for space in spaces if space.area.kind != "stairs"], context, max(wanted, 0))
     for space in spaces:
-        dress(space, kit)
+        dress(space, context)
     return spaces
 
 
 def _scene(name: str, plans: Sequence[FloorPlan], placed: Sequence[Placed]) -> Scene:
     assets = {obj.piece.asset.name: obj.piece.asset for obj in placed}
-    assets |= {leaf.piece.asset.name: leaf.piece.asset for obj in placed for leaf in obj.piece.leaves}
+    assets |= {leaf.piece.asset.name: leaf.piece.asset for obj in placed for leaf in obj.piece.hinged_parts}
     objects = objects_of(placed)
     rooms = tuple(
         _room(area, plan.floor) for plan in plans for area in plan.areas if area.kind != "stairs" or plan.floor == 0
@@ -121,12 +115,12 @@ def _scene(name: str, plans: Sequence[FloorPlan], placed: Sequence[Placed]) -> S
 
 def objects_of(placed: Sequence[Placed]) -> tuple[SceneObject, ...]:
     """Return placed pieces as objects 1, 2, ..., followed by their doors and drawers."""
-    hung = [(_hung(obj, leaf), leaf.state) for obj in placed for leaf in obj.piece.leaves]
+    hung = [(_hung(obj, leaf), leaf.state) for obj in placed for leaf in obj.piece.hinged_parts]
     leaves = (_object(number, obj).opened(state) for number, (obj, state) in enumerate(hung, len(placed) + 1))
     return *(_object(number, obj) for number, obj in enumerate(placed, 1)), *leaves
 
 
-def _hung(body: Placed, leaf: Leaf) -> Placed:
+def _hung(body: Placed, leaf: HingedPart) -> Placed:
     """Return a door or drawer of a placed piece, closed."""
     x, y, z = turn(np.array([leaf.at]), body.yaw)[0].tolist()
     return Placed(leaf.piece, body.x + x, body.y + y, body.z + z, body.yaw, body.room, leaf.joint)

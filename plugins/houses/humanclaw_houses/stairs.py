@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from humanclaw_houses.model import Model, Piece
+from humanclaw_houses.piece_builder import PieceBuilder, maker
 from humanclaw_houses.plan import Stair
 from humanclaw_houses.shapes import box
 from humanclaw_houses.style import Style
-from humanclaw_houses.textures import Tile
+from humanclaw_houses.textures import Texture
 
 GUARD: Final = 0.92
 """Height of a handrail above the step, metres."""
@@ -21,13 +21,13 @@ _SPINE: Final = 0.1
 """Width of the spine between the flights, metres."""
 
 
-def staircase(style: Style, stair: Stair, width: float, depth: float, wall: Tile) -> Piece:
+@maker("stairs")
+def staircase(m: PieceBuilder, style: Style, stair: Stair, width: float, depth: float, wall: Texture) -> None:
     """Build a staircase on a floor of width x depth metres. Its front (+Z) is the entrance on both floors.
 
     The steps are solid down to the floor. Its hulls are the steps, the landing, the spine and rail between the flights,
     and the guard at the front above the lower flight.
     """
-    m = Model()
     flight = (width - _SPINE) / 2
     # Seen from the hall, along -Z, left is -X.
     lower = (-1 if stair.left else 1) * (flight + _SPINE) / 2
@@ -41,11 +41,17 @@ def staircase(style: Style, stair: Stair, width: float, depth: float, wall: Tile
     _landing(m, style, wall, width, stair.steps * stair.riser, -front, edge)
     _rail(m, style, stair, front, edge)
     _guard(m, style, stair, flight, lower, front)
-    return m.piece("stairs", "stairs")
 
 
 def _step(
-    m: Model, style: Style, wall: Tile, size: tuple[float, float], x: float, near: float, far: float, front: int
+    m: PieceBuilder,
+    style: Style,
+    wall: Texture,
+    size: tuple[float, float],
+    x: float,
+    near: float,
+    far: float,
+    front: int,
 ) -> None:
     """Build one step: a white riser that faces +Z (front 1) or -Z, a wooden tread, and plastered sides.
 
@@ -61,12 +67,14 @@ def _step(
     m.solid((w, h, d), (x, 0, z))
 
 
-def _edging(style: Style) -> Tile:
-    """Return the tile of the edges: dark on light wood, light on dark wood."""
+def _edging(style: Style) -> Texture:
+    """Return the texture of the edges: dark on light wood, light on dark wood."""
     return style.black if float(style.wood.pixels.mean()) > 95 else style.white
 
 
-def _between(m: Model, style: Style, stair: Stair, wall: Tile, height: float, near: float, far: float) -> None:
+def _between(
+    m: PieceBuilder, style: Style, stair: Stair, wall: Texture, height: float, near: float, far: float
+) -> None:
     """Build the spine between the flights, as high as the upper flight, and two bars of the rail."""
     d, z = near - far, (near + far) / 2
     m.add(box((_SPINE, height, d), (0, 0, z), "b"), wall)
@@ -76,7 +84,9 @@ def _between(m: Model, style: Style, stair: Stair, wall: Tile, height: float, ne
         m.add(box((0.025, top - height, 0.025), (0, height, far + share * d), "tb"), style.white)
 
 
-def _landing(m: Model, style: Style, wall: Tile, width: float, height: float, back: float, edge: float) -> None:
+def _landing(
+    m: PieceBuilder, style: Style, wall: Texture, width: float, height: float, back: float, edge: float
+) -> None:
     d, z = edge - back, (edge + back) / 2
     m.add(box((width, height - _TREAD, d), (0, 0, z), "tb"), style.white)
     m.add(box((width, _TREAD, d + 0.02), (0, height - _TREAD, z + 0.01)), style.wood)
@@ -84,7 +94,7 @@ def _landing(m: Model, style: Style, wall: Tile, width: float, height: float, ba
     m.solid((width, height, d), (0, 0, z))
 
 
-def _rail(m: Model, style: Style, stair: Stair, front: float, edge: float) -> None:
+def _rail(m: PieceBuilder, style: Style, stair: Stair, front: float, edge: float) -> None:
     """Build the sloping handrail over the spine, with a newel post at each end."""
     top = 2 * stair.steps * stair.riser
     low, high = (stair.steps + 0.5) * stair.riser + GUARD, top - 0.5 * stair.riser + GUARD
@@ -97,7 +107,7 @@ def _rail(m: Model, style: Style, stair: Stair, front: float, edge: float) -> No
     m.add(box((0.09, GUARD + 0.12 + stair.riser, 0.09), (0, top - stair.riser, front - 0.045)), style.wood)
 
 
-def _guard(m: Model, style: Style, stair: Stair, flight: float, lower: float, front: float) -> None:
+def _guard(m: PieceBuilder, style: Style, stair: Stair, flight: float, lower: float, front: float) -> None:
     """Build the guard that keeps people on the upper floor from falling into the lower flight."""
     top, z = 2 * stair.steps * stair.riser, front - 0.04
     m.add(box((flight, 0.05, 0.06), (lower, top + GUARD - 0.05, z)), style.wood)

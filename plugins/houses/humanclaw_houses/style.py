@@ -7,26 +7,26 @@ from dataclasses import dataclass
 import numpy as np
 
 from humanclaw_houses import textures as t
-from humanclaw_houses.textures import Tile
+from humanclaw_houses.textures import Texture
 
 
 @dataclass(frozen=True, eq=False)
 class Style:
-    """The tiles that the furniture of a house shares."""
+    """The textures that the furniture of a house shares."""
 
     rng: np.random.Generator
-    wood: Tile
-    second_wood: Tile
-    cloth: Tile
-    second_cloth: Tile
-    white: Tile
-    black: Tile
-    steel: Tile
-    chrome: Tile
-    brass: Tile
-    ceramic: Tile
-    stone: Tile
-    linen: Tile
+    wood: Texture
+    second_wood: Texture
+    cloth: Texture
+    second_cloth: Texture
+    white: Texture
+    black: Texture
+    steel: Texture
+    chrome: Texture
+    brass: Texture
+    ceramic: Texture
+    stone: Texture
+    linen: Texture
 
     @classmethod
     def draw(cls, rng: np.random.Generator) -> Style:
@@ -55,14 +55,14 @@ class Style:
         """Draw a length between two lengths, rounded to the centimetre."""
         return round(float(self.rng.uniform(low, high)), 2)
 
-    def choice(self, *things: Tile) -> Tile:
+    def choice(self, *things: Texture) -> Texture:
         return things[int(self.rng.integers(len(things)))]
 
-    def paint(self) -> Tile:
+    def paint(self) -> Texture:
         """Return a coloured lacquer."""
         return t.plain(t.pick(self.rng, t.ACCENTS), self.rng)
 
-    def fabric(self) -> Tile:
+    def fabric(self) -> Texture:
         """Draw a new cloth: plain, striped or checked."""
         colour = t.pick(self.rng, t.FABRICS)
         kind = self.rng.random()
@@ -72,6 +72,6 @@ class Style:
             return t.stripes(colour, (232, 226, 214), self.rng)
         return self.checked()
 
-    def checked(self) -> Tile:
+    def checked(self) -> Texture:
         """Draw a cloth in checks."""
         return t.checks(t.pick(self.rng, t.FABRICS), (232, 226, 214), self.rng)

@@ -15,9 +15,11 @@ import pytest
 import humanclaw
 import humanclaw_houses
 from humanclaw import Scene
-from humanclaw_houses import caching
-from humanclaw_houses.door import open_house
+from humanclaw_houses import reference
+from humanclaw_houses.reference import open_house
 from humanclaw_houses.source import house
+
+pytestmark = pytest.mark.integration
 
 
 @pytest.fixture(scope="module")
@@ -36,8 +38,8 @@ def refuse() -> Scene:
 
 
 def test_a_house_from_the_cache_has_the_digest_of_a_fresh_one(folder: Path, fresh: Scene) -> None:
-    assert caching.kept("2", "", lambda: fresh) is fresh
-    again = caching.kept("2", "", refuse)
+    assert reference.kept("2", lambda: fresh) is fresh
+    again = reference.kept("2", refuse)
     assert again is not fresh
     assert again.digest == fresh.digest
     assert again.objects == fresh.objects
@@ -51,23 +53,22 @@ def test_the_reference_opens_what_the_generator_makes(folder: Path, fresh: Scene
 
 
 def test_a_damaged_file_is_made_anew_with_a_warning(folder: Path, fresh: Scene) -> None:
-    caching.kept("2", "", lambda: fresh)
+    reference.kept("2", lambda: fresh)
     (path,) = folder.iterdir()
     data = bytearray(path.read_bytes())
     data[len(data) // 2] ^= 1
     path.write_bytes(bytes(data))
     with pytest.warns(UserWarning, match="is made anew: it is damaged"):
-        assert caching.kept("2", "", lambda: fresh) is fresh
-    assert caching.kept("2", "", refuse).digest == fresh.digest
+        assert reference.kept("2", lambda: fresh) is fresh
+    assert reference.kept("2", refuse).digest == fresh.digest
 
 
-def test_another_generator_or_library_never_gets_a_stale_house(
+def test_another_generator_never_gets_a_stale_house(
     folder: Path, fresh: Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    caching.kept("2", "", lambda: fresh)
-    assert caching.kept("2", "a library", lambda: fresh) is fresh
-    monkeypatch.setattr(caching, "generator_version", lambda: "another")
-    assert caching.kept("2", "", lambda: fresh) is fresh
+    reference.kept("2", lambda: fresh)
+    monkeypatch.setattr(reference, "generator_version", lambda: "another")
+    assert reference.kept("2", lambda: fresh) is fresh
 
 
 @pytest.fixture
@@ -86,7 +87,7 @@ def test_a_change_of_what_shapes_a_house_is_another_generator(copies: Path, chan
     before = version_of(copies)
     with (copies / changed).open("a") as stream:
         stream.write("\n# another thought\n")
-    assert before == caching.generator_version()
+    assert before == reference.generator_version()
     assert version_of(copies) != before
 
 
@@ -94,27 +95,11 @@ def test_a_change_of_what_shapes_a_house_is_another_generator(copies: Path, chan
 def test_a_change_elsewhere_in_the_core_leaves_the_houses_in_the_cache(copies: Path, changed: str) -> None:
     with (copies / "humanclaw" / changed).open("a") as stream:
         stream.write("\n# another thought\n")
-    assert version_of(copies) == caching.generator_version()
-
-
-def test_every_part_of_the_core_that_generates_a_house_is_in_the_digest(tmp_path: Path) -> None:
-    """Compare CORE with the modules that making a house loads, except those that cannot change it."""
-    code = "import sys; from humanclaw_houses.door import open_house; open_house('0'); print(*sys.modules)"
-    environment = {**os.environ, "HUMANCLAW_CACHE": str(tmp_path)}
-    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
-    core = Path(humanclaw.__file__).parent
-    names = [name.split(".")[1:] for name in done.stdout.split() if name.startswith("humanclaw.")]
-    files = {core.joinpath(*name).with_suffix(".py").relative_to(core).as_posix() for name in names}
-    loaded = {file for file in files if (core / file).is_file()}
-    harmless = ("doors.py", "errors.py", "text/", "storage/", "plugins/", "cli/", "world/scene_file.py")
-    harmless += ("records/specification.py",)
-    shaping = {file for file in loaded if not file.startswith(harmless)}
-    assert "world/scene.py" in shaping
-    assert {file for file in shaping if not file.startswith(caching.CORE)} == set()
+    assert version_of(copies) == reference.generator_version()
 
 
 def version_of(copies: Path) -> str:
-    code = "from humanclaw_houses import caching; print(caching.generator_version())"
+    code = "from humanclaw_houses import reference; print(reference.generator_version())"
     paths = os.pathsep.join([str(copies), *sys.path])
     return subprocess.run(
         [sys.executable, "-c", f"import sys; sys.path.insert(0, {str(copies)!r}); {code}"],
@@ -131,14 +116,14 @@ def test_two_processes_may_fill_the_cache_at_once(folder: Path, fresh: Scene) ->
         worker.join()
     assert [worker.exitcode for worker in workers] == [0, 0, 0]
     assert [path.name for path in folder.iterdir() if path.suffix == ".partial"] == []
-    assert caching.kept("2", "", refuse).digest == fresh.digest
+    assert reference.kept("2", refuse).digest == fresh.digest
 
 
 def _open_often(fresh: Scene) -> None:
     warnings.simplefilter("error")
     for _ in range(5):
-        caching.Cache("houses").put("same", caching.pack_scene(fresh))
-        assert caching.kept("2", "", lambda: fresh).digest == fresh.digest
+        reference.Cache("houses").put("same", reference.pack_scene(fresh))
+        assert reference.kept("2", lambda: fresh).digest == fresh.digest
 
 
 def test_the_second_time_takes_less_than_half_as_long(folder: Path) -> None:
@@ -160,4 +145,4 @@ def test_a_cache_that_cannot_be_written_only_warns(
     (tmp_path / "file").write_text("not a folder")
     monkeypatch.setenv("HUMANCLAW_CACHE", str(tmp_path / "file"))
     with pytest.warns(UserWarning, match="HUMANCLAW_CACHE"):
-        assert caching.kept("2", "", lambda: fresh) is fresh
+        assert reference.kept("2", lambda: fresh) is fresh

@@ -23,6 +23,7 @@ from humanclaw_houses.validity import FURNISHED, interpenetrating, problems, swu
 
 SAMPLE = ("0", "2", "12", "20")
 """A straight hall, a living room that the other rooms open from, two storeys, and a hall that turns."""
+EACH = ("0", *(pytest.param(name, marks=pytest.mark.integration) for name in SAMPLE[1:]))
 THINGS = {
     "books", "bread", "candle", "cup", "desk_lamp", "detergent", "dish_rack", "glass", "jar", "kettle", "magazines",
     "microwave", "pan", "papers", "pens", "photo", "plate", "speaker", "storage_box", "succulent", "toaster",
@@ -51,6 +52,7 @@ def furniture(scene: Scene) -> list[SceneObject]:
 
 
 # -- the door ----------------------------------------------------------------------------------------------------------
+@pytest.mark.integration
 def test_the_plugin_offers_houses_by_reference() -> None:
     host = Plugins()
     host.add(humanclaw_houses, "houses")
@@ -63,6 +65,7 @@ def test_an_unknown_house_is_refused_with_the_names_of_those_there_are(argument:
         house(argument)
 
 
+@pytest.mark.integration
 def test_importing_the_plugin_loads_no_geometry_library() -> None:
     code = (
         "import sys, humanclaw_houses; "
@@ -72,12 +75,14 @@ def test_importing_the_plugin_loads_no_geometry_library() -> None:
     assert result.stdout.strip() == "[]"
 
 
+@pytest.mark.integration
 def test_the_same_number_gives_the_same_house_in_another_process() -> None:
     code = "from humanclaw_houses.source import house; print(house('2').digest)"
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert result.stdout.strip() == scene("2").digest
 
 
+@pytest.mark.integration
 def test_different_numbers_give_different_houses() -> None:
     names = (*SAMPLE, "train-0")
     plans = {tuple((room.x0, room.z0, room.x1, room.z1) for room in scene(name).rooms) for name in names}
@@ -115,6 +120,7 @@ def test_nothing_stands_between_the_rooms_of_a_studio() -> None:
     assert {frozenset(("living", "bedroom")), frozenset(("living", "kitchen"))} <= open_pairs
 
 
+@pytest.mark.integration
 def test_no_television_stands_before_a_window() -> None:
     for name in SAMPLE:
         whole = scene(name)
@@ -128,12 +134,12 @@ def test_no_television_stands_before_a_window() -> None:
 
 
 # -- what is in a house ------------------------------------------------------------------------------------------------
-@pytest.mark.parametrize("name", SAMPLE)
+@pytest.mark.parametrize("name", EACH)
 def test_every_house_has_all_six_target_categories(name: str) -> None:
     assert {obj.category for obj in scene(name).objects} >= set(FURNISHED)
 
 
-@pytest.mark.parametrize("name", SAMPLE)
+@pytest.mark.parametrize("name", EACH)
 def test_a_house_has_between_40_and_400_objects_and_a_fifth_of_the_furniture_can_be_moved(name: str) -> None:
     objects = furniture(scene(name))
     counted = [obj for obj in objects if obj.movable or obj.category not in THINGS | FITTINGS]
@@ -141,6 +147,7 @@ def test_a_house_has_between_40_and_400_objects_and_a_fifth_of_the_furniture_can
     assert 0.15 <= sum(obj.movable for obj in counted) / len(counted) <= 0.33
 
 
+@pytest.mark.integration
 def test_houses_have_30_small_things_each_that_stand_still_and_cost_physics_nothing() -> None:
     still = {name: [o for o in scene(name).objects if o.category in THINGS and not o.movable] for name in SAMPLE}
     assert min(len(found) for found in still.values()) >= 15
@@ -160,14 +167,14 @@ def test_small_things_stand_on_furniture_or_on_the_floor() -> None:
             assert min(abs(y - top) for top in under) < 0.01, obj.asset
 
 
-@pytest.mark.parametrize("name", SAMPLE)
+@pytest.mark.parametrize("name", EACH)
 def test_movable_objects_have_plausible_mass_and_friction(name: str) -> None:
     movable = [obj for obj in furniture(scene(name)) if obj.movable]
     assert all(0.1 <= obj.mass <= 15 and 0.2 <= obj.friction <= 0.9 for obj in movable)
     assert all(scene(name).assets[obj.asset].hulls for obj in movable)
 
 
-@pytest.mark.parametrize("name", SAMPLE)
+@pytest.mark.parametrize("name", EACH)
 def test_rooms_are_of_sensible_number_and_size(name: str) -> None:
     rooms = scene(name).rooms
     assert 4 <= len(rooms) <= 12
@@ -177,7 +184,7 @@ def test_rooms_are_of_sensible_number_and_size(name: str) -> None:
         assert (2 if room.kind == "hall" else 4) <= width * depth <= 45, room  # one arm of a hall that turns is short
 
 
-@pytest.mark.parametrize("name", SAMPLE)
+@pytest.mark.parametrize("name", EACH)
 def test_meshes_are_whole_and_small_enough_to_draw(name: str) -> None:
     count = 0
     for obj in scene(name).objects:
@@ -224,14 +231,14 @@ def joints(scene: Scene) -> int:
     return sum(length < 0.5 for length in lengths)
 
 
-@pytest.mark.parametrize("name", SAMPLE)
+@pytest.mark.parametrize("name", EACH)
 def test_doorways_are_wide_and_high_enough_for_a_body(name: str) -> None:
     holes = doorways(scene(name))
     assert len(holes) >= len(scene(name).rooms) - 1 - joints(scene(name))
     assert all(width >= 0.85 and height >= 2.04 for _, width, height in holes), holes
 
 
-@pytest.mark.parametrize("name", SAMPLE)
+@pytest.mark.parametrize("name", EACH)
 def test_walls_are_thick_enough_to_stop_a_body(name: str) -> None:
     for wall in scene(name).of_category("wall"):
         for low, high in boxes(scene(name), wall):
@@ -242,7 +249,7 @@ def hinged(whole: Scene) -> list[SceneObject]:
     return [obj for obj in whole.of_category("door") if obj.joint]
 
 
-@pytest.mark.parametrize("name", SAMPLE)
+@pytest.mark.parametrize("name", EACH)
 def test_furniture_opens_and_most_of_it_is_shut(name: str) -> None:
     leaves = [obj for obj in scene(name).objects if obj.joint and obj.category != "door"]
     assert {obj.category for obj in leaves} >= {"fridge", "stove", "sink", "nightstand"}
@@ -251,13 +258,14 @@ def test_furniture_opens_and_most_of_it_is_shut(name: str) -> None:
     assert all(obj.joint and obj.joint.low <= obj.state <= obj.joint.high for obj in leaves)
 
 
+@pytest.mark.integration
 def test_most_houses_have_doors_and_some_of_them_are_ajar() -> None:
     angles = [np.degrees(abs(door.state)) for name in SAMPLE for door in hinged(scene(name))]
     assert len(angles) >= 4
     assert {bool(angle < 89) for angle in angles} == {True, False}
 
 
-@pytest.mark.parametrize("name", SAMPLE)
+@pytest.mark.parametrize("name", EACH)
 def test_doors_hang_on_hinges_stand_open_and_nothing_stands_where_they_swing(name: str) -> None:
     whole = scene(name)
     for door in hinged(whole):
@@ -265,7 +273,7 @@ def test_doors_hang_on_hinges_stand_open_and_nothing_stands_where_they_swing(nam
     assert list(swung_through(whole)) == []
 
 
-@pytest.mark.parametrize("name", SAMPLE)
+@pytest.mark.parametrize("name", EACH)
 def test_a_door_that_is_shut_lies_before_its_doorway(name: str) -> None:
     """Seen from above its middle is in a gap of a wall, which its sides overlap by no more than 1 cm."""
     whole = scene(name)
@@ -302,12 +310,12 @@ def test_what_stands_where_a_door_swings_is_noticed() -> None:
 
 
 # -- validity ----------------------------------------------------------------------------------------------------------
-@pytest.mark.parametrize("name", SAMPLE)
+@pytest.mark.parametrize("name", EACH)
 def test_nothing_is_wrong_with_a_house(name: str) -> None:
     assert problems(scene(name)) == []
 
 
-@pytest.mark.parametrize("name", SAMPLE)
+@pytest.mark.parametrize("name", EACH)
 def test_no_furniture_reaches_into_a_wall(name: str) -> None:
     """Independent of the generator's own check: boxes of hulls against boxes of walls, for what is turned by quarter
     turns."""
@@ -337,7 +345,7 @@ def test_a_house_whose_doors_are_walled_up_is_noticed() -> None:
     assert any("cannot be walked to" in problem for problem in problems(broken))
 
 
-@pytest.mark.parametrize("name", SAMPLE)
+@pytest.mark.parametrize("name", EACH)
 def test_every_target_can_be_walked_to_from_the_start(name: str) -> None:
     whole, walkable = scene(name), WalkableArea.of(scene(name))
     start = np.array([whole.start.x, whole.start.floor, whole.start.z])
@@ -364,6 +372,7 @@ def test_a_third_of_the_validation_houses_has_two_storeys() -> None:
     assert int(TALL) in tall
 
 
+@pytest.mark.integration
 def test_the_steps_of_a_staircase_are_those_of_a_building_code() -> None:
     steps, upstairs = staircase(scene(TALL)), max(room.floor for room in scene(TALL).rooms)
     heights = [0.0, *(high[1] for _, high in steps), upstairs]
@@ -374,6 +383,7 @@ def test_the_steps_of_a_staircase_are_those_of_a_building_code() -> None:
     assert all(0.24 <= tread <= 0.3 for tread in treads)
 
 
+@pytest.mark.integration
 def test_over_every_step_there_is_room_for_a_head() -> None:
     whole = scene(TALL)
     rest = [box for obj in whole.objects if obj.category not in ("stairs", "wall") for box in boxes(whole, obj)]
@@ -383,6 +393,7 @@ def test_over_every_step_there_is_room_for_a_head() -> None:
         assert min(over, default=9.0) - high[1] > 1.95
 
 
+@pytest.mark.integration
 def test_nobody_can_walk_over_the_edge_of_the_upper_floor() -> None:
     """From the reachable floor upstairs every way of a step or less ends on a floor, on the stairs, or at something
     waist-high."""
@@ -403,6 +414,7 @@ def test_nobody_can_walk_over_the_edge_of_the_upper_floor() -> None:
             assert gap < 2, (point, angle)
 
 
+@pytest.mark.integration
 def test_bedrooms_are_upstairs_and_the_way_to_them_is_over_the_stairs() -> None:
     whole, walkable = scene(TALL), WalkableArea.of(scene(TALL))
     upstairs = [room for room in whole.rooms if room.floor > 2]
@@ -413,6 +425,7 @@ def test_bedrooms_are_upstairs_and_the_way_to_them_is_over_the_stairs() -> None:
     assert direct + 2 < walkable.floors.geodesic(start, goals_at(walkable.floors, whole, bed.id)) < 30
 
 
+@pytest.mark.integration
 def test_a_house_whose_stairs_are_barred_is_noticed() -> None:
     whole = scene(TALL)
     low, high = staircase(whole)[3]
@@ -431,7 +444,7 @@ def test_a_seat_at_a_wrong_height_is_noticed() -> None:
     assert any("nothing to sit on at its seat height" in problem for problem in problems(broken))
 
 
-@pytest.mark.parametrize("name", SAMPLE)
+@pytest.mark.parametrize("name", EACH)
 def test_seats_have_their_real_height_and_collide_where_they_are_seen(name: str) -> None:
     limits = {"couch": (0.40, 0.48), "bed": (0.45, 0.60), "toilet": (0.40, 0.44)}
     for obj in scene(name).objects:
@@ -446,7 +459,7 @@ def test_seats_have_their_real_height_and_collide_where_they_are_seen(name: str)
             assert abs(front - float(asset.mesh.vertices[:, 2].max())) < 0.03
 
 
-@pytest.mark.parametrize("name", SAMPLE)
+@pytest.mark.parametrize("name", EACH)
 def test_small_objects_rest_on_something(name: str) -> None:
     """A collision box or the floor is straight below each movable object, within 5 mm of its lowest point."""
     whole = scene(name)

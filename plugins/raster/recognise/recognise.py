@@ -1,4 +1,4 @@
-"""Measure how often a detector trained on photos recognises targets: python recognise.py [HOUSES] [RENDERER] [LIBRARY]
+"""Measure how often a detector trained on photos recognises targets: python recognise.py [HOUSES] [RENDERER]
 
 Looks at every category of target in HOUSES (a number N for the first N, or 12-23, or 3,5,8, or train-72-95 for training
 houses) from places where a body can stand. Counts the targets that fill more than 3 % of a picture. A hit is a box of
@@ -7,14 +7,15 @@ target's class and a score of 0.3 and fits no visible object of that class, howe
 with MobileNet-v3, trained on COCO, from the npm package @vladmandic/human. "Whole" targets are not cut by the edge of
 the picture; furniture may still hide a part of them.
 
-RENDERER: any that is registered. With LIBRARY, the houses are furnished from it. Needs node; `make recognise` installs
-the packages beside this file. Writes pictures with hits in green and misses in red to build/recognise, and two hits and
-two misses of each category to build/recognise/sheet.jpg.
+RENDERER: any that is registered. Needs node; `make recognise` installs the packages beside this file. Writes pictures
+with hits in green and misses in red to build/recognise, and two hits and two misses of each category to
+build/recognise/sheet.jpg.
 """
 
 from __future__ import annotations
 
-import shlex
+import json
+import subprocess
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -26,10 +27,11 @@ from PIL import Image, ImageDraw
 from humanclaw import Plugins, Renderer, Scene
 from humanclaw.body import Pose2D, rest_pose
 from humanclaw.world import MultiFloorMap, WorldState, ego_camera
-from humanclaw_scripted.eyes import Box, Detector
 
 HERE, OUT = Path(__file__).parent, Path("build/recognise")
 DETECTOR = ("node", str(HERE / "detect.mjs"))
+Box = tuple[float, float, float, float, float, str]
+"""x0, y0, x1, y1 in pixels, a score from 0 to 1, and the name of a COCO category."""
 CATEGORIES = ("chair", "couch", "potted_plant", "bed", "toilet", "tv")
 SHARE, OVERLAP, SCORES = 0.03, 0.3, (0.3, 0.5)
 SAME = {"succulent": "potted_plant"}
@@ -48,7 +50,6 @@ class Target:
     share: of the picture that it fills."""
 
     category: str
-    source: str
     box: tuple[float, float, float, float]
     whole: bool
     share: float
@@ -91,7 +92,7 @@ def targets(scene: Scene, ids: np.ndarray, share: float) -> list[Target]:
             rows, columns = np.nonzero(ids == key)
             box = float(columns.min()), float(rows.min()), float(columns.max() + 1), float(rows.max() + 1)
             whole = min(box) > 0 and box[2] < ids.shape[1] and box[3] < ids.shape[0]
-            found.append(Target(category, scene.assets[obj.asset].source, box, whole, float(count / ids.size)))
+            found.append(Target(category, box, whole, float(count / ids.size)))
     return found
 
 
@@ -119,19 +120,21 @@ def false_boxes(visible: Sequence[Target], boxes: Sequence[Box]) -> int:
 
 
 def detected(pictures: Sequence[np.ndarray], command: Sequence[str] = DETECTOR) -> list[Sequence[Box]]:
-    """Return the detector's boxes in each of (512, 512, 3) pictures."""
-    detector = Detector(shlex.join(command))
-    return [detector(picture) for picture in pictures]
+    """Return the detector's boxes in each of (512, 512, 3) pictures.
+
+    command: a program that reads pictures from its input, rows from the top, and answers each with a line of JSON.
+    """
+    data = b"".join(picture.tobytes() for picture in pictures)
+    lines = subprocess.run(command, input=data, stdout=subprocess.PIPE, check=True).stdout.splitlines()
+    return [json.loads(line) for line in lines]
 
 
 def table(scores: list[tuple[Target, float]]) -> str:
     heads = "".join(f"{head:>9}" for head in ("targets", *(f"at {least}" for least in SCORES)) * 2)
     lines = [f"{'':<14}{'all':>9}{'':<18}{'whole':>9}", f"{'category':<14}{heads}"]
-    for source in ("generated", "imported"):
-        kept = [(t, s) for t, s in scores if (t.source == "generated") == (source == "generated")]
-        for name in (*CATEGORIES, "all") if kept else ():
-            of = [(t, s) for t, s in kept if name in (t.category, "all")]
-            lines.append(f"{name:<14}{_shares([s for _, s in of])}{_shares([s for t, s in of if t.whole])}  {source}")
+    for name in (*CATEGORIES, "all"):
+        of = [(t, s) for t, s in scores if name in (t.category, "all")]
+        lines.append(f"{name:<14}{_shares([s for _, s in of])}{_shares([s for t, s in of if t.whole])}")
     return "\n".join(lines)
 
 
@@ -169,12 +172,12 @@ def houses_of(which: str) -> dict[str, int]:
     return {f"house:{kind}{number}": number for number in numbers}
 
 
-def main(houses: str = "12", drawn_by: str = "raster", library: str = "") -> None:
+def main(houses: str = "12", drawn_by: str = "raster") -> None:
     plugins = Plugins.discover()
     renderer = plugins.make("renderers", drawn_by)
     OUT.mkdir(parents=True, exist_ok=True)
-    seeds, furnished = houses_of(houses), f"?assets={library}" if library else ""
-    scenes = [plugins.scene(name + furnished) for name in seeds]
+    seeds = houses_of(houses)
+    scenes = [plugins.scene(name) for name in seeds]
     shown = [view for scene, seed in zip(scenes, seeds.values(), strict=True) for view in views(scene, renderer, seed)]
     boxes = detected([picture for picture, _ in shown])
     judged = [

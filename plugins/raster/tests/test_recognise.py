@@ -23,7 +23,7 @@ while len(picture := sys.stdin.buffer.read(512 * 512 * 3)) == 512 * 512 * 3:
 
 
 def _target(category: str, box: tuple[float, float, float, float]):
-    return recognise.Target(category, "generated", box, True, 0.1)
+    return recognise.Target(category, box, True, 0.1)
 
 
 def test_a_box_that_covers_30_percent_of_the_common_area_is_a_hit():

@@ -31,7 +31,7 @@ def bake(parts: Sequence[Part], cell: int = CELL) -> Mesh:
     }
     tiles = [_tiled(picture, repeats[key], cell) for key, picture in pictures.items()]
     palette = _palette(colours)
-    atlas, corners, extent = _atlas([*tiles, *([palette] if colours else [])])
+    picture, corners, extent = atlas([*tiles, *([palette] if colours else [])])
     places = dict(zip(pictures, corners, strict=False))
     vertices, faces, uvs, count = [], [], [], 0
     for part, (points, triangles, uv, _) in zip(parts, pieces, strict=True):
@@ -45,7 +45,7 @@ def bake(parts: Sequence[Part], cell: int = CELL) -> Mesh:
         faces.append(triangles + count)
         uvs.append(uv)
         count += len(points)
-    return _welded(np.concatenate(vertices), np.concatenate(faces), np.concatenate(uvs), atlas)
+    return _welded(np.concatenate(vertices), np.concatenate(faces), np.concatenate(uvs), picture)
 
 
 def _unrolled(part: Part) -> tuple[Array, NDArray[np.int64], Array, int]:
@@ -85,8 +85,8 @@ def _spot(index: int, side: int) -> Array:
     return np.array([(column + 0.5) / across, 1 - (row + 0.5) / across])
 
 
-def _atlas(tiles: Sequence[NDArray[np.uint8]]) -> tuple[NDArray[np.uint8], list[Array], Array]:
-    """Square tiles in a grid; the lower left corner of each in uv, and their common extent."""
+def atlas(tiles: Sequence[NDArray[np.uint8]]) -> tuple[NDArray[np.uint8], list[Array], Array]:
+    """Put square tiles in a grid; return it with the lower left corner of each in uv, and their common extent."""
     side = max(len(tile) for tile in tiles)
     columns = int(np.ceil(np.sqrt(len(tiles))))
     rows = int(np.ceil(len(tiles) / columns))

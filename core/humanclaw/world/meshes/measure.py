@@ -123,28 +123,3 @@ def seat_of(mesh: Mesh, middle: tuple[float, float] = ANYWHERE) -> Seat:
         height_map.part(0.42, 0.58, 0.5, 0.75), low, 0.85
     )
     return Seat(height, height_map.box(window, height) if window else None)
-
-
-def top_of(mesh: Mesh) -> KeepOutBox | None:
-    """Find the largest level rectangle near the top of a mesh, a little smaller than it is.
-
-    None if nothing can stand there.
-    """
-    height_map = HeightMap.of(mesh)
-    heights = height_map.heights
-    high = heights[heights > 0.55 * heights.max()]
-    if not len(high):
-        return None
-    counts, edges = np.histogram(high, bins=np.arange(0, heights.max() + 0.03, 0.01))
-    best = int(counts.argmax())
-    level = float(np.median(high[(high >= edges[best] - 0.005) & (high <= edges[best + 1] + 0.005)]))
-    flat = np.abs(heights - level) < _LEVEL
-    if flat.mean() < 0.3:
-        return None
-    window = height_map.grown(height_map.part(0.4, 0.6, 0.4, 0.6), flat, 0.9)
-    if window is None:
-        return None
-    a, b, c, d = window
-    if min(b - a, d - c) * CELL < 0.15:
-        return None
-    return height_map.box((a + 1, b - 1, c + 1, d - 1), round(level, 3))

@@ -16,7 +16,6 @@ from PIL import Image
 from humanclaw.body.pose import Array
 from humanclaw.errors import SceneError
 from humanclaw.storage.files import MIB, Folder, read_file
-from humanclaw.world.scene import Mesh
 
 KINDS: Final = ("dae", "glb", "gltf", "obj", "off", "ply", "stl")
 """Suffixes of models that are read. trimesh also reads archives, whose size nobody knows."""
@@ -172,27 +171,6 @@ def _pixels(image: Image.Image, tint: tuple[int, int, int]) -> NDArray[np.uint8]
     mean = (rgba[..., :3] * opaque).sum(axis=(0, 1)) / max(float(opaque.sum()), 1e-6)
     filled = rgba[..., :3] * opaque + mean * (1 - opaque)
     return np.asarray(np.clip(np.round(filled * np.array(tint) / 255), 0, 255), np.uint8)
-
-
-def write_model(mesh: Mesh) -> bytes:
-    """Write a GLB of a mesh with its texture, as any viewer opens it."""
-    import trimesh
-
-    material: Any = trimesh.visual.material
-    visuals: Any = trimesh.visual
-    look = material.PBRMaterial(baseColorTexture=Image.fromarray(mesh.texture), metallicFactor=0.0, roughnessFactor=1.0)
-    shape: Any = trimesh.Trimesh(
-        mesh.vertices, mesh.faces, visual=visuals.TextureVisuals(uv=mesh.uv, material=look), process=False
-    )
-    return bytes(shape.export(file_type="glb"))
-
-
-def read_mesh(path: Path, data: bytes) -> Mesh:
-    """Read what write_model wrote, exactly. data: the content of the file. Raises SceneError."""
-    part, *others = read_model(path, data)
-    if others or part.uv is None or part.picture is None:
-        raise SceneError(f"{path} is not one mesh with one texture.", "Import the library again.")
-    return Mesh(part.vertices.astype(np.float32), part.faces.astype(np.int32), part.uv.astype(np.float32), part.picture)
 
 
 def bounds(parts: Sequence[Part]) -> tuple[Array, Array]:

@@ -6,14 +6,14 @@ from dataclasses import replace
 
 from humanclaw_houses import textures as t
 from humanclaw_houses.furniture.decor import folds
-from humanclaw_houses.model import Model, Piece
+from humanclaw_houses.piece_builder import PieceBuilder, maker
 from humanclaw_houses.shapes import Ring, Shape, box, loft, post, sheet, soft_box, tube
 from humanclaw_houses.style import Style
 
 
-def toilet(style: Style, name: str) -> Piece:
+@maker("toilet")
+def toilet(m: PieceBuilder, style: Style) -> None:
     """Return a close-coupled toilet: bowl, seat, lid up or down, cistern at -Z."""
-    m = Model()
     seat, z = style.between(0.4, 0.43), 0.1
     rim = seat - 0.03
     bowl = [
@@ -45,10 +45,10 @@ def toilet(style: Style, name: str) -> Piece:
     m.add(box((0.2, seat, 0.17), (0, 0, -0.24)), style.ceramic)
     m.solid((0.37, 0.032, 0.46), (0, seat - 0.032, 0.1))
     m.solid((0.38, seat + 0.37, 0.18), (0, 0.0, -0.24))
-    return m.piece(name, "toilet", seat=seat)
+    m.seat = seat
 
 
-def _seat(m: Model, style: Style, low: float, high: float, z: float) -> None:
+def _seat(m: PieceBuilder, style: Style, low: float, high: float, z: float) -> None:
     """Add the seat ring."""
     outer, hole = (0.19, 0.245, 2.3), (0.12, 0.165, 2.1)
     rings = [
@@ -60,11 +60,11 @@ def _seat(m: Model, style: Style, low: float, high: float, z: float) -> None:
     m.add(loft(rings, 20, False, False), style.white)
 
 
-def vanity(style: Style, name: str) -> Piece:
+@maker("sink")
+def vanity(m: PieceBuilder, style: Style) -> None:
     """Return a wash basin on a cupboard, with a tap."""
-    m = Model()
-    w, d, h, tile = style.between(0.6, 0.85), 0.45, 0.74, style.choice(style.wood, style.second_wood, style.white)
-    m.box((w, h - 0.2, d - 0.02), (0, 0.16, -0.01), tile)
+    w, d, h, texture = style.between(0.6, 0.85), 0.45, 0.74, style.choice(style.wood, style.second_wood, style.white)
+    m.box((w, h - 0.2, d - 0.02), (0, 0.16, -0.01), texture)
     front = t.panel_door((225, 226, 224), style.rng)
     for x in (-1, 1):
         m.add(box((w / 2 - 0.012, h - 0.24, 0.016), (x * w / 4, 0.18, d / 2 - 0.012), "k"), front)
@@ -78,29 +78,28 @@ def vanity(style: Style, name: str) -> Piece:
     m.add(loft([*outer, Ring(h + 0.01, w / 2 - 0.15, d / 2 - 0.14, 3, z=0.03)], 20), style.ceramic)
     m.solid((w, 0.14, d), (0, h - 0.04, 0))
     _tap(m, style, h + 0.1, -d / 2 + 0.06)
-    return m.piece(name, "sink")
 
 
-def _tap(m: Model, style: Style, y: float, z: float) -> None:
+def _tap(m: PieceBuilder, style: Style, y: float, z: float) -> None:
     m.add(tube([(0, y, z), (0, y + 0.2, z), (0, y + 0.23, z + 0.06), (0, y + 0.2, z + 0.13)], 0.013, 8), style.chrome)
     m.add(box((0.02, 0.012, 0.07), (0.04, y + 0.05, z)), style.chrome)
 
 
-def bathtub(style: Style, name: str) -> Piece:
+@maker("bathtub")
+def bathtub(m: PieceBuilder, style: Style) -> None:
     """Return an empty bathtub."""
-    m = Model()
     length, width, h = style.between(1.55, 1.7), 0.75, 0.56
     a, b = length / 2, width / 2
     rings = [Ring(0, a, b, 14), Ring(h, a, b, 14), Ring(h, a - 0.07, b - 0.07, 6), Ring(0.3, a - 0.13, b - 0.13, 5)]
     m.add(loft([*rings, Ring(0.14, a - 0.2, b - 0.18, 4)], 28), style.ceramic)
     m.solid((length, h, width), (0, 0, 0))
     m.add(tube([(-a + 0.05, h, 0), (-a + 0.05, h + 0.14, 0), (-a + 0.17, h + 0.13, 0)], 0.016, 8), style.chrome)
-    return m.piece(name, "bathtub")
 
 
-def shower(style: Style, name: str) -> Piece:
+@maker("shower")
+def shower(m: PieceBuilder, style: Style) -> None:
     """Return a tray in a corner with a riser, a head, and a curtain drawn back on its rail."""
-    m, s = Model(), 0.9
+    s = 0.9
     m.box((s, 0.06, s), (0, 0, 0), style.ceramic)
     m.add(box((s - 0.12, 0.003, s - 0.12), (0, 0.06, 0)), style.white)
     corner, rail = s / 2 - 0.02, 1.98
@@ -111,7 +110,6 @@ def shower(style: Style, name: str) -> Piece:
     m.add(tube([(0, 0.9, z), (0, 2.05, z), (0, 2.1, z + 0.15), (0, 2.06, z + 0.28)], 0.012, 6), style.chrome)
     m.add(post(0.1, 0.02, (0, 2.03, z + 0.28), segments=14), style.chrome)
     m.add(box((0.16, 0.05, 0.05), (0, 1.0, z)), style.chrome)
-    return m.piece(name, "shower")
 
 
 def _inside_out(shape: Shape) -> Shape:
@@ -119,28 +117,25 @@ def _inside_out(shape: Shape) -> Shape:
     return Shape(tuple(replace(chart, faces=chart.faces[:, ::-1]) for chart in shape.charts))
 
 
-def washing_machine(style: Style, name: str) -> Piece:
-    m = Model()
+@maker("washing_machine")
+def washing_machine(m: PieceBuilder, style: Style) -> None:
     m.box((0.6, 0.85, 0.58), (0, 0, 0), style.white)
     m.add(Shape((sheet((-0.29, 0.02, 0.292), (0.58, 0, 0), (0, 0.81, 0)),)), t.porthole(style.rng))
-    m.top(0.5, 0.45, 0.85)
-    return m.piece(name, "washing_machine")
+    m.surface(0.5, 0.45, 0.85)
 
 
-def towel_rail(style: Style, name: str) -> Piece:
+@maker("towel")
+def towel_rail(m: PieceBuilder, style: Style) -> None:
     """Return a rail with a towel, hung on a wall."""
-    m = Model()
     m.add(tube([(-0.3, 0.6, 0.05), (0.3, 0.6, 0.05)], 0.01), style.chrome)
     for x in (-0.3, 0.3):
         m.add(tube([(x, 0.6, 0.0), (x, 0.6, 0.05)], 0.01), style.chrome)
     m.add(soft_box((0.42, 0.6, 0.05), (0, 0.02, 0.05), 0.02), style.fabric())
-    return m.piece(name, "towel")
 
 
-def paper_holder(style: Style, name: str) -> Piece:
+@maker("paper_holder")
+def paper_holder(m: PieceBuilder, style: Style) -> None:
     """Return a roll of paper on the wall."""
-    m = Model()
     m.add(post(0.055, 0.1, segments=14).moved((0.05, 0.06, 0.06), (0, 0, 90)), style.white)
     m.add(box((0.09, 0.1, 0.003), (0, -0.02, 0.115)), style.white)
     m.add(tube([(-0.07, 0.06, 0.0), (-0.07, 0.06, 0.06), (0.06, 0.06, 0.06)], 0.006), style.chrome)
-    return m.piece(name, "paper_holder")

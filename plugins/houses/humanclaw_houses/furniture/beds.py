@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from humanclaw_houses import textures as t
-from humanclaw_houses.model import Model, Piece
+from humanclaw_houses.piece_builder import PieceBuilder, maker
 from humanclaw_houses.shapes import Chart, Shape, box, pillow, post, sheet, soft_box
 from humanclaw_houses.style import Style
-from humanclaw_houses.textures import Tile
+from humanclaw_houses.textures import Texture
 
 
-def bed(style: Style, name: str, double: bool = True) -> Piece:
+@maker("bed")
+def bed(m: PieceBuilder, style: Style, double: bool = True) -> None:
     """Return a made bed: frame, mattress, duvet turned back below the pillows, headboard at -Z."""
-    m = Model()
     frame = style.choice(style.wood, style.second_wood, style.white, style.cloth)
     width = style.between(1.4, 1.7) if double else style.between(0.9, 1.0)
     length, seat, gap = 2.0, style.between(0.48, 0.56), style.between(0.12, 0.16)
@@ -37,7 +37,7 @@ def bed(style: Style, name: str, double: bool = True) -> Piece:
     _headboard(m, frame, int(style.rng.integers(3)), width + 0.04, board, -length / 2)
     m.solid((width + 0.02, seat - gap, length), (0, gap, 0.03))
     m.solid((width + 0.04, board, 0.07), (0, 0, -length / 2 + 0.0))
-    return m.piece(name, "bed", seat=seat)
+    m.seat = seat
 
 
 def _drape(width: float, z0: float, z1: float, top: float, drop: float, hem: bool = True) -> Shape:
@@ -63,14 +63,14 @@ def _over(share: np.ndarray, reach: float, drop: float) -> tuple[np.ndarray, np.
     return out, down
 
 
-def _headboard(m: Model, tile: Tile, kind: int, width: float, height: float, z: float) -> None:
+def _headboard(m: PieceBuilder, texture: Texture, kind: int, width: float, height: float, z: float) -> None:
     if kind == 0:
-        m.add(soft_box((width, height - 0.25, 0.07), (0, 0.25, z), 0.03), tile)
+        m.add(soft_box((width, height - 0.25, 0.07), (0, 0.25, z), 0.03), texture)
     elif kind == 1:
         for x in (-1, 1):
-            m.add(box((0.06, height, 0.06), (x * (width / 2 - 0.03), 0, z)), tile)
+            m.add(box((0.06, height, 0.06), (x * (width / 2 - 0.03), 0, z)), texture)
         for k in range(3):
-            m.add(box((width - 0.12, 0.13, 0.03), (0, 0.45 + k * (height - 0.5) / 3, z)), tile)
+            m.add(box((width - 0.12, 0.13, 0.03), (0, 0.45 + k * (height - 0.5) / 3, z)), texture)
     else:
         for k in range(4):
-            m.add(soft_box((width / 4 - 0.008, height - 0.3, 0.07), ((k - 1.5) * width / 4, 0.3, z), 0.03), tile)
+            m.add(soft_box((width / 4 - 0.008, height - 0.3, 0.07), ((k - 1.5) * width / 4, 0.3, z), 0.03), texture)

@@ -5,82 +5,75 @@ from __future__ import annotations
 import numpy as np
 
 from humanclaw_houses import textures as t
-from humanclaw_houses.model import Model, Piece
+from humanclaw_houses.piece_builder import PieceBuilder, maker
 from humanclaw_houses.shapes import Chart, Shape, box, post, sheet, tube, turned
 from humanclaw_houses.style import Style
 
 
-def _shade(style: Style) -> t.Tile:
+def _shade(style: Style) -> t.Texture:
     return t.plain(t.pick(style.rng, ((250, 240, 214), (248, 248, 240), (240, 220, 180))), style.rng)
 
 
-def floor_lamp(style: Style, name: str) -> Piece:
-    m = Model()
+@maker("lamp")
+def floor_lamp(m: PieceBuilder, style: Style) -> None:
     metal = style.choice(style.black, style.brass, style.steel)
     m.add(post(0.14, 0.02, segments=16), metal, "hull")
     m.add(post(0.013, 1.36, (0, 0.02, 0)), metal, "box")
     m.add(turned([(0.2, 1.3), (0.13, 1.58)], segments=14), _shade(style))
-    return m.piece(name, "lamp")
 
 
-def table_lamp(style: Style, name: str) -> Piece:
+@maker("lamp", mass=1.2, friction=0.5)
+def table_lamp(m: PieceBuilder, style: Style) -> None:
     """Return a lamp for a nightstand or a sideboard; it can be knocked over."""
-    m = Model()
     m.add(
         turned([(0.07, 0), (0.075, 0.02), (0.03, 0.06), (0.06, 0.14), (0.02, 0.24)], segments=8), style.paint(), "box"
     )
     m.add(turned([(0.13, 0.22), (0.085, 0.4)], segments=12), _shade(style))
     m.solid((0.18, 0.18, 0.18), (0, 0.22, 0))
-    return m.piece(name, "lamp", mass=1.2, friction=0.5)
 
 
-def ceiling_lamp(style: Style, name: str, drop: float = 0.12) -> Piece:
+@maker("ceiling_lamp")
+def ceiling_lamp(m: PieceBuilder, style: Style, drop: float = 0.12) -> None:
     """Return a lamp that hangs from the ceiling, fixed at its top."""
-    m = Model()
     m.add(turned([(0.18, 0.0), (0.2, 0.02), (0.12, 0.1)], segments=12), _shade(style))
     m.add(post(0.012, drop, (0, 0.09, 0)), style.black)
-    return m.piece(name, "ceiling_lamp")
 
 
-def rug(style: Style, name: str, width: float, depth: float) -> Piece:
+@maker("rug")
+def rug(m: PieceBuilder, style: Style, width: float, depth: float) -> None:
     """Return a rug. It does not collide."""
-    m = Model()
     accent, ground = t.pick(style.rng, t.ACCENTS), t.pick(style.rng, t.FABRICS)
     kind = style.rng.random()
     if kind < 0.5:
-        tile = t.oriental(ground, accent, style.rng)
+        texture = t.oriental(ground, accent, style.rng)
     elif kind < 0.75:
-        tile = t.carpet(ground, style.rng)
+        texture = t.carpet(ground, style.rng)
     else:
-        tile = t.stripes(ground, (228, 220, 204), style.rng, 6)
-    m.box((width, 0.008, depth), (0, 0, 0), tile, solid=False, skip="b")
-    return m.piece(name, "rug")
+        texture = t.stripes(ground, (228, 220, 204), style.rng, 6)
+    m.box((width, 0.008, depth), (0, 0, 0), texture, solid=False, skip="b")
 
 
-def picture(style: Style, name: str, width: float, height: float) -> Piece:
+@maker("picture")
+def picture(m: PieceBuilder, style: Style, width: float, height: float) -> None:
     """Return a framed picture, to hang on a wall."""
-    m = Model()
     m.add(box((width, height, 0.025), (0, 0, 0.0125)), style.choice(style.wood, style.black, style.white, style.brass))
     face = sheet((-width / 2 + 0.025, 0.025, 0.0265), (width - 0.05, 0, 0), (0, height - 0.05, 0))
     m.add(Shape((face,)), t.painting(style.rng))
-    return m.piece(name, "picture")
 
 
-def mirror(style: Style, name: str, width: float = 0.55, height: float = 0.75) -> Piece:
-    m = Model()
+@maker("mirror")
+def mirror(m: PieceBuilder, style: Style, width: float = 0.55, height: float = 0.75) -> None:
     m.add(box((width, height, 0.02), (0, 0, 0.01)), style.choice(style.wood, style.chrome, style.black))
     face = sheet((-width / 2 + 0.02, 0.02, 0.0215), (width - 0.04, 0, 0), (0, height - 0.04, 0))
     m.add(Shape((face,)), t.glass(style.rng))
-    return m.piece(name, "mirror")
 
 
-def curtain(style: Style, name: str, width: float, height: float, tile: t.Tile) -> Piece:
+@maker("curtain")
+def curtain(m: PieceBuilder, style: Style, width: float, height: float, texture: t.Texture) -> None:
     """Return two gathered curtains at the sides of a window, and the rod above it. width: of the window."""
-    m = Model()
     for side in (-1, 1):
-        m.add(Shape((folds(side * (width / 2 + 0.06), 0.32, height),)), tile)
+        m.add(Shape((folds(side * (width / 2 + 0.06), 0.32, height),)), texture)
     m.add(tube([(-width / 2 - 0.3, height + 0.015, 0.07), (width / 2 + 0.3, height + 0.015, 0.07)], 0.012), style.black)
-    return m.piece(name, "curtain")
 
 
 def folds(x: float, width: float, height: float) -> Chart:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from humanclaw_houses import textures as t
-from humanclaw_houses.model import Model, Piece
+from humanclaw_houses.piece_builder import PieceBuilder, maker
 from humanclaw_houses.shapes import Shape, box, sheet
 from humanclaw_houses.style import Style
 
 
-def _panel(m: Model, style: Style, width: float, y: float, z: float) -> float:
+def _panel(m: PieceBuilder, style: Style, width: float, y: float, z: float) -> float:
     """Add a flat screen of 16:9 with its bottom at y and its front at z; return its height."""
     height = round(0.5625 * width, 3)
     m.add(box((width, height, 0.045), (0, y, z - 0.0225)), style.black, "box")
@@ -19,26 +19,25 @@ def _panel(m: Model, style: Style, width: float, y: float, z: float) -> float:
     return height
 
 
-def tv(style: Style, name: str, width: float = 1.1) -> Piece:
+@maker("tv")
+def tv(m: PieceBuilder, style: Style, width: float = 1.1) -> None:
     """Return a television on its own foot."""
-    m = Model()
     _panel(m, style, width, 0.075, 0.06)
     m.add(box((0.09, 0.1, 0.03), (0, 0.012, 0.02)), style.black)
     m.box((width * 0.42, 0.014, 0.2), (0, 0, 0.02), style.black)
-    return m.piece(name, "tv")
 
 
-def wall_tv(style: Style, name: str, width: float = 1.1) -> Piece:
+@maker("tv")
+def wall_tv(m: PieceBuilder, style: Style, width: float = 1.1) -> None:
     """Return a television on a wall bracket."""
-    m = Model()
     _panel(m, style, width, 0.0, 0.09)
     m.box((0.3, 0.2, 0.06), (0, 0.15, 0.03), style.black, solid=False)
-    return m.piece(name, "tv")
 
 
-def floor_tv(style: Style, name: str, width: float = 1.1) -> Piece:
+@maker("tv")
+def floor_tv(m: PieceBuilder, style: Style, width: float = 1.1) -> None:
     """Return a television on a low cabinet of its own, for a bedroom."""
-    m, high = Model(), 0.5
+    high = 0.5
     m.box((width - 0.02, high - 0.1, 0.45), (0, 0.1, -0.03), style.wood)
     for x in (-1, 1):
         for z in (-1, 1):
@@ -49,11 +48,10 @@ def floor_tv(style: Style, name: str, width: float = 1.1) -> Piece:
     m.add(box((width * 0.42, 0.014, 0.2), (0, high + 0.02, 0.0)), style.black)
     m.add(box((0.09, 0.08, 0.03), (0, high + 0.03, 0.0)), style.black)
     _panel(m, style, width, high + 0.08, 0.06)
-    return m.piece(name, "tv")
 
 
-def laptop(style: Style, name: str) -> Piece:
-    m = Model()
+@maker("laptop", mass=1.6, friction=0.5)
+def laptop(m: PieceBuilder, style: Style) -> None:
     m.box((0.33, 0.018, 0.23), (0, 0, 0), style.steel, solid=False)
     m.add(Shape((sheet((-0.145, 0.0185, 0.02), (0.29, 0, 0), (0, 0, -0.11)),)), style.black)
     lid = box((0.33, 0.22, 0.01), (0, 0, 0)) + Shape((sheet((-0.15, 0.015, 0.006), (0.3, 0, 0), (0, 0.19, 0)),))
@@ -61,4 +59,3 @@ def laptop(style: Style, name: str) -> Piece:
     m.add(Shape(lid.charts[6:]).moved((0, 0.014, -0.115), (-18, 0, 0)), t.screen(style.rng, on=False))
     # The lid does not collide: a hull around it would move the centre of mass behind the hinge.
     m.solid((0.33, 0.018, 0.29), (0, 0, -0.03))
-    return m.piece(name, "laptop", mass=1.6, friction=0.5)

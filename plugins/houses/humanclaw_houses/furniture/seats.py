@@ -8,10 +8,10 @@ from typing import ClassVar
 import numpy as np
 
 from humanclaw_houses import textures as t
-from humanclaw_houses.model import Model, Piece
+from humanclaw_houses.piece_builder import PieceBuilder, maker
 from humanclaw_houses.shapes import ball, box, pillow, post, soft_box, tube
 from humanclaw_houses.style import Style
-from humanclaw_houses.textures import Tile
+from humanclaw_houses.textures import Texture
 
 
 @dataclass(frozen=True)
@@ -65,17 +65,19 @@ class _Cut:
         return [(number - (self.seats - 1) / 2) * self.per_seat for number in range(self.seats)]
 
 
-def couch(style: Style, name: str, seats: int = 3) -> Piece:
+@maker("couch")
+def couch(m: PieceBuilder, style: Style, seats: int = 3) -> None:
     """Return a couch for two or three: soft, boxy, with wooden arms, or buttoned leather with rolled arms."""
-    return _sofa(style, name, "couch", seats)
+    _sofa(m, style, seats)
 
 
-def armchair(style: Style, name: str) -> Piece:
-    return _sofa(style, name, "chair", 1)
+@maker("chair")
+def armchair(m: PieceBuilder, style: Style) -> None:
+    _sofa(m, style, 1)
 
 
-def _sofa(style: Style, name: str, category: str, seats: int) -> Piece:
-    m, cut = Model(), _Cut.draw(style, seats)
+def _sofa(m: PieceBuilder, style: Style, seats: int) -> None:
+    cut = _Cut.draw(style, seats)
     kind = str(style.rng.choice(["soft", "boxy", "wooden", "buttoned"]))
     if kind == "wooden":
         cut = replace(cut, arm=0.09)
@@ -93,10 +95,10 @@ def _sofa(style: Style, name: str, category: str, seats: int) -> Piece:
     m.solid(
         (cut.inner, cut.back - cut.leg, cut.BACK_DEPTH + 0.06), (0, cut.leg, (cut.BACK_DEPTH + 0.06 - cut.depth) / 2)
     )
-    return m.piece(name, category, seat=cut.seat)
+    m.seat = cut.seat
 
 
-def _seat_and_back(m: Model, cut: _Cut, cover: Tile, kind: str) -> None:
+def _seat_and_back(m: PieceBuilder, cut: _Cut, cover: Texture, kind: str) -> None:
     """Add the frame below, a seat cushion for each person, and loose back cushions or one buttoned back."""
     shade = t.shaded(cover, 0.55)
     m.add(box((cut.inner + 0.02, cut.seat - 0.13 - cut.leg, cut.reach - 0.03), (0, cut.leg, cut.middle - 0.015)), cover)
@@ -112,7 +114,7 @@ def _seat_and_back(m: Model, cut: _Cut, cover: Tile, kind: str) -> None:
             m.add(pad.moved((x, cut.seat - 0.01, cut.BACK_DEPTH - cut.depth / 2 + 0.02), (-10, 0, 0)), cover)
 
 
-def _back(m: Model, cut: _Cut, cover: Tile, kind: str) -> None:
+def _back(m: PieceBuilder, cut: _Cut, cover: Texture, kind: str) -> None:
     """Add the back, upholstered with one panel per seat; a buttoned back is one piece."""
     z, depth = (cut.BACK_DEPTH - cut.depth) / 2, cut.BACK_DEPTH
     width, high = (cut.width if kind in ("soft", "buttoned") else cut.inner + 0.02), cut.back - cut.leg
@@ -131,16 +133,16 @@ def _back(m: Model, cut: _Cut, cover: Tile, kind: str) -> None:
         )
 
 
-def _scatter_cushions(m: Model, style: Style, cut: _Cut) -> None:
+def _scatter_cushions(m: PieceBuilder, style: Style, cut: _Cut) -> None:
     """Add two cushions in the corners of a couch, at most one on an armchair. They do not collide."""
-    tile, z = style.fabric(), cut.BACK_DEPTH - cut.depth / 2 + 0.2
+    texture, z = style.fabric(), cut.BACK_DEPTH - cut.depth / 2 + 0.2
     out = cut.inner / 2 - 0.22
     for x in (-out, out) if cut.seats > 1 else (0.0,) if style.chance(0.4) else ():
         pad = pillow((0.46, 0.17, 0.46)).moved((0.0, -0.085, 0.0)).moved(turn=(66, -14 * np.sign(x), 0))
-        m.add(pad.moved((x, cut.seat + 0.2, z)), tile)
+        m.add(pad.moved((x, cut.seat + 0.2, z)), texture)
 
 
-def _buttons(m: Model, cut: _Cut, cover: Tile, x: float) -> None:
+def _buttons(m: PieceBuilder, cut: _Cut, cover: Texture, x: float) -> None:
     """Add a buttoned back as a grid of small pads."""
     columns, rows = 3, 2
     wide, high = cut.per_seat / columns, (cut.back - cut.seat + 0.02) / rows
@@ -151,7 +153,7 @@ def _buttons(m: Model, cut: _Cut, cover: Tile, x: float) -> None:
             m.add(pad.moved((x + (i - 1) * wide, cut.seat - 0.02 + j * high, z), (-6, 0, 0)), cover)
 
 
-def _arm(m: Model, style: Style, cut: _Cut, cover: Tile, kind: str, side: int) -> None:
+def _arm(m: PieceBuilder, style: Style, cut: _Cut, cover: Texture, kind: str, side: int) -> None:
     x, rise = side * (cut.width - cut.arm) / 2, cut.arm_top - cut.leg
     if kind == "wooden":
         for z in (-cut.depth / 2 + 0.06, cut.depth / 2 - 0.06):
@@ -167,9 +169,9 @@ def _arm(m: Model, style: Style, cut: _Cut, cover: Tile, kind: str, side: int) -
         m.add(soft_box((cut.arm, rise, cut.depth - 0.01), (x, cut.leg, 0.0), radius), cover)
 
 
-def dining_chair(style: Style, name: str) -> Piece:
+@maker("chair", mass=5.0, friction=0.5)
+def dining_chair(m: PieceBuilder, style: Style) -> None:
     """Return a wooden chair: slatted, ladder or upholstered back."""
-    m = Model()
     frame = style.choice(style.wood, style.second_wood, style.white, style.black)
     w, d, seat, back = (
         style.between(0.42, 0.46),
@@ -188,16 +190,18 @@ def dining_chair(style: Style, name: str) -> Piece:
     m.solid((w, 0.045, d), (0, seat - 0.04, 0))
     _chair_back(m, style, frame, kind, w, d, seat, back)
     m.solid((w, back - seat - 0.01, 0.045), (0, seat + 0.01, -d / 2 + 0.02))
-    return m.piece(name, "chair", seat=seat, mass=5.0, friction=0.5)
+    m.seat = seat
 
 
-def _legs(m: Model, tile: Tile, width: float, depth: float, height: float, thick: float) -> None:
+def _legs(m: PieceBuilder, texture: Texture, width: float, depth: float, height: float, thick: float) -> None:
     for x in (-1, 1):
         for z in (-1, 1):
-            m.box((thick, height, thick), (x * (width - thick) / 2, 0, z * (depth - thick) / 2), tile, skip="b")
+            m.box((thick, height, thick), (x * (width - thick) / 2, 0, z * (depth - thick) / 2), texture, skip="b")
 
 
-def _chair_back(m: Model, style: Style, frame: Tile, kind: int, w: float, d: float, seat: float, back: float) -> None:
+def _chair_back(
+    m: PieceBuilder, style: Style, frame: Texture, kind: int, w: float, d: float, seat: float, back: float
+) -> None:
     z, rise = -d / 2 + 0.02, back - seat
     for x in (-1, 1):
         m.add(box((0.04, rise, 0.036), (x * (w - 0.04) / 2, seat, z)), frame)
@@ -212,9 +216,9 @@ def _chair_back(m: Model, style: Style, frame: Tile, kind: int, w: float, d: flo
         m.add(soft_box((w - 0.06, rise - 0.14, 0.045), (0, seat + 0.06, z + 0.01), 0.02), style.second_cloth)
 
 
-def office_chair(style: Style, name: str) -> Piece:
+@maker("chair", mass=9.0, friction=0.25)
+def office_chair(m: PieceBuilder, style: Style) -> None:
     """Return a swivel chair on a star of five castors."""
-    m = Model()
     cover = style.choice(style.black, style.cloth)
     seat = style.between(0.45, 0.48)
     for k in range(5):
@@ -233,28 +237,27 @@ def office_chair(style: Style, name: str) -> Piece:
     m.solid((0.07, seat - 0.18, 0.07), (0, 0.1, 0))
     m.solid((0.48, 0.085, 0.46), (0, seat - 0.085, 0.02))
     m.solid((0.44, 0.48, 0.1), (0, seat + 0.05, -0.225))
-    return m.piece(name, "chair", seat=seat, mass=9.0, friction=0.25)
+    m.seat = seat
 
 
-def stool(style: Style, name: str) -> Piece:
+@maker("chair", mass=3.5, friction=0.5)
+def stool(m: PieceBuilder, style: Style) -> None:
     """Return a round stool on four splayed legs."""
-    m = Model()
     seat = style.between(0.44, 0.48)
     m.add(post(0.17, 0.035, (0, seat - 0.035, 0), segments=16), style.wood, "hull")
     for x in (-1, 1):
         for z in (-1, 1):
             m.add(tube([(x * 0.15, 0.0, z * 0.15), (x * 0.1, seat - 0.03, z * 0.1)], 0.015), style.wood)
     m.solid((0.3, seat - 0.06, 0.3), (0, 0.005, 0))
-    return m.piece(name, "chair", seat=seat, mass=3.5, friction=0.5)
+    m.seat = seat
 
 
-def bench(style: Style, name: str) -> Piece:
+@maker("bench")
+def bench(m: PieceBuilder, style: Style) -> None:
     """Return a bench for the hall, with space for shoes below."""
-    m = Model()
     w, d, h = style.between(0.8, 1.1), 0.32, 0.44
     m.box((w, 0.04, d), (0, h - 0.06, 0), style.wood)
     m.add(soft_box((w - 0.02, 0.04, d - 0.02), (0, h - 0.03, 0), 0.018), style.cloth)
     for x in (-1, 1):
         m.box((0.04, h - 0.06, d), (x * (w / 2 - 0.03), 0, 0), style.wood)
     m.box((w - 0.06, 0.02, d - 0.04), (0, 0.16, 0), style.wood)
-    return m.piece(name, "bench")

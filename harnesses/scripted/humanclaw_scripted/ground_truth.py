@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
 
 from humanclaw import EpisodeContext, HumanclawError, Scene
-from humanclaw.body import LINKS, Array, Capsule, Pose2D, matrix_from_vector
+from humanclaw.body import JOINT_INDEX, LINKS, Array, Capsule, Pose2D, matrix_from_vector
+from humanclaw.skills import Side
 from humanclaw.world import Gaze, OccupancyGrid, WorldState, distance_to_nearest, ego_camera
 
 TOUCHING: Final = 0.005
@@ -16,26 +18,51 @@ TOUCHING: Final = 0.005
 (_HIPS,) = (link.shape for link in LINKS if link.joint == "pelvis" and isinstance(link.shape, Capsule))
 
 
-@dataclass(frozen=True)
-class PelvisPose:
-    """Position and heading of the pelvis, metres and radians."""
+@dataclass(frozen=True, eq=False)
+class BodyView:
+    """The body in a state: place and heading of its pelvis, metres and radians, and places in its own frame."""
 
-    root: Array
-    yaw: float
+    state: WorldState
 
-    @classmethod
-    def of(cls, state: WorldState) -> PelvisPose:
-        return cls(state.body.root[-1], float(state.body.yaw()[-1]))
+    @property
+    def root(self) -> Array:
+        return np.asarray(self.state.body.root[-1])
 
     @property
     def point(self) -> Array:
+        """(2,) x and z of the pelvis."""
         return self.root[[0, 2]]
 
-    def local(self, point: Array) -> tuple[float, float]:
-        """Return a (2,) point in the body's frame as (left, forward), metres."""
-        here = Pose2D(float(self.root[0]), float(self.root[2]), self.yaw)
-        left, _, forward = here.point_to_local(np.array([point[0], 0.0, point[1]]))
-        return float(left), float(forward)
+    @cached_property
+    def yaw(self) -> float:
+        return float(self.state.body.yaw()[-1])
+
+    @cached_property
+    def frame(self) -> Pose2D:
+        return Pose2D.of(self.state.body)
+
+    @cached_property
+    def joints(self) -> Array:
+        """(24, 3) in its own frame."""
+        return self.local(self.state.body[-1:].joints()[0])
+
+    def local(self, points: Array) -> Array:
+        """Return (..., 3) world points in its own frame."""
+        return self.frame.point_to_local(points)
+
+    def on_floor(self, point: Array) -> tuple[float, float]:
+        """Return a (2,) point as (left, forward) in its own frame, metres."""
+        left, _, forward = self.local(np.array([point[0], 0.0, point[1]])).tolist()
+        return left, forward
+
+    @property
+    def crouches(self) -> bool:
+        """Whether the hips are under 0.8 m."""
+        return float(self.joints[JOINT_INDEX["pelvis"], 1]) < 0.8
+
+    def hand(self, side: Side) -> Array:
+        """Return the knuckles (3,), in its own frame."""
+        return np.asarray(self.joints[JOINT_INDEX[f"{side}_hand"]])
 
 
 @dataclass
@@ -49,12 +76,8 @@ class Perception:
             raise HumanclawError("a scripted decider needs the scene and the state.", "Run it through the loop.")
         self._scene, self._state = self.context.scene, self.context.state
 
-    def state(self) -> WorldState:
-        return self._state()
-
     def boxes(self) -> list[tuple[Any, Any]]:
-        objects = self._state().objects
-        return [self._scene.aabb(key, objects.get(key)) for key in self.context.spec.target_ids]
+        return [box(self._scene, self._state(), key) for key in self.context.spec.target_ids]
 
     def reach(self) -> float:
         """Return the distance from the nearest joint to the nearest target's bounding box, metres."""
@@ -62,12 +85,12 @@ class Perception:
 
     def away(self) -> float:
         """Return the horizontal distance from the pelvis to the nearest target, metres."""
-        here = self._state().body.root[-1, [0, 2]]
+        here = BodyView(self._state()).point
         return distance_to_nearest(here, [(low[[0, 2]], high[[0, 2]]) for low, high in self.boxes()])
 
     def here(self) -> Array:
         """Return the (3,) position of the pelvis."""
-        return np.asarray(self._state().body.root[-1])
+        return BodyView(self._state()).root
 
     def bearing(self) -> float:
         """Return the bearing of the nearest target's middle, radians, left positive; 0 without a target."""
@@ -77,9 +100,7 @@ class Perception:
 
     def bearing_of(self, point: Array) -> float:
         """Return the bearing of a (3,) point, radians, left positive."""
-        body = self._state().body
-        frame = Pose2D(float(body.root[-1, 0]), float(body.root[-1, 2]), float(body.yaw()[-1]))
-        left, _, forward = frame.point_to_local(point)
+        left, _, forward = BodyView(self._state()).local(point)
         return float(np.arctan2(left, forward))
 
 

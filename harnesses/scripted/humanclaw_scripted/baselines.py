@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from humanclaw import Call, Decision, EpisodeContext, HistoryEntry, Observation, Skill
-from humanclaw_scripted.calls import TURN, WALK, asking, ending
+from humanclaw_scripted.actions import TURN, WALK, asking, ending
 
 
 class StillAgent:

@@ -1,14 +1,15 @@
 """An agent with its own view and nothing else: no map, no pose.
 
-It has the depth of its view, and eyes (humanclaw_scripted.eyes) that find its target. It maps what it sees, explores
+It has the depth of its view, and knows its target by the ids of drawn objects. It maps what it sees, explores
 frontiers (Yamauchi 1997) until a target comes into view, goes to the target, and sits down if that is the task. It
 estimates its pose from its own calls, corrected by aligning its views.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from humanclaw.body import Array, Pose2D, wrap_angle
 from humanclaw.records import SEEN_PIXELS
 from humanclaw.skills import to_si
 from humanclaw.world import MultiFloorMap, OccupancyGrid, Routes
-from humanclaw_scripted.calls import (
+from humanclaw_scripted.actions import (
     AT_SEAT,
     BACK,
     HIPS_OVER_SEAT,
@@ -33,9 +34,8 @@ from humanclaw_scripted.calls import (
     looked_for,
     require_target,
 )
-from humanclaw_scripted.eyes import Eyes
-from humanclaw_scripted.sight import SeenMap, Sight, edges, gap_to, moved, placed, seats
-from humanclaw_scripted.way import aim
+from humanclaw_scripted.depth_mapping import SeenMap, Sight, edges, gap_to, moved, placed, seats
+from humanclaw_scripted.path_following import aim
 
 TOUCHING_DISTANCE = 0.27
 """Distance from the pelvis to the target at which it stops, metres: chest and hands are nearer."""
@@ -59,7 +59,7 @@ class Stand:
     """Heading from the place to the middle of the seat, radians."""
     height: float = 0.0
     """Height of the seat, metres."""
-    found: bool = True
+    at_target: bool = True
     """Whether the place is at a target; else it is at a frontier."""
 
 
@@ -81,23 +81,21 @@ class SeeingMemory:
 class SeeingAgent:
     """Finds its way by its own view. Privileged only in that it gets the depth and ids of that view."""
 
+    name = "seeing"
     privileged = True
+    settings: Mapping[str, Any] = {"words": "eyes"}
     ready = staticmethod(require_target)
-
-    def __init__(self, name: str, eyes: Eyes) -> None:
-        self.name, self._eyes, self.settings = name, eyes, {**eyes.settings, "words": "eyes"}
 
     def begin(self, context: EpisodeContext) -> None:
         if context.view is None:
             raise HumanclawError("the seeing agent needs its view with depth and ids.", "Run it through the loop.")
-        self._view, self._skills, self._spec = context.view, context.skills, context.spec
+        self._view, self._skills, self._spec, self._gaze = context.view, context.skills, context.spec, context.gaze
         self._noun = looked_for(context.spec)
-        self._eyes.begin(context.spec, context.gaze)
         self._stop = ending(context.skills)
         self._memory = SeeingMemory()
 
     def decide(self, observation: Observation, history: Sequence[HistoryEntry]) -> Decision:
-        sight = self._eyes.look(self._view())
+        sight = Sight.of(self._view(), self._spec.target_ids, self._gaze)
         self._locate(sight, history[-1].executed if history else None)
         self._memory.map.add(sight, self._memory.pose)
         said = self._say(sight)
@@ -119,8 +117,8 @@ class SeeingAgent:
     def _asked(self, call: Call | None) -> tuple[float, float, float]:
         """Return the commanded displacement to the left and ahead, metres, and turn, radians."""
         asked = dict.fromkeys(("hips.left", "hips.forward", "hips.back", "heading.left"), 0.0)
-        for one in self._skills[call.skill].parameters if call else ():
-            asked[one.measure] = to_si(one.key, float(call.params.get(one.key, 0))) if call else 0.0
+        for parameter in self._skills[call.skill].parameters if call else ():
+            asked[parameter.measure] = to_si(parameter.key, float(call.params.get(parameter.key, 0))) if call else 0.0
         return asked["hips.left"], asked["hips.forward"] - asked["hips.back"], asked["heading.left"]
 
     def _local(self, point: Array) -> tuple[float, float]:
@@ -160,9 +158,9 @@ class SeeingAgent:
         routes = Routes.of(MultiFloorMap((grid,)), np.array([self._here[0], 0.0, self._here[1]]))
         costs = routes.costs[0]
         if (heights > 0).any():
-            found = self._seat(grid, heights, costs) if self._spec.interact else self._beside(grid, heights, costs)
-            if found is not None:
-                return found
+            stand = self._seat(grid, heights, costs) if self._spec.interact else self._beside(grid, heights, costs)
+            if stand is not None:
+                return stand
         return self._edge(grid, heights, costs)
 
     def _beside(self, grid: OccupancyGrid, heights: Array, costs: Array) -> Stand | None:
@@ -197,14 +195,14 @@ class SeeingAgent:
             price = float(prices.min()) - min(1.5, 0.03 * len(stretch)) + 0.5 * abs(self._local(place)[0])
             price += 3 * float(grid.at(gap, place)) if np.isfinite(gap).any() else 0.0
             if price < least:
-                best, least = Stand(place, found=False), price
+                best, least = Stand(place, at_target=False), price
         return best
 
     def _go(self, grid: OccupancyGrid, heights: Array, stand: Stand) -> tuple[Call, str]:
         if not self._memory.arrived:
-            if np.linalg.norm(stand.point - self._here) > (0.15 if stand.found else 0.4):
+            if np.linalg.norm(stand.point - self._here) > (0.15 if stand.at_target else 0.4):
                 return self._follow(grid, stand)
-            if not stand.found:
+            if not stand.at_target:
                 # Otherwise a frontier that stays unseen would attract the agent forever.
                 self._memory.map.known |= self._memory.map.disk(stand.point, 0.4)
                 return self._turn(float(LOOK)), "Nothing new here: I look round."
@@ -243,7 +241,7 @@ class SeeingAgent:
         if abs(angle) > TURN_FIRST:
             return self._turn(angle), "The way leads to the side: I turn."
         step = min(MAX_STEP, distance, max(0.15, rest))
-        what = f"The {self._noun} is over there" if stand.found else "There I have not been yet"
+        what = f"The {self._noun} is over there" if stand.at_target else "There I have not been yet"
         return self._walk(step, angle), f"{what}: I walk on."
 
     def _break_free(self, grid: OccupancyGrid) -> tuple[Call, str]:

@@ -15,8 +15,7 @@ import numpy as np
 from humanclaw import Call, Decision, EpisodeContext, HistoryEntry, PluginError, Skill
 from humanclaw.records import SEEN_PIXELS
 from humanclaw.skills import to_si
-from humanclaw_scripted.eyes import PerfectEyes
-from humanclaw_scripted.sight import LEVEL, Sight
+from humanclaw_scripted.depth_mapping import LEVEL, Sight
 
 AHEAD: Final = float(np.radians(15))
 """Largest bearing that is told as ahead, radians."""
@@ -43,33 +42,33 @@ class Seen:
 
     @classmethod
     def of(cls, sight: Sight) -> Seen:
-        points, found = sight.points, None
+        points, target = sight.points, None
         if sight.pixels >= SEEN_PIXELS and sight.mine.any():
             mine = points[sight.mine]
-            found = float(np.arctan2(*mine[:, [0, 2]].mean(0))), float(np.hypot(mine[:, 0], mine[:, 2]).min())
+            target = float(np.arctan2(*mine[:, [0, 2]].mean(0))), float(np.hypot(mine[:, 0], mine[:, 2]).min())
         strip = (
             (np.abs(points[:, 0]) < SHOULDERS) & (points[:, 1] > LEVEL) & (points[:, 1] < 1.8) & (points[:, 2] > 0.3)
         )
-        return cls(found, float(points[strip, 2].min()) if strip.any() else np.inf)
+        return cls(target, float(points[strip, 2].min()) if strip.any() else np.inf)
 
 
-class Teller:
+class Narrator:
     """Writes the words of an episode's decisions."""
 
     def begin(self, context: EpisodeContext) -> None:
         """Begin an episode. Raises PluginError without the view."""
         if context.view is None:
             raise PluginError("words from the eyes need the view.", "Run the agent through the loop.")
-        self._view, self._skills, self._eyes = context.view, context.skills, PerfectEyes()
-        self._eyes.begin(context.spec, context.gaze)
+        self._view, self._context = context.view, context
         self._noun = context.spec.target_category.replace("_", " ") or "target"
 
     def __call__(self, decision: Decision, past: Sequence[HistoryEntry]) -> Decision:
         """Return the decision with the words of the current view."""
-        return told(decision, Seen.of(self._eyes.look(self._view())), self._noun, self._skills, past)
+        sight = Sight.of(self._view(), self._context.spec.target_ids, self._context.gaze)
+        return narrated(decision, Seen.of(sight), self._noun, self._context.skills, past)
 
 
-def told(
+def narrated(
     decision: Decision, seen: Seen, noun: str, skills: Mapping[str, Skill], past: Sequence[HistoryEntry]
 ) -> Decision:
     """Return a decision with its words replaced. past: the steps before, with words of this module."""
@@ -121,6 +120,12 @@ def _reason(call: Call, seen: Seen, noun: str, skills: Mapping[str, Skill], know
 
 
 def _motion(call: Call, skill: Skill) -> str:
-    amounts = [(one, call.params.get(one.key, 0)) for one in skill.parameters if one.measure in _CALLS]
-    parts = [_CALLS[one.measure][value < 0].format(abs(value)) for one, value in amounts if to_si(one.key, value)]
+    amounts = [
+        (parameter, call.params.get(parameter.key, 0)) for parameter in skill.parameters if parameter.measure in _CALLS
+    ]
+    parts = [
+        _CALLS[parameter.measure][value < 0].format(abs(value))
+        for parameter, value in amounts
+        if to_si(parameter.key, value)
+    ]
     return " and ".join(parts)

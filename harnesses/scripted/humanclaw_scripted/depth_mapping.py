@@ -6,6 +6,7 @@ frame of the first view: odometry, which drifts.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final, Self
 
@@ -15,7 +16,7 @@ from scipy.ndimage import binary_closing, binary_dilation, distance_transform_ed
 from scipy.spatial import cKDTree
 
 from humanclaw.body import Array, Pose2D, rest_pose, wrap_angle
-from humanclaw.world import CELL, RADIUS, Gaze, OccupancyGrid, View, ego_camera
+from humanclaw.world import BODY_ID, CELL, RADIUS, Gaze, OccupancyGrid, View, ego_camera
 
 STRIDE: Final = 2
 """Only every STRIDE-th pixel of each row and column is used."""
@@ -31,8 +32,6 @@ SEAT_HEIGHTS: Final = (0.25, 0.62)
 """Heights of seats over the floor, metres."""
 CERTAIN: Final = 4
 """Greatest evidence for or against an obstacle, in views, so that a few later views can reverse it."""
-LIMBS: Final = 0.6
-"""Reach of hands and feet from the hips, metres."""
 FEW_CELLS: Final = 8
 """Frontiers and seats with fewer cells are ignored."""
 Mask = NDArray[np.bool_]
@@ -51,11 +50,12 @@ class Sight:
     pixels: int
 
     @classmethod
-    def of(cls, view: View, shown: Mask, mine: Mask, gaze: Gaze) -> Sight:
+    def of(cls, view: View, targets: Sequence[int], gaze: Gaze) -> Sight:
         """Back-project a view of the ego camera. The floor in view corrects the height of the eyes.
 
-        shown: (H, W) pixels that show the surroundings. mine: (H, W) pixels that show a target.
+        targets: ids of the objects that are looked for.
         """
+        shown, mine = (view.ids != 0) & (view.ids != BODY_ID), np.isin(view.ids, targets)
         depth = view.depth[::STRIDE, ::STRIDE].astype(float)
         drawn = shown[::STRIDE, ::STRIDE] & (depth > 0.05) & np.isfinite(depth)
         rows, columns = np.nonzero(drawn)
@@ -69,12 +69,6 @@ class Sight:
         floor = (np.abs(points[:, 1]) < 2 * LEVEL) & (points[:, 2] < 3.0)
         points[:, 1] -= np.median(points[floor, 1]) if floor.sum() > 100 else 0.0
         return cls(points, mine[::STRIDE, ::STRIDE][drawn], int(mine.sum()))
-
-    def apart(self) -> Sight:
-        """Drop the agent's own limbs (all points above the floor within their reach); no floor counts as target."""
-        high = self.points[:, 1] > LEVEL
-        own = high & (np.hypot(self.points[:, 0], self.points[:, 2]) < LIMBS)
-        return Sight(self.points[~own], (self.mine & high)[~own], self.pixels)
 
     def near(self, most: float = FAR) -> Mask:
         """Return a mask (N,) of the points within range. most: metres."""
@@ -197,9 +191,9 @@ class SeenMap:
         if len(cells) < 30 or len(points) < 30:
             return guesses[0]
         tree = cKDTree((cells + 0.5) * CELL + self.origin)
-        found = [aligned(points, tree, guess) for guess in guesses]
-        best, left = min(found, key=lambda one: one[1])
-        first, residue = found[0]
+        fits = [aligned(points, tree, guess) for guess in guesses]
+        best, left = min(fits, key=lambda fit: fit[1])
+        first, residue = fits[0]
         return first if residue < left + 0.004 else best
 
     def grid(self) -> OccupancyGrid:
@@ -228,8 +222,8 @@ def edges(grid: OccupancyGrid) -> list[Array]:
     border = np.pad(unknown, 1, constant_values=True)
     edge = grid.fits(RADIUS) & binary_dilation(border, iterations=2)[1:-1, 1:-1]
     groups, count = label(edge, np.ones((3, 3)))
-    found = (np.argwhere(groups == k) for k in range(1, count + 1))
-    return [grid.point(cells) for cells in found if len(cells) >= FEW_CELLS]
+    stretches = (np.argwhere(groups == k) for k in range(1, count + 1))
+    return [grid.point(cells) for cells in stretches if len(cells) >= FEW_CELLS]
 
 
 def seats(heights: Array) -> Mask:

@@ -11,7 +11,6 @@ from typing import Final
 import numpy as np
 
 from humanclaw import Call, EpisodeSpec, PluginError, Skill
-from humanclaw.body import STANDING_HEIGHT
 from humanclaw.records import ALIASES, category_of
 from humanclaw.skills import Parameter, Role, Side, from_si, suited
 
@@ -42,10 +41,10 @@ would not touch it."""
 
 def ending(skills: Mapping[str, Skill]) -> str:
     """Return the name of the skill that ends an episode. Raises PluginError if there is none."""
-    found = [name for name, one in skills.items() if one.role == "stop" and not one.schema.get("required")]
-    if not found:
+    stops = [name for name, skill in skills.items() if skill.role == "stop" and not skill.schema.get("required")]
+    if not stops:
         raise PluginError("no installed skill ends an episode.", "Install humanclaw-skill-stop.")
-    return found[0]
+    return stops[0]
 
 
 def require_target(instruction: str) -> None:
@@ -63,67 +62,53 @@ def looked_for(spec: EpisodeSpec) -> str:
 
 def _nameless(instruction: str) -> PluginError:
     known = ", ".join(ALIASES).replace("_", " ")
-    told = f"the agent expected an instruction with one of {known}; got {instruction!r:.80}."
-    return PluginError(told, "Name one of these, or let a model understand the words: --model NAME.")
+    message = f"the agent expected an instruction with one of {known}; got {instruction!r:.80}."
+    return PluginError(message, "Name one of these, or let a model understand the words: --model NAME.")
 
 
-def skill_for(skills: Mapping[str, Skill], measures: Sequence[str]) -> Skill:
-    """Return the skill that commands these measures and the fewest others; of role sit for SIT, else of locomotion.
+def skill_for(skills: Mapping[str, Skill], measures: Sequence[str], role: Role | None = None) -> Skill:
+    """Return the skill of a role that commands these measures and the fewest others.
 
-    Raises PluginError if there is none, or if its adapter is not trained.
+    role: sit for SIT, else locomotion, if none is named. Raises PluginError if there is none, or if its adapter is not
+    trained.
     """
-    role: Role = "sit" if measures == SIT else "locomotion"
-    found = suited((skill.declaration for skill in skills.values()), *measures, role=role)
-    if found is None:
-        wanted = f"a skill of role {role} that commands {', '.join(measures)}"
-        raise PluginError(f"the oracle needs {wanted}.", "Install the first-party skills.")
-    if not skills[found.skill].trained:
+    role = role or ("sit" if measures == SIT else "locomotion")
+    declaration = suited((skill.declaration for skill in skills.values()), *measures, role=role)
+    if declaration is None:
+        wanted = f"a skill of role {role}" + (f" that commands {', '.join(measures)}" if measures else "")
+        remedy = "Install the first-party skills, for tasks of hands also the extra hands."
+        raise PluginError(f"the oracle needs {wanted}.", remedy)
+    if not skills[declaration.skill].trained:
         raise PluginError(
-            f"the oracle needs the skill {found.skill}, whose adapter is not trained.",
-            f"Train it with `humanclaw train adapter {found.skill}`.",
+            f"the oracle needs the skill {declaration.skill}, whose adapter is not trained.",
+            f"Train it with `humanclaw train adapter {declaration.skill}`.",
         )
-    return skills[found.skill]
+    return skills[declaration.skill]
 
 
-def asking(skills: Mapping[str, Skill], measures: Sequence[str], amounts: Sequence[float]) -> Call:
-    """Return a call for these amounts of the measures, SI units.
+def asking(
+    skills: Mapping[str, Skill], measures: Sequence[str], amounts: Sequence[float], role: Role | None = None,
+    side: Side | None = None,
+) -> Call:  # fmt: skip
+    """Return a call for these amounts of the measures, SI units, with the hand of a side if one is named.
 
     Each amount is rounded to the unit of its parameter and clipped to its bounds.
     """
-    skill, asked = skill_for(skills, measures), dict(zip(measures, amounts, strict=True))
-    return Call(skill.name, {one.key: _within(one, asked.get(one.measure, 0.0)) for one in skill.parameters})
+    skill, asked = skill_for(skills, measures, role), dict(zip(measures, amounts, strict=True))
+    # A parameter without bounds is no number: a side is a word.
+    numbers = [parameter for parameter in skill.parameters if np.isfinite(parameter.low)]
+    params = {number.key: _within(number, asked.get(number.measure, 0.0)) for number in numbers}
+    return Call(skill.name, {**params, **(_of_side(skill, side) if side else {})})
 
 
 def way_of(skills: Mapping[str, Skill], call: Call) -> float:
     """Return how far over the floor a call should take the body, metres."""
-    asked = [call.params.get(one.key, 0) for one in skills[call.skill].parameters if one.measure in _OVER_FLOOR]
+    asked = [
+        call.params.get(parameter.key, 0)
+        for parameter in skills[call.skill].parameters
+        if parameter.measure in _OVER_FLOOR
+    ]
     return float(np.hypot(*[*asked, 0.0, 0.0][:2])) / 100
-
-
-def reaching(skills: Mapping[str, Skill], side: Side, place: Sequence[float]) -> Call:
-    """Return a call that brings a hand to a place, left, up and ahead in metres, or to the nearest that is allowed."""
-    found = suited((skill.declaration for skill in skills.values()), *HAND, role="gesture")
-    if found is None:
-        raise PluginError("the oracle needs a skill that moves a hand.", "Install the extra hands.")
-    amounts = dict(zip(HAND, place, strict=True))
-    params = {one.key: _within(one, amounts[one.measure]) for one in found.parameters if one.measure in amounts}
-    return Call(found.skill, {**params, **_of_side(skills[found.skill], side)})
-
-
-def rising(skills: Mapping[str, Skill]) -> Call:
-    """Return a call that brings the hips up over feet that stay."""
-    found = suited((skill.declaration for skill in skills.values()), *SIT, role="posture")
-    if found is None:
-        raise PluginError("the oracle needs a skill that rises from a crouch.", "Install the extra hands.")
-    return Call(found.skill, {one.key: _within(one, STANDING_HEIGHT) for one in found.parameters})
-
-
-def gripping(skills: Mapping[str, Skill], role: Role, side: Side) -> Call:
-    """Return a call that closes or opens a hand. role: grasp or release."""
-    found = next((skill for skill in skills.values() if skill.role == role), None)
-    if found is None:
-        raise PluginError(f"the oracle needs a skill of role {role}.", "Install the extra hands.")
-    return Call(found.name, _of_side(found, side))
 
 
 def answering(skills: Mapping[str, Skill], words: str) -> Call:

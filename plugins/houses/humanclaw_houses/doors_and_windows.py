@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from humanclaw_houses.plan import DOOR_HEIGHT, OPEN_TOP, PUBLIC, WALL, Area, Axis, Opening, Wall, room_at
+from humanclaw_houses.plan import DOOR_HEIGHT, OPEN_TOP, PUBLIC, WALL, Area, Axis, Wall, WallOpening, room_at
 
 
 def walls_between(areas: tuple[Area, ...]) -> list[Wall]:
@@ -72,7 +72,7 @@ def with_doors(
         elif kinds <= PUBLIC and len(kinds) == 2 and length > 2.2:
             width = round(float(rng.uniform(1.2, 1.7)), 2)
             at = round((wall.start + wall.end) / 2 + float(rng.uniform(-0.3, 0.3)), 2)
-            walls[index] = replace(wall, openings=(Opening(at, width, 0.0, 2.15, "passage"),))
+            walls[index] = replace(wall, openings=(WallOpening(at, width, 0.0, 2.15, "passage"),))
     if not linked >= {area.name for area in areas if area.kind not in opened | {"kitchen"}}:
         return None
     if not _joined(walls, areas, hubs):
@@ -89,10 +89,10 @@ def _hubs(areas: tuple[Area, ...]) -> set[str]:
 def _opened(wall: Wall, kind: Literal["stairs", "open"]) -> Wall:
     """Return a wall that is open except for the thickness of the walls that it meets."""
     middle, width = round((wall.start + wall.end) / 2, 3), round(wall.end - wall.start - WALL, 3)
-    return replace(wall, openings=(Opening(middle, width, 0.0, OPEN_TOP, kind),))
+    return replace(wall, openings=(WallOpening(middle, width, 0.0, OPEN_TOP, kind),))
 
 
-def _door(wall: Wall, hubs: set[str], kind: dict[str, str], rng: np.random.Generator) -> Opening:
+def _door(wall: Wall, hubs: set[str], kind: dict[str, str], rng: np.random.Generator) -> WallOpening:
     """Return a door near a corner of the room, whose leaf opens along the side wall.
 
     Living room, kitchen and dining room get a wide passage without a leaf.
@@ -101,13 +101,13 @@ def _door(wall: Wall, hubs: set[str], kind: dict[str, str], rng: np.random.Gener
     length = wall.end - wall.start
     if kind[into] in ("living", "kitchen", "dining"):
         width = round(min(float(rng.uniform(1.1, 1.6)), length - 0.5), 2)
-        return Opening(round((wall.start + wall.end) / 2, 2), width, 0.0, 2.15, "passage")
+        return WallOpening(round((wall.start + wall.end) / 2, 2), width, 0.0, 2.15, "passage")
     side = -1 if rng.random() < 0.5 else 1
     width, gap = 0.9, 0.16
     edge = wall.start if side < 0 else wall.end
     at = round(edge - side * (WALL / 2 + gap + width / 2), 2)
     leaf = side if rng.random() < 0.75 else 0
-    return Opening(at, width, 0.0, DOOR_HEIGHT, "door", leaf, opens_low=wall.low == into)
+    return WallOpening(at, width, 0.0, DOOR_HEIGHT, "door", leaf, opens_low=wall.low == into)
 
 
 def _joined(walls: list[Wall], areas: tuple[Area, ...], hubs: set[str]) -> bool:
@@ -134,7 +134,7 @@ def _front_door(walls: list[Wall], hubs: set[str], rng: np.random.Generator) -> 
     ends = [k for k, length in outer.items() if length < min(outer.values()) + 0.1]
     index = ends[int(rng.integers(len(ends)))]
     wall = walls[index]
-    door = Opening(round((wall.start + wall.end) / 2, 2), 0.95, 0.0, DOOR_HEIGHT, "front_door")
+    door = WallOpening(round((wall.start + wall.end) / 2, 2), 0.95, 0.0, DOOR_HEIGHT, "front_door")
     walls[index] = replace(wall, openings=(door,))
     return walls
 
@@ -170,7 +170,7 @@ def _television_walls(walls: list[Wall], kind: dict[str, str]) -> set[int]:
     return {min(found)[1] for found in outer.values() if len(found) > 1}
 
 
-def _windows(wall: Wall, kind: str, rng: np.random.Generator) -> tuple[Opening, ...]:
+def _windows(wall: Wall, kind: str, rng: np.random.Generator) -> tuple[WallOpening, ...]:
     length = wall.end - wall.start
     small = kind in ("bathroom", "laundry", "hall", "stairs")
     width = 0.6 if small else round(float(rng.uniform(1.1, 1.7)), 2)
@@ -179,4 +179,4 @@ def _windows(wall: Wall, kind: str, rng: np.random.Generator) -> tuple[Opening, 
     bottom = 1.35 if small else 0.95 if kind in ("kitchen", "office", "kids", "bedroom") else 0.85
     count = 2 if kind in ("living", "dining") and length > 2 * width + 1.8 else 1
     middles = [wall.start + length * (k + 0.5) / count for k in range(count)]
-    return tuple(Opening(round(at, 2), width, bottom, 2.05 if small else 2.15, "window") for at in middles)
+    return tuple(WallOpening(round(at, 2), width, bottom, 2.05 if small else 2.15, "window") for at in middles)

@@ -11,7 +11,7 @@ import numpy as np
 
 from humanclaw.body import Array
 from humanclaw.world import OccupancyGrid, Segment, StairRun, length, stair_runs
-from humanclaw_scripted.truth import PelvisPose
+from humanclaw_scripted.ground_truth import BodyView
 
 LOOK_AHEAD: Final = 0.7
 """Greatest distance along the way to the next point to walk to, metres."""
@@ -57,7 +57,7 @@ def _joined(way: list[LevelSegment | StairRun]) -> list[LevelSegment | StairRun]
     return result
 
 
-def on_stairs(pose: PelvisPose, run: StairRun) -> tuple[float, float]:
+def on_stairs(pose: BodyView, run: StairRun) -> tuple[float, float]:
     """Return how far along a run of stairs, and how far left of its middle line, the body is, metres."""
     along, across = pose.point - run.foot, np.array([run.way[1], -run.way[0]])
     return float(along @ run.way), float(along @ across)
@@ -68,7 +68,7 @@ def side_of(left: float) -> str:
     return "left" if left > 0 else "right"
 
 
-def remaining(way: Sequence[LevelSegment | StairRun], pose: PelvisPose) -> float:
+def remaining(way: Sequence[LevelSegment | StairRun], pose: BodyView) -> float:
     """Return the rest of the way, metres over the floor."""
     first, *rest = way
     if isinstance(first, StairRun):

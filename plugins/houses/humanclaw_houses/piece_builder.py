@@ -1,25 +1,27 @@
-"""Build an asset from shapes and tiles: one mesh with one atlas, collision hulls, and tops for other objects."""
+"""Build an asset from shapes and textures: one mesh, one atlas, collision hulls, and surfaces that support objects."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import Literal
+from functools import cached_property, wraps
+from typing import Concatenate, Literal, ParamSpec
 
 import numpy as np
 from manifold3d import Manifold
 from numpy.typing import NDArray
 
-from humanclaw.world import Asset, Hinge, Joint, Mesh, balanced, exact
+from humanclaw.world import Asset, Hinge, Joint, Mesh, atlas, balanced, exact
 from humanclaw_houses.shapes import Array, Chart, Point, Shape, box
-from humanclaw_houses.textures import Pixels, Tile
+from humanclaw_houses.style import Style
+from humanclaw_houses.textures import Texture
 
 Solid = Literal["", "box", "hull"]
+P = ParamSpec("P")
 
 
 @dataclass(frozen=True)
-class Top:
+class SupportSurface:
     """A level rectangle that objects can be put on, in the asset's frame, metres."""
 
     x0: float
@@ -38,11 +40,11 @@ class Piece:
     """An asset with the properties that furnishing needs."""
 
     asset: Asset
-    tops: tuple[Top, ...] = ()
+    surfaces: tuple[SupportSurface, ...] = ()
     mass: float = 0.0
     """Kilograms; 0 if it is fixed."""
     friction: float = 0.5
-    leaves: tuple[Leaf, ...] = ()
+    hinged_parts: tuple[HingedPart, ...] = ()
     """Its doors and drawers, closed."""
 
     @cached_property
@@ -54,16 +56,16 @@ class Piece:
     @cached_property
     def low(self) -> Array:
         own = self.asset.mesh.vertices.min(axis=0)
-        return np.asarray(np.min([own, *(leaf.piece.low + leaf.at for leaf in self.leaves)], axis=0), float)
+        return np.asarray(np.min([own, *(leaf.piece.low + leaf.at for leaf in self.hinged_parts)], axis=0), float)
 
     @cached_property
     def high(self) -> Array:
         own = self.asset.mesh.vertices.max(axis=0)
-        return np.asarray(np.max([own, *(leaf.piece.high + leaf.at for leaf in self.leaves)], axis=0), float)
+        return np.asarray(np.max([own, *(leaf.piece.high + leaf.at for leaf in self.hinged_parts)], axis=0), float)
 
 
 @dataclass(frozen=True, eq=False)
-class Leaf:
+class HingedPart:
     """A door, drawer or lid of a piece."""
 
     piece: Piece
@@ -73,32 +75,36 @@ class Leaf:
     state: float = 0.0
     """How far it is open, in the unit of its joint."""
 
-    def opened(self, share: float) -> Leaf:
+    def opened(self, share: float) -> HingedPart:
         """Return it open by a share of its range."""
         return replace(self, state=round(share * max(self.joint.low, self.joint.high, key=abs), 4))
 
 
-class Model:
+class PieceBuilder:
     """Gathers the parts of one asset."""
 
-    def __init__(self) -> None:
-        self._parts: list[tuple[Chart, Tile]] = []
+    def __init__(self, mass: float = 0.0, friction: float = 0.5) -> None:
+        """mass: kilograms; 0 if it is fixed."""
+        self.mass, self.friction = mass, friction
+        self.seat: float | None = None
+        """Height of the seat, metres."""
+        self._parts: list[tuple[Chart, Texture]] = []
         self._hulls: list[Array] = []
-        self._tops: list[Top] = []
-        self._leaves: list[tuple[Model, Joint, float]] = []
+        self._surfaces: list[SupportSurface] = []
+        self._hinged_parts: list[tuple[PieceBuilder, Joint]] = []
 
-    def add(self, shape: Shape, tile: Tile, solid: Solid = "") -> None:
+    def add(self, shape: Shape, texture: Texture, solid: Solid = "") -> None:
         """Add a part. solid: whether its bounding box or its convex hull collides, or nothing."""
-        self._parts += [(chart, tile) for chart in shape.charts]
+        self._parts += [(chart, texture) for chart in shape.charts]
         if solid == "box":
             low, high = shape.vertices.min(axis=0), shape.vertices.max(axis=0)
             self._hulls.append(corners(low, high))
         elif solid == "hull":
             self._hulls.append(convex(shape.vertices))
 
-    def box(self, size: Point, at: Point, tile: Tile, *, solid: bool = True, skip: str = "") -> None:
+    def box(self, size: Point, at: Point, texture: Texture, *, solid: bool = True, skip: str = "") -> None:
         """Add a box that stands on `at`. solid: whether it collides. skip: sides to leave out, as in shapes.box."""
-        self.add(box(size, at, skip), tile)
+        self.add(box(size, at, skip), texture)
         if solid:
             self.solid(size, at)
 
@@ -107,46 +113,65 @@ class Model:
         half = np.array([size[0] / 2, 0.0, size[2] / 2])
         self._hulls.append(corners(np.array(at) - half, np.array(at) + half + [0.0, size[1], 0.0]))
 
-    def top(
+    def surface(
         self, width: float, depth: float, y: float, x: float = 0.0, z: float = 0.0, room: float = 1.0,
         *, inside: bool = False,
     ) -> None:  # fmt: skip
         """Declare a level rectangle about (x, z)."""
-        self._tops.append(Top(x - width / 2, z - depth / 2, x + width / 2, z + depth / 2, y, room, inside))
+        self._surfaces.append(
+            SupportSurface(x - width / 2, z - depth / 2, x + width / 2, z + depth / 2, y, room, inside)
+        )
 
-    def leaf(self, joint: Joint, mass: float) -> Model:
-        """Return a model for a part on a hinge or slide, in the same frame. mass: kilograms."""
-        part = Model()
-        self._leaves.append((part, joint, mass))
+    def hinged_part(self, joint: Joint, mass: float) -> PieceBuilder:
+        """Return a builder for a part on a hinge or slide, in the same frame. mass: kilograms."""
+        part = PieceBuilder(mass)
+        self._hinged_parts.append((part, joint))
         return part
 
     def points(self) -> Array:
         """Return (N, 3) all vertices so far."""
         return np.concatenate([chart.vertices for chart, _ in self._parts])
 
-    def piece(
-        self, name: str, category: str, *, seat: float | None = None, mass: float = 0.0, friction: float = 0.5
-    ) -> Piece:
+    def piece(self, name: str, category: str) -> Piece:
         """Return the finished asset, moved so that its footprint is centred on the origin."""
-        shift = -_footprint(np.concatenate([self.points(), *(part.points() for part, _, _ in self._leaves)]))
+        shift = -_footprint(np.concatenate([self.points(), *(part.points() for part, _ in self._hinged_parts)]))
         hulls = tuple(exact(hull + shift) for hull in self._hulls)
-        asset = Asset(name, category, bake(self._parts, shift), hulls, seat)
+        asset = Asset(name, category, bake(self._parts, shift), hulls, self.seat)
         sx, _, sz = shift
-        tops = tuple(replace(t, x0=t.x0 + sx, z0=t.z0 + sz, x1=t.x1 + sx, z1=t.z1 + sz) for t in self._tops)
-        leaves = tuple(
-            part._leaf(f"{name}_{number}", category, joint, weight, shift)
-            for number, (part, joint, weight) in enumerate(self._leaves, 1)
+        surfaces = tuple(replace(s, x0=s.x0 + sx, z0=s.z0 + sz, x1=s.x1 + sx, z1=s.z1 + sz) for s in self._surfaces)
+        hinged_parts = tuple(
+            part._hinged(f"{name}_{number}", category, joint, shift)
+            for number, (part, joint) in enumerate(self._hinged_parts, 1)
         )
-        return Piece(asset, tops, mass, friction, leaves)
+        return Piece(asset, surfaces, self.mass, self.friction, hinged_parts)
 
-    def _leaf(self, name: str, category: str, joint: Joint, mass: float, shift: Array) -> Leaf:
-        """Return this model as a leaf. shift: of the piece that it belongs to."""
+    def _hinged(self, name: str, category: str, joint: Joint, shift: Array) -> HingedPart:
+        """Return the finished hinged part. shift: of the piece that it belongs to."""
         middle = _footprint(self.points())
         x, y, z = (middle + shift).tolist()
         if isinstance(joint, Hinge):
             joint = replace(joint, point=_vec3(np.array(joint.point) - middle))
-        piece = self.piece(name, category, mass=mass)
-        return Leaf(piece, (x, y, z), balanced(joint, (piece.low + piece.high) / 2, mass))
+        piece = self.piece(name, category)
+        return HingedPart(piece, (x, y, z), balanced(joint, (piece.low + piece.high) / 2, self.mass))
+
+
+def maker(
+    category: str, *, mass: float = 0.0, friction: float = 0.5
+) -> Callable[[Callable[Concatenate[PieceBuilder, Style, P], None]], Callable[Concatenate[Style, str, P], Piece]]:
+    """Make a maker of pieces, which takes style and name, of a function that adds the parts of a piece to a builder."""
+
+    def decorate(
+        add: Callable[Concatenate[PieceBuilder, Style, P], None],
+    ) -> Callable[Concatenate[Style, str, P], Piece]:
+        @wraps(add)
+        def make(style: Style, name: str, /, *args: P.args, **options: P.kwargs) -> Piece:
+            builder = PieceBuilder(mass, friction)
+            add(builder, style, *args, **options)
+            return builder.piece(name, category)
+
+        return make
+
+    return decorate
 
 
 def _footprint(points: Array) -> Array:
@@ -171,50 +196,33 @@ def convex(points: Array, tolerance: float = 0.004) -> Array:
     return np.asarray(hull.to_mesh64().vert_properties[:, :3], float)
 
 
-def bake(parts: Sequence[tuple[Chart, Tile]], shift: Array) -> Mesh:
-    """Combine charts into one mesh: their tiles side by side in an atlas, their uv fitted into the tiles."""
-    texture, cells = atlas(list({id(tile): tile for _, tile in parts}.values()))
+def bake(parts: Sequence[tuple[Chart, Texture]], shift: Array) -> Mesh:
+    """Combine charts into one mesh: their textures side by side in an atlas, their uv fitted into the textures."""
+    textures = list({id(texture): texture for _, texture in parts}.values())
+    picture, places, extent = atlas([texture.pixels for texture in textures])
+    cells = {id(texture): place for texture, place in zip(textures, places, strict=True)}
     counts = np.array([len(chart.vertices) for chart, _ in parts])
     first = np.cumsum(counts) - counts
     faces = np.concatenate([chart.faces for chart, _ in parts])
     faces += np.repeat(first, [len(chart.faces) for chart, _ in parts])[:, None]
-    corner, extent = np.repeat([cells[id(tile)] for _, tile in parts], counts, axis=0).swapaxes(0, 1)
-    uv = _fit(np.concatenate([chart.uv for chart, _ in parts]), counts, first, [tile for _, tile in parts])
+    corner = np.repeat([cells[id(texture)] for _, texture in parts], counts, axis=0)
+    uv = _fit(np.concatenate([chart.uv for chart, _ in parts]), counts, first, [texture for _, texture in parts])
     vertices = np.concatenate([chart.vertices for chart, _ in parts]) + shift
-    return Mesh(exact(vertices), faces.astype(np.int32), exact(uv * extent + corner), texture)
+    return Mesh(exact(vertices), faces.astype(np.int32), exact(uv * extent + corner), picture)
 
 
-def _fit(uv: Array, counts: NDArray[np.int64], first: NDArray[np.int64], tiles: Sequence[Tile]) -> Array:
-    """Return (N, 2) uv in 0..1 of each part's tile: all of it, or a cut as large as the part, at a place that varies.
+def _fit(uv: Array, counts: NDArray[np.int64], first: NDArray[np.int64], textures: Sequence[Texture]) -> Array:
+    """Return (N, 2) uv in 0..1 of each part's texture: all of it, or a cut as large as the part at a varying place.
 
     The places vary so that equal parts do not show the same pattern.
     """
     uv = uv - np.repeat(np.minimum.reduceat(uv, first), counts, axis=0)
     span = np.maximum(np.maximum.reduceat(uv, first), 1e-9)
-    across = np.array([tile.grain for tile in tiles]) & (span[:, 0] > span[:, 1])
+    across = np.array([texture.grain for texture in textures]) & (span[:, 0] > span[:, 1])
     span[across] = span[across, ::-1]
     rows = np.repeat(across, counts)
     uv[rows] = uv[rows, ::-1]
-    share = np.minimum(span / np.array([[1e-9 if tile.fit else tile.metres] for tile in tiles]), 1.0)
-    offset = np.arange(len(tiles))[:, None] * np.array([0.37, 0.61]) % 1.0 * (1.0 - share)
+    share = np.minimum(span / np.array([[1e-9 if texture.fit else texture.metres] for texture in textures]), 1.0)
+    offset = np.arange(len(textures))[:, None] * np.array([0.37, 0.61]) % 1.0 * (1.0 - share)
     span, share, offset = (np.repeat(each, counts, axis=0) for each in (span, share, offset))
     return np.asarray(uv / span * share + offset)
-
-
-def atlas(tiles: Sequence[Tile]) -> tuple[Pixels, dict[int, tuple[Array, Array]]]:
-    """Return a picture of all tiles in a grid, and each tile's id() to the corner and the extent of its cell in uv."""
-    side = max(len(tile.pixels) for tile in tiles)
-    columns = int(np.ceil(np.sqrt(len(tiles))))
-    rows = int(np.ceil(len(tiles) / columns))
-    picture = np.zeros((rows * side, columns * side, 3), np.uint8)
-    cells = {}
-    # Half a pixel stays free at each border of a cell: a sample on the edge must not fall into the neighbour.
-    inset = 0.5 / np.array([columns * side, rows * side])
-    for number, tile in enumerate(tiles):
-        row, column = divmod(number, columns)
-        scale = side // len(tile.pixels)
-        large = tile.pixels.repeat(scale, axis=0).repeat(scale, axis=1) if scale > 1 else tile.pixels
-        picture[row * side : (row + 1) * side, column * side : (column + 1) * side] = large
-        corner = np.array([column / columns, 1 - (row + 1) / rows])
-        cells[id(tile)] = corner + inset, np.array([1 / columns, 1 / rows]) - 2 * inset
-    return picture, cells

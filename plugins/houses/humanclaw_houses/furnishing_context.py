@@ -1,4 +1,4 @@
-"""The resources for furnishing a house: style, random numbers, imported furniture, names of pieces."""
+"""The resources for furnishing a house: style, random numbers, names of pieces."""
 
 from __future__ import annotations
 
@@ -8,8 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from humanclaw_houses.model import Piece
-from humanclaw_houses.stock import Stock
+from humanclaw_houses.piece_builder import Piece
 from humanclaw_houses.style import Style
 
 Maker = Callable[[Style, str], Piece]
@@ -18,15 +17,13 @@ _COUCHES: Final = (0.3, 0.3, 0.25, 0.15)
 
 
 @dataclass(eq=False)
-class Kit:
+class FurnishingContext:
     """The resources that furnishing rules use."""
 
     style: Style
     rng: np.random.Generator
     rooms: tuple[str, ...]
     """Kinds of room in this house."""
-    stock: Stock | None = None
-    """Imported furniture, used where it has an asset similar to the one that a rule makes."""
     left: dict[str, int] = field(default_factory=dict)
     """Number of chairs and couches of this household that are not placed yet."""
     _count: dict[str, int] = field(default_factory=dict)
@@ -41,8 +38,7 @@ class Kit:
 
     def make(self, maker: Callable[..., Piece], *args: object, **options: object) -> Piece:
         word = maker.__name__.rstrip("_")  # bin_ avoids the builtin bin.
-        piece = maker(self.style, self.name(word), *args, **options)
-        return self.stock.instead_of(word, piece) if self.stock else piece
+        return maker(self.style, self.name(word), *args, **options)
 
     def chance(self, share: float) -> bool:
         return bool(self.rng.random() < share)

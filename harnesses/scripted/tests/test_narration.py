@@ -7,11 +7,13 @@ import pytest
 
 from humanclaw import Body, Call, Decision, Episode
 from humanclaw.records import SEEN_PIXELS, acknowledges, free_episode
+from humanclaw_scripted.depth_mapping import Sight
 from humanclaw_scripted.faulty import FaultyAgent
+from humanclaw_scripted.narration import Seen, narrated
 from humanclaw_scripted.options import FaultyOptions
 from humanclaw_scripted.oracle import OracleAgent
-from humanclaw_scripted.sight import Sight
-from humanclaw_scripted.telling import Seen, told
+
+pytestmark = pytest.mark.integration
 
 
 @pytest.fixture(scope="module")
@@ -47,11 +49,11 @@ def test_its_words_name_no_room_and_no_length_that_its_view_does_not_show(played
 
 
 def test_the_words_are_a_function_of_view_call_and_earlier_words(plugins):
-    """The same view and call give the same words, whatever lies behind the walls: told() is given nothing else."""
+    """The same view and call give the same words, whatever lies behind the walls: narrated() is given nothing else."""
     points = np.array([[0.3, 0.5, 2.0], [0.4, 0.6, 2.0], [0.0, 0.5, 3.0]])
     seen = Seen.of(Sight(points, np.array([True, True, False]), 400))
     call = Call("walk", {"x_cm": -10, "z_cm": 40, "yaw_deg": 0})
-    said = told(
+    said = narrated(
         Decision((call,), visible_state="I am in the kitchen.", progress="7.2 m left."),
         seen,
         "couch",
@@ -61,7 +63,7 @@ def test_the_words_are_a_function_of_view_call_and_earlier_words(plugins):
     assert said.visible_state == "A couch is in view, ahead, about 2.0 m away. 3.0 m of floor ahead are free."
     assert said.reasoning == "I go 10 cm to the right and go 40 cm ahead: the couch is ahead."
     assert (said.progress, said.mid_level_goal) == ("I begin. Approach.", "Get to the couch that I have seen.")
-    unseen = told(Decision((call,)), Seen(None, np.inf), "couch", plugins.skills, ())
+    unseen = narrated(Decision((call,)), Seen(None, np.inf), "couch", plugins.skills, ())
     assert unseen.visible_state == "No couch is in view. The floor ahead is free."
     assert unseen.reasoning.endswith("I look for the couch.")
 

@@ -14,7 +14,7 @@ from humanclaw.testing import SceneBuilder
 from humanclaw.world import Hinge, SceneObject
 from humanclaw_houses.building import Placed
 from humanclaw_houses.furniture import kitchen, storage, tables
-from humanclaw_houses.model import Piece
+from humanclaw_houses.piece_builder import Piece
 from humanclaw_houses.source import objects_of
 from humanclaw_houses.style import Style
 from humanclaw_houses.validity import interpenetrating, swung_through
@@ -38,7 +38,7 @@ def room(maker: str) -> Scene:
     style = Style.draw(np.random.default_rng(3))
     piece = MAKERS[maker][0](style, maker)
     placed = objects_of([Placed(piece, 0.0, 0.0, 2.0, np.pi)])
-    assets = {piece.asset.name: piece.asset} | {leaf.piece.asset.name: leaf.piece.asset for leaf in piece.leaves}
+    assets = {piece.asset.name: piece.asset} | {leaf.piece.asset.name: leaf.piece.asset for leaf in piece.hinged_parts}
     objects = (*builder.objects, *(replace(obj, id=obj.id + 1) for obj in placed))
     return Scene(maker, builder.assets | assets, objects, (), Pose2D(0.0, 0.0, 0.0))
 
@@ -55,6 +55,7 @@ def test_doors_and_drawers_overlap_nothing_closed_or_anywhere_on_their_way(maker
     assert not list(swung_through(scene))
 
 
+@pytest.mark.integration
 @pytest.mark.parametrize("name", ["fridge", "dresser", "stove", "dishwasher"])
 @pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
 @pytest.mark.parametrize("engine", ["bullet", "mujoco"])

@@ -14,8 +14,8 @@ import numpy as np
 from scipy.ndimage import distance_transform_edt, label
 
 from humanclaw_houses.building import Placed
-from humanclaw_houses.model import Piece
-from humanclaw_houses.plan import Area, FloorPlan, Opening, Wall
+from humanclaw_houses.piece_builder import Piece
+from humanclaw_houses.plan import Area, FloorPlan, Wall, WallOpening
 from humanclaw_houses.shapes import Array
 
 Side = Literal["south", "north", "west", "east"]
@@ -111,7 +111,7 @@ def local(obj: Placed, x0: float, z0: float, x1: float, z1: float) -> Rect:
     return Rect(min(x) + obj.x, min(z) + obj.z, max(x) + obj.x, max(z) + obj.z)
 
 
-class Space:
+class RoomOccupancy:
     """One room while it is furnished. Heights are above its own floor, metres."""
 
     def __init__(self, area: Area, plan: FloorPlan) -> None:
@@ -123,8 +123,8 @@ class Space:
         self._solid: list[Rect] = []
         self._kept: list[Rect] = []
         self._wanted: list[tuple[Rect, ...]] = []
-        self.windows: list[tuple[Side, Opening]] = []
-        self.doors: list[tuple[Side, Opening]] = []
+        self.windows: list[tuple[Side, WallOpening]] = []
+        self.doors: list[tuple[Side, WallOpening]] = []
         self._doors: list[Rect] = []
         for wall in plan.walls:
             if area.name in (wall.low, wall.high):
