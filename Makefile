@@ -2,8 +2,11 @@
 PYTHON ?= $(shell for one in python3.11 python3.12 python3.13 python3; do $$one -c "" 2>/dev/null && echo $$one && break; done)
 VENV ?= .venv
 BIN := $(VENV)/bin
-# What `lint`, `docs` and `test` make first. `make ci` sets it empty.
+# What `lint`, `docs` and the tests make first. `make ci` sets it empty.
 READY ?= install
+
+# Each worker and each process that a test starts would compile all modules anew.
+unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: $(shell grep -oE '^[a-z-]+:' Makefile | tr -d :)
 
@@ -45,8 +48,13 @@ clean:  ## Remove the environments and caches; keep runs
 ##@ Everyday
 
 # One worker runs all tests of a file: they share fixtures that are slow to make.
-test: $(READY)  ## Run all tests
-	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist loadfile
+PYTEST = OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist loadfile
+
+test: $(READY)  ## Run the unit tests (under 4 minutes once installed)
+	$(PYTEST) -m "not integration and not evidence"
+
+test-all: $(READY)  ## Run the unit and integration tests
+	$(PYTEST)
 
 lint: style types imports  ## Check style, types and imports
 
@@ -64,8 +72,8 @@ imports: $(READY)  ## Check which package imports which (import-linter)
 
 HERE = $(if $(wildcard $(BIN)/python),$(BIN),$(shell python -c "import sys; print(sys.prefix)")/bin)
 
-ci:  ## Run lint, docs and test without installing anything, in .venv or else in the environment of `python`
-	$(MAKE) -j3 lint docs test READY= BIN=$(HERE)
+ci:  ## Run lint, docs and test-all without installing anything, in .venv or else in the environment of `python`
+	$(MAKE) -j3 lint docs test-all READY= BIN=$(HERE)
 
 package: install  ## Add a package to this repository: make package KIND=skill NAME=salute (MORE="--trained")
 	$(BIN)/python tests/support/package.py $(KIND) $(NAME) $(MORE)
@@ -74,10 +82,13 @@ lint-pages:  ## Check the types of the pages' scripts (needs npx)
 	npx --yes -p typescript@5 -p @types/three@0.140 -c 'tsc -p plugins/report/tests/tsconfig.json --typeRoots "$$(dirname "$$(dirname "$$(command -v tsc)")")/@types"'
 
 pages: $(READY)  ## Open every kind of page in Chromium, 1400 and 390 px wide, light and dark (needs playwright and axe-playwright-python; minutes)
-	HUMANCLAW_SLOW=1 $(BIN)/python -m pytest plugins/report/tests/test_browser.py harnesses/human/tests/test_human_page.py \
+	$(BIN)/python -m pytest -m evidence plugins/report/tests/test_browser.py harnesses/human/tests/test_human_page.py \
 		tests/test_pages.py plugins/bench/tests/test_submission.py::test_the_leaderboard_fits_and_has_no_serious_barrier
 
 ##@ Evidence
+
+evidence: $(READY)  ## Run the tests marked evidence: laws, fuzz, kills, trainings, browsers (hours; PyPI)
+	$(PYTEST) -m evidence
 
 CHUNKS ?= .data/chunks
 
@@ -142,7 +153,7 @@ kill: install  ## Kill runs, submissions and cache writers KILLS=200 times on tw
 FUZZ ?= 12500
 
 fuzz: install  ## Feed 12,500 hostile inputs to each reader, plant hostile files in a run (hours)
-	HUMANCLAW_FUZZ=$(FUZZ) $(BIN)/python -m pytest tests/test_fuzz.py tests/test_fuzz_files.py plugins/bench/tests/test_strangers.py harnesses/mcp/tests/test_mcp_fuzz.py -q
+	HUMANCLAW_FUZZ=$(FUZZ) $(BIN)/python -m pytest -m "evidence or not evidence" tests/test_fuzz.py tests/test_fuzz_files.py plugins/bench/tests/test_strangers.py harnesses/mcp/tests/test_mcp_fuzz.py -q
 
 perf: $(READY)  ## Guard speed: compare seven ratios with tests/evidence/perf.json (MORE="--short" or "--save")
 	$(BIN)/python tests/evidence/perf.py $(MORE)

@@ -19,7 +19,6 @@ from humanclaw.cli.new import KINDS, TRAINED, Distribution, new, write
 
 ROOT = Path(__file__).parents[1]
 MADE = {kind: f"my_{kind}" for kind in KINDS} | {"trained": "bow"}
-slow = pytest.mark.skipif(not os.environ.get("HUMANCLAW_SLOW"), reason="takes minutes and needs PyPI: HUMANCLAW_SLOW=1")
 
 
 @pytest.fixture(scope="module")
@@ -69,7 +68,7 @@ def test_what_it_writes_is_tidy(made):
         assert done.returncode == 0, done.stdout + done.stderr
 
 
-@slow
+@pytest.mark.evidence
 @pytest.mark.parametrize("kind", MADE)
 def test_what_it_writes_is_typed(made, kind):
     (package,) = (found for found in made[kind].glob("humanclaw_*") if found.suffix != ".dist-info")
@@ -107,7 +106,7 @@ def test_a_name_that_no_package_can_have_is_refused(tmp_path, name):
     assert not (tmp_path / "nod").exists()
 
 
-@slow
+@pytest.mark.evidence
 @pytest.mark.parametrize("kind", MADE)
 def test_it_installs_and_its_wheel_holds_all_of_it(made, kind, tmp_path):
     environment = like_this(tmp_path / "environment")

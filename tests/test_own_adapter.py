@@ -1,6 +1,5 @@
-"""A skill with an adapter of its own, from a clip to a call. The training: HUMANCLAW_SLOW=1, and torch."""
+"""A skill with an adapter of its own, from a clip to a call. The training: -m evidence, and torch."""
 
-import os
 import shutil
 from pathlib import Path
 
@@ -13,7 +12,6 @@ from humanclaw.body import JOINT_INDEX, forward_kinematics, rest_pose
 from humanclaw.cli import build
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
-slow = pytest.mark.skipif(not os.environ.get("HUMANCLAW_SLOW"), reason="trains for minutes: HUMANCLAW_SLOW=1")
 
 
 @pytest.fixture
@@ -54,7 +52,7 @@ def _squats(path: Path) -> None:
     np.savez(path, **dict(zip(names, (root, rotations, root, rotations), strict=True)))
 
 
-@slow
+@pytest.mark.evidence
 def test_a_clip_becomes_an_adapter_and_the_adapter_a_call(copied, house, monkeypatch):
     _squats(copied / "clips" / "motion.npz")
     monkeypatch.chdir(copied)

@@ -1,9 +1,8 @@
 """The tutorial and the how-tos, each executed from top to bottom in an empty folder and a new environment.
 
-The how-tos play whole episodes: HUMANCLAW_SLOW=1 pytest tests/test_pages_whole.py
+The how-tos play whole episodes: pytest -m evidence tests/test_pages_whole.py
 """
 
-import os
 import re
 import subprocess
 from pathlib import Path
@@ -80,7 +79,7 @@ def _peaks(values: np.ndarray) -> np.ndarray:
     return inner[(inner >= values[:-2]) & (inner > values[2:]) & (inner > values.max() / 2)]
 
 
-@pytest.mark.skipif(not os.environ.get("HUMANCLAW_SLOW"), reason="plays a dozen episodes: HUMANCLAW_SLOW=1")
+@pytest.mark.evidence
 @pytest.mark.parametrize("page", HOW_TOS)
 def test_a_how_to_can_be_followed(follow, page):
     follow(page)

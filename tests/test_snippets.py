@@ -1,4 +1,4 @@
-"""Every snippet of the documentation does what it says; the heavy ones with HUMANCLAW_SLOW=1."""
+"""Every snippet of the documentation does what it says; the heavy ones with -m evidence."""
 
 import json
 import os
@@ -47,6 +47,11 @@ def _words(snippet: Snippet) -> list[list[str]]:
     return [words for words in map(shlex.split, split) if words]
 
 
+def _marked(snippet: Snippet):
+    marks = pytest.mark.evidence if snippet.way == "slow" else ()
+    return pytest.param(snippet, marks=marks, id=str(snippet))
+
+
 def test_every_block_says_how_it_is_run_and_why_not_always():
     assert len(ALL) > 60
     assert {one.way for one in ALL} <= set(WAYS)
@@ -56,7 +61,7 @@ def test_every_block_says_how_it_is_run_and_why_not_always():
     assert fences == 2 * len(ALL)
 
 
-@pytest.mark.parametrize("snippet", [one for one in CODE if one.language in ("", "bash", "python")], ids=str)
+@pytest.mark.parametrize("snippet", [_marked(one) for one in CODE if one.language in ("", "bash", "python")])
 def test_it_runs(snippet, folders, command_line, plugins, monkeypatch):
     """In the order of the page: a block reads what the one above it has written."""
     monkeypatch.chdir(folders[snippet.page])
@@ -70,7 +75,6 @@ def _python_runs(snippet):
     code = compile(snippet.code, str(snippet), "exec")
     if snippet.way in ("elsewhere", "never"):
         return
-    _skip_slow(snippet)
     names = {"__name__": f"snippet_{snippet.line}"}
     exec(code, names)
     if hooks := {name: value for name, value in names.items() if name.startswith("humanclaw_")}:
@@ -111,7 +115,6 @@ def _commands_exist_and_run(snippet, command_line, plugins, monkeypatch):
             pytest.skip(str(missing))
     if snippet.way in ("elsewhere", "never"):
         return
-    _skip_slow(snippet)
     if snippet.way == "always":  # What is installed has been looked for already.
         monkeypatch.setattr(Plugins, "discover", lambda *_, **__: plugins)
     for words in commands:
@@ -160,11 +163,6 @@ def test_data_can_be_read(snippet):
 
 def test_no_block_is_in_another_language():
     assert {one.language for one in CODE} <= {"", "bash", "python", "json", "toml"}
-
-
-def _skip_slow(snippet):
-    if snippet.way == "slow" and not os.environ.get("HUMANCLAW_SLOW"):
-        pytest.skip(f"HUMANCLAW_SLOW=1: {snippet.reason}")
 
 
 def test_every_snippet_passes_mypy_strict(tmp_path):

@@ -1,13 +1,11 @@
 """Nothing listens and nothing calls out but what the user named: all other sockets are refused, and runs go well."""
 
-import os
 import subprocess
 import sys
 
 import pytest
 from model_servers import OpenAIServer, call
 
-slow = pytest.mark.skipif(not os.environ.get("HUMANCLAW_SLOW"), reason="takes half a minute: HUMANCLAW_SLOW=1")
 GUARD = """
 import os, sys
 allowed = set(filter(None, sys.argv.pop(1).split(",")))
@@ -50,7 +48,7 @@ def test_an_episode_of_a_script_opens_no_socket(tmp_path):
     assert done.returncode == 0, done.stderr
 
 
-@slow
+@pytest.mark.integration
 def test_an_episode_of_a_model_speaks_to_its_server_alone(tmp_path):
     with OpenAIServer(lambda request: call("stop") if "walk" in request.tool_names else call("verdict")) as server:
         named = [server.origin.removeprefix("http://")]

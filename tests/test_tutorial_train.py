@@ -1,6 +1,6 @@
 """Every command of docs/tutorial-train.md, as it stands there. Slow, and it needs the clips that the page names:
 
-HUMANCLAW_SLOW=1 HUMANCLAW_HDM05=FOLDER pytest tests/test_tutorial_train.py
+HUMANCLAW_HDM05=FOLDER pytest -m evidence tests/test_tutorial_train.py
 
 HUMANCLAW_TUTORIAL_DATA: a `.data` folder of an earlier run, whose training is gone on with.
 """
@@ -18,10 +18,6 @@ from environments import like_this
 PAGE = Path(__file__).parents[1] / "docs" / "tutorial-train.md"
 CLIPS = os.environ.get("HUMANCLAW_HDM05", "")
 SKILL = Path("humanclaw-skill-squat/humanclaw_skill_squat/squat")
-slow = pytest.mark.skipif(
-    not (os.environ.get("HUMANCLAW_SLOW") and CLIPS),
-    reason="trains for minutes: HUMANCLAW_SLOW=1 HUMANCLAW_HDM05=FOLDER",
-)
 
 
 def commands() -> list[str]:
@@ -35,7 +31,8 @@ def test_the_page_leads_from_a_distribution_to_a_wheel():
         assert step in told
 
 
-@slow
+@pytest.mark.evidence
+@pytest.mark.skipif(not CLIPS, reason="HUMANCLAW_HDM05 names no folder of clips")
 def test_every_command_of_the_page_does_what_the_page_says(tmp_path):
     environment = like_this(tmp_path / "environment")
     shutil.copytree(CLIPS, tmp_path / "HDM05")

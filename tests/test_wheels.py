@@ -1,4 +1,4 @@
-"""Wheels are complete, and the demo runs from them. The slow tests too: HUMANCLAW_SLOW=1 pytest tests/test_wheels.py"""
+"""Wheels are complete, and the demo runs from them. Those that need PyPI: pytest -m evidence tests/test_wheels.py"""
 
 import os
 import shutil
@@ -9,8 +9,6 @@ from pathlib import Path
 
 import pytest
 import wheels
-
-slow = pytest.mark.skipif(not os.environ.get("HUMANCLAW_SLOW"), reason="takes minutes and needs PyPI: HUMANCLAW_SLOW=1")
 
 
 @pytest.fixture(scope="session")
@@ -43,7 +41,7 @@ def test_every_wheel_holds_its_licence_its_types_and_its_weights(built):
     assert "humanclaw/motion/weights/base.safetensors" in zipfile.ZipFile(built[0]).namelist()
 
 
-@slow
+@pytest.mark.evidence
 def test_two_builds_of_every_wheel_are_byte_identical(built, tmp_path, monkeypatch):
     checkout = tmp_path / "elsewhere"
     shutil.copytree(wheels.ROOT, checkout, ignore=shutil.ignore_patterns(".venv*", ".git", "runs", "dist", ".data"))
@@ -57,7 +55,7 @@ def test_two_builds_of_every_wheel_are_byte_identical(built, tmp_path, monkeypat
     ] == []
 
 
-@slow
+@pytest.mark.evidence
 def test_a_skill_alone_brings_the_core_and_says_what_an_episode_needs_besides(built, tmp_path):
     commands = _install(tmp_path / "skill", built, "humanclaw-skill-climb")
     done = _humanclaw(commands, "run")
@@ -68,7 +66,7 @@ def test_a_skill_alone_brings_the_core_and_says_what_an_episode_needs_besides(bu
     ]
 
 
-@slow
+@pytest.mark.evidence
 @pytest.mark.parametrize("extra", ["demo", "all"])
 def test_the_demo_runs_from_wheels_and_without_torch(built, tmp_path, extra):
     commands = _install(tmp_path / extra, built, f"humanclaw[{extra}]")

@@ -1,8 +1,7 @@
-"""Pages in a real browser: `make pages`. Slow: HUMANCLAW_SLOW=1, playwright, and its Chromium or one on the path."""
+"""Pages in a real browser: `make pages`. They need playwright, and its Chromium or one on the path."""
 
 from __future__ import annotations
 
-import os
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -15,7 +14,7 @@ import pytest
 SOFTWARE = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 PHONE, DESK = {"width": 390, "height": 844}, {"width": 1400, "height": 1000}
 looks = pytest.mark.parametrize(("size", "scheme"), list(product((PHONE, DESK), ("light", "dark"))))
-slow = pytest.mark.skipif(not os.environ.get("HUMANCLAW_SLOW"), reason="starts a browser: HUMANCLAW_SLOW=1")
+slow = pytest.mark.evidence
 
 
 @contextmanager

@@ -2,7 +2,7 @@
 
 A comment right before a block names an exception to "in every test session", with the reason:
 
-    <!-- snippet: slow. REASON -->        run with HUMANCLAW_SLOW=1
+    <!-- snippet: slow. REASON -->        marked `evidence`
     <!-- snippet: elsewhere. REASON -->   another program runs it; REASON names the program
     <!-- snippet: never. REASON -->       not run; a test checks that its commands and options exist
     <!-- snippet: text. REASON -->        not code
