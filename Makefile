@@ -56,7 +56,7 @@ test: $(READY)  ## Run the unit tests (under 4 minutes once installed)
 test-all: $(READY)  ## Run the unit and integration tests
 	$(PYTEST)
 
-lint: style types imports  ## Check style, types and imports
+lint: style types imports size  ## Check style, types, imports and size
 
 style: $(READY)  ## Check style and format (ruff)
 	$(BIN)/ruff check .
@@ -69,6 +69,10 @@ types: $(READY)  ## Check types (mypy --strict)
 APART = plugins/ray:plugins/rerun:harnesses/openenv:harnesses/verifiers:skills/answer:skills/crouch:skills/gaze:skills/handle:skills/hands
 imports: $(READY)  ## Check which package imports which (import-linter)
 	PYTHONPATH=$(APART)$(addprefix :,$(PYTHONPATH)) $(BIN)/lint-imports
+
+# Git and Python's own library are all it needs.
+size:  ## Print lines and words of each package beside size.toml; fail above the budget (MORE=--save writes it)
+	$(PYTHON) tests/support/size.py $(MORE)
 
 HERE = $(if $(wildcard $(BIN)/python),$(BIN),$(shell python -c "import sys; print(sys.prefix)")/bin)
 

@@ -118,6 +118,7 @@ def test_a_misspelt_hook_is_matched_to_the_right_one(wrong, right):
         host_of("odd", **{wrong: []})
 
 
+@pytest.mark.integration
 @pytest.mark.parametrize("package", ["humanclaw", "humanclaw.skills", "humanclaw.testing"])
 def test_dir_names_what_is_public(package):
     code = f"import json, {package} as it; print(json.dumps([dir(it), it.__all__]))"

@@ -163,6 +163,7 @@ def faults(tmp_path, text, name="mine"):
     return [fault for report in reports for fault in report.faults]
 
 
+@pytest.mark.integration
 @pytest.mark.parametrize("text", FAULTS.values(), ids=FAULTS)
 def test_a_deliberate_fault_is_named(tmp_path, text):
     found = faults(tmp_path, text)

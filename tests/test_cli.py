@@ -21,14 +21,35 @@ KEYLESS = {name: value for name, value in os.environ.items() if name != "OPENAI_
 EXAMPLES = Path(__file__).parent.parent / "examples"
 
 
-def humanclaw(*args, cwd, **env):
-    command = [sys.executable, "-m", "humanclaw", *map(str, args)]
-    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, env=KEYLESS | env, timeout=300, check=False)
+@pytest.fixture
+def cli(tmp_path, monkeypatch, capsys):
+    """Return a function that runs a command line in this process, in an empty folder."""
+
+    def run(*args, **env):
+        for name, value in env.items():
+            monkeypatch.setenv(name, value)
+        with pytest.raises(SystemExit) as ended:
+            main(list(map(str, args)))
+        stdout, stderr = capsys.readouterr()
+        return SimpleNamespace(returncode=ended.value.code, stdout=stdout, stderr=stderr)
+
+    capsys.readouterr()
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("OPENAI_API_KEY", raising=False)
+    monkeypatch.setenv("PYTHONSAFEPATH", "1")  # `main` sets it, and os._exit, for as long as the process lives.
+    monkeypatch.setattr(os, "_exit", os._exit)
+    return run
 
 
 @pytest.fixture
-def cli(tmp_path):
-    return lambda *args, **env: humanclaw(*args, cwd=tmp_path, **env)
+def process(tmp_path):
+    """Return a function that runs a command line in a process of its own."""
+
+    def run(*args, **env):
+        command = [sys.executable, "-m", "humanclaw", *map(str, args)]
+        return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, env=KEYLESS | env, check=False)
+
+    return run
 
 
 def test_skills_lists_every_skill_with_owner_and_state(cli):
@@ -63,6 +84,7 @@ def test_tools_are_ready_for_a_model(cli):
     assert {"walk", "stop"} <= {tool["function"]["name"] for tool in found}
 
 
+@pytest.mark.integration
 def test_a_run_leaves_a_record_a_film_and_a_report(cli, tmp_path):
     done = cli("run", "--agent", "random", "--max-steps", "2", "--out", "r", "--film", "gif")
     assert done.returncode == 0, done.stderr
@@ -103,8 +125,18 @@ def test_a_seed_below_zero_is_refused_in_words(cli, command):
         (["run", "--agent", "oracel"], "there is no agent 'oracel'", "Did you mean oracle?"),
         (["run", "find a couch"], "run takes options alone; got 'find a couch'", "--instruction 'find a couch'?"),
         (["run", "nod.py"], "run takes options alone; got 'nod.py'", "Did you mean --plugin 'nod.py'?"),
-        (["run", "--model", "openai/gpt-5"], "needs a key and OPENAI_API_KEY is not set", "Set OPENAI_API_KEY"),
-        (["run", "--model", "nonsense"], "no provider is known for model 'nonsense'", "Write provider/name"),
+        pytest.param(
+            ["run", "--model", "openai/gpt-5"],
+            "needs a key and OPENAI_API_KEY is not set",
+            "Set OPENAI_API_KEY",
+            marks=pytest.mark.integration,
+        ),
+        pytest.param(
+            ["run", "--model", "nonsense"],
+            "no provider is known for model 'nonsense'",
+            "Write provider/name",
+            marks=pytest.mark.integration,
+        ),
         (["run", "--sensor", "smell"], "there is no sensor 'smell'", "Choose from: vision, body, touch"),
         (["run", "--prior", "nope"], "there is no prior 'nope'", "Known: lite"),
         (
@@ -162,10 +194,11 @@ def humanclaw_agents(register):
 """
 
 
+@pytest.mark.integration
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows cannot fork")
-def test_a_plugin_that_leaves_the_process_is_blamed(cli, tmp_path):
+def test_a_plugin_that_leaves_the_process_is_blamed(process, tmp_path):
     (tmp_path / "leaving.py").write_text(LEAVING)
-    done = cli(
+    done = process(
         "run", "--agent", "leaving", "--plugin", "leaving.py", "--scene", "floor", "--out", "r", "--film", "none"
     )
     record = json.loads(next((tmp_path / "r").rglob("episode.json")).read_text())
@@ -182,10 +215,11 @@ THREAD = (
 AT_EXIT = "import atexit, os\natexit.register(lambda: os._exit(0))\nraise ValueError\n"
 
 
+@pytest.mark.integration
 @pytest.mark.parametrize(("code", "status"), [(THREAD, 1), ("import os\nos._exit(0)\n", 2), (AT_EXIT, 2)])
-def test_a_plugin_that_leaves_the_process_is_named_and_changes_no_status(cli, tmp_path, code, status):
+def test_a_plugin_that_leaves_the_process_is_named_and_changes_no_status(process, tmp_path, code, status):
     (tmp_path / "leaving.py").write_text(code)
-    done = cli("tools", "--plugin", "leaving.py")
+    done = process("tools", "--plugin", "leaving.py")
     assert done.returncode == status
     assert "os._exit(0)" in done.stderr
     assert "leaving.py" in done.stderr
@@ -209,6 +243,7 @@ def test_an_unwritable_output_folder_is_said_before_the_run(cli, tmp_path):
     assert "--out" in done.stderr
 
 
+@pytest.mark.integration
 def test_a_provider_that_cannot_be_reached_is_an_infra_error_and_exits_with_1(cli, tmp_path):
     options = ["api_base=http://127.0.0.1:9/v1", "num_retries=1", "backoff=0.01"]
     pairs = [part for option in options for part in ("--option", option)]
@@ -278,6 +313,7 @@ def test_an_agent_that_cannot_begin_says_so_without_a_head_and_leaves_nothing(cl
     assert not (tmp_path / "runs").exists()
 
 
+@pytest.mark.integration
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_run_says_at_once_what_it_does_and_a_signal_leaves_a_record_and_a_report(tmp_path, number):
     if signal.getsignal(number) is signal.SIG_IGN:
@@ -315,7 +351,8 @@ def test_ctrl_c_while_the_report_is_written_leaves_the_record_and_says_how_to_ge
     assert (tmp_path / "r/house-0-0/episode.json").is_file()
 
 
-def test_ctrl_c_that_python_drops_in_a_finalizer_stops_the_run_all_the_same(cli, tmp_path):
+@pytest.mark.integration
+def test_ctrl_c_that_python_drops_in_a_finalizer_stops_the_run_all_the_same(process, tmp_path):
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         pytest.skip("what started this process ignores the signal, and its children inherit that")
     (tmp_path / "dropping.py").write_text(
@@ -334,7 +371,7 @@ def test_ctrl_c_that_python_drops_in_a_finalizer_stops_the_run_all_the_same(cli,
         "@hookimpl\n"
         "def humanclaw_agents(register): register('turning', lambda settings: Turning(), 'turns')\n"
     )
-    done = cli(
+    done = process(
         "run", "--plugin", "dropping.py", "--agent", "turning", "--max-steps", "4", "--film", "none", "--out", "r"
     )
     assert "Exception ignored" in done.stderr
@@ -342,6 +379,7 @@ def test_ctrl_c_that_python_drops_in_a_finalizer_stops_the_run_all_the_same(cli,
     assert "interrupted after 1 " in done.stdout
 
 
+@pytest.mark.integration
 def test_ctrl_c_again_while_the_record_is_closed_says_where_it_is_all_the_same(cli, tmp_path):
     (tmp_path / "hasty.py").write_text(
         "from humanclaw import hookimpl\n"
@@ -365,6 +403,7 @@ def test_ctrl_c_again_while_the_record_is_closed_says_where_it_is_all_the_same(c
     assert "Traceback" not in done.stderr
 
 
+@pytest.mark.integration
 def test_a_run_answers_before_anything_is_loaded_that_takes_time():
     probe = (
         "import sys, humanclaw.cli as cli; cli.build(None).commands['run'].make_context('run', []); print(*sys.modules)"
@@ -376,6 +415,7 @@ def test_a_run_answers_before_anything_is_loaded_that_takes_time():
     assert not slow & set(loaded)
 
 
+@pytest.mark.integration
 def test_listing_the_commands_loads_nothing_that_only_running_them_needs():
     probe = (
         "import atexit, sys; atexit.register(lambda: print(*sys.modules)); import humanclaw.cli as c; c.main(['-h'])"
@@ -402,12 +442,14 @@ def test_what_is_printed_is_what_was_said_brackets_and_colons_included(cli):
     assert "report: [a] :cat:/report.html" in done.stdout
 
 
-def test_the_table_of_plugins_tells_what_is_wrong_with_one_word_for_word(cli, tmp_path):
+def test_the_table_of_plugins_tells_what_is_wrong_with_one_word_for_word(cli, tmp_path, monkeypatch):
     write_distribution(tmp_path, "odd", "odd", "raise RuntimeError('it needs odd[all]')")
-    shown = cli("plugins", PYTHONPATH=str(tmp_path), COLUMNS="200").stdout
+    monkeypatch.syspath_prepend(tmp_path)
+    shown = cli("plugins", COLUMNS="200").stdout
     assert "disabled: RuntimeError: it needs odd[all]" in shown
 
 
+@pytest.mark.integration
 @pytest.mark.parametrize(
     ("encoding", "command", "shown"),
     [
@@ -419,9 +461,9 @@ def test_the_table_of_plugins_tells_what_is_wrong_with_one_word_for_word(cli, tm
         ),
     ],
 )
-def test_an_output_that_has_no_such_letter_is_given_its_number(cli, encoding, command, shown):
+def test_an_output_that_has_no_such_letter_is_given_its_number(process, encoding, command, shown):
     """Such as a pipe on Windows, whose encoding is the system's."""
-    done = cli(*command, PYTHONIOENCODING=encoding)
+    done = process(*command, PYTHONIOENCODING=encoding)
     assert (done.returncode, done.stderr) == (0, "")
     assert shown in done.stdout
 

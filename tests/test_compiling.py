@@ -6,6 +6,8 @@ import sys
 
 import pytest
 
+pytestmark = pytest.mark.integration
+
 ELSEWHERE = """
 import numpy as np
 from humanclaw.world import inlined

@@ -30,6 +30,7 @@ def test_the_eight_skills_are_found_through_entry_points(plugins):
     assert set(plugins.skills) == EIGHT
 
 
+@pytest.mark.integration
 def test_importing_humanclaw_loads_neither_torch_nor_pybullet_nor_litellm():
     probe = "import sys, humanclaw; from humanclaw import Plugins; Plugins.discover(); print(*sys.modules)"
     loaded = subprocess.run([sys.executable, "-c", probe], capture_output=True, text=True, check=True).stdout.split()

@@ -145,6 +145,7 @@ def test_an_answer_that_is_no_decision_is_its_plugins_error(body, spec):
     assert episode.outcome == "plugin_error"
 
 
+@pytest.mark.integration
 @pytest.mark.parametrize(
     ("answer", "told"),
     [
@@ -331,6 +332,7 @@ def test_a_view_that_an_agent_blackens_is_the_same_to_everybody_else(body, spec)
     assert (record.outcome, seen) == ("stopped", [body.view().rgb.mean()])
 
 
+@pytest.mark.integration
 def test_a_long_episode_remembers_every_view_in_little_memory(body, house):
     seen = []
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 from PIL import Image
 
 from humanclaw import (
@@ -26,6 +27,7 @@ from humanclaw.records import Feedback, free_episode
 EXAMPLES = Path(__file__).parent.parent / "examples"
 
 
+@pytest.mark.integration
 def test_a_script_drives_a_body_and_keeps_what_it_saw(tmp_path):
     command = [sys.executable, EXAMPLES / "drive.py", tmp_path / "view.png"]
     done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=120)
@@ -33,6 +35,7 @@ def test_a_script_drives_a_body_and_keeps_what_it_saw(tmp_path):
     assert Image.open(tmp_path / "view.png").size == (512, 512)
 
 
+@pytest.mark.integration
 def test_a_hand_opens_a_fridge(tmp_path):
     command = [sys.executable, EXAMPLES / "fridge.py", tmp_path / "strip.jpg"]
     done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=240)
@@ -107,6 +110,7 @@ def test_a_metric_of_a_third_party_sums_the_turning():
     assert metric.value(SimpleNamespace(steps=steps)) == 1.5
 
 
+@pytest.mark.integration
 def test_the_contact_sheet_shows_houses_from_above_and_rooms_from_within(tmp_path):
     command = [sys.executable, EXAMPLES / "contact_sheet.py", tmp_path, "1", "2"]
     done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=300)

@@ -35,6 +35,7 @@ def gym(host):
         yield made
 
 
+@pytest.mark.integration
 def test_the_same_seed_and_calls_give_the_same_rewards(gym):
     earned = []
     for seed in (1, 1, 2):
@@ -50,6 +51,7 @@ def _played(gym, seed):
     return [(turn.words, turn.observation.rgb.tobytes(), turn.reward) for turn in turns]
 
 
+@pytest.mark.integration
 def test_gyms_of_one_host_that_play_at_the_same_time_play_as_each_does_alone(host):
     gyms = [Gym("approach", options=ONE, plugins=host) for _ in range(3)]
     alone = [_played(gym, seed) for seed, gym in enumerate(gyms)]
@@ -106,6 +108,7 @@ def test_a_weight_that_is_no_finite_number_is_refused_before_anything_is_learnt_
         Gym("approach", {"success": weight}, options=ONE, plugins=host)
 
 
+@pytest.mark.integration
 @pytest.mark.parametrize(("name", "reason"), [("nan", "must be a finite number"), ("raises", "ZeroDivisionError")])
 def test_a_broken_reward_is_blamed_on_its_plugin(host, name, reason):
     with Gym("approach", {name: 1.0}, options=ONE, plugins=host) as gym:
@@ -143,6 +146,7 @@ SHORT = {
 }  # fmt: skip
 
 
+@pytest.mark.integration
 def test_the_tutorial_trains_something_as_written_in_a_short_form(tmp_path, monkeypatch, one_process):
     """The commands of the page, with fewer tasks in fewer houses."""
     blocks = re.findall(r"elsewhere\. tests/test_gym\.py.*?```\n(.*?)```", PAGE, re.DOTALL)

@@ -106,6 +106,7 @@ def take(body, key):
 
 
 # -- taking ------------------------------------------------------------------------------------------------------------
+@pytest.mark.integration
 @both
 def test_a_hand_takes_a_cup_carries_it_through_every_locomotion_skill_and_sits_with_it(plugins, engine):
     """The ways are those of a body without a cup, to 5 cm in half a second."""
@@ -154,6 +155,7 @@ def test_a_crouching_body_takes_a_thing_from_the_floor_and_rises_with_it(plugins
         assert thing(body, block)[1] > 0.4
 
 
+@pytest.mark.integration
 @both
 def test_stairs_are_climbed_with_a_full_hand(plugins, engine):
     room = Room(table=False)
@@ -169,6 +171,7 @@ def test_stairs_are_climbed_with_a_full_hand(plugins, engine):
         assert body.state().held == {"right": cup}
 
 
+@pytest.mark.integration
 @both
 def test_steps_down_do_not_shake_a_light_thing_out_of_the_hand(plugins, engine):
     """A hand brakes what it draws back to its place: it does not swing past, farther each time."""
@@ -216,6 +219,7 @@ def test_a_hand_closes_on_nothing_behind_a_wall_even_a_thin_one(plugins, engine,
         assert body.state().held == ({} if wall else {"right": block})
 
 
+@pytest.mark.integration
 @both
 def test_one_hand_lifts_10_kg_and_not_20_and_two_lift_20(plugins, engine):
     """150 N each; 20 kg weigh 196 N."""
@@ -254,6 +258,7 @@ def lifting():
 
 
 # -- letting go --------------------------------------------------------------------------------------------------------
+@pytest.mark.integration
 @both
 def test_what_is_let_go_of_falls_at_g_and_the_arm_comes_down_when_the_body_walks(plugins, engine):
     room = Room()
@@ -277,6 +282,7 @@ def test_what_is_let_go_of_falls_at_g_and_the_arm_comes_down_when_the_body_walks
         assert joint(body, "right_hand")[1] < 1.0
 
 
+@pytest.mark.integration
 @both
 def test_what_tumbles_off_the_edge_of_a_table_does_not_enter_the_floor(plugins, engine):
     room = Room()
@@ -294,6 +300,7 @@ def test_what_tumbles_off_the_edge_of_a_table_does_not_enter_the_floor(plugins, 
     assert min(heights) > -0.01
 
 
+@pytest.mark.integration
 @both
 def test_a_wall_knocks_a_thing_out_of_the_hand_and_nothing_passes_through_it(plugins, engine):
     room = Room()
@@ -315,6 +322,7 @@ def test_a_wall_knocks_a_thing_out_of_the_hand_and_nothing_passes_through_it(plu
         assert deepest < 0.01
 
 
+@pytest.mark.integration
 @both
 def test_a_held_thing_does_not_pass_through_a_table(plugins, engine):
     room = Room()
@@ -328,6 +336,7 @@ def test_a_held_thing_does_not_pass_through_a_table(plugins, engine):
         assert lowest > 0.84
 
 
+@pytest.mark.integration
 @both
 def test_a_cup_on_a_tray_stays_on_it_while_the_body_turns_and_walks(plugins, engine):
     """One hand holds the tray at its right edge. Turns are of 20 degrees: 60 in half a second throw the cup off."""
@@ -352,6 +361,7 @@ def test_a_cup_on_a_tray_stays_on_it_while_the_body_turns_and_walks(plugins, eng
 
 
 # -- what opens --------------------------------------------------------------------------------------------------------
+@pytest.mark.integration
 @both
 def test_a_door_opens_for_a_hand_that_pulls_it_no_faster_than_the_hand(plugins, engine):
     room = Room(table=False)
@@ -420,6 +430,7 @@ def test_a_drawer_follows_the_hand_stops_at_its_end_and_is_pushed_shut(plugins, 
 
 
 # -- strength ----------------------------------------------------------------------------------------------------------
+@pytest.mark.integration
 @both
 def test_what_a_body_carries_weighs_on_what_it_can_push(plugins, engine):
     """8 kg in the hand leave 422 N of 500; friction holds a box of 140 kg with 343 N."""

@@ -95,6 +95,7 @@ def test_an_episode_without_a_stop_runs_out_of_steps(play):
     assert (episode.record.outcome, episode.record.steps) == ("out_of_steps", 3)
 
 
+@pytest.mark.integration
 @pytest.mark.parametrize(
     ("bad", "hint"),
     [

@@ -41,6 +41,7 @@ def _as_installed(folder: Path) -> None:
     (info / "entry_points.txt").write_text(f"[humanclaw]\n{points}")
 
 
+@pytest.mark.integration
 def test_the_tests_of_every_kind_pass_once_it_is_installed(made):
     for folder in made.values():
         _as_installed(folder)
@@ -61,6 +62,7 @@ def test_the_agent_that_it_writes_makes_legal_calls_of_the_shipped_skills(made, 
     assert plugins.skill(call.skill).check(call.params) == {"x_cm": 0, "z_cm": 40, "yaw_deg": 0}
 
 
+@pytest.mark.integration
 def test_what_it_writes_is_tidy(made):
     for check in ("check", "format --check"):
         command = [sys.executable, "-m", "ruff", *check.split(), "--config", str(ROOT / "pyproject.toml")]

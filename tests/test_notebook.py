@@ -60,6 +60,7 @@ def outputs(notebook: Any) -> list[str]:
     return [re.sub(r"[\d.]+", "0", re.sub(r"base64,[^\"]+", "", html)) for html in shown]
 
 
+@pytest.mark.integration
 def test_the_notebook_of_the_examples_shows_what_executing_it_shows() -> None:
     nbformat = pytest.importorskip("nbformat")
     pytest.importorskip("ipykernel")

@@ -56,6 +56,7 @@ def _promised(comment: str) -> str:
     return re.split(r": [a-z]| \.\.\.", comment)[0]
 
 
+@pytest.mark.integration
 def test_the_tutorial_leads_from_nothing_to_an_installed_skill_that_nods(follow):
     folder = follow("docs/tutorial.md")
     (episode,) = load_run(folder / "runs/nod")

@@ -175,18 +175,21 @@ def moved():
         serving.shutdown()
 
 
+@pytest.mark.integration
 @pytest.mark.skipif(sys.platform != "linux", reason="elsewhere 127.0.0.2 is not this machine")
 def test_an_index_that_sends_us_to_an_address_without_encryption_is_refused(moved):
     with pytest.raises(HumanclawError, match=r"127\.0\.0\.2.* is not encrypted"):
         Index.read(moved)
 
 
+@pytest.mark.integration
 def test_what_answers_no_http_and_what_is_no_address_are_told(moved):
     for place in (moved.replace("first", "odd"), "https://["):
         with pytest.raises(HumanclawError, match="does not answer"):
             Index.read(place)
 
 
+@pytest.mark.integration
 def test_nothing_of_the_current_folder_runs_when_pip_does(tmp_path):
     (tmp_path / "pip.py").write_text("print('a stranger was here')")
     (tmp_path / "one.json").write_text(json.dumps({"format": "humanclaw-plugins-1", "plugins": [A | {"name": "a.b"}]}))
@@ -197,6 +200,7 @@ def test_nothing_of_the_current_folder_runs_when_pip_does(tmp_path):
     assert "stranger" not in done.stdout
 
 
+@pytest.mark.integration
 def test_pip_installs_what_the_index_names_and_refuses_another_wheel(tmp_path):
     path = wheel(tmp_path)
     wanted = requirement(*made(tmp_path).plugins, str(tmp_path / "index.json"))

@@ -61,6 +61,7 @@ class Stroller:
         return Decision((Call("stroll", {"z_cm": 40}),))
 
 
+@pytest.mark.integration
 def test_a_prior_is_installed_from_its_wheel_with_a_skill_that_needs_it(plugins):
     assert plugins.priors.keys() == {LITE, TINY}
     assert "stroll" in plugins.skills

@@ -31,6 +31,7 @@ def _texts(messages):
     return [part.get("text", "picture") for found in parts for part in found]
 
 
+@pytest.mark.integration
 def test_a_row_is_the_request_that_a_model_was_sent_and_its_answer(body, house, plugins, made, tmp_path):
     spec = EpisodeSpec(id="one", instruction="find a couch", scene=house.name, target_category="couch", max_steps=3)
     script = [call("walk", **SAYS, z_cm=40), call("turn_in_place", **SAYS, yaw_deg=30), call("stop", **SAYS)]

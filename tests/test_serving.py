@@ -57,6 +57,7 @@ HALVES = {
 }
 
 
+@pytest.mark.integration
 @pytest.mark.parametrize("half", HALVES)
 def test_clients_that_never_finish_make_room_in_time(serving, half):
     slow = connected(serving, 20)
@@ -72,6 +73,7 @@ def test_clients_that_never_finish_make_room_in_time(serving, half):
     assert len(serving._open) <= 8
 
 
+@pytest.mark.integration
 def test_a_byte_now_and_then_buys_no_more_time(serving):
     (one,), began = connected(serving, 1), time.monotonic()
     with suppress(OSError):
@@ -81,6 +83,7 @@ def test_a_byte_now_and_then_buys_no_more_time(serving):
     assert time.monotonic() - began < 3
 
 
+@pytest.mark.integration
 @pytest.mark.parametrize(
     ("headers", "status"),
     [
@@ -98,17 +101,20 @@ def test_only_names_of_this_machine_and_pages_of_its_own_are_answered(serving, h
     assert asked(serving, "POST", b"got", **headers)[0] == status
 
 
+@pytest.mark.integration
 def test_a_server_for_others_answers_every_host_name_but_no_page(serving, monkeypatch):
     monkeypatch.setattr(serving, "server_address", ("0.0.0.0", serving.server_port))
     assert serving.knows("gpu-7.example:80", None)
     assert not serving.knows("gpu-7.example:80", "http://gpu-7.example:80")
 
 
+@pytest.mark.integration
 @pytest.mark.parametrize("length", ["10", "-1", "9" * 5000, "1e3", "", "3, 3"])
 def test_a_body_of_no_length_or_too_many_bytes_is_none(serving, length):
     assert asked(serving, "POST", b"abc", **{"Content-Length": length}) == (200, b"")
 
 
+@pytest.mark.integration
 def test_a_port_that_is_taken_is_said_in_words(serving):
     with pytest.raises(HumanclawError, match=rf"cannot listen on port {serving.server_port} of 127\.0\.0\.1: "):
         Server(Echo, serving.server_port)

@@ -71,6 +71,7 @@ def _disabled(folder, **more) -> str:
     return plugins.disabled[folder.name]
 
 
+@pytest.mark.integration
 def test_every_installed_skill_keeps_the_contract(plugins):
     assert plugins.disabled == {}
     for one in plugins.skills.values():

@@ -165,6 +165,7 @@ def test_no_block_is_in_another_language():
     assert {one.language for one in CODE} <= {"", "bash", "python", "json", "toml"}
 
 
+@pytest.mark.integration
 def test_every_snippet_passes_mypy_strict(tmp_path):
     """By the settings of `make types`, whose cache spares half a minute. What a snippet calls my_... is untyped."""
     python = [one for one in CODE if one.language == "python" and one.way in ("always", "slow")]

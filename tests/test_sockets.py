@@ -36,6 +36,7 @@ def guarded(folder, allowed, *arguments):
     return done
 
 
+@pytest.mark.integration
 def test_the_guard_would_see_a_socket(tmp_path):
     address = "import socket; socket.create_server(('127.0.0.1', 0))"
     code = GUARD.replace("from humanclaw.cli import main\nmain(sys.argv[1:])", address)
@@ -43,6 +44,7 @@ def test_the_guard_would_see_a_socket(tmp_path):
     assert "SOCKET socket.bind 127.0.0.1:0" in done.stderr
 
 
+@pytest.mark.integration
 def test_an_episode_of_a_script_opens_no_socket(tmp_path):
     done = guarded(tmp_path, (), "run", "--agent", "still", "--max-steps", "1", "--out", "r")
     assert done.returncode == 0, done.stderr

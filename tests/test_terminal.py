@@ -170,6 +170,7 @@ def shown(cwd, *words, **environment):
     return (done.stdout + done.stderr).decode()
 
 
+@pytest.mark.integration
 @pytest.mark.parametrize(
     ("words", "environment"),
     [
@@ -193,6 +194,7 @@ def test_no_name_in_a_record_controls_the_terminal(tmp_path, words, environment)
     assert not re.search("[\x00-\x08\x0b-\x1a\x1c-\x1f\x7f-\x9f\u202a-\u202e]|\x1b(?!\\[[0-9;]*m)", told)
 
 
+@pytest.mark.integration
 @pytest.mark.parametrize(
     ("words", "status"),
     [("run --agent nobody", "Loading the plugins"), ("play stop --film none", "Playing (the first")],
@@ -220,6 +222,7 @@ def humanclaw_commands(cli):
 """
 
 
+@pytest.mark.integration
 def test_a_plugin_that_prints_while_it_loads_stands_beside_the_answer(tmp_path):
     (tmp_path / "talking.py").write_text(TALKING)
     command = [sys.executable, "-m", "humanclaw", "tools", "--plugin", "talking.py"]

@@ -29,6 +29,7 @@ def _humanclaw(commands: Path, *args: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run([str(commands / "humanclaw"), *args], cwd=commands.parent, capture_output=True, text=True)
 
 
+@pytest.mark.integration
 def test_every_wheel_holds_its_licence_its_types_and_its_weights(built):
     assert len(built) == len(wheels.distributions())
     for wheel in built:

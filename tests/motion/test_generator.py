@@ -90,6 +90,7 @@ def test_the_motion_is_the_same_whatever_the_number_of_threads_that_numpy_may_us
         assert _same(generator.generate(swaying, walk_file, AHEAD, (1,)), once)
 
 
+@pytest.mark.integration
 def test_another_process_generates_the_same_bits(generator, base_file, walk_file):
     here = generator.generate(generator.start(), walk_file, AHEAD, (1,)).rotations.tobytes()
     script = (

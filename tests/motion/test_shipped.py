@@ -136,6 +136,7 @@ def test_after_a_hundred_straight_calls_a_body_still_walks_upright_and_straight_
     assert np.degrees(np.abs(last.rotations[:, JOINT_INDEX["left_wrist"]])).max() < 40
 
 
+@pytest.mark.integration
 @pytest.mark.parametrize("aside", [0.4, 0.08])
 def test_after_a_hundred_side_steps_knees_bend_like_hinges_and_feet_point_where_shins_do(generator, aside):
     """People's feet turn by 25 degrees inwards and 35 outwards."""

@@ -61,6 +61,7 @@ def nearest(scene: Scene, place: Pose2D, upper: bool) -> int:
     return min(there, key=lambda key: storeys.geodesic(here, goals_at(storeys, scene, key)))
 
 
+@pytest.mark.integration
 def test_a_body_climbs_the_stairs_to_an_object_on_the_upper_floor(body: Body) -> None:
     start = near_stairs(body.scene, upper=False)
     target = nearest(body.scene, start, upper=True)

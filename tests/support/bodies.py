@@ -1,10 +1,32 @@
-"""Fixtures that are slow to make. Tests share them safely because each test resets what it uses."""
+"""Fixtures that are slow to make, and the rules of a unit test.
 
+Tests share the fixtures safely because each test resets what it uses.
+"""
+
+import socket
+import subprocess
 from dataclasses import replace
+from multiprocessing.process import BaseProcess
 
 import pytest
 
 from humanclaw import Body, Plugins
+
+OUTSIDE = ((subprocess.Popen, "_execute_child"), (BaseProcess, "start"), (socket.socket, "listen"))
+"""Methods that start a process or a server."""
+
+
+@pytest.fixture(autouse=True)
+def _unit_tests_stay_in_their_process(request, monkeypatch):
+    """Fail an unmarked test that starts a process or a server."""
+    if any(request.node.get_closest_marker(name) for name in ("integration", "evidence")):
+        return
+    for owner, name in OUTSIDE:
+        monkeypatch.setattr(owner, name, _refuse)
+
+
+def _refuse(*args, **options):
+    pytest.fail("A unit test starts no process and no server. Mark it: @pytest.mark.integration")
 
 
 @pytest.fixture(scope="session")

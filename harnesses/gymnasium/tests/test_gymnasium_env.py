@@ -75,6 +75,7 @@ def test_the_reward_is_the_way_made_towards_the_target(env):
     assert not truncated
 
 
+@pytest.mark.integration
 def test_it_plays_training_tasks_with_their_rewards():
     env = BodyEnv(tasks="approach", options={"houses": 1}, rewards={"contact": 0.5, "success": 1.0}, size=64)
     _, begun = env.reset(seed=3)

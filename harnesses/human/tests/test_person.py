@@ -66,6 +66,7 @@ def test_the_manual_names_every_skill_and_its_bounds(skills):
     assert "h_cm 20 to 80" in manual(skills)
 
 
+@pytest.mark.integration
 def test_a_person_is_asked_again_until_the_line_is_a_call(skills, capsys):
     lines = iter(["help", "jump", "walk 0 30 # a chair"])
     person = Person(Settings(browser=False), lambda prompt: next(lines))
@@ -79,6 +80,7 @@ def test_a_person_is_asked_again_until_the_line_is_a_call(skills, capsys):
     assert "Executed stop()." in told
 
 
+@pytest.mark.integration
 def test_the_view_is_served_to_this_machine_with_the_words_of_the_step():
     window = Window()
     try:
@@ -120,6 +122,7 @@ def press(window, line):
     return answered(Request(window.address + "call", line.encode()))
 
 
+@pytest.mark.integration
 def test_a_call_is_taken_while_one_is_waited_for(window, pressed):
     assert press(window, "walk 0 40 0") == 409, "nothing is shown yet"
     window.show(PICTURE, Moment(0, 9, "Find a chair."))
@@ -132,6 +135,7 @@ def test_a_call_is_taken_while_one_is_waited_for(window, pressed):
     assert pressed == ["walk 0 40 0 # a chair"]
 
 
+@pytest.mark.integration
 def test_the_page_ends_with_the_result_and_then_the_replay(skills, window, tmp_path):
     person = begun(skills)
     person.show_result("stopped after 3 steps.", tmp_path)
@@ -143,6 +147,7 @@ def test_the_page_ends_with_the_result_and_then_the_replay(skills, window, tmp_p
     assert urlopen(window.address + "replay").read() == b"a replay"
 
 
+@pytest.mark.integration
 @pytest.mark.parametrize("path", ["/", "/state", "/view.jpg", "/call", "/x/state", "/x/call", "//call", "/call/"])
 def test_who_does_not_know_the_address_sees_and_presses_nothing(window, pressed, path):
     window.show(PICTURE, Moment(0, 9, "Find a chair."))
@@ -151,6 +156,7 @@ def test_who_does_not_know_the_address_sees_and_presses_nothing(window, pressed,
     assert pressed == []
 
 
+@pytest.mark.integration
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no such modes")
 def test_the_address_stands_in_a_file_of_this_user_alone(skills, capsys, monkeypatch):
     opened = queue.Queue()
@@ -183,6 +189,7 @@ def no_terminal(monkeypatch):
         yield
 
 
+@pytest.mark.integration
 @pytest.mark.usefixtures("no_terminal")
 def test_who_leaves_by_the_page_interrupts_the_episode(skills):
     person = begun(skills)
@@ -191,6 +198,7 @@ def test_who_leaves_by_the_page_interrupts_the_episode(skills):
         person.decide(Observation(0, "Stop.", PICTURE), ())
 
 
+@pytest.mark.integration
 @pytest.mark.usefixtures("no_terminal")
 def test_without_a_terminal_the_page_alone_is_asked(skills):
     person = begun(skills)
@@ -198,6 +206,7 @@ def test_without_a_terminal_the_page_alone_is_asked(skills):
     assert person.decide(Observation(0, "Stop.", PICTURE), ()).calls[0].skill == "stop"
 
 
+@pytest.mark.integration
 def test_the_next_person_can_have_the_port_of_the_one_who_is_gone(skills):
     person = begun(skills)
     address = person._window.address
@@ -224,6 +233,7 @@ def test_every_key_stands_for_a_legal_call_of_the_skill_that_moves_that_way(skil
     ]  # fmt: skip
 
 
+@pytest.mark.integration
 def test_a_key_and_a_line_of_the_terminal_are_answers_alike(skills, monkeypatch, capsys):
     read, write = os.pipe()
     monkeypatch.setattr("sys.stdin", os.fdopen(read))
@@ -236,6 +246,7 @@ def test_a_key_and_a_line_of_the_terminal_are_answers_alike(skills, monkeypatch,
     os.close(write)
 
 
+@pytest.mark.integration
 def test_the_end_of_the_input_interrupts_the_episode(skills, monkeypatch):
     monkeypatch.setattr("sys.stdin", io.StringIO(""))
     person = begun(skills)

@@ -59,6 +59,7 @@ def test_labels_are_what_the_simulator_knows(plugins):
     assert np.median(np.abs(floor / found.depth - 1)[on_floor]) < 0.01
 
 
+@pytest.mark.integration
 def test_views_come_from_training_houses_and_can_be_read_again(plugins, tmp_path):
     found = list(planted(plugins, 0, [rest_pose()], 2))
     written(tmp_path / "views.npz", found)
@@ -69,6 +70,7 @@ def test_views_come_from_training_houses_and_can_be_read_again(plugins, tmp_path
         next(planted(plugins, 500_000, [rest_pose()], 1))  # A house of dev.
 
 
+@pytest.mark.integration
 def test_an_agents_views_come_from_the_house_that_was_asked_for(plugins, monkeypatch):
     houses = []
     monkeypatch.setattr(data, "example", lambda view, scene, camera, floor: houses.append(scene.name))
