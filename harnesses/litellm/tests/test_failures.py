@@ -179,6 +179,7 @@ def test_a_full_context_is_known_by_the_words_of_every_server(code, words):
         (400, "max_tokens is too large: 100000. This model supports at most 16384 completion tokens"),
         (401, "maximum context length"),
         (503, "The engine is currently overloaded, please try again later"),
+        (504, "The request took too long to process."),
     ],
 )
 def test_other_failures_are_not_taken_for_a_full_context(code, words):
@@ -221,6 +222,13 @@ def test_a_verifier_whose_question_does_not_fit_fails_open(begin, view, skills):
         found = begin(server, "verifiers").verify(view(), Call("walk", WALK), skills["walk"], "")
     assert found.accepted
     assert "maximum context length" in found.failed_open
+
+
+@pytest.mark.parametrize("words", ["unsupported operand type(s) for +", "out of memory", "The request took too long."])
+def test_a_crash_of_the_server_is_no_refusal(words):
+    failure = FailedRequest(words, 500)
+    assert failure.transient
+    assert not failure.refused
 
 
 # -- Ollama's window ---------------------------------------------------------------------------------------------------
