@@ -8,6 +8,7 @@ from model_servers import AnthropicServer, GeminiServer, OllamaServer, OpenAISer
 
 from humanclaw import Call, Decision, HistoryEntry, LimitError, ProviderClosedError, ProviderError
 from humanclaw.records import Feedback
+from humanclaw_litellm import litellm_setup
 from humanclaw_litellm.failures import FailedRequest
 from humanclaw_litellm.settings import ModelError, Settings
 from humanclaw_litellm.usage import price_of
@@ -253,6 +254,16 @@ def test_a_prompt_that_the_server_has_cut_is_told_once(begin, view, caplog):
             agent.decide(view(), ())
     assert caplog.text.count("it may have cut the prompt") == 1
     assert "counted 40 tokens" in caplog.text
+
+
+@pytest.mark.parametrize("model", ["openai/x", "hosted_vllm/x"])
+def test_a_reply_without_an_end_is_cut_off_and_told(begin, view, monkeypatch, model):
+    monkeypatch.setattr(litellm_setup, "LONGEST_REPLY", 2**17)
+    with (
+        OpenAIServer([text("word " * 40_000)]) as server,
+        pytest.raises(ProviderError, match=r"the reply has more than 0\.125 MiB"),
+    ):
+        begin(server, model=model, num_retries=0).decide(view(), ())
 
 
 # -- failed generations and thoughts alone -----------------------------------------------------------------------------
