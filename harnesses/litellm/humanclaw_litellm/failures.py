@@ -38,7 +38,8 @@ _NO_PICTURES: Final = re.compile(
 )
 _UNSUPPORTED: Final = re.compile(r"(?:not|n't|un) ?support|requires --|no endpoints found that", re.IGNORECASE)
 _NO_MONEY: Final = re.compile(
-    r"insufficient[ _](?:quota|balance|credit|fund)|credit balance is too low|exceeded_current_quota_error",
+    r"insufficient[ _](?:quota|balance|credit|fund)|credit balance is too low|exceeded_current_quota_error"
+    r"|used all available credits|have any credits",  # xAI
     re.IGNORECASE,
 )
 _FILTERED: Final = re.compile(r"content_filter|content_policy|data_inspection_failed|input was flagged", re.IGNORECASE)
@@ -91,7 +92,7 @@ class FailedRequest(Exception):  # noqa: N818
     @property
     def unpaid(self) -> bool:
         """Whether the account is empty. Some providers send status 429, but no retry brings the money back."""
-        return self.status == 402 or (self._is_answer and bool(_NO_MONEY.search(self.told)))
+        return self.status == 402 or (self.status >= 400 and bool(_NO_MONEY.search(self.told)))
 
     @property
     def refused(self) -> bool:
