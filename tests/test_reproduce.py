@@ -5,7 +5,7 @@ from contextlib import ExitStack
 
 import pytest
 from click.testing import CliRunner
-from model_servers import AnthropicServer, GeminiServer, OllamaServer, OpenAIServer, VLLMServer, call
+from model_servers import AnthropicServer, GeminiServer, OllamaServer, OpenAIServer, call
 
 from humanclaw import Plugins
 from humanclaw.cli import build
@@ -17,7 +17,7 @@ PROVIDERS = {
     "anthropic/claude-sonnet-4-5": AnthropicServer,
     "gemini/gemini-2.5-pro": GeminiServer,
     "ollama_chat/scripted": OllamaServer,
-    "hosted_vllm/scripted": VLLMServer,
+    "hosted_vllm/scripted": OpenAIServer,
 }
 STEP = {"visible_state": "A hall, no couch.", "progress": "Nothing yet.", "reasoning": "The way is free.", "z_cm": 40}
 YES = {f"check_{k}_{part}": said for k in (1, 2) for part, said in (("evidence", "Free floor."), ("answer", "yes"))}

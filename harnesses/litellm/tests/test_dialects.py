@@ -26,6 +26,7 @@ from humanclaw.records import Feedback
 from humanclaw.testing import check
 from humanclaw_litellm.settings import ModelError
 
+pytestmark = pytest.mark.integration
 DOCS = Path(__file__).parents[3] / "docs" / "results" / "harnesses.md"
 WALK = Call("walk", {"x_cm": 0, "z_cm": 40, "yaw_deg": 0})
 
