@@ -15,7 +15,7 @@ from numba.core.event import end_event, start_event
 
 from humanclaw import Body, Call, CallError, Episode, HumanclawError, PluginError, Verdict, run_episode, skill
 from humanclaw.body import HISTORY
-from humanclaw.errors import LimitError, PluginRunError, ProviderError, RecordError, ReplayError
+from humanclaw.errors import LimitError, PluginRunError, ProviderClosedError, ProviderError, RecordError, ReplayError
 from humanclaw.records import Answer, Decision, RecordedEpisode, Usage, free_episode
 from humanclaw.records.folder import joined
 from humanclaw.records.reading import _read_piece
@@ -242,6 +242,17 @@ def test_an_agent_that_cannot_be_used_any_more_has_failed_the_episode_that_it_ha
         episode.ask()
     record = RecordedEpisode(tmp_path).record
     assert (record.outcome, record.error) == ("plugin_error", f"{HERE} raised PluginError: no key. Set one.")
+
+
+def test_a_provider_that_closes_ends_the_run_and_is_no_failure(body, spec, tmp_path):
+    agent = Agent(WALK)
+    episode = Episode(body, spec, agent, folder=tmp_path)
+    episode.ask()
+    agent.answer = ProviderClosedError("no money is left.", "Top it up.")
+    with pytest.raises(ProviderClosedError), episode:
+        episode.ask()
+    record = RecordedEpisode(tmp_path).record
+    assert (record.outcome, record.error) == ("infra_error", "no money is left. Top it up.")
 
 
 @pytest.mark.parametrize(

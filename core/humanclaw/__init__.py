@@ -26,6 +26,7 @@ if TYPE_CHECKING:
         HumanclawError as HumanclawError,
         LimitError as LimitError,
         PluginError as PluginError,
+        ProviderClosedError as ProviderClosedError,
         ProviderError as ProviderError,
         RecordError as RecordError,
         ReplayError as ReplayError,

@@ -82,6 +82,13 @@ class ProviderError(Exception):
     """The model's provider failed after all retries. The episode ends as infra_error; it never becomes a decision."""
 
 
+class ProviderClosedError(PluginError, ProviderError):
+    """The provider serves no further request of the run: no money, a revoked key, a removed model.
+
+    The episode ends as infra_error, to be played again, and the run ends.
+    """
+
+
 ANSWERING: Final = (PluginError, ProviderError, LimitError)
 """Errors that agents and verifiers may raise without being at fault: they depend on a provider."""
 

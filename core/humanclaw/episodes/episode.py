@@ -229,7 +229,8 @@ class Episode:
     def __exit__(self, kind: object, fault: BaseException | None, trace: object) -> bool:
         """Close the record. Swallow a provider's failure, a plugin's error and a limit: they are outcomes."""
         self._end_by(fault)
-        return isinstance(fault, ProviderError | LimitError | PluginRunError)
+        outcomes = ProviderError | LimitError | PluginRunError
+        return isinstance(fault, outcomes) and not isinstance(fault, PluginError)
 
     # -- one step ------------------------------------------------------------------------------------------------------
     def _check_open(self) -> None:
@@ -380,8 +381,9 @@ class Episode:
         if isinstance(fault, PluginRunError):
             self._panel.fault = fault
         # A decider's PluginError ends the run. After the first step it also ends the episode: a resumed run would
-        # otherwise play it again.
-        if isinstance(fault, PluginError) and self._panel.refusal and self._recording.steps:
+        # otherwise play it again. A provider that serves no more requests is no failure of the agent.
+        own = isinstance(fault, PluginError) and not isinstance(fault, ProviderError)
+        if own and self._panel.refusal and self._recording.steps:
             self._close("plugin_error", self._panel.refusal)
         self._close(*ending(fault))
 

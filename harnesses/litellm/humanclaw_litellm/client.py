@@ -17,7 +17,7 @@ from typing import Any, Final, get_args
 
 import tenacity
 
-from humanclaw import Meter, ProviderError
+from humanclaw import Meter, ProviderClosedError, ProviderError
 from humanclaw.cli import legible
 from humanclaw.records import Usage
 from humanclaw.skills import split_thoughts
@@ -172,8 +172,8 @@ class Client:
         """Send one request, and retry it after transient failures and without a parameter that the model refuses.
 
         Raises ProviderError if the retries fail, RefusalError if the provider refuses this form of request,
-        TooLongError if it does not fit the model's context, ModelError if no request of this run can succeed, and
-        LimitError if time runs out.
+        TooLongError if it does not fit the model's context, ModelError if no request can succeed, ProviderClosedError
+        if none can succeed any more, and LimitError if time runs out.
         """
         while True:
             try:
@@ -310,19 +310,19 @@ class Client:
             hint = "Name a model that takes pictures, or play without any: --images 0."
             return ModelError(f"{self._settings.model} takes no pictures: {told}.", hint)
         if mendable := self._mendable(failure, told):
-            return mendable
+            return ProviderClosedError(*mendable) if self.learned.worked else ModelError(*mendable)
         return RefusalError(told) if failure.refused else ProviderError(f"{where} gave no answer: {told}")
 
-    def _mendable(self, failure: FailedRequest, told: str) -> ModelError | None:
-        """Return the error that ends the run; None if another request may succeed."""
+    def _mendable(self, failure: FailedRequest, told: str) -> tuple[str, str] | None:
+        """Return what ends the run, and the remedy; None if another request may succeed."""
         model, server = self._settings.model, self._settings.api_base or "the provider"
         if failure.unpaid:
-            return ModelError(f"the quota for {model} is used up: {told}.", "Top it up or use another key.")
+            return f"the quota for {model} is used up: {told}.", "Top it up or use another key."
         # Some gateways answer 403 to a single request that their filter refuses.
         if failure.status == 401 or (failure.status == 403 and not self.learned.worked):
-            return ModelError(f"{server} does not accept the key for {model}: {told}.", "Set the right key.")
+            return f"{server} does not accept the key for {model}: {told}.", "Set the right key."
         if failure.status == 404 and not failure.refused:
-            return ModelError(f"{server} does not know {model}: {told}.", "Check the model's name and api_base.")
+            return f"{server} does not know {model}: {told}.", "Check the model's name and api_base."
         return None
 
     def _tell(self, failure: BaseException | None) -> str:

@@ -37,10 +37,13 @@ def usage_of(response: Any, settings: Settings, messages: list[Json], request: M
 def _tokens(counted: Any) -> tuple[int, int, int]:
     """Return tokens sent, tokens written with the reasoning among them, and tokens of reasoning.
 
-    Some providers do not count reasoning as written. The total decides.
+    Some providers do not count reasoning as written, or cached tokens as sent. The total decides.
     """
     sent, wrote, total = (_count(counted, f"{part}_tokens") for part in ("prompt", "completion", "total"))
     thought = _count(getattr(counted, "completion_tokens_details", None), "reasoning_tokens")
+    cached = _count(getattr(counted, "prompt_tokens_details", None), "cached_tokens")
+    if cached and total == sent + wrote + cached:
+        return sent + cached, wrote, thought
     if total > sent + wrote > 0:
         return sent, total - sent, max(thought, total - sent - wrote)
     return sent, wrote + thought if thought > wrote else wrote, thought

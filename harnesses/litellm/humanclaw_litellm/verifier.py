@@ -12,6 +12,7 @@ from humanclaw import (
     EpisodeContext,
     HumanclawError,
     Observation,
+    ProviderClosedError,
     ProviderError,
     Skill,
     Verdict,
@@ -57,7 +58,10 @@ class ModelVerifier:
         self._skills, self._gaze = usable(context), context.gaze
 
     def verify(self, observation: Observation, call: Call, skill: Skill, goal: str) -> Verdict:
-        """Ask the model about a call. Raises ModelError if the provider rejects the model or the key."""
+        """Ask the model about a call.
+
+        Raises ModelError or ProviderClosedError if the provider rejects the model or the key.
+        """
         if not self._skills:
             raise HumanclawError("a verifier must begin an episode before it verifies.", "Call begin first.")
         if not skill.checks:
@@ -72,6 +76,8 @@ class ModelVerifier:
 
         try:
             reply = self._negotiator.ask(form, messages)
+        except ProviderClosedError:
+            raise
         except (ProviderError, TooLongError) as fault:
             return Verdict(True, failed_open=str(fault))
         found = _object(reply.completion)

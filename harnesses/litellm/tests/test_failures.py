@@ -6,8 +6,9 @@ import logging
 import pytest
 from model_servers import AnthropicServer, GeminiServer, OllamaServer, OpenAIServer, Reply, call, status, text, thinking
 
-from humanclaw import Call, Decision, HistoryEntry, LimitError, ProviderError
+from humanclaw import Call, Decision, HistoryEntry, LimitError, ProviderClosedError, ProviderError
 from humanclaw.records import Feedback
+from humanclaw_litellm import litellm_setup
 from humanclaw_litellm.failures import FailedRequest
 from humanclaw_litellm.settings import ModelError, Settings
 from humanclaw_litellm.usage import price_of
@@ -179,6 +180,7 @@ def test_a_full_context_is_known_by_the_words_of_every_server(code, words):
         (400, "max_tokens is too large: 100000. This model supports at most 16384 completion tokens"),
         (401, "maximum context length"),
         (503, "The engine is currently overloaded, please try again later"),
+        (504, "The request took too long to process."),
     ],
 )
 def test_other_failures_are_not_taken_for_a_full_context(code, words):
@@ -223,6 +225,13 @@ def test_a_verifier_whose_question_does_not_fit_fails_open(begin, view, skills):
     assert "maximum context length" in found.failed_open
 
 
+@pytest.mark.parametrize("words", ["unsupported operand type(s) for +", "out of memory", "The request took too long."])
+def test_a_crash_of_the_server_is_no_refusal(words):
+    failure = FailedRequest(words, 500)
+    assert failure.transient
+    assert not failure.refused
+
+
 # -- Ollama's window ---------------------------------------------------------------------------------------------------
 def test_ollama_is_asked_for_a_window_that_holds_prompt_and_answer(begin, view):
     with OllamaServer([call("stop")] * 4) as server:
@@ -245,6 +254,16 @@ def test_a_prompt_that_the_server_has_cut_is_told_once(begin, view, caplog):
             agent.decide(view(), ())
     assert caplog.text.count("it may have cut the prompt") == 1
     assert "counted 40 tokens" in caplog.text
+
+
+@pytest.mark.parametrize("model", ["openai/x", "hosted_vllm/x"])
+def test_a_reply_without_an_end_is_cut_off_and_told(begin, view, monkeypatch, model):
+    monkeypatch.setattr(litellm_setup, "LONGEST_REPLY", 2**17)
+    with (
+        OpenAIServer([text("word " * 40_000)]) as server,
+        pytest.raises(ProviderError, match=r"the reply has more than 0\.125 MiB"),
+    ):
+        begin(server, model=model, num_retries=0).decide(view(), ())
 
 
 # -- failed generations and thoughts alone -----------------------------------------------------------------------------
@@ -337,6 +356,15 @@ def test_reasoning_is_booked_and_billed_wherever_it_is_counted(begin, view, sent
         assert usage.cost == pytest.approx(booked[0] * first + booked[1] * second)
 
 
+def test_cached_tokens_beside_the_prompt_are_no_reasoning(begin, view):
+    reply = call("stop")
+    reply.body["usage"] = {"prompt_tokens": 1000, "completion_tokens": 10, "total_tokens": 4010}
+    reply.body["usage"]["prompt_tokens_details"] = {"cached_tokens": 3000}
+    with OpenAIServer([reply]) as server:
+        usage = begin(server).decide(view(), ()).usage
+    assert (usage.tokens_in, usage.tokens_out, usage.tokens_reasoning) == (4000, 10, 0)
+
+
 def test_a_model_without_a_price_is_named_at_once(context, plugins, monkeypatch, caplog):
     monkeypatch.setenv("OPENAI_API_KEY", "planted-0123456789-key")
     for model, known in (("openai/gpt-4o-mini", True), ("openai/gpt-unheard-of", False)):
@@ -406,10 +434,11 @@ def test_a_wait_is_read_from_headers_and_from_words(headers, words, seconds):
 @pytest.mark.parametrize(
     ("code", "words", "error"),
     [
-        (402, "Insufficient Balance", ModelError),
-        (400, "Your credit balance is too low to access the Anthropic API", ModelError),
-        (401, "the key was revoked", ModelError),
-        (404, "The model does not exist", ModelError),
+        (402, "Insufficient Balance", ProviderClosedError),
+        (400, "Your credit balance is too low to access the Anthropic API", ProviderClosedError),
+        (403, "Your team has used all available credits", ProviderClosedError),
+        (401, "the key was revoked", ProviderClosedError),
+        (404, "The model does not exist", ProviderClosedError),
         (403, "your network is not allowed", ProviderError),
         (400, "the moon is full", ProviderError),
     ],
@@ -418,9 +447,18 @@ def test_what_no_later_request_betters_ends_the_run_in_its_middle(begin, view, c
     with OpenAIServer([call("stop"), status(code, words), call("stop")]) as server:
         agent = begin(server)
         agent.decide(view(), ())
-        with pytest.raises(error, match=words):
+        with pytest.raises(error, match=words) as fault:
             agent.decide(view(), ())
+    assert type(fault.value) is error
     assert len(server.requests) == 2
+
+
+def test_an_empty_account_is_not_passed_over_by_the_verifier(begin, view, skills):
+    with OpenAIServer([verdict(skills["walk"]), status(402, "Insufficient Balance")]) as server:
+        verifier = begin(server, "verifiers")
+        verifier.verify(view(), Call("walk", WALK), skills["walk"], "")
+        with pytest.raises(ProviderClosedError):
+            verifier.verify(view(), Call("walk", WALK), skills["walk"], "")
 
 
 def test_a_refused_parameter_is_warned_of_once(begin, view, caplog):

@@ -99,7 +99,7 @@ def _decode(url: str) -> NDArray[np.uint8]:
 class Reply:
     """A reply. Build it with the functions below."""
 
-    body: Json | str
+    body: Any
     """In OpenAI's form, which each server writes in its dialect; a string is sent as it is."""
     code: int = 200
     headers: Mapping[str, str] = field(default_factory=dict)
@@ -195,13 +195,6 @@ def refusing(field_name: str, otherwise: Script) -> Callable[[Request], Reply]:
     return script
 
 
-def streaming_only(otherwise: Script) -> Callable[[Request], Reply]:
-    """Return a script that answers 400 to requests without `stream`, and follows another script otherwise."""
-    rest = _player(otherwise)
-    refusal = status(400, "this model supports streaming only: set stream to true", kind="invalid_request_error")
-    return lambda request: rest(request) if request.body.get("stream") else refusal
-
-
 def redirected(address: str, code: int = 307) -> Reply:
     """Return a redirect to another address."""
     return status(code, "moved", headers={"Location": address})
@@ -216,20 +209,6 @@ def _player(script: Script) -> Callable[[Request], Reply]:
         return script
     queue = iter(script)
     return lambda request: next(queue, status(500, "the script of the test server has no reply left"))
-
-
-def _deltas(whole: Mapping[str, Any]) -> list[Json]:
-    """Return a message in pieces: its text in two, then each call's name, and its arguments in two."""
-    text_ = whole.get("content") or ""
-    half = len(text_) // 2
-    deltas: list[Json] = [{"role": "assistant", "content": text_[:half]}, {"content": text_[half:]}]
-    for index, one in enumerate(whole.get("tool_calls") or ()):
-        arguments = one["function"]["arguments"]
-        middle = len(arguments) // 2
-        named = {**one, "index": index, "function": {**one["function"], "arguments": arguments[:middle]}}
-        rest = {"index": index, "function": {"arguments": arguments[middle:]}}
-        deltas += [{"tool_calls": [named]}, {"tool_calls": [rest]}]
-    return deltas
 
 
 # -- the server --------------------------------------------------------------------------------------------------------
@@ -274,23 +253,6 @@ class OpenAIServer:
             **reply.body,
         }
 
-    def stream(self, reply: Reply, request: Request) -> bytes:
-        """Return the body of a reply as server-sent events, each call in two pieces that the client must join."""
-        whole = self.write(reply, request)
-        (choice,) = whole["choices"]
-        head = {key: whole[key] for key in ("id", "created", "model")} | {"object": "chat.completion.chunk"}
-        deltas = [*_deltas(choice["message"]), {}]
-        pieces = [
-            {
-                **head,
-                "choices": [{"index": 0, "delta": delta, "finish_reason": choice["finish_reason"] if last else None}],
-            }
-            for delta, last in zip(deltas, [*[False] * (len(deltas) - 1), True], strict=True)
-        ]
-        counted = [{**head, "choices": [], "usage": whole["usage"]}] if "usage" in whole else []
-        lines = [*map(json.dumps, [*pieces, *counted]), "[DONE]"]
-        return "".join(f"data: {line}\n\n" for line in lines).encode()
-
     def __enter__(self) -> Self:
         self._thread.start()
         return self
@@ -327,11 +289,8 @@ def _handler(owner: OpenAIServer) -> type[BaseHTTPRequestHandler]:
             headers = {key.lower(): value for key, value in self.headers.items()}
             reply, request = self._reply(raw, headers)
             owner.wait(reply.delay)
-            if request.body.get("stream") and reply.code == 200 and reply.cut > 0:
-                self._deliver(reply, owner.stream(reply, request), {"Content-Type": "text/event-stream"})
-            else:
-                own = isinstance(reply.body, str) or reply.code != 200
-                self._send(reply, reply.body if own else owner.write(reply, request))
+            own = isinstance(reply.body, str) or reply.code != 200
+            self._send(reply, reply.body if own else owner.write(reply, request))
 
         def _reply(self, raw: bytes, headers: Mapping[str, str]) -> tuple[Reply, Request]:
             nothing = Request(self.path, headers, {})
@@ -348,13 +307,11 @@ def _handler(owner: OpenAIServer) -> type[BaseHTTPRequestHandler]:
             if reply.cut < 0:
                 self._reset()
                 return
-            data = body if isinstance(body, str) else json.dumps(body)
-            self._deliver(reply, data.encode(), {"Content-Type": "application/json"})
-
-        def _deliver(self, reply: Reply, data: bytes, kind: Mapping[str, str]) -> None:
+            data = (body if isinstance(body, str) else json.dumps(body)).encode()
+            headers = {"Content-Type": "application/json", "Content-Length": str(len(data)), **reply.headers}
             try:
                 self.send_response(reply.code)
-                for key, value in {**kind, "Content-Length": str(len(data)), **reply.headers}.items():
+                for key, value in headers.items():
                     self.send_header(key, value)
                 self.end_headers()
                 self.wfile.write(data[: int(len(data) * reply.cut)])

@@ -17,7 +17,7 @@ from concurrent.futures import Future
 from http.client import HTTPException
 from typing import Any, Final, Protocol
 
-from humanclaw import LimitError, PluginError, ProviderError
+from humanclaw import LimitError, PluginError, ProviderClosedError, ProviderError
 from humanclaw_bench.wall.messages import Json
 
 LARGEST: Final = 16 * 2**20
@@ -151,8 +151,8 @@ def _post(request: urllib.request.Request, seconds: float | None, answer: Future
 def result_of(answer: bytes) -> Any:
     """Return the result of a JSON-RPC answer.
 
-    Raises the error in it: PluginError, LimitError and ProviderError as such, others under their own name. Raises
-    RuntimeError for anything that is no answer.
+    Raises the error in it: PluginError, ProviderClosedError, LimitError and ProviderError as such, others under their
+    own name. Raises RuntimeError for anything that is no answer.
     """
     try:
         told = json.loads(answer)
@@ -162,8 +162,9 @@ def result_of(answer: bytes) -> Any:
         message, kind = str(error["message"]), data.get("kind")
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
         raise RuntimeError(f"it answers with no JSON-RPC: {answer[:80]!r}") from None
-    if kind == "PluginError":
-        raise PluginError(message, str(data.get("remedy", "")))
+    if kind in ("PluginError", "ProviderClosedError"):
+        closed = kind == "ProviderClosedError"
+        raise (ProviderClosedError if closed else PluginError)(message, str(data.get("remedy", "")))
     if kind == "LimitError":
         raise LimitError(str(data.get("scope", "call")), message)
     if kind == "ProviderError":

@@ -128,7 +128,8 @@ def _told(fault: BaseException) -> Json:
     """Return an error as JSON-RPC has it, with what the other side needs to raise it again."""
     data: Json = {"type": type(fault).__name__}
     if isinstance(fault, PluginError):
-        data |= {"kind": "PluginError", "remedy": fault.remedy}
+        kind = "ProviderClosedError" if isinstance(fault, ProviderError) else "PluginError"
+        data |= {"kind": kind, "remedy": fault.remedy}
     elif isinstance(fault, LimitError):
         data |= {"kind": "LimitError", "scope": fault.scope}
     elif isinstance(fault, ProviderError):
