@@ -56,7 +56,7 @@ test: $(READY)  ## Run the unit tests (under 4 minutes once installed)
 test-all: $(READY)  ## Run the unit and integration tests
 	$(PYTEST)
 
-lint: style types imports size  ## Check style, types, imports and size
+lint: style types imports size repo  ## Check style, types, imports, size, links and lists
 
 style: $(READY)  ## Check style and format (ruff)
 	$(BIN)/ruff check .
@@ -73,6 +73,9 @@ imports: $(READY)  ## Check which package imports which (import-linter)
 # Git and Python's own library are all it needs.
 size:  ## Print lines and words of each package beside size.toml; fail above the budget (MORE=--save writes it)
 	$(PYTHON) tests/support/size.py $(MORE)
+
+repo:  ## Check links between pages, lists of pages and lengths of names
+	$(PYTHON) tests/support/check_repo.py
 
 HERE = $(if $(wildcard $(BIN)/python),$(BIN),$(shell python -c "import sys; print(sys.prefix)")/bin)
 

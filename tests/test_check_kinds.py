@@ -198,7 +198,8 @@ def test_no_plugin_of_the_docs_is_refused(tmp_path, snippet):
 
 
 @pytest.mark.parametrize("name", ["humanclaw-scripted", "humanclaw-raster", "humanclaw-frameworks", "humanclaw-houses"])
-def test_an_installed_plugin_is_checked_by_its_name(name):
+def test_an_installed_plugin_is_checked_by_its_name(name, monkeypatch):
+    monkeypatch.setattr("humanclaw.testing.kinds.PATIENCE", 900)  # A loaded machine may compile for minutes.
     reports = check_target(name, Plugins.discover())
     assert reports
     assert [fault for report in reports for fault in report.faults] == []

@@ -104,21 +104,10 @@ def test_an_adapter_of_another_base_is_refused_with_both_digests(copy):
     )
 
 
-def test_an_adapter_of_another_skill_is_refused(copy):
-    folder = copy("step_back", head=lambda h: h["adapter"].update(skill="moonwalk"))
-    assert "is the adapter of 'moonwalk', not of 'step_back'" in _disabled(folder)
-
-
 def test_an_adapter_that_was_cut_off_is_refused(copy):
     folder = copy("step_back")
     file = folder / "adapter.safetensors"
     file.write_bytes(file.read_bytes()[:-1000])
-    assert "cannot be read as a checkpoint" in _disabled(folder)
-
-
-def test_a_text_in_place_of_an_adapter_is_refused(copy):
-    folder = copy("step_back")
-    (folder / "adapter.safetensors").write_text("version https://git-lfs.github.com/spec/v1")
     assert "cannot be read as a checkpoint" in _disabled(folder)
 
 
@@ -169,11 +158,6 @@ def test_a_header_whose_range_is_no_number_is_refused_and_not_taken_for_a_wide_o
     assert "train adapter --skill" in reason
 
 
-def test_a_scale_of_zero_is_refused(copy):
-    folder = copy("step_back", head=lambda head: head["adapter"].update(scale=[0]))
-    assert "no finite centre and positive scale of z" in _disabled(folder)
-
-
 @pytest.mark.parametrize("odd", [["a"], {"a": 1}, 7, None])
 def test_a_measure_that_is_no_name_disables_that_one_skill(copy, odd):
     folder = copy("step_back", lambda s: s["properties"]["z_cm"].update({"x-measure": odd}))
@@ -192,7 +176,7 @@ def test_whatever_goes_wrong_in_the_check_is_told_as_a_reason(copy):
 
 @pytest.mark.parametrize(
     ("name", "key", "measure", "units"),
-    [("step_back", "z_cm", "heading.left", "m.*rad"), ("turn_in_place", "yaw_deg", "hips.left", "rad.*m")],
+    [("turn_in_place", "yaw_deg", "hips.left", "rad.*m")],
 )
 def test_a_measure_in_another_unit_than_its_parameter_is_refused(copy, name, key, measure, units):
     folder = copy(name, lambda s: s["properties"][key].update({"x-measure": measure}))
@@ -207,52 +191,12 @@ def test_a_measure_in_another_unit_than_its_parameter_is_refused(copy, name, key
         ({"anyOf": [{"required": ["z_cm"]}]}, "has 'anyOf' beside its properties"),
         ({"allOf": [{"required": ["z_cm"]}]}, "has 'allOf' beside its properties"),
         ({"not": {"required": ["x_cm"]}}, "has 'not' beside its properties"),
-        ({"minProperties": 1}, "has 'minProperties' beside its properties"),
         ({"additionalProperties": True}, "Set additionalProperties to false"),
         ({"description": 5}, "has the description 5. Describe it"),
-        ({"description": " "}, "has the description ' '. Describe it"),
     ],
 )
 def test_what_a_schema_says_to_nobody_is_refused_with_a_remedy(copy, change, said):
     assert said in _disabled(copy("step_back", lambda schema: schema.update(change)))
-
-
-@pytest.mark.parametrize("word", ["description", "additionalProperties"])
-def test_a_schema_that_lacks_a_word_is_refused(copy, word):
-    assert word in _disabled(copy("step_back", lambda schema: schema.pop(word)))
-
-
-@pytest.mark.parametrize(
-    ("change", "said"),
-    [
-        ({"minimum": 40, "maximum": 10}, "may be 40 to 10, which no number is. Swap"),
-        ({"description": ""}, "'z_cm' of skill 'step_back' has the description ''. Describe it"),
-        ({"description": 5}, "5 is not of type 'string'"),
-    ],
-)
-def test_a_parameter_that_nobody_could_use_is_refused_with_a_remedy(copy, change, said):
-    assert said in _disabled(copy("step_back", lambda schema: schema["properties"]["z_cm"].update(change)))
-
-
-def test_two_checks_with_one_id_are_refused(copy):
-    folder = copy("step_back")
-    (folder / "checklist.toml").write_text('[[check]]\nid = "a"\nquestion = "Is it?"\n' * 2)
-    assert "skill 'step_back' has 2 checks with the id 'a'. Rename them." in _disabled(folder)
-
-
-def test_a_default_outside_its_bounds_is_refused(copy):
-    folder = copy("walk", lambda s: s["properties"]["x_cm"].update(default=31))
-    assert "the default of 'x_cm' of skill 'walk' is refused by its own schema: 31 is greater" in _disabled(folder)
-
-
-def test_a_parameter_that_may_be_left_out_needs_a_default(copy):
-    folder = copy("walk", lambda s: s["properties"]["x_cm"].pop("default"))
-    assert "'x_cm' of skill 'walk' may be left out and has no default" in _disabled(folder)
-
-
-def test_a_required_parameter_has_to_be_declared(copy):
-    folder = copy("step_back", lambda s: s["required"].append("speed"))
-    assert "requires 'speed', which its properties do not declare" in _disabled(folder)
 
 
 @pytest.mark.parametrize(
@@ -282,12 +226,9 @@ def test_a_measure_that_nobody_knows_is_refused_and_one_of_the_same_plugin_is_kn
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ('[[checks]]\nid = "a"\nquestion = "Is it?"', "it has 'checks'"),
-        ('check = ["Is it?"]', "a check is not a table"),
         ('[check]\nid = "a"\nquestion = "Is it?"', "a check is not a table"),
         ('[[check]]\nid = "a"\nquestion = "Is it?"\nwhy = "so"', "a check is not a table"),
         ('[[check]]\nid = "a"', "a check is not a table"),
-        ("[[check]", "Expected"),
     ],
 )
 def test_a_checklist_in_any_other_form_is_refused_with_the_form(copy, text, said):
@@ -296,11 +237,6 @@ def test_a_checklist_in_any_other_form_is_refused_with_the_form(copy, text, said
     reason = _disabled(folder)
     assert said in reason
     assert "[[check]], id" in reason
-
-
-def test_a_skill_whose_schema_is_none_leaves_its_neighbours_alone(copy):
-    folder = copy("step_back", lambda s: s.update(type="array"))
-    assert "must have type 'object'" in _disabled(folder)
 
 
 def test_a_plugin_file_asked_for_by_name_raises_for_a_skill_that_breaks_the_contract(copy, tmp_path):

@@ -1,0 +1,76 @@
+"""Check what links and lists the pages of the repository: `make lint`. It imports nothing of ours."""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+LETTERS = 60
+LONGER = 753
+"""Names of tests that are longer than 60 letters today. Lower it with each that is shortened; never raise it."""
+
+
+def contents() -> Iterator[str]:
+    """Yield pages of the site that mkdocs.yml does not list."""
+    listed = (ROOT / "mkdocs.yml").read_text("utf-8")
+    for path in sorted((ROOT / "docs").rglob("*.md")):
+        if (page := path.relative_to(ROOT / "docs").as_posix()) not in listed:
+            yield f"docs/{page} is not in mkdocs.yml. Add it."
+
+
+def links() -> Iterator[str]:
+    """Yield links between pages that lead nowhere."""
+    pages = [ROOT / "README.md", *ROOT.glob("*/README.md"), *ROOT.glob("[phs]*/*/README.md")]
+    for page in [*pages, *sorted((ROOT / "docs").rglob("*.md"))]:
+        for target in re.findall(r"\]\((?!https?://|#)([^)#\s]+)", page.read_text("utf-8")):
+            if not (page.parent / target).exists():
+                yield f"{page.relative_to(ROOT)} links to {target}, which is not there."
+
+
+def readme() -> Iterator[str]:
+    """Yield a fault if README has 900 words or more, comments not counted."""
+    text = re.sub(r"<!--.*?-->", "", (ROOT / "README.md").read_text("utf-8"), flags=re.DOTALL)
+    if (words := len(text.split())) >= 900:
+        yield f"README.md has {words} words; at most 899. Move some to docs/."
+
+
+def paper() -> Iterator[str]:
+    """Yield items of the paper without a place in the code or a check, and sections that one page alone tells of."""
+    lines = (ROOT / "docs/paper-items.md").read_text("utf-8").splitlines()[6:]
+    items = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
+    for _, item, state, code, check in items:
+        places = [word for word in re.findall(r"`([^`]+)`", f"{code} {check}") if not word.startswith("humanclaw ")]
+        if state not in ("as", "differs", "more", "open"):
+            yield f"docs/paper-items.md: {item} has the state {state!r}; expected as, differs, more or open."
+        if not places:
+            yield f"docs/paper-items.md: {item} names no file."
+        yield from (f"docs/paper-items.md: there is no {place}." for place in places if not (ROOT / place).is_file())
+    rows = re.findall(r"^\| ([\d., AB]+) \|", (ROOT / "docs/paper.md").read_text("utf-8"), re.MULTILINE)
+    told = {section for row in rows for section in row.split(", ")}
+    for section in sorted({section for section, _, state, _, _ in items if state in ("differs", "open")} - told):
+        yield f"docs/paper.md lacks section {section}, which docs/paper-items.md calls different or open."
+    for section in sorted(told - {section for section, *_ in items}):
+        yield f"docs/paper-items.md lacks section {section} of docs/paper.md."
+
+
+def names() -> Iterator[str]:
+    """Yield a fault if more names of tests than LONGER are longer than 60 letters."""
+    files = [*ROOT.glob("tests/**/test_*.py"), *ROOT.glob("[phs]*/*/tests/**/test_*.py")]
+    found = [
+        name for file in files for name in re.findall(r"^(?:async )?def (test_\w+)", file.read_text("utf-8"), re.M)
+    ]
+    if (longer := sum(len(name) > LETTERS for name in found)) > LONGER:
+        yield f"{longer} names of tests are longer than {LETTERS} letters; at most {LONGER}. Shorten yours."
+
+
+def main() -> int:
+    found = [fault for check in (contents, links, readme, paper, names) for fault in check()]
+    print(*found, sep="\n", end="\n" if found else "")
+    return bool(found)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
