@@ -4,12 +4,13 @@ import asyncio
 import json
 import subprocess
 import sys
+import time
 
 import numpy as np
 import pytest
 from hosting import host_of
 
-from humanclaw import Call, Decision, Episode, Keyframes, Observation, Plugins, Verdict, body_tools, skill
+from humanclaw import Body, Call, Decision, Episode, Keyframes, Observation, Plugins, Verdict, body_tools, skill
 from humanclaw.errors import PluginError, PluginRunError
 from humanclaw.records import free_episode
 from humanclaw.testing import fake_body
@@ -147,3 +148,23 @@ def test_an_event_loop_goes_on_while_the_body_moves_and_calls_wait_for_one_anoth
         assert asyncio.run(tool.acall()).picture
     assert sorted(one.step for one in seen) == [1, 2]
     assert ticks
+
+
+def test_calls_and_all_tools_of_a_body_wait_for_one_another(monkeypatch):
+    inside, most = [], []
+
+    def alone(body, skill, /, **params):
+        inside.append(skill)
+        most.append(len(inside))
+        time.sleep(0.01)
+        inside.pop()
+        return Observation(0, "", np.zeros((8, 8, 3), np.uint8))
+
+    async def mixed():
+        lists = (body_tools(body), body_tools(body))
+        await asyncio.gather(body.acall("nod"), *(tools[0].acall() for tools in lists), body.acall("nod"))
+
+    with fake_body(nod) as body:
+        monkeypatch.setattr(Body, "call", alone)
+        asyncio.run(mixed())
+    assert most == [1] * 4

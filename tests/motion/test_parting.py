@@ -35,6 +35,14 @@ def test_feet_at_a_right_angle_need_room_for_the_length_of_a_shoe():
     assert moved[0] - 0.06 > 0.045
 
 
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_feet_that_face_backwards_give_way_as_feet_that_face_ahead(side):
+    """Both shoes turned by half a turn: one heading just below pi, the other just above -pi."""
+    ahead = apart(np.array([0.02, 0.0, 0.05]), np.array(-0.03), np.zeros(3), np.array(0.03), side)
+    behind = apart(np.array([-0.02, 0.0, -0.05]), np.array(np.pi - 0.03), np.zeros(3), np.array(0.03 - np.pi), side)
+    assert behind == pytest.approx(-ahead, abs=1e-9)
+
+
 def test_peaks_are_widened_and_not_lowered():
     sizes = np.zeros(15)
     sizes[7] = 0.03

@@ -71,7 +71,8 @@ class Body:
         self._simulator: Simulator = self._make("simulators", self.backends.simulator)
         self._renderer: Renderer = self.plugins.make("renderers", self.backends.renderer)
         self._shown: Scene | None = None
-        self._turn = threading.Lock()
+        self.turn = threading.Lock()
+        """Held during a call by acall() and by every list of tools: a body does one thing at a time."""
         self.resets = 0
         """Number of resets. An episode of an earlier count is over."""
         self.place(scene, start, seed=seed)
@@ -171,10 +172,10 @@ class Body:
         return self.observe(feedback=done.feedback)
 
     async def acall(self, skill: str, /, **params: Any) -> Observation:
-        """Do the same as call() in a thread, so that an event loop goes on. Calls wait for one another."""
+        """Do the same as call() in a thread, so that an event loop goes on. Calls and tools wait for one another."""
 
         def turn() -> Observation:
-            with self._turn:
+            with self.turn:
                 return self.call(skill, **params)
 
         return await asyncio.to_thread(turn)

@@ -42,6 +42,9 @@ class Driven(Protocol):
     @property
     def gaze(self) -> Gaze: ...
 
+    @property
+    def turn(self) -> threading.Lock: ...
+
     def observe(self, instruction: str = "") -> Observation: ...
 
     def call(self, skill: str, /, **params: Any) -> Observation: ...
@@ -74,6 +77,10 @@ class Verified:
     def gaze(self) -> Gaze:
         return self._body.gaze
 
+    @property
+    def turn(self) -> threading.Lock:
+        return self._body.turn
+
     def observe(self, instruction: str = "") -> Observation:
         return self._body.observe(instruction)
 
@@ -92,19 +99,18 @@ class Verified:
 
 
 def body_tools(body: Driven) -> tuple[BodyTool, ...]:
-    """Return a tool for every skill that can run, and `look`. A lock makes calls wait: a body does one thing at a
-    time.
+    """Return a tool for every skill that can run, and `look`. The body's lock makes calls wait, from
+    any list of its tools and from acall(): a body does one thing at a time.
 
     After a skill of role stop the body moves no more until it is reset.
     """
-    turn = threading.Lock()
     stopped: set[int] = set()
     ready = tellable((skill for skill in body.skills.values() if skill.trained), "openai")
     specs = [tool_spec(skill, reasoning=False) for skill in ready]
 
     def runner(name: str) -> Callable[[str | Mapping[str, Any]], ToolResult]:
         def run(arguments: str | Mapping[str, Any]) -> ToolResult:
-            with turn:
+            with body.turn:
                 if name != LOOK and body.resets in stopped:
                     return ToolResult("Nothing was executed: you have stopped, and the task is over.")
                 done = _run(body, name, arguments)

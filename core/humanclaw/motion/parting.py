@@ -38,7 +38,9 @@ def apart(
     sole, other: (..., 3) below the ankles. side: 1 for a left foot, -1 for a right one. over: how far one shoe is
     above the other one, metres.
     """
-    aside = _aside((yaw + other_yaw) / 2) * np.asarray(side)[..., None]
+    # Headings on both sides of the turn from pi to -pi: their plain mean points backwards.
+    backwards = np.pi * np.round((yaw - other_yaw) / (2 * np.pi))
+    aside = _aside((yaw + other_yaw) / 2 + backwards) * np.asarray(side)[..., None]
     between = (sole - other)[..., [0, 2]]
     centre = between + (HEEL_END + TOE_END) / 2 * (_ahead(yaw) - _ahead(other_yaw))
     across, along = _gaps(centre, yaw, other_yaw, aside)

@@ -29,11 +29,32 @@ ALIASES: Final[Mapping[str, tuple[str, ...]]] = {
     "toilet": ("toilet", "lavatory", "wc", "commode"),
 }
 """Words for each target category. A category without an entry is its own word."""
+_ALIAS: Final = "|".join(sorted((alias for words in ALIASES.values() for alias in words), key=len, reverse=True))
+_THE: Final = r"(?:(?:the|a|an|your|that|this)\s+)?"
+_RELATION: Final = (
+    "behind|past|beside|near|by|under|around|opposite|facing|between|without|from|not|"
+    r"(?:next|close)\s+to|in\s+front\s+of|(?:left|right)\s+of"
+)
+# Up to two adjectives stand before a noun, and none is "to": "past the door to the bed" means the bed.
+_LANDMARK: Final = re.compile(
+    rf"\b(?:{_RELATION})\s+{_THE}(?:(?!to\b)\w+\s+){{0,2}}?(?:{_ALIAS})s?\b(?:\s+and\s+{_THE}(?:{_ALIAS})s?\b)?"
+)
+_REFUSED_SEAT: Final = re.compile(
+    r"(?:\bnot|n['\u2019]t|\bdont|\bnever)\s+(?:(?:to|ever|yet)\s+)?(?:take\s+a\s+)?(?:sit|seat)\b"
+)
 
 
 def category_of(instruction: str) -> str:
-    """Return the target category that an instruction names, by its longest alias; empty if it names none."""
+    """Return the target category that an instruction names, by its longest alias; empty if it names none.
+
+    A thing that only says where another one is, or that is passed or left, is the target only if there is no other:
+    "the tv behind the plant" means a tv.
+    """
     words = instruction.lower()
+    return _named_in(_LANDMARK.sub(" ", words)) or _named_in(words)
+
+
+def _named_in(words: str) -> str:
     found = [
         (len(alias), category)
         for category, aliases in ALIASES.items()
@@ -50,7 +71,8 @@ def require_words(instruction: str) -> None:
 
 
 def wants_to_sit(instruction: str) -> bool:
-    return bool(re.search(r"\b(sit|seat|sit down|take a seat)\b", instruction.lower()))
+    """Tell whether an instruction asks to sit down: "do not sit" does not."""
+    return bool(re.search(r"\b(sit|seat)\b", _REFUSED_SEAT.sub(" ", instruction.lower())))
 
 
 def free_episode(instruction: str, scene: Scene, *, seed: int = 0, max_steps: int = 100, name: str = "") -> EpisodeSpec:

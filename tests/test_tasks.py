@@ -1,0 +1,45 @@
+"""What an instruction asks for: the thing it means among those it names, and whether to sit on it."""
+
+import pytest
+
+from humanclaw.records import ALIASES, category_of, instruction, wants_to_sit
+
+
+@pytest.mark.parametrize(
+    ("words", "category"),
+    [
+        ("find the tv behind the plant", "tv"),
+        ("Find the TV behind the big potted plants.", "tv"),
+        ("walk past the television to the bed", "bed"),
+        ("go from the television to the couch", "couch"),
+        ("walk past the door to the bed", "bed"),
+        ("find the bed between the armchair and the television", "bed"),
+        ("find the bed in front of the flat tv screen", "bed"),
+        ("find a bed, not a couch", "bed"),
+        ("stand next to the sofa", "couch"),
+        ("find the door", ""),
+    ],
+)
+def test_a_thing_that_only_says_where_is_not_the_target(words, category):
+    assert category_of(words) == category
+
+
+@pytest.mark.parametrize("category", ALIASES)
+def test_the_instruction_for_a_category_names_it(category):
+    assert category_of(instruction(category)) == category
+
+
+@pytest.mark.parametrize(
+    ("words", "sits"),
+    [
+        ("go to the couch but do not sit on it", False),
+        ("go to the couch; don't sit down", False),
+        ("go to the couch and never take a seat", False),
+        ("do not stop; sit on the couch", True),
+        ("find the couch and sit on it, do not sit on the bed", True),
+        ("find a couch and take a seat", True),
+        ("find a couch", False),
+    ],
+)
+def test_who_is_told_not_to_sit_is_not_asked_to(words, sits):
+    assert wants_to_sit(words) is sits
