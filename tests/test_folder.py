@@ -144,7 +144,7 @@ OWN = {
     "core/humanclaw/records/": "streams of the door",
     "core/humanclaw/testing/indexing.py": "a stream of the door, and a temporary folder",
     "core/humanclaw/testing/speed.py": "/proc",
-    "harnesses/frameworks/humanclaw_frameworks/smolagents.py": "bytes",
+    "harnesses/frameworks/humanclaw_frameworks/wrappers.py": "bytes",
     "harnesses/human/humanclaw_human/window.py": "a temporary folder",
     "harnesses/pilot/humanclaw_pilot/": "views and weights of the user",
     "plugins/bench/humanclaw_bench/settings.py": "plugin files that the user named, and weights of installed skills",

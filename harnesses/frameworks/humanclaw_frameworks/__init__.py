@@ -1,13 +1,11 @@
-"""HumanCLAW harness: the skills as tools of agent frameworks, one module for each framework.
+"""HumanCLAW harness: the skills as tools of agent frameworks.
 
-Body.tools("langchain") imports humanclaw_frameworks.langchain and calls its `wrap`. A plugin can add a framework with
-the same hook.
+Body.tools("langchain") calls `langchain` of wrappers.py. A plugin can add a framework with the same hook.
 """
 
 from __future__ import annotations
 
-import importlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
@@ -38,9 +36,10 @@ def humanclaw_frameworks(register: Register[FrameworkFactory]) -> None:
 
 
 def _wrap(name: str, distribution: str, tools: Sequence[BodyTool]) -> Any:
+    from humanclaw_frameworks import wrappers
+
     try:
-        wrap: Callable[[Sequence[BodyTool]], Any] = importlib.import_module(f"{__name__}.{name}").wrap
+        return getattr(wrappers, name)(tools)
     except ModuleNotFoundError as error:
         needed = f'tools("{name}") needs {error.name}, which is not installed.'
         raise PluginError(needed, f"Run `pip install {distribution}`.") from error
-    return wrap(tools)

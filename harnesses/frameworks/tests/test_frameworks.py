@@ -132,7 +132,6 @@ def test_googles_calls_are_answered_by_responses_and_a_picture(home):
 
 def test_a_framework_that_is_not_installed_is_told_with_the_line_that_installs_it(home, monkeypatch):
     monkeypatch.setitem(sys.modules, "smolagents", None)
-    monkeypatch.delitem(sys.modules, "humanclaw_frameworks.smolagents", raising=False)
     with pytest.raises(PluginError) as refused:
         home.tools("smolagents")
     assert refused.value.message == 'tools("smolagents") needs smolagents, which is not installed.'

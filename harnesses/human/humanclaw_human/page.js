@@ -5,7 +5,7 @@
 /** @typedef {{name: string, description: string, minimum?: number, maximum?: number, value: number}} Parameter */
 /** @typedef {{name: string, description: string, parameters: Parameter[]}} Skill */
 /** @typedef {{leave: string, keys: Record<string, string>, words: Record<string, string>, skills: Skill[]}} Controls */
-/** @typedef {{step: number, of: number, instruction: string, feedback: string, past: [string, string][], between: number, result?: string}} Moment */
+/** @typedef {{step: number, of: number, instruction: string, feedback: string, past: [string, string][], between: number, result?: string}} PageState */
 
 {
   const at = (/** @type {string} */ id) => /** @type {HTMLElement} */ (document.getElementById(id));
@@ -42,7 +42,7 @@
     }));
   }
 
-  /** Show the half second that led here, at its own speed, and then the view. @param {Moment} now */
+  /** Show the half second that led here, at its own speed, and then the view. @param {PageState} now */
   function move(now) {
     const view = /** @type {HTMLImageElement} */ (at("view")), still = matchMedia("(prefers-reduced-motion: reduce)").matches;
     const moving = still ? [] : Array.from({ length: now.between }, (_, k) => `between-${k}.jpg`);
@@ -53,7 +53,7 @@
     });
   }
 
-  /** @param {Moment} now */
+  /** @param {PageState} now */
   function show(now) {
     move(now);
     at("instruction").textContent = now.instruction;
@@ -81,7 +81,7 @@
     const ended = at("acting").hidden;
     try {
       const told = await (await fetch("state", { cache: "no-store" })).text();
-      const now = /** @type {Moment} */ (JSON.parse(told));
+      const now = /** @type {PageState} */ (JSON.parse(told));
       if (ended && !now.result) location.reload(); // Another episode is served here.
       if (now.result) end(now.result, await replay());
       else if (told !== shown && now.step >= 0) show(now);

@@ -19,7 +19,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from humanclaw import CallError, Decision, EpisodeContext, HistoryEntry, Observation, Skill
 from humanclaw.records import REPORT
 from humanclaw_human.commands import forms, in_words, keys, manual, parse
-from humanclaw_human.window import Controls, Moment, Window
+from humanclaw_human.window import Controls, PageServer, PageState
 
 _REVISIT: Final = 1.0
 """Seconds for the last episode's page to reconnect to the same port, before a new page opens."""
@@ -55,9 +55,9 @@ class Person:
     def __init__(self, settings: Settings, ask: Callable[[str], str] | None = None) -> None:
         self.settings = settings.model_dump()
         self._settings = settings
-        self._lines = Lines()
+        self._lines = InputQueue()
         self._ask = ask or self._lines.ask
-        self._window: Window | None = None
+        self._window: PageServer | None = None
 
     def begin(self, context: EpisodeContext) -> None:
         self._skills, self._most = context.skills, context.spec.max_steps
@@ -74,7 +74,7 @@ class Person:
         assert self._window is not None
         past = tuple((str(entry.executed or "no call"), str(entry.feedback)) for entry in history)
         told = (observation.instruction, str(observation.feedback), past)
-        self._window.show(observation.rgb, Moment(observation.step, self._most, *told, observation.between))
+        self._window.show(observation.rgb, PageState(observation.step, self._most, *told, observation.between))
         if observation.feedback:
             click.echo(str(observation.feedback))
         while True:
@@ -97,8 +97,8 @@ class Person:
             self._window.end(result, run / REPORT)
 
 
-class Lines:
-    """Lines from the terminal and the page, in order of arrival."""
+class InputQueue:
+    """InputQueue from the terminal and the page, in order of arrival."""
 
     def __init__(self) -> None:
         self._queue: queue.Queue[str | None] = queue.Queue()
@@ -141,11 +141,11 @@ def _is_nothing(stream: TextIO) -> bool:
 
 def _opened(
     settings: Settings, submit: Callable[[str | None], None], skills: Mapping[str, Skill]
-) -> tuple[Window, Path, ExitStack]:
+) -> tuple[PageServer, Path, ExitStack]:
     """Return the page, the file that leads to it, and what closes both."""
     lines, closing = keys(skills), ExitStack()
     controls = Controls(lines, in_words(lines, skills), forms(skills))
-    window = Window(settings.port, submit, lambda line: parse(line, skills), controls)
+    window = PageServer(settings.port, submit, lambda line: parse(line, skills), controls)
     closing.callback(window.close)
     link = closing.enter_context(window.link())
     if settings.browser:

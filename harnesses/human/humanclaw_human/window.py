@@ -34,7 +34,7 @@ LEAVE: Final = "leave the episode"
 
 
 @dataclass(frozen=True)
-class Moment:
+class PageState:
     """Content of the page before a decision: what a model gets, and nothing that only the scene knows."""
 
     step: int
@@ -64,7 +64,7 @@ class Controls:
 NO_CONTROLS: Final = Controls()
 
 
-class Window:
+class PageServer:
     """Serves the page until closed, to browsers of this machine only."""
 
     def __init__(
@@ -107,7 +107,7 @@ class Window:
             path.write_text(f'<meta http-equiv="refresh" content="0; url={self.address}">', "utf-8")
             yield path
 
-    def show(self, rgb: NDArray[np.uint8], moment: Moment) -> None:
+    def show(self, rgb: NDArray[np.uint8], moment: PageState) -> None:
         """Show text and an (H, W, 3) picture, as the JPEG that a model gets; then accept one call."""
         self._picture = jpeg(rgb)
         self._between = moment.between

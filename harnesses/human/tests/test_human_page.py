@@ -11,7 +11,7 @@ from browser import barriers, browsing, looks, opened, slow
 
 from humanclaw import Plugins
 from humanclaw_human.commands import forms, in_words, keys, parse
-from humanclaw_human.window import Controls, Moment, Window
+from humanclaw_human.window import Controls, PageServer, PageState
 
 pytestmark = slow
 PICTURE = np.full((64, 64, 3), 90, np.uint8)
@@ -25,7 +25,7 @@ def lines():
 @pytest.fixture
 def window(lines):
     skills = Plugins.discover().skills
-    window = Window(
+    window = PageServer(
         0,
         lines.put,
         lambda line: parse(line, skills),
@@ -41,7 +41,7 @@ def test_keys_buttons_and_the_form_are_calls_until_the_replay(window, lines, tmp
         tab, errors = opened(browser, window.address, size, scheme)
 
         def shown(step):
-            window.show(PICTURE, Moment(step, 9, "Find a couch.", "You walked.", (("stop()", "no"),)))
+            window.show(PICTURE, PageState(step, 9, "Find a couch.", "You walked.", (("stop()", "no"),)))
             tab.wait_for_function(f"document.getElementById('step').textContent === 'Step {step} of 9'")
 
         shown(0)
@@ -78,7 +78,7 @@ def test_two_pages_of_one_episode_make_one_call_at_a_time_and_stay_alike(window,
     with browsing() as browser:
         one, other = (opened(browser, window.address)[0] for _ in range(2))
         for step in (0, 1):
-            window.show(PICTURE, Moment(step, 9, "Find a couch."))
+            window.show(PICTURE, PageState(step, 9, "Find a couch."))
             for tab in (one, other):
                 tab.wait_for_function(f"document.getElementById('step').textContent === 'Step {step} of 9'")
             one.keyboard.press("S")  # As with Caps Lock.

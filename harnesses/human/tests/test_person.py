@@ -18,7 +18,7 @@ from humanclaw import Call, CallError, EpisodeContext, EpisodeSpec, HumanclawErr
 from humanclaw.storage import jpeg
 from humanclaw_human.commands import forms, in_words, keys, manual, parse
 from humanclaw_human.person import Person, Settings
-from humanclaw_human.window import LEAVE, Moment, Window
+from humanclaw_human.window import LEAVE, PageServer, PageState
 
 
 @pytest.fixture(scope="module")
@@ -82,10 +82,10 @@ def test_a_person_is_asked_again_until_the_line_is_a_call(skills, capsys):
 
 @pytest.mark.integration
 def test_the_view_is_served_to_this_machine_with_the_words_of_the_step():
-    window = Window()
+    window = PageServer()
     try:
         past, between = (("turn", "You turned."),), (b"first", b"second")
-        window.show(PICTURE, Moment(3, 100, "Find a chair.", "You walked.", past, between))
+        window.show(PICTURE, PageState(3, 100, "Find a chair.", "You walked.", past, between))
         assert json.load(urlopen(window.address + "state")) == {
             "step": 3, "of": 100, "instruction": "Find a chair.", "feedback": "You walked.",
             "past": [["turn", "You turned."]], "between": 2,
@@ -106,7 +106,7 @@ def pressed():
 
 @pytest.fixture
 def window(pressed, skills):
-    window = Window(0, pressed.append, lambda line: parse(line, skills))
+    window = PageServer(0, pressed.append, lambda line: parse(line, skills))
     yield window
     window.close()
 
@@ -125,11 +125,11 @@ def press(window, line):
 @pytest.mark.integration
 def test_a_call_is_taken_while_one_is_waited_for(window, pressed):
     assert press(window, "walk 0 40 0") == 409, "nothing is shown yet"
-    window.show(PICTURE, Moment(0, 9, "Find a chair."))
+    window.show(PICTURE, PageState(0, 9, "Find a chair."))
     assert press(window, "fly 3") == 400
     assert press(window, "walk 0 40 0 # a chair") == 204
     assert press(window, "walk 0 40 0") == 409, "the body moves"
-    window.show(PICTURE, Moment(1, 9, "Find a chair."))
+    window.show(PICTURE, PageState(1, 9, "Find a chair."))
     window.settle()
     assert press(window, "walk 0 40 0") == 409, "a line was typed"
     assert pressed == ["walk 0 40 0 # a chair"]
@@ -150,7 +150,7 @@ def test_the_page_ends_with_the_result_and_then_the_replay(skills, window, tmp_p
 @pytest.mark.integration
 @pytest.mark.parametrize("path", ["/", "/state", "/view.jpg", "/call", "/x/state", "/x/call", "//call", "/call/"])
 def test_who_does_not_know_the_address_sees_and_presses_nothing(window, pressed, path):
-    window.show(PICTURE, Moment(0, 9, "Find a chair."))
+    window.show(PICTURE, PageState(0, 9, "Find a chair."))
     there = f"http://{urlsplit(window.address).netloc}{path}"
     assert [answered(there), answered(Request(there, b"walk 0 40 0"))] == [403, 403]
     assert pressed == []

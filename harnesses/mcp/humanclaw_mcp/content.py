@@ -32,8 +32,7 @@ from humanclaw.body import JOINTS, Pose2D
 from humanclaw.records import ALIASES, FLOOR_THRESHOLD, SEATS
 from humanclaw.skills import bounds, parameter_schema, publish
 from humanclaw.storage import jpeg
-from humanclaw_mcp.session import Snapshot
-from humanclaw_mcp.settings import Settings
+from humanclaw_mcp.session import Settings, Snapshot
 
 Json = dict[str, Any]
 LOOK: Final = "look"

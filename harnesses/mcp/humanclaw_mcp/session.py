@@ -1,4 +1,4 @@
-"""A client's body and its episodes, one after another.
+"""Bodies and their episodes, one after another: the settings, a client's session, and the sessions of a server.
 
 Requests come on any thread. A session runs one at a time, and a lock that all sessions share lets one body move at a
 time: the simulator is not thread-safe, and the motion of a body must not depend on other bodies.
@@ -7,15 +7,18 @@ time: the simulator is not thread-safe, and the motion of a body must not depend
 from __future__ import annotations
 
 import datetime
+import os
 import threading
 import time
 import uuid
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final
+from typing import Any, Final, Literal
 
+import anyio
+import anyio.to_thread
 import numpy as np
 from numpy.typing import NDArray
 
@@ -23,7 +26,66 @@ from humanclaw import Backends, Body, Decision, Episode, HumanclawError, Plugins
 from humanclaw.body import Pose2D
 from humanclaw.records import Outcome, free_episode
 from humanclaw.world import WorldState, geodesics
-from humanclaw_mcp.settings import Settings
+
+_SHORTEST_TOKEN: Final = 16
+"""Characters: shorter tokens can be guessed."""
+SESSION_HEADER: Final = "mcp-session-id"
+SESSIONS: Final = 256
+"""Most open sessions. A session needs little memory; bodies have their own limit."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Settings of bodies and their episodes. Raises HumanclawError for invalid values."""
+
+    scenes: tuple[str, ...] = ("house:0",)
+    """Scenes that a client may choose; the first is the default."""
+    instruction: str = "Do as you are asked."
+    """Task in the record, unless the client gives one."""
+    seed: int = 0
+    max_steps: int = 100
+    profile: Literal["default", "paper"] = "default"
+    simulator: str = ""
+    """Name of the simulator; empty for the default one."""
+    generator: str = Backends.generator
+    prior: str = Backends.prior
+    sensors: tuple[str, ...] = ()
+    """Sensors of an answer besides the view (humanclaw.episodes)."""
+    reasoning: bool = False
+    """Whether a call must also say what is seen and why, as in the benchmark."""
+    verifier: str = ""
+    """Name of the verifier that checks each call before the body moves; empty for none."""
+    options: Mapping[str, Any] = field(default_factory=dict)
+    """Options of the verifier, such as its model."""
+    bodies: int = 4
+    """Most bodies at one time, one for each session."""
+    idle: float = 900.0
+    """Seconds without a call after which a body is closed."""
+    progress_every: float = 1.0
+    """Seconds between two progress messages to a client that asked for them."""
+    auth_env: str = ""
+    """Environment variable with the token that every HTTP request must carry; empty for none."""
+    out: Path | None = None
+    """Folder for the records of the episodes; None keeps none."""
+
+    @property
+    def token(self) -> str:
+        """Token that HTTP requests must carry; empty for none."""
+        return os.environ.get(self.auth_env, "").strip() if self.auth_env else ""
+
+    def __post_init__(self) -> None:
+        if self.auth_env and len(self.token) < _SHORTEST_TOKEN:
+            told = f"{self.auth_env} holds no token of {_SHORTEST_TOKEN} letters or more."
+            raise HumanclawError(told, f'For example: export {self.auth_env}="$(openssl rand -hex 32)".')
+        if not self.scenes:
+            raise HumanclawError("no scene is given.", "Name at least one, such as --scene house:0.")
+        if self.bodies < 1 or self.max_steps < 1 or self.idle <= 0:
+            raise HumanclawError("bodies, max_steps and idle must be positive.", "Leave them out for the defaults.")
+        if self.options and not self.verifier:
+            raise HumanclawError("--option belongs to a verifier, and none is named.", "Add --verifier NAME.")
+        if not self.instruction.strip():
+            raise HumanclawError("the instruction is empty.", "Say what the body is to do.")
+
 
 _LONGEST_NAME: Final = 64
 _MAKING: Final = "The body is being made."
@@ -67,15 +129,15 @@ def printable(client: str) -> str:
 class Session:
     """A body and its episodes. Thread-safe: requests run one at a time."""
 
-    def __init__(self, plugins: Plugins, settings: Settings, stage: threading.Lock, client: str = "") -> None:
-        """Make nothing before the first request. stage: lock shared by all sessions."""
+    def __init__(self, plugins: Plugins, settings: Settings, motion_lock: threading.Lock, client: str = "") -> None:
+        """Make nothing before the first request. motion_lock: lock shared by all sessions."""
         self.used = time.monotonic()
         self.doing = ""
         """Activity of the current request, as text."""
         self.task = Task(settings.instruction, settings.scenes[0], settings.seed)
         """Task of the current episode, or of the first one before it begins."""
         self._name = f"mcp:{printable(client)}" if client else "mcp"
-        self._plugins, self._settings, self._stage = plugins, settings, stage
+        self._plugins, self._settings, self._motion_lock = plugins, settings, motion_lock
         self._turn = threading.Lock()
         self._id = f"{datetime.datetime.now():%Y%m%d-%H%M%S}-{uuid.uuid4().hex[:8]}"
         self._begun = 0
@@ -128,7 +190,7 @@ class Session:
 
     def close(self) -> None:
         """Close the body after the current request; an unfinished episode is recorded as interrupted."""
-        with self._turn, self._stage:
+        with self._turn, self._motion_lock:
             self._closed = True
             self._end()
             if self._body:
@@ -142,7 +204,7 @@ class Session:
             if self._closed:
                 raise HumanclawError("this body has been put away.", "Open a new session.")
             self.doing = _WAITING
-            with self._stage:
+            with self._motion_lock:
                 self.doing = _MOVING
                 try:
                     yield
@@ -190,3 +252,67 @@ class Session:
             max_steps=episode.spec.max_steps,
             steps=episode.steps,
         )
+
+
+class Bodies:
+    """One body for each session, up to a limit. Used from one event loop; the bodies move on worker threads."""
+
+    def __init__(self, settings: Settings, plugins: Plugins | None = None) -> None:
+        """plugins: shared by all sessions; by default the installed ones."""
+        self.settings = settings
+        self.plugins = plugins or Plugins.discover()
+        self._motion_lock = threading.Lock()
+        self._sessions: dict[str, Session] = {}
+        self._evicted: set[str] = set()
+
+    def __len__(self) -> int:
+        return len(self._sessions)
+
+    def find(self, key: str) -> Session | None:
+        return self._sessions.get(key)
+
+    def of(self, key: str, client: str) -> Session:
+        """Return the body of a session; make it if there is none.
+
+        Raises HumanclawError at the limit, and once after an idle body was closed: a client must not take a new body
+        for the old one.
+        """
+        if key in self._evicted:
+            self._evicted.remove(key)
+            idle = f"your body was put away after {self.settings.idle:g} seconds without a call."
+            raise HumanclawError(idle, "Call reset to begin with a new one.")
+        if key not in self._sessions:
+            if len(self) >= self.settings.bodies:
+                raise HumanclawError(
+                    f"all {self.settings.bodies} bodies of this server are in use.",
+                    "Try again later, end another session, or start the server with a larger --bodies.",
+                )
+            self._sessions[key] = Session(self.plugins, self.settings, self._motion_lock, client)
+        return self._sessions[key]
+
+    async def release(self, key: str) -> None:
+        """Close a session's body, if it has one."""
+        self._evicted.discard(key)
+        session = self._sessions.pop(key, None)
+        if session:
+            await anyio.to_thread.run_sync(session.close)
+
+    async def evict_idle(self) -> None:
+        """Close the bodies without a call for `idle` seconds."""
+        oldest = time.monotonic() - self.settings.idle
+        for key in [key for key, session in self._sessions.items() if session.used < oldest and not session.busy]:
+            await self.release(key)
+            self._evicted.add(key)
+
+    async def reap_idle(self) -> None:
+        """Release idle bodies while the server runs."""
+        while True:
+            await anyio.sleep(min(self.settings.idle / 4, 30.0))
+            await self.evict_idle()
+
+    async def close(self) -> None:
+        """Close all bodies; running calls stop after their current chunk of motion."""
+        for session in self._sessions.values():
+            session.stop()
+        for key in list(self._sessions):
+            await self.release(key)

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from humanclaw_mcp.bodies import Bodies
-from humanclaw_mcp.settings import Settings
+from humanclaw_mcp.session import Bodies, Settings
 
 
 @pytest.fixture(scope="module")

@@ -14,8 +14,7 @@ from PIL import Image
 
 from humanclaw import CallError, load_run
 from humanclaw_mcp.content import LOG, STATE
-from humanclaw_mcp.handlers import Handlers
-from humanclaw_mcp.server import make_server
+from humanclaw_mcp.server import Handlers, make_server
 from humanclaw_mcp.session import printable
 
 pytestmark = pytest.mark.anyio

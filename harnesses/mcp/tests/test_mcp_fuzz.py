@@ -12,10 +12,9 @@ import random
 import httpx
 import pytest
 
-from humanclaw_mcp.bodies import Bodies
-from humanclaw_mcp.handlers import Handlers
-from humanclaw_mcp.serve import http_app
-from humanclaw_mcp.settings import Settings
+from humanclaw_mcp.command import http_app
+from humanclaw_mcp.server import Handlers
+from humanclaw_mcp.session import Bodies, Settings
 
 pytestmark = pytest.mark.anyio
 HELLO = {

@@ -10,10 +10,8 @@ from humanclaw import Call, HumanclawError, Keyframes, Plugins, Verdict, hookimp
 from humanclaw.records import Answer
 from humanclaw.testing.fakes import Fakes
 from humanclaw_mcp import content
-from humanclaw_mcp.bodies import Bodies
-from humanclaw_mcp.handlers import Handlers
-from humanclaw_mcp.server import make_server
-from humanclaw_mcp.settings import Settings
+from humanclaw_mcp.server import Handlers, make_server
+from humanclaw_mcp.session import Bodies, Settings
 
 pytestmark = pytest.mark.anyio
 
@@ -21,11 +19,11 @@ pytestmark = pytest.mark.anyio
 async def test_a_body_that_nobody_calls_is_put_away():
     bodies = Bodies(Settings(idle=0.2))
     bodies.of("a", "")
-    await bodies.release_idle()
+    await bodies.evict_idle()
     assert len(bodies) == 1
     await anyio.sleep(0.25)
     bodies.of("b", "")
-    await bodies.release_idle()
+    await bodies.evict_idle()
     assert bodies.find("a") is None
     assert bodies.find("b") is not None
     with pytest.raises(HumanclawError, match=r"put away after 0.2 seconds without a call. Call reset"):

@@ -10,6 +10,7 @@ import subprocess
 import sys
 
 import anyio
+import anyio.to_thread
 import httpx
 import pytest
 from click.testing import CliRunner
@@ -18,14 +19,12 @@ from mcp.client.stdio import StdioServerParameters
 from mcp.shared.exceptions import MCPError
 
 from humanclaw import HumanclawError, PluginError, load_run
-from humanclaw_mcp.bodies import Bodies
-from humanclaw_mcp.command import command as mcp_command
+from humanclaw_mcp.command import command as mcp_command, http_app, serve_http
 from humanclaw_mcp.content import LOG
-from humanclaw_mcp.handlers import Handlers
-from humanclaw_mcp.serve import http_app, serve_http
-from humanclaw_mcp.settings import Settings
+from humanclaw_mcp.server import Handlers
+from humanclaw_mcp.session import Bodies, Settings
 
-pytestmark = pytest.mark.anyio
+pytestmark = [pytest.mark.anyio, pytest.mark.integration]
 COMMAND = ("-m", "humanclaw", "mcp")
 HELLO = {
     "jsonrpc": "2.0",
@@ -94,8 +93,8 @@ def test_only_names_of_this_machine_are_answered(url, headers, status):
 @pytest.fixture
 async def port(anyio_backend, monkeypatch):
     """The port of a server in this process that takes eight connections, and half a second for a request."""
-    monkeypatch.setattr("humanclaw_mcp.serve.CONNECTIONS", 8)
-    monkeypatch.setattr("humanclaw_mcp.serve.REQUEST_SECONDS", 0.5)
+    monkeypatch.setattr("humanclaw_mcp.command.CONNECTIONS", 8)
+    monkeypatch.setattr("humanclaw_mcp.command.REQUEST_SECONDS", 0.5)
     told, told_to = anyio.create_memory_object_stream(1)
     async with anyio.create_task_group() as tasks:
         tasks.start_soon(serve_http, Handlers(Bodies(Settings())), 0, told.send_nowait)
@@ -146,7 +145,7 @@ async def hello(client, **headers):
 
 
 async def test_sessions_that_do_nothing_cannot_shut_others_out(served, monkeypatch):
-    monkeypatch.setattr("humanclaw_mcp.serve.SESSIONS", 4)
+    monkeypatch.setattr("humanclaw_mcp.command.SESSIONS", 4)
     client = await served(Settings())
     opened = [await hello(client) for _ in range(12)]
     assert [answer.status_code for answer in opened] == [200] * 12
@@ -204,24 +203,44 @@ humanclaw_motion_generators = _fakes.humanclaw_motion_generators
 """
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no signal that asks for the end")
-def test_a_server_on_streams_that_is_asked_to_end_closes_its_record_and_ends(tmp_path):
+@pytest.fixture
+def fake(tmp_path):
+    """The command of a server without physics that keeps records in `tmp_path / "out"`."""
     (tmp_path / "fakes.py").write_text(FAKES)
-    fake = ["--plugin", tmp_path / "fakes.py", "--scene", "fake:floor", "--simulator", "fake", "--generator", "fake"]
-    command = [sys.executable, *COMMAND, *map(str, fake), "--out", str(tmp_path / "out")]
+    options = ["--plugin", tmp_path / "fakes.py", "--scene", "fake:floor", "--simulator", "fake", "--generator", "fake"]
+    return [sys.executable, *COMMAND, *map(str, options), "--out", str(tmp_path / "out")]
+
+
+signals = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no signal that asks for the end")
+
+
+@signals
+def test_a_server_on_streams_that_is_terminated_closes_its_record(fake, tmp_path):
     step = {"name": "turn_in_place", "arguments": {"yaw_deg": 30}}
-    told = [
+    requests = [
         HELLO,
         {"jsonrpc": "2.0", "method": "notifications/initialized"},
         {"jsonrpc": "2.0", "id": 2, "method": "tools/call", "params": step},
     ]
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as server:
-        for line in told:
-            server.stdin.write(json.dumps(line) + "\n")
+    with subprocess.Popen(fake, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as server:
+        for request in requests:
+            server.stdin.write(json.dumps(request) + "\n")
         server.stdin.flush()
         next(line for line in server.stdout if json.loads(line).get("id") == 2)
         server.terminate()  # Its standard input stays open, as with a silent client.
         assert server.wait(60) == 128 + signal.SIGTERM
+    (episode,) = load_run(tmp_path / "out")
+    assert (episode.record.outcome, len(episode.steps)) == ("interrupted", 1)
+
+
+@signals
+async def test_a_server_on_http_that_is_terminated_closes_its_record(fake, tmp_path):
+    with subprocess.Popen([*fake, "--http", "--port", "0"], stderr=subprocess.PIPE, text=True) as server:
+        address = next(match[0] for line in server.stderr if (match := re.search(r"http://\S+", line)))
+        async with Client(address) as client:
+            await client.call_tool("turn_in_place", {"yaw_deg": 30})
+            server.terminate()  # While the client is connected.
+            await anyio.to_thread.run_sync(server.wait, 60)
     (episode,) = load_run(tmp_path / "out")
     assert (episode.record.outcome, len(episode.steps)) == ("interrupted", 1)
 

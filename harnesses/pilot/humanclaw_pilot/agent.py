@@ -51,10 +51,6 @@ class PilotOptions(BaseModel):
     """Ignored; accepted so that one command line serves models and the pilot."""
     certain: float = Field(0.8, gt=0, lt=1)
     """Share of the network's answer from which a cell shows the target."""
-    feedback: bool = True
-    """Whether it hears what was executed; without, it takes itself to stand still."""
-    history: bool = True
-    """Whether it keeps its map from step to step."""
     weights: Path = WEIGHTS
     """File of the network's weights."""
 
@@ -85,20 +81,17 @@ class PilotAgent:
         self._unseen = LATELY
 
     def decide(self, observation: Observation, history: Sequence[HistoryEntry]) -> Decision:
-        if not self._options.history:
-            self._renew()
         glance = self._look(observation.rgb)
         mine = glance.share[self._kind] > self._options.certain
         clear = CLEAR * NEARER ** (AGAIN - self._left)
         deeper = DEEPER if self._context.spec.interact else THROUGH
         self._view = imagined(observation.rgb, glance, mine, self._context.gaze, clear, deeper)
         self._unseen = 0 if mine.any() else self._unseen + 1
-        heard = history if self._options.feedback else ()
-        decision: Decision = self._planner.decide(observation, heard)
+        decision: Decision = self._planner.decide(observation, history)
         while self._left and self._calls(decision, "stop") and not (self._unseen < LATELY or self._sat):
             self._left -= 1
             self._renew()
-            decision = self._planner.decide(observation, heard)
+            decision = self._planner.decide(observation, history)
         self._sat = self._calls(decision, "sit")
         return decision
 

@@ -187,7 +187,7 @@ class Secret:
 
 
 def test_it_is_told_nothing_but_pictures_and_words(plugins, monkeypatch):
-    agent = begun(plugins, glance(), monkeypatch, history=False, feedback=False)
+    agent = begun(plugins, glance(), monkeypatch)
     known = EpisodeContext(SPEC, plugins.skills, seed=0)
     agent.begin(replace(known, scene=Secret(), state=Secret(), view=Secret()))
     assert not agent.privileged

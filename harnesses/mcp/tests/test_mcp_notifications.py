@@ -14,12 +14,10 @@ from mcp import Client
 from mcp.shared.exceptions import MCPError
 from PIL import Image
 
-from humanclaw_mcp.bodies import Bodies
+from humanclaw_mcp.command import http_app
 from humanclaw_mcp.content import LOG, SKILL, STATE, VIEW
-from humanclaw_mcp.handlers import Handlers
-from humanclaw_mcp.serve import http_app
-from humanclaw_mcp.server import make_server
-from humanclaw_mcp.settings import Settings
+from humanclaw_mcp.server import Handlers, make_server
+from humanclaw_mcp.session import Bodies, Settings
 
 pytestmark = [
     pytest.mark.anyio,
@@ -43,7 +41,7 @@ async def client(heard):
         if isinstance(message, types.ResourceUpdatedNotification):
             heard.append(str(message.params.uri))
 
-    server = make_server(Handlers(Bodies(Settings(max_steps=5, tell_every=0.005))))
+    server = make_server(Handlers(Bodies(Settings(max_steps=5, progress_every=0.005))))
     async with Client(server, mode="legacy", logging_callback=logged, message_handler=told) as client:
         yield client
 
