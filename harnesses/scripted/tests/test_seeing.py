@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-
 import numpy as np
 import pytest
 from rooms import two_rooms
@@ -86,7 +84,7 @@ def test_it_needs_its_view_and_nothing_else() -> None:
         seeing().begin(EpisodeContext(spec, SKILLS, 0))
 
 
-@pytest.mark.skipif("HUMANCLAW_SLOW" not in os.environ, reason="draws its views; set HUMANCLAW_SLOW=1 to run it")
+@pytest.mark.integration
 @pytest.mark.parametrize(("category", "target"), [("couch", 20)])
 def test_it_finds_a_seat_in_another_room_without_map_or_pose(category: str, target: int) -> None:
     walker = Walker(two_rooms(), (target,), 0)
