@@ -3,8 +3,10 @@
 Tests share the fixtures safely because each test resets what it uses.
 """
 
+import platform
 import socket
 import subprocess
+from contextlib import suppress
 from dataclasses import replace
 from multiprocessing.process import BaseProcess
 
@@ -16,8 +18,16 @@ OUTSIDE = ((subprocess.Popen, "_execute_child"), (BaseProcess, "start"), (socket
 """Methods that start a process or a server."""
 
 
+@pytest.fixture(scope="session")
+def _libraries_asked():
+    """MuJoCo's window library and litellm start a process when they are loaded first. Nothing of ours does."""
+    platform.processor()
+    with suppress(ImportError):
+        import mujoco  # noqa: F401
+
+
 @pytest.fixture(autouse=True)
-def _unit_tests_stay_in_their_process(request, monkeypatch):
+def _unit_tests_stay_in_their_process(request, monkeypatch, _libraries_asked):
     """Fail an unmarked test that starts a process or a server."""
     if any(request.node.get_closest_marker(name) for name in ("integration", "evidence")):
         return
