@@ -11,9 +11,11 @@ import pytest
 from hosting import host_of
 
 from humanclaw import Body, Call, Decision, Episode, Keyframes, Observation, Plugins, Verdict, body_tools, skill
+from humanclaw.body import Pose2D
 from humanclaw.errors import PluginError, PluginRunError
 from humanclaw.records import free_episode
 from humanclaw.testing import fake_body
+from humanclaw.testing.fakes import FakeWorld
 
 TWO = '''
 from humanclaw import Keyframes, hookimpl, skill
@@ -168,3 +170,17 @@ def test_calls_and_all_tools_of_a_body_wait_for_one_another(monkeypatch):
         monkeypatch.setattr(Body, "call", alone)
         asyncio.run(mixed())
     assert most == [1] * 4
+
+
+def test_a_new_body_is_not_placed_again_where_it_stands(monkeypatch):
+    loaded = []
+    reset = FakeWorld.reset
+    monkeypatch.setattr(FakeWorld, "reset", lambda self, *given: loaded.append(given) or reset(self, *given))
+    with fake_body(nod) as body:
+        Episode(body, free_episode("nod", body.scene, seed=1), "tester").close()
+        assert len(loaded) == 1
+        body.call("nod")
+        body.place(body.scene)
+        assert len(loaded) == 2
+        body.place(body.scene, Pose2D(1.0, 0.0, 0.0))
+        assert (len(loaded), body.start.x) == (3, 1.0)

@@ -71,6 +71,8 @@ class Body:
         self._simulator: Simulator = self._make("simulators", self.backends.simulator)
         self._renderer: Renderer = self.plugins.make("renderers", self.backends.renderer)
         self._shown: Scene | None = None
+        self._waiting: tuple[Scene, Pose2D] | None = None
+        """The scene and the start where the body still stands as it was placed; None once it was called."""
         self.turn = threading.Lock()
         """Held during a call by acall() and by every list of tools: a body does one thing at a time."""
         self.resets = 0
@@ -113,7 +115,11 @@ class Body:
         self.step = 0
         self.resets += 1
         self.last: SkillExecution | None = None
-        self._mover = Mover(self.backends, self._adapters, self._generator, self._simulator, self.scene, self.start)
+        # An episode places a new body again, mostly where it stands already, and loading a scene takes up to .2 s.
+        if self._waiting is None or self._waiting[0] is not wanted or self._waiting[1] != self.start:
+            self._waiting = None
+            self._mover = Mover(self.backends, self._adapters, self._generator, self._simulator, wanted, self.start)
+            self._waiting = wanted, self.start
         self._descent = Descent(float(self._mover.state.body.root[-1, 1]))
 
     @property
@@ -198,6 +204,7 @@ class Body:
         skill = self.plugins.skill(call.skill)
         with blaming(self.plugins.owner(call.skill)):
             plan = skill.planned(call.params, self.feeling if skill.feels else None)
+        self._waiting = None
         playing = Playing(self._mover, skill, plan, (self.seed, self.step))
         before, chunks, seconds = self._mover.state, list[Chunk](), {"generate": 0.0, "simulate": 0.0}
         played: list[int] = []
