@@ -14,6 +14,8 @@ from humanclaw.errors import HumanclawError
 from humanclaw.records import Meter, RecordedEpisode, free_episode, write_episodes
 from humanclaw_bench.splits import load_split
 
+pytestmark = pytest.mark.integration
+
 KEY = "sk-planted-0123456789-abcdef"
 STEP = {"visible_state": "A hall, no couch.", "progress": "Nothing yet.", "reasoning": "The way is free.", "z_cm": 40}
 

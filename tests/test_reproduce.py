@@ -12,6 +12,8 @@ from humanclaw.cli import build
 from humanclaw.records import write_episodes
 from humanclaw_bench.splits import load_split
 
+pytestmark = pytest.mark.integration
+
 PROVIDERS = {
     "openai/scripted": OpenAIServer,
     "anthropic/claude-sonnet-4-5": AnthropicServer,

@@ -14,6 +14,8 @@ from humanclaw.records import Feedback
 from humanclaw.skills import REASONING_FIELDS, THOUGHTS
 from humanclaw.testing import check
 
+pytestmark = pytest.mark.integration
+
 SAID = {
     "visible_state": "a couch 3 m ahead",
     "progress": "approach",

@@ -13,6 +13,8 @@ from humanclaw_litellm.failures import FailedRequest
 from humanclaw_litellm.settings import ModelError, Settings
 from humanclaw_litellm.usage import price_of
 
+pytestmark = pytest.mark.integration
+
 WALK = {"x_cm": 0, "z_cm": 40, "yaw_deg": 0}
 FULL = "This model's maximum context length is 4096 tokens. However, you requested 5000 tokens."
 TEMPERATURE = "Unsupported value: 'temperature' does not support 0 with this model."

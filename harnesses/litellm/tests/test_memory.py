@@ -10,6 +10,8 @@ from humanclaw import Call, Decision, HistoryEntry
 from humanclaw.records import Displacement, Feedback, Proprioception
 from humanclaw.skills import THOUGHTS
 
+pytestmark = pytest.mark.integration
+
 WAY = (
     ("walk", {"z_cm": 80}, "a hall, a lamp 3 m ahead"),
     ("walk", {"z_cm": 80}, ""),

@@ -17,6 +17,8 @@ from humanclaw.records import Feedback
 from humanclaw_litellm.litellm_setup import load
 from humanclaw_litellm.settings import Settings
 
+pytestmark = pytest.mark.integration
+
 SNAPSHOTS = Path(__file__).parent / "snapshots"
 PICTURE_TOKENS = {"openai": 85 + 170, "anthropic": 512 * 512 // 750, "gemini": 258}
 """Tokens of a picture of 512 x 512 pixels by the published rules. OpenAI (gpt-4o): 85, and 170 for each tile of 512
@@ -260,6 +262,7 @@ def test_the_detail_of_a_picture_is_sent_where_it_is_named(begin, view, skills, 
     assert [part.get("detail") for part in parts] == [detail, detail, None]
 
 
+@pytest.mark.integration
 def test_the_scripted_model_is_as_talkative_as_those_of_the_paper():
     """The paper counts 322 written tokens a step, 75 of them the verifier's (322 - 247)."""
     encoder = load().encoding

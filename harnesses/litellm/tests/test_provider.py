@@ -30,6 +30,8 @@ from humanclaw import HumanclawError, Meter, ProviderError
 from humanclaw_litellm.client import Client
 from humanclaw_litellm.settings import ModelError, Settings
 
+pytestmark = pytest.mark.integration
+
 KEY = "planted-0123456789-key"
 PRICES = {"input_cost_per_token": 1e-6, "output_cost_per_token": 0.0}
 

@@ -85,6 +85,7 @@ def passes(path, count):
         gate.enter(0)
 
 
+@pytest.mark.integration
 def test_processes_share_one_gate_and_none_loses_the_turn_of_another(tmp_path):
     began = time.monotonic()
     context = multiprocessing.get_context("spawn")
@@ -98,6 +99,7 @@ def test_processes_share_one_gate_and_none_loses_the_turn_of_another(tmp_path):
 
 
 # -- the agent -----------------------------------------------------------------------------------------------------
+@pytest.mark.integration
 def test_two_agents_keep_to_one_rate_of_requests(begin, view):
     with OpenAIServer([call("stop")] * 4) as server:
         agents = [begin(server, requests_per_minute=120) for _ in range(2)]
@@ -110,6 +112,7 @@ def test_two_agents_keep_to_one_rate_of_requests(begin, view):
     assert time.monotonic() - began >= 1.5
 
 
+@pytest.mark.integration
 def test_tokens_that_an_answer_took_are_waited_for(begin, view):
     with OpenAIServer([call("stop")] * 2) as server:
         agent = begin(server, tokens_per_minute=66_000)
@@ -119,6 +122,7 @@ def test_tokens_that_an_answer_took_are_waited_for(begin, view):
     assert time.monotonic() - began >= 0.9, "1100 tokens at 1100 a second"
 
 
+@pytest.mark.integration
 def test_a_wait_that_one_agent_is_asked_for_holds_for_the_other(begin, view):
     with OpenAIServer([status(429, headers={"Retry-After": "1"}), call("stop"), call("stop")]) as server:
         first, second = begin(server), begin(server)
@@ -133,6 +137,7 @@ def test_a_wait_that_one_agent_is_asked_for_holds_for_the_other(begin, view):
         thread.join()
 
 
+@pytest.mark.integration
 def test_a_limit_on_time_also_ends_the_waiting_for_a_turn(context, begin, view):
     import dataclasses
 
@@ -169,6 +174,7 @@ class EndlessServer(OpenAIServer):
 
 
 # -- elsewhere -----------------------------------------------------------------------------------------------------
+@pytest.mark.integration
 @pytest.mark.parametrize(
     ("model", "kind"),
     [

@@ -8,6 +8,8 @@ from model_servers import OpenAIServer, call, calls, no_choices, refusing, statu
 from humanclaw import Call
 from humanclaw_litellm.settings import ModelError
 
+pytestmark = pytest.mark.integration
+
 WALK = Call("walk", {"x_cm": 0, "z_cm": 40, "yaw_deg": 0})
 
 

@@ -4,8 +4,12 @@ import os
 import subprocess
 import sys
 
+import pytest
+
 from humanclaw import Plugins
 from humanclaw_raster.renderer import RasterRenderer
+
+pytestmark = pytest.mark.integration
 
 
 def test_the_renderer_is_found_under_its_name():

@@ -40,6 +40,7 @@ def test_a_sure_box_without_an_object_of_its_class_is_false():
     assert recognise.false_boxes(seen, [hit, wrong_class, nowhere]) == 2
 
 
+@pytest.mark.integration
 def test_a_detector_is_a_program_that_answers_every_picture():
     pictures = [np.full((512, 512, 3), bright, np.uint8) for bright in (50, 80)]
     boxes = recognise.detected(pictures, [sys.executable, "-c", SEES_A_COUCH])

@@ -418,6 +418,7 @@ def _row_of_floor(distance, eye, slope, size):
 
 
 # -- samples -----------------------------------------------------------------------------------------------------------
+@pytest.mark.integration
 def test_an_edge_pixel_has_as_much_of_each_colour_as_the_edge_leaves_and_ids_and_depth_stay(builder, camera):
     """A box 0.75 m away and 0.315 m wide before a black wall: its sides fall into the middle of two pixels."""
     builder.box((8, 8, 0.2), (0, -3, 3.1), (0, 0, 0))
