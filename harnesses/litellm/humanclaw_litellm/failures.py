@@ -21,7 +21,7 @@ _TOO_LONG: Final = re.compile(
     rf"(?:exceed|longer than|larger than|greater than|too large for|maximum|overflow)[^.]{{0,80}}{_SIZE}"
     rf"|{_SIZE}[^.]{{0,80}}(?:exceed|overflow|only|not enough)"
     r"|context[ _]length[ _]exceeded|exceed_context_size"  # OpenAI; llama.cpp
-    r"|(?:prompt|input|request)\b[^.]{0,40} too (?:long|large)"  # Anthropic, Bedrock, Groq
+    r"|(?:prompt|input|request)(?: entity| length| tokens)?(?: is| are)? too (?:long|large)"  # Anthropic, Bedrock, Groq
     r"|(?:exceeds? the|longer than the) maximum (?:number of tokens allowed|model length|size)"  # Gemini, vLLM
     r"|maximum prompt length is|exceeded model token limit|prompt exceeds max|too many tokens"  # xAI, Kimi, GLM, Cohere
     r"|range of input length|`inputs` tokens"  # Qwen, TGI
@@ -36,7 +36,9 @@ _NO_PICTURES: Final = re.compile(
     r"|image_url[^.]{0,40}only supported|unknown variant .?image_url",
     re.IGNORECASE,
 )
-_UNSUPPORTED: Final = re.compile(r"(?:not|n't|un) ?support|requires --|no endpoints found that", re.IGNORECASE)
+_UNSUPPORTED: Final = re.compile(
+    r"(?:not|n't|un) ?support(?!ed operand)|requires --|no endpoints found that", re.IGNORECASE
+)
 _NO_MONEY: Final = re.compile(
     r"insufficient[ _](?:quota|balance|credit|fund)|credit balance is too low|exceeded_current_quota_error"
     r"|used all available credits|have any credits",  # xAI

@@ -1,4 +1,4 @@
-"""litellm: loaded on first use, made quiet, and restrained: no redirects, and a deadline for a whole request."""
+"""litellm: loaded on first use, made quiet, and restrained: no redirects, bounded replies, a deadline."""
 
 from __future__ import annotations
 
@@ -13,6 +13,8 @@ from typing import Any, Final
 
 from humanclaw_litellm.failures import FailedRequest, check_reply, failure_of
 
+LONGEST_REPLY: Final = 64 * 2**20
+"""Bytes."""
 _GRACE: Final = 0.25
 """Seconds of a head start for the client's own timeout: its error says more."""
 _exchange: Final = threading.local()
@@ -77,7 +79,14 @@ def _begin(request: Any) -> None:
 
 
 def _keep(response: Any) -> None:
-    response.read()
+    """Read a response, and refuse one whose decompressed size is above LONGEST_REPLY."""
+    pieces, length = [], 0
+    for piece in response.iter_bytes():
+        length += len(piece)
+        if length > LONGEST_REPLY:
+            raise ValueError(f"the reply has more than {LONGEST_REPLY / 2**20:.3g} MiB")
+        pieces.append(piece)
+    response._content = b"".join(pieces)  # As its read() does.
     _exchange.response = response
 
 

@@ -8,6 +8,7 @@ from model_servers import AnthropicServer, GeminiServer, OllamaServer, OpenAISer
 
 from humanclaw import Call, Decision, HistoryEntry, LimitError, ProviderClosedError, ProviderError
 from humanclaw.records import Feedback
+from humanclaw_litellm import litellm_setup
 from humanclaw_litellm.failures import FailedRequest
 from humanclaw_litellm.settings import ModelError, Settings
 from humanclaw_litellm.usage import price_of
@@ -179,6 +180,7 @@ def test_a_full_context_is_known_by_the_words_of_every_server(code, words):
         (400, "max_tokens is too large: 100000. This model supports at most 16384 completion tokens"),
         (401, "maximum context length"),
         (503, "The engine is currently overloaded, please try again later"),
+        (504, "The request took too long to process."),
     ],
 )
 def test_other_failures_are_not_taken_for_a_full_context(code, words):
@@ -223,6 +225,13 @@ def test_a_verifier_whose_question_does_not_fit_fails_open(begin, view, skills):
     assert "maximum context length" in found.failed_open
 
 
+@pytest.mark.parametrize("words", ["unsupported operand type(s) for +", "out of memory", "The request took too long."])
+def test_a_crash_of_the_server_is_no_refusal(words):
+    failure = FailedRequest(words, 500)
+    assert failure.transient
+    assert not failure.refused
+
+
 # -- Ollama's window ---------------------------------------------------------------------------------------------------
 def test_ollama_is_asked_for_a_window_that_holds_prompt_and_answer(begin, view):
     with OllamaServer([call("stop")] * 4) as server:
@@ -245,6 +254,16 @@ def test_a_prompt_that_the_server_has_cut_is_told_once(begin, view, caplog):
             agent.decide(view(), ())
     assert caplog.text.count("it may have cut the prompt") == 1
     assert "counted 40 tokens" in caplog.text
+
+
+@pytest.mark.parametrize("model", ["openai/x", "hosted_vllm/x"])
+def test_a_reply_without_an_end_is_cut_off_and_told(begin, view, monkeypatch, model):
+    monkeypatch.setattr(litellm_setup, "LONGEST_REPLY", 2**17)
+    with (
+        OpenAIServer([text("word " * 40_000)]) as server,
+        pytest.raises(ProviderError, match=r"the reply has more than 0\.125 MiB"),
+    ):
+        begin(server, model=model, num_retries=0).decide(view(), ())
 
 
 # -- failed generations and thoughts alone -----------------------------------------------------------------------------

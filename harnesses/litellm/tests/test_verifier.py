@@ -103,6 +103,21 @@ def test_without_a_usable_verdict_the_call_passes_and_the_record_says_why(verify
     assert reason in found.failed_open
 
 
+@pytest.mark.parametrize("marker", ["</think>", "◁/think▷", "[/THINK]"])
+def test_a_draft_in_a_thought_is_no_verdict(verify, yes, marker):
+    draft, final = json.dumps(verdict(*yes)), json.dumps(verdict("no", skill="stop", parameters={}))
+    found, _ = verify(text(f"Perhaps {draft}? No.{marker}{final}"), mode="prompt")
+    assert found.replacement == Call("stop")
+
+
+def test_of_several_verdicts_none_counts(verify, yes):
+    several = [verdict(*yes), verdict("no", skill="stop")]
+    for reply in (text("\n".join(map(json.dumps, several))), calls(*(("verdict", one) for one in several))):
+        found, _ = verify(reply)
+        assert (found.accepted, found.answers) == (True, ())
+        assert "or several" in found.failed_open
+
+
 def test_a_wrong_key_is_not_passed_over(verify):
     with pytest.raises(ModelError, match="key"):
         verify(status(401))

@@ -403,6 +403,21 @@ def test_an_installed_agent_that_is_not_loaded_beside_the_body_is_of_this_run_by
     assert (answer.exit_code, "own-agents" in answer.output) == (0, False), answer.output
 
 
+def test_a_provider_that_closes_ends_the_run_from_its_own_process(play):
+    closes = """
+from humanclaw import ProviderClosedError
+class Mine(Agent):
+    def decide(self, observation, history):
+        if observation.step == 2:
+            raise ProviderClosedError("no money is left.", "Top it up.")
+        return super().decide(observation, history)
+"""
+    with pytest.raises(HumanclawError, match=r"no money is left\. Top it up\."):
+        play(closes)
+    (record,) = folder_of(play).glob("*/toy-0")
+    assert RecordedEpisode(record).record.outcome == "infra_error"
+
+
 # -- attempts ----------------------------------------------------------------------------------------------------------
 def test_the_best_of_two_attempts_cannot_be_passed_off_as_the_first(play):
     loses = """
