@@ -21,7 +21,7 @@ stop_after_option = click.option(
     type=click.IntRange(0),
     default=10,
     show_default=True,
-    help="Stop the run after N answers in a row without a usable call, or N provider failures in a row; 0 for never.",
+    help="Stop the run after N answers in a row without a usable call, or 3 provider failures in a row; 0 for never.",
 )
 
 

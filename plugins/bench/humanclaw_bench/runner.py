@@ -102,6 +102,8 @@ Watcher = Callable[[RunStatus, WorkerReport | None], None]
 """Called for every episode that ended, and once at the beginning without a report."""
 OWN: Final = frozenset({MANIFEST, SPLIT, JOURNAL, "logs", "scores.jsonl", REPORT, "submission.json"})
 """Files and folders in the folder of a run that are not episodes."""
+FAILURES_IN_A_ROW: Final = 3
+"""Episodes in a row without a provider's answer after which a run stops. Each was asked for several times already."""
 PILOT: Final = 3
 """Number of episodes from which the rest of a run is estimated: one near, one middling and one far target."""
 
@@ -167,9 +169,9 @@ def halted_by(report: WorkerReport, status: RunStatus, stop_after: int) -> str:
             "Try another way of asking (--option mode=prompt), a larger max_tokens, or another model; "
             "--stop-after 0 plays on."
         )
-    if 0 < stop_after <= status.failed_in_a_row:
+    if stop_after and status.failed_in_a_row >= FAILURES_IN_A_ROW:
         return (
-            f"{stop_after} episodes in a row failed for want of an answer. The last: {report.error.rstrip('.')}. "
+            f"{FAILURES_IN_A_ROW} episodes in a row failed for want of an answer. The last: {report.error.rstrip('.')}. "
             "Mend that and give the same command again; --stop-after 0 plays on."
         )
     return ""

@@ -62,7 +62,7 @@ class Job:
     """Plugins, by name or by path of their file, that are not loaded beside the body, since they bring agents and
     verifiers alone."""
     stop_after: int = 0
-    """Refused answers in a row of one worker, or provider failures in a row, after which the run stops; 0 for never."""
+    """Refused answers in a row of one worker after which the run stops; 0 plays on, also after provider failures."""
     seed: int | None = None
     """Of the order of the episodes and of the deciders' random numbers. None draws one for a new run. Episodes number
     their seeds, so that an agent that could compute its seed from theirs would know which episode it plays."""

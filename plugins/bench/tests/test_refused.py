@@ -80,9 +80,9 @@ def test_a_run_goes_on(play, script, stop_after):
 
 
 def test_a_run_ends_after_failures_of_the_provider(play):
-    status, _ = play("!", stop_after=2)
-    assert (status.failed, status.left) == (2, 1)
-    assert "2 episodes in a row failed for want of an answer. The last: the server is down" in status.halted
+    status, _ = play("!", episodes=4)
+    assert (status.failed, status.left) == (3, 1)
+    assert "3 episodes in a row failed for want of an answer. The last: the server is down" in status.halted
 
 
 def test_refused_answers_have_a_column_and_the_note_says_what_was_left_out(play):
