@@ -171,8 +171,8 @@ def halted_by(report: WorkerReport, status: RunStatus, stop_after: int) -> str:
         )
     if stop_after and status.failed_in_a_row >= FAILURES_IN_A_ROW:
         return (
-            f"{FAILURES_IN_A_ROW} episodes in a row failed for want of an answer. The last: {report.error.rstrip('.')}. "
-            "Mend that and give the same command again; --stop-after 0 plays on."
+            f"{FAILURES_IN_A_ROW} episodes in a row failed for want of an answer. "
+            f"The last: {report.error.rstrip('.')}. Mend that and give the same command again; --stop-after 0 plays on."
         )
     return ""
 

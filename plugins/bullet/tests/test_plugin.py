@@ -28,17 +28,20 @@ def test_the_simulator_is_offered_as_bullet():
     assert isinstance(simulators["bullet"](profile="paper"), HalfPhysics)
 
 
+@pytest.mark.integration
 def test_importing_the_plugin_does_not_load_the_engine():
     code = "import sys, humanclaw_bullet; sys.exit('pybullet' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
+@pytest.mark.integration
 def test_nothing_is_printed_so_that_protocols_may_use_stdout():
     code = "import humanclaw_bullet.engine as engine; engine.Client().close()"
     done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
     assert (done.stdout, done.stderr) == ("", "")
 
 
+@pytest.mark.integration
 def test_the_body_is_the_same_to_the_last_bit_in_every_process():
     """Each process orders a set of names differently, and a sum in another order is another number."""
     code = """

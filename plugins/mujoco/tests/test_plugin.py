@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import mujoco as mj
 import numpy as np
+import pytest
 
 import humanclaw_mujoco
 from humanclaw.testing import SceneBuilder, reset_times
@@ -25,11 +26,13 @@ def test_the_simulator_is_offered_as_mujoco():
     assert isinstance(simulators["mujoco"](profile="paper"), HalfPhysics)
 
 
+@pytest.mark.integration
 def test_importing_the_plugin_does_not_load_the_engine():
     code = "import sys, humanclaw_mujoco; sys.exit('mujoco' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
+@pytest.mark.integration
 def test_nothing_is_printed_so_that_protocols_may_use_stdout():
     code = "import humanclaw_mujoco.world"
     done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
