@@ -757,6 +757,7 @@ def sign(key: Path, path: Path, purpose: str = "humanclaw") -> None:
     subprocess.run(command, check=True, capture_output=True)
 
 
+@pytest.mark.integration
 def test_a_signed_submission_names_its_signer(run: Path, keys: Path) -> None:
     path = submitted(run)
     sign(keys / "ada", path)
@@ -765,6 +766,7 @@ def test_a_signed_submission_names_its_signer(run: Path, keys: Path) -> None:
     assert "is signed by ada@example.org." in done.output
 
 
+@pytest.mark.integration
 def test_what_is_compared_is_what_was_signed(run: Path, keys: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = submitted(run)
     sign(keys / "ada", path)
@@ -779,6 +781,7 @@ def test_what_is_compared_is_what_was_signed(run: Path, keys: Path, monkeypatch:
     assert "agrees with them." in done.output
 
 
+@pytest.mark.integration
 @pytest.mark.parametrize(("who", "purpose", "then"), [("", "", ""), ("eve", "humanclaw", ""), ("ada", "file", ""),
                                                       ("ada", "humanclaw", " ")])  # fmt: skip
 def test_no_other_signature_counts(run: Path, keys: Path, who: str, purpose: str, then: str) -> None:
