@@ -93,6 +93,9 @@ def test_there_are_the_papers_eighteen_labels() -> None:
         ([FOUND, step(away=0.2), step()], 4.0, "nav: unaware arrived/touch"),
         ([step(""), step("", geodesic=4.0), *roaming(2)], 4.0, "call: no usable call"),
         ([step(""), step("", geodesic=4.0), *roaming(3)], 4.0, "find: ineffective exploration"),
+        # Ahead, too, 2.1 m are more than the box.
+        ([step(start=(0, 1, 2.1 * (k % 2)), end=(0, 1, 2.1 * (1 - k % 2)), geodesic=4.0) for k in range(25)], 4.0,
+         "find: ineffective exploration"),
         # Turns are acts that keep a body in place.
         ([step("turn_in_place", geodesic=4.0)] * 25, 4.0, "find: ineffective actions"),
         # The target was in view at the start, and the last answer said so; it is out of view at the end.

@@ -37,13 +37,18 @@ FAR = [step("stop", away=0.5)]
 WARM = {"agent": {"temperature": 0.2}, "body": {"simulator": "bullet"}}
 
 
-@pytest.fixture
-def run(tmp_path: Path) -> Path:
-    folder = tmp_path / "board" / "mine"
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("kept")
     for k in range(4):
         recorded = rollout(folder, SAT if k else FAR, name=f"e{k}")
         rewrite(folder, recorded.record.spec.id, settings=WARM)
     return tell(folder, agent="model")
+
+
+@pytest.fixture
+def run(kept: Path, tmp_path: Path) -> Path:
+    return shutil.copytree(kept, tmp_path / "board" / "mine")
 
 
 def invoke(*words: object) -> Result:
