@@ -313,7 +313,7 @@ def _unlike(ours: EpisodeResult, theirs: EpisodeResult) -> list[str]:
         return ["its record is another one"]
     if ours.seed != theirs.seed:
         return [f"seed is {ours.seed}, not {theirs.seed}"]
-    one, two = ours.scores.model_dump(), theirs.scores.model_dump()
+    one, two = (result.scores.model_dump(mode="json") for result in (ours, theirs))
     wrong = sorted(key for key in one.keys() | two.keys() if not _alike(one.get(key), two.get(key)))
     return [f"{key} is {one.get(key)!r:.80}, not {two.get(key)!r:.80}" for key in wrong]
 

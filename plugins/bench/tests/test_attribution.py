@@ -1,4 +1,4 @@
-"""Root causes: one constructed rollout for each of the 18 labels, their order, and the funnel."""
+"""Root causes: a rollout for each of the 18 labels, their order and bounds, and the funnel."""
 
 from __future__ import annotations
 
@@ -84,6 +84,24 @@ def test_there_are_the_papers_eighteen_labels() -> None:
         # The seat was brushed on the way: the pelvis did touch something.
         ([*AT_SEAT, step(contacts=(touch(TABLE, joint="pelvis"),)), step("sit_in_place"), step("stop", away=0.1)], 4.0,
          "interact: sit wrong"),
+        # Exactly at a bound.
+        ([*roaming(3), step(geodesic=1.5), *roaming(3)], 4.0, "find: midpoint give up"),
+        (stuck(8), 20.0, "find: unaware jammed"),
+        (pacing(8, 0.1), 4.0, "find: ineffective exploration"),
+        (pacing(8, 0.5, contacts=(touch(TABLE),)), 4.0, "find: unaware jammed"),
+        ([step(geodesic=3.0), *roaming(3)], 6.0, "find: ineffective exploration"),
+        ([FOUND, step(away=0.2), step()], 4.0, "nav: unaware arrived/touch"),
+        ([step(""), step("", geodesic=4.0), *roaming(2)], 4.0, "call: no usable call"),
+        ([step(""), step("", geodesic=4.0), *roaming(3)], 4.0, "find: ineffective exploration"),
+        # Ahead, too, 2.1 m are more than the box.
+        ([step(start=(0, 1, 2.1 * (k % 2)), end=(0, 1, 2.1 * (1 - k % 2)), geodesic=4.0) for k in range(25)], 4.0,
+         "find: ineffective exploration"),
+        # Turns are acts that keep a body in place.
+        ([step("turn_in_place", geodesic=4.0)] * 25, 4.0, "find: ineffective actions"),
+        # The target was in view at the start, and the last answer said so; it is out of view at the end.
+        ([FOUND, step(says=SEE, pixels=99, **MOVED)], 4.0, "nav: target hallucination"),
+        # Each is said or seen, and never both in one step.
+        ([step(says=SEE, geodesic=1.0), step(pixels=500, geodesic=1.0)], 4.0, "find: target in view but not seen"),
     ],
 )  # fmt: skip
 def test_the_first_rule_that_matches_gives_the_label(tmp_path: Path, steps: list, start: float, label: str) -> None:
@@ -239,7 +257,8 @@ def test_the_way_to_a_target_leads_through_the_door_and_not_through_the_wall() -
     assert way(start) > way(start + [1.0, 0.0, 0.0]) - 1.1
 
 
-def test_a_run_records_the_way_that_is_left_before_and_after_every_step(body, house, tmp_path: Path) -> None:
+@pytest.mark.integration
+def test_a_run_records_the_way_left_before_and_after_each_step(body, house, tmp_path: Path) -> None:
     spec = free_episode("find a couch", house, max_steps=2)
     agent = ScriptedAgent([Call("walk", {"z_cm": 40}), Call("stop")])
     run_episode(body, spec, agent, folder=tmp_path / "one", distance=geodesics)

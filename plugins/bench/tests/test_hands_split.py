@@ -38,7 +38,7 @@ def plugins():
 
 
 # -- the splits --------------------------------------------------------------------------------------------------------
-def test_the_small_splits_are_part_of_the_large_one_and_hold_each_family_as_often():
+def test_small_splits_are_parts_of_the_large_one_in_equal_shares():
     hands, mini, smoke = ({spec.id: spec for spec in load_split(f"{name}hands")} for name in ("", "mini-", "smoke-"))
     assert hands.items() >= mini.items() >= smoke.items()
     for split, each in ((hands, EACH), (mini, 15), (smoke, 1)):
@@ -46,7 +46,8 @@ def test_the_small_splits_are_part_of_the_large_one_and_hold_each_family_as_ofte
     assert {spec.scene for spec in hands.values()} <= set(HOUSES)
 
 
-def test_a_house_gives_the_same_tasks_again_and_the_split_holds_them():
+@pytest.mark.integration
+def test_a_house_gives_the_tasks_again_that_the_split_holds():
     scene = Plugins.discover().scene("house:0")
     drawn = {(spec.instruction, spec.start) for spec in episodes(scene, 0)}
     kept = [spec for spec in load_split("hands") if spec.scene == "house:0"]
@@ -166,6 +167,7 @@ def look(plugins, folder, change=lambda call, role: call):
     return play(plugins, folder, goal, change, "cupboard", (drawer, body))
 
 
+@pytest.mark.integration
 @pytest.mark.parametrize("task", [bring, look])
 def test_the_oracle_solves_it_and_every_stage_is_passed(plugins, tmp_path, task):
     success, scores, cause = task(plugins, tmp_path)
@@ -178,7 +180,8 @@ def test_the_oracle_solves_it_and_every_stage_is_passed(plugins, tmp_path, task)
     assert "of an unknown total" in told
 
 
-def test_the_oracle_takes_a_box_out_of_a_corner_with_the_hand_that_has_room(plugins, tmp_path):
+@pytest.mark.integration
+def test_the_oracle_uses_the_hand_that_has_room_in_a_corner(plugins, tmp_path):
     scene, box, table = corner()
     goal = Goal(things=(box,), on=table)
     success, scores, _ = play(plugins, tmp_path, goal, category="box", targets=(box, table), scene=scene)
@@ -187,7 +190,8 @@ def test_the_oracle_takes_a_box_out_of_a_corner_with_the_hand_that_has_room(plug
     assert ("way to the table" in carrying, "way to the box" in carrying) == (True, False)
 
 
-def test_the_oracle_takes_a_cup_from_a_shelf_over_its_elbows_and_says_that_it_sees_it(plugins, tmp_path):
+@pytest.mark.integration
+def test_the_oracle_takes_a_cup_from_a_shelf_over_its_elbows(plugins, tmp_path):
     """From below or from near by, the board stopped its arm; and the map has a column where the shelf is."""
     scene, cup, table = shelf()
     success, scores, _ = play(plugins, tmp_path, Goal(things=(cup,), on=table), targets=(cup, table), scene=scene)
@@ -195,6 +199,7 @@ def test_the_oracle_takes_a_cup_from_a_shelf_over_its_elbows_and_says_that_it_se
     assert all(scores.hands.values())
 
 
+@pytest.mark.integration
 @pytest.mark.parametrize(
     ("task", "change", "label"),
     [
@@ -229,8 +234,9 @@ THING = {"a jar": "jar", "a plate": "plate", "a glass": "glass", "a pile of towe
 DOUBTFUL = {"toiletries": {"bottle", "cup", "jar"}, "glass": {"cup", "jar"}, "cup": {"glass"}, "jar": {"glass"}}
 
 
+@pytest.mark.integration
 @pytest.mark.parametrize("house", sorted({spec.scene for spec in questions("mini-hands")})[:3])
-def test_an_answer_is_right_of_what_lies_wholly_within_the_furniture(house):
+def test_an_answer_is_right_of_what_lies_within_the_furniture(house):
     scene = Plugins.discover().scene(house)
     for spec in (spec for spec in questions("hands") if spec.scene == house):
         thing = THING[re.match("is there (.*?) in the", spec.instruction)[1]]
@@ -258,6 +264,7 @@ def test_an_answer_counts_after_a_look_inside_alone(open_by, pixels, z, met):
     assert is_met(goal, (opens, wide, says)) is met
 
 
+@pytest.mark.integration
 def test_the_program_makes_the_smoke_split_that_is_shipped():
     """Byte for byte, but for the ids and seeds, which count the episodes of the whole split."""
 

@@ -130,6 +130,7 @@ def test_what_counts_is_the_answer_that_was_used(tmp_path: Path) -> None:
     [
         ([step(away=0.1), step("stop", away=0.2)], True, True, True, True),
         ([step(away=0.1), step("stop", away=0.21)], False, True, False, True),
+        ([step("stop", away=1.0)], False, False, False, True),
         ([step("stop", away=1.01)], False, False, False, False),
         ([step(away=0.1)], False, True, True, False),
         ([step(away=0.1), step("", away=0.1)], False, True, True, False),
@@ -439,8 +440,8 @@ def test_being_stopped_by_a_wall_is_no_jerk_of_the_generated_motion(tmp_path: Pa
 
 # -- turning -----------------------------------------------------------------------------------------------------------
 def test_a_reversal_is_a_turn_right_after_one_to_the_other_side(tmp_path: Path) -> None:
-    """Left 20, right 20 (back), right 4 (too little), left 20 (after too little), left 20, right 6 (back) degrees."""
-    turns = np.radians([20, -20, -4, 20, 20, -6])
+    """Left 20, right 20 (back), right 4 (too little), left 20 (after too little), left 20, right 5.1 (back) degrees."""
+    turns = np.radians([20, -20, -4, 20, 20, -5.1])
     ways = np.interp(np.arange(1, 91), np.arange(0, 91, 15), [0, *np.cumsum(turns)])
     yaw = np.concatenate([np.zeros(HISTORY), ways])
     motion = track(0 * yaw, yaw=yaw)
@@ -480,6 +481,15 @@ def test_an_episode_that_the_provider_broke_is_in_no_number(tmp_path: Path) -> N
     ]
     for metric in ALL:
         np.testing.assert_equal(vars(estimate(metric, [good, *bad])), vars(estimate(metric, [good])))
+
+
+@pytest.mark.parametrize(("scope", "finished"), [("episode", True), ("run", False)])
+def test_an_episode_that_its_own_limit_ended_is_finished(tmp_path: Path, scope: str, finished: bool) -> None:
+    assert score(rollout(tmp_path, [step()], outcome="limit_reached", limit=scope)).finished is finished
+
+
+def test_the_longest_call_is_told_without_the_time_to_rise(tmp_path: Path) -> None:
+    assert score(rollout(tmp_path, [step(motion_frames=45, rise_frames=30), step()])).longest == 0.5
 
 
 def test_an_episode_without_motion_is_scored_without_jerk(tmp_path: Path) -> None:

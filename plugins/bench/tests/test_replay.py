@@ -13,6 +13,8 @@ from humanclaw.records import write_episodes, write_record
 from humanclaw_bench.cli import bench
 from humanclaw_bench.replay import sample
 
+pytestmark = pytest.mark.integration
+
 VERIFIED = """
 class Mine(Agent):
     def decide(self, observation, history):

@@ -46,7 +46,7 @@ def toys():
 def play(toys, tmp_path):
     """Run toy episodes; returns the status, the reports and the folder."""
 
-    def run(specs, workers=0, name="run", agent="walker", limits=None, in_process=False, **options):
+    def run(specs, workers=0, name="run", agent="walker", limits=None, in_process=True, **options):
         job = Job(agent, options, backends=TOY, limits=limits or {}, files=(toy_world.FILE,), in_process=in_process,
                   seed=SEED)  # fmt: skip
         reports = []
@@ -70,14 +70,14 @@ def rewrite(folder, **changes):
 
 
 # -- foreseen ----------------------------------------------------------------------------------------------------------
-def test_what_a_run_will_take_is_told_after_three_episodes_and_no_ends_it_there(toys, tmp_path):
+def test_after_three_episodes_a_no_to_the_estimate_ends_the_run(toys, tmp_path):
     told = []
 
     def no(forecast):
         told.append(foresight(forecast))
         return False
 
-    job = Job("walker", {}, backends=TOY, files=(toy_world.FILE,))
+    job = Job("walker", {}, backends=TOY, files=(toy_world.FILE,), in_process=True)
     status = run_split(toy_world.specs(6), job, Here(), tmp_path, plugins=toys, go_on=no)
     assert (status.done, status.stopped, len(told)) == (3, True, 1)
     assert re.match(r"Estimate for the remaining 3 episodes: 0:00:\d\d ", told[0])
@@ -169,14 +169,16 @@ def test_a_price_that_is_not_known_is_said_to_be_so():
 
 
 # -- who plays ---------------------------------------------------------------------------------------------------------
+@pytest.mark.integration
 def test_two_workers_leave_the_same_records_as_one_bit_for_bit(play):
     specs = toy_world.specs(6)
-    (here, _, none), (one, _, first), (two, _, second) = (play(specs, k, str(k)) for k in range(3))
+    (here, _, none), (one, _, first), (two, _, second) = (play(specs, k, str(k), in_process=False) for k in range(3))
     assert (here.done, one.done, two.done) == (6, 6, 6)
     assert digests(none) == digests(first) == digests(second)
     assert len(set(digests(first).values())) == 6
 
 
+@pytest.mark.integration
 def test_the_order_of_the_episodes_changes_none(play):
     _, _, clean = play(toy_world.specs(5))
     _, _, other = play(toy_world.specs(5)[::-1], name="reversed")
@@ -308,7 +310,7 @@ def test_a_run_that_is_there_is_left_alone_by_who_asks_for_a_new_one(tmp_path):
 
 def test_a_run_offers_the_skills_that_are_chosen_and_goes_on_with_the_same_ones_alone(toys, tmp_path):
     few = Choice(skills=("walk", "stop"))
-    job = Job("walker", {}, backends=TOY, files=(toy_world.FILE,), choice=few)
+    job = Job("walker", {}, backends=TOY, files=(toy_world.FILE,), choice=few, in_process=True)
     chosen = Plugins.discover([Path(toy_world.FILE)], few)
     assert run_split(toy_world.specs(1), job, Here(), tmp_path, plugins=chosen).done == 1
     (episode,) = load_run(tmp_path)
@@ -369,16 +371,17 @@ def test_a_provider_that_fails_is_counted_apart_and_asked_again_in_the_next_sitt
     assert len(asked) == len(set(asked)) == 12
 
 
+@pytest.mark.integration
 def test_a_worker_that_crashes_is_named_and_the_others_go_on(play, tmp_path):
     trouble = {"in": "toy-1", "what": "SIGSEGV", "once": str(tmp_path / "once")}
-    status, reports, folder = play(toy_world.specs(4), workers=2, in_process=True, **trouble)
+    status, reports, folder = play(toy_world.specs(4), workers=2, **trouble)
     assert (status.done, status.failed) == (3, 1)
     (died,) = [report for report in reports if report.outcome == "infra_error"]
     assert died.episode == "toy-1"
     assert "died with SIGSEGV" in died.error
     assert RecordedEpisode(folder / "toy-1").record.error == died.error
     assert "Segmentation fault" in (folder / "logs" / f"{died.worker or died.error.split()[0]}.log").read_text()
-    assert play(toy_world.specs(4), in_process=True, **trouble)[0].done == 4
+    assert play(toy_world.specs(4), **trouble)[0].done == 4
 
 
 def test_a_bug_of_an_agent_fails_its_own_episode_alone_and_is_not_run_again(play, tmp_path, capfd):
@@ -408,12 +411,11 @@ def test_an_error_of_the_machine_that_no_file_can_hold_is_written_as_far_as_it_c
     assert RecordedEpisode(folder / "toy-0").record.error == "half \ufffd"
 
 
-def test_what_an_agent_raises_in_a_worker_is_its_own_error_whatever_it_calls_it_and_it_gets_no_second_try(
-    play, tmp_path
-):
+@pytest.mark.integration
+def test_what_an_agent_raises_is_its_own_error_and_not_tried_again(play, tmp_path):
     troubles = ("replay", "interrupt", "interrupted as it begins", "record", "another's")
     each = {f"toy-{number}": trouble for number, trouble in enumerate(troubles)}
-    status, _, folder = play(toy_world.specs(6), workers=1, each=each, log=str(tmp_path / "log"))
+    status, _, folder = play(toy_world.specs(6), workers=1, in_process=False, each=each, log=str(tmp_path / "log"))
     assert (status.done, status.failed, status.stopped) == (6, 0, False)
     *failed, last = (episode.record for episode in load_run(folder))
     assert {record.outcome for record in failed} == {"plugin_error"}
@@ -476,7 +478,8 @@ def test_a_worker_reports_whatever_breaks_and_plays_on(toys, tmp_path, monkeypat
         assert worker.play(second).outcome == "stopped"
 
 
-def test_a_full_disk_ends_the_run_in_a_sentence_and_it_goes_on_when_there_is_room(play, monkeypatch):
+@pytest.mark.integration
+def test_a_run_that_a_full_disk_ended_goes_on_when_there_is_room(play, monkeypatch):
     real, written = os.fsync, []
 
     def fills_up(descriptor):
@@ -524,6 +527,7 @@ def test_a_clock_that_jumps_changes_nothing(play, monkeypatch):
     assert digests(folder) == digests(play(toy_world.specs(2), name="clean", limits={"episode.seconds": 60.0})[2])
 
 
+@pytest.mark.integration
 def test_workers_that_all_die_at_once_end_the_run(tmp_path):
     job = Job("walker", {}, backends=TOY, files=(str(tmp_path / "missing.py"),))
     with pytest.raises(HumanclawError, match="3 workers died in a row"):
@@ -602,17 +606,19 @@ def outcomes(folder):
     return [json.loads(path.read_text())["outcome"] for path in sorted(folder.glob("*/episode.json"))]
 
 
-def test_ctrl_c_ends_the_steps_under_way_and_the_run_goes_on_later(process, play, tmp_path):
+@pytest.mark.integration
+def test_ctrl_c_ends_the_steps_under_way_and_the_run_goes_on(process, play, tmp_path):
     running = process()
     os.killpg(running.pid, signal.SIGINT)
     assert running.wait(30) == 130
     assert set(outcomes(tmp_path / "run")) <= {"stopped", "interrupted"}
     assert "interrupted" in outcomes(tmp_path / "run")
-    assert play(toy_world.specs(6), pause=0.15)[0].done == 6
-    _, _, clean = play(toy_world.specs(6), name="clean", pause=0.15)
+    assert play(toy_world.specs(6), in_process=False, pause=0.15)[0].done == 6
+    _, _, clean = play(toy_world.specs(6), name="clean", in_process=False, pause=0.15)
     assert digests(tmp_path / "run") == digests(clean)
 
 
+@pytest.mark.integration
 def test_a_second_ctrl_c_ends_it_at_once(process):
     running = process(pause=1.0)
     began = time.monotonic()
@@ -623,6 +629,7 @@ def test_a_second_ctrl_c_ends_it_at_once(process):
     assert time.monotonic() - began < 5
 
 
+@pytest.mark.evidence
 def test_a_killed_run_leaves_no_worker_behind_and_goes_on_later(process, play, tmp_path):
     running = process()
     workers = children(running.pid)
@@ -630,8 +637,8 @@ def test_a_killed_run_leaves_no_worker_behind_and_goes_on_later(process, play, t
     running.kill()
     running.wait(10)
     wait_for(lambda: not any(Path(f"/proc/{pid}").exists() for pid in workers), 10)
-    assert play(toy_world.specs(6), pause=0.15)[0].done == 6
-    _, _, clean = play(toy_world.specs(6), name="clean", pause=0.15)
+    assert play(toy_world.specs(6), in_process=False, pause=0.15)[0].done == 6
+    _, _, clean = play(toy_world.specs(6), name="clean", in_process=False, pause=0.15)
     assert digests(tmp_path / "run") == digests(clean)
 
 

@@ -45,6 +45,7 @@ def test_intervals_of_rates_hold_the_truth_where_houses_differ(
     assert 0.91 <= after <= 0.99
 
 
+@pytest.mark.integration
 @pytest.mark.parametrize("share", [0.01, 0.99, 0.995])
 def test_intervals_of_rates_near_none_and_all_hold_the_truth_too(share: float) -> None:
     """Few failures fall into few houses by chance: taken for independent, four in five intervals held it."""
@@ -73,8 +74,9 @@ def test_two_houses_that_alone_succeed_say_little_of_others() -> None:
     assert (found.low, found.high) == pytest.approx((0.006, 0.13), abs=0.01)
 
 
+@pytest.mark.integration
 @pytest.mark.parametrize("share", [0.03, 0.97])
-def test_intervals_of_rare_ends_hold_the_truth_where_houses_differ_much(share: float) -> None:
+def test_intervals_of_rare_ends_hold_the_truth_in_unlike_houses(share: float) -> None:
     assert coverage(share, SIZES["val"], 300, icc=0.3)[1, 0] >= 0.93
 
 

@@ -144,7 +144,8 @@ def paths(run):
     return sorted(path.relative_to(run).as_posix() for path in run.rglob("*"))
 
 
-def test_no_command_follows_reads_or_waits_for_what_a_stranger_plants(whole, plugins, tmp_path_factory):
+@pytest.mark.integration
+def test_no_command_follows_or_waits_for_what_a_stranger_plants(whole, plugins, tmp_path_factory):
     wrong, plants, commands = [], cycle(PLANTS), cycle(COMMANDS)
     for name in paths(whole / "run"):
         for plant in PLANTS if WHOLE else (next(plants),):

@@ -37,13 +37,18 @@ FAR = [step("stop", away=0.5)]
 WARM = {"agent": {"temperature": 0.2}, "body": {"simulator": "bullet"}}
 
 
-@pytest.fixture
-def run(tmp_path: Path) -> Path:
-    folder = tmp_path / "board" / "mine"
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("kept")
     for k in range(4):
         recorded = rollout(folder, SAT if k else FAR, name=f"e{k}")
         rewrite(folder, recorded.record.spec.id, settings=WARM)
     return tell(folder, agent="model")
+
+
+@pytest.fixture
+def run(kept: Path, tmp_path: Path) -> Path:
+    return shutil.copytree(kept, tmp_path / "board" / "mine")
 
 
 def invoke(*words: object) -> Result:
@@ -757,6 +762,7 @@ def sign(key: Path, path: Path, purpose: str = "humanclaw") -> None:
     subprocess.run(command, check=True, capture_output=True)
 
 
+@pytest.mark.integration
 def test_a_signed_submission_names_its_signer(run: Path, keys: Path) -> None:
     path = submitted(run)
     sign(keys / "ada", path)
@@ -765,6 +771,7 @@ def test_a_signed_submission_names_its_signer(run: Path, keys: Path) -> None:
     assert "is signed by ada@example.org." in done.output
 
 
+@pytest.mark.integration
 def test_what_is_compared_is_what_was_signed(run: Path, keys: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = submitted(run)
     sign(keys / "ada", path)
@@ -779,6 +786,7 @@ def test_what_is_compared_is_what_was_signed(run: Path, keys: Path, monkeypatch:
     assert "agrees with them." in done.output
 
 
+@pytest.mark.integration
 @pytest.mark.parametrize(("who", "purpose", "then"), [("", "", ""), ("eve", "humanclaw", ""), ("ada", "file", ""),
                                                       ("ada", "humanclaw", " ")])  # fmt: skip
 def test_no_other_signature_counts(run: Path, keys: Path, who: str, purpose: str, then: str) -> None:

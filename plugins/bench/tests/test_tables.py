@@ -140,15 +140,16 @@ def test_a_run_without_a_run_json_is_not_taken_for_whole(tmp_path: Path) -> None
 TABLES = ("main", "repeats", "variants", "body", "difficulty", "category", "funnel", "causes")
 
 
-@pytest.fixture
-def part(tmp_path: Path) -> Path:
+@pytest.fixture(scope="module")
+def part(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A run of 8 episodes, one of which is not there, and whose verifier was not asked."""
+    folder = tmp_path_factory.mktemp("part")
     for k in range(8):
         told = replace_verdict(SAT if k % 2 else FAR)
-        rollout(tmp_path, told, name=f"e{k // 2}" + ".r1" * (k % 2), verifier="llm")
-    write_episodes(tmp_path / "split.jsonl", [one.record.spec for one in load_run(tell(tmp_path))])
-    shutil.rmtree(tmp_path / "e3")
-    return tmp_path
+        rollout(folder, told, name=f"e{k // 2}" + ".r1" * (k % 2), verifier="llm")
+    write_episodes(folder / "split.jsonl", [one.record.spec for one in load_run(tell(folder))])
+    shutil.rmtree(folder / "e3")
+    return folder
 
 
 def replace_verdict(steps: list[StepRecord]) -> list[StepRecord]:

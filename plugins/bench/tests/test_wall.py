@@ -29,6 +29,8 @@ from humanclaw_bench.wall.links import ProcessLink
 from humanclaw_bench.wall.serving import Sessions, server
 from humanclaw_bench.worker import Job
 
+pytestmark = pytest.mark.integration
+
 HEAD = """
 import gc, os, sys, time
 from humanclaw import Call, Decision, Episode, ProviderError, Verdict, hookimpl
