@@ -222,3 +222,19 @@ def test_an_ablation_plays_the_settings_that_are_named_memory_among_them(tmp_pat
     assert [("the hall is empty" in body, "where you have been" in body) for body in last] == [
         (False, False), (False, False), (False, False), (True, False), (False, False), (True, True),
     ]  # fmt: skip
+
+
+def test_a_setting_that_meets_its_limit_keeps_its_row(tmp_path, monkeypatch, one_process):
+    monkeypatch.setenv("OPENAI_API_KEY", KEY)
+    monkeypatch.chdir(tmp_path)
+    write_episodes(
+        tmp_path / "two.jsonl", [spec.model_copy(update={"max_steps": 1}) for spec in load_split("smoke")[:2]]
+    )
+    with OpenAIServer([call("walk", **STEP)] * 8) as server:
+        chosen = ["--setting", "without verifier", "--setting", "history 0", "--limit", "run.tokens=1", "--json"]
+        words = ["bench", "ablate", "--split", "two.jsonl", *at(server), *chosen]
+        done = CliRunner().invoke(build(Plugins.discover), words)
+    assert done.exit_code == 0, done.output
+    table = json.loads(done.stdout[done.stdout.index("{") :])
+    assert [row["agent"] for row in table["rows"] if row["source"] == "run"] == ["without verifier", "history 0"]
+    assert done.stderr.count("stopped: ") == 2

@@ -369,6 +369,12 @@ def test_what_is_left_out_gives_way(bows, left):
     assert said(Plugins.discover(choice=Choice(without=(left,)))) == "Bow as bb."
 
 
+def test_a_plugin_file_can_be_left_out_by_its_name(bows):
+    plugins = Plugins.discover([bows], Choice(without=("mine",)))
+    assert said(plugins) == "Bow as aa."
+    assert plugins.info("mine").error == "left out by --without"
+
+
 def test_a_skill_left_out_by_name_is_nobodys(bows):
     assert "bow" not in Plugins.discover(choice=Choice(without=("bow",))).skills
 

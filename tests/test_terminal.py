@@ -27,7 +27,6 @@ TABLES = {
     "bench table": "{a} {b}",
     "bench compare": "{a} {b} --partial",
     "bench rescore": "{a}",
-    "bench difficulty": "--split val",
     "bench power": "--split smoke --trials 2",
     "bench ablate": None,
     "bench repair": None,

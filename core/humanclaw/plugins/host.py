@@ -108,6 +108,8 @@ class Plugins(Lookup):
         number, name = 1, path.stem
         while self._manager.has_plugin(name):
             number, name = number + 1, f"{path.stem}-{number + 1}"
+        if self._unwanted(PluginInfo(name, "", str(path))):
+            return
         self.add(load_file(path), name, origin=str(path))
         for reason in self._infos[-1].disabled.values():
             if not self.names_of(name, "skills"):
@@ -210,13 +212,19 @@ class Plugins(Lookup):
     def _load(self, info: PluginInfo, point: importlib.metadata.EntryPoint) -> object | None:
         """Import a plugin's module. Returns None, and notes the reason in the infos, if it is not wanted, cannot be
         imported or was made for another version."""
-        if info.origin != hookspecs.PROJECT and any(is_owner(text, info.name) for text in self.choice.without):
-            self._infos.append(replace(info, error="left out by --without"))
+        if info.origin != hookspecs.PROJECT and self._unwanted(info):
             return None
         if info.name in self._absent:
             self._infos.append(replace(info, error="plays elsewhere"))
             return None
         return self._try(info, lambda: held_to_requirements(point).load())
+
+    def _unwanted(self, info: PluginInfo) -> bool:
+        """Whether the choice leaves a whole plugin out, which is then noted in the infos."""
+        unwanted = any(is_owner(text, info.name) for text in self.choice.without)
+        if unwanted:
+            self._infos.append(replace(info, error="left out by --without"))
+        return unwanted
 
     def _try(self, info: PluginInfo, use: Callable[[], T]) -> T | None:
         try:

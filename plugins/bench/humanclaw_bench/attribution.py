@@ -177,8 +177,10 @@ def _turned(recorded: RecordedEpisode) -> bool:
         return False
     last = steps[-1]
     gap = gap_to(last.targets or record.targets, last.end)
+    if float(np.linalg.norm(gap)) > NEAR:
+        return False  # Far away, or infinitely far where there is no target: an infinite gap has no direction.
     back = float(gap @ (np.sin(last.yaw_end), np.cos(last.yaw_end))) < 0
-    return float(np.linalg.norm(gap)) <= NEAR and (back or any(is_sit(recorded, step) for step in steps))
+    return back or any(is_sit(recorded, step) for step in steps)
 
 
 def _windows(length: int, steps: int) -> Iterator[slice]:

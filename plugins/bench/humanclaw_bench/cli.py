@@ -70,7 +70,6 @@ for _name, _target, _told in (
     ("ablate", "evidence:ablate", "Run the paper's ablation with a scripted bounded agent."),
     ("repair", "evidence:repair_command", "Check root causes with failures of known origin."),
     ("make", "making:make", "Make the splits from seeds, a hidden test, or training tasks."),
-    ("difficulty", "distribution:difficulty_command", "Show how difficult the episodes of a split are."),
     ("rollouts", "dataset:rollouts", "Write recorded runs as conversations to train on."),
     ("reproduce", "reproduce:reproduce", "Play the paper's tables 2 and 3 for the models of a file."),
     ("power", "power:power_command", "Simulate which difference between two runs a split can show."),

@@ -203,6 +203,6 @@ def _played(
 
         status = run_split(specs, job, player, out, plugins=plugins, watch=progress.watch, go_on=go_on)
         progress.end(status)
-    if status.stopped:
+    if status.stopped and not status.limited:  # What a limit left undone is a row all the same.
         raise SystemExit(130)
     return scored(load_run(out), name=out.name)

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from tqdm import tqdm
 
-from humanclaw import HumanclawError, PluginError, Plugins, RecordedEpisode, RecordError, StepRecord, load_run
+from humanclaw import Call, HumanclawError, PluginError, Plugins, RecordedEpisode, RecordError, StepRecord, load_run
 from humanclaw.body import HISTORY
 from humanclaw.storage import Folder
 from humanclaw_bench.attribution import also, attribute
@@ -139,8 +139,9 @@ def to_lerobot(run: Path, out: Path) -> Path:
 
     observation.images.ego: the view. observation.state: root position (m) and 24 joint rotations (axis-angle, rad)
     before the decision. action: the executed call: a one-hot of the skill, then every parameter of every skill in the
-    schema's units, 0 for skills that were not called; all 0 without a usable call. next.done: whether it is the
-    episode's last frame. next.success: whether it is, and the episode succeeded.
+    schema's units, 0 for skills that were not called; all 0 without a usable call. A parameter with texts has a column
+    for each text, skill.parameter=text, which is 1 where it was given. next.done: whether it is the episode's last
+    frame. next.success: whether it is, and the episode succeeded.
 
     Leaves out episodes without a decision or with an infrastructure failure. Raises RecordError if out exists or no
     episode is left.
@@ -167,10 +168,10 @@ def to_lerobot(run: Path, out: Path) -> Path:
 
 
 def _action_names(episodes: Sequence[RecordedEpisode]) -> tuple[str, ...]:
-    """Return the names of all skills in the episodes, then skill.parameter for each parameter that was called."""
+    """Return the names of all skills in the episodes, then those of all parameters that were called."""
     calls = [step.call for episode in episodes for step in episode.steps if step.call]
     skills = sorted({skill for episode in episodes for skill in episode.record.skills} | {call.skill for call in calls})
-    params = sorted({f"{call.skill}.{key}" for call in calls for key in call.params})
+    params = sorted({name for call in calls for name in _numbers(call)})
     return (*skills, *params)
 
 
@@ -207,10 +208,17 @@ def _picture(recorded: RecordedEpisode, step: StepRecord) -> Any:
 
 
 def _action(step: StepRecord, names: Sequence[str]) -> Any:
-    values = {step.call.skill: 1.0} if step.call else {}
-    if step.call:
-        values |= {f"{step.call.skill}.{key}": float(value) for key, value in step.call.params.items()}
+    values = {step.call.skill: 1.0, **_numbers(step.call)} if step.call else {}
     return np.array([values.get(name, 0.0) for name in names], np.float32)
+
+
+def _numbers(call: Call) -> dict[str, float]:
+    """Return the parameters of a call by column of the action."""
+    found: dict[str, float] = {}
+    for key, value in call.params.items():
+        name = f"{call.skill}.{key}"
+        found |= {f"{name}={value}": 1.0} if isinstance(value, str) else {name: float(value)}
+    return found
 
 
 def to_inspect(run: Path, out: Path) -> Path:

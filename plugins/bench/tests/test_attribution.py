@@ -270,3 +270,13 @@ def test_a_run_records_the_way_left_before_and_after_each_step(body, house, tmp_
 
 def test_no_target_has_no_way() -> None:
     assert geodesics(two_rooms(), ())(np.zeros(3)) == np.inf
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_scene_without_a_target_is_attributed_without_a_warning(tmp_path: Path) -> None:
+    lost = [step(away=None, yaw_end=2.0), step(away=None, yaw_end=2.0)]  # Its back to everything.
+    recorded = rollout(tmp_path, lost, targets={}, outcome="out_of_steps")
+    cause = attribute(recorded)
+    assert cause
+    assert cause.stage == "find"
+    assert not [one for one in also(recorded, cause) if one.stage == "nav"]

@@ -3,14 +3,17 @@
 import csv
 import json
 import math
+import sys
+import types
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
 from made import record_episode
+from rollouts import rollout, step
 
 import humanclaw_bench as benchmark
-from humanclaw import Plugins, RecordError, load_run
+from humanclaw import Plugins, RecordedEpisode, RecordError, load_run
 from humanclaw.cli import build
 from humanclaw_bench.export import load, metrics_of, rows, to_csv, to_inspect, to_lerobot
 from humanclaw_bench.worker import mark
@@ -111,3 +114,36 @@ def test_a_lerobot_dataset_reads_back_as_the_decisions(run, tmp_path):
     assert first["observation.images.ego"].shape == (3, 256, 256)
     with pytest.raises(RecordError, match=r"already exists"):
         to_lerobot(run, out)
+
+
+class FakeDataset:
+    """Takes the place of LeRobotDataset: keeps its features and frames."""
+
+    def __init__(self, features):
+        self.features, self.frames = features, []
+
+    def add_frame(self, frame):
+        self.frames.append(frame)
+
+    def save_episode(self):
+        pass
+
+    finalize = save_episode
+
+
+def test_a_text_parameter_has_a_column_for_each_of_its_texts(tmp_path, monkeypatch):
+    made = []
+
+    def create(features, **_):
+        made.append(FakeDataset(features))
+        return made[0]
+
+    fake = types.SimpleNamespace(LeRobotDataset=types.SimpleNamespace(create=create))
+    monkeypatch.setitem(sys.modules, "lerobot.datasets.lerobot_dataset", fake)
+    monkeypatch.setattr(RecordedEpisode, "picture", lambda self, step: np.zeros((4, 4, 3), np.uint8))
+    steps = [step("wave", params={"hand": hand, "times": 2}) for hand in ("left", "right")]
+    rollout(tmp_path / "run", [*steps, step("stop")])
+    to_lerobot(tmp_path / "run", tmp_path / "dataset")
+    names = made[0].features["action"]["names"]
+    assert names[-3:] == ["wave.hand=left", "wave.hand=right", "wave.times"]
+    assert [frame["action"][-3:].tolist() for frame in made[0].frames] == [[1, 0, 2], [0, 1, 2], [0, 0, 0]]

@@ -14,7 +14,6 @@ from humanclaw.records import Difficulty, route_difficulty, write_episodes
 from humanclaw.world import DistanceField, MultiFloorMap, goals_at
 from humanclaw_bench.cli import bench
 from humanclaw_bench.difficulty import overall, tiers
-from humanclaw_bench.distribution import Bin, drawn, histogram
 from humanclaw_bench.splits import (
     BETWEEN,
     DATA,
@@ -210,15 +209,6 @@ def test_distances_and_tiers_are_spread_as_in_the_paper():
     )
     assert np.median(metres) == pytest.approx(4.4, abs=0.2)
     assert np.quantile(metres, 0.9) < 12.8
-
-
-def test_a_histogram_counts_episodes_by_the_whole_number_below_their_value():
-    spec = load_split("smoke")[0]
-    way = [spec.model_copy(update={"difficulty": spec.difficulty.model_copy(update={"distance": metres})})
-           for metres in (0.5, 3.1, 3.4, 3.6, 9.0)]  # fmt: skip
-    bins = histogram(way, "distance")
-    assert bins == [Bin(0, "easy", 1), Bin(3, "easy", 2), Bin(3, "medium", 1), Bin(9, "hard", 1)]
-    assert [line.count("#") for line in drawn(bins, "distance").splitlines()[2:]] == [20, 40, 20, 20]
 
 
 @shipped
