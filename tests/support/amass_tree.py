@@ -1,5 +1,6 @@
 """A folder tree in the format of AMASS, made by a program: synthesised walks, turns and pauses of several subjects."""
 
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +9,7 @@ from numpy.typing import NDArray
 from humanclaw import Motion, Plugins
 from humanclaw.body import matrix_from_vector, rest_pose, vector_from_matrix
 from humanclaw_train.augment import CHANNELS, HARMONICS, Profiles, channel, channels
-from humanclaw_train.commands import named, trained
+from humanclaw_train.commands import Trained, named, trained
 from humanclaw_train.synthesis import synthesize
 
 _UPRIGHT = matrix_from_vector(np.array([-np.pi / 2, 0.0, 0.0]))
@@ -30,9 +31,15 @@ def swinging() -> Profiles:
     return Profiles(gait, np.array([1.2, 1.2]), stance, sway)
 
 
+@cache
+def trained_skills() -> dict[str, Trained]:
+    """Return the installed skills that have a recipe, by name. Finding them takes half a second."""
+    return named(trained(Plugins.discover()))
+
+
 def write_amass(folder: Path, subjects: int = 3) -> Path:
     """Write `folder/STUDIO/SUBJECT/CLIP_poses.npz`, two clips a subject, and each subject's shape.npz, as AMASS has."""
-    skills = named(trained(Plugins.discover()))
+    skills = trained_skills()
     for subject in range(subjects):
         here = folder / "STUDIO" / f"{subject:02d}"
         here.mkdir(parents=True)

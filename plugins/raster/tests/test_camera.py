@@ -3,13 +3,12 @@
 import numpy as np
 import pytest
 
-from humanclaw import Plugins
 from humanclaw.body import rest_pose
 from humanclaw.world import WorldState
 
 
 @pytest.fixture
-def looks(builder, camera):
+def looks(plugins, builder, camera):
     """Return a function that draws a white wall at 5 m, with a board on its right side, by a renderer."""
     builder.box((40, 40, 0.2), (0, -20, 5.1))
     builder.box((1.0, 6.0, 0.1), (-4.0, -2.0, 4.95))
@@ -17,7 +16,7 @@ def looks(builder, camera):
     away.root[:, 0] += 500.0
 
     def look(name, size=256):
-        renderer = Plugins.discover().make("renderers", name)
+        renderer = plugins.make("renderers", name)
         renderer.load(scene)
         return renderer.render(WorldState(away, {}), camera((0, 1, 0), (0, 0, 1), size))
 

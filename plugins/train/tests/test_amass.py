@@ -7,19 +7,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from amass_tree import swinging, write_amass, write_clip
+from amass_tree import swinging, trained_skills, write_amass, write_clip
 
-from humanclaw import HumanclawError, Plugins
+from humanclaw import HumanclawError
 from humanclaw.body import JOINT_INDEX, rest_pose
 from humanclaw.motion import read_header
 from humanclaw_train import build as building
 from humanclaw_train.chunks import Chunks, Clip
 from humanclaw_train.clips import Folder
-from humanclaw_train.commands import named, trained
 from humanclaw_train.curate import build_real
 from humanclaw_train.synthesis import synthesize
-
-SKILLS = named(trained(Plugins.discover()))
 
 
 @pytest.fixture(scope="module")
@@ -28,7 +25,7 @@ def tree(tmp_path_factory) -> Path:
 
 
 def _build(source: Path, out: Path, *more: str) -> int:
-    return building.main([str(source), "--out", str(out), *more], skills=lambda: list(SKILLS.values()))
+    return building.main([str(source), "--out", str(out), *more], skills=lambda: list(trained_skills().values()))
 
 
 def _report(folder: Path) -> list[dict[str, str]]:
@@ -37,7 +34,7 @@ def _report(folder: Path) -> list[dict[str, str]]:
 
 
 def _walk(z: float = 0.55, calls: int = 6):
-    return synthesize(swinging(), [(SKILLS["walk"], {"z": z})] * calls, 0)
+    return synthesize(swinging(), [(trained_skills()["walk"], {"z": z})] * calls, 0)
 
 
 @pytest.mark.integration
@@ -115,13 +112,14 @@ def test_a_body_with_a_raised_hand_trains_the_prior_but_no_skill():
     rotations = walk.rotations.copy()
     rotations[:, JOINT_INDEX["left_shoulder"], 2] = 1.5
     carrying = Clip("carry", replace(walk, rotations=rotations), None, "STUDIO", "")
-    assert set(build_real([carrying], list(SKILLS.values()))) == {"base"}
-    assert "walk" in build_real([replace(carrying, motion=walk)], list(SKILLS.values()))
+    assert set(build_real([carrying], list(trained_skills().values()))) == {"base"}
+    assert "walk" in build_real([replace(carrying, motion=walk)], list(trained_skills().values()))
 
 
 def test_without_a_straight_walk_there_is_no_synthetic_motion_and_the_report_says_why(tmp_path, capsys):
     write_clip(
-        _in(tmp_path / "in" / "turn.npz"), synthesize(swinging(), [(SKILLS["turn_in_place"], {"yaw": 0.9})] * 4, 0)
+        _in(tmp_path / "in" / "turn.npz"),
+        synthesize(swinging(), [(trained_skills()["turn_in_place"], {"yaw": 0.9})] * 4, 0),
     )
     assert _build(tmp_path / "in", tmp_path / "out", "--seconds", "20") == 0
     assert "No synthetic motion: None of 1 clips shows a straight walk" in capsys.readouterr().out

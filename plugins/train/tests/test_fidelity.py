@@ -8,7 +8,7 @@ import pytest
 from declared import STROLL, declaration, declare
 from tiny_motion import write_adapter
 
-from humanclaw import CheckpointError, PluginError, Plugins
+from humanclaw import CheckpointError, PluginError
 from humanclaw.body import STANDING_HEIGHT, Motion, Pose2D, rest_pose
 from humanclaw.motion import AdapterConfig, DiTGenerator, Solver, load_base
 from humanclaw_train.chunks import Chunks
@@ -132,8 +132,8 @@ def _with_notes(adapter):
 
 # -- simulated ---------------------------------------------------------------------------------------------------------
 @pytest.fixture
-def simulator():
-    made = Plugins.discover().make("simulators", "mujoco", profile="default")
+def simulator(plugins):
+    made = plugins.make("simulators", "mujoco", profile="default")
     yield made
     made.close()
 

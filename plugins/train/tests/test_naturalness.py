@@ -9,7 +9,7 @@ import pytest
 from declared import declaration, declare, folder_of
 from tiny_motion import write_adapter
 
-from humanclaw import Motion, Plugins
+from humanclaw import Motion
 from humanclaw.body import FUTURE, HISTORY, STANDING_HEIGHT, rest_pose
 from humanclaw.motion import AdapterConfig, DiTGenerator, Solver, load_base
 from humanclaw_train import long_walks, naturalness
@@ -135,9 +135,9 @@ def test_first_steps_and_drift_of_a_standing_body_are_zero(generator, commands):
 
 
 @pytest.mark.integration
-def test_a_standing_body_keeps_its_hips_and_has_no_gait(generator, commands, monkeypatch):
+def test_a_standing_body_keeps_its_hips_and_has_no_gait(plugins, generator, commands, monkeypatch):
     monkeypatch.setattr(long_walks, "_BODIES", 1)
-    simulator = Plugins.discover().make("simulators", "mujoco", profile="default")
+    simulator = plugins.make("simulators", "mujoco", profile="default")
     actor, walks = Actor(generator, simulator), walker(commands)
     found = corners(actor, walks, calls=1, bodies=1)
     assert found[1].asked == pytest.approx({"x_cm": -30, "z_cm": 0, "yaw_deg": 30})

@@ -5,9 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from amass_tree import trained_skills
 from declared import declaration
 
-from humanclaw import Motion, Plugins
+from humanclaw import Motion
 from humanclaw.body import (
     FPS,
     JOINT_INDEX,
@@ -22,14 +23,12 @@ from humanclaw.body import (
     vector_from_matrix,
 )
 from humanclaw_train.chunks import Chunks, Clip, canonical, cut, load_pack, outcome
-from humanclaw_train.commands import trained
 from humanclaw_train.curate import IDLE_SHARE, build_real, statistics, travel
 from humanclaw_train.mocap import load
 from humanclaw_train.retarget import leg_length, resample, retarget
 from humanclaw_train.source_motion import MocapError, SourceMotion
 
 LEG = 0.405 + 0.415
-SKILLS = trained(Plugins.discover())
 WALK = declaration("walk").parameters
 
 
@@ -253,7 +252,7 @@ def looped(walk, times):
 
 def test_a_walk_becomes_walk_chunks_with_its_speed(walk):
     clip = Clip("walk", walk, {"walk": ((0, 38),), "base": ((0, 38),)}, "Some", "MIT")
-    chunks = build_real([clip], SKILLS)
+    chunks = build_real([clip], list(trained_skills().values()))
     speed = np.linalg.norm((walk.root[-1] - walk.root[0])[[0, 2]]) / (walk.seconds - 1 / FPS)
     assert set(chunks) == {"walk", "base"}
     assert chunks["walk"].params[:, 1].mean() == pytest.approx(speed / 2, rel=0.1)
@@ -262,7 +261,7 @@ def test_a_walk_becomes_walk_chunks_with_its_speed(walk):
 
 def test_only_what_a_span_covers_is_taken(walk):
     clip = Clip("walk", walk, {"base": ((0, 38),)}, "Some", "MIT")
-    assert set(build_real([clip], SKILLS)) == {"base"}
+    assert set(build_real([clip], list(trained_skills().values()))) == {"base"}
 
 
 def test_standing_still_is_stop_and_fills_at_most_its_share_of_the_base(walk):
@@ -270,7 +269,7 @@ def test_standing_still_is_stop_and_fills_at_most_its_share_of_the_base(walk):
     still = replace(still, root=rest_pose(2000).root)
     idling = Clip("idle", still, {"stop": ((0, 1999),), "base": ((0, 1999),)}, "Some", "MIT")
     walking = Clip("walk", looped(walk, 3), {"base": ((0, 116),)}, "Some", "MIT")
-    chunks = build_real([idling, walking], SKILLS)
+    chunks = build_real([idling, walking], list(trained_skills().values()))
     base = chunks["base"]
     share = travel(base.root.astype(float), base.rotations.astype(float)).idle.mean()
     assert len(chunks["stop"]) > 600
@@ -283,8 +282,8 @@ def test_a_glitch_of_one_frame_drops_the_chunks_that_hold_it(walk):
     clip = Clip("walk", walk, {"base": ((0, 38),)}, "Some", "MIT")
     broken = replace(clip, motion=Motion(walk.root, rotations))
     # Windows begin at 0, 3 ... 18; those from 12 on contain frame 30.
-    assert len(build_real([clip], SKILLS)["base"]) == 7
-    assert len(build_real([broken], SKILLS)["base"]) == 4
+    assert len(build_real([clip], list(trained_skills().values()))["base"]) == 7
+    assert len(build_real([broken], list(trained_skills().values()))["base"]) == 4
 
 
 def test_a_source_must_have_a_rotation_for_every_joint(source):

@@ -9,7 +9,7 @@ from PIL import Image
 
 pytest.importorskip("torch")
 
-from humanclaw import HumanclawError, Motion, Plugins
+from humanclaw import HumanclawError, Motion
 from humanclaw_train.chunks import Clip
 from humanclaw_train.cli import show
 from humanclaw_train.show import nearest, on_floor, strip
@@ -24,22 +24,22 @@ def gliding(name: str, speed: float, seconds: float = 2.0) -> Clip:
     return Clip(name, motion, {"walk": [(0, frames - 1)]}, "made", "none")
 
 
-def test_the_person_beside_is_the_one_with_the_most_similar_speed():
-    walk = Plugins.discover().skill("walk").declaration
+def test_the_person_beside_is_the_one_with_the_most_similar_speed(plugins):
+    walk = plugins.skill("walk").declaration
     asked = {"x": 0.0, "z": 0.4, "yaw": 0.0}
     name, motion = nearest([gliding("slow", 0.3), gliding("right", 0.78), gliding("fast", 1.6)], walk, asked, 3)
     assert name == "right"
     assert len(motion) == 5 + 3 * 15
 
 
-def test_a_long_clip_is_preferred_to_a_short_one():
-    walk = Plugins.discover().skill("walk").declaration
+def test_a_long_clip_is_preferred_to_a_short_one(plugins):
+    walk = plugins.skill("walk").declaration
     clips = [gliding("brief", 0.8, 0.7), gliding("on and on", 0.7, 3.0)]
     assert nearest(clips, walk, {"x": 0.0, "z": 0.4, "yaw": 0.0}, 4)[0] == "on and on"
 
 
-def test_without_a_clip_of_the_skill_nobody_is_drawn_beside():
-    stop = Plugins.discover().skill("stop").declaration
+def test_without_a_clip_of_the_skill_nobody_is_drawn_beside(plugins):
+    stop = plugins.skill("stop").declaration
     assert nearest([gliding("walks", 0.8)], stop, {}, 2) is None
 
 

@@ -5,10 +5,10 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from amass_tree import swinging
+from amass_tree import swinging, trained_skills
 from declared import STROLL
 
-from humanclaw import HumanclawError, Motion, Plugins
+from humanclaw import HumanclawError, Motion
 from humanclaw.body import (
     CHUNK,
     FUTURE,
@@ -25,7 +25,7 @@ from humanclaw.skills import Declaration, Draw, GaitParameters, Recipe
 from humanclaw_train import synthesis
 from humanclaw_train.augment import Profiles, channel
 from humanclaw_train.chunks import outcome
-from humanclaw_train.commands import Trained, named, trained
+from humanclaw_train.commands import Trained
 from humanclaw_train.inside import depth
 from humanclaw_train.synthetic import sample_calls, synthetic_chunks
 
@@ -39,19 +39,16 @@ def profiles():
     return swinging()
 
 
-SKILLS = named(trained(Plugins.discover()))
-
-
 def compose(profiles, commands, seed):
-    return synthesis.synthesize(profiles, [(SKILLS[name], given) for name, given in commands], seed)
+    return synthesis.synthesize(profiles, [(trained_skills()[name], given) for name, given in commands], seed)
 
 
 def _outcome(skill, chunk):
-    return outcome(SKILLS[skill].declaration.parameters, chunk)
+    return outcome(trained_skills()[skill].declaration.parameters, chunk)
 
 
 def _wanted(skill, given):
-    return [given.get(one.name, 0.0) for one in SKILLS[skill].declaration.parameters]
+    return [given.get(one.name, 0.0) for one in trained_skills()[skill].declaration.parameters]
 
 
 def _chunks(motion):
@@ -147,7 +144,7 @@ def test_one_foot_at_least_is_on_the_floor_and_none_is_below_it(profiles):
 
 
 def test_nothing_jumps_where_one_command_follows_another(profiles):
-    skills = list(SKILLS.values())
+    skills = list(trained_skills().values())
     calls = sample_calls(skills, 1, 40, np.random.default_rng(4))
     series = [_command(skills[call.skill[0]], call.values[0]) for call in calls]
     joints = compose(profiles, series, 5).joints()
@@ -273,28 +270,29 @@ def test_an_unknown_parameter_and_a_skill_without_gait_are_named(profiles):
 
 
 def test_every_change_of_skill_is_practised():
-    series = sample_calls(list(SKILLS.values()), 200, 40, np.random.default_rng(0))
+    series = sample_calls(list(trained_skills().values()), 200, 40, np.random.default_rng(0))
     pairs = {(a, b) for one, two in pairwise(series) for a, b in zip(one.skill, two.skill, strict=True)}
-    assert len(pairs) == len(SKILLS) ** 2
+    assert len(pairs) == len(trained_skills()) ** 2
 
 
 def test_short_steps_straight_ahead_corners_of_the_range_and_long_runs_of_one_skill_are_practised():
-    names = [one.name for one in SKILLS["walk"].declaration.parameters]
-    (first,) = sample_calls([SKILLS["walk"]], 4000, 1, np.random.default_rng(0))
+    names = [one.name for one in trained_skills()["walk"].declaration.parameters]
+    (first,) = sample_calls([trained_skills()["walk"]], 4000, 1, np.random.default_rng(0))
     straight = (np.delete(first.values, names.index("z"), 1) == 0).all(1)
     assert straight.mean() == pytest.approx(0.92 * (0.3 + 0.7 * (0.5 * 0.8) ** 2), abs=0.03)
-    low, high = np.transpose([(how.low, how.high) for how in map(SKILLS["walk"].recipe.commands.__getitem__, names)])
+    commands = trained_skills()["walk"].recipe.commands
+    low, high = np.transpose([(commands[name].low, commands[name].high) for name in names])
     corner = ((first.values <= 0.75 * low) | (first.values >= 0.75 * high)).all(1)
     assert corner.mean() == pytest.approx(0.08, abs=0.015)
-    series = sample_calls(list(SKILLS.values()), 1000, 16, np.random.default_rng(0))
+    series = sample_calls(list(trained_skills().values()), 1000, 16, np.random.default_rng(0))
     same = np.all([call.skill == series[0].skill for call in series], axis=0)
     assert same.mean() == pytest.approx(0.3, abs=3 * np.sqrt(0.3 * 0.7 / 1000))
 
 
 def test_synthetic_chunks_fill_every_skill_and_say_what_they_are(profiles):
     heard = []
-    chunks = synthetic_chunks(profiles, list(SKILLS.values()), 20.0, 3, heard.append, base_share=2.0)
-    assert {name: len(found) for name, found in chunks.items()} == dict.fromkeys(SKILLS, 40) | {"base": 80}
+    chunks = synthetic_chunks(profiles, list(trained_skills().values()), 20.0, 3, heard.append, base_share=2.0)
+    assert {name: len(found) for name, found in chunks.items()} == dict.fromkeys(trained_skills(), 40) | {"base": 80}
     assert heard[-1] == 1.0
     for name in ("walk", "side_step", "step_back", "turn_in_place", "sit_in_place"):
         found = chunks[name]
@@ -350,7 +348,7 @@ def test_a_walker_brakes_where_no_travel_is_commanded(profiles):
 def test_swinging_feet_clear_the_edge_of_a_stair_by_a_centimetre_and_mostly_by_two(profiles, skill, share):
     random = np.random.default_rng(0)
     heights, depths = random.uniform(0.08, 0.25, 64), random.uniform(0.2, 0.4, 64)
-    calls = [(SKILLS[skill], {"h": h, "d": d}) for h, d in zip(heights, depths, strict=True)]
+    calls = [(trained_skills()[skill], {"h": h, "d": d}) for h, d in zip(heights, depths, strict=True)]
     missing = synthesis.play(profiles, [synthesis.Commands.of(calls)] * 4, random)[2]  # Shortfall from 2 cm.
     assert (missing < 0.01).mean() >= share
     assert (missing < 0.0025).mean() >= share - 0.07
@@ -358,7 +356,7 @@ def test_swinging_feet_clear_the_edge_of_a_stair_by_a_centimetre_and_mostly_by_t
 
 @pytest.mark.integration
 def test_chunks_whose_feet_cut_the_edge_of_a_stair_are_not_learnt(profiles):
-    climbs = [SKILLS["climb_upstairs"]]
+    climbs = [trained_skills()["climb_upstairs"]]
     asked = synthetic_chunks(profiles, climbs, 40.0, 0)["climb_upstairs"]
     assert len(asked) == 80
     assert asked.params[:, 0].max() < 0.27

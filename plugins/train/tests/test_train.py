@@ -112,7 +112,7 @@ def _tree(*folders: Path) -> dict[Path, str]:
 
 
 def test_training_an_adapter_changes_no_file_but_those_of_its_own_run(backwards, base_file, tmp_path):
-    repository = Path(__file__).parents[2]
+    repository = Path(__file__).parents[3]
     watched = (repository / "core", repository / "skills", backwards, base_file.parent)
     before = _tree(*watched)
     adapter = _adapter(backwards, base_file, tmp_path / "run", "--steps", "2")
