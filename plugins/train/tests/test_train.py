@@ -320,3 +320,12 @@ def test_a_licence_that_says_nothing_is_refused(capsys):
     with pytest.raises(SystemExit):
         main(["base", "--out", "nowhere", "--licence", " "])
     assert "the licence is empty" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("names", "measures"), [(["z"], ["hips.forward"]), (["ahead"], ["hips.back"])])
+def test_chunks_with_other_commands_are_not_mixed(backwards, tmp_path, names, measures):
+    with np.load(backwards / "step_back.npz") as found:
+        np.savez(tmp_path / "step_back.npz", **{**found, "names": names, "measures": measures})
+    told = rf"commands {names[0]} \({measures[0]}\); .* commands z \(hips.back\)"
+    with pytest.raises(HumanclawError, match=told):
+        data.load([backwards, tmp_path], "step_back")
