@@ -75,8 +75,8 @@ for _name, _target, _told in (
     ("reproduce", "reproduce:reproduce", "Play the paper's tables 2 and 3 for the models of a file."),
     ("power", "power:power_command", "Simulate which difference between two runs a split can show."),
     ("verify", "checking:verify", "Check every file of a run against its digest."),
-    ("submit", "checking:submit", "Write one file with settings and results of a run."),
-    ("leaderboard", "checking:leaderboard", "Make index.html from the submissions in a folder."),
+    ("submit", "checking:submit", "Write submission.json into a run, for a leaderboard."),
+    ("leaderboard", "checking:leaderboard", "Make index.html from a folder of submitted runs."),
 ):
     bench.add_command(LazyCommand(_name, f"humanclaw_bench.{_target}", _told))
 
