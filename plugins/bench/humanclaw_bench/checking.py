@@ -95,8 +95,6 @@ def _verify_files(run: Path) -> bool:
         click.echo(f"{name!r:.200} was played more than once from its first step.")
     if unstarted := files.unstarted(path.parent.name for path in run.glob("*/episode.json")):
         click.echo(f"{counted(unstarted, 'record')} without a start in the journal: further attempts are not known.")
-    if files.beside:
-        click.echo(f"Code of others beside the body: {', '.join(files.beside)}.")
     if not is_told(run):
         click.echo(f"There is no run.json in {run}: split and settings of the records are unknown.")
     of = f"{count} of " if count < asked else ""

@@ -119,8 +119,6 @@ class Standing:
     """Number of records without a start in the journal, which may lack other attempts too."""
     in_process: bool = False
     """Whether an unprivileged agent or verifier of a run with a run.json played in the body's own process."""
-    beside: tuple[str, ...] = ()
-    """Code of others that was loaded beside the body."""
 
 
 def standing(run: Path, episodes: Sequence[RecordedEpisode]) -> Standing:
@@ -130,7 +128,7 @@ def standing(run: Path, episodes: Sequence[RecordedEpisode]) -> Standing:
     return Standing(
         files.asked, faults(episodes, run, files), len(told.again), len(told.continued),
         files.unstarted(one.record.spec.id for one in episodes),
-        bool(files.manifest) and any(map(_in_process, episodes)), files.beside,
+        bool(files.manifest) and any(map(_in_process, episodes)),
     )  # fmt: skip
 
 
@@ -274,11 +272,6 @@ class RunFiles:
     def unstarted(self, episodes: Iterable[str]) -> int:
         """Return how many episodes, by name, have no start in the journal; 0 without a run.json."""
         return sum(name not in self.journal.starts for name in episodes) if self.manifest else 0
-
-    @property
-    def beside(self) -> tuple[str, ...]:
-        """Code of others that was loaded beside the body, according to run.json."""
-        return tuple(map(str, self.manifest.content.get("beside the body", ()))) if self.manifest else ()
 
 
 def _foreign(run: Path, files: RunFiles, episodes: Sequence[RecordedEpisode]) -> Iterator[str]:

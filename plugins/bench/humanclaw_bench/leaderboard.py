@@ -291,7 +291,7 @@ def _details(title: str, facts: Mapping[str, str]) -> Markup:
 def _settings(entry: Entry) -> str:
     """Return the settings in which rows may differ."""
     run = entry.scored.manifest.content
-    told = {key: run[key] for key in ("options", "plugin files", "in process", "beside the body") if run.get(key)}
+    told = {key: run[key] for key in ("options", "plugin files", "in process") if run.get(key)}
     if told.get("options") == {"profile": "default"}:
         del told["options"]
     given = [f"{key} {json.dumps(value, ensure_ascii=False)}" for key, value in told.items()]

@@ -80,9 +80,8 @@ class Result:
 
     @property
     def _near(self) -> str:
-        near, beside = self.known.in_process, self.known.beside
-        told = " Played in the body's own process, which agent and verifier can change." if near else ""
-        return told + (f" Code of others beside the body: {', '.join(beside)}." if beside else "")
+        near = self.known.in_process
+        return " Played in the body's own process, which agent and verifier can change." if near else ""
 
     @property
     def _played(self) -> str:

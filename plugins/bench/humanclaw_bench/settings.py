@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
-import importlib.util
 import json
 import os
 import secrets
-import sysconfig
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, Final
@@ -72,20 +70,6 @@ def _told_as(info: PluginInfo) -> str:
     return info.origin if os.sep in info.origin or info.origin.endswith(".py") else info.name
 
 
-def beside(plugins: Plugins, absent: Collection[str]) -> list[str]:
-    """Return the code of others that is loaded beside the body, by name: it could change the body and the records."""
-    there = [info for info in plugins.infos if info.origin not in own() and not info.error]
-    foreign = [info.name for info in there if _told_as(info) not in absent]
-    startup = [name for name in ("sitecustomize", "usercustomize") if _is_added(name)]
-    return sorted({*foreign, *startup})
-
-
-def _is_added(module: str) -> bool:
-    """Whether a module is there, and not as a part of Python: Ubuntu's Python has a sitecustomize."""
-    found = importlib.util.find_spec(module)
-    return found is not None and Path(found.origin or "").parent != Path(sysconfig.get_path("stdlib"))
-
-
 def manifest(specs: Sequence[EpisodeSpec], job: Job, plugins: Plugins) -> dict[str, Any]:
     """Return all settings that must be equal in all sessions of a run.
 
@@ -96,7 +80,6 @@ def manifest(specs: Sequence[EpisodeSpec], job: Job, plugins: Plugins) -> dict[s
     adapters = {name: _digest(path.read_bytes()) for name, path in files.items()}
     unusual = {
         "in process": job.in_process,
-        "beside the body": beside(plugins, job.absent),
         "choice": asdict(job.choice) if job.choice != Choice() else None,
     }
     return {
