@@ -426,7 +426,7 @@ def test_listing_the_commands_loads_nothing_that_only_running_them_needs():
     assert not {"scipy", "torch", "litellm", "pandas", "numba", "pybullet", "mujoco", "filelock"} & set(loaded)
 
 
-@pytest.mark.parametrize("group", ["", "bench", "plugins", "habitat"])
+@pytest.mark.parametrize("group", ["", "bench", "habitat"])
 def test_what_a_command_does_is_said_to_the_end_at_80_columns(cli, group):
     commands = cli(*group.split(), "--help", COLUMNS="80").stdout.partition("Commands:")[2]
     assert commands

@@ -9,7 +9,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 LETTERS = 60
-LONGER = 753
+LONGER = 717
 """Names of tests that are longer than 60 letters today. Lower it with each that is shortened; never raise it."""
 
 

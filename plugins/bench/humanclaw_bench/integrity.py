@@ -24,7 +24,6 @@ from humanclaw import EpisodeSpec, HumanclawError, RecordedEpisode, RecordError
 from humanclaw.cli import counted
 from humanclaw.records import EpisodeRecord, first_fault, read_episodes
 from humanclaw.storage import Folder, lacking
-from humanclaw_bench.motion_check import moved
 from humanclaw_bench.scores import ended
 from humanclaw_bench.splits import SPLITS, load_split, repeated
 
@@ -161,7 +160,7 @@ def check(run: Path, files: RunFiles | None = None) -> tuple[int, tuple[str, ...
             whole.append(RecordedEpisode(folder))
         except RecordError as error:
             damaged.append(error.message)
-    return len(folders), (*damaged, *moved(whole), *faults(whole, run, files))
+    return len(folders), (*damaged, *faults(whole, run, files))
 
 
 def faults(episodes: Sequence[RecordedEpisode], root: Path, files: RunFiles | None = None) -> tuple[str, ...]:

@@ -24,7 +24,7 @@ from humanclaw_bench.wall.deciders import PROCESS
 from humanclaw_bench.worker import Job
 
 FORMAT: Final = 1
-UNTOLD: Final = ("files", "limits", "choice", "names", "in_process", "agent_url", "apart", "absent", "stop_after")
+UNTOLD: Final = ("files", "limits", "choice", "names", "in_process", "apart", "absent", "stop_after")
 """Fields of a job that run.json tells otherwise, or that follow from others."""
 
 
@@ -42,7 +42,7 @@ def introduced(job: Job, plugins: Plugins) -> Job:
 
     Raises HumanclawError if the job names something unknown, or options that neither agent nor verifier takes.
     """
-    made = {"agents": None if job.agent_url else plugins.make("agents", job.agent, job.options)}
+    made = {"agents": plugins.make("agents", job.agent, job.options)}
     made["verifiers"] = plugins.make("verifiers", job.verifier, job.options) if job.verifier else None
     check_options(job.options, job.agent, made["agents"], made["verifiers"])
     names = {}
@@ -52,8 +52,6 @@ def introduced(job: Job, plugins: Plugins) -> Job:
     # Those who know everything already play beside the body; their records say that they are privileged.
     open_to = [kind for kind, one in made.items() if one and not getattr(one, "privileged", False)]
     apart = {} if job.in_process else dict.fromkeys(open_to, PROCESS)
-    if job.agent_url:
-        apart["agents"] = job.agent_url
     asked = {"agents": job.agent, "verifiers": job.verifier}
     needed = {f"{noun(kind)} {name.rpartition(':')[2]}" for kind, name in asked.items() if kind not in apart}
     away = [info for info in plugins.infos if apart and not needed & {*info.provides}]
@@ -98,7 +96,6 @@ def manifest(specs: Sequence[EpisodeSpec], job: Job, plugins: Plugins) -> dict[s
     adapters = {name: _digest(path.read_bytes()) for name, path in files.items()}
     unusual = {
         "in process": job.in_process,
-        "agent url": job.agent_url,
         "beside the body": beside(plugins, job.absent),
         "choice": asdict(job.choice) if job.choice != Choice() else None,
     }

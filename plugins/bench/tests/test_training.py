@@ -92,6 +92,7 @@ def test_a_difficulty_is_refused_where_it_would_have_no_effect(plugins):
         plugins.make("tasks", "sit", {"difficulty": "hard"})
 
 
+@pytest.mark.integration
 def test_training_tasks_are_written_to_a_file_that_a_gym_plays(tmp_path):
     made = CliRunner().invoke(bench, ["make", "--train", "3", "--option", "houses=1", "--out", str(tmp_path)])
     assert made.exit_code == 0, made.output

@@ -3,12 +3,14 @@
 import subprocess
 import sys
 
+import pytest
 from click.testing import CliRunner
 
 from humanclaw import Plugins
 from humanclaw.cli import build
 
 
+@pytest.mark.integration
 def test_being_listed_loads_nothing_that_a_page_needs():
     probe = "import sys, humanclaw_report.command; print(*sys.modules)"
     loaded = subprocess.run([sys.executable, "-c", probe], capture_output=True, text=True, check=True).stdout.split()

@@ -62,6 +62,7 @@ def test_the_camera_keeps_its_distance_and_moves_smoothly(made: tuple[RecordedEp
     assert np.linalg.norm(np.diff(eyes, axis=0), axis=1).max() < 0.25, "metres a frame"
 
 
+@pytest.mark.integration
 @pytest.mark.parametrize("every", [2, 3])
 def test_an_mp4_lasts_as_long_as_the_episode(made: tuple[RecordedEpisode, Scene], tmp_path: Path, every: int) -> None:
     episode, scene = made

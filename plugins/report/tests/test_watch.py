@@ -45,6 +45,7 @@ def get(port: int, path: str, method: str = "GET") -> tuple[int, bytes]:
     return answer.status, answer.readline() if path == "/events" and answer.status == 200 else answer.read()
 
 
+@pytest.mark.integration
 def test_the_first_event_tells_of_every_episode(served: tuple[int, Path]) -> None:
     status, line = get(served[0], "/events")
     state = json.loads(line.removeprefix(b"data: "))
@@ -80,6 +81,7 @@ def test_an_event_tells_of_the_episodes_that_changed_and_of_those_that_are_gone(
     assert [one["episodes"] for one in told] == [2, 2, 1]
 
 
+@pytest.mark.integration
 def test_the_view_and_the_map_of_an_episode_are_served(served: tuple[int, Path]) -> None:
     assert get(served[0], "/frame/couch-0/0002.jpg") == (200, picture(2))
     status, answer = get(served[0], "/steps/couch-1/0?3")
@@ -167,7 +169,8 @@ def unpacked(packed: dict[str, Any]) -> dict[str, Any]:
     return found
 
 
-def test_the_replay_of_an_episode_that_has_ended_is_served_in_one_file(served: tuple[int, Path]) -> None:
+@pytest.mark.integration
+def test_the_replay_of_an_ended_episode_is_served_in_one_file(served: tuple[int, Path]) -> None:
     status, page = get(served[0], "/replay/couch-0")
     assert status == 200
     assert b'id="stage"' in page
@@ -184,6 +187,7 @@ def test_a_damaged_motion_of_an_unsealed_record_is_no_replay(tmp_path: Path) -> 
         Watcher(tmp_path, lambda name: scene).replay("couch-0")
 
 
+@pytest.mark.integration
 @pytest.mark.parametrize(
     "path",
     [
@@ -198,6 +202,7 @@ def test_nothing_but_views_of_the_run_can_be_read(served: tuple[int, Path], path
     assert get(served[0], path)[0] == 404
 
 
+@pytest.mark.integration
 def test_nothing_can_be_written(served: tuple[int, Path]) -> None:
     assert get(served[0], "/", "POST")[0] == 501
 

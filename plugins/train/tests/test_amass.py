@@ -40,6 +40,7 @@ def _walk(z: float = 0.55, calls: int = 6):
     return synthesize(swinging(), [(SKILLS["walk"], {"z": z})] * calls, 0)
 
 
+@pytest.mark.integration
 def test_from_an_amass_tree_to_an_adapter(tree, tmp_path, capsys):
     pytest.importorskip("torch")
     from humanclaw_train import train

@@ -64,7 +64,8 @@ def _wobbling(count: int, size: float, source: str, seed: int = 0) -> Chunks:
     )
 
 
-def test_a_model_that_stands_still_is_less_like_moving_people_than_they_are_like_one_another(generator, commands):
+@pytest.mark.integration
+def test_a_model_that_stands_still_is_unlike_moving_people(generator, commands):
     data = Chunks.join([_wobbling(80, 0.1, "one", 1), _wobbling(80, 0.1, "two", 2)])
     features = Features.of(data.root.astype(float), data.rotations.astype(float))
     made, floor = likeness(generator, commands[0], data[:80], data[80:], features, seed=0)
@@ -133,7 +134,8 @@ def test_first_steps_and_drift_of_a_standing_body_are_zero(generator, commands):
     assert drift(generator, commands[0], bodies=2, calls=2).side == pytest.approx((0, 0), abs=1e-3)
 
 
-def test_a_standing_body_keeps_its_hips_at_every_corner_and_has_no_gait(generator, commands, monkeypatch):
+@pytest.mark.integration
+def test_a_standing_body_keeps_its_hips_and_has_no_gait(generator, commands, monkeypatch):
     monkeypatch.setattr(long_walks, "_BODIES", 1)
     simulator = Plugins.discover().make("simulators", "mujoco", profile="default")
     actor, walks = Actor(generator, simulator), walker(commands)
@@ -223,6 +225,7 @@ def test_a_standing_body_has_no_jerk_in_any_sequence(generator, commands):
     assert max(found.values()) < 0.2
 
 
+@pytest.mark.integration
 def test_the_command_line_prints_every_table(still, capsys, tmp_path, monkeypatch):
     monkeypatch.setenv("COLUMNS", "200")
     for measure in (first_steps, sequence_jerks):  # As they are, both measure enough bodies for minutes.

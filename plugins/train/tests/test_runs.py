@@ -62,7 +62,8 @@ assert not [name for name in names if "gloo" in name], names  # One that is left
 """
 
 
-def test_two_processes_train_as_one_does_resume_bit_for_bit_and_leave_no_thread(chunks, tmp_path):
+@pytest.mark.integration
+def test_two_processes_train_and_resume_as_one_does(chunks, tmp_path):
     def arguments(name: str) -> list[str]:
         more = ["--precision", "float32", "--batch", "8", "--export", str(tmp_path / f"{name}.safetensors")]
         return ["base", "--data", str(chunks), "--out", str(tmp_path / name), *SIX, *more]
@@ -104,6 +105,7 @@ def test_the_loss_on_held_out_clips_is_printed_and_does_not_change_the_training(
     assert "validation" not in capsys.readouterr().out
 
 
+@pytest.mark.integration
 def test_the_validation_loss_falls_as_the_model_learns(chunks, tmp_path, capsys):
     for steps in ("2", "80"):
         _base(chunks, tmp_path / steps, "--steps", steps, "--rate", "3e-3", "--history-noise", "0")
@@ -120,6 +122,7 @@ def test_every_held_out_chunk_counts_once_in_the_validation_loss(tmp_path):
     assert held_out([tmp_path], "walk") is None
 
 
+@pytest.mark.integration
 def test_tensorboard_gets_the_losses_of_a_run(chunks, tmp_path):
     pytest.importorskip("tensorboard")
     from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
@@ -130,7 +133,8 @@ def test_tensorboard_gets_the_losses_of_a_run(chunks, tmp_path):
     assert [event.step for event in found.Scalars("validation loss")] == [6]
 
 
-def test_wandb_gets_the_losses_of_a_run_offline_and_a_resumed_run_goes_on(chunks, tmp_path, monkeypatch):
+@pytest.mark.integration
+def test_wandb_gets_the_losses_of_a_run_and_of_its_resumption(chunks, tmp_path, monkeypatch):
     pytest.importorskip("wandb")
     monkeypatch.setenv("WANDB_MODE", "offline")
     monkeypatch.setenv("WANDB_SILENT", "true")

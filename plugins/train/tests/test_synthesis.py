@@ -180,8 +180,9 @@ def _passings(motion):
     return np.flatnonzero(lead[:-1] * lead[1:] < 0)
 
 
+@pytest.mark.integration
 @pytest.mark.parametrize(("z", "least", "most"), [(0.45, 1.3, 1.65), (0.6, 1.55, 1.85), (0.8, 1.75, 2.1)])
-def test_steps_follow_one_another_at_the_cadence_of_people_at_that_speed(profiles, z, least, most):
+def test_steps_have_the_cadence_of_people_at_that_speed(profiles, z, least, most):
     # Real walks: 1.35 to 1.62 steps/s at 0.91 m/s, 1.68 to 1.81 at 1.2 to 1.3 m/s, 1.85 to 2.01 at 1.6 m/s.
     found = [_passings(compose(profiles, [("walk", {"z": z})] * 12, seed)[3 * FUTURE :]) for seed in range(8)]
     rates = [30 * (len(frames) - 1) / (frames[-1] - frames[0]) for frames in found]
@@ -189,6 +190,7 @@ def test_steps_follow_one_another_at_the_cadence_of_people_at_that_speed(profile
     assert np.std(rates) > 0.02
 
 
+@pytest.mark.integration
 def test_a_walker_sways_and_bobs_as_people_do(profiles):
     walks = [compose(profiles, [("walk", {"z": 0.5})] * 12, seed)[3 * FUTURE :].root for seed in range(8)]
     sway, bob = (np.median([np.ptp(walk[:, axis]) for walk in walks]) for axis in (0, 1))
@@ -208,6 +210,7 @@ def test_sitting_down_lowers_the_hips_behind_feet_that_stay(profiles):
     assert np.linalg.norm(hands - knees, axis=-1).max() < 0.3
 
 
+@pytest.mark.integration
 @pytest.mark.parametrize("stops", [1, 2])
 @pytest.mark.parametrize(("skill", "z"), [("walk", 0.5), ("walk", 0.1), ("step_back", 0.2)])
 def test_of_two_standing_feet_the_one_with_further_to_go_sets_out(profiles, skill, z, stops):
@@ -353,7 +356,8 @@ def test_swinging_feet_clear_the_edge_of_a_stair_by_a_centimetre_and_mostly_by_t
     assert (missing < 0.0025).mean() >= share - 0.07
 
 
-def test_chunks_whose_feet_cut_the_edge_of_a_stair_are_not_learnt_from(profiles):
+@pytest.mark.integration
+def test_chunks_whose_feet_cut_the_edge_of_a_stair_are_not_learnt(profiles):
     climbs = [SKILLS["climb_upstairs"]]
     asked = synthetic_chunks(profiles, climbs, 40.0, 0)["climb_upstairs"]
     assert len(asked) == 80

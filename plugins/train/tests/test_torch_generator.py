@@ -21,7 +21,7 @@ def _difference(one, other) -> float:
 
 
 @pytest.mark.parametrize("name", ["walk", "turn_in_place", "stop", "climb_upstairs"])
-@pytest.mark.parametrize("profile", ["default", "paper"])
+@pytest.mark.parametrize("profile", ["default", pytest.param("paper", marks=pytest.mark.integration)])
 def test_shipped_skills_move_as_in_numpy(plugins, name, profile):
     skill = plugins.skill(name)
     values = {one.name: (one.low + one.high) / 2 for one in skill.parameters}
@@ -34,8 +34,9 @@ def test_shipped_skills_move_as_in_numpy(plugins, name, profile):
     assert _difference(*motions) < 1e-4
 
 
+@pytest.mark.integration
 @pytest.mark.parametrize("device", ["cpu", "cuda"])
-def test_a_base_of_the_papers_size_moves_as_in_numpy_by_the_papers_solver(tmp_path, device):
+def test_a_base_of_the_papers_size_moves_as_in_numpy(tmp_path, device):
     if device == "cuda" and not torch.cuda.is_available():
         pytest.skip("no GPU")
     path = tmp_path / "base.safetensors"

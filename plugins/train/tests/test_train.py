@@ -61,8 +61,7 @@ def _base(chunks: Path, out: Path, *more: str) -> Path:
 
 @pytest.fixture(scope="module")
 def base_file(chunks, tmp_path_factory) -> Path:
-    words = "--steps 400 --rate 3e-3 --history-noise 0 --licence CC0"
-    return _base(chunks, tmp_path_factory.mktemp("base"), *words.split())
+    return _base(chunks, tmp_path_factory.mktemp("base"), "--steps", "2", "--licence", "CC0")
 
 
 def _step_back(backwards: Path, base_file: Path, out: Path) -> list[str]:
@@ -76,9 +75,12 @@ def _adapter(backwards: Path, base_file: Path, out: Path, *more: str) -> Path:
     return out / "adapter.safetensors"
 
 
-def test_an_adapter_learns_to_cover_the_commanded_distance(backwards, base_file, tmp_path):
-    path = _adapter(backwards, base_file, tmp_path, "--steps", "200", "--rate", "3e-3", "--history-noise", "0")
-    generator = DiTGenerator(load_base(base_file), Solver("midpoint", 2))
+@pytest.mark.integration
+def test_an_adapter_learns_to_cover_the_commanded_distance(chunks, backwards, tmp_path):
+    fast = ("--rate", "3e-3", "--history-noise", "0")
+    base = _base(chunks, tmp_path, "--steps", "400", *fast)
+    path = _adapter(backwards, base, tmp_path / "step_back", "--steps", "200", *fast)
+    generator = DiTGenerator(load_base(base), Solver("midpoint", 2))
     start = generator.start()
     for told in (0.15, 0.35):
         future = generator.generate(start, path, {"z": told}, (0,))
@@ -96,7 +98,7 @@ def test_a_checkpoint_says_what_it_was_trained_on(backwards, base_file, tmp_path
     assert base.card.data["chunks"] == 2 * COUNT
     assert base.card.data["real"] == 2 * COUNT // 4
     assert base.card.data["sources"] == {"a studio": 2 * COUNT}
-    assert base.card.recipe["done_steps"] == 400
+    assert base.card.recipe["done_steps"] == 2
     adapter = load_adapter(_adapter(backwards, base_file, tmp_path, "--steps", "1"), base, "step_back")
     assert adapter.config.encoder == "mlp"
     assert adapter.config.params == ("z",)
@@ -202,7 +204,8 @@ import humanclaw_train.train
 """
 
 
-def test_training_imports_on_a_machine_that_has_torch_and_no_plugin_host():
+@pytest.mark.integration
+def test_training_imports_where_there_is_no_plugin_host():
     subprocess.run([sys.executable, "-c", WITHOUT_A_HOST], check=True)
 
 
