@@ -142,7 +142,6 @@ OWN = {
     "core/humanclaw/motion/checkpoint.py": "weights that the user named",
     "core/humanclaw/plugins/distributions.py": "a table of this package",
     "core/humanclaw/records/": "streams of the door",
-    "core/humanclaw/testing/indexing.py": "a stream of the door, and a temporary folder",
     "core/humanclaw/testing/speed.py": "/proc",
     "harnesses/frameworks/humanclaw_frameworks/wrappers.py": "bytes",
     "harnesses/human/humanclaw_human/window.py": "a temporary folder",
