@@ -138,7 +138,7 @@ def test_a_card_names_the_clips_that_nothing_was_trained_on_or_says_that_there_a
     assert "show too little of it" in of(row)
 
 
-def test_only_the_card_of_the_shipped_base_says_what_is_synthetic_there(weights):
+def test_only_the_shipped_base_says_what_is_synthetic_there(weights):
     claim = "All sitting, all regular stairs"
     assert claim in card(shipped_base())
     for name in ("base.safetensors", "sit_in_place/adapter.safetensors"):
