@@ -12,10 +12,9 @@ from humanclaw.storage import Folder, read_file
 MOST = 1000
 
 
-@pytest.fixture(params=[True, False], ids=["relative", "by path"])
-def folder(tmp_path, monkeypatch, request):
-    """A folder, opened as on POSIX and as on Windows."""
-    monkeypatch.setattr("humanclaw.storage.files._RELATIVE", request.param)
+@pytest.fixture
+def folder(tmp_path):
+    """A folder of others."""
     (tmp_path / "home").mkdir()
     return Folder(tmp_path / "home")
 
