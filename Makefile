@@ -214,9 +214,6 @@ sbom: install  ## List what is installed, with licences, in dist/sbom.cdx.json (
 	@mkdir -p dist
 	sed 's|file://$(CURDIR)/||' .venv-sbom/sbom.json > dist/sbom.cdx.json
 
-index: wheels  ## Make the index of first-party plugins from dist/
-	$(BIN)/humanclaw plugins index $(WHEELS) --by-name --out core/humanclaw/plugins/index.json
-
 audit: install  ## List the licence of every package and weight, and known vulnerabilities (needs the network)
 	$(BIN)/pip install --quiet pip-audit
 	$(BIN)/python tests/evidence/audit.py

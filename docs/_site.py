@@ -1,4 +1,4 @@
-"""Generate pages for mkdocs: one for each package's README, the commands, and the tables of checks and plugins."""
+"""Generate pages for mkdocs: one for each package's README, the commands, and the table of checks."""
 
 from __future__ import annotations
 
@@ -16,7 +16,6 @@ from mkdocs.structure.files import File, Files
 
 from humanclaw import Plugins
 from humanclaw.cli import LazyCommand, build
-from humanclaw.plugins.index import SHIPPED, Index
 from humanclaw.skills.checks import CHECKS
 from humanclaw_bench.splits import load_split
 
@@ -70,7 +69,8 @@ def _target(path: str, link: str) -> str:
 def relinked(text: str, path: str, page: str) -> str:
     """Point the links of a file of the repository at the site; a link to a file without a page becomes its path."""
     written = [one.relative_to(ROOT / "docs").as_posix() for one in (ROOT / "docs").rglob("*.md")]
-    known = {**pages(), "plugins/README.md": "packages.md", **{f"docs/{one}": one for one in written}}
+    listed = {f"{kind}/README.md": "packages.md" for kind in ("plugins", "skills", "harnesses")}
+    known = {**pages(), **listed, **{f"docs/{one}": one for one in written}}
 
     def link(match: re.Match[str]) -> str:
         target = _target(path, match[2])
@@ -115,13 +115,6 @@ def checks() -> str:
     return "\n".join(["| check | what holds for a skill that passes it |", "| --- | --- |", *rows])
 
 
-def plugins() -> str:
-    """Return the table of the index that the core brings, as Markdown."""
-    entries = Index.read(str(SHIPPED)).plugins
-    rows = (f"| `{one.name}` | {_cell(one.summary)} | {one.licence} |" for one in entries)
-    return "\n".join(["| plugin | | licence |", "| --- | --- | --- |", *rows])
-
-
 # -- commands ----------------------------------------------------------------------------------------------------------
 def on_page_markdown(markdown: str, page: Any, config: Any, files: Files) -> str:
     """Point links into the repository at the site, and replace the marks of some pages with what the code says."""
@@ -134,8 +127,6 @@ def on_page_markdown(markdown: str, page: Any, config: Any, files: Files) -> str
         return markdown.replace("<!-- commands -->", "\n".join(commands()))
     if name == "check.md":
         return markdown.replace("<!-- checks -->", checks())
-    if name == "plugins.md":
-        return markdown.replace("<!-- plugins -->", plugins())
     return markdown
 
 

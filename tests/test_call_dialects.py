@@ -3,7 +3,7 @@
 import pytest
 
 from humanclaw import Call, CallError
-from humanclaw.skills import read_text
+from humanclaw.skills import read_object, read_text
 
 ONE = {
     "object": '{"skill": "step", "parameters": {"z_cm": 40}}',
@@ -64,6 +64,45 @@ def test_without_tools_words_may_stand_before_a_call_only():
     assert [call for _, call in read_text(f"I go on. {call}\n")] == [Call("step", {"z_cm": 40})]
     with pytest.raises(CallError, match="words follow the call"):
         read_text(f"I could {call} but no.")
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ('{"plan": "on", "rejected": {"skill": "stop", "parameters": {}}', "not closed"),
+        ('{"name": "step", "function": {"name": "stop", "arguments": {}}}', "'name' is given beside"),
+    ],
+)
+def test_a_call_in_a_broken_or_twofold_object_is_refused(text, words):
+    with pytest.raises(CallError, match=words):
+        read_text(text)
+
+
+def test_braces_among_the_words_do_no_harm():
+    call = '{"skill": "step", "parameters": {"z_cm": 40}}'
+    assert len(read_text(f"From {{x, z}} I go on. {call}")) == 1
+
+
+@pytest.mark.parametrize(
+    ("text", "prose", "found"),
+    [
+        ('{"a": 1}', False, {"a": 1}),
+        ('Well. {"a": 1}', True, {"a": 1}),
+        ('Well. {"a": 1}', False, None),
+        ('{"a": 1} - no, that draft is wrong', True, None),
+        ('{"a": 1} {"a": 2}', True, None),
+        ('{"draft": {"a": 1}', True, None),
+        ('{"a": 1}' + "{x" * 201 + '{"a": 2}', True, None),
+        ('{"a": 1}' + " " * 100_001 + '{"a": 2}', True, None),
+    ],
+    ids=["alone", "last", "among words", "taken back", "two", "in a broken one", "behind braces", "far behind"],
+)
+def test_an_object_is_read_if_it_is_the_only_one_and_the_last_word(text, prose, found):
+    if found:
+        assert read_object(text, prose) == found
+    else:
+        with pytest.raises(CallError):
+            read_object(text, prose)
 
 
 @pytest.mark.parametrize(

@@ -27,7 +27,6 @@ from humanclaw.testing import FakeModel, FakeWorld, check_skill, check_target, e
 from humanclaw.testing.fakes import Fakes
 from humanclaw.testing.targets import found_at
 
-pytest_plugins = ["pytester"]
 NOD = Keyframes.cycle("head", axis="x", degrees=20, seconds=0.5)
 WALK = folder_of("walk") / "adapter.safetensors"
 
@@ -635,18 +634,6 @@ def test_a_disabled_skill_can_be_checked_by_its_name(tmp_path):
     for name in ("step_back", "mine:step_back"):
         (report,) = check_target(name, plugins, engines=())
         assert {fault.check for fault in report.faults} == {"adapter-bounds"}
-
-
-def test_the_pytest_plugin_makes_a_test_of_each_check(pytester):
-    pytester.makepyfile(good=FILE.format(arguments="", times=1))
-    pytester.makepyfile(bad=FILE.format(arguments="times: int = 1", times="times"))
-    # As it is where the entry point is installed, and where it is not.
-    loaded = ("-p", "no:humanclaw", "-p", "humanclaw.testing.pytest_plugin")
-    plain = (*loaded, "-p", "no:cacheprovider", "--humanclaw-engine=fake")
-    pytester.runpytest(*plain, "--humanclaw-skill=good.py").assert_outcomes(passed=len(CHECKS))
-    done = pytester.runpytest(*plain, "--humanclaw-skill=bad.py")
-    done.assert_outcomes(passed=len(CHECKS) - 2, failed=2)
-    done.stdout.fnmatch_lines(["*duration*", "*Bound the parameters that set how long it lasts.*"])
 
 
 # -- the fakes ---------------------------------------------------------------------------------------------------------

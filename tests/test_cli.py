@@ -36,8 +36,7 @@ def cli(tmp_path, monkeypatch, capsys):
     capsys.readouterr()
     monkeypatch.chdir(tmp_path)
     monkeypatch.delenv("OPENAI_API_KEY", raising=False)
-    monkeypatch.setenv("PYTHONSAFEPATH", "1")  # `main` sets it, and os._exit, for as long as the process lives.
-    monkeypatch.setattr(os, "_exit", os._exit)
+    monkeypatch.setenv("PYTHONSAFEPATH", "1")  # `main` sets it for as long as the process lives.
     return run
 
 
@@ -163,66 +162,6 @@ def test_what_the_user_can_mend_is_one_sentence_and_a_remedy(cli, tmp_path, args
     assert done.stdout == ""  # No head of an episode that never begins, and nothing is left.
     assert list(tmp_path.iterdir()) == []
     assert len(done.stderr.strip().splitlines()) <= 2
-
-
-LEAVING = """
-import multiprocessing, os
-from humanclaw import Keyframes, hookimpl, skill
-
-@skill()
-def bow() -> Keyframes:
-    "Bow."
-    child = multiprocessing.get_context("fork").Process(target=int)
-    child.start()
-    child.join()
-    os._exit(child.exitcode)
-
-class Agent:
-    name, privileged = "leaving", False
-    def begin(self, context): pass
-    def decide(self, observation, history):
-        from humanclaw import Call, Decision
-        return Decision((Call("bow"),), "nothing")
-
-@hookimpl
-def humanclaw_skills(register):
-    register(bow)
-
-@hookimpl
-def humanclaw_agents(register):
-    register("leaving", lambda options: Agent(), "leaves")
-"""
-
-
-@pytest.mark.integration
-@pytest.mark.skipif(sys.platform == "win32", reason="Windows cannot fork")
-def test_a_plugin_that_leaves_the_process_is_blamed(process, tmp_path):
-    (tmp_path / "leaving.py").write_text(LEAVING)
-    done = process(
-        "run", "--agent", "leaving", "--plugin", "leaving.py", "--scene", "floor", "--out", "r", "--film", "none"
-    )
-    record = json.loads(next((tmp_path / "r").rglob("episode.json")).read_text())
-    assert record["outcome"] == "plugin_error"
-    assert "os._exit(0)" in record["error"]
-    assert done.returncode == 1
-
-
-THREAD = (
-    "import os, threading\none = threading.Thread(target=lambda: os._exit(0), name='quits')\none.start()\none.join()\n"
-)
-
-
-AT_EXIT = "import atexit, os\natexit.register(lambda: os._exit(0))\nraise ValueError\n"
-
-
-@pytest.mark.integration
-@pytest.mark.parametrize(("code", "status"), [(THREAD, 1), ("import os\nos._exit(0)\n", 2), (AT_EXIT, 2)])
-def test_a_plugin_that_leaves_the_process_is_named_and_changes_no_status(process, tmp_path, code, status):
-    (tmp_path / "leaving.py").write_text(code)
-    done = process("tools", "--plugin", "leaving.py")
-    assert done.returncode == status
-    assert "os._exit(0)" in done.stderr
-    assert "leaving.py" in done.stderr
 
 
 @pytest.mark.parametrize("out", ["bench", "bench/more"])
@@ -426,7 +365,7 @@ def test_listing_the_commands_loads_nothing_that_only_running_them_needs():
     assert not {"scipy", "torch", "litellm", "pandas", "numba", "pybullet", "mujoco", "filelock"} & set(loaded)
 
 
-@pytest.mark.parametrize("group", ["", "bench", "plugins", "habitat"])
+@pytest.mark.parametrize("group", ["", "bench", "habitat"])
 def test_what_a_command_does_is_said_to_the_end_at_80_columns(cli, group):
     commands = cli(*group.split(), "--help", COLUMNS="80").stdout.partition("Commands:")[2]
     assert commands

@@ -6,14 +6,11 @@ from __future__ import annotations
 import ast
 import importlib
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 import humanclaw
-from humanclaw.doors import FORMER, MOVED
 
 ROOT = Path(__file__).parents[1]
 PAGE = (ROOT / "docs" / "doors.md").read_text("utf-8")
@@ -60,36 +57,11 @@ def test_the_page_lists_every_name_of_the_first_door_and_no_other():
 
 def test_every_name_of_the_first_door_is_there():
     assert [name for name in humanclaw.__all__ if not hasattr(humanclaw, name)] == []
+    assert set(humanclaw.__all__) <= set(dir(humanclaw))
 
 
 def test_there_are_at_most_ten_doors():
     assert len(DOORS) <= 10
-
-
-@pytest.mark.integration
-def test_a_former_door_and_a_moved_name_answer_with_a_warning():
-    """In a process of its own: a module is imported, and warned of, once."""
-    code = (
-        "import importlib, warnings; warnings.simplefilter('always');"
-        f"[importlib.import_module('humanclaw.' + name).__all__[0] for name in {[*FORMER]}];"
-        "[getattr(importlib.import_module(door), name) for door, names in "
-        + repr(MOVED)
-        + ".items() for name in names]"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    told = [line for line in done.stderr.splitlines() if "DeprecationWarning" in line]
-    assert len(told) == len(FORMER) + sum(map(len, MOVED.values()))
-    assert all(any(f" {door}" in line for door in DOORS) for line in told)
-
-
-@pytest.mark.integration
-def test_a_former_door_lists_its_names_and_a_reload_of_the_package_adds_no_second_finder():
-    code = (
-        "import importlib, sys, humanclaw; finders = len(sys.meta_path); importlib.reload(humanclaw);"
-        "import humanclaw.body; print({'Motion', 'JOINTS'} <= set(dir(humanclaw.body)), len(sys.meta_path) - finders)"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout == "True 0\n"
 
 
 def test_a_name_that_no_door_has_is_an_attribute_error():

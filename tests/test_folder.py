@@ -12,10 +12,9 @@ from humanclaw.storage import Folder, read_file
 MOST = 1000
 
 
-@pytest.fixture(params=[True, False], ids=["relative", "by path"])
-def folder(tmp_path, monkeypatch, request):
-    """A folder, opened as on POSIX and as on Windows."""
-    monkeypatch.setattr("humanclaw.storage.files._RELATIVE", request.param)
+@pytest.fixture
+def folder(tmp_path):
+    """A folder of others."""
     (tmp_path / "home").mkdir()
     return Folder(tmp_path / "home")
 
@@ -142,7 +141,6 @@ OWN = {
     "core/humanclaw/motion/checkpoint.py": "weights that the user named",
     "core/humanclaw/plugins/distributions.py": "a table of this package",
     "core/humanclaw/records/": "streams of the door",
-    "core/humanclaw/testing/indexing.py": "a stream of the door, and a temporary folder",
     "core/humanclaw/testing/speed.py": "/proc",
     "harnesses/frameworks/humanclaw_frameworks/wrappers.py": "bytes",
     "harnesses/human/humanclaw_human/window.py": "a temporary folder",

@@ -74,16 +74,6 @@ def test_clients_that_never_finish_make_room_in_time(serving, half):
 
 
 @pytest.mark.integration
-def test_a_byte_now_and_then_buys_no_more_time(serving):
-    (one,), began = connected(serving, 1), time.monotonic()
-    with suppress(OSError):
-        for byte in b"GET / HTTP/1.1\r\n" * 10:
-            one.sendall(bytes([byte]))
-            time.sleep(0.1)
-    assert time.monotonic() - began < 3
-
-
-@pytest.mark.integration
 @pytest.mark.parametrize(
     ("headers", "status"),
     [

@@ -64,7 +64,6 @@ TABLES = {
     "core/humanclaw/motion/weights/fidelity.json": "is a measurement of the shipped skills, read by whatever names it "
     "holds",
     "core/humanclaw/motion/weights/naturalness.json": "is another",
-    "core/humanclaw/plugins/index.json": "is written by a command from wheels, whatever skills they bring",
 }
 """Files of data that name skills, and why they may."""
 

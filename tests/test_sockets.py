@@ -53,7 +53,8 @@ def test_an_episode_of_a_script_opens_no_socket(tmp_path):
 @pytest.mark.integration
 def test_an_episode_of_a_model_speaks_to_its_server_alone(tmp_path):
     with OpenAIServer(lambda request: call("stop") if "walk" in request.tool_names else call("verdict")) as server:
-        named = [server.origin.removeprefix("http://")]
+        # urllib3, which some versions of litellm import, asks in this way whether the machine has IPv6.
+        named = [server.origin.removeprefix("http://"), "::1:0"]
         model = ["--model", "openai/x", "--option", f"api_base={server.url}"]
         done = guarded(tmp_path, named, "run", *model, "--max-steps", "2", "--out", "r")
     assert done.returncode == 0, done.stderr

@@ -39,7 +39,6 @@ TABLES = {
 """Commands that print a table, and how each is asked for a small one; None: it takes minutes, motion capture or models,
 and tests beside its plugin hold what it prints."""
 NO_TABLE = {
-    "bench agent": "a line when it listens",
     "bench reproduce": "a page of tables",
     "bench run": "its scores are those of `bench table`",
     "bench make": "the splits that it wrote, and what is in each",
@@ -59,9 +58,6 @@ NO_TABLE = {
     "pilot measure": "a line a category",
     "pilot train": "a line now and then",
     "play": "a line, and the files",
-    "plugins index": "the file",
-    "plugins install": "what pip says",
-    "plugins search": "a few lines a plugin",
     "report": "the file",
     "rerun": "the files",
     "run": "a line a step, as it is played",

@@ -25,6 +25,11 @@ MARKERS = {
     "gpt-oss": HARMONY,
     "granite": "Here is my thought process: {} Here is my response:",
     "hunyuan": "<think>{}</think><answer>",
+    "attribute": '<think type="deep">{}</think>',
+    "escaped": "&lt;think&gt;{}&lt;/think&gt;",
+    "invisible": "<\u200bthink>{}</think>",
+    "begin of thought": "<|begin_of_thought|>{}<|end_of_thought|>",
+    "medgemma": "<unused94>thought\n{}<unused95>",
 }
 
 
@@ -53,12 +58,37 @@ def test_an_open_thought_has_no_answer(marked):
         (STEP, STEP),
         (f"<think>a</think>{STOP}</think>{STEP}", STEP),
         (f"<think>a<think>b</think>{STOP}</think>{STEP}", STEP),
-        (f"<think>a</think>{STEP}<think>{STOP}", STEP),
+        (f"<think>a</think>{STEP}<think>{STOP}", ""),
+        (f"<think>a <think>b</think> {STOP}", ""),
+        (f"<think>\n<think>a</think>{STEP}", STEP),
         (f"<think>a</think>{STEP}<|im_end|>\n<|im_start|>user\nStep 2<|im_end|>{STOP}", STEP),
+        (
+            f"{STEP}<|im_end|><|im_start|>user\nYou arrived.<|im_end|><|im_start|>assistant\n<think>d</think>{STOP}",
+            STEP,
+        ),
+        (f"I look.<end_of_turn><start_of_turn>model\n<think>d</think>{STOP}", "I look."),
+        (f"{HARMONY.format('a')}{STEP}<|return|><|start|>user<|message|>b<|channel|>final<|message|>{STOP}", STEP),
+        (f"<|im_start|>assistant\n{STEP}<|im_end|>", STEP),
         (f"<answer>{STEP}</answer> or {STOP}", STEP),
+        (f"<answer>{STEP}</answer><answer>{STOP}</answer>", ""),
         ("", ""),
     ],
-    ids=["no thought", "closed twice", "nested", "thinks again", "made-up turn", "marked answer", "nothing"],
+    ids=[
+        "no thought",
+        "closed twice",
+        "nested",
+        "thinks again",
+        "nested and open",
+        "opened twice",
+        "made-up turn",
+        "turn with a thought",
+        "words and a turn",
+        "harmony's turn",
+        "own header",
+        "marked answer",
+        "two answers",
+        "nothing",
+    ],
 )
 def test_the_answer_stands_behind_the_last_thought(text, answer):
     assert split_thoughts(text)[1] == answer

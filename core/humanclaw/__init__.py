@@ -5,7 +5,7 @@ The names below are the public door. docs/doors.md lists the other doors; every 
 
 from typing import TYPE_CHECKING
 
-from humanclaw.doors import answer_for_former_doors, door
+from humanclaw.doors import door
 
 if TYPE_CHECKING:
     from humanclaw.body.pose import Motion as Motion
@@ -75,4 +75,3 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 if not TYPE_CHECKING:
     __getattr__, __dir__, __all__ = door(__name__)
-answer_for_former_doors()

@@ -7,7 +7,6 @@ from humanclaw.doors import door
 if TYPE_CHECKING:
     from humanclaw.cli.completion import names_of as names_of
     from humanclaw.cli.group import Commands as Commands, LazyCommand as LazyCommand, build as build, main as main
-    from humanclaw.cli.leaving import leave as leave
     from humanclaw.cli.options import (
         Deciders as Deciders,
         check_options as check_options,

@@ -19,7 +19,6 @@ from typing import TYPE_CHECKING, Any
 import click
 from rich.text import Text
 
-from humanclaw.cli.leaving import raise_exits
 from humanclaw.cli.options import INTERRUPTED, Deciders, decider_options, plugin_options, scene_option, seed_option
 from humanclaw.cli.terminal import Console, guarded
 from humanclaw.errors import HumanclawError, PluginError
@@ -170,19 +169,14 @@ def build(plugins: Callable[[], Plugins | Modules]) -> click.Group:
 
 
 def main(args: Sequence[str] | None = None) -> None:
-    """Run the command line. What it prints cannot control the terminal, and no plugin ends it unseen."""
+    """Run the command line. What it prints cannot control the terminal."""
     os.environ["PYTHONSAFEPATH"] = "1"  # A stranger's folder may hold a json.py, for the processes that we start in it.
-    left = raise_exits()
     with guarded():
         try:
             sys.exit(build(_installed).main(args=args, prog_name="humanclaw"))
         except Exception:  # Python would print the traceback past the guard, with the controls in its message.
             traceback.print_exc()
             sys.exit(1)
-        finally:
-            if left:
-                _complain(f"{left[0]}: a plugin may not end the process.")
-                sys.exit(1)
 
 
 def _installed() -> Modules:

@@ -1,15 +1,14 @@
-"""What every server of ours holds to: bounded connections, bounded time for a request, and who is answered."""
+"""What every server of ours holds to: bounded connections, bounded waiting for a client, and who is answered."""
 
 from __future__ import annotations
 
 import re
 import sys
-import time
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from socket import SHUT_RDWR, socket
+from socket import socket
 from typing import Any, Final
 
 import click
@@ -20,7 +19,7 @@ HOST: Final = "127.0.0.1"
 CONNECTIONS: Final = 128
 """Maximum open connections, idle ones included: together with BACKLOG far below the usual 1,024 open files."""
 REQUEST_SECONDS: Final = 10.0
-"""Maximum seconds from the connection to the last byte of a request."""
+"""Maximum seconds that a client is waited for."""
 BACKLOG: Final = 64
 """Connections that the system keeps until they are accepted."""
 _OWN: Final = re.compile(r"(127\.0\.0\.1|localhost|\[::1\])(:\d+)?")
@@ -39,7 +38,7 @@ def listening(port: int, host: str = HOST) -> Iterator[None]:
 class Handler(BaseHTTPRequestHandler):
     """Answers one request on each connection, and logs nothing: the terminal belongs to the command.
 
-    Override get() or post(), which end with answer(). timeout: seconds for a request, and for each write.
+    Override get() or post(), which end with answer(). timeout: seconds for each read and write.
     """
 
     timeout = REQUEST_SECONDS
@@ -52,8 +51,6 @@ class Handler(BaseHTTPRequestHandler):
         if not self.server.knows(self.headers.get("Host", ""), self.headers.get("Origin")):
             self.answer(HTTPStatus.FORBIDDEN)
             return False
-        if self.command != "POST":
-            self.server.has_read(self.connection)
         return True
 
     def do_GET(self) -> None:
@@ -75,7 +72,6 @@ class Handler(BaseHTTPRequestHandler):
         told = self.headers.get("Content-Length", "")
         length = int(told) if told.isdecimal() and len(told) < 12 else 0
         content = self.rfile.read(length) if length <= most else b""
-        self.server.has_read(self.connection)
         return content if len(content) == length else b""
 
     def answer(self, status: HTTPStatus, content: bytes = b"", kind: str = "text/plain; charset=utf-8") -> None:
@@ -91,15 +87,13 @@ class Handler(BaseHTTPRequestHandler):
 
 
 class Server(ThreadingHTTPServer):
-    """Listens, here only unless another host is named. Connections beyond CONNECTIONS are closed, and late ones."""
+    """Listens, here only unless another host is named. Connections beyond CONNECTIONS are closed."""
 
     request_queue_size = BACKLOG
 
     def __init__(self, handler: type[Handler], port: int = 0, host: str = HOST) -> None:
         """Listen; port 0 takes any free one. Raises HumanclawError if that is not possible."""
-        self._patience = handler.timeout
-        self._open: dict[socket, float] = {}
-        """For each connection, the time by which its request must have been read."""
+        self._open: set[socket] = set()
         with listening(port, host):
             super().__init__((host, port), handler)
 
@@ -119,28 +113,17 @@ class Server(ThreadingHTTPServer):
         finally:
             self.server_close()
 
-    def has_read(self, connection: socket) -> None:
-        """Note that the request is whole: its answer may take as long as it takes."""
-        self._open[connection] = float("inf")
-
     def process_request(self, request: Any, client_address: Any) -> None:
         """Take a connection, or close it if there are too many."""
         if len(self._open) >= CONNECTIONS:
             self.shutdown_request(request)
             return
-        self._open[request] = time.monotonic() + self._patience
+        self._open.add(request)
         super().process_request(request, client_address)
-
-    def service_actions(self) -> None:
-        """End connections that are late; the server calls this twice a second."""
-        for connection, due in list(self._open.items()):
-            if due < time.monotonic():
-                with suppress(OSError):
-                    connection.shutdown(SHUT_RDWR)
 
     def shutdown_request(self, request: Any) -> None:
         """Close a connection."""
-        self._open.pop(request, None)
+        self._open.discard(request)
         super().shutdown_request(request)
 
     def handle_error(self, request: Any, client_address: Any) -> None:

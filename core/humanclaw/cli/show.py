@@ -10,7 +10,6 @@ from typing import Any, Final, get_args
 import click
 from rich.table import Table
 
-from humanclaw.cli.group import LazyCommand
 from humanclaw.cli.options import plugin_options
 from humanclaw.cli.terminal import Console
 from humanclaw.plugins.choice import Choice, PluginInfo
@@ -35,14 +34,11 @@ def skills(as_json: bool, files: tuple[Path, ...], choice: Choice) -> None:
            f"No skill is installed. Run `{install(['humanclaw-skill-walk'])}`.")  # fmt: skip
 
 
-@click.group("plugins", invoke_without_command=True)
+@click.command("plugins")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 @plugin_options
-@click.pass_context
-def plugins_command(context: click.Context, as_json: bool, files: tuple[Path, ...], choice: Choice) -> None:
+def plugins_command(as_json: bool, files: tuple[Path, ...], choice: Choice) -> None:
     """List the plugins, what they provide, and why one is disabled."""
-    if context.invoked_subcommand:
-        return
     found = Plugins.discover(files, choice)
     rows = [_plugin_row(info) for info in found.infos]
     _print(rows, as_json, ("plugin", "version", "provides", "state"), "No plugin is installed.")
@@ -69,14 +65,6 @@ def tools(form: Format, reasoning: bool | None, files: tuple[Path, ...], choice:
     ready = [skill for skill in found.skills.values() if skill.trained]
     listed = publish(ready, form, reasoning=form != "mcp" if reasoning is None else reasoning)
     click.echo(json.dumps({"tools": listed} if form == "mcp" else listed, indent=2, ensure_ascii=False))
-
-
-for _name, _told in (
-    ("index", "Make an index of plugins from a folder of wheels."),
-    ("search", "Find plugins in an index: licence, checks, fidelity."),
-    ("install", "Install a plugin of an index with pip."),
-):
-    plugins_command.add_command(LazyCommand(_name, f"humanclaw.cli.plugin_index:{_name}", _told))
 
 
 def _skill_row(skill: Skill, plugins: Plugins) -> dict[str, str]:

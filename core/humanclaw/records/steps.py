@@ -204,7 +204,7 @@ class SkillInfo:
 class EpisodeRecord(Record):
     """episode.json: the task, the agent, the versions and weights in use, and the end."""
 
-    format: Literal[2, 3, 4, 5] = FORMAT
+    format: Literal[5] = FORMAT
     spec: EpisodeSpec
     start: Pose2D
     agent: Name
@@ -213,7 +213,7 @@ class EpisodeRecord(Record):
     """Options of the run, as given."""
     settings: dict[str, dict[str, Any]] = {}
     """Effective settings, defaults included, under agent, verifier, body and limits. Under privileged: whether agent
-    and verifier were given scene and true state (missing in old records)."""
+    and verifier were given scene and true state."""
     versions: dict[str, str] = {}
     weights: dict[str, str] = {}
     """Digests by name of base or adapter."""

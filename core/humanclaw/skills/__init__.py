@@ -55,6 +55,7 @@ if TYPE_CHECKING:
         json_objects as json_objects,
         read_answer as read_answer,
         read_call as read_call,
+        read_object as read_object,
         read_text as read_text,
     )
     from humanclaw.skills.recipes import (

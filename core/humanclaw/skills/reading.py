@@ -73,7 +73,10 @@ def read_answer(answer: Mapping[str, Any]) -> tuple[Reasoning, Call]:
     if rest.get("type") == "function" or "tool_name" in rest:  # OpenAI's format, as Llama writes it, and Command's
         rest = {key: value for key, value in rest.items() if key not in _ABOUT_CALLS}
     if isinstance(rest.get("function"), Mapping):
-        rest |= rest.pop("function")
+        inner = rest.pop("function")
+        if twice := sorted(map(str, {*_NAMES, *inner} & rest.keys())):
+            raise CallError(f"Nothing was executed: {twice[0][:64]!r} is given beside 'function'; give it once.")
+        rest |= inner
     name = _pop_first(rest, *_NAMES)
     if not isinstance(name, str):
         raise CallError(f"Nothing was executed: 'skill' must be the name of a skill; got {name!r}.")
@@ -109,12 +112,28 @@ def read_text(text: str, prose: bool = True) -> list[tuple[Reasoning, Call]]:
     return [read_answer(item) for item in found]
 
 
+def read_object(text: str, prose: bool = True) -> Json:
+    """Return the one JSON object of an answer that is no call, such as a verdict. Raises CallError for anything else.
+
+    As for calls: words may stand before it if prose, and none behind it; of several objects none is meant for certain.
+    """
+    found = [] if len(text) > LONGEST else list(_objects(text, _once))
+    if len(found) != 1 or found[0].nested or not is_padding(text, found[0].end):
+        raise CallError("The answer held no JSON object, or several, or words behind it.")
+    if not prose and not is_padding(text[: found[0].start], 0):
+        raise CallError("The answer held words beside its JSON object.")
+    return found[0].value
+
+
 def _among_words(text: str) -> list[Json]:
-    """Return the JSON objects that name a skill. Raises CallError if words follow the last one."""
-    named = [(item, end) for item, end in _objects(text, _once) if _is_named(item)]
-    if named and not is_padding(text, named[-1][1]):
+    """Return the JSON objects that name a skill. Raises CallError if words follow the last one, and if one stands in a
+    broken object, which may have said that it is not meant."""
+    named = [found for found in _objects(text, _once) if _is_named(found.value)]
+    if any(found.nested for found in named):
+        raise CallError("Nothing was executed: the JSON object around the call is not closed; write the call alone.")
+    if named and not is_padding(text, named[-1].end):
         raise CallError("Nothing was executed: words follow the call; write the call last, with nothing behind it.")
-    return [item for item, _ in named]
+    return [found.value for found in named]
 
 
 def json_objects(text: str, once: bool = False) -> Iterator[Json]:
@@ -123,23 +142,35 @@ def json_objects(text: str, once: bool = False) -> Iterator[Json]:
     It takes time in proportion to the text: what follows its first 100,000 letters, or 200 braces that open nothing, is
     not read. once: raise CallError if a key is there twice.
     """
-    return (item for item, _ in _objects(text[:LONGEST], _once if once else dict))
+    return (found.value for found in _objects(text[:LONGEST], _once if once else dict))
 
 
 def _is_named(item: Mapping[str, Any]) -> bool:
     return any(isinstance(item.get(key), str) for key in _NAMES) or isinstance(item.get("function"), Mapping)
 
 
-def _objects(text: str, make: Callable[[list[tuple[str, Any]]], Json]) -> Iterator[tuple[Json, int]]:
-    """Yield each outermost JSON object and the place behind it."""
-    decoder, place, failed = json.JSONDecoder(object_pairs_hook=make), text.find("{"), 0
-    while place >= 0 and failed < _TRIES:
+@dataclass(frozen=True)
+class _Found:
+    """An outermost JSON object and its place in a text."""
+
+    value: Json
+    start: int
+    end: int
+    nested: bool
+    """Whether it stands behind a brace that is not closed before it."""
+
+
+def _objects(text: str, make: Callable[[list[tuple[str, Any]]], Json]) -> Iterator[_Found]:
+    decoder, start, failed = json.JSONDecoder(object_pairs_hook=make), text.find("{"), 0
+    end = opened = 0
+    while start >= 0 and failed < _TRIES:
+        opened = max(0, opened - text.count("}", end, start))
         try:
-            value, place = decoder.raw_decode(text, place)
-            yield value, place
+            value, end = decoder.raw_decode(text, start)
+            yield _Found(value, start, end, opened > 0)
         except (ValueError, RecursionError):
-            place, failed = place + 1, failed + 1
-        place = text.find("{", place)
+            end, failed, opened = start + 1, failed + 1, opened + 1
+        start = text.find("{", end)
 
 
 def _once(pairs: list[tuple[str, Any]]) -> Json:

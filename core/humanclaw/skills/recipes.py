@@ -134,7 +134,7 @@ class Recipe:
     commands: Mapping[str, Draw] = field(default_factory=dict)
     """By name of the parameter behind the contract, as in Control.values."""
     share: float = 1.0
-    """How often the skill follows another one in synthetic sequences, beside the other skills,"""
+    """How often the skill follows another one in synthetic sequences, beside the other skills (above 0),"""
     repeats: float = 0.4
     """and how often itself."""
     stays_seated: bool = False

@@ -14,7 +14,7 @@ import stat
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from io import BufferedReader
 from pathlib import Path, PurePath
@@ -26,13 +26,10 @@ from humanclaw.errors import RecordError
 MIB: Final = 1 << 20
 _DEEPEST: Final = 32
 """Maximum depth at which a folder is searched."""
-_RELATIVE: Final = os.open in os.supports_dir_fd
-"""Whether files can be opened relative to an open folder. Windows cannot: there each part of the path is checked."""
 _PLAIN: Final = sum(getattr(os, name, 0) for name in ("O_NOFOLLOW", "O_NONBLOCK", "O_CLOEXEC", "O_BINARY"))
 """Flags of every file. O_NONBLOCK: to open a pipe without a writer would take forever."""
 _JUNCTION: Final = 0xA0000003
 """Tag of Windows' links to folders."""
-_FOLDER: Final = sum(getattr(os, name, 0) for name in ("O_DIRECTORY", "O_CLOEXEC"))
 
 
 @dataclass(frozen=True)
@@ -63,9 +60,10 @@ class Folder:
     @contextmanager
     def open(self, name: str, most: int) -> Iterator[BufferedReader]:
         """Open a file for reading. Raises OSError if it has more than `most` bytes."""
-        with self._at(name) as place, cast(BufferedReader, place.opened(os.O_RDONLY)) as stream:
+        path = self._at(name)
+        with cast(BufferedReader, _opened(path, os.O_RDONLY)) as stream:
             if os.fstat(stream.fileno()).st_size > most:
-                raise place.error(errno.EFBIG, f"is larger than {most / MIB:g} MiB")
+                raise _error(path, errno.EFBIG, f"is larger than {most / MIB:g} MiB")
             yield stream
 
     def read(self, name: str, most: int) -> bytes:
@@ -80,8 +78,8 @@ class Folder:
 
     def status(self, name: str) -> os.stat_result | None:
         """Return size and times of a regular file; None for anything else, and if there is nothing."""
-        with suppress(OSError), self._at(name) as place:
-            found = os.stat(place.name, dir_fd=place.folder, follow_symlinks=False)
+        with suppress(OSError):
+            found = self._at(name).lstat()
             return found if stat.S_ISREG(found.st_mode) else None
         return None
 
@@ -91,16 +89,15 @@ class Folder:
 
     def names(self, ending: str = "") -> list[str]:
         """Return the names in the folder that end so, sorted; none if there is no folder."""
-        with suppress(FileNotFoundError), self._held() as (path, descriptor):
-            found = os.listdir(path if descriptor is None else descriptor)
-            return sorted(name for name in found if name.endswith(ending))
+        with suppress(FileNotFoundError):
+            return sorted(name for name in os.listdir(self._held()) if name.endswith(ending))
         return []
 
     def statuses(self) -> dict[str, os.stat_result]:
         """Return size and times of each regular file in the folder; none if there is no folder."""
         found = {}
-        with suppress(FileNotFoundError), self._held() as (path, descriptor):
-            for one in os.scandir(path if descriptor is None else descriptor):
+        with suppress(FileNotFoundError):
+            for one in os.scandir(self._held()):
                 with suppress(FileNotFoundError):  # Another process may remove it meanwhile.
                     found[one.name] = one.stat(follow_symlinks=False)
         return {name: status for name, status in found.items() if stat.S_ISREG(status.st_mode)}
@@ -123,21 +120,20 @@ class Folder:
         are made. A link of that name is replaced, not followed. settled: whether the data are on disk after the block,
         for which it waits some milliseconds; otherwise after settle().
         """
-        with self._at(name, make=True) as place:
-            name = f"{place.path.name}.{os.getpid()}-{threading.get_ident()}.partial"
-            partial = _Place(place.path.with_name(name), place.folder)
-            partial.remove()  # A killed process of the same number may have left it.
-            try:
-                with partial.opened(os.O_WRONLY | os.O_CREAT | os.O_EXCL, "wb") as stream:
-                    yield stream
-                    stream.flush()
-                    if settled:
-                        os.fsync(stream.fileno())
-                os.replace(partial.name, place.name, src_dir_fd=place.folder, dst_dir_fd=place.folder)
-                if settled and place.folder is not None:
-                    os.fsync(place.folder)  # The new name too is on disk then.
-            finally:
-                partial.remove()
+        path = self._at(name, make=True)
+        partial = path.with_name(f"{path.name}.{os.getpid()}-{threading.get_ident()}.partial")
+        partial.unlink(missing_ok=True)  # A killed process of the same number may have left it.
+        try:
+            with _opened(partial, os.O_WRONLY | os.O_CREAT | os.O_EXCL, "wb") as stream:
+                yield stream
+                stream.flush()
+                if settled:
+                    os.fsync(stream.fileno())
+            os.replace(partial, path)
+            if settled:
+                _settle_names(path.parent)
+        finally:
+            partial.unlink(missing_ok=True)
 
     @contextmanager
     def placed(self, name: str) -> Iterator[Path]:
@@ -154,11 +150,11 @@ class Folder:
 
     def settle(self, names: Iterable[str]) -> None:
         """Wait until files of this folder itself, and their names, are on disk. The disk takes many at a time."""
-        with self._held() as (path, descriptor), ThreadPoolExecutor(8) as pool:
-            for done in [pool.submit(_settled, _Place(path / name, descriptor)) for name in names]:
+        home = self._held()
+        with ThreadPoolExecutor(8) as pool:
+            for done in [pool.submit(_settle, home / name) for name in names]:
                 done.result()
-            if descriptor is not None:
-                os.fsync(descriptor)
+        _settle_names(home)
 
     def append(self, name: str) -> BinaryIO:
         """Open a file for reading and for adding to its end, unbuffered. Missing folders below root and the file are
@@ -166,97 +162,74 @@ class Folder:
 
         Raises OSError for a file with a second name elsewhere, since it would grow there too.
         """
-        with self._at(name, make=True) as place:
-            stream = place.opened(os.O_RDWR | os.O_CREAT | os.O_APPEND, "ab+", 0)
-            if os.fstat(stream.fileno()).st_nlink > 1:
-                stream.close()
-                raise place.error(errno.EMLINK, "has a second name elsewhere")
-            return stream
+        path = self._at(name, make=True)
+        stream = _opened(path, os.O_RDWR | os.O_CREAT | os.O_APPEND, "ab+", 0)
+        if os.fstat(stream.fileno()).st_nlink > 1:
+            stream.close()
+            raise _error(path, errno.EMLINK, "has a second name elsewhere")
+        return stream
 
     def remove(self, name: str) -> None:
         """Remove a file if it is there. Of a link, the link goes."""
-        with suppress(FileNotFoundError), self._at(name) as place:
-            place.remove()
+        with suppress(FileNotFoundError):
+            self._at(name).unlink()
 
     def touch(self, name: str) -> None:
         """Set the time of a file to now."""
-        with self._at(name) as place, place.opened(os.O_RDONLY) as stream:
-            os.utime(stream.fileno() if os.utime in os.supports_fd else place.name)
+        path = self._at(name)
+        _opened(path, os.O_RDONLY).close()
+        os.utime(path)
 
-    @contextmanager
-    def _at(self, name: str, make: bool = False) -> Iterator[_Place]:
-        """Yield the place of a file while its folder is open. make: make the folders below root."""
+    def _at(self, name: str, make: bool = False) -> Path:
+        """Return the path of a file, whose folder is one. make: make the folders below root."""
         *above, last = _parts(name) or [""]
-        with self._held(above, make) as (path, descriptor):
-            yield _Place(path / last, descriptor)
+        return self._held(above, make) / last
 
-    @contextmanager
-    def _held(self, below: Sequence[str] = (), make: bool = False) -> Iterator[tuple[Path, int | None]]:
-        """Yield the path of a folder below this one and its descriptor, None on Windows, while it is open."""
-        with ExitStack() as opened:
-            path, descriptor = self.root, _descriptor(self.root, opened)
-            for part in (*_parts(self.inside), *below):
-                place = _Place(path / part, descriptor)
-                path, descriptor = place.path, place.entered(opened, make)
-            yield path, descriptor
-
-
-@dataclass(frozen=True)
-class _Place:
-    """A place in an open folder, whatever is there."""
-
-    path: Path
-    folder: int | None
-    """Descriptor of the open folder; None on Windows."""
-
-    @property
-    def name(self) -> str:
-        """How system calls that take `folder` as dir_fd name the place."""
-        return str(self.path) if self.folder is None else self.path.name
-
-    def error(self, number: int, reason: str) -> OSError:
-        return OSError(number, f"{self.path.name} {reason}", str(self.path))
-
-    def refuse_link(self) -> None:
-        """Raise OSError for a link, in words. O_NOFOLLOW refuses what becomes one after this."""
-        with suppress(FileNotFoundError):
-            found = os.stat(self.name, dir_fd=self.folder, follow_symlinks=False)
-            if stat.S_ISLNK(found.st_mode) or getattr(found, "st_reparse_tag", 0) == _JUNCTION:
-                raise self.error(errno.ELOOP, "is a link, which is not followed")
-
-    def entered(self, opened: ExitStack, make: bool) -> int | None:
-        """Open a folder."""
-        if make:
-            with suppress(FileExistsError):
-                os.mkdir(self.name, dir_fd=self.folder)
-        self.refuse_link()
-        return _descriptor(self.name, opened, self.folder)
-
-    def opened(self, flags: int, mode: str = "rb", buffering: int = -1) -> BinaryIO:
-        """Open a regular file."""
-        self.refuse_link()
-        descriptor = os.open(self.name, flags | _PLAIN, 0o666, dir_fd=self.folder)
-        if not stat.S_ISREG(os.fstat(descriptor).st_mode):
-            os.close(descriptor)
-            raise self.error(errno.EINVAL, "is no regular file")
-        return cast(BinaryIO, os.fdopen(descriptor, mode, buffering))
-
-    def remove(self) -> None:
-        with suppress(FileNotFoundError):
-            os.unlink(self.name, dir_fd=self.folder)
+    def _held(self, below: Sequence[str] = (), make: bool = False) -> Path:
+        """Return the path of a folder below this one, on the way to which is no link below root."""
+        path = self.root
+        for part in (*_parts(self.inside), *below):
+            path /= part
+            if make:
+                with suppress(FileExistsError):
+                    path.mkdir()
+            _refuse_link(path)
+        return path
 
 
-def _settled(place: _Place) -> None:
-    with place.opened(os.O_RDWR, "r+b") as stream:
+def _error(path: Path, number: int, reason: str) -> OSError:
+    return OSError(number, f"{path.name} {reason}", str(path))
+
+
+def _refuse_link(path: Path) -> None:
+    """Raise OSError for a link, in words. O_NOFOLLOW refuses a file that becomes one after this."""
+    with suppress(FileNotFoundError):
+        found = path.lstat()
+        if stat.S_ISLNK(found.st_mode) or getattr(found, "st_reparse_tag", 0) == _JUNCTION:
+            raise _error(path, errno.ELOOP, "is a link, which is not followed")
+
+
+def _opened(path: Path, flags: int, mode: str = "rb", buffering: int = -1) -> BinaryIO:
+    """Open a regular file."""
+    _refuse_link(path)
+    descriptor = os.open(path, flags | _PLAIN, 0o666)
+    if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+        os.close(descriptor)
+        raise _error(path, errno.EINVAL, "is no regular file")
+    return cast(BinaryIO, os.fdopen(descriptor, mode, buffering))
+
+
+def _settle(path: Path) -> None:
+    with _opened(path, os.O_RDWR, "r+b") as stream:
         os.fsync(stream.fileno())
 
 
-def _descriptor(folder: str | Path, opened: ExitStack, near: int | None = None) -> int | None:
-    if not _RELATIVE:
-        return None
-    descriptor = os.open(folder, _FOLDER | (_PLAIN if near is not None else 0), dir_fd=near)
-    opened.callback(os.close, descriptor)
-    return descriptor
+def _settle_names(folder: Path) -> None:
+    """Wait until the names in a folder are on disk. Windows opens no folder."""
+    if os.name != "nt":
+        descriptor = os.open(folder, os.O_RDONLY)
+        os.fsync(descriptor)
+        os.close(descriptor)
 
 
 def _parts(name: str) -> tuple[str, ...]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
@@ -13,10 +13,9 @@ from humanclaw.errors import CallError, ContractError, in_words
 from humanclaw.plugins.bounded import Bounded
 from humanclaw.plugins.host import Plugins
 from humanclaw.skills.adapter_checks import adapter_header, ranges, within
-from humanclaw.skills.agreement import Agreement
 from humanclaw.skills.checks import CHECKS, read_draft, skill_faults
 from humanclaw.skills.contract import Skill
-from humanclaw.skills.measures import MEASURES, Measure, Parameter
+from humanclaw.skills.measures import MEASURES, Measure
 from humanclaw.skills.own_body import OwnBody
 from humanclaw.skills.plan import Control, MotionError
 from humanclaw.skills.posing import Part
@@ -48,8 +47,6 @@ class Report:
     """Engines that played them, besides the fake one."""
     notes: tuple[str, ...] = ()
     """Checks that could not run, and why."""
-    followed: Mapping[Parameter, Agreement] = field(default_factory=dict)
-    """How a trained skill follows its parameters, SI."""
 
     @property
     def passed(self) -> bool:
@@ -117,9 +114,8 @@ def _examined(skill: Skill, bench: Bench, unreadable: Sequence[ContractError]) -
     if any(fault.check not in _ELSEWHERE for fault in (*said, *called)):
         return Report(skill.name, _once((*said, *called)), notes=tuple(_untold(skill)))
     played, engines, notes = played_faults(skill, calls, bench)
-    agreement = followed(skill, bench)
-    faults = _once((*said, *called, *played, *following_faults(skill, agreement)))
-    return Report(skill.name, faults, len(calls), engines, (*_untold(skill), *notes), agreement)
+    faults = _once((*said, *called, *played, *following_faults(skill, followed(skill, bench))))
+    return Report(skill.name, faults, len(calls), engines, (*_untold(skill), *notes))
 
 
 _ELSEWHERE: Final = frozenset(name for name in CHECKS if name.startswith("publish-"))

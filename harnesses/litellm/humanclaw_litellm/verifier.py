@@ -20,13 +20,14 @@ from humanclaw import (
     verifier_prompt,
 )
 from humanclaw.records import Answer, Usage
-from humanclaw.skills import Json, call_schema, json_objects, read_answer
+from humanclaw.skills import Json, call_schema, read_answer, read_object
 from humanclaw_litellm.asking import AnswerFormat, ModeNegotiator
 from humanclaw_litellm.client import Completion
 from humanclaw_litellm.decision import usable
 from humanclaw_litellm.failures import TooLongError
 from humanclaw_litellm.settings import Mode, Settings
 
+_VERDICT: Final = "verdict"
 _YES: Final = {"yes": True, "true": True, "no": False, "false": False}
 
 
@@ -103,7 +104,7 @@ def _form(checks: Mapping[str, Check], skills: Sequence[Skill]) -> AnswerFormat:
         "additionalProperties": False,
     }
     function = {
-        "name": "verdict",
+        "name": _VERDICT,
         "description": "Report the answers, and what to do instead if any is no.",
         "parameters": schema,
     }
@@ -117,12 +118,14 @@ def _object(completion: Completion) -> Json | None:
     """
     if completion.cut_off or completion.withheld or len(completion.calls) > 1:
         return None
-    said = completion.calls[0][1] if completion.calls else completion.text
+    name, said = completion.calls[0] if completion.calls else (_VERDICT, completion.text)
+    if name != _VERDICT:
+        return None
     try:
-        verdicts = [found for found in json_objects(said, once=True) if any(key.endswith("_answer") for key in found)]
+        found = read_object(said, prose=not completion.calls)
     except CallError:
         return None
-    return verdicts[0] if len(verdicts) == 1 else None
+    return found if any(key.endswith("_answer") for key in found) else None
 
 
 def _verdict(found: Json | None, checks: Mapping[str, Check], call: Call, usage: Usage) -> Verdict:

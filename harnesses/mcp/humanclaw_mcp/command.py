@@ -43,7 +43,6 @@ from humanclaw.cli import (
     REQUEST_SECONDS,
     check_options,
     engine_options,
-    leave,
     listening,
     parse_pairs,
     plugin_options,
@@ -127,7 +126,7 @@ async def _end_by_signal(bodies: Bodies) -> None:
         async for number in signals:
             await bodies.close()
             print("Stopped.", file=sys.stderr, flush=True)
-            leave(128 + number)
+            os._exit(128 + number)
 
 
 async def serve_http(handlers: Handlers, port: int, announce: Callable[[str], None] = lambda url: None) -> None:

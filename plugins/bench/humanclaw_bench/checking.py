@@ -11,7 +11,7 @@ import click
 from tqdm import tqdm
 
 from humanclaw import HumanclawError, Plugins, load_run
-from humanclaw.cli import counted, plugin_files
+from humanclaw.cli import counted, legible, plugin_files
 from humanclaw.records import MOTION_BYTES, RECORD_BYTES
 from humanclaw.storage import Folder, write_result
 from humanclaw_bench import leaderboard as leaderboards, submission as submissions
@@ -19,7 +19,6 @@ from humanclaw_bench.cli import PARTIAL, RUN
 from humanclaw_bench.export import metrics_of, scored_runs
 from humanclaw_bench.integrity import MANIFEST, RunFiles, check, is_told, split_digest
 from humanclaw_bench.replay import Replayed, replayed, sample
-from humanclaw_bench.signing import signer
 from humanclaw_bench.splits import load_split
 
 F = TypeVar("F", bound=Callable[..., object])
@@ -43,16 +42,10 @@ def replay_options(command: F) -> F:
 
 @click.command()
 @click.argument("run", type=RUN)
-@click.option("--submission", type=RUN, help="Also score the records again and compare this file with them.")
-@click.option(
-    "--signers", type=RUN, help="Also check the signature FILE.sig of the submission; OpenSSH's allowed signers."
-)
 @replay_options
 @plugin_files
 def verify(
     run: Path,
-    submission: Path | None,
-    signers: Path | None,
     again: int | None,
     seed: int | None,
     workers: int,
@@ -60,14 +53,9 @@ def verify(
 ) -> None:
     """Check every file of a run against its digest, and the records against split and settings in run.json.
 
-    Lists files that are damaged or belong to another run.
+    Lists files that are damaged or belong to another run. Checks submission.json too, if there is one.
     """
-    told = submissions.content(submission) if submission else b""
-    if signers:
-        if not submission:
-            raise click.UsageError("--signers checks the signature of a submission: add --submission FILE.")
-        click.echo(f"{submission} is signed by {signer(submission, told, signers)}.")
-    faulty = _verify_files(run, submission, told)
+    faulty = _verify_files(run)
     if again and not faulty:
         faulty = _verify_replay(run, again, seed, workers, files)
     if faulty:
@@ -93,23 +81,20 @@ def _played_again(
     return list(tqdm(playing, "replay", len(episodes), unit="episode", disable=None, leave=False))
 
 
-def _verify_files(run: Path, submission: Path | None, content: bytes) -> bool:
+def _verify_files(run: Path) -> bool:
     """Check files and records, and tell what is wrong. Returns whether anything is."""
     files = RunFiles.read(run)
     count, faults = check(run, files)
     asked = max(count, files.asked)
     told = f"{len(faults)} damaged, or not of this run." if faults else "all whole."
-    if submission and not faults:
-        faults = submissions.contradictions(submissions.parsed(submission, content), run)
-        told = f"{submission} contradicts them." if faults else f"{submission} agrees with them."
+    if not faults and submissions.NAME in Folder(run).names():
+        told += f" Submitted by {legible(submissions.read(run, load_run(run)).who)}."
     for fault in faults:
         click.echo(fault)
     for name in files.again:
         click.echo(f"{name!r:.200} was played more than once from its first step.")
     if unstarted := files.unstarted(path.parent.name for path in run.glob("*/episode.json")):
         click.echo(f"{counted(unstarted, 'record')} without a start in the journal: further attempts are not known.")
-    if files.beside:
-        click.echo(f"Code of others beside the body: {', '.join(files.beside)}.")
     if not is_told(run):
         click.echo(f"There is no run.json in {run}: split and settings of the records are unknown.")
     of = f"{count} of " if count < asked else ""
@@ -121,12 +106,11 @@ def _verify_files(run: Path, submission: Path | None, content: bytes) -> bool:
 @click.argument("run", type=RUN)
 @click.option("--who", required=True, help="Author, as shown on the page.")
 @click.option("--model-date", default="", help="Version or date of the model from its provider.")
-@click.option("--out", type=RUN, help="File to write (default: submission.json in the run).")
 @PARTIAL
-def submit(run: Path, who: str, model_date: str, out: Path | None, partial: bool) -> None:
-    """Write one file with settings and results of a run, for `bench verify --submission` and `bench leaderboard`."""
+def submit(run: Path, who: str, model_date: str, partial: bool) -> None:
+    """Write submission.json into a run, which makes its folder a submission for `bench leaderboard`."""
     made = submissions.submit(run, who, model_date, partial)
-    click.echo(write_result(out, run, submissions.NAME, made.model_dump_json(indent=1).encode()))
+    click.echo(write_result(None, run, submissions.NAME, made.model_dump_json(indent=1).encode()))
 
 
 @click.command()
@@ -140,7 +124,7 @@ def submit(run: Path, who: str, model_date: str, out: Path | None, partial: bool
     "--pages",
     type=FOLDER,
     metavar="FOLDER",
-    help="Write index.html there, with the records and the page of each run that agrees: a folder to publish.",
+    help="Write index.html there, with the records and the page of each run: a folder to publish.",
 )
 @replay_options
 @plugin_files
@@ -155,9 +139,9 @@ def leaderboard(
     workers: int,
     files: tuple[Path, ...],
 ) -> None:
-    """Make index.html from the submissions in a folder.
+    """Make index.html from a folder of submitted runs, each a folder with a submission.json.
 
-    A submission is checked against its run if that lies beside it in a folder of the same name.
+    Every number is computed from the records.
     """
 
     def played(run: Path) -> list[Replayed]:

@@ -15,7 +15,6 @@ from humanclaw.cli import (
     Console,
     Deciders,
     LazyCommand,
-    check_options,
     decider_options,
     plugin_files,
     plugin_options,
@@ -38,7 +37,6 @@ from humanclaw_bench.splits import (
     repeated,
 )  # fmt: skip
 from humanclaw_bench.tables import ResultTable, all_tables, brief_tables, chosen_table, main_table
-from humanclaw_bench.wall.deciders import require_address
 from humanclaw_bench.worker import Job
 from humanclaw_bench.writers import WRITERS, plain, plain_differences, terminal
 
@@ -74,8 +72,8 @@ for _name, _target, _told in (
     ("reproduce", "reproduce:reproduce", "Play the paper's tables 2 and 3 for the models of a file."),
     ("power", "power:power_command", "Simulate which difference between two runs a split can show."),
     ("verify", "checking:verify", "Check every file of a run against its digest."),
-    ("submit", "checking:submit", "Write one file with settings and results of a run."),
-    ("leaderboard", "checking:leaderboard", "Make index.html from the submissions in a folder."),
+    ("submit", "checking:submit", "Write submission.json into a run, for a leaderboard."),
+    ("leaderboard", "checking:leaderboard", "Make index.html from a folder of submitted runs."),
 ):
     bench.add_command(LazyCommand(_name, f"humanclaw_bench.{_target}", _told))
 
@@ -119,29 +117,24 @@ for _name, _target, _told in (
 @click.option(
     "--in-process", is_flag=True, help="For debugging: play the agent beside the body, not in a process of its own."
 )
-@click.option("--agent-url", metavar="URL", help="Ask an agent that a server plays (see docs/wall.md).")
 @plugin_options
 def run_command(
     name: str, deciders: Deciders, backends: Backends, workers: int, executor: str, address: str | None,
     out: Path | None, resume: bool, repeats: int, yes: bool, stop_after: int, seed: int | None, in_process: bool,
-    agent_url: str | None, files: tuple[Path, ...], choice: Choice,
+    files: tuple[Path, ...], choice: Choice,
 ) -> None:  # fmt: skip
     """Run a split, or resume it. Finished episodes are kept; others continue after their last recorded step."""
     plugins = Plugins.discover(files, choice)
     specs = repeated(load_split(name), repeats)
     metrics = metrics_of(plugins)  # Refuses a metric with a reserved name now, not after hours of playing.
-    if agent_url is not None:
-        require_address(agent_url)  # An empty one may be a variable of the shell that is not set.
-    agent = agent_url or deciders.agent
-    out = out or Path("runs") / f"{Path(name).stem}-{name_of(str(deciders.options.get('model') or agent))}"
+    out = out or Path("runs") / f"{Path(name).stem}-{name_of(str(deciders.options.get('model') or deciders.agent))}"
     if not resume and Folder(out).has("run.json"):
         raise RecordError(
             f"{out} already holds a run.", "Name another folder with --out, or continue it with --resume."
         )
     job = Job(
-        agent, deciders.options, deciders.verifier, backends.chosen(plugins), deciders.limits,
-        tuple(str(file.resolve()) for file in files), choice, in_process=in_process, agent_url=agent_url or "",
-        stop_after=stop_after, seed=seed,
+        deciders.agent, deciders.options, deciders.verifier, backends.chosen(plugins), deciders.limits,
+        tuple(str(file.resolve()) for file in files), choice, in_process=in_process, stop_after=stop_after, seed=seed,
     )  # fmt: skip
     wanted = executor or ("ray" if address else "local")
     if wanted == "ray" and "ray" not in {one.name for one in plugins.registered("executors")}:
@@ -160,25 +153,6 @@ def run_command(
         plugins.tell("humanclaw_run_end", run=out, episodes=episodes, plugins=plugins, tell=click.echo, scored=found)
     if status.failed or status.stopped:
         raise SystemExit(130 if status.stopped and not status.halted else 1)
-
-
-@bench.command("agent")
-@decider_options
-@click.option("--host", default="127.0.0.1", show_default=True, help="Address to listen at.")
-@click.option("--port", type=click.IntRange(0, 65535), default=0, help="Port to serve on; default: a free one.")
-@plugin_options
-def agent_command(
-    deciders: Deciders, backends: Backends, host: str, port: int, files: tuple[Path, ...], choice: Choice
-) -> None:
-    """Serve an agent for `bench run --agent-url`. Ctrl-C ends it."""
-    from humanclaw_bench.wall.serving import Sessions, server
-
-    plugins = Plugins.discover(files, choice)
-    made = plugins.make("agents", deciders.agent, deciders.options)
-    check_options(deciders.options, deciders.agent, made, None)
-    serving = server(Sessions(plugins, deciders.agent, dict(deciders.options)), host, port)
-    click.echo(f"http://{host}:{serving.server_address[1]}/")
-    serving.until_interrupted()
 
 
 @bench.command()

@@ -24,7 +24,6 @@ from humanclaw import EpisodeSpec, HumanclawError, RecordedEpisode, RecordError
 from humanclaw.cli import counted
 from humanclaw.records import EpisodeRecord, first_fault, read_episodes
 from humanclaw.storage import Folder, lacking
-from humanclaw_bench.motion_check import moved
 from humanclaw_bench.scores import ended
 from humanclaw_bench.splits import SPLITS, load_split, repeated
 
@@ -120,8 +119,6 @@ class Standing:
     """Number of records without a start in the journal, which may lack other attempts too."""
     in_process: bool = False
     """Whether an unprivileged agent or verifier of a run with a run.json played in the body's own process."""
-    beside: tuple[str, ...] = ()
-    """Code of others that was loaded beside the body."""
 
 
 def standing(run: Path, episodes: Sequence[RecordedEpisode]) -> Standing:
@@ -131,7 +128,7 @@ def standing(run: Path, episodes: Sequence[RecordedEpisode]) -> Standing:
     return Standing(
         files.asked, faults(episodes, run, files), len(told.again), len(told.continued),
         files.unstarted(one.record.spec.id for one in episodes),
-        bool(files.manifest) and any(map(_in_process, episodes)), files.beside,
+        bool(files.manifest) and any(map(_in_process, episodes)),
     )  # fmt: skip
 
 
@@ -161,7 +158,7 @@ def check(run: Path, files: RunFiles | None = None) -> tuple[int, tuple[str, ...
             whole.append(RecordedEpisode(folder))
         except RecordError as error:
             damaged.append(error.message)
-    return len(folders), (*damaged, *moved(whole), *faults(whole, run, files))
+    return len(folders), (*damaged, *faults(whole, run, files))
 
 
 def faults(episodes: Sequence[RecordedEpisode], root: Path, files: RunFiles | None = None) -> tuple[str, ...]:
@@ -275,11 +272,6 @@ class RunFiles:
     def unstarted(self, episodes: Iterable[str]) -> int:
         """Return how many episodes, by name, have no start in the journal; 0 without a run.json."""
         return sum(name not in self.journal.starts for name in episodes) if self.manifest else 0
-
-    @property
-    def beside(self) -> tuple[str, ...]:
-        """Code of others that was loaded beside the body, according to run.json."""
-        return tuple(map(str, self.manifest.content.get("beside the body", ()))) if self.manifest else ()
 
 
 def _foreign(run: Path, files: RunFiles, episodes: Sequence[RecordedEpisode]) -> Iterator[str]:

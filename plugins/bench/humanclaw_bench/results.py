@@ -80,9 +80,8 @@ class Result:
 
     @property
     def _near(self) -> str:
-        near, beside = self.known.in_process, self.known.beside
-        told = " Played in the body's own process, which agent and verifier can change." if near else ""
-        return told + (f" Code of others beside the body: {', '.join(beside)}." if beside else "")
+        near = self.known.in_process
+        return " Played in the body's own process, which agent and verifier can change." if near else ""
 
     @property
     def _played(self) -> str:
@@ -97,7 +96,10 @@ class Result:
         """What the model refused or had no room for."""
         left_out = sorted({name for s in self.scores for name in s.left_out})
         dropped = sum(s.dropped_steps for s in self.finished)
+        cut = [s for s in self.scores if s.refused and not s.finished]
+        refused, answers = (sum(getattr(s, name) for s in cut) for name in ("refused", "answers"))
         told = f" Asked without {', '.join(left_out)}, which the model refuses." if left_out else ""
+        told += f" In episodes that did not end, {refused} of {answers} answers held no usable call." if cut else ""
         return told + (
             f" Past steps were dropped because the model's context was full: in {dropped} steps." if dropped else ""
         )

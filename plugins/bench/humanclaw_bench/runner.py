@@ -28,7 +28,6 @@ from humanclaw_bench.executors import EpisodeQueue, Executor
 from humanclaw_bench.integrity import JOURNAL, MANIFEST, SPLIT, End, Journal
 from humanclaw_bench.scores import ended
 from humanclaw_bench.settings import agree, introduced, manifest, seeded
-from humanclaw_bench.wall.deciders import require_answer
 from humanclaw_bench.worker import FAILED, Job, WorkerReport, mark, recorded, recorded_steps, unpack
 
 
@@ -123,12 +122,9 @@ def run_split(
     go_on: called once with the estimate, as soon as the PILOT episodes have ended; False stops the run.
 
     Raises RecordError if out holds a run with other settings or another process runs there, HumanclawError for an error
-    that every episode would meet, such as an address at which no agent answers, and KeyboardInterrupt on the second
-    SIGINT.
+    that every episode would meet, and KeyboardInterrupt on the second SIGINT.
     """
     _check_ids(specs)
-    if job.agent_url and any(ended_record(Folder(out) / spec.id) is None for spec in specs):
-        require_answer(job.agent_url, {"agents": job.agent, "options": dict(job.options)})
     job = introduced(seeded(job, out), plugins)
     settings = manifest(specs, job, plugins)
     out.mkdir(parents=True, exist_ok=True)

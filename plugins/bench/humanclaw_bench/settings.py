@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
-import importlib.util
 import json
 import os
 import secrets
-import sysconfig
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, Final
@@ -24,7 +22,7 @@ from humanclaw_bench.wall.deciders import PROCESS
 from humanclaw_bench.worker import Job
 
 FORMAT: Final = 1
-UNTOLD: Final = ("files", "limits", "choice", "names", "in_process", "agent_url", "apart", "absent", "stop_after")
+UNTOLD: Final = ("files", "limits", "choice", "names", "in_process", "apart", "absent", "stop_after")
 """Fields of a job that run.json tells otherwise, or that follow from others."""
 
 
@@ -42,7 +40,7 @@ def introduced(job: Job, plugins: Plugins) -> Job:
 
     Raises HumanclawError if the job names something unknown, or options that neither agent nor verifier takes.
     """
-    made = {"agents": None if job.agent_url else plugins.make("agents", job.agent, job.options)}
+    made = {"agents": plugins.make("agents", job.agent, job.options)}
     made["verifiers"] = plugins.make("verifiers", job.verifier, job.options) if job.verifier else None
     check_options(job.options, job.agent, made["agents"], made["verifiers"])
     names = {}
@@ -52,8 +50,6 @@ def introduced(job: Job, plugins: Plugins) -> Job:
     # Those who know everything already play beside the body; their records say that they are privileged.
     open_to = [kind for kind, one in made.items() if one and not getattr(one, "privileged", False)]
     apart = {} if job.in_process else dict.fromkeys(open_to, PROCESS)
-    if job.agent_url:
-        apart["agents"] = job.agent_url
     asked = {"agents": job.agent, "verifiers": job.verifier}
     needed = {f"{noun(kind)} {name.rpartition(':')[2]}" for kind, name in asked.items() if kind not in apart}
     away = [info for info in plugins.infos if apart and not needed & {*info.provides}]
@@ -74,20 +70,6 @@ def _told_as(info: PluginInfo) -> str:
     return info.origin if os.sep in info.origin or info.origin.endswith(".py") else info.name
 
 
-def beside(plugins: Plugins, absent: Collection[str]) -> list[str]:
-    """Return the code of others that is loaded beside the body, by name: it could change the body and the records."""
-    there = [info for info in plugins.infos if info.origin not in own() and not info.error]
-    foreign = [info.name for info in there if _told_as(info) not in absent]
-    startup = [name for name in ("sitecustomize", "usercustomize") if _is_added(name)]
-    return sorted({*foreign, *startup})
-
-
-def _is_added(module: str) -> bool:
-    """Whether a module is there, and not as a part of Python: Ubuntu's Python has a sitecustomize."""
-    found = importlib.util.find_spec(module)
-    return found is not None and Path(found.origin or "").parent != Path(sysconfig.get_path("stdlib"))
-
-
 def manifest(specs: Sequence[EpisodeSpec], job: Job, plugins: Plugins) -> dict[str, Any]:
     """Return all settings that must be equal in all sessions of a run.
 
@@ -98,8 +80,6 @@ def manifest(specs: Sequence[EpisodeSpec], job: Job, plugins: Plugins) -> dict[s
     adapters = {name: _digest(path.read_bytes()) for name, path in files.items()}
     unusual = {
         "in process": job.in_process,
-        "agent url": job.agent_url,
-        "beside the body": beside(plugins, job.absent),
         "choice": asdict(job.choice) if job.choice != Choice() else None,
     }
     return {

@@ -54,8 +54,6 @@ class Job:
     """Own names of agent ("agents") and verifier ("verifiers"), for records if they cannot be created."""
     in_process: bool = False
     """Whether unprivileged agents and verifiers play beside the body too, for debugging: they could change it."""
-    agent_url: str = ""
-    """Where the agent answers, for one on another machine or in another language; empty for a plugin's."""
     apart: Mapping[str, str] = field(default_factory=dict)
     """Kind to place of those that play on the other side of the wall. The privileged have no place there."""
     absent: tuple[str, ...] = ()

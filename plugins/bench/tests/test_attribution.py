@@ -273,7 +273,7 @@ def test_no_target_has_no_way() -> None:
 
 
 @pytest.mark.filterwarnings("error")
-def test_a_scene_without_a_target_is_attributed_without_a_warning(tmp_path: Path) -> None:
+def test_a_scene_without_a_target_is_attributed_in_silence(tmp_path: Path) -> None:
     lost = [step(away=None, yaw_end=2.0), step(away=None, yaw_end=2.0)]  # Its back to everything.
     recorded = rollout(tmp_path, lost, targets={}, outcome="out_of_steps")
     cause = attribute(recorded)

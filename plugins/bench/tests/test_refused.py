@@ -64,6 +64,8 @@ def test_a_run_ends_after_answers_without_a_call(play):
     assert "4 answers in a row held no usable call" in status.halted
     assert "--stop-after 0" in status.halted
     (record,) = [recorded.record for recorded in load_run(run)]
+    note = chosen_table(results_of([run], [Path(toy_world.FILE)]), ["refused"], paper=False).notes[0]
+    assert "In episodes that did not end, 3 of 3 answers held no usable call." in note
     assert (record.outcome, record.steps) == ("interrupted", 1)  # Three answers cost a step; the fourth ended it.
 
 

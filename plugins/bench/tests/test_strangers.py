@@ -63,7 +63,7 @@ def watched(run, plugins):
 COMMANDS = {
     "report": lambda run, plugins: call("report", run, "--plugin", toy_world.FILE),
     "rescore": lambda run, plugins: call("bench", "rescore", run, "--plugin", toy_world.FILE),
-    "verify": lambda run, plugins: call("bench", "verify", run, "--submission", run / "submission.json"),
+    "verify": lambda run, plugins: call("bench", "verify", run),
     "submit": lambda run, plugins: call("bench", "submit", run, "--who", "me", "--partial"),
     "leaderboard": lambda run, plugins: call("bench", "leaderboard", run.parent),
     "csv": lambda run, plugins: call("bench", "export", run, "--to", "csv", "--out", run.parent / "run.csv"),
@@ -79,7 +79,6 @@ def whole(tmp_path_factory, plugins):
     run_split(SPECS, JOB, LocalExecutor(1), shelf / "run", plugins=plugins)
     for name in ("report", "rescore", "submit", "leaderboard"):
         COMMANDS[name](shelf / "run", plugins)
-    shutil.copy(shelf / "run" / "submission.json", shelf / "run.json")
     return shelf
 
 

@@ -3,8 +3,6 @@
 import json
 import random
 import shutil
-import socket
-import threading
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -16,17 +14,14 @@ from click.testing import CliRunner
 from PIL import Image
 from test_runner import SEED, TOY, Here, digests, rewrite
 
-from humanclaw import HumanclawError, PluginError, Plugins, RecordedEpisode, load_run
+from humanclaw import HumanclawError, Plugins, RecordedEpisode, load_run
 from humanclaw.world import GAZES
 from humanclaw_bench.cli import bench
 from humanclaw_bench.executors import LocalExecutor
 from humanclaw_bench.integrity import Journal
 from humanclaw_bench.runner import pilot_of, run_split
 from humanclaw_bench.splits import load_split
-from humanclaw_bench.submission import read
-from humanclaw_bench.wall.deciders import Wall
 from humanclaw_bench.wall.links import ProcessLink
-from humanclaw_bench.wall.serving import Sessions, server
 from humanclaw_bench.worker import Job
 
 pytestmark = pytest.mark.integration
@@ -52,14 +47,13 @@ def play(tmp_path):
     """Run toy episodes with an agent whose class is written here; returns the status and the folder."""
 
     def run(
-        written, count=1, name="run", in_process=False, limits=None, agent_url="", workers=0, verifier="",
+        written, count=1, name="run", in_process=False, limits=None, workers=0, verifier="",
         backends=TOY, seed=SEED, **options
     ):  # fmt: skip
         file = tmp_path / "own.py"
         file.write_text(HEAD + written)
-        files = (toy_world.FILE,) if agent_url else (toy_world.FILE, str(file))
-        job = Job(agent_url or "own", options, verifier, backends, limits or {}, files,
-                  in_process=in_process, agent_url=agent_url, seed=seed)  # fmt: skip
+        files = (toy_world.FILE, str(file))
+        job = Job("own", options, verifier, backends, limits or {}, files, in_process=in_process, seed=seed)
         plugins = Plugins.discover([Path(one) for one in files])
         folder = tmp_path / name
         return run_split(
@@ -196,28 +190,9 @@ def test_an_agent_that_patches_the_episode_patches_its_own_copy(play):
     assert (status.done, digests(folder)) == (1, digests(honest))
 
 
-def test_code_of_others_beside_the_body_is_named(play):
-    _, folder = play(PLAIN)
-    assert json.loads((folder / "run.json").read_text())["beside the body"] == ["toy_world"]
-    assert "Code of others beside the body: toy_world." in CliRunner().invoke(bench, ["verify", str(folder)]).output
-
-
-def test_code_that_python_runs_at_its_start_is_named(play, tmp_path, monkeypatch):
-    (tmp_path / "site").mkdir()
-    (tmp_path / "site" / "sitecustomize.py").write_text("")
-    monkeypatch.syspath_prepend(tmp_path / "site")
-    _, folder = play(PLAIN)
-    told = CliRunner().invoke(bench, ["table", str(folder), "--format", "markdown"]).output
-    assert "Code of others beside the body: sitecustomize, toy_world." in told
-    monkeypatch.setattr("sysconfig.get_path", lambda name: str(tmp_path / "site"))
-    _, folder = play(PLAIN, name="of-python")
-    assert json.loads((folder / "run.json").read_text())["beside the body"] == ["toy_world"]
-
-
-def test_a_plugin_with_an_agent_and_an_observer_is_loaded_and_named(play):
+def test_a_plugin_with_an_agent_and_an_observer_is_loaded(play):
     seen = 'open(os.path.join(os.path.dirname(__file__), "seen"), "w").close()'
     _, folder = play(PLAIN + OBSERVER.replace("...", seen))
-    assert json.loads((folder / "run.json").read_text())["beside the body"] == ["own", "toy_world"]
     assert (folder.parent / "seen").exists()
 
 
@@ -247,8 +222,6 @@ def test_of_two_files_of_one_name_only_the_one_that_decides_stays_away_from_the_
         folder = tmp_path / "".join(order)
         assert run_split(toy_world.specs(1), job, LocalExecutor(1), folder, plugins=plugins).done == 1
         assert RecordedEpisode(folder / "toy-0").record.outcome == "stopped"
-        (told,) = {*json.loads((folder / "run.json").read_text())["beside the body"]} - {"toy_world"}
-        assert told == ("own-2" if order == ("a", "b") else "own")
 
 
 def test_records_are_the_same_on_both_sides_of_the_wall(play):
@@ -471,7 +444,7 @@ def test_a_worker_that_is_killed_when_it_loses_does_not_hide_the_attempt(play, l
     assert words in CliRunner().invoke(bench, ["table", str(folder), "--format", "markdown"]).output
     board = folder.parent / "board"
     shutil.copytree(folder, board / "mine")
-    told = ["submit", str(board / "mine"), "--who", "me", "--out", str(board / "mine.json")]
+    told = ["submit", str(board / "mine"), "--who", "me"]
     assert CliRunner().invoke(bench, told).exit_code == 0
     CliRunner().invoke(bench, ["leaderboard", str(board)])
     assert ("1 of 1, 1 " + ("played again" if left is None else "continued")) in (board / "index.html").read_text()
@@ -483,8 +456,7 @@ def test_a_journal_that_was_removed_is_missed_everywhere(play):
     table = CliRunner().invoke(bench, ["table", str(folder), "--format", "markdown"]).output
     assert "Missing from the journal, so that further attempts are not known: 1." in table
     assert "1 record without a start in the journal" in CliRunner().invoke(bench, ["verify", str(folder)]).output
-    ranked = board(folder, unstarted=0)
-    assert "1 of 1, 1 not in the journal" in ranked
+    assert "1 of 1, 1 not in the journal" in board(folder)
 
 
 def test_a_start_is_in_the_journal_before_the_first_step(play):
@@ -498,98 +470,16 @@ class Mine(Agent):
     assert '"episode": "toy-0", "from": 0' in said(folder)
 
 
-# -- over a network ----------------------------------------------------------------------------------------------------
-@pytest.fixture
-def served(tmp_path):
-    """Serve an agent, and return its URL."""
-    file = tmp_path / "served.py"
-    file.write_text(HEAD + PLAIN)
-    serving = server(Sessions(Plugins.discover([file]), "own", {}), "127.0.0.1", 0)
-    threading.Thread(target=serving.serve_forever, daemon=True).start()
-    yield f"http://127.0.0.1:{serving.server_address[1]}/"
-    serving.shutdown()
-    serving.server_close()
-
-
-def test_an_agent_at_a_url_plays_as_one_in_a_process_does(play, served):
-    _, here = play(PLAIN, 2, name="here")
-    status, there = play(PLAIN, 2, name="there", agent_url=served)
-    steps = [[(s.call, s.end) for s in one.steps] for run in (here, there) for one in load_run(run)]
-    assert (status.done, steps[:2]) == (2, steps[2:])
-    record = RecordedEpisode(there / "toy-0").record
-    assert (record.agent, record.settings["apart"]) == ("own", {"agent": served})
-
-
-@pytest.mark.parametrize(
-    ("url", "words"),
-    [
-        ("notaurl", "--agent-url takes an address of http or https"),
-        ("http://", "--agent-url takes an address of http or https"),
-        ("http://127.0.0.1:x/", "--agent-url takes an address of http or https"),
-        ("http://me:pass@127.0.0.1:9/", "takes no user, password or query"),
-        ("http://127.0.0.1:9/?key=abc", "takes no user, password or query"),
-        ("http://127.0.0.1:9/", "does not answer initialize"),
-    ],
-)
-def test_an_address_at_which_nobody_answers_is_told_before_anything_is_written(play, tmp_path, url, words):
-    with pytest.raises(HumanclawError, match=words):
-        play(PLAIN, agent_url=url)
-    assert not (tmp_path / "run").exists()
-
-
-def test_a_run_that_has_ended_asks_no_server(play, served):
-    play(PLAIN, name="there", agent_url=served)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("humanclaw_bench.runner.require_answer", lambda url, asked: pytest.fail(url))
-        status, _ = play(PLAIN, name="there", agent_url=served)
-    assert status.done == 1
-
-
-def test_a_server_that_leaves_during_a_run_is_a_provider_that_failed(play, monkeypatch):
-    monkeypatch.setattr("humanclaw_bench.runner.require_answer", lambda url, asked: None)
-    status, _ = play(PLAIN, agent_url="http://127.0.0.1:9/")
-    assert (status.done, status.failed) == (0, 1)
-
-
-def test_a_server_that_answers_a_byte_at_a_time_is_ended_by_the_time_limit(monkeypatch):
-    monkeypatch.setattr("humanclaw_bench.wall.deciders.STARTING", 1.0)
-    drips = socket.create_server(("127.0.0.1", 0))
-
-    def drip():
-        stream, _ = drips.accept()
-        with stream:
-            for byte in b"HTTP/1.1 200 OK\r\nContent-Length: 100\r\n\r\n" + b" " * 100:
-                stream.sendall(bytes([byte]))
-                time.sleep(0.3)
-
-    threading.Thread(target=drip, daemon=True).start()
-    url, began = f"http://127.0.0.1:{drips.getsockname()[1]}/", time.monotonic()
-    with pytest.raises(PluginError, match=r"no answer to initialize within 1\.0 s"):
-        Wall({"agents": url}, {"agents": "own"}, {}).make()
-    assert time.monotonic() - began < 3.0
-
-
-def test_a_server_refuses_what_is_no_request(served):
-    import urllib.request
-
-    with pytest.raises(urllib.error.HTTPError, match="400"):
-        urllib.request.urlopen(urllib.request.Request(served, b"[]"))
-
-
 def folder_of(play):
     """Return the temporary folder of a test's runs."""
     return next(cell.cell_contents for cell in play.__closure__ if isinstance(cell.cell_contents, Path))
 
 
-def board(folder, *words, **claims):
-    """Return the leaderboard of a run and its submission, in which somebody may claim more and seal it again."""
+def board(folder, *words):
+    """Return the leaderboard of a run, which is submitted when the board is made first."""
     place = folder.parent / "board"
     if not place.exists():
-        shutil.copytree(folder, place / "mine")
-        told = ["submit", str(place / "mine"), "--who", "me", "--out", str(place / "mine.json")]
-        assert CliRunner().invoke(bench, told).exit_code == 0
+        assert CliRunner().invoke(bench, ["submit", str(folder), "--who", "me"]).exit_code == 0
     shutil.copytree(folder, place / "mine", dirs_exist_ok=True)
-    forged = read(place / "mine.json").model_copy(update=claims).sealed
-    (place / "mine.json").write_text(forged.model_dump_json())
     assert CliRunner().invoke(bench, ["leaderboard", str(place), *words]).exit_code == 0
     return (place / "index.html").read_text()

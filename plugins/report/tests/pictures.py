@@ -65,7 +65,7 @@ def _board(browser: Any, *runs: Path) -> Image.Image:
         sent, site = Path(folder, "sent"), Path(folder, "site")
         for run in runs:
             shutil.copytree(run, sent / run.name)
-            _do("bench", "submit", run, "--who", "HumanCLAW", "--out", sent / f"{run.name}.json")
+            _do("bench", "submit", sent / run.name, "--who", "HumanCLAW")
         _do("bench", "leaderboard", sent, "--pages", site, "--replay", 1, "--by", "HumanCLAW")
         tab = browser.new_page(viewport={"width": 1400, "height": 640})
         tab.goto((site / "index.html").as_uri())

@@ -54,9 +54,11 @@ _ATTRIBUTIONS: Final = {
 }
 """Attributions that the owners of the data ask for."""
 _BASE_LIMITS: Final = (
+    "All sitting, all regular stairs and nearly all steps to the side and back are synthetic.",
     "Arms move little in turns on the spot and side steps: 8 to 9 cm to and fro, against 40 cm in walking.",
     "Small errors add up over long series of calls where the data show no recovery: see `humanclaw naturalness`.",
 )
+"""Limits of the shipped base, which its data and report do not tell."""
 
 
 def card(checkpoint: Path, report: FidelityReport | None = None, naturalness: NaturalnessReport | None = None) -> str:
@@ -78,6 +80,7 @@ def _facts(checkpoint: Path, report: FidelityReport | None, naturalness: Natural
     row = _row(header, checkpoint, report)
     likeness = _likeness(header, checkpoint, naturalness)
     sources = [*data["sources"], *notes["licences"]]
+    ours = header.get("digest") == read_header(shipped_base())["digest"]
     return {
         **header,
         "title": f"the adapter of `{adapter['skill']}`" if adapter else "the motion prior",
@@ -108,8 +111,8 @@ def _facts(checkpoint: Path, report: FidelityReport | None, naturalness: Natural
         "first_steps": _first_steps(header, naturalness),
         "no_parameters": not adapter.get("params"),
         "ratio": _ratio,
-        "limits": Notes.read(checkpoint.parent).limits if adapter else _BASE_LIMITS,
-        "synthetic": "composed" in data["sources"],
+        "limits": Notes.read(checkpoint.parent).limits if adapter else _BASE_LIMITS if ours else (),
+        "all_synthetic": set(data["sources"]) == {"composed"},
         "retimed": "retimed" in data["sources"],
     }
 

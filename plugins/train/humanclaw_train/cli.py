@@ -56,7 +56,13 @@ def _measures() -> Mapping[str, Measure]:
     return Plugins.discover().measures
 
 
-train = _forward("train", "humanclaw_train.train", "Train the base prior or a skill's adapter.", measures=_measures)
+train = _forward(
+    "train",
+    "humanclaw_train.train",
+    "Train the base prior or a skill's adapter.",
+    measures=_measures,
+    installed=_installed,
+)
 fidelity = _forward(
     "fidelity",
     "humanclaw_train.fidelity",

@@ -6,6 +6,7 @@ only numpy.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Final
@@ -37,12 +38,19 @@ AXES: Final[Mapping[str, tuple[str, float]]] = {
 
 @dataclass(frozen=True)
 class Trained:
-    """A skill to train: its declaration and its recipe."""
+    """A skill to train: its declaration and its recipe. Raises HumanclawError for a recipe that is never drawn."""
 
     recipe: Recipe
     declaration: Declaration
     measures: Mapping[str, Measure] = field(default_factory=lambda: MEASURES, repr=False)
     """Known measures: the core's and those of plugins."""
+
+    def __post_init__(self) -> None:
+        if self.synthetic and not 0 < self.recipe.share < math.inf:  # Its chunks would never be complete.
+            raise HumanclawError(
+                f"The recipe of {self.name} has share={self.recipe.share}, expected a number above 0.",
+                "Give it one such as 1.0, or no gait if its motion is not to be synthesised.",
+            )
 
     @property
     def name(self) -> str:

@@ -60,7 +60,7 @@ def load(folders: Sequence[Path], name: str) -> ChunkTensors:
     """Load the chunks of one skill, or of `base`, from every folder that has some.
 
     Real chunks count once, because folders built with different seeds contain the same clips. Raises HumanclawError if
-    no folder has any.
+    no folder has any, or if their parameters command different measures.
     """
     files = [folder / f"{name}.npz" for folder in folders if (folder / f"{name}.npz").is_file()]
     if not files:
@@ -69,12 +69,23 @@ def load(folders: Sequence[Path], name: str) -> ChunkTensors:
             f"There is no {name}.npz in {listed}.", "Build chunks first with: humanclaw data build DIR"
         )
     parts = [Chunks.load(file) for file in files]
+    _check_alike(files, parts)
     kept = np.concatenate(list(_new(parts)))
     whole = {key: np.concatenate([getattr(part, key) for part in parts])[kept] for key in EACH}
     root, rotations, params = (torch.from_numpy(whole[key].astype(np.float32)) for key in EACH[:3])
     names, measures = (tuple(known.tolist()) for known in (parts[0].names, parts[0].measures))
     licences = dict.fromkeys(text for part in parts for text in part.licences.tolist())
     return ChunkTensors(name, root, rotations, params, _statistics(whole), names, measures, tuple(licences))
+
+
+def _check_alike(files: Sequence[Path], parts: Sequence[Chunks]) -> None:
+    told = [", ".join(map("{} ({})".format, part.names.tolist(), part.measures.tolist())) for part in parts]
+    for file, one in zip(files, told, strict=True):
+        if one != told[0]:
+            raise HumanclawError(
+                f"{file} commands {one or 'nothing'}; {files[0]} commands {told[0] or 'nothing'}.",
+                "Build both with the same schema.json, or train on one of them.",
+            )
 
 
 def _new(parts: Sequence[Chunks]) -> Iterator[NDArray[np.bool_]]:

@@ -116,17 +116,15 @@ def _mean(values: Array) -> float:
 
 def fidelity(
     generator: DiTGenerator,
-    paths: Mapping[str, Path],
+    commands: Sequence[Command],
     rollouts: int = 200,
     seed: int = 0,
     before: Sequence[Command] = (),
-    measures: Mapping[str, Measure] = MEASURES,
 ) -> list[Row]:
     """Measure one row per skill, in the order given. before: further skills that may come before one.
 
     Raises CheckpointError for an adapter that does not fit the base.
     """
-    commands = [Command.of(skill, path, measures) for skill, path in paths.items()]
     known = [*commands, *before]
     besides = uncommanded(generator, commands, walker(known), seed=seed)
     rows = [_row(generator, command, others(command, known), rollouts, seed) for command in commands]
@@ -157,15 +155,13 @@ def _row(generator: DiTGenerator, command: Command, before: Sequence[Command], r
 def simulated(
     generator: DiTGenerator,
     simulator: Simulator,
-    paths: Mapping[str, Path],
+    commands: Sequence[Command],
     rollouts: int = 200,
     seed: int = 0,
     before: Sequence[Command] = (),
-    measures: Mapping[str, Measure] = MEASURES,
     source: str = "generated",
 ) -> dict[str, Ratio]:
     """Measure skills with parameters in half-physics. before: further skills that may come before one."""
-    commands = [Command.of(skill, path, measures) for skill, path in paths.items()]
     known = [*commands, *before]
     wanted = [command for command in commands if len(command.low)]
     actor, ratios = Actor(generator, simulator, source), {}
@@ -310,25 +306,25 @@ def _measure(
 ) -> FidelityReport:
     generator = made_generator(options)
     paths = own(options.skill) if options.skill else adapters(options.adapters, options.skills, installed)
-    there = installed() if options.skill and installed else {}
-    before = [Command.of(skill, path, measures) for skill, path in there.items() if skill not in paths]
-    rows = fidelity(generator, paths, options.rollouts, options.seed, before, measures)
+    there = installed() if installed else {}
+    commands = [Command.of(skill, path, measures, there) for skill, path in paths.items()]
+    strange = {skill: path for skill, path in there.items() if skill not in paths} if options.skill else {}
+    before = [Command.of(skill, path, measures) for skill, path in strange.items()]
+    rows = fidelity(generator, commands, options.rollouts, options.seed, before)
     if options.baseline:
-        asked = {skill: Command.of(skill, path, measures) for skill, path in paths.items()}
-        rows = [replace(row, baseline=baseline(options.baseline, asked[row.skill])) for row in rows]
+        rows = [replace(row, baseline=baseline(options.baseline, one)) for row, one in zip(rows, commands, strict=True)]
     if options.simulated:
         if simulator is None:
             raise HumanclawError(
                 "--simulated needs a simulator from the plugin host.", "Use the command: humanclaw fidelity --simulated"
             )
         ratios = simulated(
-            generator, simulator(), paths, options.rollouts, options.seed, before, measures, options.motion_history
+            generator, simulator(), commands, options.rollouts, options.seed, before, options.motion_history
         )
         rows = [replace(row, simulated=ratios.get(row.skill)) for row in rows]
-    first = next(iter(paths))  # All adapters have the same size, so any of them gives the time.
-    command = Command.of(first, paths[first], measures)
-    values = command.named(command.draw(1, np.random.default_rng(0))[0])
-    time_of_one = milliseconds(generator, paths[first], values)
+    first = commands[0]  # All adapters have the same size, so any of them gives the time.
+    values = first.named(first.draw(1, np.random.default_rng(0))[0])
+    time_of_one = milliseconds(generator, first.adapter, values)
     return FidelityReport(
         generator.digest, str(generator.solver), options.rollouts, options.seed, time_of_one, tuple(rows)
     )

@@ -126,7 +126,8 @@ def main(
     try:
         generator = made_generator(options)
         paths, known = adapters(options.adapters, options.skills, installed), commanded()
-        commands = [Command.of(skill, path, known) for skill, path in paths.items()]
+        there = installed() if installed else {}
+        commands = [Command.of(skill, path, known, there) for skill, path in paths.items()]
         rows = skills(generator, commands, options.chunks, options.rollouts, options.seed)
         show("skills", rows, skills_table)
         show("sequences", sequence_jerks(generator, commands, seed=options.seed), sequences_table)

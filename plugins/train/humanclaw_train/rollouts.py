@@ -6,6 +6,7 @@ import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -24,6 +25,7 @@ Installed = Callable[[], Mapping[str, Path]]
 """Returns the adapters of the installed skills, by skill."""
 Measures = Callable[[], Mapping[str, Measure]]
 """Returns the known measures, by name."""
+_NONE: Final[Mapping[str, Path]] = MappingProxyType({})
 CHUNKS_IN_A_ROW: Final = 3
 _LEAST: Final = 0.25
 """Smallest command, as a share of the largest. A ratio to almost zero has no meaning."""
@@ -41,12 +43,20 @@ class Command:
     measures: Mapping[str, Measure] = field(default_factory=lambda: MEASURES, repr=False)
 
     @classmethod
-    def of(cls, skill: str, adapter: Path, measures: Mapping[str, Measure] = MEASURES) -> Command:
+    def of(
+        cls,
+        skill: str,
+        adapter: Path,
+        measures: Mapping[str, Measure] = MEASURES,
+        installed: Mapping[str, Path] = _NONE,
+    ) -> Command:
         """Read the range that the adapter was trained on, without a twentieth at each end.
+
+        installed: adapters of the installed skills, which declare an adapter in a folder without schema.json.
 
         Raises CheckpointError and PluginError if adapter and schema.json do not match.
         """
-        return cls.declared(Declaration.read(declared(skill, adapter)), adapter, measures)
+        return cls.declared(Declaration.read(declared(skill, adapter, installed)), adapter, measures)
 
     @classmethod
     def declared(cls, declaration: Declaration, adapter: Path, measures: Mapping[str, Measure] = MEASURES) -> Command:
@@ -118,11 +128,10 @@ def own(folders: Sequence[Path]) -> dict[str, Path]:
     return paths
 
 
-def declared(skill: str, adapter: Path) -> Path:
-    """Return the folder that declares a skill: its adapter's, or else the skill's in the repository."""
-    if (adapter.parent / "schema.json").is_file():
-        return adapter.parent
-    return next((file.parent for file in sorted(Path("skills").glob(f"**/{skill}/schema.json"))), adapter.parent)
+def declared(skill: str, adapter: Path, installed: Mapping[str, Path] = _NONE) -> Path:
+    """Return the folder that declares a skill: its adapter's, the installed skill's, or else the repository's."""
+    files = [adapter, installed.get(skill, adapter), *sorted(Path("skills").glob(f"**/{skill}/schema.json"))]
+    return next((file.parent for file in files if (file.parent / "schema.json").is_file()), adapter.parent)
 
 
 def file_digest(path: Path) -> str:

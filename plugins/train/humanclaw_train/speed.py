@@ -169,7 +169,7 @@ def main(arguments: Sequence[str] | None = None, skills: Installed | None = None
     try:
         generator, paths = DiTGenerator.shipped(), adapters(options.adapters, installed=skills)
         skill = next(iter(paths))
-        command = Command.of(skill, paths[skill])
+        command = Command.of(skill, paths[skill], installed=skills() if skills else {})
         values = command.named(command.draw(1, np.random.default_rng(0))[0])
         taken = milliseconds(generator, paths[skill], values, 20)
         print(f"The shipped generator as episodes run it, {skill}, corrected: {taken:.1f} ms a chunk.")

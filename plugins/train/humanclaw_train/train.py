@@ -52,7 +52,7 @@ from humanclaw_train.dit import DiT
 from humanclaw_train.flow import LOSSES, Forward, Loss, Weights, generated, has_bfloat16, objective
 from humanclaw_train.own_histories import OwnHistories, predecessors
 from humanclaw_train.parallel import ALONE, Processes, device_of, joined
-from humanclaw_train.rollouts import Measures, declared
+from humanclaw_train.rollouts import Installed, Measures, declared
 from humanclaw_train.trainer import M, Problem, Recipe, Trainer, run
 from humanclaw_train.validation import Validation, held_out
 
@@ -188,10 +188,15 @@ def _card(trainer: Trainer[Any], weights: Weights, name: str) -> Card:
 
 
 # -- the command line --------------------------------------------------------------------------------------------------
-def main(arguments: Sequence[str] | None = None, measures: Measures = lambda: MEASURES) -> int:
+def main(
+    arguments: Sequence[str] | None = None,
+    measures: Measures = lambda: MEASURES,
+    installed: Installed | None = None,
+) -> int:
     """Run the command line.
 
-    measures: returns the known measures. The caller passes it in, because this module runs without a plugin host.
+    measures: returns the known measures. installed: returns the adapters of the installed skills. The caller passes
+    them in, because this module runs without a plugin host.
     """
     options = _parser().parse_args(arguments)
     torch.set_num_threads(options.threads)
@@ -200,7 +205,7 @@ def main(arguments: Sequence[str] | None = None, measures: Measures = lambda: ME
         logs.check(options.logger)
         with joined(device) as processes:
             session = Session(device, processes, options.compile, tuple(options.logger))
-            path, export = _trained(options, session, measures)
+            path, export = _trained(options, session, measures, installed)
             if export and processes.first:
                 _copy(path, export)
                 print(f"wrote {export}")
@@ -210,12 +215,14 @@ def main(arguments: Sequence[str] | None = None, measures: Measures = lambda: ME
     return 0
 
 
-def _trained(options: argparse.Namespace, session: Session, measures: Measures) -> tuple[Path, Path | None]:
+def _trained(
+    options: argparse.Namespace, session: Session, measures: Measures, installed: Installed | None
+) -> tuple[Path, Path | None]:
     """Train what the options say. Returns the checkpoint, and the file to copy it to."""
     folders, recipe = options.data or [CHUNKS], _recipe(options, session.device)
     if options.what == "base":
         return train_base(folders, options.out, recipe, session), options.export
-    skill, declared = _named(options)
+    skill, declared = _named(options, installed)
     path = train_adapter(
         skill,
         folders,
@@ -248,13 +255,13 @@ def _recipe(options: argparse.Namespace, device: torch.device) -> Recipe:
     )
 
 
-def _named(options: argparse.Namespace) -> tuple[str, Path]:
+def _named(options: argparse.Namespace, installed: Installed | None) -> tuple[str, Path]:
     """Return the skill and the folder that declares it. Raises HumanclawError unless exactly one of both is given."""
     if (options.skill is None) == (options.folder is None):
         raise HumanclawError("Expected one skill to train.", "Give either its name or --skill FOLDER.")
     if options.folder is not None:
         return options.folder.resolve().name, options.folder
-    return options.skill, declared(options.skill, Path("adapter.safetensors"))
+    return options.skill, declared(options.skill, Path("adapter.safetensors"), installed() if installed else {})
 
 
 def _live(base: Path, folder: Path, measures: Measures) -> Callable[[Path], str] | None:

@@ -138,11 +138,20 @@ def test_a_card_names_the_clips_that_nothing_was_trained_on_or_says_that_there_a
     assert "show too little of it" in of(row)
 
 
-def test_every_reader_learns_that_sitting_and_stairs_are_synthetic(weights):
+def test_only_the_shipped_base_says_what_is_synthetic_there(weights):
+    claim = "All sitting, all regular stairs"
+    assert claim in card(shipped_base())
     for name in ("base.safetensors", "sit_in_place/adapter.safetensors"):
-        text = " ".join(card(weights / name).split())
-        assert "All sitting, all regular stairs" in text
-        assert "are synthetic" in text
+        assert claim not in card(weights / name)
+
+
+@pytest.mark.parametrize(("sources", "said"), [({"composed": 40}, True), ({"HDM05": 1, "composed": 39}, False)])
+def test_a_card_says_if_no_real_motion_shows_the_skill(tmp_path, sources, said):
+    base = write_base(tmp_path / "base.safetensors", card=Card(RECIPE, {}, ()))
+    data = {"chunks": 40, "real": sources.get("HDM05", 0), "sources": sources}
+    config = AdapterConfig("sit_in_place", "mlp", ("h",), (0.5,), (0.3,))
+    path = write_adapter(tmp_path / "adapter.safetensors", base, config, card=Card(RECIPE, data, ()))
+    assert ("No real motion is among them" in card(path)) == said
 
 
 def test_cards_are_written_once_and_found_stale_when_a_report_comes(weights, capsys):

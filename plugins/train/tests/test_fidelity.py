@@ -30,7 +30,7 @@ def still(tmp_path_factory, still_base):
 
 def test_a_body_that_does_nothing_achieves_nothing(still):
     generator, path = still
-    (row,) = fidelity(generator, {"step_back": path}, rollouts=4)
+    (row,) = fidelity(generator, [Command.of("step_back", path)], rollouts=4)
     assert row.generated.mean == pytest.approx(0, abs=1e-3)
     assert row.generated.error == pytest.approx(25, abs=8)
     assert row.generated.chunks == 12
@@ -119,9 +119,9 @@ def test_an_adapter_and_a_schema_with_different_parameters_are_refused(still, tm
 
 
 def test_the_figures_of_the_paper_lie_beside_the_skill(still):
-    (row,) = fidelity(still[0], {"step_back": still[1]}, rollouts=2)
+    (row,) = fidelity(still[0], [Command.of("step_back", still[1])], rollouts=2)
     assert (row.paper, row.paper_baseline) == (None, None)
-    (row,) = fidelity(still[0], {"step_back": _with_notes(still[1])}, rollouts=2)
+    (row,) = fidelity(still[0], [Command.of("step_back", _with_notes(still[1]))], rollouts=2)
     assert "| 0.986 ± 0.056 | 2.072 ± 1.067 |" in markdown([row])
 
 
@@ -190,7 +190,7 @@ def test_a_body_goes_on_in_the_pose_of_its_history_at_the_origin_of_the_next_sce
 
 
 def test_without_motion_nothing_is_simulated(simulator, still):
-    ratios = simulated(still[0], simulator, {"step_back": still[1]}, rollouts=1)
+    ratios = simulated(still[0], simulator, [Command.of("step_back", still[1])], rollouts=1)
     assert ratios["step_back"].mean == pytest.approx(0, abs=0.02)
 
 
@@ -222,3 +222,14 @@ def test_a_file_that_is_no_report_is_refused_with_a_remedy(tmp_path):
     file.write_text(json.dumps({"rows": [1]}))
     with pytest.raises(CheckpointError, match="holds no fidelity report"):
         FidelityReport.load(file)
+
+
+def test_an_adapter_of_a_run_is_declared_by_the_installed_skill(still, capsys, tmp_path, monkeypatch):
+    run = tmp_path / "runs" / "step_back"
+    run.mkdir(parents=True)
+    (run / "adapter.safetensors").write_bytes(still[1].read_bytes())
+    monkeypatch.chdir(tmp_path)  # Outside the repository.
+    base = still[1].parent.parent / "base.safetensors"
+    words = ["--adapters", str(run.parent), "--base", str(base), "--rollouts", "2"]
+    assert main(words, installed=lambda: {"step_back": still[1]}) == 0
+    assert "| step_back |" in capsys.readouterr().out

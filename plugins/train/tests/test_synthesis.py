@@ -360,3 +360,10 @@ def test_chunks_whose_feet_cut_the_edge_of_a_stair_are_not_learnt(profiles):
     asked = synthetic_chunks(profiles, climbs, 40.0, 0)["climb_upstairs"]
     assert len(asked) == 80
     assert asked.params[:, 0].max() < 0.27
+
+
+@pytest.mark.parametrize("share", [0.0, -1.0, float("nan"), float("inf")])
+def test_a_recipe_that_is_never_drawn_is_refused(share):
+    recipe = Recipe("stroll", gait=GaitParameters(), share=share)
+    with pytest.raises(HumanclawError, match=r"recipe of stroll has share=.*, expected a number above 0"):
+        Trained(recipe, Declaration.of("stroll", STROLL))

@@ -11,6 +11,7 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
+from declared import folder_of
 from gliding import gliding, save_chunks
 
 from humanclaw import HumanclawError
@@ -320,3 +321,20 @@ def test_a_licence_that_says_nothing_is_refused(capsys):
     with pytest.raises(SystemExit):
         main(["base", "--out", "nowhere", "--licence", " "])
     assert "the licence is empty" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("names", "measures"), [(["z"], ["hips.forward"]), (["ahead"], ["hips.back"])])
+def test_chunks_with_other_commands_are_not_mixed(backwards, tmp_path, names, measures):
+    with np.load(backwards / "step_back.npz") as found:
+        np.savez(tmp_path / "step_back.npz", **{**found, "names": names, "measures": measures})
+    told = rf"commands {names[0]} \({measures[0]}\); .* commands z \(hips.back\)"
+    with pytest.raises(HumanclawError, match=told):
+        data.load([backwards, tmp_path], "step_back")
+
+
+def test_training_tells_the_fidelity_of_an_installed_skill(backwards, base_file, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)  # Outside the repository.
+    words = [*_step_back(backwards, base_file, tmp_path / "run"), "--device", "cpu", "--batch", "16", "--steps", "1"]
+    installed = {"step_back": folder_of("step_back") / "adapter.safetensors"}
+    assert main(words, installed=lambda: installed) == 0
+    assert "step       1  fidelity " in capsys.readouterr().out

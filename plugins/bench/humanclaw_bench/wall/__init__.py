@@ -1,5 +1,5 @@
-"""The wall between a body and those who decide: agent and verifier play in a process of their own, or at a URL.
+"""The wall between a body and those who decide: agent and verifier play in a process of their own.
 
-Requests are JSON-RPC 2.0, one a line over a pipe or one a POST; docs/wall.md describes them. messages: values to JSON
-and back. session: the deciders' side. links: pipe and URL. deciders: the body's side.
+Requests are JSON-RPC 2.0, one a line over a pipe; docs/wall.md describes them. messages: values to JSON
+and back. session: the deciders' side. links: the pipe. deciders: the body's side.
 """

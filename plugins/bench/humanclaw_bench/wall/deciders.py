@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final, TypeVar
-from urllib.parse import urlsplit
 
 from pydantic import ValidationError
 
@@ -15,7 +14,6 @@ from humanclaw import (
     Decision,
     EpisodeContext,
     HistoryEntry,
-    HumanclawError,
     Meter,
     Observation,
     PluginError,
@@ -23,12 +21,12 @@ from humanclaw import (
     Verdict,
 )
 from humanclaw.plugins import StandIn
-from humanclaw_bench.wall.links import GRACE, STARTING, Link, OverdueError, ProcessLink, UrlLink
+from humanclaw_bench.wall.links import GRACE, STARTING, OverdueError, ProcessLink
 from humanclaw_bench.wall.messages import PROTOCOL, Json, from_json, past, seen, task, to_json
 
 T = TypeVar("T")
 PROCESS: Final = "process"
-"""The place of an agent or a verifier in a process of this machine; other places are URLs."""
+"""The place of an agent or a verifier on the other side of the wall, as records name it."""
 LONGEST: Final = 24 * 3600.0
 """Seconds to wait for an answer without a time limit."""
 
@@ -49,7 +47,7 @@ class _Apart(StandIn):
 
     privileged: Final = False
 
-    def __init__(self, link: Link, role: str, told: Introduction) -> None:
+    def __init__(self, link: ProcessLink, role: str, told: Introduction) -> None:
         self.name, self.owner = told.name, told.owner or "the agent's side"
         self.settings, self.versions = told.settings, told.versions
         self._link, self._role, self._meter = link, role, Meter()
@@ -105,7 +103,7 @@ def _read(kind: type[T], answer: object, method: str) -> T:
 KINDS: Final = {"agents": ApartAgent, "verifiers": ApartVerifier}
 
 
-def introduce(link: Link, kinds: Sequence[str], params: Json) -> dict[str, Introduction]:
+def introduce(link: ProcessLink, kinds: Sequence[str], params: Json) -> dict[str, Introduction]:
     """Have agent and verifier made. Returns what is said of each, by kind.
 
     Raises PluginError and ProviderError, as their factories may, RuntimeError for a side that cannot answer, and
@@ -117,67 +115,35 @@ def introduce(link: Link, kinds: Sequence[str], params: Json) -> dict[str, Intro
     return {kind: _read(Introduction, told.get(kind), "initialize") for kind in kinds}
 
 
-_SERVE: Final = "`humanclaw bench agent` serves an agent and prints its address."
-
-
-def require_answer(url: str, asked: Json) -> None:
-    """Have the server at an address make its agent once. Raises HumanclawError if it cannot. asked: as for Wall."""
-    require_address(url)
-    try:
-        Wall({"agents": url}, asked, {}).make()
-    except PluginError:
-        raise
-    except Exception as error:  # The server names errors of its agent, of any class.
-        raise HumanclawError(f"{error}".rstrip(".") + ".", _SERVE) from error
-
-
-def require_address(url: str) -> None:
-    """Raise HumanclawError for what is no address of a server, and for one with a secret: records hold the address."""
-    try:
-        if (parts := urlsplit(url)).scheme not in ("http", "https") or not parts.hostname or parts.port == 0:
-            raise ValueError
-    except ValueError:  # Also of a port that is no number.
-        told = f"--agent-url takes an address of http or https, such as http://127.0.0.1:8000/; got {url!r}."
-        raise HumanclawError(told, _SERVE) from None
-    if parts.username or parts.password or parts.query:
-        told = "--agent-url takes no user, password or query, since the records hold the address."
-        raise HumanclawError(told, "Let the server know its callers in another way.")
-
-
 class Wall:
-    """The other side of one worker: its links, and the halves of agent and verifier for each episode."""
+    """The other side of one worker: its process, and the halves of agent and verifier for each episode."""
 
-    def __init__(self, places: Mapping[str, str], asked: Mapping[str, Any], loads: Mapping[str, Any]) -> None:
-        """Prepare the links; nothing starts yet.
+    def __init__(self, kinds: Collection[str], asked: Mapping[str, Any], loads: Mapping[str, Any]) -> None:
+        """Prepare the process; nothing starts yet.
 
         Args:
-            places: kind ("agents", "verifiers") to "process", or to the URL where it answers.
+            kinds: those of "agents" and "verifiers" that play there.
             asked: names by kind and options, for the factories.
             loads: plugin files and choice of plugins, for the process.
         """
-        self._places, self._asked = places, asked
-        own = ProcessLink([json.dumps(loads)])
-        self._links: dict[str, Link] = {
-            place: own if place == PROCESS else UrlLink(place) for place in dict.fromkeys(places.values())
-        }
+        self._kinds = list(kinds)
+        elsewhere = KINDS.keys() - kinds
+        self._asked = {name: told for name, told in asked.items() if name not in elsewhere}
+        self._link = ProcessLink([json.dumps(loads)])
 
     def make(self) -> dict[str, Any]:
         """Return new halves of agent and verifier by kind, for the next episode.
 
         Raises PluginError and ProviderError, as their factories may, and PluginError for a side that dies meanwhile.
         """
-        made: dict[str, Any] = {}
-        for place, link in self._links.items():
-            kinds = [kind for kind, where in self._places.items() if where == place]
-            elsewhere = KINDS.keys() - kinds
-            try:
-                asked = {name: one for name, one in self._asked.items() if name not in elsewhere}
-                made |= {kind: KINDS[kind](link, kind, told) for kind, told in introduce(link, kinds, asked).items()}
-            except (RuntimeError, TypeError, OverdueError) as fault:
-                said = f"agent and verifier cannot be made: {fault}."
-                raise PluginError(said, "Mend the plugin that brings them.") from fault
-        return made
+        if not self._kinds:
+            return {}
+        try:
+            found = introduce(self._link, self._kinds, self._asked)
+        except (RuntimeError, TypeError, OverdueError) as fault:
+            said = f"agent and verifier cannot be made: {fault}."
+            raise PluginError(said, "Mend the plugin that brings them.") from fault
+        return {kind: KINDS[kind](self._link, kind, told) for kind, told in found.items()}
 
     def close(self) -> None:
-        for link in self._links.values():
-            link.close()
+        self._link.close()

@@ -1,4 +1,4 @@
-"""How requests reach the deciders' side: through the pipe of a process, or as POST to a URL."""
+"""How requests reach the deciders' side: through the pipe of a process."""
 
 from __future__ import annotations
 
@@ -9,13 +9,8 @@ import queue
 import subprocess
 import sys
 import threading
-import urllib.error
-import urllib.request
-import uuid
 from collections.abc import Sequence
-from concurrent.futures import Future
-from http.client import HTTPException
-from typing import Any, Final, Protocol
+from typing import Any, Final
 
 from humanclaw import LimitError, PluginError, ProviderClosedError, ProviderError
 from humanclaw_bench.wall.messages import Json
@@ -32,19 +27,6 @@ class OverdueError(Exception):
     """No answer came in time."""
 
 
-class Link(Protocol):
-    """The way to the deciders of one worker."""
-
-    def ask(self, method: str, params: Json, seconds: float | None = None) -> Any:
-        """Return the result of a request.
-
-        Raises what the other side raised, RuntimeError if it died or answers nonsense, and OverdueError after these
-        seconds; the link starts anew after either.
-        """
-
-    def close(self) -> None: ...
-
-
 class ProcessLink:
     """A process of this machine, which answers one request a line. Started when needed; one that died is replaced."""
 
@@ -56,6 +38,11 @@ class ProcessLink:
         self._answers: queue.Queue[bytes] = queue.Queue()
 
     def ask(self, method: str, params: Json, seconds: float | None = None) -> Any:
+        """Return the result of a request.
+
+        Raises what the other side raised, RuntimeError if it died or answers nonsense, and OverdueError after these
+        seconds; the process starts anew after either.
+        """
         process = self._process or self._start()
         request = {"jsonrpc": "2.0", "id": 1, "method": method, "params": params}
         self._requests.put(json.dumps(request, separators=(",", ":")).encode() + b"\n")
@@ -115,37 +102,6 @@ def _read(process: subprocess.Popen[bytes], answers: queue.Queue[bytes]) -> None
             if not line.endswith(b"\n"):
                 break
     answers.put(b"")
-
-
-class UrlLink:
-    """A server somewhere else. A network that fails ends the episode as infra_error, as a model's provider would."""
-
-    def __init__(self, url: str) -> None:
-        self._url, self._session = url, uuid.uuid4().hex
-
-    def ask(self, method: str, params: Json, seconds: float | None = None) -> Any:
-        told = {"jsonrpc": "2.0", "id": 1, "method": method, "params": params | {"session": self._session}}
-        head = {"Content-Type": "application/json"}
-        request = urllib.request.Request(self._url, json.dumps(told).encode(), head)
-        answer: Future[bytes] = Future()
-        # In a thread, because a socket's timeout begins anew with every byte of a slow answer.
-        threading.Thread(target=_post, args=(request, seconds, answer), daemon=True).start()
-        try:
-            return result_of(answer.result(seconds))
-        except TimeoutError:
-            raise OverdueError(f"no answer to {method} within {seconds} s") from None
-        except (OSError, ValueError, HTTPException) as error:
-            raise ProviderError(f"{self._url} does not answer {method}: {error}") from error
-
-    def close(self) -> None: ...
-
-
-def _post(request: urllib.request.Request, seconds: float | None, answer: Future[bytes]) -> None:
-    try:
-        with urllib.request.urlopen(request, timeout=seconds) as stream:
-            answer.set_result(stream.read(LARGEST + 1))
-    except Exception as error:
-        answer.set_exception(error)
 
 
 def result_of(answer: bytes) -> Any:
