@@ -87,6 +87,8 @@ def test_there_are_the_papers_eighteen_labels() -> None:
         # Exactly at a bound.
         ([*roaming(3), step(geodesic=1.5), *roaming(3)], 4.0, "find: midpoint give up"),
         (stuck(8), 20.0, "find: unaware jammed"),
+        ([step(params={"z_cm": 10}, geodesic=4.0)] * 8, 4.0, "find: unaware jammed"),
+        ([step(params={"z_cm": 9}, geodesic=4.0)] * 8, 4.0, "find: ineffective exploration"),
         (pacing(8, 0.1), 4.0, "find: ineffective exploration"),
         (pacing(8, 0.5, contacts=(touch(TABLE),)), 4.0, "find: unaware jammed"),
         ([step(geodesic=3.0), *roaming(3)], 6.0, "find: ineffective exploration"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import struct
 import warnings
@@ -17,14 +18,16 @@ from humanclaw import HumanclawError, Plugins, Scene, SceneError
 from humanclaw.body import matrix_from_quaternion
 from humanclaw.world import OccupancyGrid, SceneObject
 
+host = functools.cache(Plugins.discover)
+
 
 @pytest.fixture(scope="module")
 def scene(dataset: Path) -> Scene:
-    return Plugins.discover().scene(f"hssd:{dataset}#toy1")
+    return host().scene(f"hssd:{dataset}#toy1")
 
 
 def load(folder: Path, rest: str = "") -> Scene:
-    return Plugins.discover().scene(f"hssd:{folder}#toy1{rest}")
+    return host().scene(f"hssd:{folder}#toy1{rest}")
 
 
 def edit(file: Path, **changes: object) -> None:
@@ -252,9 +255,9 @@ def test_the_licence_of_the_dataset_is_told(scene: Scene) -> None:
 
 
 def test_a_dataset_with_one_scene_needs_no_name_and_the_scene_says_how_to_open_it_again(dataset: Path) -> None:
-    scene = Plugins.discover().scene(f"habitat:{dataset}?triangles=500")
+    scene = host().scene(f"habitat:{dataset}?triangles=500")
     assert scene.name == f"habitat:{dataset}#toy1?triangles=500"
-    assert Plugins.discover().scene(scene.name).digest == scene.digest
+    assert host().scene(scene.name).digest == scene.digest
 
 
 def test_without_a_table_of_objects_the_lexicon_says_what_they_are(mine: Path) -> None:
@@ -313,7 +316,7 @@ def test_a_nested_config_without_a_file_makes_a_template_with_paths_relative_to_
     thing = load(mine).by_id[4]
     # The default friction of all objects of this dataset is 0.7.
     assert (thing.mass, thing.friction) == (1.1, 0.7)
-    wide = Plugins.discover().scene(f"hssd:{mine}#toy2")
+    wide = host().scene(f"hssd:{mine}#toy2")
     floor = next(thing for thing in wide.objects if thing.category == "floor")
     np.testing.assert_allclose(np.ptp(wide.aabb(floor.id), axis=0)[[0, 2]], (16, 12), atol=1e-3)
 
@@ -761,7 +764,7 @@ def test_json_that_is_none_is_told_by_file(mine: Path) -> None:
 
 def test_a_scene_that_is_not_there_is_answered_with_the_nearest_that_are(mine: Path) -> None:
     with pytest.raises(SceneError, match=r"there is no scene 'toy2'.*such as toy1"):
-        Plugins.discover().scene(f"hssd:{mine}#toy2")
+        host().scene(f"hssd:{mine}#toy2")
 
 
 @pytest.mark.parametrize(
@@ -769,14 +772,14 @@ def test_a_scene_that_is_not_there_is_answered_with_the_nearest_that_are(mine: P
 )
 def test_a_reference_of_another_form_is_answered_with_the_form(argument: str) -> None:
     with pytest.raises(HumanclawError, match=r"hssd:/path/to/dataset#scene"):
-        Plugins.discover().scene(f"hssd:{argument}")
+        host().scene(f"hssd:{argument}")
 
 
 def test_a_folder_without_a_dataset_is_told(tmp_path: Path) -> None:
     with pytest.raises(SceneError, match=r"scene_dataset_config.json; it holds none"):
-        Plugins.discover().scene(f"hssd:{tmp_path}")
+        host().scene(f"hssd:{tmp_path}")
     with pytest.raises(SceneError, match="there is no scene dataset"):
-        Plugins.discover().scene(f"hssd:{tmp_path / 'nowhere'}")
+        host().scene(f"hssd:{tmp_path / 'nowhere'}")
 
 
 def test_mirrored_objects_keep_their_outside_outside(mine: Path) -> None:
