@@ -1,12 +1,25 @@
 """Tests of what a server may say: its reply, and what must happen. Whole providers are in test_dialects.py."""
 
+import dataclasses
 import json
 import logging
 
 import pytest
-from model_servers import AnthropicServer, GeminiServer, OllamaServer, OpenAIServer, Reply, call, status, text, thinking
+from model_servers import (
+    AnthropicServer,
+    GeminiServer,
+    OllamaServer,
+    OpenAIServer,
+    Reply,
+    ResponsesServer,
+    call,
+    calls,
+    status,
+    text,
+    thinking,
+)
 
-from humanclaw import Call, Decision, HistoryEntry, LimitError, ProviderClosedError, ProviderError
+from humanclaw import Call, Decision, HistoryEntry, LimitError, Meter, ProviderClosedError, ProviderError
 from humanclaw.records import Feedback
 from humanclaw_litellm import litellm_setup
 from humanclaw_litellm.failures import FailedRequest
@@ -182,6 +195,9 @@ def test_a_full_context_is_known_by_the_words_of_every_server(code, words):
         (400, "max_tokens is too large: 100000. This model supports at most 16384 completion tokens"),
         (401, "maximum context length"),
         (503, "The engine is currently overloaded, please try again later"),
+        (429, "too many tokens, please wait"),
+        (503, "Too many tokens in the queue."),
+        (429, "Request too large for the tokens left in this minute. Please try again in 3s."),
         (504, "The request took too long to process."),
     ],
 )
@@ -266,6 +282,141 @@ def test_a_reply_without_an_end_is_cut_off_and_told(begin, view, monkeypatch, mo
         pytest.raises(ProviderError, match=r"the reply has more than 0\.125 MiB"),
     ):
         begin(server, model=model, num_retries=0).decide(view(), ())
+
+
+# -- how an answer ended -----------------------------------------------------------------------------------------------
+class Verbatim:
+    """Replies of a dialect with some fields written otherwise. change: gets the body as the server would send it."""
+
+    @staticmethod
+    def of(kind, change):
+        class Changed(kind):
+            def write(self, reply, request):
+                written = super().write(reply, request)
+                return change(written) or written
+
+        return Changed([call("walk", **WALK)] * 2)
+
+
+def gemini(reason, **part):
+    def change(body):
+        body["candidates"][0]["finishReason"] = reason
+        body["candidates"][0]["content"]["parts"][0].update(part)
+
+    return GeminiServer, "gemini/gemini-2.5-pro", change
+
+
+def ollama(**fields):
+    return OllamaServer, "ollama_chat/x", lambda body: body.update(fields)
+
+
+def chat(reason, **beside):
+    def change(body):
+        body["choices"][0]["finish_reason"] = reason
+        body["choices"][0]["message"].update(beside)
+
+    return OpenAIServer, "openai/x", change
+
+
+def responses(state, **item):
+    def change(body):
+        body["status"] = state
+        body["output"][0].update(item)
+
+    return ResponsesServer, "openai/responses/x", change
+
+
+@pytest.mark.parametrize("reason", ["stop", "tool_calls", "function_call", "eos", "STOP"])
+def test_a_whole_answer_is_executed_whatever_its_end_is_called(begin, view, reason):
+    kind, model, change = chat(reason)
+    with Verbatim.of(kind, change) as server:
+        assert begin(server, model=model).decide(view(), ()).calls == (Call("walk", WALK),)
+
+
+@pytest.mark.parametrize(
+    ("dialect", "words"),
+    [
+        (gemini("MAX_TOKENS"), "cut off"),
+        (gemini("MALFORMED_FUNCTION_CALL"), "not executed"),
+        (gemini("UNEXPECTED_TOOL_CALL"), "not executed"),
+        (gemini("STOP", thought=True), "not executed"),
+        (gemini("SAFETY"), "withheld"),
+        (ollama(done_reason="length"), "cut off"),
+        (chat("length"), "cut off"),
+        (chat("model_length"), "cut off"),
+        (chat("max_output_tokens"), "cut off"),
+        (chat("tool_calls", refusal="I will not."), "withheld"),
+    ],
+)
+def test_a_call_of_an_answer_that_is_not_whole_is_never_executed(begin, view, dialect, words):
+    kind, model, change = dialect
+    with Verbatim.of(kind, change) as server:
+        agent = begin(server, model=model)
+        assert [call for call in agent.decide(view(), ()).calls if call.name == "walk"] == []
+        agent.decide(view(1), ())
+    assert words in server.requests[1].text
+
+
+@pytest.mark.parametrize(
+    "dialect",
+    [
+        gemini("OTHER"),
+        gemini(None),
+        ollama(done=False),
+        ollama(done_reason="unload"),
+        *map(chat, ("abort", "cancelled", "timeout", "failed", "Error", "engine_overloaded", None)),
+        chat("tool_calls", error={"message": "the generation failed"}),
+        responses("cancelled"),
+        responses("in_progress"),
+        responses("completed", status="in_progress"),
+    ],
+)
+def test_a_call_of_a_failed_answer_is_never_executed(begin, view, dialect):
+    kind, model, change = dialect
+    with Verbatim.of(kind, change) as server, pytest.raises(ProviderError, match="the generation failed"):
+        begin(server, model=model, num_retries=1).decide(view(), ())
+    assert len(server.requests) == 2
+
+
+@pytest.mark.parametrize(
+    "strange",
+    [
+        {"id": "a", "type": "custom", "custom": {"name": "walk", "input": "40"}},
+        {"id": "a", "type": "function", "function": None},
+    ],
+)
+def test_a_call_of_no_function_is_refused(begin, view, strange):
+    def change(body):
+        body["choices"][0]["message"]["tool_calls"] = [strange]
+
+    with Verbatim.of(OpenAIServer, change) as server:
+        agent = begin(server)
+        assert agent.decide(view(), ()).calls == ()
+        agent.decide(view(1), ())
+    assert "not executed" in server.requests[1].text
+
+
+def test_a_key_in_escapes_is_redacted_from_a_call(begin, view, monkeypatch):
+    secret = "planted-0123456789-key"
+    monkeypatch.setenv("OPENAI_API_KEY", secret)
+    escaped = "".join(f"\\u{ord(letter):04x}" for letter in secret)
+    arguments = '{"x_cm": 0, "z_cm": 40, "yaw_deg": 0, "reasoning": "a \\" KEY"}'.replace("KEY", escaped)
+    with OpenAIServer([calls(("walk", arguments)), text(f'{{"a": "{escaped}"}}')]) as server:
+        agent = begin(server)
+        for _ in range(2):
+            raw = agent.decide(view(), ()).raw
+            assert "[redacted]" in raw
+            assert escaped not in json.loads(raw)["content"] + json.dumps(json.loads(raw)["tool_calls"])
+            assert secret not in raw
+
+
+def test_a_failed_generation_counts_for_limits(begin, view, context):
+    failed = ended("error", call("stop"))
+    meter = Meter()
+    with OpenAIServer([failed] * 2 + [call("stop")]) as server:
+        usage = begin(server, about=dataclasses.replace(context, meter=meter)).decide(view(), ()).usage
+    assert (meter.episode.tokens_in, meter.episode.tokens_out) == (2000, 200)
+    assert (usage.tokens_in, usage.tokens_out) == (1000, 100)
 
 
 # -- failed generations and thoughts alone -----------------------------------------------------------------------------
