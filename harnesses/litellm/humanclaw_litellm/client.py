@@ -148,7 +148,7 @@ class Client:
             return
         # Checked before the first request: afterwards the money would already be spent.
         if self._meter.limits_money():
-            hint = f"Give prices: --option '{_PRICES}'."
+            hint = f"Give prices: --option '{_PRICES}', or usd_per_million of a model in a study's file."
             raise ModelError(f"a limit in usd cannot be kept: no price is known for model {model!r}.", hint)
         if not self._settings.api_base and not model.startswith("ollama"):
             told = f"no price is known for model {model!r}: its cost is recorded as 0; give --option '{_PRICES}'"
@@ -228,12 +228,12 @@ class Client:
         return {key: value for key, value in found.items() if key not in self.learned.left_out}
 
     def _leaves_out(self, failure: FailedRequest) -> bool:
-        """Leave out the first parameter that a refusal names. Return whether it names one."""
+        """Leave out the first parameter that the provider says it does not take. Return whether there is one."""
         if not failure.refused or failure.too_long:
             return False
         names = [name for name in {**self._chosen(), "parallel_tool_calls": False} if name not in self.learned.left_out]
-        places = {name: re.search(rf"(?<!\w){re.escape(name)}(?!\w)", failure.told) for name in names}
-        named = {name: place.start() for name, place in places.items() if place}
+        places = {name: failure.refuses(name) for name in names}
+        named = {name: place for name, place in places.items() if place is not None}
         if named:
             first = min(named, key=lambda name: named[name])
             self.learned.left_out.append(first)

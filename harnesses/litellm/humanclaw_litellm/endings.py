@@ -9,17 +9,46 @@ Ending = Literal["", "whole", "length", "content_filter", "unreadable", "full", 
 """How an answer ended; empty if its dialect is unknown, and litellm's own reading counts."""
 _ENDINGS: Final[dict[Ending, frozenset[str]]] = {
     "whole": frozenset(
-        "stop tool_call tool_calls function_call end_turn tool_use stop_sequence stop_string complete completed end"
-        " eos eos_token".split()
+        {
+            "stop",
+            "tool_call",
+            "tool_calls",
+            "function_call",
+            "end_turn",
+            "tool_use",
+            "stop_sequence",
+            "stop_string",
+            "complete",
+            "completed",
+            "end",
+            "eos",
+            "eos_token",
+        }
     ),
-    "length": frozenset("length max_tokens max_output_tokens model_length max_length".split()),
+    "length": frozenset({"length", "max_tokens", "max_output_tokens", "model_length", "max_length"}),
     "content_filter": frozenset(
-        "content_filter content_filtered refusal sensitive safety recitation blocklist prohibited_content spii"
-        " image_safety guardrail_intervened".split()
+        {
+            "content_filter",
+            "content_filtered",
+            "refusal",
+            "sensitive",
+            "safety",
+            "recitation",
+            "blocklist",
+            "prohibited_content",
+            "spii",
+            "image_safety",
+            "guardrail_intervened",
+        }
     ),
     "unreadable": frozenset(
-        "malformed_function_call unexpected_tool_call too_many_tool_calls malformed_tool_use"
-        " malformed_model_output".split()
+        {
+            "malformed_function_call",
+            "unexpected_tool_call",
+            "too_many_tool_calls",
+            "malformed_tool_use",
+            "malformed_model_output",
+        }
     ),
     "full": frozenset({"model_context_window_exceeded"}),
 }
@@ -28,9 +57,9 @@ _ENDINGS: Final[dict[Ending, frozenset[str]]] = {
 
 def ending_of(body: Json) -> Ending:
     """Return how the first answer in the body of a reply ended."""
-    if choice := _first(body, "choices"):
+    if choice := first_of(body, "choices"):
         return _of_chat(choice)
-    if candidate := _first(body, "candidates"):
+    if candidate := first_of(body, "candidates"):
         return _of_gemini(candidate)
     if body.get("object") == "response":
         return _of_responses(body)
@@ -41,7 +70,7 @@ def ending_of(body: Json) -> Ending:
 
 
 def _of_chat(choice: Json) -> Ending:
-    message = _part(choice, "message")
+    message = part_of(choice, "message")
     if message.get("refusal"):
         return "content_filter"
     return "failed" if message.get("error") else _named(choice.get("finish_reason"))
@@ -49,7 +78,7 @@ def _of_chat(choice: Json) -> Ending:
 
 def _of_gemini(candidate: Json) -> Ending:
     ending = _named(candidate.get("finishReason"))
-    parts = _parts(_part(candidate, "content"), "parts")
+    parts = _parts(part_of(candidate, "content"), "parts")
     thought = any(part.get("thought") is True and "functionCall" in part for part in parts)
     return "unreadable" if thought and ending == "whole" else ending  # A call that the model only thinks of.
 
@@ -57,7 +86,7 @@ def _of_gemini(candidate: Json) -> Ending:
 def _of_responses(body: Json) -> Ending:
     status = body.get("status")
     if status == "incomplete":
-        ending = _named(_part(body, "incomplete_details").get("reason"))
+        ending = _named(part_of(body, "incomplete_details").get("reason"))
         return "failed" if ending == "whole" else ending
     items = _parts(body, "output")
     if status != "completed" or any(item.get("status") not in (None, "completed") for item in items):
@@ -71,11 +100,13 @@ def _named(reason: Any) -> Ending:
     return next((ending for ending, words in _ENDINGS.items() if word in words), "failed")
 
 
-def _first(body: Json, key: str) -> Json:
+def first_of(body: Json, key: str) -> Json:
+    """Return the first object of a list in a body; empty without one."""
     return next(iter(_parts(body, key)), {})
 
 
-def _part(body: Json, key: str) -> Json:
+def part_of(body: Json, key: str) -> Json:
+    """Return an object in a body; empty without one."""
     found = body.get(key)
     return found if isinstance(found, dict) else {}
 

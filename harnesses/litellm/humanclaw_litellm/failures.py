@@ -10,7 +10,7 @@ import re
 from collections.abc import Mapping
 from typing import Any, Final
 
-from humanclaw_litellm.endings import ending_of
+from humanclaw_litellm.endings import ending_of, first_of, part_of
 
 Json = dict[str, Any]
 _PREFIXES: Final = re.compile(r"^(?:litellm\.\w+: |\w+(?:Error|Exception): |\w+Exception\w* ?\w* - )+")
@@ -51,6 +51,15 @@ _NO_MONEY: Final = re.compile(
     re.IGNORECASE,
 )
 _FILTERED: Final = re.compile(r"content_filter|content_policy|data_inspection_failed|input was flagged", re.IGNORECASE)
+_NEAR: Final = 120
+"""Letters around a parameter's name in which a refusal speaks of it."""
+_NOT_TAKEN: Final = re.compile(
+    r"unsupported|(?:not|n't|un)[ -]?(?:be )?(?:support|allow|permit|accept|recogni|available|compatible)|\bonly\b"
+    r"|deprecated|unknown|unexpected|extra|invalid|incompatible|requires|must be|forbidden|disabled",
+    re.IGNORECASE,
+)
+_BOUND: Final = re.compile(r"too (?:large|small|high|low)|at most \d|at least \d|exceeds", re.IGNORECASE)
+"""Words for a value out of bounds: another value is taken, so that the user is told of it."""
 _DELAY: Final = re.compile(r'"retryDelay":\s*"([\d.]+)s"')
 """Gemini's words for a wait."""
 _AGAIN: Final = re.compile(
@@ -98,6 +107,22 @@ class FailedRequest(Exception):  # noqa: N818
     def about_pictures(self) -> bool:
         """Whether the model takes no pictures."""
         return self._is_answer and bool(_NO_PICTURES.search(self.told))
+
+    def refuses(self, parameter: str) -> int | None:
+        """Return where the words refuse a parameter; None if they do not, or refuse its value by a bound alone."""
+        if self.param == parameter:
+            return 0 if not _BOUND.search(self.told) else None
+        for place in re.finditer(rf"(?<!\w){re.escape(parameter)}(?!\w)", self.told):
+            near = self.told[max(0, place.start() - _NEAR) : place.end() + _NEAR]
+            if _NOT_TAKEN.search(near) and not _BOUND.search(near):
+                return place.start()
+        return None
+
+    @property
+    def param(self) -> str:
+        """The parameter that an error in OpenAI's form is about; empty if it names none."""
+        found = re.search(r'"param":\s*"([^"]+)"', self.told)
+        return found[1] if found else ""
 
     @property
     def filtered(self) -> bool:
@@ -174,9 +199,8 @@ def check_reply(completion: Any, response: Any) -> None:
     """
     body = _body_of(response)
     body = body if isinstance(body, dict) else {}
-    choices = body.get("choices")
-    first = choices[0] if isinstance(choices, list) and choices and isinstance(choices[0], dict) else {}
-    message = first.get("message") if isinstance(first.get("message"), dict) else {}
+    first = first_of(body, "choices")
+    message = part_of(first, "message")
     fault = first.get("error") or message.get("error") or body.get("error")
     ending = ending_of(body)
     counted = completion if any(body.get(key) for key in _COUNTS) else None

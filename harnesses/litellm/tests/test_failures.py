@@ -102,6 +102,31 @@ def test_what_litellm_refuses_itself_is_left_out_too(begin, view):
     assert "temperature" not in server.requests[0].body
 
 
+@pytest.mark.parametrize(
+    ("words", "refused"),
+    [
+        (TEMPERATURE, True),
+        ("Unsupported parameter: 'temperature' is not supported with this model.", True),
+        ("invalid temperature: only 1 is allowed for this model", True),
+        ("temperature is deprecated", True),
+        ("temperature: Extra inputs are not permitted", True),
+        ("`temperature` may only be set to 1 when thinking is enabled.", True),
+        ("The prompt speaks of temperature, and messages must alternate.", False),
+        ("temperature is too large: at most 1", False),
+        ("Your account was not found; the request held model, messages, temperature.", False),
+    ],
+)
+def test_a_parameter_is_refused_by_words_near_its_name(words, refused):
+    assert (FailedRequest(words, 400).refuses("temperature") is not None) == refused
+
+
+def test_a_bound_of_max_tokens_is_told_and_not_passed_over(begin, view):
+    bound = status(400, "max_tokens is too large: 100000. This model supports at most 16384 completion tokens")
+    with OpenAIServer(lambda _: bound) as server, pytest.raises(ModelError, match="at most 16384"):
+        begin(server, max_tokens=100000).decide(view(), ())
+    assert all("max_tokens" in request.body for request in server.requests)
+
+
 @pytest.mark.parametrize("word", ["none", "null", "", "None"])
 def test_a_parameter_can_be_left_out_by_option(word):
     settings = Settings.of({"model": "m", "profile": "paper", "temperature": word, "max_tokens": word})
@@ -241,6 +266,12 @@ def test_a_verifier_whose_question_does_not_fit_fails_open(begin, view, skills):
         found = begin(server, "verifiers").verify(view(), Call("walk", WALK), skills["walk"], "")
     assert found.accepted
     assert "maximum context length" in found.failed_open
+
+
+def test_an_insufficient_quota_that_asks_to_wait_is_waited_for():
+    failure = FailedRequest("Insufficient quota: please retry in 2s.", 429)
+    assert failure.transient
+    assert failure.wait == 2
 
 
 @pytest.mark.parametrize("words", ["unsupported operand type(s) for +", "out of memory", "The request took too long."])
@@ -487,7 +518,9 @@ def test_agent_and_verifier_find_the_way_of_asking_once(begin, view, skills):
     [
         (1000, 10, 5000, 6010, (1000, 5010, 5000)),
         (1000, 5010, 5000, 6010, (1000, 5010, 5000)),
-        (1000, 10, None, 6010, (1000, 5010, 5000)),
+        (1000, 10, None, 6010, (1000, 10, 0)),
+        (1000, 10, None, 60_100_000, (1000, 10, 0)),
+        (1000, 10, 20, 60_100_000, (1000, 30, 20)),
         (1000, 10, 5000, 1010, (1000, 5010, 5000)),
         (1000, 10, 5000, None, (1000, 5010, 5000)),
         (1000, 10, None, 1010, (1000, 10, 0)),
@@ -509,13 +542,53 @@ def test_reasoning_is_booked_and_billed_wherever_it_is_counted(begin, view, sent
         assert usage.cost == pytest.approx(booked[0] * first + booked[1] * second)
 
 
-def test_cached_tokens_beside_the_prompt_are_no_reasoning(begin, view):
+@pytest.mark.parametrize(
+    ("beside", "thought", "total", "booked"),
+    [
+        ({"cached_tokens": 3000}, 0, 4010, (4000, 10, 0)),
+        ({"cached_tokens": 2000, "cache_creation_tokens": 1000}, 0, 4010, (4000, 10, 0)),
+        ({"cached_tokens": 2000, "image_tokens": 258}, 0, 1268, (1258, 10, 0)),
+        ({"cached_tokens": 3000}, 50, 4060, (4000, 60, 50)),
+    ],
+)
+def test_tokens_beside_the_prompt_are_no_reasoning(begin, view, beside, thought, total, booked):
     reply = call("stop")
-    reply.body["usage"] = {"prompt_tokens": 1000, "completion_tokens": 10, "total_tokens": 4010}
-    reply.body["usage"]["prompt_tokens_details"] = {"cached_tokens": 3000}
+    reply.body["usage"] = {"prompt_tokens": 1000, "completion_tokens": 10, "total_tokens": total}
+    reply.body["usage"]["prompt_tokens_details"] = beside
+    reply.body["usage"]["completion_tokens_details"] = {"reasoning_tokens": thought}
     with OpenAIServer([reply]) as server:
         usage = begin(server).decide(view(), ()).usage
-    assert (usage.tokens_in, usage.tokens_out, usage.tokens_reasoning) == (4000, 10, 0)
+    assert (usage.tokens_in, usage.tokens_out, usage.tokens_reasoning) == booked
+
+
+def test_thoughts_that_gemini_counts_in_the_total_alone_are_booked(begin, view):
+    reply = call("stop")
+    reply.body["usage"] = {"prompt_tokens": 1000, "completion_tokens": 10, "total_tokens": 6010}
+    with OpenAIServer([reply]) as server:
+        usage = begin(server, model="openai/gemini-2.5-pro").decide(view(), ()).usage
+    assert (usage.tokens_in, usage.tokens_out, usage.tokens_reasoning) == (1000, 5010, 5000)
+
+
+@pytest.mark.parametrize("missing", ["prompt_tokens", "completion_tokens"])
+def test_a_missing_half_of_the_counts_is_estimated_and_marked(begin, view, missing):
+    reply = call("walk", **WALK)
+    del reply.body["usage"][missing]
+    reply.body["usage"]["total_tokens"] = reply.body["usage"].get("prompt_tokens", 100)
+    with OpenAIServer([reply]) as server:
+        usage = begin(server).decide(view(), ()).usage
+    assert usage.estimated
+    assert min(usage.tokens_in, usage.tokens_out) > 0
+
+
+@pytest.mark.parametrize(
+    ("cost", "prices", "booked"),
+    [(0.5, {}, 0.5), (0.5, {"input_cost_per_token": 1e-6, "output_cost_per_token": 1e-5}, 0.002), (1e5, {}, 0.0)],
+)
+def test_the_users_prices_count_before_the_servers_cost(begin, view, cost, prices, booked):
+    reply = call("stop")  # Of 1000 tokens in and 100 out.
+    reply.body["usage"]["cost"] = cost
+    with OpenAIServer([reply]) as server:
+        assert begin(server, params=prices).decide(view(), ()).usage.cost == pytest.approx(booked)
 
 
 def test_a_model_without_a_price_is_named_at_once(context, plugins, monkeypatch, caplog):
@@ -549,6 +622,13 @@ def test_the_servers_own_words_are_told(begin, view, model, reply, words):
         begin(server, model=model, num_retries=0).decide(view(), ())
     assert words in str(fault.value)
     assert "{" not in str(fault.value)
+
+
+@pytest.mark.parametrize("code", [200, 503])
+def test_an_error_nested_deeply_is_the_providers_fault(begin, view, code):
+    deep = Reply('{"error": ' * 900 + '"lost"' + "}" * 900, code)
+    with OpenAIServer([deep]) as server, pytest.raises(ProviderError):
+        begin(server, num_retries=0).decide(view(), ())
 
 
 def test_an_address_that_nobody_answers_is_named(begin, view, monkeypatch):
@@ -588,6 +668,7 @@ def test_a_wait_is_read_from_headers_and_from_words(headers, words, seconds):
     ("code", "words", "error"),
     [
         (402, "Insufficient Balance", ProviderClosedError),
+        (429, "You have insufficient quota for this minute.", ProviderClosedError),
         (400, "Your credit balance is too low to access the Anthropic API", ProviderClosedError),
         (403, "Your team has used all available credits", ProviderClosedError),
         (401, "the key was revoked", ProviderClosedError),
