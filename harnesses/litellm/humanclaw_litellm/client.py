@@ -82,6 +82,8 @@ class Learned:
     worked: bool = False
     left_out: list[str] = field(default_factory=list)
     """Parameters that the model has refused."""
+    renamed: bool = False
+    """Whether max_tokens is sent as max_completion_tokens, as the provider asks."""
     priced: bool | None = None
     """Whether a price is known; None before the first episode."""
     window: int = _WINDOW
@@ -225,10 +227,11 @@ class Client:
         """Return the parameters that can be left out, without those that the model has refused."""
         parallel = {} if "tools" not in request else {"parallel_tool_calls": False}
         found = {**parallel, **self._chosen()}
-        return {key: value for key, value in found.items() if key not in self.learned.left_out}
+        names = {"max_tokens": "max_completion_tokens"} if self.learned.renamed else {}
+        return {names.get(key, key): value for key, value in found.items() if key not in self.learned.left_out}
 
     def _leaves_out(self, failure: FailedRequest) -> bool:
-        """Leave out the first parameter that the provider says it does not take. Return whether there is one."""
+        """Leave out or rename the first parameter that the provider says it does not take; return whether one is."""
         if not failure.refused or failure.too_long:
             return False
         names = [name for name in {**self._chosen(), "parallel_tool_calls": False} if name not in self.learned.left_out]
@@ -236,6 +239,9 @@ class Client:
         named = {name: place for name, place in places.items() if place is not None}
         if named:
             first = min(named, key=lambda name: named[name])
+            if first == "max_tokens" and "max_completion_tokens" in failure.told and not self.learned.renamed:
+                self.learned.renamed = True
+                return True
             self.learned.left_out.append(first)
             told = f"{self._settings.model} does not take {first}, which is left out: {self._tell(failure)}"
             (_LOG.info if first == "parallel_tool_calls" else _LOG.warning)(told)

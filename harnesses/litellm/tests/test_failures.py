@@ -127,6 +127,19 @@ def test_a_bound_of_max_tokens_is_told_and_not_passed_over(begin, view):
     assert all("max_tokens" in request.body for request in server.requests)
 
 
+def test_max_tokens_is_sent_by_the_name_that_the_provider_asks_for(begin, view):
+    words = "Unsupported parameter: 'max_tokens' is not supported with this model. Use 'max_completion_tokens' instead."
+
+    def script(request):
+        return status(400, words) if "max_tokens" in request.body else call("stop")
+
+    with OpenAIServer(script) as server:
+        agent = begin(server, max_tokens=300)
+        agent.decide(view(), ())
+    assert server.requests[-1].body["max_completion_tokens"] == 300
+    assert agent.settings["left_out"] == []
+
+
 @pytest.mark.parametrize("word", ["none", "null", "", "None"])
 def test_a_parameter_can_be_left_out_by_option(word):
     settings = Settings.of({"model": "m", "profile": "paper", "temperature": word, "max_tokens": word})
@@ -425,6 +438,18 @@ def test_a_call_of_no_function_is_refused(begin, view, strange):
         assert agent.decide(view(), ()).calls == ()
         agent.decide(view(1), ())
     assert "not executed" in server.requests[1].text
+
+
+def test_thoughts_and_text_in_a_list_are_read_apart(begin, view):
+    def change(body):
+        thinking = {"type": "thinking", "thinking": [{"type": "text", "text": "I could stop."}]}
+        said = {"type": "text", "text": json.dumps({"skill": "walk", "parameters": WALK})}
+        body["choices"][0] |= {"message": {"role": "assistant", "content": [thinking, said]}, "finish_reason": "stop"}
+
+    with Verbatim.of(OpenAIServer, change) as server:
+        decision = begin(server, mode="prompt").decide(view(), ())
+    assert decision.calls == (Call("walk", WALK),)
+    assert json.loads(decision.raw)["thoughts"] == "I could stop."
 
 
 def test_a_key_in_escapes_is_redacted_from_a_call(begin, view, monkeypatch):
