@@ -440,18 +440,6 @@ def test_a_call_of_no_function_is_refused(begin, view, strange):
     assert "not executed" in server.requests[1].text
 
 
-def test_thoughts_and_text_in_a_list_are_read_apart(begin, view):
-    def change(body):
-        thinking = {"type": "thinking", "thinking": [{"type": "text", "text": "I could stop."}]}
-        said = {"type": "text", "text": json.dumps({"skill": "walk", "parameters": WALK})}
-        body["choices"][0] |= {"message": {"role": "assistant", "content": [thinking, said]}, "finish_reason": "stop"}
-
-    with Verbatim.of(OpenAIServer, change) as server:
-        decision = begin(server, mode="prompt").decide(view(), ())
-    assert decision.calls == (Call("walk", WALK),)
-    assert json.loads(decision.raw)["thoughts"] == "I could stop."
-
-
 def test_a_key_in_escapes_is_redacted_from_a_call(begin, view, monkeypatch):
     secret = "planted-0123456789-key"
     monkeypatch.setenv("OPENAI_API_KEY", secret)
