@@ -42,6 +42,8 @@ _ROOM: Final = 2048
 """Tokens of Ollama's context window for an answer without max_tokens."""
 _WINDOW: Final = 8192
 """Tokens of the smallest window that Ollama is asked for. A change loads the model again, so it only doubles."""
+_UNREADABLE: Final = "unreadable: "
+"""No JSON begins so: a call with these arguments is refused wherever it is read."""
 _PRICES: Final = 'params={"input_cost_per_token": 1e-6, "output_cost_per_token": 4e-6}'
 
 
@@ -80,6 +82,8 @@ class Learned:
     worked: bool = False
     left_out: list[str] = field(default_factory=list)
     """Parameters that the model has refused."""
+    renamed: bool = False
+    """Whether max_tokens is sent as max_completion_tokens, as the provider asks."""
     priced: bool | None = None
     """Whether a price is known; None before the first episode."""
     window: int = _WINDOW
@@ -146,7 +150,7 @@ class Client:
             return
         # Checked before the first request: afterwards the money would already be spent.
         if self._meter.limits_money():
-            hint = f"Give prices: --option '{_PRICES}'."
+            hint = f"Give prices: --option '{_PRICES}', or usd_per_million of a model in a study's file."
             raise ModelError(f"a limit in usd cannot be kept: no price is known for model {model!r}.", hint)
         if not self._settings.api_base and not model.startswith("ollama"):
             told = f"no price is known for model {model!r}: its cost is recorded as 0; give --option '{_PRICES}'"
@@ -193,17 +197,26 @@ class Client:
         self._wait_for_turn(tokens_sent(messages, request) + self._answer)
         settings = self._settings
         where = {"api_base": settings.api_base, "api_key": self._key()}
-        return complete(
-            max(_SHORTEST_TIMEOUT, min(settings.timeout, self._meter.seconds_left())),
-            model=settings.model,
-            messages=messages,
-            num_retries=0,  # of litellm
-            max_retries=0,  # of the provider's client
-            drop_params=False,  # A refused parameter is left out and recorded, never dropped silently.
-            **{key: value for key, value in where.items() if value},
-            **self._window(messages, request),
-            **{**request, **self._optional(request)},
-        )
+        try:
+            return complete(
+                max(_SHORTEST_TIMEOUT, min(settings.timeout, self._meter.seconds_left())),
+                model=settings.model,
+                messages=messages,
+                num_retries=0,  # of litellm
+                max_retries=0,  # of the provider's client
+                drop_params=False,  # A refused parameter is left out and recorded, never dropped silently.
+                **{key: value for key, value in where.items() if value},
+                **self._window(messages, request),
+                **{**request, **self._optional(request)},
+            )
+        except FailedRequest as failure:
+            self._book(failure, messages, request)
+            raise
+
+    def _book(self, failure: FailedRequest, messages: list[Json], request: Mapping[str, Any]) -> None:
+        """Book the tokens of a generation that failed: they count for limits, and belong to no step."""
+        if failure.reply is not None:
+            self._meter.add(usage_of(failure.reply, self._settings, messages, request, ""))
 
     def _chosen(self) -> Json:
         """Return the parameters that the user chose."""
@@ -214,17 +227,21 @@ class Client:
         """Return the parameters that can be left out, without those that the model has refused."""
         parallel = {} if "tools" not in request else {"parallel_tool_calls": False}
         found = {**parallel, **self._chosen()}
-        return {key: value for key, value in found.items() if key not in self.learned.left_out}
+        names = {"max_tokens": "max_completion_tokens"} if self.learned.renamed else {}
+        return {names.get(key, key): value for key, value in found.items() if key not in self.learned.left_out}
 
     def _leaves_out(self, failure: FailedRequest) -> bool:
-        """Leave out the first parameter that a refusal names. Return whether it names one."""
+        """Leave out or rename the first parameter that the provider says it does not take; return whether one is."""
         if not failure.refused or failure.too_long:
             return False
         names = [name for name in {**self._chosen(), "parallel_tool_calls": False} if name not in self.learned.left_out]
-        places = {name: re.search(rf"(?<!\w){re.escape(name)}(?!\w)", failure.told) for name in names}
-        named = {name: place.start() for name, place in places.items() if place}
+        places = {name: failure.refuses(name) for name in names}
+        named = {name: place for name, place in places.items() if place is not None}
         if named:
             first = min(named, key=lambda name: named[name])
+            if first == "max_tokens" and "max_completion_tokens" in failure.told and not self.learned.renamed:
+                self.learned.renamed = True
+                return True
             self.learned.left_out.append(first)
             told = f"{self._settings.model} does not take {first}, which is left out: {self._tell(failure)}"
             (_LOG.info if first == "parallel_tool_calls" else _LOG.warning)(told)
@@ -273,9 +290,9 @@ class Client:
     def _completion(self, response: Any, messages: list[Json], request: Mapping[str, Any]) -> Completion:
         choice = response.choices[0]
         called = getattr(choice.message, "tool_calls", None) or ()
-        calls = tuple(
-            (self._redact(item.function.name or ""), self._redact(_as_text(item.function.arguments))) for item in called
-        )
+        calls = tuple(map(self._call, called))
+        if choice.finish_reason == "unreadable":
+            calls = tuple((name, _UNREADABLE + arguments) for name, arguments in calls) or (("", _UNREADABLE),)
         inner, text = split_thoughts(self._redact(getattr(choice.message, "content", None) or ""))
         told = self._redact(getattr(choice.message, "reasoning_content", None) or "")
         thoughts = "\n".join(filter(None, (told, inner)))
@@ -284,6 +301,13 @@ class Client:
         self._settle(usage, messages, request)
         model = self._redact(str(response.model or ""))[:_LONGEST_NAME]
         return Completion(text, calls, str(choice.finish_reason or ""), thoughts, model, usage)
+
+    def _call(self, item: Any) -> tuple[str, str]:
+        """Return name and arguments of a tool call; of one that calls no function, arguments that nobody can read."""
+        function = getattr(item, "function", None)
+        if function is None:
+            return "", self._redact(f"{_UNREADABLE}{item}")
+        return self._redact(str(function.name or "")), self._redact(_as_text(function.arguments))
 
     def _settle(self, usage: Usage, messages: list[Json], request: Mapping[str, Any]) -> None:
         """Correct the rate limiter by the tokens used, and warn if the server read far fewer than were sent."""

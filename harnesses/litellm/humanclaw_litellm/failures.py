@@ -10,12 +10,16 @@ import re
 from collections.abc import Mapping
 from typing import Any, Final
 
+from humanclaw_litellm.endings import ending_of, first_of, part_of
+
 Json = dict[str, Any]
 _PREFIXES: Final = re.compile(r"^(?:litellm\.\w+: |\w+(?:Error|Exception): |\w+Exception\w* ?\w* - )+")
 _TRACE: Final = re.compile(r"\s*Traceback \(most recent call last\):.*", re.DOTALL)
 _TRANSIENT: Final = frozenset({408, 409, 425, 429})
-_FAILED: Final = frozenset({"error", "network_error", "insufficient_system_resource"})
-"""Finish reasons of a generation that failed: of gateways and mlx, of GLM, and of DeepSeek."""
+_DEEPEST: Final = 8
+"""Levels of an error's body that are read."""
+_COUNTS: Final = ("usage", "usageMetadata", "prompt_eval_count")
+"""Where replies hold their token counts."""
 _SIZE: Final = r"context[ _-]?(?:length|window|size|limit)"
 _TOO_LONG: Final = re.compile(
     rf"(?:exceed|longer than|larger than|greater than|too large for|maximum|overflow)[^.]{{0,80}}{_SIZE}"
@@ -23,11 +27,13 @@ _TOO_LONG: Final = re.compile(
     r"|context[ _]length[ _]exceeded|exceed_context_size"  # OpenAI; llama.cpp
     r"|(?:prompt|input|request)(?: entity| length| tokens)?(?: is| are)? too (?:long|large)"  # Anthropic, Bedrock, Groq
     r"|(?:exceeds? the|longer than the) maximum (?:number of tokens allowed|model length|size)"  # Gemini, vLLM
-    r"|maximum prompt length is|exceeded model token limit|prompt exceeds max|too many tokens"  # xAI, Kimi, GLM, Cohere
+    r"|maximum prompt length is|exceeded model token limit|prompt exceeds max"  # xAI, Kimi, GLM
     r"|range of input length|`inputs` tokens"  # Qwen, TGI
     r"|reduce (?:the length of|your message size)",
     re.IGNORECASE,
 )
+_TOO_MANY: Final = re.compile(r"too many tokens", re.IGNORECASE)
+"""Cohere's words for a full context; other servers limit rates with them."""
 _PICTURE: Final = r"(?:image|picture|vision|multi-?modal)"
 _NO_PICTURES: Final = re.compile(
     rf"{_PICTURE}[^.]{{0,60}}(?:not|n't|un)[ -]?(?:\w+ )?(?:support|enabled|allowed|accept|available)"
@@ -45,11 +51,21 @@ _NO_MONEY: Final = re.compile(
     re.IGNORECASE,
 )
 _FILTERED: Final = re.compile(r"content_filter|content_policy|data_inspection_failed|input was flagged", re.IGNORECASE)
+_NEAR: Final = 120
+"""Letters around a parameter's name in which a refusal speaks of it."""
+_NOT_TAKEN: Final = re.compile(
+    r"unsupported|(?:not|n't|un)[ -]?(?:be )?(?:support|allow|permit|accept|recogni|available|compatible)|\bonly\b"
+    r"|deprecated|unknown|unexpected|extra|invalid|incompatible|requires|must be|forbidden|disabled",
+    re.IGNORECASE,
+)
+_BOUND: Final = re.compile(r"too (?:large|small|high|low)|at most \d|at least \d|exceeds", re.IGNORECASE)
+"""Words for a value out of bounds: another value is taken, so that the user is told of it."""
 _DELAY: Final = re.compile(r'"retryDelay":\s*"([\d.]+)s"')
 """Gemini's words for a wait."""
 _AGAIN: Final = re.compile(
     r"(?:try again|retry)(?: again)? (?:in|after) ((?:[\d.]+ ?(?:ms|[hms])[a-z]* ?)+)", re.IGNORECASE
 )
+_WAITS: Final = re.compile(r"\bwait\b|retryDelay|(?:try again|retry)(?: again)? (?:in|after) \d", re.IGNORECASE)
 _PART: Final = re.compile(r"([\d.]+) ?(ms|[hms])", re.IGNORECASE)
 _SECONDS: Final = {"h": 3600.0, "m": 60.0, "s": 1.0, "ms": 0.001}
 
@@ -65,11 +81,15 @@ class TooLongError(Exception):
 class FailedRequest(Exception):  # noqa: N818
     """A request that brought no answer.
 
-    told: everything that the server or litellm said, which decides what the failure means.
+    told: everything that the server or litellm said, which decides what the failure means. reply: litellm's reply of a
+    generation that failed although its tokens are counted.
     """
 
-    def __init__(self, words: str, status: int, told: str = "", headers: Mapping[str, str] | None = None) -> None:
+    def __init__(
+        self, words: str, status: int, told: str = "", headers: Mapping[str, str] | None = None, reply: Any = None
+    ) -> None:
         super().__init__(words)
+        self.reply = reply
         self.words, self.status, self.told, self.headers = words, status, told or words, headers or {}
 
     @property
@@ -79,12 +99,30 @@ class FailedRequest(Exception):  # noqa: N818
 
     @property
     def too_long(self) -> bool:
-        return self._is_answer and (self.status == 413 or bool(_TOO_LONG.search(self.told)))
+        if self.status in (400, 413, 422):
+            return self.status == 413 or bool(_TOO_LONG.search(self.told) or _TOO_MANY.search(self.told))
+        return self._is_answer and not self._asks_to_wait and bool(_TOO_LONG.search(self.told))
 
     @property
     def about_pictures(self) -> bool:
         """Whether the model takes no pictures."""
         return self._is_answer and bool(_NO_PICTURES.search(self.told))
+
+    def refuses(self, parameter: str) -> int | None:
+        """Return where the words refuse a parameter; None if they do not, or refuse its value by a bound alone."""
+        if self.param == parameter:
+            return 0 if not _BOUND.search(self.told) else None
+        for place in re.finditer(rf"(?<!\w){re.escape(parameter)}(?!\w)", self.told):
+            near = self.told[max(0, place.start() - _NEAR) : place.end() + _NEAR]
+            if _NOT_TAKEN.search(near) and not _BOUND.search(near):
+                return place.start()
+        return None
+
+    @property
+    def param(self) -> str:
+        """The parameter that an error in OpenAI's form is about; empty if it names none."""
+        found = re.search(r'"param":\s*"([^"]+)"', self.told)
+        return found[1] if found else ""
 
     @property
     def filtered(self) -> bool:
@@ -94,7 +132,9 @@ class FailedRequest(Exception):  # noqa: N818
     @property
     def unpaid(self) -> bool:
         """Whether the account is empty. Some providers send status 429, but no retry brings the money back."""
-        return self.status == 402 or (self.status >= 400 and bool(_NO_MONEY.search(self.told)))
+        if self.status == 402:
+            return True
+        return self.status >= 400 and not self._asks_to_wait and bool(_NO_MONEY.search(self.told))
 
     @property
     def refused(self) -> bool:
@@ -121,6 +161,11 @@ class FailedRequest(Exception):  # noqa: N818
         again = _AGAIN.search(self.told)
         parts = _PART.findall(again[1]) if again else ()
         return sum(_number(count) * _SECONDS[unit.lower()] for count, unit in parts)
+
+    @property
+    def _asks_to_wait(self) -> bool:
+        """Whether the words ask to wait: a limit of a rate, whatever else they speak of."""
+        return bool(_WAITS.search(self.told))
 
     @property
     def _is_answer(self) -> bool:
@@ -150,20 +195,24 @@ def _until(date: str) -> float:
 def check_reply(completion: Any, response: Any) -> None:
     """Raise FailedRequest for a reply of status 200 that reports a failure, or holds no choices.
 
-    litellm turns these finish reasons into `stop` and `length`.
+    The first choice gets the ending as its finish_reason, unless it is whole.
     """
     body = _body_of(response)
     body = body if isinstance(body, dict) else {}
-    choices = body.get("choices")
-    first = choices[0] if isinstance(choices, list) and choices and isinstance(choices[0], dict) else {}
-    reason, fault = first.get("finish_reason") or body.get("stop_reason"), first.get("error") or body.get("error")
-    if reason == "model_context_window_exceeded":
-        raise FailedRequest("the context window is full", 400, "context_length_exceeded")
-    if fault or reason in _FAILED:
-        said = first.get("message", {}).get("content")
-        raise FailedRequest(_words(fault) or _words(said) or "the generation failed", _code(fault), json.dumps(fault))
+    first = first_of(body, "choices")
+    message = part_of(first, "message")
+    fault = first.get("error") or message.get("error") or body.get("error")
+    ending = ending_of(body)
+    counted = completion if any(body.get(key) for key in _COUNTS) else None
+    if ending == "full":
+        raise FailedRequest("the context window is full", 400, "context_length_exceeded", reply=counted)
+    if fault or ending == "failed":
+        words = _words(fault) or _words(message.get("content")) or "the generation failed"
+        raise FailedRequest(words, _code(fault), _dump(fault), reply=counted)
     if not completion.choices:
         raise FailedRequest("the reply held no choices", 502)
+    if ending not in ("", "whole"):
+        completion.choices[0].finish_reason = ending
 
 
 def failure_of(error: BaseException, response: Any, address: str) -> FailedRequest:
@@ -188,7 +237,7 @@ def failure_of(error: BaseException, response: Any, address: str) -> FailedReque
     if response.headers.get("content-type", "").startswith("text/html"):
         return FailedRequest("it answers with a web page; an api_base often ends in /v1", 404)
     fault = body.get("error") if isinstance(body, dict) else None
-    return FailedRequest(_words(fault) or plain, _code(fault), json.dumps(fault) if fault else "", headers)
+    return FailedRequest(_words(fault) or plain, _code(fault), _dump(fault) if fault else "", headers)
 
 
 def _body_of(response: Any) -> Any:
@@ -205,18 +254,26 @@ def _code(fault: Any) -> int:
     return code if isinstance(code, int) and 400 <= code < 600 else 502
 
 
-def _words(body: Any) -> str:
+def _dump(fault: Any) -> str:
+    try:
+        return json.dumps(fault)
+    except RecursionError:
+        return ""
+
+
+def _words(body: Any, deepest: int = _DEEPEST) -> str:
     """Return the message in the body of an error. Every provider names it in its own way."""
     if isinstance(body, str):
         return "" if body.lstrip().startswith("<") else body.strip()
-    if isinstance(body, list):
-        return "; ".join(filter(None, map(_words, body)))
-    if not isinstance(body, dict):
+    if isinstance(body, list) and deepest:
+        return "; ".join(filter(None, (_words(part, deepest - 1) for part in body)))
+    if not isinstance(body, dict) or not deepest:
         return ""
-    found = next(filter(None, (_words(body.get(key)) for key in ("error", "detail", "message", "msg"))), "")
+    told = (_words(body.get(key), deepest - 1) for key in ("error", "detail", "message", "msg"))
+    found = next(filter(None, told), "")
     where = ".".join(map(str, body["loc"])) if isinstance(body.get("loc"), list) else ""
     meta = body.get("metadata")
-    upstream = _words(meta.get("raw")) if isinstance(meta, dict) else ""  # OpenRouter's provider.
+    upstream = _words(meta.get("raw"), deepest - 1) if isinstance(meta, dict) else ""  # OpenRouter's provider.
     return ": ".join(filter(None, (where, found, upstream)))
 
 

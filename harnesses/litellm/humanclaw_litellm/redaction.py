@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, Final
 from urllib.parse import urlsplit
 
@@ -16,6 +16,7 @@ _SECRET_FIELD: Final = re.compile(
 )
 """Names of fields that hold keys. Counts and prices of tokens, such as max_tokens, do not match or are exempt."""
 _NO_SECRET: Final = frozenset({"input_cost_per_token", "output_cost_per_token", "prompt_cache_key"})
+_ESCAPE: Final = re.compile(r"\\(?:u([0-9a-fA-F]{4})|(/)|.)", re.DOTALL)
 _RANDOM: Final = re.compile(r"(?=[^/]*[a-z])(?=[^/]*[A-Z])(?=[^/]*\d)[\w.~+=-]{20,}")
 """A part of a path that looks random: 20 characters or more, with capitals, small letters and digits."""
 _PARTS: Final = re.compile(r"[^\w.~+=-]+")
@@ -23,7 +24,22 @@ _PARTS: Final = re.compile(r"[^\w.~+=-]+")
 
 
 def redact(text: str, *secrets: str) -> str:
-    """Remove these secrets, the values of secret environment variables, and strings that look like keys."""
+    """Remove these secrets, the values of secret environment variables, and strings that look like keys.
+
+    A text with a key in JSON's escapes is returned with its plain characters unescaped.
+    """
+    plain = _ESCAPE.sub(_unescaped, text) if "\\" in text else text
+    safe = _without(plain, secrets)
+    return _without(text, secrets) if safe == plain else safe
+
+
+def _unescaped(found: re.Match[str]) -> str:
+    """Return the character of an escape; the escape itself for one that JSON needs, and for half a character."""
+    letter = chr(int(found[1], 16)) if found[1] else found[2] or ""
+    return letter if letter.isprintable() and letter not in ('"', "\\", "") else found[0]
+
+
+def _without(text: str, secrets: Iterable[str]) -> str:
     for value in sorted((value for value in (*_kept(), *secrets) if len(value) >= 8), key=len, reverse=True):
         text = text.replace(value, "[redacted]")
     return _SECRET_FORM.sub("[redacted]", text)

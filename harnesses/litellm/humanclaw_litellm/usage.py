@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 from collections.abc import Mapping
@@ -17,36 +18,49 @@ _TOKENS_A_PICTURE: Final = 350
 """For 512 x 512 pixels. The large providers count 250 to 420."""
 _MOST: Final = 1 << 40
 """Larger token counts are not believed."""
+_MOST_TIMES: Final = 10
+"""A total of more times its parts is not believed."""
+_DEAREST: Final = 1e4
+"""US dollars; a larger cost of one answer is not believed."""
 _PRICES: Final = ("input_cost_per_token", "output_cost_per_token")
 
 
 def usage_of(response: Any, settings: Settings, messages: list[Json], request: Mapping[str, Any], said: str) -> Usage:
     """Return the usage of litellm's response. said: all text that the model wrote, for an estimate."""
     counted = getattr(response, "usage", None)
-    sent, wrote, thought = _tokens(counted)
-    estimated = not (sent or wrote) or _counted_by_litellm(settings.model, messages, sent)
-    if estimated:
-        sent, wrote, thought = tokens_sent(messages, request), len(said) // _LETTERS_A_TOKEN, 0
+    sent, wrote, thought = _tokens(counted, "gemini" in settings.model)
+    if not (sent or wrote) or _counted_by_litellm(settings.model, messages, sent):
+        sent = wrote = thought = 0
+    likely = len(said) // _LETTERS_A_TOKEN
+    estimated = not sent or (not wrote and likely > 0)
+    sent, wrote = sent or tokens_sent(messages, request), wrote or likely
     told = getattr(counted, "cost", None)
-    if _is_amount(told) and not estimated:
+    if _is_amount(told) and told < _DEAREST and not estimated and not _are_given(settings):
         return Usage(sent, wrote, float(told), tokens_reasoning=thought)
     cost = _cost(response, settings, sent, wrote)
     return Usage(sent, wrote, cost, estimated, cost_estimated=True, tokens_reasoning=thought)
 
 
-def _tokens(counted: Any) -> tuple[int, int, int]:
+def _tokens(counted: Any, hides_thoughts: bool) -> tuple[int, int, int]:
     """Return tokens sent, tokens written with the reasoning among them, and tokens of reasoning.
 
-    Some providers do not count reasoning as written, or cached tokens as sent. The total decides.
+    Some providers count reasoning not as written, or cached tokens and pictures not as sent, but both in the total: the
+    details tell which. hides_thoughts: whether the provider counts reasoning in the total alone, without details.
     """
     sent, wrote, total = (_count(counted, f"{part}_tokens") for part in ("prompt", "completion", "total"))
     thought = _count(getattr(counted, "completion_tokens_details", None), "reasoning_tokens")
-    cached = _count(getattr(counted, "prompt_tokens_details", None), "cached_tokens")
-    if cached and total == sent + wrote + cached:
-        return sent + cached, wrote, thought
-    if total > sent + wrote > 0:
-        return sent, total - sent, max(thought, total - sent - wrote)
-    return sent, wrote + thought if thought > wrote else wrote, thought
+    beside = total - sent - wrote
+    details = getattr(counted, "prompt_tokens_details", None)
+    parts = [_count(details, f"{part}_tokens") for part in ("cached", "cache_creation", "image")]
+    if beside > 0:
+        for some in range(1, len(parts) + 1):
+            for chosen in itertools.combinations(parts, some):
+                if sum(chosen) in (beside, beside - thought):
+                    return sent + sum(chosen), total - sent - sum(chosen), thought
+        if hides_thoughts and not thought and total <= _MOST_TIMES * (sent + wrote):
+            return sent, wrote + beside, beside
+    unsaid = thought if thought > wrote or beside == thought else 0
+    return sent, wrote + unsaid, thought
 
 
 def _count(told: object, name: str) -> int:
@@ -59,12 +73,17 @@ def _is_amount(found: object) -> TypeGuard[int | float]:
     return isinstance(found, int | float) and not isinstance(found, bool) and 0 <= found < math.inf
 
 
+def _are_given(settings: Settings) -> bool:
+    """Tell whether the user gave prices: they count before the provider's cost."""
+    return any(word in settings.params for word in _PRICES)
+
+
 def price_of(settings: Settings) -> tuple[float, float] | None:
     """Return US dollars for a token in and a token out, from params or else from litellm's list.
 
     None for a model that is on neither.
     """
-    if any(word in settings.params for word in _PRICES):
+    if _are_given(settings):
         return tuple(float(settings.params.get(word, 0.0)) for word in _PRICES)  # type: ignore[return-value]
     listed = load().model_cost  # litellm's own look-up would ask an Ollama server for prices.
     found = listed.get(settings.model) or listed.get(settings.model.partition("/")[2]) or {}
@@ -79,7 +98,7 @@ def _cost(response: Any, settings: Settings, sent: int, wrote: int) -> float:
         return 0.0
     if counted := getattr(response, "usage", None):
         counted.prompt_tokens, counted.completion_tokens = sent, wrote
-    given = dict(zip(_PRICES, prices, strict=True)) if any(word in settings.params for word in _PRICES) else None
+    given = dict(zip(_PRICES, prices, strict=True)) if _are_given(settings) else None
     try:
         return float(
             load().completion_cost(completion_response=response, model=settings.model, custom_cost_per_token=given)

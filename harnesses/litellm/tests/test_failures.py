@@ -1,12 +1,25 @@
 """Tests of what a server may say: its reply, and what must happen. Whole providers are in test_dialects.py."""
 
+import dataclasses
 import json
 import logging
 
 import pytest
-from model_servers import AnthropicServer, GeminiServer, OllamaServer, OpenAIServer, Reply, call, status, text, thinking
+from model_servers import (
+    AnthropicServer,
+    GeminiServer,
+    OllamaServer,
+    OpenAIServer,
+    Reply,
+    ResponsesServer,
+    call,
+    calls,
+    status,
+    text,
+    thinking,
+)
 
-from humanclaw import Call, Decision, HistoryEntry, LimitError, ProviderClosedError, ProviderError
+from humanclaw import Call, Decision, HistoryEntry, LimitError, Meter, ProviderClosedError, ProviderError
 from humanclaw.records import Feedback
 from humanclaw_litellm import litellm_setup
 from humanclaw_litellm.failures import FailedRequest
@@ -87,6 +100,44 @@ def test_what_litellm_refuses_itself_is_left_out_too(begin, view):
         assert agent.decide(view(), ()).calls == (Call("stop"),)
     assert agent.settings["left_out"] == ["temperature"]
     assert "temperature" not in server.requests[0].body
+
+
+@pytest.mark.parametrize(
+    ("words", "refused"),
+    [
+        (TEMPERATURE, True),
+        ("Unsupported parameter: 'temperature' is not supported with this model.", True),
+        ("invalid temperature: only 1 is allowed for this model", True),
+        ("temperature is deprecated", True),
+        ("temperature: Extra inputs are not permitted", True),
+        ("`temperature` may only be set to 1 when thinking is enabled.", True),
+        ("The prompt speaks of temperature, and messages must alternate.", False),
+        ("temperature is too large: at most 1", False),
+        ("Your account was not found; the request held model, messages, temperature.", False),
+    ],
+)
+def test_a_parameter_is_refused_by_words_near_its_name(words, refused):
+    assert (FailedRequest(words, 400).refuses("temperature") is not None) == refused
+
+
+def test_a_bound_of_max_tokens_is_told_and_not_passed_over(begin, view):
+    bound = status(400, "max_tokens is too large: 100000. This model supports at most 16384 completion tokens")
+    with OpenAIServer(lambda _: bound) as server, pytest.raises(ModelError, match="at most 16384"):
+        begin(server, max_tokens=100000).decide(view(), ())
+    assert all("max_tokens" in request.body for request in server.requests)
+
+
+def test_max_tokens_is_sent_by_the_name_that_the_provider_asks_for(begin, view):
+    words = "Unsupported parameter: 'max_tokens' is not supported with this model. Use 'max_completion_tokens' instead."
+
+    def script(request):
+        return status(400, words) if "max_tokens" in request.body else call("stop")
+
+    with OpenAIServer(script) as server:
+        agent = begin(server, max_tokens=300)
+        agent.decide(view(), ())
+    assert server.requests[-1].body["max_completion_tokens"] == 300
+    assert agent.settings["left_out"] == []
 
 
 @pytest.mark.parametrize("word", ["none", "null", "", "None"])
@@ -182,6 +233,9 @@ def test_a_full_context_is_known_by_the_words_of_every_server(code, words):
         (400, "max_tokens is too large: 100000. This model supports at most 16384 completion tokens"),
         (401, "maximum context length"),
         (503, "The engine is currently overloaded, please try again later"),
+        (429, "too many tokens, please wait"),
+        (503, "Too many tokens in the queue."),
+        (429, "Request too large for the tokens left in this minute. Please try again in 3s."),
         (504, "The request took too long to process."),
     ],
 )
@@ -227,6 +281,12 @@ def test_a_verifier_whose_question_does_not_fit_fails_open(begin, view, skills):
     assert "maximum context length" in found.failed_open
 
 
+def test_an_insufficient_quota_that_asks_to_wait_is_waited_for():
+    failure = FailedRequest("Insufficient quota: please retry in 2s.", 429)
+    assert failure.transient
+    assert failure.wait == 2
+
+
 @pytest.mark.parametrize("words", ["unsupported operand type(s) for +", "out of memory", "The request took too long."])
 def test_a_crash_of_the_server_is_no_refusal(words):
     failure = FailedRequest(words, 500)
@@ -266,6 +326,141 @@ def test_a_reply_without_an_end_is_cut_off_and_told(begin, view, monkeypatch, mo
         pytest.raises(ProviderError, match=r"the reply has more than 0\.125 MiB"),
     ):
         begin(server, model=model, num_retries=0).decide(view(), ())
+
+
+# -- how an answer ended -----------------------------------------------------------------------------------------------
+class Verbatim:
+    """Replies of a dialect with some fields written otherwise. change: gets the body as the server would send it."""
+
+    @staticmethod
+    def of(kind, change):
+        class Changed(kind):
+            def write(self, reply, request):
+                written = super().write(reply, request)
+                return change(written) or written
+
+        return Changed([call("walk", **WALK)] * 2)
+
+
+def gemini(reason, **part):
+    def change(body):
+        body["candidates"][0]["finishReason"] = reason
+        body["candidates"][0]["content"]["parts"][0].update(part)
+
+    return GeminiServer, "gemini/gemini-2.5-pro", change
+
+
+def ollama(**fields):
+    return OllamaServer, "ollama_chat/x", lambda body: body.update(fields)
+
+
+def chat(reason, **beside):
+    def change(body):
+        body["choices"][0]["finish_reason"] = reason
+        body["choices"][0]["message"].update(beside)
+
+    return OpenAIServer, "openai/x", change
+
+
+def responses(state, **item):
+    def change(body):
+        body["status"] = state
+        body["output"][0].update(item)
+
+    return ResponsesServer, "openai/responses/x", change
+
+
+@pytest.mark.parametrize("reason", ["stop", "tool_calls", "function_call", "eos", "STOP"])
+def test_a_whole_answer_is_executed_whatever_its_end_is_called(begin, view, reason):
+    kind, model, change = chat(reason)
+    with Verbatim.of(kind, change) as server:
+        assert begin(server, model=model).decide(view(), ()).calls == (Call("walk", WALK),)
+
+
+@pytest.mark.parametrize(
+    ("dialect", "words"),
+    [
+        (gemini("MAX_TOKENS"), "cut off"),
+        (gemini("MALFORMED_FUNCTION_CALL"), "not executed"),
+        (gemini("UNEXPECTED_TOOL_CALL"), "not executed"),
+        (gemini("STOP", thought=True), "not executed"),
+        (gemini("SAFETY"), "withheld"),
+        (ollama(done_reason="length"), "cut off"),
+        (chat("length"), "cut off"),
+        (chat("model_length"), "cut off"),
+        (chat("max_output_tokens"), "cut off"),
+        (chat("tool_calls", refusal="I will not."), "withheld"),
+    ],
+)
+def test_a_call_of_an_answer_that_is_not_whole_is_never_executed(begin, view, dialect, words):
+    kind, model, change = dialect
+    with Verbatim.of(kind, change) as server:
+        agent = begin(server, model=model)
+        assert [call for call in agent.decide(view(), ()).calls if call.name == "walk"] == []
+        agent.decide(view(1), ())
+    assert words in server.requests[1].text
+
+
+@pytest.mark.parametrize(
+    "dialect",
+    [
+        gemini("OTHER"),
+        gemini(None),
+        ollama(done=False),
+        ollama(done_reason="unload"),
+        *map(chat, ("abort", "cancelled", "timeout", "failed", "Error", "engine_overloaded", None)),
+        chat("tool_calls", error={"message": "the generation failed"}),
+        responses("cancelled"),
+        responses("in_progress"),
+        responses("completed", status="in_progress"),
+    ],
+)
+def test_a_call_of_a_failed_answer_is_never_executed(begin, view, dialect):
+    kind, model, change = dialect
+    with Verbatim.of(kind, change) as server, pytest.raises(ProviderError, match="the generation failed"):
+        begin(server, model=model, num_retries=1).decide(view(), ())
+    assert len(server.requests) == 2
+
+
+@pytest.mark.parametrize(
+    "strange",
+    [
+        {"id": "a", "type": "custom", "custom": {"name": "walk", "input": "40"}},
+        {"id": "a", "type": "function", "function": None},
+    ],
+)
+def test_a_call_of_no_function_is_refused(begin, view, strange):
+    def change(body):
+        body["choices"][0]["message"]["tool_calls"] = [strange]
+
+    with Verbatim.of(OpenAIServer, change) as server:
+        agent = begin(server)
+        assert agent.decide(view(), ()).calls == ()
+        agent.decide(view(1), ())
+    assert "not executed" in server.requests[1].text
+
+
+def test_a_key_in_escapes_is_redacted_from_a_call(begin, view, monkeypatch):
+    secret = "planted-0123456789-key"
+    monkeypatch.setenv("OPENAI_API_KEY", secret)
+    escaped = "".join(f"\\u{ord(letter):04x}" for letter in secret)
+    arguments = '{"x_cm": 0, "z_cm": 40, "yaw_deg": 0, "reasoning": "a \\" KEY"}'.replace("KEY", escaped)
+    with OpenAIServer([calls(("walk", arguments)), text(f'{{"a": "{escaped}"}}')]) as server:
+        agent = begin(server)
+        for _ in range(2):
+            raw = agent.decide(view(), ()).raw
+            assert "[redacted]" in raw
+            assert escaped not in json.loads(raw)["content"] + json.dumps(json.loads(raw)["tool_calls"])
+            assert secret not in raw
+
+
+def test_a_failed_generation_counts_for_limits(begin, view, context):
+    failed = ended("error", call("stop"))
+    meter = Meter()
+    with OpenAIServer([failed] * 2 + [call("stop")]) as server:
+        usage = begin(server, about=dataclasses.replace(context, meter=meter)).decide(view(), ()).usage
+    assert (meter.episode.tokens_in, meter.episode.tokens_out) == (2000, 200)
+    assert (usage.tokens_in, usage.tokens_out) == (1000, 100)
 
 
 # -- failed generations and thoughts alone -----------------------------------------------------------------------------
@@ -336,7 +531,9 @@ def test_agent_and_verifier_find_the_way_of_asking_once(begin, view, skills):
     [
         (1000, 10, 5000, 6010, (1000, 5010, 5000)),
         (1000, 5010, 5000, 6010, (1000, 5010, 5000)),
-        (1000, 10, None, 6010, (1000, 5010, 5000)),
+        (1000, 10, None, 6010, (1000, 10, 0)),
+        (1000, 10, None, 60_100_000, (1000, 10, 0)),
+        (1000, 10, 20, 60_100_000, (1000, 30, 20)),
         (1000, 10, 5000, 1010, (1000, 5010, 5000)),
         (1000, 10, 5000, None, (1000, 5010, 5000)),
         (1000, 10, None, 1010, (1000, 10, 0)),
@@ -358,13 +555,53 @@ def test_reasoning_is_booked_and_billed_wherever_it_is_counted(begin, view, sent
         assert usage.cost == pytest.approx(booked[0] * first + booked[1] * second)
 
 
-def test_cached_tokens_beside_the_prompt_are_no_reasoning(begin, view):
+@pytest.mark.parametrize(
+    ("beside", "thought", "total", "booked"),
+    [
+        ({"cached_tokens": 3000}, 0, 4010, (4000, 10, 0)),
+        ({"cached_tokens": 2000, "cache_creation_tokens": 1000}, 0, 4010, (4000, 10, 0)),
+        ({"cached_tokens": 2000, "image_tokens": 258}, 0, 1268, (1258, 10, 0)),
+        ({"cached_tokens": 3000}, 50, 4060, (4000, 60, 50)),
+    ],
+)
+def test_tokens_beside_the_prompt_are_no_reasoning(begin, view, beside, thought, total, booked):
     reply = call("stop")
-    reply.body["usage"] = {"prompt_tokens": 1000, "completion_tokens": 10, "total_tokens": 4010}
-    reply.body["usage"]["prompt_tokens_details"] = {"cached_tokens": 3000}
+    reply.body["usage"] = {"prompt_tokens": 1000, "completion_tokens": 10, "total_tokens": total}
+    reply.body["usage"]["prompt_tokens_details"] = beside
+    reply.body["usage"]["completion_tokens_details"] = {"reasoning_tokens": thought}
     with OpenAIServer([reply]) as server:
         usage = begin(server).decide(view(), ()).usage
-    assert (usage.tokens_in, usage.tokens_out, usage.tokens_reasoning) == (4000, 10, 0)
+    assert (usage.tokens_in, usage.tokens_out, usage.tokens_reasoning) == booked
+
+
+def test_thoughts_that_gemini_counts_in_the_total_alone_are_booked(begin, view):
+    reply = call("stop")
+    reply.body["usage"] = {"prompt_tokens": 1000, "completion_tokens": 10, "total_tokens": 6010}
+    with OpenAIServer([reply]) as server:
+        usage = begin(server, model="openai/gemini-2.5-pro").decide(view(), ()).usage
+    assert (usage.tokens_in, usage.tokens_out, usage.tokens_reasoning) == (1000, 5010, 5000)
+
+
+@pytest.mark.parametrize("missing", ["prompt_tokens", "completion_tokens"])
+def test_a_missing_half_of_the_counts_is_estimated_and_marked(begin, view, missing):
+    reply = call("walk", **WALK)
+    del reply.body["usage"][missing]
+    reply.body["usage"]["total_tokens"] = reply.body["usage"].get("prompt_tokens", 100)
+    with OpenAIServer([reply]) as server:
+        usage = begin(server).decide(view(), ()).usage
+    assert usage.estimated
+    assert min(usage.tokens_in, usage.tokens_out) > 0
+
+
+@pytest.mark.parametrize(
+    ("cost", "prices", "booked"),
+    [(0.5, {}, 0.5), (0.5, {"input_cost_per_token": 1e-6, "output_cost_per_token": 1e-5}, 0.002), (1e5, {}, 0.0)],
+)
+def test_the_users_prices_count_before_the_servers_cost(begin, view, cost, prices, booked):
+    reply = call("stop")  # Of 1000 tokens in and 100 out.
+    reply.body["usage"]["cost"] = cost
+    with OpenAIServer([reply]) as server:
+        assert begin(server, params=prices).decide(view(), ()).usage.cost == pytest.approx(booked)
 
 
 def test_a_model_without_a_price_is_named_at_once(context, plugins, monkeypatch, caplog):
@@ -398,6 +635,13 @@ def test_the_servers_own_words_are_told(begin, view, model, reply, words):
         begin(server, model=model, num_retries=0).decide(view(), ())
     assert words in str(fault.value)
     assert "{" not in str(fault.value)
+
+
+@pytest.mark.parametrize("code", [200, 503])
+def test_an_error_nested_deeply_is_the_providers_fault(begin, view, code):
+    deep = Reply('{"error": ' * 900 + '"lost"' + "}" * 900, code)
+    with OpenAIServer([deep]) as server, pytest.raises(ProviderError):
+        begin(server, num_retries=0).decide(view(), ())
 
 
 def test_an_address_that_nobody_answers_is_named(begin, view, monkeypatch):
@@ -437,6 +681,7 @@ def test_a_wait_is_read_from_headers_and_from_words(headers, words, seconds):
     ("code", "words", "error"),
     [
         (402, "Insufficient Balance", ProviderClosedError),
+        (429, "You have insufficient quota for this minute.", ProviderClosedError),
         (400, "Your credit balance is too low to access the Anthropic API", ProviderClosedError),
         (403, "Your team has used all available credits", ProviderClosedError),
         (401, "the key was revoked", ProviderClosedError),
