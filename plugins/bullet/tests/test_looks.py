@@ -1,8 +1,13 @@
-"""How often half-physics looks for contacts: once a physics step in free air, more often towards something."""
+"""How often half-physics looks for contacts, and what it reports of them.
+
+In free air it looks once a physics step, and more often towards something.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import chain
+from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -10,7 +15,7 @@ import pytest
 pytest.importorskip("pybullet", reason="PyBullet has no wheel for this Python")
 
 from humanclaw import Motion, Scene
-from humanclaw.body import JOINT_INDEX, Pose2D, rest_pose
+from humanclaw.body import JOINT_INDEX, JOINTS, Pose2D, rest_pose
 from humanclaw.testing import SceneBuilder
 from humanclaw.world import HalfPhysics, Touch
 from humanclaw_bullet.world import BulletWorld
@@ -94,3 +99,39 @@ def test_no_joint_of_a_body_that_sits_turns_more_than_thirty_degrees_in_a_frame(
     turns = -np.diff(simulator.execute(motion).simulated.rotations[:, knee, 0])
     simulator.close()
     assert np.radians(25) < turns.max() < np.radians(31)
+
+
+class RecordingWorld(BulletWorld):
+    """Bullet, with the body's contacts of every step."""
+
+    touches: ClassVar[list[Sequence[Touch]]] = []
+
+    def step(self, seconds: float) -> Sequence[Touch]:
+        self.touches.append(super().step(seconds))
+        return self.touches[-1]
+
+
+def test_a_contact_is_the_deepest_of_its_frame():
+    simulator, scene = HalfPhysics(RecordingWorld), beside(3.0)
+    simulator.reset(scene, scene.start)
+    RecordingWorld.touches.clear()
+    contacts = simulator.execute(rest_pose()).contacts
+    simulator.close()
+    assert len(RecordingWorld.touches) == 4  # One look a physics step: all contacts count.
+    depths: dict[str, list[float]] = {}
+    for touch in chain.from_iterable(RecordingWorld.touches):
+        depths.setdefault(JOINTS[touch.joint], []).append(-touch.distance)
+    assert {one.joint: one.depth for one in contacts} == {joint: max(found) for joint, found in depths.items()}
+    assert all(max(found) > min(found) for found in depths.values())
+
+
+def test_an_object_that_is_pushed_by_some_centimetres_has_a_path():
+    builder = SceneBuilder.on_floor()
+    box = builder.box("box", (0.3, 0.6, 0.3), (0, 0, 0.4), movable=True, mass=2.0)
+    simulator, scene = HalfPhysics(BulletWorld), builder.scene()
+    simulator.reset(scene, scene.start)
+    ahead = np.arange(1, 16)[:, None] / 15 * [0.0, 0.0, 0.06]
+    path = simulator.execute(Motion(rest_pose().root + ahead, rest_pose(15).rotations)).objects[box]
+    simulator.close()
+    # The toes are 2 to 4 cm from the box, and the body goes 6 cm.
+    assert 0.02 <= path[-1, 2] - 0.4 <= 0.04
