@@ -59,10 +59,9 @@ def without(*fields, then=("stop",)):
 def test_a_refused_parameter_is_left_out_and_recorded(begin, view, options, left):
     with OpenAIServer(without("temperature", "max_tokens", "seed", then=("stop", "stop"))) as server:
         agent = begin(server, **options)
-        assert agent.settings["left_out"] == []
         for _ in range(2):
-            assert agent.decide(view(), ()).calls == (Call("stop"),)
-    assert agent.settings["left_out"] == left
+            decision = agent.decide(view(), ())
+            assert (decision.calls, decision.left_out) == ((Call("stop"),), tuple(left))
     assert len(server.requests) == len(left) + 2
     assert server.requests[-1].body.get("top_p") == options.get("params", {}).get("top_p")
 
@@ -78,14 +77,12 @@ def test_the_verifier_does_not_send_what_the_agent_was_refused(begin, view, skil
         agent.decide(view(), ())
         verifier.verify(view(), Call("walk", WALK), skills["walk"], "")
     assert ["temperature" in request.body for request in server.requests] == [True, False, False]
-    assert verifier.settings["left_out"] == ["temperature"]
 
 
 def test_what_litellm_refuses_itself_is_left_out_too(begin, view):
     with OpenAIServer([call("stop")]) as server:
-        agent = begin(server, model="openai/gpt-5", profile="paper")
-        assert agent.decide(view(), ()).calls == (Call("stop"),)
-    assert agent.settings["left_out"] == ["temperature"]
+        decision = begin(server, model="openai/gpt-5", profile="paper").decide(view(), ())
+    assert (decision.calls, decision.left_out) == ((Call("stop"),), ("temperature",))
     assert "temperature" not in server.requests[0].body
 
 
