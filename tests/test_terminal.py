@@ -170,7 +170,7 @@ def shown(cwd, *words, **environment):
     ("words", "environment"),
     [
         ("verify {}", {}),
-        ("submit {} --who x --out {}/s.json", {}),
+        ("submit {} --who x", {}),
         ("compare {} {} --partial", {}),
         ("compare {} {} --partial", {"FORCE_COLOR": "1"}),
         ("table {} --format markdown", {"PYTHONIOENCODING": "ascii"}),

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from humanclaw import Meter, ProviderError
+from humanclaw import ProviderError
 from humanclaw_litellm.client import Client, Completion
 from humanclaw_litellm.failures import RefusalError
 from humanclaw_litellm.settings import Mode, ModelError, Settings
@@ -64,22 +64,13 @@ class ModeNegotiator:
     """
 
     def __init__(self, settings: Settings) -> None:
-        self._client = Client(settings)
-        self._learned = self._client.learned
+        self.client = Client(settings)
+        self._learned = self.client.learned
         self._chosen: Mode | None = None if settings.mode == "auto" else settings.mode
 
     @property
     def mode(self) -> Mode:
         return self._chosen or self._learned.modes[0]
-
-    @property
-    def in_force(self) -> Json:
-        """The settings as JSON values, with what the model refused of them."""
-        return self._client.in_force
-
-    def begin(self, meter: Meter | None) -> None:
-        """Begin an episode within these limits. Raises ModelError if the model cannot be reached."""
-        self._client.begin(meter or Meter())
 
     def ask(self, form: AnswerFormat, messages: Callable[[Mode], list[Json]]) -> Reply:
         """Ask for an answer. messages: returns the conversation for a mode.
@@ -90,7 +81,7 @@ class ModeNegotiator:
             mode = self.mode
             sent, request = messages(mode), form.request(mode)
             try:
-                return Reply(self._client.complete(sent, request), mode, _digest(sent, request))
+                return Reply(self.client.complete(sent, request), mode, _digest(sent, request))
             except RefusalError as refusal:
                 self._refused(mode, str(refusal))
 

@@ -33,7 +33,6 @@ MODES: Final[tuple[Mode, ...]] = get_args(Mode)
 _LOG: Final = logging.getLogger(__name__)
 _LONGEST_BACKOFF: Final = 60.0
 _LONGEST_WAIT: Final = 600.0
-_SHORTEST_TIMEOUT: Final = 0.05
 _BREAKS: Final = re.compile(r"[\t\n\r]+")
 _LONGEST_NAME: Final = 200
 _ANSWER: Final = 300
@@ -115,17 +114,21 @@ class Client:
 
     @property
     def in_force(self) -> Json:
-        """The settings, what the model refused of them, and whether a price is known. They hold no key."""
-        left_out = [name for name in self.learned.left_out if name in self._chosen()]
-        return {**self._settings.in_force, "left_out": left_out, "priced": self.learned.priced}
+        """The settings as JSON values, and whether a price is known. They hold no key."""
+        return {**self._settings.model_dump(mode="json"), "priced": self.learned.priced}
 
-    def begin(self, meter: Meter) -> None:
+    @property
+    def left_out(self) -> tuple[str, ...]:
+        """The parameters among the settings that the model has refused."""
+        return tuple(name for name in self.learned.left_out if name in self._chosen())
+
+    def begin(self, meter: Meter | None) -> None:
         """Begin an episode within these limits.
 
         Raises ModelError if the model's name, key or environment rules out any request, and if money is limited but
         the model has no known price.
         """
-        self._meter = meter
+        self._meter = meter or Meter()
         self._check_name()
         self._key()
         self._check_price()
@@ -199,7 +202,7 @@ class Client:
         where = {"api_base": settings.api_base, "api_key": self._key()}
         try:
             return complete(
-                max(_SHORTEST_TIMEOUT, min(settings.timeout, self._meter.seconds_left())),
+                min(settings.timeout, self._meter.seconds_left()),
                 model=settings.model,
                 messages=messages,
                 num_retries=0,  # of litellm

@@ -54,8 +54,7 @@ class ModelAgent:
 
     @property
     def settings(self) -> Json:
-        """The settings in force; left_out names the parameters that the model refused."""
-        return self._negotiator.in_force
+        return self._negotiator.client.in_force
 
     @property
     def mode(self) -> Mode:
@@ -64,11 +63,11 @@ class ModelAgent:
 
     def ready(self, instruction: str) -> None:
         """Raise ModelError if the model's name, key or environment rules out any request. None is made."""
-        self._negotiator.begin(None)
+        self._negotiator.client.begin(None)
 
     def begin(self, context: EpisodeContext) -> None:
         """Begin an episode. Raises ModelError if the model cannot be reached or if there is no skill to call."""
-        self._negotiator.begin(context.meter)
+        self._negotiator.client.begin(context.meter)
         skills, settings = usable(context), self._settings
         asked: Json = {"mid_level": settings.mid_level, "described": False, "optional": settings.optional}
         form = AnswerFormat(tuple(model_tools(skills, settings)), answer_schema(skills, **asked))
@@ -94,7 +93,7 @@ class ModelAgent:
                 self._room = told // 2
         found, self._note = read(reply.completion, prose=reply.mode == "prompt")
         self._negotiator.report(reply, bool(found))
-        return _decision(found, reply, wanted - told, tuple(self.settings["left_out"]))
+        return _decision(found, reply, wanted - told, self._negotiator.client.left_out)
 
     def _ask(
         self, episode: _Episode, observation: Observation, history: Sequence[HistoryEntry], told: int | None

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import datetime
 import email.utils
 import json
 import math
 import re
+import time
 from collections.abc import Mapping
 from typing import Any, Final
 
@@ -183,13 +183,8 @@ def _number(text: str) -> float:
 
 
 def _until(date: str) -> float:
-    try:
-        then = email.utils.parsedate_to_datetime(date)
-    except ValueError:
-        return 0.0
-    if then.tzinfo is None:  # A date without a zone, or with the zone -0000, counts as UTC.
-        then = then.replace(tzinfo=datetime.UTC)
-    return max(0.0, (then - datetime.datetime.now(datetime.UTC)).total_seconds())
+    then = email.utils.parsedate_tz(date)  # A date without a zone counts as UTC.
+    return max(0.0, email.utils.mktime_tz(then) - time.time()) if then else 0.0
 
 
 def check_reply(completion: Any, response: Any) -> None:

@@ -6,9 +6,8 @@ import functools
 import logging
 import os
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import Future, TimeoutError as FutureTimeoutError
-from contextlib import contextmanager
 from typing import Any, Final
 
 from humanclaw_litellm.failures import FailedRequest, check_reply, failure_of
@@ -30,6 +29,7 @@ def load() -> Any:
 
     _restrain_clients()
     _leave_arguments()
+    _keep_thoughts_alone()
     litellm.telemetry = False
     litellm.suppress_debug_info = True
     for name in ("LiteLLM", "LiteLLM Router", "LiteLLM Proxy"):
@@ -101,6 +101,25 @@ def _leave_arguments() -> None:
     reading.handle_invalid_parallel_tool_calls = lambda tool_calls: tool_calls
 
 
+def _keep_thoughts_alone() -> None:
+    """Make an answer of the Responses API that holds thoughts alone an answer without content; litellm raises."""
+    from litellm.completion_extras.litellm_responses_transformation.transformation import (
+        LiteLLMResponsesTransformationHandler as Handler,
+    )
+    from litellm.types.utils import Choices, Message
+
+    convert = Handler._convert_response_output_to_choices
+
+    def converted(output_items: Any, **options: Any) -> Any:
+        if choices := convert(output_items, **options):
+            return choices
+        parts = [part for item in output_items if item.type == "reasoning" for part in item.summary]
+        message = Message(content="", reasoning_content="\n".join(part.text for part in parts))
+        return [Choices(message=message)] if all(item.type == "reasoning" for item in output_items) else []
+
+    Handler._convert_response_output_to_choices = staticmethod(converted)  # type: ignore[method-assign, assignment]
+
+
 def complete(seconds: float, **request: Any) -> Any:
     """Return the completion of one request that takes at most `seconds` of wall time. Raises FailedRequest.
 
@@ -129,20 +148,14 @@ def complete(seconds: float, **request: Any) -> Any:
 def missing_key(model: str) -> str:
     """Return the variable of an API key that the model's provider needs and that is unset; empty if there is none.
 
-    Other credentials, such as a cloud's, are left out: litellm's check does not know all of their places.
+    Other credentials, such as a cloud's, are left out: litellm's check does not know all of their places. It does not
+    know every provider either, but tells the key that it would send.
     """
-    with _without_empty_keys():
-        missing = load().validate_environment(model)["missing_keys"]
-    return next((name for name in missing if name.endswith("_API_KEY")), "")
-
-
-@contextmanager
-def _without_empty_keys() -> Iterator[None]:
-    """Remove empty key variables for a moment: litellm would take them as set."""
-    empty = {name: value for name, value in os.environ.items() if name.endswith("_API_KEY") and not value.strip()}
-    for name in empty:
-        del os.environ[name]
-    try:
-        yield
-    finally:
-        os.environ.update(empty)
+    for name in [name for name in os.environ if name.endswith("_API_KEY") and not os.environ[name].strip()]:
+        os.environ.pop(name, None)  # litellm takes an empty variable as set.
+    litellm = load()
+    if missing := litellm.validate_environment(model)["missing_keys"]:
+        return next((name for name in missing if name.endswith("_API_KEY")), "")
+    _, provider, key, _ = litellm.get_llm_provider(model)
+    name = f"{provider.upper()}_API_KEY"
+    return "" if key or name in os.environ or provider not in litellm.openai_compatible_providers else name

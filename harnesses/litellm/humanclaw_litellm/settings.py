@@ -120,11 +120,6 @@ class Settings(PromptSettings):
         """Whether the provider needs cache marks. For other models a mark does nothing or harms."""
         return "claude" in self.model
 
-    @property
-    def in_force(self) -> dict[str, Any]:
-        """All settings as JSON values. They hold no key."""
-        return self.model_dump(mode="json")
-
 
 def _refuse_secrets(given: Mapping[str, Any]) -> None:
     """Refuse keys in any option, also in JSON text. Options of other plugins are recorded too."""

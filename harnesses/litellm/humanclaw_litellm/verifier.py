@@ -46,16 +46,15 @@ class ModelVerifier:
 
     @property
     def settings(self) -> Json:
-        """The settings in force; left_out names the parameters that the model refused."""
-        return self._negotiator.in_force
+        return self._negotiator.client.in_force
 
     def ready(self, instruction: str) -> None:
         """Raise ModelError if the model's name, key or environment rules out any request. None is made."""
-        self._negotiator.begin(None)
+        self._negotiator.client.begin(None)
 
     def begin(self, context: EpisodeContext) -> None:
         """Begin an episode. Raises ModelError if the model cannot be reached."""
-        self._negotiator.begin(context.meter)
+        self._negotiator.client.begin(context.meter)
         self._skills, self._gaze = usable(context), context.gaze
 
     def verify(self, observation: Observation, call: Call, skill: Skill, goal: str) -> Verdict:

@@ -31,12 +31,6 @@ DOCS = Path(__file__).parents[3] / "docs" / "results" / "harnesses.md"
 WALK = Call("walk", {"x_cm": 0, "z_cm": 40, "yaw_deg": 0})
 
 
-@pytest.fixture(autouse=True)
-def key(monkeypatch):
-    """Set the one key that litellm asks for although the server is the user's own."""
-    monkeypatch.setenv("ZAI_API_KEY", "planted-0123456789-key")
-
-
 @pytest.fixture
 def play(begin, view):
     """play(row, replies, ...): take a decision in each step; return the decisions and the requests.
@@ -112,6 +106,16 @@ def mended_by_the_user(row, play, skills):
 @pytest.mark.parametrize("row", rows(), ids=str)
 def test_each_reply_becomes_what_the_table_says(row, play, skills):
     globals()[row.then.replace(" ", "_")](row, play, skills)
+
+
+@pytest.mark.parametrize("row", [row for row in rows() if row.when == "thoughts alone"], ids=str)
+def test_thoughts_alone_change_the_way_of_asking(row, play):
+    (silent, after), _ = play(row, [row.reply, a_call(row.provider).reply], steps=2)
+    first, second = json.loads(silent.raw), json.loads(after.raw)
+    assert "parameters" in first["thoughts"]
+    assert first["mode"].startswith("tools")
+    assert second["mode"] == "schema"
+    assert silent.usage.tokens_out > 0
 
 
 def test_the_docs_show_this_table():
