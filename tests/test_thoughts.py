@@ -4,7 +4,7 @@ import time
 
 import pytest
 
-from humanclaw import Call, CallError
+from humanclaw import Call
 from humanclaw.skills import read_text, split_thoughts
 
 STOP, STEP = '{"skill": "stop", "parameters": {}}', '{"skill": "step", "parameters": {"z_cm": 40}}'
@@ -69,7 +69,8 @@ def test_an_open_thought_has_no_answer(marked):
         (f"I look.<end_of_turn><start_of_turn>model\n<think>d</think>{STOP}", "I look."),
         (f"{HARMONY.format('a')}{STEP}<|return|><|start|>user<|message|>b<|channel|>final<|message|>{STOP}", STEP),
         (f"<|im_start|>assistant\n{STEP}<|im_end|>", STEP),
-        (f"<answer>{STEP}</answer> or {STOP}", STEP),
+        (f"<answer>{STEP}</answer>\n", STEP),
+        (f"<answer>{STEP}</answer> No, I stay.", ""),
         (f"<answer>{STEP}</answer><answer>{STOP}</answer>", ""),
         ("", ""),
     ],
@@ -86,6 +87,7 @@ def test_an_open_thought_has_no_answer(marked):
         "harmony's turn",
         "own header",
         "marked answer",
+        "taken back",
         "two answers",
         "nothing",
     ],
@@ -94,9 +96,19 @@ def test_the_answer_stands_behind_the_last_thought(text, answer):
     assert split_thoughts(text)[1] == answer
 
 
-def test_a_marker_among_the_arguments_refuses_the_call():
-    with pytest.raises(CallError, match="no complete JSON object"):
-        read_text('{"skill": "stop", "parameters": {}, "reasoning": "I wrote </think> too soon"}')
+def test_a_marker_among_the_arguments_of_a_whole_object_is_text():
+    text = '{"skill": "step", "parameters": {"z_cm": 40}, "reasoning": "I wrote </think> and <answer>"}'
+    assert [call for _, call in read_text(text)] == [Call("step", {"z_cm": 40})]
+
+
+@pytest.mark.parametrize("marker", ["</think>", "<answer>"])
+def test_a_marker_in_a_broken_object_leaves_no_answer(marker):
+    assert split_thoughts(f'{{"skill": "step", "reasoning": "I write {marker}{STOP}')[1] == ""
+
+
+@pytest.mark.parametrize("mark", ["<｜User｜>", "<|observation|>", "<|turn>user", "<|eot|>", "<|im_user|>", "<eos>"])  # noqa: RUF001
+def test_a_call_in_a_made_up_turn_is_none(mark):
+    assert split_thoughts(f"I wait.{mark}ok {STOP}")[1] == "I wait."
 
 
 @pytest.mark.parametrize(

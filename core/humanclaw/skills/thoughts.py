@@ -6,6 +6,7 @@ between the markers of the model's chat template.
 
 from __future__ import annotations
 
+import json
 import re
 from typing import Final
 
@@ -52,8 +53,10 @@ _OVER: Final = (
 )
 """Markers that end the answer; in a thought they mean nothing."""
 _TURN: Final = re.compile(
-    r"<\|(?:im_end|eot_id|endoftext|end_of_text|return|call|user|im_start|start_header_id)\|>"
-    r"|</s>|<(?:start|end)_of_turn>|\[/?INST\]",
+    r"<\|(?:im_end|eot_id|eom_id|eot|endoftext|end_of_text|endofturn|end_of_role|role_end|return|call|user|im_user"
+    r"|im_start|start_header_id|header_start|observation|END_OF_TURN_TOKEN)\|>"
+    r"|</s>|<eos>|<(?:start|end)_of_turn>|<end_of_utterance>|<\|?turn\|?>|<tool_response>|\[\|user\|\]|\[/?INST\]"
+    r"|\[SYSTEM_PROMPT\]|<｜(?:User|end▁of▁sentence)｜>",  # noqa: RUF001, as DeepSeek writes them
     re.IGNORECASE,
 )
 """Markers at which the model's turn ends. What follows is a turn that the model made up."""
@@ -61,6 +64,7 @@ _HEADER: Final = re.compile(
     r"\s*(?:<\|im_start\|>|<start_of_turn>|<\|start_header_id\|>)\s*\w{1,20}\s*(?:<\|end_header_id\|>)?"
 )
 """The header of the model's own turn, which some models repeat."""
+_OVERS: Final = re.compile("|".join(_OVER), re.IGNORECASE)
 _INVISIBLE: Final = re.compile("[\u200b-\u200d\u2060\ufeff]")
 _MARKERS: Final = re.compile(
     "|".join(
@@ -84,14 +88,30 @@ def split_thoughts(text: str) -> tuple[str, str]:
       often write the opening marker into the prompt.
     * An open thought leaves no answer, wherever it begins; nor do two marked answers.
     * What follows the end of the model's turn is nothing: the model made it up.
-    * A marker inside the answer counts, also as text of an argument. Rather an answer is refused than a draft executed.
+    * Words behind a marked answer leave no answer: they could take it back.
+    * A text that begins as JSON is no thought: it is the answer if it is whole, and holds none if a marker cuts it.
+    * Elsewhere a marker counts also as text of an argument. Rather an answer is refused than a draft executed.
 
     Takes time in proportion to the text.
     """
     text = _HEADER.sub("", _INVISIBLE.sub("", text), count=1) if _HEADER.match(text) else _INVISIBLE.sub("", text)
+    if _is_json(text):
+        return "", text.strip()
     turn = _TURN.search(text)
     start, end = _answer_in(text, turn.start() if turn else len(text))
+    if start and text.lstrip().startswith(("{", "[{")):
+        start = end
     return f"{text[:start]}{text[end:]}".strip(), text[start:end].strip()
+
+
+def _is_json(text: str) -> bool:
+    if not text.lstrip().startswith(("{", "[{")):
+        return False
+    try:
+        json.loads(text)
+    except (ValueError, RecursionError):
+        return False
+    return True
 
 
 def _answer_in(text: str, end: int) -> tuple[int, int]:
@@ -110,4 +130,5 @@ def _answer_in(text: str, end: int) -> tuple[int, int]:
             if not depth and not (kind == last == "call"):
                 start, over = marker.end(), end
         last, place = kind, marker.end()
-    return (end, end) if depth or answers > 1 else (start, over)
+    taken_back = answers and _OVERS.sub("", text[over:end]).strip()
+    return (end, end) if depth or answers > 1 or taken_back else (start, over)
