@@ -38,6 +38,11 @@ class Deciders:
     """Options for the factories of agent and verifier."""
     limits: Mapping[str, float]
 
+    @property
+    def title(self) -> str:
+        """The name to show: the model's, if one was named, since one agent asks many."""
+        return str(self.options.get("model") or self.agent)
+
     def make(self, plugins: Plugins) -> tuple[Agent, Verifier | None]:
         """Make agent and verifier. Raises HumanclawError for an option that neither knows."""
         verifier = plugins.make("verifiers", self.verifier, self.options) if self.verifier else None

@@ -66,8 +66,8 @@ def play(
     status.update("Making the scene")
     scene: Scene = plugins.scene(reference)
     spec = free_episode(instruction, scene, seed=seed, max_steps=max_steps, name=f"{name_of(reference)}-{seed}")
-    head = f'{deciders.options.get("model") or deciders.agent} in {reference}: "{instruction}"\n{scoring(spec)}'
-    out = out or new_folder(name_of(str(deciders.options.get("model") or deciders.agent)))
+    head = f'{deciders.title} in {reference}: "{instruction}"\n{scoring(spec)}'
+    out = out or new_folder(name_of(deciders.title))
     folder = out / spec.id
     claim(folder)
     progress = StepProgress(console, max_steps, distances=not getattr(agent, "at_terminal", False))

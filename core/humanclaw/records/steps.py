@@ -147,11 +147,6 @@ class StepRecord(Record):
         return self.attempts[-1].decision if self.attempts else Decision()
 
     @property
-    def dropped_steps(self) -> int:
-        """Past steps that were left out of the last prompt because the model's context was full."""
-        return self.decision.dropped_steps
-
-    @property
     def usage(self) -> Usage:
         """Usage of all answers of the step, the verifier's included."""
         verified = self.verdict.usage if self.verdict else Usage()

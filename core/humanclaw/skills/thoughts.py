@@ -61,7 +61,7 @@ _TURN: Final = re.compile(
 )
 """Markers at which the model's turn ends. What follows is a turn that the model made up."""
 _HEADER: Final = re.compile(
-    r"\s*(?:<\|im_start\|>|<start_of_turn>|<\|start_header_id\|>)\s*\w{1,20}\s*(?:<\|end_header_id\|>)?"
+    r"\A\s*(?:<\|im_start\|>|<start_of_turn>|<\|start_header_id\|>)\s*\w{1,20}\s*(?:<\|end_header_id\|>)?"
 )
 """The header of the model's own turn, which some models repeat."""
 _OVERS: Final = re.compile("|".join(_OVER), re.IGNORECASE)
@@ -94,19 +94,18 @@ def split_thoughts(text: str) -> tuple[str, str]:
 
     Takes time in proportion to the text.
     """
-    text = _HEADER.sub("", _INVISIBLE.sub("", text), count=1) if _HEADER.match(text) else _INVISIBLE.sub("", text)
-    if _is_json(text):
+    text = _HEADER.sub("", _INVISIBLE.sub("", text))
+    begins_as_json = text.lstrip().startswith(("{", "[{"))
+    if begins_as_json and _is_json(text):
         return "", text.strip()
     turn = _TURN.search(text)
     start, end = _answer_in(text, turn.start() if turn else len(text))
-    if start and text.lstrip().startswith(("{", "[{")):
+    if start and begins_as_json:
         start = end
     return f"{text[:start]}{text[end:]}".strip(), text[start:end].strip()
 
 
 def _is_json(text: str) -> bool:
-    if not text.lstrip().startswith(("{", "[{")):
-        return False
     try:
         json.loads(text)
     except (ValueError, RecursionError):

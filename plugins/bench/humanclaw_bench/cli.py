@@ -127,7 +127,7 @@ def run_command(
     plugins = Plugins.discover(files, choice)
     specs = repeated(load_split(name), repeats)
     metrics = metrics_of(plugins)  # Refuses a metric with a reserved name now, not after hours of playing.
-    out = out or Path("runs") / f"{Path(name).stem}-{name_of(str(deciders.options.get('model') or deciders.agent))}"
+    out = out or Path("runs") / f"{Path(name).stem}-{name_of(deciders.title)}"
     if not resume and Folder(out).has("run.json"):
         raise RecordError(
             f"{out} already holds a run.", "Name another folder with --out, or continue it with --resume."
