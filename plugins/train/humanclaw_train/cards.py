@@ -1,4 +1,4 @@
-"""Model cards: one beside each checkpoint, from its header and the reports on it.
+"""Model cards: one beside each checkpoint, from its header and the fidelity report on it.
 
 humanclaw cards                   write README.md beside every checkpoint
 humanclaw cards --skill FOLDER    write it for a skill of your own
@@ -22,12 +22,9 @@ from humanclaw import HumanclawError
 from humanclaw.motion import read_header, shipped_base
 from humanclaw.storage import write_atomically
 from humanclaw_train.fidelity import REPORT, FidelityReport, Ratio, Row
-from humanclaw_train.first_steps import FirstSteps
-from humanclaw_train.likeness import NaturalnessRow, skills_table
-from humanclaw_train.naturalness import REPORT as NATURALNESS, NaturalnessReport
 from humanclaw_train.notes import Notes
 from humanclaw_train.rollouts import Installed, adapters, file_digest, own
-from humanclaw_train.uncommanded import uncommanded_table
+from humanclaw_train.uncommanded import Uncommanded
 
 CARD: Final = "README.md"
 """File name of a card, which repository pages show with the folder."""
@@ -36,33 +33,30 @@ _TEMPLATE: Final = Path(__file__).parent / "templates" / "card.md.j2"
 _BINDING: Final = re.compile(r"\b(SA|NC|GPL)\b|share.?alike|non.?commercial", re.IGNORECASE)
 """What the licence of data says if it binds the weights that are made of them."""
 _NAMES: Final = {
-    "composed": "synthesised by `humanclaw_train.synthesis`",
-    "retimed": "the same clips at other paces, by `humanclaw_train.retimed`",
+    "composed": "synthesised from such clips",
+    "retimed": "these clips at other paces",
 }
-_DERIVED: Final = {"composed": "that of the clips it was measured on", "retimed": "that of the clips"}
-"""Licences of sources that are derived from other sources."""
 _ATTRIBUTIONS: Final = {
     "CMU Graphics Lab Motion Capture Database": (
-        "The data used in this project was obtained from mocap.cs.cmu.edu. The database was created with funding from "
-        "NSF EIA-0196217."
+        "obtained from mocap.cs.cmu.edu; the database was created with funding from NSF EIA-0196217"
     ),
-    "ReActIdle": "ReActIdle: MIT, Copyright (c) 2025 RSAIT.",
+    "ReActIdle": "Copyright (c) 2025 RSAIT",
     "HDM05": (
-        "HDM05: M. Mueller, T. Roeder, M. Clausen, B. Eberhardt, B. Krueger, A. Weber, *Documentation Mocap Database "
-        "HDM05*, CG-2007-2, Universitaet Bonn, 2007; CC BY-SA 3.0."
+        "M. Mueller, T. Roeder, M. Clausen, B. Eberhardt, B. Krueger, A. Weber, *Documentation Mocap Database HDM05*, "
+        "CG-2007-2, Universitaet Bonn, 2007"
     ),
 }
 """Attributions that the owners of the data ask for."""
 _BASE_LIMITS: Final = (
     "All sitting, all regular stairs and nearly all steps to the side and back are synthetic.",
     "Arms move little in turns on the spot and side steps: 8 to 9 cm to and fro, against 40 cm in walking.",
-    "Small errors add up over long series of calls where the data show no recovery: see `humanclaw naturalness`.",
+    "Small errors add up over long series of calls.",
 )
 """Limits of the shipped base, which its data and report do not tell."""
 
 
-def card(checkpoint: Path, report: FidelityReport | None = None, naturalness: NaturalnessReport | None = None) -> str:
-    """Return the model card of one checkpoint as Markdown. Reports on other weights are ignored.
+def card(checkpoint: Path, report: FidelityReport | None = None) -> str:
+    """Return the model card of one checkpoint as Markdown. A report on other weights is ignored.
 
     Raises CheckpointError.
     """
@@ -70,21 +64,20 @@ def card(checkpoint: Path, report: FidelityReport | None = None, naturalness: Na
 
     # Strict: a misspelt name in the template is an error, not an empty cell.
     environment = jinja2.Environment(undefined=jinja2.StrictUndefined, keep_trailing_newline=True)
-    return environment.from_string(_TEMPLATE.read_text("utf-8")).render(_facts(checkpoint, report, naturalness))
+    return environment.from_string(_TEMPLATE.read_text("utf-8")).render(_facts(checkpoint, report))
 
 
-def _facts(checkpoint: Path, report: FidelityReport | None, naturalness: NaturalnessReport | None) -> dict[str, Any]:
+def _facts(checkpoint: Path, report: FidelityReport | None) -> dict[str, Any]:
     header = read_header(checkpoint)
     notes, data = header["card"], header["card"]["data"]
     adapter = header.get("adapter", {})
     row = _row(header, checkpoint, report)
-    likeness = _likeness(header, checkpoint, naturalness)
-    sources = [*data["sources"], *notes["licences"]]
     ours = header.get("digest") == read_header(shipped_base())["digest"]
+    licence = _package_licence(checkpoint)[1]
     return {
         **header,
-        "title": f"the adapter of `{adapter['skill']}`" if adapter else "the motion prior",
-        "file": checkpoint.name,
+        "title": f"adapter of `{adapter['skill']}`" if adapter else "motion prior",
+        "licence": "other" if " " in licence else licence.lower() or "unknown",
         "base": header.get("base", ""),
         "digest": header.get("digest") or file_digest(checkpoint),
         "parameters": _parameters(checkpoint),
@@ -93,26 +86,17 @@ def _facts(checkpoint: Path, report: FidelityReport | None, naturalness: Natural
         "data": data,
         "recipe": notes["recipe"],
         "recipe_digest": notes["recipe_digest"],
+        "sources": _sources(data["sources"], notes["licences"]),
         "licences": notes["licences"],
-        "attributions": [
-            text for source, text in _ATTRIBUTIONS.items() if any(found.startswith(source) for found in sources)
-        ],
-        "names": _NAMES,
-        "licence_of": lambda source: _licence(source, notes["licences"]),
         "terms": terms(notes["licences"]),
         "share": lambda count: f"{100 * count / max(data['chunks'], 1):.0f} %",
         "parameter_rows": _parameter_rows(adapter, data),
         "report": report if report and report.base == header.get("base", header.get("digest")) else None,
-        "report_file": REPORT,
         "row": row,
-        "besides": uncommanded_table({row.skill: row.uncommanded}) if row and row.uncommanded else "",
-        "likeness": skills_table(likeness) if likeness else "",
-        "unseen": _by_source(likeness[0].unseen) if likeness else "",
-        "first_steps": _first_steps(header, naturalness),
+        "besides": _uncommanded(row.uncommanded) if row else "",
         "no_parameters": not adapter.get("params"),
         "ratio": _ratio,
         "limits": Notes.read(checkpoint.parent).limits if adapter else _BASE_LIMITS if ours else (),
-        "all_synthetic": set(data["sources"]) == {"composed"},
         "retimed": "retimed" in data["sources"],
     }
 
@@ -124,28 +108,6 @@ def _row(header: Mapping[str, Any], checkpoint: Path, report: FidelityReport | N
     return next((row for row in report.rows if row.adapter == digest), None)
 
 
-def _likeness(
-    header: Mapping[str, Any], checkpoint: Path, report: NaturalnessReport | None
-) -> tuple[NaturalnessRow, ...]:
-    """Return the naturalness of these weights; nothing if it was not measured."""
-    if report is None or report.base != header.get("base", header.get("digest")):
-        return ()
-    return report.of(header["adapter"]["skill"], file_digest(checkpoint)) if "base" in header else report.prior
-
-
-def _by_source(clips: Sequence[str]) -> str:
-    """Return clips such as 'CMU: 03_04' with each source once."""
-    found: dict[str, list[str]] = {}
-    for clip in clips:
-        source, _, name = clip.partition(": ")
-        found.setdefault(source, []).append(name)
-    return "; ".join(f"{source}: {', '.join(names)}" for source, names in found.items())
-
-
-def _first_steps(header: Mapping[str, Any], report: NaturalnessReport | None) -> FirstSteps | None:
-    return report.first_steps.get(header["adapter"]["skill"]) if report and "base" in header else None
-
-
 def _parameters(checkpoint: Path) -> int:
     # Shapes are in the header, so no weights are read.
     with safe_open(str(checkpoint), framework="np") as file:
@@ -155,18 +117,34 @@ def _parameters(checkpoint: Path) -> int:
 
 def _parameter_rows(adapter: Mapping[str, Any], data: Mapping[str, Any]) -> list[tuple[Any, ...]]:
     columns = (adapter.get("params", ()), data.get("params_low", ()), data.get("params_high", ()))
-    return list(zip(*columns, adapter.get("centre", ()), adapter.get("scale", ()), strict=False))
+    return list(zip(*columns, strict=False))
 
 
-def _licence(source: str, licences: Sequence[str]) -> str:
-    found = [text.partition(": ")[2] for text in licences if text.startswith(source)]
-    return found[0] if found else _DERIVED.get(source, "not given")
+def _sources(counted: Mapping[str, int], licences: Sequence[str]) -> list[str]:
+    """Return a line for each source of the data: its licence, attribution and number of chunks."""
+    texts = dict(text.partition(": ")[::2] for text in licences)
+    lines = []
+    for source in dict.fromkeys([*counted, *texts]):
+        line = _NAMES.get(source) or f"{source}: {texts.get(source, 'licence not given')}"
+        line += "".join(f"; {text}" for name, text in _ATTRIBUTIONS.items() if source.startswith(name))
+        lines.append(line + (f"; {counted[source]:,}" if source in counted else ""))
+    return lines
 
 
 def terms(licences: Sequence[str]) -> tuple[str, ...]:
     """Return the licences of data that bind what is made of them: share-alike and non-commercial ones."""
     named = dict.fromkeys(text.partition(": ")[2] for text in licences)
     return tuple(one for one in named if _BINDING.search(one))
+
+
+def _uncommanded(travel: Uncommanded) -> str:
+    """Return travel on axes that the skill does not command, as words with units."""
+    units = {"hips.left": ("left", 100.0, "cm"), "hips.forward": ("ahead", 100.0, "cm")}
+    parts = []
+    for name, values in travel.items():
+        way, scale, unit = units.get(name, ("turn", 180 / math.pi, "degrees"))
+        parts.append(f"{way} {' / '.join(f'{scale * value:+.1f}' for value in values)} {unit}")
+    return ", ".join(parts)
 
 
 def _ratio(ratio: Ratio) -> str:
@@ -177,13 +155,12 @@ def _ratio(ratio: Ratio) -> str:
 def write(files: Sequence[Path], base: Path, check: bool = False) -> list[Path]:
     """Write the card beside each checkpoint. Returns the cards that were out of date. check: write nothing.
 
-    Reports beside the checkpoint are used, or else those beside the base.
+    The report beside the checkpoint is used, or else the one beside the base.
     """
     stale = []
     for file in files:
-        report, likeness = _beside(file, base, REPORT), _beside(file, base, NATURALNESS)
-        faithful = FidelityReport.load(report) if report else None
-        text = card(file, faithful, NaturalnessReport.load(likeness) if likeness else None)
+        report = next((one for one in (file.with_name(REPORT), base.with_name(REPORT)) if one.is_file()), None)
+        text = card(file, FidelityReport.load(report) if report else None)
         path = file.with_name(CARD)
         if not path.is_file() or path.read_text("utf-8") != text:
             stale.append(path)
@@ -192,22 +169,24 @@ def write(files: Sequence[Path], base: Path, check: bool = False) -> list[Path]:
     return stale
 
 
+def _package_licence(file: Path) -> tuple[Path | None, str]:
+    """Return the pyproject.toml of the package that holds a checkpoint, and the licence that it names."""
+    projects = [folder / "pyproject.toml" for folder in file.resolve().parents[1:5]]
+    project = next((one for one in projects if one.is_file()), None)
+    content = tomllib.loads(project.read_text("utf-8")) if project else {}
+    return project, str(content.get("project", {}).get("license", ""))
+
+
 def _unlike(file: Path) -> str:
     """Return a warning if the package of a checkpoint does not name a licence that its data bind it to."""
-    projects = [folder / "pyproject.toml" for folder in file.resolve().parents[1:4]]
-    project = next((one for one in projects if one.is_file()), None)
+    project, licence = _package_licence(file)
     wanted = [one.replace(" ", "-") for one in terms(read_header(file)["card"]["licences"])]
-    if project is None or not wanted:
+    lacking = [one for one in wanted if one not in licence]
+    if project is None or not lacking:
         return ""
-    licence = tomllib.loads(project.read_text("utf-8")).get("project", {}).get("license", "")
-    lacking = [one for one in wanted if one not in str(licence)]
-    mended = " AND ".join([str(licence), *lacking])
+    mended = " AND ".join([licence, *lacking])
     told = f'warning: {project} says license = "{licence}", and the weights are made of data under'
-    return f'{told} {", ".join(lacking)}. Write license = "{mended}".\n' if lacking else ""
-
-
-def _beside(file: Path, base: Path, name: str) -> Path | None:
-    return next((one for one in (file.with_name(name), base.with_name(name)) if one.is_file()), None)
+    return f'{told} {", ".join(lacking)}. Write license = "{mended}".\n'
 
 
 def main(arguments: Sequence[str] | None = None, installed: Installed | None = None) -> int:
