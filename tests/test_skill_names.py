@@ -63,7 +63,6 @@ TABLES = {
     "core/humanclaw/plugins/distributions.toml": "says which distribution brings what, so that an error can name it",
     "core/humanclaw/motion/weights/fidelity.json": "is a measurement of the shipped skills, read by whatever names it "
     "holds",
-    "core/humanclaw/motion/weights/naturalness.json": "is another",
 }
 """Files of data that name skills, and why they may."""
 

@@ -23,28 +23,27 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
-from humanclaw import CheckpointError, HumanclawError, Simulator
+from humanclaw import HumanclawError, Simulator
 from humanclaw.cli import show_markdown
 from humanclaw.skills import MEASURES
 from humanclaw_train.chunks import load_pack
 from humanclaw_train.fidelity import generator_options, made_generator
-from humanclaw_train.first_steps import FirstSteps, first_steps, first_steps_table
+from humanclaw_train.first_steps import first_steps, first_steps_table
 from humanclaw_train.inside import inside_table, self_penetration
 from humanclaw_train.life import life, life_line
-from humanclaw_train.likeness import PRIOR, NaturalnessRow, skills, skills_table
+from humanclaw_train.likeness import skills, skills_table
 from humanclaw_train.long_walks import corners, corners_table, physical_gaits
-from humanclaw_train.rollouts import Command, Installed, Measures, adapters, file_digest
+from humanclaw_train.rollouts import Command, Installed, Measures, adapters
 from humanclaw_train.seats import seats, seats_table
 from humanclaw_train.sequences import sequence_jerks, sequences_table
 from humanclaw_train.simulated import Actor, Place
-from humanclaw_train.tables import as_json, numbers, save
+from humanclaw_train.tables import as_json
 from humanclaw_train.transitions import real_peak, transitions, transitions_table
 from humanclaw_train.walks import drift, drift_line, gait_table, generated_gaits, real_gaits, walker
 
@@ -52,45 +51,6 @@ if TYPE_CHECKING:
     from humanclaw.motion import DiTGenerator
 
 T = TypeVar("T")
-
-
-# -- the report --------------------------------------------------------------------------------------------------------
-REPORT: Final = "naturalness.json"
-"""File name of the report, beside the base."""
-
-
-@dataclass(frozen=True)
-class NaturalnessReport:
-    """The measures that model cards quote. `--save` writes them."""
-
-    base: str
-    """Digest of the base."""
-    solver: str
-    adapters: Mapping[str, str]
-    """Digest of each skill's adapter file."""
-    rows: tuple[NaturalnessRow, ...]
-    first_steps: Mapping[str, FirstSteps]
-
-    @classmethod
-    def load(cls, path: Path) -> NaturalnessReport:
-        """Read a file that `--save` wrote. Raises CheckpointError for anything else."""
-        try:
-            content = json.loads(path.read_text("utf-8"))
-            rows = tuple(NaturalnessRow(**numbers(row) | {"unseen": tuple(row["unseen"])}) for row in content["rows"])
-            first = {skill: FirstSteps(**one) for skill, one in content["first_steps"].items()}
-            return cls(**content | {"rows": rows, "first_steps": first})
-        except (OSError, ValueError, KeyError, TypeError) as error:
-            hint = f"Measure with: humanclaw naturalness --chunks CHUNKS --save {path}"
-            raise CheckpointError(f"{path} holds no naturalness report ({error}).", hint) from error
-
-    def of(self, skill: str, adapter: str) -> tuple[NaturalnessRow, ...]:
-        """Return the skill's rows if its adapter has this digest; none for other weights."""
-        return tuple(row for row in self.rows if row.skill == skill) if self.adapters.get(skill) == adapter else ()
-
-    @property
-    def prior(self) -> tuple[NaturalnessRow, ...]:
-        """Rows of the prior alone."""
-        return tuple(row for row in self.rows if row.skill == PRIOR)
 
 
 # -- the command line --------------------------------------------------------------------------------------------------
@@ -128,15 +88,9 @@ def main(
         paths, known = adapters(options.adapters, options.skills, installed), commanded()
         there = installed() if installed else {}
         commands = [Command.of(skill, path, known, there) for skill, path in paths.items()]
-        rows = skills(generator, commands, options.chunks, options.rollouts, options.seed)
-        show("skills", rows, skills_table)
+        show("skills", skills(generator, commands, options.chunks, options.rollouts, options.seed), skills_table)
         show("sequences", sequence_jerks(generator, commands, seed=options.seed), sequences_table)
-        first = first_steps(generator, commands, seed=options.seed)
-        show("first steps", first, first_steps_table)
-        if options.save:
-            digests = {one.skill: file_digest(one.adapter) for one in commands}
-            report = NaturalnessReport(generator.digest, str(generator.solver), digests, tuple(rows), first)
-            save(options.save, asdict(report))
+        show("first steps", first_steps(generator, commands, seed=options.seed), first_steps_table)
         if (walks := walker(commands)) is not None:
             _walks(show, generator, walks, options, simulator)
         found = self_penetration(generator, commands, options.rollouts, options.seed, seat)
@@ -181,9 +135,6 @@ def _parser() -> argparse.ArgumentParser:
     generator_options(parser)
     parser.add_argument("--chunks", type=Path, nargs="*", default=[], help="folders of chunks to compare with")
     parser.add_argument("--clips", type=Path, help="folder with clips.csv, for the gait of real walks")
-    parser.add_argument(
-        "--save", type=Path, metavar="FILE", help="write skills and first steps as JSON, for `humanclaw cards`"
-    )
     parser.add_argument("--json", action="store_true", help="print JSON")
     parser.add_argument("--bodies", type=int, default=20, help="bodies per pair of skills (default: 20)")
     parser.add_argument("--calls", type=int, default=120, help="calls of the long life (default: 120)")
