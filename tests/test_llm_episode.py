@@ -11,8 +11,7 @@ from model_servers import OpenAIServer, call, calls, delayed, status, warm_up
 from humanclaw import Plugins, run_episode
 from humanclaw.cli import build
 from humanclaw.errors import HumanclawError
-from humanclaw.records import Meter, RecordedEpisode, free_episode, write_episodes
-from humanclaw_bench.splits import load_split
+from humanclaw.records import Meter, RecordedEpisode, free_episode
 
 pytestmark = pytest.mark.integration
 
@@ -173,68 +172,3 @@ def test_an_empty_key_is_told_before_the_first_step(shell, tmp_path, monkeypatch
     assert done.exit_code == 2
     assert re.search(r"OPENAI_API_KEY is not set\.\nSet OPENAI_API_KEY", done.stderr)
     assert not list(tmp_path.rglob("episode.json"))
-
-
-# -- the paper's ablation ----------------------------------------------------------------------------------------------
-def test_the_papers_ablation_plays_ten_settings_and_stands_beside_the_paper(tmp_path, monkeypatch, one_process):
-    monkeypatch.setenv("OPENAI_API_KEY", KEY)
-    monkeypatch.chdir(tmp_path)
-    (spec, *_) = load_split("smoke")
-    write_episodes(tmp_path / "one.jsonl", [spec.model_copy(update={"max_steps": 1})])
-    with OpenAIServer([call("walk", **STEP)] * 40) as server:
-        words = ["bench", "ablate", "--split", "one.jsonl", *at(server), "--json"]
-        done = CliRunner().invoke(build(Plugins.discover), words)
-        asked = len(server.requests)
-        again = CliRunner().invoke(build(Plugins.discover), words)
-    assert done.exit_code == 0, done.output
-    assert (asked, len(server.requests)) == (19, 19), "the verifier is asked in nine of ten settings; nothing twice"
-    table = json.loads(done.stdout[done.stdout.index("{") :])
-    own = [row["agent"] for row in table["rows"] if row["source"] == "run"]
-    printed = {row["agent"]: row["NavSR"]["value"] for row in table["rows"] if row["source"] == "paper"}
-    assert own == list(printed) == [
-        "baseline", "history 0", "history 20", "history 50", "history 100", "images 2", "images 5", "images 10",
-        "without verifier", "without mid-level",
-    ]  # fmt: skip
-    assert printed["without verifier"] == 0.02
-    assert sum("1 episode." in note and ", profile paper, " in note for note in table["notes"]) == 10
-    assert again.stdout[again.stdout.index("{") :] == done.stdout[done.stdout.index("{") :]
-    settings = {
-        folder.name: RecordedEpisode(folder / spec.id).record.settings["agent"]
-        for folder in (tmp_path / "runs/ablation").iterdir()
-    }
-    assert (settings["history-50"]["history"], settings["images-5"]["images"]) == (50, 5)
-    assert (settings["baseline"]["history"], settings["baseline"]["images"]) == (10, 1)
-    assert not settings["without-mid-level"]["mid_level"]
-
-
-def test_an_ablation_plays_the_settings_that_are_named_memory_among_them(tmp_path, monkeypatch, one_process):
-    monkeypatch.setenv("OPENAI_API_KEY", KEY)
-    monkeypatch.chdir(tmp_path)
-    (spec, *_) = load_split("smoke")
-    write_episodes(tmp_path / "one.jsonl", [spec.model_copy(update={"max_steps": 2})])
-    with OpenAIServer([call("walk", **STEP, note_to_self="the hall is empty")] * 12) as server:
-        chosen = ["--setting", "without verifier", "--setting", "memory notes", "--setting", "memory map"]
-        done = CliRunner().invoke(
-            build(Plugins.discover), ["bench", "ablate", "--split", "one.jsonl", *at(server), *chosen]
-        )
-        last = [json.dumps(request.body) for request in server.requests if request.tool_names != ["verdict"]]
-    assert done.exit_code == 0, done.output
-    assert [("the hall is empty" in body, "where you have been" in body) for body in last] == [
-        (False, False), (False, False), (False, False), (True, False), (False, False), (True, True),
-    ]  # fmt: skip
-
-
-def test_a_setting_that_meets_its_limit_keeps_its_row(tmp_path, monkeypatch, one_process):
-    monkeypatch.setenv("OPENAI_API_KEY", KEY)
-    monkeypatch.chdir(tmp_path)
-    write_episodes(
-        tmp_path / "two.jsonl", [spec.model_copy(update={"max_steps": 1}) for spec in load_split("smoke")[:2]]
-    )
-    with OpenAIServer([call("walk", **STEP)] * 8) as server:
-        chosen = ["--setting", "without verifier", "--setting", "history 0", "--limit", "run.tokens=1", "--json"]
-        words = ["bench", "ablate", "--split", "two.jsonl", *at(server), *chosen]
-        done = CliRunner().invoke(build(Plugins.discover), words)
-    assert done.exit_code == 0, done.output
-    table = json.loads(done.stdout[done.stdout.index("{") :])
-    assert [row["agent"] for row in table["rows"] if row["source"] == "run"] == ["without verifier", "history 0"]
-    assert done.stderr.count("stopped: ") == 2

@@ -1,5 +1,6 @@
 """`humanclaw bench reproduce`: the paper's tables for models of several providers, over HTTP."""
 
+import json
 import re
 from contextlib import ExitStack
 
@@ -7,9 +8,10 @@ import pytest
 from click.testing import CliRunner
 from model_servers import AnthropicServer, GeminiServer, OllamaServer, OpenAIServer, call, refusing, text
 
-from humanclaw import Plugins
+from humanclaw import Plugins, RecordedEpisode
 from humanclaw.cli import build
-from humanclaw.records import write_episodes
+from humanclaw.records import read_episodes, write_episodes
+from humanclaw_bench.reproduce import PAPER_SETTINGS
 from humanclaw_bench.splits import load_split
 
 pytestmark = pytest.mark.integration
@@ -31,16 +33,16 @@ def reproduce(tmp_path, monkeypatch, one_process):
     for provider in ("OPENAI", "ANTHROPIC", "GEMINI"):
         monkeypatch.setenv(f"{provider}_API_KEY", "sk-planted-0123456789-abcdef")
 
-    def reproduce(models):
+    def reproduce(models, *more):
         (tmp_path / "models.toml").write_text(models)
-        words = ["bench", "reproduce", "paper", "--models", "models.toml", "--out", "paper"]
+        words = ["bench", "reproduce", "paper", "--models", "models.toml", "--out", "paper", *more]
         return CliRunner().invoke(build(Plugins.discover), words)
 
     return reproduce
 
 
-def split_of(count, path):
-    write_episodes(path, [spec.model_copy(update={"max_steps": 1}) for spec in load_split("smoke")[:count]])
+def split_of(count, path, steps=1):
+    write_episodes(path, [spec.model_copy(update={"max_steps": steps}) for spec in load_split("smoke")[:count]])
 
 
 def row(model, server, more=""):
@@ -101,6 +103,60 @@ def test_a_model_that_only_talks_is_left_after_ten_answers(reproduce, tmp_path):
     assert done.exit_code == 1
     assert asked == 10
     assert "10 answers in a row held no usable call" in done.output
+
+
+def ablation_of(server, settings, more=""):
+    return 'split = "one.jsonl"\nablation_split = "one.jsonl"' + row(
+        "openai/scripted", server, f"ablation = {settings}\n{more}"
+    )
+
+
+def test_the_ablation_plays_ten_settings_and_stands_beside_the_paper(reproduce, tmp_path):
+    split_of(1, tmp_path / "one.jsonl")
+    with OpenAIServer([call("walk", **STEP)] * 40) as server:
+        done = reproduce(ablation_of(server, "true"))
+        asked = len(server.requests)
+    assert done.exit_code == 0, done.output
+    assert asked == 21, "table 2 asks agent and verifier; the verifier is asked in nine of the ten settings too"
+    table = (tmp_path / "paper/paper.md").read_text().partition("**Ablation of openai-scripted**")[2]
+    rows = [line.split(" | ")[0].strip("| ") for line in table.splitlines() if line.startswith("| ")][2:]
+    own = [name for name in rows if not name.endswith("\u2020")]
+    assert own == [name.removesuffix(" \u2020") for name in rows[10:]] == list(PAPER_SETTINGS)
+    assert table.count("1 episode.") == table.count(", profile paper, ") == 10
+    (spec,) = read_episodes(tmp_path / "one.jsonl")
+    agents = {
+        folder.name: RecordedEpisode(folder / spec.id).record.settings["agent"]
+        for folder in (tmp_path / "paper/openai-scripted").iterdir()
+    }
+    assert (agents["history-50"]["history"], agents["images-5"]["images"]) == (50, 5)
+    assert (agents["baseline"]["history"], agents["baseline"]["images"]) == (10, 1)
+    assert not agents["without-mid-level"]["mid_level"]
+
+
+def test_an_ablation_plays_the_settings_that_are_named_memory_among_them(reproduce, tmp_path):
+    split_of(1, tmp_path / "one.jsonl", steps=2)
+    with OpenAIServer([call("walk", **STEP, note_to_self="the hall is empty")] * 20) as server:
+        done = reproduce(ablation_of(server, ["without verifier", "memory notes", "memory map"]))
+        asked = [json.dumps(request.body) for request in server.requests if request.tool_names != ["verdict"]]
+    assert done.exit_code == 0, done.output
+    assert [("the hall is empty" in body, "where you have been" in body) for body in asked[2:]] == [
+        (False, False), (False, False), (False, False), (True, False), (False, False), (True, True),
+    ]  # fmt: skip
+
+
+def test_a_setting_that_meets_its_limit_keeps_its_row(reproduce, tmp_path):
+    split_of(2, tmp_path / "one.jsonl")
+    with OpenAIServer([call("walk", **STEP)] * 12) as server:
+        settings = ["without verifier", "history 0"]
+        done = reproduce(ablation_of(server, settings, 'limits = { "run.tokens" = 1 }'), "--yes")
+    assert done.exit_code == 0, done.output
+    page = (tmp_path / "paper/paper.md").read_text()
+    assert all(re.search(rf"^\| {setting} \|", page, re.MULTILINE) for setting in settings)
+    assert done.stderr.count("stopped: ") == 3
+
+
+def test_a_model_can_be_named_without_a_file_and_not_beside_one(reproduce):
+    assert "Name a file with --models, or models with --model." in reproduce("", "--model", "openai/scripted").output
 
 
 @pytest.mark.parametrize(

@@ -28,7 +28,6 @@ TABLES = {
     "bench compare": "{a} {b} --partial",
     "bench rescore": "{a}",
     "bench power": "--split smoke --trials 2",
-    "bench ablate": None,
     "bench repair": None,
     "fidelity": "--skills walk --rollouts 2",
     "naturalness": None,

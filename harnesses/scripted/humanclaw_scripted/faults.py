@@ -47,14 +47,6 @@ class Fault:
         """Options of the agent for this fault."""
         return {"fault": self.name}
 
-    def goes_with(self, other: Fault) -> bool:
-        """Tell whether one agent can have both: their capabilities differ, and at most one is `standing`."""
-        return self.capability != other.capability and not (self.standing and other.standing)
-
-    def with_another(self, other: Fault) -> Mapping[str, Any]:
-        """Return the options of the agent for both faults."""
-        return {"fault": f"{self.name}+{other.name}"}
-
     def fits(self, spec: EpisodeSpec) -> bool:
         """Tell whether an episode can show this fault; True if the length of its way is unknown."""
         if self.seated and not spec.interact:

@@ -1,34 +1,27 @@
-"""An agent that fails in known ways, and a verifier with true knowledge, to check ablations and root causes.
+"""An agent that fails in known ways, and a verifier with true knowledge, to check root causes.
 
-The agent is the oracle with one change, so every failure is due to that change. Its results say nothing about any
-model; they show that harness and benchmark respond to a fault.
-
-A `fault` removes a capability: root causes should find it. A `bounded` agent keeps its capabilities, but its memory,
-attention and distance estimates have limits. The harness's settings (history, images, mid_level, a verifier) widen or
-narrow these limits: the ablations of the paper's table 3 should show them.
+The agent is the oracle without one capability, so every failure is due to that: root causes should find it. Its results
+say nothing about any model; they show that the benchmark responds to a fault.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Any, Final
+from dataclasses import replace
+from typing import Final
 
 import numpy as np
 
 from humanclaw import Call, Decision, EpisodeContext, EpisodeSpec, HistoryEntry, Observation, Skill, Verdict
 from humanclaw.body import Array
 from humanclaw.records import REACHED, SEATS, Answer as CheckAnswer, Feedback, acknowledges
-from humanclaw_scripted.actions import BACK, TURN, asking, ending
-from humanclaw_scripted.behaviours import BEHAVIOURS, LOOK_AROUND, Snapshot
+from humanclaw_scripted.actions import ending
+from humanclaw_scripted.behaviours import BEHAVIOURS, Snapshot
 from humanclaw_scripted.faults import FAULTS, Fault
 from humanclaw_scripted.ground_truth import Perception
 from humanclaw_scripted.narration import Narrator
 from humanclaw_scripted.options import FaultyOptions, VerifierOptions
 from humanclaw_scripted.oracle import OracleAgent
-
-AT_HAND: Final = 1.5
-"""Distance to the target within which an agent sits down, metres."""
 
 
 def oracle(context: EpisodeContext, spec: EpisodeSpec, words: str = "map") -> OracleAgent:
@@ -39,7 +32,7 @@ def oracle(context: EpisodeContext, spec: EpisodeSpec, words: str = "map") -> Or
 
 
 class FaultyAgent:
-    """The oracle with faults, with limits, or with both."""
+    """The oracle with a fault."""
 
     name = "faulty"
     privileged = True
@@ -53,14 +46,13 @@ class FaultyAgent:
         self._perception = Perception(context)
         self._begun = spec.difficulty.distance if spec.difficulty else self._perception.away()
         self._stop = ending(context.skills)
-        self._faults = self._chosen(spec)
-        standing = any(fault.standing for fault in self._faults)
+        self._fault = self._shown(spec)
+        standing = self._fault is not None and self._fault.standing
         task = spec.model_copy(update={"interact": False}) if standing else spec
         self._oracle = oracle(context, task, self.options.words)
-        self._errand = self._to_another_seat() if any(fault.elsewhere for fault in self._faults) else None
-        self._pads: dict[str, tuple[dict[str, int], list[Array]]] = {fault.name: ({}, []) for fault in self._faults}
-        self._last_seen: int | None = None
-        self._limits = BoundedRationality(self.options, self._perception, self._stop)
+        self._errand = self._to_another_seat() if self._fault and self._fault.elsewhere else None
+        self._pad: tuple[dict[str, int], list[Array]] = {}, []
+        self._has_seen = False
         self._narrator = Narrator() if self.options.words == "eyes" else None
         if self._narrator:
             self._narrator.begin(context)
@@ -74,10 +66,10 @@ class FaultyAgent:
         task = context.spec.model_copy(update={"target_ids": seats, "target_category": "seat"})
         return oracle(context, task, self.options.words)
 
-    def _chosen(self, spec: EpisodeSpec) -> tuple[Fault, ...]:
-        """Return the faults of this episode, without those that it cannot show or that are repaired."""
-        named = (FAULTS[name] for name in self.options.fault.split("+") if name in FAULTS)
-        return tuple(fault for fault in named if fault.fits(spec) and fault.capability != self.options.repair)
+    def _shown(self, spec: EpisodeSpec) -> Fault | None:
+        """Return the fault; None if the episode cannot show it, or if it is repaired."""
+        fault = FAULTS.get(self.options.fault)
+        return fault if fault and fault.fits(spec) and fault.capability != self.options.repair else None
 
     def decide(self, observation: Observation, history: Sequence[HistoryEntry]) -> Decision:
         if self._errand:
@@ -87,11 +79,9 @@ class FaultyAgent:
             self._errand = None
         decision = meant = self._oracle.decide(observation, history)
         seen = acknowledges(decision.visible_state, self._perception.context.spec.target_category)
-        for fault in self._faults:
-            decision = BEHAVIOURS[fault.name](self._snapshot(fault, decision, seen, observation.step))
-        self._last_seen = observation.step if seen else self._last_seen
-        if self.options.bounded:
-            decision = self._limits.limit(decision, observation.step, self._last_seen, history)
+        if self._fault:
+            decision = BEHAVIOURS[self._fault.name](self._snapshot(decision, seen, observation.step))
+        self._has_seen |= seen
         return self._told(decision, meant.visible_state, history)
 
     def _told(self, decision: Decision, seen: str, history: Sequence[HistoryEntry]) -> Decision:
@@ -103,60 +93,9 @@ class FaultyAgent:
         claimed = narrated.visible_state if decision.visible_state == seen else decision.visible_state
         return replace(narrated, visible_state=claimed)
 
-    def _snapshot(self, fault: Fault, decision: Decision, seen: bool, step: int) -> Snapshot:
+    def _snapshot(self, decision: Decision, seen: bool, step: int) -> Snapshot:
         left = self._perception.context.spec.max_steps - step
-        before = self._last_seen is not None
-        pad = self._pads[fault.name]
-        return Snapshot(self._perception, decision, left, seen, before, self._stop, self._begun, *pad)
-
-
-# -- a bounded agent ---------------------------------------------------------------------------------------------------
-@dataclass(frozen=True)
-class BoundedRationality:
-    """The oracle's decision, within limits.
-
-    Memory: the agent knows the place of a target out of view for as many steps as the history has; then it looks
-    around. Commitment: to turn its back on a seat and sit down takes several steps, and so a mid-level goal; without
-    one the agent stops in front of the seat. Attention: among n pictures it may take an old one for the current one,
-    and repeat the call that followed it. Distance: it may take a target in view within 4 m to be within reach.
-    """
-
-    options: FaultyOptions
-    perception: Perception
-    stop: str
-
-    def limit(self, decision: Decision, step: int, last_seen: int | None, history: Sequence[HistoryEntry]) -> Decision:
-        """Return the limited decision. last_seen: last step with the target in view, this one included, or None."""
-        rng = np.random.default_rng([self.perception.context.seed, step, 78])
-        # Every step draws all three numbers, so that one limit does not change the draws of another.
-        draws = rng.random(3)
-        old = self._mistaken_for(draws[:2], history)
-        if old is not None:
-            return replace(decision, calls=(old,), reasoning="The view is as it was: I do the same again.")
-        if last_seen == step and 3 * REACHED < self.perception.away() < 4.0 and draws[2] < self.options.misjudged:
-            return replace(decision, calls=(Call(self.stop),), reasoning="It looks close enough to touch, so I stop.")
-        if last_seen is not None and step - last_seen > self.options.history:
-            around = asking(self.perception.context.skills, TURN, (np.radians(LOOK_AROUND),))
-            return replace(decision, calls=(around,), reasoning="I do not know where it is: I look around.")
-        if not self.options.mid_level and last_seen is not None and self._in_routine(decision.calls[0]):
-            return replace(decision, calls=(Call(self.stop),), reasoning="I stand before it, so I am done.")
-        return decision
-
-    def _mistaken_for(self, draws: Any, history: Sequence[HistoryEntry]) -> Call | None:
-        """Return the call that followed an older view, if the agent takes that view for the current one."""
-        others = min(self.options.images - 1, len(history))
-        competing = self.options.confusion * others
-        if not others or draws[0] >= competing / (1 + competing):
-            return None
-        return history[-1 - int(draws[1] * others)].executed
-
-    def _in_routine(self, call: Call) -> bool:
-        """Tell whether a call belongs to sitting down: the turn before the seat, the step back, or the sit."""
-        skill = self.perception.context.skills[call.skill].declaration
-        measures = tuple(parameter.measure for parameter in skill.parameters)
-        sits = skill.role == "sit" or measures == BACK
-        near = self.perception.context.spec.interact and self.perception.away() < AT_HAND
-        return near and (sits or (measures == TURN and self.perception.reach() < 2 * REACHED))
+        return Snapshot(self._perception, decision, left, seen, self._has_seen, self._stop, self._begun, *self._pad)
 
 
 # -- a verifier -------------------------------------------------------------------------------------------------------

@@ -31,24 +31,15 @@ class VerifierOptions(BaseModel):
 
 
 class FaultyOptions(OracleOptions):
-    """Options of `--agent faulty`. history, images and mid_level mean the same as for a model."""
+    """Options of `--agent faulty`."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     profile: str = "default"
     fault: str = "none"
-    """A name of FAULTS, two of them joined by a plus sign, or `none`."""
+    """A name of FAULTS, or `none`."""
     repair: str = ""
     """A capability whose faults are removed, to check a root cause."""
-    history: int = Field(10, ge=0)
-    images: int = Field(1, ge=1)
-    mid_level: bool = True
-    bounded: bool = False
-    """Whether memory, attention and distance estimates have limits."""
-    misjudged: float = Field(0.2, ge=0, le=1)
-    """Probability that a bounded agent takes a target in view within 4 m to be within reach."""
-    confusion: float = Field(0.1, ge=0)
-    """Weight of each further picture against the current one in a bounded agent's attention."""
     miss: float = Field(0.0, ge=0, le=1)
     """Probability that the verifier `oracle` accepts a call that it should reject."""
 
@@ -56,9 +47,6 @@ class FaultyOptions(OracleOptions):
     def of(cls, given: Mapping[str, Any]) -> FaultyOptions:
         """Check options. Raises HumanclawError that names the wrong one."""
         options = read_options(cls, given)
-        unknown = {*options.fault.split("+")} - {*FAULTS, "none"}
-        if unknown:
-            raise HumanclawError(
-                f"there is no fault {sorted(unknown)[0]!r}.", f"Choose from: {', '.join(FAULTS)}, none."
-            )
+        if options.fault not in (*FAULTS, "none"):
+            raise HumanclawError(f"there is no fault {options.fault!r}.", f"Choose from: {', '.join(FAULTS)}, none.")
         return options

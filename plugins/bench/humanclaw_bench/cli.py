@@ -65,11 +65,10 @@ def bench() -> None:
 
 
 for _name, _target, _told in (
-    ("ablate", "evidence:ablate", "Run the paper's ablation with a scripted bounded agent."),
     ("repair", "evidence:repair_command", "Check root causes with failures of known origin."),
     ("make", "making:make", "Make the splits from seeds, a hidden test, or training tasks."),
     ("rollouts", "dataset:rollouts", "Write recorded runs as conversations to train on."),
-    ("reproduce", "reproduce:reproduce", "Play the paper's tables 2 and 3 for the models of a file."),
+    ("reproduce", "reproduce:reproduce", "Play the paper's tables 2 and 3 for some models."),
     ("power", "power:power_command", "Simulate which difference between two runs a split can show."),
     ("verify", "checking:verify", "Check every file of a run against its digest."),
     ("submit", "checking:submit", "Write submission.json into a run, for a leaderboard."),

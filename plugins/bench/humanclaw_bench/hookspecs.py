@@ -48,12 +48,6 @@ class Fault(Protocol):
     def fits(self, spec: EpisodeSpec) -> bool:
         """Return whether an episode can show the fault."""
 
-    def goes_with(self, other: Any) -> bool:
-        """Return whether an agent can have this and another fault at once, with two capabilities missing."""
-
-    def with_another(self, other: Any) -> Mapping[str, Any]:
-        """Return options that give the agent both faults. other: a fault for which goes_with is true."""
-
 
 class RegisterFault(Protocol):
     def __call__(self, fault: Fault) -> None:

@@ -3,15 +3,12 @@
 An agent with a known fault, drawn by the episode's seed, plays episodes until every root cause of the faults occurred
 often enough. The benchmark blames a capability for each failure, from the record alone. Then the episode is played
 again with the blamed capability repaired.
-
-Agents with two faults at once show whether only this repair helps. First the blamed capability is repaired, then
-instead the other missing one. The failure should disappear in the first case and stay in the second.
 """
 
 from __future__ import annotations
 
 from collections.abc import Container, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -49,13 +46,6 @@ def drawn(spec: EpisodeSpec, faults: Sequence[Fault]) -> Fault | None:
     return fitting[int(np.random.default_rng([spec.seed, 77]).integers(len(fitting)))] if fitting else None
 
 
-def companion(spec: EpisodeSpec, faults: Sequence[Fault]) -> Fault | None:
-    """Return the second fault of an episode, drawn by its seed from those that go with its own fault."""
-    own = drawn(spec, faults)
-    fitting = [fault for fault in faults if own and fault.fits(spec) and own.goes_with(fault)]
-    return fitting[int(np.random.default_rng([spec.seed, 78]).integers(len(fitting)))] if fitting else None
-
-
 def by_fault(specs: Sequence[EpisodeSpec], faults: Sequence[Fault]) -> Iterator[tuple[Fault, list[EpisodeSpec]]]:
     """Yield each fault with the episodes that are played with it."""
     for fault in faults:
@@ -66,11 +56,6 @@ def by_fault(specs: Sequence[EpisodeSpec], faults: Sequence[Fault]) -> Iterator[
 def job(fault: Fault, repair: str = "") -> Job:
     """Return the job for a fault. repair: a capability to repair."""
     return Job(fault.agent, {**fault.options, **({"repair": repair} if repair else {})})
-
-
-def pair_job(own: Fault, other: Fault, repair: str = "") -> Job:
-    """Return the job for two faults at once. repair: a capability to repair."""
-    return Job(own.agent, {**own.with_another(other), **({"repair": repair} if repair else {})})
 
 
 def wanting(specs: Sequence[EpisodeSpec], causes: Causes, each: int, faults: Sequence[Fault]) -> list[EpisodeSpec]:
@@ -90,13 +75,9 @@ def _label(cause: Cause | None) -> str:
     return cause.label if cause else ""
 
 
-def blamed(specs: Sequence[EpisodeSpec], causes: Causes, capability: str, most: int = 0) -> list[EpisodeSpec]:
-    """Return the episodes whose failure is blamed on a capability. most: limit per label; 0 for none."""
-    by_label: dict[str, list[EpisodeSpec]] = {}
-    for spec in specs:
-        if (cause := causes.get(spec.id)) and cause.capability == capability:
-            by_label.setdefault(cause.label, []).append(spec)
-    return [spec for mine in by_label.values() for spec in mine[: most or None]]
+def blamed(specs: Sequence[EpisodeSpec], causes: Causes, capability: str) -> list[EpisodeSpec]:
+    """Return the episodes whose failure is blamed on a capability."""
+    return [spec for spec in specs if (cause := causes.get(spec.id)) and cause.capability == capability]
 
 
 @dataclass(frozen=True)
@@ -134,56 +115,6 @@ def second_blames(scores: Scores, capability: str) -> bool:
     return any(cause.label in further and cause.capability == capability for cause in (*CAUSES, *FURTHER))
 
 
-@dataclass(frozen=True)
-class Paired:
-    """The failures with one label of agents with two faults, and in how many either repair removes it."""
-
-    label: str
-    capability: str
-    count: int
-    astray: int = 0
-    """Number blamed on a capability that neither fault removes."""
-    gone: int = 0
-    """Number without that failure after the blamed capability is repaired."""
-    gone_by_other: int = 0
-    """Number without it after the other capability is repaired."""
-
-    @property
-    def tried(self) -> int:
-        """Number blamed on a capability that one of the two faults removes."""
-        return self.count - self.astray
-
-
-def paired(
-    causes: Causes, mended: Mapping[str, Causes], faults: Mapping[str, tuple[Fault, Fault]]
-) -> tuple[Paired, ...]:
-    """Check two faults at once for every label, in the order of the rules.
-
-    causes: of the episodes with both faults. mended: repaired capability to the causes then. faults: the two faults of
-    each episode.
-    """
-    return tuple(
-        _paired(cause, [episode for episode, found in causes.items() if found is cause], mended, faults)
-        for cause in CAUSES
-        if cause in causes.values()
-    )
-
-
-def _paired(
-    cause: Cause, mine: Sequence[str], mended: Mapping[str, Causes], faults: Mapping[str, tuple[Fault, Fault]]
-) -> Paired:
-    found = Paired(cause.label, cause.capability, len(mine))
-    for episode in mine:
-        missing = {fault.capability for fault in faults[episode]}
-        if cause.capability not in missing:
-            found = replace(found, astray=found.astray + 1)
-            continue
-        (other,) = missing - {cause.capability}
-        gone, gone_by_other = (mended[name][episode] is not cause for name in (cause.capability, other))
-        found = replace(found, gone=found.gone + gone, gone_by_other=found.gone_by_other + gone_by_other)
-    return found
-
-
 def markdown(rows: Sequence[Repaired]) -> str:
     lines = [
         "| label | capability | episodes | mended by that capability | others: a second label blames the missing one |",
@@ -192,20 +123,6 @@ def markdown(rows: Sequence[Repaired]) -> str:
     lines += [
         f"| {r.label} | {r.capability} | {r.count} | {_share(r.repaired, r.count)} | "
         f"{_share(r.second, r.count - r.repaired)} |"
-        for r in rows
-    ]
-    return "\n".join(lines)
-
-
-def pairs_markdown(rows: Sequence[Paired]) -> str:
-    """Return the results with two faults at once as Markdown."""
-    lines = [
-        "| two faults at once, label | blamed | episodes | neither of the two | gone with it | gone with the other |",
-        "| --- | --- | ---: | ---: | ---: | ---: |",
-    ]
-    lines += [
-        f"| {r.label} | {r.capability} | {r.count} | {r.astray} | {_share(r.gone, r.tried)} | "
-        f"{_share(r.gone_by_other, r.tried)} |"
         for r in rows
     ]
     return "\n".join(lines)

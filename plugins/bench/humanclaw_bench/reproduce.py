@@ -12,11 +12,10 @@ from typing import Annotated, Any, Final
 import click
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
-from humanclaw import EpisodeSpec, HumanclawError, Plugins
+from humanclaw import Backends, EpisodeSpec, HumanclawError, Plugins
 from humanclaw.cli import Console, counted
 from humanclaw.records import name_of
 from humanclaw.storage import Folder, read_file, write_result
-from humanclaw_bench.ablation import FURTHER_SETTINGS, MODEL_SETTINGS, model_jobs
 from humanclaw_bench.export import results_of
 from humanclaw_bench.progress import RunProgress, foresight, stop_after_option
 from humanclaw_bench.runner import Forecast, RunStatus, run_split
@@ -27,12 +26,25 @@ from humanclaw_bench.writers import markdown
 
 MAIN: Final = "main"
 """Folder of a model's run for table 2; the other folders are settings of table 3."""
+PAPER_SETTINGS: Final[Mapping[str, Mapping[str, Any]]] = {
+    "baseline": {},
+    **{f"history {steps}": {"history": steps} for steps in (0, 20, 50, 100)},
+    **{f"images {count}": {"images": count} for count in (2, 5, 10)},
+    "without verifier": {"verifier": ""},
+    "without mid-level": {"mid_level": False},
+}
+"""The rows of the paper's table 3 by name: what differs from `--profile paper`."""
+SETTINGS: Final[Mapping[str, Mapping[str, Any]]] = {
+    **PAPER_SETTINGS,
+    "memory notes": {"memory": "notes"},
+    "memory map": {"memory": "map"},
+}
+"""The same with rows that the paper does not have; they are played if named."""
 
 
 def _known(name: str) -> str:
-    known = {**MODEL_SETTINGS, **FURTHER_SETTINGS}
-    if name not in known:
-        raise ValueError(f"{name!r} is none of {', '.join(known)}")
+    if name not in SETTINGS:
+        raise ValueError(f"{name!r} is none of {', '.join(SETTINGS)}")
     return name
 
 
@@ -64,16 +76,18 @@ class Model(BaseModel):
     @property
     def settings(self) -> tuple[str, ...]:
         """The settings of table 3 to play."""
-        return (tuple(MODEL_SETTINGS) if self.ablation else ()) if isinstance(self.ablation, bool) else self.ablation
+        return (tuple(PAPER_SETTINGS) if self.ablation else ()) if isinstance(self.ablation, bool) else self.ablation
 
-    def jobs(self, settings: Sequence[str]) -> dict[str, Job]:
-        """Return the job of each setting; that of table 2 is the baseline's."""
+    def job(self, setting: str) -> Job:
+        """Return the job of a setting; that of table 2 is the baseline's."""
         params: dict[str, Any] = dict(self.options.get("params", {}))
         if self.usd_per_million:
             costs = (usd / 1_000_000 for usd in self.usd_per_million)
             params |= dict(zip(("input_cost_per_token", "output_cost_per_token"), costs, strict=True))
-        options = {**self.options, "model": self.model} | ({"params": params} if params else {})
-        return model_jobs(options, self.limits, settings)
+        options = {"profile": "paper", **self.options, "model": self.model} | ({"params": params} if params else {})
+        options |= SETTINGS[setting]
+        verifier = options.pop("verifier", "litellm")
+        return Job("litellm", options, verifier, Backends(profile="paper"), self.limits)
 
 
 class Plan(BaseModel):
@@ -108,25 +122,35 @@ class Plan(BaseModel):
 
     def runs(self, model: Model) -> Iterator[tuple[str, tuple[EpisodeSpec, ...], Job]]:
         """Yield folder, episodes and job of every run of a model."""
-        yield MAIN, repeated(load_split(self.split), self.repeats), model.jobs(["baseline"])["baseline"]
-        for setting, job in model.jobs(model.settings).items():
-            yield name_of(setting).replace(" ", "-"), load_split(self.ablation_split), job
+        yield MAIN, repeated(load_split(self.split), self.repeats), model.job("baseline")
+        for setting in model.settings:
+            yield _folder(setting), load_split(self.ablation_split), model.job(setting)
+
+
+def _folder(setting: str) -> str:
+    return name_of(setting).replace(" ", "-")
 
 
 @click.command()
 @click.argument("what", type=click.Choice(["paper"]))
-@click.option("--models", "file", type=click.Path(path_type=Path), required=True, help="TOML file of models.")
+@click.option("--models", "file", type=click.Path(path_type=Path), help="TOML file of models.")
+@click.option("--model", "names", multiple=True, help="Any litellm model; in the place of a file. Repeatable.")
 @click.option("--out", type=click.Path(path_type=Path), default=Path("runs/paper"), show_default=True, help="Folder.")
 @click.option("--workers", type=click.IntRange(1), default=1, show_default=True, help="Episodes at a time.")
 @stop_after_option
 @click.option("--yes", is_flag=True, help="Do not ask for confirmation after the estimate of time and cost.")
-def reproduce(what: str, file: Path, out: Path, workers: int, stop_after: int, yes: bool) -> None:
-    """Play the paper's tables 2 and 3 for the models of a file, or continue.
+def reproduce(
+    what: str, file: Path | None, names: tuple[str, ...], out: Path, workers: int, stop_after: int, yes: bool
+) -> None:
+    """Play the paper's tables 2 and 3 for some models, or continue.
 
     First each model plays three episodes, and the command estimates time and cost of everything. At the end, and after
     Ctrl-C, `paper.md` in the folder holds the tables.
     """
-    plan, player = Plan.read(file), _Player(workers, stop_after)
+    if bool(file) == bool(names):
+        raise click.UsageError("Name a file with --models, or models with --model.")
+    plan = Plan.read(file) if file else Plan(models=tuple(Model(model=name, ablation=True) for name in names))
+    player = _Player(workers, stop_after)
     if not yes and not _agreed([player.forecast(plan, model, out) for model in plan.models], plan.models):
         return
     try:
@@ -209,7 +233,7 @@ def _write(plan: Plan, out: Path) -> Path:
         tables = all_tables(results_of(played)).values()
         parts += [markdown(table) for table in tables if table.rows and table.columns]
     for model in plan.models:
-        settings = {name: out / model.folder / name for name, _, _ in plan.runs(model) if name != MAIN}
+        settings = {setting: out / model.folder / _folder(setting) for setting in model.settings}
         if table := _ablation({name: run for name, run in settings.items() if _holds_episodes(run)}):
             parts.append(markdown(replace(table, title=f"{table.title} of {model.folder}")))
     return write_result(None, out, "paper.md", ("\n\n".join(parts) + "\n").encode())
@@ -217,7 +241,7 @@ def _write(plan: Plan, out: Path) -> Path:
 
 def _ablation(runs: Mapping[str, Path]) -> ResultTable | None:
     """Return table 3 of one model, from its runs by setting; None without runs."""
-    named = [replace(result, name=name.replace("-", " ")) for name, run in runs.items() for result in results_of([run])]
+    named = [replace(result, name=setting) for setting, run in runs.items() for result in results_of([run])]
     return ablation_table(named) if named else None
 
 
