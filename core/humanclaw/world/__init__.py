@@ -6,6 +6,7 @@ from humanclaw.doors import door
 
 if TYPE_CHECKING:
     from humanclaw.world.compiling import compiled as compiled, inlined as inlined
+    from humanclaw.world.half_physics.kinematic import Kinematic as Kinematic
     from humanclaw.world.half_physics.profile import (
         PROFILES as PROFILES,
         Profile as Profile,

@@ -20,6 +20,13 @@ def _simulator(profile: str | Profile = "default") -> Simulator:
     return mujoco(profile)
 
 
+def _kinematic(profile: str | Profile = "default") -> Simulator:
+    from humanclaw_mujoco.world import kinematic
+
+    return kinematic(profile)
+
+
 @hookimpl
 def humanclaw_simulators(register: Register[SimulatorFactory]) -> None:
     register("mujoco", _simulator, "Half-physics on MuJoCo: installs on every supported Python and system.")
+    register("kinematic", _kinematic, "No physics: motion is played back through walls, a baseline.")

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from humanclaw import Scene
 from humanclaw.body import Array, matrix_from_quaternion
 from humanclaw.storage import source_digest
-from humanclaw.world import TOUCHING, HalfPhysics, ObjectMotion, Pose, Profile, Touch
+from humanclaw.world import TOUCHING, HalfPhysics, Kinematic, ObjectMotion, Pose, Profile, Touch
 from humanclaw_mujoco.contacts import body_contacts, harden, harden_stops, let_slide
 from humanclaw_mujoco.model import FIXED_GROUP, Model, build
 from humanclaw_mujoco.sleep import Sleep
@@ -255,11 +255,27 @@ class _Worlds:
 
 
 def mujoco(profile: str | Profile = "default") -> HalfPhysics:
-    """Return half-physics on MuJoCo. profile: 'default', 'paper', 'reference', or constants of your own.
+    """Return half-physics on MuJoCo. profile: 'default', 'paper', 'reference', or constants of your own."""
+    _log_warnings()
+    return HalfPhysics(_Worlds(), profile, _digest())
 
-    MuJoCo's warnings go to the log, unless the program already handles them. By default MuJoCo prints them to stdout,
-    where they could break a protocol, and writes a file into the working directory.
+
+def kinematic(profile: str | Profile = "default") -> Kinematic:
+    """Return pure kinematics on MuJoCo's collision detection. profile: as for `mujoco`; it settles objects and start
+    alone."""
+    _log_warnings()
+    return Kinematic(_Worlds(), profile, _digest())
+
+
+def _digest() -> str:
+    return source_digest(("humanclaw_mujoco",), ("mujoco", "numba"))
+
+
+def _log_warnings() -> None:
+    """Send MuJoCo's warnings to the log, unless the program already handles them.
+
+    By default MuJoCo prints them to stdout, where they could break a protocol, and writes a file into the working
+    directory.
     """
     if mj.get_mju_user_warning() is None:
         mj.set_mju_user_warning(_LOG.warning)
-    return HalfPhysics(_Worlds(), profile, source_digest(("humanclaw_mujoco",), ("mujoco", "numba")))

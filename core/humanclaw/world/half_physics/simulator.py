@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Final
+from typing import ClassVar, Final
 
 import numpy as np
 
@@ -41,6 +41,8 @@ class HalfPhysics:
     Not thread-safe. Same scene, start and motions: same outcome, bit for bit, on one machine.
     """
 
+    _simulation_type: ClassVar[type[Simulation]] = Simulation
+
     def __init__(self, open_world: OpenWorld, profile: str | Profile = "default", digest: str = "") -> None:
         """Take an engine.
 
@@ -73,7 +75,7 @@ class HalfPhysics:
         try:
             for key, motion in rest.items():
                 world.set_motion(key, motion)
-            simulation = Simulation(world, self._profile, surroundings, pose)
+            simulation = self._simulation_type(world, self._profile, surroundings, pose)
             _refuse_overlap(simulation, scene, start)
             world.settled()
             _settle(simulation, pose, scene, start)
