@@ -31,6 +31,9 @@ from humanclaw.world.view import Gaze, ego_camera
 
 _ROWS: Final = (30, 40, 50, 60, 70, 80, 90, 100)
 """Rows of a picture, per cent of its height and not pixels, because providers scale pictures."""
+_SHORT: Final = {"saw": 240, "progress": 100, "goal": 140, "reasoning": 140}
+"""Characters of each field of a past step. Talkative models write about twice as much."""
+_WHOLE: Final = 100_000
 
 
 @dataclass(frozen=True)
@@ -174,7 +177,7 @@ def step_content(
     until old steps are dropped.
     """
     first = settings.first_told(len(history))
-    content = [_text(_past(history, index, settings.mid_level)) for index in range(first, len(history))]
+    content = [_text(_past(history, index, settings)) for index in range(first, len(history))]
     if content and settings.marks_cache:
         content[-1]["cache_control"] = {"type": "ephemeral"}
     for past in history[-(settings.images - 1) :] if settings.images > 1 else ():
@@ -197,10 +200,10 @@ def _view(observation: Observation, settings: PromptSettings) -> list[Json]:
     return [picture(observation.rgb, settings.detail)] if settings.images else []
 
 
-def _past(history: Sequence[HistoryEntry], index: int, mid_level: bool) -> str:
+def _past(history: Sequence[HistoryEntry], index: int, settings: PromptSettings) -> str:
     """Write one past step. A mid-level goal that did not change is written as `kept`."""
     past = history[index]
-    goal = past.decision.mid_level_goal if mid_level else ""
+    goal = past.decision.mid_level_goal if settings.mid_level else ""
     kept = bool(goal) and index > 0 and history[index - 1].decision.mid_level_goal == goal
     calls = past.decision.calls
     as_called = calls == (past.feedback.replaced or past.executed,)
@@ -211,6 +214,7 @@ def _past(history: Sequence[HistoryEntry], index: int, mid_level: bool) -> str:
         decision=past.decision,
         goal="kept" if kept else goal,
         called=called,
+        bounds=_SHORT if settings.history_text == "short" else dict.fromkeys(_SHORT, _WHOLE),
         feedback=past.feedback,
     )
 

@@ -16,6 +16,8 @@ class PromptSettings(BaseModel):
     """Past steps in the prompt."""
     history_slack: Annotated[int, Field(ge=0)] = 0
     """Extra past steps that accumulate before the oldest are dropped together, so that a provider's cache applies."""
+    history_text: Literal["short", "whole"] = "short"
+    """Whether the model's own words of past steps are cut, what it saw to 240 characters and the rest to 100 or 140."""
     images: Annotated[int, Field(ge=0)] = 1
     """Pictures in the prompt, the current view included; 0 for a model that takes none."""
     mid_level: bool = True

@@ -17,7 +17,7 @@ Mode = Literal["tools", "tools_auto", "schema", "prompt"]
 PROFILES: Final[Mapping[str, Mapping[str, Any]]] = {
     "paper": {
         "history": 10, "history_slack": 0, "images": 1, "mid_level": True, "temperature": 0.0, "guide": False,
-        "brief": False,
+        "brief": False, "history_text": "whole",
     },
     "default": {"history": 20, "history_slack": 10, "images": 1, "mid_level": True},
 }  # fmt: skip

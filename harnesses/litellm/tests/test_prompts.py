@@ -20,10 +20,8 @@ from humanclaw_litellm.settings import Settings
 pytestmark = pytest.mark.integration
 
 SNAPSHOTS = Path(__file__).parent / "snapshots"
-PICTURE_TOKENS = {"openai": 85 + 170, "anthropic": 512 * 512 // 750, "gemini": 258}
-"""Tokens of a picture of 512 x 512 pixels by the published rules. OpenAI (gpt-4o): 85, and 170 for each tile of 512
-pixels. Anthropic: width x height / 750. Gemini: 258 for each tile of up to 768 pixels."""
-MOST = 4400
+PICTURE_TOKENS = 85 + 170
+"""Tokens of a picture of 512 x 512 pixels by the published rule (gpt-4o): 85, and 170 for each tile of 512 pixels."""
 
 
 @pytest.fixture(scope="session")
@@ -210,15 +208,12 @@ def counted(begin, view, skills, lived):
     return run
 
 
-def test_a_step_at_the_papers_settings_sends_at_most_4400_tokens(counted):
-    """The verifier's included, as the paper counts. No step by OpenAI's rule, and the mean by everybody's."""
-    steps = counted(profile="paper")
-    assert len(steps) == 100
-    for provider, each in PICTURE_TOKENS.items():
-        used = [words + pictures * each for words, pictures in steps]
-        print(f"{provider}: tokens a step: mean {sum(used) / len(used):.0f}, most {max(used)}")
-        assert sum(used) / len(used) <= MOST
-        assert max(used) <= MOST or provider != "openai"
+@pytest.mark.parametrize(("history", "paper"), [(0, 2582), (10, 4676), (20, 6692)])
+def test_a_step_sends_as_many_tokens_as_the_papers(counted, history, paper):
+    """Table 3 of the paper: input tokens a step, the verifier's included. Pictures by OpenAI's rule."""
+    used = [words + pictures * PICTURE_TOKENS for words, pictures in counted(profile="paper", history=history)]
+    assert len(used) == 100
+    assert sum(used) / len(used) == pytest.approx(paper, rel=0.03)
 
 
 def test_what_the_guide_adds_to_the_prompt_the_brief_tools_save(begin, view, skills):
@@ -331,6 +326,21 @@ def test_every_history_of_the_papers_ablation_tells_as_many_steps(begin, view, l
     with OpenAIServer([call("stop")]) as server:
         begin(server, profile="paper", history=history).decide(view(), lived(99))
     assert server.requests[0].role("user").count("<past step=") == min(history, 99)
+
+
+@pytest.mark.parametrize(
+    ("options", "length"),
+    [({"profile": "paper"}, 599), ({}, 239), ({"profile": "paper", "history_text": "short"}, 239)],
+)
+def test_the_papers_profile_keeps_the_words_of_past_steps_whole(begin, view, lived, options, length):
+    """200 words of 2 letters with blanks between them are 599 characters; cut at 240, 80 of them are left, 239."""
+    words = " ".join(["so"] * 200)
+    (entry,) = lived(1)
+    told = [dataclasses.replace(entry, decision=dataclasses.replace(entry.decision, visible_state=words))]
+    with OpenAIServer([call("stop")]) as server:
+        begin(server, **options).decide(view(), told)
+    (saw,) = [line for line in server.requests[0].role("user").splitlines() if line.startswith("saw: ")]
+    assert len(saw.removeprefix("saw: ").removesuffix(" ...")) == length
 
 
 @pytest.mark.parametrize("images", [1, 2, 5, 10])
