@@ -2,69 +2,35 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any, Final, Literal
 
 Json = dict[str, Any]
-Ending = Literal["", "whole", "length", "content_filter", "unreadable", "full", "failed"]
-"""How an answer ended; empty if its dialect is unknown, and litellm's own reading counts."""
-_ENDINGS: Final[dict[Ending, frozenset[str]]] = {
-    "whole": frozenset(
-        {
-            "stop",
-            "tool_call",
-            "tool_calls",
-            "function_call",
-            "end_turn",
-            "tool_use",
-            "stop_sequence",
-            "stop_string",
-            "complete",
-            "completed",
-            "end",
-            "eos",
-            "eos_token",
-        }
-    ),
-    "length": frozenset({"length", "max_tokens", "max_output_tokens", "model_length", "max_length"}),
-    "content_filter": frozenset(
-        {
-            "content_filter",
-            "content_filtered",
-            "refusal",
-            "sensitive",
-            "safety",
-            "recitation",
-            "blocklist",
-            "prohibited_content",
-            "spii",
-            "image_safety",
-            "guardrail_intervened",
-        }
-    ),
-    "unreadable": frozenset(
-        {
-            "malformed_function_call",
-            "unexpected_tool_call",
-            "too_many_tool_calls",
-            "malformed_tool_use",
-            "malformed_model_output",
-        }
-    ),
-    "full": frozenset({"model_context_window_exceeded"}),
+Ending = Literal["", "unknown", "whole", "length", "content_filter", "unreadable", "full", "failed"]
+"""How an answer ended. Empty if its dialect is unknown, and litellm's own reading counts."""
+_ENDINGS: Final[dict[Ending, str]] = {
+    "full": "contextwindowexceeded",
+    "unreadable": "malformed|unexpectedtool|toomanytool",
+    "content_filter": "filter|safety|sensitive|refus|recitation|block|prohibited|spii|guardrail|moderat",
+    "failed": "error|fail|abort|cancel|interrupt|timeout|overload|insufficient|ratelimit|^(?:un)?load$|^other$",
+    "length": "length|^max|limit|truncat|incomplete",
+    "whole": "^(?:stop|end|eos|tool|function|complete)",
 }
-"""Reasons in small letters. An answer that ended for any other reason has failed."""
+"""Parts of the reason, in small letters alone. The first line that fits counts: `image_safety_error` is a filter's."""
+_OTHERS: Final = frozenset({"user", "system", "developer", "tool", "function"})
+"""Roles of messages that no model writes."""
 
 
 def ending_of(body: Json) -> Ending:
-    """Return how the first answer in the body of a reply ended."""
+    """Return how the first answer in the body of a reply ended; `unknown` for no reason, and one never met before."""
     if choice := first_of(body, "choices"):
         return _of_chat(choice)
     if candidate := first_of(body, "candidates"):
         return _of_gemini(candidate)
     if body.get("object") == "response":
         return _of_responses(body)
-    if "done" in body and "message" in body:  # Ollama; its older versions give no reason.
-        return _named(body.get("done_reason", "stop")) if body["done"] is True else "failed"
+    if "done" in body and "message" in body:  # Ollama
+        return _named(body.get("done_reason")) if body["done"] is True else "failed"
     found = [body[key] for key in ("stop_reason", "stopReason", "finish_reason") if key in body]
     return _named(found[0]) if found else ""
 
@@ -78,31 +44,39 @@ def _of_chat(choice: Json) -> Ending:
 
 def _of_gemini(candidate: Json) -> Ending:
     ending = _named(candidate.get("finishReason"))
-    parts = _parts(part_of(candidate, "content"), "parts")
+    parts = parts_of(part_of(candidate, "content"), "parts")
     thought = any(part.get("thought") is True and "functionCall" in part for part in parts)
-    return "unreadable" if thought and ending == "whole" else ending  # A call that the model only thinks of.
+    return "unreadable" if thought and ending in ("whole", "unknown") else ending  # The model only thinks of the call.
 
 
 def _of_responses(body: Json) -> Ending:
-    status = body.get("status")
+    status, items = body.get("status"), parts_of(body, "output")
     if status == "incomplete":
         ending = _named(part_of(body, "incomplete_details").get("reason"))
-        return "failed" if ending == "whole" else ending
-    items = _parts(body, "output")
-    if status != "completed" or any(item.get("status") not in (None, "completed") for item in items):
+        return "failed" if ending in ("whole", "unknown") else ending
+    if status not in ("completed", None):  # in_progress and queued too: the answer is not there yet.
         return "failed"
-    said = [part for item in items for part in _parts(item, "content")]
-    return "content_filter" if any(part.get("type") == "refusal" for part in said) else "whole"
+    if any(item.get("status") == "incomplete" for item in items):
+        return "length"
+    said = [part for item in items for part in parts_of(item, "content")]
+    return "content_filter" if any(part.get("type") == "refusal" for part in said) else _named(status)
 
 
 def _named(reason: Any) -> Ending:
-    word = reason.lower() if isinstance(reason, str) else ""
-    return next((ending for ending, words in _ENDINGS.items() if word in words), "failed")
+    word = re.sub("[^a-z]", "", reason.lower()).removeprefix("finishreason") if isinstance(reason, str) else ""
+    return next((ending for ending, parts in _ENDINGS.items() if re.search(parts, word)), "unknown")
+
+
+def stranger_in(body: Json) -> str:
+    """Return the role of the first answer if it is not the model's; empty if it is, or if the reply names no role."""
+    said = part_of(first_of(body, "choices"), "message") or part_of(first_of(body, "candidates"), "content")
+    roles = [one.get("role") for one in (said or part_of(body, "message") or body, *parts_of(body, "output"))]
+    return next((role for role in roles if role in _OTHERS), "")
 
 
 def first_of(body: Json, key: str) -> Json:
     """Return the first object of a list in a body; empty without one."""
-    return next(iter(_parts(body, key)), {})
+    return next(iter(parts_of(body, key)), {})
 
 
 def part_of(body: Json, key: str) -> Json:
@@ -111,6 +85,7 @@ def part_of(body: Json, key: str) -> Json:
     return found if isinstance(found, dict) else {}
 
 
-def _parts(body: Json, key: str) -> list[Json]:
+def parts_of(body: Json, key: str) -> list[Json]:
+    """Return the objects of a list in a body; empty without one."""
     found = body.get(key)
     return [part for part in found if isinstance(part, dict)] if isinstance(found, list) else []

@@ -10,7 +10,7 @@ import time
 from collections.abc import Mapping
 from typing import Any, Final
 
-from humanclaw_litellm.endings import ending_of, first_of, part_of
+from humanclaw_litellm.endings import ending_of, first_of, part_of, stranger_in
 
 Json = dict[str, Any]
 _PREFIXES: Final = re.compile(r"^(?:litellm\.\w+: |\w+(?:Error|Exception): |\w+Exception\w* ?\w* - )+")
@@ -188,9 +188,10 @@ def _until(date: str) -> float:
 
 
 def check_reply(completion: Any, response: Any) -> None:
-    """Raise FailedRequest for a reply of status 200 that reports a failure, or holds no choices.
+    """Raise FailedRequest for a reply of status 200 that reports a failure, or holds no answer of the model.
 
-    The first choice gets the ending as its finish_reason, unless it is whole.
+    The first choice gets the ending as its finish_reason, unless it is whole. An answer that ended for an unknown
+    reason counts as whole if there is one.
     """
     body = _body_of(response)
     body = body if isinstance(body, dict) else {}
@@ -201,13 +202,22 @@ def check_reply(completion: Any, response: Any) -> None:
     counted = completion if any(body.get(key) for key in _COUNTS) else None
     if ending == "full":
         raise FailedRequest("the context window is full", 400, "context_length_exceeded", reply=counted)
-    if fault or ending == "failed":
+    if role := stranger_in(body):
+        raise FailedRequest(f"expected a message of the model; got one of role {role!r}", 502, reply=counted)
+    if fault or ending == "failed" or (ending == "unknown" and _is_empty(completion)):
         words = _words(fault) or _words(message.get("content")) or "the generation failed"
         raise FailedRequest(words, _code(fault), _dump(fault), reply=counted)
     if not completion.choices:
         raise FailedRequest("the reply held no choices", 502)
     if ending not in ("", "whole"):
-        completion.choices[0].finish_reason = ending
+        completion.choices[0].finish_reason = "stop" if ending == "unknown" else ending
+
+
+def _is_empty(completion: Any) -> bool:
+    """Tell whether a completion holds no call, no text and no thoughts."""
+    said = [choice.message for choice in completion.choices]
+    fields = ("tool_calls", "content", "reasoning_content")
+    return not any(getattr(message, field, None) for message in said for field in fields)
 
 
 def failure_of(error: BaseException, response: Any, address: str) -> FailedRequest:

@@ -11,6 +11,7 @@ from concurrent.futures import Future, TimeoutError as FutureTimeoutError
 from typing import Any, Final
 
 from humanclaw_litellm.failures import FailedRequest, check_reply, failure_of
+from humanclaw_litellm.replies import tidied
 
 LONGEST_REPLY: Final = 64 * 2**20
 """Bytes."""
@@ -86,7 +87,7 @@ def _keep(response: Any) -> None:
         if length > LONGEST_REPLY:
             raise ValueError(f"the reply has more than {LONGEST_REPLY / 2**20:.3g} MiB")
         pieces.append(piece)
-    response._content = b"".join(pieces)  # As its read() does.
+    response._content = tidied(b"".join(pieces))  # As its read() does.
     _exchange.response = response
 
 

@@ -350,12 +350,20 @@ def ollama(**fields):
     return OllamaServer, "ollama_chat/x", lambda body: body.update(fields)
 
 
+def anthropic(reason):
+    return AnthropicServer, "anthropic/claude-sonnet-4-5", lambda body: body.update(stop_reason=reason)
+
+
+def changed(change):
+    return OpenAIServer, "openai/x", lambda body: change(body) and None
+
+
 def chat(reason, **beside):
     def change(body):
         body["choices"][0]["finish_reason"] = reason
         body["choices"][0]["message"].update(beside)
 
-    return OpenAIServer, "openai/x", change
+    return changed(change)
 
 
 def responses(state, **item):
@@ -366,11 +374,27 @@ def responses(state, **item):
     return ResponsesServer, "openai/responses/x", change
 
 
-@pytest.mark.parametrize("reason", ["stop", "tool_calls", "function_call", "eos", "STOP"])
-def test_a_whole_answer_is_executed_whatever_its_end_is_called(begin, view, reason):
-    kind, model, change = chat(reason)
+GOOD = ["stop", "tool_calls", "function_call", "eos", "STOP", "end_of_turn", "eosFound", "done", "pause_turn", "", None]
+
+
+@pytest.mark.parametrize(
+    "dialect",
+    [
+        *map(chat, GOOD),
+        gemini(None),
+        gemini("FINISH_REASON_UNSPECIFIED"),
+        ollama(done_reason=None),
+        anthropic("pause_turn"),
+        anthropic(None),
+        responses("completed", status="in_progress"),
+        changed(lambda body: body["choices"][0].pop("finish_reason")),
+        changed(lambda body: body.update(error={"code": 0, "message": "success"})),
+    ],
+)
+def test_a_whole_answer_is_executed_whatever_its_end_is_called(begin, view, dialect):
+    kind, model, change = dialect
     with Verbatim.of(kind, change) as server:
-        assert begin(server, model=model).decide(view(), ()).calls == (Call("walk", WALK),)
+        assert begin(server, model=model, num_retries=0).decide(view(), ()).calls == (Call("walk", WALK),)
 
 
 @pytest.mark.parametrize(
@@ -385,6 +409,10 @@ def test_a_whole_answer_is_executed_whatever_its_end_is_called(begin, view, reas
         (chat("length"), "cut off"),
         (chat("model_length"), "cut off"),
         (chat("max_output_tokens"), "cut off"),
+        (chat("token_limit"), "cut off"),
+        (chat("MAX"), "cut off"),
+        (chat("content-filter"), "withheld"),
+        (responses("completed", status="incomplete"), "cut off"),
         (chat("tool_calls", refusal="I will not."), "withheld"),
     ],
 )
@@ -401,14 +429,13 @@ def test_a_call_of_an_answer_that_is_not_whole_is_never_executed(begin, view, di
     "dialect",
     [
         gemini("OTHER"),
-        gemini(None),
         ollama(done=False),
         ollama(done_reason="unload"),
-        *map(chat, ("abort", "cancelled", "timeout", "failed", "Error", "engine_overloaded", None)),
+        *map(chat, ("abort", "cancelled", "timeout", "failed", "Error", "engine_overloaded")),
         chat("tool_calls", error={"message": "the generation failed"}),
         responses("cancelled"),
         responses("in_progress"),
-        responses("completed", status="in_progress"),
+        chat(None, content="", tool_calls=[]),
     ],
 )
 def test_a_call_of_a_failed_answer_is_never_executed(begin, view, dialect):
@@ -416,6 +443,31 @@ def test_a_call_of_a_failed_answer_is_never_executed(begin, view, dialect):
     with Verbatim.of(kind, change) as server, pytest.raises(ProviderError, match="the generation failed"):
         begin(server, model=model, num_retries=1).decide(view(), ())
     assert len(server.requests) == 2
+
+
+@pytest.mark.parametrize("role", ["user", "system", "tool"])
+def test_a_message_of_another_role_is_not_the_models(begin, view, role):
+    kind, model, change = chat("stop", role=role)
+    with Verbatim.of(kind, change) as server, pytest.raises(ProviderError, match=f"one of role '{role}'"):
+        begin(server, model=model, num_retries=1).decide(view(), ())
+
+
+def test_of_several_answers_the_one_with_index_0_is_read(begin, view):
+    def change(body):
+        other = calls(("stop", {})).body["choices"][0]
+        body["choices"] = [{**other, "index": 1}, *body["choices"]]
+
+    with Verbatim.of(OpenAIServer, change) as server:
+        assert begin(server).decide(view(), ()).calls == (Call("walk", WALK),)
+
+
+def test_content_in_parts_is_read_and_its_thoughts_kept_apart(begin, view):
+    whole = json.dumps({"skill": "walk", "parameters": WALK})
+    thoughts = {"type": "thinking", "thinking": [{"type": "text", "text": '{"skill": "stop"}'}]}
+    with OpenAIServer([text([thoughts, {"type": "text", "text": whole}])]) as server:
+        decision = begin(server, mode="prompt").decide(view(), ())
+    assert decision.calls == (Call("walk", WALK),)
+    assert json.loads(decision.raw)["thoughts"] == '{"skill": "stop"}'
 
 
 @pytest.mark.parametrize(
@@ -576,6 +628,24 @@ def test_thoughts_that_gemini_counts_in_the_total_alone_are_booked(begin, view):
     with OpenAIServer([reply]) as server:
         usage = begin(server, model="openai/gemini-2.5-pro").decide(view(), ()).usage
     assert (usage.tokens_in, usage.tokens_out, usage.tokens_reasoning) == (1000, 5010, 5000)
+
+
+@pytest.mark.parametrize(
+    ("counts", "booked"),
+    [
+        ({"prompt_tokens": 1000.0, "completion_tokens": 10.0, "total_tokens": 1010.0}, 10),
+        ({"prompt_tokens": "1000", "completion_tokens": "10"}, 10),
+        ({"prompt_tokens": 1000, "completion_tokens": "many"}, 37 // 4),  # Of the letters of WALK as JSON.
+        ([{"prompt_tokens": 1000}], 37 // 4),
+    ],
+)
+def test_counts_that_are_no_whole_numbers_are_read_or_estimated(begin, view, counts, booked):
+    reply = call("walk", **WALK)
+    reply.body["usage"] = counts
+    with OpenAIServer([reply]) as server:
+        usage = begin(server).decide(view(), ()).usage
+    assert usage.tokens_out == booked
+    assert usage.estimated == (booked != 10)
 
 
 @pytest.mark.parametrize("missing", ["prompt_tokens", "completion_tokens"])

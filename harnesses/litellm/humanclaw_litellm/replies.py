@@ -1,0 +1,85 @@
+"""Replies in the form that litellm reads. Servers that follow OpenAI's protocol loosely differ in a few places."""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import Any, Final
+
+from humanclaw_litellm.endings import Json, first_of, part_of, parts_of
+
+_SUCCESS: Final = frozenset({"0", "200", "ok", "success"})
+"""Codes and messages of an `error` that reports none."""
+_THOUGHTS: Final = frozenset({"thinking", "reasoning"})
+"""Types of content parts that hold thoughts."""
+
+
+def tidied(content: bytes) -> bytes:
+    """Return the content of a reply with one answer, its text as a string, and its counts as whole numbers.
+
+    Content that is not a JSON object stays as it is.
+    """
+    try:
+        body = json.loads(content)
+        tidy = _tidied(body) if isinstance(body, dict) else body
+        return content if tidy == body else json.dumps(tidy).encode()
+    except (ValueError, RecursionError):
+        return content
+
+
+def _tidied(body: Json) -> Json:
+    tidy = {key: value for key, value in body.items() if key != "usage"}
+    for key in ("choices", "candidates"):
+        if listed := parts_of(body, key):
+            tidy[key] = [min(listed, key=_index)]
+    if message := part_of(first_of(tidy, "choices"), "message"):
+        tidy["choices"] = [{**tidy["choices"][0], "message": _as_text(message)}]
+        if _reports_success(body.get("error")):
+            del tidy["error"]
+    return tidy | ({"usage": _counts(body["usage"])} if isinstance(body.get("usage"), dict) else {})
+
+
+def _index(choice: Json) -> int:
+    """Return the place of an answer: servers list several in any order."""
+    found = choice.get("index")
+    return found if isinstance(found, int) else 0
+
+
+def _as_text(message: Json) -> Json:
+    """Return a message whose content is a string, with thoughts among its parts as `reasoning_content`."""
+    content = message.get("content")
+    if not isinstance(content, list):
+        return message
+    thoughts = [part for part in content if isinstance(part, dict) and part.get("type") in _THOUGHTS]
+    text = _text([part for part in content if part not in thoughts])
+    return {"reasoning_content": _text(thoughts), **message, "content": text}
+
+
+def _text(part: Any) -> str:
+    """Return the text of content parts, however they nest."""
+    if isinstance(part, list):
+        return "".join(map(_text, part))
+    if isinstance(part, dict):
+        return next((_text(part[key]) for key in ("text", *_THOUGHTS) if key in part), "")
+    return part if isinstance(part, str) else ""
+
+
+def _counts(usage: Json) -> Json:
+    """Return a usage whose counts are whole numbers; without those that are none."""
+    counts = {key: _whole(value) if key.endswith("tokens") else value for key, value in usage.items()}
+    return {
+        key: _counts(value) if isinstance(value, dict) else value for key, value in counts.items() if value is not None
+    }
+
+
+def _whole(count: Any) -> int | None:
+    try:
+        found = float(count)
+    except (TypeError, ValueError):
+        return None
+    return int(found) if math.isfinite(found) else None
+
+
+def _reports_success(fault: Any) -> bool:
+    told = [fault.get(key) for key in ("code", "message")] if isinstance(fault, dict) else []
+    return any(str(word).lower() in _SUCCESS for word in told)
