@@ -13,7 +13,7 @@ from PIL import Image
 
 from humanclaw import Plugins, Skill
 from humanclaw.skills import from_si
-from humanclaw_train.show import filmed, moments, performed, strip
+from humanclaw_train.eval.show import filmed, moments, performed, strip
 
 RENDERER: Final = "raster"
 CALLS: Final = 3

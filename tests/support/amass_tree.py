@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from humanclaw import Motion, Plugins
 from humanclaw.body import matrix_from_vector, rest_pose, vector_from_matrix
-from humanclaw_train.augment import CHANNELS, HARMONICS, Profiles, channel, channels
-from humanclaw_train.commands import Trained, named, trained
-from humanclaw_train.synthesis import synthesize
+from humanclaw_train.synthesis.commands import Trained, named, trained
+from humanclaw_train.synthesis.profiles import CHANNELS, HARMONICS, Profiles, channel, channels
+from humanclaw_train.synthesis.synthesize import synthesize
 
 _UPRIGHT = matrix_from_vector(np.array([-np.pi / 2, 0.0, 0.0]))
 """From AMASS's Z up to our Y up."""

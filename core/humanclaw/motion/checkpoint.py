@@ -2,7 +2,7 @@
 
 The header (metadata key `humanclaw`, JSON) names the format version, the kind, the shape of the model, for an adapter
 its condition encoder and the digest of the base that it was trained against, and the training card: recipe and its
-digest, data statistics, data licences. `humanclaw_train.checkpoint` writes them.
+digest, data statistics, data licences. `humanclaw_train.model.checkpoint` writes them.
 """
 
 from __future__ import annotations

@@ -3,7 +3,8 @@
     z_{l+1} = B_l(z_l, tau) + W_l C_l(z_l + e_s(c), tau)
 
 B_l are the base's blocks, frozen; C_l their trained copies; W_l began at zero; e_s encodes the skill's parameters c,
-which are the outcome that the chunk should have. In numpy; the definition that is trained is `humanclaw_train.control`.
+which are the outcome that the chunk should have. In numpy; the trained definition is
+`humanclaw_train.model.control`.
 """
 
 from __future__ import annotations

@@ -5,8 +5,8 @@ Every frame of 219 numbers is one token: 5 clean history frames and 15 noisy fut
 through adaLN-Zero alone, so the modulations of a block depend on tau and on nothing else; `modulations` computes them
 apart from the rest, once per solver time, whatever the motion.
 
-In numpy, single precision, for running; the definition that is trained is `humanclaw_train.dit`, which this follows
-line by line.
+In numpy, single precision, for running; the trained definition is `humanclaw_train.model.dit`, which this follows line
+by line.
 """
 
 from __future__ import annotations

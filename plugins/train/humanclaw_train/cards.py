@@ -21,10 +21,10 @@ from safetensors import safe_open
 from humanclaw import HumanclawError
 from humanclaw.motion import read_header, shipped_base
 from humanclaw.storage import write_atomically
-from humanclaw_train.fidelity import REPORT, FidelityReport, Ratio, Row
+from humanclaw_train.eval.fidelity import REPORT, FidelityReport, Ratio, Row
+from humanclaw_train.eval.off_axis_drift import Uncommanded
+from humanclaw_train.eval.rollouts import Installed, adapters, file_digest, own
 from humanclaw_train.notes import Notes
-from humanclaw_train.rollouts import Installed, adapters, file_digest, own
-from humanclaw_train.uncommanded import Uncommanded
 
 CARD: Final = "README.md"
 """File name of a card, which repository pages show with the folder."""

@@ -65,7 +65,7 @@ train = _forward(
 )
 fidelity = _forward(
     "fidelity",
-    "humanclaw_train.fidelity",
+    "humanclaw_train.eval.fidelity",
     "Compare achieved with commanded motion, per skill.",
     simulator=_simulator,
     installed=_installed,
@@ -73,7 +73,7 @@ fidelity = _forward(
 )
 naturalness = _forward(
     "naturalness",
-    "humanclaw_train.naturalness",
+    "humanclaw_train.eval.naturalness",
     "Compare generated motion with human motion.",
     installed=_installed,
     commanded=_measures,
@@ -81,7 +81,7 @@ naturalness = _forward(
     simulator=_simulator,
 )
 speed = _forward(
-    "speed", "humanclaw_train.speed", "Time the motion model with several solvers and runtimes.", skills=_installed
+    "speed", "humanclaw_train.eval.speed", "Time the motion model with several solvers and runtimes.", skills=_installed
 )
 cards = _forward("cards", "humanclaw_train.cards", "Write the model card beside each checkpoint.", installed=_installed)
 
@@ -93,16 +93,16 @@ def data() -> None:
 
 def _trained() -> object:
     """Return the skills that have a recipe."""
-    return importlib.import_module("humanclaw_train.commands").trained(Plugins.discover())
+    return importlib.import_module("humanclaw_train.synthesis.commands").trained(Plugins.discover())
 
 
 data.add_command(
-    _forward("build", "humanclaw_train.build", "Build the training chunks from motion capture.", skills=_trained)
+    _forward("build", "humanclaw_train.data.build", "Build the training chunks from motion capture.", skills=_trained)
 )
 data.add_command(
     _forward(
         "chunks",
-        "humanclaw_train.own",
+        "humanclaw_train.data.custom_skill",
         "Make the chunks of a skill of your own from a folder of motion.",
         measures=_measures,
     )
@@ -142,7 +142,7 @@ def _skill(
     choice: Choice,
 ) -> None:
     """Draw a skill. Every parameter of the skill is an option: `humanclaw show skill walk --z-cm 40`."""
-    looking = importlib.import_module("humanclaw_train.show")
+    looking = importlib.import_module("humanclaw_train.eval.show")
     plugins = Plugins.discover(files, choice=choice)
     params = _params(plugins.skill(name), context.args)
     wanted = out or Path(f"{name.split(':')[-1]}.gif")

@@ -21,7 +21,7 @@ def humanclaw_motion_generators(register: Register[GeneratorFactory]) -> None:
 
 
 def _torch(profile: str = "default", prior: Path | None = None) -> MotionGenerator:
-    from humanclaw_train.generator import torch_generator
+    from humanclaw_train.model.generator import torch_generator
 
     return torch_generator(profile, prior)
 

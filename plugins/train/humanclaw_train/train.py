@@ -43,16 +43,17 @@ from humanclaw.motion import (
 )
 from humanclaw.skills import MEASURES, Declaration
 from humanclaw.storage import write_atomically
-from humanclaw_train import data, logs
-from humanclaw_train.checkpoint import Base, load_adapter, load_base, save_adapter, save_base
-from humanclaw_train.chunks import CHUNKS
-from humanclaw_train.control import Adapter
-from humanclaw_train.data import ChunkTensors
-from humanclaw_train.dit import DiT
-from humanclaw_train.flow import LOSSES, Forward, Loss, Weights, generated, has_bfloat16, objective
-from humanclaw_train.own_histories import OwnHistories, predecessors
+from humanclaw_train import logs
+from humanclaw_train.data import tensors
+from humanclaw_train.data.chunks import CHUNKS
+from humanclaw_train.data.rollout_training import OwnHistories, predecessors
+from humanclaw_train.data.tensors import ChunkTensors
+from humanclaw_train.eval.rollouts import Installed, Measures, declared
+from humanclaw_train.model.checkpoint import Base, load_adapter, load_base, save_adapter, save_base
+from humanclaw_train.model.control import Adapter
+from humanclaw_train.model.dit import DiT
+from humanclaw_train.model.flow import LOSSES, Forward, Loss, Weights, generated, has_bfloat16, objective
 from humanclaw_train.parallel import ALONE, Processes, device_of, joined
-from humanclaw_train.rollouts import Installed, Measures, declared
 from humanclaw_train.trainer import M, Problem, Recipe, Trainer, run
 from humanclaw_train.validation import Validation, held_out
 
@@ -88,9 +89,9 @@ class Session:
 
 def train_base(folders: Sequence[Path], out: Path, recipe: Recipe, session: Session) -> Path:
     """Train the prior on every file of chunks. Returns its checkpoint, out/base.safetensors."""
-    chunks = data.load_all(folders)
-    normaliser = data.normaliser(chunks).to(session.device)
-    start = data.standing(chunks)
+    chunks = tensors.load_all(folders)
+    normaliser = tensors.normaliser(chunks).to(session.device)
+    start = tensors.standing(chunks)
     torch.manual_seed(recipe.seed)  # For the initial weights; batches have generators of their own.
     model = DiT(SIZES[recipe.size]).to(session.device)
     trainer = Trainer(model, chunks.to(session.device), recipe, session.processes)
@@ -127,7 +128,7 @@ def train_adapter(
     with each checkpoint; returns a text to print.
     """
     device = session.device
-    chunks = data.load(folders, skill).to(device)
+    chunks = tensors.load(folders, skill).to(device)
     torch.manual_seed(recipe.seed)
     if init is None:
         adapter = Adapter(base.model, adapter_config(chunks))
@@ -270,7 +271,7 @@ def _live(base: Path, folder: Path, measures: Measures) -> Callable[[Path], str]
         return None
     # Imported here, because only this function generates motion, and training also runs where little is installed.
     from humanclaw.motion import DiTGenerator
-    from humanclaw_train.fidelity import live
+    from humanclaw_train.eval.fidelity import live
 
     declaration = Declaration.read(folder)
     generator = DiTGenerator(read_base(base), PROFILES["default"])

@@ -16,11 +16,12 @@ from torch import Tensor, nn
 
 from humanclaw import HumanclawError
 from humanclaw.body import HISTORY
-from humanclaw_train import data, kinematics
-from humanclaw_train.data import ChunkTensors
-from humanclaw_train.flow import Objective
+from humanclaw_train.data import tensors
+from humanclaw_train.data.rollout_training import OwnHistories
+from humanclaw_train.data.tensors import ChunkTensors
 from humanclaw_train.logs import Write, opened
-from humanclaw_train.own_histories import OwnHistories
+from humanclaw_train.model import kinematics
+from humanclaw_train.model.flow import Objective
 from humanclaw_train.parallel import ALONE, Processes
 
 _SAVE_SECONDS: Final = 120
@@ -92,11 +93,11 @@ def draw(
     """Draw errors of histories, noise and flow times for chosen chunks (B,). jitter: of the conditions (k,), SI."""
     device = chunks.root.device
     clean = chunks.root[chosen]
-    root, rotations = data.noisy_history(clean, chunks.rotations[chosen], generator, recipe.history_noise)
+    root, rotations = tensors.noisy_history(clean, chunks.rotations[chosen], generator, recipe.history_noise)
     if own is not None:
         root, rotations = own(chosen, root, rotations, generator)
     states = kinematics.encode(root, rotations)
-    values = data.commanded(chunks.measures, chunks.params[chosen], clean, root)
+    values = tensors.commanded(chunks.measures, chunks.params[chosen], clean, root)
     values = values + jitter * torch.randn(values.shape, generator=generator, device=device)
     noise = torch.randn(states[:, HISTORY:].shape, generator=generator, device=device)
     tau = torch.rand(len(chosen), generator=generator, device=device)

@@ -10,12 +10,12 @@ from typing import Final
 import torch
 from torch import nn
 
-from humanclaw_train import data
-from humanclaw_train.data import ChunkTensors
+from humanclaw_train.data import tensors
+from humanclaw_train.data.tensors import ChunkTensors
 from humanclaw_train.trainer import Recipe, draw, seeded
 
 HELD_OUT: Final = "held_out"
-"""Folder in a folder of chunks (humanclaw_train.build)."""
+"""Folder in a folder of chunks (humanclaw_train.data.build)."""
 _MOST: Final = 1024
 """Most chunks of a validation, spread evenly over all: a second of time for the shipped size."""
 
@@ -46,4 +46,4 @@ class Validation:
 def held_out(folders: Sequence[Path], name: str) -> ChunkTensors | None:
     """Load the held-out chunks of a skill, or of `base`, beside folders of chunks; None if there are none."""
     beside = [folder / HELD_OUT for folder in folders if (folder / HELD_OUT / f"{name}.npz").is_file()]
-    return data.load(beside, name) if beside else None
+    return tensors.load(beside, name) if beside else None

@@ -12,11 +12,11 @@ from amass_tree import swinging, trained_skills, write_amass, write_clip
 from humanclaw import HumanclawError
 from humanclaw.body import JOINT_INDEX, rest_pose
 from humanclaw.motion import read_header
-from humanclaw_train import build as building
-from humanclaw_train.chunks import Chunks, Clip
-from humanclaw_train.clips import Folder
-from humanclaw_train.curate import build_real
-from humanclaw_train.synthesis import synthesize
+from humanclaw_train.data import build as building
+from humanclaw_train.data.chunks import Chunks
+from humanclaw_train.data.curate import build_real
+from humanclaw_train.mocap.clips import Clip, Folder
+from humanclaw_train.synthesis.synthesize import synthesize
 
 
 @pytest.fixture(scope="module")

@@ -10,8 +10,8 @@ from tiny_motion import write_adapter, write_base
 
 from humanclaw.motion import AdapterConfig, Card, read_header, shipped_base
 from humanclaw_train.cards import CARD, REPORT, card, main, write
-from humanclaw_train.fidelity import FidelityReport, Ratio, Row
-from humanclaw_train.rollouts import adapters, file_digest
+from humanclaw_train.eval.fidelity import FidelityReport, Ratio, Row
+from humanclaw_train.eval.rollouts import adapters, file_digest
 
 SKILLS = Path(__file__).parents[3] / "skills"
 SHIPPED = [shipped_base(), *sorted(SKILLS.glob("*/*/*/adapter.safetensors"))]

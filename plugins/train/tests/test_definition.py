@@ -12,11 +12,11 @@ from tiny_motion import WALK
 from humanclaw import Motion
 from humanclaw.body import decode, encode
 from humanclaw.motion import PROFILES, SIZES, AdapterConfig, DiTGenerator, ModelConfig, Solver, noise_of, shipped_base
-from humanclaw_train import flow
-from humanclaw_train.checkpoint import load_adapter, load_base
-from humanclaw_train.control import Adapter
-from humanclaw_train.dit import DiT, Modulations
-from humanclaw_train.rollouts import Command, adapters
+from humanclaw_train.eval.rollouts import Command, adapters
+from humanclaw_train.model import flow
+from humanclaw_train.model.checkpoint import load_adapter, load_base
+from humanclaw_train.model.control import Adapter
+from humanclaw_train.model.dit import DiT, Modulations
 
 SHIPPED = adapters([Path(__file__).parents[3] / "skills"])
 

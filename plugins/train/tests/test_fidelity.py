@@ -11,10 +11,10 @@ from tiny_motion import write_adapter
 from humanclaw import CheckpointError, PluginError
 from humanclaw.body import STANDING_HEIGHT, Motion, Pose2D, rest_pose
 from humanclaw.motion import AdapterConfig, DiTGenerator, Solver, load_base
-from humanclaw_train.chunks import Chunks
-from humanclaw_train.fidelity import FidelityReport, achieved, baseline, fidelity, main, markdown, simulated
-from humanclaw_train.rollouts import Command, Rollouts
-from humanclaw_train.simulated import HIPS, Actor, flat, roll_simulated, stage
+from humanclaw_train.data.chunks import Chunks
+from humanclaw_train.eval.fidelity import FidelityReport, achieved, baseline, fidelity, main, markdown, simulated
+from humanclaw_train.eval.rollouts import Command, Rollouts
+from humanclaw_train.eval.simulated import HIPS, Actor, flat, roll_simulated, stage
 
 
 @pytest.fixture(scope="module")

@@ -2,8 +2,8 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from humanclaw_train import flow
-from humanclaw_train.checkpoint import Normaliser
+from humanclaw_train.model import flow
+from humanclaw_train.model.checkpoint import Normaliser
 
 
 def _numbers(*shape: int, seed: int = 0) -> torch.Tensor:

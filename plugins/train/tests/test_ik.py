@@ -5,7 +5,7 @@ import pytest
 
 from humanclaw.body import JOINT_INDEX, OFFSETS, SOLE, TOE_SOLE
 from humanclaw.motion import TOE_BASE, Limb, solve
-from humanclaw_train.ik import HEEL, ankle_over, foot_orientation
+from humanclaw_train.synthesis.ik import HEEL, ankle_over, foot_orientation
 
 AHEAD = np.array([0.0, 0.0, 1.0])
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from humanclaw.body import JOINT_INDEX, Motion, forward_kinematics, rest_pose
-from humanclaw_train.inside import ARMS, PAIRS, depth, inside
+from humanclaw_train.eval.self_penetration import ARMS, PAIRS, depth, inside
 
 LEGS = next(group for group in PAIRS if group != ARMS)
 

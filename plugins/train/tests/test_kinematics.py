@@ -8,7 +8,7 @@ torch = pytest.importorskip("torch")
 from torch.utils._python_dispatch import TorchDispatchMode
 
 from humanclaw.body import Motion, encode, support_height
-from humanclaw_train import kinematics
+from humanclaw_train.model import kinematics
 
 
 def _motions(count: int = 3) -> tuple[np.ndarray, np.ndarray]:

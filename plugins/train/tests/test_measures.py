@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from humanclaw.body import JOINT_INDEX, Motion, rest_pose
-from humanclaw_train.measures import (
+from humanclaw_train.eval.measures import (
     Features,
     Gait,
     acceleration,

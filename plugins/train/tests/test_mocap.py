@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from humanclaw_train.mocap import load
-from humanclaw_train.source_motion import MocapError
+from humanclaw_train.mocap.readers import load
+from humanclaw_train.mocap.source_motion import MocapError
 
 BVH = """HIERARCHY
 ROOT Hips

@@ -12,20 +12,20 @@ from tiny_motion import write_adapter
 from humanclaw import Motion
 from humanclaw.body import FUTURE, HISTORY, STANDING_HEIGHT, rest_pose
 from humanclaw.motion import AdapterConfig, DiTGenerator, Solver, load_base
-from humanclaw_train import long_walks, naturalness
-from humanclaw_train.chunks import Chunks, canonical, stacked
-from humanclaw_train.first_steps import FirstSteps, first_steps
-from humanclaw_train.life import life
-from humanclaw_train.likeness import PRIOR, free_running, held_out, likeness, naturalness_of, prior, skills
-from humanclaw_train.long_walks import corners, physical_gaits
-from humanclaw_train.measures import Features, frechet
-from humanclaw_train.naturalness import main
-from humanclaw_train.rollouts import Command, adapters
-from humanclaw_train.sequences import SEQUENCES, agreement, sequence_jerks
-from humanclaw_train.simulated import Actor
-from humanclaw_train.transitions import real_peak, transitions
-from humanclaw_train.uncommanded import uncommanded
-from humanclaw_train.walks import drift, walker
+from humanclaw_train.data.chunks import Chunks, canonical, stacked
+from humanclaw_train.eval import long_walks, naturalness
+from humanclaw_train.eval.first_steps import FirstSteps, first_steps
+from humanclaw_train.eval.likeness import PRIOR, free_running, held_out, likeness, naturalness_of, prior, skills
+from humanclaw_train.eval.long_rollout import life
+from humanclaw_train.eval.long_walks import corners, physical_gaits
+from humanclaw_train.eval.measures import Features, frechet
+from humanclaw_train.eval.naturalness import main
+from humanclaw_train.eval.off_axis_drift import uncommanded
+from humanclaw_train.eval.rollouts import Command, adapters
+from humanclaw_train.eval.sequences import SEQUENCES, agreement, sequence_jerks
+from humanclaw_train.eval.simulated import Actor
+from humanclaw_train.eval.transitions import real_peak, transitions
+from humanclaw_train.eval.walks import drift, walker
 
 SKILLS = ("walk", "side_step", "step_back", "turn_in_place")
 

@@ -9,11 +9,13 @@ from humanclaw import HumanclawError, Motion
 from humanclaw.body import HISTORY, JOINT_INDEX, forward_kinematics, rest_pose, support_height
 from humanclaw.motion import load_base, read_header, shipped_base
 from humanclaw.skills import MEASURES, Measure
-from humanclaw_train import cards, fidelity, own
-from humanclaw_train.chunks import Chunks
-from humanclaw_train.clips import Folder
-from humanclaw_train.retimed import _QUIET, retimed
-from humanclaw_train.source_motion import MocapError
+from humanclaw_train import cards
+from humanclaw_train.data import custom_skill
+from humanclaw_train.data.chunks import Chunks
+from humanclaw_train.data.retimed import _QUIET, retimed
+from humanclaw_train.eval import fidelity
+from humanclaw_train.mocap.clips import Folder
+from humanclaw_train.mocap.source_motion import MocapError
 
 SCHEMA = {
     "description": "Crouch.",
@@ -65,7 +67,7 @@ def skill(tmp_path):
 def make(skill, clips, tmp_path, *more: str) -> Chunks:
     out = tmp_path / "chunks"
     arguments = ["--skill", str(skill), "--clips", str(clips), "--out", str(out), *more]
-    assert own.main(arguments) == 0
+    assert custom_skill.main(arguments) == 0
     return Chunks.load(out / "crouch.npz")
 
 
@@ -79,8 +81,8 @@ def test_a_parameter_may_command_a_measure_of_a_plugin(tmp_path):
     )
     record(tmp_path / "clips", squat())
     command = ["--skill", str(folder), "--clips", str(tmp_path / "clips"), "--out", str(tmp_path), "--seconds", "0"]
-    assert own.main(command) == 2
-    assert own.main(command, measures=lambda: MEASURES | {"knees.bend": bend}) == 0
+    assert custom_skill.main(command) == 2
+    assert custom_skill.main(command, measures=lambda: MEASURES | {"knees.bend": bend}) == 0
     chunks = Chunks.load(tmp_path / "curtsy.npz")
     assert np.allclose(chunks.params[:, 0], chunks.rotations[:, -1, JOINT_INDEX["left_knee"], 0], atol=1e-4)
 
@@ -131,7 +133,7 @@ def test_chunks_of_captured_motion_are_real_and_no_others(skill, tmp_path):
     chunks = make(skill, tmp_path / "studio", tmp_path, "--seconds", "40")
     real = set(chunks.source[chunks.real].tolist())
     assert real == {"studio: squat"}
-    assert own.RETIMED in set(chunks.source[~chunks.real].tolist())
+    assert custom_skill.RETIMED in set(chunks.source[~chunks.real].tolist())
 
 
 def test_what_a_body_did_in_an_episode_is_not_real(skill, tmp_path):
@@ -145,7 +147,7 @@ def test_a_recipe_narrows_down_what_shows_the_skill(skill, tmp_path):
     record(tmp_path / "clips", squat())
     chunks = make(skill, tmp_path / "clips", tmp_path)
     assert ((chunks.root[:, -1, 1] - chunks.root[:, HISTORY - 1, 1]) < -0.05).all()
-    assert own.RETIMED not in chunks.source
+    assert custom_skill.RETIMED not in chunks.source
 
 
 def test_a_file_without_motion_is_reported_and_left_out(skill, tmp_path, capsys):
@@ -157,7 +159,7 @@ def test_a_file_without_motion_is_reported_and_left_out(skill, tmp_path, capsys)
 
 def test_clips_that_do_not_show_the_skill_are_refused(skill, tmp_path, capsys):
     record(tmp_path / "clips", rest_pose(60))
-    assert own.main(["--skill", str(skill), "--clips", str(tmp_path / "clips")]) == 2
+    assert custom_skill.main(["--skill", str(skill), "--clips", str(tmp_path / "clips")]) == 2
     assert "None of the 1 clips shows crouch" in capsys.readouterr().err
 
 
@@ -169,7 +171,7 @@ def test_a_folder_without_motion_is_refused(tmp_path):
 def test_a_recipe_that_is_none_is_refused(skill):
     (skill / "recipe.py").write_text("RECIPES = []\n")
     with pytest.raises(HumanclawError, match="no RECIPE"):
-        own.of_folder(skill)
+        custom_skill.of_folder(skill)
 
 
 def test_from_motion_to_a_card_by_the_folder_alone(skill, tmp_path, still_base, capsys):
@@ -240,7 +242,7 @@ def test_the_image_of_a_one_sided_skill_is_measured_anew_and_kept_only_where_it_
     record(tmp_path / "clips", motion)
     (tmp_path / "clips/LICENCE.txt").write_text("Mine: CC BY-SA 3.0\n")
     command = ["--skill", str(folder), "--clips", str(tmp_path / "clips"), "--out", str(tmp_path), "--seconds", "60"]
-    assert own.main(command, measures=lambda: MEASURES | {"hand.height": height}) == 0
+    assert custom_skill.main(command, measures=lambda: MEASURES | {"hand.height": height}) == 0
     chunks = Chunks.load(tmp_path / "reach_up.npz")
     hands = forward_kinematics(chunks.root.astype(float), chunks.rotations.astype(float))[0][:, -1, :, 1]
     assert len(chunks) > 20

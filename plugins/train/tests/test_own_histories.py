@@ -6,9 +6,10 @@ import pytest
 torch = pytest.importorskip("torch")
 
 from humanclaw.body import rest_pose
-from humanclaw_train import kinematics, train
-from humanclaw_train.data import ChunkTensors
-from humanclaw_train.own_histories import OwnHistories, predecessors
+from humanclaw_train import train
+from humanclaw_train.data.rollout_training import OwnHistories, predecessors
+from humanclaw_train.data.tensors import ChunkTensors
+from humanclaw_train.model import kinematics
 from humanclaw_train.trainer import seeded
 
 STEP = 0.02

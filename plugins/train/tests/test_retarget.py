@@ -22,11 +22,12 @@ from humanclaw.body import (
     rest_pose,
     vector_from_matrix,
 )
-from humanclaw_train.chunks import Chunks, Clip, canonical, cut, load_pack, outcome
-from humanclaw_train.curate import IDLE_SHARE, build_real, statistics, travel
-from humanclaw_train.mocap import load
-from humanclaw_train.retarget import leg_length, resample, retarget
-from humanclaw_train.source_motion import MocapError, SourceMotion
+from humanclaw_train.data.chunks import Chunks, canonical, cut, outcome
+from humanclaw_train.data.curate import IDLE_SHARE, build_real, statistics, travel
+from humanclaw_train.mocap.clips import Clip, load_pack
+from humanclaw_train.mocap.readers import load
+from humanclaw_train.mocap.retarget import leg_length, resample, retarget
+from humanclaw_train.mocap.source_motion import MocapError, SourceMotion
 
 LEG = 0.405 + 0.415
 WALK = declaration("walk").parameters

@@ -10,9 +10,9 @@ from PIL import Image
 pytest.importorskip("torch")
 
 from humanclaw import HumanclawError, Motion
-from humanclaw_train.chunks import Clip
 from humanclaw_train.cli import show
-from humanclaw_train.show import nearest, on_floor, strip
+from humanclaw_train.eval.show import nearest, on_floor, strip
+from humanclaw_train.mocap.clips import Clip
 
 STANDING = Motion(np.tile([0.0, 0.9, 0.0], (60, 1)), np.zeros((60, 24, 3)))
 

@@ -5,8 +5,8 @@ import pytest
 torch = pytest.importorskip("torch")
 
 from humanclaw.motion import SIZES, ModelConfig, Solver
-from humanclaw_train import speed
-from humanclaw_train.speed import SOLVERS, Timing, markdown, measure, verdict
+from humanclaw_train.eval import speed
+from humanclaw_train.eval.speed import SOLVERS, Timing, markdown, measure, verdict
 
 
 @pytest.fixture(autouse=True)

@@ -22,12 +22,12 @@ from humanclaw.body import (
     shoe_heights,
 )
 from humanclaw.skills import Declaration, Draw, GaitParameters, Recipe
-from humanclaw_train import synthesis
-from humanclaw_train.augment import Profiles, channel
-from humanclaw_train.chunks import outcome
-from humanclaw_train.commands import Trained
-from humanclaw_train.inside import depth
-from humanclaw_train.synthetic import sample_calls, synthetic_chunks
+from humanclaw_train.data.chunks import outcome
+from humanclaw_train.eval.self_penetration import depth
+from humanclaw_train.synthesis import synthesize
+from humanclaw_train.synthesis.commands import Trained
+from humanclaw_train.synthesis.profiles import Profiles, channel
+from humanclaw_train.synthesis.synthetic import sample_calls, synthetic_chunks
 
 DEGREE = np.pi / 180
 ANKLES = [JOINT_INDEX["left_ankle"], JOINT_INDEX["right_ankle"]]
@@ -40,7 +40,7 @@ def profiles():
 
 
 def compose(profiles, commands, seed):
-    return synthesis.synthesize(profiles, [(trained_skills()[name], given) for name, given in commands], seed)
+    return synthesize.synthesize(profiles, [(trained_skills()[name], given) for name, given in commands], seed)
 
 
 def _outcome(skill, chunk):
@@ -101,7 +101,7 @@ def test_an_unknown_skill_is_synthesised_from_its_declaration(profiles):
         "stroll", gait=GaitParameters(exit=1.0), feet="stride", commands={"ahead": Draw(0.1, 0.5), "veer": Draw(0, 0)}
     )
     stroll = Trained(recipe, Declaration.of("stroll", STROLL))
-    last = _chunks(synthesis.synthesize(profiles, [(stroll, {"ahead": 0.4, "veer": 0.2})] * 3, 1))[-1]
+    last = _chunks(synthesize.synthesize(profiles, [(stroll, {"ahead": 0.4, "veer": 0.2})] * 3, 1))[-1]
     np.testing.assert_allclose(outcome(stroll.declaration.parameters, last), [0.2, 0.4], atol=1e-3)
     found = synthetic_chunks(profiles, [stroll], 4.0, 0)["stroll"]
     assert found.names.tolist() == ["veer", "ahead"]
@@ -266,7 +266,7 @@ def test_an_unknown_parameter_and_a_skill_without_gait_are_named(profiles):
         compose(profiles, [("walk", {"z_cm": 40})], 0)
     silent = Trained(Recipe("stroll"), Declaration.of("stroll", STROLL))
     with pytest.raises(HumanclawError, match="recipe of stroll has no gait"):
-        synthesis.synthesize(profiles, [(silent, {})], 0)
+        synthesize.synthesize(profiles, [(silent, {})], 0)
 
 
 def test_every_change_of_skill_is_practised():
@@ -349,7 +349,7 @@ def test_swinging_feet_clear_the_edge_of_a_stair_by_a_centimetre_and_mostly_by_t
     random = np.random.default_rng(0)
     heights, depths = random.uniform(0.08, 0.25, 64), random.uniform(0.2, 0.4, 64)
     calls = [(trained_skills()[skill], {"h": h, "d": d}) for h, d in zip(heights, depths, strict=True)]
-    missing = synthesis.play(profiles, [synthesis.Commands.of(calls)] * 4, random)[2]  # Shortfall from 2 cm.
+    missing = synthesize.play(profiles, [synthesize.Commands.of(calls)] * 4, random)[2]  # Shortfall from 2 cm.
     assert (missing < 0.01).mean() >= share
     assert (missing < 0.0025).mean() >= share - 0.07
 

@@ -11,7 +11,7 @@ from humanclaw import Backends, Body
 from humanclaw.errors import CheckpointError
 from humanclaw.motion import SIZES, DiTGenerator
 from humanclaw.testing import SceneBuilder
-from humanclaw_train.generator import torch_generator
+from humanclaw_train.model.generator import torch_generator
 
 AHEAD = {"x": 0.05, "z": 0.4, "yaw": 0.1}
 

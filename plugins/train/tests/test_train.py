@@ -17,9 +17,12 @@ from gliding import gliding, save_chunks
 from humanclaw import HumanclawError
 from humanclaw.body import Motion, Pose2D, rest_pose
 from humanclaw.motion import DiTGenerator, ModelConfig, Solver, load_adapter, load_base, read_header
-from humanclaw_train import data, fidelity, kinematics, train, trainer
-from humanclaw_train.data import commanded, noisy_history
-from humanclaw_train.flow import Loss, Weights
+from humanclaw_train import train, trainer
+from humanclaw_train.data import tensors
+from humanclaw_train.data.tensors import commanded, noisy_history
+from humanclaw_train.eval import fidelity
+from humanclaw_train.model import kinematics
+from humanclaw_train.model.flow import Loss, Weights
 from humanclaw_train.train import main
 from humanclaw_train.trainer import Recipe, Trainer
 
@@ -160,7 +163,7 @@ def test_a_checkpoint_that_began_from_another_one_names_the_licences_of_both(bac
 
 
 def test_uniform_flow_times_are_the_roots_of_the_squared_ones(base_file, backwards):
-    chunks = data.load([backwards], "step_back")
+    chunks = tensors.load([backwards], "step_back")
     taus = [
         Trainer(torch.nn.Linear(1, 1), chunks, Recipe(batch=4000, tau=tau)).batch()[3] for tau in ("uniform", "squared")
     ]
@@ -268,7 +271,7 @@ def test_a_rise_is_measured_from_where_the_spoilt_pelvis_is():
 def _loss_of(shift, **weights: float) -> float:
     root, rotations = (torch.from_numpy(part).float() for part in gliding(np.array([0.3])))
     states = kinematics.encode(root, rotations)
-    normaliser = data.normaliser(data.ChunkTensors("x", root, rotations, torch.zeros(1, 0), {}))
+    normaliser = tensors.normaliser(tensors.ChunkTensors("x", root, rotations, torch.zeros(1, 0), {}))
     future = states[:, 5:].clone()
     shift(future)
     normal = normaliser.forward(future)
@@ -292,7 +295,7 @@ def test_only_a_wrong_end_is_a_wrong_outcome():
 
 def test_unknown_data_is_refused_before_anything_is_trained(tmp_path):
     with pytest.raises(HumanclawError, match="no chunks"):
-        data.load_all([tmp_path])
+        tensors.load_all([tmp_path])
 
 
 def test_what_two_folders_both_hold_of_real_clips_is_learnt_from_once(tmp_path):
@@ -301,7 +304,7 @@ def test_what_two_folders_both_hold_of_real_clips_is_learnt_from_once(tmp_path):
         distance = np.linspace(0.05, 0.45, COUNT)
         distance[np.arange(COUNT) % 4 != 0] += metres  # Every fourth is real; the rest has another seed.
         save_chunks(tmp_path / str(seed) / "step_back.npz", -distance, distance[:, None], moving=True)
-    loaded = data.load([tmp_path / "0", tmp_path / "1"], "step_back")
+    loaded = tensors.load([tmp_path / "0", tmp_path / "1"], "step_back")
     assert loaded.statistics["real"] == 16
     assert len(loaded) == loaded.statistics["chunks"] == 16 + 48 + 48
 
@@ -329,7 +332,7 @@ def test_chunks_with_other_commands_are_not_mixed(backwards, tmp_path, names, me
         np.savez(tmp_path / "step_back.npz", **{**found, "names": names, "measures": measures})
     told = rf"commands {names[0]} \({measures[0]}\); .* commands z \(hips.back\)"
     with pytest.raises(HumanclawError, match=told):
-        data.load([backwards, tmp_path], "step_back")
+        tensors.load([backwards, tmp_path], "step_back")
 
 
 def test_training_tells_the_fidelity_of_an_installed_skill(backwards, base_file, tmp_path, capsys, monkeypatch):

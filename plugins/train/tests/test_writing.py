@@ -9,10 +9,10 @@ from safetensors.numpy import load_file
 from tiny_motion import WALK
 
 from humanclaw.motion import AdapterConfig, Card, ModelConfig, checkpoint
-from humanclaw_train.checkpoint import Normaliser, load_adapter, load_base, save_adapter, save_base
-from humanclaw_train.control import Adapter
-from humanclaw_train.data import ChunkTensors
-from humanclaw_train.dit import DiT
+from humanclaw_train.data.tensors import ChunkTensors
+from humanclaw_train.model.checkpoint import Normaliser, load_adapter, load_base, save_adapter, save_base
+from humanclaw_train.model.control import Adapter
+from humanclaw_train.model.dit import DiT
 from humanclaw_train.train import adapter_config
 
 START = torch.zeros(5, 3), torch.zeros(5, 24, 3)

@@ -1,0 +1,199 @@
+"""Build the training chunks: from motion capture to one npz per skill and one for the prior.
+
+    humanclaw data build SOURCE --out .data/chunks
+
+SOURCE is a folder of AMASS .npz, .amc with .asf, .bvh or humanoid3d .txt files, in subfolders too. A clips.csv in it
+may name the clips and label their frames. Without labels, geometry alone decides which windows show a skill.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from fnmatch import fnmatch
+from pathlib import Path, PurePath
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from tqdm import tqdm
+
+from humanclaw import HumanclawError
+from humanclaw.body import FPS, FUTURE
+from humanclaw.cli import show_markdown
+from humanclaw_train.data.chunks import CHUNKS, Chunks
+from humanclaw_train.data.curate import Use, build_real, statistics
+from humanclaw_train.data.report import Report, Row
+from humanclaw_train.markdown import as_json, table as markdown
+from humanclaw_train.mocap.clips import Clip, Folder
+from humanclaw_train.mocap.source_motion import MocapError
+from humanclaw_train.synthesis.commands import Trained
+from humanclaw_train.synthesis.profiles import Profiles
+from humanclaw_train.synthesis.synthetic import synthetic_chunks
+
+HELD_OUT: Final = ("12_*", "131_*", "03_04", "75_17", "HDM_dg_*", "011_*")
+"""Patterns of clips of the shipped prior's pack that neither profiles nor weights learn from.
+
+They are all clips of CMU subjects 12 and 131, of HDM05's subject dg and of one idler, the second of two walks over
+blocks and the first of two clips of sitting, each of which only one subject did.
+"""
+_ONE_IN: Final = 20
+"""One in so many folders of an unlabelled tree is held out; of a tree with fewer folders, one in so many clips."""
+
+
+@dataclass(frozen=True)
+class Built:
+    """The chunks of every skill and of `base`, and what became of the clips."""
+
+    chunks: Mapping[str, Chunks]
+    report: Report
+
+
+def held_out(clips: Sequence[Clip], patterns: Sequence[str] | None = None) -> set[str]:
+    """Return the names of the clips that match one of the patterns.
+
+    patterns: None for HELD_OUT among labelled clips, and for one in twenty folders of others: folders are subjects.
+    """
+    if patterns is not None or all(clip.spans is not None for clip in clips):
+        wanted = HELD_OUT if patterns is None else patterns
+        return {clip.name for clip in clips if any(fnmatch(clip.name, pattern) for pattern in wanted)}
+    folders = sorted({PurePath(clip.name).parent for clip in clips})
+    if len(folders) >= _ONE_IN:
+        return {clip.name for clip in clips if PurePath(clip.name).parent in folders[_ONE_IN - 1 :: _ONE_IN]}
+    return {clip.name for clip in clips[::-_ONE_IN]} if len(clips) > 1 else set()
+
+
+def build(
+    source: Path,
+    out: Path,
+    skills: Sequence[Trained],
+    seconds: float,
+    seed: int,
+    without: Sequence[str] = (),
+    hold_out: Sequence[str] | None = None,
+) -> Built:
+    """Build real and synthetic chunks and save them as out/<skill>.npz, those of held-out clips in out/held_out.
+
+    seconds: of synthetic motion per skill. without: sources to leave out, such as `HDM05`. hold_out: patterns of names
+    of clips (held_out). Raises HumanclawError if no clip can be read or none has a plausible window.
+    """
+    folder = Folder.read(source)
+    every = [clip for clip in folder.clips if clip.source not in without]
+    # Before anything is measured on clips: profiles of synthetic motion must not see held-out people either.
+    back = held_out(every, hold_out)
+    clips = [clip for clip in every if clip.name not in back]
+    trained, kept_back = list[Use](), list[Use]()
+    real = build_real(clips, skills, trained.append)
+    apart = build_real([clip for clip in every if clip.name in back], skills, kept_back.append)
+    synthetic, note = _synthetic(clips, skills, seconds, seed)
+    idle = sum(use.chunks.get("base", 0) for use in trained) - (len(real["base"]) if "base" in real else 0)
+    rows = [*(Row.of(use, "trained on") for use in trained), *(Row.of(use, "held out") for use in kept_back)]
+    rows += [Row.unwanted(clip) for clip in folder.clips if clip.source in without]
+    rows += [Row(name, "", "left out", reason) for name, reason in folder.left_out.items()]
+    report = Report.of(rows, trained, idle, note)
+    if "base" not in real:
+        raise HumanclawError(f"No clip of {source} can be trained on.", f"Give other clips.\n\n{report}")
+    names = list(dict.fromkeys((*real, *synthetic)))
+    found = {name: Chunks.join(part[name] for part in (real, synthetic) if name in part) for name in names}
+    for name, chunks in found.items():
+        chunks.save(out / f"{name}.npz")
+    for name, chunks in apart.items():
+        chunks.save(out / "held_out" / f"{name}.npz")
+    report.save(out)
+    return Built(found, report)
+
+
+def _synthetic(
+    clips: Sequence[Clip], skills: Sequence[Trained], seconds: float, seed: int
+) -> tuple[dict[str, Chunks], str]:
+    """Return synthetic chunks of every skill; or none, and the reason."""
+    if not seconds:
+        return {}, "No synthetic motion: none was asked for."
+    try:
+        profiles = Profiles.of(clips)
+    except MocapError as error:
+        return {}, f"No synthetic motion: {error.message}"
+    with tqdm(total=100, desc="editing", unit="%", disable=None) as bar:
+        return synthetic_chunks(profiles, skills, seconds, seed, lambda done: bar.update(int(100 * done) - bar.n)), ""
+
+
+def table(chunks: Mapping[str, Chunks]) -> str:
+    """Return statistics as a Markdown table: chunks and seconds, and 5, 50 and 95 % quantiles of parameters in SI.
+
+    Seconds count the futures. Windows of real motion overlap; each of their frames counts once.
+    """
+    heads = ("skill", "real", "synthetic", "real s", "synthetic s", "parameters: 5 / 50 / 95 %")
+    rows = []
+    for name, found in statistics(chunks).items():
+        spread = "; ".join(
+            f"{key} {low:.2f} / {mid:.2f} / {high:.2f}" for key, (_, low, mid, high, _) in found.params.items()
+        )
+        synthetic = found.chunks - found.real
+        cells = (name, found.real, synthetic, f"{found.seconds:.1f}", f"{synthetic * FUTURE / FPS:.1f}", spread or "-")
+        rows.append([*map(str, cells)])
+    return markdown(heads, rows)
+
+
+_BARS: Final = " ▁▂▃▄▅▆▇█"
+_BINS: Final = 16
+
+
+def histograms(chunks: Mapping[str, Chunks]) -> str:
+    """Return each parameter's histograms over its whole range, real and synthetic, as a Markdown table of bars.
+
+    Bars are relative to the fullest bin of their histogram. A bin that is not empty shows at least the lowest bar.
+    """
+    rows = []
+    for skill, found in chunks.items():
+        for column, name in enumerate(found.names.tolist()):
+            values = found.params[:, column].astype(float)
+            low, high = float(values.min()), float(values.max())
+            real, synthetic = (
+                _bars(np.histogram(values[mask], _BINS, (low, high))[0]) for mask in (found.real, ~found.real)
+            )
+            rows.append((f"{skill} {name}", f"{low:.2f}", f"`{real}`", f"`{synthetic}`", f"{high:.2f}"))
+    return markdown(("parameter", "least", "real", "synthetic", "most"), rows)
+
+
+def _bars(counts: NDArray[np.int_]) -> str:
+    heights = np.ceil(counts / max(counts.max(), 1) * (len(_BARS) - 1)).astype(int)
+    return "".join(_BARS[height] for height in heights)
+
+
+def main(arguments: Sequence[str] | None = None, skills: Callable[[], Sequence[Trained]] | None = None) -> int:
+    """Run the command line. skills: returns the trained skills."""
+    parser = argparse.ArgumentParser(prog="humanclaw data build", description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("source", type=Path, help="folder of motion capture, such as AMASS's")
+    parser.add_argument("--out", type=Path, default=CHUNKS, help=f"folder of chunks (default: {CHUNKS})")
+    parser.add_argument(
+        "--seconds", type=float, default=4000.0, help="synthetic motion per skill; 0 for none (default: 4000)"
+    )
+    parser.add_argument("--json", action="store_true", help="print JSON")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the synthetic motion")
+    parser.add_argument("--without", nargs="*", default=[], help="sources to leave out, such as HDM05")
+    parser.add_argument(
+        "--hold-out",
+        nargs="*",
+        help="patterns of names of clips to hold out from training (default: one folder in twenty, or one clip)",
+    )
+    options = parser.parse_args(arguments)
+    try:
+        if skills is None:
+            raise HumanclawError("No skills are known without a plugin host.", "Use the command: humanclaw data build")
+        built = build(
+            options.source, options.out, skills(), options.seconds, options.seed, options.without, options.hold_out
+        )
+    except HumanclawError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    if options.json:
+        print(as_json(statistics(built.chunks)))
+    else:
+        show_markdown(f"{table(built.chunks)}\n\n{histograms(built.chunks)}\n\n{built.report}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,390 @@
+"""Fidelity of the skills: achieved over commanded motion (paper, table 1).
+
+    humanclaw fidelity --rollouts 200 --simulated --baseline CHUNKS
+    humanclaw fidelity --skill FOLDER
+
+* Generated: the motion model's output. Half of the rollouts begin after a chunk of another skill, the rest from
+  standing. Then come three chunks in a row with parameters drawn uniformly from the middle nine tenths of the
+  adapter's range.
+* Simulated: the same in half-physics, on a flat floor, or on stairs or a seat that fit the command.
+* Baseline: the median clip of each verb, whatever magnitude is commanded, like a text-to-motion model.
+* Uncommanded: travel and turn on axes that the skill does not command, from standing and after walking.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+from tqdm import tqdm
+
+from humanclaw import CheckpointError, HumanclawError
+from humanclaw.body import Array, wrap_angle
+from humanclaw.motion import PROFILES, DiTGenerator, Solver, load_base, shipped_base
+from humanclaw.skills import MEASURES, Agreement, Declaration, Measure, find, outcomes
+from humanclaw_train.data.chunks import Chunks, of_skill
+from humanclaw_train.eval.off_axis_drift import Uncommanded, uncommanded, uncommanded_table
+from humanclaw_train.eval.rollouts import (
+    Command,
+    Installed,
+    Measures,
+    Rollouts,
+    adapters,
+    file_digest,
+    others,
+    own,
+    roll,
+)
+from humanclaw_train.eval.simulated import Actor, roll_simulated
+from humanclaw_train.eval.walks import walker
+from humanclaw_train.markdown import as_json, cell, numbers, save, table
+from humanclaw_train.notes import Notes
+
+if TYPE_CHECKING:
+    from humanclaw import Simulator
+
+REPORT: Final = "fidelity.json"
+"""File name of the report: beside the base, or beside the adapter of a skill of your own."""
+
+
+@dataclass(frozen=True)
+class Ratio:
+    """Achieved over commanded motion of one skill."""
+
+    mean: float
+    std: float
+    after_other: float
+    """Mean over chunks that follow another skill; NaN if there are none."""
+    error: float
+    """Mean absolute error over all parameters; a centimetre counts as much as a degree."""
+    chunks: int
+    slope: float = np.nan
+    """Of the line of achieved over commanded values of the primary parameter."""
+    r2: float = np.nan
+    """Share of the variance that the line explains."""
+    constant: float = np.nan
+    """The error of the best constant for each parameter, beside `error`."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One skill's row. `generated` is NaN for a skill without parameters; None means not measured."""
+
+    skill: str
+    generated: Ratio
+    simulated: Ratio | None = None
+    baseline: Ratio | None = None
+    adapter: str = ""
+    """Digest of the adapter's file."""
+    paper: tuple[float, float] | None = None
+    """Mean and standard deviation of the ratio in the paper's table 1, on its data and body."""
+    paper_baseline: tuple[float, float] | None = None
+    """Mean and standard deviation for the paper's baseline, MoMask, which ignores the magnitude."""
+    uncommanded: Uncommanded = field(default_factory=dict)
+    """Travel and turn that the skill does not command."""
+
+
+# -- measuring ---------------------------------------------------------------------------------------------------------
+def achieved(command: Command, rollouts: Rollouts) -> Ratio:
+    """Compare outcomes of rollouts with their commands, each parameter by its measure."""
+    found = outcomes(command.parameters, rollouts.root, rollouts.rotations, command.measures)
+    if not found.shape[1]:
+        return Ratio(np.nan, np.nan, np.nan, np.nan, len(found))
+    primary = command.primary
+    difference = found - rollouts.commands
+    angle = np.array([find(one, command.measures).unit == "rad" for one in command.parameters])
+    # Angles in degrees, lengths in centimetres, so that both kinds of error have a similar size.
+    difference[:, angle] = np.degrees(wrap_angle(difference[:, angle]))
+    difference[:, ~angle] *= 100
+    # Chunks of data, unlike commands, may have a displacement of exactly zero.
+    wanted = np.where(rollouts.commands[:, primary] == 0, np.nan, rollouts.commands[:, primary])
+    ratio = found[:, primary] / wanted
+    error, constant = float(np.abs(difference).mean()), _constant(rollouts.commands, angle)
+    fit = Agreement.of(rollouts.commands[:, primary], found[:, primary])
+    spread = float(np.nanstd(ratio))
+    after = _mean(ratio[rollouts.after_other])
+    return Ratio(_mean(ratio), spread, after, error, len(found), fit.slope, fit.r2, constant)
+
+
+def _constant(commands: Array, angle: NDArray[np.bool_]) -> float:
+    """Return the error of the best constant for each parameter, centimetres and degrees."""
+    away = np.abs(commands - np.median(commands, 0)).mean(0)
+    return float(np.where(angle, np.degrees(away), 100 * away).mean())
+
+
+def _mean(values: Array) -> float:
+    return float(np.nanmean(values)) if np.isfinite(values).any() else np.nan
+
+
+def fidelity(
+    generator: DiTGenerator,
+    commands: Sequence[Command],
+    rollouts: int = 200,
+    seed: int = 0,
+    before: Sequence[Command] = (),
+) -> list[Row]:
+    """Measure one row per skill, in the order given. before: further skills that may come before one.
+
+    Raises CheckpointError for an adapter that does not fit the base.
+    """
+    known = [*commands, *before]
+    besides = uncommanded(generator, commands, walker(known), seed=seed)
+    rows = [_row(generator, command, others(command, known), rollouts, seed) for command in commands]
+    return [replace(row, uncommanded=besides[row.skill]) for row in rows]
+
+
+def live(
+    generator: DiTGenerator, declaration: Declaration, rollouts: int = 24, measures: Mapping[str, Measure] = MEASURES
+) -> Callable[[Path], str]:
+    """Return a function that describes an adapter in one line: achieved over commanded of a few rollouts."""
+
+    def look(adapter: Path) -> str:
+        command = Command.declared(declaration, adapter, measures)
+        ratio = achieved(command, roll(generator, command, (), rollouts, seed=1))
+        return f"fidelity {_spread(ratio)}, mean error {cell(ratio.error)} (cm, degrees)"
+
+    return look
+
+
+def _row(generator: DiTGenerator, command: Command, before: Sequence[Command], rollouts: int, seed: int) -> Row:
+    notes = Notes.read(command.adapter.parent)
+    ratio = achieved(command, roll(generator, command, before, rollouts, seed))
+    return Row(
+        command.skill, ratio, adapter=file_digest(command.adapter), paper=notes.paper, paper_baseline=notes.baseline
+    )
+
+
+def simulated(
+    generator: DiTGenerator,
+    simulator: Simulator,
+    commands: Sequence[Command],
+    rollouts: int = 200,
+    seed: int = 0,
+    before: Sequence[Command] = (),
+    source: str = "generated",
+) -> dict[str, Ratio]:
+    """Measure skills with parameters in half-physics. before: further skills that may come before one."""
+    known = [*commands, *before]
+    wanted = [command for command in commands if len(command.low)]
+    actor, ratios = Actor(generator, simulator, source), {}
+    with tqdm(total=len(wanted) * rollouts, unit="rollout", disable=None) as bar:
+        for command in wanted:
+            bar.set_description(command.skill)
+            rolled = roll_simulated(actor, command, others(command, known), rollouts, seed, lambda: bar.update())
+            ratios[command.skill] = achieved(command, rolled)
+    return ratios
+
+
+def baseline(folders: Sequence[Path], command: Command, count: int = 600, seed: int = 0) -> Ratio | None:
+    """Measure the median clip of the verb against commands drawn as in the rollouts. None without a clip.
+
+    The clip is the chunk whose parameters are closest to the median magnitudes, a real chunk if there is one. A verb
+    contains the side, so the clip is mirrored to the commanded side.
+    """
+    chunks = of_skill(folders, command.skill)
+    if chunks is None or not chunks.params.shape[1]:
+        return None
+    magnitudes = np.abs(chunks.params.astype(float))
+    spread = np.maximum(magnitudes.std(0), 1e-6)
+    far = np.abs((magnitudes - np.median(magnitudes, 0)) / spread).sum(1)
+    clip = chunks[np.array([int(far.argmin())])]
+    commands = command.draw(count, np.random.default_rng(seed))
+    # Magnitudes lose the sign, so put the clip on the commanded side by mirroring.
+    side = np.sign(commands[:, command.primary]) * np.sign(clip.params[0, command.primary])
+    both = Chunks.join([clip, clip.mirrored(command.measures)])[(side < 0).astype(int)]
+    rollouts = Rollouts(both.root.astype(float), both.rotations.astype(float), commands, np.zeros(count, bool))
+    return achieved(command, rollouts)
+
+
+def milliseconds(generator: DiTGenerator, adapter: Path, values: Mapping[str, float], times: int = 10) -> float:
+    """Return the least wall time of one chunk of one body, after a first call that reads the adapter."""
+    history = generator.start()
+    generator.generate(history, adapter, values, (0,))
+    taken = []
+    for index in range(times):
+        started = time.perf_counter()
+        generator.generate(history, adapter, values, (index,))
+        taken.append(1000 * (time.perf_counter() - started))
+    return min(taken)
+
+
+# -- the table ---------------------------------------------------------------------------------------------------------
+@dataclass(frozen=True)
+class FidelityReport:
+    """The table and the weights that it was measured on. `--save` writes it and model cards quote it."""
+
+    base: str
+    """Digest of the base."""
+    solver: str
+    rollouts: int
+    seed: int
+    milliseconds: float
+    rows: tuple[Row, ...]
+
+    def save(self, path: Path) -> None:
+        """Write as JSON."""
+        save(path, asdict(self))
+
+    @classmethod
+    def load(cls, path: Path) -> FidelityReport:
+        """Read a file that `save` wrote. Raises CheckpointError for anything else."""
+        try:
+            content = json.loads(path.read_text("utf-8"))
+            rows = tuple(Row(**row | {key: _ratio(row[key]) for key in _RATIOS}) for row in content["rows"])
+            return cls(**content | {"rows": rows})
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            raise CheckpointError(
+                f"{path} holds no fidelity report ({error}).", f"Measure with: humanclaw fidelity --save {path}"
+            ) from error
+
+
+_RATIOS: Final = ("generated", "simulated", "baseline")
+
+
+def _ratio(content: Mapping[str, Any] | None) -> Ratio | None:
+    return None if content is None else Ratio(**numbers(content))
+
+
+def markdown(rows: Sequence[Row]) -> str:
+    """Return the rows as a Markdown table, with the paper's results."""
+    heads = (
+        "skill", "generated", "after another", "slope", "R²", "error cm, deg", "of the best constant", "simulated",
+        "error cm, deg", "median clip", "paper", "paper's baseline",
+    )  # fmt: skip
+    return table(heads, [
+        (row.skill, _spread(row.generated), cell(row.generated.after_other, 3), cell(row.generated.slope, 2),
+         cell(row.generated.r2, 2), cell(row.generated.error), cell(row.generated.constant),
+         _spread(row.simulated), cell(row.simulated.error if row.simulated else np.nan), _spread(row.baseline),
+         _pair(row.paper), _pair(row.paper_baseline))
+        for row in rows
+    ])  # fmt: skip
+
+
+def _spread(ratio: Ratio | None) -> str:
+    return _pair((ratio.mean, ratio.std)) if ratio and np.isfinite(ratio.mean) else "-"
+
+
+def _pair(pair: Sequence[float] | None) -> str:
+    return f"{pair[0]:.3f} ± {pair[1]:.3f}" if pair else "-"
+
+
+# -- the command line --------------------------------------------------------------------------------------------------
+def main(
+    arguments: Sequence[str] | None = None,
+    simulator: Callable[[], Simulator] | None = None,
+    installed: Installed | None = None,
+    measures: Measures = lambda: MEASURES,
+) -> int:
+    """Run the command line. The caller passes in plugins, because this module runs without a plugin host.
+
+    simulator: makes the simulator for `--simulated`. installed: returns the adapters of the installed skills.
+    measures: returns the known measures.
+    """
+    options = _parser().parse_args(arguments)
+    try:
+        report = _measure(options, simulator, installed, measures())
+        for path in [options.save] if options.save else [folder / REPORT for folder in options.skill]:
+            report.save(path)
+    except HumanclawError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    if options.json:
+        print(as_json(report))
+        return 0
+    # Imported here, because training imports this module on machines without click.
+    from humanclaw.cli import show_markdown
+
+    show_markdown(markdown(report.rows))
+    show_markdown("\n" + uncommanded_table({row.skill: row.uncommanded for row in report.rows}))
+    show_markdown(f"\n{report.solver}; {report.milliseconds:.1f} ms a chunk; base {report.base}")
+    return 0
+
+
+def _measure(
+    options: argparse.Namespace,
+    simulator: Callable[[], Simulator] | None,
+    installed: Installed | None,
+    measures: Mapping[str, Measure],
+) -> FidelityReport:
+    generator = made_generator(options)
+    paths = own(options.skill) if options.skill else adapters(options.adapters, options.skills, installed)
+    there = installed() if installed else {}
+    commands = [Command.of(skill, path, measures, there) for skill, path in paths.items()]
+    strange = {skill: path for skill, path in there.items() if skill not in paths} if options.skill else {}
+    before = [Command.of(skill, path, measures) for skill, path in strange.items()]
+    rows = fidelity(generator, commands, options.rollouts, options.seed, before)
+    if options.baseline:
+        rows = [replace(row, baseline=baseline(options.baseline, one)) for row, one in zip(rows, commands, strict=True)]
+    if options.simulated:
+        if simulator is None:
+            raise HumanclawError(
+                "--simulated needs a simulator from the plugin host.", "Use the command: humanclaw fidelity --simulated"
+            )
+        ratios = simulated(
+            generator, simulator(), commands, options.rollouts, options.seed, before, options.motion_history
+        )
+        rows = [replace(row, simulated=ratios.get(row.skill)) for row in rows]
+    first = commands[0]  # All adapters have the same size, so any of them gives the time.
+    values = first.named(first.draw(1, np.random.default_rng(0))[0])
+    time_of_one = milliseconds(generator, first.adapter, values)
+    return FidelityReport(
+        generator.digest, str(generator.solver), options.rollouts, options.seed, time_of_one, tuple(rows)
+    )
+
+
+def made_generator(options: argparse.Namespace) -> DiTGenerator:
+    """Make the generator that the options of `generator_options` describe. Raises CheckpointError."""
+    solver = Solver(options.method, options.steps) if options.steps else PROFILES[options.profile]
+    return DiTGenerator(load_base(options.base or shipped_base()), solver, corrections=options.profile != "paper")
+
+
+def generator_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options that choose weights, skills and solver."""
+    parser.add_argument("--skills", nargs="*", default=[], help="skills to measure (default: all that have an adapter)")
+    parser.add_argument(
+        "--adapters", type=Path, nargs="*", help="folders to search for adapters (default: the installed skills)"
+    )
+    parser.add_argument("--base", type=Path, help="base checkpoint (default: the shipped one)")
+    parser.add_argument("--rollouts", type=int, default=200, help="rollouts per skill (default: 200)")
+    parser.add_argument("--seed", type=int, default=0, help="seed of all random numbers")
+    parser.add_argument("--profile", choices=list(PROFILES), default="default", help="profile of the solver")
+    parser.add_argument("--method", choices=("euler", "midpoint"), default="midpoint", help="with --steps")
+    parser.add_argument("--steps", type=int, default=0, help="solver steps instead of the profile")
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="humanclaw fidelity", description=(__doc__ or "").splitlines()[0])
+    generator_options(parser)
+    parser.add_argument("--json", action="store_true", help="print JSON")
+    parser.add_argument("--simulated", action="store_true", help="also measure in half-physics (takes minutes)")
+    parser.add_argument(
+        "--motion-history",
+        choices=("generated", "simulated"),
+        default="generated",
+        help="with --simulated: the poses that a motion continues (default: generated)",
+    )
+    parser.add_argument(
+        "--baseline", type=Path, nargs="+", default=[], metavar="CHUNKS", help="folders of chunks for the baseline"
+    )
+    parser.add_argument("--save", type=Path, metavar="FILE", help="also write the table as JSON, for `humanclaw cards`")
+    parser.add_argument(
+        "--skill",
+        type=Path,
+        action="append",
+        default=[],
+        metavar="FOLDER",
+        help="folder of a skill of your own; the table is saved in it",
+    )
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())

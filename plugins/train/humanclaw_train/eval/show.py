@@ -1,0 +1,220 @@
+"""Pictures of a skill: `humanclaw show skill walk --z-cm 40 --beside MOCAP`.
+
+A GIF and a strip show the body in half-physics, executing the same call several times in a row. Beside it is the person
+of the clips whose motion is most similar. The body gets the stairs or the seat that the command needs; the ground under
+a person in a clip is unknown.
+"""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw
+
+from humanclaw import Backends, Body, Call, HumanclawError, Motion, Renderer, Scene, Skill
+from humanclaw.body import CHUNK, FPS, FUTURE, HISTORY, Array, Pose2D, support_height
+from humanclaw.skills import MEASURES, Declaration, Measure, outcomes, to_si
+from humanclaw.storage import gif
+from humanclaw.world import Camera, WorldState
+from humanclaw_train.data.chunks import canonical, stacked
+from humanclaw_train.eval.simulated import flat, stage
+from humanclaw_train.mocap.clips import Clip, load_pack
+
+if TYPE_CHECKING:
+    from humanclaw import Plugins
+    from humanclaw.world import Asset
+
+Picture = NDArray[np.uint8]
+SIZE: Final = (240, 320)
+"""Height and width of one picture, pixels."""
+MOMENTS: Final = 8
+"""Pictures in a strip."""
+_EVERY: Final = 2
+"""Frames of motion per frame of the GIF."""
+_BESIDE: Final = np.array([-3.4, 0.35, 1.1])
+"""Vector from the body to the camera, metres: to its right and slightly ahead."""
+_BEFORE: Final = np.array([1.1, 0.35, 3.4])
+"""Vector to the camera for a body that moves sideways, metres: ahead and slightly to its left."""
+_MARGIN: Final = 8
+"""Margin of a title, pixels."""
+_TILE: Final = 0.5
+"""Side of a floor tile, metres. Tiles make sliding feet visible."""
+
+
+def show(
+    plugins: Plugins,
+    name: str,
+    params: Mapping[str, Any],
+    calls: int,
+    seed: int,
+    beside: Path | None,
+    out: Path,
+    renderer: str,
+) -> tuple[Path, Path]:
+    """Write a GIF and a strip of a skill and return their paths.
+
+    params: checked against the schema. beside: folder of clips to compare with. Raises HumanclawError.
+    """
+    if out.suffix.lower() != ".gif":
+        raise HumanclawError(f"Expected a GIF file for --out; got {out}.", "Name a file that ends in .gif.")
+    skill = plugins.skill(name)
+    shown = [performed(plugins, skill, params, calls, seed, renderer)]
+    clips = load_pack(beside) if beside else []
+    if found := nearest(clips, skill.declaration, _values(skill, params), calls):
+        shown.append((f"a person: {found[0]}", on_floor(found[1]), flat()))
+    drawing: Renderer = plugins.make("renderers", renderer)
+    try:
+        return pictures(shown, drawing, out)
+    finally:
+        drawing.close()
+
+
+def performed(
+    plugins: Plugins, skill: Skill, params: Mapping[str, Any], calls: int, seed: int, renderer: str
+) -> tuple[str, Motion, Scene]:
+    """Return title, simulated motion and scene of a skill that is called several times in a row."""
+    scene = stage(skill.declaration, {one.name: 0.0 for one in skill.parameters} | _values(skill, params), calls)
+    with Body(scene, seed=seed, plugins=plugins, backends=Backends(renderer=renderer)) as body:
+        asked = ", ".join(f"{key} {value}" for key, value in params.items())
+        return f"{skill.name} {asked}", acted(body, skill, params, calls), scene
+
+
+def _values(skill: Skill, params: Mapping[str, Any]) -> dict[str, float]:
+    """Return the parameters that command a measure, in SI, by name."""
+    return {one.name: to_si(one.key, params[one.key]) for one in skill.parameters if one.measure}
+
+
+def acted(body: Body, skill: Skill, params: Mapping[str, Any], calls: int) -> Motion:
+    """Execute the same call several times in a row and return the simulated motion."""
+    whole = body.history
+    for _ in range(calls):
+        for chunk in body.execute(Call(skill.name, params)).chunks:
+            whole = whole.then(chunk.execution.simulated)
+    return whole
+
+
+def nearest(
+    clips: Iterable[Clip],
+    skill: Declaration,
+    values: Mapping[str, float],
+    calls: int,
+    measures: Mapping[str, Measure] = MEASURES,
+) -> tuple[str, Motion] | None:
+    """Return name and motion of the clip closest to the command, cut to the length of the calls; None without a clip.
+
+    The distance is the mean difference of the windows' parameters, in units of their ranges. A span that is too short
+    for all calls also gets the missing share as distance.
+    """
+    spans = [
+        (clip.name, clip.motion[start : min(end + 1, start + HISTORY + calls * FUTURE)])
+        for clip in clips
+        for start, end in _stretches(clip.tagged(skill.skill), calls)
+    ]
+    whole = [(name, motion) for name, motion in spans if len(motion) >= CHUNK]
+    wanted = HISTORY + calls * FUTURE
+    return min(
+        whole, key=lambda one: _difference(one[1], skill, values, measures) + 1 - len(one[1]) / wanted, default=None
+    )
+
+
+def _stretches(spans: Sequence[tuple[int, int]], calls: int) -> Iterator[tuple[int, int]]:
+    """Cut long spans into overlapping spans of the length to show."""
+    for first, last in spans:
+        for start in range(first, max(first + 1, last + 2 - HISTORY - calls * FUTURE), FUTURE):
+            yield start, last
+
+
+def on_floor(motion: Motion) -> Motion:
+    """Move a person to the origin, facing +Z, with the lowest sole of the motion on the floor."""
+    return Pose2D.of(motion, 0, float(support_height(motion.joints()).min())).to_local(motion)
+
+
+def _difference(
+    motion: Motion, skill: Declaration, values: Mapping[str, float], measures: Mapping[str, Measure]
+) -> float:
+    starts = range(0, len(motion) - CHUNK + 1, FUTURE)
+    windows = canonical(*stacked([motion[i : i + CHUNK] for i in starts]))
+    found = outcomes(skill.parameters, *windows, measures)
+    asked = np.array([values[one.name] for one in skill.parameters])
+    spread = np.array([one.high - one.low for one in skill.parameters])
+    return float((np.abs(found - asked) / spread).sum(1).mean())
+
+
+# -- drawing -----------------------------------------------------------------------------------------------------------
+def filmed(motion: Motion, scene: Scene, renderer: Renderer, frames: Iterable[int]) -> Iterator[Picture]:
+    """Yield a picture of each frame, seen across the direction of travel, on a tiled floor."""
+    renderer.load(replace(scene, assets={name: _tiled(asset) for name, asset in scene.assets.items()}))
+    last, eye = len(motion) - 1, _eye(motion)
+    for frame in frames:
+        at = min(frame, last)  # The shorter of two motions rests on its last frame.
+        # The mean of two thirds of a second keeps the camera steady.
+        centre = motion.root[max(0, at - 10) : at + 11].mean(0)
+        yield renderer.render(WorldState(motion[at : at + 1], {}), _camera(centre, eye)).rgb
+
+
+def _eye(motion: Motion) -> Array:
+    """Return the vector from the body, which first faces +Z, to the camera (3,)."""
+    # From the side of the travel, so that the body does not walk towards the camera or away from it.
+    across, _, ahead = np.abs(motion.root[-1] - motion.root[0])
+    return _BEFORE if across > ahead else _BESIDE
+
+
+def _camera(centre: Array, eye: Array) -> Camera:
+    forward = -eye / np.linalg.norm(eye)
+    right = np.cross(forward, [0.0, 1.0, 0.0])
+    up = np.cross(right / np.linalg.norm(right), forward)
+    return Camera(centre + eye - [0.0, 0.1, 0.0], forward, up, 36.0, *SIZE)
+
+
+def _tiled(asset: Asset) -> Asset:
+    """Texture a mesh with tiles, projected from above."""
+    floor = asset.mesh.vertices[:, [0, 2]]
+    low, high = floor.min(0), floor.max(0)
+    counts = np.maximum(1, np.round((high - low) / _TILE)).astype(int)
+    # One texel per tile, enlarged so that filtering blurs the edges less.
+    light = np.add.outer(np.arange(counts[1]), np.arange(counts[0])) % 2
+    texture = np.repeat((150 + 45 * light[:, :, None]).astype(np.uint8), 3, axis=2).repeat(4, 0).repeat(4, 1)
+    uv = ((floor - low) / (high - low)).astype(np.float32)
+    return replace(asset, mesh=replace(asset.mesh, uv=uv, texture=texture))
+
+
+def moments(length: int) -> list[int]:
+    """Return the frames of a strip for motion of this length."""
+    return [int(frame) for frame in np.linspace(HISTORY - 1, length - 1, MOMENTS)]
+
+
+def strip(rows: Sequence[tuple[str, Sequence[Picture]]]) -> Picture:
+    """Stack rows of pictures, each with its title."""
+    return np.concatenate([_titled(np.concatenate(pictures, axis=1), title) for title, pictures in rows])
+
+
+def _titled(picture: Picture, title: str) -> Picture:
+    image = Image.fromarray(picture)
+    draw, room = ImageDraw.Draw(image), image.width - 2 * _MARGIN
+    columns = int(len(title) * room / max(room, draw.textlength(title, font_size=16)))
+    draw.text((_MARGIN, _MARGIN), textwrap.fill(title, columns), fill="black", font_size=16)
+    return np.asarray(image)
+
+
+def pictures(shown: Sequence[tuple[str, Motion, Scene]], renderer: Renderer, out: Path) -> tuple[Path, Path]:
+    """Write `out` (GIF), the bodies side by side, and a strip beside it (PNG). Returns both paths."""
+    length = max(len(motion) for _, motion, _ in shown)
+    strips, films = [], []
+    for title, motion, scene in shown:
+        strips.append((title, list(filmed(motion, scene, renderer, moments(length)))))
+        frames = filmed(motion, scene, renderer, range(0, length, _EVERY))
+        films.append([_titled(frame, title) for frame in frames])
+    out.parent.mkdir(parents=True, exist_ok=True)
+    still = out.with_suffix(".png")
+    try:
+        gif([np.concatenate(row, axis=1) for row in zip(*films, strict=True)], out, FPS / _EVERY)
+        Image.fromarray(strip(strips)).save(still)
+    except OSError as error:
+        raise HumanclawError(f"cannot write {out}: {error}.", "Name another file with --out.") from error
+    return out, still

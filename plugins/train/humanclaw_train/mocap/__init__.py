@@ -1,0 +1,1 @@
+"""Motion capture: readers of its formats, and retargeting to the body of humanclaw."""

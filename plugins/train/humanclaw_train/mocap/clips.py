@@ -1,0 +1,187 @@
+"""Clips of a folder: a pack with clips.csv, or any tree of motion files, such as AMASS's."""
+
+from __future__ import annotations
+
+import csv
+import re
+import tarfile
+import tempfile
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+from types import MappingProxyType
+from typing import Final
+
+import numpy as np
+from tqdm import tqdm
+
+from humanclaw import Motion
+from humanclaw.body import FPS
+from humanclaw_train.mocap import readers
+from humanclaw_train.mocap.retarget import retarget
+from humanclaw_train.mocap.source_motion import UNREADABLE, MocapError, SourceMotion
+
+Spans = Mapping[str, tuple[tuple[int, int], ...]]
+TERMS: Final = "LICENCE.txt"
+SUFFIXES: Final = (".amc", ".bvh", ".npz", ".txt")
+
+
+@dataclass(frozen=True)
+class Clip:
+    """One retargeted clip. real: False once edited."""
+
+    name: str
+    motion: Motion
+    spans: Spans | None
+    """Tag to (first, last) frames at 30 fps, both included. None if nobody has labelled the clip."""
+    source: str
+    licence: str
+    real: bool = True
+
+    def tagged(self, tag: str) -> tuple[tuple[int, int], ...]:
+        """Return the spans of a tag. An unlabelled clip may show anything anywhere."""
+        return ((0, len(self.motion) - 1),) if self.spans is None else self.spans.get(tag, ())
+
+
+def load_pack(folder: str | Path, unpacked: str | Path | None = None) -> list[Clip]:
+    """Retarget every clip that `folder/clips.csv` lists.
+
+    Rows name their file, or `archive.tar.xz!member`. Archives in `folder` are unpacked into a temporary folder, unless
+    `unpacked` already contains the members. Raises MocapError for a missing or broken file.
+    """
+    folder = Path(folder)
+    if unpacked is not None:
+        return [_row_clip(row, Path(unpacked)) for row in _rows(folder)]
+    with tempfile.TemporaryDirectory() as temporary:
+        rows = list(_rows(folder))
+        for archive in sorted({row["file"].split("!")[0] for row in rows if "!" in row["file"]}):
+            _unpack(folder / archive, Path(temporary))
+        return [_row_clip(row, Path(temporary) if "!" in row["file"] else folder) for row in rows]
+
+
+_COLUMNS: Final = ("file", "source", "licence", "skill_tags", "notes")
+
+
+def _rows(folder: Path) -> Iterable[dict[str, str]]:
+    table = folder / "clips.csv"
+    if not table.is_file():
+        raise MocapError(f"{table} is missing.", "Give the folder that contains clips.csv and its archives.")
+    with table.open(newline="", encoding="utf-8") as lines:
+        rows = csv.DictReader(lines)
+        if lacking := [name for name in _COLUMNS if name not in (rows.fieldnames or ())]:
+            raise MocapError(f"{table} has no column {', '.join(lacking)}.", f"It needs {', '.join(_COLUMNS)}.")
+        yield from rows
+
+
+def _unpack(archive: Path, folder: Path) -> None:
+    try:
+        with tarfile.open(archive) as tar:
+            tar.extractall(folder, filter="data")  # Rejects links and paths that lead outside.
+    except (OSError, tarfile.TarError) as error:
+        raise MocapError(f"{archive} cannot be unpacked: {error}.", "Download the archive again.") from error
+
+
+def _row_clip(row: Mapping[str, str], folder: Path) -> Clip:
+    member = row["file"].split("!")[-1]
+    source, first = _without_setup_pose(readers.load(folder / member, row["licence"]))
+    motion = retarget(source)
+    spans = {tag: _at_30_fps(found, first, source.fps, len(motion)) for tag, found in _tagged(row["notes"]).items()}
+    if "base" in row["skill_tags"].split():
+        spans["base"] = ((0, len(motion) - 1),)
+    return Clip(Path(member).stem, motion, MappingProxyType(spans), row["source"], row["licence"])
+
+
+def _without_setup_pose(source: SourceMotion) -> tuple[SourceMotion, int]:
+    """Cut the set-up pose that opens CMU's BVH conversions. Returns the motion and the number of its first frame.
+
+    In one conversion the zero angles are arbitrary, so the set-up pose is the reference there.
+    """
+    if "CC_Base_Hip" in source.joints:
+        return source.with_reference_frame(0)[1:], 1
+    return (source[1:], 1) if "LHipJoint" in source.joints else (source, 0)
+
+
+def _tagged(notes: str) -> dict[str, list[tuple[int, int]]]:
+    """Parse the spans of `frames walk 0-340 400-480; stop 500-620. ...`, in source frames."""
+    listed = re.match(r"frames ([^.]*)", notes)
+    spans: dict[str, list[tuple[int, int]]] = {}
+    for part in listed[1].split(";") if listed else ():
+        tag, *ranges = part.split()
+        spans[tag] = [(int(first), int(last)) for first, last in (item.split("-") for item in ranges if "-" in item)]
+    return spans
+
+
+def _at_30_fps(spans: Iterable[tuple[int, int]], start: int, fps: float, length: int) -> tuple[tuple[int, int], ...]:
+    scaled = ((round((first - start) * FPS / fps), round((last - start) * FPS / fps)) for first, last in spans)
+    kept = ((max(first, 0), min(last, length - 1)) for first, last in scaled)
+    return tuple((first, last) for first, last in kept if last > first)
+
+
+# -- a folder ----------------------------------------------------------------------------------------------------------
+@dataclass(frozen=True)
+class Folder:
+    """The retargeted clips of a folder, and for each file that is no motion the reason."""
+
+    clips: list[Clip]
+    left_out: Mapping[str, str] = field(default_factory=dict)
+
+    @classmethod
+    def read(cls, folder: Path) -> Folder:
+        """Read what `folder/clips.csv` lists or, without such a table, every motion file of the folder and below.
+
+        Raises MocapError if no clip can be read.
+        """
+        if (folder / "clips.csv").is_file():
+            return cls(load_pack(folder))
+        found = (file for file in folder.glob("**/*") if file.suffix.lower() in SUFFIXES)
+        files = sorted(file for file in found if file.name != TERMS)
+        clips, left_out = [], {}
+        for file in tqdm(files, unit="clip", disable=None):
+            try:
+                clips.append(_file_clip(file, folder))
+            except MocapError as error:
+                # Without the file's name, so that a report can group files by reason.
+                left_out[str(file.relative_to(folder))] = error.message.removeprefix(str(file)).lstrip(": ")
+        if not clips:
+            raise MocapError(
+                f"{folder} holds no motion ({len(left_out)} files were tried).",
+                "Give a folder of .npz (AMASS), .bvh, .amc with .asf, or .txt (humanoid3d) files.",
+            )
+        return cls(clips, left_out)
+
+
+def _file_clip(file: Path, folder: Path) -> Clip:
+    recorded = _recorded(file) if file.suffix.lower() == ".npz" else None
+    motion = retarget(readers.load(file)) if recorded is None else recorded
+    below = file.relative_to(folder)
+    # AMASS/STUDIO/SUBJECT/CLIP: licences belong to studios.
+    studio = folder / below.parts[0] if len(below.parts) > 2 else folder
+    source, licence = terms(studio)
+    return Clip(str(below.with_suffix("")), motion, None, source, licence, real=recorded is None)
+
+
+@cache
+def terms(folder: Path) -> tuple[str, str]:
+    """Return the source and licence of a folder of motion: `SOURCE: LICENCE` in the first line of its LICENCE.txt.
+
+    Without such a file, the folder's name and an empty licence. Raises MocapError for another first line.
+    """
+    file = folder / TERMS
+    if not file.is_file():
+        return folder.resolve().name, ""
+    source, _, licence = (line.strip() for line in file.read_text("utf-8").partition("\n")[0].partition(":"))
+    if not source or not licence:
+        raise MocapError(f"{file} does not begin with SOURCE: LICENCE.", 'Write such as "HDM05: CC BY-SA 3.0".')
+    return source, licence
+
+
+def _recorded(file: Path) -> Motion | None:
+    """Return the body's motion in a recorded episode, which is not captured motion, or None for other files."""
+    try:
+        with np.load(file, allow_pickle=False) as arrays:
+            if "simulated_root" not in arrays:
+                return None
+            return Motion(arrays["simulated_root"].astype(float), arrays["simulated_rotations"].astype(float))
+    except UNREADABLE as error:
+        raise MocapError(f"{file} cannot be read: {error}.", "Check that the file is complete.") from error

@@ -1,0 +1,118 @@
+"""Readers of motion capture: ASF/AMC, BVH, AMASS npz and the humanoid3d text format of DeepMimic.
+
+Each returns a SourceMotion: world positions and orientations of the source's own joints, Y up, and a reference pose.
+retarget.py maps them to our body. Needs only numpy.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from humanclaw.body import JOINTS, OFFSETS, PARENTS, matrix_from_quaternion, matrix_from_vector
+from humanclaw_train.mocap.asf import load_amc, skeleton_of
+from humanclaw_train.mocap.bvh import load_bvh
+from humanclaw_train.mocap.source_motion import AXES, UNREADABLE, MocapError, Rest, SourceMotion, Tree, read_text
+
+
+def load(path: str | Path, licence: str = "", unit: float = 1.0) -> SourceMotion:
+    """Read one motion capture file by its suffix: .bvh, .amc (its .asf beside it), .npz (AMASS) or .txt (humanoid3d).
+
+    unit: metres per unit of a BVH file. Raises MocapError.
+    """
+    path = Path(path)
+    suffix = path.suffix.lower()
+    if suffix == ".bvh":
+        return load_bvh(path, licence, unit)
+    if suffix == ".amc":
+        return load_amc(path, skeleton_of(path), licence)
+    if suffix == ".npz":
+        return load_amass(path, licence)
+    if suffix == ".txt":
+        return load_humanoid3d(path, licence)
+    raise MocapError(f"{path} has an unknown suffix.", "Give a .bvh, .amc, .npz (AMASS) or .txt (humanoid3d) file.")
+
+
+# -- AMASS -------------------------------------------------------------------------------------------------------------
+def load_amass(path: str | Path, licence: str = "") -> SourceMotion:
+    """Read an AMASS npz (`poses`, `trans`, `mocap_framerate`), which is Z up.
+
+    Bones get our own lengths, because a subject's lengths need SMPL files, which this package does not have.
+    """
+    path = Path(path)
+    try:
+        with np.load(path, allow_pickle=False) as data:
+            poses, trans = np.asarray(data["poses"], float), np.asarray(data["trans"], float)
+            rate = data["mocap_framerate"] if "mocap_framerate" in data else data["mocap_frame_rate"]
+            fps = float(rate)
+    except UNREADABLE as error:
+        raise MocapError(
+            f"{path} is no AMASS motion: {error}.", "Give an npz with poses, trans and mocap_framerate."
+        ) from error
+    if poses.ndim != 2 or poses.shape[1] < 66 or trans.shape != (len(poses), 3):
+        raise MocapError(
+            f"{path}: expected poses (T, 66 or more) and trans (T, 3); got {poses.shape} and {trans.shape}."
+        )
+    local = np.tile(np.eye(3), (len(poses), len(JOINTS), 1, 1))
+    # SMPL has 22 body joints; fingers and face follow.
+    local[:, :22] = matrix_from_vector(poses[:, :66].reshape(-1, 22, 3))
+    upright = matrix_from_vector(np.array([-np.pi / 2, 0.0, 0.0]))  # From Z up to Y up.
+    local[:, 0] = upright @ local[:, 0]
+    tree = Tree(JOINTS, PARENTS, OFFSETS)
+    positions, rotations = tree.motion(trans @ upright.T, local)
+    return SourceMotion(fps, JOINTS, PARENTS, positions, rotations, tree.rest(), str(path), licence)
+
+
+# -- humanoid3d --------------------------------------------------------------------------------------------------------
+_HUMANOID3D: Final = (
+    ("root", -1, (0.0, 0.0, 0.0)), ("chest", 0, (0.0, 0.236151, 0.0)), ("neck", 1, (0.0, 0.223894, 0.0)),
+    ("right_hip", 0, (0.0, 0.0, 0.084887)), ("right_knee", 3, (0.0, -0.421546, 0.0)),
+    ("right_ankle", 4, (0.0, -0.40987, 0.0)), ("right_shoulder", 1, (-0.02405, 0.2435, 0.18311)),
+    ("right_elbow", 6, (0.0, -0.274788, 0.0)),
+    ("left_hip", 0, (0.0, 0.0, -0.084887)), ("left_knee", 8, (0.0, -0.421546, 0.0)),
+    ("left_ankle", 9, (0.0, -0.40987, 0.0)), ("left_shoulder", 1, (-0.02405, 0.2435, -0.18311)),
+    ("left_elbow", 11, (0.0, -0.274788, 0.0)),
+    ("right_toe", 5, (0.13, -0.055, 0.0)), ("left_toe", 10, (0.13, -0.055, 0.0)),
+    ("right_wrist", 7, (0.0, -0.258947, 0.0)), ("left_wrist", 12, (0.0, -0.258947, 0.0)),
+)  # fmt: skip
+_HUMANOID3D_HINGES: Final = ("right_knee", "right_elbow", "left_knee", "left_elbow")
+
+
+def load_humanoid3d(path: str | Path, licence: str = "") -> SourceMotion:
+    """Read a DeepMimic humanoid3d text file.
+
+    It is JSON with rows of 44 numbers: seconds, root, then quaternions (w, x, y, z) and hinge angles.
+    """
+    path = Path(path)
+    try:
+        rows = np.array(json.loads(read_text(path))["Frames"], float)
+    except (ValueError, KeyError, TypeError) as error:
+        raise MocapError(
+            f"{path}: expected JSON with `Frames`, rows of 44 numbers.", "Give a humanoid3d file."
+        ) from error
+    if rows.ndim != 2 or rows.shape[1] != 44:
+        raise MocapError(f"{path}: expected `Frames` as rows of 44 numbers; got shape {rows.shape}.")
+    tree = Tree(
+        tuple(name for name, _, _ in _HUMANOID3D),
+        tuple(parent for _, parent, _ in _HUMANOID3D),
+        np.array([offset for _, _, offset in _HUMANOID3D]),
+    )
+    local = np.tile(np.eye(3), (len(rows), len(tree.joints), 1, 1))
+    column = 4
+    for joint, name in enumerate(tree.joints[:13]):
+        if name in _HUMANOID3D_HINGES:
+            local[:, joint] = matrix_from_vector(rows[:, column, None] * AXES["z"])
+            column += 1
+        else:
+            local[:, joint] = matrix_from_quaternion(rows[:, [column + 1, column + 2, column + 3, column]])
+            column += 4
+    # The format faces +X with its right at +Z. Turn it about the vertical: +Z forward, +X left.
+    turn = matrix_from_vector(np.array([0.0, -np.pi / 2, 0.0]))
+    positions, rotations = tree.motion(rows[:, 1:4], local)
+    rest = Rest(tree.rest().positions @ turn.T, turn @ tree.rest().rotations)
+    fps = float(round(1.0 / float(np.median(rows[:-1, 0])), 1))
+    positions, rotations = positions @ turn.T, turn @ rotations
+    return SourceMotion(fps, tree.joints, tree.parents, positions, rotations, rest, str(path), licence)

@@ -1,0 +1,139 @@
+"""Retargeting: motion on any captured skeleton to our 24-joint body at 30 fps.
+
+Orientations are transferred relative to a reference pose that is fitted to joint positions, so that every limb keeps
+its direction and its twist. Then two-bone inverse kinematics puts the legs onto the scaled path of the source's ankles,
+and feet are planted on the floor. Metres, Y up. Needs only numpy.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import Final
+
+import numpy as np
+
+from humanclaw import Motion
+from humanclaw.body import FPS, JOINT_INDEX, JOINTS, OFFSETS, PARENTS, Array, support_height, yaw_matrix
+from humanclaw.motion import SIDES
+from humanclaw_train.mocap.foot_contacts import plant
+from humanclaw_train.mocap.joint_maps import naming_of
+from humanclaw_train.mocap.posing import LEG, Pose, reach_ankle, swing, unit
+from humanclaw_train.mocap.source_motion import Rest, SourceMotion
+
+_BONES: Final = {  # The joint that turns a bone, to the joint at the bone's far end.
+    f"{side}_{near}": f"{side}_{far}"
+    for side in SIDES
+    for near, far in (
+        ("hip", "knee"),
+        ("knee", "ankle"),
+        ("ankle", "foot"),
+        ("shoulder", "elbow"),
+        ("elbow", "wrist"),
+        ("wrist", "hand"),
+    )
+}
+
+
+def retarget(source: SourceMotion) -> Motion:
+    """Move a source motion to our body at 30 fps.
+
+    The result starts over the origin, with the lowest standing sole at height 0 and level standing feet. Root travel is
+    scaled by the ratio of leg lengths. Raises MocapError for a skeleton that no naming convention fits.
+    """
+    return _settled(plant(_body(resample(source))).motion())
+
+
+def resample(source: SourceMotion, fps: float = FPS) -> SourceMotion:
+    """Resample the source: positions linearly, orientations along the chord between frames."""
+    times = np.arange(0.0, (len(source) - 1) / source.fps + 1e-9, 1.0 / fps) * source.fps
+    low = np.minimum(times.astype(int), len(source) - 1)
+    high, part = np.minimum(low + 1, len(source) - 1), times - low
+    positions = source.positions[low] + part[:, None, None] * (source.positions[high] - source.positions[low])
+    chord = source.rotations[low] + part[:, None, None, None] * (source.rotations[high] - source.rotations[low])
+    return replace(source, fps=float(fps), positions=positions, rotations=_orthonormal(chord))
+
+
+def _orthonormal(matrix: Array) -> Array:
+    """Make matrices (..., 3, 3) rotations again by Gram-Schmidt, from their first two columns."""
+    x = unit(matrix[..., :, 0])
+    y = unit(matrix[..., :, 1] - np.sum(x * matrix[..., :, 1], -1, keepdims=True) * x)
+    return np.stack([x, y, np.cross(x, y)], -1)
+
+
+@dataclass(frozen=True)
+class _Cast:
+    """The source's joints for our roles. index: of each role, or of its nearest ancestor. exact: the roles found."""
+
+    index: Mapping[str, int]
+    exact: frozenset[str]
+
+    @classmethod
+    def of(cls, source: SourceMotion) -> _Cast:
+        naming = naming_of(source)
+        index: dict[str, int] = {}
+        for joint, name in enumerate(JOINTS):
+            parent = JOINTS[PARENTS[joint]] if joint else ""
+            index[name] = source.joints.index(naming[name]) if name in naming else index[parent]
+        return cls(MappingProxyType(index), frozenset(naming))
+
+    def bone(self, near: str, positions: Array) -> Array | None:
+        """Return the source's bone that joint `near` turns (..., 3), or None."""
+        far = _BONES.get(near)
+        if far is None or not {near, far} <= self.exact:
+            return None
+        bone = positions[..., self.index[far], :] - positions[..., self.index[near], :]
+        return bone if float(np.median(np.linalg.norm(bone, axis=-1))) > 1e-6 else None
+
+
+def _reference(rest: Rest, cast: _Cast) -> Array:
+    """Return our world orientations in the source's reference pose (24, 3, 3).
+
+    Torso, head and collars stand upright and face where the hips face. Down a limb each joint starts as its parent and
+    turns by the smallest angle that lays its bone along the source's, which leaves the twist unchanged.
+    """
+    left = rest.positions[cast.index["left_hip"]] - rest.positions[cast.index["right_hip"]]
+    upright = yaw_matrix(float(np.arctan2(-left[2], left[0])))
+    result = np.tile(upright, (len(JOINTS), 1, 1))
+    for joint, name in enumerate(JOINTS):
+        if joint and not name.endswith(("hip", "spine1", "spine2", "spine3", "neck", "head", "collar", "shoulder")):
+            result[joint] = result[PARENTS[joint]]
+        bone = cast.bone(name, rest.positions)
+        if bone is not None:
+            ours = result[joint] @ OFFSETS[JOINT_INDEX[_BONES[name]]]
+            result[joint] = swing(ours, bone) @ result[joint]
+    return result
+
+
+def _body(source: SourceMotion) -> Pose:
+    """Pose our body: orientations by the reference pose, root between the scaled hips, legs to the scaled ankles."""
+    cast = _Cast.of(source)
+    reference = _reference(source.rest, cast)
+    roles = [cast.index[name] for name in JOINTS]
+    world = source.rotations[:, roles] @ np.swapaxes(source.rest.rotations[roles], -1, -2) @ reference
+    for joint, name in enumerate(JOINTS):
+        bone = cast.bone(name, source.positions)
+        if bone is not None:  # Exact even where the source's bones stretch.
+            world[:, joint] = swing(world[:, joint] @ OFFSETS[JOINT_INDEX[_BONES[name]]], bone) @ world[:, joint]
+    points = source.positions * (LEG / leg_length(source))
+    hips = 0.5 * (points[:, cast.index["left_hip"]] + points[:, cast.index["right_hip"]])
+    middle = 0.5 * (OFFSETS[JOINT_INDEX["left_hip"]] + OFFSETS[JOINT_INDEX["right_hip"]])
+    root = hips - world[:, 0] @ middle
+    for side in SIDES:
+        world = reach_ankle(root, world, side, points[:, cast.index[f"{side}_ankle"]])
+    return Pose(root, world)
+
+
+def leg_length(source: SourceMotion) -> float:
+    """Return the median length of thigh plus shin, in the source's unit."""
+    cast = _Cast.of(source)
+    bones = [cast.bone(f"{side}_{near}", source.positions) for side in SIDES for near in ("hip", "knee")]
+    return 0.5 * sum(float(np.median(np.linalg.norm(bone, axis=-1))) for bone in bones if bone is not None)
+
+
+def _settled(motion: Motion) -> Motion:
+    """Put the floor at 0 under the lowest sole, and the start over the origin."""
+    # A percentile, since single frames of captured feet go through the floor.
+    low = float(np.percentile(support_height(motion.joints()), 5))
+    return Motion(motion.root - [motion.root[0, 0], low, motion.root[0, 2]], motion.rotations)

@@ -1,0 +1,1 @@
+"""The motion model on torch: its definition, loss, checkpoints and generator."""

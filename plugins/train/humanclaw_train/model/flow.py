@@ -1,0 +1,178 @@
+"""Flow matching on tensors (paper, section 3.3): the path, its velocity, and the loss of a batch.
+
+    x(tau) = (1 - (1 - sigma_min) tau) noise + tau clean        v = clean - (1 - sigma_min) noise
+
+A model may predict v or the clean future. `velocity` and `clean` convert each into the other.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+import torch
+from torch import Tensor, nn
+
+from humanclaw.body import CHUNK, FUTURE, HISTORY, N_JOINTS
+from humanclaw.motion import PROFILES, SIGMA_MIN, Prediction
+from humanclaw_train.model import kinematics
+from humanclaw_train.model.checkpoint import Normaliser
+
+
+def noised(clean: Tensor, noise: Tensor, tau: Tensor) -> Tensor:
+    """Return x(tau) for futures (B, 15, 219) and flow times tau (B,)."""
+    tau = tau[:, None, None]
+    return (1 - (1 - SIGMA_MIN) * tau) * noise + tau * clean
+
+
+def target(clean: Tensor, noise: Tensor) -> Tensor:
+    """Return the velocity that carries this noise to this future."""
+    return clean - (1 - SIGMA_MIN) * noise
+
+
+def velocity(prediction: Prediction, output: Tensor, noisy: Tensor, tau: Tensor) -> Tensor:
+    """Return the velocity that a model's output stands for. tau (B,) is below 1."""
+    if prediction == "velocity":
+        return output
+    return (output - (1 - SIGMA_MIN) * noisy) / (1 - (1 - SIGMA_MIN) * tau[:, None, None])
+
+
+def clean(prediction: Prediction, output: Tensor, noisy: Tensor, tau: Tensor) -> Tensor:
+    """Return the clean future that a model's output stands for."""
+    if prediction == "clean":
+        return output
+    return (1 - (1 - SIGMA_MIN) * tau[:, None, None]) * output + (1 - SIGMA_MIN) * noisy
+
+
+# -- the loss ----------------------------------------------------------------------------------------------------------
+@dataclass(frozen=True)
+class Weights:
+    """Weights of the loss terms. Metric terms name their unit."""
+
+    root: float = 4.0
+    rotations: float = 1.0
+    positions: float = 0.5
+    velocities: float = 0.5
+    joints: float = 0.3
+    """Joint positions from the predicted rotations, per (3 cm) squared."""
+    motion: float = 0.15
+    """One-frame differences of those joint positions, per (5 mm) squared."""
+    feet: float = 2.0
+    """Extra weight of the feet in `motion`, relative to another joint."""
+    stance: float = 12.0
+    """Further extra weight of a foot at rest, which keeps feet from skating."""
+    outcome: float = 0.2
+    """Root at the last frame, per (1 cm) and (0.4 degrees) squared, linear beyond: what the skills' parameters command.
+    Small errors of heading add up over a long walk."""
+
+
+FULL: Final = Weights()
+PLAIN: Final = Weights(1.0, 1.0, 1.0, 1.0, joints=0.0, motion=0.0, feet=0.0, stance=0.0, outcome=0.0)
+"""The paper's: the mean square of what the model predicts, which for size `paper` is the velocity."""
+LOSSES: Final = {"full": FULL, "plain": PLAIN}
+
+
+class Loss:
+    """The flow matching loss, weighted by block of the state, plus terms for joints, their motion and the outcome."""
+
+    def __init__(self, normaliser: Normaliser, weights: Weights) -> None:
+        self.normaliser = normaliser
+        self.weights = weights
+        device = normaliser.mean.device
+        by_block = torch.empty(len(normaliser.mean), device=device)
+        by_block[kinematics.ROTATIONS] = weights.rotations
+        by_block[:6] = weights.root
+        by_block[kinematics.POSITIONS] = weights.positions
+        by_block[kinematics.VELOCITIES] = weights.velocities
+        self.by_block = by_block / by_block.mean()
+        self.feet = torch.zeros(N_JOINTS, 1, device=device)
+        self.feet[list(kinematics.FEET)] = 1.0
+
+    def __call__(self, predicted: Tensor, wanted: Tensor, clean: Tensor, states: Tensor) -> Tensor:
+        """Return the loss of a batch.
+
+        predicted, wanted: model outputs (B, 15, 219). clean: the future that `predicted` stands for, normalised.
+        states: (B, 20, 219) in metres and radians.
+        """
+        matching = (self.by_block * (predicted - wanted).square()).mean()
+        implied = self.normaliser.inverse(clean)
+        root = implied[..., kinematics.ROOT]
+        joints = kinematics.joints(root, implied[..., kinematics.ROTATIONS].reshape(-1, FUTURE, N_JOINTS, 3))
+        true = states[..., kinematics.POSITIONS].reshape(-1, CHUNK, N_JOINTS, 3)
+        # The first step starts at the last history frame, so that the loss sees a jump at the seam.
+        steps = torch.cat([true[:, HISTORY - 1 : HISTORY], joints], 1).diff(dim=1)
+        true_steps = true[:, HISTORY - 1 :].diff(dim=1)
+        return (
+            matching
+            + self.weights.joints * ((joints - true[:, HISTORY:]) / 0.03).square().mean()
+            + self.weights.motion * (self._care(true_steps) * ((steps - true_steps) / 0.005).square()).mean()
+            + self.weights.outcome * _outcome(implied[:, -1, :6] - states[:, -1, :6])
+        )
+
+    def _care(self, true_steps: Tensor) -> Tensor:
+        """Return the weight of each joint's motion (B, 15, 24, 1)."""
+        stance = self.feet * (true_steps.norm(dim=-1, keepdim=True) < 0.004)
+        care: Tensor = 1 + self.weights.feet * self.feet + self.weights.stance * stance
+        return care
+
+
+def _outcome(error: Tensor) -> Tensor:
+    """Return the loss of root translation and rotation errors (B, 6), metres and radians."""
+    units = torch.tensor([0.01] * 3 + [math.radians(0.4)] * 3, device=error.device)
+    return nn.functional.smooth_l1_loss(error / units, torch.zeros_like(error))
+
+
+# -- the problem of a batch --------------------------------------------------------------------------------------------
+Forward = Callable[[Tensor, Tensor, Tensor, Tensor], Tensor]
+"""Maps (history, noisy future, tau, encoded condition) to the model's output."""
+Objective = Callable[[Tensor, Tensor, Tensor, Tensor], Tensor]
+"""Maps (states, encoded condition, noise, tau) to the loss."""
+
+
+def objective(
+    forward: Forward, loss: Loss, prediction: Prediction, bf16: bool = False, fast: bool = False
+) -> Objective:
+    """Return the loss of `forward` as a function of a batch. bf16: compute its layers in bfloat16. fast: compile it."""
+
+    def value(states: Tensor, condition: Tensor, noise: Tensor, tau: Tensor) -> Tensor:
+        normal = loss.normaliser.forward(states)
+        future = normal[:, HISTORY:]
+        noisy = noised(future, noise, tau)
+        with torch.autocast(states.device.type, torch.bfloat16, enabled=bf16):
+            output = forward(normal[:, :HISTORY], noisy, tau, condition)
+        output = output.float()  # The loss in single precision: its metric terms are small differences.
+        wanted = future if prediction == "clean" else target(future, noise)
+        return loss(output, wanted, clean(prediction, output, noisy, tau), states)
+
+    return torch.compile(value) if fast else value
+
+
+def generated(
+    forward: Forward, normaliser: Normaliser, prediction: Prediction, encode: Callable[[Tensor], Tensor]
+) -> Callable[[Tensor, Tensor, Tensor], Tensor]:
+    """Return the generation of futures with the default solver, on states in metres and radians.
+
+    encode: maps conditions (B, k) to what `forward` takes.
+    """
+    solver = PROFILES["default"]
+
+    def solve(history: Tensor, values: Tensor, noise: Tensor) -> Tensor:
+        normal, condition = normaliser.forward(history), encode(values)
+
+        def field(index: int, noisy: Tensor) -> Tensor:
+            tau = torch.full((len(noisy),), solver.times[index], device=noisy.device)
+            return velocity(prediction, forward(normal, noisy, tau, condition), noisy, tau)
+
+        future: Tensor = normaliser.inverse(solver.solve(field, noise))
+        return future
+
+    return solve
+
+
+def has_bfloat16(device: torch.device) -> bool:
+    """Return whether bfloat16 is fast: processors without AVX-512 emulate it 13 times slower than float32 (on AVX2)."""
+    if device.type == "cuda":
+        return bool(torch.cuda.is_bf16_supported(including_emulation=False))
+    return device.type != "cpu" or torch.backends.cpu.get_cpu_capability() == "AVX512"

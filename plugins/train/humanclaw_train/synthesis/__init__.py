@@ -1,0 +1,1 @@
+"""Synthetic motion for the parameter ranges that clips do not fill."""

@@ -1,0 +1,159 @@
+"""Profiles of real clips, for synthesis: upper-body gait over the step cycle, quiet stance and idle sway.
+
+A cycle of two steps has phase [0, 2): at phase 0 the right foot passes the left one on its way forward, at phase 1 the
+left foot passes the right one. Channels: pelvis pitch, roll and yaw about the path, then the rotation vectors of UPPER.
+Needs only numpy.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from humanclaw import Motion
+from humanclaw.body import JOINT_INDEX, JOINTS, Array, matrix_from_vector
+from humanclaw_train.mocap.source_motion import MocapError
+from humanclaw_train.synthesis import segments
+
+UPPER: Final = tuple(
+    JOINT_INDEX[name] for name in JOINTS if not any(part in name for part in ("pelvis", "hip", "knee", "ankle", "foot"))
+)
+CHANNELS: Final = 3 + 3 * len(UPPER)
+HARMONICS: Final = 4
+# Of the clips that the shipped prior learnt from: level walks at several speeds, and idlers who look ahead.
+_WALKS: Final = ("02_01", "005_01", "006_01", "007_02", "007_03", "007_09", "007_11")
+_IDLES: Final = ("000_genuine", "010_genuine", "014_genuine", "015_genuine")
+
+
+def channel(joint: str, axis: int = 0) -> int:
+    """Return the channel that holds one axis of one upper-body joint's rotation vector."""
+    return 3 + 3 * UPPER.index(JOINT_INDEX[joint]) + axis
+
+
+def _mirror_map() -> tuple[NDArray[np.int64], Array]:
+    source, sign = [0, 1, 2], [1.0, -1.0, -1.0]
+    for joint in UPPER:
+        name = JOINTS[joint].replace("left", "?").replace("right", "left").replace("?", "right")
+        source += [channel(name, axis) for axis in range(3)]
+        sign += [1.0, -1.0, -1.0]
+    return np.array(source), np.array(sign)
+
+
+_SOURCE, _SIGN = _mirror_map()
+
+
+def mirror_channels(values: Array) -> Array:
+    """Exchange left and right in channels (..., CHANNELS)."""
+    return np.asarray(values[..., _SOURCE] * _SIGN)
+
+
+def channels(motion: Motion) -> Array:
+    """Return the channels of a motion (T, CHANNELS). A quadratic trend of the yaw stands for the path's direction."""
+    matrix = matrix_from_vector(motion.rotations[:, 0])
+    yaw = np.unwrap(motion.yaw())
+    time = np.linspace(-1, 1, len(motion))
+    roll = np.arcsin(np.clip(matrix[:, 1, 0], -1, 1))  # R = Ry Rz Rx keeps the yaw of the hips free of roll and pitch.
+    pitch = np.arctan2(-matrix[:, 1, 2], matrix[:, 1, 1])
+    swing = yaw - np.polyval(np.polyfit(time, yaw, 2), time)
+    return np.concatenate([np.stack([pitch, roll, swing], 1), motion.rotations[:, UPPER].reshape(len(motion), -1)], 1)
+
+
+def step_phase(motion: Motion) -> tuple[Array, NDArray[np.bool_]]:
+    """Return a straight walk's phase in steps (T,), and which frames lie between two passings of the feet (T,)."""
+    joints, yaw = motion.joints(), motion.yaw()
+    ahead = np.stack([np.sin(yaw), 0 * yaw, np.cos(yaw)], -1)
+    lead = np.sum((joints[:, JOINT_INDEX["left_ankle"]] - joints[:, JOINT_INDEX["right_ankle"]]) * ahead, -1)
+    # Zero crossings with a minimum speed: standing feet cross by noise.
+    cross = np.flatnonzero((lead[:-1] * lead[1:] < 0) & (np.abs(lead[1:] - lead[:-1]) > 0.01))
+    time = cross + lead[cross] / (lead[cross] - lead[cross + 1])
+    first = 0 if lead[cross[0]] > 0 else 1
+    frames = np.arange(len(motion))
+    inside = (frames >= time[0]) & (frames <= time[-1])
+    return np.interp(frames, time, np.arange(len(time))) + first, inside
+
+
+def basis(phase: Array) -> Array:
+    """Return the Fourier basis of period 2 (..., 1 + 2 HARMONICS) at phases (...)."""
+    parts = [np.ones_like(phase)]
+    for k in range(1, HARMONICS + 1):
+        parts += [np.cos(np.pi * k * phase), np.sin(np.pi * k * phase)]
+    return np.stack(parts, -1)
+
+
+class RealClip(Protocol):
+    """A named motion."""
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def motion(self) -> Motion: ...
+
+
+@dataclass(frozen=True)
+class Profiles:
+    """Profiles of real walkers and idlers.
+
+    gait: (S, 1 + 2 HARMONICS, CHANNELS) styles, the first their mean. speed: (S,) m/s. stance: (CHANNELS,). sway:
+    (T, CHANNELS) idle deviations from the stance at 30 fps.
+    """
+
+    gait: Array
+    speed: Array
+    stance: Array
+    sway: Array
+
+    @classmethod
+    def of(cls, clips: Sequence[RealClip]) -> Profiles:
+        """Measure the profiles on the clips named above, or else on walks and idles that any clips show.
+
+        Raises MocapError if no clip shows a steady straight walk, or none quiet standing.
+        """
+        named = {clip.name: clip.motion for clip in clips}
+        walks = [named[name] for name in _WALKS if name in named] or segments.walks(named.values())
+        idles = [named[name] for name in _IDLES if name in named] or segments.idles(named.values())
+        for shown, lacking in ((walks, "a straight walk"), (idles, "quiet standing")):
+            if not shown:
+                raise MocapError(
+                    f"None of {len(named)} clips shows {lacking} of 2 s, which synthetic motion is modelled on.",
+                    "Add such clips, or build without synthetic motion: --seconds 0.",
+                )
+        gaits = np.stack([_gait(walk) for walk in walks])
+        speeds = np.array([_speed(walk) for walk in walks])
+        stance = np.mean([np.median(channels(idle), 0) for idle in idles], 0)
+        stance = (stance + mirror_channels(stance)) / 2
+        stance[2] = 0.0  # The stance faces along its path.
+        styles, sway = np.concatenate([gaits.mean(0)[None], gaits]), np.concatenate([_sway(idle) for idle in idles])
+        return cls(styles, np.append(speeds.mean(), speeds), stance, sway)
+
+
+def _gait(walk: Motion) -> Array:
+    """Fit the cycle and its mirror image half a cycle later by least squares.
+
+    A gait is symmetric, but a single short clip is not.
+    """
+    phase, inside = step_phase(walk)
+    values = channels(walk)[inside]
+    rows = np.concatenate([basis(phase[inside]), basis(phase[inside] + 1)])
+    fit = np.linalg.lstsq(rows, np.concatenate([values, mirror_channels(values)]), rcond=None)[0]
+    odd = np.isin(np.arange(len(fit)), (2, 6))  # Odd sines, so that the pelvis yaw is zero whenever the feet pass.
+    fit[~odd, 2] = 0.0
+    return np.asarray(fit)
+
+
+def _speed(walk: Motion) -> float:
+    return float(np.median(np.linalg.norm(np.diff(walk.root[:, [0, 2]], axis=0), axis=-1)) * 30)
+
+
+def _sway(idle: Motion, limit: float = 0.06, window: int = 31) -> Array:
+    """Return slow deviations from the clip's median (T, CHANNELS), kept small because the camera is in the head."""
+    values = channels(idle)
+    values = values - np.median(values, 0)
+    kernel = np.hanning(window + 2)[1:-1]
+    smooth = np.stack([np.convolve(column, kernel / kernel.sum(), "valid") for column in values.T], 1)
+    smooth[:, 2] = 0.0
+    return np.asarray(limit * np.tanh(smooth / limit))

@@ -1,0 +1,169 @@
+"""The synthetic part of the training data: chunks of synthetic motion for every skill (`synthesize`)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from itertools import cycle
+from typing import Final
+
+import numpy as np
+
+from humanclaw import Motion
+from humanclaw.body import FUTURE, HISTORY, Array, lay_hands
+from humanclaw.skills import Draw
+from humanclaw_train.data.chunks import Chunks, cut
+from humanclaw_train.synthesis.commands import Commands, Ints, Trained
+from humanclaw_train.synthesis.profiles import Profiles, RealClip
+from humanclaw_train.synthesis.state import SECONDS
+from humanclaw_train.synthesis.synthesize import play
+
+LENGTHS: Final = (16, 4, 1)
+"""Commands in a series, in turn. Short series provide first steps from standing, which are rare in long ones."""
+CHUNKS_A_BATCH: Final = 2048
+"""Chunks that are synthesised at once."""
+PLAIN: Final = 0.3
+"""Share of calls with one parameter other than zero, such as a short step straight ahead.
+
+Models call these most, but independent draws of the parameters rarely produce them.
+"""
+CORNERS: Final = 0.08
+"""Share of calls near a corner of the range, all parameters at once, where independent draws are rarer still."""
+STEADY: Final = 0.3
+"""Share of bodies that continue one skill at about the same values.
+
+A walker's phase takes every value at the start of a chunk only after about a dozen fast steps, and chance alone rarely
+produces such long runs.
+"""
+
+
+@dataclass(frozen=True)
+class Call:
+    """One command for each of N bodies: skill (N,) as index, and values (N, k), 0 beyond a skill's parameters."""
+
+    skill: Ints
+    values: Array
+
+
+def sample_calls(skills: Sequence[Trained], n: int, length: int, rng: np.random.Generator) -> list[Call]:
+    """Draw series of commands for n bodies: runs of one skill at similar values, and all changes of skill."""
+    share = np.array([one.recipe.share for one in skills])
+    repeats = np.array([one.recipe.repeats for one in skills])
+    skill = rng.choice(len(skills), n, p=share / share.sum())
+    values, steady = _drawn(skills, skill, rng), rng.random(n) < STEADY
+    series = []
+    for _ in range(length):
+        goes_on = steady | (rng.random(n) < repeats[skill])
+        following = np.where(goes_on, skill, rng.choice(len(skills), n, p=share / share.sum()))
+        again = (following == skill) & (steady | (rng.random(n) < 0.8))
+        values = np.where(again[:, None], _varied(skills, skill, values, rng), _drawn(skills, following, rng))
+        skill = following
+        series.append(Call(skill, values))
+    return series
+
+
+def commands(skills: Sequence[Trained], call: Call) -> Commands:
+    """Convert the call for synthesis."""
+    pairs = zip(call.skill.tolist(), call.values.tolist(), strict=True)
+    return Commands.of([(skills[index], dict(zip(_names(skills[index]), row, strict=False))) for index, row in pairs])
+
+
+def _names(skill: Trained) -> tuple[str, ...]:
+    return tuple(one.name for one in skill.declaration.parameters)
+
+
+def _drawn(skills: Sequence[Trained], skill: Ints, rng: np.random.Generator) -> Array:
+    """Draw values over the whole ranges of the recipes, half of them near the usual value (N, k)."""
+    values = np.zeros((len(skill), max(len(_names(one)) for one in skills)))
+    for index, one in enumerate(skills):
+        rows = np.flatnonzero(skill == index)
+        plain, corner = rng.random(len(rows)) < PLAIN, rng.random(len(rows)) < CORNERS
+        for column, name in enumerate(_names(one)):
+            how = one.recipe.commands[name]
+            values[rows, column] = np.where(plain & (how.nought > 0), 0.0, _draw(how, len(rows), rng))
+            end = np.where(rng.random(len(rows)) < 0.5, how.low, how.high) * rng.uniform(0.75, 1.0, len(rows))
+            values[rows, column] = np.where(corner, end.clip(how.low, how.high), values[rows, column])
+    return values
+
+
+def _draw(how: Draw, n: int, rng: np.random.Generator) -> Array:
+    """Draw one parameter independently, so that short steps also go straight ahead and long ones aside."""
+    even = rng.uniform(how.low, how.high, n)
+    if how.usual is None:
+        return even
+    usual = rng.normal(how.usual, how.spread, n) * (rng.random(n) >= how.nought)
+    return np.asarray(np.where(rng.random(n) < 0.5, even, usual).clip(how.low, how.high))
+
+
+def _varied(skills: Sequence[Trained], skill: Ints, values: Array, rng: np.random.Generator) -> Array:
+    """Vary commands slightly. Values of exactly zero stay zero."""
+    values = values.copy()
+    for index, one in enumerate(skills):
+        rows = np.flatnonzero(skill == index)
+        for column, name in enumerate(_names(one)):
+            how, held = one.recipe.commands[name], values[rows, column]
+            moved = (held + rng.normal(0.0, how.jitter, len(rows))).clip(how.low, how.high)
+            values[rows, column] = np.where(held == 0, 0.0, moved)
+    return values
+
+
+def synthetic_chunks(
+    clips: Sequence[RealClip] | Profiles,
+    skills: Sequence[Trained],
+    seconds_per_skill: float,
+    seed: int,
+    progress: Callable[[float], object] | None = None,
+    base_share: float = 4.0,
+) -> dict[str, Chunks]:
+    """Synthesise chunks of every skill, and of `base` at any offset. Half of them are mirrored.
+
+    seconds_per_skill: of future frames, so 2 chunks a second. base_share: chunks of the base per chunk of a skill.
+    progress: called with the share done, 0 to 1.
+    """
+    profiles = clips if isinstance(clips, Profiles) else Profiles.of(clips)
+    rng = np.random.default_rng(seed)
+    half = max(1, round(seconds_per_skill / SECONDS / 2))
+    skills = [one for one in skills if one.synthetic]
+    # Mirroring doubles the chunks at the end, so half of them is enough.
+    wanted = dict.fromkeys((one.name for one in skills), half) | {"base": max(1, round(base_share * half))}
+    found: dict[str, list[Chunks]] = {name: [] for name in wanted}
+    done, lengths = 0.0, cycle(LENGTHS)
+    while done < 1.0:
+        for name, chunks in _batch(profiles, skills, rng, next(lengths)).items():
+            found[name].append(chunks[: wanted[name] - sum(map(len, found[name]))])
+        done = min(sum(map(len, found[name])) / count for name, count in wanted.items())
+        if progress is not None:
+            progress(done)
+    whole = {name: Chunks.join(parts) for name, parts in found.items()}
+    return {name: Chunks.join([chunks, chunks.mirrored()]) for name, chunks in whole.items()}
+
+
+def _batch(profiles: Profiles, skills: Sequence[Trained], rng: np.random.Generator, length: int) -> dict[str, Chunks]:
+    bodies = CHUNKS_A_BATCH // length  # Fewer bodies for longer series, so that memory stays the same.
+    series = sample_calls(skills, bodies, length, rng)
+    roots, turns, lacking = play(profiles, [commands(skills, call) for call in series], rng, rested=0.3)
+    motions = [lay_hands(Motion(*pair)) for pair in zip(roots, turns, strict=True)]
+    root, rotations = _stacked(cut(motion, np.arange(length) * FUTURE) for motion in motions)
+    skill = np.stack([call.skill for call in series], 1).ravel()
+    values = np.stack([call.values for call in series], 1).reshape(len(skill), -1)
+    found = {}
+    for index, one in enumerate(skills):
+        rows = (skill == index) & (lacking.ravel() < 0.01)  # Feet that cut no edge of a stair.
+        chunks = Chunks.of(one.declaration.parameters, root[rows], rotations[rows], "composed", False)
+        found[one.name] = _as_asked(chunks, values[rows]) if one.declaration.climbs else chunks
+    # The base also learns from chunks that begin between two commands.
+    starts = rng.integers(0, len(motions[0]) - FUTURE - HISTORY + 1, (bodies, 2 * length))
+    loose = _stacked(cut(motion, at) for motion, at in zip(motions, starts, strict=True))
+    return found | {"base": Chunks.of((), *loose, "composed", False)}
+
+
+def _as_asked(chunks: Chunks, values: Array) -> Chunks:
+    """Keep the commanded rise for stairs out of a seat, where the pelvis rises by more than the stair."""
+    seated = chunks.root[:, HISTORY - 1, 1] < 0.8
+    asked = values[:, : chunks.params.shape[1]]
+    return replace(chunks, params=np.where(seated[:, None], asked, chunks.params).astype(np.float32))
+
+
+def _stacked(pairs: Iterable[tuple[Array, Array]]) -> tuple[Array, Array]:
+    first, second = zip(*pairs, strict=True)
+    return np.concatenate(first), np.concatenate(second)
