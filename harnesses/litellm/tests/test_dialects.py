@@ -118,7 +118,7 @@ def test_thoughts_alone_change_the_way_of_asking(row, play):
     assert silent.usage.tokens_out > 0
 
 
-def test_the_docs_show_this_table():
+def test_the_docs_show_this_list():
     assert markdown() in DOCS.read_text()
 
 

@@ -1,4 +1,4 @@
-"""The replies of replies.toml, and what the harness makes of each, as a table for the docs."""
+"""The replies of replies.toml, and what the harness makes of each, as a list for the docs."""
 
 from __future__ import annotations
 
@@ -60,13 +60,13 @@ def a_call(provider: str) -> Row:
 
 
 def markdown() -> str:
-    """Return the table of providers and situations for the docs."""
-    found = {(row.when, row.provider): row.then for row in rows()}
-    names = list(providers())
-    lines = [["", *names], ["---"] * (len(names) + 1)]
-    for when in dict.fromkeys(row.when for row in rows()):
-        lines.append([when, *(found.get((when, name), "") for name in names)])
-    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
+    """Return the list of situations for the docs: what becomes of the reply, and the providers that send it."""
+    senders: dict[tuple[str, str], list[str]] = {}
+    for row in rows():
+        senders.setdefault((row.when, row.then), []).append(row.provider)
+    every = list(providers())
+    lines = ((when, then, "all" if names == every else ", ".join(names)) for (when, then), names in senders.items())
+    return "".join(f"* {when}: {then} ({names})\n" for when, then, names in lines)
 
 
 def _filled(envelope: str, answer: str, end: str, usage: str) -> str:
