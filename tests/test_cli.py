@@ -15,7 +15,7 @@ from hosting import write_distribution
 
 from humanclaw import HumanclawError, PluginError, Plugins
 from humanclaw.cli import check_options, main
-from humanclaw.plugins.loading import Modules
+from humanclaw.plugins.host import Modules
 
 KEYLESS = {name: value for name, value in os.environ.items() if name != "OPENAI_API_KEY"}
 EXAMPLES = Path(__file__).parent.parent / "examples"

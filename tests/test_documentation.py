@@ -16,8 +16,7 @@ from humanclaw import Plugins
 from humanclaw.body import JOINT_INDEX, rest_pose
 from humanclaw.cli import LazyCommand, build
 from humanclaw.plugins import hookspecs
-from humanclaw.plugins.host import PREFIX
-from humanclaw.plugins.loading import load_file
+from humanclaw.plugins.host import PREFIX, load_file
 from humanclaw.records import instruction, read_episodes
 from humanclaw.world import find_profile
 from humanclaw_bench.splits import DATA

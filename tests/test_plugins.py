@@ -2,8 +2,6 @@
 
 import importlib.metadata
 import sys
-import threading
-import time
 import types
 from dataclasses import replace
 from importlib.util import find_spec
@@ -19,6 +17,7 @@ from humanclaw.cli import LazyCommand, build
 from humanclaw.episodes.recorder import skill_infos
 from humanclaw.errors import PluginError
 from humanclaw.plugins import API_VERSION
+from humanclaw.plugins.host import Modules
 
 
 @skill()
@@ -70,47 +69,6 @@ def test_no_hook_ends_the_program_and_every_observer_hears(kind, caplog):
     plugins.tell("humanclaw_step", episode=None, step=7, view=None)
     assert heard == [7, 7]
     assert "plugin 'bad' failed at humanclaw_step" in caplog.text
-
-
-def test_an_observer_that_comes_back_late_hears_on_in_the_same_thread():
-    threads, let_go = [], threading.Event()
-
-    def late(episode, step):
-        threads.append(threading.current_thread())
-        let_go.wait(60)
-
-    plugins = host_of("late", step=late, HUMANCLAW_PATIENCE=0.05)
-    plugins.tell("humanclaw_step", episode=None, step=0, view=None)
-    let_go.set()
-    for _ in range(1000):
-        plugins.tell("humanclaw_step", episode=None, step=1, view=None)
-        if len(threads) > 1:
-            break
-        time.sleep(0.01)
-    assert threads[0] is threads[-1] is not threading.current_thread()
-
-
-def test_an_observer_of_endless_patience_hears_in_the_thread_of_the_episode():
-    threads = []
-    window = {"step": lambda episode, step: threads.append(threading.current_thread())}
-    plugins = host_of("window", **window, HUMANCLAW_PATIENCE=float("inf"))
-    plugins.tell("humanclaw_step", episode=None, step=0, view=None)
-    assert threads == [threading.current_thread()]
-
-
-def test_an_observer_that_raises_what_a_key_does_interrupts_nobody(caplog):
-    def keen(episode, step, view):
-        raise KeyboardInterrupt
-
-    plugins = host_of("keen", step=keen)
-    plugins.tell("humanclaw_step", episode=None, step=0, view=None)
-    assert "'keen' failed at humanclaw_step" in caplog.text
-
-
-@pytest.mark.parametrize("seconds", [0, -1.0, "long", True, float("nan")])
-def test_a_plugin_whose_patience_is_no_time_is_refused(seconds):
-    with pytest.raises(PluginError, match="expected seconds above 0"):
-        host_of("odd", HUMANCLAW_PATIENCE=seconds)
 
 
 def test_the_user_can_still_interrupt_a_plugin():
@@ -203,10 +161,7 @@ def test_a_skill_taken_twice_names_both_owners_and_harms_neither():
     assert {name: plugins.owner(name) for name in plugins.skills} == {"wave": "first", "shrug": "second"}
     assert plugins.skill("wave") is wave
     reason = plugins.infos[-1].duplicates[0]
-    assert (
-        "skill 'wave' of plugin 'second' is already registered by 'first'. Choose it with --prefer second:wave"
-        in reason
-    )
+    assert "skill 'wave' of plugin 'second' is already registered by 'first'. Call it second:wave." in reason
     assert (plugins.disabled, plugins.overridden("wave")) == ({}, ("second",))
     assert plugins.skill("second:wave") is not None
 
@@ -245,7 +200,7 @@ def test_no_name_of_a_distribution_puts_it_before_our_own_skills(site):
     plugins = Plugins.discover()
     assert plugins.owner("walk") == "humanclaw-skill-walk"
     assert plugins.offered("skills", "aa-stroll:walk").description == "Nod."
-    assert Plugins.discover(choice=Choice(prefer=("aa-stroll",))).owner("walk") == "aa-stroll"
+    assert Plugins.discover(choice=Choice(skills=("aa-stroll:walk",))).owner("walk") == "aa-stroll"
 
 
 def test_a_plugin_that_names_one_skill_twice_keeps_the_first():
@@ -264,22 +219,6 @@ def test_an_observer_of_a_plugin_that_fails_hears_nothing():
         plugins.add(fails, "fails")
     plugins.tell("humanclaw_step", episode=None, step=7, view=None)
     assert (fails.heard, plugins.skills, plugins.infos) == ([], {}, ())
-
-
-def test_the_hooks_that_a_plugin_specifies_go_with_it_if_it_fails():
-    specs = types.ModuleType("specs")
-    exec("from humanclaw.plugins import hookspec\n@hookspec\ndef humanclaw_hats(register): ...", vars(specs))
-
-    def fails(register):
-        register(specs)
-        raise TypeError("no hats")
-
-    plugins = Plugins()
-    with pytest.raises(PluginError, match="no hats"):
-        plugins.add(plugin(hookspecs=fails), "fails")
-    with pytest.raises(PluginError, match="unknown hook 'humanclaw_hats'"):
-        plugins.add(plugin(hats=[("top", 1)]), "hatter")
-    assert plugins.registered("hats") == ()
 
 
 # -- naming and choice -------------------------------------------------------------------------------------------------
@@ -358,12 +297,6 @@ def test_of_equal_names_the_first_is_meant_and_its_owner_names_either(bows):
     ]  # fmt: skip
 
 
-@pytest.mark.parametrize("wanted", ["bb-bow", "BB_Bow", "bb-bow:bow"])
-def test_what_is_preferred_goes_first(bows, wanted):
-    plugins = Plugins.discover(choice=Choice(prefer=(wanted,)))
-    assert (said(plugins), plugins.overridden("bow")) == ("Bow as bb.", ("aa-bow",))
-
-
 @pytest.mark.parametrize("left", ["aa-bow", "aa-bow:bow"])
 def test_what_is_left_out_gives_way(bows, left):
     assert said(Plugins.discover(choice=Choice(without=(left,)))) == "Bow as bb."
@@ -386,27 +319,28 @@ def test_only_the_skills_that_are_named_can_be_called_in_their_order(bows):
 
 
 def test_a_file_with_a_name_that_is_taken_asks_which_one_is_meant(bows):
-    with pytest.raises(PluginError, match="--prefer mine:bow or --prefer aa-bow:bow"):
+    with pytest.raises(PluginError, match="--without aa-bow:bow or --without mine:bow"):
         Plugins.discover([bows])
-    assert said(Plugins.discover([bows], Choice(prefer=("mine",)))) == "Bow as I do."
-    assert said(Plugins.discover([bows], Choice(prefer=("aa-bow",)))) == "Bow as aa."
+    assert said(Plugins.discover([bows], Choice(without=("aa-bow", "bb-bow:bow")))) == "Bow as I do."
+    assert said(Plugins.discover([bows], Choice(without=("mine:bow",)))) == "Bow as aa."
 
 
-@pytest.mark.parametrize("choice", [Choice(prefer=("aa-bwo",)), Choice(without=("nobody",)), Choice(skills=("wlak",))])
+@pytest.mark.parametrize("choice", [Choice(without=("nobody",)), Choice(skills=("wlak",))])
 def test_a_misspelt_choice_is_not_passed_over(choice):
     with pytest.raises(PluginError, match=r"names nothing|Did you mean walk"):
         Plugins.discover(choice=choice)
 
 
 def test_a_record_says_where_each_skill_is_from_and_what_gave_way(bows):
-    plugins = Plugins.discover([bows], Choice(prefer=("mine",)))
+    choice = Choice(skills=("mine:bow", "walk"))
+    plugins = Plugins.discover([bows], choice)
     info = skill_infos(plugins, plugins.skills)["bow"]
     assert (info.owner, info.origin, info.overrides) == ("mine", str(bows), ("aa-bow", "bb-bow"))
     walk = skill_infos(plugins, plugins.skills)["walk"]
     assert (walk.origin, walk.version) == ("humanclaw-skill-walk", importlib.metadata.version("humanclaw"))
     before = info.digest
     bows.write_text(bows.read_text().replace("degrees=30", "degrees=31"))
-    other = Plugins.discover([bows], Choice(prefer=("mine",)))
+    other = Plugins.discover([bows], choice)
     again = skill_infos(other, other.skills)["bow"]
     assert again.digest != before
 
@@ -496,7 +430,26 @@ def test_a_distribution_without_metadata_takes_no_other_down(site, reader):
     (site / "humanclaw_half-1.0.dist-info" / "METADATA").unlink()
     plugins = Plugins.discover()
     assert "walk" in plugins.skills
-    assert "hc_half" in [info.name for info in plugins.infos]
+    assert "cannot be read" in plugins.info("humanclaw-half").error
+
+
+@pytest.mark.parametrize(
+    ("file", "content"),
+    [
+        ("entry_points.txt", "[humanclaw]\nhc_odd = hc_odd\n".encode("utf-16")),
+        ("entry_points.txt", b"[console_scripts]\nno equals sign\n"),
+        ("METADATA", "Metadata-Version: 2.1\nName: acme-odd\nVersion: 1.0\nAuthor: Jäger\n".encode("latin-1")),
+    ],
+    ids=["entry points in UTF-16", "malformed entry points", "metadata in Latin-1"],
+)
+def test_a_distribution_with_unreadable_metadata_is_named(site, file, content, caplog):
+    write_distribution(site, "acme-odd", "hc_odd", "")
+    (site / "acme_odd-1.0.dist-info" / file).write_bytes(content)
+    plugins = Plugins.discover()
+    assert "walk" in plugins.skills
+    assert "acme_odd-1.0.dist-info cannot be read: " in plugins.info("acme-odd").error
+    assert CliRunner().invoke(build(Modules), ["--help"]).exit_code == 0
+    assert "plugin 'acme-odd' is left out: " in caplog.text
 
 
 def test_a_module_that_raises_for_names_that_it_lacks_is_disabled_by_name(site):

@@ -1,12 +1,11 @@
 """Calls that play several parts: chunk by chunk, seen by observers, broken off by whoever wants, counted as what they
 are."""
 
-import threading
 from functools import partial
 
 import numpy as np
 import pytest
-from hosting import host_of, plugin
+from hosting import host_of
 
 from humanclaw import Backends, Body, Call, Control, Decision, Episode, Keyframes, Plugins, hookimpl, skill
 from humanclaw.errors import HumanclawError, ReplayError
@@ -68,22 +67,6 @@ def test_every_chunk_of_a_sequence_is_observed_before_the_next(stroll):
             submit(played, strides=1)
     assert [step for step, _ in watcher.heard] == [0] * 5 + [1] * 3
     assert [round(z, 2) for _, z in watcher.heard[:3]] == [0.4, 0.8, 1.2]
-
-
-def test_an_observer_that_hangs_is_told_by_name_and_changes_no_outcome(stroll, caplog):
-    let_go = threading.Event()
-
-    hangs = plugin(chunk=lambda episode, step, chunk: let_go.wait(60), HUMANCLAW_PATIENCE=0.2)
-    with fake_body(stroll) as body:
-        body.plugins.add(hangs, "endless")
-        body.plugins.add(watcher := Watcher(), "watcher")
-        with episode(body) as played:
-            for _ in range(3):
-                submit(played, strides=1)
-    let_go.set()
-    assert (played.outcome, len(played.steps), len(watcher.heard)) == ("out_of_steps", 3, 9)
-    assert "plugin 'endless' failed at humanclaw_chunk: OverdueError: it did not return within 0.2 s" in caplog.text
-    assert caplog.text.count("it has not returned from an earlier call") == 8  # Nobody waits for it again.
 
 
 def test_a_sequence_is_recorded_as_what_it_is(stroll, tmp_path):

@@ -26,8 +26,7 @@ from humanclaw.plugins.distributions import bringing, install, table
 from humanclaw.text.words import nearest
 
 if TYPE_CHECKING:
-    from humanclaw.plugins.host import Plugins
-    from humanclaw.plugins.loading import Modules
+    from humanclaw.plugins.host import Modules, Plugins
 
 _LOG = logging.getLogger(__name__)
 _NO_ROOM = {errno.ENOSPC, errno.EROFS, errno.EACCES, getattr(errno, "EDQUOT", errno.ENOSPC)}
@@ -180,6 +179,6 @@ def main(args: Sequence[str] | None = None) -> None:
 
 
 def _installed() -> Modules:
-    from humanclaw.plugins.loading import Modules
+    from humanclaw.plugins.host import Modules
 
     return Modules()

@@ -272,28 +272,22 @@ def plugin_files(function: F) -> F:
 
 
 def plugin_options(function: F) -> F:
-    """Add --plugin, --prefer, --without and --skills. The command gets `files` and a `choice` (humanclaw.Choice)."""
+    """Add --plugin, --without and --skills. The command gets `files` and a `choice` (humanclaw.Choice)."""
 
     @functools.wraps(function)
-    def command(*args: Any, prefer: Sequence[str], without: Sequence[str], skills: str | None, **rest: Any) -> Any:
+    def command(*args: Any, without: Sequence[str], skills: str | None, **rest: Any) -> Any:
         from humanclaw.plugins.choice import Choice
 
         named = tuple(name.strip() for name in (skills or "").split(",") if name.strip())
         if skills is not None and not named:
             raise HumanclawError("--skills names no skill.", "Give one or more: --skills NAME,NAME.")
-        return function(*args, choice=Choice(tuple(prefer), tuple(without), named), **rest)
+        return function(*args, choice=Choice(tuple(without), named), **rest)
 
     wrapped = functools.reduce(lambda inner, option: option(inner), reversed(_CHOICES), command)
     return plugin_files(wrapped)  # type: ignore[return-value]
 
 
 _CHOICES: Final = (
-    click.option(
-        "--prefer",
-        multiple=True,
-        metavar="OWNER[:NAME]",
-        help="Of equal names take that of this distribution or plugin file. Repeatable.",
-    ),
     click.option(
         "--without",
         multiple=True,

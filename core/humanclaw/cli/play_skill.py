@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final, Literal
 
@@ -20,7 +19,7 @@ from humanclaw.episodes.episode import Episode
 from humanclaw.errors import CallError, HumanclawError
 from humanclaw.plugins.choice import Choice
 from humanclaw.plugins.hookspecs import RegisterSkill, hookimpl
-from humanclaw.plugins.host import Plugins
+from humanclaw.plugins.host import Plugins, load_file
 from humanclaw.records.decisions import Decision
 from humanclaw.records.tasks import free_episode
 from humanclaw.skills.call import Call
@@ -98,19 +97,20 @@ def _found(target: str, skill: str, files: tuple[Path, ...], choice: Choice) -> 
     if path.is_dir() and any(path.rglob("schema.json")):
         plugins, name = Plugins.discover(files, choice), path.resolve().name
         folders = sorted(one.parent for one in path.rglob("schema.json"))
-        plugins.add(_Folders(folders), name, origin=str(path))
+        plugins.add(_Folders(folders), name, origin=str(path), first=True)
         return plugins, _one_of(plugins, name, skill)
     if path.suffix == ".py" or path.exists():
+        plugins = Plugins.discover(files, choice)
         # A skill of the file is meant, also where its published distribution is installed.
-        plugins = Plugins.discover((*files, path), replace(choice, prefer=(*choice.prefer, path.stem)))
-        return plugins, _one_of(plugins, plugins.infos[-1].name, skill)
+        plugins.add(load_file(path), path.stem, origin=str(path), first=True)
+        return plugins, _one_of(plugins, path.stem, skill)
     plugins = Plugins.discover(files, choice)
     return plugins, plugins.skill(target)
 
 
 def _one_of(plugins: Plugins, owner: str, wanted: str) -> Skill:
     """Return the wanted skill of a plugin, or its only one. Raises HumanclawError if it has several or none."""
-    names = plugins.names_of(owner, "skills")
+    names = [item.name for item in plugins.of_owner(owner, "skills")]
     if not wanted and len(names) != 1:
         listed = f"--skill NAME: {', '.join(names)}" if names else "a file that registers a skill"
         raise HumanclawError(f"{owner} holds {len(names)} skills; expected one.", f"Name {listed}.")

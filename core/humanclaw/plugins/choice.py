@@ -18,22 +18,19 @@ class Choice:
     An owner is a distribution, with or without `humanclaw-`, or the name of a plugin file without .py.
     """
 
-    prefer: tuple[str, ...] = ()
-    """owner or owner:name: preferred over other plugins' items of the same name."""
     without: tuple[str, ...] = ()
     """owner, owner:name, or the name of a skill: left out."""
     skills: tuple[str, ...] = ()
     """name or owner:name: the only skills that can be called; empty for all."""
 
-    def rank(self, one: Registration) -> int:
-        """Return the sort key: lower ranks first."""
-        wanted = (*(name for name in self.skills if ":" in name), *self.prefer)
-        return next((place for place, text in enumerate(wanted) if means(text, one)), len(wanted))
+    def names(self, item: Registration) -> bool:
+        """Whether `skills` names an item with its owner, which sets it before other items of its name."""
+        return any(":" in text and means(text, item) for text in self.skills)
 
-    def drops(self, one: Registration, kind: str) -> bool:
+    def drops(self, item: Registration, kind: str) -> bool:
         """Whether an item of a plugin is left out."""
         return any(
-            (":" in text and means(text, one)) or (kind == "skills" and text == one.name) for text in self.without
+            (":" in text and means(text, item)) or (kind == "skills" and text == item.name) for text in self.without
         )
 
 
@@ -67,10 +64,10 @@ class Registration:
     description: str = ""
 
 
-def means(text: str, one: Registration) -> bool:
+def means(text: str, item: Registration) -> bool:
     """Whether owner or owner:name refers to an item."""
     owner, _, name = text.partition(":")
-    return is_owner(owner, one.owner) and name in ("", one.name)
+    return is_owner(owner, item.owner) and name in ("", item.name)
 
 
 def is_owner(text: str, owner: str) -> bool:

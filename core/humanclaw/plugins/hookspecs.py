@@ -37,8 +37,7 @@ API_VERSION: Final = "1.2"
 doors of docs/doors.md. A plugin may name the version that it was made for in HUMANCLAW_API. The host uses the plugin if
 the major is equal and the minor is not later, and otherwise refuses it with the reason (docs/stability.md)."""
 OBSERVERS: Final = frozenset({"humanclaw_chunk", "humanclaw_step", "humanclaw_episode_end"})
-"""Hooks that an episode waits for. Each plugin's run in a thread of their own, for at most the seconds that its module
-sets in HUMANCLAW_PATIENCE (default 30; float("inf") runs them in the episode's own thread)."""
+"""Hooks that an episode waits for."""
 hookspec = pluggy.HookspecMarker(PROJECT)
 hookimpl = pluggy.HookimplMarker(PROJECT)
 F = TypeVar("F", contravariant=True)

@@ -3,72 +3,76 @@
 A plugin is a module with @hookimpl functions, found through the entry-point group `humanclaw` or loaded from one file.
 Its distribution, or its file, names it. Each plugin loads in a try of its own: a broken one is named and disabled, and
 only a run that needs it fails. If two plugins register the same name, both stay: the name alone means the first,
-owner:name means either, and a Choice changes the order. A plugin can extend the host with hooks of its own (hook
-humanclaw_hookspecs).
+owner:name means either. A plugin can extend the host with hooks of its own (hook humanclaw_hookspecs).
+
+What is heavy is imported where it is used: the command line asks modules for their commands before any skill is read.
 """
 
 from __future__ import annotations
 
-import difflib
 import importlib.metadata
 import importlib.util
 import inspect
 import logging
+import re
 import sys
-import threading
 import warnings
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from contextlib import redirect_stdout
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
+from difflib import get_close_matches
 from functools import partial
 from itertools import chain
 from pathlib import Path
 from types import ModuleType
-from typing import Any, Final, TypeVar
+from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 import pluggy
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 
-from humanclaw.errors import PluginError, by_hand
-from humanclaw.plugins import hookspecs
-from humanclaw.plugins.bounded import Bounded
-from humanclaw.plugins.choice import Choice, PluginInfo, Registration, is_owner
-from humanclaw.plugins.loading import (
-    PATIENCE,
-    check_api,
-    check_patience,
-    has_hook,
-    held_to_requirements,
-    is_from,
-    load_file,
-    origin_of,
-    reason_of,
-)
-from humanclaw.plugins.lookup import Lookup, by_digest
-from humanclaw.plugins.registry import Registry
-from humanclaw.skills.measures import MEASURES
+from humanclaw.errors import ANSWERING, FactoryError, HumanclawError, PluginError, RecordError, by_hand, in_words
+from humanclaw.plugins import distributions, hookspecs
+from humanclaw.plugins.choice import Choice, PluginInfo, Registration, is_owner, means
+from humanclaw.plugins.hookspecs import noun
+from humanclaw.text.words import did_you_mean, nearest
+
+if TYPE_CHECKING:
+    from humanclaw.skills.contract import Skill
+    from humanclaw.skills.measures import Measure
 
 T = TypeVar("T")
 PREFIX: Final = "humanclaw_"
-_LOG: Final = logging.getLogger(__name__)
 EXTENSION: Final = "humanclaw_hookspecs"
+_EARLY: Final = (EXTENSION, "humanclaw_measures", "humanclaw_priors")
+"""Hooks of plugins that others may need: these plugins are added first."""
+_DECIDERS: Final = ("agents", "verifiers")
+_NAME: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_. -]{0,63}")
+_OURS: Final = re.compile(r"humanclaw(?![\w.-])", re.IGNORECASE)
+"""A requirement of the core itself; of a hundred others the name is not worth parsing."""
+_LOG: Final = logging.getLogger(__name__)
 
 
-class Plugins(Lookup):
+class Plugins:
     """The installed plugins. An object, not a global: two hosts never influence each other."""
 
     def __init__(self, choice: Choice = Choice()) -> None:
-        super().__init__(choice)
-        self._specs: list[ModuleType] = []
-        self._members: list[tuple[str, object]] = []
-        self._manager = pluggy.PluginManager(hookspecs.PROJECT)
-        self._absent: frozenset[str] = frozenset()
-        self._threads = threading.local()
-        """For each thread that calls observers: the bounded caller of each plugin."""
-        self._extend(hookspecs)
-        self._take(
-            "measures", [Registration(k, hookspecs.PROJECT, one, one.description) for k, one in MEASURES.items()]
-        )
+        from humanclaw.skills.measures import MEASURES
 
+        self.choice = choice
+        self._infos: list[PluginInfo] = []
+        self._items: dict[str, list[Registration]] = {}
+        """By kind, the name of the hook without `humanclaw_`, in order of preference: a name alone means the first."""
+        self._unused: list[Registration] = []
+        """Faulty skills, and items that the choice leaves out."""
+        self._specs: list[ModuleType] = []
+        self._leading: set[str] = set()
+        self._manager = pluggy.PluginManager(hookspecs.PROJECT)
+        self._extend(hookspecs)
+        builtin = [Registration(name, hookspecs.PROJECT, one, one.description) for name, one in MEASURES.items()]
+        self._items["measures"] += builtin
+
+    # -- adding plugins ------------------------------------------------------------------------------------------------
     @classmethod
     def discover(cls, files: Sequence[Path] = (), choice: Choice = Choice(), absent: Collection[str] = ()) -> Plugins:
         """Load every installed plugin that the choice allows, then the given files but for installed packages.
@@ -77,95 +81,181 @@ class Plugins(Lookup):
 
         What plugins print meanwhile goes to stderr: stdout may carry JSON or a protocol.
 
-        Raises PluginError for a file that cannot be used, and for a file that registers a name of another plugin while
-        the choice prefers neither.
+        Raises PluginError for a file that cannot be used, for a file that registers a name of another plugin, and for
+        a choice that names nothing.
         """
         host = cls(choice)
-        host._absent = frozenset(absent)
         with redirect_stdout(sys.stderr):
-            host._discover(files)
+            host._add_installed(absent)
+            for path in files:
+                if not any(is_from(plugin, path / "__init__.py") for plugin in host._manager.get_plugins()):
+                    host._add_file(path)
+            host._check_choice()
         return host
 
-    def _discover(self, files: Sequence[Path]) -> None:
-        points = importlib.metadata.entry_points(group=hookspecs.PROJECT)
-        found = sorted(((origin_of(point), point) for point in points), key=lambda pair: pair[0].name)
-        loaded = [(info, point.name, self._load(info, point)) for info, point in found]
+    def _add_installed(self, absent: Collection[str]) -> None:
+        loaded = []
+        for info, points in installed():
+            if not self._is_left_out(info, absent):
+                modules = ((point.name, self._try(info, partial(_load, info, point))) for point in points)
+                loaded += [(info, part, *module) for part, module in modules if module]
         # The core first, then those that others may extend or measure with.
-        loaded.sort(key=lambda one: (one[0].origin != hookspecs.PROJECT, not _goes_first(one[2])))
-        for info, part, plugin in loaded:
-            if plugin is not None:
-                self._try(info, partial(self.add, plugin, self._free(info.name, part), info.version, info.origin))
-        for path in files:
-            if not any(is_from(plugin, path / "__init__.py") for plugin in self._manager.get_plugins()):
-                self._add_file(path)
-        self._check_choice()
+        for info, part, module, _ in sorted(loaded, key=lambda one: (one[0].name != hookspecs.PROJECT, not one[3])):
+            name = f"{info.name}/{part}" if self._manager.has_plugin(info.name) else info.name
+            self._try(info, partial(self.add, module, name, info.version, info.origin))
 
-    def _free(self, name: str, part: str) -> str:
-        """Return the name of a plugin: its distribution's, with the entry point where that has several."""
-        return name if not self._manager.has_plugin(name) else f"{name}/{part}"
+    def _is_left_out(self, info: PluginInfo, absent: Collection[str] = ()) -> bool:
+        """Whether a plugin stays unloaded; the infos then say why."""
+        unwanted = info.name != hookspecs.PROJECT and any(is_owner(text, info.name) for text in self.choice.without)
+        why = "left out by --without" if unwanted else "plays elsewhere" if info.name in absent else info.error
+        if why:
+            self._infos.append(replace(info, error=why))
+        return bool(why)
+
+    def _try(self, info: PluginInfo, use: Callable[[], T]) -> T | None:
+        try:
+            return use()
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # Third-party code: not even its SystemExit may end the program.
+            reason = str(error) if isinstance(error, PluginError) else in_words(error)
+            self._infos.append(replace(info, error=reason.rstrip(".")))
+            return None
 
     def _add_file(self, path: Path) -> None:
         number, name = 1, path.stem
         while self._manager.has_plugin(name):
             number, name = number + 1, f"{path.stem}-{number + 1}"
-        if self._unwanted(PluginInfo(name, "", str(path))):
+        if self._is_left_out(PluginInfo(name, "", str(path))):
             return
         self.add(load_file(path), name, origin=str(path))
         for reason in self._infos[-1].disabled.values():
-            if not self.names_of(name, "skills"):
+            if not self.of_owner(name, "skills"):
                 raise PluginError(f"plugin file {path}: {reason}")
             _LOG.warning("plugin file %s: %s", path, reason)
-        for found in self._offered.values():
-            for one in found:
-                first = next(other for other in found if other.name == one.name)
-                wanted = {self.choice.rank(each) for each in found if each.name == one.name}
-                if one.owner == name and first is not one and len(wanted) == 1:
-                    told = f"plugin file {path}: {one.name!r} is also that of {first.owner!r}."
-                    either = f"--prefer {name}:{one.name} or --prefer {first.owner}:{one.name}"
-                    raise PluginError(told, f"Say which one you mean: {either}.")
+        for kind in self._items:
+            for item in self.of_owner(name, kind):
+                other = self._first(kind)[item.name]
+                if other is not item and not self.choice.names(other):
+                    told = f"plugin file {path}: {item.name!r} is also that of {other.owner!r}."
+                    either = f"--without {other.owner}:{item.name} or --without {name}:{item.name}"
+                    raise PluginError(told, f"Say which one to leave out: {either}.")
 
-    def add(self, plugin: object, name: str, version: str = "", origin: str = "") -> None:
+    def add(self, plugin: object, name: str, version: str = "", origin: str = "", first: bool = False) -> None:
         """Register one plugin.
 
-        A name that another plugin has registered already keeps its meaning, unless this plugin is first-party or the
-        choice prefers it. Add a plugin with the hook humanclaw_hookspecs before the plugins that implement its hooks.
+        A name that another plugin has registered already keeps its meaning, unless this plugin is first-party. Add a
+        plugin with the hook humanclaw_hookspecs before the plugins that implement its hooks.
 
-        Raises PluginError for a plugin that cannot be used. Then nothing of it stays registered, hooks included.
+        first: whether its items go before those of all other plugins.
+
+        Raises PluginError for a plugin that cannot be used. Then nothing of it stays registered but its hook
+        specifications.
         """
         if self._manager.has_plugin(name) or self._manager.is_registered(plugin):
             raise PluginError(f"plugin {name!r} is already in use.", "Add it once, under a name of its own.")
-        specs = list(self._specs)
         try:
             check_api(getattr(plugin, "HUMANCLAW_API", hookspecs.API_VERSION), name)
-            check_patience(getattr(plugin, "HUMANCLAW_PATIENCE", PATIENCE), name)
-            registry = self._gather(plugin, name)
+            gathered = self._gather(plugin, name)
         except BaseException as error:
-            hint = self._hint(error)
-            self._rebuild(specs)
+            if self._manager.is_registered(plugin):
+                self._manager.unregister(plugin)
             if isinstance(error, PluginError | KeyboardInterrupt):
                 raise
-            raise PluginError(f"plugin {name!r} cannot be used: {reason_of(error)}.", hint) from error
-        self._members.append((name, plugin))
-        for kind, found in registry.found.items():
-            self._take(kind, found)
-        self._faulty += registry.faulty
-        self._left_out += registry.left_out
-        self._infos.append(PluginInfo(name, version, origin, (), "", registry.disabled, (), registry.notes))
+            raise PluginError(f"plugin {name!r} cannot be used: {in_words(error)}.") from error
+        self._leading |= {name} if first else set()
+        for kind, items in gathered.items.items():
+            self._items[kind] = sorted([*self._items[kind], *items], key=self._place)
+        self._unused += gathered.unused
+        self._infos.append(PluginInfo(name, version, origin, (), "", gathered.disabled, (), gathered.notes))
 
-    def _rebuild(self, specs: list[ModuleType]) -> None:
-        """Start again with these specifications and the plugins in use: pluggy cannot forget a specification."""
-        self._manager = pluggy.PluginManager(hookspecs.PROJECT)
-        self._specs = []
-        for module in specs:
-            self._extend(module)
-        for kind in self._found.keys() - set(chain.from_iterable(map(_kinds, specs))):
-            del self._found[kind], self._offered[kind]
-        for name, plugin in self._members:
+    def _place(self, item: Registration) -> tuple[bool, ...]:
+        """Return the sort key of preference; of equals the earlier registered one comes first."""
+        foreign = item.owner.partition("/")[0] not in distributions.own()
+        return item.owner not in self._leading, not self.choice.names(item), foreign
+
+    def _gather(self, plugin: object, name: str) -> _Gathered:
+        """Collect a plugin's registrations, and those of them that can be used."""
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            self._register(plugin, name)
+        self._call(plugin, EXTENSION, register=self._extend)
+        self._refuse_unknown_hooks(plugin, name)
+        notes = tuple(str(one.message) for one in caught if issubclass(one.category, DeprecationWarning))
+        gathered = _Gathered(name, self.choice, notes)
+        for kind in self._items:
+            self._call(plugin, PREFIX + kind, register=partial(gathered.register, kind))
+        if gathered.items.get("skills"):
+            measures = {one.name: one.value for one in gathered.items.get("measures", ())}
+            priors = by_digest(gathered.items.get("priors", ()))
+            gathered.disable_faulty_skills({**measures, **self.measures}, {**self.priors, **priors})
+        return gathered
+
+    def _register(self, plugin: object, name: str) -> None:
+        """Register with pluggy, which refuses a hook that takes what it is not given."""
+        try:
             self._manager.register(plugin, name)
+        except pluggy.PluginValidationError as error:
+            told = " ".join(str(error.args[0]).split())
+            hook = re.search(rf"{PREFIX}\w+", told.partition(" for hook ")[2])
+            takes = f"It takes {', '.join(getattr(self._manager.hook, hook[0]).spec.argnames)}." if hook else ""
+            raise PluginError(f"plugin {name!r} cannot be used: {told}.", takes) from error
+
+    def _refuse_unknown_hooks(self, plugin: object, name: str) -> None:
+        """Raise PluginError for a hook that nobody specifies, with the one that it may be meant for."""
+        known = [hook.removeprefix(PREFIX) for hook, caller in vars(self._manager.hook).items() if caller.has_spec()]
+        for caller in self._manager.get_hookcallers(plugin) or ():
+            optional = all(impl.optionalhook for impl in caller.get_hookimpls() if impl.plugin is plugin)
+            if not caller.has_spec() and not optional:
+                # Compared without the prefix, which would make every hook look near.
+                word = caller.name.removeprefix(PREFIX)
+                near = [hook for hook in known if hook.startswith(word)] or get_close_matches(word, known, 1, 0.5)
+                every = f"The hooks are {', '.join(PREFIX + hook for hook in sorted(known))}."
+                told = f"Did you mean {PREFIX}{near[0]}?" if near else every
+                raise PluginError(f"plugin {name!r} cannot be used: unknown hook {caller.name!r}.", told)
+
+    def _call(self, plugin: object, hook: str, **event: Any) -> None:
+        """Call one plugin's implementation of a hook, if it has one."""
+        caller = getattr(self._manager.hook, hook, None)
+        for impl in caller.get_hookimpls() if caller else ():
+            if impl.plugin is plugin:
+                impl.function(*(event[name] for name in impl.argnames))
+
+    def _extend(self, specs: ModuleType) -> None:
+        """Add the hook specifications of a module. A hook that takes `register` alone defines a kind of named items."""
+        self._manager.add_hookspecs(specs)
+        self._specs.append(specs)
+        for name, spec in vars(specs).items():
+            if name.startswith(PREFIX) and name != EXTENSION and [*inspect.signature(spec).parameters] == ["register"]:
+                self._items.setdefault(name.removeprefix(PREFIX), [])
+
+    def _check_choice(self) -> None:
+        """Raise PluginError if the choice names something that is not installed: it may be misspelt."""
+        plugins = (Registration("", info.name, None) for info in self._infos)
+        known = [*chain(*self._items.values()), *self._unused, *plugins]
+        for text in self.choice.without:
+            if not any(means(text, one) or text == one.name for one in known):
+                near = did_you_mean(text, {one.owner for one in known})
+                told = f"--without {text} names nothing that is installed."
+                raise PluginError(told, f"See `humanclaw plugins`. {near}".rstrip())
+        for name in self.choice.skills:
+            self.skill(name)
+
+    # -- plugins -------------------------------------------------------------------------------------------------------
+    def tell(self, hook: str, **event: Any) -> None:
+        """Call a hook of every plugin that has it. A plugin that raises is logged; the others are called all the
+        same."""
+        for name, plugin in self._manager.list_name_plugin():
+            try:
+                self._call(plugin, hook, **event)
+            except BaseException as error:
+                if by_hand(error):
+                    raise
+                _LOG.warning("plugin %r failed at %s: %s", name, hook, in_words(error))
 
     def plugin(self, owner: str) -> object:
         """Return a plugin that is in use: its module or object. Raises PluginError if there is none of that name."""
-        for name, member in self._members:
+        for name, member in self._manager.list_name_plugin():
             if is_owner(owner, name):
                 return member
         raise PluginError(f"there is no plugin {owner!r}.", "See `humanclaw plugins`.")
@@ -174,136 +264,370 @@ class Plugins(Lookup):
         """Return the names of the hooks that a plugin implements. Raises PluginError if it is not in use."""
         return frozenset(caller.name for caller in self._manager.get_hookcallers(self.plugin(owner)) or ())
 
-    def tell(self, hook: str, **event: Any) -> None:
-        """Call a hook of every plugin that has it. A plugin that raises, or keeps an episode waiting too long, is
-        logged; the others are called all the same."""
-        for name, plugin in self._manager.list_name_plugin():
-            if not has_hook(plugin, hook):
-                continue
-            call = partial(self._only(plugin, hook), **event)
-            try:
-                if hook in hookspecs.OBSERVERS:
-                    self._observer(name)(call)
-                else:
-                    call()
-            except BaseException as error:
-                if by_hand(error):
-                    raise
-                _LOG.warning("plugin %r failed at %s: %s", name, hook, reason_of(error))
-
-    def _observer(self, name: str) -> Bounded:
-        """Return the bounded caller of a plugin's observers: one for each thread that calls them."""
-        known: dict[str, Bounded] = vars(self._threads)
-        if name not in known:
-            known[name] = Bounded(self._patience(name))
-        return known[name]
-
-    def _patience(self, owner: str) -> float:
-        return float(getattr(self._manager.get_plugin(owner), "HUMANCLAW_PATIENCE", PATIENCE))
-
-    def bounded(self, one: Registration) -> Callable[..., Any]:
-        """Return a registered function with a timeout: its plugin's HUMANCLAW_PATIENCE, seconds.
-
-        The returned function raises TimeoutError after that time, and whatever the registered function raises.
-        """
-        patient = Bounded(self._patience(one.owner))
-        return lambda *args: patient(partial(one.value, *args))
-
-    def _load(self, info: PluginInfo, point: importlib.metadata.EntryPoint) -> object | None:
-        """Import a plugin's module. Returns None, and notes the reason in the infos, if it is not wanted, cannot be
-        imported or was made for another version."""
-        if info.origin != hookspecs.PROJECT and self._unwanted(info):
-            return None
-        if info.name in self._absent:
-            self._infos.append(replace(info, error="plays elsewhere"))
-            return None
-        return self._try(info, lambda: held_to_requirements(point).load())
-
-    def _unwanted(self, info: PluginInfo) -> bool:
-        """Whether the choice leaves a whole plugin out, which is then noted in the infos."""
-        unwanted = any(is_owner(text, info.name) for text in self.choice.without)
-        if unwanted:
-            self._infos.append(replace(info, error="left out by --without"))
-        return unwanted
-
-    def _try(self, info: PluginInfo, use: Callable[[], T]) -> T | None:
-        try:
-            return use()
-        except KeyboardInterrupt:
-            raise
-        except BaseException as error:  # Third-party code: not even its SystemExit may end the program.
-            reason = str(error) if isinstance(error, PluginError) else reason_of(error)
-            self._infos.append(replace(info, error=reason.rstrip(".")))
-            return None
-
-    def _gather(self, plugin: object, name: str) -> Registry:
-        """Collect a plugin's registrations, and those of them that can be used."""
-        with warnings.catch_warnings(record=True) as told:
-            warnings.simplefilter("always")
-            if self._manager.register(plugin, name) is None:
-                raise PluginError(f"plugin {name!r} is blocked.")
-        self._only(plugin, EXTENSION)(register=self._extend)
-        self._manager.check_pending()
-        registry = self._call_hooks(plugin, name)
-        registry.notes = tuple(str(one.message) for one in told if issubclass(one.category, DeprecationWarning))
-        registry.keep(self.choice)
-        priors = by_digest(registry.found.get("priors", []))
-        if registry.found.get("skills"):
-            own = {one.name: one.value for one in registry.found.get("measures", [])}
-            registry.disable_faulty_skills({**own, **self.measures}, {**self.priors, **priors})
-        return registry
-
-    def _call_hooks(self, plugin: object, name: str) -> Registry:
-        registry = Registry(name)
-        for kind in self._found:
-            self._only(plugin, PREFIX + kind)(register=registry.register(kind))
-        return registry
-
-    def _only(self, plugin: object, hook: str) -> Any:
-        """Return a caller of one plugin's implementation of a hook, and of no other plugin's."""
-        others = [other for _, other in self._manager.list_name_plugin() if other is not plugin]
-        return self._manager.subset_hook_caller(hook, others)
-
-    def _extend(self, specs: ModuleType) -> None:
-        """Add the hook specifications of a module. A hook that takes `register` alone defines a kind of named items."""
-        self._manager.add_hookspecs(specs)
-        self._specs.append(specs)
-        for kind in _kinds(specs):
-            self._found.setdefault(kind, {})
-            self._offered.setdefault(kind, [])
-
     def use(self, kind: str) -> Callable[[Any, Plugins], None] | None:
         """Return how `humanclaw check` uses an item of a plugin's own hook: `USES[kind]` beside its specification."""
         return next((specs.USES[kind] for specs in self._specs if kind in getattr(specs, "USES", {})), None)
 
-    def _hint(self, error: BaseException) -> str:
-        """Suggest the nearest hook for a misspelt one."""
-        known = [name for name in vars(self._manager.hook) if name.startswith(PREFIX)]
-        specified = [name for name in known if getattr(self._manager.hook, name).has_spec()]
-        words = [word.strip("'\":,.").partition("(")[0] for word in reason_of(error).split()]
-        if isinstance(error, pluggy.PluginValidationError) and (named := [one for one in words if one in specified]):
-            return f"It takes {', '.join(getattr(self._manager.hook, named[0]).spec.argnames)}."
-        wrong = [word for word in words if word.startswith(PREFIX) and word not in specified]
-        if not wrong:
-            return ""
-        # Without the prefix, which would make every hook look near.
-        word, known = _bare(wrong[0]), [_bare(name) for name in specified]
-        begun = [name for name in known if name.startswith(word)]
-        near = begun or difflib.get_close_matches(word, known, n=1, cutoff=0.5)
-        return f"Did you mean {PREFIX}{near[0]}?" if near else f"The hooks are {', '.join(sorted(specified))}."
+    @property
+    def infos(self) -> tuple[PluginInfo, ...]:
+        """Every plugin that was found, with its items in use."""
+        return tuple(self._with_items(info) for info in self._infos)
+
+    def info(self, owner: str) -> PluginInfo:
+        """Return the entry of a plugin."""
+        return next(info for info in self.infos if info.name == owner)
+
+    def _with_items(self, info: PluginInfo) -> PluginInfo:
+        provides, duplicates = [], []
+        for kind, items in self._items.items():
+            first = self._first(kind)
+            for item in (item for item in items if item.owner == info.name):
+                if first[item.name] is item:
+                    provides.append(f"{noun(kind)} {item.name}")
+                else:
+                    told = f"{noun(kind)} {item.name!r} of plugin {item.owner!r} is already registered by"
+                    duplicates.append(f"{told} {first[item.name].owner!r}. Call it {item.owner}:{item.name}.")
+        return replace(info, provides=tuple(provides), duplicates=tuple(duplicates))
+
+    # -- items by name -------------------------------------------------------------------------------------------------
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """The kinds of items that plugins can register."""
+        return tuple(self._items)
+
+    def registered(self, kind: str) -> tuple[Registration, ...]:
+        """All that is registered through the hook `humanclaw_<kind>`; none if no plugin specifies such a hook."""
+        return tuple(self._first(kind).values())
+
+    def of_owner(self, owner: str, kind: str) -> tuple[Registration, ...]:
+        """Return a plugin's items of a kind, in the order in which it registered them."""
+        return tuple(item for item in self._items.get(kind, ()) if item.owner == owner)
+
+    def offered(self, kind: str, name: str) -> Any:
+        """Return the item of a name, also a skill that is disabled or left out. Raises PluginError with the nearest
+        names if there is none."""
+        unused = self._unused if kind == "skills" and name not in self._first(kind) else ()
+        named = next((item for item in unused if name == item.name or means(name, item)), None)
+        return (named or self._find(kind, name)).value
+
+    def make(self, kind: str, name: str, *args: Any, **options: Any) -> Any:
+        """Call the factory registered under a name.
+
+        Raises PluginError if there is no such name (with the nearest ones), if the factory needs a package that is not
+        installed, and if the factory of an agent or a verifier fails with an error that a user cannot mend.
+        """
+        item = self._find(kind, name)
+        whose = f"{noun(kind)} {name!r} of plugin {item.owner!r}"
+        if not callable(item.value):
+            told = f"{whose} is of type {type(item.value).__name__}; expected a factory."
+            raise PluginError(told, "Register a function that makes one.")
+        try:
+            return item.value(*args, **options)
+        except ModuleNotFoundError as error:
+            told = f"{whose} needs {error.name!r}, which is not installed."
+            raise PluginError(told, f"Run `pip install {error.name}`.") from error
+        except BaseException as error:
+            if not _gives_up(kind, error):
+                raise
+            raise FactoryError(f"{whose} gave up: {in_words(error)}.") from error
+
+    def decider(self, kind: str, name: str, options: Mapping[str, Any], known_as: str = "") -> Any:
+        """Make an agent or a verifier for an episode of an unattended run.
+
+        If its factory raises, return a stand-in with the name known_as; its episode ends as plugin_error when it
+        begins. Raises PluginError, ProviderError and LimitError, as agents and verifiers may.
+        """
+        from humanclaw.plugins.deciders import Unmade
+
+        try:
+            return self.make(kind, name, options)
+        except FactoryError as error:
+            return Unmade(known_as or name, self.owner(name, kind), error.__cause__ or error)
+
+    def scene(self, reference: str) -> Any:
+        """Make the scene that `source:argument` or `owner:source:argument` refers to."""
+        source, _, argument = reference.partition(":")
+        longer, _, rest = argument.partition(":")
+        if source not in self._first("scenes") and self._get("scenes", f"{source}:{longer}"):
+            source, argument = f"{source}:{longer}", rest
+        return self.make("scenes", source, argument)
+
+    def require(self, *wanted: tuple[str, str]) -> None:
+        """Raise PluginError if a (kind, name) is not installed, with the one line that installs all that are
+        missing."""
+        missing = [(kind, name) for kind, name in wanted if self._get(kind, name) is None]
+        bringing = [distributions.bringing(kind, name) for kind, name in missing]
+        if len(missing) > 1 and all(bringing):
+            told = [f"{noun(kind)} {name!r}" for kind, name in missing]
+            listed = f"{', '.join(told[:-1])} and {told[-1]}"
+            raise PluginError(f"{listed} are not installed.", f"Run `{distributions.install(bringing)}`.")
+        for kind, name in missing:
+            self._find(kind, name)
+
+    @property
+    def priors(self) -> dict[str, Path]:
+        """The checkpoints of the installed priors, by digest; the shipped one where no plugin registers any."""
+        from humanclaw.motion.checkpoint import shipped_base
+
+        return by_digest(self.registered("priors") or [Registration("", hookspecs.PROJECT, shipped_base())])
+
+    @property
+    def measures(self) -> dict[str, Measure]:
+        """Every measure that a parameter can command, by name."""
+        return {name: item.value for name, item in self._first("measures").items()}
+
+    @property
+    def skills(self) -> dict[str, Skill]:
+        """The skills that can be called, by name: all, or those that the choice names."""
+        wanted = [self._find("skills", name) for name in self.choice.skills] or self.registered("skills")
+        return {item.name: item.value for item in wanted}
+
+    def skill(self, name: str) -> Skill:
+        """Return the skill of a name, or of owner:name. Raises PluginError with the nearest names if there is none."""
+        return self._find("skills", name).value  # type: ignore[no-any-return]
+
+    @property
+    def disabled(self) -> dict[str, str]:
+        """Skills that are not in use, by name, with the reason."""
+        reasons = [reason for info in self._infos for reason in info.disabled.items()]
+        return {name: reason for name, reason in reasons if name not in self.skills}
+
+    def owner(self, name: str, kind: str = "skills") -> str:
+        """Return the plugin that brings a skill, or an item of another kind."""
+        return self._find(kind, name).owner
+
+    def overridden(self, skill: str) -> tuple[str, ...]:
+        """Return the other plugins that have a skill of this name."""
+        first = self._find("skills", skill)
+        return tuple(one.owner for one in self._items["skills"] if one.name == first.name and one is not first)
+
+    def _first(self, kind: str) -> dict[str, Registration]:
+        """Return the item that each name alone means."""
+        first: dict[str, Registration] = {}
+        for item in self._items.get(kind, ()):
+            first.setdefault(item.name, item)
+        return first
+
+    def _get(self, kind: str, name: str) -> Registration | None:
+        """Return the item of name or owner:name; None if there is none."""
+        named = (item for item in self._items.get(kind, ()) if name == item.name or (":" in name and means(name, item)))
+        return next(named, None)
+
+    def _find(self, kind: str, name: str) -> Registration:
+        if item := self._get(kind, name):
+            return item
+        if kind == "skills" and name in self.disabled:
+            raise PluginError(f"skill {name!r} is disabled: {self.disabled[name]}")
+        disabled = [f"{info.name} ({info.error})" for info in self._infos if info.error]
+        lost = f" Plugins that are disabled: {'; '.join(disabled)}." if disabled else ""
+        raise PluginError(f"there is no {noun(kind)} {name!r}.", self._remedy(kind, name) + lost)
+
+    def _remedy(self, kind: str, name: str) -> str:
+        """Return the command that installs the likely package of a name, or else the known names."""
+        known, elsewhere = self._first(kind), distributions.table().get(kind, {})
+        distribution = elsewhere.get(name)
+        if distribution and distribution not in (info.origin for info in self._infos):
+            return f"Run `{distributions.install([distribution])}`."
+        more = [f"{one} (of {of})" for one, of in elsewhere.items() if one not in (*known, name)]
+        listed = f"Known: {', '.join([*known, *more]) or 'none'}."
+        if distribution:
+            return f"{distribution} brings it, but a package that it needs is not installed. {listed}"
+        return nearest(name, {**elsewhere, **dict.fromkeys(known, "")}) or listed
 
 
-def _goes_first(plugin: object) -> bool:
-    """Whether a plugin may define what others need."""
-    return any(has_hook(plugin, hook) for hook in (EXTENSION, "humanclaw_measures", "humanclaw_priors"))
+def by_digest(priors: Iterable[Registration]) -> dict[str, Path]:
+    """Return the checkpoints of registered priors by digest. Raises CheckpointError for one that cannot be read."""
+    from humanclaw.motion.checkpoint import read_header
+
+    return {str(read_header(item.value)["digest"]): item.value for item in priors}
 
 
-def _bare(hook: str) -> str:
-    return hook.removeprefix(PREFIX)
+def _gives_up(kind: str, error: BaseException) -> bool:
+    """Tell whether a factory failed with an error that only its plugin can mend.
+
+    Agents and verifiers may report that a model cannot be had. Errors of other kinds of factories may be the machine's.
+    """
+    if kind in _DECIDERS:
+        mendable = isinstance(error, HumanclawError) and not isinstance(error, RecordError)
+        return not (mendable or isinstance(error, ANSWERING) or by_hand(error))
+    return isinstance(error, SystemExit | GeneratorExit)
 
 
-def _kinds(specs: ModuleType) -> Iterator[str]:
-    """Yield the kinds of named items that a module of specifications defines."""
-    for name, spec in vars(specs).items():
-        if name.startswith(PREFIX) and name != EXTENSION and list(inspect.signature(spec).parameters) == ["register"]:
-            yield name.removeprefix(PREFIX)
+@dataclass
+class _Gathered:
+    """Registrations of one plugin, apart from the host's: a plugin that fails half-way leaves nothing behind."""
+
+    owner: str
+    choice: Choice
+    notes: tuple[str, ...]
+    items: dict[str, list[Registration]] = field(default_factory=dict)
+    unused: list[Registration] = field(default_factory=list)
+    disabled: dict[str, str] = field(default_factory=dict)
+    """Skills that break the contract, by name, with the reason."""
+
+    def register(self, kind: str, named: Any, value: Any = None, description: str = "") -> None:
+        """Take name, value and description, or one value that has a name and a description itself. Of a name that a
+        plugin registers twice the first counts."""
+        if value is None:
+            value = self._skill(named) if kind == "skills" else named
+            if value is None:
+                return
+            named, description = value.name, value.description
+        if not isinstance(named, str) or not _NAME.fullmatch(named):
+            told = f"{named!r} is not a valid name for a {noun(kind)}."
+            raise PluginError(told, f"Use a name that matches {_NAME.pattern}.")
+        item, kept = Registration(named, self.owner, value, description), self.items.setdefault(kind, [])
+        if self.choice.drops(item, kind):
+            self.unused.append(item)
+        elif all(item.name != other.name for other in kept):
+            kept.append(item)
+
+    def _skill(self, given: object) -> Skill | None:
+        """Return the skill, or None for a folder that cannot be read: the plugin's other skills stay in use."""
+        from humanclaw.skills.contract import Skill
+
+        if isinstance(given, Skill):
+            return given
+        if not isinstance(given, Path):
+            told = f"register() takes a Skill or a folder; got {type(given).__name__}."
+            raise PluginError(told, "Decorate it with @skill.")
+        try:
+            return Skill.from_folder(given)
+        except Exception as error:
+            self._disable(given.name, given, str(error) if isinstance(error, PluginError) else in_words(error))
+            return None
+
+    def _disable(self, name: str, value: Skill | Path, reason: str) -> None:
+        self.disabled[name] = reason
+        self.unused.append(Registration(name, self.owner, value))
+
+    def disable_faulty_skills(self, measures: Mapping[str, Measure], priors: Mapping[str, Path]) -> None:
+        """Check each skill against the contract, and take out those that break it."""
+        from humanclaw.skills.checks import skill_faults
+
+        for item in self.items["skills"][:]:
+            if faults := skill_faults(item.value, measures, priors):
+                self._disable(item.name, item.value, " ".join(map(str, faults)))
+                self.items["skills"].remove(item)
+
+
+# -- modules of plugins ------------------------------------------------------------------------------------------------
+def installed() -> list[tuple[PluginInfo, Sequence[importlib.metadata.EntryPoint]]]:
+    """Return the distributions with plugins, the core first, and their entry points.
+
+    A distribution whose metadata cannot be read may have plugins too. It comes with an error and without entry points.
+    """
+    found: dict[str, tuple[PluginInfo, Sequence[importlib.metadata.EntryPoint]]] = {}
+    for dist in importlib.metadata.distributions():
+        try:
+            if not (points := tuple(dist.entry_points.select(group=hookspecs.PROJECT))):
+                continue
+            info = _info(dist)
+        except Exception as error:
+            folder = Path(str(getattr(dist, "_path", "unknown")))  # Nothing else names it without its metadata.
+            name = canonicalize_name(folder.stem.partition("-")[0])
+            info = PluginInfo(name, "", name, error=f"{folder} cannot be read: {in_words(error)}. Reinstall it")
+            points = ()
+        found.setdefault(info.name, (info, () if info.error else points))
+    return sorted(found.values(), key=lambda pair: (pair[0].name != hookspecs.PROJECT, pair[0].name))
+
+
+def _info(dist: importlib.metadata.Distribution) -> PluginInfo:
+    """Return a distribution's name and version, with an error if it requires another version of humanclaw."""
+    metadata = dist.metadata  # Read once: each access reads and parses the file anew.
+    name, version, ours = metadata["Name"], metadata["Version"], distributions.version()
+    if not name:  # An interrupted pip leaves no metadata.
+        raise ValueError("METADATA names no distribution")
+    for text in filter(_OURS.match, metadata.get_all("Requires-Dist") or ()):
+        if ours not in (wanted := Requirement(text).specifier):
+            told = f"{name} {version} needs humanclaw{wanted}, this is {ours}. Upgrade {name} and humanclaw"
+            return PluginInfo(name, version, name, error=told)
+    return PluginInfo(name, version, name)
+
+
+def _load(info: PluginInfo, point: importlib.metadata.EntryPoint) -> tuple[ModuleType, bool]:
+    """Import a plugin's module, and tell whether others may need it."""
+    module = point.load()
+    return module, any(hasattr(module, hook) for hook in _EARLY)
+
+
+class Modules:
+    """The modules of the installed plugins, without what they register: enough to list commands, in a tenth of a
+    second less than a host needs."""
+
+    def tell(self, hook: str, **event: Any) -> None:
+        """Call a hook of every plugin that has it, the core's first. A plugin that fails is logged and skipped. What
+        plugins print goes to stderr."""
+        for info, points in installed():
+            if info.error:
+                _LOG.warning("plugin %r is left out: %s", info.name, info.error)
+            for point in points:
+                try:
+                    with redirect_stdout(sys.stderr):
+                        _tell(point, hook, event)
+                except KeyboardInterrupt:
+                    raise
+                except BaseException as error:  # Third-party code: not even its SystemExit may end the program.
+                    _LOG.warning("plugin %r failed at %s: %s", info.name, hook, in_words(error))
+
+
+def _tell(point: importlib.metadata.EntryPoint, hook: str, event: Mapping[str, Any]) -> None:
+    manager = pluggy.PluginManager(hookspecs.PROJECT)
+    manager.add_hookspecs(hookspecs)
+    module = point.load()
+    if hasattr(module, hook):
+        check_api(getattr(module, "HUMANCLAW_API", hookspecs.API_VERSION), point.name)
+        manager.register(module)
+        getattr(manager.hook, hook)(**event)
+
+
+def check_api(made_for: object, name: str) -> None:
+    """Check the plugin API that a plugin was made for: it needs the host's major version, and no later minor.
+
+    Raises PluginError, which says whether to upgrade the plugin or the host.
+    """
+    try:
+        major, minor = map(int, str(made_for).split("."))
+    except ValueError:
+        told = f"plugin {name!r} was made for plugin API {made_for!r}, expected major.minor."
+        raise PluginError(told, f'Set HUMANCLAW_API = "{hookspecs.API_VERSION}".') from None
+    ours = tuple(map(int, hookspecs.API_VERSION.split(".")))
+    if major != ours[0] or minor > ours[1]:
+        newer = "humanclaw" if (major, minor) > ours else name
+        told = f"plugin {name!r} was made for plugin API {made_for}, this is {hookspecs.API_VERSION}."
+        raise PluginError(told, f"Upgrade {newer}.")
+
+
+def load_file(path: Path) -> ModuleType:
+    """Import one Python file, or a package in a folder, as a plugin module. Raises PluginError if it is missing or
+    fails.
+
+    A package keeps its name, so that it can import its own modules, relatively or not.
+    """
+    file, name = path, f"humanclaw_plugin_{path.stem}"
+    if path.is_dir():
+        file, name = path / "__init__.py", path.resolve().name
+    if not file.is_file():
+        raise PluginError(f"there is no plugin file {file}.", "Give the path of a Python file, or of a package.")
+    spec = importlib.util.spec_from_file_location(name, file)
+    if spec is None or spec.loader is None:
+        raise PluginError(f"{path} is not a Python file.", "Give the path of a file that ends in .py.")
+    if path.is_dir() and name in sys.modules and not is_from(sys.modules[name], file):
+        raise PluginError(f"a package {name!r} is loaded already, from elsewhere.", "Rename the folder.")
+    module = importlib.util.module_from_spec(spec)
+    try:
+        if path.is_dir():
+            sys.modules[name] = module
+        spec.loader.exec_module(module)
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
+        if path.is_dir():
+            sys.modules.pop(name, None)
+        raise PluginError(f"plugin file {path} failed to load: {in_words(error)}.") from error
+    return module
+
+
+def is_from(module: object, file: Path) -> bool:
+    """Return whether an object is the module of a file."""
+    return isinstance(module, ModuleType) and Path(vars(module).get("__file__") or "").resolve() == file.resolve()

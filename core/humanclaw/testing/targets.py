@@ -11,8 +11,7 @@ from humanclaw.errors import ContractError, PluginError, in_words
 from humanclaw.plugins.bounded import Bounded, OverdueError
 from humanclaw.plugins.choice import is_owner
 from humanclaw.plugins.hookspecs import API_VERSION
-from humanclaw.plugins.host import Plugins
-from humanclaw.plugins.loading import check_api, load_file
+from humanclaw.plugins.host import Plugins, check_api, load_file
 from humanclaw.skills.contract import Skill
 from humanclaw.skills.measures import Measure
 from humanclaw.testing.examining import Report, examine

@@ -37,7 +37,7 @@ _COLLISIONS: Final = "collisions_"
 
 
 def metrics_of(plugins: Plugins) -> Extra:
-    """Return the metrics of plugins by name. Each stops after the time limit of its plugin.
+    """Return the metrics of plugins by name.
 
     Raises PluginError for a metric with the name of one of the benchmark's own numbers, which it would replace.
     """
@@ -46,7 +46,7 @@ def metrics_of(plugins: Plugins) -> Extra:
         if one.name in OWN or one.name.startswith(_COLLISIONS):
             told = f"metric {one.name!r} of plugin {one.owner!r} has the name of one of the benchmark's own numbers."
             raise PluginError(told, "Register it under another name, or leave the plugin out.")
-    return {one.name: plugins.bounded(one) for one in metrics}
+    return {one.name: one.value for one in metrics}
 
 
 def scored(episodes: Sequence[RecordedEpisode], extra: Extra | None = None, name: str = "") -> list[Scored]:

@@ -340,7 +340,7 @@ def _false_claims(recorded: RecordedEpisode) -> float:
 
 
 def _measured(name: str, measure: Callable[[RecordedEpisode], float], recorded: RecordedEpisode) -> float:
-    """Return a plugin's metric; NaN if it raises, hangs or returns no number.
+    """Return a plugin's metric; NaN if it raises or returns no number.
 
     The metric gets a copy of the record, so it cannot alter the scores.
     """
@@ -348,8 +348,6 @@ def _measured(name: str, measure: Callable[[RecordedEpisode], float], recorded: 
         return float(measure(deepcopy(recorded)))
     except KeyboardInterrupt:
         raise
-    except TimeoutError as late:
-        _LOG.warning("metric %r failed on episode %s: %s", name, recorded.record.spec.id, late)
     except BaseException:
         _LOG.exception("metric %r failed on episode %s", name, recorded.record.spec.id)
     return float("nan")

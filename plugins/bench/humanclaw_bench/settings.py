@@ -59,7 +59,7 @@ def introduced(job: Job, plugins: Plugins) -> Job:
 
 def _only_decides(info: PluginInfo, plugins: Plugins, choice: Choice) -> bool:
     """Whether a plugin of others brings nothing but agents and verifiers, observers included."""
-    named = [text.partition(":")[0] for text in (*choice.prefer, *choice.skills)]
+    named = [text.partition(":")[0] for text in choice.skills]
     if info.error or info.origin in own() or info.name in named:
         return False
     return plugins.hooks(info.name) <= {"humanclaw_agents", "humanclaw_verifiers"}

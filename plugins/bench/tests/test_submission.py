@@ -146,7 +146,7 @@ def other_limits(run: Path) -> None:
 def other_choice(run: Path) -> None:
     for name in ("e0", "e1", "e2", "e3"):
         rewrite(run, name, settings=WARM | {"plugins": {"without": ["climb_upstairs"]}})
-    say(run, choice={"prefer": [], "without": ["climb_upstairs"], "skills": []})
+    say(run, choice={"without": ["climb_upstairs"], "skills": []})
     assert invoke("verify", run).exit_code == 0
     rewrite(run, "e2", settings=WARM)
 

@@ -7,7 +7,6 @@ import io
 import json
 import shutil
 import sys
-import threading
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -182,30 +181,19 @@ def test_a_metric_with_the_name_of_a_number_of_the_benchmarks_own_is_refused(nam
         metrics_of(plugins)
 
 
-def interrupting(recorded: RecordedEpisode) -> float:
-    raise KeyboardInterrupt
-
-
-def test_a_metric_that_raises_leaves_hangs_or_babbles_is_not_known_and_harms_nothing(
-    tmp_path: Path, caplog: Any
-) -> None:
-    let_go, plugins = threading.Event(), Plugins.discover()
+def test_a_metric_that_raises_leaves_or_babbles_is_not_known_and_harms_nothing(tmp_path: Path) -> None:
+    plugins = Plugins.discover()
     odd = {
         "raises": lambda recorded: 1 / 0,
         "leaves": lambda recorded: sys.exit(3),
-        "interrupts": interrupting,
         "babbles": lambda recorded: "much",
-        "hangs": lambda recorded: let_go.wait(60),
     }
     metrics = [*odd.items(), ("one", lambda recorded: 1.0)]
-    plugins.add(plugin(metrics=metrics, HUMANCLAW_PATIENCE=0.2), "odd")
+    plugins.add(plugin(metrics=metrics), "odd")
     extra, recorded = metrics_of(plugins), rollout(tmp_path, SAT)
-    first, second = score(recorded, extra), score(recorded, extra)
-    let_go.set()
-    for scores in (first, second):
-        assert [str(scores.extra[name]) for name in odd] == ["nan"] * 5
-        assert (scores.extra["one"], scores.interact) == (1.0, True)
-    assert "'hangs' failed on episode" in caplog.text
+    scores = score(recorded, extra)
+    assert [str(scores.extra[name]) for name in odd] == ["nan"] * 3
+    assert (scores.extra["one"], scores.interact) == (1.0, True)
 
 
 def test_false_claims_stand_beside_what_they_would_buy(base: Scores) -> None:
