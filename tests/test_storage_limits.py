@@ -4,7 +4,6 @@ import errno
 import io
 import json
 import os
-import threading
 import zipfile
 
 import numpy as np
@@ -14,11 +13,13 @@ from PIL import Image
 
 from humanclaw import EpisodeSpec, HumanclawError, RecordedEpisode, RecordError
 from humanclaw.records import EpisodeRecord, EpisodeWriter, StepRecord, read_episodes
-from humanclaw.records.reading import _read_arrays
 from humanclaw.storage import within
 
 SPEC = EpisodeSpec(id="a", instruction="Find a couch.", scene="house:0")
 RECORD = EpisodeRecord(spec=SPEC, start={"x": 0, "z": 0, "yaw": 0}, agent="a", scene_digest="d")
+
+
+KINDS = ("generated", "simulated")
 
 
 # -- names -------------------------------------------------------------------------------------------------------------
@@ -88,7 +89,7 @@ def zipped(members, how=zipfile.ZIP_DEFLATED):
 
 WHOLE = {
     f"{kind}_{name}.npy": array((5, *row), b"\0" * 8 * 5 * width)
-    for kind in ("generated", "simulated")
+    for kind in KINDS
     for name, row, width in (("root", (3,), 3), ("rotations", (24, 3), 72))
 }
 """Five frames, which are read."""
@@ -150,20 +151,6 @@ def test_motion_of_far_more_frames_than_the_steps_last_is_refused(running):
         RecordedEpisode(running).objects()
 
 
-def test_pieces_of_motion_may_not_be_large_together(running, monkeypatch):
-    (running / "motion.npz").unlink()
-    (running / "steps.jsonl").write_bytes(b"")
-    for number in range(4):  # As the page of a run reads it, each object has a row for every frame.
-        piece = {**WHOLE, f"object_{number}.npy": array((5, 7), b"\0" * 280)}
-        (running / "frames" / f"{number:06d}.npz").write_bytes(zipped(piece))
-    assert len(RecordedEpisode(running).objects()) == 4
-    for most in (20_000, 26_000):  # Less than the pieces, and than their whole.
-        monkeypatch.setattr("humanclaw.records.reading._LARGEST", most)
-        _read_arrays.cache_clear()
-        with pytest.raises(RecordError, match="larger than"):
-            RecordedEpisode(running).objects()
-
-
 @pytest.mark.parametrize("content", [b"no picture", "PNG", "JPEG"])
 def test_a_view_that_is_no_picture_or_too_large_is_refused(running, content):
     episode, stream = RecordedEpisode(running), io.BytesIO()
@@ -190,71 +177,55 @@ def step(number):
     return StepRecord(step=number, status="invalid", attempts=())
 
 
-def test_a_full_disk_is_told_in_a_sentence_and_leaves_whole_lines(tmp_path, full):
+@pytest.fixture
+def writer(tmp_path):
     writer = EpisodeWriter(tmp_path / "a", RECORD)
-    writer.step(step(0))
+    writer.open()
+    return writer
+
+
+def test_a_full_disk_is_told_in_a_sentence_and_leaves_whole_lines(writer, full):
+    writer.keep(step(0))
     writer.frame("0.jpg", b"x")
     full()
-    writer.step(step(1))  # It waits for the disk no longer than the next view takes.
-    for write in (lambda: writer.step(step(2)), lambda: writer.frame("0.jpg", b"x"), lambda: writer.end(RECORD, {})):
+    writer.keep(step(1))  # It does not wait for the disk.
+    for write in (lambda: writer.frame("0.jpg", b"x"), lambda: writer.end(RECORD)):
         with pytest.raises(RecordError, match=r"cannot write the record to .*: No space left on device\."):
             write()
-    found = (tmp_path / "a" / "steps.jsonl").read_bytes()
-    assert [json.loads(line)["step"] for line in found.splitlines()] == [0, 1], "those that step() took"
-    assert not list((tmp_path / "a").rglob("*.partial"))
-    assert RecordedEpisode(tmp_path / "a").record.outcome == "running"
-
-
-def test_a_record_that_ends_after_the_disk_failed_once_holds_every_step_that_was_taken(tmp_path, monkeypatch):
-    writer = EpisodeWriter(tmp_path / "a", RECORD)
-    writer.step(step(0))
-    writer.frame("0.jpg", b"x")
-    real, faults = os.fsync, [OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))]
-
-    def once(descriptor):
-        if faults:
-            raise faults.pop()
-        real(descriptor)
-
-    monkeypatch.setattr("os.fsync", once)
-    writer.step(step(1))
-    with pytest.raises(RecordError, match="No space left"):
-        writer.step(step(2))
-    writer.end(RECORD.model_copy(update={"outcome": "interrupted", "steps": 2}), {})
-    assert [one.step for one in RecordedEpisode(tmp_path / "a").steps] == [0, 1]
+    found = (writer.folder / "steps.jsonl").read_bytes()
+    assert [json.loads(line)["step"] for line in found.splitlines()] == [0, 1]
+    assert not list(writer.folder.rglob("*.partial"))
+    assert RecordedEpisode(writer.folder).record.outcome == "running"
 
 
 @pytest.mark.parametrize("order", ["C", "F"])
-def test_motion_is_read_as_it_was_however_its_arrays_lie_in_memory(tmp_path, order):
-    array = np.asarray(np.arange(12.0).reshape(4, 3), order=order)
-    writer = EpisodeWriter(tmp_path, RECORD)
-    writer.move({"x": array})
-    with np.load(tmp_path / "frames" / "000000.npz") as found:
-        np.testing.assert_array_equal(found["x"], array)
+def test_motion_is_read_as_it_was_however_its_arrays_lie_in_memory(writer, order):
+    root, turns = (np.asarray(np.arange(n).reshape(4, *row), float, order) for n, row in ((12, (3,)), (288, (24, 3))))
+    writer.move({f"{kind}_root": root for kind in KINDS} | {f"{kind}_rotations": turns for kind in KINDS})
+    writer.end(RECORD.model_copy(update={"outcome": "stopped"}))
+    np.testing.assert_array_equal(RecordedEpisode(writer.folder).motion().root, root)
+    np.testing.assert_array_equal(RecordedEpisode(writer.folder).motion().rotations, turns)
 
 
-def test_a_frame_waits_for_no_disk_and_is_on_disk_when_the_record_ends(tmp_path, monkeypatch):
-    writer = EpisodeWriter(tmp_path / "a", RECORD)
+def test_an_object_rests_in_pieces_of_motion_that_do_not_name_it(tmp_path):
+    body = {f"{kind}_root": np.zeros((2, 3)) for kind in KINDS}
+    writer = EpisodeWriter(tmp_path, RECORD, {"object_4": np.zeros(7)})
+    writer.open()
+    writer.move(body, body | {"object_4": np.array([[1.0] * 7, [2.0] * 7])}, body)
+    writer.end(RECORD)
+    assert RecordedEpisode(tmp_path).objects()[4][:, 0].tolist() == [0, 0, 1, 2, 2, 2]
+
+
+def test_steps_wait_for_no_disk_and_everything_is_on_disk_when_the_record_ends(writer, monkeypatch):
     real, settled = os.fsync, set()
     monkeypatch.setattr("os.fsync", lambda descriptor: (settled.add(os.fstat(descriptor).st_ino), real(descriptor)))
-    frames = {(tmp_path / "a" / writer.frame(f"{k}.jpg", b"x")).stat().st_ino for k in range(20)}
-    assert not settled & frames
-    writer.end(RECORD, {})
-    assert settled >= {*frames, (tmp_path / "a" / "frames").stat().st_ino}
-
-
-def test_a_step_is_on_disk_before_the_view_of_the_next_is_kept(tmp_path, monkeypatch):
-    writer = EpisodeWriter(tmp_path / "a", RECORD)
-    writer.frame("0.jpg", b"x")
-    real, slow, order = os.fsync, threading.Event(), []
-    monkeypatch.setattr("os.fsync", lambda descriptor: (slow.wait(9), order.append("step"), real(descriptor)))
-    writer.step(step(0))
-    assert b'"step":0' in (tmp_path / "a" / "steps.jsonl").read_bytes(), "who is killed now keeps it"
-    threading.Timer(0.2, slow.set).start()
-    writer.frame("1.jpg", b"x")
-    order.append("view")
-    writer.end(RECORD, {})
-    assert order[:2] == ["step", "view"]
+    files = [writer.folder / writer.frame(f"{k}.jpg", b"x") for k in range(20)]
+    writer.keep(step(0))
+    assert b'"step":0' in (writer.folder / "steps.jsonl").read_bytes(), "who is killed now keeps it"
+    assert not settled
+    writer.end(RECORD)
+    files += [writer.folder / "frames", writer.folder / "steps.jsonl", writer.folder / "motion.npz"]
+    assert settled >= {path.stat().st_ino for path in files}
 
 
 @pytest.mark.parametrize("place", ['"x": NaN', '"z": Infinity', '"yaw": 1e999', '"x": 1e308', '"floor": -20000'])

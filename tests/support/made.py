@@ -72,6 +72,7 @@ def record_episode(
         ground=tuple(o.id for o in scene.objects if o.category in GROUND),
     )  # fmt: skip
     writer, walker, oracle = EpisodeWriter(folder, record), Walker(scene, targets), OracleAgent()
+    writer.open()
     oracle.begin(EpisodeContext(spec, SKILLS, 0, scene, walker.state))
     history: list[HistoryEntry] = []
     heights = [walker.ground + walker.height] * HISTORY
@@ -85,7 +86,7 @@ def record_episode(
         heights += [walker.ground + walker.height] * 15
         after = walker.state().body
         call = decision.calls[0]
-        writer.step(
+        writer.keep(
             StepRecord(
                 step=number, status="stopped" if call.skill == "stop" else "executed", attempts=(Attempt(decision),),
                 verdict=Verdict(accepted=number != 3,
@@ -111,7 +112,8 @@ def record_episode(
     arrays = {
         f"{kind}_{part}": getattr(motion, part) for kind in ("generated", "simulated") for part in ("root", "rotations")
     }
-    writer.end(record.model_copy(update={"outcome": "stopped", "steps": number + 1}), arrays)
+    writer.move(arrays)
+    writer.end(record.model_copy(update={"outcome": "stopped", "steps": number + 1}))
     return scene
 
 

@@ -95,11 +95,14 @@ def rollout(
         target_ids=tuple(fields["targets"]), interact=interact, max_steps=max_steps,
     )  # fmt: skip
     begun = EpisodeRecord(spec=spec, agent=agent, **fields)
-    writer = EpisodeWriter(folder / name, begun, [one.model_copy(update={"step": k}) for k, one in enumerate(steps)])
+    writer = EpisodeWriter(folder / name, begun)
+    writer.steps += [step.model_copy(update={"step": k}) for k, step in enumerate(steps)]
+    writer.open()
     still = gliding(steps)
     arrays = {f"object_{key}": path for key, path in (objects or {}).items()}
     for kind, frames in zip(("generated", "simulated"), motion or (still, still), strict=True):
         arrays |= {f"{kind}_root": frames.root, f"{kind}_rotations": frames.rotations}
     ending = outcome or ("stopped" if steps and steps[-1].status == "stopped" else "out_of_steps")
-    writer.end(begun.model_copy(update={"outcome": ending, "steps": len(steps)}), arrays)
+    writer.move(arrays)
+    writer.end(begun.model_copy(update={"outcome": ending, "steps": len(steps)}))
     return RecordedEpisode(folder / name)

@@ -19,8 +19,8 @@ from humanclaw.episodes.embodiment import Body
 from humanclaw.episodes.execution import SkillExecution
 from humanclaw.episodes.history import QUALITY, History
 from humanclaw.episodes.panel import Panel, own_seed, settled
-from humanclaw.episodes.recorder import Recording, begin_record, ending, stand_at_start
-from humanclaw.episodes.replay import check_decision, check_end, check_place
+from humanclaw.episodes.recorder import begin_folder, begin_record, ending, piece_of, stand_at_start
+from humanclaw.episodes.replay import check_end, check_memory, check_place
 from humanclaw.episodes.step import Step, distance_to_goal, target_distance
 from humanclaw.errors import CallError, HumanclawError, LimitError, PluginError, PluginRunError, ProviderError
 from humanclaw.plugins.agents import Agent, EpisodeContext, HistoryEntry, Observation, Verifier
@@ -70,8 +70,8 @@ class Episode:
             folder: where to write the record; None writes nothing.
             options: options of the run, for the record.
             distance: measures the remaining way to a target after each step, for the record.
-            replay: steps of an earlier run of the same episode. They are executed again without asking the agent, and
-                the episode continues after them.
+            replay: steps of an earlier run of the same episode. They are executed again without asking agent or
+                verifier, and the episode continues after them.
             meter: limits of the run, shared by all its episodes.
             attempts: number of refused decisions in a row that costs a step; at least 1.
             apart: where "agent" and "verifier" play if not in this process, for the record.
@@ -82,14 +82,16 @@ class Episode:
         Raises:
             HumanclawError: attempts is below 1.
             SceneError: the scene has another digest than the specification.
-            ReplayError: a replayed step ends elsewhere than recorded, or steps follow the end of the episode.
+            ReplayError: a replayed step ends elsewhere than recorded, steps follow the end of the episode, or agent or
+                verifier is privileged.
         """
         if attempts < 1:
             raise HumanclawError(f"an episode needs at least one attempt a step; got {attempts}.", "Give 1 or more.")
         check_end(replay, spec)
+        self._panel = Panel(agent, verifier)
+        check_memory(replay, self._panel.privileged, spec)
         stand_at_start(body, spec, scene)
         self.body, self.spec, self._reset = body, spec, body.resets
-        self._panel = Panel(agent, verifier)
         self._max_attempts, self._meter = attempts, meter or Meter()
         self._meter.begin("episode")
         self._distance = None
@@ -102,7 +104,7 @@ class Episode:
         context = EpisodeContext(spec.told, body.skills, own, meter=self._meter, gaze=body.gaze)
         known = {"spec": spec, "seed": spec.seed, "scene": body.scene, "state": body.state, "view": self._look}
         self._panel.begin(context, known)
-        self._recording = Recording(body, record, folder)
+        self._recording = begin_folder(body, record, folder)
         self._history = History()
         self._between: list[bytes] = []
         self._feedback, self._step = Feedback(), Step(0)
@@ -304,7 +306,7 @@ class Episode:
             return self._measure(before, call, verdict)
         self._cancelling, self._between = False, []
         done = self.body.execute(call, self._watch)
-        self._recording.move(done.chunks)
+        self._recording.move(*map(piece_of, done.chunks))
         self._step.seconds |= done.seconds
         return self._measure(before, call, verdict, done)
 
@@ -331,7 +333,7 @@ class Episode:
 
     def _keep(self, step: StepRecord, replayed: bool = False) -> StepRecord:
         """Finish a step: record it, remember it, call the observers."""
-        self._recording.keep(step, replayed)
+        self._recording.keep(step)
         self._feedback = step.feedback
         view = self._look().rgb
         frame = self._recording.folder / step.frame_file if self._recording.folder and step.frame_file else None
@@ -346,26 +348,13 @@ class Episode:
     def _replay_step(self, step: StepRecord) -> None:
         """Execute a recorded step again, to restore body, history and trajectory."""
         self._look()
-        self._replay_decisions(step)
         if step.call and step.status != "stopped":
             left = iter(range(step.chunks - 1, -1, -1))
-            self._recording.move(self.body.execute(step.call, lambda chunk: next(left) > 0).chunks)
+            done = self.body.execute(step.call, lambda chunk: next(left) > 0)
+            self._recording.move(*map(piece_of, done.chunks))
         check_place(step, self.body.state(), self.spec)
         self._meter.add(step.usage)
         self._keep(step, replayed=True)
-
-    def _replay_decisions(self, step: StepRecord) -> None:
-        """Let privileged agents and verifiers decide again: a scripted agent keeps a memory beside the history, and
-        rebuilds it by deciding."""
-        privileged = self._panel.privileged
-        if privileged.get("agent"):
-            feedback = self._feedback
-            for attempt in step.attempts:
-                found = self._panel.decide(self._seen(self._look(), feedback), self.history)
-                check_decision(found, attempt.decision, self.record.agent, step, self.spec)
-                feedback = Feedback(refusal=attempt.error)
-        if privileged.get("verifier") and step.status != "invalid":
-            self._verify(step.decision, check(step.decision, self.body.skills))
 
     # -- the end -------------------------------------------------------------------------------------------------------
     @contextmanager

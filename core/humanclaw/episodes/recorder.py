@@ -1,4 +1,4 @@
-"""Write the record of an episode: its first fields, each step in memory and in its folder, and its end."""
+"""Begin the record of an episode, and say how it ends."""
 
 from __future__ import annotations
 
@@ -6,13 +6,9 @@ import datetime
 import functools
 import hashlib
 import json
-import os
-import weakref
-from collections.abc import Container, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Container, Mapping
 from dataclasses import asdict
 from pathlib import Path
-from tempfile import TemporaryFile
 from typing import Any
 
 import numpy as np
@@ -21,158 +17,39 @@ from humanclaw.body.pose import HISTORY, Array, Motion
 from humanclaw.episodes.embodiment import Body
 from humanclaw.episodes.panel import Panel
 from humanclaw.episodes.step import target_boxes
-from humanclaw.errors import HumanclawError, LimitError, PluginRunError, ProviderError, RecordError, SceneError
+from humanclaw.errors import HumanclawError, LimitError, PluginRunError, ProviderError, SceneError
 from humanclaw.plugins.choice import PluginInfo
 from humanclaw.plugins.distributions import version
 from humanclaw.plugins.hookspecs import noun
 from humanclaw.plugins.host import Plugins
-from humanclaw.records.folder import EpisodeWriter, joined
+from humanclaw.records.folder import EpisodeWriter
 from humanclaw.records.specification import EpisodeSpec
-from humanclaw.records.steps import EpisodeRecord, Outcome, SkillInfo, StepRecord
+from humanclaw.records.steps import EpisodeRecord, Outcome, SkillInfo
 from humanclaw.skills.contract import Skill
 from humanclaw.storage.files import Folder, state_of
 from humanclaw.world.scene import GROUND, Scene
 from humanclaw.world.simulator import Chunk
 
 
-class Recording:
-    """What an episode keeps: its record, its steps, its frames and its motion."""
-
-    def __init__(self, body: Body, record: EpisodeRecord, folder: Path | Folder | None) -> None:
-        """folder: where to write; None keeps nothing on disk."""
-        self.record = record
-        self.steps: list[StepRecord] = []
-        self._files = Folder.of(folder) if folder else None
-        self.folder = self._files.path if self._files else None
-        self._trajectory = TrajectoryBuffer(body) if folder else None
-        self._writer: EpisodeWriter | None = None
-        self._drawn: dict[str, bytes] = {}
-        """Frames of replayed steps, held back until the replay has succeeded."""
-
-    def open(self) -> None:
-        """Begin the folder. Call it after a replay, so that a failed one leaves the folder as it was."""
-        if self._files and self._trajectory is not None:
-            self._writer = EpisodeWriter(self._files, self.record, self.steps)
-            for name, data in self._drawn.items():
-                self._writer.frame(name, data)
-            self._drawn.clear()
-            for piece in self._trajectory.pieces():
-                self._writer.move(piece)
-
-    def frame(self, name: str, data: bytes) -> str:
-        """Write a frame, or hold it back until the folder is open. Returns its path relative to the folder."""
-        if self._writer:
-            return self._writer.frame(name, data)
-        self._drawn[name] = data
-        return f"frames/{name}"
-
-    def move(self, chunks: Sequence[Chunk]) -> None:
-        """Append the motion of a step."""
-        if self._trajectory is None:
-            return
-        for chunk in chunks:
-            piece = self._trajectory.add(chunk)
-            if self._writer:
-                self._writer.move(piece)
-
-    def keep(self, step: StepRecord, replayed: bool = False) -> None:
-        """Append a step. replayed: open() writes it to the folder."""
-        if self._writer and not replayed:
-            self._writer.step(step)
-        self.steps.append(step)
-
-    def end(self, record: EpisodeRecord) -> None:
-        """Write the final record. If the disk was full, call it again."""
-        if self._writer and self._trajectory is not None:
-            self._writer.end(record, self._trajectory)
-        self.record = record
-
-    @property
-    def outcome(self) -> Outcome:
-        """The outcome that follows from the steps so far: 'interrupted' as long as none of them ends the episode."""
-        if self.steps and self.steps[-1].status == "stopped":
-            return "stopped"
-        return "out_of_steps" if len(self.steps) >= self.record.spec.max_steps else "interrupted"
-
-    @property
-    def is_over(self) -> bool:
-        """Whether the steps so far end the episode."""
-        return self.outcome != "interrupted"
+def begin_folder(body: Body, record: EpisodeRecord, folder: Path | Folder | None) -> EpisodeWriter:
+    """Return the writer of an episode whose body stands at its start: five frames, with which motion begins."""
+    movable = (obj for obj in body.scene.objects if obj.movable)
+    at_rest = {f"object_{obj.id}": np.array([*obj.position, *obj.rotation], float) for obj in movable}
+    writer, still = EpisodeWriter(folder, record, at_rest), body.state().body
+    standing = Motion(np.repeat(still.root, HISTORY, 0), np.repeat(still.rotations, HISTORY, 0))
+    writer.move(_arrays(body.history, standing))
+    return writer
 
 
-class TrajectoryBuffer(Mapping[str, Array]):
-    """Every frame of an episode for motion.npz: five frames of standing, then each chunk's.
-
-    Arrays by name, made when they are asked for: {generated,simulated}_{root,rotations} and object_ID, one row a frame.
-    Until then they lie in a file without a name: they take 23 kB a step.
-    """
-
-    def __init__(self, body: Body) -> None:
-        """Begin with a body that stands. Raises RecordError, as add() does, if temporary files have no room."""
-        self._scene = body.scene
-        still = body.state().body
-        standing = Motion(np.repeat(still.root, HISTORY, 0), np.repeat(still.rotations, HISTORY, 0))
-        self._places: list[Mapping[str, int]] = []
-        """Where the file holds the arrays of the beginning and of each chunk; of objects only those that moved in
-        it."""
-        with _room():
-            self._file = TemporaryFile()  # noqa: SIM115 (closed below)
-        weakref.finalize(self, self._file.close)
-        self._keep(_arrays(body.history, standing))
-
-    def add(self, chunk: Chunk) -> Mapping[str, Array]:
-        """Append the motion of a chunk. Returns it as a piece."""
-        paths = {f"object_{key}": path for key, path in chunk.execution.objects.items()}
-        return self._keep(_arrays(chunk.commanded, chunk.execution.simulated) | paths)
-
-    def _keep(self, piece: Mapping[str, Array]) -> Mapping[str, Array]:
-        places = {}
-        with _room():
-            self._file.seek(0, os.SEEK_END)
-            for name, array in piece.items():
-                places[name] = self._file.tell()
-                np.save(self._file, array)
-            self._file.flush()
-        self._places.append(places)
-        return piece
-
-    def _read(self, place: int) -> Array:
-        self._file.seek(place)
-        return np.asarray(np.load(self._file))
-
-    def pieces(self) -> Iterator[Mapping[str, Array]]:
-        """Yield the beginning and each chunk."""
-        for places in self._places:
-            yield {name: self._read(place) for name, place in places.items()}
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(sorted({name for places in self._places for name in places}))
-
-    def __len__(self) -> int:
-        return len(list(iter(self)))
-
-    def __getitem__(self, name: str) -> Array:
-        kind, _, key = name.partition("_")
-        obj = self._scene.by_id[int(key)] if kind == "object" else None
-        held = []
-        for places in self._places:
-            one = name if name in places else "generated_root"  # It tells how long the piece is.
-            held.append({one: self._read(places[one])})
-        return joined(held, name, np.array([*obj.position, *obj.rotation], float) if obj else None)
-
-
-@contextmanager
-def _room() -> Iterator[None]:
-    try:
-        yield
-    except OSError as error:
-        told = f"cannot keep the episode's motion in a temporary file: {error.strerror or error}."
-        raise RecordError(told, "Make room there, or name another folder in TMPDIR.") from error
+def piece_of(chunk: Chunk) -> dict[str, Array]:
+    """Return the motion of a chunk as motion.npz has it."""
+    paths = {f"object_{key}": path for key, path in chunk.execution.objects.items()}
+    return _arrays(chunk.commanded, chunk.execution.simulated) | paths
 
 
 def _arrays(generated: Motion, simulated: Motion) -> dict[str, Array]:
     pair = {"generated": generated, "simulated": simulated}
-    return {f"{kind}_{part}": getattr(one, part) for kind, one in pair.items() for part in ("root", "rotations")}
+    return {f"{kind}_{part}": getattr(motion, part) for kind, motion in pair.items() for part in ("root", "rotations")}
 
 
 def stand_at_start(body: Body, spec: EpisodeSpec, scene: Scene | None = None) -> None:

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import zipfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from functools import partial
 from pathlib import Path
 from typing import BinaryIO
 
@@ -14,8 +12,8 @@ import numpy as np
 
 from humanclaw.body.pose import Array
 from humanclaw.errors import RecordError
-from humanclaw.records.steps import EpisodeRecord, StepRecord
-from humanclaw.storage.files import MIB, Folder, begin_line, writing
+from humanclaw.records.steps import EpisodeRecord, Outcome, StepRecord
+from humanclaw.storage.files import MIB, Folder, add_line, writing
 
 AGAIN = "Run the episode again, or remove its folder."
 RECORD_BYTES, STEPS_BYTES, FRAME_BYTES, MOTION_BYTES = 16 * MIB, 128 * MIB, 16 * MIB, 1024 * MIB
@@ -23,88 +21,122 @@ RECORD_BYTES, STEPS_BYTES, FRAME_BYTES, MOTION_BYTES = 16 * MIB, 128 * MIB, 16 *
 
 
 class EpisodeWriter:
-    """Writes one episode folder. The disk works while the next view is drawn: before that view is kept, and so before
-    the next step is decided, everything earlier but the views is on disk."""
+    """Keeps the record of an episode: in memory, and in a folder if it has one.
 
-    def __init__(self, folder: Path | Folder, record: EpisodeRecord, kept: Sequence[StepRecord] = ()) -> None:
-        """kept: steps of an earlier run that the folder begins with."""
-        self._files = files = Folder.of(folder)
-        self.folder = files.path
-        lines = "".join(step.model_dump_json() + "\n" for step in kept)
-        with writing(files):
-            files.root.mkdir(parents=True, exist_ok=True)
-            write_record(files, record.model_copy(update={"files": {}}), settled=bool(kept))
-            for old in ("motion.npz", *frames_in(files), *pieces_in(files)):
-                files.remove(old)  # Left by an earlier run; kept steps are drawn again.
-            files.write("steps.jsonl", lines.encode(), settled=bool(kept))
-            self._steps = files.append("steps.jsonl")
-        self._pieces = 0
-        self._disk = ThreadPoolExecutor(1)
-        self._later(partial(files.settle, ("episode.json", "steps.jsonl")))
+    A step is in its file before the next one begins, so that a kill costs no more than the step under way. Motion stays
+    in memory until the end, 23 kB a step: who resumes an episode plays its calls again.
+    """
+
+    def __init__(
+        self, folder: Path | Folder | None, record: EpisodeRecord, at_rest: Mapping[str, Array] | None = None
+    ) -> None:
+        """Begin with an episode without steps.
+
+        Args:
+            folder: where to write; None keeps nothing on disk.
+            at_rest: pose (7,) in which each movable object begins, by the name of its array, object_ID.
+        """
+        self.record = record
+        self.steps: list[StepRecord] = []
+        self._files = Folder.of(folder) if folder else None
+        self.folder = self._files.path if self._files else None
+        self._at_rest, self._pieces = at_rest or {}, list[Mapping[str, Array]]()
+        self._lines: BinaryIO | None = None
+        """steps.jsonl, once the folder has begun."""
+
+    def open(self) -> None:
+        """Begin the folder, with the steps so far. Call it after a replay: one that fails leaves record and steps."""
+        if not self._files:
+            return
+        kept = {step.frame_file for step in self.steps}
+        with writing(self._files):
+            self._files.root.mkdir(parents=True, exist_ok=True)
+            write_record(self._files, self.record.model_copy(update={"files": {}}))
+            for name in ("motion.npz", *frames_in(self._files)):
+                if name not in kept:
+                    self._files.remove(name)  # Left by an earlier run.
+            lines = (step.model_dump_json() + "\n" for step in self.steps)
+            self._files.write("steps.jsonl", "".join(lines).encode())
+            self._lines = self._files.append("steps.jsonl")
 
     def frame(self, name: str, data: bytes) -> str:
-        """Write a picture. Returns its path relative to the folder. It is on disk when the record ends: who continues
-        an episode draws its steps again."""
-        self._settle()
-        with writing(self._files):
-            self._files.write(f"frames/{name}", data, settled=False)
+        """Write a picture, which is on disk when the record ends. Returns its path relative to the folder."""
+        if self._files:
+            with writing(self._files):
+                self._files.root.mkdir(parents=True, exist_ok=True)
+                self._files.write(f"frames/{name}", data, settled=False)
         return f"frames/{name}"
 
-    def move(self, piece: Mapping[str, Array]) -> None:
-        """Write the motion of a chunk, which `humanclaw watch` shows; at the end motion.npz holds it."""
-        with writing(self._files), self._files.replacing(f"frames/{self._pieces:06d}.npz", settled=False) as stream:
-            _write_npz(stream, piece, zipfile.ZIP_STORED)
-        self._pieces += 1
+    def move(self, *pieces: Mapping[str, Array]) -> None:
+        """Append motion: arrays by name, {generated,simulated}_{root,rotations} and object_ID, one row a frame. Of
+        objects only those that moved."""
+        if self._files:
+            self._pieces += pieces
 
-    def step(self, step: StepRecord) -> None:
-        """Append a line, whole or not at all. Raises RecordError if the disk is full."""
-        self._settle()
-        with writing(self._files):
-            self._later(begin_line(self._steps, step.model_dump_json().encode()))
+    def keep(self, step: StepRecord) -> None:
+        """Append a step: once the folder has begun a line, whole or not at all. Raises RecordError for a full disk."""
+        if self._files and self._lines:
+            with writing(self._files):
+                add_line(self._lines, step.model_dump_json().encode(), settled=False)
+        self.steps.append(step)
 
-    def _later(self, settle: Callable[[], None]) -> None:
-        """Let the disk work meanwhile."""
-        self._due, self._settling = settle, self._disk.submit(settle)
+    def end(self, record: EpisodeRecord) -> None:
+        """Write motion.npz and the final episode.json. If the disk was full, make room and call it again."""
+        if self._files and self._lines:
+            frames = self._files / "frames"
+            with writing(self._files):
+                self._files.settle(["steps.jsonl"])
+                if pictures := frames.names(".jpg"):
+                    frames.settle(pictures)
+                with self._files.replacing("motion.npz") as stream:
+                    _write_npz(stream, self._motion())
+            close_record(self._files, record)
+            self._lines.close()
+        self.record = record
 
-    def _settle(self) -> None:
-        """Wait until what was written before is on disk. Where that fails, the next call tries again."""
-        with writing(self._files):
-            try:
-                self._settling.result()
-            except OSError:
-                self._later(self._due)
-                raise
+    def _motion(self) -> Iterator[tuple[str, Array]]:
+        """Yield the arrays of the whole motion by name, one at a time: together they take twice the memory."""
+        for name in sorted({name for piece in self._pieces for name in piece}):
+            yield name, _joined(self._pieces, name, self._at_rest.get(name))
 
-    def end(self, record: EpisodeRecord, arrays: Mapping[str, Array]) -> None:
-        """Close the record: write motion.npz, then the final episode.json. Raises RecordError if the disk is full."""
-        self._settle()
-        self._steps.close()
-        frames = self._files / "frames"
-        with writing(self._files):
-            if pictures := frames.names(".jpg"):
-                self._later(partial(frames.settle, pictures))
-            with self._files.replacing("motion.npz") as stream:
-                _write_npz(stream, arrays)
-        self._settle()
-        close_record(self._files, record)
-        self._disk.shutdown()
+    @property
+    def outcome(self) -> Outcome:
+        """The outcome that follows from the steps so far: 'interrupted' as long as none of them ends the episode."""
+        if self.steps and self.steps[-1].status == "stopped":
+            return "stopped"
+        return "out_of_steps" if len(self.steps) >= self.record.spec.max_steps else "interrupted"
+
+    @property
+    def is_over(self) -> bool:
+        """Whether the steps so far end the episode."""
+        return self.outcome != "interrupted"
 
 
-def _write_npz(stream: BinaryIO, arrays: Mapping[str, Array], packing: int = zipfile.ZIP_DEFLATED) -> None:
+def _joined(pieces: Sequence[Mapping[str, Array]], name: str, at_rest: Array | None) -> Array:
+    """Return an array of the whole motion from those of its pieces. An object that a piece does not name rests."""
+    parts, last = list[Array](), at_rest
+    for piece in pieces:
+        length = len(piece["generated_root"])
+        parts.append(piece[name] if name in piece else np.repeat(np.asarray(last, float)[None], length, 0))
+        last = parts[-1][-1] if length else last
+    return np.concatenate(parts)
+
+
+def _write_npz(stream: BinaryIO, arrays: Iterator[tuple[str, Array]]) -> None:
     """Write arrays as numpy.savez_compressed does, but a thousand rows at a time: its buffers take 40 MB."""
-    with zipfile.ZipFile(stream, "w", packing) as archive:
-        for name in arrays:
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, values in arrays:
             with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
-                array = np.ascontiguousarray(arrays[name])
+                array = np.ascontiguousarray(values)
                 np.lib.format.write_array_header_1_0(member, np.lib.format.header_data_from_array_1_0(array))
                 for first in range(0, len(array), 1000):
                     member.write(array[first : first + 1000].tobytes())
 
 
-def write_record(folder: Path | Folder, record: EpisodeRecord, settled: bool = True) -> None:
-    """Write episode.json with its seal. settled: as Folder.replacing() has it."""
+def write_record(folder: Path | Folder, record: EpisodeRecord) -> None:
+    """Write episode.json with its seal."""
     with writing(folder):
-        Folder.of(folder).write("episode.json", record.sealed.model_dump_json(indent=1).encode(), settled)
+        Folder.of(folder).write("episode.json", record.sealed.model_dump_json(indent=1).encode())
 
 
 def close_record(folder: Path | Folder, record: EpisodeRecord) -> None:
@@ -113,33 +145,11 @@ def close_record(folder: Path | Folder, record: EpisodeRecord) -> None:
     with reading(files.path):
         names = [name for name in ("steps.jsonl", "motion.npz") if files.has(name)] + frames_in(files)
         digests = {name: files.digest(name, MOTION_BYTES) for name in names}
-    with writing(files):
-        for piece in pieces_in(files):
-            files.remove(piece)  # Before the seal: nobody opens a sealed record again to clear what a kill has left.
     write_record(files, record.model_copy(update={"files": digests}))
 
 
 def frames_in(files: Folder) -> list[str]:
     return [f"frames/{name}" for name in (files / "frames").names(".jpg")]
-
-
-def pieces_in(files: Folder) -> list[str]:
-    """Return the files of motion that an episode in progress has, in order."""
-    return [f"frames/{name}" for name in (files / "frames").names(".npz")]
-
-
-def joined(pieces: Sequence[Mapping[str, Array]], name: str, rest: Array | None = None) -> Array:
-    """Return an array of the whole motion from those of its pieces. An object that a piece does not name rests.
-
-    rest: an object's pose before it first moves; by default the first one that is known.
-    """
-    lasting = [len(next(iter(piece.values()))) for piece in pieces]
-    last = next(piece[name][0] for piece in pieces if name in piece) if rest is None else rest
-    parts = []
-    for piece, length in zip(pieces, lasting, strict=True):
-        parts.append(piece[name] if name in piece else np.repeat(last[None], length, 0))
-        last = parts[-1][-1] if length else last
-    return np.concatenate(parts)
 
 
 @contextmanager

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
-from humanclaw.body.pose import HISTORY, Array, Motion
+from humanclaw.body.pose import Array, Motion
 from humanclaw.errors import RecordError
 from humanclaw.records.folder import (
     AGAIN,
@@ -27,8 +27,6 @@ from humanclaw.records.folder import (
     MOTION_BYTES,
     RECORD_BYTES,
     STEPS_BYTES,
-    joined,
-    pieces_in,
     reading,
 )
 from humanclaw.records.steps import MOST_FRAMES, EpisodeRecord, StepRecord, seal_of
@@ -42,8 +40,6 @@ REPORT: Final = "report.html"
 """File of the page that a reporter writes into the folder of an episode or a run."""
 _LARGEST: Final = 1 << 30
 """Maximum bytes of all arrays of motion. 10,000 steps take a sixth of it, 100 moving objects the rest."""
-_PIECES: Final = 1024
-"""Pieces of motion that are kept in memory, a few kB each and at most 1 MiB."""
 _ROWS: Final = {"root": (3,), "rotations": (24, 3), "object": (7,)}
 """Shape of one row, by kind of array."""
 _ARRAY: Final = re.compile(r"(?:(?:generated|simulated)_(root|rotations)|(object)_\d{1,9})\.npy")
@@ -65,14 +61,8 @@ class RecordedEpisode:
 
     @property
     def has_motion(self) -> bool:
-        """Whether the record holds motion. A running or killed episode has that of its steps so far."""
-        return bool(self._motion_files())
-
-    def _motion_files(self) -> tuple[str, ...]:
-        """Return motion.npz, or the files of an episode that has not ended. Only motion.npz has a digest."""
-        if self.files.has("motion.npz"):
-            return ("motion.npz",)
-        return tuple(pieces_in(self.files)) if self.record.outcome == "running" else ()
+        """Whether the record holds motion. It is written when an episode ends."""
+        return self.files.has("motion.npz")
 
     def motion(self, kind: Literal["generated", "simulated"] = "simulated") -> Motion:
         """Return all frames of the episode (world frame): five of standing, then motion_frames for each step."""
@@ -88,20 +78,16 @@ class RecordedEpisode:
 
         Sizes are checked before memory is allocated.
         """
-        places = self._motion_files() or ("motion.npz",)
         try:
             lasting = sum(step.motion_frames for step in self.steps)
-            parts = tuple((name, state_of(self.files.status(name))) for name in places)
-            found = _read_arrays(self.files, parts, lasting + MOST_FRAMES)
+            found = _read_arrays(self.files, state_of(self.files.status("motion.npz")), lasting + MOST_FRAMES)
             held = min(map(len, found.values()), default=0)
             if held < lasting:
                 raise ValueError(f"it holds {held} frames, and its steps last {lasting}")
-            # Chunks are written before their step's line.
-            end = held if places == ("motion.npz",) else HISTORY + lasting
-            return {name: found[name][:end] for name in names or sorted(found)}
+            return {name: found[name] for name in names or sorted(found)}
         except Exception as error:  # Damage raises a dozen kinds of errors in numpy, zipfile and its unpackers.
             told = error.strerror if isinstance(error, OSError) else error
-            raise RecordError(f"{self.folder / places[-1]} cannot be read: {told}.", AGAIN) from error
+            raise RecordError(f"{self.folder / 'motion.npz'} cannot be read: {told}.", AGAIN) from error
 
     def view(self, step: StepRecord) -> bytes:
         """Return the view before a step as JPEG; empty if the record does not hold it."""
@@ -208,43 +194,23 @@ def _verify(files: Folder, record: EpisodeRecord) -> None:
 
 
 @lru_cache(maxsize=1)
-def _read_arrays(files: Folder, parts: Sequence[tuple[str, tuple[int, ...]]], most: int) -> Mapping[str, Array]:
-    """Read and check motion.npz, or the pieces of it. Whoever scores or shows an episode asks for its arrays several
-    times.
+def _read_arrays(files: Folder, state: tuple[int, ...], most: int) -> Mapping[str, Array]:
+    """Read and check motion.npz. Whoever scores or shows an episode asks for its arrays several times.
 
-    parts: names and states. most: maximum frames, those of the steps and of one that broke off.
+    state: of the file, so that a changed one is read again. most: maximum frames, those of the steps and of one that
+    broke off.
     """
-    if parts[0][0] == "motion.npz":
-        return _read(files, "motion.npz", most, _LARGEST)
-    pieces, row, frames = [], dict[str, int](), 0
-    for name, state in parts:
-        pieces.append(piece := _read_piece(files, name, state))
-        row |= {key: array[:1].nbytes for key, array in piece.items()}
-        frames += len(next(iter(piece.values()), ()))
-        # An object that moved in one piece has a row for every frame.
-        if sum(row.values()) * frames > _LARGEST:
-            raise ValueError(f"its arrays are larger than {_LARGEST >> 20} MiB")
-    return {name: joined(pieces, name) for name in row}
-
-
-@lru_cache(maxsize=_PIECES)
-def _read_piece(files: Folder, name: str, state: tuple[int, ...]) -> Mapping[str, Array]:
-    """Read a piece. A page that follows an episode asks for all of them after each step."""
-    return _read(files, name, MOST_FRAMES, _LARGEST // _PIECES)
-
-
-def _read(files: Folder, name: str, most: int, largest: int) -> Mapping[str, Array]:
-    with files.open(name, MOTION_BYTES) as stream, zipfile.ZipFile(stream) as archive:
-        _check_arrays(archive, most, largest)
+    with files.open("motion.npz", MOTION_BYTES) as stream, zipfile.ZipFile(stream) as archive:
+        _check_arrays(archive, most)
         found = {name.removesuffix(".npy"): _array(archive, name) for name in archive.namelist()}
     if not all(np.isfinite(array).all() for array in found.values()):
         raise ValueError("it holds values that are not finite")
     return found
 
 
-def _check_arrays(archive: zipfile.ZipFile, most: int, largest: int) -> None:
+def _check_arrays(archive: zipfile.ZipFile, most: int) -> None:
     """Raise ValueError for an array of an unknown name or shape, one that differs from its header, arrays of different
-    lengths or more frames than most, and a total size above largest, bytes."""
+    lengths or more frames than most, and a total size above _LARGEST."""
     shapes = {member.filename: _shape(archive, member) for member in archive.infolist()}
     for name, shape in shapes.items():
         kind = _ARRAY.fullmatch(name)
@@ -254,8 +220,8 @@ def _check_arrays(archive: zipfile.ZipFile, most: int, largest: int) -> None:
         raise ValueError("its arrays are of different lengths")
     if any(shape[0] > most for shape in shapes.values()):
         raise ValueError("it holds far more frames than its steps last")
-    if sum(member.file_size for member in archive.infolist()) > largest:
-        raise ValueError(f"its arrays are larger than {largest >> 20} MiB")
+    if sum(member.file_size for member in archive.infolist()) > _LARGEST:
+        raise ValueError(f"its arrays are larger than {_LARGEST >> 20} MiB")
 
 
 def _shape(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> tuple[int, ...]:

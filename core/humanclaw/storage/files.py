@@ -12,7 +12,7 @@ import os
 import shutil
 import stat
 import threading
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -243,29 +243,17 @@ def _parts(name: str) -> tuple[str, ...]:
     return path.parts
 
 
-def add_line(stream: BinaryIO, line: bytes) -> None:
-    """Add a line to the end of a file, whole or not at all; it is on disk afterwards. Raises OSError.
+def add_line(stream: BinaryIO, line: bytes, settled: bool = True) -> None:
+    """Add a line to the end of a file, whole or not at all. Raises OSError.
 
-    stream: of Folder.append().
+    stream: of Folder.append(). settled: whether it is on disk afterwards, which takes some milliseconds.
     """
-    with _whole(stream, stream.seek(0, os.SEEK_END)):
-        begin_line(stream, line)()
-
-
-def begin_line(stream: BinaryIO, line: bytes) -> Callable[[], None]:
-    """Add a line as add_line() does, without waiting for the disk; return the function that waits. Both raise
-    OSError. A line whose waiting failed stays, and may be waited for again."""
-    with _whole(stream, stream.seek(0, os.SEEK_END)):
+    before = stream.seek(0, os.SEEK_END)
+    try:
         if stream.write(line + b"\n") <= len(line):
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-    return lambda: os.fsync(stream.fileno())
-
-
-@contextmanager
-def _whole(stream: BinaryIO, before: int) -> Iterator[None]:
-    """Cut a file to its length before a line if the block raises OSError."""
-    try:
-        yield
+        if settled:
+            os.fsync(stream.fileno())
     except OSError:
         stream.truncate(before)
         raise

@@ -87,29 +87,21 @@ def spans(recorded: RecordedEpisode) -> list[tuple[int, int]]:
     return [(int(end) - step.motion_frames, int(end)) for step, end in zip(recorded.steps, ends, strict=True)]
 
 
-def replay(
-    recorded: RecordedEpisode, names: Mapping[int, str], floors: Sequence[float], first: int = 0
-) -> dict[str, Any] | None:
-    """Return the motion of body and objects as JSON; None if the record holds no motion.
-
-    first: step to begin with. A page that shows the steps before it appends the frames of the others.
-    """
+def replay(recorded: RecordedEpisode, names: Mapping[int, str], floors: Sequence[float]) -> dict[str, Any] | None:
+    """Return the motion of body and objects as JSON; None if the record holds no motion."""
     if not recorded.has_motion:
         return None
     simulated, generated, objects = recorded.motion(), recorded.motion("generated"), recorded.objects()
-    begun = HISTORY + sum(step.motion_frames for step in recorded.steps[:first]) if first else 0
-    begins, frames = -(-begun // EVERY), -(-len(simulated) // EVERY)
-    kept = EVERY * np.arange(begins, frames)
+    kept = np.arange(0, len(simulated), EVERY)
     # Most objects never move: the page takes their place from the house.
-    moved = [key for key, path in objects.items() if np.abs(path[max(0, begun - 1) :, :3] - path[0, :3]).max() > MOVED]
+    moved = [key for key, path in objects.items() if np.abs(path[:, :3] - path[0, :3]).max() > MOVED]
     arrays = _pose("simulated", simulated, kept) | _pose("generated", generated, kept)
     arrays |= {f"object_{key}": objects[key][kept].astype(np.float32) for key in moved}
     return {
         "fps": FPS / EVERY,
-        "begins": begins,
-        "frames": frames,
+        "frames": len(kept),
         "body": skeleton(recorded.record.gaze),
-        "contacts": _contacts(recorded, names, first),
+        "contacts": _contacts(recorded, names),
         "floors": list(floors) or [recorded.record.start.floor],
         "targets": [[low, high] for low, high in recorded.record.targets.values()],
         "motion": packed(arrays),
@@ -125,12 +117,12 @@ def _pose(kind: str, motion: Motion, kept: NDArray[np.int64]) -> dict[str, NDArr
     }
 
 
-def _contacts(recorded: RecordedEpisode, names: Mapping[int, str], since: int) -> list[list[Any]]:
+def _contacts(recorded: RecordedEpisode, names: Mapping[int, str]) -> list[list[Any]]:
     """Return each contact above the ground: first and last frame of the replay, joint, and name of the object."""
     return [
         [(first + min(contact.frames)) / EVERY, (first + max(contact.frames)) / EVERY, JOINT_INDEX[contact.joint],
          name_of(names, contact.object_id)]
-        for step, (first, _) in list(zip(recorded.steps, spans(recorded), strict=True))[since:]
+        for step, (first, _) in zip(recorded.steps, spans(recorded), strict=True)
         for contact in touched_above_ground(recorded, step)
         if contact.frames
     ]  # fmt: skip

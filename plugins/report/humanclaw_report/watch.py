@@ -19,10 +19,8 @@ from humanclaw.records import FRAME_BYTES, RECORD_BYTES, STEPS_BYTES, stopped_wi
 from humanclaw.storage import Folder
 from humanclaw_report.episode_page import environment, episode_page
 from humanclaw_report.facts import episodes_asked
-from humanclaw_report.houses import SCRIPT, Drawn, Houses
+from humanclaw_report.houses import Drawn, Houses
 from humanclaw_report.maps import PathMap, colour, path_maps
-from humanclaw_report.replay import as_json, person, replay
-from humanclaw_report.three import three
 
 SECONDS: Final = 1.0
 """Seconds between two reads of the folder."""
@@ -31,7 +29,7 @@ LIVE: Final = 4
 _NAME: Final = r"[A-Za-z0-9_-][A-Za-z0-9._-]*"
 _FRAME: Final = re.compile(rf"/frame/({_NAME})/({_NAME}\.jpg)")
 _STEPS: Final = re.compile(rf"/steps/({_NAME})/(\d{{1,6}})")
-_OF_EPISODE: Final = re.compile(rf"/(house|replay)/({_NAME})")
+_REPLAY: Final = re.compile(rf"/replay/({_NAME})")
 
 
 @dataclass
@@ -71,7 +69,7 @@ class Watcher:
         return self.files if name == self.folder.resolve().name else self.files / name
 
     def since(self, name: str, first: int) -> str:
-        """Return map and motion of an episode from a step on, as JSON: a page that shows the steps before appends them.
+        """Return the map of an episode from a step on, as JSON: a page that shows the steps before appends them.
 
         "first" in the answer is 0 if the page has to begin again, since the episode did or came to another storey.
         """
@@ -84,12 +82,7 @@ class Watcher:
         maps = tuple(_since(first, drawn, episode.record.spec.max_steps) for drawn in maps)
         template = environment().get_template("live_map.html")
         html = template.render(maps=maps, house=storeys if house.digest else (), words=name, parts=(), first=first)
-        motion = replay(episode, house.names, house.floors, first)
-        return json.dumps({"first": first, "steps": len(episode.steps), "map": html, "motion": motion})
-
-    def house(self, name: str) -> str:
-        """Return the house of an episode, as JSON; empty if it is not drawn."""
-        return self._opened(name)[1].script.removeprefix(SCRIPT).removesuffix(";")
+        return json.dumps({"first": first, "steps": len(episode.steps), "map": html})
 
     def replay(self, name: str) -> str:
         """Return the page of an episode that has ended, complete in one file."""
@@ -198,11 +191,8 @@ def _content(watcher: Watcher, path: str) -> tuple[bytes, str]:
     if match := _FRAME.fullmatch(path):
         return watcher.frame(*match.groups()), "image/jpeg"
     with suppress(HumanclawError):
-        if path in ("/three", "/skin"):
-            return (three() if path == "/three" else as_json(person())).encode(), "text/javascript; charset=utf-8"
         if match := _STEPS.fullmatch(path):
             return watcher.since(match[1], int(match[2])).encode(), "application/json"
-        if match := _OF_EPISODE.fullmatch(path):
-            made, kind = (watcher.house, "application/json") if match[1] == "house" else (watcher.replay, "text/html")
-            return made(match[2]).encode(), f"{kind}; charset=utf-8"
+        if match := _REPLAY.fullmatch(path):
+            return watcher.replay(match[1]).encode(), "text/html; charset=utf-8"
     return b"", "text/plain"

@@ -6,7 +6,6 @@ Run them with `make pages`.
 from __future__ import annotations
 
 import copy
-import math
 import shutil
 import threading
 from collections.abc import Iterator
@@ -22,7 +21,6 @@ from rooms import two_rooms
 
 from humanclaw import RecordedEpisode, Scene, load_run
 from humanclaw.body import skin
-from humanclaw_report.replay import replay
 from humanclaw_report.report import write_report
 from humanclaw_report.run_page import Collected, run_page
 from humanclaw_report.watch import Watcher, server
@@ -72,8 +70,7 @@ def watched(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Watched
         record_episode(tmp_path / "run" / f"couch-{number}", scenes[name], name=f"couch-{number}")
     for number in (0, 1):
         broken_off(tmp_path / "run" / f"couch-{number}")
-        folder = tmp_path / "run" / f"couch-{number}"
-        (folder / "motion.npz").rename(folder / "frames" / "000000.npz")
+        (tmp_path / "run" / f"couch-{number}" / "motion.npz").unlink()
 
     def load(name: str) -> Scene:
         drawing.wait(60)
@@ -122,26 +119,6 @@ def test_the_page_and_python_pose_the_same_skin(browser: Any, pages: dict[str, P
     motion = load_run(pages["episode"].parent)[0].motion()
     expected, _ = skin().posed(motion.root[40], motion.rotations[40])
     assert np.array(posed) == pytest.approx(expected, abs=2e-3)
-    assert not errors
-
-
-def test_the_motion_of_steps_that_came_later_is_appended(browser: Any, pages: dict[str, Path]) -> None:
-    tab, errors = opened(browser, pages["episode"])
-    recorded = load_run(pages["episode"].parent)[0]
-    same, gone, come = tab.evaluate(
-        """async ([all, more]) => {
-        const [whole, later] = [await unpack(all.motion), await unpack(more.motion)], share = more.begins / all.frames;
-        const cut = ([name, values]) => [name, values.slice(0, share * values.length)];
-        const before = Object.fromEntries(Object.entries(whole).map(cut));
-        const both = joined({ ...before, object_1: new Float32Array(7 * more.begins).fill(1) }, more.begins,
-            { ...later, object_2: new Float32Array(7 * (all.frames - more.begins)).fill(2) });
-        const same = Object.keys(whole).map((name) => String(whole[name]) === String(both[name]));
-        return [same, ...["object_1", "object_2"].map((name) => [both[name].length, ...new Set(both[name])])];
-    }""",
-        [replay(recorded, {}, (), first) for first in (0, 7)],
-    )
-    frames = math.ceil(len(recorded.motion()) / 2)
-    assert (same, gone, come) == ([True] * 4, [7 * frames, 1], [7 * frames, 2]), "a new object rested until then"
     assert not errors
 
 
@@ -307,29 +284,20 @@ def test_a_run_of_the_whole_benchmark_opens_within_two_seconds(browser: Any, tmp
 
 def test_a_run_under_way_is_seen_as_it_grows_by_all_who_watch(browser: Any, watched: Watched) -> None:
     tabs = [opened(browser, watched.address) for _ in range(2)]
-    frames = watched.folder / "couch-0" / "frames"
-    (frames / "0099.jpg").write_bytes(picture(7))
+    (watched.folder / "couch-0" / "frames" / "0099.jpg").write_bytes(picture(7))
     for tab, _ in tabs:
-        tab.locator("[data-episode=couch-0] canvas").wait_for()
-    outside = [tab.locator("[data-episode=couch-0] canvas").screenshot() for tab, _ in tabs]
-    motion = RecordedEpisode(watched.folder / "couch-0").motion()[-15:]
-    root = motion.root + np.linspace(0, 0.5, 15)[:, None] * [1.0, 0.0, 0.0]
-    kinds = ("generated", "simulated")
-    piece = {f"{kind}_root": root for kind in kinds} | {f"{kind}_rotations": motion.rotations for kind in kinds}
-    np.savez(frames / "000001.npz", **piece)
+        tab.locator("[data-episode=couch-0] .path").first.wait_for()
     steps = watched.folder / "couch-0" / "steps.jsonl"
     *_, line, _ = steps.read_bytes().split(b"\n")[:-1]
     count = len(steps.read_bytes().splitlines())
     with steps.open("ab") as file:
         file.write(line.replace(b'"step":%d' % (count - 2), b'"step":%d' % count) + b"\n")
-    for (tab, errors), before in zip(tabs, outside, strict=True):
+    for tab, errors in tabs:
         tab.locator("tbody tr", has_text=str(count + 1)).wait_for()
         card = tab.locator("[data-episode=couch-0]")
         tab.wait_for_function(f"document.querySelector('.said').textContent.startsWith('Step {count},')")
         assert card.locator("img").evaluate("image => image.naturalWidth") == 256
         card.locator(".path title", has_text=f"step {count}").wait_for(state="attached")
-        tab.wait_for_timeout(2000)  # The half second of the step is played.
-        assert card.locator("canvas").screenshot() != before
         assert tab.locator("#lede").inner_text() == "1 ended, 2 in progress."
         assert tab.locator("#now").inner_text() == "Now"
         assert not errors

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import base64
-import gzip
 import json
-import math
 import re
 import shutil
 import threading
@@ -14,7 +11,6 @@ from http.client import HTTPConnection
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from made import broken_off, picture, record_episode
 from rooms import two_storeys
@@ -91,61 +87,29 @@ def test_the_view_and_the_map_of_an_episode_are_served(served: tuple[int, Path])
     assert 'class="wall"' in drawn
 
 
-def test_body_and_house_of_an_episode_that_goes_on_are_served_for_the_viewer(run: tuple[Path, Watcher]) -> None:
-    folder, watcher = run
-    whole = json.loads(watcher.since("couch-0", 0))["motion"]
-    under_way(folder / "couch-0", 3)
-    sofar = json.loads(watcher.since("couch-0", 0))["motion"]
-    assert sofar["frames"] == (5 + 3 * 15) / 2 < whole["frames"]
-    assert watcher.state()["rows"][0]["replay"] == ""
-    assert json.loads(watcher.house("couch-0"))["objects"]
-    assert json.loads(_content(watcher, "/skin")[0])["bytes"]
-    assert b"THREE" in _content(watcher, "/three")[0]
-
-
 def under_way(folder: Path, steps: int) -> None:
     """Turn a closed record into one of an episode that goes on after some steps."""
     broken_off(folder)
-    if not (folder / "frames" / "000000.npz").exists():
-        (folder / "motion.npz").rename(folder / "frames" / "000000.npz")
+    if (folder / "motion.npz").exists():
+        (folder / "motion.npz").unlink()
         (folder / "steps.jsonl").rename(folder / "all.jsonl")
     lines = (folder / "all.jsonl").read_bytes().splitlines(keepends=True)
     (folder / "steps.jsonl").write_bytes(b"".join(lines[:steps]))
 
 
-def test_each_step_is_sent_once_with_its_own_motion_and_path(tmp_path: Path) -> None:
+def test_each_step_is_sent_once_with_its_own_path(tmp_path: Path) -> None:
     scene = record_episode(tmp_path / "couch-0")
-    whole = RecordedEpisode(tmp_path / "couch-0")
-    watcher, motion, steps = Watcher(tmp_path, lambda name: scene), whole.motion(), len(whole.steps)
-    frames, contacts, drawn, sent = [], [], [], []
+    watcher, steps = Watcher(tmp_path, lambda name: scene), len(RecordedEpisode(tmp_path / "couch-0").steps)
+    drawn, sent = [], []
     for count in range(1, steps + 1):
         under_way(tmp_path / "couch-0", count)
         sent.append(watcher.since("couch-0", count - 1))
         more = json.loads(sent[-1])
-        assert (more["first"], more["steps"], more["motion"]["begins"]) == (count - 1, count, len(frames))
-        frames += unpacked(more["motion"]["motion"])["simulated_root"].tolist()
-        assert more["motion"]["frames"] == len(frames)
-        contacts += more["motion"]["contacts"]
+        assert (more["first"], more["steps"]) == (count - 1, count)
         drawn += re.findall(r"<title>step (\d+)</title>", more["map"])
         assert ("<symbol" in more["map"]) == (count == 1), "the house is sent once"
-    assert np.array(frames) == pytest.approx(motion.root[::2], abs=1e-5)
-    assert contacts == json.loads(watcher.since("couch-0", 0))["motion"]["contacts"] != []
     assert [int(step) for step in drawn] == list(range(steps))
     assert max(map(len, sent[1:])) < 1.2 * min(map(len, sent[1:])), "later steps take no more bytes"
-
-
-def test_an_object_that_was_pushed_is_sent_with_every_later_step_and_one_at_rest_never(tmp_path: Path) -> None:
-    scene = record_episode(tmp_path / "couch-0")
-    under_way(tmp_path / "couch-0", 4)
-    archive = tmp_path / "couch-0" / "frames" / "000000.npz"
-    arrays = dict(np.load(archive))
-    path = np.tile([0.0, 0, 0, 0, 0, 0, 1], (len(arrays["simulated_root"]), 1))
-    path[25:, 0] = 0.4
-    np.savez(archive, **arrays, object_7=path, object_8=path[:1].repeat(len(path), 0))
-    watcher = Watcher(tmp_path, lambda name: scene)
-    sent = [json.loads(watcher.since("couch-0", first))["motion"]["motion"] for first in range(5)]
-    assert [[one["name"] for one in packed["arrays"][4:]] for packed in sent] == [["object_7"]] * 5
-    assert unpacked(sent[1])["object_7"][:5, 0] == pytest.approx([0, 0, 0, 0.4, 0.4])
 
 
 def test_the_map_begins_again_on_another_storey_and_where_the_page_knows_more_than_the_record(tmp_path: Path) -> None:
@@ -157,16 +121,6 @@ def test_the_map_begins_again_on_another_storey_and_where_the_page_knows_more_th
         firsts.append(json.loads(watcher.since("couch-0", count - 1))["first"])
     assert [k for k, first in enumerate(firsts) if first == 0] == [0, firsts.index(0, 1)]
     assert json.loads(watcher.since("couch-0", count + 1))["first"] == 0
-
-
-def unpacked(packed: dict[str, Any]) -> dict[str, Any]:
-    """Return the arrays of packed() in replay.py."""
-    data, found = gzip.decompress(base64.b64decode(packed["bytes"])), {}
-    for head in packed["arrays"]:
-        count = int(np.prod(head["shape"]))
-        found[head["name"]] = np.frombuffer(data, head["type"], count).reshape(head["shape"])
-        data = data[4 * math.ceil(found[head["name"]].nbytes / 4) :]
-    return found
 
 
 @pytest.mark.integration

@@ -7,7 +7,7 @@
 /** @typedef {{vertices: [number, number], faces: [number, number], picture: number}} AssetData */
 /** @typedef {{id: number, asset: number, name: string, kind: string, place: number[], box: number[][]}} ObjectData */
 /** @typedef {{assets: AssetData[], objects: ObjectData[], pictures: string[], meshes: Packed}} House */
-/** @typedef {{fps: number, begins: number, frames: number, body: BodyData, contacts: [number, number, number, string][], floors: number[], targets: number[][][], motion: Packed}} Replay */
+/** @typedef {{fps: number, frames: number, body: BodyData, contacts: [number, number, number, string][], floors: number[], targets: number[][][], motion: Packed}} Replay */
 /** @typedef {"auto" | "follow" | "free" | "above" | "ego"} View */
 
 /** @typedef {Uint8Array | Int16Array | Uint16Array | Uint32Array | Float32Array} Values */
@@ -31,17 +31,6 @@ async function unpack(packed) {
     start += 4 * Math.ceil((count * ARRAYS[type].BYTES_PER_ELEMENT) / 4);
   }
   return found;
-}
-
-/** Return the first frames of a motion, then those of another. An object that only one of them names rests in the other. @param {Record<string, Values>} motion @param {number} first @param {Record<string, Values>} more */
-function joined(motion, first, more) {
-  const [had, added] = [motion, more].map(({ simulated_root: root }) => root.length / 3);
-  if (!added) return motion;
-  const rows = (/** @type {Values} */ values, /** @type {number} */ count) => Array.from({ length: count }, (_, k) => values.slice((k * values.length) / count, ((k + 1) * values.length) / count));
-  return Object.fromEntries(Object.keys({ ...motion, ...more }).map((name) => {
-    const after = more[name] && rows(more[name], added), before = motion[name] ? rows(motion[name], had).slice(0, first) : Array(first).fill(after[0]);
-    return [name, Float32Array.from([...before, ...(after ?? Array(added).fill(before[first - 1]))].flatMap((row) => [...row]))];
-  }));
 }
 
 /** The frames before and after a time, and the share of the way to the second. @param {number} time @param {number} count @returns {[number, number, number]} */
@@ -84,7 +73,7 @@ class Stage {
     const stage = new Stage(canvas, replay, new Skin(await unpack(person)));
     if (house) await stage.furnish(house);
     else stage.scene.add(new THREE.GridHelper(40, 40, 0x888888, 0xcccccc));
-    await stage.show(replay);
+    await stage.prepare();
     return stage;
   }
 
@@ -109,7 +98,6 @@ class Stage {
     this.centre = new THREE.Vector3();
     this.marks = true;
     this.cut = false;
-    this.ease = 1; // Share of the way that the camera takes to its new place in each drawing.
     this.skin = skin;
     this.body = new Figure(replay.body, skin, new THREE.MeshLambertMaterial({ vertexColors: true }));
     this.body.mesh.castShadow = this.body.mesh.receiveShadow = true;
@@ -134,11 +122,9 @@ class Stage {
     Object.assign(this.sun.shadow.camera, { left: -4, right: 4, top: 4, bottom: -4, near: 0.5, far: 14 });
   }
 
-  /** Take up a replay, or the frames that follow those of the one before. @param {Replay} replay */
-  async show(replay) {
-    const motion = await unpack(replay.motion), { begins, contacts } = replay;
-    this.motion = begins ? joined(this.motion, begins, motion) : motion;
-    this.replay = begins ? { ...replay, contacts: [...this.replay.contacts, ...contacts] } : replay;
+  /** Prepare the replay's motion, and the camera's way along it. */
+  async prepare() {
+    this.motion = await unpack(this.replay.motion);
     this.heading = this.headings();
     this.trace();
     const boxes = (/** @type {boolean} */ furniture) =>
@@ -254,7 +240,7 @@ class Stage {
     this.camera.up.set(0, 1, 0);
     if (this.ego) return this.lookOut();
     if (this.view !== "free") this.centre.copy(this.chest(time));
-    this.camera.position.lerp(this.view === "auto" ? this.way.at(this.centre, time) : this.orbit(time), this.ease);
+    this.camera.position.copy(this.view === "auto" ? this.way.at(this.centre, time) : this.orbit(time));
     this.camera.lookAt(this.centre);
   }
 

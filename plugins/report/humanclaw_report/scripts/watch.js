@@ -1,11 +1,10 @@
 // The live page of a run: shows each state that the server sends.
 // @ts-check
-/// <reference path="viewer.js" />
 "use strict";
 
 {
   /** @typedef {{id: string, instruction: string, outcome: string, goal: string, steps: number, call: string, words: string, distance: number | null, frame: string, replay: string}} Row */
-  /** @typedef {{first: number, steps: number, map: string, motion: Replay | null}} Steps */
+  /** @typedef {{first: number, steps: number, map: string}} Steps */
   /** @typedef {{ended: number, episodes: number, asked: number, rows: Row[], live: number, forget: boolean}} State */
 
   const at = (/** @type {string} */ id) => /** @type {HTMLElement} */ (document.getElementById(id));
@@ -37,79 +36,15 @@
     return answer?.ok ? answer : null;
   };
 
-  /** The body from outside: the motion of each step is played when it comes. */
-  class Outside {
-    /** @param {HTMLCanvasElement} canvas @param {string} house */
-    constructor(canvas, house) {
-      this.canvas = canvas;
-      this.house = house;
-      this.time = 0;
-      /** @type {Stage | null} */
-      this.stage = null;
-    }
-
-    /** @param {Replay} replay */
-    async show(replay) {
-      if (this.stage) await this.stage.show(replay);
-      else await this.build(replay);
-      this.canvas.hidden = false;
-      await this.play();
-    }
-
-    /** @param {Replay} replay */
-    async build(replay) {
-      const [house, person] = await Promise.all([this.house, "/skin"].map(async (address) => (await fetched(address))?.json()));
-      const stage = await Stage.of(this.canvas, replay, house ?? null, person);
-      this.stage = stage;
-      this.time = replay.frames - 1;
-      drag(stage, () => {
-        stage.ease = 1;
-        stage.draw(this.time);
-      });
-    }
-
-    /** Play to the last frame, in a second at most. The camera glides, since its way changes with what has become known. @returns {Promise<void>} */
-    play() {
-      const stage = /** @type {Stage} */ (this.stage);
-      const first = this.time, last = stage.replay.frames - 1, began = performance.now();
-      const most = matchMedia("(prefers-reduced-motion: reduce)").matches ? 0 : 1000;
-      const lasting = Math.min(most, ((last - first) * 1000) / stage.replay.fps);
-      stage.ease = lasting ? 0.15 : 1;
-      return new Promise((done) => {
-        const tick = (/** @type {number} */ now) => {
-          this.time = lasting ? Math.min(last, first + ((last - first) * Math.max(0, now - began)) / lasting) : last;
-          stage.draw(this.time);
-          if (this.time < last) requestAnimationFrame(tick);
-          else done();
-        };
-        requestAnimationFrame(tick);
-      });
-    }
-  }
-
-  /** @type {Map<Element, Outside>} */
-  const seen = new Map();
-
-  /** Give back the graphics memory of cards that have left the page. */
-  const tidy = () => {
-    for (const [element, { stage }] of seen) {
-      if (element.isConnected) continue;
-      stage?.renderer.forceContextLoss();
-      seen.delete(element);
-    }
-  };
-
   /** Return the card of an episode; make it at the first call. @param {Row} row */
   const card = (row) => {
     const known = document.querySelector(`[data-episode="${CSS.escape(row.id)}"]`);
     if (known instanceof HTMLElement) return known;
     const element = made("article", "", "card");
     element.dataset.episode = row.id;
-    const picture = document.createElement("img"), canvas = document.createElement("canvas");
+    const picture = document.createElement("img");
     picture.width = picture.height = 320;
-    Object.assign(canvas, { tabIndex: 0, hidden: true, role: "img", ariaLabel: "The body in its house. Arrow keys turn the camera, plus and minus zoom." });
-    element.append(made("h3", `${row.id}: ${row.instruction}`), made("p", "", "said"), picture, canvas, made("div", "", "map"));
-    if (typeof THREE !== "undefined") seen.set(element, new Outside(canvas, `/house/${row.id}`));
+    element.append(made("h3", `${row.id}: ${row.instruction}`), made("p", "", "said"), picture, made("div", "", "map"));
     return element;
   };
 
@@ -136,8 +71,6 @@
       if (!steps) break;
       grow(map, steps);
       Object.assign(map.dataset, { shown: wanted, steps: steps.steps });
-      // Without WebGL, views and maps go on.
-      if (steps.motion) await seen.get(element)?.show(steps.motion).catch(() => seen.delete(element));
     }
     delete element.dataset.drawing;
   };
@@ -173,7 +106,6 @@
     const cards = live.map(show);
     at("live").replaceChildren(...cards);
     for (const one of cards.filter(({ dataset }) => !dataset.drawing)) draw(one);
-    tidy();
     document.documentElement.dataset.ready = "yes";
   };
   events.onerror = () => (at("lede").textContent = "The server has stopped. The records are in the folder of the run.");
