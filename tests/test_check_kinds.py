@@ -1,10 +1,13 @@
 """`humanclaw check` uses an item of every kind once: deliberate faults are named, legal plugins are not refused."""
 
+from pathlib import Path
+
 import pytest
-from snippets import snippets
 
 from humanclaw import Plugins
 from humanclaw.testing import check_target
+
+ROOT = Path(__file__).parents[1]
 
 HEAD = """
 import click
@@ -188,13 +191,9 @@ def test_a_measure_that_says_how_it_mirrors_is_legal(tmp_path, text):
     assert faults(tmp_path, text) == []
 
 
-LEGAL = [one for one in snippets() if one.page == "docs/hooks.md" and one.language == "python"]
-PARTLY = ("my_engine", "my_prior", "my_cluster", "optionalhook")
-
-
-@pytest.mark.parametrize("snippet", [one for one in LEGAL if not any(word in one.code for word in PARTLY)], ids=str)
-def test_no_plugin_of_the_docs_is_refused(tmp_path, snippet):
-    assert faults(tmp_path, snippet.code, "docs_snippet") == []
+@pytest.mark.parametrize("file", sorted((ROOT / "examples/hooks").glob("*.py")), ids=lambda file: file.stem)
+def test_no_example_of_a_hook_is_refused(tmp_path, file):
+    assert faults(tmp_path, file.read_text("utf-8"), f"example_{file.stem}") == []
 
 
 @pytest.mark.parametrize("name", ["humanclaw-scripted", "humanclaw-raster", "humanclaw-frameworks", "humanclaw-houses"])

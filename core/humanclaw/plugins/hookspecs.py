@@ -85,17 +85,22 @@ def noun(kind: str) -> str:
 @hookspec
 def humanclaw_hookspecs(register: Callable[[ModuleType], None]) -> None:
     """Register modules of hook specifications, to extend the host. A hook whose only argument is `register` defines a
-    kind of named items: Plugins.registered(kind) lists them, Plugins.make(kind, name) calls their factories."""
+    kind of named items: Plugins.registered(kind) lists them, Plugins.make(kind, name) calls their factories.
+    USES = {kind: function(item, plugins)} in the module lets `humanclaw check` use an item once."""
 
 
 @hookspec
 def humanclaw_measures(register: RegisterMeasure) -> None:
-    """Register measures of half a second of motion, which parameters can command (humanclaw.skills.Measure)."""
+    """Register measures of half a second of motion, which parameters can command (humanclaw.skills.Measure).
+
+    A schema names one in "x-measure". humanclaw.skills.MEASURES holds the core's.
+    """
 
 
 @hookspec
 def humanclaw_skills(register: RegisterSkill) -> None:
-    """Register skills."""
+    """Register skills: a Skill, as the decorator @skill makes, or the folder of a trained one. A skill that breaks the
+    contract is disabled by name; others stay."""
 
 
 @hookspec
@@ -107,22 +112,30 @@ def humanclaw_recipes(register: RegisterRecipe) -> None:
 @hookspec
 def humanclaw_scenes(register: Register[SceneFactory]) -> None:
     """Register scene sources: factory(argument: str) -> Scene, called with what follows the colon in name:argument.
-    A shell completes the arguments that the factory's method names() returns, if it has one."""
+    A shell completes the arguments that the factory's method names() returns, if it has one.
+
+    A scene holds assets, objects made of them, rooms and a start pose. An object is fixed, movable with a mass, or on a
+    joint: SceneObject(..., movable=True, mass=25.0, joint=Hinge(point, low, high), state=angle), or
+    joint=Slide(low, high). A cupboard is a fixed carcass and one such object for each door and drawer.
+    """
 
 
 @hookspec
 def humanclaw_simulators(register: Register[SimulatorFactory]) -> None:
-    """Register simulators: factory(profile: str = "default") -> Simulator."""
+    """Register simulators: factory(profile: str = "default") -> Simulator, which passes
+    humanclaw.testing.SimulatorConformance."""
 
 
 @hookspec
 def humanclaw_renderers(register: Register[RendererFactory]) -> None:
-    """Register renderers: factory() -> Renderer."""
+    """Register renderers: factory() -> Renderer, which draws one moment of a world or a record as colours, depth and
+    object ids. humanclaw.body.skin() is the body's mesh; posed moves it, headless hides its head from its own eyes."""
 
 
 @hookspec
 def humanclaw_motion_generators(register: Register[GeneratorFactory]) -> None:
-    """Register motion generators: factory(profile: str = "default", prior: Path | None = None) -> MotionGenerator.
+    """Register motion generators: factory(profile: str = "default", prior: Path | None = None) -> MotionGenerator,
+    which continues five frames by fifteen, given an adapter and named values.
 
     prior: the checkpoint of another prior than the shipped one; leave the parameter out if there can be none.
     """
@@ -132,18 +145,26 @@ def humanclaw_motion_generators(register: Register[GeneratorFactory]) -> None:
 def humanclaw_priors(register: Register[Path]) -> None:
     """Register motion priors: the path of a base checkpoint, as `humanclaw train base` writes it.
 
-    Adapters name by digest the prior that they were trained against, so several priors live side by side.
+    `--prior NAME` runs an episode with it. An adapter names by digest the prior that it was trained against, and a body
+    offers the skills with an adapter for its prior. A skill may have several: adapter-ANYTHING.safetensors.
     """
 
 
 @hookspec
 def humanclaw_agents(register: Register[AgentFactory]) -> None:
-    """Register agents: factory(options: Mapping[str, Any]) -> Agent, with the options of the run."""
+    """Register agents: factory(options: Mapping[str, Any]) -> Agent, with the options of the run.
+
+    An agent gets what a model gets: instruction, skills, limit of steps and a seed of its own. A privileged agent also
+    gets scene, start, targets, state and the episode's seed and id, and its records say so.
+    """
 
 
 @hookspec
 def humanclaw_verifiers(register: Register[VerifierFactory]) -> None:
-    """Register verifiers: factory(options: Mapping[str, Any]) -> Verifier, with the options of the run."""
+    """Register verifiers: factory(options: Mapping[str, Any]) -> Verifier, with the options of the run.
+
+    Before each call a verifier sees the current view and the skill's checklist, and accepts or replaces the call.
+    """
 
 
 @hookspec
@@ -159,22 +180,25 @@ def humanclaw_frameworks(register: Register[FrameworkFactory]) -> None:
 
 @hookspec
 def humanclaw_senses(register: Register[SenseFactory]) -> None:
-    """Register senses beside vision: factory() -> Sense, made anew for each body. `--sensor NAME` turns one on."""
+    """Register senses beside vision: factory() -> Sense, made anew for each body. `--sensor NAME` turns one on. After
+    each call it returns a Reading: words for the agent, numbers for the record."""
 
 
 @hookspec
 def humanclaw_tasks(register: Register[TasksFactory]) -> None:
-    """Register sources of training tasks: factory(options: Mapping[str, Any]) -> Tasks."""
+    """Register sources of training tasks: factory(options: Mapping[str, Any]) -> Tasks. Calling it with a seed gives an
+    episode, always the same one. goal names the reward that is 1 when a task is solved; rewards holds the weights."""
 
 
 @hookspec
 def humanclaw_rewards(register: Register[Reward]) -> None:
-    """Register rewards of a step: function(trial: humanclaw.records.Trial) -> float."""
+    """Register rewards of a step: function(trial: humanclaw.records.Trial) -> float, of an episode up to its last step.
+    It must be a finite number; an error in it names its plugin."""
 
 
 @hookspec
 def humanclaw_commands(cli: click.Group) -> None:
-    """Add commands to the command line."""
+    """Add commands to the command line. humanclaw.cli holds the options that the built-in commands share."""
 
 
 @hookspec
