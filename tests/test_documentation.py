@@ -158,7 +158,7 @@ ITEMS = [
     [cell.strip() for cell in line.strip("|").split("|")]
     for line in (ROOT / "docs" / "paper-items.md").read_text("utf-8").splitlines()[6:]
 ]
-"""section, item, state, code, what checks it"""
+"""section, item, code, what checks it"""
 SWITCHES = [
     command
     for line in [*PAPER.splitlines(), *(item[-1] + " |" for item in ITEMS)]
