@@ -28,7 +28,6 @@ from humanclaw_bench.integrity import RunFiles, check
 from humanclaw_bench.leaderboard import leaderboard
 from humanclaw_bench.submission import submit
 from humanclaw_habitat import urdf
-from humanclaw_habitat.gltf import readable
 
 
 @pytest.fixture(scope="module")
@@ -231,8 +230,6 @@ def with_head(data, picks, new):
 def test_any_glb_is_read_or_refused(home, changes, picks, new):
     (home / "models").mkdir(exist_ok=True)
     for content in (damaged(glb(), changes), with_head(glb(), picks, new)):
-        with bounded(SceneError):
-            readable(content, "chair.glb")
         (home / "models" / "chair.glb").write_bytes(content)
         with bounded(SceneError):
             read_model(home / "models" / "chair.glb")
@@ -285,7 +282,7 @@ def test_any_urdf_is_read_or_refused(home, place, new, changes):
     for content in ('"'.join(pieces).encode(), damaged(ROBOT.encode(), changes)):
         (home / "robot.urdf").write_bytes(content)
         with bounded(SceneError):
-            urdf.links(home / "robot.urdf", "visual", read_model)
+            urdf.links(home / "robot.urdf", "visual", lambda path: read_model(path).parts)
             urdf.joints(home / "robot.urdf")
 
 
@@ -294,7 +291,7 @@ def test_a_model_that_asks_for_ten_gigabytes_is_refused(home):
             "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}], "nodes": [{"mesh": 0}], "scene": 0,
             "scenes": [{"nodes": [0]}]}  # fmt: skip
     (home / "large.glb").write_bytes(with_head(b"glTF" + bytes(8) + struct.pack("<II", 2, 0) + b"{}", [0], head))
-    with bounded(), pytest.raises(SceneError, match="arrays without data are larger than 256 MiB"):
+    with bounded(), pytest.raises(SceneError, match="more than 20,000,000 vertices"):
         read_model(home / "large.glb")
 
 

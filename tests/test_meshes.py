@@ -125,7 +125,7 @@ def test_a_model_reads_nothing_outside_of_its_folder(tmp_path: Path, where: str)
     (home / "sub").mkdir(parents=True)
     named = where.format(folder=tmp_path)
     (home / "a.obj").write_text(f"mtllib {named}\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl red\nf 1 2 3\n")
-    (part,) = read_model(home / "a.obj")
+    (part,) = read_model(home / "a.obj").parts
     assert (part.colour == (255, 0, 0)) is (where == "paint.mtl")
 
 

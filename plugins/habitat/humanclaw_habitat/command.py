@@ -118,7 +118,7 @@ def _tell(scene: Scene) -> bool:
         f"{counted(len({room.name for room in scene.rooms}), 'room')}; "
         + (", ".join(f"{name} {count}" for name, count in sorted(targets.items())) or "no targets")
     )
-    for note, what in (("left_out", "left out"), ("without_textures", "without textures"), ("ignored", "ignored")):
+    for note, what in (("left_out", "left out"), ("not_read", "not read"), ("ignored", "ignored")):
         for line in json.loads(scene.notes[note]):
             click.echo(f"  {what}: {line}")
     return not json.loads(scene.notes["left_out"])

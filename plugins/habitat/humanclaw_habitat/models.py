@@ -52,10 +52,9 @@ from humanclaw_habitat.attributes import Template, Vec3
 from humanclaw_habitat.categories import SEATS
 from humanclaw_habitat.dataset import Kind
 from humanclaw_habitat.frames import axes, quarter, quaternion, scaled
-from humanclaw_habitat.gltf import readable
 from humanclaw_habitat.stage import floor_levels, pieces, righted, together
 
-VERSION: Final = 7
+VERSION: Final = 8
 """Part of the cache key. Raise it when a change of the code makes another asset from the same files."""
 _LIMIT: Final = 1 << 32
 _SMALL: Final = 0.35
@@ -88,7 +87,7 @@ class Origin:
 
 @dataclass
 class Models:
-    """The model files of a scene, each hashed at most once, and the textures that could not be read."""
+    """The model files of a scene, each hashed at most once, and what of them was left out."""
 
     origin: Origin
     triangles: int
@@ -165,12 +164,10 @@ class Models:
         return urdf.links(path, what, self._read, mover) or urdf.links(path, "collision", self._read, mover)
 
     def _read(self, path: Path) -> list[Part]:
-        if path.suffix.lower() != ".glb":
-            return read_model(path)
-        data, lost = readable(read_file(path, MODEL_BYTES), str(path))
-        if lost:
-            self.lost[path] = lost
-        return read_model(path, data)
+        model = read_model(path)
+        if model.left_out:
+            self.lost[path] = model.left_out
+        return model.parts
 
     def _stage(self, kind: Kind) -> Scene:
         template = kind.template

@@ -39,9 +39,9 @@ _NAMED: Final = 5
 
 
 def load_scene(source: str, argument: str) -> Scene:
-    """Read a scene as read_scene does, and warn about what is left out or drawn without textures."""
+    """Read a scene as read_scene does, and warn about what is left out."""
     scene = read_scene(source, argument)
-    for note, what in (("left_out", "left out"), ("without_textures", "drawn without its textures")):
+    for note, what in (("left_out", "left out"), ("not_read", "not read in full")):
         lost = json.loads(scene.notes[note])
         if lost:
             more = f"\n... and {len(lost) - _NAMED} more" if len(lost) > _NAMED else ""
@@ -57,7 +57,8 @@ def read_scene(source: str, argument: str) -> Scene:
     building, then doors and drawers of articulated objects. Shows its progress while it reads model files.
 
     Raises SceneError if the dataset, the scene or anything in it is missing or unreadable. With missing=skip, the
-    scene's notes name what is left out instead. The notes always name what is drawn without textures or has no effect.
+    scene's notes name what is left out instead. The notes always name what of a model file is not read, and what has no
+    effect.
     """
     reference = Reference.parse(argument)
     dataset = Dataset.open(reference.path)
@@ -201,7 +202,7 @@ class _Assembly:
         notes = {
             "dataset": self.dataset.name, "files": self._files(), "left_out": json.dumps(self.left_out),
             "ignored": json.dumps(self.ignored),
-            "without_textures": json.dumps([f"{path}: {'; '.join(lost)}" for path, lost in self.models.lost.items()]),
+            "not_read": json.dumps([f"{path}: {'; '.join(lost)}" for path, lost in self.models.lost.items()]),
         }  # fmt: skip
         scene = Scene(name, self.assets, objects, tuple(regions), Pose2D(0.0, 0.0, 0.0, floor), notes)
         return scene.starting(self._start(scene, floor))

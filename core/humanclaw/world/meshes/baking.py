@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from humanclaw.body.pose import Array
-from humanclaw.world.meshes.reading import Part
+from humanclaw.world.meshes.parts import Part
 from humanclaw.world.scene import Mesh
 
 CELL: Final = 128

@@ -1,0 +1,344 @@
+"""glTF 2.0: the pieces of a file as its nodes, bones and morph weights place them, in the colours of its materials.
+
+Animations, lights, cameras and all of a material but its base colour have no place in a part.
+"""
+
+from __future__ import annotations
+
+import base64
+import importlib.util
+import json
+import struct
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from io import BytesIO
+from typing import Any, Final
+from urllib.parse import unquote_to_bytes
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from humanclaw.body.pose import Array
+from humanclaw.errors import SceneError
+from humanclaw.storage.files import MIB
+from humanclaw.world.meshes.parts import MOST, Part, pixels
+
+_GLB, _JSON, _BINARY = 0x46546C67, 0x4E4F534A, 0x004E4942
+_TYPES: Final = {5120: np.int8, 5121: np.uint8, 5122: np.int16, 5123: np.uint16, 5125: np.uint32, 5126: np.float32}
+_WIDTHS: Final = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
+_TRIANGLES, _STRIP, _FAN = 4, 5, 6
+_PIECES: Final = 20_000
+"""Maximum pieces of a model, copies included: each takes a tenth of a millisecond and more."""
+_BLANK_BYTES: Final = 256 * MIB
+_PLAIN: Final = (102, 102, 102)
+"""sRGB colour of a piece without a material."""
+_DRACO: Final = "KHR_draco_mesh_compression"
+_GLOSS, _TURNED = "KHR_materials_pbrSpecularGlossiness", "KHR_texture_transform"
+_HARMLESS: Final = ("KHR_materials_", "KHR_texture_", "EXT_texture_", "KHR_lights_", "KHR_mesh_quantization")
+"""How the required extensions begin that are read, or that leave the shape of a model as it is."""
+_FETCH: Final = "Fetch the file again."
+
+
+def gltf_parts(data: bytes, beside: Callable[[str], bytes], lost: Counter[str]) -> Iterator[Part]:
+    """Yield the parts of a GLB or .gltf file. beside: reads a file that it names. lost: counts what is left out.
+
+    Raises SceneError for a file of another version, for an extension that may change its shape, and for more pieces or
+    corners than MOST; for a broken file whatever the fault leads to.
+    """
+    head, binary = _split(data)
+    _check(head)
+    yield from _File(head, binary, beside, lost).parts()
+
+
+def _split(data: bytes) -> tuple[Any, bytes]:
+    """Return the JSON and the binary chunk of a file."""
+    if data[:4] != b"glTF":
+        return json.loads(data), b""
+    _, size = struct.unpack_from("<II", data, 4)
+    if len(data) < size:
+        raise SceneError(f"it has {len(data)} of its {size} bytes.", _FETCH)
+    chunks, at = dict[int, bytes](), 12
+    while at + 8 <= size:
+        length, kind = struct.unpack_from("<II", data, at)
+        chunks.setdefault(kind, data[at + 8 : at + 8 + length])
+        at += 8 + length
+    return json.loads(chunks[_JSON]), chunks.get(_BINARY, b"")
+
+
+def _check(head: Any) -> None:
+    version = str(head["asset"]["version"])
+    if not version.startswith("2."):
+        raise SceneError(f"it must be glTF 2; it is glTF {version}.", "Convert it, for example with Blender.")
+    required = {name for name in head.get("extensionsRequired", ()) if not name.startswith(_HARMLESS)}
+    if _DRACO in required and not importlib.util.find_spec("DracoPy"):
+        raise SceneError(f"it is compressed with {_DRACO}.", "Run `pip install DracoPy`.")
+    if unknown := sorted(required - {_DRACO}):
+        raise SceneError(
+            f"it needs the glTF extension {', '.join(unknown)}, which may change its shape and is not supported.",
+            "Write it without, for example with `gltf-transform copy`.",
+        )
+
+
+@dataclass
+class _File:
+    """A file, and what of it is decoded so far."""
+
+    head: Any
+    binary: bytes
+    beside: Callable[[str], bytes]
+    lost: Counter[str]
+    buffers: dict[int, bytes] = field(default_factory=dict)
+    pictures: dict[tuple[int, tuple[int, int, int]], NDArray[np.uint8] | None] = field(default_factory=dict)
+
+    def parts(self) -> Iterator[Part]:
+        places = self._places()
+        shown = [(node, self.head["nodes"][node]) for node in places if "mesh" in self.head["nodes"][node]]
+        self._check_size([self.head["meshes"][node["mesh"]] for _, node in shown])
+        for number, node in shown:
+            mesh = self.head["meshes"][node["mesh"]]
+            weights = node.get("weights", mesh.get("weights", ()))
+            for piece in mesh["primitives"]:
+                if piece.get("mode", _TRIANGLES) < _TRIANGLES:
+                    self.lost["pieces of points or lines"] += 1
+                else:
+                    yield self._part(_Piece(self, piece), weights, places, number)
+
+    def _check_size(self, meshes: list[Any]) -> None:
+        """Raise SceneError if the copies of meshes have too many pieces or corners together."""
+        pieces = [piece for mesh in meshes for piece in mesh["primitives"]]
+        counts = [abs(one["count"]) for one in self.head.get("accessors", ())]
+        corners = sum(
+            max(counts[key] for key in piece["attributes"].values())
+            + (counts[piece["indices"]] if "indices" in piece else 0) // 3
+            for piece in pieces
+        )
+        if corners > MOST or len(pieces) > _PIECES:
+            raise SceneError(
+                f"it holds more than {MOST:,} vertices and triangles, or {_PIECES:,} pieces.", "Simplify it."
+            )
+
+    def _part(self, piece: _Piece, weights: Any, places: dict[int, Array], node: int) -> Part:
+        points, faces = piece.points(weights), piece.faces()
+        frames = self._bones(piece, places, node)
+        points = np.einsum("...ij,...j->...i", frames[..., :3, :3], points) + frames[..., :3, 3]
+        if np.linalg.det(frames.reshape(-1, 4, 4)[0, :3, :3]) < 0:
+            faces = faces[:, ::-1]
+        colour, picture, uv = piece.look()
+        fits = uv is not None and len(uv) == len(points) and bool(np.isfinite(uv).all())
+        return Part(points, faces, uv if fits else None, colour, picture if fits else None)
+
+    # -- where it is ---------------------------------------------------------------------------------------------------
+    def _places(self) -> dict[int, Array]:
+        """Return the (4, 4) frame of each node of the scene in the world."""
+        nodes = self.head.get("nodes", [])
+        inner = {child for node in nodes for child in node.get("children", ())}
+        scenes = self.head.get("scenes")
+        roots = scenes[self.head.get("scene", 0)].get("nodes", ()) if scenes else sorted(set(range(len(nodes))) - inner)
+        found, left = dict[int, Array](), [(root, np.eye(4)) for root in roots]
+        while left:
+            number, above = left.pop()
+            if number not in found:
+                found[number] = above @ _frame(nodes[number])
+                left += [(child, found[number]) for child in nodes[number].get("children", ())]
+        return found
+
+    def _bones(self, piece: _Piece, places: dict[int, Array], node: int) -> Array:
+        """Return the (4, 4) frame of a piece, or the (N, 4, 4) frames of the vertices of one with bones, whose node
+        does not move it."""
+        if "skin" not in self.head["nodes"][node] or "JOINTS_0" not in piece:
+            return places[node]
+        skin = self.head["skins"][self.head["nodes"][node]["skin"]]
+        if not places.keys() >= set(skin["joints"]):
+            raise SceneError("it hangs on a bone that is not in its scene.", "Export it with all its bones.")
+        bones = np.stack([places[joint] for joint in skin["joints"]])
+        if "inverseBindMatrices" in skin:
+            bones = bones @ self.array(skin["inverseBindMatrices"]).reshape(-1, 4, 4).swapaxes(1, 2)[: len(bones)]
+        sets = [number for number in range(8) if f"JOINTS_{number}" in piece]
+        joints = np.concatenate([piece[f"JOINTS_{number}"] for number in sets], axis=1).astype(int)
+        shares = np.concatenate([piece[f"WEIGHTS_{number}"] for number in sets], axis=1)
+        # One column after the other: all at once would take 128 bytes for each of them.
+        frames = sum(share[:, None, None] * bones[joint] for joint, share in zip(joints.T, shares.T, strict=True))
+        return np.asarray(frames / shares.sum(axis=1)[:, None, None])
+
+    # -- data ----------------------------------------------------------------------------------------------------------
+    def array(self, number: int) -> NDArray[Any]:
+        """Return the (count, width) values of an accessor; normalised integers as numbers from -1 to 1."""
+        accessor = self.head["accessors"][number]
+        kind, width, count = np.dtype(_TYPES[accessor["componentType"]]), _WIDTHS[accessor["type"]], accessor["count"]
+        if "bufferView" in accessor:
+            found = self._values(accessor, count, kind, width)
+        elif count * width * kind.itemsize > _BLANK_BYTES:
+            raise ValueError(f"its arrays without data are larger than {_BLANK_BYTES // MIB} MiB")
+        else:
+            found = np.zeros((count, width), kind)
+        if "sparse" in accessor:
+            sparse, found = accessor["sparse"], found.copy()
+            indices = np.dtype(_TYPES[sparse["indices"]["componentType"]])
+            rows = self._values(sparse["indices"], sparse["count"], indices, 1)[:, 0]
+            found[rows] = self._values(sparse["values"], sparse["count"], kind, width)
+        return _normalised(found) if accessor.get("normalized") else found
+
+    def _values(self, place: Any, count: int, kind: np.dtype[Any], width: int) -> NDArray[Any]:
+        view, size = self.head["bufferViews"][place["bufferView"]], kind.itemsize * width
+        stride = view.get("byteStride", size)
+        if stride < size:
+            raise ValueError(f"a stride of {stride} bytes is less than a value's {size}")
+        data = self.view(place["bufferView"])
+        return np.ndarray((count, width), kind, data, place.get("byteOffset", 0), (stride, kind.itemsize))
+
+    def view(self, number: int) -> bytes:
+        view = self.head["bufferViews"][number]
+        first, length = view.get("byteOffset", 0), view["byteLength"]
+        found = self._buffer(view["buffer"])[first : first + length]
+        if len(found) != length:
+            raise SceneError(f"its data end before byte {first + length}.", _FETCH)
+        return found
+
+    def _buffer(self, number: int) -> bytes:
+        if number not in self.buffers:
+            uri = self.head["buffers"][number].get("uri")
+            self.buffers[number] = self.binary if uri is None else self._content(uri)
+        return self.buffers[number]
+
+    def _content(self, uri: str) -> bytes:
+        """Return the data of a URI: its own, or a file's."""
+        if not uri.startswith("data:"):
+            return self.beside(uri)
+        kind, _, text = uri.partition(",")
+        return base64.b64decode(text) if kind.endswith(";base64") else unquote_to_bytes(text)
+
+    def picture(self, number: int, tint: tuple[int, int, int]) -> NDArray[np.uint8] | None:
+        """Return the picture of a texture, tinted; None if it cannot be read."""
+        texture = self.head["textures"][number]
+        others = [one.get("source") for one in texture.get("extensions", {}).values()]
+        source = next((one for one in (texture.get("source"), *others) if one is not None), None)
+        if source is None:
+            return None
+        if (source, tint) not in self.pictures:
+            self.pictures[source, tint] = self._read_picture(self.head["images"][source], tint)
+        return self.pictures[source, tint]
+
+    def _read_picture(self, image: Any, tint: tuple[int, int, int]) -> NDArray[np.uint8] | None:
+        try:
+            data = self.view(image["bufferView"]) if "bufferView" in image else self._content(image["uri"])
+            if data[1:7] == b"KTX 20" or image.get("mimeType") == "image/ktx2":
+                if not importlib.util.find_spec("alktx2"):
+                    self.lost["KTX2 pictures (`pip install alktx2` reads them)"] += 1
+                    return None
+                import alktx2  # type: ignore[import-not-found,unused-ignore]
+
+                data, _ = alktx2.decode_ktx2_to_bytes(data, format="png")
+            return pixels(Image.open(BytesIO(data)), tint)
+        except Exception as error:  # Decoders fail on broken pictures in every way there is.
+            name = image.get("uri", type(error).__name__)[:80]  # A URI may be the whole picture.
+            self.lost[f"pictures that cannot be read ({name})"] += 1
+            return None
+
+
+@dataclass
+class _Piece:
+    """Triangles of one material, before they are placed."""
+
+    file: _File
+    facts: Any
+
+    def __post_init__(self) -> None:
+        self._own = self._decoded()
+
+    def __contains__(self, name: str) -> bool:
+        return name in self.facts["attributes"]
+
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        return self._own[name] if name in self._own else self.file.array(self.facts["attributes"][name])
+
+    def _decoded(self) -> dict[str, NDArray[Any]]:
+        """Return the arrays that Draco holds, with the corners of its triangles as 'indices'."""
+        packed = self.facts.get("extensions", {}).get(_DRACO)
+        if packed is None or not importlib.util.find_spec("DracoPy"):
+            return {}
+        import DracoPy  # type: ignore[import-not-found,unused-ignore]
+
+        mesh, names = DracoPy.decode(self.file.view(packed["bufferView"])), packed["attributes"]
+        arrays = {one["unique_id"]: one["data"] for one in mesh.attributes}
+        return {name: arrays[number] for name, number in names.items()} | {"indices": mesh.faces.reshape(-1, 1)}
+
+    def points(self, weights: Any) -> Array:
+        """Return the (N, 3) vertices in the frame of their node, moved by the weights of their morph targets."""
+        found = self["POSITION"].astype(float)
+        for weight, target in zip(weights, self.facts.get("targets", ()), strict=False):
+            if weight and "POSITION" in target:
+                found += weight * self.file.array(target["POSITION"])
+        return found
+
+    def faces(self) -> NDArray[np.int64]:
+        """Return (M, 3) corners of triangles."""
+        if "indices" in self._own or "indices" in self.facts:
+            corners = self._own["indices"] if self._own else self.file.array(self.facts["indices"])
+        else:
+            corners = np.arange(len(self["POSITION"]))
+        corners, mode = corners.ravel().astype(np.int64), self.facts.get("mode", _TRIANGLES)
+        if mode == _TRIANGLES or self._own:
+            return corners.reshape(-1, 3)
+        first = np.full(len(corners) - 2, corners[0]) if mode == _FAN else corners[:-2]
+        found = np.stack([first, corners[1:-1], corners[2:]], axis=1)
+        if mode == _STRIP:
+            found[1::2] = found[1::2, [1, 0, 2]]  # Every second triangle of a strip runs the other way round.
+        return np.asarray(found[(found != np.roll(found, 1, axis=1)).all(axis=1)])
+
+    def look(self) -> tuple[tuple[int, int, int], NDArray[np.uint8] | None, Array | None]:
+        """Return colour, picture and (N, 2) uv, v up."""
+        material = self.file.head["materials"][self.facts["material"]] if "material" in self.facts else {}
+        gloss = material.get("extensions", {}).get(_GLOSS)
+        base = material.get("pbrMetallicRoughness", {}) if gloss is None else gloss
+        factor = base.get("baseColorFactor" if gloss is None else "diffuseFactor", (1, 1, 1))
+        texture = base.get("baseColorTexture" if gloss is None else "diffuseTexture")
+        light = np.clip(np.array(factor[:3], float), 0, 1) * self._tint()
+        # glTF keeps its factors in linear light. In bytes first: a colour then is the same as ever.
+        red, green, blue = np.round(255 * (np.round(255 * light) / 255) ** (1 / 2.2)).astype(int).tolist()
+        colour = (red, green, blue) if "material" in self.facts or "COLOR_0" in self else _PLAIN
+        picture = None if texture is None else self.file.picture(texture["index"], colour)
+        return colour, picture, None if texture is None else self._uv(texture)
+
+    def _tint(self) -> Array:
+        """Return the (3,) mean of the vertex colours, linear."""
+        if "COLOR_0" not in self:
+            return np.ones(3)
+        colours = _normalised(self["COLOR_0"])[:, :3]
+        if len(colours) and np.ptp(colours, axis=0).max() > 1 / 255:
+            self.file.lost["vertex colours (drawn as their mean)"] += 1
+        return np.asarray(colours.mean(axis=0), float)
+
+    def _uv(self, texture: Any) -> Array | None:
+        """Return the (N, 2) coordinates of a texture, turned, scaled and moved as it says."""
+        change = texture.get("extensions", {}).get(_TURNED, {})
+        name = f"TEXCOORD_{change.get('texCoord', texture.get('texCoord', 0))}"
+        if name not in self:
+            return None
+        uv = self[name]
+        if change:
+            turn, scale = change.get("rotation", 0.0), change.get("scale", (1, 1))
+            cos, sin = np.cos(turn), np.sin(turn)
+            uv = uv * np.array(scale) @ np.array([[cos, -sin], [sin, cos]]) + change.get("offset", (0, 0))
+        return np.stack([uv[:, 0], 1 - uv[:, 1]], axis=1).astype(float)
+
+
+def _normalised(values: NDArray[Any]) -> NDArray[Any]:
+    """Return integers as shares of the largest of their kind; other numbers as they are."""
+    if values.dtype.kind == "f":
+        return values
+    return np.maximum(values / np.iinfo(values.dtype).max, -1.0)
+
+
+def _frame(node: Any) -> Array:
+    """Return the (4, 4) frame of a node in that of its parent."""
+    from scipy.spatial.transform import Rotation
+
+    if "matrix" in node:
+        return np.array(node["matrix"], float).reshape(4, 4).T
+    frame = np.eye(4)
+    turn = Rotation.from_quat(node.get("rotation", (0, 0, 0, 1))).as_matrix()
+    frame[:3, :3] = turn * np.array(node.get("scale", (1, 1, 1)), float)
+    frame[:3, 3] = node.get("translation", (0, 0, 0))
+    return frame

@@ -1,0 +1,83 @@
+"""Polygons with a corner that points inwards, such as a wall with a doorway, cut into triangles once more.
+
+Readers cut a polygon into a fan of triangles from its first corner. The fan of such a polygon folds over itself: some
+of its triangles look the other way, and together they cover more than the polygon.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from humanclaw.body.pose import Array
+
+Indices = NDArray[np.int64]
+
+_FLAT: Final = 1e-3
+"""A polygon is flat if its corners are nearer to its plane than this share of its size."""
+_TURN: Final = 0.1
+"""Sine of the largest angle between two triangles of one fan."""
+
+
+def unfolded(vertices: Array, faces: Indices) -> Indices:
+    """Return (M, 3) faces in which other triangles stand for each folded fan: they cover its polygon once."""
+    _, place = np.unique(vertices, axis=0, return_inverse=True)
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    normals, corners, found = np.cross(b - a, c - a), place.ravel()[faces], faces.copy()
+    for fan, loop in (*_halves(faces, corners, normals), *_fans(faces, corners, normals)):
+        triangles = _cut(vertices[loop], normals[fan].sum(axis=0))
+        if triangles is not None:
+            found[fan] = loop[triangles]
+    return found
+
+
+def _halves(faces: Indices, corners: Indices, normals: Array) -> Iterator[tuple[Indices, Indices]]:
+    """Yield the rows and the loop of folded quadrilaterals p q r s, which trimesh cuts into p q r and r s p."""
+    size = int(corners.max()) + 1
+    out, back = corners[:, 0] * size + corners[:, 2], corners[:, 2] * size + corners[:, 0]
+    order = np.argsort(back, kind="stable")
+    other = order[np.minimum(np.searchsorted(back, out, sorter=order), len(order) - 1)]
+    folded = (back[other] == out) & (np.einsum("ij,ij->i", normals, normals[other]) < 0)
+    folded &= _parallel(normals, normals[other]) & (np.arange(len(other)) < other)
+    for row in np.flatnonzero(folded):
+        yield np.array([row, other[row]]), np.append(faces[row], faces[other[row], 1])
+
+
+def _fans(faces: Indices, corners: Indices, normals: Array) -> Iterator[tuple[Indices, Indices]]:
+    """Yield the rows and the loop of folded polygons p q r s t ..., cut into p q r, p r s, p s t ..."""
+    linked = (corners[1:, 0] == corners[:-1, 0]) & (corners[1:, 1] == corners[:-1, 2])
+    linked &= _parallel(normals[1:], normals[:-1])
+    fan = np.concatenate([[0], np.cumsum(~linked)])
+    whole = np.zeros((fan[-1] + 1, 3))
+    np.add.at(whole, fan, normals)
+    for number in np.unique(fan[np.einsum("ij,ij->i", normals, whole[fan]) < 0]):
+        rows = np.arange(*np.searchsorted(fan, [number, number + 1]))
+        yield rows, np.append(faces[rows[0], :2], faces[rows, 2])
+
+
+def _parallel(one: Array, two: Array) -> NDArray[np.bool_]:
+    sizes = np.linalg.norm(one, axis=1) * np.linalg.norm(two, axis=1)
+    return np.asarray(np.linalg.norm(np.cross(one, two), axis=1) <= _TURN * sizes)
+
+
+def _cut(loop: Array, normal: Array) -> Indices | None:
+    """Return (N - 2, 3) triangles of an (N, 3) polygon; None if it is not flat or crosses itself.
+
+    normal: towards its front, as long as twice its area.
+    """
+    from manifold3d import triangulate
+
+    twice = float(np.linalg.norm(normal))
+    if twice <= 1e-9 * np.ptp(loop, axis=0).max() ** 2:
+        return None
+    up = normal / twice
+    across = np.cross(np.eye(3)[np.abs(up).argmin()], up)
+    flat = loop @ np.stack([across, np.cross(up, across)], axis=1) / np.linalg.norm(across)
+    found = np.asarray(triangulate([flat]), np.int64)
+    a, b, c = (flat[found[:, k]] for k in range(3))
+    areas = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
+    even = np.ptp(loop @ up) <= _FLAT * np.ptp(flat, axis=0).max()
+    return found if even and len(found) == len(loop) - 2 and np.abs(areas).sum() <= (1 + 1e-6) * twice else None

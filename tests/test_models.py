@@ -1,0 +1,367 @@
+"""Model files as exporters write them: one table of what is read of each, derived by hand from the formats."""
+
+from __future__ import annotations
+
+import base64
+import json
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from humanclaw.errors import SceneError
+from humanclaw.world import read_model
+
+HALF = 0.5**0.5
+CORNERS = [[0, 0, 0], [2, 0, 0], [0, 1, 0]]
+"""A triangle with legs of 2 m along x and 1 m along y: 1 m²."""
+KINDS = {"b": 5120, "B": 5121, "h": 5122, "H": 5123, "I": 5125, "f": 5126}
+
+
+@dataclass
+class Gltf:
+    """A .gltf file in the making, of one mesh of one piece on one node."""
+
+    piece: dict[str, Any] = field(default_factory=dict)
+    head: dict[str, Any] = field(default_factory=dict)
+    data: bytes = b""
+
+    def __post_init__(self) -> None:
+        self.head = {"asset": {"version": "2.0"}, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
+                     "meshes": [{"primitives": [self.piece]}], "bufferViews": [], "accessors": []}  # fmt: skip
+        self.piece["attributes"] = {"POSITION": self.array(CORNERS)}
+
+    def view(self, data: bytes) -> int:
+        self.head["bufferViews"].append({"buffer": 0, "byteOffset": len(self.data), "byteLength": len(data)})
+        self.data += data + bytes(-len(data) % 4)
+        return len(self.head["bufferViews"]) - 1
+
+    def array(self, rows: Any, kind: str = "f", **more: Any) -> int:
+        values = np.array(rows, kind)
+        width = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}[values[0].size]
+        told = {"bufferView": self.view(values.tobytes()), "componentType": KINDS[kind], "count": len(values)}
+        self.head["accessors"].append({**told, "type": width, **more})
+        return len(self.head["accessors"]) - 1
+
+    def give(self, **arrays: int) -> None:
+        self.piece["attributes"].update(arrays)
+
+    def material(self, **facts: Any) -> None:
+        self.head["materials"], self.piece["material"] = [facts], 0
+
+    def texture(self, *colours: tuple[int, int, int], **more: Any) -> dict[str, Any]:
+        """A picture of these colours from left to right, as a texture's facts."""
+        out = BytesIO()
+        Image.fromarray(np.array([colours], np.uint8)).save(out, "PNG")
+        self.head["images"] = [{"bufferView": self.view(out.getvalue()), "mimeType": "image/png"}]
+        self.head["textures"] = [{"source": 0}]
+        return {"index": 0, **more}
+
+    def write(self, folder: Path) -> Path:
+        uri = "data:application/octet-stream;base64," + base64.b64encode(self.data).decode()
+        path = folder / "model.gltf"
+        path.write_text(json.dumps({"buffers": [{"uri": uri, "byteLength": len(self.data)}], **self.head}))
+        return path
+
+
+# -- shapes ------------------------------------------------------------------------------------------------------------
+def sparse(file: Gltf) -> None:
+    """The second corner is moved to x = 4."""
+    rows, values = file.view(np.array([1], "H").tobytes()), file.view(np.array([[4, 0, 0]], "f").tobytes())
+    file.head["accessors"][0]["sparse"] = {
+        "count": 1, "indices": {"bufferView": rows, "componentType": 5123}, "values": {"bufferView": values}
+    }  # fmt: skip
+
+
+def sparse_alone(file: Gltf) -> None:
+    """Without a view of its own an array is zeros: the other corners stay at the origin."""
+    sparse(file)
+    del file.head["accessors"][0]["bufferView"]
+
+
+def bytes_from_minus_one_to_one(file: Gltf) -> None:
+    file.give(POSITION=file.array([[0, 0, 0], [127, 0, 0], [-128, -127, 0]], "b", normalized=True))
+
+
+def whole_numbers_that_the_node_scales(file: Gltf) -> None:
+    file.give(POSITION=file.array(np.array(CORNERS) * 1000, "h"))
+    file.head["nodes"][0] |= {"scale": [0.001] * 3, "translation": [0, 0, 3]}
+
+
+def strip(file: Gltf) -> None:
+    """Corners 0 1 2, then 2 1 3: the second triangle of a strip runs the other way round."""
+    file.give(POSITION=file.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]]))
+    file.piece["mode"] = 5
+
+
+def fan(file: Gltf) -> None:
+    file.give(POSITION=file.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]))
+    file.piece |= {"mode": 6, "indices": file.array([0, 1, 2, 3], "H")}
+
+
+def skinned(file: Gltf) -> None:
+    """Corners hang on bones at z = 5 and z = 1: the first, the second, and half on each. Their node has no effect."""
+    file.give(JOINTS_0=file.array([[0, 0, 0, 0], [1, 0, 0, 0], [0, 1, 0, 0]], "B"))
+    file.give(WEIGHTS_0=file.array([[1, 0, 0, 0], [1, 0, 0, 0], [0.5, 0.5, 0, 0]]))
+    file.head["nodes"] = [{"mesh": 0, "skin": 0, "scale": [10] * 3}, {"translation": [0, 0, 5]},
+                          {"translation": [0, 0, 3]}]  # fmt: skip
+    # The second bone was bound at z = 2: from there it has moved by 1 m.
+    binds = np.stack([np.eye(4), np.eye(4)])
+    binds[1, 3, 2] = -2
+    file.head |= {
+        "scenes": [{"nodes": [0, 1, 2]}],
+        "skins": [{"joints": [1, 2], "inverseBindMatrices": file.array(binds)}],
+    }
+
+
+def morphed(file: Gltf) -> None:
+    """Half of 2 m along z by the node's weight, which counts instead of the mesh's."""
+    file.piece["targets"] = [{"POSITION": file.array([[0, 0, 2]] * 3)}]
+    file.head["meshes"][0]["weights"], file.head["nodes"][0]["weights"] = [1.0], [0.5]
+
+
+def mirrored(file: Gltf) -> None:
+    file.head["nodes"][0]["scale"] = [-1, 1, 1]
+
+
+def turned_twice(file: Gltf) -> None:
+    """A quarter turn about z, of a node that another moves by 1 m along x. The file names no scene."""
+    file.head["nodes"] = [{"mesh": 0, "rotation": [0, 0, HALF, HALF]}, {"children": [0], "translation": [1, 0, 0]}]
+    del file.head["scenes"]
+
+
+SHAPES: dict[Callable[[Gltf], None], Any] = {
+    sparse: [[[0, 0, 0], [4, 0, 0], [0, 1, 0]]],
+    sparse_alone: [[[0, 0, 0], [4, 0, 0], [0, 0, 0]]],
+    bytes_from_minus_one_to_one: [[[0, 0, 0], [1, 0, 0], [-1, -1, 0]]],
+    whole_numbers_that_the_node_scales: [[[0, 0, 3], [2, 0, 3], [0, 1, 3]]],
+    strip: [[[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 0], [1, 0, 0], [1, 1, 0]]],
+    fan: [[[0, 0, 0], [1, 0, 0], [1, 1, 0]], [[0, 0, 0], [1, 1, 0], [0, 1, 0]]],
+    skinned: [[[0, 0, 5], [2, 0, 1], [0, 1, 3]]],
+    morphed: [[[0, 0, 1], [2, 0, 1], [0, 1, 1]]],
+    mirrored: [[[0, 1, 0], [-2, 0, 0], [0, 0, 0]]],
+    turned_twice: [[[1, 0, 0], [1, 2, 0], [0, 0, 0]]],
+}
+
+
+@pytest.mark.parametrize("change", SHAPES, ids=lambda change: change.__name__)
+def test_a_gltf_has_the_shape_that_its_file_says(tmp_path: Path, change: Callable[[Gltf], None]) -> None:
+    file = Gltf()
+    change(file)
+    model = read_model(file.write(tmp_path))
+    np.testing.assert_allclose([part.vertices[part.faces] for part in model.parts], [SHAPES[change]], atol=1e-6)
+    assert model.left_out == ()
+
+
+# -- looks -------------------------------------------------------------------------------------------------------------
+RED, BLUE = (255, 0, 0), (0, 0, 255)
+UV = [[0, 0], [1, 0], [0, 1]]
+
+
+def second_set(file: Gltf) -> None:
+    file.give(TEXCOORD_0=file.array([[9, 9]] * 3), TEXCOORD_1=file.array(UV))
+    file.material(pbrMetallicRoughness={"baseColorTexture": file.texture(RED, BLUE, texCoord=1)})
+
+
+def turned_texture(file: Gltf) -> None:
+    """Twice as wide, a quarter turn against the clock, 1 further on: right (1, 0) is 2 up, (0, -2) as v runs down."""
+    file.give(TEXCOORD_0=file.array(UV))
+    change = {"offset": [1, 0], "rotation": np.pi / 2, "scale": [2, 1]}
+    texture = file.texture(RED, BLUE, extensions={"KHR_texture_transform": change})
+    file.material(pbrMetallicRoughness={"baseColorTexture": texture})
+    file.head["extensionsRequired"] = ["KHR_texture_transform"]
+
+
+def plain(file: Gltf) -> None:
+    """Half the light is 255 x 0.5^(1 / 2.2) = 186 on a screen."""
+    file.material(pbrMetallicRoughness={"baseColorFactor": [1, 0.5, 0, 1]})
+
+
+def vertex_colours(file: Gltf) -> None:
+    """They are multiplied with the material's."""
+    plain(file)
+    file.give(COLOR_0=file.array([[255, 255, 255, 255]] * 2 + [[255, 255, 255, 0]], "B", normalized=True))
+
+
+def many_vertex_colours(file: Gltf) -> None:
+    """The mean of red, green and blue, each a third of the light: 255 x (1/3)^(1 / 2.2) = 155."""
+    file.give(COLOR_0=file.array(np.eye(3)))
+
+
+def glossy(file: Gltf) -> None:
+    plain(file)
+    gloss = {"diffuseFactor": [0, 0.5, 1, 1]}
+    file.head["materials"][0]["extensions"] = {"KHR_materials_pbrSpecularGlossiness": gloss}
+    file.head["extensionsRequired"] = ["KHR_materials_pbrSpecularGlossiness"]
+
+
+def packed_picture(file: Gltf) -> None:
+    """A picture that no decoder here reads gives way to the base colour."""
+    second_set(file)
+    file.head["images"][0] = {"uri": "data:image/ktx2,%ABKTX%2020"}
+
+
+def lost_picture(file: Gltf) -> None:
+    second_set(file)
+    file.head["images"][0] = {"uri": "wood%20floor.png"}
+
+
+def points_beside(file: Gltf) -> None:
+    plain(file)
+    file.head["meshes"][0]["primitives"].append({"mode": 0, "attributes": file.piece["attributes"]})
+
+
+LOOKS: dict[Callable[[Gltf], None], tuple[Any, Any, tuple[str, ...]]] = {
+    second_set: ((255, 255, 255), [[0, 1], [1, 1], [0, 0]], ()),
+    turned_texture: ((255, 255, 255), [[1, 1], [1, 3], [2, 1]], ()),
+    plain: ((255, 186, 0), None, ()),
+    vertex_colours: ((255, 186, 0), None, ()),
+    many_vertex_colours: ((155, 155, 155), None, ("vertex colours (drawn as their mean): 1",)),
+    glossy: ((0, 186, 255), None, ()),
+    packed_picture: (
+        (255, 255, 255),
+        [[0, 1], [1, 1], [0, 0]],
+        ("KTX2 pictures (`pip install alktx2` reads them): 1",),
+    ),
+    lost_picture: ((255, 255, 255), [[0, 1], [1, 1], [0, 0]], ("pictures that cannot be read (wood%20floor.png): 1",)),
+    points_beside: ((255, 186, 0), None, ("pieces of points or lines: 1",)),
+}
+
+
+@pytest.mark.parametrize("change", LOOKS, ids=lambda change: change.__name__)
+def test_a_gltf_looks_as_its_file_says(tmp_path: Path, change: Callable[[Gltf], None]) -> None:
+    file = Gltf()
+    change(file)
+    model = read_model(file.write(tmp_path))
+    (part,), (colour, uv, left_out) = model.parts, LOOKS[change]
+    assert np.abs(np.subtract(part.colour, colour)).max() <= 1
+    assert (part.uv is None) == (uv is None)
+    if part.uv is not None:
+        np.testing.assert_allclose(part.uv, uv, atol=1e-6)
+    assert (part.picture is None) == (uv is None or bool(left_out))
+    assert model.left_out == left_out
+
+
+def test_a_picture_is_tinted_by_the_colours_beside_it(tmp_path: Path) -> None:
+    file = Gltf()
+    file.give(TEXCOORD_0=file.array(UV), COLOR_0=file.array([[0, 0, 1]] * 3))
+    file.material(pbrMetallicRoughness={"baseColorTexture": file.texture((200, 100, 50))})
+    (part,) = read_model(file.write(tmp_path)).parts
+    assert part.picture is not None
+    assert part.picture.tolist() == [[[0, 0, 50]]]
+
+
+def test_a_file_whose_name_is_percent_encoded_is_found(tmp_path: Path) -> None:
+    file = Gltf()
+    (tmp_path / "my shape.bin").write_bytes(file.data)
+    file.head["buffers"] = [{"uri": "my%20shape.bin", "byteLength": len(file.data)}]
+    assert len(read_model(file.write(tmp_path)).parts) == 1
+
+
+# -- what would be another shape ---------------------------------------------------------------------------------------
+def old(file: Gltf) -> None:
+    file.head["asset"]["version"] = "1.0"
+
+
+def packed(file: Gltf) -> None:
+    file.head["extensionsRequired"] = ["EXT_meshopt_compression"]
+
+
+def bone_elsewhere(file: Gltf) -> None:
+    skinned(file)
+    file.head["scenes"] = [{"nodes": [0]}]
+
+
+def too_short(file: Gltf) -> None:
+    file.head["bufferViews"][0]["byteLength"] = 99
+
+
+@pytest.mark.parametrize(("change", "said"), [
+    (old, "must be glTF 2; it is glTF 1.0. Convert it"), (packed, "EXT_meshopt_compression, which may change"),
+    (bone_elsewhere, "a bone that is not in its scene"), (too_short, "data end before byte 99"),
+])  # fmt: skip
+def test_what_would_be_another_shape_is_refused(tmp_path: Path, change: Callable[[Gltf], None], said: str) -> None:
+    file = Gltf()
+    change(file)
+    with pytest.raises(SceneError, match=said) as caught:
+        read_model(file.write(tmp_path))
+    assert "model.gltf" in str(caught.value)
+
+
+def test_draco_is_unpacked(tmp_path: Path) -> None:
+    draco = pytest.importorskip("DracoPy")
+    file = Gltf()
+    packed = draco.encode(np.array(CORNERS, float), np.array([[0, 1, 2]]), quantization_bits=20)
+    (number,) = [one["unique_id"] for one in draco.decode(packed).attributes]
+    file.piece["indices"] = file.array([0, 0, 0], "H")
+    for accessor in file.head["accessors"]:
+        del accessor["bufferView"]
+    file.piece["extensions"] = {
+        "KHR_draco_mesh_compression": {"bufferView": file.view(packed), "attributes": {"POSITION": number}}
+    }
+    (part,) = read_model(file.write(tmp_path)).parts
+    assert sorted(part.vertices[part.faces][0].round(5).tolist()) == sorted(CORNERS)
+
+
+# -- polygons ----------------------------------------------------------------------------------------------------------
+WALL = [(0, 0), (2, 0), (2, 2), (3, 2), (3, 0), (5, 0), (5, 2.5), (0, 2.5)]
+"""A wall of 5 m by 2.5 m with a doorway of 1 m by 2 m: 10.5 m²."""
+ELL = [(0, 0), (4, 0), (4, 2), (2, 2), (2, 4), (0, 4)]
+"""4 m by 4 m without a quarter: 12 m². The fan from its first corner does not fold, those from its second do."""
+DART = [(0, 0), (2, 2), (4, 0), (2, 4)]
+"""A half of 4 m by 4 m without a half of 4 m by 2 m: 4 m². Cut from its first corner, its halves fold."""
+WINDOW = [(0, 0), (4, 0), (4, 3), (3, 2), (3, 1), (1, 1), (1, 2), (3, 2), (4, 3), (0, 3)]
+"""4 m by 3 m round a window of 2 m by 1 m, as a loop that goes to the window and back: 10 m²."""
+BUTTERFLY = [(0, 0), (2, 2), (2, 0), (0, 2)]
+"""Crosses itself, so it has no inside: its two triangles stay as they are, 2 m² each."""
+POLYGONS = {"wall": ([WALL], 10.5), "ell": ([ELL[1:] + ELL[:1]], 12), "dart": ([DART], 4), "window": ([WINDOW], 10),
+            "butterfly": ([BUTTERFLY], 4), "together": ([WALL, DART, ELL[1:] + ELL[:1], ELL[:3]], 30.5)}  # fmt: skip
+
+
+def listed(loops: list[list[tuple[float, float]]]) -> tuple[list[str], list[list[int]]]:
+    """Points that stand apart by 10 m along z, and the loops of their numbers."""
+    starts = np.cumsum([0, *map(len, loops)]).tolist()
+    points = [f"{x} {y} {10 * number}" for number, loop in enumerate(loops) for x, y in loop]
+    return points, [[*range(start, start + len(loop))] for start, loop in zip(starts, loops, strict=False)]
+
+
+def obj(points: list[str], loops: list[list[int]]) -> str:
+    return "\n".join([*(f"v {p}" for p in points), *("f " + " ".join(f"{k + 1}" for k in loop) for loop in loops), ""])
+
+
+def off(points: list[str], loops: list[list[int]]) -> str:
+    faces = [" ".join(map(str, [len(loop), *loop])) for loop in loops]
+    return "\n".join(["OFF", f"{len(points)} {len(loops)} 0", *points, *faces, ""])
+
+
+def ply(points: list[str], loops: list[list[int]]) -> str:
+    axes = [f"property float {axis}" for axis in "xyz"]
+    head = ["ply", "format ascii 1.0", f"element vertex {len(points)}", *axes, f"element face {len(loops)}",
+            "property list uchar int vertex_indices", "end_header"]  # fmt: skip
+    return "\n".join([*head, *off(points, loops).splitlines()[2:], ""])
+
+
+@pytest.mark.parametrize("written", [obj, off, ply], ids=lambda written: written.__name__)
+@pytest.mark.parametrize("name", POLYGONS)
+def test_a_polygon_has_its_own_area(tmp_path: Path, written: Any, name: str) -> None:
+    if (written, name) == (off, "together"):
+        pytest.skip("trimesh 5.2 reads no OFF file of several kinds of polygons")
+    loops, area = POLYGONS[name]
+    path = tmp_path / f"model.{written.__name__}"
+    path.write_text(written(*listed(loops)))
+    (part,) = read_model(path).parts
+    a, b, c = (part.vertices[part.faces[:, k]] for k in range(3))
+    normals = np.cross(b - a, c - a)[:, 2]
+    assert np.abs(normals).sum() / 2 == pytest.approx(area)
+    assert name == "butterfly" or (normals >= -1e-9).all()
+
+
+def test_a_sheet_with_two_sides_keeps_them(tmp_path: Path) -> None:
+    (tmp_path / "model.obj").write_text("v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3\nf 1 3 4\nf 1 4 3\nf 1 3 2\n")
+    (part,) = read_model(tmp_path / "model.obj").parts
+    assert part.faces.tolist() == [[0, 1, 2], [0, 2, 3], [0, 3, 2], [0, 2, 1]]
