@@ -235,7 +235,7 @@ class Client:
 
     def _leaves_out(self, failure: FailedRequest) -> bool:
         """Leave out or rename the first parameter that the provider says it does not take; return whether one is."""
-        if not failure.refused or failure.too_long:
+        if not failure.refused or self._bounded(failure) or failure.too_long:
             return False
         names = [name for name in {**self._chosen(), "parallel_tool_calls": False} if name not in self.learned.left_out]
         places = {name: failure.refuses(name) for name in names}
@@ -249,6 +249,10 @@ class Client:
             told = f"{self._settings.model} does not take {first}, which is left out: {self._tell(failure)}"
             (_LOG.info if first == "parallel_tool_calls" else _LOG.warning)(told)
         return bool(named)
+
+    def _bounded(self, failure: FailedRequest) -> str:
+        """Return the parameter that the user set to a value out of its bounds; empty if there is none."""
+        return next(filter(failure.bounds, self._chosen()), "")
 
     def _window(self, messages: list[Json], request: Mapping[str, Any]) -> Json:
         """Return the context window to ask Ollama for: by default it cuts long prompts silently."""
@@ -331,6 +335,10 @@ class Client:
                 f"{where} sends requests on to {self._redact(failure.redirect)}, where nothing was sent.",
                 "Name that address with api_base if prompt and picture may go there.",
             )
+        if name := self._bounded(failure):
+            bound = f"{self._settings.model} does not take {name}={self._chosen()[name]}: {told}."
+            hint = f"Set {name} within this bound, or to none."
+            return ProviderClosedError(bound, hint) if self.learned.worked else ModelError(bound, hint)
         if failure.too_long:
             return TooLongError(f"{where} says: {told}")
         if failure.about_pictures and not self.learned.worked:
@@ -345,6 +353,9 @@ class Client:
         model, server = self._settings.model, self._settings.api_base or "the provider"
         if failure.unpaid:
             return f"the quota for {model} is used up: {told}.", "Top it up or use another key."
+        if failure.larger_than_rate:
+            hint = "Raise the account's rate, or send less: --history, --images, max_tokens."
+            return f"one request is larger than the rate that {server} allows {model}: {told}.", hint
         # Some gateways answer 403 to a single request that their filter refuses.
         if failure.status == 401 or (failure.status == 403 and not self.learned.worked):
             return f"{server} does not accept the key for {model}: {told}.", "Set the right key."

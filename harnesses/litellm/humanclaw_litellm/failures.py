@@ -37,11 +37,18 @@ _TOO_MANY: Final = re.compile(r"too many tokens", re.IGNORECASE)
 _PICTURE: Final = r"(?:image|picture|vision|multi-?modal)"
 _NO_PICTURES: Final = re.compile(
     rf"{_PICTURE}[^.]{{0,60}}(?:not|n't|un)[ -]?(?:\w+ )?(?:support|enabled|allowed|accept|available)"
-    rf"|(?:not|n't|cannot) (?:support|accept|take|have|process|read)[^.]{{0,40}}{_PICTURE}"
+    rf"|(?:not|n't|cannot) (?:support|accept|take|have|process|read)(?!ed (?:for|on|with|by))[^.]{{0,40}}{_PICTURE}"
     r"|no endpoints found[^.]*image|at most 0 image|not a multimodal model|missing data required for image"
     r"|image_url[^.]{0,40}only supported|unknown variant .?image_url",
     re.IGNORECASE,
 )
+_LARGE_PICTURE: Final = re.compile(
+    rf"{_PICTURE}s?\b[^.;]{{0,30}}(?:too (?:large|big)|exceed[^.;]{{0,20}}\d ?(?:[kmg]i?b|bytes|pixels)\b)",
+    re.IGNORECASE,
+)
+_TOOLS: Final = re.compile(r"\btools?\b|function[ -]call", re.IGNORECASE)
+_CLAUSES: Final = re.compile(r"[.;](?=\s|$)|[()\n]")
+"""What separates the clauses of a message: words in one do not speak of a parameter in another."""
 _UNSUPPORTED: Final = re.compile(
     r"(?:not|n't|un) ?support(?!ed operand)|requires --|no endpoints found that", re.IGNORECASE
 )
@@ -51,20 +58,38 @@ _NO_MONEY: Final = re.compile(
     re.IGNORECASE,
 )
 _FILTERED: Final = re.compile(r"content_filter|content_policy|data_inspection_failed|input was flagged", re.IGNORECASE)
-_NEAR: Final = 120
-"""Letters around a parameter's name in which a refusal speaks of it."""
-_NOT_TAKEN: Final = re.compile(
-    r"unsupported|(?:not|n't|un)[ -]?(?:be )?(?:support|allow|permit|accept|recogni|available|compatible)|\bonly\b"
-    r"|deprecated|unknown|unexpected|extra|invalid|incompatible|requires|must be|forbidden|disabled",
+_TOKENS: Final = r"max_?(?:completion|output|new)?_?tokens"
+"""The names that providers have for max_tokens."""
+_NOT_TAKEN: Final = (
+    r"(?:un(?:supported|known|expected|recogni[sz]ed|available)|deprecated|invalid|incompatible|forbidden|disabled|extra"
+    r"|(?:not|n't|no longer|cannot)(?: both)? (?:be )?"
+    r"(?:support|allow|permit|accept|recogni|availab|compatib|set|specif|us)\w*)"
+)
+_NOUNS: Final = (
+    r"parameter(?:s|\(s\))?|arguments?|values?|fields?|propert(?:y|ies)|options?|inputs?|the|this|for|on|with|model"
+)
+_BEFORE: Final = (
+    rf"{_NOT_TAKEN}(?:[^\w.,(]+(?:request|keyword|supplied|setting|of|such|as|sampling|{_NOUNS}))*[^\w.,(]+"
+)
+"""Words of a refusal, and those that may stand between them and the parameter's name."""
+_AFTER: Final = (
+    rf"(?:[= ]+-?[\d.]*\d)?[^\w.]{{1,4}}(?:(?:is|are|be|may|can|must|has|been|currently|and|top_p|{_NOUNS})\W+)*"
+    rf"(?:{_NOT_TAKEN}|does(?: not|n't)|\bonly\b|requires|must be (?:set to )?-?\d)"
+)
+_BOUND: Final = re.compile(
+    r"too (?:large|small|high|low)|at (?:most|least) |exceeds|(?:less|greater|more) than|between|must be in\b"
+    r"|(?:valid|supported) range|(?:above|below) (?:max|min)|maximum allowed|(?<![\w'])[<>]=? ?-?\d",
     re.IGNORECASE,
 )
-_BOUND: Final = re.compile(r"too (?:large|small|high|low)|at most \d|at least \d|exceeds", re.IGNORECASE)
 """Words for a value out of bounds: another value is taken, so that the user is told of it."""
+_ROOM_LEFT: Final = re.compile(r"too large: (\d+)\..*context length is (\d+)", re.DOTALL)
+"""vLLM's words for an answer's bound and for a prompt that leaves no room for it: the numbers tell which."""
 _DELAY: Final = re.compile(r'"retryDelay":\s*"([\d.]+)s"')
 """Gemini's words for a wait."""
 _AGAIN: Final = re.compile(
     r"(?:try again|retry)(?: again)? (?:in|after) ((?:[\d.]+ ?(?:ms|[hms])[a-z]* ?)+)", re.IGNORECASE
 )
+_LARGER_THAN_RATE: Final = re.compile(r"too large.{0,200}?\bper (?:min|hour|day|sec)", re.IGNORECASE)
 _WAITS: Final = re.compile(r"\bwait\b|retryDelay|(?:try again|retry)(?: again)? (?:in|after) \d", re.IGNORECASE)
 _PART: Final = re.compile(r"([\d.]+) ?(ms|[hms])", re.IGNORECASE)
 _SECONDS: Final = {"h": 3600.0, "m": 60.0, "s": 1.0, "ms": 0.001}
@@ -99,30 +124,53 @@ class FailedRequest(Exception):  # noqa: N818
 
     @property
     def too_long(self) -> bool:
+        """Whether the request does not fit the model's context."""
+        if self.larger_than_rate or self._asks_to_wait or _LARGE_PICTURE.search(self.told):
+            return False
         if self.status in (400, 413, 422):
             return self.status == 413 or bool(_TOO_LONG.search(self.told) or _TOO_MANY.search(self.told))
-        return self._is_answer and not self._asks_to_wait and bool(_TOO_LONG.search(self.told))
+        return self._is_answer and bool(_TOO_LONG.search(self.told))
+
+    @property
+    def larger_than_rate(self) -> bool:
+        """Whether one request is larger than the account's tokens per minute, so that no wait helps."""
+        return self._is_answer and not self._asks_to_wait and bool(_LARGER_THAN_RATE.search(self.told))
 
     @property
     def about_pictures(self) -> bool:
         """Whether the model takes no pictures."""
-        return self._is_answer and bool(_NO_PICTURES.search(self.told))
+        clauses = [clause for clause in _CLAUSES.split(self.told) if not _TOOLS.search(clause)]
+        return self._is_answer and any(map(_NO_PICTURES.search, clauses))
 
     def refuses(self, parameter: str) -> int | None:
         """Return where the words refuse a parameter; None if they do not, or refuse its value by a bound alone."""
+        if self.bounds(parameter):
+            return None
         if self.param == parameter:
-            return 0 if not _BOUND.search(self.told) else None
-        for place in re.finditer(rf"(?<!\w){re.escape(parameter)}(?!\w)", self.told):
-            near = self.told[max(0, place.start() - _NEAR) : place.end() + _NEAR]
-            if _NOT_TAKEN.search(near) and not _BOUND.search(near):
-                return place.start()
-        return None
+            return 0
+        name = rf"(?<!\w){re.escape(parameter)}(?!\w)"
+        found = re.search(rf"{_BEFORE}{name}|{name}{_AFTER}", self.told, re.IGNORECASE)
+        return found.start() if found else None
+
+    def bounds(self, parameter: str) -> bool:
+        """Tell whether the words refuse a parameter's value by a bound."""
+        name = _TOKENS if parameter == "max_tokens" else re.escape(parameter)
+        room = _ROOM_LEFT.search(self.told)
+        if self.status not in (400, 422) or (room and int(room[1]) < int(room[2])):
+            return False
+        if re.fullmatch(name, self.param):
+            return bool(_BOUND.search(self.told))
+        # "prompt and max_tokens exceed", "inputs + max_tokens must be": a sum is no bound of the parameter.
+        alone = re.compile(
+            rf"(?<![\w])(?<!and )(?<!and .)(?<!\+ )(?<!\+ .){name}(?!\w)(?!.? (?:and|\+) )", re.IGNORECASE
+        )
+        return any(alone.search(clause) and _BOUND.search(clause) for clause in _CLAUSES.split(self.told))
 
     @property
     def param(self) -> str:
-        """The parameter that an error in OpenAI's form is about; empty if it names none."""
-        found = re.search(r'"param":\s*"([^"]+)"', self.told)
-        return found[1] if found else ""
+        """The parameter that an error is about, in OpenAI's form or pydantic's; empty if it names none."""
+        found = re.search(r'"param":\s*"([^"]+)"|["\']loc["\']: ?[\[(][^\])]*["\'](\w+)["\']\s*[\])]', self.told)
+        return (found[1] or found[2]) if found else ""
 
     @property
     def filtered(self) -> bool:
@@ -140,14 +188,14 @@ class FailedRequest(Exception):  # noqa: N818
     def refused(self) -> bool:
         """Whether the provider refuses the form of the request, so that another form may succeed."""
         lacking = (self.status in (404, 405, 501) or self.status >= 500) and _UNSUPPORTED.search(self.told)
-        return self.status in (400, 415, 422) or bool(lacking)
+        return (self.status in (400, 415, 422) and not self._asks_to_wait) or bool(lacking)
 
     @property
     def transient(self) -> bool:
         """Whether the same request may succeed later."""
-        if self.too_long or self.about_pictures or self.unpaid or self.refused:
+        if self.too_long or self.larger_than_rate or self.about_pictures or self.unpaid or self.refused:
             return False
-        return self.status in _TRANSIENT or self.status >= 500
+        return self.status in _TRANSIENT or self.status >= 500 or (self.status == 400 and self._asks_to_wait)
 
     @property
     def wait(self) -> float:

@@ -99,7 +99,7 @@ def retried(row, play, skills):
 
 def mended_by_the_user(row, play, skills):
     with pytest.raises(ModelError, match=row.says) as fault:
-        play(row, [row.reply] * 8)
+        play(row, [row.reply] * 8, **row.options)
     assert fault.value.remedy
 
 

@@ -110,6 +110,13 @@ def test_what_litellm_refuses_itself_is_left_out_too(begin, view):
         ("`temperature` may only be set to 1 when thinking is enabled.", True),
         ("The prompt speaks of temperature, and messages must alternate.", False),
         ("temperature is too large: at most 1", False),
+        ("Unrecognized request argument supplied: temperature", True),
+        ("`temperature` and `top_p` cannot both be specified for this model.", True),
+        ("model-x does not support parameters: ['temperature'], for now", True),
+        ("Invalid schema for tool walk (request: temperature=0, seed=none)", False),
+        ("Unknown model 'x'. Sent: temperature 0", False),
+        ("Image is invalid or unsupported (sampling: temperature=0)", False),
+        ("Unsupported parameter(s): temperature", True),
         ("Your account was not found; the request held model, messages, temperature.", False),
     ],
 )
@@ -117,11 +124,33 @@ def test_a_parameter_is_refused_by_words_near_its_name(words, refused):
     assert (FailedRequest(words, 400).refuses("temperature") is not None) == refused
 
 
-def test_a_bound_of_max_tokens_is_told_and_not_passed_over(begin, view):
-    bound = status(400, "max_tokens is too large: 100000. This model supports at most 16384 completion tokens")
-    with OpenAIServer(lambda _: bound) as server, pytest.raises(ModelError, match="at most 16384"):
-        begin(server, max_tokens=100000).decide(view(), ())
-    assert all("max_tokens" in request.body for request in server.requests)
+@pytest.mark.parametrize(
+    ("words", "option"),
+    [
+        ("max_tokens is too large: 100000. This model supports at most 16384 completion tokens", "max_tokens"),
+        ("'max_tokens' is too large: 100000. This model's maximum context length is 4096 tokens", "max_tokens"),
+        ("max_completion_tokens: 100000 > 64000, which is the maximum allowed number of tokens", "max_tokens"),
+        ("Invalid max_tokens value, the valid range of max_tokens is [1, 8192]", "max_tokens"),
+        ("a maxOutputTokens value of 100000, but the supported range is from 1 to 65537", "max_tokens"),
+        ("Invalid 'temperature': decimal above maximum value. Expected a value <= 2, but got 3", "temperature"),
+        ("temperature must be between 0 and 1", "temperature"),
+        ("temperature: Input should be less than or equal to 1", "temperature"),
+        ("top_p must be in (0.0, 1.0]", "top_p"),
+    ],
+)
+def test_a_bound_is_told_with_its_option_and_not_passed_over(begin, view, words, option):
+    with OpenAIServer([status(400, words)]) as server, pytest.raises(ModelError) as fault:
+        begin(server, max_tokens=100000, temperature=3, params={"top_p": 0.0}).decide(view(), ())
+    assert f"does not take {option}=" in str(fault.value)
+    assert words in str(fault.value)
+
+
+def test_a_sum_of_prompt_and_answer_is_no_bound_of_an_option():
+    for words in (
+        "input length and `max_tokens` exceed context limit",
+        "`inputs` tokens + `max_new_tokens` must be <= 9",
+    ):
+        assert not FailedRequest(words, 400).bounds("max_tokens")
 
 
 def test_max_tokens_is_sent_by_the_name_that_the_provider_asks_for(begin, view):
@@ -171,6 +200,13 @@ def test_a_model_without_pictures_ends_the_run_before_a_step(begin, view, code, 
     assert len(server.requests) == 1
 
 
+def test_a_refusal_of_tools_is_none_of_pictures(begin, view):
+    words = "Tool calling is not supported for vision models; image ok"
+    whole = text(json.dumps({"skill": "walk", "parameters": WALK}))
+    with OpenAIServer(lambda request: status(400, words) if "tools" in request.body else whole) as server:
+        assert begin(server).decide(view(), ()).calls == (Call("walk", WALK),)
+
+
 @pytest.mark.parametrize(
     ("model", "images", "warned"),
     [
@@ -195,6 +231,7 @@ def test_a_model_listed_without_pictures_is_named_at_once(begin, caplog, model, 
         (400, "The decoder prompt (length 5000) is longer than the maximum model length of 4096."),
         (400, "You passed 5001 input tokens. However, the model's context length is only 4096 tokens"),
         (400, "'max_tokens' is too large: 1000. This model's maximum context length is 4096 tokens"),
+        (400, "too many tokens: the prompt must hold at most 4081 tokens"),
         (400, "the request exceeds the available context size (4096 tokens), try increasing it"),
         (500, "Context size has been exceeded."),
         (400, "The model is loaded with context length of only 4096 tokens, which is not enough"),
@@ -205,7 +242,6 @@ def test_a_model_listed_without_pictures_is_named_at_once(begin, caplog, model, 
         (400, "The input token count (1200000) exceeds the maximum number of tokens allowed (1048576)."),
         (400, "Prompt contains 40000 tokens and 0 draft tokens, too large for model with 32768 maximum context length"),
         (400, "Please reduce the length of the messages or completion."),
-        (429, "Request too large for gpt-4o on tokens per min (TPM): Limit 30000, Requested 35000."),
         (400, "Range of input length should be [1, 30720]"),
         (400, "This model's maximum prompt length is 131072 but the request contains 200000 tokens."),
         (400, "Invalid request: Your request exceeded model token limit: 8192"),
@@ -229,7 +265,11 @@ def test_a_full_context_is_known_by_the_words_of_every_server(code, words):
         (400, "max_tokens is too large: 100000. This model supports at most 16384 completion tokens"),
         (401, "maximum context length"),
         (503, "The engine is currently overloaded, please try again later"),
+        (429, "Request too large for gpt-4.1 on tokens per min (TPM): Limit 30000, Requested 35000."),
+        (413, "Request too large on tokens per minute: Limit 6000, Requested 7000, reduce your message size."),
+        (400, "image exceeds 5 MB: request too large"),
         (429, "too many tokens, please wait"),
+        (400, "Too many tokens, please wait before trying again."),
         (503, "Too many tokens in the queue."),
         (429, "Request too large for the tokens left in this minute. Please try again in 3s."),
         (504, "The request took too long to process."),
@@ -275,6 +315,11 @@ def test_a_verifier_whose_question_does_not_fit_fails_open(begin, view, skills):
         found = begin(server, "verifiers").verify(view(), Call("walk", WALK), skills["walk"], "")
     assert found.accepted
     assert "maximum context length" in found.failed_open
+
+
+def test_a_rate_that_asks_to_wait_is_waited_for_whatever_its_status(begin, view):
+    with OpenAIServer([status(400, "Too many tokens, please wait before trying again."), call("stop")]) as server:
+        assert begin(server).decide(view(), ()).calls == (Call("stop"),)
 
 
 def test_an_insufficient_quota_that_asks_to_wait_is_waited_for():

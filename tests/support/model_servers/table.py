@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import tomllib
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Self
 
@@ -30,12 +30,13 @@ class Row:
     thoughts: str = ""
     wait: float = 0.0
     tokens: tuple[int, ...] = ()
+    options: dict[str, Any] = field(default_factory=dict)
 
     @classmethod
     def of(cls, provider: str, about: dict[str, Any], told: dict[str, Any]) -> Self:
         body = told.get("body") or _filled(about["envelope"], told["answer"], told["end"], about["usage"])
         reply = Reply(body, told.get("status", 200), told.get("headers", {}))
-        own = {key: told[key] for key in ("says", "without", "thoughts", "wait") if key in told}
+        own = {key: told[key] for key in ("says", "without", "thoughts", "wait", "options") if key in told}
         given = {key: told.get(key) or about[key] for key in ("model", "source")}
         server = getattr(dialects, about["server"], OpenAIServer)
         tokens = tuple(told.get("tokens", ()))
