@@ -4,8 +4,7 @@ import json
 import runpy
 import shutil
 import threading
-from dataclasses import dataclass, replace
-from enum import Enum
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Annotated, Literal
@@ -21,7 +20,7 @@ from humanclaw import Call, Control, Gaze, Keyframes, Motion, Plugins, Reach, ho
 from humanclaw.cli import build
 from humanclaw.errors import CallError
 from humanclaw.records import free_episode
-from humanclaw.skills import Check, Skill, publish
+from humanclaw.skills import Check, Skill
 from humanclaw.skills.checks import CHECKS
 from humanclaw.testing import FakeModel, FakeWorld, check_skill, check_target, examine, fake_body
 from humanclaw.testing.fakes import Fakes
@@ -42,12 +41,6 @@ def folder(tmp_path):
 
 
 # -- legal skills ------------------------------------------------------------------------------------------------------
-@dataclass
-class Beat:
-    degrees: Annotated[int, Field(ge=5, le=30)]
-    joint: Literal["head", "neck"]
-
-
 @skill(checks=["Is anybody in view?"])
 def choosing(side: Literal["left", "right"] = "left", twice: bool = False) -> Keyframes:
     """Wave a hand."""
@@ -69,38 +62,13 @@ def gradual(degrees: Annotated[float, Field(ge=0, le=25.5)] = 10.0) -> Keyframes
     return Keyframes.cycle("spine1", axis="x", degrees=degrees, seconds=1)
 
 
-@skill()
-def nested(beat: Beat) -> Keyframes:
-    """Nod with a joint."""
-    return Keyframes.cycle(beat["joint"], axis="x", degrees=beat["degrees"], seconds=0.5)
-
-
-class Side(Enum):
-    LEFT = "left"
-    RIGHT = "right"
-
-
-@dataclass
-class Bar:
-    beats: Annotated[list[Beat], Field(min_length=1, max_length=2)]
-    side: Side = Side.LEFT
-
-
-@skill()
-def drumming(bar: Bar, sides: Annotated[list[Side], Field(max_length=2)], lead: Side = Side.RIGHT) -> Keyframes:
-    """Nod along; types may be made of types."""
-    assert {type(side) for side in [lead, bar["side"], *sides]} == {str}
-    degrees = 5 + len(sides) + (lead == "left")
-    return Keyframes.cycle(bar["beats"][0]["joint"], axis="x", degrees=degrees, seconds=0.5)
-
-
 @skill(role="locomotion")
 def amble(pace: Literal["slow", "brisk"], strides: Annotated[int, Field(ge=1, le=6)] = 2) -> list[Control]:
     """Walk a few strides straight ahead, with the adapter of another skill."""
     return [Control(WALK, {"x": 0.0, "z": 0.3 if pace == "slow" else 0.5, "yaw": 0.0})] * strides
 
 
-@pytest.mark.parametrize("made", [choosing, listing, gradual, nested, drumming, amble], ids=lambda made: made.name)
+@pytest.mark.parametrize("made", [choosing, listing, gradual, amble], ids=lambda made: made.name)
 def test_a_legal_skill_passes_every_check(made):
     report = examine(made, engines=())
     assert (report.faults, report.notes) == ((), ())
@@ -188,24 +156,18 @@ def renamed(name):
     return lambda folder: folder.rename(folder.with_name(name))
 
 
+TIMES = {"type": "integer", "default": 1}
 CHECK = '[[check]]\nid = "{}"\nquestion = "{}"\n'
 FOLDERS = {
     "name": renamed("step back"),
     "name-reserved": renamed("reset"),
     "schema-file": text("schema.json", "{"),
-    "schema-object": schema(lambda content: content.update(type="array")),
-    "schema-valid": parameter(type="whole"),
-    "references": parameter(**{"$ref": "other.json"}),
+    "schema": schema(lambda content: content.update(type="array")),
     "role": schema(lambda content: content.update({"x-role": "dance"})),
-    "properties": schema(lambda content: content["properties"].update(z_cm=True)),
-    "types": schema(lambda content: content["properties"].update(z_cm={"type": ["integer", "string"]})),
     "reasoning-names": schema(lambda content: content["properties"].update(progress={"type": "integer"})),
-    "closed": schema(lambda content: content.pop("additionalProperties")),
-    "told": schema(lambda content: content.update(minProperties=1)),
     "described": schema(lambda content: content.update(description=" ")),
-    "parameters-described": parameter(description=""),
+    "parameters-described": schema(lambda content: content["properties"]["z_cm"].pop("description")),
     "bounds-order": parameter(minimum=40, maximum=10),
-    "bounds-finite": parameter(maximum=40.5),
     "choices": parameter(enum=["a"]),
     "required-declared": schema(lambda content: content["required"].append("speed")),
     "defaults-given": schema(lambda content: content.update(required=[])),
@@ -232,7 +194,6 @@ FOLDERS = {
     "adapter-parameters": header(params=["x"]),
     "adapter-measures": header(measures=["hips.forward"]),
     "adapter-bounds": parameter(maximum=90),
-    "publish-gemini": renamed("2_steps_back"),
 }
 
 
@@ -246,26 +207,37 @@ def test_a_folder_that_fails_a_check_is_told_its_name_and_a_remedy(check, tmp_pa
     assert all(fault.remedy for fault in report.faults)
 
 
-@pytest.mark.parametrize(
-    ("words", "check"),
-    [
-        ({"maximum": 10**400}, "bounds-finite"),
-        ({"minimum": -1e308, "maximum": 1e308}, "bounds-finite"),
-        ({"type": "string", "minLength": 10**10}, "bounds-finite"),
-        ({"type": "array", "minItems": 40, "items": {"type": "array", "minItems": 40}}, "bounds-finite"),
-        ({"enum": [10, 20, 10], "minimum": 10, "maximum": 20}, "choices"),
-    ],
-)
-def test_a_value_that_nobody_could_write_and_a_choice_that_is_offered_twice_are_faults(folder, words, check):
-    parameter(**words)(folder)
-    assert check in names(folder)
+MALFORMED = {
+    "an unknown type": parameter(type="whole"),
+    "several types": parameter(type=["integer", "string"]),
+    "no type": parameter(type=None),
+    "a reference": parameter(**{"$ref": "other.json"}),
+    "alternatives": parameter(anyOf=[{"type": "integer"}]),
+    "an object": parameter(type="object", properties={}),
+    "a list of lists": parameter(type="array", items={"type": "array", "items": {"type": "integer"}}),
+    "a list of anything": parameter(type="array"),
+    "a parameter that is no schema": schema(lambda content: content["properties"].update(z_cm=True)),
+    "a name that Anthropic refuses": schema(lambda content: content["properties"].update({"wie weit": TIMES})),
+    "an empty description": parameter(description=" "),
+    "a bound that is not whole": parameter(maximum=40.5),
+    "a bound that nobody could write": parameter(maximum=10**400),
+    "a number too large for JSON": parameter(minimum=-1e308),
+    "a text that nobody could write": parameter(type="string", minLength=10**10),
+    "no choice": parameter(enum=[]),
+    "a choice that is offered twice": parameter(enum=[10, 20, 10]),
+    "other parameters": schema(lambda content: content.pop("additionalProperties")),
+    "a rule that no model is told": schema(lambda content: content.update(minProperties=1)),
+    "thousands of parameters": schema(lambda content: content.update(properties={f"p{k}": TIMES for k in range(65)})),
+}
 
 
-def test_what_a_strangers_folder_can_ask_is_bounded(folder):
-    schema = json.loads((folder / "schema.json").read_text())
-    schema["properties"] = {f"p{k}": {"type": "integer"} for k in range(5000)}
-    (folder / "schema.json").write_text(json.dumps(schema))
-    assert "schema-object" in names(folder)
+@pytest.mark.parametrize("spoil", MALFORMED.values(), ids=MALFORMED)
+def test_a_schema_of_another_form_is_a_fault(folder, spoil):
+    spoil(folder)
+    assert "schema" in names(folder)
+
+
+def test_what_a_strangers_checklist_can_ask_is_bounded(folder):
     (folder / "checklist.toml").write_text("a" + ".a" * 50_000 + " = 1")
     assert "checklist-file" in names(folder)
 
@@ -276,15 +248,12 @@ def planned(plan, properties=None, **more):
     return Skill("made", "Is made.", content | more, plan)
 
 
-TIMES = {"times": {"type": "integer", "default": 1}}
 BENT = {"left_knee": ((0.0, 0.0, 0.0), (-0.6, 0.0, 0.0))}
 PLANS = {
-    "publish-openai": planned(lambda params: NOD, {"turns": {"type": "array", "default": []}}),
-    "publish-anthropic": planned(lambda params: NOD, {"wie weit": {"type": "integer", "default": 1}}),
     "plan-runs": planned(lambda params: Keyframes.cycle("head", "w", 10, 1)),
     "plan-kind": planned(lambda params: "walk"),
     "plan-repeats": planned(lambda params, seen=[]: seen.append(1) or Keyframes.cycle("head", "x", len(seen), 1)),
-    "duration": planned(lambda params: Keyframes.cycle("head", "x", 5, 0.5, max(1, params["times"])), TIMES),
+    "duration": planned(lambda params: Keyframes.cycle("head", "x", 5, 0.5, max(1, params["times"])), {"times": TIMES}),
     "control-adapter": planned(lambda params: Control(Path("nowhere.safetensors"), {})),
     "control-values": planned(lambda params: Control(WALK, {"z": 0.4})),
     "control-finite": planned(lambda params: Control(WALK, {"x": 0.0, "z": float("nan"), "yaw": 0.0})),
@@ -298,7 +267,7 @@ PLANS = {
     "upright": planned(lambda params: Keyframes((0.0, 2.0), {"pelvis": ((0, 0, 0), (3.0, 0, 0))})),
     "self-contact": planned(lambda params: Keyframes.cycle("right_shoulder", "z", 60, 1)),
     "parameters-used": planned(
-        lambda params: NOD, TIMES | {"times": {"type": "integer", "minimum": 1, "maximum": 3, "default": 1}}
+        lambda params: NOD, {"times": {"type": "integer", "minimum": 1, "maximum": 3, "default": 1}}
     ),
     "default-moves": planned(
         lambda params: Keyframes.cycle("head", "x", params["deg"], 1),
@@ -308,7 +277,6 @@ PLANS = {
     "aim-finite": planned(lambda params: Gaze((0.0, float("nan"), 1.0))),
     "motion-finite": planned(lambda params: Motion(np.zeros((0, 3)), np.zeros((0, 24, 3)))),
     "accepts-bounds": planned(lambda params: NOD, {"word": {"type": "string", "pattern": "^q"}}, required=["word"]),
-    "refuses-types": planned(lambda params: NOD, {"any": {"default": 1}}),
 }
 
 
@@ -449,8 +417,8 @@ def test_a_knee_does_not_bend_forward():
 ELSEWHERE = {
     "follows": "test_an_adapter_that_is_no_better_than_a_constant_is_a_fault",
     "loads": "test_a_file_that_raises_is_a_fault_of_the_file",
-    "publish-mcp": "what no MCP server takes is of no one type, which `types` finds first",
-    "refuses-unknown": "a schema that is closed refuses it; `closed` finds the others",
+    "refuses-unknown": "a schema that is closed refuses it; `schema` finds the others",
+    "refuses-types": "JSON Schema refuses it for everybody",
     "refuses-nan": "Skill.check refuses it for everybody: test_no_number_of_a_call_may_be_nan",
     "refuses-beyond": "JSON Schema refuses it for everybody",
     "body-plays": "test_what_only_playing_finds",
@@ -467,7 +435,8 @@ def test_every_named_check_has_a_skill_that_fails_it():
 
 def test_all_problems_are_told_at_once(tmp_path):
     folder = shutil.copytree(folder_of("step_back"), tmp_path / "reset")
-    rewrite(folder, lambda content: content["properties"]["z_cm"].update(maximum=90, description=""))
+    rewrite(folder, lambda content: content["properties"]["z_cm"].update(maximum=90))
+    rewrite(folder, lambda content: content["properties"]["z_cm"].pop("description"))
     text("checklist.toml", '[[checks]]\nid = "a"\n' + CHECK.format("a", "maybe"))(folder)
     written(folder, lambda head: head.update(base="0123"))
     assert names(folder) == {
@@ -533,21 +502,6 @@ def test_what_only_an_engine_finds(fault, check):
     report = examine(choosing, engines=["odd"], plugins=plugins)
     assert [one.check for one in report.faults] == [check] * len(report.faults)
     assert report.faults
-
-
-# -- formats -----------------------------------------------------------------------------------------------------------
-def test_an_odd_schema_takes_out_that_skill_alone_and_for_that_format_alone(caplog):
-    pool = [choosing, PLANS["publish-anthropic"], PLANS["publish-openai"]]
-    told = {form: len(publish(pool, form)) for form in ("openai", "anthropic", "mcp")}
-    assert told == {"openai": 2, "anthropic": 2, "mcp": 3}
-    assert len(publish(pool, "gemini")[0]["functionDeclarations"]) == 2
-    assert "skill 'made' is not among the anthropic tools" in caplog.text
-
-
-def test_a_skill_that_one_format_cannot_tell_is_used_in_the_others():
-    plugins = Plugins()
-    plugins.add(Fakes([PLANS["publish-anthropic"]]), "made")
-    assert set(plugins.skills) == {"made"}
 
 
 # -- the doors to the check --------------------------------------------------------------------------------------------

@@ -3,7 +3,6 @@
 import json
 import math
 import shutil
-import socket
 import subprocess
 import sys
 
@@ -13,7 +12,6 @@ import pytest
 from humanclaw import Control, Keyframes, Plugins, Skill, skill
 from humanclaw.body import FUTURE, rest_pose
 from humanclaw.errors import CallError, PluginError
-from humanclaw.skills import publish, tool_spec
 from humanclaw.testing.fakes import Fakes
 
 EIGHT = {
@@ -107,31 +105,6 @@ def test_an_argument_without_a_type_is_refused():
         skill()(lambda times: nod(times))
 
 
-def test_a_schema_that_is_not_one_is_refused(tmp_path):
-    folder = tmp_path / "hop"
-    folder.mkdir()
-    (folder / "schema.json").write_text('{"type": "object", "properties": {"h_cm": {"type": "whole"}}}')
-    with pytest.raises(PluginError, match="schema of skill 'hop' is not valid"):
-        Skill.from_folder(folder)
-
-
-ELSEWHERE = ({"$ref": "https://example.org/far.json"},)
-
-
-@pytest.mark.parametrize(
-    ("properties", "why"),
-    [
-        ({"far": {"enum": {1, 2}}}, "Object of type set"),
-        ({"far": {"anyOf": ELSEWHERE}}, "JSON has no tuples"),
-        ({1: {"type": "no type"}, "1": {"type": "integer"}}, "JSON has no tuples, and keys are texts"),
-        ({"far": {"type": "number", "maximum": math.inf}}, "Out of range float"),
-    ],
-)
-def test_a_schema_that_json_cannot_say_is_refused(properties, why):
-    with pytest.raises(PluginError, match=f"schema of skill 'hop' is not valid: {why}"):
-        Skill("hop", "Hop.", {"type": "object", "properties": properties}, nod)
-
-
 def test_a_skill_without_its_adapter_says_so(tmp_path):
     folder = tmp_path / "hop"
     folder.mkdir()
@@ -175,42 +148,14 @@ def test_a_skill_made_of_a_function_is_a_gesture_unless_it_says_otherwise():
     assert skill(role="posture")(nod).role == "posture"
 
 
-@pytest.mark.parametrize("name", ["walk\n", "wal k", "", "x" * 65, "../walk"])
-def test_a_name_that_is_not_one_whole_word_is_refused(name):
-    with pytest.raises(PluginError, match="does not match"):
-        Skill(name, "", {"type": "object"}, lambda params: None)
-
-
-@pytest.mark.parametrize("name", ["look", "reset", "verdict"])
-def test_a_name_that_a_harness_uses_for_itself_is_refused_by_the_host(name):
+@pytest.mark.parametrize(
+    ("name", "why"), [("wal k", "does not match"), ("2_steps", "does not match"), ("look", "is taken")]
+)
+def test_a_name_that_a_provider_or_a_harness_does_not_take_is_refused(name, why):
     plugins = Plugins()
     closed = {"type": "object", "properties": {}, "additionalProperties": False}
     plugins.add(Fakes([Skill(name, "Nod.", closed, lambda params: None)]), "odd")
-    assert "is taken" in plugins.disabled[name]
-
-
-@pytest.mark.parametrize(
-    "word", ["http://127.0.0.1:9/x", "file:///etc/passwd", "other.json#/$defs/A", "#/properties/a"]
-)
-def test_a_reference_that_leads_elsewhere_is_refused_and_never_fetched(word, monkeypatch):
-    monkeypatch.setattr(socket.socket, "connect", lambda *_: pytest.fail("it was fetched"))
-    with pytest.raises(PluginError, match=r"Refer to #/\$defs/NAME alone"):
-        made_with(part={"$ref": word})
-    with pytest.raises(PluginError, match=r"Refer to #/\$defs/NAME alone"):
-        made_with(part={"type": "array", "items": {"anyOf": [{"$ref": word}]}})
-
-
-def test_what_is_published_is_what_is_checked():
-    """A bound beside a reference: JSON Schema holds a value to both, so one of them alone must not be told."""
-    skill = made_with({"A": {"type": "integer", "maximum": 80}}, part={"$ref": "#/$defs/A", "maximum": 100})
-    with pytest.raises(PluginError, match="'maximum' both of its own and by reference"):
-        tool_spec(skill)
-    assert publish([skill], "openai") == []
-
-
-def made_with(defs=None, **properties):
-    schema = {"type": "object", "properties": properties, "$defs": defs or {}}
-    return Skill("made", "", schema, lambda params: None)
+    assert why in plugins.disabled[name]
 
 
 @pytest.mark.parametrize("seconds", [1e9, 10.5, float("inf"), float("nan"), -1.0])

@@ -187,11 +187,8 @@ def test_a_measure_in_another_unit_than_its_parameter_is_refused(copy, name, key
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ({"oneOf": [{"required": ["z_cm"]}]}, "has 'oneOf' beside its properties"),
-        ({"anyOf": [{"required": ["z_cm"]}]}, "has 'anyOf' beside its properties"),
-        ({"allOf": [{"required": ["z_cm"]}]}, "has 'allOf' beside its properties"),
-        ({"not": {"required": ["x_cm"]}}, "has 'not' beside its properties"),
-        ({"additionalProperties": True}, "Set additionalProperties to false"),
+        ({"oneOf": [{"required": ["z_cm"]}]}, "'oneOf' does not match any of the regexes"),
+        ({"additionalProperties": True}, "additionalProperties: False was expected. Write type: object"),
         ({"description": 5}, "has the description 5. Describe it"),
     ],
 )
@@ -202,10 +199,9 @@ def test_what_a_schema_says_to_nobody_is_refused_with_a_remedy(copy, change, sai
 @pytest.mark.parametrize(
     ("odd", "said"),
     [
-        (True, "'z_cm' of skill 'step_back' is True"),
-        ({"anyOf": [{"type": "integer"}, {"type": "string"}]}, "several types"),
-        ({"$ref": "#/$defs/gone"}, "not among its"),
-        ({"type": "array", "items": {"type": "object", "properties": {"a": False}}}, "not a type"),
+        (True, "properties.z_cm: True is not of type 'object'"),
+        ({"anyOf": [{"type": "integer"}, {"type": "string"}]}, "properties.z_cm: 'anyOf' does not match"),
+        ({"type": "object"}, "properties.z_cm.type: 'object' is not one of ['integer', 'number'"),
     ],
 )
 def test_one_schema_that_cannot_be_published_takes_no_other_skill_out_of_the_tools(copy, odd, said):
@@ -258,14 +254,16 @@ def test_a_text_in_place_of_the_list_of_checks_is_refused():
 def test_the_command_line_lists_a_disabled_skill_and_why_and_offers_the_others(tmp_path, monkeypatch):
     folder = tmp_path / "hop"
     folder.mkdir()
-    (folder / "schema.json").write_text('{"type": "object", "properties": {"z_cm": true}}')
+    (folder / "schema.json").write_text(
+        '{"description": "Hop.", "type": "object", "properties": {"z_cm": true}, "additionalProperties": false}'
+    )
     code = "from pathlib import Path\nfrom humanclaw import hookimpl\n@hookimpl\ndef humanclaw_skills(register):\n"
     write_distribution(tmp_path, "humanclaw-hop", "hc_hop", code + "    register(Path(__file__).parent / 'hop')\n")
     monkeypatch.syspath_prepend(tmp_path)
     importlib.invalidate_caches()
     command = build(Plugins.discover)
     rows = {row["skill"]: row for row in json.loads(CliRunner().invoke(command, ["skills", "--json"]).output)}
-    assert rows["hop"]["state"].startswith("disabled: parameter 'z_cm' of skill 'hop' is True")
+    assert rows["hop"]["state"].startswith("disabled: the schema of skill 'hop' is not valid: properties.z_cm:")
     assert rows["walk"]["state"] == "ready (adapter)"
     tools = json.loads(CliRunner().invoke(command, ["tools"]).output)
     assert {tool["function"]["name"] for tool in tools} == set(rows) - {"hop"}

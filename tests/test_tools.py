@@ -1,13 +1,12 @@
 """Skills as the tools of a model: what is published in each format, and how an answer is read back."""
 
 import json
-import re
 import time
 
 import jsonschema
 import pytest
 
-from humanclaw import Keyframes, Skill, skill
+from humanclaw import Keyframes, Skill
 from humanclaw.errors import CallError
 from humanclaw.skills import (
     REASONING_FIELDS,
@@ -18,7 +17,6 @@ from humanclaw.skills import (
     read_answer,
     read_call,
     read_text,
-    unpublishable,
 )
 
 SAID = {
@@ -100,46 +98,6 @@ def test_gemini_gets_no_word_that_it_does_not_know():
 def test_an_unknown_format_names_the_known_ones():
     with pytest.raises(ValueError, match="openai, anthropic, gemini, mcp; got 'xml'"):
         publish([STEP], "xml")
-
-
-def test_optional_and_referenced_types_are_flattened():
-    @skill()
-    def wave(times: int | None = None, hand: str = "left") -> Keyframes:
-        """Wave."""
-        return Keyframes.cycle("left_wrist", "x", 10, 1.0)
-
-    (tool,) = openai_tools([wave], reasoning=False)
-    properties = tool["function"]["parameters"]["properties"]
-    assert properties["times"] == {"type": "integer"}
-    assert properties["hand"] == {"type": "string", "default": "left"}
-    shared = Skill(
-        "s",
-        "",
-        {"type": "object", "properties": {"a": {"$ref": "#/$defs/A"}}, "$defs": {"A": {"type": "integer"}}},
-        STEP.plan,
-    )
-    assert openai_tools([shared], reasoning=False)[0]["function"]["parameters"]["properties"] == {
-        "a": {"type": "integer"}
-    }
-
-
-@pytest.mark.parametrize(
-    ("part", "words"),
-    [
-        ({"oneOf": [{"type": "integer"}, {"type": "string"}]}, "several types"),
-        ({"type": ["integer", "string"]}, "several types"),
-        ({"$ref": "#/$defs/lost"}, "not among its"),
-    ],
-)
-def test_a_parameter_that_not_every_provider_keeps_is_refused_by_name_and_for_its_skill_alone(part, words):
-    odd = made("odd", n=part)
-    assert re.search(f"'n' of skill 'odd'.*({words})", str(unpublishable(odd, "openai")))
-    assert [tool["function"]["name"] for tool in openai_tools([odd, STEP])] == ["step"]
-
-
-def test_a_parameter_with_the_name_of_a_reasoning_field_is_refused():
-    why = unpublishable(made("odd", reasoning={"type": "string"}), "openai")
-    assert "'reasoning', the name of a reasoning field" in str(why)
 
 
 def test_one_schema_for_all_skills_holds_the_widest_bounds():

@@ -14,7 +14,7 @@ from humanclaw.records.tasks import free_episode
 from humanclaw.skills.body_tool import LOOK, BodyTool, ToolResult
 from humanclaw.skills.call import Call, check_call
 from humanclaw.skills.contract import Skill
-from humanclaw.skills.publishing import Json, tellable, tool_spec
+from humanclaw.skills.publishing import Json, tool_spec
 from humanclaw.skills.reading import read_call
 from humanclaw.storage.pictures import jpeg
 from humanclaw.world.scene import Scene
@@ -105,7 +105,7 @@ def body_tools(body: Driven) -> tuple[BodyTool, ...]:
     After a skill of role stop the body moves no more until it is reset.
     """
     stopped: set[int] = set()
-    ready = tellable((skill for skill in body.skills.values() if skill.trained), "openai")
+    ready = [skill for skill in body.skills.values() if skill.trained]
     specs = [tool_spec(skill, reasoning=False) for skill in ready]
 
     def runner(name: str) -> Callable[[str | Mapping[str, Any]], ToolResult]:

@@ -47,7 +47,6 @@ if TYPE_CHECKING:
         publish as publish,
         reasoning_schema as reasoning_schema,
         tool_spec as tool_spec,
-        unpublishable as unpublishable,
     )
     from humanclaw.skills.reaching import Reach as Reach
     from humanclaw.skills.reading import (

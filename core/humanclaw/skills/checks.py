@@ -6,46 +6,36 @@ One table for both, the adapter's weights included: a skill that is listed as re
 
 from __future__ import annotations
 
+import functools
+import json
+import re
 from collections import Counter
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, Final, get_args
-
-import jsonschema
+from typing import Any, Final
 
 from humanclaw.errors import ContractError, PluginError
 from humanclaw.skills.adapter_checks import ANY, Faults, Priors, Subject, misfits
-from humanclaw.skills.contract import OFFLINE, RESERVED, Skill, read_checks, refusals
-from humanclaw.skills.measures import MEASURES, Measure, Parameter, read_schema, si_unit
-from humanclaw.skills.publishing import OPTIONAL_FIELDS, REASONING_FIELDS, Format, parameter_schema, unpublishable
+from humanclaw.skills.contract import Skill, faults_of, read_checks
+from humanclaw.skills.measures import MEASURES, ROLES, Measure, Parameter, read_schema, si_unit
+from humanclaw.skills.publishing import OPTIONAL_FIELDS, REASONING_FIELDS, THOUGHTS
 
 CHECKS: Final[Mapping[str, str]] = {
     # Name and schema.
     "loads": "its file or folder can be read, and raises nothing",
-    "name": "its name has letters, digits, _ and - alone, 64 at most",
+    "name": "its name has letters, digits, _ and - alone, 64 at most, and begins with a letter or _",
     "name-reserved": "its name is no tool that a harness has: look, reset, verdict",
     "schema-file": "schema.json is there and holds a JSON object",
-    "schema-object": "its schema is of type object",
-    "schema-valid": "its schema is JSON Schema 2020-12",
-    "references": "its schema refers to its own $defs alone",
+    "schema": "its schema has the form of every skill's: flat parameters of one type, closed, with finite bounds",
     "role": "its role is one of those that the benchmark knows",
-    "properties": "each parameter has a schema of its own",
-    "types": "each parameter has one flat type, which every provider keeps",
     "reasoning-names": "no parameter has the name of a reasoning field",
-    "closed": "calls with parameters that it does not declare are refused",
-    "told": "nothing holds for its calls that no model is told",
     "described": "it says in words what it does",
     "parameters-described": "its parameters say in words what they are",
     "bounds-order": "no minimum is above its maximum",
-    "bounds-finite": "bounds are finite numbers, those of integers whole, and no value needs more than 1,000 parts",
-    "choices": "each enum offers something, each choice once and of the parameter's type",
+    "choices": "each choice of an enum is of the parameter's type and within its bounds",
     "required-declared": "what it requires it declares",
     "defaults-given": "what may be left out has a default",
     "defaults-legal": "defaults are values that the schema takes",
-    "publish-openai": "it can be a tool of OpenAI's interface",
-    "publish-anthropic": "it can be a tool of Anthropic's interface",
-    "publish-gemini": "it can be a tool of Gemini's interface",
-    "publish-mcp": "it can be a tool of an MCP server",
     # Checklist of the verifier.
     "checklist-file": "checklist.toml is TOML",
     "checklist-words": "checklist.toml holds [[check]] tables alone",
@@ -105,27 +95,14 @@ CHECKS: Final[Mapping[str, str]] = {
     "engine-finite": "where the body ends on an engine is a place",
 }
 """Name of each check to what holds for a skill that passes it."""
-_BOUNDS: Final = ("minimum", "maximum", "exclusiveMinimum", "exclusiveMaximum")
-_EXACT: Final = 2**53
-"""Beyond it not every reader of JSON keeps an integer."""
-_PARTS: Final = 1000
-_FORMATS: Final = frozenset(f"publish-{form}" for form in get_args(Format))
-_TOP_LEVEL: Final = frozenset(
-    {"$schema", "$comment", "$defs", "title", "description", "type", "properties", "required", "additionalProperties"}
-)
-"""Keywords of a schema that every provider gets, or that no model needs. A model must not be refused for a rule that it
-cannot see."""
-
-
-class Draft(Skill):
-    """A possibly faulty skill, built without refusal so that all its faults can be listed together."""
-
-    def __post_init__(self) -> None:
-        """Refuse nothing."""
+_NAME: Final = re.compile(r"[a-zA-Z_][a-zA-Z0-9_-]{0,63}")
+"""What every provider takes as the name of a tool."""
+_RESERVED: Final = frozenset({"look", "reset", "verdict"})
+"""Tools that harnesses offer beside the skills."""
 
 
 def skill_faults(
-    skill: Skill, measures: Mapping[str, Measure] = MEASURES, priors: Priors = ANY, formats: bool = False
+    skill: Skill, measures: Mapping[str, Measure] = MEASURES, priors: Priors = ANY
 ) -> tuple[ContractError, ...]:
     """Everything in which a skill breaks the contract, each with what mends it; nothing for a skill that keeps it.
 
@@ -136,7 +113,6 @@ def skill_faults(
         measures: what parameters may command.
         priors: checkpoints of the installed priors by digest, of which its adapter has to fit one; empty to leave that
             open.
-        formats: also tell of tool formats in which it cannot be published; elsewhere it can be used.
     """
     found: list[ContractError] = []
     broken: list[Exception] = []
@@ -148,70 +124,60 @@ def skill_faults(
     if broken and not found:  # Otherwise the found fault is the reason.
         reason = f"skill {skill.name!r} cannot be checked: {type(broken[0]).__name__}: {broken[0]}."
         found.append(ContractError("loads", reason, "Mend its schema.json."))
-    return tuple(fault for fault in found if formats or fault.check not in _FORMATS)
+    return tuple(found)
 
 
-def read_draft(folder: Path) -> tuple[Draft | None, tuple[ContractError, ...]]:
+def read_draft(folder: Path) -> tuple[Skill | None, tuple[ContractError, ...]]:
     """Return a skill's folder as it stands, and what in it cannot be read; None without a schema."""
     checks, faults = read_checks(folder / "checklist.toml")
     try:
         schema = read_schema(folder)
     except PluginError as error:
         return None, (ContractError("schema-file", error.message, error.remedy or "Write a JSON schema."), *faults)
-    return Draft.of_schema(folder.name, schema, checks, folder / "adapter.safetensors"), faults
+    return Skill.of_schema(folder.name, schema, checks, folder / "adapter.safetensors"), faults
 
 
 # -- the schema --------------------------------------------------------------------------------------------------------
-def _refused(subject: Subject) -> Faults:
-    # A plain Skill passed these checks, which take the most time of all, as it was made.
-    return iter(()) if type(subject.skill) is Skill else refusals(subject.skill)
+@functools.cache
+def _form() -> dict[str, Any]:
+    """Return the JSON schema of skill schemas."""
+    form: dict[str, Any] = json.loads(Path(__file__).with_name("skill_schema.json").read_text("utf-8"))
+    return form
 
 
-def _reserved(subject: Subject) -> Faults:
-    if (name := subject.skill.name) in RESERVED:
+def _bad_form(subject: Subject) -> Faults:
+    for told in faults_of(dict(subject.skill.schema), _form()):
+        message = f"the schema of skill {subject.skill.name!r} is not valid: {told}."
+        flat = "Declare each parameter as a number, a boolean, a string, one of a list of choices, or a list of these."
+        whole = "Write type: object, properties, required and additionalProperties: false. Rules go into properties."
+        yield ContractError("schema", message, flat if told.startswith("properties.") else whole)
+
+
+def _bad_name(subject: Subject) -> Faults:
+    name, role = subject.skill.name, subject.skill.role
+    if not isinstance(name, str) or not _NAME.fullmatch(name):
+        yield ContractError("name", f"skill name {name!r} does not match {_NAME.pattern}.", "Rename the skill.")
+    elif name in _RESERVED:
         taken = f"skill name {name!r} is taken: a harness has a tool of that name."
         yield ContractError("name-reserved", taken, "Rename the skill.")
-
-
-def _odd_properties(subject: Subject) -> Faults:
-    """JSON Schema allows true and false as schemas; such a parameter could not be called."""
-    for key, part in subject.properties.items():
-        if not isinstance(part, Mapping):
-            odd = f"parameter {key!r} of skill {subject.skill.name!r} is {part!r}."
-            yield ContractError("properties", odd, "Give it a type.")
-
-
-def _unpublishable(subject: Subject) -> Faults:
-    try:
-        clash = sorted(set(parameter_schema(subject.skill)) & {*REASONING_FIELDS, *OPTIONAL_FIELDS})
-    except PluginError as error:
-        yield ContractError("types", error.message, error.remedy)
-        return
-    for key in clash:
-        told = f"skill {subject.skill.name!r} has a parameter {key!r}, the name of a reasoning field."
-        yield ContractError("reasoning-names", told, "Rename it.")
-    if not clash:
-        for form in get_args(Format):
-            if why := unpublishable(subject.skill, form):
-                yield ContractError(f"publish-{form}", why.message, why.remedy)
-
-
-def _is_told(text: object) -> bool:
-    return isinstance(text, str) and bool(text.strip())
+    if role not in ROLES:
+        known = f"Set x-role in its schema.json to one of: {', '.join(ROLES)}."
+        yield ContractError("role", f"skill {name!r} has the role {role!r}.", known)
 
 
 def _bad_texts(subject: Subject) -> Faults:
     skill = subject.skill
-    if not _is_told(skill.description):
+    if not isinstance(skill.description, str) or not skill.description.strip():
         message = f"skill {skill.name!r} has the description {skill.description!r}."
         yield ContractError("described", message, "Describe it for a model, in a sentence or more.")
     for key, part in subject.properties.items():
         # The arguments of a function may speak for themselves; centimetres along which axis, they do not.
-        if "description" in part or skill.adapter is not None:
-            text = part.get("description", "")
-            if not _is_told(text):
-                message = f"parameter {key!r} of skill {skill.name!r} has the description {text!r}."
-                yield ContractError("parameters-described", message, "Describe it for a model.")
+        if skill.adapter is not None and not str(part.get("description", "")).strip():
+            message = f"parameter {key!r} of skill {skill.name!r} has no description."
+            yield ContractError("parameters-described", message, "Describe it for a model.")
+    for key in sorted({*subject.properties} & {*REASONING_FIELDS, *OPTIONAL_FIELDS, THOUGHTS}):
+        told = f"skill {skill.name!r} has a parameter {key!r}, the name of a reasoning field."
+        yield ContractError("reasoning-names", told, "Rename it.")
 
 
 def _bad_checks(subject: Subject) -> Faults:
@@ -221,7 +187,7 @@ def _bad_checks(subject: Subject) -> Faults:
             message = f"skill {skill.name!r} has {count} checks with the id {name!r}."
             yield ContractError("checks-unique", message, "Rename them.")
     for check in skill.checks:
-        if not _is_told(check.id):
+        if not str(check.id).strip():
             message = f"skill {skill.name!r} has a check with the id {check.id!r}."
             yield ContractError("checks-named", message, "Name it in a word.")
         if not str(check.question).rstrip().endswith(("?", ".")):
@@ -229,63 +195,20 @@ def _bad_checks(subject: Subject) -> Faults:
             yield ContractError("checks-questions", message, "Write a question, or a sentence to agree with.")
 
 
-def _open_ended(subject: Subject) -> Faults:
-    """Yield rules about calls outside the properties: providers drop them, so a model cannot know them."""
-    skill = subject.skill
-    for word in skill.schema:
-        if word not in _TOP_LEVEL and not word.startswith("x-"):
-            message = f"the schema of skill {skill.name!r} has {word!r} beside its properties, which no model is told."
-            yield ContractError("told", message, "Say it with type, bounds, required and default of each property.")
-    if skill.schema.get("additionalProperties") is not False:
-        message = f"the schema of skill {skill.name!r} lets calls have parameters that it does not declare."
-        yield ContractError("closed", message, "Set additionalProperties to false.")
-
-
-def _bad_bounds(subject: Subject) -> Faults:
-    for key, part in parameter_schema(subject.skill).items():
+def _bad_values(subject: Subject) -> Faults:
+    """Yield bounds, choices and defaults that do not go together."""
+    for key, part in subject.properties.items():
         where = f"parameter {key!r} of skill {subject.skill.name!r}"
-        low, high = part.get("minimum"), part.get("maximum")
-        for bound in (part[word] for word in _BOUNDS if word in part):
-            if not abs(bound) <= _EXACT or (part.get("type") == "integer" and bound != int(bound)):
-                message = f"{where} has the bound {bound!s:.40}."
-                yield ContractError("bounds-finite", message, "Give it a finite bound, a whole one to an integer.")
-        if (size := _least_size(part)) > _PARTS:
-            message = f"{where} needs {size:.6g} letters or values or more."
-            yield ContractError("bounds-finite", message, f"Let {_PARTS} be enough: mend minLength and minItems.")
-        if low is not None and high is not None and low > high:
+        low, high = part.get("minimum", float("-inf")), part.get("maximum", float("inf"))
+        if not low <= high:
             message = f"{where} may be {low} to {high}, which no number is."
             yield ContractError("bounds-order", message, "Swap minimum and maximum.")
-        yield from _bad_choices(part, where)
-
-
-def _least_size(part: Mapping[str, Any]) -> int:
-    """Return how many letters or values the shortest legal value has."""
-    inner = sum(_least_size(one) for one in part.get("properties", {}).values())
-    each = max(1, _least_size(part["items"])) if isinstance(part.get("items"), Mapping) else 1
-    return int(max(inner, part.get("minLength", 0), part.get("minItems", 0) * each))
-
-
-def _bad_choices(part: Mapping[str, Any], where: str) -> Faults:
-    if "enum" not in part:
-        return
-    plain = {word: value for word, value in part.items() if word in ("type", "minimum", "maximum")}
-    validator = jsonschema.Draft202012Validator(plain)
-    odd = [choice for choice in part["enum"] if not validator.is_valid(choice)]
-    twice = [choice for number, choice in enumerate(part["enum"]) if choice in part["enum"][:number]]
-    told = f"offers {odd[0]!r}, which its type refuses" if odd else f"offers {twice[0]!r} twice" if twice else ""
-    if told or not part["enum"]:
-        yield ContractError("choices", f"{where} {told or 'offers no choice'}.", "Mend its enum.")
-
-
-def _bad_defaults(subject: Subject) -> Faults:
-    defs = {"$defs": subject.skill.schema.get("$defs", {})}
-    for key, part in subject.properties.items():
-        if "default" not in part:
-            continue
-        validator = jsonschema.Draft202012Validator({**defs, **part}, registry=OFFLINE)
-        for fault in validator.iter_errors(part["default"]):
-            where = f"the default of {key!r} of skill {subject.skill.name!r}"
-            message = f"{where} is refused by its own schema: {fault.message}."
+        bare = {word: value for word, value in part.items() if word != "enum"}
+        for choice in part.get("enum", ()):
+            for told in faults_of(choice, bare):
+                yield ContractError("choices", f"{where} offers {choice!r}: {told}.", "Mend its enum.")
+        for told in faults_of(part["default"], part) if "default" in part else ():
+            message = f"the default of {key!r} of skill {subject.skill.name!r} is refused by its own schema: {told}."
             yield ContractError("defaults-legal", message, "Mend the default or the bounds.")
 
 
@@ -332,6 +255,5 @@ def _bad_measure(one: Parameter, where: str, measures: Mapping[str, Measure]) ->
 
 
 _FINDERS: Final[tuple[Callable[[Subject], Faults], ...]] = (
-    _refused, _reserved, _odd_properties, _unpublishable, _bad_texts, _bad_checks, _open_ended, _bad_bounds,
-    _bad_defaults, _undefined, _bad_conditions, misfits,
+    _bad_name, _bad_form, _bad_texts, _bad_checks, _bad_values, _undefined, _bad_conditions, misfits,
 )  # fmt: skip

@@ -6,37 +6,26 @@ A skill is atomic and body-local (paper, section 3.3). It never sees a scene.
 from __future__ import annotations
 
 import inspect
-import json
 import math
 import os
-import re
 import tomllib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import lru_cache
 from pathlib import Path
-from typing import Any, Final, Self
-
-import jsonschema
-from referencing import Registry
+from typing import TYPE_CHECKING, Any, Final, Self
 
 from humanclaw.errors import CallError, ContractError
-from humanclaw.skills.measures import ROLES, Declaration, Parameter, Role, parameters_of, read_schema, si_name, to_si
+from humanclaw.skills.measures import Declaration, Parameter, Role, parameters_of, read_schema, si_name, to_si
 from humanclaw.skills.own_body import OwnBody
 from humanclaw.skills.plan import LONGEST_FAULT, Control
 from humanclaw.skills.posing import Part, Plan, parts
 from humanclaw.storage.files import read_file
 
-NAME_PATTERN: Final = re.compile(r"[a-zA-Z0-9_-]{1,64}")
-_PARAMETERS: Final = 64
+if TYPE_CHECKING:
+    import jsonschema
+
 _CHECKLIST: Final = 16 << 10
 """Largest checklist.toml, bytes: a key of many dotted parts takes a time that grows with its square."""
-RESERVED: Final = frozenset({"look", "reset", "verdict"})
-"""Tools that harnesses offer beside the skills."""
-OFFLINE: Final[Registry[Any]] = Registry()
-"""For jsonschema, which would otherwise fetch the target of a $ref."""
-_LOCAL: Final = re.compile(r"#/\$defs/[\w.-]+")
-_NO_WORDS: Final = frozenset({"$id", "$anchor", "$dynamicRef", "$dynamicAnchor", "$recursiveRef"})
 
 
 @dataclass(frozen=True)
@@ -55,7 +44,8 @@ class Skill:
     name: str
     description: str
     schema: Mapping[str, Any]
-    """JSON Schema 2020-12 of the parameters: an object, integers in centimetres and degrees."""
+    """JSON Schema 2020-12 of the parameters, of the form that skill_schema.json demands: flat, integers in centimetres
+    and degrees."""
     plan: Callable[..., Plan] = field(repr=False)
     """Checked parameters to motion: plan(params), or plan(params, body) for a skill that feels its own body."""
     checks: tuple[Check, ...] = ()
@@ -66,10 +56,6 @@ class Skill:
 
     source: Path | None = field(default=None, compare=False)
     """The folder or the Python file that it was read from."""
-
-    def __post_init__(self) -> None:
-        for fault in refusals(self):
-            raise fault
 
     @property
     def trained(self) -> bool:
@@ -93,12 +79,11 @@ class Skill:
         """
         properties = self.schema.get("properties", {})
         filled = {key: part["default"] for key, part in properties.items() if "default" in part} | dict(params)
-        validator = jsonschema.Draft202012Validator(dict(self.schema), registry=OFFLINE)
-        faults = sorted(validator.iter_errors(filled), key=lambda fault: list(map(str, fault.absolute_path)))
-        if faults:
-            lines = "; ".join(_explain(fault) for fault in faults)
-            raise CallError(f"{self.name} was not executed: {lines}. {self.usage()}")
-        if odd := [key for key, value in filled.items() if not _is_finite(value)]:
+        if faults := faults_of(filled, self.schema):
+            raise CallError(f"{self.name} was not executed: {'; '.join(faults)}. {self.usage()}")
+        # JSON Schema holds NaN to no bound.
+        numbers = ((key, one) for key, value in filled.items() for one in _numbers(value))
+        if odd := [key for key, one in numbers if isinstance(one, float) and not math.isfinite(one)]:
             raise CallError(f"{self.name} was not executed: {odd[0]} is no finite number. {self.usage()}")
         return {key: _whole(filled[key], part) for key, part in properties.items() if key in filled}
 
@@ -144,44 +129,12 @@ class Skill:
         return cls(name, schema.get("description", ""), rest, plan, checks, adapter, role, adapter.parent)
 
 
-def refusals(skill: Skill) -> Iterator[ContractError]:
-    """Why something is no skill at all: nothing can be made of a name or a schema like that."""
-    name, schema = skill.name, skill.schema
-    if not isinstance(name, str) or not NAME_PATTERN.fullmatch(name):
-        yield ContractError("name", f"skill name {name!r} does not match {NAME_PATTERN.pattern}.", "Rename the skill.")
-    if schema.get("type") != "object":
-        wrong = f"the schema of skill {name!r} must have type 'object'."
-        yield ContractError("schema-object", wrong, "Mend its schema.json.")
-    if len(schema.get("properties", ())) > _PARAMETERS:
-        many = f"skill {name!r} has {len(schema['properties'])} parameters; a model is told at most {_PARAMETERS}."
-        yield ContractError("schema-object", many, "Split it into several skills.")
-        return
-    if skill.role not in ROLES:
-        known = f"Set x-role in its schema.json to one of: {', '.join(ROLES)}."
-        yield ContractError("role", f"skill {name!r} has the role {skill.role!r}.", known)
-    try:
-        said = json.dumps(dict(schema), allow_nan=False)
-        same = json.loads(said) == dict(schema)
-        invalid = _invalid(said) if same else "JSON has no tuples, and keys are texts"
-    except (TypeError, ValueError) as error:  # No JSON, which is what a model is told.
-        invalid = str(error)
-    if invalid:
-        yield ContractError(
-            "schema-valid", f"the schema of skill {name!r} is not valid: {invalid}.", "Mend its schema.json."
-        )
-    for foreign in dict.fromkeys(_foreign(schema)):
-        leads = f"the schema of skill {name!r} has {foreign}."
-        yield ContractError("references", leads, "Refer to #/$defs/NAME alone.")
+def faults_of(value: object, schema: Mapping[str, Any]) -> list[str]:
+    """Return what keeps a value from fitting a JSON schema, a sentence each."""
+    import jsonschema  # Imported here: training, which needs numpy alone, checks no call.
 
-
-@lru_cache(maxsize=64)
-def _invalid(schema: str) -> str:
-    """Return what is wrong with a JSON schema. Each host asks again."""
-    try:
-        jsonschema.Draft202012Validator.check_schema(json.loads(schema))
-    except jsonschema.SchemaError as error:
-        return str(error.message)
-    return ""
+    found = jsonschema.Draft202012Validator(dict(schema)).iter_errors(value)
+    return [_explain(fault) for fault in sorted(found, key=lambda fault: list(map(str, fault.absolute_path)))]
 
 
 def read_checks(path: Path) -> tuple[tuple[Check, ...], tuple[ContractError, ...]]:
@@ -215,33 +168,16 @@ def _bad_checklist(check: str, path: Path, why: str) -> ContractError:
     )
 
 
-def _is_finite(value: Any) -> bool:
-    """Whether all numbers in a value are: JSON Schema holds NaN to no bound."""
-    if isinstance(value, float):
-        return math.isfinite(value)
-    inner = value.values() if isinstance(value, Mapping) else value if isinstance(value, list | tuple) else ()
-    return all(map(_is_finite, inner))
+def _numbers(value: Any) -> list[Any]:
+    """Return the values of a flat parameter."""
+    return value if isinstance(value, list) else [value]
 
 
 def _whole(value: Any, part: Mapping[str, Any]) -> Any:
     """Return what JSON Schema takes for an integer as one, also in a list."""
-    if isinstance(value, list) and isinstance(part.get("items"), Mapping):
+    if isinstance(value, list):
         return [_whole(inner, part["items"]) for inner in value]
     return int(value) if part.get("type") == "integer" and isinstance(value, float) else value
-
-
-def _foreign(schema: Any) -> Iterator[str]:
-    """Return references that lead out of a schema or change the meaning of others: the checked schema must be the
-    published one."""
-    if isinstance(schema, list):
-        for part in schema:
-            yield from _foreign(part)
-    if not isinstance(schema, Mapping):
-        return
-    for key, value in schema.items():
-        if key in _NO_WORDS or (key == "$ref" and not _LOCAL.fullmatch(str(value))):
-            yield f"{key} {value!r}"
-        yield from _foreign(value)
 
 
 def _explain(fault: jsonschema.ValidationError) -> str:

@@ -57,10 +57,8 @@ def _signature_schema(function: Callable[..., Plan]) -> dict[str, Any]:
     arguments = inspect.signature(function).parameters
     asked = {key: argument for key, argument in arguments.items() if hints.get(key) is not OwnBody}
     properties = {key: _argument_schema(function, argument, hints) for key, argument in asked.items()}
-    types = _hoisted(function, properties)
     required = [key for key, part in properties.items() if "default" not in part]
-    schema = {"type": "object", "properties": properties, "required": required, "additionalProperties": False}
-    return {**schema, "$defs": types} if types else schema
+    return {"type": "object", "properties": properties, "required": required, "additionalProperties": False}
 
 
 def _argument_schema(
@@ -73,17 +71,18 @@ def _argument_schema(
     if argument.name not in hints:
         raise PluginError(f"{where} has no type.", "Annotate it, as in int.")
     adapter: TypeAdapter[Any] = TypeAdapter(hints[argument.name])
-    if argument.default is inspect.Parameter.empty:
-        return adapter.json_schema()
-    return adapter.json_schema() | {"default": adapter.dump_python(argument.default, mode="json", warnings=False)}
+    part = _inclusive(adapter.json_schema())
+    if "const" in part:  # A Literal of one choice.
+        part["enum"] = [part.pop("const")]
+    if argument.default is not inspect.Parameter.empty:
+        part["default"] = adapter.dump_python(argument.default, mode="json", warnings=False)
+    return part
 
 
-def _hoisted(function: Callable[..., Plan], properties: Mapping[str, dict[str, Any]]) -> dict[str, Any]:
-    """Take the types that arguments are made of out of their schemas: what refers to one looks for it in the whole."""
-    types: dict[str, Any] = {}
-    for part in properties.values():
-        for name, one in part.pop("$defs", {}).items():
-            if types.setdefault(name, one) != one:
-                told = f"skill {function.__name__!r} has two types of the name {name!r}."
-                raise PluginError(told, "Rename one of them.")
-    return types
+def _inclusive(part: dict[str, Any]) -> dict[str, Any]:
+    """Turn exclusive bounds of integers into inclusive ones, which constrained decoders support."""
+    if part.get("type") == "integer":
+        for word, bound, step in (("exclusiveMinimum", "minimum", 1), ("exclusiveMaximum", "maximum", -1)):
+            if word in part:
+                part[bound] = int(part.pop(word)) + step
+    return part

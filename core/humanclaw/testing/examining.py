@@ -13,7 +13,7 @@ from humanclaw.errors import CallError, ContractError, in_words
 from humanclaw.plugins.bounded import Bounded
 from humanclaw.plugins.host import Plugins
 from humanclaw.skills.adapter_checks import adapter_header, ranges, within
-from humanclaw.skills.checks import CHECKS, read_draft, skill_faults
+from humanclaw.skills.checks import read_draft, skill_faults
 from humanclaw.skills.contract import Skill
 from humanclaw.skills.measures import MEASURES, Measure
 from humanclaw.skills.own_body import OwnBody
@@ -25,8 +25,8 @@ from humanclaw.testing.quality import motion_faults, moves
 from humanclaw.testing.sampling import illegal_calls, legal_calls, values_of
 
 _UNCALLABLE: Final = frozenset(
-    {"loads", "schema-file", "schema-object", "schema-valid", "references", "properties", "types", "bounds-order",
-     "bounds-finite", "choices", "required-declared", "defaults-given", "defaults-legal"}
+    {"loads", "schema-file", "schema", "bounds-order", "choices", "required-declared", "defaults-given",
+     "defaults-legal"}
 )  # fmt: skip
 """Faults that leave no legal call."""
 PATIENCE: Final = 10.0
@@ -103,7 +103,7 @@ def examine(
 
 
 def _examined(skill: Skill, bench: Bench, unreadable: Sequence[ContractError]) -> Report:
-    said = (*unreadable, *skill_faults(skill, bench.measures, bench.plugins.priors, formats=True))
+    said = (*unreadable, *skill_faults(skill, bench.measures, bench.plugins.priors))
     if skill.adapter and not skill.adapter.is_file():
         missing = untrained(skill)
         said += (ContractError("adapter-there", missing.message, missing.remedy),)
@@ -111,15 +111,11 @@ def _examined(skill: Skill, bench: Bench, unreadable: Sequence[ContractError]) -
         return Report(skill.name, said)
     calls = [*_distinct(legal_calls(skill, bench.samples, bench.seed))]
     called = (*_refusal_faults(skill), *_plan_faults(skill, calls, bench))
-    if any(fault.check not in _ELSEWHERE for fault in (*said, *called)):
+    if said or called:
         return Report(skill.name, _once((*said, *called)), notes=tuple(_untold(skill)))
     played, engines, notes = played_faults(skill, calls, bench)
     faults = _once((*said, *called, *played, *following_faults(skill, followed(skill, bench))))
     return Report(skill.name, faults, len(calls), engines, (*_untold(skill), *notes))
-
-
-_ELSEWHERE: Final = frozenset(name for name in CHECKS if name.startswith("publish-"))
-"""Checks that a playable skill may fail."""
 
 
 def _once(faults: Sequence[ContractError]) -> tuple[ContractError, ...]:
@@ -153,9 +149,8 @@ def _refusal_faults(skill: Skill) -> Faults:
         except Exception as error:
             yield ContractError(check, f"{params} raises {type(error).__name__}: {error}.", "Mend the schema.")
             continue
-        if check != "refuses-unknown" or skill.schema.get("additionalProperties") is False:
-            message = f"skill {skill.name!r} takes {params}."
-            yield ContractError(check, message, "Say type and bounds of each parameter in the schema.")
+        message = f"skill {skill.name!r} takes {params}."
+        yield ContractError(check, message, "Say type and bounds of each parameter in the schema.")
 
 
 def _plan_faults(skill: Skill, calls: Sequence[dict[str, Any]], bench: Bench) -> Faults:

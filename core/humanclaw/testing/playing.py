@@ -50,14 +50,13 @@ def played_faults(
     skill: Skill, calls: Sequence[dict[str, Any]], bench: Bench
 ) -> tuple[tuple[ContractError, ...], tuple[str, ...], tuple[str, ...]]:
     """Return the faults, the engines that played the skill, and notes on those that could not."""
-    real = Skill(**{name: getattr(skill, name) for name in skill.__dataclass_fields__})
-    faults = [*_on_fake(real, calls, bench)]
+    faults = [*_on_fake(skill, calls, bench)]
     engines: list[str] = []
     notes: list[str] = []
     names = [one.name for one in bench.plugins.registered("simulators")] if bench.engines is None else bench.engines
     for name in names:
         try:
-            faults += _on_engine(name, real, calls, bench)
+            faults += _on_engine(name, skill, calls, bench)
             engines.append(name)
         except HumanclawError as error:
             notes.append(f"not played on {name}: {error}")
