@@ -7,7 +7,7 @@ import re
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from http import HTTPStatus
 from pathlib import Path
 from typing import Any, Final
@@ -19,16 +19,14 @@ from humanclaw.records import FRAME_BYTES, RECORD_BYTES, STEPS_BYTES, stopped_wi
 from humanclaw.storage import Folder
 from humanclaw_report.episode_page import environment, episode_page
 from humanclaw_report.facts import episodes_asked
-from humanclaw_report.houses import Drawn, Houses
-from humanclaw_report.maps import PathMap, colour, path_maps
+from humanclaw_report.houses import Houses
 
 SECONDS: Final = 1.0
 """Seconds between two reads of the folder."""
 LIVE: Final = 4
-"""The page shows views and maps of this many episodes: those that changed last."""
+"""The page shows the views of this many episodes: those that changed last."""
 _NAME: Final = r"[A-Za-z0-9_-][A-Za-z0-9._-]*"
 _FRAME: Final = re.compile(rf"/frame/({_NAME})/({_NAME}\.jpg)")
-_STEPS: Final = re.compile(rf"/steps/({_NAME})/(\d{{1,6}})")
 _REPLAY: Final = re.compile(rf"/replay/({_NAME})")
 
 
@@ -68,31 +66,11 @@ class Watcher:
         """Return the folder of an episode: below the watched folder, or the watched folder itself."""
         return self.files if name == self.folder.resolve().name else self.files / name
 
-    def since(self, name: str, first: int) -> str:
-        """Return the map of an episode from a step on, as JSON: a page that shows the steps before appends them.
-
-        "first" in the answer is 0 if the page has to begin again, since the episode did or came to another storey.
-        """
-        episode, house = self._opened(name)
-        # One page shows the houses of several episodes, so their element ids must differ.
-        storeys = tuple(replace(storey, key=f"{name}-{storey.key}") for storey in house.maps)
-        maps = path_maps(episode, storeys, house.note)
-        seen = all(drawn.targets or drawn.start or any(n < first for *_, n in drawn.pieces) for drawn in maps)
-        first = first if seen and first <= len(episode.steps) else 0
-        maps = tuple(_since(first, drawn, episode.record.spec.max_steps) for drawn in maps)
-        template = environment().get_template("live_map.html")
-        html = template.render(maps=maps, house=storeys if house.digest else (), words=name, parts=(), first=first)
-        return json.dumps({"first": first, "steps": len(episode.steps), "map": html})
-
     def replay(self, name: str) -> str:
         """Return the page of an episode that has ended, complete in one file."""
-        episode, house = self._opened(name)
-        page = episode.folder / "page.html"  # Not written: small enough views and films are in the page.
-        return episode_page(episode, house, page) if episode.has_motion else ""
-
-    def _opened(self, name: str) -> tuple[RecordedEpisode, Drawn]:
         episode = RecordedEpisode(self.place(name))
-        return episode, self.houses.of(episode)
+        page = episode.folder / "page.html"  # Not written: small enough views and films are in the page.
+        return episode_page(episode, self.houses.of(episode), page) if episode.has_motion else ""
 
     def frame(self, name: str, file: str) -> bytes:
         """Return a view of an episode as JPEG; empty if there is no such file."""
@@ -100,11 +78,6 @@ class Watcher:
             return (self.place(name) / "frames").read(file, FRAME_BYTES)
         except OSError:
             return b""
-
-
-def _since(first: int, drawn: PathMap, most: int) -> PathMap:
-    """Return a map with the pieces from a step on. Their colours, shares of the `most` steps, never change."""
-    return replace(drawn, pieces=tuple((points, colour(n / most), n) for points, _, n in drawn.pieces if n >= first))
 
 
 def _row(folder: Folder) -> dict[str, Any] | None:
@@ -191,8 +164,6 @@ def _content(watcher: Watcher, path: str) -> tuple[bytes, str]:
     if match := _FRAME.fullmatch(path):
         return watcher.frame(*match.groups()), "image/jpeg"
     with suppress(HumanclawError):
-        if match := _STEPS.fullmatch(path):
-            return watcher.since(match[1], int(match[2])).encode(), "application/json"
         if match := _REPLAY.fullmatch(path):
             return watcher.replay(match[1]).encode(), "text/html; charset=utf-8"
     return b"", "text/plain"

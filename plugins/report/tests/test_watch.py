@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 import shutil
 import threading
 from collections.abc import Iterator
@@ -13,9 +12,8 @@ from typing import Any
 
 import pytest
 from made import broken_off, picture, record_episode
-from rooms import two_storeys
 
-from humanclaw import RecordedEpisode, RecordError
+from humanclaw import RecordError
 from humanclaw_report.watch import Watcher, _content, _news, server
 
 
@@ -78,49 +76,8 @@ def test_an_event_tells_of_the_episodes_that_changed_and_of_those_that_are_gone(
 
 
 @pytest.mark.integration
-def test_the_view_and_the_map_of_an_episode_are_served(served: tuple[int, Path]) -> None:
+def test_the_view_of_an_episode_is_served(served: tuple[int, Path]) -> None:
     assert get(served[0], "/frame/couch-0/0002.jpg") == (200, picture(2))
-    status, answer = get(served[0], "/steps/couch-1/0?3")
-    assert status == 200
-    drawn = json.loads(answer)["map"]
-    assert 'class="path"' in drawn
-    assert 'class="wall"' in drawn
-
-
-def under_way(folder: Path, steps: int) -> None:
-    """Turn a closed record into one of an episode that goes on after some steps."""
-    broken_off(folder)
-    if (folder / "motion.npz").exists():
-        (folder / "motion.npz").unlink()
-        (folder / "steps.jsonl").rename(folder / "all.jsonl")
-    lines = (folder / "all.jsonl").read_bytes().splitlines(keepends=True)
-    (folder / "steps.jsonl").write_bytes(b"".join(lines[:steps]))
-
-
-def test_each_step_is_sent_once_with_its_own_path(tmp_path: Path) -> None:
-    scene = record_episode(tmp_path / "couch-0")
-    watcher, steps = Watcher(tmp_path, lambda name: scene), len(RecordedEpisode(tmp_path / "couch-0").steps)
-    drawn, sent = [], []
-    for count in range(1, steps + 1):
-        under_way(tmp_path / "couch-0", count)
-        sent.append(watcher.since("couch-0", count - 1))
-        more = json.loads(sent[-1])
-        assert (more["first"], more["steps"]) == (count - 1, count)
-        drawn += re.findall(r"<title>step (\d+)</title>", more["map"])
-        assert ("<symbol" in more["map"]) == (count == 1), "the house is sent once"
-    assert [int(step) for step in drawn] == list(range(steps))
-    assert max(map(len, sent[1:])) < 1.2 * min(map(len, sent[1:])), "later steps take no more bytes"
-
-
-def test_the_map_begins_again_on_another_storey_and_where_the_page_knows_more_than_the_record(tmp_path: Path) -> None:
-    scene = record_episode(tmp_path / "couch-0", two_storeys(), targets=(31,))
-    watcher, firsts = Watcher(tmp_path, lambda name: scene), []
-    for count in range(1, len(RecordedEpisode(tmp_path / "couch-0").steps) + 1):
-        under_way(tmp_path / "couch-0", count)
-        broken_off(tmp_path / "couch-0", targets={})
-        firsts.append(json.loads(watcher.since("couch-0", count - 1))["first"])
-    assert [k for k, first in enumerate(firsts) if first == 0] == [0, firsts.index(0, 1)]
-    assert json.loads(watcher.since("couch-0", count + 1))["first"] == 0
 
 
 @pytest.mark.integration
@@ -188,7 +145,7 @@ def test_a_run_that_is_deleted_is_watched_as_an_empty_one(run: tuple[Path, Watch
     assert run[1].state()["episodes"] == 1
     shutil.rmtree(run[0])
     assert run[1].state()["rows"] == []
-    assert _content(run[1], "/steps/couch-0/0")[0] == b""
+    assert _content(run[1], "/replay/couch-0")[0] == b""
     assert run[1].frame("couch-0", "0000.jpg") == b""
 
 
@@ -201,17 +158,7 @@ def test_the_view_is_the_one_that_is_decided_on_now(run: tuple[Path, Watcher]) -
     assert row["frame"] == f"/frame/couch-0/{row['steps']:04d}.jpg"
 
 
-def test_the_maps_of_two_houses_on_one_page_are_told_apart(run: tuple[Path, Watcher]) -> None:
-    record_episode(run[0] / "couch-1", name="couch-1")
-    drawn = [json.loads(run[1].since(name, 0))["map"] for name in ("couch-0", "couch-1")]
-    ids = [set(re.findall(r'<symbol id="([^"]+)"', html)) for html in drawn]
-    assert ids == [set(re.findall(r'<use href="#([^"]+)"', html)) for html in drawn]
-    assert all(ids)
-    assert not ids[0] & ids[1]
-
-
-def test_of_a_run_that_is_one_episode_view_and_map_are_found_too(run: tuple[Path, Watcher]) -> None:
+def test_of_a_run_that_is_one_episode_the_view_is_found_too(run: tuple[Path, Watcher]) -> None:
     one = Watcher(run[0] / "couch-0", run[1].scenes)
     (row,) = one.state()["rows"]
     assert one.frame(*row["frame"].split("/")[2:]) == picture(row["steps"] - 1)
-    assert 'class="path"' in json.loads(one.since(row["id"], 0))["map"]

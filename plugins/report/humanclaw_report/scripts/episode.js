@@ -181,14 +181,7 @@ function steer(player, stage) {
   const view = /** @type {HTMLSelectElement} */ (find("view"));
   view.addEventListener("change", () => {
     stage.view = /** @type {View} */ (view.value);
-    stage.cut = cut.checked = stage.view === "follow" || stage.view === "free";
     player.draw();
-  });
-  const cut = /** @type {HTMLInputElement} */ (find("cut"));
-  // A hand on the camera takes it from its own way.
-  stage.canvas.addEventListener("taken", () => {
-    view.value = stage.view;
-    cut.checked = stage.cut;
   });
   for (const [id, set] of /** @type {[string, (on: boolean) => void][]} */ ([
     ["ghost", (on) => (stage.ghost.root.visible = on)],

@@ -8,13 +8,12 @@
 /** @typedef {{id: number, asset: number, name: string, kind: string, place: number[], box: number[][]}} ObjectData */
 /** @typedef {{assets: AssetData[], objects: ObjectData[], pictures: string[], meshes: Packed}} House */
 /** @typedef {{fps: number, frames: number, body: BodyData, contacts: [number, number, number, string][], floors: number[], targets: number[][][], motion: Packed}} Replay */
-/** @typedef {"auto" | "follow" | "free" | "above" | "ego"} View */
+/** @typedef {"follow" | "free" | "above" | "ego"} View */
 
 /** @typedef {Uint8Array | Int16Array | Uint16Array | Uint32Array | Float32Array} Values */
 
 const ARRAYS = { uint8: Uint8Array, int16: Int16Array, uint16: Uint16Array, uint32: Uint32Array, float32: Float32Array };
 const FADED = 0.1;
-const SEATED = 0.85; // A chest below this over the floor is that of a body that sits, metres.
 const STOREY = 2.2; // Objects that begin higher than this above a floor hide the body from above, metres.
 
 /** Unpack the arrays of `packed` in replay.py. @param {Packed} packed @returns {Promise<Record<string, Values>>} */
@@ -73,7 +72,7 @@ class Stage {
     const stage = new Stage(canvas, replay, new Skin(await unpack(person)));
     if (house) await stage.furnish(house);
     else stage.scene.add(new THREE.GridHelper(40, 40, 0x888888, 0xcccccc));
-    await stage.prepare();
+    await stage.load();
     return stage;
   }
 
@@ -92,12 +91,12 @@ class Stage {
     /** @type {Furnishing[]} */
     this.furnishings = [];
     /** @type {View} */
-    this.view = "auto";
+    this.view = "follow";
     this.time = 0;
     this.around = { azimuth: 2.6, elevation: 0.55, distance: 3.6 };
     this.centre = new THREE.Vector3();
     this.marks = true;
-    this.cut = false;
+    this.cut = true;
     this.skin = skin;
     this.body = new Figure(replay.body, skin, new THREE.MeshLambertMaterial({ vertexColors: true }));
     this.body.mesh.castShadow = this.body.mesh.receiveShadow = true;
@@ -109,7 +108,6 @@ class Stage {
     this.motion = {};
     /** @type {number[]} */
     this.heading = [];
-    this.way = new Way([], [], [], []);
   }
 
   /** Shadows of the body and of furniture, in a square of 8 metres around the body. */
@@ -122,17 +120,11 @@ class Stage {
     Object.assign(this.sun.shadow.camera, { left: -4, right: 4, top: 4, bottom: -4, near: 0.5, far: 14 });
   }
 
-  /** Prepare the replay's motion, and the camera's way along it. */
-  async prepare() {
+  /** Prepare the motion of the replay. */
+  async load() {
     this.motion = await unpack(this.replay.motion);
     this.heading = this.headings();
     this.trace();
-    const boxes = (/** @type {boolean} */ furniture) =>
-      this.furnishings.filter(({ data }) => !this.motion[`object_${data.id}`] && (data.kind === "furniture") === furniture).map(({ box }) => box);
-    const chests = this.heading.map((_, k) => this.chest(k));
-    // From behind, what a body walks to is in the picture; one that sits is seen from the front.
-    const sides = chests.map(({ y }) => (y - this.floor(y) < SEATED ? 0.7 : 2.6));
-    this.way = new Way(chests, this.heading, sides, boxes(false), boxes(true));
   }
 
   /** @param {House} house */
@@ -174,7 +166,6 @@ class Stage {
     const root = this.motion.simulated_root;
     const points = [];
     for (let k = 0; k < root.length; k += 3) points.push(new THREE.Vector3(root[k], this.floor(root[k + 1]) + 0.03, root[k + 2]));
-    this.line.geometry.dispose();
     this.line.geometry = new THREE.BufferGeometry().setFromPoints(points);
   }
 
@@ -240,7 +231,7 @@ class Stage {
     this.camera.up.set(0, 1, 0);
     if (this.ego) return this.lookOut();
     if (this.view !== "free") this.centre.copy(this.chest(time));
-    this.camera.position.copy(this.view === "auto" ? this.way.at(this.centre, time) : this.orbit(time));
+    this.camera.position.copy(this.orbit(time));
     this.camera.lookAt(this.centre);
   }
 
@@ -293,27 +284,14 @@ class Stage {
     this.camera.updateProjectionMatrix();
   }
 
-  /** From here on the viewer moves the camera, and walls in its way fade. */
-  take() {
-    if (this.view !== "auto") return;
-    const offset = this.camera.position.clone().sub(this.centre);
-    const distance = offset.length();
-    this.around = { azimuth: Math.atan2(offset.x, offset.z) - (this.heading[Math.round(this.time)] ?? 0), elevation: Math.asin(offset.y / distance), distance };
-    this.view = "follow";
-    this.cut = true;
-    this.canvas.dispatchEvent(new Event("taken"));
-  }
-
   /** Turn and tilt the camera around what it looks at, radians. @param {number} azimuth @param {number} elevation */
   turn(azimuth, elevation) {
-    this.take();
     this.around.azimuth += azimuth;
     this.around.elevation = Math.max(-0.1, Math.min(1.5, this.around.elevation + elevation));
   }
 
   /** @param {number} factor */
   zoom(factor) {
-    this.take();
     this.around.distance = Math.max(0.8, Math.min(25, this.around.distance * factor));
   }
 }
@@ -342,4 +320,51 @@ function hides(box, eye, point) {
 function outline([low, high]) {
   const box = new THREE.Box3(new THREE.Vector3().fromArray(low), new THREE.Vector3().fromArray(high));
   return new THREE.Box3Helper(box, new THREE.Color(0x1fa060));
+}
+
+/** Turn the camera with the pointer or the arrow keys; zoom with a pinch, the wheel, + and -. @param {Stage} stage @param {() => void} draw */
+function drag(stage, draw) {
+  const canvas = stage.canvas;
+  /** @type {Map<number, PointerEvent>} */
+  const held = new Map();
+  const spread = () => {
+    const [a, b] = [...held.values()];
+    return Math.hypot(a.clientX - b.clientX, a.clientY - b.clientY);
+  };
+  canvas.addEventListener("pointerdown", (event) => {
+    canvas.setPointerCapture(event.pointerId);
+    held.set(event.pointerId, event);
+  });
+  canvas.addEventListener("pointermove", (event) => {
+    const last = held.get(event.pointerId);
+    if (!last) return;
+    const wide = held.size === 2 ? spread() : 0;
+    held.set(event.pointerId, event);
+    if (held.size === 2) stage.zoom(wide / Math.max(1, spread()));
+    else stage.turn((last.clientX - event.clientX) / 150, (event.clientY - last.clientY) / 150);
+    draw();
+  });
+  for (const end of ["pointerup", "pointercancel"]) canvas.addEventListener(end, (event) => held.delete(/** @type {PointerEvent} */ (event).pointerId));
+  canvas.addEventListener("wheel", (event) => {
+    if (!event.ctrlKey && document.activeElement !== canvas) return; // The page scrolls until the replay has the focus.
+    event.preventDefault();
+    stage.zoom(Math.exp(event.deltaY / 600));
+    draw();
+  }, { passive: false });
+  canvas.addEventListener("keydown", (event) => {
+    /** @type {Record<string, () => void>} */
+    const acts = {
+      ArrowLeft: () => stage.turn(-0.1, 0),
+      ArrowRight: () => stage.turn(0.1, 0),
+      ArrowUp: () => stage.turn(0, 0.08),
+      ArrowDown: () => stage.turn(0, -0.08),
+      "+": () => stage.zoom(0.9),
+      "-": () => stage.zoom(1.1),
+    };
+    if (!acts[event.key]) return;
+    event.preventDefault();
+    event.stopPropagation();
+    acts[event.key]();
+    draw();
+  });
 }

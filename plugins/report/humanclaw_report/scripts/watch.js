@@ -4,7 +4,6 @@
 
 {
   /** @typedef {{id: string, instruction: string, outcome: string, goal: string, steps: number, call: string, words: string, distance: number | null, frame: string, replay: string}} Row */
-  /** @typedef {{first: number, steps: number, map: string}} Steps */
   /** @typedef {{ended: number, episodes: number, asked: number, rows: Row[], live: number, forget: boolean}} State */
 
   const at = (/** @type {string} */ id) => /** @type {HTMLElement} */ (document.getElementById(id));
@@ -31,11 +30,6 @@
     return element;
   };
 
-  const fetched = async (/** @type {string} */ address) => {
-    const answer = await fetch(address).catch(() => null);
-    return answer?.ok ? answer : null;
-  };
-
   /** Return the card of an episode; make it at the first call. @param {Row} row */
   const card = (row) => {
     const known = document.querySelector(`[data-episode="${CSS.escape(row.id)}"]`);
@@ -43,36 +37,9 @@
     const element = made("article", "", "card");
     element.dataset.episode = row.id;
     const picture = document.createElement("img");
-    picture.width = picture.height = 320;
-    element.append(made("h3", `${row.id}: ${row.instruction}`), made("p", "", "said"), picture, made("div", "", "map"));
+    picture.width = picture.height = 512;
+    element.append(made("h3", `${row.id}: ${row.instruction}`), made("p", "", "said"), picture);
     return element;
-  };
-
-  /** Draw a map, or append steps to it. @param {HTMLElement} map @param {Steps} steps */
-  const grow = (map, { first, map: html }) => {
-    const drawn = document.createElement("template");
-    drawn.innerHTML = html;
-    if (!first) return map.replaceChildren(drawn.content);
-    map.querySelectorAll("svg[role]").forEach((storey, k) => {
-      const more = drawn.content.children[k];
-      storey.querySelector(".end")?.remove();
-      storey.setAttribute("viewBox", more.getAttribute("viewBox") ?? ""); // Without its house, a map grows with the path.
-      storey.append(...more.children, ...storey.querySelectorAll(".name")); // Names stay over the marks.
-    });
-  };
-
-  /** Draw the steps that the card does not show yet. One request at a time: the first map of a house takes the server seconds. @param {HTMLElement} element */
-  const draw = async (element) => {
-    const map = /** @type {HTMLElement} */ (element.querySelector(".map"));
-    element.dataset.drawing = "yes";
-    for (let wanted = element.dataset.state; map.dataset.shown !== wanted && element.isConnected; wanted = element.dataset.state) {
-      const answer = await fetched(`/steps/${element.dataset.episode}/${map.dataset.steps ?? 0}`);
-      const steps = /** @type {Steps | null} */ (await answer?.json().catch(() => null));
-      if (!steps) break;
-      grow(map, steps);
-      Object.assign(map.dataset, { shown: wanted, steps: steps.steps });
-    }
-    delete element.dataset.drawing;
   };
 
   /** @param {Row} row */
@@ -85,7 +52,6 @@
     said.textContent = row.steps ? `Step ${row.steps - 1}, ${row.call}${row.words && `: ${row.words}`}` : "";
     if (row.outcome !== "running") said.append(` Then it ended: ${ending(row)}. `);
     if (row.replay) said.append(linked("Watch the replay", row.replay));
-    element.dataset.state = `${row.steps} ${row.outcome}`;
     return element;
   };
 
@@ -103,9 +69,7 @@
     const running = rows.filter((row) => row.outcome === "running");
     const live = (running.length ? running : rows).slice(0, running.length ? state.live : 1);
     at("now").textContent = live.length && !running.length ? "Last episode" : "Now";
-    const cards = live.map(show);
-    at("live").replaceChildren(...cards);
-    for (const one of cards.filter(({ dataset }) => !dataset.drawing)) draw(one);
+    at("live").replaceChildren(...live.map(show));
     document.documentElement.dataset.ready = "yes";
   };
   events.onerror = () => (at("lede").textContent = "The server has stopped. The records are in the folder of the run.");
