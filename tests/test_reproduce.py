@@ -64,7 +64,7 @@ def test_one_file_of_models_of_five_providers_becomes_one_page(reproduce, tmp_pa
     assert asked == [2] * 5
     page = (tmp_path / "paper/paper.md").read_text()
     for name in PROVIDERS:
-        assert re.search(rf"^\| [^|]*{name}[^|]* \|", page, re.MULTILINE)
+        assert re.search(rf"^\| {name} \+ litellm[^|]* \|", page, re.MULTILINE)  # The verifier asks the same model.
 
 
 def test_time_and_cost_are_estimated_first_and_a_second_call_asks_nothing_again(reproduce, tmp_path):
@@ -81,6 +81,8 @@ def test_time_and_cost_are_estimated_first_and_a_second_call_asks_nothing_again(
     assert re.search(r"mine: Estimate for the remaining 4 episodes: 0:\d\d:\d\d and \$0\.12 \(", first.output)
     assert (asked, len(server.requests)) == (14, 14)
     assert "Ablation of mine" in page
+    assert re.search(r"^\| mine \|", page, re.MULTILINE)
+    assert "openai/scripted" not in page
     assert re.search(r"^\| history 0 \|", page, re.MULTILINE)
     assert (tmp_path / "paper/paper.md").read_text() == page
 

@@ -18,6 +18,7 @@ from humanclaw.records import name_of
 from humanclaw.storage import Folder, read_file, write_result
 from humanclaw_bench.export import results_of
 from humanclaw_bench.progress import RunProgress, foresight, stop_after_option
+from humanclaw_bench.results import Result
 from humanclaw_bench.runner import Forecast, RunStatus, run_split
 from humanclaw_bench.splits import load_split, repeated
 from humanclaw_bench.tables import ResultTable, ablation_table, all_tables
@@ -59,7 +60,7 @@ class Model(BaseModel):
     model: Annotated[str, Field(min_length=1)]
     """Provider and name, as litellm writes them."""
     name: Annotated[str, Field(pattern=r"^[\w.-]*$")] = ""
-    """Name of the row's folder; the default is made from the model."""
+    """Name of the row and of its folder; the default is made from the model."""
     usd_per_million: tuple[float, float] | None = None
     """US dollars for a million tokens in and out; the default is litellm's list of prices."""
     options: Mapping[str, Any] = {}
@@ -227,16 +228,21 @@ def _agreed(forecasts: Sequence[Forecast | None], models: Sequence[Model]) -> bo
 
 def _write(plan: Plan, out: Path) -> Path:
     """Write the page of everything that was played so far; return its path."""
-    runs = [out / model.folder / MAIN for model in plan.models]
-    parts = [f"# The paper's tables for {counted(len(runs), 'model')}"]
-    if played := [run for run in runs if _holds_episodes(run)]:
-        tables = all_tables(results_of(played)).values()
+    parts = [f"# The paper's tables for {counted(len(plan.models), 'model')}"]
+    if played := [model for model in plan.models if _holds_episodes(out / model.folder / MAIN)]:
+        tables = all_tables([result for model in played for result in _results(model, out)]).values()
         parts += [markdown(table) for table in tables if table.rows and table.columns]
     for model in plan.models:
         settings = {setting: out / model.folder / _folder(setting) for setting in model.settings}
         if table := _ablation({name: run for name, run in settings.items() if _holds_episodes(run)}):
             parts.append(markdown(replace(table, title=f"{table.title} of {model.folder}")))
     return write_result(None, out, "paper.md", ("\n\n".join(parts) + "\n").encode())
+
+
+def _results(model: Model, out: Path) -> Sequence[Result]:
+    """Return the results of a model's run for table 2, by the name that the file gives the model."""
+    found = results_of([out / model.folder / MAIN])
+    return [replace(found[0], name=model.name)] if model.name and len(found) == 1 else found
 
 
 def _ablation(runs: Mapping[str, Path]) -> ResultTable | None:

@@ -151,7 +151,8 @@ def named(
     groups: dict[tuple[str, str, str], list[tuple[Scores, Cause | None]]] = defaultdict(list)
     for run, found in runs.items():
         for scores, cause in found:
-            agent = scores.agent + (f" + {scores.verifier}" if scores.verifier else "")
+            verifier = scores.verifier.removesuffix(f":{scores.agent}")  # The same model: its name stands there once.
+            agent = scores.agent + (f" + {verifier}" if verifier else "")
             groups[agent, run, str(of_world(scores.conditions))].append((scores, cause))
     played = [shared_conditions([scores for scores, _ in found]) for found in groups.values()]
     told = labels([(agent, one) for (agent, *_), one in zip(groups, played, strict=True)])
