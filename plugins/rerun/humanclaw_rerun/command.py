@@ -19,8 +19,7 @@ def rerun(folder: Path, out: Path | None, files: tuple[Path, ...]) -> None:
     EPISODE is the folder of an episode. For a RUN, every episode gets a file in its own folder.
     """
     from humanclaw import HumanclawError, Plugins, load_run
-    from humanclaw_rerun.live import house_of
-    from humanclaw_rerun.log import write_recording
+    from humanclaw_rerun.log import house_of, write_recording
 
     episodes, plugins = load_run(folder), Plugins.discover(files)
     if out and len(episodes) > 1:

@@ -15,7 +15,16 @@ import rerun as rr
 import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
-from humanclaw import EpisodeRecord, Motion, RecordedEpisode, RecordError, Scene, StepRecord
+from humanclaw import (
+    EpisodeRecord,
+    HumanclawError,
+    Motion,
+    Plugins,
+    RecordedEpisode,
+    RecordError,
+    Scene,
+    StepRecord,
+)
 from humanclaw.body import FPS, HISTORY, PARENTS, Array, skin
 from humanclaw.storage import Folder
 from humanclaw.world import Camera, Mesh, SceneObject, ego_camera
@@ -36,21 +45,15 @@ def bones(motion: Motion) -> Array:
 
 
 class EpisodeLog:
-    """The recording of one episode. Close it, or use it as a context manager."""
+    """The recording of one episode: a context manager."""
 
-    def __init__(self, record: EpisodeRecord, target: str | Path) -> None:
-        """Begin a recording. target: an .rrd file to write, or the address of a viewer (rerun+http://...).
-
-        Raises RecordError if the file cannot be written.
-        """
+    def __init__(self, record: EpisodeRecord, file: Path) -> None:
+        """Begin a recording in an .rrd file. Raises RecordError if it cannot be written."""
         spec, self._gaze = record.spec, record.gaze
         self._names: dict[int, str] = {}
         self._stream = rr.RecordingStream("humanclaw", recording_id=f"{spec.id} {record.created}".strip())
-        if "://" in str(target):
-            self._stream.connect_grpc(str(target))
-        else:
-            with _writing(target):
-                self._stream.save(target)
+        with _writing(file):
+            self._stream.save(file)
         self._stream.send_blueprint(_blueprint())
         self._stream.send_recording_name(f"{spec.id}: {record.agent}")
         # Static values hold at all times, also before the first frame.
@@ -79,33 +82,32 @@ class EpisodeLog:
                 self._static(self._path(obj.id), _mesh(scene.assets[obj.asset].mesh))
 
     # -- motion --------------------------------------------------------------------------------------------------------
-    def body(self, simulated: Motion, generated: Motion, first: int) -> None:
-        """Log the skin of the simulated body and the bones of the generated one. first: frame of the first pose."""
-        kept = range(-first % EVERY, len(simulated), EVERY)
+    def body(self, simulated: Motion, generated: Motion) -> None:
+        """Log the skin of the simulated body and the bones of the generated one."""
+        kept = range(0, len(simulated), EVERY)
         poses = [self._skin.posed(simulated.root[k], simulated.rotations[k]) for k in kept]
         if poses:
             vertices, normals = map(np.concatenate, zip(*poses, strict=True))
             skins = rr.Mesh3D.columns(vertex_positions=vertices, vertex_normals=normals)
             sizes = [len(self._skin.vertices)] * len(poses)
-            self._columns("world/body/simulated", first + np.array(kept), skins.partition(sizes))
+            self._columns("world/body/simulated", np.array(kept), skins.partition(sizes))
         ends = bones(generated)
         strips = rr.LineStrips3D.columns(strips=ends.astype(np.float32).reshape(-1, 2, 3))
-        self._columns("world/body/generated", first + np.arange(len(ends)), strips.partition([len(_BONES)] * len(ends)))
+        self._columns("world/body/generated", np.arange(len(ends)), strips.partition([len(_BONES)] * len(ends)))
 
-    def objects(self, paths: Mapping[int, Array], first: int) -> None:
+    def objects(self, paths: Mapping[int, Array]) -> None:
         """Log (T, 7) positions (metres) and quaternions of movable objects, by id."""
         for key, path in paths.items():
             placed = rr.Transform3D.columns(translation=path[:, :3], quaternion=path[:, 3:])
-            self._columns(self._path(key), first + np.arange(len(path)), placed)
+            self._columns(self._path(key), np.arange(len(path)), placed)
 
     # -- views, calls and distance -------------------------------------------------------------------------------------
-    def view(self, picture: bytes, body: Motion | None, frame: int) -> None:
-        """Log an ego view (JPEG). body: motion whose last frame gives the place of the eyes; None if it is unknown."""
+    def view(self, picture: bytes, body: Motion, frame: int) -> None:
+        """Log an ego view (JPEG). body: motion whose last frame gives the place of the eyes."""
         self._stream.set_time(TIME, duration=frame / FPS)
-        if body is not None:
-            eyes = ego_camera(body, gaze=self._gaze)
-            axes = np.stack([np.cross(eyes.forward, eyes.up), eyes.up, -eyes.forward], -1)
-            self._stream.log("world/eyes", rr.Transform3D(translation=eyes.position, mat3x3=axes))
+        eyes = ego_camera(body, gaze=self._gaze)
+        axes = np.stack([np.cross(eyes.forward, eyes.up), eyes.up, -eyes.forward], -1)
+        self._stream.log("world/eyes", rr.Transform3D(translation=eyes.position, mat3x3=axes))
         self._stream.log("world/eyes", rr.EncodedImage(contents=picture, media_type="image/jpeg"))
 
     def step(self, step: StepRecord, first: int) -> None:
@@ -121,15 +123,12 @@ class EpisodeLog:
         """Log a sentence about the whole episode."""
         self._static("note", rr.TextDocument(text))
 
-    def close(self) -> None:
-        self._stream.flush()
-        self._stream.disconnect()
-
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.close()
+        self._stream.flush()
+        self._stream.disconnect()
 
     def _path(self, key: int) -> str:
         return f"world/house/{self._names.get(key, f'object_{key}')}"
@@ -141,6 +140,17 @@ class EpisodeLog:
         # Columns send a whole chunk at once, which is much faster than a log call for each frame.
         times = rr.TimeColumn(TIME, duration=frames / FPS)
         self._stream.send_columns(path, indexes=[times], columns=columns)
+
+
+def house_of(episode: EpisodeRecord, plugins: Plugins) -> tuple[Scene | None, str]:
+    """Return the house of an episode and an empty note; None and the reason if it is missing or differs."""
+    try:
+        scene = plugins.scene(episode.spec.scene)
+    except HumanclawError as fault:
+        return None, f"The house is not drawn: {fault}"
+    if episode.scene_digest and scene.digest != episode.scene_digest:
+        return None, "The house is not drawn: the installed scene differs from the one of the record."
+    return scene, ""
 
 
 def write_recording(recorded: RecordedEpisode, scene: Scene | None, out: Path, note: str = "") -> None:
@@ -162,14 +172,14 @@ def write_recording(recorded: RecordedEpisode, scene: Scene | None, out: Path, n
 
 def _log_episode(log: EpisodeLog, recorded: RecordedEpisode) -> None:
     if recorded.has_motion:
-        log.body(recorded.motion(), recorded.motion("generated"), 0)
-        log.objects(recorded.objects(), 0)
+        log.body(recorded.motion(), recorded.motion("generated"))
+        log.objects(recorded.objects())
     for step, first in zip(recorded.steps, first_frames(recorded), strict=True):
         log.step(step, first)
-    log_views(log, recorded)
+    _log_views(log, recorded)
 
 
-def log_views(log: EpisodeLog, recorded: RecordedEpisode) -> None:
+def _log_views(log: EpisodeLog, recorded: RecordedEpisode) -> None:
     """Log the view before each step, if the record holds it."""
     if not recorded.has_motion:
         return
@@ -225,9 +235,9 @@ def _colours(mesh: Mesh) -> NDArray[np.uint8]:
 
 
 @contextmanager
-def _writing(target: str | Path) -> Iterator[None]:
+def _writing(file: Path) -> Iterator[None]:
     """Raise RecordError if the file cannot be written; Rerun raises RuntimeError for every cause."""
     try:
         yield
     except RuntimeError as error:
-        raise RecordError(f"cannot write {target}: {error}.", "Name another file with --out.") from error
+        raise RecordError(f"cannot write {file}: {error}.", "Name another file with --out.") from error

@@ -16,11 +16,6 @@ pytest.importorskip("rerun", reason="Rerun is not installed: pip install humancl
 chunks = pytest.importorskip("rerun.chunk")
 
 from humanclaw import (  # noqa: E402
-    Body,
-    Call,
-    Decision,
-    Episode,
-    EpisodeSpec,
     Plugins,
     RecordedEpisode,
     RecordError,
@@ -28,8 +23,7 @@ from humanclaw import (  # noqa: E402
     cli,
 )
 from humanclaw.body import FPS, HISTORY, skin  # noqa: E402
-from humanclaw_rerun.live import house_of  # noqa: E402
-from humanclaw_rerun.log import EpisodeLog, bones, write_recording  # noqa: E402
+from humanclaw_rerun.log import bones, house_of, write_recording  # noqa: E402
 
 
 class Recording:
@@ -70,14 +64,14 @@ def recording(recorded: RecordedEpisode) -> Recording:
     return Recording(out)
 
 
-def assert_bodies(recording, recorded, first):
+def assert_bodies(recording, recorded):
     """Assert that the recording shows each third pose as a skin, and each generated pose as bones."""
     simulated, generated = recorded.motion(), recorded.motion("generated")
     times, strips = recording.read("/world/body/generated", "LineStrips3D:strips")
-    assert times == pytest.approx(np.arange(first, len(generated)) / FPS, abs=1e-8)
-    assert np.array(strips) == pytest.approx(bones(generated)[first:], abs=1e-4)
+    assert times == pytest.approx(np.arange(len(generated)) / FPS, abs=1e-8)
+    assert np.array(strips) == pytest.approx(bones(generated), abs=1e-4)
     times, poses = recording.read("/world/body/simulated", "Mesh3D:vertex_positions")
-    kept = [k for k in range(first, len(simulated)) if k % 3 == 0]
+    kept = range(0, len(simulated), 3)
     assert times == pytest.approx(np.array(kept) / FPS, abs=1e-8)
     for k in (0, -1):
         posed, _ = skin().posed(simulated.root[kept[k]], simulated.rotations[kept[k]])
@@ -85,7 +79,7 @@ def assert_bodies(recording, recorded, first):
 
 
 def test_every_frame_of_the_body_is_where_the_record_says(recorded, recording):
-    assert_bodies(recording, recorded, 0)
+    assert_bodies(recording, recorded)
 
 
 def test_a_bone_runs_from_a_joint_to_its_child(recorded):
@@ -188,40 +182,11 @@ def test_the_command_writes_an_episode_and_of_a_run_each(recorded, tmp_path):
     assert "holds 2 episodes" in refused.output
     assert invoke("rerun", tmp_path / "run").exit_code == 0
     for name in ("a", "b"):
-        assert_bodies(Recording(tmp_path / "run" / name / "episode.rrd"), recorded, 0)
+        assert_bodies(Recording(tmp_path / "run" / name / "episode.rrd"), recorded)
 
 
-def test_what_is_logged_while_an_episode_is_played_is_what_its_record_holds(tmp_path, monkeypatch):
-    monkeypatch.setenv("HUMANCLAW_RERUN", str(tmp_path / "live"))
-    spec = EpisodeSpec(id="live-0", instruction="walk", scene="house:0", max_steps=3)
-    views, told, view = [], [], EpisodeLog.view
-    monkeypatch.setattr(EpisodeLog, "view", lambda log, *what: (views.append(what), view(log, *what)))
-    with Body("house:0") as body, Episode(body, spec, folder=tmp_path / "record") as episode:
-        for skill, values in (("walk", {"z_cm": 50}), ("turn_in_place", {"yaw_deg": 40}), ("stop", {})):
-            episode.submit(Decision((Call(skill, values),)))
-            told.append(len(views))
-    done, live = RecordedEpisode(tmp_path / "record"), Recording(tmp_path / "live" / "live-0.rrd")
-    assert_bodies(live, done, HISTORY)
-    began, lines = live.read("/calls", "TextLog:text")
-    ends = HISTORY + np.cumsum([step.motion_frames for step in done.steps])
-    calls = {str(step.call): end - step.motion_frames for step, end in zip(done.steps, ends, strict=True)}
-    heard = {line: time for time, (line,) in zip(began, lines, strict=True)}
-    assert {call: heard[call] for call in calls} == pytest.approx({call: at / FPS for call, at in calls.items()})
-    pictures = live.read("/world/eyes", "EncodedImage:blob")[1]
-    assert len(pictures) == len(done.steps)
-    assert told == [1, 2, 3], "a view comes with its step"
-    _, places = live.read("/world/eyes", "Transform3D:translation")
-    firsts = [end - step.motion_frames - 1 for step, end in zip(done.steps, ends, strict=True)]
-    heads = done.motion().joints()[firsts, 15]
-    assert np.linalg.norm(np.array(places)[:, 0] - heads, axis=-1).max() < 0.3, "from where the head was"
-    assert [path for path in live.entities() if path.startswith("/world/house/couch")]
-
-
-def test_without_the_variable_nothing_is_logged_and_rerun_is_not_loaded():
-    probe = (
-        "import sys, humanclaw_rerun, humanclaw_rerun.command\n"
-        "humanclaw_rerun.humanclaw_step(None, None, None)\n"
-        "print(*sys.modules)"
-    )
+@pytest.mark.integration
+def test_rerun_is_not_loaded_until_a_recording_is_written():
+    probe = "import sys, humanclaw_rerun, humanclaw_rerun.command\nprint(*sys.modules)"
     loaded = subprocess.run([sys.executable, "-c", probe], capture_output=True, text=True, check=True).stdout.split()
     assert "rerun" not in loaded
