@@ -115,18 +115,12 @@ SPLITS ?= plugins/bench/humanclaw_bench/data
 splits: install  ## Generate the benchmark's episodes from their seeds, in the current houses (minutes)
 	$(BIN)/humanclaw bench make --workers 2 --out $(SPLITS)
 
-bench-render: install  ## Time a view on one CPU core
-	$(BIN)/python plugins/raster/bench.py
-
 recognise: install  ## Run a detector trained on photos in 12 houses; fetches it with npm (minutes)
 	cd plugins/raster/recognise && npm install --no-audit --no-fund --no-package-lock
 	$(BIN)/python plugins/raster/recognise/recognise.py
 
 physics: install  ## Check half-physics on two engines: walls, stairs, falls, seats, 10,000 random commands each (an hour)
 	for engine in mujoco bullet; do $(BIN)/humanclaw physics --simulator $$engine || exit 1; done
-
-bench-world: install  ## Time half-physics in a house of 360 objects: stepping, loading, memory (minutes)
-	$(BIN)/humanclaw bench-world
 
 conformance: install  ## Run the official MCP suite against the server (needs npx)
 	$(BIN)/python harnesses/mcp/conformance/run.py

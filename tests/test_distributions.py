@@ -289,7 +289,7 @@ def test_pages_install_from_the_index_only_once_it_has_the_packages():
         ("scenes", "house", "plugins/houses`."),
         ("executors", "ray", "plugins/ray`."),
         ("simulators", "mujocco", "Did you mean mujoco (of humanclaw-mujoco)?"),
-        ("renderers", "unheard-of", "raster-lens (of humanclaw-raster), raster-noise (of humanclaw-raster)."),
+        ("renderers", "unheard-of", "raster (of humanclaw-raster)."),
     ],
 )
 def test_a_name_that_is_not_there_is_answered_with_the_distribution_that_brings_it(kind, name, remedy):

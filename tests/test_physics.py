@@ -16,7 +16,7 @@ from humanclaw.records import RecordedEpisode
 from humanclaw.testing.fixture import Finding, skill_with
 from humanclaw.testing.laws import table
 from humanclaw.testing.scenes import SceneBuilder
-from humanclaw.testing.speed import Quartiles, crowded, resident
+from humanclaw.testing.speed import resident
 from humanclaw.world import find_profile
 from humanclaw.world.half_physics.kernels import approach
 from humanclaw.world.half_physics.swing import swings
@@ -58,15 +58,6 @@ def test_the_memory_of_the_process_is_left_open_where_the_system_does_not_tell_i
     assert np.isnan(resident(tmp_path / "elsewhere"))
 
 
-def test_a_crowded_house_has_as_many_objects_as_asked_for_and_its_own_come_first():
-    builder = SceneBuilder.on_floor()
-    builder.box("box", (0.3, 0.3, 0.3), (1, 0, 1), movable=True, mass=1.0)
-    scene = crowded(builder.scene(), fixed=3, movable=2)
-    assert [obj.movable for obj in scene.objects] == [False, True, False, True, False]
-    assert [obj.id for obj in scene.objects] == [1, 2, 3, 4, 5]
-    assert [obj.position[0] for obj in scene.objects] == [0, 1, 40, 41, 80]
-
-
 def test_a_door_that_hangs_still_is_worked_out_once_and_one_that_turns_anew():
     builder = SceneBuilder()
     leaf = builder.door()
@@ -81,10 +72,6 @@ def test_a_door_that_hangs_still_is_worked_out_once_and_one_that_turns_anew():
     np.testing.assert_allclose(swing.motion(0.0, 0.0).position, still.position)
     with pytest.raises(ValueError, match="read-only"):
         still.position[0] = 1.0
-
-
-def test_quartiles_are_those_of_the_numbers():
-    assert str(Quartiles.of([1, 2, 3, 4, 5])) == "3 [2, 4]"
 
 
 def test_a_skill_is_found_by_what_its_parameters_command_and_by_no_name():

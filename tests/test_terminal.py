@@ -23,7 +23,6 @@ TABLES = {
     "check": "--list",
     "doctor": "",
     "physics": "free-space",
-    "bench-world": "--chunks 1 --resets 2",
     "bench table": "{a} {b}",
     "bench compare": "{a} {b} --partial",
     "bench rescore": "{a}",

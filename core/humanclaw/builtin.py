@@ -23,7 +23,6 @@ _COMMANDS = (
     ("plugins", "show:plugins_command", "List the plugins, what they provide, and why one is disabled."),
     ("tools", "show:tools", "Print the skills as the tool list of a model's interface."),
     ("physics", "physics:physics", "Run the physics checks of half-physics."),
-    ("bench-world", "physics:bench_world", "Time half-physics in a house of 360 objects."),
     ("doctor", "doctor:doctor", "Show what is installed, what is missing, and how to get it."),
     ("new", "new:new", "Begin a skill, agent, scene ... of your own."),
 )

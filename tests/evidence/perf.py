@@ -21,7 +21,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -34,8 +34,7 @@ from humanclaw.body import HISTORY, Motion, re_rooted
 from humanclaw.cli import show_markdown
 from humanclaw.motion import DiTGenerator
 from humanclaw.testing.fixture import FORWARD, TURN, Fixture
-from humanclaw.testing.speed import crowded
-from humanclaw.world import ego_camera
+from humanclaw.world import Scene, SceneObject, ego_camera
 from humanclaw_bullet.engine import Client
 
 STANDARD: Final = Path(__file__).with_name("perf.json")
@@ -48,6 +47,8 @@ from humanclaw.cli import main
 main(["run"])
 """
 """Everything before the plugins are loaded."""
+_APART: Final = 40.0
+"""Metres between a house and its copy."""
 Work = Callable[[], object]
 
 
@@ -144,6 +145,18 @@ def _physics(engine: str, count: int = 3) -> Work:
             simulator.execute(motion)
 
     return play
+
+
+def crowded(scene: Scene, fixed: int = 300, movable: int = 60) -> Scene:
+    """Return a house with exact numbers of fixed and movable objects: its own, then copies of them next door."""
+    counts, objects = {False: fixed, True: movable}, list[SceneObject]()
+    for copy in range(100):
+        for obj in scene.objects:
+            if counts[obj.movable]:
+                counts[obj.movable] -= 1
+                x, y, z = obj.position
+                objects.append(replace(obj, id=len(objects) + 1, position=(x + copy * _APART, y, z)))
+    return replace(scene, name=f"{scene.name}, crowded", objects=tuple(objects))
 
 
 def _starts(plugins: Plugins) -> Work:

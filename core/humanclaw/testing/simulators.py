@@ -100,7 +100,7 @@ class SimulatorConformance(ObjectConformance):
         for number in range(100):
             hull = random.uniform(0, 0.1, (12, 3)).astype(np.float32)
             builder.solid(f"rock {number}", [hull], (random.uniform(-1.5, 1.5), 3, 1))
-        _, memory = reset_times(self.simulator(), builder.scene(), 50, lambda: None)
+        _, memory = reset_times(self.simulator(), builder.scene(), 50)
         # A leak grows at every reset. What else a long process holds grows once: pages made huge, a thread's buffers.
         assert np.diff(memory[9::10]).min() < 0.7
 

@@ -1,4 +1,4 @@
-"""Compute the colours of the pixels: textures, light, smooth edges."""
+"""Compute the colours of the pixels: textures and light."""
 
 from __future__ import annotations
 
@@ -77,51 +77,6 @@ def paint(
 
 
 @compiled
-def smooth_edges(
-    model: Model, instances: Instances, pinhole: Pinhole, gbuffer: GBuffer, coarse: GBuffer, light: Floats,
-    sky: NDArray[np.uint8], rgb: NDArray[np.uint8],
-) -> None:  # fmt: skip
-    """Repaint pixels whose 2 x 2 samples show more than one face: with the mean of the samples.
-
-    pinhole, gbuffer: of the picture at twice its size. coarse, light: of the picture at its own size. sky: (H, 3)
-    colours of empty pixels in each row. rgb: the picture from paint, changed in place.
-    """
-    height, width = coarse.surface.shape
-    points, samples, scale = _points(4 * width), np.empty((4 * width, 3), np.uint8), np.float32(1 / pinhole.focal)
-    surface, column = np.empty(4 * width, np.int32), np.empty(4 * width, np.int32)
-    for row in range(height):
-        count = 0
-        for edge in range(width):
-            if _one_face(gbuffer, coarse, row, edge):
-                continue
-            for k in range(4):
-                r, c, number = 2 * row + k // 2, 2 * edge + k % 2, gbuffer.surface[2 * row + k // 2, 2 * edge + k % 2]
-                surface[count], column[count] = number, edge
-                if number >= 0:
-                    face, instance = gbuffer.faces[number]
-                    points.depth[count] = ONE / gbuffer.inverse_depth[r, c]
-                    points.right[count] = np.float32(c + 0.5 - width) * scale
-                    points.light[count] = _light_near(
-                        light, coarse, gbuffer.inverse_depth[r, c], face, instance, row, edge, 1
-                    )
-                    down = np.float32(r + 0.5 - height) * scale
-                    _span(gbuffer.table[number], instances.mesh[instance], down, count, count + 1, points)
-                    if gbuffer.table[number, KIND] == PANE:
-                        _outside(model, pinhole, down, count, count + 1, points)
-                count += 1
-        _colours(model, points, count, samples)
-        for k in range(count):
-            if surface[k] < 0:
-                samples[k] = sky[row]
-        for k in range(0, count, 4):
-            for channel in range(3):
-                total = 2  # Rounds the mean of four to the nearest number.
-                for sample in samples[k : k + 4, channel]:
-                    total += sample
-                rgb[row, column[k], channel] = total // 4
-
-
-@compiled
 def _points(count: int) -> _Points:
     """Allocate points. They start as zeros, because _colours also reads points of empty pixels, which stay unset."""
     return _Points(
@@ -129,18 +84,6 @@ def _points(count: int) -> _Points:
         np.zeros(count, np.float32), np.zeros(count, np.float32), np.zeros(count, np.float32),
         np.zeros(count, np.float32), np.zeros(count, np.int32),
     )  # fmt: skip
-
-
-@compiled
-def _one_face(gbuffer: GBuffer, coarse: GBuffer, row: int, column: int) -> bool:
-    """Return whether the four samples of a pixel and its centre all show the same face."""
-    number, middle, same = gbuffer.surface[2 * row, 2 * column], coarse.surface[row, column], True
-    for k in range(1, 4):
-        same &= gbuffer.surface[2 * row + k // 2, 2 * column + k % 2] == number
-    if number < 0 or middle < 0:
-        return bool(same & (number == middle))
-    a, b = gbuffer.faces, coarse.faces
-    return bool(same & (a[number, 0] == b[middle, 0]) & (a[number, 1] == b[middle, 1]))
 
 
 @compiled
@@ -262,21 +205,18 @@ def _light_row(light: Floats, gbuffer: GBuffer, row: int, out: Floats) -> None:
         if alike & (surface[2 * s, 2 * left] == here) & (surface[2 * s, 2 * right] == here):
             out[k] = (light[r, left] + light[r, right] + light[s, left] + light[s, right]) * np.float32(0.25)
         elif here >= 0:
-            out[k] = _light_near(light, gbuffer, inverse_depth[row, k], faces[here, 0], faces[here, 1], row, k, 0)
+            out[k] = _light_near(light, gbuffer, inverse_depth[row, k], faces[here, 0], faces[here, 1], row, k)
 
 
 @compiled
-def _light_near(
-    light: Floats, gbuffer: GBuffer, here: float, face: int, instance: int, row: int, column: int, wide: int
-) -> float:
+def _light_near(light: Floats, gbuffer: GBuffer, here: float, face: int, instance: int, row: int, column: int) -> float:
     """Return the mean light of the samples around a pixel, weighted by similar depth and by the same face.
 
-    here: inverse depth of the face in the pixel. wide: 1 to take the samples on both sides even if the pixel itself is
-    a sample.
+    here: inverse depth of the face in the pixel.
     """
     total, weight = np.float32(1e-6), np.float32(1e-6)
-    for r in range(max((row - wide) // 2, 0), min((row + 1 + wide) // 2 + 1, light.shape[0])):
-        for c in range(max((column - wide) // 2, 0), min((column + 1 + wide) // 2 + 1, light.shape[1])):
+    for r in range(row // 2, min((row + 1) // 2 + 1, light.shape[0])):
+        for c in range(column // 2, min((column + 1) // 2 + 1, light.shape[1])):
             number = gbuffer.surface[2 * r, 2 * c]
             if number < 0 or gbuffer.table[number, KIND] == PANE:
                 continue  # The sky lights nothing in the room by itself.

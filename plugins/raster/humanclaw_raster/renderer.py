@@ -18,8 +18,8 @@ from humanclaw_raster.edges import soften
 from humanclaw_raster.lighting import Lit, light_again, light_up, panes
 from humanclaw_raster.mirrors import COARSE, Glass, blend
 from humanclaw_raster.overhead import OverheadMapper
-from humanclaw_raster.packing import Floats, Model, pack
-from humanclaw_raster.painting import paint, smooth_edges
+from humanclaw_raster.packing import Model, pack
+from humanclaw_raster.painting import paint
 from humanclaw_raster.person import Person
 from humanclaw_raster.shading import ambient_occlusion
 from humanclaw_raster.sky import panorama
@@ -47,13 +47,11 @@ class RasterRenderer:
     Empty pixels have id 0, infinite depth and the colour of the sky. Not thread-safe.
     """
 
-    def __init__(self, *, smooth: bool = False, looks: Skin | None = None) -> None:
+    def __init__(self, *, looks: Skin | None = None) -> None:
         """Create a renderer without a scene.
 
-        smooth: pixels on edges get the mean of 2 x 2 samples. Ids and depth are those of the pixel's centre either way.
         looks: what the body looks like; the first of humanclaw.body.SKINS by default.
         """
-        self._smooth = smooth
         self._person = Person(looks or skin())
         self._loaded: _LoadedScene | None = None
 
@@ -96,14 +94,8 @@ class RasterRenderer:
         instances.place[0] = self._person.dress(model, state.body, camera.position)
         light_again(lit, instances, np.array([0, *self._movers.values()]))
         pinhole = _pinhole(camera)
-        view, gbuffer, light = _painted(self._loaded, pinhole, camera)
-        if self._smooth:
-            fine = replace(camera, width=2 * camera.width, height=2 * camera.height)
-            doubled = _pinhole(fine)
-            samples = _gbuffer(self._loaded, doubled, fine)
-            smooth_edges(model, instances, doubled, samples, gbuffer, light, _sky(camera), view.rgb)
-        else:
-            soften(pinhole, gbuffer, view.rgb)
+        view, gbuffer = _painted(self._loaded, pinhole, camera)
+        soften(pinhole, gbuffer, view.rgb)
         drawn = instances.id[gbuffer.faces[:, 1]]
         self._reflect([one for one in self._loaded.mirrors if one.id in drawn], state.body, camera, pinhole, view)
         return view
@@ -118,7 +110,7 @@ class RasterRenderer:
         image = glass.image(pinhole)
         small = replace(camera, width=-(-camera.width // COARSE), height=-(-camera.height // COARSE))
         self._loaded.instances.place[0] = self._person.dress(self._loaded.model, body, image.eye)
-        found, _, _ = _painted(self._loaded, image, small, glass)
+        found, _ = _painted(self._loaded, image, small, glass)
         blend(view.rgb, shown, found.rgb, glass.shine)
 
     def close(self) -> None:
@@ -133,10 +125,8 @@ def _put(instances: Instances, rows: Sequence[int], poses: Sequence[Array]) -> N
     instances.turn[rows] = matrix_from_quaternion(where[:, 3:])
 
 
-def _painted(
-    scene: _LoadedScene, pinhole: Pinhole, camera: Camera, glass: Glass | None = None
-) -> tuple[View, GBuffer, Floats]:
-    """Return a view with rough edges, its surfaces, and its light as from ambient_occlusion. camera: of its size.
+def _painted(scene: _LoadedScene, pinhole: Pinhole, camera: Camera, glass: Glass | None = None) -> tuple[View, GBuffer]:
+    """Return a view with rough edges, and its surfaces. camera: of its size.
 
     glass: nothing behind it is drawn.
     """
@@ -146,7 +136,7 @@ def _painted(
     shape = (camera.height, camera.width)
     view = View(np.empty((*shape, 3), np.uint8), np.empty(shape, np.float32), np.empty(shape, np.int32))
     paint(model, instances, pinhole, gbuffer, light, _sky(camera), view.rgb, view.depth, view.ids)
-    return view, gbuffer, light
+    return view, gbuffer
 
 
 def _gbuffer(scene: _LoadedScene, pinhole: Pinhole, camera: Camera, glass: Glass | None = None) -> GBuffer:

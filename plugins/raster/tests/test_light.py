@@ -96,7 +96,7 @@ def test_a_side_of_a_frame_too_thin_for_a_sample_is_lit_as_the_frame_and_not_as_
     faces, surface = np.array([[0, 1], [1, 2], [2, 2]], np.int32), np.array([[0, 1, 2], [0, 1, 2]], np.int32)
     gbuffer = GBuffer(np.ones((2, 3), np.float32), surface, faces, table)
     samples = np.array([[1.0, 0.5]], np.float32)
-    assert _light_near(samples, gbuffer, 1.0, 1, 2, 0, 1, 0) == pytest.approx(0.5, abs=1e-3)
+    assert _light_near(samples, gbuffer, 1.0, 1, 2, 0, 1) == pytest.approx(0.5, abs=1e-3)
 
 
 def test_a_large_screen_in_the_dark_is_as_bright_as_a_small_one(room, camera):

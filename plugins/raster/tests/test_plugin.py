@@ -13,7 +13,6 @@ pytestmark = pytest.mark.integration
 
 def test_the_renderer_is_found_under_its_name(plugins):
     assert isinstance(plugins.make("renderers", "raster"), RasterRenderer)
-    assert isinstance(plugins.make("renderers", "raster-2x"), RasterRenderer)
 
 
 def test_importing_the_plugin_does_not_load_the_compiler():
