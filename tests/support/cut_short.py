@@ -7,27 +7,27 @@ import sys
 
 import torch.distributed as dist
 
-from humanclaw_train import train, trainer
+from humanclaw_train import train
 
 
 def main(step: int, arguments: list[str]) -> int:
-    advance, seconds = trainer.Trainer.advance, trainer._SAVE_SECONDS
+    advance, seconds = train.Run.advance, train._SAVE_SECONDS
 
-    def interrupted(self, problem):
+    def interrupted(self, objective):
         if self.step == step:
             if dist.is_initialized():
                 dist.barrier()  # One that leaves while another still talks to it may end in an abort.
             raise KeyboardInterrupt
-        return advance(self, problem)
+        return advance(self, objective)
 
-    trainer._SAVE_SECONDS = 0
-    trainer.Trainer.advance = interrupted
+    train._SAVE_SECONDS = 0
+    train.Run.advance = interrupted
     try:
         return train.main(arguments)
     except KeyboardInterrupt:
         return 0
     finally:
-        trainer.Trainer.advance, trainer._SAVE_SECONDS = advance, seconds
+        train.Run.advance, train._SAVE_SECONDS = advance, seconds
 
 
 if __name__ == "__main__":

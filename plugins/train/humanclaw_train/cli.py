@@ -56,13 +56,7 @@ def _measures() -> Mapping[str, Measure]:
     return Plugins.discover().measures
 
 
-train = _forward(
-    "train",
-    "humanclaw_train.train",
-    "Train the base prior or a skill's adapter.",
-    measures=_measures,
-    installed=_installed,
-)
+train = _forward("train", "humanclaw_train.train", "Train the base prior or a skill's adapter.")
 fidelity = _forward(
     "fidelity",
     "humanclaw_train.eval.fidelity",

@@ -10,7 +10,7 @@ from humanclaw_train import train
 from humanclaw_train.data.rollout_training import OwnHistories, predecessors
 from humanclaw_train.data.tensors import ChunkTensors
 from humanclaw_train.model import kinematics
-from humanclaw_train.trainer import seeded
+from humanclaw_train.train import seeded
 
 STEP = 0.02
 """Metres a frame of gliding bodies."""

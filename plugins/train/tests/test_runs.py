@@ -14,11 +14,10 @@ import cut_short
 from gliding import save_chunks
 
 from humanclaw import HumanclawError
-from humanclaw.motion import read_header
-from humanclaw_train import logs, train
-from humanclaw_train.parallel import Processes
-from humanclaw_train.trainer import Recipe
-from humanclaw_train.validation import Validation, held_out
+from humanclaw.motion import ModelConfig, read_header
+from humanclaw_train import train
+from humanclaw_train.data import tensors
+from humanclaw_train.train import Processes, Recipe, validation
 
 SUPPORT = Path(__file__).parents[3] / "tests" / "support"
 SIX = ["--steps", "6", "--batch", "8", "--size", "tiny", "--device", "cpu"]
@@ -53,6 +52,61 @@ def test_three_steps_and_three_more_are_six_steps_bit_for_bit(chunks, tmp_path, 
     assert _base(chunks, tmp_path / "cut", *mode).read_bytes() == whole.read_bytes()
 
 
+# -- what goes wrong ---------------------------------------------------------------------------------------------------
+def test_a_loss_that_is_no_number_stops_a_run_and_spares_its_files(chunks, tmp_path, capsys, monkeypatch):
+    arguments = ["base", "--data", str(chunks), "--out", str(tmp_path), *SIX]
+    assert cut_short.main(3, arguments) == 0
+    kept = {path: path.read_bytes() for path in tmp_path.iterdir()}
+    monkeypatch.setattr(train, "_SAVE_SECONDS", 0)
+    assert train.main([*arguments, "--rate", "1e30"]) == 2
+    message = capsys.readouterr().err
+    assert "diverged at step 4" in message
+    assert "Lower --rate (now 1e+30)" in message
+    assert {path: path.read_bytes() for path in tmp_path.iterdir()} == kept
+    assert train.main(arguments) == 0
+
+
+@pytest.mark.parametrize(
+    ("option", "before", "now"), [("--batch", 8, 16), ("--loss", "full", "plain"), ("--seed", 0, 1)]
+)
+def test_a_run_goes_on_with_its_own_settings_alone(chunks, tmp_path, capsys, option, before, now):
+    _base(chunks, tmp_path)
+    assert train.main(["base", "--data", str(chunks), "--out", str(tmp_path), *SIX, option, str(now)]) == 2
+    message = capsys.readouterr().err
+    assert f"is of a run with {option} {before}; this run has {option} {now}." in message
+    assert "another --out" in message
+
+
+def test_a_run_goes_on_with_its_own_chunks_alone(chunks, tmp_path, capsys):
+    _base(chunks, tmp_path / "run")
+    save_chunks(tmp_path / "base.npz", np.linspace(-0.4, 0.4, 64), np.zeros((64, 0)), moving=True)
+    assert train.main(["base", "--data", str(tmp_path), "--out", str(tmp_path / "run"), *SIX]) == 2
+    assert "--data base, 64 chunks, digest" in capsys.readouterr().err
+
+
+def test_a_run_goes_on_for_more_steps_at_another_rate(chunks, tmp_path):
+    _base(chunks, tmp_path)
+    _base(chunks, tmp_path, "--steps", "8", "--rate", "1e-4")
+    assert torch.load(tmp_path / "state.pt")["step"] == 8
+
+
+def test_another_size_is_no_resumption(chunks, tmp_path, capsys, monkeypatch):
+    _base(chunks, tmp_path)
+    monkeypatch.setitem(train.SIZES, "lite", ModelConfig(64, 1, 4, prediction="clean"))
+    assert train.main(["base", "--data", str(chunks), "--out", str(tmp_path), *SIX, "--size", "lite"]) == 2
+    assert "a run with --size tiny; this run has --size lite." in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("share", [0.0, 0.5, 0.99])
+def test_an_incomplete_state_is_refused_with_the_remedy(chunks, tmp_path, capsys, share):
+    _base(chunks, tmp_path)
+    state = tmp_path / "state.pt"
+    state.write_bytes(state.read_bytes()[: int(share * state.stat().st_size)])
+    assert train.main(["base", "--data", str(chunks), "--out", str(tmp_path), *SIX]) == 2
+    assert f"Expected the state of a run in {state}" in capsys.readouterr().err
+
+
+# -- several processes -------------------------------------------------------------------------------------------------
 PARTING = """
 import pathlib, sys
 from humanclaw_train import train
@@ -115,11 +169,10 @@ def test_the_validation_loss_falls_as_the_model_learns(chunks, tmp_path, capsys)
 
 def test_every_held_out_chunk_counts_once_in_the_validation_loss(tmp_path):
     distance = np.arange(13.0)
-    save_chunks(tmp_path / "held_out" / "base.npz", distance, np.zeros((13, 0)))
-    chunks = held_out([tmp_path], "base")
-    covered = Validation(lambda states, *_: states[:, -1, 2].mean(), chunks, Recipe(batch=8, history_noise=0))
-    assert covered.loss() == pytest.approx(6.0, abs=1e-4)  # The mean of 0 to 12, in batches of 8 and 5.
-    assert held_out([tmp_path], "walk") is None
+    save_chunks(tmp_path / "base.npz", distance, np.zeros((13, 0)))
+    chunks = tensors.load([tmp_path], "base")
+    covered = validation(lambda states, *_: states[:, -1, 2].mean(), chunks, Recipe(batch=8, history_noise=0.0))
+    assert covered == pytest.approx(6.0, abs=1e-4)  # The mean of 0 to 12, in batches of 8 and 5.
 
 
 @pytest.mark.integration
@@ -151,7 +204,7 @@ def test_wandb_gets_the_losses_of_a_run_and_of_its_resumption(chunks, tmp_path, 
 def test_a_log_without_its_package_is_refused_with_the_command_that_installs_it(chunks, tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     arguments = ["base", "--data", str(chunks), "--out", str(tmp_path / "run"), *SIX]
-    for name in logs.LOGS:
+    for name in train.LOGS:
         assert train.main([*arguments, "--logger", name]) == 2
         assert f"pip install {name}" in capsys.readouterr().err
     assert not (tmp_path / "run").exists()

@@ -142,9 +142,10 @@ def fidelity(
 
 
 def live(
-    generator: DiTGenerator, declaration: Declaration, rollouts: int = 24, measures: Mapping[str, Measure] = MEASURES
+    base: Path, declaration: Declaration, rollouts: int = 24, measures: Mapping[str, Measure] = MEASURES
 ) -> Callable[[Path], str]:
-    """Return a function that describes an adapter in one line: achieved over commanded of a few rollouts."""
+    """Return a function that describes an adapter of a base in one line: achieved over commanded of a few rollouts."""
+    generator = DiTGenerator(load_base(base), PROFILES["default"])
 
     def look(adapter: Path) -> str:
         command = Command.declared(declaration, adapter, measures)

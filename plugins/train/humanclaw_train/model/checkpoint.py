@@ -64,6 +64,10 @@ class Base:
     normaliser: Normaliser
     digest: str
 
+    def to(self, device: torch.device) -> Base:
+        """Move to another device."""
+        return Base(self.model.to(device), self.normaliser.to(device), self.digest)
+
 
 def save_base(path: Path, model: DiT, normaliser: Normaliser, start: tuple[Tensor, Tensor], card: Card) -> str:
     """Write a base checkpoint and return its digest. start: root (5, 3) and rotations (5, 24, 3) of standing."""

@@ -8,7 +8,6 @@ A model may predict v or the clean future. `velocity` and `clean` convert each i
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
@@ -16,7 +15,7 @@ import torch
 from torch import Tensor, nn
 
 from humanclaw.body import CHUNK, FUTURE, HISTORY, N_JOINTS
-from humanclaw.motion import PROFILES, SIGMA_MIN, Prediction
+from humanclaw.motion import SIGMA_MIN, Prediction
 from humanclaw_train.model import kinematics
 from humanclaw_train.model.checkpoint import Normaliser
 
@@ -122,57 +121,3 @@ def _outcome(error: Tensor) -> Tensor:
     """Return the loss of root translation and rotation errors (B, 6), metres and radians."""
     units = torch.tensor([0.01] * 3 + [math.radians(0.4)] * 3, device=error.device)
     return nn.functional.smooth_l1_loss(error / units, torch.zeros_like(error))
-
-
-# -- the problem of a batch --------------------------------------------------------------------------------------------
-Forward = Callable[[Tensor, Tensor, Tensor, Tensor], Tensor]
-"""Maps (history, noisy future, tau, encoded condition) to the model's output."""
-Objective = Callable[[Tensor, Tensor, Tensor, Tensor], Tensor]
-"""Maps (states, encoded condition, noise, tau) to the loss."""
-
-
-def objective(
-    forward: Forward, loss: Loss, prediction: Prediction, bf16: bool = False, fast: bool = False
-) -> Objective:
-    """Return the loss of `forward` as a function of a batch. bf16: compute its layers in bfloat16. fast: compile it."""
-
-    def value(states: Tensor, condition: Tensor, noise: Tensor, tau: Tensor) -> Tensor:
-        normal = loss.normaliser.forward(states)
-        future = normal[:, HISTORY:]
-        noisy = noised(future, noise, tau)
-        with torch.autocast(states.device.type, torch.bfloat16, enabled=bf16):
-            output = forward(normal[:, :HISTORY], noisy, tau, condition)
-        output = output.float()  # The loss in single precision: its metric terms are small differences.
-        wanted = future if prediction == "clean" else target(future, noise)
-        return loss(output, wanted, clean(prediction, output, noisy, tau), states)
-
-    return torch.compile(value) if fast else value
-
-
-def generated(
-    forward: Forward, normaliser: Normaliser, prediction: Prediction, encode: Callable[[Tensor], Tensor]
-) -> Callable[[Tensor, Tensor, Tensor], Tensor]:
-    """Return the generation of futures with the default solver, on states in metres and radians.
-
-    encode: maps conditions (B, k) to what `forward` takes.
-    """
-    solver = PROFILES["default"]
-
-    def solve(history: Tensor, values: Tensor, noise: Tensor) -> Tensor:
-        normal, condition = normaliser.forward(history), encode(values)
-
-        def field(index: int, noisy: Tensor) -> Tensor:
-            tau = torch.full((len(noisy),), solver.times[index], device=noisy.device)
-            return velocity(prediction, forward(normal, noisy, tau, condition), noisy, tau)
-
-        future: Tensor = normaliser.inverse(solver.solve(field, noise))
-        return future
-
-    return solve
-
-
-def has_bfloat16(device: torch.device) -> bool:
-    """Return whether bfloat16 is fast: processors without AVX-512 emulate it 13 times slower than float32 (on AVX2)."""
-    if device.type == "cuda":
-        return bool(torch.cuda.is_bf16_supported(including_emulation=False))
-    return device.type != "cpu" or torch.backends.cpu.get_cpu_capability() == "AVX512"

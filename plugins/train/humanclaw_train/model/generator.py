@@ -15,7 +15,6 @@ from humanclaw_train.model.checkpoint import load_adapter, load_base
 from humanclaw_train.model.control import Adapter
 from humanclaw_train.model.dit import Modulations
 from humanclaw_train.model.flow import velocity
-from humanclaw_train.parallel import device_of
 
 Array = NDArray[np.float32]
 Branch = tuple[Adapter, Tensor]
@@ -60,7 +59,7 @@ class TorchRuntime:
         return adapter.condition(torch.from_numpy(adapter.config.conditions(values)).to(self._device))
 
 
-def torch_generator(profile: str = "default", prior: Path | None = None, device: str = "auto") -> MotionGenerator:
-    """Read a base checkpoint for a torch device; otherwise like DiTGenerator.load. auto: a GPU if there is one."""
-    path, where = prior or shipped_base(), device_of(device)
+def torch_generator(profile: str = "default", prior: Path | None = None, device: str = "") -> MotionGenerator:
+    """Read a base checkpoint for a torch device; otherwise like DiTGenerator.load. device: the GPU if there is one."""
+    path, where = prior or shipped_base(), torch.device(device or ("cuda" if torch.cuda.is_available() else "cpu"))
     return DiTGenerator.load(path, profile, lambda base, solver: TorchRuntime(path, solver, where))
