@@ -497,7 +497,7 @@ class Run:
     def _save(self, export: Callable[[], None], held_out: ChunkTensors | None, logs: Sequence[Log]) -> None:
         """Save the whole state and the checkpoint, and validate. An interrupted save leaves the old state in place.
 
-        Raises HumanclawError, and saves nothing, for weights beyond the range of half precision, which checkpoints have.
+        Raises HumanclawError, and saves nothing, for weights too large for the half precision of checkpoints.
         """
         if not all(weights.half().isfinite().all() for weights in self.mean.trained.parameters()):
             raise self._diverged("weights beyond the range of half precision")
