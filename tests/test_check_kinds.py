@@ -16,7 +16,6 @@ from dataclasses import replace
 from types import SimpleNamespace
 from humanclaw import Call, Decision, Scene, Verdict, hookimpl
 from humanclaw.body import Motion, Pose2D
-from humanclaw.records import Reading
 from humanclaw.skills import Measure
 from humanclaw.world import View
 from humanclaw.testing import FakeGenerator, FakeRenderer, FakeWorld, fake_scene
@@ -43,10 +42,6 @@ def agent(*decide):
 
 def judge(*verify):
     return made("verifiers", "lambda o: It()", "(Begins)", "verify(self, seen, call, skill, goal)", *verify)
-
-
-def sense(*feel):
-    return made("senses", "It", "", "feel(self, moment)", *feel)
 
 
 def world(result):
@@ -98,9 +93,6 @@ FAULTS = {
     "a verifier whose call is unknown": judge("return Verdict(False, Call('fly'))"),
     "a verifier whose call is out of bounds": judge("return Verdict(False, Call('walk', {'z_cm': 9999}))"),
     "a verifier that raises": judge("raise KeyError('x')"),
-    "a sense of a text": sense("return 'a wall'"),
-    "a sense of NaN": sense("return Reading('x', {'m': float('nan')})"),
-    "a sense that raises": sense("return moment.nothing"),
     "a scene of None": item("scenes", "lambda argument: None"),
     "a scene without an object": item("scenes", "lambda argument: Scene('x', {}, (), (), Pose2D())"),
     "a scene that begins off its floor": item("scenes", "lambda a: replace(fake_scene(), start=Pose2D(500.0, 0.0))"),
@@ -179,10 +171,10 @@ def test_an_unknown_argument_is_answered_with_the_known_ones(tmp_path):
     assert fault.remedy == "It takes episode, step, view."
 
 
-def test_a_sense_that_never_returns_is_a_fault_and_an_agent_may_wait_for_a_person(tmp_path, monkeypatch):
+def test_a_renderer_that_never_returns_is_a_fault_and_an_agent_may_wait_for_a_person(tmp_path, monkeypatch):
     monkeypatch.setattr("humanclaw.testing.kinds.PATIENCE", 0.5)
     waits = "__import__('threading').Event().wait()"
-    assert "did not return within 0.5 s" in faults(tmp_path, sense(waits))[0].message
+    assert "did not return within 0.5 s" in faults(tmp_path, eyes(waits))[0].message
     assert faults(tmp_path, agent(waits), "waiting") == []
 
 

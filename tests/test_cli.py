@@ -136,7 +136,6 @@ def test_a_seed_below_zero_is_refused_in_words(cli, command):
             "Write provider/name",
             marks=pytest.mark.integration,
         ),
-        (["run", "--sensor", "smell"], "there is no sensor 'smell'", "Choose from: vision, body, touch"),
         (["run", "--prior", "nope"], "there is no prior 'nope'", "Known: lite"),
         (
             ["run", "--instruction", "find a giraffe"],

@@ -3,20 +3,18 @@
 import numpy as np
 import pytest
 from engines import DEFAULT
-from hosting import host_of
 
-from humanclaw import Backends, Body, Chunk, Decision, Episode, Keyframes, Plugins, skill
+from humanclaw import Backends, Body, Chunk, Decision, Episode
 from humanclaw.body import JOINT_INDEX, STANDING_HEIGHT, Motion, rest_pose
 from humanclaw.episodes.backends import check_sensors
 from humanclaw.episodes.falls import Descent
 from humanclaw.episodes.sensors import proprioception, tactile
-from humanclaw.errors import HumanclawError, PluginRunError
-from humanclaw.records import Answer, Feedback, Reading, RecordedEpisode, StepRecord, Touch, free_episode
+from humanclaw.errors import HumanclawError
+from humanclaw.records import Answer, Feedback, StepRecord, Touch, free_episode
 from humanclaw.skills import Call
-from humanclaw.testing import fake_scene
-from humanclaw.testing.fakes import FAKE, Fakes, ScriptedAgent
+from humanclaw.testing.fakes import ScriptedAgent
 from humanclaw.testing.scenes import SceneBuilder
-from humanclaw.world import Contact, Execution, View
+from humanclaw.world import Contact, Execution
 
 BEFORE = rest_pose(1)
 
@@ -184,51 +182,6 @@ def test_a_record_keeps_what_was_felt_as_values_and_says_the_same_again():
 
 
 def test_vision_is_always_on_and_an_unknown_sense_is_refused():
-    plugins = Plugins.discover()
-    assert check_sensors(["touch"], plugins) == ("vision", "touch")
+    assert check_sensors(["touch"]) == ("vision", "touch")
     with pytest.raises(HumanclawError, match="there is no sensor 'smell'"):
-        check_sensors(["smell"], plugins)
-
-
-class Ahead:
-    """The distance to what is straight ahead, from depth."""
-
-    def feel(self, moment):
-        depth = moment.view().depth
-        metres = float(depth[depth.shape[0] // 2, depth.shape[1] // 2])
-        return Reading(f"Something is {metres:.1f} m ahead of you.", {"metres": metres})
-
-
-@skill()
-def wait() -> Keyframes:
-    """Wait."""
-    return Keyframes.cycle("head", "x", 1, 0.5)
-
-
-def sensing(sense):
-    plugins = host_of("acme-senses", senses=[("ahead", sense, "the distance to what is straight ahead")])
-    plugins.add(Fakes([wait]), FAKE)
-    return Body(fake_scene(), plugins=plugins, backends=Backends(FAKE, FAKE, FAKE, sensors=("ahead", "body")))
-
-
-def test_a_sense_of_a_plugin_tells_the_agent_in_words_and_the_record_in_numbers(tmp_path):
-    with sensing(Ahead) as body:
-        body._renderer.render = lambda state, camera: View(
-            np.zeros((512, 512, 3), np.uint8), np.full((512, 512), 2.0, np.float32), np.zeros((512, 512), np.int32)
-        )
-        episode = Episode(body, free_episode("wait", body.scene), "tester", folder=tmp_path / "e")
-        with episode:
-            step = episode.submit(Decision((Call("wait"),)))
-    assert str(step.feedback).endswith("Something is 2.0 m ahead of you.")
-    assert "You feel yourself standing upright" in str(step.feedback)
-    (recorded,) = RecordedEpisode(tmp_path / "e").steps
-    assert recorded.readings == (Reading("Something is 2.0 m ahead of you.", {"metres": 2.0}, "ahead"),)
-
-
-def test_a_sense_that_returns_something_else_is_named():
-    class Odd:
-        def feel(self, moment):
-            return "a wall"
-
-    with sensing(Odd) as body, pytest.raises(PluginRunError, match=r"acme-senses.*returned 'a wall' and no Reading"):
-        body.call("wait")
+        check_sensors(["smell"])

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     import click
 
     from humanclaw.motion.generator import MotionGenerator
-    from humanclaw.plugins.hookspecs import GeneratorFactory, Register, Reward, SceneFactory, SenseFactory
+    from humanclaw.plugins.hookspecs import GeneratorFactory, Register, Reward, SceneFactory
     from humanclaw.world.scene import Scene
 
 _COMMANDS = (
@@ -43,14 +43,6 @@ def humanclaw_priors(register: Register[Path]) -> None:
 @hookimpl
 def humanclaw_scenes(register: Register[SceneFactory]) -> None:
     register("floor", _floor, "an empty floor of 20 by 20 metres")
-
-
-@hookimpl
-def humanclaw_senses(register: Register[SenseFactory]) -> None:
-    from humanclaw.episodes.sensors import BodySense, TouchSense
-
-    register("body", BodySense, "posture, height of the hips, intended and actual displacement")
-    register("touch", TouchSense, "which part of the body something touched, and for how long")
 
 
 @hookimpl

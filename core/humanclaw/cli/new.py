@@ -54,7 +54,6 @@ KINDS: Final = {
     "scene": Kind("scene", "scene source", 'humanclaw run --scene example:0 --instruction "find the chair"', _NUMPY),
     "metric": Kind("metric", "metric", "humanclaw bench table RUN --only plugins", extra="bench"),
     "simulator": Kind("simulator", "simulator", "humanclaw run --simulator example", _NUMPY),
-    "sense": Kind("sense", "sense", "humanclaw run --sensor example"),
     "reporter": Kind("reporter", "reporter", "humanclaw run"),
     "framework": Kind("framework", "framework", "humanclaw plugins"),
     "command": Kind("command", "command", "humanclaw example --help", ("click>=8.1",)),

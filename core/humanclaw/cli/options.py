@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Final, TypeVar
 import click
 
 from humanclaw.cli.completion import names_of
-from humanclaw.episodes.backends import MOTION_HISTORIES, Backends
+from humanclaw.episodes.backends import MOTION_HISTORIES, SENSORS, Backends
 from humanclaw.errors import HumanclawError, PluginError, PluginRunError, blaming
 from humanclaw.records.limits import Meter, check_limits
 from humanclaw.text.words import did_you_mean
@@ -136,10 +136,9 @@ _DECIDERS: Final = (
     click.option(
         "--sensor",
         "sensors",
-        metavar="NAME",
+        type=click.Choice(SENSORS),
         multiple=True,
-        help="Sense besides the view, which is always on: body, touch, or one of a plugin. Repeatable.",
-        shell_complete=names_of("senses"),
+        help="Sense besides the view, which is always on. Repeatable.",
     ),
     click.option("--option", "pairs", multiple=True, metavar="KEY=VALUE", help="Any option of the agent. Repeatable."),
     click.option(

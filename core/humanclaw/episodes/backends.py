@@ -18,7 +18,7 @@ SHIPPED: Final = "lite"
 VISION: Final = "vision"
 """The sense that is always on: the picture."""
 SENSORS: Final = (VISION, "body", "touch")
-"""Vision, and the senses that come with the core. Plugins add others (hook humanclaw_senses)."""
+"""Vision, the positions of the own limbs, and their contacts."""
 MOTION_HISTORIES: Final = ("generated", "simulated")
 """Sources of the frames that a motion continues: the model's own poses, or the body's (humanclaw.body.next_history)."""
 SIMULATORS: Final = ("bullet", "mujoco")
@@ -55,7 +55,7 @@ class Backends:
                 f"there is no motion history {self.motion_history!r}.", f"Choose from: {', '.join(MOTION_HISTORIES)}."
             )
         simulator = self.simulator or default_simulator(plugins)
-        return replace(self, simulator=simulator, sensors=check_sensors(self.sensors, plugins))
+        return replace(self, simulator=simulator, sensors=check_sensors(self.sensors))
 
 
 def default_simulator(plugins: Plugins) -> str:
@@ -67,10 +67,10 @@ def default_simulator(plugins: Plugins) -> str:
     return preferred[0]
 
 
-def check_sensors(names: Iterable[str], plugins: Plugins) -> tuple[str, ...]:
+def check_sensors(names: Iterable[str]) -> tuple[str, ...]:
     """Return the wanted senses and vision, in a fixed order. Raises HumanclawError for an unknown one."""
-    known, asked = [VISION, *(one.name for one in plugins.registered("senses"))], set(names)
-    if unknown := sorted(asked - set(known)):
-        nearest = did_you_mean(unknown[0], known) or f"Choose from: {', '.join(known)}."
+    asked = set(names)
+    if unknown := sorted(asked - set(SENSORS)):
+        nearest = did_you_mean(unknown[0], SENSORS) or f"Choose from: {', '.join(SENSORS)}."
         raise HumanclawError(f"there is no sensor {unknown[0]!r}.", nearest)
-    return tuple(name for name in known if name in asked | {VISION})
+    return tuple(name for name in SENSORS if name in asked | {VISION})

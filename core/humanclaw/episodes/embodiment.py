@@ -14,17 +14,17 @@ from numpy.typing import NDArray
 
 from humanclaw.body.pose import FUTURE, Motion, Pose2D
 from humanclaw.episodes.adapters import Adapters
-from humanclaw.episodes.backends import SENSORS, SHIPPED, VISION, Backends
+from humanclaw.episodes.backends import SHIPPED, Backends
 from humanclaw.episodes.execution import SkillExecution, Watcher, played_parts, working
 from humanclaw.episodes.falls import Descent
 from humanclaw.episodes.moving import Mover, Playing
-from humanclaw.episodes.sensors import checked
+from humanclaw.episodes.sensors import proprioception, tactile
 from humanclaw.episodes.tools import Verified, body_tools
 from humanclaw.errors import HumanclawError, blaming
 from humanclaw.motion.generator import MotionGenerator
-from humanclaw.plugins.agents import Moment, Observation, Sense, Verifier
+from humanclaw.plugins.agents import Observation, Verifier
 from humanclaw.plugins.host import Plugins
-from humanclaw.records.feedback import Feedback, Proprioception, Reading, Touch
+from humanclaw.records.feedback import Feedback
 from humanclaw.skills.aims import Grip
 from humanclaw.skills.call import Call
 from humanclaw.skills.contract import Skill
@@ -62,9 +62,6 @@ class Body:
         self.plugins = plugins or Plugins.discover()
         self.backends = (backends or Backends()).chosen(self.plugins)
         self.sensors = self.backends.sensors
-        self._senses: dict[str, Sense] = {
-            name: self.plugins.make("senses", name) for name in self.sensors if name != VISION
-        }
         self.gaze: Gaze = gaze_of(self.backends.gaze)
         self._adapters = Adapters(self.plugins)
         self._generator: MotionGenerator = self._moved_by(self.backends.generator, self.backends.prior)
@@ -225,33 +222,22 @@ class Body:
         limits = [*playing.limits, *(f"what your {side} hand held slipped" for side in slipped)]
         told = played_parts(plan, played) if len(plan) > 1 else ()
         self._descent = self._descent.after(chunks)
-        body, touch, readings = self._sense(Moment(before.body, tuple(chunks), self.view))
+        moved = [(chunk.commanded, chunk.execution) for chunk in chunks]
         self.last = SkillExecution(
             call,
             tuple(chunks),
             seconds,
-            body,
-            touch,
+            proprioception(before.body, moved) if "body" in self.sensors else None,
+            tactile([chunk.execution for chunk in chunks]) if "touch" in self.sensors else None,
             told,
             playing.rise_frames,
             cancelled,
             tuple(dict.fromkeys(limits)),
-            readings,
             tuple(playing.aims),
             self._descent.fall,
             self._descent.falling,
         )
         return self.last
-
-    def _sense(self, moment: Moment) -> tuple[Proprioception | None, tuple[Touch, ...] | None, tuple[Reading, ...]]:
-        """Return the readings of body, touch, and the senses of plugins."""
-        told: dict[str, Any] = {}
-        for name, sense in self._senses.items():
-            with blaming(self.plugins.owner(name, "senses")):
-                told[name] = sense.feel(moment)
-                if name not in SENSORS:
-                    told[name] = replace(checked(told[name], name), sense=name)
-        return told.get("body"), told.get("touch"), tuple(one for name, one in told.items() if name not in SENSORS)
 
     def _repr_html_(self) -> str:
         """Return what the eyes see now, for a notebook."""

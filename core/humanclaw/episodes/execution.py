@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-from humanclaw.records.feedback import Feedback, HandAim, Proprioception, Reading, Touch
+from humanclaw.records.feedback import Feedback, HandAim, Proprioception, Touch
 from humanclaw.records.steps import PlayedPart
 from humanclaw.skills.call import Call
 from humanclaw.skills.plan import Control
@@ -27,7 +27,7 @@ class SkillExecution:
     seconds: Mapping[str, float]
     proprioception: Proprioception | None = None
     tactile: tuple[Touch, ...] | None = None
-    """Readings of the core's senses beside vision; None for a sense that is off."""
+    """Readings of the senses beside vision; None for a sense that is off."""
     parts: tuple[PlayedPart, ...] = ()
     """The parts of a sequence that were played, in order; empty for a call of one part."""
     rise_frames: int = 0
@@ -36,8 +36,6 @@ class SkillExecution:
     """Whether a part of the call was left out."""
     limits: tuple[str, ...] = ()
     """What the body could not do of the call, in words."""
-    readings: tuple[Reading, ...] = ()
-    """Readings of the senses of plugins."""
     aims: tuple[HandAim, ...] = ()
     """Where hands were to go, and how far they are from there."""
     fall: float = 0.0
@@ -56,7 +54,6 @@ class SkillExecution:
             limits=self.limits,
             fell=self.fall,
             falling=self.falling,
-            readings=self.readings,
         )
 
 

@@ -15,9 +15,7 @@ import numpy as np
 
 from humanclaw.body.pose import Array, Motion, Pose2D, support_height, wrap_angle
 from humanclaw.body.skeleton import JOINT_INDEX
-from humanclaw.plugins.agents import Moment
-from humanclaw.records.feedback import Displacement, Proprioception, Reading, Touch
-from humanclaw.text.words import legible
+from humanclaw.records.feedback import Displacement, Proprioception, Touch
 from humanclaw.world.simulator import Contact, Execution
 
 _UNDERFOOT: Final = 0.05
@@ -91,25 +89,3 @@ def _part(contact: Contact) -> str:
     side = contact.joint.split("_")[0]
     part = _PARTS[contact.group]
     return f"{side} {part}" if side in ("left", "right") else part
-
-
-# -- as plugins --------------------------------------------------------------------------------------------------------
-class BodySense:
-    """The sense `body`."""
-
-    def feel(self, moment: Moment) -> Proprioception:
-        return proprioception(moment.before, [(chunk.commanded, chunk.execution) for chunk in moment.chunks])
-
-
-class TouchSense:
-    """The sense `touch`."""
-
-    def feel(self, moment: Moment) -> tuple[Touch, ...]:
-        return tactile([chunk.execution for chunk in moment.chunks])
-
-
-def checked(reading: object, sense: str) -> Reading:
-    """Return a reading that a record can hold. Raises TypeError for anything else."""
-    if not isinstance(reading, Reading) or not isinstance(reading.words, str):
-        raise TypeError(f"feel() of sense {sense!r} returned {str(reading)[:100]!r} and no Reading")
-    return Reading(legible(reading.words), {str(key): float(value) for key, value in reading.values.items()})

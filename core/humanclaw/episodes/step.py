@@ -92,7 +92,6 @@ class Step:
             parts=done.parts if done else (),
             cancelled=done.cancelled if done else False,
             limits=done.limits if done else (),
-            readings=done.readings if done else (),
             held=dict(after.held),
             aims=done.aims if done else (),
             joints=joint_states(scene, chunks),

@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING, Any, Protocol, Self, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from humanclaw.body.pose import Motion
 from humanclaw.records.decisions import Decision, Verdict
-from humanclaw.records.feedback import Feedback, Proprioception, Reading, Touch
+from humanclaw.records.feedback import Feedback
 from humanclaw.records.folder import FRAME_BYTES, reading
 from humanclaw.records.specification import EpisodeSpec
 from humanclaw.skills.call import Call
@@ -20,7 +19,7 @@ from humanclaw.skills.contract import Skill
 from humanclaw.storage.files import read_file
 from humanclaw.storage.pictures import from_jpeg
 from humanclaw.world.scene import Scene
-from humanclaw.world.simulator import Chunk, WorldState
+from humanclaw.world.simulator import WorldState
 from humanclaw.world.view import DEFAULT_GAZE, GAZES, Gaze, View
 
 if TYPE_CHECKING:
@@ -36,26 +35,6 @@ class Installed(Protocol):
     def make(self, kind: str, name: str, *args: Any, **options: Any) -> Any: ...
 
     def tell(self, hook: str, **event: Any) -> None: ...
-
-
-@dataclass(frozen=True)
-class Moment:
-    """What a sense may look at after a call."""
-
-    before: Motion
-    """The pose (one frame, world frame) in which the call began."""
-    chunks: tuple[Chunk, ...]
-    """The motion of the call, with contacts; one or more."""
-    view: Callable[[], View]
-    """What the eyes see now: colours, depth, object ids."""
-
-
-class Sense(Protocol):
-    """A sense beside vision. It reports what a person would feel or judge, never a coordinate of the scene."""
-
-    def feel(self, moment: Moment) -> Reading | Proprioception | tuple[Touch, ...]:
-        """Return the reading after a call: words for the agent and values for the record. A sense of a plugin returns a
-        Reading; the other types are those of the senses `body` and `touch`."""
 
 
 class Reporter(Protocol):

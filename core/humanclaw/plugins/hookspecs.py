@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from humanclaw.motion.generator import MotionGenerator
-    from humanclaw.plugins.agents import Agent, Reporter, Sense, Tasks, Verifier
+    from humanclaw.plugins.agents import Agent, Reporter, Tasks, Verifier
     from humanclaw.records.steps import EpisodeRecord, StepRecord
     from humanclaw.records.trial import Trial
     from humanclaw.skills.body_tool import BodyTool
@@ -71,7 +71,6 @@ GeneratorFactory: TypeAlias = "Callable[..., MotionGenerator]"
 AgentFactory: TypeAlias = "Callable[[Options], Agent]"
 VerifierFactory: TypeAlias = "Callable[[Options], Verifier]"
 ReporterFactory: TypeAlias = "Callable[..., Reporter]"
-SenseFactory: TypeAlias = "Callable[[], Sense]"
 TasksFactory: TypeAlias = "Callable[[Options], Tasks]"
 Reward: TypeAlias = "Callable[[Trial], float]"
 FrameworkFactory: TypeAlias = "Callable[[Sequence[BodyTool]], Any]"
@@ -176,12 +175,6 @@ def humanclaw_reports(register: Register[ReporterFactory]) -> None:
 @hookspec
 def humanclaw_frameworks(register: Register[FrameworkFactory]) -> None:
     """Register agent frameworks, for Body.tools: factory(tools: Sequence[BodyTool]) -> the framework's own objects."""
-
-
-@hookspec
-def humanclaw_senses(register: Register[SenseFactory]) -> None:
-    """Register senses beside vision: factory() -> Sense, made anew for each body. `--sensor NAME` turns one on. After
-    each call it returns a Reading: words for the agent, numbers for the record."""
 
 
 @hookspec

@@ -18,7 +18,6 @@ if TYPE_CHECKING:
         Displacement as Displacement,
         Feedback as Feedback,
         Proprioception as Proprioception,
-        Reading as Reading,
         Touch as Touch,
     )
     from humanclaw.records.folder import (

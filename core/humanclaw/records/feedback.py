@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import ClassVar, Final
 
 import numpy as np
@@ -98,21 +98,6 @@ class HandAim:
 
 
 @dataclass(frozen=True)
-class Reading:
-    """The reading of a sense of a plugin: words for the agent, values for the record."""
-
-    __pydantic_config__: ClassVar = STRICT
-
-    words: str
-    values: dict[str, float] = field(default_factory=dict)
-    sense: str = ""
-    """Name of the sense; the body fills it in."""
-
-    def __str__(self) -> str:
-        return self.words
-
-
-@dataclass(frozen=True)
 class Feedback:
     """Outcome of the last step, or the reason why the last answer was refused. str() gives words."""
 
@@ -134,8 +119,6 @@ class Feedback:
     """How far the body fell, metres; 0 if it did not."""
     falling: bool = False
     """Whether it is still falling."""
-    readings: tuple[Reading, ...] = ()
-    """Readings of the senses of plugins."""
 
     def __bool__(self) -> bool:
         return self.executed is not None or bool(self.refusal)
@@ -150,7 +133,7 @@ class Feedback:
     @property
     def sensor_readings(self) -> str:
         """The readings of all senses beside vision in words; empty if they are off."""
-        told = (str(self.proprioception or ""), _touched(self.tactile), *map(str, self.readings))
+        told = (str(self.proprioception or ""), _touched(self.tactile))
         return " ".join(filter(None, told))
 
     def _action(self) -> str:

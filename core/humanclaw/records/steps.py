@@ -13,7 +13,7 @@ from pydantic import AfterValidator, Field
 from humanclaw.body.pose import FUTURE, Pose2D
 from humanclaw.body.skeleton import JOINT_INDEX
 from humanclaw.records.decisions import Attempt, Decision, Usage, Verdict
-from humanclaw.records.feedback import Feedback, HandAim, Proprioception, Reading, Touch
+from humanclaw.records.feedback import Feedback, HandAim, Proprioception, Touch
 from humanclaw.records.specification import EpisodeSpec, Name, Record
 from humanclaw.skills.aims import Side
 from humanclaw.skills.call import Call
@@ -81,8 +81,6 @@ class StepRecord(Record):
     proprioception: Proprioception | None = None
     tactile: tuple[Touch, ...] | None = None
     """Readings of the touch sense; None if it was off."""
-    readings: tuple[Reading, ...] = ()
-    """Readings of the senses of plugins."""
     target_pixels: dict[int, int] = {}
     """Pixels of each target in the view before the decision."""
     frame_file: Annotated[str, Field(pattern=r"^(frames/[A-Za-z0-9_-][A-Za-z0-9._-]*)?$")] = ""
@@ -171,7 +169,6 @@ class StepRecord(Record):
             limits=self.limits,
             fell=self.fall,
             falling=self.falling,
-            readings=self.readings,
         )
 
 

@@ -11,6 +11,7 @@ import json
 import re
 from collections import Counter
 from collections.abc import Callable, Mapping
+from importlib import resources
 from pathlib import Path
 from typing import Any, Final
 
@@ -141,7 +142,8 @@ def read_draft(folder: Path) -> tuple[Skill | None, tuple[ContractError, ...]]:
 @functools.cache
 def _form() -> dict[str, Any]:
     """Return the JSON schema of skill schemas."""
-    form: dict[str, Any] = json.loads(Path(__file__).with_name("skill_schema.json").read_text("utf-8"))
+    text = resources.files("humanclaw.skills").joinpath("skill_schema.json").read_text("utf-8")
+    form: dict[str, Any] = json.loads(text)
     return form
 
 

@@ -17,10 +17,9 @@ from humanclaw.body.pose import FPS, FUTURE, HISTORY, Motion, Pose2D, rest_pose,
 from humanclaw.body.skeleton import Side
 from humanclaw.episodes.backends import Backends
 from humanclaw.episodes.embodiment import Body
-from humanclaw.episodes.sensors import BodySense, TouchSense
 from humanclaw.errors import ProviderError
 from humanclaw.plugins.agents import EpisodeContext, HistoryEntry, Observation
-from humanclaw.plugins.hookspecs import Register, RegisterMeasure, RegisterSkill, SenseFactory, hookimpl
+from humanclaw.plugins.hookspecs import Register, RegisterMeasure, RegisterSkill, hookimpl
 from humanclaw.plugins.host import Plugins
 from humanclaw.records.decisions import Decision
 from humanclaw.skills.call import Call
@@ -170,11 +169,6 @@ class Fakes:
     @hookimpl
     def humanclaw_motion_generators(self, register: Register[Any]) -> None:
         register(FAKE, lambda profile="default": FakeGenerator(), "gliding")
-
-    @hookimpl
-    def humanclaw_senses(self, register: Register[SenseFactory]) -> None:
-        register("body", BodySense, "the core's")
-        register("touch", TouchSense, "the core's")
 
     @hookimpl
     def humanclaw_scenes(self, register: Register[Any]) -> None:

@@ -21,14 +21,13 @@ from humanclaw.episodes.embodiment import Body
 from humanclaw.episodes.episode import Episode
 from humanclaw.episodes.tools import body_tools
 from humanclaw.errors import CallError, ContractError, HumanclawError, ProviderError, in_words
-from humanclaw.plugins.agents import EpisodeContext, Moment, Observation
+from humanclaw.plugins.agents import EpisodeContext, Observation
 from humanclaw.plugins.bounded import Bounded, OverdueError
 from humanclaw.plugins.choice import Registration
 from humanclaw.plugins.deciders import admit, name_of, settings_of
 from humanclaw.plugins.hookspecs import OBSERVERS, noun
 from humanclaw.plugins.host import Plugins
 from humanclaw.records.decisions import Decision, Verdict, check
-from humanclaw.records.feedback import Reading
 from humanclaw.records.reading import RecordedEpisode
 from humanclaw.records.tasks import free_episode
 from humanclaw.skills.call import Call, check_call
@@ -87,20 +86,6 @@ def _verifier(make: Callable[..., Any], plugins: Plugins) -> None:
         _hold(verdict.accepted or verdict.replacement, "verify() neither accepts nor replaces the call")
         if verdict.replacement:
             _legal(check_call, verdict.replacement, body.skills)
-
-
-def _sense(make: Callable[..., Any], plugins: Plugins) -> None:
-    with fake_body(nod) as body:
-        before, sense = body.state().body, make()
-        seen = body.view()
-        wall = View(seen.rgb, np.full_like(seen.depth, 2.0), seen.ids)
-        moment = Moment(before, body.execute(Call("nod")).chunks, lambda: wall)
-        reading = sense.feel(moment)
-        if isinstance(reading, Reading):
-            _expect(reading.words, str, "words of the reading")
-            _hold(np.isfinite([float(one) for one in reading.values.values()]).all(), "a value is no finite number")
-        else:
-            _hold(type(sense).__module__.startswith("humanclaw."), f"feel() returned {reading!r} and no Reading")
 
 
 def _scene(make: Callable[..., Any], plugins: Plugins) -> None:
@@ -210,7 +195,7 @@ def _other(value: Any, plugins: Plugins) -> None:
 
 
 CHECKED: Final[Mapping[str, Callable[[Any, Plugins], None]]] = {
-    "agents": _agent, "verifiers": _verifier, "senses": _sense, "scenes": _scene, "simulators": _simulator,
+    "agents": _agent, "verifiers": _verifier, "scenes": _scene, "simulators": _simulator,
     "renderers": _renderer, "motion_generators": _generator, "reports": _report, "frameworks": _framework,
     "measures": _measure,
 }  # fmt: skip
