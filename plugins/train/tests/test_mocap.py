@@ -3,7 +3,10 @@
 import numpy as np
 import pytest
 
-from humanclaw_train.mocap.readers import load
+from humanclaw.body import JOINTS
+from humanclaw_train.mocap.clips import Folder
+from humanclaw_train.mocap.readers import Reading, load
+from humanclaw_train.mocap.retarget import retarget
 from humanclaw_train.mocap.source_motion import MocapError
 
 BVH = """HIERARCHY
@@ -78,12 +81,6 @@ def test_a_bvh_file_gives_world_positions_in_the_order_of_its_channels(tmp_path)
     np.testing.assert_allclose(motion.positions[1], [[1, 2, 3], [5, 2, 3], [5, 2, -1]], atol=1e-9)
 
 
-def test_a_unit_scales_every_position(tmp_path):
-    motion = load(written(tmp_path, "a.bvh", BVH), unit=0.01)
-    np.testing.assert_allclose(motion.positions[0, 1], [0.01, -0.02, 0.03], atol=1e-12)
-    np.testing.assert_allclose(motion.rest.positions[2], [0, -0.08, 0], atol=1e-12)
-
-
 def test_a_bone_of_an_amc_turns_about_its_own_axes(tmp_path):
     written(tmp_path, "07.asf", ASF)
     motion = load(written(tmp_path, "07_01.amc", AMC))
@@ -154,3 +151,139 @@ def test_numbers_that_are_not_finite_are_refused(tmp_path):
 def test_a_missing_file_is_named(tmp_path):
     with pytest.raises(MocapError, match=r"gone\.bvh cannot be read"):
         load(tmp_path / "gone.bvh")
+
+
+# -- files as other programs write them --------------------------------------------------------------------------------
+def test_angles_of_an_asf_may_be_radians(tmp_path):
+    written(
+        tmp_path, "07.asf", ASF.replace("angle deg", "angle rad").replace("axis 0 0 90", "axis 0 0 1.5707963267949")
+    )
+    quarter = AMC.replace(" 90", " 1.5707963267949").replace(":DEGREES\n", "")
+    motion = load(written(tmp_path, "07_01.amc", quarter))
+    inch = 0.0254 / 0.5
+    np.testing.assert_allclose(motion.positions[1, 2], np.array([1, 2, 3 - 10]) * inch, atol=1e-9)
+
+
+def test_a_translation_of_a_bone_moves_its_beginning(tmp_path):
+    written(tmp_path, "07.asf", ASF.replace("dof rx", "dof tx rx"))
+    motion = load(written(tmp_path, "07_01.amc", AMC.replace("hip 90", "hip 2 90").replace("hip 0", "hip 0 0")))
+    inch = 0.0254 / 0.5
+    # The bone's X axis is the world's Y, and the root's quarter turn about Z moves +Y to -X.
+    np.testing.assert_allclose(motion.positions[1, 1], np.array([1 - 2, 2, 3]) * inch, atol=1e-9)
+
+
+def test_the_root_of_an_asf_has_numbers_in_its_own_order(tmp_path):
+    written(tmp_path, "07.asf", ASF.replace("order TX TY TZ RX RY RZ", "order RZ RY RX TX TY TZ"))
+    motion = load(written(tmp_path, "07_01.amc", AMC.replace("1 2 3 0 0 90", "90 0 0 1 2 3")))
+    inch = 0.0254 / 0.5
+    np.testing.assert_allclose(motion.positions[1, 2], np.array([1, 2, 3 - 10]) * inch, atol=1e-9)
+
+
+def test_an_amc_may_say_its_rate(tmp_path):
+    written(tmp_path, "07.asf", ASF)
+    assert load(written(tmp_path, "07_01.amc", AMC)).fps == 120
+    assert load(written(tmp_path, "07_02.amc", AMC.replace(":DEGREES", ":SAMPLES-PER-SECOND 60\n:DEGREES"))).fps == 60
+    assert load(written(tmp_path, "07_03.amc", AMC), Reading(fps=100)).fps == 100
+
+
+def test_words_of_a_bvh_may_be_in_capitals_or_not(tmp_path):
+    plain = load(written(tmp_path, "a.bvh", BVH))
+    for change in (str.upper, str.lower):
+        words = change(BVH).replace(change("Frame Time: "), "Frame Time:")
+        motion = load(written(tmp_path, "b.bvh", words))
+        np.testing.assert_allclose(motion.positions, plain.positions, atol=1e-9)
+
+
+STANDING = {"Hips": (0, 0.9, 0), "LeftUpLeg": (0.1, 0.9, 0), "LeftLeg": (0.1, 0.5, 0), "LeftFoot": (0.1, 0.1, 0),
+            "RightUpLeg": (-0.1, 0.9, 0), "RightLeg": (-0.1, 0.5, 0), "RightFoot": (-0.1, 0.1, 0),
+            "Spine": (0, 1.2, 0), "LeftArm": (0.2, 1.4, 0), "LeftForeArm": (0.2, 1.1, 0), "LeftHand": (0.2, 0.9, 0),
+            "RightArm": (-0.2, 1.4, 0), "RightForeArm": (-0.2, 1.1, 0), "RightHand": (-0.2, 0.9, 0),
+            "Neck": (0, 1.5, 0), "Head": (0, 1.6, 0.05)}  # fmt: skip
+"""Joints of a person who stands and faces +Z: x, y, z in metres."""
+BELOW = {"LeftUpLeg": "Hips", "RightUpLeg": "Hips", "Spine": "Hips", "LeftArm": "Spine", "RightArm": "Spine",
+         "Neck": "Spine", "Head": "Neck"} | {
+    f"{side}{low}": f"{side}{high}" for side in ("Left", "Right")
+    for low, high in (("Leg", "UpLeg"), ("Foot", "Leg"), ("ForeArm", "Arm"), ("Hand", "ForeArm"))
+}  # fmt: skip
+
+
+def standing_bvh(prefix="", turn=None):
+    """Write one second of standing, with names of Mixamo, LAFAN and others; turn: (3, 3) to other axes."""
+    place = {name: np.asarray(xyz) @ (np.eye(3) if turn is None else turn).T for name, xyz in STANDING.items()}
+
+    def write(name, indent):
+        offset = place[name] - place[BELOW[name]] if name in BELOW else np.zeros(3)
+        kind, channels = ("JOINT", "") if name in BELOW else ("ROOT", "6 Xposition Yposition Zposition")
+        lines = [f"{kind} {prefix}{name}", "{", "OFFSET " + " ".join(map(str, offset))]
+        lines.append(f"CHANNELS {channels or 3} Zrotation Xrotation Yrotation")
+        for child in (child for child, parent in BELOW.items() if parent == name):
+            lines += write(child, indent + 1)
+        return [*lines, "}"] if any(parent == name for parent in BELOW.values()) else [
+            *lines, "End Site", "{", "OFFSET 0 0 0", "}", "}"]  # fmt: skip
+
+    row = " ".join(map(str, place["Hips"])) + " 0" * (3 * len(STANDING))
+    return "\n".join(["HIERARCHY", *write("Hips", 0), "MOTION", "Frames: 30", "Frame Time: 0.033333", *[row] * 30, ""])
+
+
+Z_UP = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
+X_UP = np.array([[0.0, 1, 0], [0, 0, 1], [1, 0, 0]])
+
+
+@pytest.mark.parametrize("turn", [None, Z_UP, X_UP], ids=["y up", "z up", "x up"])
+@pytest.mark.parametrize("prefix", ["", "mixamorig:", "Character1_"])
+def test_the_up_axis_of_a_bvh_is_found_from_head_and_feet(tmp_path, prefix, turn):
+    motion = retarget(load(written(tmp_path, "a.bvh", standing_bvh(prefix, turn))))
+    head, foot = (motion.joints()[:, JOINTS.index(name)] for name in ("head", "left_ankle"))
+    np.testing.assert_allclose((head - foot)[:, 1], (head - foot)[0, 1])
+    assert (head - foot)[0, 1] > 1.2
+
+
+def test_an_amass_file_that_is_y_up_already_is_not_laid_on_its_back(tmp_path):
+    np.savez(tmp_path / "a.npz", poses=np.zeros((9, 156)), trans=np.tile([0.3, 0.9, 0.2], (9, 1)), mocap_framerate=60)
+    motion = load(tmp_path / "a.npz")
+    np.testing.assert_allclose(motion.positions[0, 0], [0.3, 0.9, 0.2], atol=1e-9)
+    assert motion.positions[0, motion.joints.index("head"), 1] > 1.3
+
+
+def test_a_body_that_lies_keeps_the_up_axis_of_its_format(tmp_path):
+    """Z up, on its back at a height of 10 cm: along Y it could stand, were the floor not .8 m below 0."""
+    np.savez(tmp_path / "a.npz", poses=np.zeros((9, 156)), trans=np.tile([0, 0.1, 0.1], (9, 1)), mocap_framerate=60)
+    lying = load(tmp_path / "a.npz")
+    assert np.ptp(lying.positions[0, :, 1]) < 0.4
+    assert np.ptp(load(tmp_path / "a.npz", Reading(up="y")).positions[0, :, 1]) > 1.4
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "words"),
+    [
+        ("a.bvh", ("Frame Time: 0.0083333", "Frame Time: 0"), "Frame Time.*0"),
+        ("a.bvh", ("Xposition", "Xscale"), "channel xscale"),
+        ("07_01.asf", ("direction 1 0 0", "direction 0 0 0"), "hip.*direction"),
+        ("07_01.asf", ("dof rx", "dof rq"), "hip.*rq"),
+        ("07_01.asf", ("dof rx", "dof l"), "hip.*l"),
+    ],
+)
+def test_what_a_file_says_wrong_is_named(tmp_path, name, change, words):
+    text = (BVH if name.endswith("bvh") else ASF).replace(*change)
+    written(tmp_path, name, text)
+    if name.endswith("asf"):
+        name = written(tmp_path, "07_01.amc", AMC).name
+    with pytest.raises(MocapError, match=words):
+        load(tmp_path / name)
+
+
+def test_a_table_of_joints_fits_any_skeleton(tmp_path):
+    text = standing_bvh().replace("LeftUpLeg", "Bein_L").replace("Hips", "Becken")
+    with pytest.raises(MocapError, match=r"no joint for pelvis, left_hip\. It has Becken, Bein_L"):
+        retarget(load(written(tmp_path, "a.bvh", text)))
+    motion = retarget(load(tmp_path / "a.bvh", Reading(joints={"pelvis": "Becken", "left_hip": "Bein_L"})))
+    assert motion.joints()[0, JOINTS.index("head"), 1] > 1.3
+
+
+def test_every_file_of_a_folder_is_read_or_named(tmp_path):
+    written(tmp_path, "good.bvh", standing_bvh())
+    written(tmp_path, "still.bvh", standing_bvh().replace("0.033333", "0"))
+    np.savez(tmp_path / "odd.npz", poses=np.zeros((9, 156)), trans=np.zeros((9, 3)), mocap_framerate=np.ones(3))
+    folder = Folder.read(tmp_path)
+    assert [clip.name for clip in folder.clips] == ["good"]
+    assert set(folder.left_out) == {"still.bvh", "odd.npz"}

@@ -129,7 +129,7 @@ def test_resampling_keeps_the_time_and_the_path(source):
 
 def test_a_skeleton_that_no_naming_fits_is_refused_with_what_it_lacks(source):
     strange = replace(source, joints=tuple(f"bone{index}" for index in range(len(source.joints))))
-    with pytest.raises(MocapError, match="no joints for pelvis"):
+    with pytest.raises(MocapError, match="no joint for pelvis"):
         retarget(strange)
 
 

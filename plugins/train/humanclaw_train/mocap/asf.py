@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -16,12 +16,39 @@ ASF_INCH: Final = 0.0254
 """Metres in an inch. ASF lengths are inches divided by the file's own `length`."""
 
 
+_CHANNELS: Final = frozenset(f"{kind}{axis}" for kind in "tr" for axis in "xyz")
+_FPS: Final = 120.0
+"""Rate of AMC files that do not say theirs, as those of CMU and HDM05."""
+
+
 @dataclass(frozen=True)
 class _Bone:
+    """A bone, or the root. end: (3,) from its beginning, metres. frame: (3, 3) axes that its channels refer to."""
+
     name: str
     end: Array
-    axis: Array
+    frame: Array
+    order: str
+    """Axes that a rotation turns about, first to last, such as `xyz`."""
     dof: tuple[str, ...]
+
+    def motion(self, values: Array) -> tuple[Array, Array]:
+        """Return the (T, 3) translation and (T, 3, 3) rotation of (T, channels) values, in the parent's frame."""
+        named = dict(zip(self.dof, values.T, strict=True))
+        none = np.zeros(len(values))
+        moved = np.stack([named.get(f"t{axis}", none) for axis in "xyz"], -1)
+        turned = euler(self.order[::-1], np.stack([named.get(f"r{axis}", none) for axis in self.order[::-1]], -1))
+        return moved @ self.frame.T, np.asarray(self.frame @ turned @ self.frame.T)
+
+
+@dataclass(frozen=True)
+class _Skeleton:
+    tree: Tree
+    bones: Mapping[str, _Bone]
+    unit: float
+    """Metres per unit of length."""
+    angle: str
+    """Unit of angles: deg or rad."""
 
 
 def skeleton_of(amc: Path) -> Path:
@@ -34,55 +61,64 @@ def skeleton_of(amc: Path) -> Path:
     return max(matches, key=lambda asf: len(asf.stem))
 
 
-def load_amc(path: str | Path, skeleton: str | Path, licence: str = "", fps: float = 120.0) -> SourceMotion:
+def load_amc(path: str | Path, skeleton: str | Path, licence: str = "", fps: float | None = None) -> SourceMotion:
     """Read an AMC motion on its ASF skeleton, in metres.
 
-    Joint `x` is where bone x begins; `x_end` is the tip of a last bone. fps: AMC files do not contain their rate; CMU
-    and HDM05 use 120. Raises MocapError for broken files.
+    Joint `x` is where bone x begins; `x_end` is the tip of a last bone. fps: None for what the file says, or 120.
+    Raises MocapError for broken files.
     """
-    path, skeleton = Path(path), Path(skeleton)
-    tree, bones, unit = _asf(skeleton)
-    rows = _amc_rows(path)
-    root = np.array([row["root"] for row in rows]) if all(len(row.get("root", ())) == 6 for row in rows) else None
-    if root is None or not rows:
-        raise MocapError(f"{path}: expected a root of six numbers in every frame.", "Check that the file is complete.")
-    local = np.tile(np.eye(3), (len(rows), len(tree.joints), 1, 1))
-    local[:, 0] = euler("zyx", root[:, [5, 4, 3]])
-    for joint, name in enumerate(tree.joints):
-        if name in bones and bones[name].dof:
-            local[:, joint] = _bone_rotation(path, bones[name], rows)
-    positions, rotations = tree.motion(root[:, :3] * unit, local)
-    return SourceMotion(fps, tree.joints, tree.parents, positions, rotations, tree.rest(), str(path), licence)
+    path = Path(path)
+    asf = _asf(Path(skeleton))
+    head, rows = _amc_rows(path)
+    degrees = np.degrees(1.0) if _radians(head, asf.angle) else 1.0
+    offsets = np.tile(asf.tree.offsets, (len(rows), 1, 1))
+    local = np.tile(np.eye(3), (*offsets.shape[:2], 1, 1))
+    for joint, name in enumerate(asf.tree.joints):
+        if name in asf.bones and asf.bones[name].dof:
+            bone = asf.bones[name]
+            scale = [degrees if channel[0] == "r" else asf.unit for channel in bone.dof]
+            moved, local[:, joint] = bone.motion(_values(path, bone, rows) * scale)
+            offsets[:, joint] += moved
+    positions, rotations = asf.tree.motion(offsets[:, 0], local, offsets)
+    rate = fps or float(head.get("samples-per-second", _FPS))
+    rest, joints, parents = asf.tree.rest(), asf.tree.joints, asf.tree.parents
+    return SourceMotion(rate, joints, parents, positions, rotations, rest, str(path), licence)
 
 
-def _bone_rotation(path: Path, bone: _Bone, rows: list[dict[str, list[float]]]) -> Array:
+def _values(path: Path, bone: _Bone, rows: list[dict[str, list[float]]]) -> Array:
     values = [row.get(bone.name, []) for row in rows]
     if any(len(value) != len(bone.dof) for value in values):
         raise MocapError(
             f"{path}: bone {bone.name} needs {len(bone.dof)} numbers in every frame.",
-            "Check that the .asf belongs to this .amc.",
+            "Check that the .asf belongs to this .amc, and that the file is complete.",
         )
-    angles = np.zeros((len(rows), 3))
-    angles[:, ["xyz".index(name[1]) for name in bone.dof]] = values
-    frame = euler("zyx", bone.axis[::-1])  # AMC angles are about the bone's own axes.
-    return np.asarray(frame @ euler("zyx", angles[:, ::-1]) @ frame.T)
+    return np.array(values)
 
 
-def _amc_rows(path: Path) -> list[dict[str, list[float]]]:
+def _radians(head: Mapping[str, str], skeleton: str) -> bool:
+    """Tell the unit of an AMC's angles: its own word, or else its skeleton's."""
+    return "radians" in head or ("degrees" not in head and skeleton.startswith("rad"))
+
+
+def _amc_rows(path: Path) -> tuple[dict[str, str], list[dict[str, list[float]]]]:
+    """Return the words that begin with a colon, in lower case, and the numbers of each bone by frame."""
+    head: dict[str, str] = {}
     rows: list[dict[str, list[float]]] = []
     try:
         for line in read_text(path).splitlines():
             name, *values = line.split() or [""]
-            if name.isdigit():
+            if name.startswith(":"):
+                head[name[1:].lower()] = " ".join(values)
+            elif name.isdigit():
                 rows.append({})
             elif rows and values:
                 rows[-1][name] = [float(value) for value in values]
     except ValueError as error:
-        raise MocapError(f"{path}: expected numbers in frame {len(rows)}.") from error
-    return rows
+        raise MocapError(f"{path}: expected numbers in frame {len(rows)}: {error}.", "Correct that line.") from error
+    return head, rows
 
 
-def _asf(path: Path) -> tuple[Tree, dict[str, _Bone], float]:
+def _asf(path: Path) -> _Skeleton:
     sections: dict[str, list[list[str]]] = {}
     current = ""
     for line in read_text(path).splitlines():
@@ -94,35 +130,56 @@ def _asf(path: Path) -> tuple[Tree, dict[str, _Bone], float]:
             sections.setdefault(current, []).append(words)
     try:
         scale = {words[0]: words[1] for words in sections["units"]}
-        unit = ASF_INCH / float(scale["length"])
-        bones = {bone.name: bone for bone in _asf_bones(sections["bonedata"], unit)}
-        return _asf_tree(bones, sections["hierarchy"]), bones, unit
+        unit, angle = ASF_INCH / float(scale["length"]), scale.get("angle", "deg")
+        turn = np.degrees(1.0) if angle.startswith("rad") else 1.0
+        root = _bone({"name": ["root"], **{words[0]: words[1:] for words in sections["root"]}}, unit, turn)
+        bones = {bone.name: bone for bone in (root, *_asf_bones(sections["bonedata"], unit, turn))}
+        return _Skeleton(_asf_tree(bones, sections["hierarchy"]), bones, unit, angle)
     except (KeyError, IndexError, ValueError) as error:
         raise MocapError(
-            f"{path}: missing or broken part of this ASF skeleton: {error}.", "Download the subject's .asf again."
+            f"{path}: missing or broken part of this ASF skeleton: {error}.",
+            "Correct it, or export the skeleton again.",
         ) from error
 
 
-def _asf_bones(lines: list[list[str]], unit: float) -> Iterator[_Bone]:
+def _asf_bones(lines: list[list[str]], unit: float, turn: float) -> Iterator[_Bone]:
     fields: dict[str, list[str]] = {}
     for words in lines:
         if words[0] == "begin":
             fields = {}
         elif words[0] == "end":
-            direction = np.array(fields["direction"], float)
-            end = direction / np.linalg.norm(direction) * float(fields["length"][0]) * unit
-            yield _Bone(fields["name"][0], end, np.array(fields["axis"][:3], float), tuple(fields.get("dof", ())))
+            yield _bone(fields, unit, turn)
         else:
             fields[words[0]] = words[1:]
 
 
-def _asf_tree(bones: dict[str, _Bone], hierarchy: list[list[str]]) -> Tree:
+def _bone(fields: Mapping[str, list[str]], unit: float, turn: float) -> _Bone:
+    """Read a bone, or the root, which has no direction. turn: degrees per unit of an angle."""
+    (name,) = fields["name"]
+    end = np.zeros(3)
+    if name != "root":
+        direction = np.array(fields["direction"], float)
+        if not np.linalg.norm(direction) > 0:
+            raise ValueError(f"bone {name} has the direction {' '.join(fields['direction'])}, which points nowhere")
+        end = direction / np.linalg.norm(direction) * float(fields["length"][0]) * unit
+    # The root names the order alone; a bone, three angles and their order, which is XYZ where it is missing.
+    words = fields.get("axis", [])
+    order = "".join(word for word in words if word.isalpha()) or "XYZ"
+    angles = [float(word) for word in words if not word.isalpha()] or [0.0] * 3
+    frame = euler(order[::-1].lower(), turn * np.array(angles[::-1]))
+    dof = tuple(word.lower() for word in fields.get("order" if name == "root" else "dof", ()))
+    if unknown := [word for word in dof if word not in _CHANNELS]:
+        raise ValueError(f"bone {name} has the channel {unknown[0]}; known are {', '.join(sorted(_CHANNELS))}")
+    return _Bone(name, end, frame, order.lower(), dof)
+
+
+def _asf_tree(bones: Mapping[str, _Bone], hierarchy: list[list[str]]) -> Tree:
     joints, parents, offsets = ["root"], [-1], [np.zeros(3)]
     children = {words[0]: words[1:] for words in hierarchy if words[0] not in ("begin", "end")}
 
     def grow(name: str) -> None:
         # A bone begins where its parent ends. ASF directions and rotations at zero angles are in the world frame.
-        index, start = joints.index(name), bones[name].end if name in bones else np.zeros(3)
+        index, start = joints.index(name), bones[name].end
         for child in children.get(name) or [f"{name}_end"]:
             joints.append(child)
             parents.append(index)

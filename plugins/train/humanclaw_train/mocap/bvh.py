@@ -2,24 +2,27 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+import re
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 
 from humanclaw.body import Array
 from humanclaw_train.mocap.source_motion import MocapError, SourceMotion, Tree, euler, read_text
 
+_CHANNELS: Final = frozenset(f"{axis}{kind}" for axis in "xyz" for kind in ("position", "rotation"))
 
-def load_bvh(path: str | Path, licence: str = "", unit: float = 1.0) -> SourceMotion:
+
+def load_bvh(path: str | Path, licence: str = "") -> SourceMotion:
     """Read a BVH file. A position channel replaces its joint's offset; an end site becomes the joint `<parent>_end`.
 
-    unit: metres per unit of the file. Raises MocapError for a broken file.
+    Keywords and channels may be in capitals or not. Raises MocapError for a broken file.
     """
     path = Path(path)
-    head, _, tail = read_text(path).partition("MOTION")
+    head, *tail = re.split(r"^\s*MOTION\b", read_text(path), maxsplit=1, flags=re.IGNORECASE | re.MULTILINE)
     tree, channels = _bvh_tree(path, head.split())
-    fps, values = _bvh_frames(path, tail.split(), sum(map(len, channels)))
+    fps, values = _bvh_frames(path, "".join(tail), sum(map(len, channels)))
     offsets = np.tile(tree.offsets, (len(values), 1, 1))
     local = np.tile(np.eye(3), (*offsets.shape[:2], 1, 1))
     first = 0
@@ -28,14 +31,12 @@ def load_bvh(path: str | Path, licence: str = "", unit: float = 1.0) -> SourceMo
         first += len(names)
         for column, name in enumerate(names):
             if name.endswith("position"):
-                offsets[:, joint, "XYZ".index(name[0])] = block[:, column]
+                offsets[:, joint, "xyz".index(name[0])] = block[:, column]
         turns = [column for column, name in enumerate(names) if name.endswith("rotation")]
         if turns:
-            local[:, joint] = euler([names[column][0].lower() for column in turns], block[:, turns])
+            local[:, joint] = euler([names[column][0] for column in turns], block[:, turns])
     positions, rotations = tree.motion(offsets[:, 0], local, offsets)
-    rest = tree.rest()
-    rest = replace(rest, positions=rest.positions * unit)
-    return SourceMotion(fps, tree.joints, tree.parents, positions * unit, rotations, rest, str(path), licence)
+    return SourceMotion(fps, tree.joints, tree.parents, positions, rotations, tree.rest(), str(path), licence)
 
 
 def _bvh_tree(path: Path, words: list[str]) -> tuple[Tree, list[tuple[str, ...]]]:
@@ -47,38 +48,51 @@ def _bvh_tree(path: Path, words: list[str]) -> tuple[Tree, list[tuple[str, ...]]
     tokens = iter(words)
     try:
         for token in tokens:
-            if token in ("ROOT", "JOINT", "End"):
+            keyword = token.upper()
+            if keyword in ("ROOT", "JOINT", "END"):
                 name = next(tokens)
-                joints.append(f"{joints[stack[-1]]}_end" if token == "End" else name)
+                joints.append(f"{joints[stack[-1]]}_end" if keyword == "END" else name)
                 parents.append(stack[-1] if stack else -1)
                 channels.append(())
             elif token == "{":
                 stack.append(len(joints) - 1)
             elif token == "}":
                 stack.pop()
-            elif token == "OFFSET":
+            elif keyword == "OFFSET":
                 offsets.append([float(next(tokens)) for _ in range(3)])
-            elif token == "CHANNELS":
-                channels[-1] = tuple(next(tokens) for _ in range(int(next(tokens))))
+            elif keyword == "CHANNELS":
+                channels[-1] = tuple(next(tokens).lower() for _ in range(int(next(tokens))))
     except (StopIteration, IndexError, ValueError) as error:
         raise MocapError(f"{path}: the HIERARCHY of this BVH file is broken.", "Export the file again.") from error
     if not joints or len(offsets) != len(joints) or stack:
         raise MocapError(
             f"{path}: expected a BVH HIERARCHY with one OFFSET a joint.", "Check that the file is complete."
         )
+    if unknown := sorted({name for names in channels for name in names} - _CHANNELS):
+        raise MocapError(
+            f"{path}: expected channels of positions and rotations; got the channel {unknown[0]}.",
+            "Export the file without it.",
+        )
     return Tree(tuple(joints), tuple(parents), np.array(offsets)), channels
 
 
-def _bvh_frames(path: Path, words: list[str], width: int) -> tuple[float, Array]:
+def _bvh_frames(path: Path, text: str, width: int) -> tuple[float, Array]:
+    said = re.match(r"\s*Frames:\s*(\d+)\s*Frame\s+Time:\s*(\S+)(.*)", text, re.IGNORECASE | re.DOTALL)
     try:
-        frames, seconds = int(words[1]), float(words[4])
-        values = np.array(words[5:], float)
-    except (IndexError, ValueError) as error:
-        raise MocapError(f"{path}: expected `Frames: N`, `Frame Time: seconds` and numbers after MOTION.") from error
+        if said is None:
+            raise ValueError("these words are missing")
+        frames, seconds, values = int(said[1]), float(said[2]), np.array(said[3].split(), float)
+    except ValueError as error:
+        expected = "expected `Frames: N`, `Frame Time: seconds` and numbers after MOTION"
+        raise MocapError(f"{path}: {expected}; {error}.", "Correct the file, or export it again.") from error
+    if not 0 < seconds < np.inf:
+        raise MocapError(
+            f"{path}: `Frame Time` must be seconds above 0; got {said[2]}.", "Write 0.033333 for 30 a second."
+        )
     if len(values) != frames * width:
         raise MocapError(
             f"{path}: {frames} frames of {width} channels need {frames * width} numbers; the file has {len(values)}.",
-            "Download the file again.",
+            "The file is cut off, or its Frames is wrong.",
         )
     # Frame times have six or seven digits, so a whole rate comes out slightly off: round it.
     return float(round(1.0 / seconds, 1)), values.reshape(frames, width)

@@ -18,7 +18,7 @@ from tqdm import tqdm
 
 from humanclaw import Motion
 from humanclaw.body import FPS
-from humanclaw_train.mocap import readers
+from humanclaw_train.mocap.readers import AS_WRITTEN, Reading, load
 from humanclaw_train.mocap.retarget import retarget
 from humanclaw_train.mocap.source_motion import UNREADABLE, MocapError, SourceMotion
 
@@ -84,7 +84,7 @@ def _unpack(archive: Path, folder: Path) -> None:
 
 def _row_clip(row: Mapping[str, str], folder: Path) -> Clip:
     member = row["file"].split("!")[-1]
-    source, first = _without_setup_pose(readers.load(folder / member, row["licence"]))
+    source, first = _without_setup_pose(load(folder / member, licence=row["licence"]))
     motion = retarget(source)
     spans = {tag: _at_30_fps(found, first, source.fps, len(motion)) for tag, found in _tagged(row["notes"]).items()}
     if "base" in row["skill_tags"].split():
@@ -127,10 +127,11 @@ class Folder:
     left_out: Mapping[str, str] = field(default_factory=dict)
 
     @classmethod
-    def read(cls, folder: Path) -> Folder:
+    def read(cls, folder: Path, reading: Reading = AS_WRITTEN) -> Folder:
         """Read what `folder/clips.csv` lists or, without such a table, every motion file of the folder and below.
 
-        Raises MocapError if no clip can be read.
+        reading: what the files do not say; clips.csv names files that need nothing. Raises MocapError if no clip can be
+        read.
         """
         if (folder / "clips.csv").is_file():
             return cls(load_pack(folder))
@@ -139,7 +140,7 @@ class Folder:
         clips, left_out = [], {}
         for file in tqdm(files, unit="clip", disable=None):
             try:
-                clips.append(_file_clip(file, folder))
+                clips.append(_file_clip(file, folder, reading))
             except MocapError as error:
                 # Without the file's name, so that a report can group files by reason.
                 left_out[str(file.relative_to(folder))] = error.message.removeprefix(str(file)).lstrip(": ")
@@ -151,9 +152,9 @@ class Folder:
         return cls(clips, left_out)
 
 
-def _file_clip(file: Path, folder: Path) -> Clip:
+def _file_clip(file: Path, folder: Path, reading: Reading) -> Clip:
     recorded = _recorded(file) if file.suffix.lower() == ".npz" else None
-    motion = retarget(readers.load(file)) if recorded is None else recorded
+    motion = retarget(load(file, reading)) if recorded is None else recorded
     below = file.relative_to(folder)
     # AMASS/STUDIO/SUBJECT/CLIP: licences belong to studios.
     studio = folder / below.parts[0] if len(below.parts) > 2 else folder

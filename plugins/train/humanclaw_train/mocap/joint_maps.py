@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
+from os.path import commonprefix
 from types import MappingProxyType
 from typing import Final
 
@@ -39,23 +41,56 @@ NAMINGS: Final = (
            "CC_Base_*_Forearm CC_Base_*_Hand CC_Base_*_Mid1", "L", "R"),
     _sided("pelvis spine - spine.001 neck face",
            "thigh.* shin.* foot.* foot.*_end shoulder.* upper_arm.* forearm.* forearm.*_end -", "L", "R"),
+    _sided("Hips Spine Spine1 Spine2 Neck Head",
+           "*UpLeg *Leg *Foot *ToeBase *Shoulder *Arm *ForeArm *Hand *HandIndex1", "Left", "Right"),
+    _sided("Hips Spine Spine1 Spine2 Neck Head",
+           "*UpLeg *Leg *Foot *Toe *Shoulder *Arm *ForeArm *Hand -", "Left", "Right"),
+    _sided("Hips Chest Chest2 Chest4 Neck Head",
+           "*Hip *Knee *Ankle *Toe *Collar *Shoulder *Elbow *Wrist -", "Left", "Right"),
+    _sided("Pelvis Spine Spine1 Spine2 Neck Head",
+           "*Thigh *Calf *Foot *Toe0 *Clavicle *UpperArm *Forearm *Hand *Finger1", "L", "R"),
+    _sided("pelvis spine_01 spine_02 spine_03 neck_01 head",
+           "thigh_* calf_* foot_* ball_* clavicle_* upperarm_* lowerarm_* hand_* middle_01_*", "l", "r"),
+    _sided("Hip Ab Chest - Neck Head", "*Thigh *Shin *Foot *Toe *Shoulder *UArm *FArm *Hand -", "L", "R"),
+    _sided("Pelvis Spine1 Spine2 Spine3 Neck Head",
+           "*Hip *Knee *Ankle *Foot *Collar *Shoulder *Elbow *Wrist *Hand", "L", "R"),
     _sided("root - - chest neck -", "*_hip *_knee *_ankle *_toe - *_shoulder *_elbow *_wrist -", "left", "right"),
     MappingProxyType({name: name for name in JOINTS}),
 )  # fmt: skip
-"""Known naming conventions: CMU and HDM05 ASF, three CMU BVH conversions, ReActIdle, humanoid3d and SMPL."""
+"""Known naming conventions: CMU and HDM05 ASF, three CMU BVH conversions, ReActIdle, Mixamo, LAFAN, Xsens, Biped,
+Unreal, OptiTrack, SMPL's own, humanoid3d, and ours."""
 _NEEDED: Final = (
     "pelvis", *(f"{side}_{limb}" for side in SIDES for limb in ("hip", "knee", "ankle", "shoulder", "elbow")),
 )  # fmt: skip
 
 
 def naming_of(source: SourceMotion) -> Mapping[str, str]:
-    """Return the convention that names most of this source's joints. Raises MocapError if the source lacks a limb."""
-    best = max(NAMINGS, key=lambda naming: sum(name in source.joints for name in naming.values()))
-    missing = [f"{name} ({best.get(name, '-')})" for name in _NEEDED if best.get(name) not in source.joints]
-    if missing:
+    """Return which of the source's joints plays which of ours: its own table, then the convention that names most.
+
+    Raises MocapError if the source lacks a limb.
+    """
+    theirs = dict(zip(_plain(source.joints), source.joints, strict=True))
+    fits = [
+        {
+            ours: theirs[name]
+            for ours, name in zip(naming, _plain(tuple(naming.values())), strict=True)
+            if name in theirs
+        }
+        for naming in NAMINGS
+    ]
+    best = max(fits, key=len) | dict(source.naming)
+    if missing := [name for name in _NEEDED if best.get(name) not in source.joints]:
         raise MocapError(
-            f"{source.source or 'This skeleton'} has no joints for {', '.join(missing)}. "
-            f"It has {', '.join(source.joints[:12])} ...",
-            "Rename its joints to the SMPL names of humanclaw.body.JOINTS.",
+            f"{source.source or 'This skeleton'} has no joint for {', '.join(missing)}. "
+            f"It has {', '.join(source.joints)}.",
+            "Name them in a table, OURS=THEIRS: --joint left_hip=NAME.",
         )
-    return MappingProxyType({ours: theirs for ours, theirs in best.items() if theirs in source.joints})
+    return MappingProxyType(best)
+
+
+def _plain(names: Sequence[str]) -> list[str]:
+    """Return names without namespace, common prefix, case and punctuation: `mixamorig:LeftUpLeg` is leftupleg."""
+    bare = [name.rpartition(":")[2] for name in names]
+    # A prefix ends at a mark or number, as in `Character1_Hips` or `Bip01 Pelvis`, not within a word.
+    prefix = re.match(r".*[^A-Za-z]|", commonprefix(bare))  # noqa: RUF071, these are no paths.
+    return [re.sub(r"[^a-z0-9]", "", name.removeprefix(prefix[0] if prefix else "").lower()) for name in bare]

@@ -1,12 +1,14 @@
 """Readers of motion capture: ASF/AMC, BVH, AMASS npz and the humanoid3d text format of DeepMimic.
 
-Each returns a SourceMotion: world positions and orientations of the source's own joints, Y up, and a reference pose.
+Each returns a SourceMotion: world positions and orientations of the source's own joints, and a reference pose.
 retarget.py maps them to our body. Needs only numpy.
 """
 
 from __future__ import annotations
 
 import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
 
@@ -16,29 +18,47 @@ from humanclaw.body import JOINTS, OFFSETS, PARENTS, matrix_from_quaternion, mat
 from humanclaw_train.mocap.asf import load_amc, skeleton_of
 from humanclaw_train.mocap.bvh import load_bvh
 from humanclaw_train.mocap.source_motion import AXES, UNREADABLE, MocapError, Rest, SourceMotion, Tree, read_text
+from humanclaw_train.mocap.up_axis import Up, stood_up
 
 
-def load(path: str | Path, licence: str = "", unit: float = 1.0) -> SourceMotion:
+@dataclass(frozen=True)
+class Reading:
+    """What a file does not say, or says wrong."""
+
+    up: Up | None = None
+    """The axis that points up; None to find it from head, feet and floor."""
+    fps: float | None = None
+    """Frames a second; None for what the file says."""
+    joints: Mapping[str, str] = field(default_factory=dict)
+    """Joints by our names (humanclaw.body.JOINTS), for a skeleton of no known convention."""
+
+
+AS_WRITTEN: Final = Reading()
+
+
+def load(path: str | Path, reading: Reading = AS_WRITTEN, licence: str = "") -> SourceMotion:
     """Read one motion capture file by its suffix: .bvh, .amc (its .asf beside it), .npz (AMASS) or .txt (humanoid3d).
 
-    unit: metres per unit of a BVH file. Raises MocapError.
+    Returns it with Y up. Raises MocapError.
     """
     path = Path(path)
     suffix = path.suffix.lower()
-    if suffix == ".bvh":
-        return load_bvh(path, licence, unit)
-    if suffix == ".amc":
-        return load_amc(path, skeleton_of(path), licence)
-    if suffix == ".npz":
-        return load_amass(path, licence)
-    if suffix == ".txt":
-        return load_humanoid3d(path, licence)
-    raise MocapError(f"{path} has an unknown suffix.", "Give a .bvh, .amc, .npz (AMASS) or .txt (humanoid3d) file.")
+    if suffix not in _READERS:
+        raise MocapError(f"{path} has an unknown suffix.", "Give a .bvh, .amc, .npz (AMASS) or .txt (humanoid3d) file.")
+    read, up = _READERS[suffix]
+    try:
+        source = replace(read(path, licence), naming=reading.joints)
+    except (ArithmeticError, LookupError, TypeError, ValueError) as error:
+        # Whatever else is wrong with one file must not end the reading of a folder.
+        raise MocapError(f"{path} cannot be read: {error}.", "Correct the file, or export it again.") from error
+    if reading.fps:
+        source = replace(source, fps=reading.fps)
+    return stood_up(source, reading.up, up)
 
 
 # -- AMASS -------------------------------------------------------------------------------------------------------------
 def load_amass(path: str | Path, licence: str = "") -> SourceMotion:
-    """Read an AMASS npz (`poses`, `trans`, `mocap_framerate`), which is Z up.
+    """Read an AMASS npz (`poses`, `trans`, `mocap_framerate`).
 
     Bones get our own lengths, because a subject's lengths need SMPL files, which this package does not have.
     """
@@ -47,8 +67,8 @@ def load_amass(path: str | Path, licence: str = "") -> SourceMotion:
         with np.load(path, allow_pickle=False) as data:
             poses, trans = np.asarray(data["poses"], float), np.asarray(data["trans"], float)
             rate = data["mocap_framerate"] if "mocap_framerate" in data else data["mocap_frame_rate"]
-            fps = float(rate)
-    except UNREADABLE as error:
+            fps = float(np.squeeze(rate))
+    except (*UNREADABLE, TypeError) as error:
         raise MocapError(
             f"{path} is no AMASS motion: {error}.", "Give an npz with poses, trans and mocap_framerate."
         ) from error
@@ -59,10 +79,8 @@ def load_amass(path: str | Path, licence: str = "") -> SourceMotion:
     local = np.tile(np.eye(3), (len(poses), len(JOINTS), 1, 1))
     # SMPL has 22 body joints; fingers and face follow.
     local[:, :22] = matrix_from_vector(poses[:, :66].reshape(-1, 22, 3))
-    upright = matrix_from_vector(np.array([-np.pi / 2, 0.0, 0.0]))  # From Z up to Y up.
-    local[:, 0] = upright @ local[:, 0]
     tree = Tree(JOINTS, PARENTS, OFFSETS)
-    positions, rotations = tree.motion(trans @ upright.T, local)
+    positions, rotations = tree.motion(trans, local)
     return SourceMotion(fps, JOINTS, PARENTS, positions, rotations, tree.rest(), str(path), licence)
 
 
@@ -116,3 +134,12 @@ def load_humanoid3d(path: str | Path, licence: str = "") -> SourceMotion:
     fps = float(round(1.0 / float(np.median(rows[:-1, 0])), 1))
     positions, rotations = positions @ turn.T, turn @ rotations
     return SourceMotion(fps, tree.joints, tree.parents, positions, rotations, rest, str(path), licence)
+
+
+_READERS: Final[Mapping[str, tuple[Callable[[Path, str], SourceMotion], Up]]] = {
+    ".bvh": (load_bvh, "y"),
+    ".amc": (lambda path, licence: load_amc(path, skeleton_of(path), licence), "y"),
+    ".npz": (load_amass, "z"),
+    ".txt": (load_humanoid3d, "y"),
+}
+"""By suffix: the reader, and the axis that points up in most files of the format."""

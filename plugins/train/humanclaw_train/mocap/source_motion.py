@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
 
@@ -32,7 +32,7 @@ class Rest:
 
 @dataclass(frozen=True)
 class SourceMotion:
-    """Captured motion on the source's own skeleton, Y up, in metres if the reader was given the right `unit`.
+    """Captured motion on the source's own skeleton, in its own unit of length.
 
     positions: (T, J, 3) world; rotations: (T, J, 3, 3) world; parents: (J,), -1 at the root, always before their
     children. Raises MocapError for wrong shapes, no frames, or numbers that are not finite.
@@ -46,6 +46,8 @@ class SourceMotion:
     rest: Rest
     source: str = ""
     licence: str = ""
+    naming: Mapping[str, str] = field(default_factory=dict)
+    """Joints by our names (humanclaw.body.JOINTS), for a skeleton of no known convention."""
 
     def __post_init__(self) -> None:
         frames, count = len(self.positions), len(self.joints)
@@ -62,7 +64,7 @@ class SourceMotion:
             )
         if not (np.isfinite(self.positions).all() and np.isfinite(self.rotations).all()):
             raise MocapError(
-                f"{self.source or 'this motion'} contains numbers that are not finite.", "Cut those frames out."
+                f"{self.source or 'this motion'} contains numbers that are not finite.", "Correct them or cut them out."
             )
 
     def __len__(self) -> int:
@@ -70,6 +72,11 @@ class SourceMotion:
 
     def __getitem__(self, frames: slice) -> SourceMotion:
         return replace(self, positions=self.positions[frames], rotations=self.rotations[frames])
+
+    def turned(self, motion: Array, rest: Array) -> SourceMotion:
+        """Return the same with its motion and its reference pose turned by (3, 3) rotations of the world."""
+        reference = Rest(self.rest.positions @ rest.T, rest @ self.rest.rotations)
+        return replace(self, positions=self.positions @ motion.T, rotations=motion @ self.rotations, rest=reference)
 
     def with_reference_frame(self, frame: int) -> SourceMotion:
         """Return the same motion with one of its frames as reference pose, for files whose zero pose is unnatural."""

@@ -1,0 +1,84 @@
+"""Which axis of captured motion points up: found from head, feet and floor. Needs only numpy."""
+
+from __future__ import annotations
+
+from typing import Final, Literal, get_args
+
+import numpy as np
+
+from humanclaw.body import Array
+from humanclaw_train.mocap.joint_maps import naming_of
+from humanclaw_train.mocap.source_motion import AXES, MocapError, SourceMotion
+
+Up = Literal["x", "y", "z", "-x", "-y", "-z"]
+
+_ALONG: Final = 0.9
+"""Cosine of the angle to an axis, below which a body does not stand along it: 26 degrees."""
+_MOSTLY: Final = 0.8
+"""Share of the frames in which a body stands."""
+_NEAR: Final = 0.1
+"""A floor lies at 0, give or take this share of the body's height."""
+
+
+def stood_up(source: SourceMotion, asked: Up | None, usual: Up) -> SourceMotion:
+    """Return motion turned to Y up, and its reference pose likewise, each by the axis that points up in it.
+
+    asked: the axis of the motion; None to find it. usual: the axis where nothing else can be found.
+    """
+    try:
+        naming = naming_of(source)
+    except MocapError:  # Retargeting says which joints are missing.
+        turn = _to_y(asked or usual)
+        return source.turned(turn, turn)
+    top, feet = naming.get("head", naming.get("neck", naming["left_shoulder"])), ("left_ankle", "right_ankle")
+    columns = [source.joints.index(name) for name in (top, *(naming[foot] for foot in feet))]
+    motion = asked or _found(source.positions, source.positions[:, columns], usual)
+    # A set-up pose has no path and no floor, but it stands.
+    reference = _stands(source.rest.positions[None, columns]) or "y"
+    return source.turned(_to_y(motion), _to_y(reference))
+
+
+def _found(positions: Array, joints: Array, usual: Up) -> Up:
+    """Return the axis that points up. positions: (T, J, 3) of all joints. joints: (T, 3, 3) of head and ankles.
+
+    A body that lies along an axis looks like one that stands along it. It lies if its floor is at 0 along the usual
+    axis, and not along its own.
+    """
+    stands = _stands(joints)
+    if stands is None or stands == usual:
+        return usual
+    height = float(np.median(np.linalg.norm(_length(joints), axis=-1)))
+    lies = _at_zero(positions, usual, height) and not _at_zero(positions, stands, height)
+    return usual if lies else stands
+
+
+def _length(joints: Array) -> Array:
+    """Return (T, 3) from the middle of the ankles to the head."""
+    return np.asarray(joints[:, 0] - joints[:, 1:].mean(axis=1))
+
+
+def _stands(joints: Array) -> Up | None:
+    """Return the axis along which a body stands in most frames."""
+    length = _length(joints)
+    length = length / np.maximum(np.linalg.norm(length, axis=-1, keepdims=True), 1e-9)
+    axes: tuple[Up, ...] = get_args(Up)
+    return next((up for up in axes if np.mean(length @ _axis(up) > _ALONG) >= _MOSTLY), None)
+
+
+def _at_zero(positions: Array, up: Up, height: float) -> bool:
+    """Whether the lowest joint of most frames is at 0."""
+    return bool(abs(np.median((positions @ _axis(up)).min(axis=1))) < _NEAR * height)
+
+
+def _axis(up: Up) -> Array:
+    return np.asarray(AXES[up[-1]] * (-1.0 if up[0] == "-" else 1.0))
+
+
+def _to_y(up: Up) -> Array:
+    """Return the (3, 3) smallest rotation that turns an axis to Y."""
+    axis, y = _axis(up), AXES["y"]
+    if up == "-y":
+        return np.diag([1.0, -1.0, -1.0])
+    cross = np.cross(axis, y)
+    skew = np.array([[0, -cross[2], cross[1]], [cross[2], 0, -cross[0]], [-cross[1], cross[0], 0]])
+    return np.asarray(np.eye(3) + skew + skew @ skew / (1 + axis @ y))
