@@ -9,7 +9,13 @@ from typing import Any, Final
 from urllib.parse import urlsplit
 
 _SECRET_VARIABLE: Final = re.compile(r"KEY|TOKEN|SECRET|PASSWORD|CREDENTIAL", re.IGNORECASE)
-_SECRET_FORM: Final = re.compile(r"\b(?:sk|pk|gsk|xai|hf)[-_][\w*.-]{6,}|\bAIza[\w-]{20,}|(?<=Bearer )\S+")
+_JOINT: Final = r"""(?:['"]\s*\+?\s*['"]|\\\n)"""
+"""What stands between two pieces of a string in code that joins them."""
+_BETWEEN: Final = r"\W{0,8}"
+"""What may stand between two letters of a known key: quotes that code joins, a line break, an invisible character."""
+_SECRET_FORM: Final = re.compile(
+    rf"\b(?:sk|pk|gsk|xai|hf)[-_](?:[\w*.-]|{_JOINT}(?=\w)){{6,}}|\bAIza[\w-]{{20,}}|(?<=Bearer )\S+"
+)
 _SECRET_FIELD: Final = re.compile(
     r"key|pass(word|wd|phrase)|secret|credential|auth|bearer|cookie|headers?$|(^|_)(id_|access_|refresh_|session_)?token$",
     re.IGNORECASE,
@@ -41,7 +47,7 @@ def _unescaped(found: re.Match[str]) -> str:
 
 def _without(text: str, secrets: Iterable[str]) -> str:
     for value in sorted((value for value in (*_kept(), *secrets) if len(value) >= 8), key=len, reverse=True):
-        text = text.replace(value, "[redacted]")
+        text = re.sub(_BETWEEN.join(map(re.escape, value)), "[redacted]", text)
     return _SECRET_FORM.sub("[redacted]", text)
 
 

@@ -28,7 +28,7 @@ _PRICES: Final = ("input_cost_per_token", "output_cost_per_token")
 def usage_of(response: Any, settings: Settings, messages: list[Json], request: Mapping[str, Any], said: str) -> Usage:
     """Return the usage of litellm's response. said: all text that the model wrote, for an estimate."""
     counted = getattr(response, "usage", None)
-    sent, wrote, thought = _tokens(counted, "gemini" in settings.model)
+    sent, wrote, thought = _tokens(counted)
     if not (sent or wrote) or _counted_by_litellm(settings.model, messages, sent):
         sent = wrote = thought = 0
     likely = len(said) // _LETTERS_A_TOKEN
@@ -41,11 +41,11 @@ def usage_of(response: Any, settings: Settings, messages: list[Json], request: M
     return Usage(sent, wrote, cost, estimated, cost_estimated=True, tokens_reasoning=thought)
 
 
-def _tokens(counted: Any, hides_thoughts: bool) -> tuple[int, int, int]:
+def _tokens(counted: Any) -> tuple[int, int, int]:
     """Return tokens sent, tokens written with the reasoning among them, and tokens of reasoning.
 
     Some providers count reasoning not as written, or cached tokens and pictures not as sent, but both in the total: the
-    details tell which. hides_thoughts: whether the provider counts reasoning in the total alone, without details.
+    details tell which. Without them the rest of the total counts as reasoning, as Gemini hides it: it is billed.
     """
     sent, wrote, total = (_count(counted, f"{part}_tokens") for part in ("prompt", "completion", "total"))
     thought = _count(getattr(counted, "completion_tokens_details", None), "reasoning_tokens")
@@ -57,7 +57,7 @@ def _tokens(counted: Any, hides_thoughts: bool) -> tuple[int, int, int]:
             for chosen in itertools.combinations(parts, some):
                 if sum(chosen) in (beside, beside - thought):
                     return sent + sum(chosen), total - sent - sum(chosen), thought
-        if hides_thoughts and not thought and total <= _MOST_TIMES * (sent + wrote):
+        if not thought and total <= _MOST_TIMES * (sent + wrote):
             return sent, wrote + beside, beside
     unsaid = thought if thought > wrote or beside == thought else 0
     return sent, wrote + unsaid, thought
