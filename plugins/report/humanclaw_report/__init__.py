@@ -21,7 +21,7 @@ __version__ = "0.1.0"
 
 @hookimpl
 def humanclaw_reports(register: Register[ReporterFactory]) -> None:
-    register("page", _page, "film, picture and one self-contained HTML page")
+    register("page", _page, "film and one self-contained HTML page")
 
 
 def _page(film: str = "mp4", renderer: str = "raster") -> Reporter:

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from importlib import resources
@@ -18,12 +17,11 @@ from urllib.parse import quote
 import jinja2
 import markupsafe
 import numpy as np
-from PIL import Image
 
 from humanclaw import RecordedEpisode, StepRecord
 from humanclaw.cli import counted
 from humanclaw.records import Usage
-from humanclaw.storage import Folder, decoded, jpeg
+from humanclaw.storage import Folder
 from humanclaw_report.facts import (
     Milestone,
     in_words,
@@ -89,8 +87,6 @@ class FilmView:
     kind: str
     source: str
     inside: bool
-    poster: str
-    """Data URI of what is shown before the film plays; empty without one."""
 
 
 @dataclass(frozen=True)
@@ -220,17 +216,8 @@ def _film(files: Folder, page: Path) -> FilmView | None:
         if status := files.status(name):
             small = status.st_size <= FILM_BYTES
             told = data_uri(files.read(name, FILM_BYTES), media) if small else link(files.path / name, page)
-            return FilmView(kind, told, small, _poster(files))
+            return FilmView(kind, told, small)
     return None
-
-
-def _poster(files: Folder) -> str:
-    """Return a smaller copy of an episode's picture; empty if there is none."""
-    with suppress(OSError):
-        small = Image.fromarray(decoded(files.read("poster.png", FILM_BYTES), "PNG"))
-        small.thumbnail((960, 960))
-        return data_uri(jpeg(np.asarray(small), quality=80), "image/jpeg")
-    return ""
 
 
 def _step(recorded: RecordedEpisode, step: StepRecord, number: int, picture: str, names: Mapping[int, str]) -> StepView:

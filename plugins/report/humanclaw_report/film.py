@@ -1,4 +1,4 @@
-"""Films and posters of a recorded episode."""
+"""Films of a recorded episode."""
 
 from __future__ import annotations
 
@@ -13,11 +13,8 @@ from PIL import Image, ImageDraw, ImageFont
 from tqdm import tqdm
 
 from humanclaw import HumanclawError, RecordedEpisode, RecordError, Renderer, Scene, StepRecord
-from humanclaw.body import FPS, HISTORY
+from humanclaw.body import FPS
 from humanclaw.storage import Folder, gif
-from humanclaw.world import ego_camera
-from humanclaw_report.chart import GAP, draw_chart
-from humanclaw_report.maps import house_maps, path_maps
 from humanclaw_report.playback import Replay
 
 Picture = NDArray[np.uint8]
@@ -65,62 +62,25 @@ def film(
     return out
 
 
-def poster(
-    episode: RecordedEpisode, scene: Scene, renderer: Renderer, out: Path, *, moments: int = 4, width: int = 1600
-) -> Path:
-    """Write a picture of an episode: moments from outside, ego views of the same moments below, and the map beside.
-
-    moments: columns of the strip; width: of the whole picture, pixels. Raises HumanclawError if the picture or one of
-    a moment is out of SIDES.
-    """
-    replay, maps = Replay.of(episode, scene), path_maps(episode, house_maps(scene, "house"))
-    # The storeys are stacked in a column as high as both rows, so the map's shape sets how wide that column is.
-    shape = max(one.box[2] / one.box[3] for one in maps) / len(maps)
-    side = int((width - GAP * (moments + 2 + shape * (2 - len(maps)))) / (max(moments, 1) + 2 * shape))
-    _refuse(moments, (width, side))
-    last = len(replay.motion) - 1
-    frames = [int(frame) for frame in np.linspace(min(HISTORY, last), last, moments)]
-    outside = list(_shots(replay, renderer, frames, (side, side)))
-    # The scene of the outside views has no ceiling, but the eyes see it: the ego views need the whole scene.
-    renderer.load(scene)
-    states, gaze = [replay.state(frame) for frame in frames], episode.record.gaze
-    inside = [renderer.render(state, ego_camera(state.body, side, gaze)).rgb for state in states]
-    sheet = Image.new("RGB", (width, 2 * side + 3 * GAP), "white")
-    for column in range(moments):
-        for row, picture in enumerate((outside[column], inside[column])):
-            sheet.paste(Image.fromarray(picture), (GAP + column * (side + GAP), GAP + row * (side + GAP)))
-    left = GAP + moments * (side + GAP)
-    sheet.paste(draw_chart(maps, (width - left - GAP, 2 * side + GAP)), (left, GAP))
-    with Folder(out.parent).placed(out.name) as file:
-        sheet.save(file)
-    return out
-
-
-def _refuse(count: int, size: tuple[int, int]) -> None:
+def _refuse(every: int, size: tuple[int, int]) -> None:
     least, most = SIDES
     if not all(least <= side <= most for side in size):
         got = " x ".join(map(str, size))
         raise HumanclawError(f"a picture is {least} to {most} pixels wide and high; got {got}.", "Name another size.")
-    if count < 1:
-        raise HumanclawError(f"every Nth frame of a film and the moments of a poster begin at 1; got {count}.")
+    if every < 1:
+        raise HumanclawError(f"a film keeps every Nth frame, N from 1 on; got {every}.", "Name a larger every.")
 
 
 # -- drawing -----------------------------------------------------------------------------------------------------------
 def _shots(replay: Replay, renderer: Renderer, frames: Iterable[int], size: tuple[int, int]) -> Iterator[Picture]:
-    """Yield the body from outside at each frame, in the scene of its storey; objects in the way fade."""
+    """Yield the body from outside at each frame, in the scene of its storey; without the objects in the way."""
     shown: Scene | None = None
     for frame in frames:
         scene = replay.scenes[replay.storeys[frame]]
         if scene is not shown:
             renderer.load(scene)
             shown = scene
-        camera = replay.camera(frame, size)
-        picture = renderer.render(replay.state(frame, replay.hidden[frame]), camera).rgb
-        before, share = replay.fading(frame)
-        if share:
-            old = renderer.render(replay.state(frame, before), camera).rgb
-            picture = (share * old.astype(np.float32) + (1 - share) * picture).astype(np.uint8)
-        yield picture
+        yield renderer.render(replay.state(frame), replay.camera(frame, size)).rgb
 
 
 def _pictures(replay: Replay, renderer: Renderer, every: int, size: tuple[int, int]) -> Iterator[Picture]:

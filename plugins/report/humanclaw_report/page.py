@@ -1,4 +1,4 @@
-"""The reporter of `humanclaw run`: a film, a picture and a page of each recorded episode."""
+"""The reporter of `humanclaw run`: a film and a page of each recorded episode."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Literal
 
 from humanclaw import RecordedEpisode, Renderer
 from humanclaw.plugins import Installed
-from humanclaw_report.film import FILM_SIZE, GIF_SIZE, film, poster
+from humanclaw_report.film import FILM_SIZE, GIF_SIZE, film
 from humanclaw_report.report import write_report
 
 
@@ -31,7 +31,7 @@ def report_of(
 
 
 class PageReporter:
-    """Writes film.mp4 or film.gif and poster.png beside an episode, and report.html beside the run."""
+    """Writes film.mp4 or film.gif beside an episode, and report.html beside the run."""
 
     def __init__(self, film: str = "mp4", renderer: str = "raster") -> None:
         """film: mp4, gif or none; renderer: name of the renderer that draws it."""
@@ -39,18 +39,16 @@ class PageReporter:
 
     def write(self, run: Path, episode: RecordedEpisode, plugins: Installed) -> dict[str, Path]:
         """Write all files of an episode; return their paths by the name that the terminal shows."""
-        # The page embeds film and poster, so they are written first.
-        written = self._pictures(episode, plugins) if self._film != "none" else {}
+        # The page embeds the film, so that is written first.
+        written = {"film": self._filmed(episode, plugins)} if self._film != "none" else {}
         return written | {"report": report_of(run, plugins)}
 
-    def _pictures(self, episode: RecordedEpisode, plugins: Installed) -> dict[str, Path]:
+    def _filmed(self, episode: RecordedEpisode, plugins: Installed) -> Path:
         scene = plugins.scene(episode.record.spec.scene)
         renderer: Renderer = plugins.make("renderers", self._renderer)
         try:
-            picture = poster(episode, scene, renderer, episode.folder / "poster.png")
             kind: Literal["mp4", "gif"] = "gif" if self._film == "gif" else "mp4"
             size = GIF_SIZE if kind == "gif" else FILM_SIZE
-            moving = film(episode, scene, renderer, episode.folder / f"film.{kind}", kind=kind, size=size)
+            return film(episode, scene, renderer, episode.folder / f"film.{kind}", kind=kind, size=size)
         finally:
             renderer.close()
-        return {"film": moving, "picture": picture}

@@ -12,15 +12,13 @@ from numpy.typing import NDArray
 from humanclaw import Motion, RecordedEpisode, RecordError, Scene, StepRecord
 from humanclaw.body import HISTORY, JOINT_INDEX, Array
 from humanclaw.world import GROUND, Camera, WorldState, floors_of
-from humanclaw_report.camera import BEHIND, FACING, follow, look_at, sight, smoothed
+from humanclaw_report.camera import BEHIND, FACING, follow, look_at, smoothed
 from humanclaw_report.maps import storeys_at
 
 SHOWN: Final = [
     JOINT_INDEX[name] for name in ("head", "pelvis", "left_wrist", "right_wrist", "left_foot", "right_foot")
 ]
 """Joints that no object may hide."""
-FADE: Final = 12
-"""Frames of motion in which an object in the way fades out or in."""
 AHEAD: Final = 12
 """An object is left out this many frames of motion before and after it hides the body."""
 AWAY: Final = np.array([0.0, -1000.0, 0.0, 0.0, 0.0, 0.0, 1.0])
@@ -54,30 +52,19 @@ class Replay:
         scenes = tuple(opened(scene, above - SLAB) for above in (*floors[1:], np.inf))
         # Smoothed, so that the scene does not flicker between two storeys on stairs.
         storeys = storeys_at(floors, smoothed(motion.root[:, 1], 6.0))
-        plans = [sight(shown, floor) for shown, floor in zip(scenes, floors, strict=True)]
         # On an empty floor there is nothing ahead of the body to see, and gestures are seen best from the front.
         empty = all(obj.category in GROUND for obj in scene.objects)
-        eyes = follow(plans, storeys, motion, FACING if empty else BEHIND)
+        eyes = follow(motion, FACING if empty else BEHIND)
         hidden = in_the_way(scene, motion, eyes)
         # A renderer keeps fixed objects where they are, so those that are ever left out become movable.
         loose = frozenset().union(*hidden)
         scenes = tuple(loosened(shown, loose) for shown in scenes)
         return cls(episode, scenes, storeys, motion, objects, eyes, hidden)
 
-    def state(self, frame: int, without: frozenset[int] = frozenset()) -> WorldState:
-        """Return the world at a frame. without: ids of objects to leave out."""
+    def state(self, frame: int) -> WorldState:
+        """Return the world at a frame, without the objects that hide the body."""
         places = {key: path[frame] for key, path in self.objects.items()}
-        return WorldState(self.motion[frame : frame + 1], places | dict.fromkeys(without, AWAY))
-
-    def fading(self, frame: int) -> tuple[frozenset[int], float]:
-        """Return the objects that were left out before the last change, and the weight of the picture without them.
-
-        The weight falls to 0 over FADE frames.
-        """
-        for past in range(1, min(FADE, frame) + 1):
-            if self.hidden[frame - past] != self.hidden[frame]:
-                return self.hidden[frame - past], 1 - past / (FADE + 1)
-        return self.hidden[frame], 0.0
+        return WorldState(self.motion[frame : frame + 1], places | dict.fromkeys(self.hidden[frame], AWAY))
 
     def camera(self, frame: int, size: tuple[int, int]) -> Camera:
         centre = self.motion.root[max(0, frame - 4) : frame + 5].mean(0) + [0.0, 0.05, 0.0]
@@ -105,7 +92,7 @@ def loosened(scene: Scene, ids: frozenset[int]) -> Scene:
 
 
 def in_the_way(scene: Scene, motion: Motion, eyes: Array) -> tuple[frozenset[int], ...]:
-    """Return for each frame the ids of the objects between eye and body, early enough for them to fade.
+    """Return for each frame the ids of the objects between eye and body, and for AHEAD frames before and after.
 
     Objects are tested by their boxes at rest. Floors, stairs, rugs and the seat that the hips are on never count.
     eyes: (T, 3), metres.

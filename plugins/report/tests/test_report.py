@@ -13,7 +13,6 @@ from urllib.parse import unquote, urljoin, urlsplit
 import numpy as np
 import pytest
 from made import broken_off, record_episode
-from PIL import Image
 from rooms import UPSTAIRS, asset, block, scene_object, two_rooms, two_storeys
 
 import humanclaw_report
@@ -421,16 +420,6 @@ def test_a_link_among_the_views_is_refused_and_its_goal_not_on_the_page(tmp_path
     assert "c2VjcmV0" not in (tmp_path / "page.html").read_text(), "in base64"
     with pytest.raises(RecordError, match=r"0000\.jpg is a link, which is not followed"):
         RecordedEpisode(tmp_path / "couch-0").view(RecordedEpisode(tmp_path / "couch-0").steps[0])
-
-
-@pytest.mark.parametrize("content", [b"no picture", "PNG"])
-def test_a_picture_that_is_none_or_too_large_is_left_out(tmp_path, content):
-    record_episode(tmp_path / "couch-0")
-    (tmp_path / "couch-0" / "film.mp4").write_bytes(b"film")
-    poster = tmp_path / "couch-0" / "poster.png"
-    poster.write_bytes(content) if isinstance(content, bytes) else Image.new("L", (9000, 9000)).save(poster, content)
-    write_report(tmp_path / "couch-0", tmp_path / "page.html", lambda name: two_rooms())
-    assert "<video" in (tmp_path / "page.html").read_text()
 
 
 def test_a_script_that_came_with_the_records_is_replaced(tmp_path: Path) -> None:
