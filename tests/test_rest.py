@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from humanclaw import Plugins, Scene, Simulator
+from humanclaw import Plugins, Scene, SceneError, Simulator
 from humanclaw.body import FUTURE, Motion, Pose2D, matrix_from_quaternion, rest_pose
 from humanclaw.testing.scenes import SceneBuilder, block
 from humanclaw.world import Execution
@@ -105,6 +105,69 @@ def test_a_tray_whose_sides_become_one_solid_piece_carries_a_book_on_top(
         book = builder.box("book", (0.1, 0.05, 0.1), (0, 0.41, 2.0), movable=True, mass=0.3)
         found = plugins.make("simulators", engine).reset(builder.scene(), Pose2D()).objects[book]
         assert found[1] == pytest.approx(height, abs=0.01)
+
+
+@ENGINES
+def test_what_overlaps_at_the_start_comes_apart_and_stays_near(engine: str, cache: Path, plugins: Plugins) -> None:
+    """Four crates of 50 cm, each 25 cm inside the next, and one 15 cm inside a wall whose face is at z = 4.
+
+    Apart, the outer crates are at least 1.5 m from each other, and the last one ends before z = 3.75. At half a metre a
+    second they would come 12 cm further in the half second in which they settle.
+    """
+    builder = SceneBuilder.on_floor()
+    builder.box("wall", (6.0, 2.5, 0.2), (0, 0, 4.1))
+    crates = [
+        builder.box("box", (0.5, 0.5, 0.5), place, movable=True, mass=5.0)
+        for place in [(-0.375, 0, 2.0), (-0.125, 0, 2.0), (0.125, 0, 2.0), (0.375, 0, 2.0), (2.0, 0, 3.9)]
+    ]
+    scene, simulator = builder.scene(), plugins.make("simulators", engine)
+    begun = simulator.reset(scene, Pose2D()).objects
+    for _ in range(4):
+        simulator.execute(rest_pose(FUTURE))
+    found = simulator.state().objects
+    simulator.close()
+    assert 1.49 < found[crates[3]][0] - found[crates[0]][0] < 1.75
+    assert 3.6 < found[crates[4]][2] < 3.76
+    for key in crates:
+        assert found[key][1] == pytest.approx(0, abs=0.005)
+        assert np.linalg.norm(found[key][:3] - begun[key][:3]) < 0.15
+
+
+@ENGINES
+@pytest.mark.parametrize("points", [1, 2, 3, 4])
+@pytest.mark.parametrize("movable", [False, True])
+def test_a_flat_piece_collides_as_a_thin_one(
+    engine: str, points: int, movable: bool, cache: Path, plugins: Plugins
+) -> None:
+    """A board of no thickness, or a corner, edge or half of it, on a block of 20 cm: it bears what rests on it."""
+    board = np.array([(0, 0.3, 0), (0.5, 0.3, 0.5), (-0.5, 0.3, 0.5), (0, 0.3, -0.5)], np.float32)[:points]
+    facts = {"movable": True, "mass": 5.0} if movable else {}
+    builder = SceneBuilder.on_floor()
+    table = builder.solid("table", [block((-0.1, 0, -0.1), (0.1, 0.2, 0.1)), board], (0, 0, 2.0), **facts)
+    cup = builder.box("cup", (0.1, 0.1, 0.1), (0, 0.305, 2.1), movable=True, mass=0.2)
+    scene, simulator = builder.scene(), plugins.make("simulators", engine)
+    found = simulator.reset(scene, Pose2D()).objects
+    simulator.close()
+    assert not movable or found[table][1] == pytest.approx(0, abs=0.01)
+    assert points < 3 or found[cup][1] == pytest.approx(0.3, abs=0.01)
+
+
+def test_a_piece_of_no_points_is_refused() -> None:
+    with pytest.raises(SceneError, match="collision piece of asset 'table 1' has no points"):
+        SceneBuilder.on_floor().solid("table", [block((0, 0, 0), (1, 1, 1)), np.zeros((0, 3), np.float32)], (0, 0, 2.0))
+
+
+@ENGINES
+def test_a_light_thing_bears_a_heavy_one(engine: str, cache: Path, plugins: Plugins) -> None:
+    """200 kg on a cup of 50 g, 10 cm high."""
+    builder = SceneBuilder.on_floor()
+    builder.box("cup", (0.08, 0.1, 0.08), (2, 0, 2), movable=True, mass=0.05)
+    safe = builder.box("safe", (0.5, 0.5, 0.5), (2, 0.1, 2), movable=True, mass=200.0)
+    scene, simulator = builder.scene(), plugins.make("simulators", engine)
+    simulator.reset(scene, Pose2D())
+    simulator.execute(rest_pose(FUTURE))
+    assert simulator.state().objects[safe][1] == pytest.approx(0.1, abs=0.002)
+    simulator.close()
 
 
 @ENGINES

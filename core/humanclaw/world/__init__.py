@@ -24,6 +24,7 @@ if TYPE_CHECKING:
         box_of as box_of,
         centre_of_mass as centre_of_mass,
         inertia as inertia,
+        solids as solids,
     )
     from humanclaw.world.half_physics.swing import Swing as Swing
     from humanclaw.world.half_physics.world import (

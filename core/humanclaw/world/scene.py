@@ -63,6 +63,8 @@ class Asset:
     licence: str = "Apache-2.0"
 
     def __post_init__(self) -> None:
+        if not all(len(hull) for hull in self.hulls):
+            raise SceneError(f"a collision piece of asset {self.name!r} has no points.", "Leave that piece out.")
         if self.seat_height is None:
             return
         if not self.hulls:

@@ -11,7 +11,7 @@ import numpy as np
 
 from humanclaw import Scene, SceneError
 from humanclaw.body import Array, matrix_from_quaternion
-from humanclaw.world import Asset, ObjectMotion, SceneObject, Swing, box_of, centre_of_mass, inertia
+from humanclaw.world import Asset, ObjectMotion, SceneObject, Swing, box_of, centre_of_mass, inertia, solids
 from humanclaw_bullet.engine import Client
 
 _MOVING: Final = 1
@@ -35,7 +35,7 @@ class _Forms:
     """The shapes of a scene, worked out once for all its worlds: a reset makes a new one."""
 
     def __init__(self, scene: Scene) -> None:
-        hulls = {name: [hull.astype(float) for hull in asset.hulls] for name, asset in scene.assets.items()}
+        hulls = {name: solids(asset.hulls) for name, asset in scene.assets.items()}
         solid = [obj for obj in scene.objects if hulls[obj.asset]]
         self.fixed = {
             name: [_Form.of([one]) for one in hulls[name]] for name in {o.asset for o in solid if not o.movable}
@@ -91,7 +91,7 @@ class Objects:
             said = f"movable object {obj.id} ({obj.category}) must have a positive mass; got {obj.mass} kg."
             raise SceneError(said)
         if obj.joint:
-            self._add_hinged(obj, asset)
+            self._add_hinged(obj)
         elif obj.movable:
             self._add_movable(obj, asset)
         else:
@@ -99,7 +99,7 @@ class Objects:
 
     def _add_fixed(self, obj: SceneObject, asset: Asset) -> None:
         if asset.name not in self._pieces:
-            self._pieces[asset.name] = [self._shape(form, asset) for form in self._forms.fixed[asset.name]]
+            self._pieces[asset.name] = [self._shape(form) for form in self._forms.fixed[asset.name]]
         for shape in self._pieces[asset.name]:
             body = self._client.createMultiBody(0, shape, -1, obj.position, obj.rotation, useMaximalCoordinates=1)
             # Asleep. Otherwise Bullet updates the fixed body in every step, and objects on it never come to rest.
@@ -110,7 +110,7 @@ class Objects:
 
     def _add_movable(self, obj: SceneObject, asset: Asset) -> None:
         if asset.name not in self._whole:
-            self._whole[asset.name] = self._shape(self._forms.free[asset.name], asset)
+            self._whole[asset.name] = self._shape(self._forms.free[asset.name])
         shape, centre = self._whole[asset.name], self._forms.centres[asset.name]
         position = np.array(obj.position) + matrix_from_quaternion(np.array(obj.rotation)) @ centre
         body = self._client.createMultiBody(
@@ -125,12 +125,12 @@ class Objects:
         self.object_of[body] = obj.id
         self._movable[obj.id] = body, centre
 
-    def _add_hinged(self, obj: SceneObject, asset: Asset) -> None:
+    def _add_hinged(self, obj: SceneObject) -> None:
         """Add a fixed post at the joint, and the object as its link, with its frame also at the joint."""
         client, swing = self._client, Swing.of(self._scene, obj)
         body = client.createMultiBody(
             0, -1, -1, swing.axis, swing.place(0.0)[3:], linkMasses=[obj.mass],
-            linkCollisionShapeIndices=[self._shape(self._forms.hung[obj.id], asset)],
+            linkCollisionShapeIndices=[self._shape(self._forms.hung[obj.id])],
             linkVisualShapeIndices=[-1], linkPositions=[[0, 0, 0]], linkOrientations=[[0, 0, 0, 1]],
             linkInertialFramePositions=[swing.centre - swing.point], linkInertialFrameOrientations=[[0, 0, 0, 1]],
             linkParentIndices=[0], linkJointAxis=[swing.joint.axis],
@@ -149,23 +149,16 @@ class Objects:
         self.object_of[body] = obj.id
         self._hinged[obj.id] = body, swing
 
-    def _shape(self, form: _Form, asset: Asset) -> int:
+    def _shape(self, form: _Form) -> int:
         """Make a shape. Several hulls come through a file, in which each is a named object: Bullet accepts them in one
         shape only from there, and never frees hulls that are passed as points."""
         client = self._client
         if form.box:
             centre, half = form.box
-            shape = client.createCollisionShape(client.GEOM_BOX, halfExtents=half, collisionFramePosition=centre)
-        else:
-            path = self._files / f"{len(list(self._files.iterdir()))}.obj"
-            path.write_text(form.text, encoding="utf-8")
-            shape = client.createCollisionShape(client.GEOM_MESH, fileName=str(path))
-        if shape < 0:
-            raise SceneError(
-                f"Bullet cannot make a shape of the hulls of asset {asset.name!r}.",
-                "Check that none of them is flat or empty.",
-            )
-        return int(shape)
+            return int(client.createCollisionShape(client.GEOM_BOX, halfExtents=half, collisionFramePosition=centre))
+        path = self._files / f"{len(list(self._files.iterdir()))}.obj"
+        path.write_text(form.text, encoding="utf-8")
+        return int(client.createCollisionShape(client.GEOM_MESH, fileName=str(path)))
 
     def motion(self, object_id: int) -> ObjectMotion:
         """Return the current motion of a movable object."""

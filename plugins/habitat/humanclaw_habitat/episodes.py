@@ -21,10 +21,10 @@ from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Annotated, Any, Final
 
 import numpy as np
-from pydantic import ValidationError, model_validator
+from pydantic import AfterValidator, ValidationError, model_validator
 
 from humanclaw import EpisodeSpec, HumanclawError, Scene, SceneError
 from humanclaw.body import Array, Pose2D
@@ -41,6 +41,8 @@ _ASTRAY: Final = 1.0
 _FLOOR: Final = 0.5
 """Largest distance between the height of a start and a floor of the scene, metres."""
 
+_TILT: Final = 0.1
+"""Tangent of half the largest tilt of a start: 11 degrees."""
 _VERSION: Final = "Check that the episodes are for this version of the dataset and that the scene is complete."
 
 
@@ -63,14 +65,24 @@ class Goal(Attributes):
         return re.sub(r"_:\d+$", "", Path(self.object_name or "").name)
 
 
+def _upright(rotation: tuple[float, float, float, float]) -> tuple[float, float, float, float]:
+    """Return x, y, z, w of a rotation about Y, which some files write as w, x, y, z."""
+    a, b, c, d = rotation
+    if np.hypot(a, c) < _TILT * np.hypot(b, d):
+        return rotation
+    if np.hypot(b, d) < _TILT * np.hypot(a, c):
+        return b, c, d, a
+    raise ValueError(f"a body stands upright, so this must be a quaternion x, y, z, w about Y; got {rotation}")
+
+
 class Task(Attributes):
     """One episode of a file."""
 
     episode_id: str | int
     scene_id: str
     start_position: Vec3
-    start_rotation: tuple[float, float, float, float]
-    """x, y, z, w"""
+    start_rotation: Annotated[tuple[float, float, float, float], AfterValidator(_upright)]
+    """x, y, z, w, about Y."""
     object_category: str
     init_offset: Vec3 | None = None
     """-x, z and height of the floor under the body, metres."""
@@ -82,12 +94,6 @@ class Task(Attributes):
         """Take init_offset from `info`, where some files keep it."""
         info = values.get("info") if isinstance(values, Mapping) else None
         return {"init_offset": info["init_offset"], **values} if info and "init_offset" in info else values
-
-    @model_validator(mode="after")
-    def _sensible(self) -> Task:
-        if np.linalg.norm(self.start_rotation) < 0.5:
-            raise ValueError(f"start_rotation must be a quaternion x, y, z, w; got {self.start_rotation}")
-        return self
 
     @property
     def scene(self) -> str:

@@ -51,6 +51,8 @@ def one(dataset: Path, folder: Path, *args: Any, **more: Any) -> EpisodeSpec:
         ([0, 0, 0, 1], (0, -1)),  # Habitat's forward is -Z.
         ([0, HALF, 0, HALF], (-1, 0)),  # A quarter turn to the left.
         ([0, -HALF, 0, HALF], (1, 0)),  # To the right.
+        ([1, 0, 0, 0], (0, -1)),  # The first and the second with w first: an upright body turns about Y alone.
+        ([HALF, 0, HALF, 0], (-1, 0)),
         (BACK, (0, 1)),
     ],
 )
@@ -247,17 +249,20 @@ def test_the_oracle_finds_the_couch_and_sits_on_it(dataset: Path, tmp_path: Path
 
 
 @pytest.mark.parametrize(
-    "wrong",
+    ("wrong", "said"),
     [
-        {"start_rotation": [0, np.nan, 0, 1]},
-        {"start_position": [2, np.inf, 2]},
-        {"init_offset": [-2, 2, np.nan]},
+        ({"start_rotation": [0, np.nan, 0, 1]}, "finite"),
+        ({"start_rotation": [HALF, HALF, 0, 0]}, "a body stands upright"),
+        ({"start_position": [2, np.inf, 2]}, "finite"),
+        ({"init_offset": [-2, 2, np.nan]}, "finite"),
     ],
 )
-def test_a_number_that_is_none_costs_its_episode_and_not_the_split(dataset: Path, tmp_path: Path, wrong: dict) -> None:
+def test_a_number_of_no_use_costs_its_episode_and_not_the_split(
+    dataset: Path, tmp_path: Path, wrong: dict, said: str
+) -> None:
     good, bad = episode(7, "couch", [2, 0.1, 2], BACK), episode(8, "couch", [2, 0.1, 2], BACK) | wrong
     result, specs = made(dataset, tmp_path, good, bad, flags=("--skip",))
     assert result.exit_code == 1
     assert "episode 8" in result.output
-    assert "finite" in result.output
+    assert said in result.output
     assert [spec.id for spec in specs] == ["toy1-couch-7"]

@@ -24,6 +24,7 @@ from humanclaw.world import (
     inertia,
     link_inertia,
     link_mass,
+    solids,
 )
 
 FIXED_GROUP, BODY_GROUP = 0, 1
@@ -71,7 +72,7 @@ class Model:
 def build(scene: Scene, profile: Profile) -> Model:
     """Compile a scene with a body.
 
-    Raises SceneError for a movable object without a mass, and for hulls without a volume.
+    Raises SceneError for a movable object without a mass, and for what MuJoCo refuses.
     """
     spec = mj.MjSpec()
     spec.option.gravity = [0.0, -profile.gravity, 0.0]
@@ -86,7 +87,7 @@ def build(scene: Scene, profile: Profile) -> Model:
         compiled = spec.compile()
     except ValueError as error:
         raise SceneError(
-            f"MuJoCo cannot compile scene {scene.name!r}: {error}", "Check that none of its hulls is flat or empty."
+            f"MuJoCo cannot compile scene {scene.name!r}: {error}", "Check that the points of its hulls are finite."
         ) from error
     return _addressed(compiled, scene, profile, objects)
 
@@ -140,7 +141,7 @@ class _Objects:
                 self._add_hulls(self._spec.worldbody, obj, asset, np.zeros(3), place)
 
     def _add_movable(self, obj: SceneObject, asset: Asset) -> Array:
-        hulls = [hull.astype(float) for hull in asset.hulls]
+        hulls = solids(asset.hulls)
         centre = centre_of_mass(hulls)
         body = self._spec.worldbody.add_body(name=f"object {obj.id}")
         body.add_freejoint(name=f"object {obj.id}")
@@ -159,18 +160,18 @@ class _Objects:
             range=[joint.low, joint.high], frictionloss=joint.friction, damping=joint.damping,
             solimp_limit=_IMPEDANCE, solimp_friction=_IMPEDANCE,
         )  # fmt: skip
-        _weigh(body, obj.mass, [hull.astype(float) for hull in asset.hulls], swing.centre - point)
+        _weigh(body, obj.mass, solids(asset.hulls), swing.centre - point)
         self._add_hulls(body, obj, asset, point, dict(HINGED))
         return swing
 
     def _add_hulls(self, body: Any, obj: SceneObject, asset: Asset, centre: Array, facts: dict[str, Any]) -> None:
-        for number, hull in enumerate(asset.hulls):
+        for number, hull in enumerate(solids(asset.hulls)):
             name = f"{obj.id} {number}"
-            box = box_of(hull.astype(float) - centre)
+            box = box_of(hull - centre)
             # Hulls that are boxes become box geoms: the engine then needs no mesh for them.
             if box is None:
                 kind = f"{'movable' if obj.movable else 'fixed'} {centre.tolist() if obj.joint else ''}"
-                mesh = self._mesh(f"{asset.name} {number} {kind}", hull.astype(float) - centre)
+                mesh = self._mesh(f"{asset.name} {number} {kind}", hull - centre)
                 body.add_geom(name=name, type=mj.mjtGeom.mjGEOM_MESH, meshname=mesh, **facts)
             else:
                 body.add_geom(name=name, type=mj.mjtGeom.mjGEOM_BOX, size=box[1], **_moved(facts, box[0]))

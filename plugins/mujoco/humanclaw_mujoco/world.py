@@ -134,7 +134,8 @@ class MujocoWorld:
         """Let each contact, and the stop of each hinge, allow just the way that reaches it in this step."""
         m, contact, hinges = self._m, self._d.contact, self._model.hinges
         harden(
-            geoms, gaps, contact.includemargin, contact.solref, contact.friction, self._model.friction, seconds
+            geoms, gaps, contact.includemargin, contact.solref, contact.friction, self._model.friction,
+            self._model.joint_of, seconds,
         )  # fmt: skip
         if len(hinges):
             harden_stops(hinges, m.jnt_qposadr, m.jnt_range, self._d.qpos, m.jnt_solref, seconds)

@@ -6,10 +6,26 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from humanclaw.body.pose import Array
 
 _BOX_TOLERANCE: Final = 1e-5
+_FLAT, _THICK = 1e-4, 1e-3
+"""A hull that is thinner than this, and how thick it becomes, metres: no engine takes one without a volume."""
+
+
+def solids(hulls: Sequence[NDArray[np.float32]]) -> list[Array]:
+    """Return the hulls of an asset as engines take them: flat ones, and such of one or two points, 1 mm thick."""
+    return [_thickened(hull.astype(float)) for hull in hulls]
+
+
+def _thickened(hull: Array) -> Array:
+    spread = hull - hull.mean(axis=0)
+    _, axes = np.linalg.eigh(spread.T @ spread)
+    for axis in axes.T[np.ptp(spread @ axes, axis=0) < _FLAT]:
+        hull = np.concatenate([hull - _THICK / 2 * axis, hull + _THICK / 2 * axis])
+    return hull
 
 
 def box_of(hull: Array) -> tuple[Array, Array] | None:

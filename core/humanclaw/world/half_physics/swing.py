@@ -12,7 +12,7 @@ import numpy as np
 
 from humanclaw.body.pose import Array, matrix_from_quaternion, vector_from_quaternion
 from humanclaw.world.half_physics.quaternions import conjugate, multiply
-from humanclaw.world.half_physics.solids import centre_of_mass, inertia
+from humanclaw.world.half_physics.solids import centre_of_mass, inertia, solids
 from humanclaw.world.half_physics.world import ObjectMotion
 from humanclaw.world.joints import Hinge, Joint
 from humanclaw.world.scene import Scene, SceneObject
@@ -56,7 +56,7 @@ class Swing:
     def _measured(cls, scene: Scene, obj: SceneObject) -> Swing:
         joint = obj.joint
         assert joint is not None
-        hulls = [hull.astype(float) for hull in scene.assets[obj.asset].hulls]
+        hulls = solids(scene.assets[obj.asset].hulls)
         centre, way = centre_of_mass(hulls), np.array(joint.axis)
         point = np.array(joint.point) if isinstance(joint, Hinge) else np.zeros(3)
         arm = np.cross(way, centre - point)
