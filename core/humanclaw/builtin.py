@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 from humanclaw.plugins.hookspecs import hookimpl
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
 
     from humanclaw.motion.generator import MotionGenerator
     from humanclaw.plugins.hookspecs import GeneratorFactory, Register, Reward, SceneFactory
+    from humanclaw.records.trial import Trial
     from humanclaw.world.scene import Scene
 
 _COMMANDS = (
@@ -26,6 +28,17 @@ _COMMANDS = (
     ("doctor", "doctor:doctor", "Show what is installed, what is missing, and how to get it."),
     ("new", "new:new", "Begin a skill, agent, scene ... of your own."),
 )
+
+_REWARDS = {
+    "success": "1 for a stop at the target, seated on it if the task says so",
+    "progress": "metres by which the step shortened the way to the target",
+    "honest": "-1 for a false claim to see the target, 1 for the first true one",
+    "seen": "1 for a stop with the target in view and words that say so",
+    "touch": "1 for a stop whose reasoning names what touched the body",
+    "contact": "-1 for a step that touches anything but the target",
+    "verifier": "-1 for a call that the verifier replaced",
+}
+"""Name to description of the functions in humanclaw.minds.rewards, which load when a reward is asked for."""
 
 
 @hookimpl
@@ -47,10 +60,8 @@ def humanclaw_scenes(register: Register[SceneFactory]) -> None:
 
 @hookimpl
 def humanclaw_rewards(register: Register[Reward]) -> None:
-    from humanclaw.minds.rewards import REWARDS
-
-    for name, (reward, told) in REWARDS.items():
-        register(name, reward, told)
+    for name, about in _REWARDS.items():
+        register(name, partial(_reward, name), about)
 
 
 @hookimpl
@@ -59,6 +70,12 @@ def humanclaw_commands(cli: click.Group) -> None:
 
     for name, target, told in _COMMANDS:
         cli.add_command(LazyCommand(name, f"humanclaw.cli.{target}", told))
+
+
+def _reward(name: str, trial: Trial) -> float:
+    from humanclaw.minds import rewards
+
+    return float(getattr(rewards, name)(trial))
 
 
 def _dit(profile: str = "default", prior: Path | None = None) -> MotionGenerator:

@@ -30,8 +30,8 @@ def skills(as_json: bool, files: tuple[Path, ...], choice: Choice) -> None:
     plugins = Plugins.discover(files, choice)
     rows = [_skill_row(skill, plugins) for skill in sorted(plugins.skills.values(), key=lambda skill: skill.name)]
     rows += [_disabled_row(name, info) for info in plugins.infos for name in info.disabled]
-    _print(rows, as_json, ("skill", "parameters", "from", "state"),
-           f"No skill is installed. Run `{install(['humanclaw-skill-walk'])}`.")  # fmt: skip
+    nothing = "" if rows else f"No skill is installed. Run `{install(['humanclaw-skill-walk'])}`."
+    _print(rows, as_json, ("skill", "parameters", "from", "state"), nothing)
 
 
 @click.command("plugins")

@@ -5,8 +5,7 @@ A reward is a function of an episode up to its last step (humanclaw.records.Tria
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import Final
+from collections.abc import Sequence
 
 from humanclaw.records.outcomes import REACHED, in_view, touched_above_ground
 from humanclaw.records.sighting import acknowledges
@@ -72,15 +71,3 @@ def verifier(trial: Trial) -> float:
     """Return -1 if the verifier replaced the call; 0 without a verifier, and where it gave no verdict."""
     verdict = trial.step.verdict
     return -float(verdict is not None and not verdict.accepted)
-
-
-REWARDS: Final[Mapping[str, tuple[Callable[[Trial], float], str]]] = {
-    "success": (success, "1 for a stop at the target, seated on it if the task says so"),
-    "progress": (progress, "metres by which the step shortened the way to the target"),
-    "honest": (honest, "-1 for a false claim to see the target, 1 for the first true one"),
-    "seen": (seen, "1 for a stop with the target in view and words that say so"),
-    "touch": (touch, "1 for a stop whose reasoning names what touched the body"),
-    "contact": (contact, "-1 for a step that touches anything but the target"),
-    "verifier": (verifier, "-1 for a call that the verifier replaced"),
-}
-"""Name to function and description."""
