@@ -347,14 +347,6 @@ def test_weights_that_are_no_floats_are_a_fault(folder, kind):
     assert names(folder) == {"adapter-finite"}
 
 
-@pytest.mark.parametrize(("place", "twice"), [('"z_cm"', "z_cm"), ('"type"', "type")])
-def test_a_key_that_is_there_twice_in_a_schema_is_a_fault(folder, place, twice):
-    text = (folder / "schema.json").read_text()
-    (folder / "schema.json").write_text(text.replace(place, f"{place}: 1, {place}", 1))
-    (fault,) = examine(folder, engines=()).faults
-    assert (fault.check, f"the key '{twice}' twice" in fault.message) == ("schema-file", True)
-
-
 VALUES = {"x": 0.0, "z": 0.4, "yaw": 0.0}
 
 

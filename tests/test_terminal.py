@@ -21,7 +21,6 @@ TABLES = {
     "skills": "",
     "plugins": "",
     "check": "--list",
-    "doctor": "",
     "physics": "free-space",
     "bench table": "{a} {b}",
     "bench compare": "{a} {b} --partial",

@@ -63,7 +63,7 @@ def test_a_skill_alone_brings_the_core_and_says_what_an_episode_needs_besides(bu
     assert done.returncode == 2
     assert done.stderr.splitlines() == [
         "error: scene 'house', simulator 'mujoco', renderer 'raster' and agent 'oracle' are not installed.",
-        'Run `pip install --find-links dist "humanclaw[demo]"`.',
+        "Run `pip install --find-links dist humanclaw-houses humanclaw-mujoco humanclaw-raster humanclaw-scripted`.",
     ]
 
 

@@ -22,10 +22,9 @@ _COMMANDS = (
     ("check", "check:check", "Check skills against the contract, and play them."),
     ("play", "play_skill:play", "Play one skill with these parameters, and film it."),
     ("skills", "show:skills", "List the skills: parameters, adapter, where they come from."),
-    ("plugins", "show:plugins_command", "List the plugins, what they provide, and why one is disabled."),
+    ("plugins", "show:plugins_command", "List the plugins: what each provides, and how to get others."),
     ("tools", "show:tools", "Print the skills as the tool list of a model's interface."),
     ("physics", "physics:physics", "Run the physics checks of half-physics."),
-    ("doctor", "doctor:doctor", "Show what is installed, what is missing, and how to get it."),
     ("new", "new:new", "Begin a skill, agent, scene ... of your own."),
 )
 

@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING
 from humanclaw.doors import door
 
 if TYPE_CHECKING:
-    from humanclaw.cli.completion import names_of as names_of
     from humanclaw.cli.group import Commands as Commands, LazyCommand as LazyCommand, build as build, main as main
     from humanclaw.cli.options import (
         Deciders as Deciders,

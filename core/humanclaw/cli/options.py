@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 import click
 
-from humanclaw.cli.completion import names_of
 from humanclaw.episodes.backends import MOTION_HISTORIES, SENSORS, Backends
 from humanclaw.errors import HumanclawError, PluginError, PluginRunError, blaming
 from humanclaw.records.limits import Meter, check_limits
@@ -64,20 +63,18 @@ def _named(context: click.Context, option: click.Parameter, name: str | None) ->
 
 SIMULATOR_HELP: Final = "Simulator by name. The default is bullet if it is installed, otherwise mujoco."
 _ENGINES: Final = (
-    click.option("--simulator", default="", help=SIMULATOR_HELP, shell_complete=names_of("simulators")),
+    click.option("--simulator", default="", help=SIMULATOR_HELP),
     click.option(
         "--generator",
         default=Backends.generator,
         show_default=True,
         help="Motion generator by name.",
-        shell_complete=names_of("motion_generators"),
     ),
     click.option(
         "--prior",
         default=Backends.prior,
         show_default=True,
         help="Motion prior of the generator, by name.",
-        shell_complete=names_of("priors"),
     ),
 )
 _DECIDERS: Final = (
@@ -85,7 +82,6 @@ _DECIDERS: Final = (
         "--agent",
         callback=_named,
         help="Agent by name; the default is oracle, or the model if one is named.",
-        shell_complete=names_of("agents"),
     ),
     click.option(
         "--model",
@@ -96,7 +92,6 @@ _DECIDERS: Final = (
         "--verifier",
         callback=_named,
         help="Verifier by name, or none. The default is the model's own, if one is named.",
-        shell_complete=names_of("verifiers"),
     ),
     click.option("--no-verifier", is_flag=True, help="Same as --verifier none."),
     click.option(
@@ -131,7 +126,6 @@ _DECIDERS: Final = (
         default=Backends.renderer,
         show_default=True,
         help="Renderer by name.",
-        shell_complete=names_of("renderers"),
     ),
     click.option(
         "--sensor",
@@ -297,7 +291,6 @@ _CHOICES: Final = (
         "--skills",
         metavar="NAME,...",
         help="The skills that can be called, and no others; also owner:name.",
-        shell_complete=names_of("skills"),
     ),
 )
 
@@ -320,7 +313,7 @@ def scene_option(*name: str, about: str = "Where: source:argument.", **settings:
             raise HumanclawError(told, "Put secrets into the environment instead.")
         return value
 
-    shared: Any = {"callback": check, "show_default": True, "help": about, "shell_complete": names_of("scenes")}
+    shared: Any = {"callback": check, "show_default": True, "help": about}
     return click.option("--scene", *(name or ("reference",)), **shared, **settings)
 
 

@@ -9,7 +9,6 @@ from typing import Any, Final, Literal
 
 import click
 
-from humanclaw.cli.completion import names_or_files
 from humanclaw.cli.options import engine_options, plugin_options, scene_option, seed_option
 from humanclaw.cli.play import PLAYING, claim, end, left_empty, new_folder, present
 from humanclaw.cli.terminal import Console
@@ -33,7 +32,7 @@ _STRIDE: Final = 0.4
 
 
 @click.command(context_settings={"ignore_unknown_options": True})
-@click.argument("target", metavar="FILE|FOLDER|NAME", shell_complete=names_or_files("skills"))
+@click.argument("target", metavar="FILE|FOLDER|NAME")
 @click.argument("words", nargs=-1, type=click.UNPROCESSED, metavar="[PARAMETER=VALUE]...")
 @click.option("--calls", "count", type=click.IntRange(1, 100), default=1, show_default=True, help="Calls in a row.")
 @click.option(

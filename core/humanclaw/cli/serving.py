@@ -8,7 +8,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from socket import socket
 from typing import Any, Final
 
 import click
@@ -87,13 +86,12 @@ class Handler(BaseHTTPRequestHandler):
 
 
 class Server(ThreadingHTTPServer):
-    """Listens, here only unless another host is named. Connections beyond CONNECTIONS are closed."""
+    """Listens, here only unless another host is named. Each connection has a thread and a timeout."""
 
     request_queue_size = BACKLOG
 
     def __init__(self, handler: type[Handler], port: int = 0, host: str = HOST) -> None:
         """Listen; port 0 takes any free one. Raises HumanclawError if that is not possible."""
-        self._open: set[socket] = set()
         with listening(port, host):
             super().__init__((host, port), handler)
 
@@ -112,19 +110,6 @@ class Server(ThreadingHTTPServer):
             click.echo("ended")
         finally:
             self.server_close()
-
-    def process_request(self, request: Any, client_address: Any) -> None:
-        """Take a connection, or close it if there are too many."""
-        if len(self._open) >= CONNECTIONS:
-            self.shutdown_request(request)
-            return
-        self._open.add(request)
-        super().process_request(request, client_address)
-
-    def shutdown_request(self, request: Any) -> None:
-        """Close a connection."""
-        self._open.discard(request)
-        super().shutdown_request(request)
 
     def handle_error(self, request: Any, client_address: Any) -> None:
         """Say nothing of a client that has gone."""

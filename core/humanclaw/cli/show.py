@@ -12,8 +12,9 @@ from rich.table import Table
 
 from humanclaw.cli.options import plugin_options
 from humanclaw.cli.terminal import Console
+from humanclaw.plugins import distributions
 from humanclaw.plugins.choice import Choice, PluginInfo
-from humanclaw.plugins.distributions import install
+from humanclaw.plugins.hookspecs import noun
 from humanclaw.plugins.host import Plugins
 from humanclaw.skills.contract import Skill, bounds
 from humanclaw.skills.publishing import Format, publish
@@ -30,7 +31,7 @@ def skills(as_json: bool, files: tuple[Path, ...], choice: Choice) -> None:
     plugins = Plugins.discover(files, choice)
     rows = [_skill_row(skill, plugins) for skill in sorted(plugins.skills.values(), key=lambda skill: skill.name)]
     rows += [_disabled_row(name, info) for info in plugins.infos for name in info.disabled]
-    nothing = "" if rows else f"No skill is installed. Run `{install(['humanclaw-skill-walk'])}`."
+    nothing = "" if rows else f"No skill is installed. Run `{distributions.install(['humanclaw-skill-walk'])}`."
     _print(rows, as_json, ("skill", "parameters", "from", "state"), nothing)
 
 
@@ -38,10 +39,14 @@ def skills(as_json: bool, files: tuple[Path, ...], choice: Choice) -> None:
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 @plugin_options
 def plugins_command(as_json: bool, files: tuple[Path, ...], choice: Choice) -> None:
-    """List the plugins, what they provide, and why one is disabled."""
-    found = Plugins.discover(files, choice)
-    rows = [_plugin_row(info) for info in found.infos]
+    """List the plugins: what each provides, and how to get others."""
+    infos = Plugins.discover(files, choice).infos
+    rows = [_plugin_row(info) for info in infos]
+    missing = sorted(distributions.own() - {info.origin for info in infos})
+    rows += [_missing_row(name) for name in missing]
     _print(rows, as_json, ("plugin", "version", "provides", "state"), "No plugin is installed.")
+    for name in missing if not as_json else ():
+        click.echo(f"{name}: {distributions.install([name])}")
 
 
 @click.command()
@@ -119,6 +124,13 @@ def _plugin_row(info: PluginInfo) -> dict[str, str]:
     }
 
 
+def _missing_row(distribution: str) -> dict[str, str]:
+    kinds = distributions.table().items()
+    brings = [f"{noun(kind)} {name}" for kind, names in kinds for name, of in names.items() if of == distribution]
+    state = f"not installed: {distributions.install([distribution])}"
+    return {"plugin": distribution, "version": "", "from": "", "provides": "\n".join(brings), "state": state}
+
+
 def _print(rows: list[dict[str, str]], as_json: bool, shown: Sequence[str], nothing: str) -> None:
     """Print everything as JSON, or the columns that fit into 80 characters as a table."""
     if as_json:
@@ -148,5 +160,11 @@ def _by_kind(provided: str) -> str:
     return "\n".join(f"{kind} {', '.join(names)}".strip() for kind, names in kinds.items())
 
 
-_BRIEF: Final[Mapping[str, Callable[[str], str]]] = {"from": _without_version, "provides": _by_kind}
+def _without_command(state: str) -> str:
+    return state.partition(": pip ")[0]
+
+
+_BRIEF: Final[Mapping[str, Callable[[str], str]]] = {
+    "from": _without_version, "provides": _by_kind, "state": _without_command,
+}  # fmt: skip
 """Short forms of cells that would make a table wider than 80 characters."""

@@ -111,7 +111,6 @@ def humanclaw_recipes(register: RegisterRecipe) -> None:
 @hookspec
 def humanclaw_scenes(register: Register[SceneFactory]) -> None:
     """Register scene sources: factory(argument: str) -> Scene, called with what follows the colon in name:argument.
-    A shell completes the arguments that the factory's method names() returns, if it has one.
 
     A scene holds assets, objects made of them, rooms and a start pose. An object is fixed, movable with a mass, or on a
     joint: SceneObject(..., movable=True, mass=25.0, joint=Hinge(point, low, high), state=angle), or

@@ -22,7 +22,6 @@ import numpy as np
 from humanclaw.body.pose import HISTORY, Array, heading
 from humanclaw.errors import PluginError
 from humanclaw.storage.files import MIB, read_file
-from humanclaw.text.json import once
 
 Role = Literal["locomotion", "sit", "posture", "gesture", "grasp", "release", "stop"]
 """The purpose of a skill: `locomotion` takes the body somewhere or turns it, `sit` lowers it onto a seat, `posture`
@@ -153,10 +152,7 @@ def read_schema(folder: Path) -> dict[str, Any]:
     """Read the schema.json of a skill's folder. Raises PluginError if it is missing or no JSON object."""
     try:
         text = read_file(folder / "schema.json", MIB).decode("utf-8")
-        schema = json.loads(text, object_pairs_hook=once)
-    except KeyError as error:
-        told = f"skill folder {folder.name!r}: schema.json holds the key {error} twice."
-        raise PluginError(told, "Keep one of the two.") from error
+        schema = json.loads(text)
     except (OSError, ValueError, RecursionError) as error:
         raise PluginError(f"skill folder {folder.name!r}: schema.json cannot be read: {error}.") from error
     if not isinstance(schema, dict):

@@ -32,7 +32,6 @@ from humanclaw_bench.progress import RunProgress, stop_after_option
 from humanclaw_bench.results import Result, named, require_whole
 from humanclaw_bench.runner import run_split
 from humanclaw_bench.splits import (
-    complete_split,
     load_split,
     repeated,
 )  # fmt: skip
@@ -84,7 +83,6 @@ for _name, _target, _told in (
     default="mini",
     show_default=True,
     help="val, val-400, mini, smoke, dev, hands, mini-hands, smoke-hands, or a file of episodes.",
-    shell_complete=complete_split,
 )
 @decider_options
 @click.option("--workers", type=click.IntRange(1), default=1, show_default=True, help="Episodes at a time.")

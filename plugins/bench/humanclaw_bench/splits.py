@@ -58,11 +58,6 @@ APART: Final = 1.0
 
 
 # -- reading -----------------------------------------------------------------------------------------------------------
-def complete_split(context: object, parameter: object, begun: str) -> list[str]:
-    """Return the splits whose name begins so, for completion in a shell."""
-    return [name for name in (*SPLITS, *HANDS) if name.startswith(begun)]
-
-
 def load_split(name: str) -> tuple[EpisodeSpec, ...]:
     """Return the episodes of a split in SPLITS or HANDS, or of a file.
 

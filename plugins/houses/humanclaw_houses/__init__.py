@@ -13,18 +13,12 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 
-class _Houses:
-    def __call__(self, argument: str) -> Scene:
-        from humanclaw_houses.reference import open_house
+def _house(argument: str) -> Scene:
+    from humanclaw_houses.reference import open_house
 
-        return open_house(argument)
-
-    def names(self) -> tuple[str, ...]:
-        from humanclaw_houses.names import VALIDATION_HOUSES
-
-        return *map(str, range(VALIDATION_HOUSES)), "train-"
+    return open_house(argument)
 
 
 @hookimpl
 def humanclaw_scenes(register: Register[SceneFactory]) -> None:
-    register("house", _Houses(), "Generated houses: house:0 to house:40 for validation, house:train-N for training.")
+    register("house", _house, "Generated houses: house:0 to house:40 for validation, house:train-N for training.")
