@@ -12,10 +12,10 @@ from hosting import host_of
 
 from humanclaw import Body, Call, Decision, Episode, Keyframes, Observation, Plugins, Verdict, body_tools, skill
 from humanclaw.body import Pose2D
+from humanclaw.checks.fakes import FakeWorld
 from humanclaw.errors import PluginError, PluginRunError
 from humanclaw.records import free_episode
 from humanclaw.testing import fake_body
-from humanclaw.testing.fakes import FakeWorld
 
 TWO = '''
 from humanclaw import Keyframes, hookimpl, skill

@@ -172,7 +172,7 @@ def test_an_unknown_argument_is_answered_with_the_known_ones(tmp_path):
 
 
 def test_a_renderer_that_never_returns_is_a_fault_and_an_agent_may_wait_for_a_person(tmp_path, monkeypatch):
-    monkeypatch.setattr("humanclaw.testing.kinds.PATIENCE", 0.5)
+    monkeypatch.setattr("humanclaw.checks.plugins.PATIENCE", 0.5)
     waits = "__import__('threading').Event().wait()"
     assert "did not return within 0.5 s" in faults(tmp_path, eyes(waits))[0].message
     assert faults(tmp_path, agent(waits), "waiting") == []
@@ -190,7 +190,7 @@ def test_no_example_of_a_hook_is_refused(tmp_path, file):
 
 @pytest.mark.parametrize("name", ["humanclaw-scripted", "humanclaw-raster", "humanclaw-frameworks", "humanclaw-houses"])
 def test_an_installed_plugin_is_checked_by_its_name(name, monkeypatch):
-    monkeypatch.setattr("humanclaw.testing.kinds.PATIENCE", 900)  # A loaded machine may compile for minutes.
+    monkeypatch.setattr("humanclaw.checks.plugins.PATIENCE", 900)  # A loaded machine may compile for minutes.
     reports = check_target(name, Plugins.discover())
     assert reports
     assert [fault for report in reports for fault in report.faults] == []

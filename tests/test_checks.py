@@ -17,14 +17,14 @@ from pydantic import Field
 from safetensors.numpy import load_file, save
 
 from humanclaw import Call, Control, Gaze, Keyframes, Motion, Plugins, Reach, hookimpl, run_episode, skill
+from humanclaw.checks.fakes import Fakes
+from humanclaw.checks.targets import found_at
 from humanclaw.cli import build
 from humanclaw.errors import CallError
 from humanclaw.records import free_episode
 from humanclaw.skills import Check, Skill
 from humanclaw.skills.checks import CHECKS
 from humanclaw.testing import FakeModel, FakeWorld, check_skill, check_target, examine, fake_body
-from humanclaw.testing.fakes import Fakes
-from humanclaw.testing.targets import found_at
 
 NOD = Keyframes.cycle("head", axis="x", degrees=20, seconds=0.5)
 WALK = folder_of("walk") / "adapter.safetensors"

@@ -11,8 +11,8 @@ import pytest
 
 from humanclaw import Control, Keyframes, Plugins, Skill, skill
 from humanclaw.body import FUTURE, rest_pose
+from humanclaw.checks.fakes import Fakes
 from humanclaw.errors import CallError, PluginError
-from humanclaw.testing.fakes import Fakes
 
 EIGHT = {
     "walk", "side_step", "step_back", "turn_in_place", "climb_upstairs", "walk_downstairs", "sit_in_place", "stop",

@@ -29,11 +29,10 @@ from humanclaw import (
 )
 from humanclaw.body import JOINT_INDEX, JOINT_LIMITS, Pose2D, rest_pose
 from humanclaw.body.limits import angles_from_standing
+from humanclaw.checks.fakes import FAKE, Fakes
 from humanclaw.records import RecordedEpisode, free_episode
 from humanclaw.skills import MotionError
-from humanclaw.testing import SceneBuilder
-from humanclaw.testing.fakes import FAKE, Fakes
-from humanclaw.world import Hinge, ObjectMotion, Profile, Slide
+from humanclaw.world import Hinge, ObjectMotion, Profile, SceneBuilder, Slide
 from humanclaw.world.half_physics.exertion import Exertion
 
 both = pytest.mark.parametrize("engine", ["mujoco", BULLET])

@@ -6,9 +6,10 @@ from hosting import plugin
 
 from humanclaw import Backends, Body, Call, HumanclawError, Plugins
 from humanclaw.body import HISTORY, JOINT_INDEX, forward_kinematics, heading
+from humanclaw.checks.fakes import FAKE, FakeGenerator, Fakes
 from humanclaw.motion import DiTGenerator
-from humanclaw.testing import SceneBuilder, fake_scene
-from humanclaw.testing.fakes import FAKE, FakeGenerator, Fakes
+from humanclaw.testing import fake_scene
+from humanclaw.world import SceneBuilder
 
 
 @pytest.fixture

@@ -23,10 +23,10 @@ from humanclaw import (
     skill,
 )
 from humanclaw.body import JOINT_INDEX, JOINT_LIMITS, STANDING_HEIGHT, Pose2D, rest_pose
+from humanclaw.checks.fakes import FAKE, Fakes
 from humanclaw.records import RecordedEpisode, free_episode
 from humanclaw.skills import MotionError, parts
 from humanclaw.testing import check_skill, fake_body, fake_scene
-from humanclaw.testing.fakes import FAKE, Fakes
 
 Cm = Annotated[int, Field(ge=-200, le=300)]
 

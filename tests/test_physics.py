@@ -15,9 +15,8 @@ from humanclaw.plugins import Plugins
 from humanclaw.records import RecordedEpisode
 from humanclaw.testing.fixture import Finding, skill_with
 from humanclaw.testing.laws import table
-from humanclaw.testing.scenes import SceneBuilder
 from humanclaw.testing.speed import resident
-from humanclaw.world import find_profile
+from humanclaw.world import SceneBuilder, find_profile
 from humanclaw.world.half_physics.kernels import approach
 from humanclaw.world.half_physics.swing import swings
 from humanclaw_skill_crouch import crouch

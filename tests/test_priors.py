@@ -14,7 +14,7 @@ from humanclaw.errors import CheckpointError
 from humanclaw.motion import DiTGenerator, read_header
 from humanclaw.records import Decision, free_episode
 from humanclaw.skills import Call
-from humanclaw.testing import SceneBuilder
+from humanclaw.world import SceneBuilder
 
 SOURCE = Path(__file__).parent / "data/prior_tiny"
 TINY = read_header(SOURCE / "humanclaw_prior_tiny/base.safetensors")["digest"]

@@ -7,8 +7,7 @@ import pytest
 
 from humanclaw import Plugins, Scene, SceneError, Simulator
 from humanclaw.body import FUTURE, Motion, Pose2D, matrix_from_quaternion, rest_pose
-from humanclaw.testing.scenes import SceneBuilder, block
-from humanclaw.world import Execution
+from humanclaw.world import Execution, SceneBuilder, block
 
 ENGINES = pytest.mark.parametrize("engine", ["bullet", "mujoco"])
 FALLS = 9.81 * np.array([0.5, 1.0]) ** 2 / 2

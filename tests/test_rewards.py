@@ -8,7 +8,7 @@ from rollouts import COUCH, LAMP, TABLE, rollout, step, touch
 from humanclaw import Plugins
 from humanclaw.records import Attempt, Decision, Trial, Verdict
 from humanclaw.skills import Call
-from humanclaw.testing import SceneBuilder
+from humanclaw.world import SceneBuilder
 
 SEES, BLIND = "A couch is ahead, about 2.0 m away.", "No couch is in view."
 

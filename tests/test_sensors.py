@@ -6,15 +6,14 @@ from engines import DEFAULT
 
 from humanclaw import Backends, Body, Chunk, Decision, Episode
 from humanclaw.body import JOINT_INDEX, STANDING_HEIGHT, Motion, rest_pose
+from humanclaw.checks.fakes import ScriptedAgent
 from humanclaw.episodes.backends import check_sensors
 from humanclaw.episodes.falls import Descent
 from humanclaw.episodes.sensors import proprioception, tactile
 from humanclaw.errors import HumanclawError
 from humanclaw.records import Answer, Feedback, StepRecord, Touch, free_episode
 from humanclaw.skills import Call
-from humanclaw.testing.fakes import ScriptedAgent
-from humanclaw.testing.scenes import SceneBuilder
-from humanclaw.world import Contact, Execution
+from humanclaw.world import Contact, Execution, SceneBuilder
 
 BEFORE = rest_pose(1)
 

@@ -8,11 +8,11 @@ import pytest
 from hosting import host_of
 
 from humanclaw import Backends, Body, Call, Control, Decision, Episode, Keyframes, Plugins, hookimpl, skill
+from humanclaw.checks.fakes import FAKE, Fakes
 from humanclaw.errors import HumanclawError, ReplayError
 from humanclaw.records import PlayedPart, RecordedEpisode, free_episode
 from humanclaw.skills import MotionError, parts
 from humanclaw.testing import fake_body, fake_scene
-from humanclaw.testing.fakes import FAKE, Fakes
 
 NOD = Keyframes.cycle("head", axis="x", degrees=20, seconds=1)
 

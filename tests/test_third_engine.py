@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from humanclaw.body import Motion
+from humanclaw.checks.fakes import FakeWorld
 from humanclaw.testing import SimulatorConformance
-from humanclaw.testing.fakes import FakeWorld
 from humanclaw_mujoco.world import mujoco
 
 SLOW = {"test_resetting_keeps_no_memory", "test_the_law_holds", "test_the_papers_constants_keep_bodies_whole_too"}

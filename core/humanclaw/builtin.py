@@ -84,7 +84,7 @@ def _dit(profile: str = "default", prior: Path | None = None) -> MotionGenerator
 
 
 def _floor(argument: str) -> Scene:
-    from humanclaw.testing.scenes import SceneBuilder
+    from humanclaw.world.scene_builder import SceneBuilder
 
     builder = SceneBuilder.on_floor()
     return replace(builder.scene(), name="floor")

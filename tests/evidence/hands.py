@@ -13,8 +13,9 @@ from pathlib import Path
 import numpy as np
 
 from humanclaw import Backends, Body, Call, Plugins
-from humanclaw.testing import SceneBuilder, legal_calls
-from humanclaw.testing.fakes import FAKE, Fakes
+from humanclaw.checks.fakes import FAKE, Fakes
+from humanclaw.testing import legal_calls
+from humanclaw.world import SceneBuilder
 
 SKILLS = Path(__file__).parents[2] / "skills"
 PACKAGES = [SKILLS / name / f"humanclaw_skill_{name}" for name in ("crouch", "gaze", "handle", "hands")]

@@ -20,7 +20,7 @@ from humanclaw.skills.checks import CHECKS
 from humanclaw.text.words import counted
 
 if TYPE_CHECKING:
-    from humanclaw.testing import Report
+    from humanclaw.checks.skills import Report
 
 
 @click.command()
@@ -57,9 +57,8 @@ def check(
     if listing:
         _list_checks(as_json)
         return
-    from humanclaw.testing import (
-        check_target,
-    )  # Imported here: it loads bodies and engines, which other commands do not need.
+    # Imported here: it loads bodies and engines, which other commands do not need.
+    from humanclaw.checks.targets import check_target
 
     plugins = Plugins.discover(files, choice)
     named = targets or [*plugins.skills, *plugins.disabled]

@@ -1,14 +1,11 @@
-"""Helpers and conformance suites for the tests of skills, plugins and harnesses."""
+"""For the tests of skills, plugins and harnesses: checks, fakes, and a conformance suite of simulators."""
 
 from typing import TYPE_CHECKING
 
 from humanclaw.doors import door
 
 if TYPE_CHECKING:
-    from humanclaw.episodes.step import contacts as contacts, touches as touches
-    from humanclaw.records.decisions import check as check
-    from humanclaw.testing.examining import Report as Report, check_skill as check_skill, examine as examine
-    from humanclaw.testing.fakes import (
+    from humanclaw.checks.fakes import (
         FakeGenerator as FakeGenerator,
         FakeModel as FakeModel,
         FakeRenderer as FakeRenderer,
@@ -17,11 +14,13 @@ if TYPE_CHECKING:
         fake_body as fake_body,
         fake_scene as fake_scene,
     )
-    from humanclaw.testing.sampling import corners as corners, legal_calls as legal_calls
-    from humanclaw.testing.scenes import SceneBuilder as SceneBuilder
+    from humanclaw.checks.sampling import corners as corners, legal_calls as legal_calls
+    from humanclaw.checks.skills import Report as Report, check_skill as check_skill, examine as examine
+    from humanclaw.checks.targets import check_target as check_target
+    from humanclaw.episodes.step import contacts as contacts, touches as touches
+    from humanclaw.records.decisions import check as check
     from humanclaw.testing.simulators import SimulatorConformance as SimulatorConformance
     from humanclaw.testing.speed import reset_times as reset_times, resident as resident
-    from humanclaw.testing.targets import check_target as check_target
 
 if not TYPE_CHECKING:
     __getattr__, __dir__, __all__ = door(__name__)

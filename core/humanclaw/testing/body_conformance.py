@@ -9,10 +9,10 @@ import pytest
 
 from humanclaw.body.pose import FPS, Array, Motion, Pose2D, heading, matrix_from_vector, rest_pose
 from humanclaw.body.skeleton import JOINT_INDEX, STANDING_HEIGHT
-from humanclaw.testing.motions import Played, gait, glide, play, sitting_down
-from humanclaw.testing.scenes import SceneBuilder
+from humanclaw.checks.motions import Played, gait, glide, play, sitting_down
 from humanclaw.world.half_physics.profile import Profile
 from humanclaw.world.scene import Scene
+from humanclaw.world.scene_builder import SceneBuilder
 from humanclaw.world.simulator import Simulator
 
 PROFILES: Final = ("default", "paper", "reference")

@@ -16,8 +16,8 @@ from humanclaw.body.limits import shoe_heights
 from humanclaw.body.pose import FPS, FUTURE, HISTORY, Array, Motion, forward_kinematics, matrix_from_vector, rest_pose
 from humanclaw.testing.fixture import DROP, FORWARD, GRAVITY, HEIGHT, RISE, Command, Finding, Fixture, Tick, walk
 from humanclaw.testing.object_laws import CHAIRS, GAPS, LOADS, MASSES, boxes, chair, door, hinges, lids, slides
-from humanclaw.testing.scenes import SceneBuilder
 from humanclaw.world.scene import Scene
+from humanclaw.world.scene_builder import SceneBuilder
 from humanclaw.world.simulator import Execution
 
 STEP_DEPTH: Final = 0.28

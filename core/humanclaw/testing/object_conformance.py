@@ -9,11 +9,11 @@ import pytest
 from numpy.typing import NDArray
 
 from humanclaw.body.pose import FPS, matrix_from_quaternion, rest_pose, vector_from_quaternion
+from humanclaw.checks.motions import gait, glide
 from humanclaw.errors import SceneError
 from humanclaw.testing.body_conformance import BodyConformance
-from humanclaw.testing.motions import gait, glide
-from humanclaw.testing.scenes import SceneBuilder, block, box_mesh
 from humanclaw.world.joints import Slide
+from humanclaw.world.scene_builder import SceneBuilder, block, box_mesh
 
 
 class ObjectConformance(BodyConformance):

@@ -10,10 +10,10 @@ import numpy as np
 
 from humanclaw.body.pose import FPS, Array, matrix_from_quaternion, vector_from_quaternion
 from humanclaw.testing.fixture import GRAVITY, Finding, Fixture, Tick, walk
-from humanclaw.testing.scenes import SceneBuilder, block
 from humanclaw.world.half_physics.exertion import GROUND_FRICTION
 from humanclaw.world.half_physics.profile import Profile
 from humanclaw.world.joints import Hinge, Slide
+from humanclaw.world.scene_builder import SceneBuilder, block
 
 MASSES: Final = {
     1.0: (0.3, np.inf),

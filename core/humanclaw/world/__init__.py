@@ -93,6 +93,7 @@ if TYPE_CHECKING:
         distance_to_box as distance_to_box,
         distance_to_nearest as distance_to_nearest,
     )
+    from humanclaw.world.scene_builder import SceneBuilder as SceneBuilder, block as block, box_mesh as box_mesh
     from humanclaw.world.scene_file import pack_scene as pack_scene, unpack_scene as unpack_scene
     from humanclaw.world.simulator import (
         Contact as Contact,

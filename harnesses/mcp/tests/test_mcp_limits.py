@@ -7,8 +7,8 @@ import pytest
 from mcp import Client
 
 from humanclaw import Call, HumanclawError, Keyframes, Plugins, Verdict, hookimpl, skill
+from humanclaw.checks.fakes import Fakes
 from humanclaw.records import Answer
-from humanclaw.testing.fakes import Fakes
 from humanclaw_mcp import content
 from humanclaw_mcp.server import Handlers, make_server
 from humanclaw_mcp.session import Bodies, Settings

@@ -195,7 +195,7 @@ def test_a_port_that_is_taken_is_told_in_a_sentence(url):
 
 FAKES = """
 print("stray words")
-from humanclaw.testing.fakes import Fakes
+from humanclaw.checks.fakes import Fakes
 
 _fakes = Fakes()
 humanclaw_scenes, humanclaw_simulators = _fakes.humanclaw_scenes, _fakes.humanclaw_simulators

@@ -10,8 +10,7 @@ from safetensors.numpy import load_file, save_file
 from humanclaw import Call, Decision, EpisodeContext, EpisodeSpec, HumanclawError, Observation, Plugins, TaskError
 from humanclaw.body import rest_pose
 from humanclaw.records import acknowledges
-from humanclaw.testing import SceneBuilder
-from humanclaw.world import GAZES, WorldState, ego_camera
+from humanclaw.world import GAZES, SceneBuilder, WorldState, ego_camera
 from humanclaw_pilot import agent as pilot, data
 from humanclaw_pilot.command import command
 from humanclaw_pilot.data import example, planted, played, written

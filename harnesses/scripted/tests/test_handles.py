@@ -4,9 +4,7 @@ import numpy as np
 import pytest
 
 from humanclaw.body import rest_pose
-from humanclaw.testing import SceneBuilder
-from humanclaw.testing.scenes import block
-from humanclaw.world import Hinge, WorldState
+from humanclaw.world import Hinge, SceneBuilder, WorldState, block
 from humanclaw_scripted.handles import Handle, free_sides, spot_on
 
 

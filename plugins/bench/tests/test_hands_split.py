@@ -15,9 +15,7 @@ import humanclaw_skill_hands
 from humanclaw import Backends, Body, Call, Episode, EpisodeSpec, PluginError, Plugins, RecordedEpisode, StepRecord
 from humanclaw.body import Pose2D
 from humanclaw.records import Goal, is_met
-from humanclaw.testing import SceneBuilder
-from humanclaw.testing.scenes import block
-from humanclaw.world import Slide
+from humanclaw.world import SceneBuilder, Slide, block
 from humanclaw_bench.attribution import attribute
 from humanclaw_bench.cli import bench
 from humanclaw_bench.hands.drawing import EACH, FAMILIES, House, asked, episodes, family_of

@@ -16,8 +16,7 @@ pytest.importorskip("pybullet", reason="PyBullet has no wheel for this Python")
 
 from humanclaw import Motion, Scene
 from humanclaw.body import JOINT_INDEX, JOINTS, Pose2D, rest_pose
-from humanclaw.testing import SceneBuilder
-from humanclaw.world import HalfPhysics, Touch
+from humanclaw.world import HalfPhysics, SceneBuilder, Touch
 from humanclaw_bullet.world import BulletWorld
 
 STEPS = 15 * 4

@@ -11,8 +11,7 @@ pybullet = pytest.importorskip("pybullet", reason="PyBullet has no wheel for thi
 import humanclaw_bullet
 from humanclaw.body import Pose2D, forward_kinematics, shoe_heights
 from humanclaw.testing.fixture import Fixture
-from humanclaw.testing.scenes import SceneBuilder
-from humanclaw.world import HalfPhysics
+from humanclaw.world import HalfPhysics, SceneBuilder
 from humanclaw_bullet.engine import Client
 from humanclaw_bullet.world import BulletWorld
 

@@ -10,8 +10,7 @@ import pytest
 
 from humanclaw import Plugins, Scene
 from humanclaw.body import Pose2D, rest_pose
-from humanclaw.testing import SceneBuilder
-from humanclaw.world import Hinge, SceneObject
+from humanclaw.world import Hinge, SceneBuilder, SceneObject
 from humanclaw_houses.building import Placed
 from humanclaw_houses.furniture import kitchen, storage, tables
 from humanclaw_houses.piece_builder import Piece

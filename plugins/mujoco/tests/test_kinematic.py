@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from humanclaw.body import Motion, rest_pose
-from humanclaw.testing import SceneBuilder
+from humanclaw.world import SceneBuilder
 from humanclaw_mujoco.world import kinematic, mujoco
 
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import humanclaw_mujoco
-from humanclaw.testing import SceneBuilder, reset_times
-from humanclaw.world import PROFILES, HalfPhysics, Pose
+from humanclaw.testing import reset_times
+from humanclaw.world import PROFILES, HalfPhysics, Pose, SceneBuilder
 from humanclaw_mujoco.model import build
 from humanclaw_mujoco.world import MujocoWorld, mujoco
 

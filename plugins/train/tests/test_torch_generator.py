@@ -10,7 +10,7 @@ from tiny_motion import WALK, write_adapter, write_base
 from humanclaw import Backends, Body
 from humanclaw.errors import CheckpointError
 from humanclaw.motion import SIZES, DiTGenerator
-from humanclaw.testing import SceneBuilder
+from humanclaw.world import SceneBuilder
 from humanclaw_train.model.generator import torch_generator
 
 AHEAD = {"x": 0.05, "z": 0.4, "yaw": 0.1}

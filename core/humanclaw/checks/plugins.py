@@ -6,8 +6,7 @@ import logging
 import tempfile
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence, Sized
-from contextlib import redirect_stdout
-from dataclasses import replace
+from contextlib import closing, redirect_stdout
 from io import StringIO
 from pathlib import Path
 from typing import Any, Final, TypeVar
@@ -17,27 +16,27 @@ import numpy as np
 
 from humanclaw.body.pose import FUTURE, HISTORY, Array, Motion, mirrored, rest_pose
 from humanclaw.body.skeleton import JOINT_INDEX
+from humanclaw.checks.fakes import ScriptedAgent, fake_body, fake_scene
+from humanclaw.checks.motions import gait
+from humanclaw.checks.skills import Report
 from humanclaw.episodes.embodiment import Body
 from humanclaw.episodes.episode import Episode
 from humanclaw.episodes.tools import body_tools
-from humanclaw.errors import CallError, ContractError, HumanclawError, ProviderError, in_words
-from humanclaw.plugins.agents import EpisodeContext, Observation
+from humanclaw.errors import ContractError, HumanclawError, ProviderError, in_words
+from humanclaw.plugins.agents import Agent, Verifier
 from humanclaw.plugins.bounded import Bounded, OverdueError
 from humanclaw.plugins.choice import Registration
-from humanclaw.plugins.deciders import admit, name_of, settings_of
 from humanclaw.plugins.hookspecs import OBSERVERS, noun
 from humanclaw.plugins.host import Plugins
-from humanclaw.records.decisions import Decision, Verdict, check
+from humanclaw.records.decisions import Decision
 from humanclaw.records.reading import RecordedEpisode
+from humanclaw.records.steps import StepRecord
 from humanclaw.records.tasks import free_episode
-from humanclaw.skills.call import Call, check_call
+from humanclaw.skills.call import Call
 from humanclaw.skills.contract import Skill
 from humanclaw.skills.decorator import skill
 from humanclaw.skills.measures import Measure
 from humanclaw.skills.plan import Keyframes
-from humanclaw.testing.examining import Report
-from humanclaw.testing.fakes import fake_body, fake_scene
-from humanclaw.testing.motions import gait
 from humanclaw.world.scene import Scene
 from humanclaw.world.simulator import Execution, WorldState
 from humanclaw.world.view import View, ego_camera
@@ -66,26 +65,27 @@ def finish() -> Keyframes:
 def _agent(make: Callable[..., Any], plugins: Plugins) -> None:
     with fake_body(*_skills(plugins)) as body:
         agent = make({})
-        name_of(agent), settings_of(agent)
         _expect(getattr(agent, "privileged", None), bool, "`privileged`")
-        spec = free_episode("find the chair", body.scene, max_steps=2)
-        told = EpisodeContext(spec, body.skills, 0)
-        whole = replace(told, scene=body.scene, state=body.state, view=body.view)
-        agent.begin(whole if agent.privileged else told)
-        decided = agent.decide(Observation(0, spec.instruction, body.view().rgb), ())
-        _legal(check, admit(decided, Decision, "decide() returned"), body.skills)
+        _step(body, agent)
 
 
 def _verifier(make: Callable[..., Any], plugins: Plugins) -> None:
     with fake_body(*_skills(plugins)) as body:
-        verifier = make({})
-        name_of(verifier), settings_of(verifier)
-        verifier.begin(EpisodeContext(free_episode("find the chair", body.scene), body.skills, 0))
-        seen = Observation(0, "find the chair", body.view().rgb)
-        verdict = admit(verifier.verify(seen, Call("nod"), nod, ""), Verdict, "verify() returned")
-        _hold(verdict.accepted or verdict.replacement, "verify() neither accepts nor replaces the call")
-        if verdict.replacement:
-            _legal(check_call, verdict.replacement, body.skills)
+        verdict = _step(body, ScriptedAgent([Call("nod")]), make({})).verdict
+        assert verdict
+        _hold(not verdict.failed_open.startswith("replacement"), f"its call is refused: {verdict.failed_open}")
+
+
+def _step(body: Body, agent: Agent, verifier: Verifier | None = None) -> StepRecord:
+    """Play a step of an episode. Raises what agent and verifier raise, ContractError for an illegal call."""
+    episode = Episode(body, free_episode("find the chair", body.scene, max_steps=2), agent, verifier, attempts=1)
+    if episode.fault:
+        raise episode.fault
+    with closing(episode):
+        step = episode.ask()
+    assert isinstance(step, StepRecord)
+    _hold(step.call, f"its call is refused: {step.feedback.refusal}")
+    return step
 
 
 def _scene(make: Callable[..., Any], plugins: Plugins) -> None:
@@ -232,7 +232,7 @@ def _item(kind: str, one: Registration, plugins: Plugins) -> Report:
             return Report(what, (), notes=(f"not used: {error}",))
         return Report(what, (ContractError(f"{noun(kind)}-works", f"{what}: {error.message}.", error.remedy),))
     except (Exception, SystemExit) as error:
-        told = f"{what} raises {in_words(error)}."
+        told = f"{what} raises {in_words(error.__cause__ or error)}."
         return Report(what, (ContractError(f"{noun(kind)}-works", told, "See its protocol in docs/hooks.md."),))
     return Report(what, ())
 
@@ -321,13 +321,6 @@ def _frames(motion: object, count: int, before: Motion, what: str) -> None:
 def _expect(value: object, kind: type[T], what: str) -> T:
     _hold(isinstance(value, kind), f"{what} is {str(value)[:80]} and no {kind.__name__}")
     return value  # type: ignore[return-value]
-
-
-def _legal(checking: Callable[[Any, Mapping[str, Skill]], Call], given: object, skills: Mapping[str, Skill]) -> None:
-    try:
-        checking(given, skills)
-    except CallError as error:
-        raise ContractError("works", f"its call is refused: {str(error).rstrip('.')}", "Make legal calls.") from error
 
 
 def _hold(true: object, else_: str) -> None:

@@ -7,6 +7,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, Final
 
+from humanclaw.checks.plugins import check_plugin
+from humanclaw.checks.skills import Report, examine
 from humanclaw.errors import ContractError, PluginError, in_words
 from humanclaw.plugins.bounded import Bounded, OverdueError
 from humanclaw.plugins.choice import is_owner
@@ -14,8 +16,6 @@ from humanclaw.plugins.hookspecs import API_VERSION
 from humanclaw.plugins.host import Plugins, check_api, load_file
 from humanclaw.skills.contract import Skill
 from humanclaw.skills.measures import Measure
-from humanclaw.testing.examining import Report, examine
-from humanclaw.testing.kinds import check_plugin
 
 LOADING: Final = 30.0
 """Seconds that importing a file and asking its hooks may take."""

@@ -10,6 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from humanclaw.body.pose import FUTURE, rest_pose
+from humanclaw.checks.fakes import FAKE, Fakes, fake_body, fake_scene
 from humanclaw.episodes.backends import Backends
 from humanclaw.episodes.embodiment import Body
 from humanclaw.episodes.execution import SkillExecution
@@ -23,7 +24,6 @@ from humanclaw.skills.measures import MEASURES, Measure
 from humanclaw.skills.own_body import OwnBody
 from humanclaw.skills.plan import Control
 from humanclaw.skills.posing import Part
-from humanclaw.testing.fakes import FAKE, Fakes, fake_body, fake_scene
 
 _FAR: Final = 20.0
 """Metres that a body cannot cover in a call of 10 s."""

@@ -8,6 +8,10 @@ from pathlib import Path
 from typing import Any, Final
 
 from humanclaw.body.pose import HISTORY, Motion, rest_pose
+from humanclaw.checks.following import followed, following_faults
+from humanclaw.checks.playing import Bench, Faults, played_faults
+from humanclaw.checks.quality import motion_faults, moves
+from humanclaw.checks.sampling import illegal_calls, legal_calls, values_of
 from humanclaw.episodes.adapters import untrained
 from humanclaw.errors import CallError, ContractError, in_words
 from humanclaw.plugins.bounded import Bounded
@@ -19,10 +23,6 @@ from humanclaw.skills.measures import MEASURES, Measure
 from humanclaw.skills.own_body import OwnBody
 from humanclaw.skills.plan import Control, MotionError
 from humanclaw.skills.posing import Part
-from humanclaw.testing.following import followed, following_faults
-from humanclaw.testing.playing import Bench, Faults, played_faults
-from humanclaw.testing.quality import motion_faults, moves
-from humanclaw.testing.sampling import illegal_calls, legal_calls, values_of
 
 _UNCALLABLE: Final = frozenset(
     {"loads", "schema-file", "schema", "bounds-order", "choices", "required-declared", "defaults-given",

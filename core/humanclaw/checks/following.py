@@ -9,13 +9,13 @@ from typing import Final
 import numpy as np
 
 from humanclaw.body.pose import HISTORY, Array, Motion, Pose2D
+from humanclaw.checks.playing import Bench
 from humanclaw.errors import ContractError, HumanclawError
 from humanclaw.motion.checkpoint import read_header, shipped_base
 from humanclaw.motion.generator import DiTGenerator, MotionGenerator
 from humanclaw.skills.agreement import Agreement
 from humanclaw.skills.contract import Skill
 from humanclaw.skills.measures import Measure, Parameter, find, from_si
-from humanclaw.testing.playing import Bench
 
 _RUNS: Final = 8
 _CALLS: Final = 3

@@ -22,11 +22,11 @@ from humanclaw.body.pose import (
     vector_from_matrix,
 )
 from humanclaw.body.skeleton import JOINT_INDEX, JOINTS, LINKS, Capsule, Link
+from humanclaw.checks.motions import gait
 from humanclaw.errors import ContractError
 from humanclaw.skills.aims import Grip
 from humanclaw.skills.plan import Control
 from humanclaw.skills.posing import Part, wanted
-from humanclaw.testing.motions import gait
 
 SPEED_LIMIT: Final = 1500.0
 """Degrees a second: about the speed of the knee in a kick and of the elbow in a throw."""

@@ -15,6 +15,7 @@ import numpy as np
 
 from humanclaw.body.pose import FPS, FUTURE, HISTORY, Motion, Pose2D, rest_pose, smoothstep
 from humanclaw.body.skeleton import Side
+from humanclaw.checks.sampling import legal_calls
 from humanclaw.episodes.backends import Backends
 from humanclaw.episodes.embodiment import Body
 from humanclaw.errors import ProviderError
@@ -25,9 +26,8 @@ from humanclaw.records.decisions import Decision
 from humanclaw.skills.call import Call
 from humanclaw.skills.contract import Skill
 from humanclaw.skills.measures import Measure
-from humanclaw.testing.sampling import legal_calls
-from humanclaw.testing.scenes import SceneBuilder
 from humanclaw.world.scene import Scene
+from humanclaw.world.scene_builder import SceneBuilder
 from humanclaw.world.simulator import Execution, WorldState
 from humanclaw.world.view import Camera, View
 
