@@ -3,7 +3,9 @@
 import pytest
 
 from humanclaw import Call, CallError
-from humanclaw.skills import read_object, read_text
+from humanclaw.skills import read_call, read_object, read_text
+
+STOP = '{"skill": "stop", "parameters": {}}'
 
 ONE = {
     "object": '{"skill": "step", "parameters": {"z_cm": 40}}',
@@ -31,6 +33,18 @@ ONE = {
     "deepseek": "<｜tool▁calls▁begin｜><｜tool▁call▁begin｜>function<｜tool▁sep｜>step\n"  # noqa: RUF001
     '```json\n{"z_cm": 40}\n```<｜tool▁call▁end｜><｜tool▁calls▁end｜>',  # noqa: RUF001
     "deepseek 3.1": '<｜tool▁call▁begin｜>step<｜tool▁sep｜>{"z_cm": 40}<｜tool▁call▁end｜>',  # noqa: RUF001
+    "gpt-oss, recipient first": "<|start|>assistant to=functions.step<|channel|>commentary json<|message|>"
+    '{"z_cm": 40}<|call|>',
+    "mistral, with an id": '[TOOL_CALLS]step[CALL_ID]a1b2c3d4e[ARGS]{"z_cm": 40}</s>',
+    "lfm2": "<|tool_call_start|>[step(z_cm=40)]<|tool_call_end|>",
+    "seed": "<seed:tool_call><function=step><parameter=z_cm>40</parameter></function></seed:tool_call>",
+    "claude": '{"type": "tool_use", "id": "a", "name": "step", "input": {"z_cm": 40}}',
+    "openai's list": '{"tool_calls": [{"function": {"name": "step", "arguments": "{\\"z_cm\\": 40}"}}]}',
+    "llama's end": '{"name": "step", "parameters": {"z_cm": 40}}<|eom_id|>',
+    "answer": '<answer>{"skill": "step", "parameters": {"z_cm": 40}}</answer>\n',
+    "action": '<action>{"skill": "step", "parameters": {"z_cm": 40}}</action>',
+    "box": '<|begin_of_box|>{"skill": "step", "parameters": {"z_cm": 40}}<|end_of_box|>',
+    "latex": '\\boxed{{"skill": "step", "parameters": {"z_cm": 40}}}',
     "gpt-oss": "<|channel|>analysis<|message|>Well.<|end|><|start|>assistant<|channel|>commentary to=functions.step "
     '<|constrain|>json<|message|>{"z_cm": 40}<|call|>',
 }
@@ -50,6 +64,10 @@ def test_a_call_alone_is_read_in_every_dialect(text, prose):
         ("<|tool_call>call:step{z_cm:40}<tool_call|>", "no call"),
         ('<tool_call>{"name": "step", "arguments": {"z_cm": 40}}</tool_call> but no.', "no call"),
         ('I could {"name": "step", "arguments": {"z_cm": 40}}', "no call"),
+        ('I will not send <answer>{"name": "step", "arguments": {"z_cm": 40}}</answer>', "no call"),
+        ('I would say: Here is my response: {"name": "step", "arguments": {"z_cm": 40}}', "no call"),
+        ('{"name": "step", "arguments": {"z_cm": 40}}<|end|> No, wrong.', "no call"),
+        ("<function=step>", "no call"),
         ("<function=step><parameter=z_cm>4</parameter><parameter=z_cm>40</parameter></function>", "there twice"),
         ('<function=step>{"z_cm": 40} or so</function>', "no call"),
     ],
@@ -116,6 +134,49 @@ def test_an_object_is_read_if_it_is_the_only_one_and_the_last_word(text, prose, 
 )
 def test_equal_calls_stay_two(text):
     assert len(read_text(text, prose=False)) == 2
+
+
+@pytest.mark.parametrize("prose", [False, True], ids=["with tools", "without tools"])
+@pytest.mark.parametrize(
+    "mark", ["<answer>{}</answer>", "</think>{}", "<think>{}", "</s>{}", "<tool_call>{}</tool_call>"]
+)
+@pytest.mark.parametrize(
+    "text",
+    [
+        "<tool_call>\n<function=say>\n<parameter=text>\nI wrote {}\n</parameter>\n</function>\n</tool_call>",
+        "<tool_call>say\n<arg_key>text</arg_key>\n<arg_value>I wrote {}</arg_value>\n</tool_call>",
+        "[say(text='I wrote {}')]",
+        '<tool_call>{{"name": "say", "arguments": {{"text": "I wrote {0!r}"}}}}</tool_call>',
+    ],
+    ids=["qwen coder", "glm", "python", "hermes"],
+)
+def test_what_a_whole_call_holds_is_text(text, mark, prose):
+    other = "<function=stop></function>" if "{0!r}" in text else '{"skill": "stop", "parameters": {}}'
+    ((_, call),) = read_text(f"<think>Well.</think>{text.format(mark.format(other))}<|im_end|>", prose)
+    assert call.skill == "say"
+    assert other in call.params["text"]
+
+
+@pytest.mark.parametrize(
+    "cut",
+    [
+        "<tool_call><function=walk><parameter=z_cm>40</parameter><parameter=reasoning>not ",
+        "[walk(z_cm=40, reasoning='not ",
+        '{"skill": "walk", "reasoning": "not ',
+    ],
+)
+def test_a_call_in_a_call_that_is_cut_off_is_refused(cut):
+    for text in (f"{cut}{STOP}", f"{cut}<answer>{STOP}</answer>", f"I go on. {cut}<tool_call>{STOP}</tool_call>"):
+        for prose in (False, True):
+            with pytest.raises(CallError):
+                read_text(text, prose)
+
+
+def test_marks_that_a_server_leaves_on_a_tool_call_are_taken_off():
+    for name in ("step", "functions.step", "step<|channel|>commentary"):
+        assert read_call(name, '{"z_cm": 40}</tool_call></s>')[1] == Call("step", {"z_cm": 40})
+    with pytest.raises(CallError, match="words follow"):
+        read_call("step", '{"z_cm": 40} or 30')
 
 
 def test_a_parameter_between_tags_is_a_number_only_if_it_reads_as_one():

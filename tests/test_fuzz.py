@@ -12,7 +12,7 @@ from fuzzing import fuzz
 from hypothesis import given, strategies as st
 
 from humanclaw import CallError, Plugins
-from humanclaw.skills import json_objects, read_answer, read_call, read_text
+from humanclaw.skills import read_answer, read_call, read_object, read_text
 
 SKILLS = Plugins.discover().skills
 ANY = st.text(st.characters(exclude_categories=()), max_size=60)
@@ -57,8 +57,9 @@ def test_any_object_is_a_legal_call_or_refused(answer):
 @given(st.lists(ANY | PARAMS.map(json.dumps) | st.sampled_from(["{", "```json", "<think>", '"skill":'])))
 def test_any_text_is_read_or_refused(pieces):
     text = "".join(pieces)
-    list(json_objects(text))
     for prose in (True, False):
+        with suppress(CallError):
+            read_object(text, prose)
         with suppress(CallError):
             for _, call in read_text(text, prose):
                 legal(call)

@@ -23,17 +23,32 @@ MARKERS = {
     "apertus": "<|inner_prefix|>{}<|inner_suffix|>",
     "gemma": "<|channel>thought\n{}<channel|>",
     "gpt-oss": HARMONY,
-    "granite": "Here is my thought process: {} Here is my response:",
-    "hunyuan": "<think>{}</think><answer>",
     "attribute": '<think type="deep">{}</think>',
     "escaped": "&lt;think&gt;{}&lt;/think&gt;",
     "invisible": "<\u200bthink>{}</think>",
     "begin of thought": "<|begin_of_thought|>{}<|end_of_thought|>",
     "medgemma": "<unused94>thought\n{}<unused95>",
+    "process": "<thought_process>{}</thought_process>",
+    "hyphen": "<thinking-process>{}</thinking-process>",
+    "content": "<reasoning_content>{}</reasoning_content>",
+    "monologue": "<monologue>{}</monologue>",
+    "plan": "<plan>{}</plan>",
+    "draft": "<draft>{}</draft>",
+    "start of thinking": "<|start_think|>{}<|end_think|>",
+    "bar": "<|reasoning|>{}<|/reasoning|>",
+    "square": "[REASONING]{}[/REASONING]",
+    "fullwidth": "＜think＞{}＜/think＞",  # noqa: RUF001
 }
+PAIRED = {
+    **MARKERS,
+    "granite": "Here is my thought process: {} Here is my response:",
+    "details": '<details type="reasoning">{}</details>',
+    "fence": "```thinking\n{}\n```\n",
+}
+"""These last three close only what they opened: elsewhere their closing marker has other meanings."""
 
 
-@pytest.mark.parametrize("marked", MARKERS.values(), ids=MARKERS)
+@pytest.mark.parametrize("marked", PAIRED.values(), ids=PAIRED)
 def test_a_call_in_a_thought_is_not_the_answer(marked):
     assert [call for _, call in read_text(marked.format(STOP) + STEP)] == [Call("step", {"z_cm": 40})]
 
@@ -46,7 +61,7 @@ def test_a_thought_without_its_opening_marker_is_one(marked):
     assert answer == "I walk on."
 
 
-@pytest.mark.parametrize("marked", MARKERS.values(), ids=MARKERS)
+@pytest.mark.parametrize("marked", PAIRED.values(), ids=PAIRED)
 def test_an_open_thought_has_no_answer(marked):
     opening = marked.partition("{}")[0]
     assert split_thoughts(opening + STOP)[1] == ""
@@ -69,9 +84,10 @@ def test_an_open_thought_has_no_answer(marked):
         (f"I look.<end_of_turn><start_of_turn>model\n<think>d</think>{STOP}", "I look."),
         (f"{HARMONY.format('a')}{STEP}<|return|><|start|>user<|message|>b<|channel|>final<|message|>{STOP}", STEP),
         (f"<|im_start|>assistant\n{STEP}<|im_end|>", STEP),
-        (f"<answer>{STEP}</answer>\n", STEP),
-        (f"<answer>{STEP}</answer> No, I stay.", ""),
-        (f"<answer>{STEP}</answer><answer>{STOP}</answer>", ""),
+        (f"<reasoning>a <plan>b</plan> {STOP}", ""),
+        (f"{STOP}</think>{STEP}", ""),
+        (f"I use no `<think>` tags. {STEP}", f"I use no `<think>` tags. {STEP}"),
+        (f"A <plant> and [pillow], {STEP}", f"A <plant> and [pillow], {STEP}"),
         ("", ""),
     ],
     ids=[
@@ -86,9 +102,10 @@ def test_an_open_thought_has_no_answer(marked):
         "words and a turn",
         "harmony's turn",
         "own header",
-        "marked answer",
-        "taken back",
-        "two answers",
+        "one in another",
+        "two decisions",
+        "tag in quotes",
+        "other tags",
         "nothing",
     ],
 )
@@ -101,18 +118,81 @@ def test_a_marker_among_the_arguments_of_a_whole_object_is_text():
     assert [call for _, call in read_text(text)] == [Call("step", {"z_cm": 40})]
 
 
-@pytest.mark.parametrize("marker", ["</think>", "<answer>"])
-def test_a_marker_in_a_broken_object_leaves_no_answer(marker):
-    assert split_thoughts(f'{{"skill": "step", "reasoning": "I write {marker}{STOP}')[1] == ""
+@pytest.mark.parametrize(
+    "cut",
+    [
+        '{"skill": "step", "reasoning": "I write ',
+        'I go on. {"skill": "step", "reasoning": "I write ',
+        "<tool_call><function=step><parameter=reasoning>I write ",
+        "<tool_call>step<arg_key>reasoning</arg_key><arg_value>I write ",
+        "[step(z_cm=40, reasoning='I write ",
+    ],
+    ids=["object", "words and object", "parameter", "argument", "python"],
+)
+def test_a_marker_in_a_broken_call_leaves_no_answer(cut):
+    assert split_thoughts(f"{cut}</think>{STOP}")[1] == ""
 
 
-@pytest.mark.parametrize("mark", ["<｜User｜>", "<|observation|>", "<|turn>user", "<|eot|>", "<|im_user|>", "<eos>"])  # noqa: RUF001
+@pytest.mark.parametrize(
+    "mark", ["<|im_end|>", "</s>", "[INST]", "<answer>", "<think> tags", "`</think>`", "(<think>)"]
+)
+def test_a_thought_may_speak_of_markers(mark):
+    assert [call for _, call in read_text(f"<think>It ends with {mark}.</think>{STEP}")] == [Call("step", {"z_cm": 40})]
+    assert split_thoughts(f"<think>It ends with {mark}. {STOP}")[1] == ""
+
+
+@pytest.mark.parametrize(
+    "mark",
+    [
+        "<｜User｜>",  # noqa: RUF001
+        "<|observation|>",
+        "<|turn>user",
+        "<|eot|>",
+        "<|im_user|>",
+        "<eos>",
+        "<|begin_of_text|>",
+        "<|start|>user<|message|>",
+        "<|assistant|>",
+        "\nUser: It walked.\nAssistant:",
+    ],
+)
 def test_a_call_in_a_made_up_turn_is_none(mark):
     assert split_thoughts(f"I wait.{mark}ok {STOP}")[1] == "I wait."
 
 
 @pytest.mark.parametrize(
-    "piece", ["<think>", "</think>", "</think", "<|channel|>final", "Here is my ", "<", "a", "</s>"]
+    "header",
+    [
+        "<|eot_id|><|start_header_id|>assistant<|end_header_id|>\n\n",
+        "<|im_end|>\n<|im_start|>assistant\n",
+        "<|begin_of_text|><|start_header_id|>assistant<|end_header_id|>",
+        "<start_of_turn>model\n",
+        "[/INST] ",
+        "</s>",
+        "<s>",
+        "Assistant: ",
+    ],
+)
+def test_a_header_before_everything_is_of_the_models_own_turn(header):
+    assert split_thoughts(f"{header}{STEP}<|im_end|>")[1] == STEP
+    assert split_thoughts(f"<|im_end|>\n<|im_start|>user\nGo.<|im_end|>\n{header}{STOP}")[1] == ""
+
+
+@pytest.mark.parametrize(
+    "piece",
+    [
+        "<think>",
+        "</think>",
+        "</think",
+        "<|channel|>final",
+        "Here is my ",
+        "<",
+        "a",
+        "</s>",
+        "<think> b",
+        "</plan><think>",
+    ]
+    + ['{"a":', '{"', "<parameter=a>", "f(a=", "f(a='", "User:\n", "`<think>", "[[[", "<\n"],
 )
 def test_thoughts_take_time_by_their_length(piece):
     """Four times the text takes about four times as long; a quadratic search would take 16 times."""

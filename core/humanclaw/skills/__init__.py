@@ -51,7 +51,7 @@ if TYPE_CHECKING:
     from humanclaw.skills.reaching import Reach as Reach
     from humanclaw.skills.reading import (
         Reasoning as Reasoning,
-        json_objects as json_objects,
+        plain_name as plain_name,
         read_answer as read_answer,
         read_call as read_call,
         read_object as read_object,

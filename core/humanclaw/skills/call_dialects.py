@@ -13,26 +13,28 @@ import re
 from collections.abc import Callable, Iterator
 from typing import Any, Final
 
-from humanclaw.errors import CallError
 from humanclaw.skills.publishing import Json
 
 Pairs = list[tuple[str, Any]]
+_JSON: Final = r"\s{0,9}(?:(?:<\|constrain\|>)?\w{1,20})?<\|message\|>"
 _OPENINGS: Final = (
     "<function=NAME>",  # Llama, Qwen-Coder
     '<invoke name="NAME">',  # MiniMax
     r"<tool_call>\s{0,9}NAME\s{0,9}(?=<arg_key>|</tool_call>)",  # GLM
-    r"<\|tool_call_begin\|>\s{0,9}(?:functions\.)?NAME:\d{1,6}\s{0,9}<\|tool_call_argument_begin\|>",  # Kimi
+    r"<\|tool_call_begin\|>\s{0,9}NAME:\d{1,6}\s{0,9}<\|tool_call_argument_begin\|>",  # Kimi
     "<｜tool▁call▁begin｜>(?:function<｜tool▁sep｜>)?NAME(?:<｜tool▁sep｜>)?",  # noqa: RUF001, as DeepSeek writes them
-    r"<\|channel\|>commentary to=(?:functions\.)?NAME\s{0,9}(?:(?:<\|constrain\|>)?\w{1,20})?<\|message\|>",  # gpt-oss
-    r"\[TOOL_CALLS\]NAME(?:\[ARGS\])?(?={)",  # Mistral
+    rf"<\|channel\|>commentary to=NAME{_JSON}",  # gpt-oss
+    rf"(?:<\|start\|>assistant)?\s{{0,9}}\bto=NAME\s{{0,9}}<\|channel\|>commentary{_JSON}",
+    r"\[TOOL_CALLS\]NAME(?:\[CALL_ID\]\w{1,64})?(?:\[ARGS\])?(?={)",  # Mistral
 )
 """Openings that name the called function; its arguments follow."""
-_NAMED: Final = tuple(re.compile(opening.replace("NAME", r"(?P<name>[\w-]{1,64})")) for opening in _OPENINGS)
+_NAMED: Final = "|".join(_OPENINGS).replace("NAME", r"(?:functions\.)?([\w-]{1,64})")
+_HEAD: Final = re.compile(_NAMED)
 _MARKS: Final = "|".join(
     (
-        r"</?(?:tool_calls?|function_calls?|TOOLCALL|minimax:tool_call)>",
+        r"</?(?:\w{1,9}:)?(?:tool_calls?|function_calls?|TOOLCALL)>",
         r"<\|/?tool_calls?\|>",
-        r"<\|tool_calls?_(?:section_)?(?:begin|end)\|>",
+        r"<\|tool_calls?_(?:section_)?(?:begin|start|end)\|>",
         r"\[/?TOOL_CALLS\]",
         r"\bfunctools(?=\[)",
         r"<\|(?:START|END)_ACTION\|>",
@@ -40,17 +42,35 @@ _MARKS: Final = "|".join(
         "<｜tool▁calls?▁(?:begin|end)｜>",  # noqa: RUF001
     )
 )
-_PADDING: Final = re.compile(rf"(?:\s|{_MARKS}|</function>|</invoke>|```\w{{0,10}}|[,;])*")
+TURN_END: Final = (
+    r"<\|(?:im_end|eot_id|eom_id|eot|endoftext|end_of_text|endofturn|end_of_role|role_end|return|call"
+    r"|END_OF_TURN_TOKEN)\|>|</s>|<eos>|<end_of_turn>|<end_of_utterance>|<turn\|>|\[/INST\]"
+    "|<｜end▁of▁sentence｜>"  # noqa: RUF001
+)
+"""Marks that end a model's turn."""
+_FRAME: Final = (
+    r"</?(?:answer|response|output|action|json|tool)>|<\|(?:begin_of_box|end_of_box|START_RESPONSE|END_RESPONSE|end)\|>"
+    r"|\\boxed\{|\}"  # a brace too many, as that of \boxed{}
+)
+"""Marks around an answer, a call or not."""
+_PADDING: Final = re.compile(rf"\s|{_MARKS}|{_FRAME}|{TURN_END}|</function>|</invoke>|```\w{{0,10}}|[,;]")
+_LONG_PADDING: Final = re.compile(f"(?:{_PADDING.pattern})*")
 """What may stand around a call without being a part of it."""
-_WRAPPING: Final = re.compile(rf"{_MARKS}|```\w{{0,10}}")
-_MARKED: Final = re.compile("|".join([_MARKS, *(opening.replace("NAME", r"[\w-]{1,64}") for opening in _OPENINGS)]))
+_OBJECT: Final = re.compile(r"(?:\s|```\w{0,10})*(?={)")
 _PARAMETER: Final = re.compile(
-    r'<parameter(?:=|\s{1,4}name=")([\w-]{1,64})"?>(.{0,9999}?)</parameter>'
-    r"|<arg_key>\s{0,9}([\w-]{1,64})\s{0,9}</arg_key>\s{0,9}<arg_value>(.{0,9999}?)</arg_value>",
+    r'\s*<parameter(?:=|\s{1,4}name=")([\w-]{1,64})"?>(.{0,9999}?)</parameter>'
+    r"|\s*<arg_key>\s{0,9}([\w-]{1,64})\s{0,9}</arg_key>\s{0,9}<arg_value>(.{0,9999}?)</arg_value>",
     re.DOTALL,
 )
-_LONGEST_PYTHON: Final = 10_000
-"""Characters. Python's parser takes more than linear memory."""
+_CLOSED: Final = re.compile(r"\s*</(?:function|invoke|tool_call)>")
+_PYTHON: Final = re.compile(r"""'(?:[^'\\\n]|\\.)*'|"(?:[^"\\\n]|\\.)*"|[()\[\]]""")
+_LONGEST: Final = 10_000
+"""Characters of a text that may hold marks, and of a Python call, whose parser takes more than linear memory."""
+ARGUMENTS: Final = r"<parameter[= ]|<arg_key>|\b[A-Za-z_]\w{0,63}\(\s{0,9}\w{1,64}\s{0,9}="
+"""Where a tagged parameter or a Python call begins."""
+BEGINNING: Final = rf'{{\s{{0,9}}["}}]|{ARGUMENTS}'
+"""Where they begin, or a JSON object. What they hold is text: no mark counts in it."""
+_MARKED: Final = re.compile(f"(?P<text>{BEGINNING})|{_MARKS}|{_NAMED}")
 
 
 def written_calls(text: str, make: Callable[[Pairs], Json]) -> list[Json]:
@@ -59,35 +79,63 @@ def written_calls(text: str, make: Callable[[Pairs], Json]) -> list[Json]:
     Before a marked call may stand words, as in every chat template; behind a call may not: they could take it back.
     make: builds each JSON object from its pairs, and may raise CallError. Takes time in proportion to the text.
     """
-    marked = _MARKED.search(text)
-    said = text[marked.start() :] if marked else text
-    return _named(said, make) or _bare(said, make) or _python(said, make)
+    return _calls(text, 0, make) or _calls(text, _first_mark(text), make)
 
 
 def is_padding(text: str, start: int) -> bool:
     """Tell whether nothing but the marks around calls stands from `start` on."""
-    return _PADDING.fullmatch(text, start) is not None
+    return _LONG_PADDING.fullmatch(text, start) is not None
 
 
-def _named(text: str, make: Callable[[Pairs], Json]) -> list[Json]:
-    for opening in _NAMED:
-        heads = list(opening.finditer(text))
-        if not heads or _PADDING.fullmatch(text, 0, heads[0].start()) is None:
+def end_of_text(text: str, start: int) -> tuple[int, bool]:
+    """Return where the text that begins with BEGINNING at `start` ends, and whether it is whole.
+
+    Broken JSON ends where no reader can go on; whatever else is not closed, at the end.
+    """
+    if text[start] == "<":
+        parameter = _PARAMETER.match(text, start)
+        return (parameter.end(), True) if parameter else (len(text), False)
+    piece = text[start : start + _LONGEST]
+    items, end = _item(piece, 0, dict)
+    return (len(text) if not items and end == len(piece) else start + end), bool(items)
+
+
+def _first_mark(text: str) -> int:
+    place = 0
+    while found := _MARKED.search(text, place):
+        if not found["text"]:
+            return found.start()
+        place, _ = end_of_text(text, found.start())
+    return len(text)
+
+
+def _calls(text: str, place: int, make: Callable[[Pairs], Json]) -> list[Json]:
+    """Read calls and what may stand around them up to the end; empty if anything else is there."""
+    found = []
+    while place < len(text):
+        if head := _HEAD.match(text, place):
+            arguments, place = _arguments(text, head.end(), make)
+            items = [{"name": head[head.lastindex or 0], "arguments": each} for each in arguments]
+        elif padding := _PADDING.match(text, place):
+            place = padding.end()
             continue
-        ends = [*(head.start() for head in heads[1:]), len(text)]
-        bodies = [_arguments(text[head.end() : end], make) for head, end in zip(heads, ends, strict=True)]
-        if any(body is None for body in bodies):
+        else:
+            items, place = _item(text, place, make)
+        if not items:
             return []
-        return [{"name": head["name"], "arguments": body} for head, body in zip(heads, bodies, strict=True)]
-    return []
+        found += items
+    return found
 
 
-def _arguments(body: str, make: Callable[[Pairs], Json]) -> Json | None:
-    """Read the arguments of a named call, as JSON or as tagged parameters; None if there is anything else."""
-    if _PADDING.fullmatch(_PARAMETER.sub("", body)):
-        return make([(match[1] or match[3], _value(match[2] or match[4] or "")) for match in _PARAMETER.finditer(body)])
-    values = _bare(body, make)
-    return values[0] if len(values) == 1 else None
+def _arguments(text: str, place: int, make: Callable[[Pairs], Json]) -> tuple[list[Json], int]:
+    """Read the arguments of a named call, one object as JSON or as tagged parameters; empty for anything else."""
+    if given := _OBJECT.match(text, place):
+        return _item(text, given.end(), make)
+    pairs: Pairs = []
+    while parameter := _PARAMETER.match(text, place):
+        pairs.append((parameter[1] or parameter[3], _value(parameter[2] or parameter[4] or "")))
+        place = parameter.end()
+    return [make(pairs)] if _CLOSED.match(text, place) else [], place
 
 
 def _value(text: str) -> Any:
@@ -98,38 +146,37 @@ def _value(text: str) -> Any:
         return text.strip("\n")
 
 
-def _bare(text: str, make: Callable[[Pairs], Json]) -> list[Json]:
-    """Read a text of JSON objects, and arrays of them, with nothing else around; empty for any other text."""
-    decoder, found = json.JSONDecoder(object_pairs_hook=make), []
-    place = _skip(text, 0)
-    while place < len(text):
-        try:
-            value, end = decoder.raw_decode(text, place)
-        except (ValueError, RecursionError):
-            return []
-        items = value if isinstance(value, list) else [value]
-        if not all(isinstance(item, dict) for item in items):
-            return []
-        found += items
-        place = _skip(text, end)
-    return found
-
-
-def _skip(text: str, place: int) -> int:
-    padding = _PADDING.match(text, place)
-    return padding.end() if padding else place
-
-
-def _python(text: str, make: Callable[[Pairs], Json]) -> list[Json]:
-    """Read [walk(z_cm=40)] or walk(z_cm=40)."""
-    said = _WRAPPING.sub("", text[:_LONGEST_PYTHON]).strip()
-    if len(text) > _LONGEST_PYTHON or not said.endswith((")", "]")):
-        return []
+def _item(text: str, place: int, make: Callable[[Pairs], Json]) -> tuple[list[Json], int]:
+    """Read a JSON object, an array of them, or Python calls, and where they end; without any, where reading failed."""
     try:
-        tree = ast.parse(said, mode="eval").body
+        value, end = json.JSONDecoder(object_pairs_hook=make).raw_decode(text, place)
+    except RecursionError:
+        return [], len(text)
+    except json.JSONDecodeError as error:
+        if text[place : place + 1] != "{":
+            return _python(text, place, make)
+        # An open string is told by its beginning.
+        return [], len(text) if error.msg.startswith("Unterminated") else max(error.pos, place + 1)
+    except ValueError:  # a number too long
+        return [], len(text)
+    items = value if isinstance(value, list) else [value]
+    return items if all(isinstance(item, dict) for item in items) else [], end
+
+
+def _python(text: str, place: int, make: Callable[[Pairs], Json]) -> tuple[list[Json], int]:
+    """Read [walk(z_cm=40)] or walk(z_cm=40)."""
+    depth = 0
+    for token in _PYTHON.finditer(text, place, place + _LONGEST):
+        depth += (token[0] in ("(", "[")) - (token[0] in (")", "]"))
+        if depth <= 0:
+            return _parsed(text[place : token.end()], make), token.end()
+    return [], len(text)
+
+
+def _parsed(text: str, make: Callable[[Pairs], Json]) -> list[Json]:
+    try:
+        tree = ast.parse(text, mode="eval").body
         return [_call(node, make) for node in (tree.elts if isinstance(tree, ast.List) else [tree])]
-    except CallError:
-        raise
     except (ValueError, SyntaxError, RecursionError, MemoryError):
         return []
 

@@ -1,5 +1,13 @@
 """Read a model's answer: its reasoning and its calls.
 
+The rule for a text, in this order:
+1. Thoughts are told apart, once (split_thoughts). Nothing in a thought is an answer, and nothing behind the turn.
+2. Calls alone are read in every dialect (written_calls). Marks of answers around them, such as <answer>, are not words.
+3. Before a call with a call's marks may stand words. Before any other, only if the model has no tools: among the words
+   of one that has them, an object may be an example.
+4. Behind a call no words may stand: they could take it back.
+5. What a call holds is its text, and a call in a broken call is none. Refused rather than guessed.
+
 Values out of bounds pass here: Skill.check refuses them, and the refusal goes back to the model.
 """
 
@@ -8,13 +16,13 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
 from humanclaw.errors import CallError
 from humanclaw.skills.call import Call
-from humanclaw.skills.call_dialects import is_padding, written_calls
+from humanclaw.skills.call_dialects import ARGUMENTS, end_of_text, is_padding, written_calls
 from humanclaw.skills.publishing import OPTIONAL_FIELDS, REASONING_FIELDS, THOUGHTS, Json
 from humanclaw.skills.thoughts import split_thoughts
 from humanclaw.text.json import DEEPEST, LARGEST, once
@@ -23,6 +31,8 @@ from humanclaw.text.words import LONGEST
 _FIELDS: Final = (*REASONING_FIELDS, *OPTIONAL_FIELDS)
 _FIELD: Final = re.compile(rf"[\W\d]*({'|'.join(_FIELDS)})\W*?:\W*(.*)", re.IGNORECASE)
 _PER_CENT: Final = re.compile(r"(\d{1,3})\s*(%|per ?cent)?\.?", re.IGNORECASE)
+_TOOL: Final = re.compile(r"(?:functions\.)?([\w-]{1,64})(?:<\|.*)?", re.DOTALL)
+_OBJECT: Final = re.compile(rf"(?<!\\boxed)\{{|{ARGUMENTS}")
 _TRIES: Final = 200
 """Maximum opening braces that open no object: each costs time in proportion to the text after it."""
 _NAMES: Final = ("skill", "name", "function", "tool_name")
@@ -60,7 +70,13 @@ def read_call(name: str, arguments: str | Mapping[str, Any]) -> tuple[Reasoning,
     change = said.get("mid_level_change", "").strip().lower()
     said["mid_level_change"] = change if change in REASONING_FIELDS["mid_level_change"]["enum"] else ""
     expected = _share(said.pop("expected_success", ""))
-    return Reasoning(**said, expected_success=expected), Call(name, values)
+    return Reasoning(**said, expected_success=expected), Call(plain_name(name), values)
+
+
+def plain_name(tool: str) -> str:
+    """Return the name in a tool call without what servers leave on it: functions.walk, walk<|channel|>commentary."""
+    found = _TOOL.fullmatch(tool)
+    return found[1] if found else tool
 
 
 def read_answer(answer: Mapping[str, Any]) -> tuple[Reasoning, Call]:
@@ -70,7 +86,8 @@ def read_answer(answer: Mapping[str, Any]) -> tuple[Reasoning, Call]:
     that are null were not given.
     """
     rest = dict(answer)
-    if rest.get("type") == "function" or "tool_name" in rest:  # OpenAI's format, as Llama writes it, and Command's
+    inputs = ("input",) if rest.get("type") == "tool_use" else ()  # Anthropic's format
+    if inputs or rest.get("type") == "function" or "tool_name" in rest:  # OpenAI's, as Llama writes it, and Command's
         rest = {key: value for key, value in rest.items() if key not in _ABOUT_CALLS}
     if isinstance(rest.get("function"), Mapping):
         inner = rest.pop("function")
@@ -80,7 +97,7 @@ def read_answer(answer: Mapping[str, Any]) -> tuple[Reasoning, Call]:
     name = _pop_first(rest, *_NAMES)
     if not isinstance(name, str):
         raise CallError(f"Nothing was executed: 'skill' must be the name of a skill; got {name!r}.")
-    inner = _pop_first(rest, "parameters", "arguments") or {}
+    inner = _pop_first(rest, "parameters", "arguments", *inputs) or {}
     given = _parse(inner, name) if isinstance(inner, str) else inner
     if not isinstance(given, Mapping):
         raise CallError(f"{name} was not executed: 'parameters' must be an object; got {given!r}.")
@@ -90,11 +107,8 @@ def read_answer(answer: Mapping[str, Any]) -> tuple[Reasoning, Call]:
 
 
 def read_text(text: str, prose: bool = True) -> list[tuple[Reasoning, Call]]:
-    """Read every call in a model's text, in the order of the text. Thoughts hold no call (split_thoughts).
+    """Read every call in a model's text, in the order of the text, by the rule above. prose: for a model without tools.
 
-    The text may hold calls alone, in any format of written_calls. prose=True: else it may also hold JSON objects that
-    name a skill after other words. Words behind the last call are refused: they could take it back. prose=False is for
-    a model that was given tools: among its words such an object may be an example.
     The number of calls is not judged here: a step takes one, so whoever decides refuses several, equal ones too, as
     with tool calls.
 
@@ -103,7 +117,7 @@ def read_text(text: str, prose: bool = True) -> list[tuple[Reasoning, Call]]:
     _, answer = split_thoughts(text)
     if len(answer) > LONGEST:
         raise CallError(f"Nothing was executed: the answer is longer than {LONGEST} letters; be brief.")
-    found = [item for item in written_calls(answer, _once) if _is_named(item)]
+    found = _named(written_calls(answer, _once))
     if not found and not prose:
         raise CallError("Nothing was executed: a call among other words is no call; call a tool.")
     found = found or _among_words(answer)
@@ -117,7 +131,7 @@ def read_object(text: str, prose: bool = True) -> Json:
 
     As for calls: words may stand before it if prose, and none behind it; of several objects none is meant for certain.
     """
-    found = [] if len(text) > LONGEST else list(_objects(text, _once))
+    found = [] if len(text) > LONGEST else list(_objects(text))
     if len(found) != 1 or found[0].nested or not is_padding(text, found[0].end):
         raise CallError("The answer held no JSON object, or several, or words behind it.")
     if not prose and not is_padding(text[: found[0].start], 0):
@@ -128,24 +142,21 @@ def read_object(text: str, prose: bool = True) -> Json:
 def _among_words(text: str) -> list[Json]:
     """Return the JSON objects that name a skill. Raises CallError if words follow the last one, and if one stands in a
     broken object, which may have said that it is not meant."""
-    named = [found for found in _objects(text, _once) if _is_named(found.value)]
+    named = [found for found in _objects(text) if _named([found.value])]
     if any(found.nested for found in named):
         raise CallError("Nothing was executed: the JSON object around the call is not closed; write the call alone.")
     if named and not is_padding(text, named[-1].end):
         raise CallError("Nothing was executed: words follow the call; write the call last, with nothing behind it.")
-    return [found.value for found in named]
+    return _named(found.value for found in named)
 
 
-def json_objects(text: str, once: bool = False) -> Iterator[Json]:
-    """Find the complete outermost JSON objects in a text, whatever stands around them.
-
-    It takes time in proportion to the text: what follows its first 100,000 letters, or 200 braces that open nothing, is
-    not read. once: raise CallError if a key is there twice.
-    """
-    return (found.value for found in _objects(text[:LONGEST], _once if once else dict))
+def _named(items: Iterable[Json]) -> list[Json]:
+    """Return those that name a skill, and those in an object {"tool_calls": [...]}."""
+    lists = (item["tool_calls"] if isinstance(item.get("tool_calls"), list) else [item] for item in items)
+    return [item for inner in lists for item in inner if isinstance(item, dict) and _is_named(item)]
 
 
-def _is_named(item: Mapping[str, Any]) -> bool:
+def _is_named(item: Json) -> bool:
     return any(isinstance(item.get(key), str) for key in _NAMES) or isinstance(item.get("function"), Mapping)
 
 
@@ -160,17 +171,19 @@ class _Found:
     """Whether it stands behind a brace that is not closed before it."""
 
 
-def _objects(text: str, make: Callable[[list[tuple[str, Any]]], Json]) -> Iterator[_Found]:
-    decoder, start, failed = json.JSONDecoder(object_pairs_hook=make), text.find("{"), 0
-    end = opened = 0
-    while start >= 0 and failed < _TRIES:
+def _objects(text: str) -> Iterator[_Found]:
+    decoder, end, opened, failed = json.JSONDecoder(object_pairs_hook=_once), 0, 0, 0
+    while failed < _TRIES and (begin := _OBJECT.search(text, end)):
+        start = begin.start()
         opened = max(0, opened - text.count("}", end, start))
+        if text[start] != "{":
+            end, _ = end_of_text(text, start)
+            continue
         try:
             value, end = decoder.raw_decode(text, start)
             yield _Found(value, start, end, opened > 0)
         except (ValueError, RecursionError):
             end, failed, opened = start + 1, failed + 1, opened + 1
-        start = text.find("{", end)
 
 
 def _once(pairs: list[tuple[str, Any]]) -> Json:
@@ -185,12 +198,15 @@ def _once(pairs: list[tuple[str, Any]]) -> Json:
 def _parse(arguments: str, name: str) -> Json:
     if len(arguments) > LONGEST:
         raise CallError(f"{name} was not executed: its arguments are longer than {LONGEST} letters; be brief.")
+    said = (arguments or "{}").strip()
     try:
-        values = json.loads(arguments or "{}", object_pairs_hook=_once)
+        values, end = json.JSONDecoder(object_pairs_hook=_once).raw_decode(said)
     except (ValueError, RecursionError) as error:
         raise CallError(
             f"{name} was not executed: its arguments are not valid JSON ({error}); was the answer cut off?"
         ) from error
+    if not is_padding(said, end):
+        raise CallError(f"{name} was not executed: words follow its arguments; give the object alone.")
     if not isinstance(values, dict):
         raise CallError(f"{name} was not executed: its arguments must be a JSON object; got {type(values).__name__}.")
     return values

@@ -6,128 +6,132 @@ between the markers of the model's chat template.
 
 from __future__ import annotations
 
-import json
 import re
 from typing import Final
 
-_TAG: Final = (
-    r"(?:\w{1,20}[:_])?(?:ant)?(?:think|thinking|thought|thoughts|thinking_process|reason|reasoning|reflection|cot"
-    r"|scratch_?pad|analysis|inner_monologue)(?:\s[^<>]{0,60})?"
+from humanclaw.skills.call_dialects import BEGINNING, TURN_END, end_of_text
+
+_STEMS: Final = (
+    "th(?:ink|ought)",
+    "reason",
+    "reflect",
+    "monolog",
+    "deliberat",
+    "brainstorm",
+    "scratch_?pad",
+    "analysis",
+    r"(?<![^\W_])(?:plan|draft|cot)(?![^\W_])",
 )
-_LEFT, _RIGHT = r"(?:<|＜|&lt;)\s{0,4}", r"\s{0,4}(?:>|＞|&gt;)"  # noqa: RUF001, as some servers write < and >
-_OPENING: Final = (
-    f"{_LEFT}{_TAG}{_RIGHT}",  # DeepSeek, Qwen, GLM, MiniMax, EXAONE; <seed:think>, <longcat_think>
-    "◁think▷",  # Kimi
-    r"\[THINK\]",  # Mistral
-    r"<\|START_THINKING\|>",  # Command
-    r"<\|inner_prefix\|>",  # Apertus
-    r"<\|(?:think|thinking|think_start|begin_of_thought)\|>",  # Solar and others
-    r"<\|channel>thought",  # Gemma
-    "<unused94>",  # MedGemma
-    r"<\|channel\|>analysis",  # gpt-oss
-    "Here(?:'s| is) my thought process:",  # Granite
+"""A tag whose name holds one of these is about a thought: <think>, <|START_THINKING|>, [THINK], <seed:think>."""
+
+
+def _tag(name: str) -> str:
+    brackets = (r"<\|?", r"(?:\s[^<>]{0,60})?\|?>"), ("[＜◁[]|&lt;", "[＞▷\\]]|&gt;")  # noqa: RUF001
+    return "|".join(rf"(?:{left})\s{{0,4}}{name}\s{{0,4}}(?:{right})" for left, right in brackets)
+
+
+_TAGS: Final = tuple(
+    (
+        _tag(rf"(?!end_)[\w:-]{{0,20}}?{stem}[\w:-]{{0,20}}(?<!_end)"),
+        _tag(rf"(?:/\s{{0,4}}|end_|(?=\w{{1,40}}_end\b))[\w:-]{{0,20}}?{stem}[\w:-]{{0,20}}"),
+    )
+    for stem in _STEMS
 )
-"""Markers that begin a thought. Sources: the reasoning parsers of vLLM and SGLang, llama.cpp's chat formats."""
-_CLOSING: Final = (
-    rf"{_LEFT}/\s{{0,4}}{_TAG}{_RIGHT}",
-    "◁/think▷",
-    r"\[/THINK\]",
-    r"<\|END_THINKING\|>",
-    r"<\|inner_suffix\|>",
-    r"<\|(?:/think|think_end|end_of_thought)\|>",
-    r"<channel\|>",
-    "<unused95>",
+_FINAL: Final = r"<\|channel\|>final[^<]{0,80}(?:<\|constrain\|>\w{1,20})?<\|message\|>"
+_PAIRS: Final = (
+    *_TAGS,
+    (r"<\|inner_prefix\|>", r"<\|inner_suffix\|>"),  # Apertus
+    (r"<\|channel>thought", r"<channel\|>"),  # Gemma
+    ("<unused94>", "<unused95>"),  # MedGemma
+    (r"<\|channel\|>analysis", rf"{_FINAL}|<\|end\|>|(?=<\|channel\|>commentary)"),  # gpt-oss
+    ("Here(?:'s| is) my thought process:", "Here(?:'s| is) my response:"),  # Granite
+    (r"<details\s[^<>]{0,60}(?:reason|think|thought)[^<>]{0,60}>", "</details>"),  # Open WebUI
+    (r"```(?:think|thought|reason)\w{0,10}\n", r"```[ \t]{0,9}(?=\n|\Z)"),
 )
-_ANSWER: Final = (
-    r"<\|channel\|>final[^<]{0,80}(?:<\|constrain\|>\w{1,20})?<\|message\|>",
-    "Here(?:'s| is) my response:",
-    r"<(?:answer|response|output)>",  # Hunyuan, ERNIE, Marco-o1
-    r"<\|begin_of_box\|>",  # GLM
-)
-"""Markers that begin the answer, so that all thoughts before them are closed."""
-_CALL: Final = r"(?=<\|channel\|>commentary)"
-"""The same. The name of the called function follows in it, so it stays in the answer."""
-_OVER: Final = (
-    r"</(?:answer|response|output)>",
-    r"<\|(?:end_of_box|end)\|>",
-)
-"""Markers that end the answer; in a thought they mean nothing."""
-_TURN: Final = re.compile(
-    r"<\|(?:im_end|eot_id|eom_id|eot|endoftext|end_of_text|endofturn|end_of_role|role_end|return|call|user|im_user"
-    r"|im_start|start_header_id|header_start|observation|END_OF_TURN_TOKEN)\|>"
-    r"|</s>|<eos>|<(?:start|end)_of_turn>|<end_of_utterance>|<\|?turn\|?>|<tool_response>|\[\|user\|\]|\[/?INST\]"
-    r"|\[SYSTEM_PROMPT\]|<｜(?:User|end▁of▁sentence)｜>",  # noqa: RUF001, as DeepSeek writes them
+"""Markers that begin and end a thought. Sources: the reasoning parsers of vLLM and SGLang, llama.cpp's chat formats."""
+_CLOSING: Final = "|".join([_FINAL, *(closing for _, closing in _PAIRS[: len(_TAGS) + 3])])
+"""Markers that end a thought even if nothing opened it, as chat templates write the opening marker into the prompt."""
+_ROLE: Final = r"<\|(?:im_start|start_header_id|header_start|start_of_role|start)\|>|<start_of_turn>|<\|turn>"
+_BEGIN: Final = r"<s>|<bos>|<\|(?:begin_of_text|startoftext)\|>|<｜begin▁of▁sentence｜>"  # noqa: RUF001
+_OWN: Final = r"<\|(?:assistant|im_assistant)\|>|\[\|assistant\|\]|<｜Assistant｜>"  # noqa: RUF001
+_HEADER: Final = re.compile(
+    rf"\A(?:\s|{TURN_END}|{_BEGIN}|(?:{_ROLE}|{_OWN})\s{{0,9}}(?:(?:assistant|model)\b\s{{0,9}}"
+    r"(?:<\|(?:end_header_id|header_end|end_of_role|im_middle)\|>)?)|(?-i:Assistant):)*",
     re.IGNORECASE,
 )
+"""The end of the turn before and the header of the model's own turn, which some models repeat."""
+_TURN: Final = (
+    rf"{TURN_END}|{_BEGIN}|{_OWN}|(?!<\|start\|>\s{{0,9}}assistant)(?:{_ROLE})"
+    r"|<\|(?:user|im_user|system|im_system|observation)\|>|<tool_response>|\[\|user\|\]|\[INST\]|\[SYSTEM_PROMPT\]"
+    "|<｜User｜>"  # noqa: RUF001
+    r"|(?m:^)(?-i:User|Human):(?=[^\0]{0,999}?\n(?-i:Assistant):)"
+)
 """Markers at which the model's turn ends. What follows is a turn that the model made up."""
-_HEADER: Final = re.compile(
-    r"\A\s*(?:<\|im_start\|>|<start_of_turn>|<\|start_header_id\|>)\s*\w{1,20}\s*(?:<\|end_header_id\|>)?"
-)
-"""The header of the model's own turn, which some models repeat."""
-_OVERS: Final = re.compile("|".join(_OVER), re.IGNORECASE)
 _INVISIBLE: Final = re.compile("[\u200b-\u200d\u2060\ufeff]")
-_MARKERS: Final = re.compile(
-    "|".join(
-        f"(?P<{name}>{'|'.join(markers)})"
-        for name, markers in (
-            ("opening", _OPENING),
-            ("closing", _CLOSING),
-            ("answer", _ANSWER),
-            ("call", (_CALL,)),
-            ("over", _OVER),
-        )
-    ),
-    re.IGNORECASE | re.ASCII,
-)
+
+
+def _nested(opening: str) -> str:
+    """Match an opening marker inside a thought, but not between words: there it is only spoken of."""
+    return rf"(?!(?:(?<=\w )|(?<=\())(?:{opening})\W)(?:{opening})"
+
+
+def _any(*kinds: str, text: str = r"\0") -> re.Pattern[str]:
+    """Match text (group 1), a mark in quotes, which is only spoken of (2), or one of the marks (3 and so on)."""
+    quoted = rf"""(?<![\w`])[`"'](?:{"|".join(kinds)})[`"'](?!`)"""
+    return re.compile("|".join(f"({kind})" for kind in (text, quoted, *kinds)), re.IGNORECASE | re.ASCII)
+
+
+_MARKS: Final = _any(_TURN, _CLOSING, *(opening for opening, _ in _PAIRS), text=BEGINNING)
+_THOUGHTS: Final = tuple(_any(closing, _nested(opening)) for opening, closing in _PAIRS)
+_THOUGHT: Final = re.compile("|".join([_CLOSING, *(opening for opening, _ in _PAIRS)]), re.IGNORECASE | re.ASCII)
+_TEXT, _QUOTED, _FIRST = 1, 2, 3
 
 
 def split_thoughts(text: str) -> tuple[str, str]:
     """Split a model's text into (thoughts, answer).
 
-    * The answer begins behind the last marker that closes a thought, whether or not the text opens one: chat templates
-      often write the opening marker into the prompt.
-    * An open thought leaves no answer, wherever it begins; nor do two marked answers.
+    * A thought ends at its own closing marker. All that stands in it is thought: calls, marks of turns and answers.
+    * The answer begins behind the last thought. A closing marker ends one even if none opened it, since templates open
+      it in the prompt; only a text that begins with an object is no thought, and then leaves no answer.
+    * An open thought leaves no answer.
     * What follows the end of the model's turn is nothing: the model made it up.
-    * Words behind a marked answer leave no answer: they could take it back.
-    * A text that begins as JSON is no thought: it is the answer if it is whole, and holds none if a marker cuts it.
-    * Elsewhere a marker counts also as text of an argument. Rather an answer is refused than a draft executed.
+    * What a call holds is its text: no marker counts there. A marker in a broken call leaves no answer.
+    * A marker in quotes is only spoken of, and so is an opening one between the words of a thought.
 
     Takes time in proportion to the text.
     """
     text = _HEADER.sub("", _INVISIBLE.sub("", text))
-    begins_as_json = text.lstrip().startswith(("{", "[{"))
-    if begins_as_json and _is_json(text):
-        return "", text.strip()
-    turn = _TURN.search(text)
-    start, end = _answer_in(text, turn.start() if turn else len(text))
-    if start and begins_as_json:
-        start = end
+    start, end = _answer_in(text)
     return f"{text[:start]}{text[end:]}".strip(), text[start:end].strip()
 
 
-def _is_json(text: str) -> bool:
-    try:
-        json.loads(text)
-    except (ValueError, RecursionError):
-        return False
-    return True
+def _answer_in(text: str) -> tuple[int, int]:
+    """Return the first and last place of the answer; both are the end of the text if there is none."""
+    start = place = 0
+    while mark := _MARKS.search(text, place):
+        kind, place = mark.lastindex or 0, mark.end()
+        if kind == _TEXT:
+            place, whole = end_of_text(text, mark.start())
+            if not whole and _THOUGHT.search(text, mark.start(), place):
+                return len(text), len(text)
+        elif kind == _FIRST:
+            return start, mark.start()
+        elif kind == _FIRST + 1:
+            start = place if start or not text.lstrip().startswith(("{", "[{")) else len(text)
+        elif kind > _QUOTED:
+            start = place = _end_of_thought(text, place, _THOUGHTS[kind - _FIRST - 2])
+    return start, len(text)
 
 
-def _answer_in(text: str, end: int) -> tuple[int, int]:
-    """Return the first and last place of the answer before `end`; both are `end` if there is none."""
-    start = depth = answers = place = 0
-    last, over = "", end
-    for marker in _MARKERS.finditer(text, 0, end):
-        kind = marker.lastgroup or ""
-        if kind == "opening":
-            depth += last != "opening" or bool(text[place : marker.start()].strip())
-        elif kind == "over":
-            over = min(over, marker.start()) if not depth else over
-        else:
-            depth = max(0, depth - 1) if kind == "closing" else 0
-            answers += kind == "answer"
-            if not depth and not (kind == last == "call"):
-                start, over = marker.end(), end
-        last, place = kind, marker.end()
-    taken_back = answers and _OVERS.sub("", text[over:end]).strip()
-    return (end, end) if depth or answers > 1 or taken_back else (start, over)
+def _end_of_thought(text: str, place: int, markers: re.Pattern[str]) -> int:
+    """Return where a thought that is open at `place` is closed; the end of the text if it is not."""
+    depth, last = 1, place
+    for mark in markers.finditer(text, place):
+        if mark.lastindex == _FIRST:
+            depth -= 1
+        elif mark.lastindex != _QUOTED:
+            depth += bool(text[last : mark.start()].strip())  # Opened twice is opened once.
+        if not depth:
+            return mark.end()
+        last = mark.end()
+    return len(text)

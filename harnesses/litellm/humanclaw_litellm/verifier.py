@@ -20,7 +20,7 @@ from humanclaw import (
     verifier_prompt,
 )
 from humanclaw.records import Answer, Usage
-from humanclaw.skills import Json, call_schema, read_answer, read_object
+from humanclaw.skills import Json, call_schema, plain_name, read_answer, read_object, read_text
 from humanclaw_litellm.asking import AnswerFormat, ModeNegotiator
 from humanclaw_litellm.client import Completion
 from humanclaw_litellm.decision import usable
@@ -80,7 +80,7 @@ class ModelVerifier:
             raise
         except (ProviderError, TooLongError) as fault:
             return Verdict(True, failed_open=str(fault))
-        found = _object(reply.completion)
+        found = _object(reply.completion, prose=reply.mode == "prompt")
         self._negotiator.report(reply, found is not None)
         return _verdict(found, checks, call, reply.completion.usage)
 
@@ -110,26 +110,41 @@ def _form(checks: Mapping[str, Check], skills: Sequence[Skill]) -> AnswerFormat:
     return AnswerFormat(({"type": "function", "function": function},), schema)
 
 
-def _object(completion: Completion) -> Json | None:
+def _object(completion: Completion, prose: bool) -> Json | None:
     """Return the verdict's object from a tool call or the text; None without one, and with several.
 
-    Of several, the one that the model means is unknown, as with calls. None too if it is cut off or repeats a key.
+    Of several, the one that the model means is unknown, as with calls. None too if it is cut off or repeats a key, and
+    if words follow it: they could take it back, and a no would put another call in place of the agent's.
+    prose: whether words may stand before it.
     """
     if completion.cut_off or completion.withheld or len(completion.calls) > 1:
         return None
     name, said = completion.calls[0] if completion.calls else (_VERDICT, completion.text)
-    if name != _VERDICT:
+    if plain_name(name) != _VERDICT:
         return None
     try:
-        found = read_object(said, prose=not completion.calls)
+        found = (None if completion.calls else _called(said, prose)) or read_object(
+            said, prose and not completion.calls
+        )
     except CallError:
         return None
     return found if any(key.endswith("_answer") for key in found) else None
 
 
+def _called(text: str, prose: bool) -> Json | None:
+    """Return the arguments of one verdict called in text, which a server without a tool parser passes on."""
+    try:
+        ((_, call),) = read_text(text, prose)
+    except (CallError, ValueError):
+        return None
+    return dict(call.params) if call.skill == _VERDICT else None
+
+
 def _verdict(found: Json | None, checks: Mapping[str, Check], call: Call, usage: Usage) -> Verdict:
     if found is None:
-        return Verdict(True, failed_open="the verifier's answer held no verdict, or several", usage=usage)
+        return Verdict(
+            True, failed_open="the verifier's answer held no verdict, several, or words behind it", usage=usage
+        )
     answers = tuple(filter(None, (_answer(key, check, found) for key, check in checks.items())))
     if all(answer.passed for answer in answers):
         left = [check.id for check, key in zip(checks.values(), checks, strict=True) if _passed(found, key) is None]

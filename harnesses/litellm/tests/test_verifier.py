@@ -20,6 +20,9 @@ def verdict(*answers, **rest):
     return seen | numbered | rest
 
 
+NO = json.dumps(verdict("no", skill="stop", parameters={}))
+
+
 @pytest.fixture
 def verify(begin, view, skills):
     """verify(reply, ...): return the verdict on a call, and the requests that were made for it."""
@@ -91,6 +94,9 @@ def test_a_skill_without_checks_passes_unasked(verify, skills):
         ([status(500)] * 2, "gave no answer"),
         ([no_choices()] * 2, "held no choices"),
         ([text("Looks fine to me.")], "held no verdict"),
+        ([text(f"I would say: Here is my response: {NO}")], "held no verdict"),
+        ([text(f"I will not send <answer>{NO}</answer>")], "held no verdict"),
+        ([text(f"```json\n{NO}\n```\nA wall is close.")], "words behind it"),
         ([calls(("verdict", '{"check_1_answer": "n'))], "held no verdict"),
         ([calls(("verdict", '{"check_1_answer": "no", "check_1_answer": "yes"}'))], "held no verdict"),
         ([text(json.dumps(verdict("no", skill="stop")), finish_reason="content_filter")], "held no verdict"),
@@ -112,12 +118,27 @@ def test_a_draft_in_a_thought_is_no_verdict(verify, yes, marker):
     assert found.replacement == Call("stop")
 
 
+@pytest.mark.parametrize(
+    "reply",
+    [
+        text(f"```json\n{NO}\n```"),
+        text(f"<think>The draft is {NO}</think><answer>{NO}</answer>"),
+        text(f'<tool_call>{{"name": "verdict", "arguments": {NO}}}</tool_call>'),
+        calls(("functions.verdict", NO)),
+        calls(("verdict<|channel|>commentary", f"{NO}</s>")),
+    ],
+    ids=["fence", "answer mark", "call as text", "prefix", "end mark"],
+)
+def test_a_no_is_read_in_whatever_marks_it_stands(verify, reply):
+    assert verify(reply)[0].replacement == Call("stop")
+
+
 def test_of_several_verdicts_none_counts(verify, yes):
     several = [verdict(*yes), verdict("no", skill="stop")]
     for reply in (text("\n".join(map(json.dumps, several))), calls(*(("verdict", one) for one in several))):
         found, _ = verify(reply)
         assert (found.accepted, found.answers) == (True, ())
-        assert "or several" in found.failed_open
+        assert "several" in found.failed_open
 
 
 def test_a_wrong_key_is_not_passed_over(verify):
