@@ -27,7 +27,8 @@ _TOO_LONG: Final = re.compile(
     r"|context[ _]length[ _]exceeded|exceed_context_size"  # OpenAI; llama.cpp
     r"|(?:prompt|input|request)(?: entity| length| tokens)?(?: is| are)? too (?:long|large)"  # Anthropic, Bedrock, Groq
     r"|(?:exceeds? the|longer than the) maximum (?:number of tokens allowed|model length|size)"  # Gemini, vLLM
-    r"|maximum prompt length is|exceeded model token limit|prompt exceeds max"  # xAI, Kimi, GLM
+    r"|maximum prompt length is|exceeded model token limit"  # xAI, Kimi
+    r"|prompt exceeds max|in request more than max tokens"  # GLM
     r"|range of input length|`inputs` tokens"  # Qwen, TGI
     r"|reduce (?:the length of|your message size)",
     re.IGNORECASE,

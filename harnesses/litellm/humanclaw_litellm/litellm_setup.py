@@ -30,7 +30,6 @@ def load() -> Any:
 
     _restrain_clients()
     _leave_arguments()
-    _keep_thoughts_alone()
     litellm.telemetry = False
     litellm.suppress_debug_info = True
     for name in ("LiteLLM", "LiteLLM Router", "LiteLLM Proxy"):
@@ -100,25 +99,6 @@ def _leave_arguments() -> None:
     from litellm.litellm_core_utils.llm_response_utils import convert_dict_to_response as reading
 
     reading.handle_invalid_parallel_tool_calls = lambda tool_calls: tool_calls
-
-
-def _keep_thoughts_alone() -> None:
-    """Make an answer of the Responses API that holds thoughts alone an answer without content; litellm raises."""
-    from litellm.completion_extras.litellm_responses_transformation.transformation import (
-        LiteLLMResponsesTransformationHandler as Handler,
-    )
-    from litellm.types.utils import Choices, Message
-
-    convert = Handler._convert_response_output_to_choices
-
-    def converted(output_items: Any, **options: Any) -> Any:
-        if choices := convert(output_items, **options):
-            return choices
-        parts = [part for item in output_items if item.type == "reasoning" for part in item.summary]
-        message = Message(content="", reasoning_content="\n".join(part.text for part in parts))
-        return [Choices(message=message)] if all(item.type == "reasoning" for item in output_items) else []
-
-    Handler._convert_response_output_to_choices = staticmethod(converted)  # type: ignore[method-assign, assignment]
 
 
 def complete(seconds: float, **request: Any) -> Any:

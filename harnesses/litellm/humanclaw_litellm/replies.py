@@ -10,6 +10,11 @@ from humanclaw_litellm.endings import Json, first_of, part_of, parts_of
 
 _SUCCESS: Final = frozenset({"0", "200", "ok", "success"})
 """Codes and messages of an `error` that reports none."""
+_NOTHING: Final[Json] = {
+    "id": "", "type": "message", "role": "assistant", "status": "completed",
+    "content": [{"type": "output_text", "text": "", "annotations": []}],
+}  # fmt: skip
+"""An answer without words. litellm refuses a reply of the Responses API that holds thoughts alone."""
 _THOUGHTS: Final = frozenset({"thinking", "reasoning"})
 """Types of content parts that hold thoughts."""
 
@@ -36,6 +41,9 @@ def _tidied(body: Json) -> Json:
         tidy["choices"] = [{**tidy["choices"][0], "message": _as_text(message)}]
         if _reports_success(body.get("error")):
             del tidy["error"]
+    items = parts_of(body, "output")
+    if body.get("object") == "response" and items and all(item.get("type") == "reasoning" for item in items):
+        tidy["output"] = [*items, _NOTHING]
     return tidy | ({"usage": _counts(body["usage"])} if isinstance(body.get("usage"), dict) else {})
 
 
