@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from threading import Lock
+from functools import lru_cache
 from typing import Final
 
 from pydantic import TypeAdapter, ValidationError
@@ -21,7 +21,7 @@ _CODE: Final = tuple(f"humanclaw_report/{name}.py" for name in ("facts", "houses
 """What may change the drawing of the same scene."""
 SCRIPT: Final = "window.humanclawHouse = "
 KEPT: Final = 4
-"""Houses in memory. A run has dozens, and its episodes come house by house; `humanclaw watch` shows four at a time."""
+"""Houses in memory. A run has dozens, and its episodes come house by house."""
 
 
 @dataclass(frozen=True)
@@ -53,29 +53,22 @@ class Drawn:
 _PACKED: Final = TypeAdapter(Drawn)
 
 
-@dataclass
 class Houses:
     """The houses of recorded episodes. What was drawn once comes from the cache, whatever scene is installed now; a
     house that cannot be loaded is replaced by a note."""
 
-    load: Callable[[str], Scene]
-    store: Cache = field(default_factory=lambda: Cache("pages"))
-    known: dict[tuple[str, str], Drawn] = field(default_factory=dict)
-    """The last KEPT houses, by name and digest."""
-    alone: Lock = field(default_factory=Lock)
-    """Threads of a server ask one at a time, so that none draws a house twice."""
+    def __init__(self, load: Callable[[str], Scene]) -> None:
+        self._load, self._store = load, Cache("pages")
+        self._drawn = lru_cache(KEPT)(self._stored_or_drawn)
 
     def of(self, recorded: RecordedEpisode) -> Drawn:
-        asked = recorded.record.spec.scene, recorded.record.scene_digest
-        with self.alone:
-            found = self.known.pop(asked, None) or self._stored(asked[1]) or self._draw(*asked)
-            self.known[asked] = found
-            if len(self.known) > KEPT:
-                del self.known[next(iter(self.known))]
-        return found
+        return self._drawn(recorded.record.spec.scene, recorded.record.scene_digest)
+
+    def _stored_or_drawn(self, name: str, digest: str) -> Drawn:
+        return self._stored(digest) or self._draw(name, digest)
 
     def _stored(self, digest: str) -> Drawn | None:
-        data = self.store.get(_key(digest)) if digest else None
+        data = self._store.get(_key(digest)) if digest else None
         try:
             return _PACKED.validate_json(data) if data else None
         except ValidationError:
@@ -83,14 +76,14 @@ class Houses:
 
     def _draw(self, name: str, digest: str) -> Drawn:
         try:
-            scene = self.load(name)
+            scene = self._load(name)
         except HumanclawError as fault:
             return Drawn.missing(str(fault))
         # Another version of the house would show walls where the body walked.
         if digest and scene.digest != digest:
             return Drawn.missing("the installed scene differs from the one of the record.")
         drawn = Drawn.of(scene)
-        self.store.put(_key(scene.digest), _PACKED.dump_json(drawn))
+        self._store.put(_key(scene.digest), _PACKED.dump_json(drawn))
         return drawn
 
 

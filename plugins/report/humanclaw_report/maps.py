@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from humanclaw import RecordedEpisode, Scene
@@ -147,23 +148,13 @@ def _outlines(scene: Scene, obj: SceneObject, floor: float) -> list[Polygon]:
 
 
 def _outline(points: Array) -> Polygon:
-    """Return the convex hull of points as seen from above (monotone chain, Andrew 1979)."""
-    flat = sorted({(_c(x), _c(z)) for x, _, z in points.tolist()})
-    return " ".join(f"{x:g},{z:g}" for x, z in (*_chain(flat), *_chain(flat[::-1])))
-
-
-def _chain(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Return the corners of the hull on one side, from the first point to the one before the last."""
-    kept: list[tuple[float, float]] = []
-    for x, z in points:
-        while len(kept) > 1 and _turns_back(kept[-2], kept[-1], (x, z)):
-            kept.pop()
-        kept.append((x, z))
-    return kept[:-1] or kept
-
-
-def _turns_back(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> bool:
-    return (b[0] - a[0]) * (c[1] - a[1]) <= (b[1] - a[1]) * (c[0] - a[0])
+    """Return the convex hull of points as seen from above."""
+    flat = np.unique(np.round(100 * points[:, [0, 2]]), axis=0) + 0.0  # Without -0, which would be written.
+    try:
+        corners = flat[scipy.spatial.ConvexHull(flat).vertices]
+    except scipy.spatial.QhullError:
+        corners = flat[[0, -1]]  # All points lie on a line.
+    return " ".join(f"{x:g},{z:g}" for x, z in corners)
 
 
 def _points(flat: Array) -> Polygon:

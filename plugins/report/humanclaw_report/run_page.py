@@ -153,7 +153,6 @@ def run_page(
     """
     lines = _lines(runs, found, out, page_of)
     every = [episode for episodes in runs.values() for episode in episodes]
-    tables = found.tables or [_milestone_table(runs)]
     return environment().get_template("run.html").render(
         title=_title(runs, lines),
         folders=" and ".join(run.resolve().name for run in runs),
@@ -164,9 +163,9 @@ def run_page(
         ],
         lines=lines,
         first=FIRST,
-        charts=[table for table in tables if table.chart],
-        tables=[table for table in tables if not table.chart],
-        common=_common(tables),
+        charts=[table for table in found.tables if table.chart],
+        tables=[table for table in found.tables if not table.chart],
+        common=_common(found.tables),
         totals=_totals(every),
         parts=PARTS,
         categories=sorted({line.spec.target_category for line in lines} - {""}),
@@ -238,23 +237,6 @@ def _result(episode: RecordedEpisode, facts: Facts | None, out: Path, page: Path
         page=link(page, out),
         picture=link(episode.folder / views[-1], out) if views else "",
     )
-
-
-def _milestone_table(runs: Runs) -> Table:
-    """Return a table of milestones from the records, for runs that no benchmark scored."""
-    rows, names = [], ("in view", "reached", "sat", "stopped")
-    for name, episodes in zip(_names(runs), runs.values(), strict=True):
-        met = [{stage.name: stage.met for stage in milestones(episode)} for episode in episodes]
-        asked = [[stages[key] for stages in met if key in stages] for key in names]
-        cells = [
-            Cell(f"{sum(one)} of {len(one)}", 100 * sum(one) / len(one)) if one else Cell("\u2013") for one in asked
-        ]
-        rows.append((Cell(name), *cells))
-    notes = (
-        "From geometry and the active stop alone. A target is in view from 100 pixels on, reached within 0.2 m of its "
-        "bounding box, and sat on while the hips touch it.",
-    )
-    return Table("How far the episodes came", ("agent", *names), tuple(rows), notes, chart=True).turned
 
 
 def _totals(episodes: Sequence[RecordedEpisode]) -> dict[str, object]:

@@ -312,13 +312,16 @@ def test_a_house_that_was_drawn_once_needs_no_scene(made: tuple[Path, Scene], tm
 
 def test_few_houses_are_in_memory(tmp_path: Path) -> None:
     record_episode(tmp_path)
-    episode = RecordedEpisode(tmp_path)
-    houses = Houses(lambda name: two_rooms())
-    for number in range(2 * KEPT):
+    episode, houses = RecordedEpisode(tmp_path), Houses(lambda name: two_rooms())
+
+    def drawn(number: int) -> Drawn:
         spec = episode.record.spec.model_copy(update={"scene": f"test:{number}"})
         episode.record = episode.record.model_copy(update={"spec": spec})
-        assert houses.of(episode).digest
-    assert len(houses.known) == KEPT
+        return houses.of(episode)
+
+    found = [drawn(number) for number in range(KEPT + 1)]
+    assert drawn(KEPT) is found[KEPT]
+    assert drawn(0) is not found[0]
 
 
 def test_a_film_beside_the_record_is_part_of_the_page(tmp_path: Path) -> None:
