@@ -12,6 +12,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import lru_cache
+from itertools import accumulate, pairwise
 from pathlib import Path
 from typing import Final, Literal
 
@@ -19,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
-from humanclaw.body.pose import Array, Motion
+from humanclaw.body.pose import HISTORY, Array, Motion
 from humanclaw.errors import RecordError
 from humanclaw.records.folder import (
     AGAIN,
@@ -63,6 +64,11 @@ class RecordedEpisode:
     def has_motion(self) -> bool:
         """Whether the record holds motion. It is written when an episode ends."""
         return self.files.has("motion.npz")
+
+    @property
+    def spans(self) -> tuple[tuple[int, int], ...]:
+        """First frame of each step in motion(), and the frame after its last; equal if nothing moved."""
+        return tuple(pairwise(accumulate((step.motion_frames for step in self.steps), initial=HISTORY)))
 
     def motion(self, kind: Literal["generated", "simulated"] = "simulated") -> Motion:
         """Return all frames of the episode (world frame): five of standing, then motion_frames for each step."""

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from humanclaw import RecordedEpisode, StepRecord
-from humanclaw.body import BODY_GROUPS, FUTURE, HISTORY, Array
+from humanclaw.body import BODY_GROUPS, FUTURE, Array
 from humanclaw.records import touched_above_ground
 
 MOVES: Final = 0.001
@@ -48,7 +48,7 @@ def disturbed(recorded: RecordedEpisode, moved: Mapping[int, Array]) -> dict[int
     movable = set(recorded.record.movable) | set(moved)
     hits: dict[int, set[int]] = defaultdict(set)
     pairs: dict[int, list[tuple[int, int]]] = defaultdict(list)
-    for first, step in starts(recorded.steps):
+    for step, (first, _) in zip(recorded.steps, recorded.spans, strict=True):
         for contact in step.contacts:
             if contact.movable:
                 movable.add(contact.object_id)
@@ -90,11 +90,3 @@ def disturbed_path(since: Mapping[int, int], moved: Mapping[int, Array]) -> floa
     pieces = [moved[key][max(first - 1, 0) :, :3] for key, first in since.items() if key in moved]
     ways = [np.linalg.norm(np.diff(piece, axis=0), axis=1) for piece in pieces]
     return float(sum(way[int(np.argmax(way > MOVES)) :].sum() for way in ways if (way > MOVES).any()))
-
-
-def starts(steps: Sequence[StepRecord]) -> Iterator[tuple[int, StepRecord]]:
-    """Yield each step with the index of its first frame."""
-    frame = HISTORY
-    for step in steps:
-        yield frame, step
-        frame += step.motion_frames

@@ -18,7 +18,6 @@ import numpy as np
 from tqdm import tqdm
 
 from humanclaw import Call, HumanclawError, PluginError, Plugins, RecordedEpisode, RecordError, StepRecord, load_run
-from humanclaw.body import HISTORY
 from humanclaw.storage import Folder
 from humanclaw_bench.attribution import also, attribute
 from humanclaw_bench.causes import Cause
@@ -189,9 +188,8 @@ def _features(episodes: Sequence[RecordedEpisode], actions: Sequence[str]) -> di
 
 def _frames(recorded: RecordedEpisode, actions: Sequence[str]) -> Iterator[dict[str, Any]]:
     motion, success = recorded.motion(), score(recorded).success
-    last = HISTORY - 1
-    for step in recorded.steps:
-        pose = np.concatenate([motion.root[last], motion.rotations[last].ravel()])
+    for step, (first, _) in zip(recorded.steps, recorded.spans, strict=True):
+        pose = np.concatenate([motion.root[first - 1], motion.rotations[first - 1].ravel()])
         yield {
             "observation.images.ego": _picture(recorded, step),
             "observation.state": pose.astype(np.float32),
@@ -200,7 +198,6 @@ def _frames(recorded: RecordedEpisode, actions: Sequence[str]) -> Iterator[dict[
             "next.success": np.array([step is recorded.steps[-1] and bool(success)]),
             "task": recorded.record.spec.instruction,
         }
-        last += step.motion_frames
 
 
 def _picture(recorded: RecordedEpisode, step: StepRecord) -> Any:

@@ -29,7 +29,7 @@ from humanclaw.records import (
 )
 from humanclaw_bench.conditions import Conditions, conditions_of
 from humanclaw_bench.difficulty import overall
-from humanclaw_bench.disturbance import collisions, displacements, disturbed, disturbed_path, starts
+from humanclaw_bench.disturbance import collisions, displacements, disturbed, disturbed_path
 from humanclaw_bench.hands.scores import HandFacts, stages_of
 from humanclaw_bench.ways import arrived, pace, path_weighted
 
@@ -79,8 +79,7 @@ def reversals(recorded: RecordedEpisode) -> float:
     if not recorded.has_motion or not recorded.steps:
         return float("nan")
     facing = heading(recorded.motion("simulated").rotations[:, 0])
-    bounds = [(first, first + step.motion_frames) for first, step in starts(recorded.steps)]
-    turns = [float(wrap_angle(facing[max(last - 1, 0)] - facing[first - 1])) for first, last in bounds]
+    turns = [float(wrap_angle(facing[max(last - 1, 0)] - facing[first - 1])) for first, last in recorded.spans]
     back = [a * b < 0 and min(abs(a), abs(b)) >= TURNS for a, b in pairwise(turns)]
     return sum(back) / len(turns)
 
@@ -94,7 +93,7 @@ def generated_trajectory(recorded: RecordedEpisode) -> Motion:
     """
     made, real = recorded.motion("generated"), recorded.motion("simulated")
     whole: Motion | None = None
-    for first, last in _chunks(recorded.steps):
+    for first, last in _chunks(recorded.spans):
         piece = made[first:last]
         if whole is not None:
             piece = _hips(whole).to_world(_hips(real[:first]).to_local(piece))
@@ -102,9 +101,8 @@ def generated_trajectory(recorded: RecordedEpisode) -> Motion:
     return whole or made[:0]
 
 
-def _chunks(steps: Sequence[StepRecord]) -> Iterator[tuple[int, int]]:
-    for first, step in starts(steps):
-        last = first + step.motion_frames
+def _chunks(spans: Sequence[tuple[int, int]]) -> Iterator[tuple[int, int]]:
+    for first, last in spans:
         yield from ((start, min(start + FUTURE, last)) for start in range(first, last, FUTURE))
 
 

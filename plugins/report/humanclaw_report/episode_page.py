@@ -32,7 +32,7 @@ from humanclaw_report.facts import (
 from humanclaw_report.houses import Drawn
 from humanclaw_report.maps import PathMap, colour, path_maps
 from humanclaw_report.marks import Mark, marks
-from humanclaw_report.replay import EVERY, as_json, data_uri, person, replay, spans
+from humanclaw_report.replay import EVERY, as_json, data_uri, person, replay
 from humanclaw_report.three import three
 
 PARTS: Final = ("observe", "decide", "verify", "generate", "simulate")
@@ -249,7 +249,7 @@ def _moments(view: EpisodeView) -> list[dict[str, Any]]:
             "touches": step.contacts,
             "distance": _finite(step.record.target_distance),
         }
-        for step, (first, end) in zip(view.steps, spans(view.recorded), strict=True)
+        for step, (first, end) in zip(view.steps, view.recorded.spans, strict=True)
     ]
 
 
@@ -258,12 +258,12 @@ def _finite(value: float | None) -> float | None:
 
 
 def _last_frame(recorded: RecordedEpisode) -> int:
-    return max(1, spans(recorded)[-1][1] // EVERY) if recorded.steps else 1
+    return max(1, recorded.spans[-1][1] // EVERY) if recorded.steps else 1
 
 
 def _chart(recorded: RecordedEpisode) -> Chart | None:
     last = max(1.0, _last_frame(recorded) - 1.0)
-    ends = [min(1.0, end / EVERY / last) for _, end in spans(recorded)]
+    ends = [min(1.0, end / EVERY / last) for _, end in recorded.spans]
     far = [_finite(step.target_distance) for step in recorded.steps]
     known = [value for value in far if value is not None]
     if not far or len(known) < len(far):

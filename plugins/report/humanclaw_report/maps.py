@@ -11,7 +11,7 @@ import scipy
 from numpy.typing import NDArray
 
 from humanclaw import RecordedEpisode, Scene
-from humanclaw.body import HISTORY, Array, matrix_from_quaternion
+from humanclaw.body import Array, matrix_from_quaternion
 from humanclaw.records import Vec3
 from humanclaw.world import OBSTACLE_HEIGHTS, STEP, SceneObject, floors_of
 
@@ -270,13 +270,12 @@ def _walked(recorded: RecordedEpisode) -> list[Array]:
     if not recorded.has_motion:
         ends = [(s.start, s.end if s.status != "invalid" else s.start) for s in recorded.steps]
         return [np.array(pair) for pair in ends]
-    root, pieces, first = recorded.motion().root, [], HISTORY
-    for step in recorded.steps:
+    root, pieces = recorded.motion().root, []
+    for first, end in recorded.spans:
         # From the frame before, so that the pieces touch.
-        stretch = root[first - 1 : first + step.motion_frames]
+        stretch = root[first - 1 : end]
         # Every third frame is fine enough for a map; the last one joins the pieces.
         pieces.append(stretch[sorted({*range(0, len(stretch), 3), len(stretch) - 1})])
-        first += step.motion_frames
     return pieces
 
 

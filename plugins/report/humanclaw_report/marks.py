@@ -9,7 +9,6 @@ from typing import Literal
 from humanclaw import RecordedEpisode, StepRecord
 from humanclaw.records import in_view, on_target, touched_above_ground
 from humanclaw_report.facts import name_of, verdict_of
-from humanclaw_report.replay import spans
 
 
 @dataclass(frozen=True)
@@ -29,18 +28,18 @@ def marks(
 
     decided: index of the step that decided the cause.
     """
-    frames = max(1, spans(recorded)[-1][1]) if recorded.steps else 1
+    frames = max(1, recorded.spans[-1][1]) if recorded.steps else 1
     found = (*_contacts(recorded, names, frames), *_events(recorded, frames))
     if not cause or decided is None:
         return found
-    at = 100 * spans(recorded)[decided][0] / frames
+    at = 100 * recorded.spans[decided][0] / frames
     return (*found, Mark("cause", at, 0, f"step {recorded.steps[decided].step}: root cause: {cause}"))
 
 
 def _contacts(recorded: RecordedEpisode, names: Mapping[int, str], frames: int) -> Iterator[Mark]:
     """Yield one span for each object that a step touches."""
     targets = set(recorded.record.spec.target_ids)
-    for step, (first, _) in zip(recorded.steps, spans(recorded), strict=True):
+    for step, (first, _) in zip(recorded.steps, recorded.spans, strict=True):
         touched: dict[int, list[int]] = {}
         movable: set[int] = set()
         for contact in touched_above_ground(recorded, step):
@@ -57,7 +56,7 @@ def _contacts(recorded: RecordedEpisode, names: Mapping[int, str], frames: int) 
 
 def _events(recorded: RecordedEpisode, frames: int) -> Iterator[Mark]:
     """Yield when the target was first in view, when the body sat, and what was refused, replaced or ended it."""
-    begun = {step.step: 100 * first / frames for step, (first, _) in zip(recorded.steps, spans(recorded), strict=True)}
+    begun = {step.step: 100 * first / frames for step, (first, _) in zip(recorded.steps, recorded.spans, strict=True)}
     first_views = [step for step in recorded.steps if in_view(step)][:1]
     first_seats = [step for step in recorded.steps if on_target(recorded, step)][:1]
     for words, steps in (("target first in view", first_views), ("hips on the target", first_seats)):

@@ -10,7 +10,7 @@ import scipy
 from numpy.typing import NDArray
 
 from humanclaw import Motion, RecordedEpisode, RecordError, Scene, StepRecord
-from humanclaw.body import HISTORY, JOINT_INDEX, Array
+from humanclaw.body import JOINT_INDEX, Array
 from humanclaw.world import GROUND, Camera, WorldState, floors_of
 from humanclaw_report.camera import BEHIND, FACING, follow, look_at, smoothed
 from humanclaw_report.maps import storeys_at
@@ -72,12 +72,8 @@ class Replay:
 
     def step(self, frame: int) -> StepRecord | None:
         """Return the step that a frame belongs to; None before the first."""
-        first = HISTORY
-        for step in self.episode.steps:
-            if first <= frame < first + step.motion_frames:
-                return step
-            first += step.motion_frames
-        return None
+        pairs = zip(self.episode.steps, self.episode.spans, strict=True)
+        return next((step for step, (first, end) in pairs if first <= frame < end), None)
 
 
 def opened(scene: Scene, above: float = np.inf) -> Scene:

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from humanclaw import Motion, RecordedEpisode, Scene
 from humanclaw.body import (
     FPS,
-    HISTORY,
     JOINT_INDEX,
     OFFSETS,
     PARENTS,
@@ -81,12 +80,6 @@ def person() -> dict[str, Any]:
     return packed(arrays)
 
 
-def spans(recorded: RecordedEpisode) -> list[tuple[int, int]]:
-    """Return the first frame of each step in motion.npz and the frame after its last; equal if nothing moved."""
-    ends = HISTORY + np.cumsum([step.motion_frames for step in recorded.steps], dtype=int)
-    return [(int(end) - step.motion_frames, int(end)) for step, end in zip(recorded.steps, ends, strict=True)]
-
-
 def replay(recorded: RecordedEpisode, names: Mapping[int, str], floors: Sequence[float]) -> dict[str, Any] | None:
     """Return the motion of body and objects as JSON; None if the record holds no motion."""
     if not recorded.has_motion:
@@ -122,7 +115,7 @@ def _contacts(recorded: RecordedEpisode, names: Mapping[int, str]) -> list[list[
     return [
         [(first + min(contact.frames)) / EVERY, (first + max(contact.frames)) / EVERY, JOINT_INDEX[contact.joint],
          name_of(names, contact.object_id)]
-        for step, (first, _) in zip(recorded.steps, spans(recorded), strict=True)
+        for step, (first, _) in zip(recorded.steps, recorded.spans, strict=True)
         for contact in touched_above_ground(recorded, step)
         if contact.frames
     ]  # fmt: skip

@@ -25,7 +25,7 @@ from humanclaw import (
     Scene,
     StepRecord,
 )
-from humanclaw.body import FPS, HISTORY, PARENTS, Array, skin
+from humanclaw.body import FPS, PARENTS, Array, skin
 from humanclaw.storage import Folder
 from humanclaw.world import Camera, Mesh, SceneObject, ego_camera
 
@@ -174,7 +174,7 @@ def _log_episode(log: EpisodeLog, recorded: RecordedEpisode) -> None:
     if recorded.has_motion:
         log.body(recorded.motion(), recorded.motion("generated"))
         log.objects(recorded.objects())
-    for step, first in zip(recorded.steps, first_frames(recorded), strict=True):
+    for step, (first, _) in zip(recorded.steps, recorded.spans, strict=True):
         log.step(step, first)
     _log_views(log, recorded)
 
@@ -184,16 +184,10 @@ def _log_views(log: EpisodeLog, recorded: RecordedEpisode) -> None:
     if not recorded.has_motion:
         return
     motion = recorded.motion()
-    for step, first in zip(recorded.steps, first_frames(recorded), strict=True):
+    for step, (first, _) in zip(recorded.steps, recorded.spans, strict=True):
         if picture := recorded.view(step):
             # The view was taken where the body stood in the frame before the step.
             log.view(picture, motion[first - 1 : first], first)
-
-
-def first_frames(recorded: RecordedEpisode) -> list[int]:
-    """Return the frame of motion.npz at which each step begins."""
-    ends = HISTORY + np.cumsum([step.motion_frames for step in recorded.steps], dtype=int)
-    return [int(end) - step.motion_frames for end, step in zip(ends, recorded.steps, strict=True)]
 
 
 def _lines(step: StepRecord) -> Iterator[tuple[str, str]]:

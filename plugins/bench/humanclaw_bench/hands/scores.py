@@ -25,7 +25,6 @@ from humanclaw.records import (
 )
 from humanclaw.world import distance_to_nearest
 from humanclaw_bench.causes import Rule, Stage, first_cause
-from humanclaw_bench.disturbance import starts
 from humanclaw_bench.hands.drawing import Family, family_of
 
 _HOLDING: Final[tuple[Stage, ...]] = ("find", "nav", "reach", "hold")
@@ -94,8 +93,7 @@ class HandFacts:
         """(S, 2, 3) knuckles at the end of each step; none without motion."""
         if not self.recorded.has_motion or not self.steps:
             return np.zeros((0, 2, 3))
-        ends = [first + step.motion_frames - 1 for first, step in starts(self.steps)]
-        joints = [self.recorded.motion("simulated")[end : end + 1].joints()[0] for end in ends]
+        joints = [self.recorded.motion("simulated")[end - 1 : end].joints()[0] for _, end in self.recorded.spans]
         return np.array(joints)[:, [JOINT_INDEX["left_hand"], JOINT_INDEX["right_hand"]]]
 
     @cached_property
