@@ -65,6 +65,32 @@ def test_any_text_is_read_or_refused(pieces):
                 legal(call)
 
 
+MARKS = [
+    "<answer>",
+    "</answer>",
+    "</s>",
+    "[INST]",
+    "<|im_end|>",
+    "<tool_call>",
+    "```json\n",
+    "in <think> tags ",
+    '{"a": ',
+    "it's ",
+]
+DRAFTS = ['{"skill": "stop", "parameters": {}}', '<tool_call>{"name": "stop", "arguments": {}}</tool_call>', "[stop()]"]
+
+
+@fuzz
+@given(st.lists(st.sampled_from([*MARKS, *DRAFTS])), st.lists(st.sampled_from([*MARKS, *DRAFTS, "</think>"])))
+def test_a_call_in_a_thought_is_none_and_a_whole_call_is_always_one(thought, words):
+    call = json.dumps({"skill": "say", "parameters": {"text": "".join(words)}})
+    for prose in (True, False):
+        for text in (call, f"<think>{''.join(thought)}</think>{call}"):
+            assert [call.params["text"] for _, call in read_text(text, prose)] == ["".join(words)]
+        with suppress(CallError):
+            assert not read_text(f"<think>{''.join(thought)}", prose)
+
+
 # -- what is seen ------------------------------------------------------------------------------------------------------
 @fuzz
 @given(st.lists(st.integers(0, 255), min_size=12, max_size=12))

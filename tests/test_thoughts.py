@@ -126,11 +126,14 @@ def test_a_marker_among_the_arguments_of_a_whole_object_is_text():
         "<tool_call><function=step><parameter=reasoning>I write ",
         "<tool_call>step<arg_key>reasoning</arg_key><arg_value>I write ",
         "[step(z_cm=40, reasoning='I write ",
+        '{"skill": "step", "reasoning": "I\nwrite ',
+        r"""{"skill": "step", "reasoning": "I don\'t write """,
     ],
-    ids=["object", "words and object", "parameter", "argument", "python"],
+    ids=["object", "words and object", "parameter", "argument", "python", "line break", "escape"],
 )
 def test_a_marker_in_a_broken_call_leaves_no_answer(cut):
     assert split_thoughts(f"{cut}</think>{STOP}")[1] == ""
+    assert split_thoughts(f"{cut}</think>[stop()]")[1] == ""
 
 
 @pytest.mark.parametrize(

@@ -155,8 +155,8 @@ def _item(text: str, place: int, make: Callable[[Pairs], Json]) -> tuple[list[Js
     except json.JSONDecodeError as error:
         if text[place : place + 1] != "{":
             return _python(text, place, make)
-        # An open string is told by its beginning.
-        return [], len(text) if error.msg.startswith("Unterminated") else max(error.pos, place + 1)
+        # Any other fault lies in a string, and nobody knows where that ends.
+        return [], max(error.pos, place + 1) if error.msg.startswith("Expecting") else len(text)
     except ValueError:  # a number too long
         return [], len(text)
     items = value if isinstance(value, list) else [value]

@@ -43,7 +43,7 @@ _PAIRS: Final = (
     (r"<\|inner_prefix\|>", r"<\|inner_suffix\|>"),  # Apertus
     (r"<\|channel>thought", r"<channel\|>"),  # Gemma
     ("<unused94>", "<unused95>"),  # MedGemma
-    (r"<\|channel\|>analysis", rf"{_FINAL}|<\|end\|>|(?=<\|channel\|>commentary)"),  # gpt-oss
+    (r"<\|channel\|>analysis", rf"{_FINAL}|<\|end\|>"),  # gpt-oss
     ("Here(?:'s| is) my thought process:", "Here(?:'s| is) my response:"),  # Granite
     (r"<details\s[^<>]{0,60}(?:reason|think|thought)[^<>]{0,60}>", "</details>"),  # Open WebUI
     (r"```(?:think|thought|reason)\w{0,10}\n", r"```[ \t]{0,9}(?=\n|\Z)"),
