@@ -5,6 +5,7 @@ import json
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from humanclaw.body import Pose2D
 from humanclaw.checks.fakes import FakeWorld
 from humanclaw.errors import PluginError, PluginRunError
 from humanclaw.records import free_episode
-from humanclaw.testing import fake_body
+from humanclaw.testing import check_target, fake_body
 
 TWO = '''
 from humanclaw import Keyframes, hookimpl, skill
@@ -103,6 +104,12 @@ def test_a_package_in_a_folder_is_a_plugin_and_imports_its_own_modules(tmp_path)
     finally:
         for name in [name for name in sys.modules if name.partition(".")[0] == "my_nods"]:
             del sys.modules[name]
+
+
+def test_the_folder_of_a_distribution_stands_for_its_package(plugins):
+    folder = Path(__file__).parents[1] / "skills/gaze"
+    assert "gaze" in Plugins.discover([folder]).skills
+    assert [report.passed for report in check_target(str(folder), plugins, engines=())] == [True]
 
 
 def test_a_folder_without_a_package_is_refused(tmp_path):

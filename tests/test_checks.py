@@ -18,7 +18,6 @@ from safetensors.numpy import load_file, save
 
 from humanclaw import Call, Control, Gaze, Keyframes, Motion, Plugins, Reach, hookimpl, run_episode, skill
 from humanclaw.checks.fakes import Fakes
-from humanclaw.checks.targets import found_at
 from humanclaw.cli import build
 from humanclaw.errors import CallError
 from humanclaw.records import free_episode
@@ -334,7 +333,7 @@ def test_a_motion_that_never_ends_is_a_fault_after_a_while():
 
 def test_a_file_that_never_ends_its_import_is_a_fault_after_a_while(tmp_path):
     (tmp_path / "slow.py").write_text("import threading\nthreading.Event().wait()\n")
-    _, _, (fault,) = found_at(str(tmp_path / "slow.py"), Plugins(), patience=0.2)
+    ((fault,),) = (report.faults for report in check_target(str(tmp_path / "slow.py"), Plugins(), loading=0.2))
     assert (fault.check, "did not return within 0.2 s" in fault.message) == ("loads", True)
 
 
@@ -409,6 +408,7 @@ def test_a_knee_does_not_bend_forward():
 ELSEWHERE = {
     "follows": "test_an_adapter_that_is_no_better_than_a_constant_is_a_fault",
     "loads": "test_a_file_that_raises_is_a_fault_of_the_file",
+    "name-free": "test_a_skill_that_no_model_gets_is_a_fault",
     "refuses-unknown": "a schema that is closed refuses it; `schema` finds the others",
     "refuses-types": "JSON Schema refuses it for everybody",
     "refuses-nan": "Skill.check refuses it for everybody: test_no_number_of_a_call_may_be_nan",
@@ -561,6 +561,25 @@ def test_a_file_that_raises_is_a_fault_of_the_file(tmp_path, plugins, code, chec
     (tmp_path / "odd.py").write_text(code)
     (report,) = check_target(str(tmp_path / "odd.py"), plugins, engines=())
     assert [(fault.check, bool(fault.remedy)) for fault in report.faults] == [(check, True)]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "check", "told"),
+    [
+        ("@hookimpl\n", "", "loads", "has humanclaw_skills without @hookimpl"),
+        ("nod", "walk", "name-free", "'walk' is already a skill of plugin 'humanclaw-skill-walk'"),
+    ],
+)
+def test_a_skill_that_no_model_gets_is_a_fault(tmp_path, plugins, old, new, check, told):
+    (tmp_path / "mine.py").write_text(FILE.format(arguments="", times=1).replace(old, new))
+    (report,) = check_target(str(tmp_path / "mine.py"), plugins, engines=())
+    assert [(fault.check, told in fault.message) for fault in report.faults] == [(check, True)]
+
+
+def test_degrees_in_place_of_radians_are_suspected():
+    turned = Keyframes((0.0, 2.0, 4.0), {"head": ((0, 0, 0), (20, 0, 0), (0, 0, 0))})
+    faults = examine(planned(lambda params: turned), engines=()).faults
+    assert "radians, not degrees" in next(fault.remedy for fault in faults if fault.check == "joint-limits")
 
 
 def test_a_file_that_exits_does_not_pass_on_the_command_line(tmp_path, plugins):

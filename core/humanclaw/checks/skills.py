@@ -202,7 +202,7 @@ def _call_faults(skill: Skill, params: Mapping[str, Any], bench: Bench) -> Fault
         return
     except (Exception, SystemExit) as error:
         message = f"{call} raises {in_words(error)}."
-        yield ContractError("plan-runs", message, "Bound its parameters so that every legal call can be planned.")
+        yield ContractError("plan-runs", message, "Mend the function, or bound the parameters that it cannot plan.")
         return
     if repr(plan) != repr(again):  # Keyframes may hold arrays, which == compares elementwise.
         message = f"{call} is planned otherwise the second time."

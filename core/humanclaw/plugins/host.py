@@ -87,7 +87,7 @@ class Plugins:
         host = cls(choice)
         with redirect_stdout(sys.stderr):
             host._add_installed(absent)
-            for path in files:
+            for path in map(package_in, files):
                 if not any(is_from(plugin, path / "__init__.py") for plugin in host._manager.get_plugins()):
                     host._add_file(path)
             host._check_choice()
@@ -180,7 +180,7 @@ class Plugins:
             warnings.simplefilter("always")
             self._register(plugin, name)
         self._call(plugin, EXTENSION, register=self._extend)
-        self._refuse_unknown_hooks(plugin, name)
+        self._refuse_odd_hooks(plugin, name)
         notes = tuple(str(one.message) for one in caught if issubclass(one.category, DeprecationWarning))
         gathered = _Gathered(name, self.choice, notes)
         for kind in self._items:
@@ -201,9 +201,14 @@ class Plugins:
             takes = f"It takes {', '.join(getattr(self._manager.hook, hook[0]).spec.argnames)}." if hook else ""
             raise PluginError(f"plugin {name!r} cannot be used: {told}.", takes) from error
 
-    def _refuse_unknown_hooks(self, plugin: object, name: str) -> None:
-        """Raise PluginError for a hook that nobody specifies, with the one that it may be meant for."""
+    def _refuse_odd_hooks(self, plugin: object, name: str) -> None:
+        """Raise PluginError for a hook without @hookimpl, and for one that nobody specifies, with the likely one."""
         known = [hook.removeprefix(PREFIX) for hook, caller in vars(self._manager.hook).items() if caller.has_spec()]
+        for hook in (PREFIX + bare for bare in known):
+            function = getattr(plugin, hook, None)
+            marks = {"humanclaw_impl", "humanclaw_spec"} & {*dir(function)}
+            if callable(function) and not marks:
+                raise PluginError(f"plugin {name!r} has {hook} without @hookimpl.", "Write @hookimpl above it.")
         for caller in self._manager.get_hookcallers(plugin) or ():
             optional = all(impl.optionalhook for impl in caller.get_hookimpls() if impl.plugin is plugin)
             if not caller.has_spec() and not optional:
@@ -604,6 +609,7 @@ def load_file(path: Path) -> ModuleType:
 
     A package keeps its name, so that it can import its own modules, relatively or not.
     """
+    path = package_in(path)
     file, name = path, f"humanclaw_plugin_{path.stem}"
     if path.is_dir():
         file, name = path / "__init__.py", path.resolve().name
@@ -626,6 +632,12 @@ def load_file(path: Path) -> ModuleType:
             sys.modules.pop(name, None)
         raise PluginError(f"plugin file {path} failed to load: {in_words(error)}.") from error
     return module
+
+
+def package_in(path: Path) -> Path:
+    """Return the package in the folder of a distribution, which is what people give; any other path as it is."""
+    found = [file.parent for file in path.glob("humanclaw_*/__init__.py")] if path.is_dir() else []
+    return found[0] if len(found) == 1 and not (path / "__init__.py").is_file() else path
 
 
 def is_from(module: object, file: Path) -> bool:

@@ -26,6 +26,7 @@ CHECKS: Final[Mapping[str, str]] = {
     "loads": "its file or folder can be read, and raises nothing",
     "name": "its name has letters, digits, _ and - alone, 64 at most, and begins with a letter or _",
     "name-reserved": "its name is no tool that a harness has: look, reset, verdict",
+    "name-free": "its name alone means it, and no skill of another plugin",
     "schema-file": "schema.json is there and holds a JSON object",
     "schema": "its schema has the form of every skill's: flat parameters of one type, closed, with finite bounds",
     "role": "its role is one of those that the benchmark knows",
