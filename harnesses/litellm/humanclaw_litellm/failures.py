@@ -62,19 +62,20 @@ _FILTERED: Final = re.compile(r"content_filter|content_policy|data_inspection_fa
 _TOKENS: Final = r"max_?(?:completion|output|new)?_?tokens"
 """The names that providers have for max_tokens."""
 _NOT_TAKEN: Final = (
-    r"(?:un(?:supported|known|expected|recogni[sz]ed|available)|deprecated|invalid|incompatible|forbidden|disabled|extra"
-    r"|(?:not|n't|no longer|cannot)(?: both)? (?:be )?"
+    r"(?:un(?:supported|known|expected|recogni[sz]ed|available)|deprecated|invalid|incompatible|forbidden|disabled"
+    r"|extra|only supports|(?:not|\w*n't|no longer|cannot)(?: \w+)? (?:be )?"
     r"(?:support|allow|permit|accept|recogni|availab|compatib|set|specif|us)\w*)"
 )
 _NOUNS: Final = (
     r"parameter(?:s|\(s\))?|arguments?|values?|fields?|propert(?:y|ies)|options?|inputs?|the|this|for|on|with|model"
 )
 _BEFORE: Final = (
-    rf"{_NOT_TAKEN}(?:[^\w.,(]+(?:request|keyword|supplied|setting|of|such|as|sampling|{_NOUNS}))*[^\w.,(]+"
+    rf"{_NOT_TAKEN}(?:[^\w.,(]+(?:(?:request|keyword) argument|supplied|setting|of|such|as|sampling|{_NOUNS}))*"
+    r"[^\w.,(]+"
 )
 """Words of a refusal, and those that may stand between them and the parameter's name."""
 _AFTER: Final = (
-    rf"(?:[= ]+-?[\d.]*\d)?[^\w.]{{1,4}}(?:(?:is|are|be|may|can|must|has|been|currently|and|top_p|{_NOUNS})\W+)*"
+    rf"(?:[=: ]+-?[\d.]*\d)?[^\w.]{{1,4}}(?:(?:is|are|was|be|may|can|must|has|been|currently|and|top_p|{_NOUNS})\W+)*"
     rf"(?:{_NOT_TAKEN}|does(?: not|n't)|\bonly\b|requires|must be (?:set to )?-?\d)"
 )
 _BOUND: Final = re.compile(
