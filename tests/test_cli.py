@@ -360,8 +360,15 @@ def test_listing_the_commands_loads_nothing_that_only_running_them_needs():
     )
     loaded = subprocess.run([sys.executable, "-c", probe], capture_output=True, text=True, check=True).stdout.split()
     assert "humanclaw_bench" in loaded
-    assert not {"numpy", "pydantic", "jsonschema", "humanclaw.plugins.host"} & set(loaded)
+    assert not {"numpy", "pydantic", "jsonschema"} & set(loaded)
     assert not {"scipy", "torch", "litellm", "pandas", "numba", "pybullet", "mujoco", "filelock"} & set(loaded)
+
+
+def test_help_begins_with_run_play_and_report_and_ends_with_what_developers_need(cli):
+    listed = cli("--help", COLUMNS="80").stdout.partition("Commands:")[2]
+    first, _, developers = listed.partition("For developers:")
+    assert [line.split()[0] for line in first.splitlines() if line][:3] == ["run", "play", "report"]
+    assert {"train", "physics"} <= {line.split()[0] for line in developers.splitlines() if line}
 
 
 @pytest.mark.parametrize("group", ["", "bench", "habitat"])

@@ -24,7 +24,7 @@ _COMMANDS = (
     ("skills", "show:skills", "List the skills: parameters, adapter, where they come from."),
     ("plugins", "show:plugins_command", "List the plugins: what each provides, and how to get others."),
     ("tools", "show:tools", "Print the skills as the tool list of a model's interface."),
-    ("physics", "physics:physics", "Run the physics checks of half-physics."),
+    ("physics", "physics:physics", "Check that simulators obey the laws of half-physics."),
     ("new", "new:new", "Begin a skill, agent, scene ... of your own."),
 )
 

@@ -31,6 +31,9 @@ if TYPE_CHECKING:
 _LOG = logging.getLogger(__name__)
 _NO_ROOM = {errno.ENOSPC, errno.EROFS, errno.EACCES, getattr(errno, "EDQUOT", errno.ENOSPC)}
 """Errors of the system, not of the program: disk full, quota used up, read-only, not allowed."""
+_FIRST = ("run", "play", "report")
+_DEVELOPERS = ("cards", "data", "fidelity", "naturalness", "physics", "pilot", "show", "speed", "train")
+"""Commands for those who train motion, or write simulators and agents."""
 
 
 class Commands(click.Group):
@@ -62,6 +65,19 @@ class Commands(click.Group):
     def list_commands(self, ctx: click.Context) -> list[str]:
         self._load()
         return super().list_commands(ctx)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """List the commands that most people need first, and those of developers last."""
+        names = self.list_commands(ctx)
+        first = [name for name in _FIRST if name in names]
+        rest = [name for name in names if name not in (*_FIRST, *_DEVELOPERS)]
+        parts = {"Commands": first + rest, "For developers": [name for name in names if name in _DEVELOPERS]}
+        width = max(map(len, names), default=0)
+        for title, listed in parts.items():
+            rows = [(name.ljust(width), self.commands[name].get_short_help_str(70)) for name in listed]
+            if rows:
+                with formatter.section(title):
+                    formatter.write_dl(rows)
 
     def _load(self) -> None:
         if not self._complete:

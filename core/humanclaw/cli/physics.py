@@ -52,7 +52,7 @@ def _bar() -> Progress:
 def physics(
     simulator: str, profile: str, samples: int, chunks: int, seed: int, as_json: bool, checks: tuple[str, ...]
 ) -> None:
-    """Run the physics checks of half-physics. Exits with 1 if one does not hold.
+    """Check that simulators obey the laws of half-physics. Exits with 1 if one does not hold.
 
     CHECKS: names of the checks to run; by default all.
     """

@@ -25,7 +25,7 @@ def humanclaw_agents(register: Register[AgentFactory]) -> None:
 def humanclaw_commands(cli: click.Group) -> None:
     from humanclaw.cli import LazyCommand
 
-    told = "Make data for the pilot's eyes, train them, measure them."
+    told = "Train the eyes of the agent pilot: make data, train, measure."
     cli.add_command(LazyCommand("pilot", "humanclaw_pilot.command:command", told))
 
 

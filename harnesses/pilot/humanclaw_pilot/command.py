@@ -14,7 +14,7 @@ from humanclaw.cli import parse_pairs, seed_option
 
 @click.group("pilot")
 def command() -> None:
-    """Make data for the pilot's eyes, train them, measure them."""
+    """Train the eyes of the agent pilot: make data, train, measure."""
 
 
 @command.command()

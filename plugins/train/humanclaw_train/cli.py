@@ -60,7 +60,7 @@ train = _forward("train", "humanclaw_train.train", "Train the base prior or a sk
 fidelity = _forward(
     "fidelity",
     "humanclaw_train.eval.fidelity",
-    "Compare achieved with commanded motion, per skill.",
+    "Measure how well each skill follows its parameters.",
     simulator=_simulator,
     installed=_installed,
     measures=_measures,
@@ -82,7 +82,7 @@ cards = _forward("cards", "humanclaw_train.cards", "Write the model card beside 
 
 @click.group()
 def data() -> None:
-    """Training data."""
+    """Build training data from motion capture."""
 
 
 def _trained() -> object:
@@ -105,7 +105,7 @@ data.add_command(
 
 @click.group()
 def show() -> None:
-    """Pictures of motion."""
+    """Draw the motion of a skill as a strip and a GIF."""
 
 
 @show.command("skill", context_settings={"ignore_unknown_options": True, "allow_extra_args": True})

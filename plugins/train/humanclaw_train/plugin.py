@@ -32,11 +32,11 @@ def humanclaw_commands(cli: click.Group) -> None:
 
     for name, sentence in {
         "train": "Train the base prior or a skill's adapter.",
-        "fidelity": "Compare achieved with commanded motion, per skill.",
+        "fidelity": "Measure how well each skill follows its parameters.",
         "naturalness": "Compare generated motion with human motion.",
         "speed": "Time the motion model with several solvers and runtimes.",
         "cards": "Write the model card beside each checkpoint.",
-        "data": "Training data.",
-        "show": "Pictures of motion.",
+        "data": "Build training data from motion capture.",
+        "show": "Draw the motion of a skill as a strip and a GIF.",
     }.items():
         cli.add_command(LazyCommand(name, f"humanclaw_train.cli:{name}", sentence))
