@@ -108,7 +108,7 @@ def test_a_call_that_is_over_has_nothing_to_break_off(stroll):
     with fake_body(stroll) as body:
         left = iter([True, False])
         done = body.execute(Call("stroll", {"strides": 0}), lambda chunk: next(left))
-    assert (len(done.chunks), done.parts, done.cancelled) == (2, (), False)
+    assert (len(done.chunks), done.parts, done.feedback.cancelled) == (2, (), False)
 
 
 def test_the_motion_model_continues_its_own_chunks_in_a_sequence(plugins, stroll):

@@ -19,7 +19,7 @@ from humanclaw.episodes.execution import SkillExecution, Watcher, played_parts, 
 from humanclaw.episodes.falls import Descent
 from humanclaw.episodes.moving import Mover, Playing
 from humanclaw.episodes.sensors import proprioception, tactile
-from humanclaw.episodes.tools import Verified, body_tools
+from humanclaw.episodes.tools import body_tools
 from humanclaw.errors import HumanclawError, blaming
 from humanclaw.motion.generator import MotionGenerator
 from humanclaw.plugins.agents import Observation, Verifier
@@ -190,8 +190,7 @@ class Body:
         as the verifier is told it.
         Raises PluginError if no plugin knows the framework (with the nearest names), or if it is not installed.
         """
-        driven = Verified(self, verifier, instruction) if verifier else self
-        return self.plugins.make("frameworks", framework, body_tools(driven))
+        return self.plugins.make("frameworks", framework, body_tools(self, verifier, instruction))
 
     def execute(self, call: Call, watch: Watcher | None = None) -> SkillExecution:
         """Execute a checked call, chunk by chunk.
@@ -223,20 +222,17 @@ class Body:
         told = played_parts(plan, played) if len(plan) > 1 else ()
         self._descent = self._descent.after(chunks)
         moved = [(chunk.commanded, chunk.execution) for chunk in chunks]
-        self.last = SkillExecution(
+        feedback = Feedback(
             call,
-            tuple(chunks),
-            seconds,
-            proprioception(before.body, moved) if "body" in self.sensors else None,
-            tactile([chunk.execution for chunk in chunks]) if "touch" in self.sensors else None,
-            told,
-            playing.rise_frames,
-            cancelled,
-            tuple(dict.fromkeys(limits)),
-            tuple(playing.aims),
-            self._descent.fall,
-            self._descent.falling,
+            proprioception=proprioception(before.body, moved) if "body" in self.sensors else None,
+            tactile=tactile([chunk.execution for chunk in chunks]) if "touch" in self.sensors else None,
+            cancelled=cancelled,
+            limits=tuple(dict.fromkeys(limits)),
+            fell=self._descent.fall,
+            falling=self._descent.falling,
         )
+        aims = tuple(playing.aims)
+        self.last = SkillExecution(call, tuple(chunks), seconds, feedback, told, playing.rise_frames, aims)
         return self.last
 
     def _repr_html_(self) -> str:

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-from humanclaw.records.feedback import Feedback, HandAim, Proprioception, Touch
+from humanclaw.records.feedback import Feedback, HandAim
 from humanclaw.records.steps import PlayedPart
 from humanclaw.skills.call import Call
 from humanclaw.skills.plan import Control
@@ -25,36 +25,14 @@ class SkillExecution:
     call: Call
     chunks: tuple[Chunk, ...]
     seconds: Mapping[str, float]
-    proprioception: Proprioception | None = None
-    tactile: tuple[Touch, ...] | None = None
-    """Readings of the senses beside vision; None for a sense that is off."""
+    feedback: Feedback
+    """What the body felt of the call, as the agent gets it."""
     parts: tuple[PlayedPart, ...] = ()
     """The parts of a sequence that were played, in order; empty for a call of one part."""
     rise_frames: int = 0
     """Frames in which the body first rose from a low pose; they are among those of `chunks`."""
-    cancelled: bool = False
-    """Whether a part of the call was left out."""
-    limits: tuple[str, ...] = ()
-    """What the body could not do of the call, in words."""
     aims: tuple[HandAim, ...] = ()
     """Where hands were to go, and how far they are from there."""
-    fall: float = 0.0
-    """How deep the body fell, metres; 0 if it did not."""
-    falling: bool = False
-    """Whether it was still falling when the call ended."""
-
-    @property
-    def feedback(self) -> Feedback:
-        """The feedback that the agent gets for the call."""
-        return Feedback(
-            self.call,
-            proprioception=self.proprioception,
-            tactile=self.tactile,
-            cancelled=self.cancelled,
-            limits=self.limits,
-            fell=self.fall,
-            falling=self.falling,
-        )
 
 
 def played_parts(plan: Sequence[Part], numbers: Sequence[int]) -> tuple[PlayedPart, ...]:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
-from humanclaw.plugins.agents import HistoryEntry, RecalledEntry
+from humanclaw.plugins.agents import HistoryEntry
 from humanclaw.storage.pictures import jpeg
 
 QUALITY: Final = 88
@@ -31,5 +32,4 @@ class History:
         self._frames.append(frame)
         if len(self._entries) > RECENT:
             old = self._entries[-RECENT - 1]
-            view = self._frames[-RECENT - 1] or jpeg(old.rgb, QUALITY)
-            self._entries[-RECENT - 1] = RecalledEntry.seen(old.step, old.decision, old.feedback, view)
+            self._entries[-RECENT - 1] = replace(old, view=self._frames[-RECENT - 1] or jpeg(old.rgb, QUALITY))

@@ -11,6 +11,7 @@ import numpy as np
 from humanclaw.body.pose import Array
 from humanclaw.episodes.execution import SkillExecution, working
 from humanclaw.records.decisions import Attempt, Verdict
+from humanclaw.records.feedback import Feedback
 from humanclaw.records.steps import StepRecord
 from humanclaw.skills.call import Call
 from humanclaw.world.scene import Scene, Vec3, distance_to_nearest
@@ -76,27 +77,27 @@ class Step:
             resting: ids that the pelvis touched when the last motion ended.
             geodesic: remaining shortest way to a target, metres.
         """
-        chunks = done.chunks if done else ()
+        chunks, felt = (done.chunks, done.feedback) if done else ((), Feedback())
         return StepRecord(
             step=self.number,
             status=("executed" if done else "stopped") if call else "invalid",
             attempts=tuple(self.attempts),
             verdict=verdict,
             call=call,
-            proprioception=done.proprioception if done else None,
-            tactile=done.tactile if done else None,
+            proprioception=felt.proprioception,
+            tactile=felt.tactile,
             target_pixels={key: int((view.ids == key).sum()) for key in targets},
             frame_file=self.frame_file,
             motion_frames=sum(len(chunk.commanded) for chunk in chunks),
             rise_frames=done.rise_frames if done else 0,
             parts=done.parts if done else (),
-            cancelled=done.cancelled if done else False,
-            limits=done.limits if done else (),
+            cancelled=felt.cancelled,
+            limits=felt.limits,
             held=dict(after.held),
             aims=done.aims if done else (),
             joints=joint_states(scene, chunks),
-            fall=done.fall if done else 0.0,
-            falling=done.falling if done else False,
+            fall=felt.fell,
+            falling=felt.falling,
             waypoints=tuple(vec3(chunk.execution.simulated.root[-1]) for chunk in chunks[:-1]),
             start=vec3(before.body.root[-1]),
             end=vec3(after.body.root[-1]),

@@ -30,80 +30,51 @@ _LOOK: Final[Json] = {
 class Driven(Protocol):
     """The part of Body that the tools use."""
 
-    @property
-    def scene(self) -> Scene: ...
+    scene: Scene
+    resets: int
+    gaze: Gaze
+    turn: threading.Lock
 
     @property
     def skills(self) -> Mapping[str, Skill]: ...
-
-    @property
-    def resets(self) -> int: ...
-
-    @property
-    def gaze(self) -> Gaze: ...
-
-    @property
-    def turn(self) -> threading.Lock: ...
 
     def observe(self, instruction: str = "") -> Observation: ...
 
     def call(self, skill: str, /, **params: Any) -> Observation: ...
 
 
-class Verified:
-    """A body whose calls a verifier checks before they move it (paper, section 3.2)."""
+def _verified(body: Driven, verifier: Verifier, instruction: str) -> Callable[..., Observation]:
+    """Return the body's call(), which a verifier checks first and may replace (paper, section 3.2).
 
-    def __init__(self, body: Driven, verifier: Verifier, instruction: str) -> None:
-        """Begin the verifier's task. Raises PluginRunError for an error of the verifier."""
-        self._body, self._instruction, self._panel = body, instruction, Panel("", verifier)
-        spec = free_episode(instruction or "Do as you are asked.", body.scene)
-        self._panel.begin(EpisodeContext(spec.told, body.skills, 0, gaze=body.gaze), {})
-        if self._panel.fault:
-            raise self._panel.fault
+    It raises CallError for a call that cannot be executed, before the verifier is asked. Raises PluginRunError for an
+    error of the verifier as it begins.
+    """
+    panel, spec = Panel("", verifier), free_episode(instruction or "Do as you are asked.", body.scene)
+    panel.begin(EpisodeContext(spec.told, body.skills, 0, gaze=body.gaze), {})
+    if panel.fault:
+        raise panel.fault
 
-    @property
-    def scene(self) -> Scene:
-        return self._body.scene
-
-    @property
-    def skills(self) -> Mapping[str, Skill]:
-        return self._body.skills
-
-    @property
-    def resets(self) -> int:
-        return self._body.resets
-
-    @property
-    def gaze(self) -> Gaze:
-        return self._body.gaze
-
-    @property
-    def turn(self) -> threading.Lock:
-        return self._body.turn
-
-    def observe(self, instruction: str = "") -> Observation:
-        return self._body.observe(instruction)
-
-    def call(self, skill: str, /, **params: Any) -> Observation:
-        """Execute a call, or the one that the verifier puts in its place.
-
-        Raises CallError for a call that cannot be executed, before the verifier is asked.
-        """
-        proposed = check_call(Call(skill, params), self.skills)
-        verdict = self._panel.verify(self.observe(self._instruction), proposed, self.skills[skill], "")
-        verdict, call = settled(verdict, proposed, self.skills)
-        seen = self._body.call(call.skill, **call.params)
-        if call is proposed:
+    def call(skill: str, /, **params: Any) -> Observation:
+        skills = body.skills
+        proposed = check_call(Call(skill, params), skills)
+        verdict = panel.verify(body.observe(instruction), proposed, skills[skill], "")
+        verdict, chosen = settled(verdict, proposed, skills)
+        seen = body.call(chosen.skill, **chosen.params)
+        if chosen is proposed:
             return seen
         return replace(seen, feedback=replace(seen.feedback, replaced=proposed, failed=verdict.failed))
 
+    return call
 
-def body_tools(body: Driven) -> tuple[BodyTool, ...]:
+
+def body_tools(body: Driven, verifier: Verifier | None = None, instruction: str = "") -> tuple[BodyTool, ...]:
     """Return a tool for every skill that can run, and `look`. The body's lock makes calls wait, from
     any list of its tools and from acall(): a body does one thing at a time.
 
-    After a skill of role stop the body moves no more until it is reset.
+    After a skill of role stop the body moves no more until it is reset. verifier: checks each call before the body
+    moves, and may replace it. instruction: the task, as the verifier is told it.
     """
+    call = _verified(body, verifier, instruction) if verifier else body.call
     stopped: set[int] = set()
     ready = [skill for skill in body.skills.values() if skill.trained]
     specs = [tool_spec(skill, reasoning=False) for skill in ready]
@@ -113,7 +84,7 @@ def body_tools(body: Driven) -> tuple[BodyTool, ...]:
             with body.turn:
                 if name != LOOK and body.resets in stopped:
                     return ToolResult("Nothing was executed: you have stopped, and the task is over.")
-                done = _run(body, name, arguments)
+                done = _run(body, call, name, arguments)
                 if done.picture and name != LOOK and body.skills[name].role == "stop":
                     stopped.add(body.resets)
                 return done
@@ -123,10 +94,10 @@ def body_tools(body: Driven) -> tuple[BodyTool, ...]:
     return tuple(BodyTool(**spec, run=runner(spec["name"])) for spec in (*specs, _LOOK))
 
 
-def _run(body: Driven, name: str, arguments: str | Mapping[str, Any]) -> ToolResult:
+def _run(body: Driven, call: Callable[..., Observation], name: str, arguments: str | Mapping[str, Any]) -> ToolResult:
     try:
-        _, call = read_call(name, arguments)
-        seen = body.observe() if name == LOOK else body.call(name, **call.params)
+        _, asked = read_call(name, arguments)
+        seen = body.observe() if name == LOOK else call(name, **asked.params)
     except CallError as error:
         return ToolResult(str(error))
     words = str(seen.feedback) if name != LOOK else ""

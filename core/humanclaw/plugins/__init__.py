@@ -11,7 +11,6 @@ if TYPE_CHECKING:
         HistoryEntry as HistoryEntry,
         Installed as Installed,
         Observation as Observation,
-        RecalledEntry as RecalledEntry,
         Reporter as Reporter,
         Tasks as Tasks,
         Verifier as Verifier,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, Self, runtime_checkable
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,34 +73,23 @@ class HistoryEntry:
     step: int
     decision: Decision
     feedback: Feedback
-    rgb: NDArray[np.uint8]
-    """The view that it was decided from."""
+    view: NDArray[np.uint8] | bytes | Path = field(repr=False)
+    """The view that it was decided from: pixels, a JPEG, or the file of one. Pixels take 0.8 MB."""
+
+    @property
+    def rgb(self) -> NDArray[np.uint8]:
+        """The pixels of the view; a JPEG is decoded each time that somebody asks."""
+        if isinstance(self.view, np.ndarray):
+            return self.view
+        if isinstance(self.view, bytes):
+            return from_jpeg(self.view)
+        with reading(self.view):
+            return from_jpeg(read_file(self.view, FRAME_BYTES))
 
     @property
     def executed(self) -> Call | None:
         """The call that was executed; None if there was none."""
         return self.feedback.executed
-
-
-class RecalledEntry(HistoryEntry):
-    """A past step whose view is decoded each time that somebody asks for it: a view takes 0.8 MB."""
-
-    _picture: bytes | Path
-
-    @classmethod
-    def seen(cls, step: int, decision: Decision, feedback: Feedback, picture: bytes | Path) -> Self:
-        """Return a step with its view as JPEG, or as the file of one."""
-        made = cls.__new__(cls)
-        for name, value in {"step": step, "decision": decision, "feedback": feedback, "_picture": picture}.items():
-            object.__setattr__(made, name, value)  # The dataclass is frozen.
-        return made
-
-    @property
-    def rgb(self) -> NDArray[np.uint8]:
-        if isinstance(self._picture, bytes):
-            return from_jpeg(self._picture)
-        with reading(self._picture):
-            return from_jpeg(read_file(self._picture, FRAME_BYTES))
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Annotated, Any, ClassVar, Final, Literal
 
@@ -155,14 +155,11 @@ class StepRecord(Record):
         """The feedback that the agent gets."""
         if self.call is None:
             return Feedback(refusal=self.attempts[-1].error if self.attempts else "")
-        if self.verdict is None or self.verdict.accepted or self.verdict.replacement is None:
-            return self._felt(Feedback(self.call))
-        return self._felt(Feedback(self.call, self.decision.calls[0], self.verdict.failed))
-
-    def _felt(self, feedback: Feedback) -> Feedback:
-        """Add what the body felt of the call."""
-        return replace(
-            feedback,
+        replaced = self.verdict is not None and not self.verdict.accepted and self.verdict.replacement is not None
+        return Feedback(
+            self.call,
+            self.decision.calls[0] if replaced else None,
+            self.verdict.failed if self.verdict and replaced else (),
             proprioception=self.proprioception,
             tactile=self.tactile,
             cancelled=self.cancelled,

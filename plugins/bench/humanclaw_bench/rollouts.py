@@ -29,7 +29,6 @@ from humanclaw import (
     system_prompt,
     tool_call,
 )
-from humanclaw.plugins import RecalledEntry
 from humanclaw.records import Feedback, name_of
 from humanclaw.skills import Json
 from humanclaw.storage import jpeg
@@ -145,7 +144,7 @@ class Conversations:
 
 def _past(recorded: RecordedEpisode, index: int) -> HistoryEntry:
     step = recorded.steps[index]
-    return RecalledEntry.seen(step.step, step.decision, step.feedback, jpeg(_UNSEEN))
+    return HistoryEntry(step.step, step.decision, step.feedback, jpeg(_UNSEEN))
 
 
 def _answer(decision: Decision) -> Json:

@@ -173,7 +173,7 @@ def test_to_sit_begins_with_the_back_to_the_seat_and_is_solved_by_sitting(gym):
     one = gym("sit")
     one.reset(1)
     assert _seen(one) < 100
-    while one.episode.body.last is None or one.episode.body.last.proprioception is None:
+    while one.episode.body.last is None or one.episode.body.last.feedback.proprioception is None:
         before = one.episode.target_distance()
         turn = _called(one, "step_back", z_cm=15)
         if turn.done or abs(before - one.episode.target_distance()) < 0.02:

@@ -11,7 +11,6 @@ from typing import Any, Final, TypeVar
 from pydantic import TypeAdapter
 
 from humanclaw import Check, Decision, EpisodeContext, EpisodeSpec, HistoryEntry, Meter, Observation, Skill
-from humanclaw.plugins import RecalledEntry
 from humanclaw.records import Feedback
 from humanclaw.skills import Plan
 from humanclaw.storage import from_jpeg, jpeg
@@ -129,4 +128,4 @@ def entry_of(told: Mapping[str, Any], views: Mapping[int, bytes]) -> HistoryEntr
     if "content" not in told and step not in views:
         raise ValueError(f"step {step} has no picture, and none was seen")
     view = picture(told["content"]) if "content" in told else views[step]
-    return RecalledEntry.seen(step, from_json(Decision, told["decision"]), from_json(Feedback, told["feedback"]), view)
+    return HistoryEntry(step, from_json(Decision, told["decision"]), from_json(Feedback, told["feedback"]), view)

@@ -1,14 +1,15 @@
 """Rollouts in half-physics: on a flat floor, and on stairs and seats that fit the command.
 
 The loop is that of an episode: the motion model continues its own poses, re-rooted where physics left the body, or the
-body's own. Before
-stairs or a seat, the previous skill runs on a flat floor. Then the body is put in front of the stage, takes up its last
-pose and goes on from there. Half-physics drives velocities from pose to pose, so the pose is the whole state.
+body's own. Before stairs or a seat, the previous skill runs on a flat floor. Then the body is put in front of the
+stage, takes up its last pose and goes on from there. Half-physics drives velocities from pose to pose, so the pose is
+the whole state.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -17,7 +18,7 @@ from humanclaw import Body, Call, Motion, Scene, Skill, stand
 from humanclaw.body import CHUNK, HISTORY, LINKS, Array, Capsule, Pose2D, next_history, re_rooted
 from humanclaw.motion import HEEL_END, TOE_END, DiTGenerator
 from humanclaw.skills import Declaration, from_si
-from humanclaw.world import Asset, Mesh, SceneObject
+from humanclaw.world import SceneBuilder
 from humanclaw_train.data.chunks import canonical, stacked
 from humanclaw_train.eval.rollouts import CHUNKS_IN_A_ROW, Command, Rollouts
 
@@ -95,22 +96,10 @@ def _descent(h: float, d: float, chunks: int) -> _Boxes:
 
 
 def _scene(name: str, boxes: _Boxes) -> Scene:
-    assets = {str(index): _asset(str(index), category, size) for index, (category, size, _) in enumerate(boxes)}
-    objects = tuple(
-        SceneObject(index + 1, str(index), category, place) for index, (category, _, place) in enumerate(boxes)
-    )
-    return Scene(name, assets, objects, (), Pose2D(0.0, 0.0, 0.0))
-
-
-def _asset(name: str, category: str, size: tuple[float, float, float]) -> Asset:
-    """Return a box that stands on y = 0."""
-    corners = np.array([(x, y, z) for x in (-0.5, 0.5) for y in (0.0, 1.0) for z in (-0.5, 0.5)]) * size
-    faces = [(0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1)]
-    faces += [(2, 3, 7), (2, 7, 6), (0, 2, 6), (0, 6, 4), (1, 5, 7), (1, 7, 3)]
-    points = corners.astype(np.float32)
-    grey = np.full((1, 1, 3), 180, np.uint8)
-    mesh = Mesh(points, np.array(faces, np.int32), np.zeros((8, 2), np.float32), grey)
-    return Asset(name, category, mesh, (points,))
+    builder = SceneBuilder()
+    for category, size, place in boxes:
+        builder.box(category, size, place)
+    return replace(builder.scene(), name=name)
 
 
 # -- a body in a simulator ---------------------------------------------------------------------------------------------
