@@ -185,7 +185,8 @@ def test_training_does_not_touch_the_base(backwards, base_file, tmp_path):
 def test_missing_chunks_are_an_error_with_a_remedy(base_file, tmp_path, capsys):
     arguments = ["adapter", "walk", "--data", str(tmp_path), "--base", str(base_file), "--out", str(tmp_path)]
     assert main(arguments) == 2
-    assert "no walk.npz" in capsys.readouterr().err
+    assert "no walk.npz" in (said := capsys.readouterr().err)
+    assert "humanclaw data chunks --skill FOLDER_OF/walk --clips DIR" in said
 
 
 WITHOUT_A_HOST = """

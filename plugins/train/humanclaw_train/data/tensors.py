@@ -65,8 +65,9 @@ def load(folders: Sequence[Path], name: str) -> ChunkTensors:
     files = [folder / f"{name}.npz" for folder in folders if (folder / f"{name}.npz").is_file()]
     if not files:
         listed = ", ".join(map(str, folders))
+        own = f"humanclaw data chunks --skill FOLDER_OF/{name} --clips DIR"
         raise HumanclawError(
-            f"There is no {name}.npz in {listed}.", "Build chunks first with: humanclaw data build DIR"
+            f"There is no {name}.npz in {listed}.", f"Build it with: {own} (or all skills: humanclaw data build DIR)"
         )
     parts = [Chunks.load(file) for file in files]
     _check_alike(files, parts)
