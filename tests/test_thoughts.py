@@ -137,7 +137,7 @@ def test_a_marker_in_a_broken_call_leaves_no_answer(cut):
 
 
 @pytest.mark.parametrize(
-    "mark", ["<|im_end|>", "</s>", "[INST]", "<answer>", "<think> tags", "`</think>`", "(<think>)"]
+    "mark", ["<|im_end|>", "</s>", "[INST]", "<answer>", "<think> tags", "`</think>`", "(<think>)", "a\0"]
 )
 def test_a_thought_may_speak_of_markers(mark):
     assert [call for _, call in read_text(f"<think>It ends with {mark}.</think>{STEP}")] == [Call("step", {"z_cm": 40})]

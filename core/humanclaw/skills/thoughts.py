@@ -64,7 +64,7 @@ _TURN: Final = (
     rf"{TURN_END}|{_BEGIN}|{_OWN}|(?!<\|start\|>\s{{0,9}}assistant)(?:{_ROLE})"
     r"|<\|(?:user|im_user|system|im_system|observation)\|>|<tool_response>|\[\|user\|\]|\[INST\]|\[SYSTEM_PROMPT\]"
     "|<｜User｜>"  # noqa: RUF001
-    r"|(?m:^)(?-i:User|Human):(?=[^\0]{0,999}?\n(?-i:Assistant):)"
+    r"|(?m:^)(?-i:User|Human):(?=[\s\S]{0,999}?\n(?-i:Assistant):)"
 )
 """Markers at which the model's turn ends. What follows is a turn that the model made up."""
 _INVISIBLE: Final = re.compile("[\u200b-\u200d\u2060\ufeff]")
@@ -75,7 +75,7 @@ def _nested(opening: str) -> str:
     return rf"(?!(?:(?<=\w )|(?<=\())(?:{opening})\W)(?:{opening})"
 
 
-def _any(*kinds: str, text: str = r"\0") -> re.Pattern[str]:
+def _any(*kinds: str, text: str = "(?!)") -> re.Pattern[str]:
     """Match text (group 1), a mark in quotes, which is only spoken of (2), or one of the marks (3 and so on)."""
     quoted = rf"""(?<![\w`])[`"'](?:{"|".join(kinds)})[`"'](?!`)"""
     return re.compile("|".join(f"({kind})" for kind in (text, quoted, *kinds)), re.IGNORECASE | re.ASCII)
