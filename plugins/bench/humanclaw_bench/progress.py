@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from pathlib import Path
 from types import TracebackType
-from typing import Final, Self
+from typing import TYPE_CHECKING, Final, Self
 
 import click
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn
 
 from humanclaw.cli import Console, counted
-from humanclaw_bench.runner import Forecast, RunStatus
-from humanclaw_bench.worker import WorkerReport
+
+if TYPE_CHECKING:
+    from humanclaw_bench.runner import Forecast, RunStatus
+    from humanclaw_bench.worker import WorkerReport
 
 _LONG: Final = 600
 """Seconds of a rest that nobody needs to be asked about."""

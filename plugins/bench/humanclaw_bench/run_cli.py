@@ -1,0 +1,105 @@
+"""`humanclaw bench run`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from humanclaw import PluginError, RecordError
+from humanclaw.cli import Console, decider_options, plugin_options
+from humanclaw.plugins import install
+from humanclaw.storage import Folder
+from humanclaw_bench.cli import RUN
+from humanclaw_bench.progress import RunProgress, stop_after_option
+
+if TYPE_CHECKING:
+    from humanclaw import Backends, Choice
+    from humanclaw.cli import Deciders
+
+
+@click.command("run")
+@click.option(
+    "--split",
+    "name",
+    default="mini",
+    show_default=True,
+    help="val, val-400, mini, smoke, dev, hands, mini-hands, smoke-hands, or a file of episodes.",
+)
+@decider_options
+@click.option("--workers", type=click.IntRange(1), default=1, show_default=True, help="Episodes at a time.")
+@click.option("--executor", default="", help="Name of the executor that plays the episodes (default: local).")
+@click.option(
+    "--ray",
+    "address",
+    is_flag=False,
+    flag_value="local",
+    metavar="[ADDRESS]",
+    help="Same as --executor ray: use the Ray cluster at this address, or start one on this machine.",
+)
+@click.option("--out", type=RUN, help="Folder of the run (default: runs/SPLIT-AGENT).")
+@click.option(
+    "--resume/--no-resume", default=True, show_default=True, help="Continue an existing run, or refuse its folder."
+)
+@click.option(
+    "--repeats",
+    type=click.IntRange(1),
+    default=1,
+    show_default=True,
+    help="Play every episode N times, each with another seed, to show the variation between seeds.",
+)
+@click.option("--yes", is_flag=True, help="Do not ask for confirmation after the estimate of time and cost.")
+@stop_after_option
+@click.option(
+    "--seed", type=click.IntRange(0), help="Of the agent's random numbers and the order of episodes (default: new)."
+)
+@click.option(
+    "--in-process", is_flag=True, help="For debugging: play the agent beside the body, not in a process of its own."
+)
+@plugin_options
+def run_command(
+    name: str, deciders: Deciders, backends: Backends, workers: int, executor: str, address: str | None,
+    out: Path | None, resume: bool, repeats: int, yes: bool, stop_after: int, seed: int | None, in_process: bool,
+    files: tuple[Path, ...], choice: Choice,
+) -> None:  # fmt: skip
+    """Run a split, or resume it. Finished episodes are kept; others continue after their last recorded step."""
+    # Imported here: they take half a second, and --help needs none of them.
+    from humanclaw import Plugins, load_run
+    from humanclaw.records import name_of
+    from humanclaw_bench.export import metrics_of, results, scored_runs
+    from humanclaw_bench.runner import run_split
+    from humanclaw_bench.splits import load_split, repeated
+    from humanclaw_bench.tables import brief_tables
+    from humanclaw_bench.tables_cli import filled, show
+    from humanclaw_bench.worker import Job
+
+    plugins = Plugins.discover(files, choice)
+    specs = repeated(load_split(name), repeats)
+    metrics = metrics_of(plugins)  # Refuses a metric with a reserved name now, not after hours of playing.
+    out = out or Path("runs") / f"{Path(name).stem}-{name_of(deciders.title)}"
+    if not resume and Folder(out).has("run.json"):
+        raise RecordError(
+            f"{out} already holds a run.", "Name another folder with --out, or continue it with --resume."
+        )
+    job = Job(
+        deciders.agent, deciders.options, deciders.verifier, backends.chosen(plugins), deciders.limits,
+        tuple(str(file.resolve()) for file in files), choice, in_process=in_process, stop_after=stop_after, seed=seed,
+    )  # fmt: skip
+    wanted = executor or ("ray" if address else "local")
+    if wanted == "ray" and "ray" not in {one.name for one in plugins.registered("executors")}:
+        raise PluginError("--ray needs a plugin that is not installed.", f"Run `{install(['humanclaw-ray'])}`.")
+    player = plugins.make("executors", wanted, workers, address or "")
+    with RunProgress(Console(), out) as progress:
+        status = run_split(
+            specs, job, player, out, plugins=plugins, watch=progress.watch,
+            go_on=lambda forecast: progress.foresee(forecast, ask=not yes),
+        )  # fmt: skip
+        progress.end(status)
+    if status.done:
+        episodes = load_run(out)
+        found = scored_runs({out: episodes}, metrics)
+        show(filled(brief_tables(results({out: episodes}, found))))
+        plugins.tell("humanclaw_run_end", run=out, episodes=episodes, plugins=plugins, tell=click.echo, scored=found)
+    if status.failed or status.stopped:
+        raise SystemExit(130 if status.stopped and not status.halted else 1)

@@ -1,0 +1,179 @@
+"""The commands of `humanclaw bench` that score recorded runs: table, compare, rescore, export."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+
+import click
+from rich.console import RenderableType
+from rich.text import Text
+
+from humanclaw import Plugins, RecordError, load_run
+from humanclaw.cli import Console, plugin_files, seed_option
+from humanclaw.storage import write_result
+from humanclaw_bench.cli import PARTIAL, RUN
+from humanclaw_bench.comparison import compare_table
+from humanclaw_bench.conditions import differences as unlike
+from humanclaw_bench.export import FORMATS, metrics_of, results_of as _results, row, scored
+from humanclaw_bench.integrity import standing
+from humanclaw_bench.metrics import ALL, common, compare
+from humanclaw_bench.results import Result, named, require_whole
+from humanclaw_bench.tables import ResultTable, all_tables, brief_tables, chosen_table, main_table
+from humanclaw_bench.writers import WRITERS, plain, plain_differences, terminal
+
+NAMES = (
+    "main",
+    "hands",
+    "repeats",
+    "variants",
+    "body",
+    "own",
+    "difficulty",
+    "factors",
+    "category",
+    "plugins",
+    "funnel",
+    "causes",
+    "hand-causes",
+)
+
+
+@click.command()
+@click.argument("runs", type=RUN, nargs=-1, required=True, metavar="RUN...")
+@click.option("--format", "form", type=click.Choice(["terminal", *WRITERS]), default="terminal", show_default=True)
+@click.option("--only", type=click.Choice(NAMES), multiple=True, help="Print only this table (repeatable).")
+@click.option(
+    "--full", is_flag=True, help="Print all tables; on a terminal and in LaTeX the default are the short ones."
+)
+@click.option(
+    "--column",
+    "columns",
+    multiple=True,
+    help="Print one table with this column (repeatable). It may be a metric of a plugin.",
+)
+@click.option("--paper/--no-paper", default=True, help="Add the paper's rows for reference.")
+@seed_option(help="Seed of the bootstrap.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON: every number in full, shares as fractions.")
+@PARTIAL
+@plugin_files
+def table(
+    runs: tuple[Path, ...], form: str, only: tuple[str, ...], columns: tuple[str, ...], paper: bool, seed: int,
+    full: bool, as_json: bool, partial: bool, files: tuple[Path, ...],
+) -> None:  # fmt: skip
+    """Print the tables of one or more runs, one row per agent."""
+    results = _results(runs, files)
+    if form == "latex":
+        require_whole(results, partial)
+    if columns and only:
+        raise click.UsageError("--only and --column exclude each other.")
+    brief = form in ("terminal", "latex") and not (full or only or as_json)
+    if columns:
+        tables = {"columns": chosen_table(results, columns, paper=paper, seed=seed)}
+    else:
+        tables = brief_tables(results, seed=seed) if brief else all_tables(results, paper=paper, seed=seed)
+    chosen = {name: tables[name] for name in only} or filled(tables)
+    if as_json:
+        _print_json({name: plain(found) for name, found in chosen.items()})
+        return
+    if form == "csv":
+        for result in filter(lambda result: result.known.faults, results):
+            click.echo(result.note, err=True)
+    if form == "terminal":
+        show(chosen)
+        if not chosen:
+            click.echo("Not scored: no episode has a target. --full prints what the body did.")
+        elif brief and not columns:
+            click.echo("--full prints all tables, with the paper's rows.")
+    else:
+        for found in chosen.values():
+            click.echo(WRITERS[form](found))
+
+
+def filled(tables: Mapping[str, ResultTable]) -> dict[str, ResultTable]:
+    return {name: found for name, found in tables.items() if found.rows and found.columns}
+
+
+def show(tables: Mapping[str, ResultTable]) -> None:
+    """Print tables on the terminal, then each of their notes once."""
+    for found in tables.values():
+        _print(terminal(found, Console().width, notes=False))
+    for note in dict.fromkeys(note for found in tables.values() for note in found.all_notes):
+        _print(Text(note, style="dim"))
+
+
+@click.command("compare")
+@click.argument("a", type=RUN)
+@click.argument("b", type=RUN)
+@seed_option(help="Of bootstrap and swaps.")
+@click.option("--across-engines", is_flag=True, help="Compare even if the runs use different simulators.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON: each difference with interval, p and verdict.")
+@PARTIAL
+def compare_command(a: Path, b: Path, seed: int, across_engines: bool, as_json: bool, partial: bool) -> None:
+    """Compare two runs over the episodes that both finished. Differences are told from noise."""
+    one, two = _one(a), _one(b)
+    require_whole((one, two), partial)
+    engines = {scores.simulator for result in (one, two) for scores in result.scores}
+    if len(engines) > 1 and not across_engines:
+        told = " and ".join(sorted(name or "an unknown one" for name in engines))
+        raise RecordError(f"the runs use different simulators: {told}.", "Add --across-engines to compare them anyway.")
+    differences = compare(one.scores, two.scores, seed=seed)
+    changed = unlike(one.conditions, two.conditions)
+    if as_json:
+        _print_json({"settings": changed, "metrics": plain_differences(differences, ALL)})
+        return
+    _print(Text(f"Settings that differ (A and B): {', '.join(changed)}." if changed else "No setting differs."))
+    _print(compare_table(differences, ALL, f"{one.name} ({a})", f"{two.name} ({b})"))
+    for result in (one, two):
+        _print(Text(result.note, style="dim"))
+    left_out = len(one.finished) + len(two.finished) - 2 * len(common(one.scores, two.scores))
+    if left_out:
+        many = "episodes have" if left_out > 1 else "episode has"
+        click.echo(f"Left out: {left_out} finished {many} no counterpart in the other run.")
+
+
+@click.command()
+@click.argument("run", type=RUN)
+@click.option("--out", type=RUN, help="File to write (default: scores.jsonl in the run).")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON: every number in full, shares as fractions.")
+@plugin_files
+def rescore(run: Path, out: Path | None, as_json: bool, files: tuple[Path, ...]) -> None:
+    """Score a run again from its records. Writes one line per episode, with every number and the root cause."""
+    episodes = load_run(run)
+    found = scored(episodes, metrics_of(Plugins.discover(files)), run.name)
+    lines = "".join(json.dumps(row(*pair), ensure_ascii=False) + "\n" for pair in found)
+    out = write_result(out, run, "scores.jsonl", lines.encode())
+    scores = main_table(named({run.name: found}, {run.name: standing(run, episodes)}), paper=False)
+    if as_json:
+        _print_json(plain(scores) | {"scores": str(out)})
+        return
+    _print(terminal(scores, Console().width))
+    click.echo(f"scores: {out}")
+
+
+@click.command("export")
+@click.argument("run", type=RUN)
+@click.option("--to", "form", type=click.Choice(list(FORMATS)), required=True)
+@click.option("--out", type=RUN, help="File or folder to write (default: in the run).")
+def export_command(run: Path, form: str, out: Path | None) -> None:
+    """Convert a run for other tools. There are a table, an inspect_ai log and a LeRobotDataset."""
+    write, name = FORMATS[form]
+    click.echo(write(run, out or run / name))
+
+
+def _one(run: Path) -> Result:
+    results = _results([run])
+    require_whole(results, partial=True)  # Foreign records are refused here; missing ones elsewhere.
+    if len(results) > 1:
+        names = ", ".join(result.name for result in results)
+        raise RecordError(f"{run} holds runs of several agents ({names}).", "Name the folder of one of them.")
+    return results[0]
+
+
+def _print(what: RenderableType) -> None:
+    Console().print(what, soft_wrap=False)
+
+
+def _print_json(what: object) -> None:
+    click.echo(json.dumps(what, indent=2, ensure_ascii=False))
