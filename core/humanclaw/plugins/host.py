@@ -330,7 +330,8 @@ class Plugins:
             return item.value(*args, **options)
         except ModuleNotFoundError as error:
             told = f"{whose} needs {error.name!r}, which is not installed."
-            raise PluginError(told, f"Run `pip install {error.name}`.") from error
+            # A module may come with a distribution of another name, as cv2 and google.protobuf do.
+            raise PluginError(told, "Install the distribution that provides it.") from error
         except BaseException as error:
             if not _gives_up(kind, error):
                 raise

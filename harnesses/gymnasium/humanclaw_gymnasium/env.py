@@ -125,7 +125,7 @@ class BodyEnv(gymnasium.Env[Picture, Action]):
         size = self.observation_space.shape[0] if self.observation_space.shape else len(self._picture)
         if size == len(self._picture):
             return self._picture
-        return np.asarray(Image.fromarray(self._picture).resize((size, size), Image.Resampling.BOX))
+        return np.array(Image.fromarray(self._picture).resize((size, size), Image.Resampling.BOX))
 
     def render(self) -> Picture | None:
         """Return the ego view in full size, if render_mode is rgb_array."""

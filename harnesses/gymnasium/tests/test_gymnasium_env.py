@@ -66,7 +66,8 @@ def test_gymnasium_can_make_it():
 
 def test_the_reward_is_the_way_made_towards_the_target(env):
     _, start = env.reset(seed=1)
-    _, reward, terminated, truncated, info = env.step(env.actions.encode("walk", z_cm=60))
+    picture, reward, terminated, truncated, info = env.step(env.actions.encode("walk", z_cm=60))
+    assert picture.flags.writeable, "a learner may write to it"
     assert info["call"] == "walk(x_cm=0, z_cm=60, yaw_deg=0)"
     assert reward == pytest.approx(start["distance_to_goal"] - info["distance_to_goal"])
     assert 0.05 < abs(reward) < 0.9, "no farther than the legs go in half a second"

@@ -155,6 +155,8 @@ def _gbuffer(scene: _LoadedScene, pinhole: Pinhole, camera: Camera, glass: Glass
 def _pinhole(camera: Camera) -> Pinhole:
     forward = camera.forward / np.linalg.norm(camera.forward)
     right = np.cross(forward, camera.up)
+    if np.linalg.norm(right) < 1e-9:  # Straight along `up`, which then names no top of the picture: +Z, if it can be.
+        right = np.cross(forward, np.eye(3)[2 - np.abs(forward[::-1]).argmin()])
     right /= np.linalg.norm(right)
     focal = camera.height / 2 / np.tan(np.radians(camera.fov) / 2)
     return Pinhole(

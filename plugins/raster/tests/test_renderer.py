@@ -56,9 +56,10 @@ def test_an_object_is_drawn_where_a_pinhole_would_see_it(builder, camera):
     assert (columns.min(), rows.max()) == (round(256 - 1.1 * 128), round(256 - 0.4 * 128) - 1)
 
 
-def test_a_camera_that_looks_straight_down_sees_the_footprint(builder, camera):
+@pytest.mark.parametrize("up", [(0, 0, 1), (0, 1, 0)])
+def test_a_camera_that_looks_straight_down_sees_the_footprint(builder, camera, up):
     floor, table = builder.floor(), builder.box((2.0, 1.0, 1.0), (0, 0, 0))
-    ids = builder.look(camera((0, 5, 0), (0, -1, 0), 512, up=(0, 0, 1))).ids
+    ids = builder.look(camera((0, 5, 0), (0, -1, 0), 512, up=up)).ids
     # The top is 4 m away: 64 pixels to the metre. Up in the picture is +Z, and so +X is to the left.
     assert (ids == table).sum() == 128 * 64
     assert (ids[224:288, 192:320] == table).all()

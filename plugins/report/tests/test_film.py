@@ -16,6 +16,7 @@ from rooms import UPSTAIRS, asset, block, scene_object, two_rooms, two_storeys
 
 from humanclaw import HumanclawError, Plugins, RecordedEpisode, RecordError, Scene
 from humanclaw.cli import build
+from humanclaw.storage import gif
 from humanclaw.world import Camera, View, WorldState
 from humanclaw_report.camera import DISTANCE, follow
 from humanclaw_report.film import GIF_SIZE, film
@@ -88,6 +89,15 @@ def test_a_gif_shows_the_ego_view_in_the_corner(made: tuple[RecordedEpisode, Sce
     orange = np.abs(picture - [230, 120, 40]).sum(-1) < 60
     assert orange[44:80, 20:60].all()
     assert not orange[16:44, 112:144].all()
+
+
+def test_a_gif_lasts_as_long_as_what_it_shows(tmp_path: Path) -> None:
+    """Three seconds of 15 pictures a second; a picture lasts 6 or 7 hundredths, since there are no others."""
+    rng = np.random.default_rng(0)
+    gif(list(rng.integers(0, 256, (45, 16, 16, 3), np.uint8)), tmp_path / "a.gif", 15.0)
+    with Image.open(tmp_path / "a.gif") as found:
+        times = [(found.seek(number), found.info["duration"])[1] for number in range(found.n_frames)]
+    assert (len(times), sum(times), set(times)) == (45, 3000, {60, 70})
 
 
 def test_the_camera_looks_in_from_above_where_the_ceiling_was(made: tuple[RecordedEpisode, Scene]) -> None:
