@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import ray
-from ray.exceptions import RayActorError
+from ray.exceptions import RayError, RayTaskError
 
 from humanclaw import EpisodeSpec, HumanclawError
 from humanclaw.storage import Folder
@@ -29,7 +29,8 @@ class Player:
 
     def __init__(self, job: Job) -> None:
         self._stopping = False
-        self._folder = Folder(Path(tempfile.mkdtemp(prefix="humanclaw-")))
+        self._home = tempfile.TemporaryDirectory(prefix="humanclaw-")  # Goes when the actor ends.
+        self._folder = Folder(Path(self._home.name))
         name = f"node-{ray.get_runtime_context().get_node_id()[:8]}"
         self._worker = Worker(job, self._folder.path, lambda: self._stopping, name)
 
@@ -105,7 +106,10 @@ class _Pool:
             actor, spec = self._waiting.pop(future)
             try:
                 report: WorkerReport | None = ray.get(future)
-            except RayActorError as error:
+            except RayTaskError:  # Our own code failed.
+                raise
+            except RayError as error:
+                ray.kill(actor)
                 yield from self._lost(spec, error)
                 continue
             if report:
@@ -117,12 +121,13 @@ class _Pool:
         """Give an actor its next episode, if possible in the house that it has built."""
         spec = None if stopping else self._queue.take(house)
         if spec is None:
-            ray.kill(actor)
+            actor.__ray_terminate__.remote()
             return
         self._waiting[actor.play.remote(spec, pack(Folder(self._out) / spec.id))] = (actor, spec)
 
-    def _lost(self, spec: EpisodeSpec | None, error: RayActorError) -> Iterator[WorkerReport]:
-        """Replace an actor that died. Its episode is played again until it has lost LIVES actors."""
+    def _lost(self, spec: EpisodeSpec | None, error: RayError) -> Iterator[WorkerReport]:
+        """Replace an actor that died, of which the memory monitor, a node or a lost report tells. Its episode is played
+        again until it has lost LIVES actors."""
         reason = str(error).strip().splitlines()[0]
         self._deaths += 1
         # More deaths than actors: not single nodes that failed, but a fault that all actors share.
@@ -138,8 +143,9 @@ class _Pool:
             yield WorkerReport(spec.id, FAILED, error=f"its actor died {LIVES} times. The last: {reason}")
 
     def dismiss(self) -> None:
+        """End the actors. One that plays does not outlive its driver."""
         for actor, _ in self._waiting.values():
-            ray.kill(actor)
+            actor.__ray_terminate__.remote()
 
 
 @contextmanager

@@ -2,6 +2,8 @@
 
 import os
 import sys
+import tempfile
+import time
 from itertools import pairwise
 from pathlib import Path
 
@@ -12,12 +14,15 @@ pytest.importorskip("humanclaw_ray", reason="humanclaw-ray is not installed: pip
 
 import toy_world  # noqa: E402
 from ray.cluster_utils import Cluster  # noqa: E402
+from ray.exceptions import OutOfMemoryError, RpcError  # noqa: E402
 
 import humanclaw_ray  # noqa: E402
 from humanclaw import Backends, Plugins, load_run  # noqa: E402
 from humanclaw_bench.runner import run_split  # noqa: E402
 from humanclaw_bench.worker import Job  # noqa: E402
+from humanclaw_ray.executor import LIVES  # noqa: E402
 
+pytestmark = pytest.mark.integration
 TOY = Backends("toy", "toy", "toy")
 
 
@@ -35,15 +40,19 @@ def cluster(monkeypatch):
 
 @pytest.fixture
 def play(tmp_path):
-    def run(specs, executor, name, watch=lambda *_: None, **options):
+    def run(specs, executor, name, watch=lambda *_: None, in_process=False, **options):
         plugins = Plugins.discover([Path(toy_world.FILE)])
         if "ray" not in {one.name for one in plugins.registered("executors")}:
             plugins.add(humanclaw_ray, "ray")
-        job = Job("walker", options, backends=TOY, files=(toy_world.FILE,))
+        job = Job("walker", options, backends=TOY, files=(toy_world.FILE,), in_process=in_process)
         player = plugins.make("executors", executor, 2)
         return run_split(specs, job, player, tmp_path / name, plugins=plugins, watch=watch)
 
     return run
+
+
+def folders():
+    return set(Path(tempfile.gettempdir()).glob("humanclaw-*"))
 
 
 def digests(folder):
@@ -74,14 +83,35 @@ def test_an_actor_stays_in_the_house_that_it_has_built(cluster, play):
         if report:
             visits.setdefault(report.worker, []).append(int(report.episode.removeprefix("toy-")) % 2)
 
+    before = folders()
     play(specs, "ray", "run", watch, pause=0.1)
+    end = time.monotonic() + 20
+    while folders() - before and time.monotonic() < end:
+        time.sleep(0.1)
+    assert not folders() - before, "actors leave no folder behind"
     # One change at most after the three episodes of the forecast, and one when a house has no episode left.
     assert all(sum(a != b for a, b in pairwise(one[2:])) <= 2 for one in visits.values())
 
 
 def test_an_episode_that_kills_every_actor_is_marked_and_the_rest_go_on(cluster, play):
-    status = play(toy_world.specs(3), "ray", "run", **{"in": "toy-1", "what": "SIGKILL"})
+    status = play(toy_world.specs(3), "ray", "run", in_process=True, each={"toy-1": "SIGKILL"})
     assert (status.done, status.failed) == (2, 1)
+
+
+@pytest.mark.parametrize("fault", [OutOfMemoryError("the memory monitor killed it"), RpcError("unreachable")])
+def test_whatever_takes_an_actor_its_episode_has_three_tries(cluster, play, monkeypatch, fault):
+    real, tries = ray.get, []
+
+    def get(future):
+        report = real(future)
+        if report and report.episode == "toy-1":
+            tries.append(report)
+            raise fault
+        return report
+
+    monkeypatch.setattr(ray, "get", get)
+    status = play(toy_world.specs(3), "ray", "run")
+    assert (status.done, status.failed, len(tries)) == (2, 1, LIVES)
 
 
 def test_a_stop_breaks_episodes_off_and_their_records_come_home(cluster, play, tmp_path):
