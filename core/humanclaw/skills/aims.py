@@ -48,11 +48,6 @@ class Gaze:
         eyes = STANDING_HEIGHT + float(OFFSETS[[*_SPINE, JOINT_INDEX["neck"], JOINT_INDEX["head"]], 1].sum()) + EYE[1]
         return cls((float(flat * np.sin(turn)), float(eyes + 10 * np.sin(rise)), float(flat * np.cos(turn))), seconds)
 
-    @property
-    def frames(self) -> int:
-        """Number of frames, rounded up to whole chunks of 15."""
-        return whole_chunks(self.seconds)
-
     def over(self, pose: Motion) -> Motion:
         """Return the motion from the last frame of a pose to the target."""
         here = Pose2D.of(pose)
@@ -64,7 +59,7 @@ class Gaze:
         half = turn / 2 * min(1.0, most / max(float(np.linalg.norm(turn / 2)), 1e-9))
         rotations = start.rotations.copy()
         rotations[0, [JOINT_INDEX["neck"], JOINT_INDEX["head"]]] = half
-        return here.to_world(between(start, Motion(start.root, rotations), self.frames, self.seconds))
+        return here.to_world(between(start, Motion(start.root, rotations), self.seconds))
 
     def pitch(self, pose: Motion) -> float:
         """Return how far above the horizon the eyes of a pose look at the point, within human limits, radians."""
@@ -97,14 +92,10 @@ class Grip:
         check_hand(self.hand)
         check_lasting(self.seconds, "a grip")
 
-    @property
-    def frames(self) -> int:
-        """Number of frames, rounded up to whole chunks of 15."""
-        return whole_chunks(self.seconds)
-
     def over(self, pose: Motion) -> Motion:
         """Return the last frame of a pose as long as the part lasts."""
-        return Motion(np.repeat(pose.root[-1:], self.frames, 0), np.repeat(pose.rotations[-1:], self.frames, 0))
+        frames = whole_chunks(self.seconds)
+        return Motion(np.repeat(pose.root[-1:], frames, 0), np.repeat(pose.rotations[-1:], frames, 0))
 
 
 def check_hand(hand: str) -> None:
@@ -126,10 +117,14 @@ def _facing(direction: Array) -> Array:
     return np.stack([left, np.cross(ahead, left), ahead], -1)
 
 
-def between(start: Motion, goal: Motion, frames: int, seconds: float, share: float = 1.0) -> Motion:
-    """Return the frames from one pose to another, or of a share of the way, each joint along its shortest arc."""
-    ease = share * smoothstep(np.arange(1, frames + 1) / FPS / seconds)[:, None]
-    first, last = matrix_from_vector(start.rotations[0]), matrix_from_vector(goal.rotations[0])
-    turn = vector_from_matrix(np.swapaxes(first, -1, -2) @ last)
-    rotations = vector_from_matrix(first @ matrix_from_vector(ease[:, None] * turn))
+def between(start: Motion, goal: Motion, seconds: float, share: float = 1.0) -> Motion:
+    """Return the frames from one pose to another, or of a share of the way, in whole chunks of 15."""
+    return eased(start, goal, share * smoothstep(np.arange(1, whole_chunks(seconds) + 1) / FPS / seconds))
+
+
+def eased(start: Motion, goal: Motion, share: Array) -> Motion:
+    """Return the way from one pose to another, or to a motion, each joint along its shortest arc. share: (T,) of it."""
+    first, ease = matrix_from_vector(start.rotations[0]), share[:, None]
+    turns = vector_from_matrix(np.swapaxes(first, -1, -2) @ matrix_from_vector(goal.rotations))
+    rotations = vector_from_matrix(first @ matrix_from_vector(ease[:, None] * turns))
     return Motion(start.root + ease * (goal.root - start.root), rotations)

@@ -115,9 +115,9 @@ class Keyframes:
         return cls((seconds,), {name: (_triple(usual[JOINT_INDEX[name]]),) for name in free}, absolute=True)
 
     @property
-    def frames(self) -> int:
-        """Number of frames, rounded up to whole chunks of 15."""
-        return whole_chunks(self.times[-1])
+    def seconds(self) -> float:
+        """How long they last."""
+        return self.times[-1]
 
     def over(self, pose: Motion) -> Motion:
         """Return the motion of the keyframes over the last frame of a pose."""
@@ -128,9 +128,10 @@ class Keyframes:
 
     def _over(self, pose: Motion) -> Motion:
         """Return the motion in the frame of the pose."""
-        clock = np.minimum(np.arange(1, self.frames + 1) / FPS, self.times[-1])
-        root = np.repeat(pose.root[-1:], self.frames, axis=0)
-        rotations = np.repeat(pose.rotations[-1:], self.frames, axis=0)
+        frames = whole_chunks(self.seconds)
+        clock = np.minimum(np.arange(1, frames + 1) / FPS, self.seconds)
+        root = np.repeat(pose.root[-1:], frames, axis=0)
+        rotations = np.repeat(pose.rotations[-1:], frames, axis=0)
         for joint, keys in self.rotations.items():
             index = JOINT_INDEX[joint]
             rotations[:, index] = self._turned(clock, rotations[0, index], np.array(keys, float))

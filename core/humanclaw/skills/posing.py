@@ -10,9 +10,9 @@ import numpy as np
 
 from humanclaw.body.ik import SIDES
 from humanclaw.body.limits import within_limits
-from humanclaw.body.pose import FPS, FUTURE, Array, Motion, Pose2D, matrix_from_vector, smoothstep, vector_from_matrix
+from humanclaw.body.pose import FPS, FUTURE, Array, Motion, Pose2D, smoothstep
 from humanclaw.motion.carrying import ARM
-from humanclaw.skills.aims import Gaze, Grip, Side
+from humanclaw.skills.aims import Gaze, Grip, Side, eased
 from humanclaw.skills.plan import LONGEST_FAULT, Control, Keyframes, MotionError, check_duration, whole_chunks
 from humanclaw.skills.reaching import Reach
 
@@ -51,9 +51,7 @@ def parts(plan: Plan) -> tuple[Part, ...]:
 
 def frames_of(part: Part) -> int:
     """Return the number of frames of a part, whole chunks of 15."""
-    if isinstance(part, Control):
-        return FUTURE
-    return whole_chunks(part.seconds) if isinstance(part, Motion) else part.frames
+    return FUTURE if isinstance(part, Control) else whole_chunks(part.seconds)
 
 
 def kind_of(part: Part) -> PartKind:
@@ -105,12 +103,5 @@ def _entered(part: Motion, pose: Motion) -> Motion:
     here = Pose2D.of(pose)
     start = here.to_local(pose[-1:])
     held = np.minimum(np.arange(frames_of(part)), len(part) - 1)
-    ease = smoothstep(np.arange(1, len(held) + 1) / _EASE)[:, None]
-    root = start.root + ease * (part.root[held] - start.root)
-    return here.to_world(Motion(root, _eased(start.rotations[0], part.rotations[held], ease)))
-
-
-def _eased(start: Array, rotations: Array, ease: Array) -> Array:
-    first = matrix_from_vector(start)
-    turns = vector_from_matrix(np.swapaxes(first, -1, -2) @ matrix_from_vector(rotations))
-    return vector_from_matrix(first @ matrix_from_vector(ease[:, None] * turns))
+    goal = Motion(part.root[held], part.rotations[held])
+    return here.to_world(eased(start, goal, smoothstep(np.arange(1, len(held) + 1) / _EASE)))

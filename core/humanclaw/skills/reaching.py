@@ -62,11 +62,6 @@ class Reach:
         check_hand(self.hand)
         check_aim(self.at, self.seconds)
 
-    @property
-    def frames(self) -> int:
-        """Number of frames, rounded up to whole chunks of 15."""
-        return whole_chunks(self.seconds)
-
     def over(self, pose: Motion, palms: Mapping[Side, Array] = MappingProxyType({})) -> Motion:
         """Return the motion from the last frame of a pose to the target.
 
@@ -95,7 +90,7 @@ class Reach:
 
     def _moved(self, start: Motion, goal: Motion, palm: Array | None, share: float) -> Motion:
         """Return that share of the motion from one pose to another, over feet that stay."""
-        moved = between(start, goal, self.frames, self.seconds, share)
+        moved = between(start, goal, self.seconds, share)
         moved = moved if _is_seated(start) else planted(moved, start)
         moved = self._swung(moved, start, goal, palm, share)
         return moved if palm is None else turned_palm(moved, self.hand, palm)
@@ -122,7 +117,7 @@ class Reach:
 
     def _ease(self, share: float) -> Array:
         """Return (T + 1,) from 0 to a share."""
-        return share * smoothstep(np.arange(self.frames + 1) / FPS / self.seconds)
+        return share * smoothstep(np.arange(whole_chunks(self.seconds) + 1) / FPS / self.seconds)
 
     def _joints(self, *parts: str) -> list[int]:
         return [JOINT_INDEX[f"{self.hand}_{part}"] for part in parts]
