@@ -106,7 +106,7 @@ def _fields():
 
 def test_every_field_of_a_record_is_told_of():
     page = (ROOT / "docs" / "records.md").read_text("utf-8")
-    rows = " ".join(re.findall(r"^\| (`.*?) \|", page, re.MULTILINE))
+    rows = " ".join(re.findall(r"^\* (`.*?): ", page, re.MULTILINE))
     fields = list(_fields())
     assert {record for record, _, _ in fields} == KEPT
     assert [f"{record}.{name}" for record, name, told in fields if not told and f"`{name}`" not in rows] == []

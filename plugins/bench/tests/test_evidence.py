@@ -80,9 +80,9 @@ def test_every_fault_leads_to_a_root_cause_of_its_own_that_blames_its_capability
 
 def test_the_page_of_the_benchmark_lists_every_root_cause_with_its_rule_capability_and_fault():
     page = (Path(__file__).parents[1] / "README.md").read_text("utf-8")
-    rows = [line for line in page.splitlines() if re.match(r"\| \d+ \|", line)]
+    rows = [line for line in page.splitlines() if re.match(r"\d+\. ", line)]
     fault = {one.cause: f"`{one.name}`" for one in FAULTS}
     assert rows == [
-        f"| {number} | {cause.label} | {cause.meaning} | {cause.capability} | {fault.get(cause.label, 'none')} |"
+        f"{number}. {cause.label}: {cause.meaning} ({cause.capability}; {fault.get(cause.label, 'none')})"
         for number, cause in enumerate(CAUSES, 1)
     ]
