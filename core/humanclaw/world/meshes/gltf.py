@@ -36,7 +36,14 @@ _PLAIN: Final = (102, 102, 102)
 """sRGB colour of a piece without a material."""
 _DRACO: Final = "KHR_draco_mesh_compression"
 _GLOSS, _TURNED = "KHR_materials_pbrSpecularGlossiness", "KHR_texture_transform"
-_HARMLESS: Final = ("KHR_materials_", "KHR_texture_", "EXT_texture_", "KHR_lights_", "KHR_mesh_quantization")
+_HARMLESS: Final = (
+    "KHR_materials_",
+    "KHR_techniq",
+    "KHR_texture_",
+    "EXT_texture_",
+    "KHR_lights_",
+    "KHR_mesh_quantization",
+)
 """How the required extensions begin that are read, or that leave the shape of a model as it is."""
 _FETCH: Final = "Fetch the file again."
 
@@ -56,7 +63,9 @@ def _split(data: bytes) -> tuple[Any, bytes]:
     """Return the JSON and the binary chunk of a file."""
     if data[:4] != b"glTF":
         return json.loads(data), b""
-    _, size = struct.unpack_from("<II", data, 4)
+    version, size = struct.unpack_from("<II", data, 4)
+    if version != 2:
+        raise _of_version(version)
     if len(data) < size:
         raise SceneError(f"it has {len(data)} of its {size} bytes.", _FETCH)
     chunks, at = dict[int, bytes](), 12
@@ -70,7 +79,7 @@ def _split(data: bytes) -> tuple[Any, bytes]:
 def _check(head: Any) -> None:
     version = str(head["asset"]["version"])
     if not version.startswith("2."):
-        raise SceneError(f"it must be glTF 2; it is glTF {version}.", "Convert it, for example with Blender.")
+        raise _of_version(version)
     required = {name for name in head.get("extensionsRequired", ()) if not name.startswith(_HARMLESS)}
     if _DRACO in required and not importlib.util.find_spec("DracoPy"):
         raise SceneError(f"it is compressed with {_DRACO}.", "Run `pip install DracoPy`.")
@@ -79,6 +88,10 @@ def _check(head: Any) -> None:
             f"it needs the glTF extension {', '.join(unknown)}, which may change its shape and is not supported.",
             "Write it without, for example with `gltf-transform copy`.",
         )
+
+
+def _of_version(version: object) -> SceneError:
+    return SceneError(f"it must be glTF 2; it is glTF {version}.", "Convert it, for example with Blender.")
 
 
 @dataclass
