@@ -154,17 +154,8 @@ def test_the_picture_of_the_architecture_is_that_of_the_code():
 
 
 PAPER = (ROOT / "docs" / "paper.md").read_text("utf-8")
-ITEMS = [
-    [cell.strip() for cell in line.strip("|").split("|")]
-    for line in (ROOT / "docs" / "paper-items.md").read_text("utf-8").splitlines()[6:]
-]
-"""section, item, code, what checks it"""
-SWITCHES = [
-    command
-    for line in [*PAPER.splitlines(), *(item[-1] + " |" for item in ITEMS)]
-    if line.endswith("|")
-    for command in re.findall(r"`(humanclaw [^`]+)`", line.rsplit("|", 2)[-2])
-]
+ITEMS = (ROOT / "docs" / "paper-items.md").read_text("utf-8")
+SWITCHES = re.findall(r"`(humanclaw [^`]+)`", f"{PAPER}\n{ITEMS}")
 
 
 def test_the_differences_from_the_paper_are_those_of_the_code(plugins):

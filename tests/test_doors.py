@@ -14,7 +14,7 @@ import humanclaw
 
 ROOT = Path(__file__).parents[1]
 PAGE = (ROOT / "docs" / "doors.md").read_text("utf-8")
-DOORS = set(re.findall(r"^\| `(humanclaw[a-z_.]*)` \|", PAGE, re.MULTILINE))
+DOORS = set(re.findall(r"^\* `(humanclaw[a-z_.]*)`:", PAGE, re.MULTILINE))
 
 
 def _imported(path: Path) -> set[str]:

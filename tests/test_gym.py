@@ -133,10 +133,12 @@ def _section(title):
 
 
 def test_the_page_has_the_sources_the_rewards_and_the_task_of_each_root_cause(host):
-    tasks, rewards = (re.findall(r"^\| `(\w+)` \|", _section(name), re.MULTILINE) for name in ("Tasks", "Rewards"))
+    tasks, rewards = (
+        re.findall(r"^\* `(\w+)` (?:begins|pays) ", _section(name), re.MULTILINE) for name in ("Tasks", "Rewards")
+    )
     assert set(tasks) == {one.name for one in host.registered("tasks")}
     assert set(rewards) == {one.name for one in host.registered("rewards")} - {"nan", "raises"}
-    rows = re.findall(r"^\| `(\w+)` \| ((?:find|nav|interact): .*) \|$", PAGE, re.MULTILINE)
+    rows = re.findall(r"^\* `(\w+)`: ((?:find|nav|interact): .*)$", PAGE, re.MULTILINE)
     assert {cause: name for name, causes in rows for cause in causes.split("; ")} == dict(AGAINST)
 
 
