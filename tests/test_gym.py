@@ -25,7 +25,7 @@ ONE = {"houses": 1}
 @pytest.fixture(scope="module")
 def host():
     made = Plugins.discover()
-    made.add(plugin(rewards=[("nan", lambda trial: float("nan")), ("raises", lambda trial: 1 / 0)]), "broken")
+    made.add(plugin(rewards=[("nan", lambda transition: float("nan")), ("raises", lambda transition: 1 / 0)]), "broken")
     return made
 
 

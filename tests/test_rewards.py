@@ -6,7 +6,7 @@ import pytest
 from rollouts import COUCH, LAMP, TABLE, rollout, step, touch
 
 from humanclaw import Plugins
-from humanclaw.records import Attempt, Decision, Trial, Verdict
+from humanclaw.records import Attempt, Decision, Transition, Verdict
 from humanclaw.skills import Call
 from humanclaw.world import SceneBuilder
 
@@ -31,8 +31,8 @@ def earned(scene, tmp_path):
     def total(name, steps, success=False):
         record = rollout(tmp_path, steps, geodesic=4.0).record
         taken = [tuple(steps[: k + 1]) for k in range(len(steps))]
-        trials = [Trial(record, part, scene, success and part[-1].status == "stopped") for part in taken]
-        return sum(rewards[name](trial) for trial in trials)
+        transitions = [Transition(record, part, scene, success and part[-1].status == "stopped") for part in taken]
+        return sum(rewards[name](transition) for transition in transitions)
 
     return total
 

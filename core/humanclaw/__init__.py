@@ -5,7 +5,7 @@ The names below are the public door. docs/doors.md lists the other doors; every 
 
 from typing import TYPE_CHECKING
 
-from humanclaw.doors import door
+from humanclaw.lazy_exports import lazy_exports
 
 if TYPE_CHECKING:
     from humanclaw.body.pose import Motion as Motion
@@ -65,8 +65,8 @@ if TYPE_CHECKING:
     from humanclaw.skills.call import Call as Call
     from humanclaw.skills.contract import Check as Check, Skill as Skill
     from humanclaw.skills.decorator import skill as skill
-    from humanclaw.skills.own_body import OwnBody as OwnBody
     from humanclaw.skills.plan import Control as Control, Keyframes as Keyframes
+    from humanclaw.skills.proprioception import OwnBody as OwnBody
     from humanclaw.skills.reaching import Reach as Reach
     from humanclaw.world.scene import Scene as Scene
     from humanclaw.world.simulator import Chunk as Chunk, Simulator as Simulator
@@ -74,4 +74,4 @@ if TYPE_CHECKING:
 
 __version__ = "0.1.0"
 if not TYPE_CHECKING:
-    __getattr__, __dir__, __all__ = door(__name__)
+    __getattr__, __dir__, __all__ = lazy_exports(__name__)

@@ -15,12 +15,12 @@ if TYPE_CHECKING:
 
     from humanclaw.motion.generator import MotionGenerator
     from humanclaw.plugins.hookspecs import GeneratorFactory, Register, Reward, SceneFactory
-    from humanclaw.records.trial import Trial
+    from humanclaw.records.transition import Transition
     from humanclaw.world.scene import Scene
 
 _COMMANDS = (
     ("check", "check:check", "Check skills against the contract, and play them."),
-    ("play", "play_skill:play", "Play one skill with these parameters, and film it."),
+    ("play", "play:play", "Play one skill with these parameters, and film it."),
     ("skills", "show:skills", "List the skills: parameters, adapter, where they come from."),
     ("plugins", "show:plugins_command", "List the plugins: what each provides, and how to get others."),
     ("tools", "show:tools", "Print the skills as the tool list of a model's interface."),
@@ -71,10 +71,10 @@ def humanclaw_commands(cli: click.Group) -> None:
         cli.add_command(LazyCommand(name, f"humanclaw.cli.{target}", told))
 
 
-def _reward(name: str, trial: Trial) -> float:
+def _reward(name: str, transition: Transition) -> float:
     from humanclaw.minds import rewards
 
-    return float(getattr(rewards, name)(trial))
+    return float(getattr(rewards, name)(transition))
 
 
 def _dit(profile: str = "default", prior: Path | None = None) -> MotionGenerator:

@@ -2,11 +2,11 @@
 
 from humanclaw import hookimpl
 from humanclaw.plugins import Register, Reward
-from humanclaw.records import Trial
+from humanclaw.records import Transition
 
 
-def haste(trial: Trial) -> float:
-    return -1.0 if trial.step.call is None else -0.1
+def haste(transition: Transition) -> float:
+    return -1.0 if transition.step.call is None else -0.1
 
 
 @hookimpl

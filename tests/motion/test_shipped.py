@@ -12,7 +12,7 @@ from humanclaw.body.limits import angles_from_standing
 from humanclaw.motion.checkpoint import load_adapter, read_header, shipped_base
 from humanclaw.motion.generator import DiTGenerator
 from humanclaw.motion.planted import ANKLES
-from humanclaw.skills import Course, Declaration, outcomes
+from humanclaw.skills import Declaration, HeadingCorrection, outcomes
 
 SKILLS = Path(__file__).parents[2] / "skills"
 COMMANDS = {
@@ -122,7 +122,7 @@ def test_after_a_hundred_straight_calls_a_body_still_walks_upright_and_straight_
     """Three of the ways in which errors add up: a heading that drifts, a posture that falls apart after eighty calls,
     and fast steps that sink until they end on the knees."""
     declaration = Declaration.read(_adapter("walk").parent)
-    motion, course, asked = generator.start(), Course(), {"x": 0.0, "z": ahead, "yaw": 0.0}
+    motion, course, asked = generator.start(), HeadingCorrection(), {"x": 0.0, "z": ahead, "yaw": 0.0}
     for step in range(100):
         values = course.steer(declaration, asked)
         future = generator.generate(motion[-5:], _adapter("walk"), values, (4, step))

@@ -13,23 +13,23 @@ from humanclaw.checks.playing import Bench
 from humanclaw.errors import ContractError, HumanclawError
 from humanclaw.motion.checkpoint import read_header, shipped_base
 from humanclaw.motion.generator import DiTGenerator, MotionGenerator
-from humanclaw.skills.agreement import Agreement
 from humanclaw.skills.contract import Skill
 from humanclaw.skills.measures import Measure, Parameter, find, from_si
+from humanclaw.skills.regression import Regression
 
 _RUNS: Final = 8
 _CALLS: Final = 3
 """Number of bodies that set out from standing, and of calls in a row of each."""
 
 
-def following_faults(skill: Skill, followed: Mapping[Parameter, Agreement]) -> Iterator[ContractError]:
+def following_faults(skill: Skill, followed: Mapping[Parameter, Regression]) -> Iterator[ContractError]:
     """Yield each parameter that an adapter follows no better than a constant would."""
     for one, found in followed.items():
         if one.low < one.high and not found.follows:
             yield ContractError("follows", _told(skill, one, found), "Train it longer, or on more clips.")
 
 
-def followed(skill: Skill, bench: Bench) -> dict[Parameter, Agreement]:
+def followed(skill: Skill, bench: Bench) -> dict[Parameter, Regression]:
     """Measure how a trained skill follows each parameter; empty without parameters, adapter or prior."""
     if skill.adapter is None or not skill.adapter.is_file() or not skill.parameters:
         return {}
@@ -37,10 +37,10 @@ def followed(skill: Skill, bench: Bench) -> dict[Parameter, Agreement]:
     if generator is None:
         return {}
     commands, achieved = _rolled(skill, generator, bench.measures, bench.seed)
-    return {one: Agreement.of(commands[:, k], achieved[:, k]) for k, one in enumerate(skill.parameters)}
+    return {one: Regression.of(commands[:, k], achieved[:, k]) for k, one in enumerate(skill.parameters)}
 
 
-def _told(skill: Skill, one: Parameter, found: Agreement) -> str:
+def _told(skill: Skill, one: Parameter, found: Regression) -> str:
     error, constant = (from_si(one.key, value) for value in (found.error, found.constant))
     unit = "degrees" if one.key.endswith("_deg") else "cm"
     return (

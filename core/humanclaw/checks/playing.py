@@ -21,9 +21,9 @@ from humanclaw.plugins.host import Plugins
 from humanclaw.skills.call import Call
 from humanclaw.skills.contract import Skill
 from humanclaw.skills.measures import MEASURES, Measure
-from humanclaw.skills.own_body import OwnBody
 from humanclaw.skills.plan import Control
 from humanclaw.skills.posing import Part
+from humanclaw.skills.proprioception import OwnBody
 
 _FAR: Final = 20.0
 """Metres that a body cannot cover in a call of 10 s."""

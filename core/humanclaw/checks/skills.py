@@ -20,9 +20,9 @@ from humanclaw.skills.adapter_checks import adapter_header, ranges, within
 from humanclaw.skills.checks import read_draft, skill_faults
 from humanclaw.skills.contract import Skill
 from humanclaw.skills.measures import MEASURES, Measure
-from humanclaw.skills.own_body import OwnBody
 from humanclaw.skills.plan import Control, MotionError
 from humanclaw.skills.posing import Part
+from humanclaw.skills.proprioception import OwnBody
 
 _UNCALLABLE: Final = frozenset(
     {"loads", "schema-file", "schema", "bounds-order", "choices", "required-declared", "defaults-given",

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from humanclaw.doors import door
+from humanclaw.lazy_exports import lazy_exports
 
 if TYPE_CHECKING:
     from humanclaw.cli.group import Commands as Commands, LazyCommand as LazyCommand, build as build, main as main
@@ -32,4 +32,4 @@ if TYPE_CHECKING:
     from humanclaw.text.words import counted as counted, legible as legible
 
 if not TYPE_CHECKING:
-    __getattr__, __dir__, __all__ = door(__name__)
+    __getattr__, __dir__, __all__ = lazy_exports(__name__)

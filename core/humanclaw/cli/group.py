@@ -166,7 +166,7 @@ def run(instruction: str, reference: str, deciders: Deciders, files: tuple[Path,
     console = Console(markup=False, emoji=False, highlight=False)  # Instructions and paths may contain brackets.
     with console.status("Loading the plugins") as status:
         # Imported here: it takes a second, and the user sees the status by then.
-        from humanclaw.cli.play import play
+        from humanclaw.cli.run import play
 
         play(instruction, reference, deciders, files, console, status, **options)  # type: ignore[arg-type]
 

@@ -1,227 +1,174 @@
-"""Play the episode of `humanclaw run`: plugins, scene, body, episode, report."""
+"""`humanclaw play`: one skill alone, at once, with film and page."""
 
 from __future__ import annotations
 
-import datetime
-import signal
-import sys
-import threading
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
-from itertools import chain, count
+import json
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 import click
-from rich.status import Status
 
-from humanclaw.cli.options import INTERRUPTED, Deciders
-from humanclaw.cli.progress import StepProgress, scoring, summary
+from humanclaw.cli.options import engine_options, plugin_options, scene_option, seed_option
+from humanclaw.cli.run import PLAYING, claim, end, left_empty, new_folder, present
 from humanclaw.cli.terminal import Console
-from humanclaw.episodes.backends import SHIPPED, SIMULATORS, Backends
+from humanclaw.episodes.backends import Backends
 from humanclaw.episodes.embodiment import Body
-from humanclaw.episodes.loop import run_episode
-from humanclaw.errors import PluginError, PluginRunError, RecordError, blaming
-from humanclaw.plugins.agents import Reporter
+from humanclaw.episodes.episode import Episode
+from humanclaw.errors import CallError, HumanclawError
 from humanclaw.plugins.choice import Choice
-from humanclaw.plugins.deciders import origin
-from humanclaw.plugins.host import Plugins
-from humanclaw.records.reading import RecordedEpisode
-from humanclaw.records.specification import name_of
-from humanclaw.records.steps import EpisodeRecord, StepRecord
-from humanclaw.records.tasks import free_episode, require_words
-from humanclaw.storage.files import writing
-from humanclaw.world.navigation.approach import geodesics
-from humanclaw.world.scene import Scene
+from humanclaw.plugins.hookspecs import RegisterSkill, hookimpl
+from humanclaw.plugins.host import Plugins, load_file
+from humanclaw.records.decisions import Decision
+from humanclaw.records.tasks import free_episode
+from humanclaw.skills.call import Call
+from humanclaw.skills.contract import Skill
+from humanclaw.skills.measures import Declaration, from_si, suited
 
-PLAYING: Final = "Playing (the first time on a machine, this compiles for up to a minute)"
-"""Shown from the making of the body on. One line of a terminal: Rich cannot take back a status that is wider."""
-
-RUNS: Final = Path("runs")
+Beginning = Literal["standing", "walking", "sitting"]
+_SEAT: Final = 0.5
+_STRIDE: Final = 0.4
+"""Metres: height of the hips, and of half a second of walking, before a skill that is played from there."""
 
 
+@click.command(context_settings={"ignore_unknown_options": True})
+@click.argument("target", metavar="FILE|FOLDER|NAME")
+@click.argument("words", nargs=-1, type=click.UNPROCESSED, metavar="[PARAMETER=VALUE]...")
+@click.option("--calls", "count", type=click.IntRange(1, 100), default=1, show_default=True, help="Calls in a row.")
+@click.option(
+    "--from",
+    "beginning",
+    type=click.Choice(["standing", "walking", "sitting"]),
+    default="standing",
+    show_default=True,
+    help="What the body does before, by skills that are installed.",
+)
+@click.option("--skill", default="", metavar="NAME", help="Which skill, if the file or folder holds several.")
+@scene_option(default="floor")
+@engine_options
+@click.option("--renderer", default=Backends.renderer, show_default=True, help="Renderer by name.")
+@seed_option(help="All randomness derives from it.")
+@click.option("--out", type=click.Path(path_type=Path), help="Folder of the record; the default is a new one in runs/.")
+@click.option("--film", type=click.Choice(["mp4", "gif", "none"]), default="mp4", show_default=True)
+@plugin_options
 def play(
-    instruction: str,
+    target: str,
+    words: Sequence[str],
+    count: int,
+    beginning: Beginning,
+    skill: str,
     reference: str,
-    deciders: Deciders,
-    files: tuple[Path, ...],
-    console: Console,
-    status: Status,
-    *,
-    backends: Backends,
-    max_steps: int,
+    simulator: str,
+    generator: str,
+    prior: str,
+    renderer: str,
     seed: int,
     out: Path | None,
     film: str,
+    files: tuple[Path, ...],
     choice: Choice,
 ) -> None:
-    """Play one episode. The arguments are the options of `humanclaw run`. Exits with 130 after Ctrl-C."""
-    plugins = Plugins.discover(files, choice)
-    plugins.require(*_needed(plugins, deciders, backends, reference))
-    backends.chosen(plugins)  # An unknown sense or a missing key is told before the house and the body are made.
-    require_words(instruction)
-    agent, verifier = deciders.make(plugins)
-    for decider in filter(None, (agent, verifier)):
-        _require_ready(decider, instruction)
-    status.update("Making the scene")
-    scene: Scene = plugins.scene(reference)
-    spec = free_episode(instruction, scene, seed=seed, max_steps=max_steps, name=f"{name_of(reference)}-{seed}")
-    head = f'{deciders.title} in {reference}: "{instruction}"\n{scoring(spec)}'
-    out = out or new_folder(name_of(deciders.title))
-    folder = out / spec.id
-    claim(folder)
-    progress = StepProgress(console, max_steps, distances=not getattr(agent, "at_terminal", False))
-    plugins.add(progress, "console_progress")
-    status.update(PLAYING)
+    """Play one skill with these parameters, and film it. No agent, no task."""
+    console = Console(markup=False, emoji=False, highlight=False)
+    plugins, chosen = _found(target, skill, files, choice)
+    calls = [*_before(beginning, plugins), *[_call(chosen, words)] * count]
+    backends = Backends(simulator, renderer, generator, sensors=("vision", "body", "touch"), prior=prior)
+    scene = plugins.scene(reference)
+    spec = free_episode(f"Play {calls[-1]}.", scene, seed=seed, max_steps=len(calls), name=f"{chosen.name}-{seed}")
+    out = out or new_folder(chosen.name)
+    claim(out / spec.id)
     with (
-        left_empty(folder),
-        _interrupting() as interrupted,
-        _kept(folder),
+        console.status(PLAYING),
+        left_empty(out / spec.id),
         Body(scene, seed=seed, plugins=plugins, backends=backends) as body,
+        Episode(body, spec, "play", folder=out / spec.id) as episode,
     ):
-        run_episode(
-            body,
-            spec,
-            agent,
-            verifier,
-            folder=folder,
-            options=deciders.options,
-            distance=geodesics,
-            meter=deciders.meter(),
-            begun=lambda: console.print(head, soft_wrap=True),
-            stopping=interrupted,
-        )
+        for call in calls:
+            episode.submit(Decision((call,)))
+            console.print(str(episode.steps[-1].feedback), soft_wrap=True)
+    present(plugins, backends, out, out / spec.id, film, console)
+    end(episode.record, episode.steps)
+
+
+def _found(target: str, skill: str, files: tuple[Path, ...], choice: Choice) -> tuple[Plugins, Skill]:
+    """Return the plugins and the skill of a file, a skill folder, or a name."""
+    path = Path(target)
+    if path.is_dir() and any(path.rglob("schema.json")):
+        plugins, name = Plugins.discover(files, choice), path.resolve().name
+        folders = sorted(one.parent for one in path.rglob("schema.json"))
+        plugins.add(_Folders(folders), name, origin=str(path), first=True)
+        return plugins, _one_of(plugins, name, skill)
+    if path.suffix == ".py" or path.exists():
+        plugins = Plugins.discover(files, choice)
+        # A skill of the file is meant, also where its published distribution is installed.
+        plugins.add(load_file(path), path.stem, origin=str(path), first=True)
+        return plugins, _one_of(plugins, path.stem, skill)
+    plugins = Plugins.discover(files, choice)
+    return plugins, plugins.skill(target)
+
+
+def _one_of(plugins: Plugins, owner: str, wanted: str) -> Skill:
+    """Return the wanted skill of a plugin, or its only one. Raises HumanclawError if it has several or none."""
+    names = [item.name for item in plugins.of_owner(owner, "skills")]
+    if not wanted and len(names) != 1:
+        listed = f"--skill NAME: {', '.join(names)}" if names else "a file that registers a skill"
+        raise HumanclawError(f"{owner} holds {len(names)} skills; expected one.", f"Name {listed}.")
+    return plugins.skill(f"{owner}:{wanted or names[0]}")
+
+
+class _Folders:
+    """A plugin that registers skill folders."""
+
+    def __init__(self, folders: Sequence[Path]) -> None:
+        self._folders = folders
+
+    @hookimpl
+    def humanclaw_skills(self, register: RegisterSkill) -> None:
+        for folder in self._folders:
+            register(folder)
+
+
+def _call(skill: Skill, words: Sequence[str]) -> Call:
+    """Return the checked call. Raises HumanclawError, with the usage, for parameters outside the schema."""
     try:
-        recorded = RecordedEpisode(folder)
-        console.print(told := summary(recorded.record, recorded.steps))
-        getattr(agent, "show_result", lambda result, run: None)(told, out)
-        status.stop()  # The film has a bar of its own.
-        present(plugins, backends, out, folder, film, console)
-    except KeyboardInterrupt:
-        console.print(f"The report is not whole. `humanclaw report {out}` writes it.", soft_wrap=True)
-        raise
-    end(recorded.record, recorded.steps)
+        return Call(skill.name, skill.check(dict(_pairs(words))))
+    except CallError as error:
+        raise HumanclawError(str(error)) from None
 
 
-def _require_ready(decider: Any, instruction: str) -> None:
-    """Raise PluginError if an agent or a verifier says that it cannot begin, or breaks as it is asked."""
+def _pairs(words: Sequence[str]) -> Iterator[tuple[str, Any]]:
+    """Yield name and value of each parameter."""
+    for word in words:
+        name, equals, value = word.partition("=")
+        if not equals or not name.isidentifier():
+            meant = word[2:].split("=")[0].replace("-", "_") if word.startswith("--") else "PARAMETER"
+            told = f"expected PARAMETER=VALUE, or an option of `humanclaw play`; got {word!r}."
+            raise HumanclawError(told, f"Write {meant}=VALUE.")
+        yield name, _value(value)
+
+
+def _value(text: str) -> Any:
     try:
-        with blaming(origin(decider), PluginError):
-            if callable(ready := getattr(decider, "ready", None)):
-                ready(instruction)
-    except PluginRunError as fault:
-        raise PluginError(f"{fault}, when it was asked whether it is ready.", "Mend its plugin.") from fault
+        return json.loads(text)
+    except ValueError:
+        return text
 
 
-def new_folder(agent: str) -> Path:
-    """Make a new folder for a run. Two runs that begin in the same second get different folders."""
-    first = RUNS / f"{datetime.datetime.now():%Y%m%d-%H%M%S}-{agent}"
-    for name in chain([first.name], (f"{first.name}-{number}" for number in count(2))):
-        with writing(first), suppress(FileExistsError):
-            first.with_name(name).mkdir(parents=True)
-            break
-    return first.with_name(name)
+def _before(beginning: Beginning, plugins: Plugins) -> list[Call]:
+    """Return the calls that bring the body to where the skill begins."""
+    declared = [one.declaration for one in plugins.skills.values() if one.trained]
+    if beginning == "standing":
+        return []
+    walks, sits = suited(declared, "hips.forward"), suited(declared, "hips.height", role="sit")
+    if beginning == "walking" and walks:
+        return [_commanding(walks, {"hips.forward": _STRIDE})] * 2
+    if beginning == "sitting" and sits:
+        return [_commanding(sits, {"hips.height": _SEAT})]
+    needed = "goes forward" if beginning == "walking" else "sits"
+    raise HumanclawError(f"no skill that {needed} is installed.", "Leave out --from.")
 
 
-@contextmanager
-def _kept(folder: Path) -> Iterator[None]:
-    """Ignore Ctrl-C, however often, if there is a record by then: its path is still printed."""
-    try:
-        yield
-    except KeyboardInterrupt:
-        if not (folder / "episode.json").exists():
-            raise
-
-
-@contextmanager
-def left_empty(folder: Path) -> Iterator[None]:
-    """Remove empty folders at the end, so that the same command can be given again."""
-    try:
-        yield
-    finally:
-        for empty in (folder, folder.parent, *{RUNS}.intersection(folder.parents)):
-            with suppress(OSError):
-                empty.rmdir()
-
-
-def claim(folder: Path) -> None:
-    """Make the folder of the record.
-
-    Raises RecordError if it exists, since of two processes only one may use it, or if it would lie in the run of many
-    episodes, whose numbers it would change.
-    """
-    if run := next((above for above in folder.absolute().parents if (above / "run.json").exists()), None):
-        told = f"{run} holds a benchmark's run, and one more record would change its numbers."
-        raise RecordError(told, "Name another folder with --out.")
-    try:
-        with writing(folder):
-            folder.mkdir(parents=True)
-    except RecordError as error:
-        if not isinstance(error.__cause__, FileExistsError):
-            raise
-        raise RecordError(
-            f"{folder} already holds a record.", "Name another folder with --out, or remove that one."
-        ) from None
-
-
-@contextmanager
-def _interrupting() -> Iterator[Callable[[], bool]]:
-    """Treat SIGTERM like Ctrl-C: the record is closed and the report written. Yields whether either was heard.
-
-    Python drops an exception in a finalizer, a KeyboardInterrupt too: then the run stops before its next step.
-    """
-    heard: list[int] = []
-
-    def handle(number: int, frame: object) -> None:
-        heard.append(number)
-        raise KeyboardInterrupt
-
-    main = threading.current_thread() is threading.main_thread()
-    heeded = [one for one in (signal.SIGINT, signal.SIGTERM) if main and signal.getsignal(one) is not signal.SIG_IGN]
-    before = {number: signal.signal(number, handle) for number in heeded}
-    try:
-        yield lambda: bool(heard)
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-
-
-def _needed(plugins: Plugins, deciders: Deciders, backends: Backends, reference: str) -> Iterator[tuple[str, str]]:
-    """Yield kind and name of everything that an episode needs."""
-    yield "scenes", reference.partition(":")[0]
-    # Without a name any installed simulator will do. If none is installed, ask for the one with wheels everywhere.
-    if backends.simulator or not plugins.registered("simulators"):
-        yield "simulators", backends.simulator or SIMULATORS[-1]
-    yield "renderers", backends.renderer
-    yield "motion_generators", backends.generator
-    if backends.prior != SHIPPED:
-        yield "priors", backends.prior
-    yield "agents", deciders.agent
-    if deciders.verifier:
-        yield "verifiers", deciders.verifier
-
-
-def present(plugins: Plugins, backends: Backends, out: Path, folder: Path, film: str, console: Console) -> None:
-    """Let the installed reporters present the record, in order of their names, and print the paths of their files."""
-    console.print(f"record: {folder}", soft_wrap=True)
-    for one in sorted(plugins.registered("reports"), key=lambda one: one.name):
-        reporter: Reporter = plugins.make("reports", one.name, film=film, renderer=backends.renderer)
-        for name, path in reporter.write(out, RecordedEpisode(folder), plugins).items():
-            console.print(f"{name}: {path}", soft_wrap=True)
-
-
-def end(record: EpisodeRecord, steps: Sequence[StepRecord]) -> None:
-    """Exit with the code of an episode that was not played to its end, or without any usable call."""
-    if steps and all(step.status == "invalid" for step in steps):
-        raise click.ClickException(
-            f"no answer held a usable call. The last was refused: {steps[-1].feedback.refusal.rstrip('.')}. "
-            "Try another way of asking (--option mode=prompt), a larger max_tokens, or another model."
-        )
-    if record.outcome == "infra_error":
-        raise click.ClickException(f"the provider failed: {record.error}")
-    if record.outcome == "plugin_error":
-        raise click.ClickException(f"a plugin failed: {record.error}")
-    if record.outcome == "limit_reached":
-        raise click.ClickException(f"a limit was reached: {record.error}")
-    if record.outcome in ("interrupted", "running"):  # Running: a second Ctrl-C came before the end was written.
-        sys.exit(INTERRUPTED)
+def _commanding(skill: Declaration, amounts: Mapping[str, float]) -> Call:
+    return Call(
+        skill.skill, {one.key: round(from_si(one.key, amounts.get(one.measure, 0))) for one in skill.parameters}
+    )

@@ -28,7 +28,7 @@ from humanclaw.records.feedback import Feedback
 from humanclaw.skills.aims import Grip
 from humanclaw.skills.call import Call
 from humanclaw.skills.contract import Skill
-from humanclaw.skills.own_body import OwnBody
+from humanclaw.skills.proprioception import OwnBody
 from humanclaw.storage.pictures import jpeg
 from humanclaw.text.notebook import card
 from humanclaw.world.scene import Scene

@@ -15,11 +15,11 @@ from humanclaw.motion.rising import is_down, rise
 from humanclaw.records.feedback import HandAim
 from humanclaw.skills.aims import Gaze as Aim, Grip
 from humanclaw.skills.contract import Skill
-from humanclaw.skills.course import Course
+from humanclaw.skills.heading_correction import HeadingCorrection
 from humanclaw.skills.measures import Declaration
-from humanclaw.skills.own_body import OwnBody
 from humanclaw.skills.plan import Control
 from humanclaw.skills.posing import Part, arms_of, posed
+from humanclaw.skills.proprioception import OwnBody
 from humanclaw.skills.reaching import Reach
 from humanclaw.world.scene import Scene
 from humanclaw.world.simulator import Chunk, Simulator
@@ -43,7 +43,7 @@ class Mover:
         self.state = simulator.state()
         self.pitch: float | None = None
         """How far up the eyes look since a part turned them, radians; None while they look as they usually do."""
-        self._course, self.arms = Course(), Arms()
+        self._heading, self.arms = HeadingCorrection(), Arms()
 
     @property
     def feeling(self) -> OwnBody:
@@ -65,11 +65,11 @@ class Mover:
         declared: what its skill declares, if that is installed. key: seed of its random numbers.
         """
         declared = None if self._backends.profile == "paper" else declared
-        values = part.values if declared is None else self._course.steer(declared, part.values)
+        values = part.values if declared is None else self._heading.steer(declared, part.values)
         adapter = self.adapters.of(part.adapter, self._generator.digest)
         motion = self._generator.generate(self.history, adapter, values, key)
         if declared is not None:
-            self._course = self._course.after(declared, part.values, self.history, motion)
+            self._heading = self._heading.after(declared, part.values, self.history, motion)
         return motion
 
     def simulate(self, motion: Motion, part: Part) -> Chunk:

@@ -22,7 +22,7 @@ from humanclaw.plugins.agents import EpisodeContext, Observation, Tasks, Verifie
 from humanclaw.plugins.host import Plugins
 from humanclaw.records.decisions import Decision, Refusal
 from humanclaw.records.specification import EpisodeSpec
-from humanclaw.records.trial import Trial
+from humanclaw.records.transition import Transition
 from humanclaw.skills.contract import Skill
 from humanclaw.skills.reading import read_call
 from humanclaw.world.navigation.approach import geodesics
@@ -138,8 +138,8 @@ class Gym:
         episode = self.episode
         done = episode.submit(decision)
         assert not isinstance(done, Refusal), "one attempt a step"
-        trial = Trial(episode.record, episode.steps, episode.body.scene, episode.success)
-        rewards = {name: self._rewarded(name, trial) for name in self._rewards}
+        transition = Transition(episode.record, episode.steps, episode.body.scene, episode.success)
+        rewards = {name: self._rewarded(name, transition) for name in self._rewards}
         self._solved = self._solved or rewards[self.tasks.goal] >= 1
         reward = sum(weight * rewards[name] for name, weight in self.weights.items())
         seen = episode.observe()
@@ -158,10 +158,10 @@ class Gym:
             return self.submit(Decision(raw=str(arguments)), str(fault))
         return self.submit(Decision((call,), **vars(said)))
 
-    def _rewarded(self, name: str, trial: Trial) -> float:
+    def _rewarded(self, name: str, transition: Transition) -> float:
         """Return a reward. Raises PluginRunError, which names the plugin, for an error in its code or no number."""
         with blaming(self.plugins.owner(name, "rewards")):
-            value = float(self._rewards[name](trial))
+            value = float(self._rewards[name](transition))
             if not np.isfinite(value):
                 raise ValueError(f"reward {name!r} must be a finite number; got {value}")
         return value

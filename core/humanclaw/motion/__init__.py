@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from humanclaw.doors import door
+from humanclaw.lazy_exports import lazy_exports
 
 if TYPE_CHECKING:
     from humanclaw.body.ik import REACH as REACH, SIDES as SIDES, TOE_BASE as TOE_BASE, Limb as Limb, solve as solve
@@ -51,4 +51,4 @@ if TYPE_CHECKING:
     from humanclaw.motion.runtime import NumpyRuntime as NumpyRuntime, Reread as Reread, Runtime as Runtime
 
 if not TYPE_CHECKING:
-    __getattr__, __dir__, __all__ = door(__name__)
+    __getattr__, __dir__, __all__ = lazy_exports(__name__)

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from humanclaw.doors import door
+from humanclaw.lazy_exports import lazy_exports
 
 if TYPE_CHECKING:
     from humanclaw.plugins.agents import (
@@ -71,4 +71,4 @@ if TYPE_CHECKING:
     from humanclaw.plugins.host import Plugins as Plugins
 
 if not TYPE_CHECKING:
-    __getattr__, __dir__, __all__ = door(__name__)
+    __getattr__, __dir__, __all__ = lazy_exports(__name__)

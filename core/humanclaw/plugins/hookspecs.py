@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from humanclaw.motion.generator import MotionGenerator
     from humanclaw.plugins.agents import Agent, Reporter, Tasks, Verifier
     from humanclaw.records.steps import EpisodeRecord, StepRecord
-    from humanclaw.records.trial import Trial
+    from humanclaw.records.transition import Transition
     from humanclaw.skills.body_tool import BodyTool
     from humanclaw.skills.contract import Skill
     from humanclaw.skills.measures import Measure
@@ -72,7 +72,7 @@ AgentFactory: TypeAlias = "Callable[[Options], Agent]"
 VerifierFactory: TypeAlias = "Callable[[Options], Verifier]"
 ReporterFactory: TypeAlias = "Callable[..., Reporter]"
 TasksFactory: TypeAlias = "Callable[[Options], Tasks]"
-Reward: TypeAlias = "Callable[[Trial], float]"
+Reward: TypeAlias = "Callable[[Transition], float]"
 FrameworkFactory: TypeAlias = "Callable[[Sequence[BodyTool]], Any]"
 
 
@@ -184,8 +184,8 @@ def humanclaw_tasks(register: Register[TasksFactory]) -> None:
 
 @hookspec
 def humanclaw_rewards(register: Register[Reward]) -> None:
-    """Register rewards of a step: function(trial: humanclaw.records.Trial) -> float, of an episode up to its last step.
-    It must be a finite number; an error in it names its plugin."""
+    """Register rewards of a step: function(transition: humanclaw.records.Transition) -> float, of an episode up to its
+    last step. It must be a finite number; an error in it names its plugin."""
 
 
 @hookspec

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from humanclaw.doors import door
+from humanclaw.lazy_exports import lazy_exports
 
 if TYPE_CHECKING:
     from humanclaw.records.decisions import (
@@ -85,11 +85,11 @@ if TYPE_CHECKING:
         wants_to_sit as wants_to_sit,
         write_episodes as write_episodes,
     )
-    from humanclaw.records.trial import Trial as Trial
+    from humanclaw.records.transition import Transition as Transition
     from humanclaw.skills.call import Call as Call
     from humanclaw.text.json import first_fault as first_fault
     from humanclaw.world.scene import Vec3 as Vec3
     from humanclaw.world.simulator import Contact as Contact
 
 if not TYPE_CHECKING:
-    __getattr__, __dir__, __all__ = door(__name__)
+    __getattr__, __dir__, __all__ = lazy_exports(__name__)

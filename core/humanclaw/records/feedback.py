@@ -11,7 +11,7 @@ from humanclaw.body.pose import FPS
 from humanclaw.records.decisions import Answer
 from humanclaw.skills.aims import Point, Side
 from humanclaw.skills.call import Call
-from humanclaw.skills.own_body import posture_of
+from humanclaw.skills.proprioception import posture_of
 from humanclaw.text.json import STRICT
 
 _UNTOUCHED: Final = "You touch nothing but what you stand on."

@@ -10,7 +10,7 @@ from humanclaw.records.reading import RecordedEpisode
 from humanclaw.records.sighting import SEEN_PIXELS, acknowledges as acknowledges
 from humanclaw.records.specification import EpisodeSpec
 from humanclaw.records.steps import StepRecord
-from humanclaw.records.trial import Trial
+from humanclaw.records.transition import Transition
 from humanclaw.world.simulator import Contact
 
 REACHED: Final = 0.2
@@ -71,7 +71,7 @@ def footing(contact: Contact, ground: Set[int]) -> bool:
     return contact.object_id in ground and contact.joint.endswith(("_ankle", "_foot"))
 
 
-def touched_above_ground(recorded: RecordedEpisode | Trial, step: StepRecord) -> tuple[Contact, ...]:
+def touched_above_ground(recorded: RecordedEpisode | Transition, step: StepRecord) -> tuple[Contact, ...]:
     """Return the contacts of a step, without those of standing: below FLOOR_THRESHOLD, or a foot on stairs or an upper
     floor."""
     level, ground = recorded.record.start.floor + FLOOR_THRESHOLD, set(recorded.record.ground)

@@ -2,16 +2,15 @@
 
 from typing import TYPE_CHECKING
 
-from humanclaw.doors import door
+from humanclaw.lazy_exports import lazy_exports
 
 if TYPE_CHECKING:
-    from humanclaw.skills.agreement import Agreement as Agreement
     from humanclaw.skills.aims import Gaze as Gaze, Grip as Grip, Point as Point, Side as Side
     from humanclaw.skills.body_tool import LOOK as LOOK, BodyTool as BodyTool, ToolResult as ToolResult
     from humanclaw.skills.call import Call as Call, check_call as check_call
     from humanclaw.skills.contract import Check as Check, Skill as Skill, bounds as bounds
-    from humanclaw.skills.course import Course as Course
     from humanclaw.skills.decorator import skill as skill
+    from humanclaw.skills.heading_correction import HeadingCorrection as HeadingCorrection
     from humanclaw.skills.measures import (
         MEASURES as MEASURES,
         ROLES as ROLES,
@@ -30,9 +29,9 @@ if TYPE_CHECKING:
         suited as suited,
         to_si as to_si,
     )
-    from humanclaw.skills.own_body import OwnBody as OwnBody, Posture as Posture
     from humanclaw.skills.plan import Control as Control, Keyframes as Keyframes, MotionError as MotionError
     from humanclaw.skills.posing import Part as Part, Plan as Plan, Posed as Posed, parts as parts, posed as posed
+    from humanclaw.skills.proprioception import OwnBody as OwnBody, Posture as Posture
     from humanclaw.skills.publishing import (
         OPTIONAL_FIELDS as OPTIONAL_FIELDS,
         REASONING_FIELDS as REASONING_FIELDS,
@@ -65,7 +64,8 @@ if TYPE_CHECKING:
         Recipe as Recipe,
         WindowTravel as WindowTravel,
     )
+    from humanclaw.skills.regression import Regression as Regression
     from humanclaw.skills.thoughts import split_thoughts as split_thoughts
 
 if not TYPE_CHECKING:
-    __getattr__, __dir__, __all__ = door(__name__)
+    __getattr__, __dir__, __all__ = lazy_exports(__name__)

@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING, Any, Final, Self
 
 from humanclaw.errors import CallError, ContractError
 from humanclaw.skills.measures import Declaration, Parameter, Role, parameters_of, read_schema, si_name, to_si
-from humanclaw.skills.own_body import OwnBody
 from humanclaw.skills.plan import LONGEST_FAULT, Control
 from humanclaw.skills.posing import Part, Plan, parts
+from humanclaw.skills.proprioception import OwnBody
 from humanclaw.storage.files import read_file
 
 if TYPE_CHECKING:

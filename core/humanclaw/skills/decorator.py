@@ -12,8 +12,8 @@ from pydantic import TypeAdapter
 from humanclaw.errors import PluginError
 from humanclaw.skills.contract import Check, Skill
 from humanclaw.skills.measures import Role
-from humanclaw.skills.own_body import OwnBody
 from humanclaw.skills.posing import Plan
+from humanclaw.skills.proprioception import OwnBody
 
 F = TypeVar("F", bound=Callable[..., Plan])
 

@@ -25,8 +25,8 @@ from humanclaw.body.skeleton import JOINT_INDEX, OFFSETS, STANDING_HEIGHT
 from humanclaw.motion.carrying import turned_palm
 from humanclaw.motion.planted import planted
 from humanclaw.skills.aims import Point, Side, between, check_aim, check_hand
-from humanclaw.skills.own_body import OwnBody
 from humanclaw.skills.plan import whole_chunks
+from humanclaw.skills.proprioception import OwnBody
 
 _HAND_SPEED: Final = 2.0
 """Metres a second of a hand at most."""

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from humanclaw.doors import door
+from humanclaw.lazy_exports import lazy_exports
 
 if TYPE_CHECKING:
     from humanclaw.storage.archives import DAMAGED as DAMAGED
@@ -21,4 +21,4 @@ if TYPE_CHECKING:
     from humanclaw.storage.pictures import decoded as decoded, from_jpeg as from_jpeg, gif as gif, jpeg as jpeg
 
 if not TYPE_CHECKING:
-    __getattr__, __dir__, __all__ = door(__name__)
+    __getattr__, __dir__, __all__ = lazy_exports(__name__)

@@ -18,7 +18,7 @@ from verifiers.v1.configs.harness import HarnessConfig
 from verifiers.v1.runtimes import ProgramResult, Runtime
 
 from humanclaw import TURNS, Call, CallError, Decision, Episode, Gym, Plugins, Turn, model_tools, opening, situation
-from humanclaw.records import Trial, in_view, stopped_seated, stopped_within_reach, touched_above_ground
+from humanclaw.records import Transition, in_view, stopped_seated, stopped_within_reach, touched_above_ground
 from humanclaw.skills import Json, read_call
 from humanclaw_verifiers.taskset import FACTS, BodyData
 
@@ -97,10 +97,10 @@ def _results(said: Json, turn: Turn) -> list[Json]:
 def facts(episode: Episode, turn: Turn) -> dict[str, float]:
     """Return the facts of a finished episode by the benchmark's definitions, from its steps alone."""
     steps, sits = episode.steps, {name for name, one in episode.body.skills.items() if one.role == "sit"}
-    trial = Trial(episode.record, steps, episode.body.scene, episode.success)
-    claims = [(trial.claims(step), in_view(step)) for step in steps]
+    transition = Transition(episode.record, steps, episode.body.scene, episode.success)
+    claims = [(transition.claims(step), in_view(step)) for step in steps]
     false = [claim for claim, shown in claims if not shown]
-    touched = [bool(touched_above_ground(trial, step)) for step in steps if step.motion_frames]
+    touched = [bool(touched_above_ground(transition, step)) for step in steps if step.motion_frames]
     return {
         "solved": float(turn.solved),
         "found": float((True, True) in claims),

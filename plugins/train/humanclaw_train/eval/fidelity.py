@@ -29,7 +29,7 @@ from tqdm import tqdm
 from humanclaw import CheckpointError, HumanclawError
 from humanclaw.body import Array, wrap_angle
 from humanclaw.motion import PROFILES, DiTGenerator, Solver, load_base, shipped_base
-from humanclaw.skills import MEASURES, Agreement, Declaration, Measure, find, outcomes
+from humanclaw.skills import MEASURES, Declaration, Measure, Regression, find, outcomes
 from humanclaw_train.data.chunks import Chunks, of_skill
 from humanclaw_train.eval.off_axis_drift import Uncommanded, uncommanded, uncommanded_table
 from humanclaw_train.eval.rollouts import (
@@ -108,7 +108,7 @@ def achieved(command: Command, rollouts: Rollouts) -> Ratio:
     wanted = np.where(rollouts.commands[:, primary] == 0, np.nan, rollouts.commands[:, primary])
     ratio = found[:, primary] / wanted
     error, constant = float(np.abs(difference).mean()), _constant(rollouts.commands, angle)
-    fit = Agreement.of(rollouts.commands[:, primary], found[:, primary])
+    fit = Regression.of(rollouts.commands[:, primary], found[:, primary])
     spread = float(np.nanstd(ratio))
     after = _mean(ratio[rollouts.after_other])
     return Ratio(_mean(ratio), spread, after, error, len(found), fit.slope, fit.r2, constant)

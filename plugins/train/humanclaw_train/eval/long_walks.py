@@ -11,7 +11,7 @@ import numpy as np
 
 from humanclaw import Motion
 from humanclaw.body import FUTURE, HISTORY
-from humanclaw.skills import Course, from_si
+from humanclaw.skills import HeadingCorrection, from_si
 from humanclaw_train.eval.measures import Gait
 from humanclaw_train.eval.rollouts import Command
 from humanclaw_train.eval.simulated import Actor, flat
@@ -57,7 +57,7 @@ def corners(actor: Actor, command: Command, calls: int, bodies: int, seed: int =
 def _walk(actor: Actor, command: Command, asked: Mapping[str, float], calls: int, key: tuple[int, ...]) -> Motion:
     """Call a skill again and again from standing. Like `humanclaw.Body`, correct heading errors in the next call."""
     actor.stand(flat(_FLOOR))
-    course = Course()
+    course = HeadingCorrection()
     for call in range(calls):
         steered = course.steer(command.declaration, asked)
         history = actor.simulated[-HISTORY:]

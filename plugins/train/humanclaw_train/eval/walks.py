@@ -11,7 +11,7 @@ import numpy as np
 from humanclaw import Motion
 from humanclaw.body import FPS, FUTURE, HISTORY, Array
 from humanclaw.motion import DiTGenerator
-from humanclaw.skills import Course
+from humanclaw.skills import HeadingCorrection
 from humanclaw_train.eval.measures import Gait
 from humanclaw_train.eval.rollouts import Command, extend
 from humanclaw_train.markdown import cell, table
@@ -23,7 +23,7 @@ def straight_walks(
 ) -> list[Motion]:
     """Let bodies walk straight ahead from standing at a speed in m/s. All other parameters are zero."""
     values = np.tile(list(straight(command, speed).values()), (bodies, 1))
-    motions, courses = [generator.start() for _ in range(bodies)], [Course()] * bodies
+    motions, courses = [generator.start() for _ in range(bodies)], [HeadingCorrection()] * bodies
     for call in range(calls):
         _hold_course(generator, command, motions, courses, values, (seed, 11, call))
     return motions
@@ -33,7 +33,7 @@ def _hold_course(
     generator: DiTGenerator,
     command: Command,
     motions: list[Motion],
-    courses: list[Course],
+    courses: list[HeadingCorrection],
     values: Array,
     key: tuple[int, ...],
 ) -> None:

@@ -11,7 +11,7 @@ from types import ModuleType
 from typing import Any
 
 
-def door(package: str) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
+def lazy_exports(package: str) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
     """Return `__getattr__`, `__dir__` and `__all__` of a package.
 
     The package's public names are those that its `if TYPE_CHECKING:` block imports. Type checkers read the block as

@@ -11,7 +11,7 @@ from humanclaw.body.pose import Array
 
 
 @dataclass(frozen=True)
-class Agreement:
+class Regression:
     """One parameter's achieved values over its commanded ones.
 
     The mean ratio alone says little: a constant 115 cm has a ratio near 1 for heights of 95 to 135 cm.

@@ -10,7 +10,7 @@ from humanclaw.world.scene import Scene
 
 
 @dataclass(frozen=True)
-class Trial:
+class Transition:
     """An episode up to its last step. A reward is a function of it, so recorded steps can be rewarded too."""
 
     record: EpisodeRecord

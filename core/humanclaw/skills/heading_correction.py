@@ -1,4 +1,4 @@
-"""Hold the course: heading errors are corrected in the next call.
+"""Correct heading errors in the next call.
 
 Every generated chunk misses its command a little. A quarter of a degree a call is 25 degrees after a hundred calls, so
 the next call makes up for it. Only generated motion counts: a turn by contact stays.
@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import pi
-from typing import Final
+from typing import Final, Self
 
 from humanclaw.body.pose import HISTORY, Motion, heading
 from humanclaw.skills.measures import Declaration
@@ -20,7 +20,7 @@ MOST: Final = 5 * pi / 180
 
 
 @dataclass(frozen=True)
-class Course:
+class HeadingCorrection:
     """Left turn that is still owed to the calls so far, radians."""
 
     owed: float = 0.0
@@ -34,8 +34,8 @@ class Course:
             else dict(values) | {turn.name: values[turn.name] + self.owed}
         )
 
-    def after(self, skill: Declaration, values: Mapping[str, float], history: Motion, motion: Motion) -> Course:
-        """Return the course once the motion (15 frames) that followed the history (5) was generated for a call.
+    def after(self, skill: Declaration, values: Mapping[str, float], history: Motion, motion: Motion) -> Self:
+        """Return the correction once the motion (15 frames) that followed the history (5) was generated for a call.
 
         values: the called ones, before steering. Heading changes of skills that are not locomotion are no error.
         """
@@ -44,7 +44,7 @@ class Course:
         turn = skill.commands(HEADING)
         before, now = heading(history.then(motion).rotations[[HISTORY - 1, -1], 0])
         owed = self.owed + (values.get(turn.name, 0.0) if turn is not None else 0.0) - float(now - before)
-        return Course(min(max(_wrapped(owed), -MOST), MOST))
+        return type(self)(min(max(_wrapped(owed), -MOST), MOST))
 
 
 def _wrapped(angle: float) -> float:

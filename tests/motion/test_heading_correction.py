@@ -6,7 +6,7 @@ from declared import declaration
 
 from humanclaw import Motion
 from humanclaw.body import rest_pose
-from humanclaw.skills import Course
+from humanclaw.skills import HeadingCorrection
 
 DEGREE = np.pi / 180
 WALK, TURN, STEP, SIT = map(declaration, ("walk", "turn_in_place", "side_step", "sit_in_place"))
@@ -20,30 +20,30 @@ def turned(degrees: float) -> Motion:
     return motion
 
 
-def after(course: Course, skill, commanded: float, achieved: float) -> Course:
+def after(course: HeadingCorrection, skill, commanded: float, achieved: float) -> HeadingCorrection:
     values = {one.name: commanded * DEGREE if one.measure == "heading.left" else 0.0 for one in skill.parameters}
     return course.after(skill, values, STANDING, turned(achieved))
 
 
 def test_a_turn_that_fell_short_is_made_up_for_by_the_next_call():
-    course = after(Course(), TURN, commanded=30, achieved=28)
+    course = after(HeadingCorrection(), TURN, commanded=30, achieved=28)
     assert course.owed == pytest.approx(2 * DEGREE)
     assert course.steer(WALK, {"x": 0.0, "z": 0.4, "yaw": 0.0}) == {"x": 0.0, "z": 0.4, "yaw": course.owed}
     assert after(course, WALK, commanded=0, achieved=2).owed == pytest.approx(0)
 
 
 def test_a_sidestep_that_veered_is_owed_and_made_up_for_by_who_can_turn():
-    course = after(Course(), STEP, commanded=0, achieved=-1.5)
+    course = after(HeadingCorrection(), STEP, commanded=0, achieved=-1.5)
     assert course.steer(STEP, {"x": 0.3}) == {"x": 0.3}
     assert course.steer(TURN, {"yaw": 0.0})["yaw"] == pytest.approx(1.5 * DEGREE)
 
 
 def test_sitting_down_is_no_veering():
-    assert after(Course(0.01), SIT, commanded=0, achieved=3) == Course(0.01)
+    assert after(HeadingCorrection(0.01), SIT, commanded=0, achieved=3) == HeadingCorrection(0.01)
 
 
 def test_no_more_than_five_degrees_are_made_up_for_at_once():
-    assert after(Course(), WALK, commanded=0, achieved=-20).owed == pytest.approx(5 * DEGREE)
+    assert after(HeadingCorrection(), WALK, commanded=0, achieved=-20).owed == pytest.approx(5 * DEGREE)
 
 
 def test_a_turn_across_the_back_is_measured_the_short_way():
@@ -51,5 +51,5 @@ def test_a_turn_across_the_back_is_measured_the_short_way():
     history.rotations[:, 0, 1] = 179 * DEGREE
     motion = rest_pose(15)
     motion.rotations[:, 0, 1] = -179 * DEGREE
-    owed = Course().after(TURN, {"yaw": 3 * DEGREE}, history, motion).owed
+    owed = HeadingCorrection().after(TURN, {"yaw": 3 * DEGREE}, history, motion).owed
     assert owed == pytest.approx(1 * DEGREE)

@@ -1,0 +1,227 @@
+"""Play the episode of `humanclaw run`: plugins, scene, body, episode, report."""
+
+from __future__ import annotations
+
+import datetime
+import signal
+import sys
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from itertools import chain, count
+from pathlib import Path
+from typing import Any, Final
+
+import click
+from rich.status import Status
+
+from humanclaw.cli.options import INTERRUPTED, Deciders
+from humanclaw.cli.progress import StepProgress, scoring, summary
+from humanclaw.cli.terminal import Console
+from humanclaw.episodes.backends import SHIPPED, SIMULATORS, Backends
+from humanclaw.episodes.embodiment import Body
+from humanclaw.episodes.loop import run_episode
+from humanclaw.errors import PluginError, PluginRunError, RecordError, blaming
+from humanclaw.plugins.agents import Reporter
+from humanclaw.plugins.choice import Choice
+from humanclaw.plugins.deciders import origin
+from humanclaw.plugins.host import Plugins
+from humanclaw.records.reading import RecordedEpisode
+from humanclaw.records.specification import name_of
+from humanclaw.records.steps import EpisodeRecord, StepRecord
+from humanclaw.records.tasks import free_episode, require_words
+from humanclaw.storage.files import writing
+from humanclaw.world.navigation.approach import geodesics
+from humanclaw.world.scene import Scene
+
+PLAYING: Final = "Playing (the first time on a machine, this compiles for up to a minute)"
+"""Shown from the making of the body on. One line of a terminal: Rich cannot take back a status that is wider."""
+
+RUNS: Final = Path("runs")
+
+
+def play(
+    instruction: str,
+    reference: str,
+    deciders: Deciders,
+    files: tuple[Path, ...],
+    console: Console,
+    status: Status,
+    *,
+    backends: Backends,
+    max_steps: int,
+    seed: int,
+    out: Path | None,
+    film: str,
+    choice: Choice,
+) -> None:
+    """Play one episode. The arguments are the options of `humanclaw run`. Exits with 130 after Ctrl-C."""
+    plugins = Plugins.discover(files, choice)
+    plugins.require(*_needed(plugins, deciders, backends, reference))
+    backends.chosen(plugins)  # An unknown sense or a missing key is told before the house and the body are made.
+    require_words(instruction)
+    agent, verifier = deciders.make(plugins)
+    for decider in filter(None, (agent, verifier)):
+        _require_ready(decider, instruction)
+    status.update("Making the scene")
+    scene: Scene = plugins.scene(reference)
+    spec = free_episode(instruction, scene, seed=seed, max_steps=max_steps, name=f"{name_of(reference)}-{seed}")
+    head = f'{deciders.title} in {reference}: "{instruction}"\n{scoring(spec)}'
+    out = out or new_folder(name_of(deciders.title))
+    folder = out / spec.id
+    claim(folder)
+    progress = StepProgress(console, max_steps, distances=not getattr(agent, "at_terminal", False))
+    plugins.add(progress, "console_progress")
+    status.update(PLAYING)
+    with (
+        left_empty(folder),
+        _interrupting() as interrupted,
+        _kept(folder),
+        Body(scene, seed=seed, plugins=plugins, backends=backends) as body,
+    ):
+        run_episode(
+            body,
+            spec,
+            agent,
+            verifier,
+            folder=folder,
+            options=deciders.options,
+            distance=geodesics,
+            meter=deciders.meter(),
+            begun=lambda: console.print(head, soft_wrap=True),
+            stopping=interrupted,
+        )
+    try:
+        recorded = RecordedEpisode(folder)
+        console.print(told := summary(recorded.record, recorded.steps))
+        getattr(agent, "show_result", lambda result, run: None)(told, out)
+        status.stop()  # The film has a bar of its own.
+        present(plugins, backends, out, folder, film, console)
+    except KeyboardInterrupt:
+        console.print(f"The report is not whole. `humanclaw report {out}` writes it.", soft_wrap=True)
+        raise
+    end(recorded.record, recorded.steps)
+
+
+def _require_ready(decider: Any, instruction: str) -> None:
+    """Raise PluginError if an agent or a verifier says that it cannot begin, or breaks as it is asked."""
+    try:
+        with blaming(origin(decider), PluginError):
+            if callable(ready := getattr(decider, "ready", None)):
+                ready(instruction)
+    except PluginRunError as fault:
+        raise PluginError(f"{fault}, when it was asked whether it is ready.", "Mend its plugin.") from fault
+
+
+def new_folder(agent: str) -> Path:
+    """Make a new folder for a run. Two runs that begin in the same second get different folders."""
+    first = RUNS / f"{datetime.datetime.now():%Y%m%d-%H%M%S}-{agent}"
+    for name in chain([first.name], (f"{first.name}-{number}" for number in count(2))):
+        with writing(first), suppress(FileExistsError):
+            first.with_name(name).mkdir(parents=True)
+            break
+    return first.with_name(name)
+
+
+@contextmanager
+def _kept(folder: Path) -> Iterator[None]:
+    """Ignore Ctrl-C, however often, if there is a record by then: its path is still printed."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        if not (folder / "episode.json").exists():
+            raise
+
+
+@contextmanager
+def left_empty(folder: Path) -> Iterator[None]:
+    """Remove empty folders at the end, so that the same command can be given again."""
+    try:
+        yield
+    finally:
+        for empty in (folder, folder.parent, *{RUNS}.intersection(folder.parents)):
+            with suppress(OSError):
+                empty.rmdir()
+
+
+def claim(folder: Path) -> None:
+    """Make the folder of the record.
+
+    Raises RecordError if it exists, since of two processes only one may use it, or if it would lie in the run of many
+    episodes, whose numbers it would change.
+    """
+    if run := next((above for above in folder.absolute().parents if (above / "run.json").exists()), None):
+        told = f"{run} holds a benchmark's run, and one more record would change its numbers."
+        raise RecordError(told, "Name another folder with --out.")
+    try:
+        with writing(folder):
+            folder.mkdir(parents=True)
+    except RecordError as error:
+        if not isinstance(error.__cause__, FileExistsError):
+            raise
+        raise RecordError(
+            f"{folder} already holds a record.", "Name another folder with --out, or remove that one."
+        ) from None
+
+
+@contextmanager
+def _interrupting() -> Iterator[Callable[[], bool]]:
+    """Treat SIGTERM like Ctrl-C: the record is closed and the report written. Yields whether either was heard.
+
+    Python drops an exception in a finalizer, a KeyboardInterrupt too: then the run stops before its next step.
+    """
+    heard: list[int] = []
+
+    def handle(number: int, frame: object) -> None:
+        heard.append(number)
+        raise KeyboardInterrupt
+
+    main = threading.current_thread() is threading.main_thread()
+    heeded = [one for one in (signal.SIGINT, signal.SIGTERM) if main and signal.getsignal(one) is not signal.SIG_IGN]
+    before = {number: signal.signal(number, handle) for number in heeded}
+    try:
+        yield lambda: bool(heard)
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _needed(plugins: Plugins, deciders: Deciders, backends: Backends, reference: str) -> Iterator[tuple[str, str]]:
+    """Yield kind and name of everything that an episode needs."""
+    yield "scenes", reference.partition(":")[0]
+    # Without a name any installed simulator will do. If none is installed, ask for the one with wheels everywhere.
+    if backends.simulator or not plugins.registered("simulators"):
+        yield "simulators", backends.simulator or SIMULATORS[-1]
+    yield "renderers", backends.renderer
+    yield "motion_generators", backends.generator
+    if backends.prior != SHIPPED:
+        yield "priors", backends.prior
+    yield "agents", deciders.agent
+    if deciders.verifier:
+        yield "verifiers", deciders.verifier
+
+
+def present(plugins: Plugins, backends: Backends, out: Path, folder: Path, film: str, console: Console) -> None:
+    """Let the installed reporters present the record, in order of their names, and print the paths of their files."""
+    console.print(f"record: {folder}", soft_wrap=True)
+    for one in sorted(plugins.registered("reports"), key=lambda one: one.name):
+        reporter: Reporter = plugins.make("reports", one.name, film=film, renderer=backends.renderer)
+        for name, path in reporter.write(out, RecordedEpisode(folder), plugins).items():
+            console.print(f"{name}: {path}", soft_wrap=True)
+
+
+def end(record: EpisodeRecord, steps: Sequence[StepRecord]) -> None:
+    """Exit with the code of an episode that was not played to its end, or without any usable call."""
+    if steps and all(step.status == "invalid" for step in steps):
+        raise click.ClickException(
+            f"no answer held a usable call. The last was refused: {steps[-1].feedback.refusal.rstrip('.')}. "
+            "Try another way of asking (--option mode=prompt), a larger max_tokens, or another model."
+        )
+    if record.outcome == "infra_error":
+        raise click.ClickException(f"the provider failed: {record.error}")
+    if record.outcome == "plugin_error":
+        raise click.ClickException(f"a plugin failed: {record.error}")
+    if record.outcome == "limit_reached":
+        raise click.ClickException(f"a limit was reached: {record.error}")
+    if record.outcome in ("interrupted", "running"):  # Running: a second Ctrl-C came before the end was written.
+        sys.exit(INTERRUPTED)
