@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import tomllib
+from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Self
@@ -61,13 +62,11 @@ def a_call(provider: str) -> Row:
 
 
 def markdown() -> str:
-    """Return the list of situations for the docs: what becomes of the reply, and the providers that send it."""
-    senders: dict[tuple[str, str], list[str]] = {}
-    for row in rows():
-        senders.setdefault((row.when, row.then), []).append(row.provider)
-    every = list(providers())
-    lines = ((when, then, "all" if names == every else ", ".join(names)) for (when, then), names in senders.items())
-    return "".join(f"* {when}: {then} ({names})\n" for when, then, names in lines)
+    """Return a list for the docs: what becomes of replies, and how many providers send each."""
+    senders = Counter((row.then, row.when) for row in rows())
+    outcomes = dict.fromkeys(then for then, _ in senders)
+    told = {one: ", ".join(f"{when} ({n})" for (then, when), n in senders.items() if then == one) for one in outcomes}
+    return "".join(f"* {then}: {situations}\n" for then, situations in told.items())
 
 
 def _filled(envelope: str, answer: str, end: str, usage: str) -> str:
