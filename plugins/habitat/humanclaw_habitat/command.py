@@ -59,7 +59,8 @@ def check(dataset: Path, names: tuple[str, ...], skip: bool, small: bool, triang
         try:
             scene = read_scene("hssd", _argument(dataset, name, skip, small, triangles))
             good = _tell(scene) and good
-            check_start(scene, plugins)
+            for obj in check_start(scene, plugins):
+                click.echo(f"  falls: object {obj.id} ({obj.category}), because nothing is below it")
         except SceneError as error:
             click.echo(f"{name} fails: {error}", err=True)
             good = False

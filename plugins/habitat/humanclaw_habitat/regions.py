@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull
+from scipy.spatial import ConvexHull, QhullError
 
 from humanclaw.body import Array
 from humanclaw.world import Room
@@ -62,11 +62,19 @@ def floors(slabs: Sequence[Array], levels: Sequence[float]) -> tuple[Room, ...]:
         middle = np.stack(np.meshgrid(x[:-1] + _STEP / 2, z[:-1] + _STEP / 2, indexing="ij"), axis=-1)
         cells = np.zeros(middle.shape[:-1], bool)
         for slab in tops:
-            sides = ConvexHull(slab[:, [0, 2]]).equations
-            cells |= (middle @ sides[:, :2].T + sides[:, 2] <= 1e-9).all(axis=-1)
+            cells |= covered(middle, slab[:, [0, 2]])
         boxes = [(float(x[a]), float(z[c]), float(x[b]), float(z[d])) for a, b, c, d in _blocks(cells)]
         found += [Room(f"floor {number}", "room", *box, level) for box in boxes]
     return tuple(found)
+
+
+def covered(points: Array, corners: Array) -> NDArray[np.bool_]:
+    """Return (...) whether (..., 2) points are within the convex hull of (K, 2) corners."""
+    try:
+        sides = ConvexHull(corners).equations
+    except QhullError:  # A vertical piece is a line from above and covers nothing.
+        return np.zeros(points.shape[:-1], bool)
+    return np.asarray((points @ sides[:, :2].T + sides[:, 2] <= 1e-9).all(axis=-1))
 
 
 def rectangles(loop: Array) -> list[tuple[float, float, float, float]]:

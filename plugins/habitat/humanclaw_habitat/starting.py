@@ -7,11 +7,11 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull, QhullError
 
 from humanclaw import Plugins, Scene, SceneError, default_simulator
 from humanclaw.body import Array, Pose2D
-from humanclaw.world import CELL, OccupancyGrid
+from humanclaw.world import CELL, OccupancyGrid, SceneObject
+from humanclaw_habitat.regions import covered
 
 _HEAD: Final = 1.9
 """Smallest height of a ceiling over its floor, metres."""
@@ -19,6 +19,8 @@ _NEAR: Final = 0.05
 """Largest distance of a floor from the height of its storey, metres."""
 _ROOF: Final = 4.0
 """A scene with this much free floor below ceilings is a building, with an outside; square metres."""
+_FALL: Final = 0.5
+"""An object that sinks deeper than this, metres, has nothing below it."""
 
 
 def indoors(scene: Scene, plan: OccupancyGrid) -> NDArray[np.bool_]:
@@ -44,14 +46,9 @@ def _covered(
 
 def _mark(cells: NDArray[np.bool_], points: Array, plan: OccupancyGrid) -> None:
     """Set the cells whose centre is within the convex hull of (K, 2) points."""
-    try:
-        sides = ConvexHull(points).equations
-    except QhullError:  # A vertical piece is a line from above and covers no cell.
-        return
     (i, j), (k, m) = plan.cell(points.min(axis=0)), plan.cell(points.max(axis=0))
     window = (slice(i, k + 1), slice(j, m + 1))
-    middle = plan.point(np.moveaxis(np.mgrid[window], 0, -1))
-    cells[window] |= (middle @ sides[:, :2].T + sides[:, 2] <= 1e-9).all(axis=-1)
+    cells[window] |= covered(plan.point(np.moveaxis(np.mgrid[window], 0, -1)), points)
 
 
 def roomiest(scene: Scene, floor: float) -> Pose2D:
@@ -71,8 +68,11 @@ def roomiest(scene: Scene, floor: float) -> Pose2D:
     return Pose2D(x, z, yaw, floor)
 
 
-def check_start(scene: Scene, plugins: Plugins) -> None:
-    """Raise SceneError if the scene has no floor, or its start is outdoors, in an obstacle or without a floor."""
+def check_start(scene: Scene, plugins: Plugins) -> list[SceneObject]:
+    """Return the movable objects that fall from their place.
+
+    Raises SceneError if the scene has no floor, or its start is outdoors, in an obstacle or without a floor.
+    """
     if not any(thing.category == "floor" and scene.assets[thing.asset].hulls for thing in scene.objects):
         raise SceneError("it has no floor to stand on.", "Check that its stage has a level surface and is collidable.")
     plan = OccupancyGrid.of(scene, scene.start.floor)
@@ -81,6 +81,7 @@ def check_start(scene: Scene, plugins: Plugins) -> None:
     simulator = plugins.make("simulators", default_simulator(plugins), profile="default")
     try:
         # reset() lets the body stand for half a second, and refuses a start where it falls or is pushed away.
-        simulator.reset(scene, scene.start)
+        places = simulator.reset(scene, scene.start).objects
     finally:
         simulator.close()
+    return [obj for obj in scene.objects if obj.id in places and obj.position[1] - places[obj.id][1] > _FALL]

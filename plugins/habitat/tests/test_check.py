@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 import trimesh
 from click.testing import CliRunner, Result
-from toy_dataset import box, model, walls, write
+from toy_dataset import PLACED, box, model, walls, write
 
 from humanclaw import Plugins
 from humanclaw.cli import build
@@ -85,6 +85,13 @@ def test_the_start_is_in_the_house_and_not_on_the_lawn(mine: Path) -> None:
     assert 0 < start.x < 8
     assert 0 < start.z < 6
     assert check(mine).exit_code == 0
+
+
+def test_what_falls_out_of_the_house_is_named(mine: Path) -> None:
+    placed = [dict(entry) for entry in PLACED]
+    placed[3]["translation"] = [20, 1, 5]
+    edit(mine / "scenes" / "toy1.scene_instance.json", object_instances=placed)
+    assert "falls: object 4 (cup)" in check(mine).output
 
 
 def test_what_was_left_out_is_told_and_ends_with_one(mine: Path) -> None:

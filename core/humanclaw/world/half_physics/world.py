@@ -106,5 +106,4 @@ class OpenWorld(Protocol):
     """What an engine's plugin brings."""
 
     def __call__(self, scene: Scene, profile: Profile, pose: Pose) -> World:
-        """Load a scene with a body at rest in a pose. Raises SceneError for a movable object without a mass, or a flat
-        hull."""
+        """Load a scene with a body at rest in a pose. Raises SceneError for a movable object without a mass."""
