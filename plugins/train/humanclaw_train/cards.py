@@ -85,7 +85,6 @@ def _facts(checkpoint: Path, report: FidelityReport | None) -> dict[str, Any]:
         "condition": f"`{adapter.get('encoder')}` of {', '.join(adapter.get('params', ())) or 'nothing'}",
         "data": data,
         "recipe": notes["recipe"],
-        "recipe_digest": notes["recipe_digest"],
         "sources": _sources(data["sources"], notes["licences"]),
         "licences": notes["licences"],
         "terms": terms(notes["licences"]),

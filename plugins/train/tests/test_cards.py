@@ -52,7 +52,7 @@ def test_the_card_of_a_ninth_skill_says_nothing_of_how_ours_were_made(tmp_path):
     text = card(path)
     assert "40 real chunks (100 %)" in text
     assert "* It never hurries." in text
-    assert "* ahead: 0.1 to 0.5 (SI)" in text
+    assert "SI: ahead 0.1 to 0.5." in text
     for claim in ("compose", "sitting", "stairs", "keyed"):
         assert claim not in text
 
@@ -74,7 +74,7 @@ def test_a_card_tells_the_figures_of_the_header(weights):
         "25 real chunks (25 %), 75 synthetic",
         "4,321 steps of 64",
         "CC BY-SA 3.0",
-        "* h: 0.19 to 0.81 (SI)",
+        "SI: h 0.19 to 0.81.",
     ):
         assert fact in text
     assert f"`{read_header(weights / 'base.safetensors')['digest']}`" in text
