@@ -94,7 +94,7 @@ def humanclaw_run_end(
 
 
 def _use_metric(metric: MetricFunction, plugins: Plugins) -> None:
-    from humanclaw_bench.uses import use_metric
+    from humanclaw_bench.plugin_check import use_metric
 
     use_metric(metric)
 
