@@ -87,7 +87,7 @@ def _list_checks(as_json: bool) -> None:
 
 
 def _row(report: Report) -> dict[str, Any]:
-    faults = [{"check": one.check, "problem": one.message, "remedy": one.remedy} for one in report.faults]
+    faults = [{"check": fault.check, "problem": fault.message, "remedy": fault.remedy} for fault in report.faults]
     played = {"calls": report.calls, "engines": report.engines, "notes": report.notes}
     return {"skill": report.skill, "passed": report.passed, "faults": faults, **played}
 
@@ -98,10 +98,10 @@ def _print(reports: Sequence[Report]) -> None:
         for line in _lines(report):
             console.print(line, highlight=False, soft_wrap=True)
     broken = sum(not report.passed for report in reports)
-    found = sum(len(report.faults) for report in reports)
+    count = sum(len(report.faults) for report in reports)
     skills = counted(len(reports), "item" if any(" " in report.skill for report in reports) else "skill")
-    told = f"{counted(found, 'fault')} in {broken} of {skills}" if broken else f"{skills}, no fault"
-    console.print(f"{told}; {len(CHECKS)} named checks.", highlight=False, soft_wrap=True)
+    summary = f"{counted(count, 'fault')} in {broken} of {skills}" if broken else f"{skills}, no fault"
+    console.print(f"{summary}; {len(CHECKS)} named checks.", highlight=False, soft_wrap=True)
 
 
 def _lines(report: Report) -> Iterator[str]:

@@ -59,8 +59,8 @@ class Commands(click.Group):
         if distribution := bringing("commands", name):
             return HumanclawError(f"command {name!r} is not installed.", f"Run `{install([distribution])}`.")
         known = dict.fromkeys(self.commands, "")
-        told = nearest(name, {**table()["commands"], **known})
-        return HumanclawError(f"there is no command {name!r}.", told or "See `humanclaw --help`.")
+        question = nearest(name, {**table()["commands"], **known})
+        return HumanclawError(f"there is no command {name!r}.", question or "See `humanclaw --help`.")
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         self._load()
@@ -88,8 +88,8 @@ class Commands(click.Group):
         """Add a command. A command of the same name that is there already stays; the log says so."""
         there = self.commands.get(name or cmd.name or "")
         if there is not None and there is not cmd:
-            told = "command %r of %s is already that of %s, and is left out"
-            _LOG.warning(told, name or cmd.name, _home(cmd), _home(there))
+            message = "command %r of %s is already that of %s, and is left out"
+            _LOG.warning(message, name or cmd.name, _home(cmd), _home(there))
             return
         super().add_command(cmd, name)
 
@@ -137,8 +137,8 @@ class LazyCommand(click.Command):
         try:
             command = pkgutil.resolve_name(self.target)
         except Exception as error:  # Third-party code may raise anything.
-            told = f"command {self.name!r} cannot be loaded from {self.target}: {type(error).__name__}: {error}."
-            raise PluginError(told) from error
+            message = f"command {self.name!r} cannot be loaded from {self.target}: {type(error).__name__}: {error}."
+            raise PluginError(message) from error
         if not isinstance(command, click.Command):
             raise PluginError(f"{self.target} is of type {type(command).__name__}; expected a click command.")
         return command

@@ -76,9 +76,9 @@ class Distribution:
         """Fill in defaults for empty arguments. Raises HumanclawError for an invalid name, or a text that is no line of
         printable characters."""
         name = name.replace("-", "_")
-        for one in (name, call or name):
-            if not _NAME.fullmatch(one) or len(one) > _LONGEST or keyword.iskeyword(one):
-                message = f"{one[: _LONGEST + 1]!r} is not a valid name for a {kind.what}."
+        for word in (name, call or name):
+            if not _NAME.fullmatch(word) or len(word) > _LONGEST or keyword.iskeyword(word):
+                message = f"{word[: _LONGEST + 1]!r} is not a valid name for a {kind.what}."
                 rule = f"Use up to {_LONGEST} lower-case letters, digits and _, begin with a letter"
                 raise HumanclawError(message, f"{rule}, and avoid Python's keywords.")
         for text in (about, author):
@@ -102,10 +102,10 @@ class Distribution:
 
     def files(self) -> dict[str, bytes]:
         """Return the content of every file by its path in the distribution."""
-        found = {**_read(TEMPLATES / "common"), **_read(TEMPLATES / self.kind.template)}
-        about = found.pop("about.md").rstrip()
-        found["README.md"] = found["README.md"].replace("ABOUT", about).replace("RUN", self.kind.run, 1)
-        made = {self.filled(_RENAMED.get(path, path)): text for path, text in found.items()}
+        texts = {**_read(TEMPLATES / "common"), **_read(TEMPLATES / self.kind.template)}
+        about = texts.pop("about.md").rstrip()
+        texts["README.md"] = texts["README.md"].replace("ABOUT", about).replace("RUN", self.kind.run, 1)
+        made = {self.filled(_RENAMED.get(path, path)): text for path, text in texts.items()}
         made[f"humanclaw_{self.entry}/py.typed"] = ""
         return {
             path: (text if path == "LICENSE" else self.filled(text, quoted=not path.endswith(".md"))).encode()
@@ -119,8 +119,8 @@ class Distribution:
         """
         words = [self.description, self.author]
         # Python and TOML read JSON's escapes.
-        description, author = (json.dumps(one, ensure_ascii=False)[1:-1] for one in words) if quoted else words
-        requirements = ", ".join(f'"{one}"' for one in (_CORE, *self.needs))
+        description, author = (json.dumps(word, ensure_ascii=False)[1:-1] for word in words) if quoted else words
+        requirements = ", ".join(f'"{word}"' for word in (_CORE, *self.needs))
         camel = "".join(word.capitalize() for word in self.name.split("_"))
         pairs = {
             "DESCRIPTION": description,
@@ -136,7 +136,7 @@ class Distribution:
             "example": self.name,
         }
         # In one pass, so that no value is taken for a placeholder.
-        return re.sub("|".join(map(re.escape, pairs)), lambda found: pairs[found[0]], text)
+        return re.sub("|".join(map(re.escape, pairs)), lambda match: pairs[match[0]], text)
 
 
 def _read(folder: Path) -> dict[str, str]:

@@ -204,10 +204,10 @@ def check_options(options: Mapping[str, Any], name: str, agent: object | None, v
     reading the settings fails.
     """
     parts = [part for part in (agent, verifier) if part is not None]
-    found = [_settings(part) for part in parts]
-    if None in found:
+    known_names = [_settings(part) for part in parts]
+    if None in known_names:
         return
-    known = {"profile", *(key for names in found for key in names or ())}
+    known = {"profile", *(key for names in known_names for key in names or ())}
     known |= {
         f"verifier_{key}" for key in known
     }  # Known without a verifier too, so that --no-verifier can be added to a working command.
@@ -309,8 +309,8 @@ def scene_option(*name: str, about: str = "Where: source:argument.", **settings:
         context: click.Context, parameter: click.Parameter, value: str | tuple[str, ...]
     ) -> str | tuple[str, ...]:
         if _SECRET.search(value if isinstance(value, str) else "\n".join(value)):
-            told = "--scene holds what looks like a user, a password or a key, and scenes are printed and recorded."
-            raise HumanclawError(told, "Put secrets into the environment instead.")
+            message = "--scene holds what looks like a user, a password or a key, and scenes are printed and recorded."
+            raise HumanclawError(message, "Put secrets into the environment instead.")
         return value
 
     shared: Any = {"callback": check, "show_default": True, "help": about}

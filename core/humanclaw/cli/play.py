@@ -95,7 +95,7 @@ def _found(target: str, skill: str, files: tuple[Path, ...], choice: Choice) -> 
     path = Path(target)
     if path.is_dir() and any(path.rglob("schema.json")):
         plugins, name = Plugins.discover(files, choice), path.resolve().name
-        folders = sorted(one.parent for one in path.rglob("schema.json"))
+        folders = sorted(file.parent for file in path.rglob("schema.json"))
         plugins.add(_Folders(folders), name, origin=str(path), first=True)
         return plugins, _one_of(plugins, name, skill)
     if path.suffix == ".py" or path.exists():
@@ -142,8 +142,8 @@ def _pairs(words: Sequence[str]) -> Iterator[tuple[str, Any]]:
         name, equals, value = word.partition("=")
         if not equals or not name.isidentifier():
             meant = word[2:].split("=")[0].replace("-", "_") if word.startswith("--") else "PARAMETER"
-            told = f"expected PARAMETER=VALUE, or an option of `humanclaw play`; got {word!r}."
-            raise HumanclawError(told, f"Write {meant}=VALUE.")
+            message = f"expected PARAMETER=VALUE, or an option of `humanclaw play`; got {word!r}."
+            raise HumanclawError(message, f"Write {meant}=VALUE.")
         yield name, _value(value)
 
 
@@ -156,7 +156,7 @@ def _value(text: str) -> Any:
 
 def _before(beginning: Beginning, plugins: Plugins) -> list[Call]:
     """Return the calls that bring the body to where the skill begins."""
-    declared = [one.declaration for one in plugins.skills.values() if one.trained]
+    declared = [skill.declaration for skill in plugins.skills.values() if skill.trained]
     if beginning == "standing":
         return []
     walks, sits = suited(declared, "hips.forward"), suited(declared, "hips.height", role="sit")
@@ -169,6 +169,5 @@ def _before(beginning: Beginning, plugins: Plugins) -> list[Call]:
 
 
 def _commanding(skill: Declaration, amounts: Mapping[str, float]) -> Call:
-    return Call(
-        skill.skill, {one.key: round(from_si(one.key, amounts.get(one.measure, 0))) for one in skill.parameters}
-    )
+    amount = {parameter.key: amounts.get(parameter.measure, 0) for parameter in skill.parameters}
+    return Call(skill.skill, {key: round(from_si(key, value)) for key, value in amount.items()})

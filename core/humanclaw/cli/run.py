@@ -93,8 +93,8 @@ def play(
         )
     try:
         recorded = RecordedEpisode(folder)
-        console.print(told := summary(recorded.record, recorded.steps))
-        getattr(agent, "show_result", lambda result, run: None)(told, out)
+        console.print(words := summary(recorded.record, recorded.steps))
+        getattr(agent, "show_result", lambda result, run: None)(words, out)
         status.stop()  # The film has a bar of its own.
         present(plugins, backends, out, folder, film, console)
     except KeyboardInterrupt:
@@ -151,8 +151,8 @@ def claim(folder: Path) -> None:
     episodes, whose numbers it would change.
     """
     if run := next((above for above in folder.absolute().parents if (above / "run.json").exists()), None):
-        told = f"{run} holds a benchmark's run, and one more record would change its numbers."
-        raise RecordError(told, "Name another folder with --out.")
+        message = f"{run} holds a benchmark's run, and one more record would change its numbers."
+        raise RecordError(message, "Name another folder with --out.")
     try:
         with writing(folder):
             folder.mkdir(parents=True)
@@ -177,7 +177,8 @@ def _interrupting() -> Iterator[Callable[[], bool]]:
         raise KeyboardInterrupt
 
     main = threading.current_thread() is threading.main_thread()
-    heeded = [one for one in (signal.SIGINT, signal.SIGTERM) if main and signal.getsignal(one) is not signal.SIG_IGN]
+    signals = (signal.SIGINT, signal.SIGTERM) if main else ()
+    heeded = [number for number in signals if signal.getsignal(number) is not signal.SIG_IGN]
     before = {number: signal.signal(number, handle) for number in heeded}
     try:
         yield lambda: bool(heard)
@@ -204,8 +205,8 @@ def _needed(plugins: Plugins, deciders: Deciders, backends: Backends, reference:
 def present(plugins: Plugins, backends: Backends, out: Path, folder: Path, film: str, console: Console) -> None:
     """Let the installed reporters present the record, in order of their names, and print the paths of their files."""
     console.print(f"record: {folder}", soft_wrap=True)
-    for one in sorted(plugins.registered("reports"), key=lambda one: one.name):
-        reporter: Reporter = plugins.make("reports", one.name, film=film, renderer=backends.renderer)
+    for report in sorted(plugins.registered("reports"), key=lambda report: report.name):
+        reporter: Reporter = plugins.make("reports", report.name, film=film, renderer=backends.renderer)
         for name, path in reporter.write(out, RecordedEpisode(folder), plugins).items():
             console.print(f"{name}: {path}", soft_wrap=True)
 

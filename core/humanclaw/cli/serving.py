@@ -68,8 +68,8 @@ class Handler(BaseHTTPRequestHandler):
 
     def body(self, most: int) -> bytes:
         """Return the body of a POST; empty if it has none, more than `most` bytes or no length."""
-        told = self.headers.get("Content-Length", "")
-        length = int(told) if told.isdecimal() and len(told) < 12 else 0
+        header = self.headers.get("Content-Length", "")
+        length = int(header) if header.isdecimal() and len(header) < 12 else 0
         content = self.rfile.read(length) if length <= most else b""
         return content if len(content) == length else b""
 

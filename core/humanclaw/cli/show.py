@@ -66,8 +66,8 @@ def plugins_command(as_json: bool, files: tuple[Path, ...], choice: Choice) -> N
 @plugin_options
 def tools(form: Format, reasoning: bool | None, files: tuple[Path, ...], choice: Choice) -> None:
     """Print the skills as the tool list of a model's interface."""
-    found = Plugins.discover(files, choice)
-    ready = [skill for skill in found.skills.values() if skill.trained]
+    plugins = Plugins.discover(files, choice)
+    ready = [skill for skill in plugins.skills.values() if skill.trained]
     listed = publish(ready, form, reasoning=form != "mcp" if reasoning is None else reasoning)
     click.echo(json.dumps({"tools": listed} if form == "mcp" else listed, indent=2, ensure_ascii=False))
 

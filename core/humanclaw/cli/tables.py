@@ -24,8 +24,8 @@ def show_markdown(text: str) -> None:
     A wider table is split into parts, each with the first column. Everything else is printed as it is.
     """
     console = Console(highlight=False)
-    for inside, found in groupby(text.splitlines(), lambda line: line.startswith("|")):
-        lines = list(found)
+    for inside, group in groupby(text.splitlines(), lambda line: line.startswith("|")):
+        lines = list(group)
         if inside and max(map(len, lines)) > console.width:
             for part in _parts([_BETWEEN.split(line)[1:-1] for line in lines], console.width):
                 console.print(part)

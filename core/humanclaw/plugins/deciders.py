@@ -82,11 +82,11 @@ def settings_of(decider: object) -> dict[str, Any]:
     """Return the current settings of an agent or a verifier; empty if it has none. Raises PluginRunError for settings
     that JSON cannot hold."""
     with blaming(origin(decider)):
-        found = getattr(decider, "settings", None) or {}
+        settings = getattr(decider, "settings", None) or {}
         try:
-            read: dict[str, Any] = json.loads(_SETTINGS.dump_json(dict(found)))
+            read: dict[str, Any] = json.loads(_SETTINGS.dump_json(dict(settings)))
         except (TypeError, ValueError) as error:
-            raise TypeError(f"settings are a mapping that JSON can hold; got {reprlib.repr(found)}") from error
+            raise TypeError(f"settings are a mapping that JSON can hold; got {reprlib.repr(settings)}") from error
         return read
 
 

@@ -57,8 +57,8 @@ def _checkout() -> Path | None:
     import importlib.metadata
     from urllib.request import url2pathname  # It loads http, and only advice on installing needs it.
 
-    told = json.loads(importlib.metadata.distribution("humanclaw").read_text("direct_url.json") or "{}")
-    return Path(url2pathname(urlsplit(told["url"]).path)) if told.get("dir_info", {}).get("editable") else None
+    origin = json.loads(importlib.metadata.distribution("humanclaw").read_text("direct_url.json") or "{}")
+    return Path(url2pathname(urlsplit(origin["url"]).path)) if origin.get("dir_info", {}).get("editable") else None
 
 
 def _folder(checkout: Path, name: str) -> Path:

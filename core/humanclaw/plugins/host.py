@@ -69,8 +69,9 @@ class Plugins:
         self._leading: set[str] = set()
         self._manager = pluggy.PluginManager(hookspecs.PROJECT)
         self._extend(hookspecs)
-        builtin = [Registration(name, hookspecs.PROJECT, one, one.description) for name, one in MEASURES.items()]
-        self._items["measures"] += builtin
+        for name, measure in MEASURES.items():
+            item = Registration(name, hookspecs.PROJECT, measure, measure.description)
+            self._items["measures"].append(item)
 
     # -- adding plugins ------------------------------------------------------------------------------------------------
     @classmethod
@@ -100,7 +101,8 @@ class Plugins:
                 modules = ((point.name, self._try(info, partial(_load, info, point))) for point in points)
                 loaded += [(info, part, *module) for part, module in modules if module]
         # The core first, then those that others may extend or measure with.
-        for info, part, module, _ in sorted(loaded, key=lambda one: (one[0].name != hookspecs.PROJECT, not one[3])):
+        loaded.sort(key=lambda entry: (entry[0].name != hookspecs.PROJECT, not entry[3]))
+        for info, part, module, _ in loaded:
             name = f"{info.name}/{part}" if self._manager.has_plugin(info.name) else info.name
             self._try(info, partial(self.add, module, name, info.version, info.origin))
 
@@ -137,9 +139,9 @@ class Plugins:
             for item in self.of_owner(name, kind):
                 other = self._first(kind)[item.name]
                 if other is not item and not self.choice.names(other):
-                    told = f"plugin file {path}: {item.name!r} is also that of {other.owner!r}."
+                    message = f"plugin file {path}: {item.name!r} is also that of {other.owner!r}."
                     either = f"--without {other.owner}:{item.name} or --without {name}:{item.name}"
-                    raise PluginError(told, f"Say which one to leave out: {either}.")
+                    raise PluginError(message, f"Say which one to leave out: {either}.")
 
     def add(self, plugin: object, name: str, version: str = "", origin: str = "", first: bool = False) -> None:
         """Register one plugin.
@@ -181,12 +183,12 @@ class Plugins:
             self._register(plugin, name)
         self._call(plugin, EXTENSION, register=self._extend)
         self._refuse_odd_hooks(plugin, name)
-        notes = tuple(str(one.message) for one in caught if issubclass(one.category, DeprecationWarning))
+        notes = tuple(str(warning.message) for warning in caught if issubclass(warning.category, DeprecationWarning))
         gathered = _Gathered(name, self.choice, notes)
         for kind in self._items:
             self._call(plugin, PREFIX + kind, register=partial(gathered.register, kind))
         if gathered.items.get("skills"):
-            measures = {one.name: one.value for one in gathered.items.get("measures", ())}
+            measures = {item.name: item.value for item in gathered.items.get("measures", ())}
             priors = by_digest(gathered.items.get("priors", ()))
             gathered.disable_faulty_skills({**measures, **self.measures}, {**self.priors, **priors})
         return gathered
@@ -196,10 +198,10 @@ class Plugins:
         try:
             self._manager.register(plugin, name)
         except pluggy.PluginValidationError as error:
-            told = " ".join(str(error.args[0]).split())
-            hook = re.search(rf"{PREFIX}\w+", told.partition(" for hook ")[2])
+            reason = " ".join(str(error.args[0]).split())
+            hook = re.search(rf"{PREFIX}\w+", reason.partition(" for hook ")[2])
             takes = f"It takes {', '.join(getattr(self._manager.hook, hook[0]).spec.argnames)}." if hook else ""
-            raise PluginError(f"plugin {name!r} cannot be used: {told}.", takes) from error
+            raise PluginError(f"plugin {name!r} cannot be used: {reason}.", takes) from error
 
     def _refuse_odd_hooks(self, plugin: object, name: str) -> None:
         """Raise PluginError for a hook without @hookimpl, and for one that nobody specifies, with the likely one."""
@@ -216,8 +218,8 @@ class Plugins:
                 word = caller.name.removeprefix(PREFIX)
                 near = [hook for hook in known if hook.startswith(word)] or get_close_matches(word, known, 1, 0.5)
                 every = f"The hooks are {', '.join(PREFIX + hook for hook in sorted(known))}."
-                told = f"Did you mean {PREFIX}{near[0]}?" if near else every
-                raise PluginError(f"plugin {name!r} cannot be used: unknown hook {caller.name!r}.", told)
+                remedy = f"Did you mean {PREFIX}{near[0]}?" if near else every
+                raise PluginError(f"plugin {name!r} cannot be used: unknown hook {caller.name!r}.", remedy)
 
     def _call(self, plugin: object, hook: str, **event: Any) -> None:
         """Call one plugin's implementation of a hook, if it has one."""
@@ -239,10 +241,10 @@ class Plugins:
         plugins = (Registration("", info.name, None) for info in self._infos)
         known = [*chain(*self._items.values()), *self._unused, *plugins]
         for text in self.choice.without:
-            if not any(means(text, one) or text == one.name for one in known):
-                near = did_you_mean(text, {one.owner for one in known})
-                told = f"--without {text} names nothing that is installed."
-                raise PluginError(told, f"See `humanclaw plugins`. {near}".rstrip())
+            if not any(means(text, item) or text == item.name for item in known):
+                near = did_you_mean(text, {item.owner for item in known})
+                message = f"--without {text} names nothing that is installed."
+                raise PluginError(message, f"See `humanclaw plugins`. {near}".rstrip())
         for name in self.choice.skills:
             self.skill(name)
 
@@ -290,8 +292,8 @@ class Plugins:
                 if first[item.name] is item:
                     provides.append(f"{noun(kind)} {item.name}")
                 else:
-                    told = f"{noun(kind)} {item.name!r} of plugin {item.owner!r} is already registered by"
-                    duplicates.append(f"{told} {first[item.name].owner!r}. Call it {item.owner}:{item.name}.")
+                    message = f"{noun(kind)} {item.name!r} of plugin {item.owner!r} is already registered by"
+                    duplicates.append(f"{message} {first[item.name].owner!r}. Call it {item.owner}:{item.name}.")
         return replace(info, provides=tuple(provides), duplicates=tuple(duplicates))
 
     # -- items by name -------------------------------------------------------------------------------------------------
@@ -324,14 +326,14 @@ class Plugins:
         item = self._find(kind, name)
         whose = f"{noun(kind)} {name!r} of plugin {item.owner!r}"
         if not callable(item.value):
-            told = f"{whose} is of type {type(item.value).__name__}; expected a factory."
-            raise PluginError(told, "Register a function that makes one.")
+            message = f"{whose} is of type {type(item.value).__name__}; expected a factory."
+            raise PluginError(message, "Register a function that makes one.")
         try:
             return item.value(*args, **options)
         except ModuleNotFoundError as error:
-            told = f"{whose} needs {error.name!r}, which is not installed."
+            message = f"{whose} needs {error.name!r}, which is not installed."
             # A module may come with a distribution of another name, as cv2 and google.protobuf do.
-            raise PluginError(told, "Install the distribution that provides it.") from error
+            raise PluginError(message, "Install the distribution that provides it.") from error
         except BaseException as error:
             if not _gives_up(kind, error):
                 raise
@@ -364,8 +366,8 @@ class Plugins:
         missing = [(kind, name) for kind, name in wanted if self._get(kind, name) is None]
         bringing = [distributions.bringing(kind, name) for kind, name in missing]
         if len(missing) > 1 and all(bringing):
-            told = [f"{noun(kind)} {name!r}" for kind, name in missing]
-            listed = f"{', '.join(told[:-1])} and {told[-1]}"
+            names = [f"{noun(kind)} {name!r}" for kind, name in missing]
+            listed = f"{', '.join(names[:-1])} and {names[-1]}"
             raise PluginError(f"{listed} are not installed.", f"Run `{distributions.install(bringing)}`.")
         for kind, name in missing:
             self._find(kind, name)
@@ -405,7 +407,7 @@ class Plugins:
     def overridden(self, skill: str) -> tuple[str, ...]:
         """Return the other plugins that have a skill of this name."""
         first = self._find("skills", skill)
-        return tuple(one.owner for one in self._items["skills"] if one.name == first.name and one is not first)
+        return tuple(item.owner for item in self._items["skills"] if item.name == first.name and item is not first)
 
     def _first(self, kind: str) -> dict[str, Registration]:
         """Return the item that each name alone means."""
@@ -434,7 +436,7 @@ class Plugins:
         distribution = elsewhere.get(name)
         if distribution and distribution not in (info.origin for info in self._infos):
             return f"Run `{distributions.install([distribution])}`."
-        more = [f"{one} (of {of})" for one, of in elsewhere.items() if one not in (*known, name)]
+        more = [f"{other} (of {of})" for other, of in elsewhere.items() if other not in (*known, name)]
         listed = f"Known: {', '.join([*known, *more]) or 'none'}."
         if distribution:
             return f"{distribution} brings it, but a package that it needs is not installed. {listed}"
@@ -480,8 +482,8 @@ class _Gathered:
                 return
             named, description = value.name, value.description
         if not isinstance(named, str) or not _NAME.fullmatch(named):
-            told = f"{named!r} is not a valid name for a {noun(kind)}."
-            raise PluginError(told, f"Use a name that matches {_NAME.pattern}.")
+            message = f"{named!r} is not a valid name for a {noun(kind)}."
+            raise PluginError(message, f"Use a name that matches {_NAME.pattern}.")
         item, kept = Registration(named, self.owner, value, description), self.items.setdefault(kind, [])
         if self.choice.drops(item, kind):
             self.unused.append(item)
@@ -495,8 +497,8 @@ class _Gathered:
         if isinstance(given, Skill):
             return given
         if not isinstance(given, Path):
-            told = f"register() takes a Skill or a folder; got {type(given).__name__}."
-            raise PluginError(told, "Decorate it with @skill.")
+            message = f"register() takes a Skill or a folder; got {type(given).__name__}."
+            raise PluginError(message, "Decorate it with @skill.")
         try:
             return Skill.from_folder(given)
         except Exception as error:
@@ -546,8 +548,8 @@ def _info(dist: importlib.metadata.Distribution) -> PluginInfo:
         raise ValueError("METADATA names no distribution")
     for text in filter(_OURS.match, metadata.get_all("Requires-Dist") or ()):
         if ours not in (wanted := Requirement(text).specifier):
-            told = f"{name} {version} needs humanclaw{wanted}, this is {ours}. Upgrade {name} and humanclaw"
-            return PluginInfo(name, version, name, error=told)
+            message = f"{name} {version} needs humanclaw{wanted}, this is {ours}. Upgrade {name} and humanclaw"
+            return PluginInfo(name, version, name, error=message)
     return PluginInfo(name, version, name)
 
 
@@ -595,13 +597,13 @@ def check_api(made_for: object, name: str) -> None:
     try:
         major, minor = map(int, str(made_for).split("."))
     except ValueError:
-        told = f"plugin {name!r} was made for plugin API {made_for!r}, expected major.minor."
-        raise PluginError(told, f'Set HUMANCLAW_API = "{hookspecs.API_VERSION}".') from None
+        message = f"plugin {name!r} was made for plugin API {made_for!r}, expected major.minor."
+        raise PluginError(message, f'Set HUMANCLAW_API = "{hookspecs.API_VERSION}".') from None
     ours = tuple(map(int, hookspecs.API_VERSION.split(".")))
     if major != ours[0] or minor > ours[1]:
         newer = "humanclaw" if (major, minor) > ours else name
-        told = f"plugin {name!r} was made for plugin API {made_for}, this is {hookspecs.API_VERSION}."
-        raise PluginError(told, f"Upgrade {newer}.")
+        message = f"plugin {name!r} was made for plugin API {made_for}, this is {hookspecs.API_VERSION}."
+        raise PluginError(message, f"Upgrade {newer}.")
 
 
 def load_file(path: Path) -> ModuleType:
@@ -637,8 +639,8 @@ def load_file(path: Path) -> ModuleType:
 
 def package_in(path: Path) -> Path:
     """Return the package in the folder of a distribution, which is what people give; any other path as it is."""
-    found = [file.parent for file in path.glob("humanclaw_*/__init__.py")] if path.is_dir() else []
-    return found[0] if len(found) == 1 and not (path / "__init__.py").is_file() else path
+    packages = [file.parent for file in path.glob("humanclaw_*/__init__.py")] if path.is_dir() else []
+    return packages[0] if len(packages) == 1 and not (path / "__init__.py").is_file() else path
 
 
 def is_from(module: object, file: Path) -> bool:

@@ -70,15 +70,15 @@ def _misfits(subject: Subject, adapter: Path) -> Faults:
         message = f"{adapter} is the adapter of {config.get('skill')!r}, not of {subject.owner!r}."
         remedy = f'{subject.train} Or say whose it is: "x-adapter": "{config.get("skill")}" in schema.json.'
         yield ContractError("adapter-skill", message, remedy)
-    if {one.name for one in skill.parameters} != set(trained):
+    if {parameter.name for parameter in skill.parameters} != set(trained):
         yield _other_names(subject, trained)
         return
     commanded = measures_in(header)
-    for one in skill.parameters:
-        yield from _beyond(subject, one, *trained[one.name])
-        if commanded and commanded[one.name] != one.measure:
-            where = f"parameter {one.key!r} of skill {skill.name!r} commands {one.measure!r}"
-            message = f"{where}, and its adapter was trained on {commanded[one.name]!r}."
+    for parameter in skill.parameters:
+        yield from _beyond(subject, parameter, *trained[parameter.name])
+        if commanded and commanded[parameter.name] != parameter.measure:
+            where = f"parameter {parameter.key!r} of skill {skill.name!r} commands {parameter.measure!r}"
+            message = f"{where}, and its adapter was trained on {commanded[parameter.name]!r}."
             yield ContractError("adapter-measures", message, f"Mend its x-measure. {subject.train}")
 
 
@@ -123,8 +123,8 @@ def ranges(header: Mapping[str, Any]) -> dict[str, tuple[float, float]]:
 def measures_in(header: Mapping[str, Any]) -> dict[str, str]:
     """Return what each parameter of an adapter commands; empty for an adapter whose header does not say."""
     config = header["adapter"]
-    told = config.get("measures") or ()
-    return dict(zip(config["params"], told, strict=False)) if len(told) == len(config["params"]) else {}
+    measures = config.get("measures") or ()
+    return dict(zip(config["params"], measures, strict=False)) if len(measures) == len(config["params"]) else {}
 
 
 def within(value: float, centre: float, scale: float) -> bool:
@@ -133,7 +133,7 @@ def within(value: float, centre: float, scale: float) -> bool:
 
 
 def _other_names(subject: Subject, trained: Mapping[str, Any]) -> ContractError:
-    declared = ", ".join(one.name for one in subject.skill.parameters) or "none"
+    declared = ", ".join(parameter.name for parameter in subject.skill.parameters) or "none"
     return ContractError(
         "adapter-parameters",
         f"the adapter of skill {subject.skill.name!r} was trained on the parameters {', '.join(trained) or 'none'}, "
@@ -142,10 +142,10 @@ def _other_names(subject: Subject, trained: Mapping[str, Any]) -> ContractError:
     )
 
 
-def _beyond(subject: Subject, one: Parameter, centre: float, scale: float) -> Faults:
-    if not (within(one.low, centre, scale) and within(one.high, centre, scale)):
-        least, most = (from_si(one.key, edge) for edge in (centre - scale, centre + scale))
-        low, high = (from_si(one.key, edge) for edge in (one.low, one.high))
-        asked = f"parameter {one.key!r} of skill {subject.skill.name!r} may be {low:.0f} to {high:.0f}"
+def _beyond(subject: Subject, parameter: Parameter, centre: float, scale: float) -> Faults:
+    if not (within(parameter.low, centre, scale) and within(parameter.high, centre, scale)):
+        least, most = (from_si(parameter.key, edge) for edge in (centre - scale, centre + scale))
+        low, high = (from_si(parameter.key, edge) for edge in (parameter.low, parameter.high))
+        asked = f"parameter {parameter.key!r} of skill {subject.skill.name!r} may be {low:.0f} to {high:.0f}"
         message = f"{asked}, and its adapter was trained on {least:.0f} to {most:.0f}."
         yield ContractError("adapter-bounds", message, f"Narrow the bounds in schema.json. {subject.train}")

@@ -28,9 +28,9 @@ class Call:
 def check_call(call: Call, skills: Mapping[str, Skill]) -> Call:
     """Return the call with defaults filled in. Raises CallError, whose text is for the model."""
     if call.skill not in skills:
-        told = f"Nothing was executed: there is no skill {call.skill[:64]!r}."
+        message = f"Nothing was executed: there is no skill {call.skill[:64]!r}."
         known = f"The skills are {', '.join(skills)}."
-        raise CallError(" ".join(filter(None, (told, did_you_mean(call.skill, skills), known))))
+        raise CallError(" ".join(filter(None, (message, did_you_mean(call.skill, skills), known))))
     skill = skills[call.skill]
     if not skill.trained:
         raise CallError(

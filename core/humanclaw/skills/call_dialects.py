@@ -102,10 +102,10 @@ def end_of_text(text: str, start: int) -> tuple[int, bool]:
 
 def _first_mark(text: str) -> int:
     place = 0
-    while found := _MARKED.search(text, place):
-        if not found["text"]:
-            return found.start()
-        place, _ = end_of_text(text, found.start())
+    while mark := _MARKED.search(text, place):
+        if not mark["text"]:
+            return mark.start()
+        place, _ = end_of_text(text, mark.start())
     return len(text)
 
 

@@ -149,11 +149,11 @@ def _form() -> dict[str, Any]:
 
 
 def _bad_form(subject: Subject) -> Faults:
-    for told in faults_of(dict(subject.skill.schema), _form()):
-        message = f"the schema of skill {subject.skill.name!r} is not valid: {told}."
+    for fault in faults_of(dict(subject.skill.schema), _form()):
+        message = f"the schema of skill {subject.skill.name!r} is not valid: {fault}."
         flat = "Declare each parameter as a number, a boolean, a string, one of a list of choices, or a list of these."
         whole = "Write type: object, properties, required and additionalProperties: false. Rules go into properties."
-        yield ContractError("schema", message, flat if told.startswith("properties.") else whole)
+        yield ContractError("schema", message, flat if fault.startswith("properties.") else whole)
 
 
 def _bad_name(subject: Subject) -> Faults:
@@ -179,8 +179,8 @@ def _bad_texts(subject: Subject) -> Faults:
             message = f"parameter {key!r} of skill {skill.name!r} has no description."
             yield ContractError("parameters-described", message, "Describe it for a model.")
     for key in sorted({*subject.properties} & {*REASONING_FIELDS, *OPTIONAL_FIELDS, THOUGHTS}):
-        told = f"skill {skill.name!r} has a parameter {key!r}, the name of a reasoning field."
-        yield ContractError("reasoning-names", told, "Rename it.")
+        message = f"skill {skill.name!r} has a parameter {key!r}, the name of a reasoning field."
+        yield ContractError("reasoning-names", message, "Rename it.")
 
 
 def _bad_checks(subject: Subject) -> Faults:
@@ -208,10 +208,10 @@ def _bad_values(subject: Subject) -> Faults:
             yield ContractError("bounds-order", message, "Swap minimum and maximum.")
         bare = {word: value for word, value in part.items() if word != "enum"}
         for choice in part.get("enum", ()):
-            for told in faults_of(choice, bare):
-                yield ContractError("choices", f"{where} offers {choice!r}: {told}.", "Mend its enum.")
-        for told in faults_of(part["default"], part) if "default" in part else ():
-            message = f"the default of {key!r} of skill {subject.skill.name!r} is refused by its own schema: {told}."
+            for fault in faults_of(choice, bare):
+                yield ContractError("choices", f"{where} offers {choice!r}: {fault}.", "Mend its enum.")
+        for fault in faults_of(part["default"], part) if "default" in part else ():
+            message = f"the default of {key!r} of skill {subject.skill.name!r} is refused by its own schema: {fault}."
             yield ContractError("defaults-legal", message, "Mend the default or the bounds.")
 
 
@@ -231,28 +231,28 @@ def _bad_conditions(subject: Subject) -> Faults:
     skill = subject.skill
     if skill.adapter is None:
         return
-    for one in skill.parameters:
-        where, part = f"parameter {one.key!r} of skill {skill.name!r}", subject.properties[one.key]
-        if one.name == one.key:
+    for parameter in skill.parameters:
+        where, part = f"parameter {parameter.key!r} of skill {skill.name!r}", subject.properties[parameter.key]
+        if parameter.name == parameter.key:
             yield ContractError("units", f"{where} does not name its unit.", "End its name in _cm or _deg.")
         if part.get("type") != "integer":
             message = f"{where} is no integer; decoders do not keep the bounds of floats."
             yield ContractError("integers", message, "Make it an integer.")
         if not {"minimum", "maximum"} <= set(part):
             yield ContractError("bounded", f"{where} has no bounds.", "Give it a minimum and a maximum.")
-        yield from _bad_measure(one, where, subject.measures)
-    for name, count in Counter(one.name for one in skill.parameters).items():
+        yield from _bad_measure(parameter, where, subject.measures)
+    for name, count in Counter(parameter.name for parameter in skill.parameters).items():
         if count > 1:
             message = f"skill {skill.name!r} has {count} parameters {name!r} but for the unit."
             yield ContractError("names-unique", message, "Rename them.")
 
 
-def _bad_measure(one: Parameter, where: str, measures: Mapping[str, Measure]) -> Faults:
-    if not isinstance(one.measure, str) or one.measure not in measures:
-        message = f"{where} commands {one.measure or 'no measure'!r}."
+def _bad_measure(parameter: Parameter, where: str, measures: Mapping[str, Measure]) -> Faults:
+    if not isinstance(parameter.measure, str) or parameter.measure not in measures:
+        message = f"{where} commands {parameter.measure or 'no measure'!r}."
         yield ContractError("measures-known", message, f"Set its x-measure to one of: {', '.join(measures)}.")
-    elif (unit := si_unit(one.key)) and measures[one.measure].unit != unit:
-        message = f"{where} is in {unit}, and {one.measure!r}, which it commands, is in {measures[one.measure].unit}."
+    elif (unit := si_unit(parameter.key)) and (own := measures[parameter.measure].unit) != unit:
+        message = f"{where} is in {unit}, and {parameter.measure!r}, which it commands, is in {own}."
         remedy = "Mend its x-measure, or end its name in _cm for metres and in _deg for radians."
         yield ContractError("measures-units", message, remedy)
 

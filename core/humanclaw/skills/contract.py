@@ -82,8 +82,8 @@ class Skill:
         if faults := faults_of(filled, self.schema):
             raise CallError(f"{self.name} was not executed: {'; '.join(faults)}. {self.usage()}")
         # JSON Schema holds NaN to no bound.
-        numbers = ((key, one) for key, value in filled.items() for one in _numbers(value))
-        if odd := [key for key, one in numbers if isinstance(one, float) and not math.isfinite(one)]:
+        numbers = ((key, number) for key, value in filled.items() for number in _numbers(value))
+        if odd := [key for key, number in numbers if isinstance(number, float) and not math.isfinite(number)]:
             raise CallError(f"{self.name} was not executed: {odd[0]} is no finite number. {self.usage()}")
         return {key: _whole(filled[key], part) for key, part in properties.items() if key in filled}
 
@@ -133,8 +133,8 @@ def faults_of(value: object, schema: Mapping[str, Any]) -> list[str]:
     """Return what keeps a value from fitting a JSON schema, a sentence each."""
     import jsonschema  # Imported here: training, which needs numpy alone, checks no call.
 
-    found = jsonschema.Draft202012Validator(dict(schema)).iter_errors(value)
-    return [_explain(fault) for fault in sorted(found, key=lambda fault: list(map(str, fault.absolute_path)))]
+    errors = jsonschema.Draft202012Validator(dict(schema)).iter_errors(value)
+    return [_explain(fault) for fault in sorted(errors, key=lambda fault: list(map(str, fault.absolute_path)))]
 
 
 def read_checks(path: Path) -> tuple[tuple[Check, ...], tuple[ContractError, ...]]:

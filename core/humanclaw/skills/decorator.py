@@ -37,8 +37,8 @@ def skill(checks: Sequence[str | Check] = (), name: str | None = None, role: Rol
             item if isinstance(item, Check) else Check(f"{title}_{number}", item)
             for number, item in enumerate(checks, start=1)
         )
-        told, source = inspect.getdoc(function) or "", Path(inspect.getfile(function))
-        return Skill(title, told, schema, _planner(function), listed, None, role, source)
+        description, source = inspect.getdoc(function) or "", Path(inspect.getfile(function))
+        return Skill(title, description, schema, _planner(function), listed, None, role, source)
 
     return wrap
 
@@ -66,8 +66,8 @@ def _argument_schema(
 ) -> dict[str, Any]:
     where = f"argument {argument.name!r} of skill {function.__name__!r}"
     if argument.kind not in (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY):
-        told = f"{where} is {argument.kind.description}."
-        raise PluginError(told, "Take each parameter of a call by its name: no *, ** or /.")
+        message = f"{where} is {argument.kind.description}."
+        raise PluginError(message, "Take each parameter of a call by its name: no *, ** or /.")
     if argument.name not in hints:
         raise PluginError(f"{where} has no type.", "Annotate it, as in int.")
     adapter: TypeAdapter[Any] = TypeAdapter(hints[argument.name])

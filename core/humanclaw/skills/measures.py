@@ -110,7 +110,8 @@ class Declaration:
         """Read a schema. Raises PluginError for an unknown role."""
         parameters = parameters_of(schema)
         first = next(iter(schema.get("required", ())), None)
-        primary = next((one for one in parameters if one.key == first), parameters[0] if parameters else None)
+        required = (parameter for parameter in parameters if parameter.key == first)
+        primary = next(required, next(iter(parameters), None))
         return cls(skill, role_of(skill, schema), parameters, primary)
 
     @classmethod
@@ -120,16 +121,16 @@ class Declaration:
 
     def commands(self, measure: str) -> Parameter | None:
         """Return the parameter that commands a measure, or None."""
-        return next((one for one in self.parameters if one.measure == measure), None)
+        return next((parameter for parameter in self.parameters if parameter.measure == measure), None)
 
     @property
     def climbs(self) -> bool:
         """Whether it takes the body up or down a step."""
-        return any(one.measure in _STEPS for one in self.parameters)
+        return any(parameter.measure in _STEPS for parameter in self.parameters)
 
     def order(self, names: Sequence[str]) -> tuple[Parameter, ...]:
         """Return the parameters in the order of an adapter's names. Raises PluginError unless both name the same."""
-        known = {one.name: one for one in self.parameters}
+        known = {parameter.name: parameter for parameter in self.parameters}
         if sorted(known) != sorted(names):
             raise PluginError(
                 f"the adapter of skill {self.skill!r} was trained on ({', '.join(names)}), "
@@ -143,9 +144,9 @@ def suited(declarations: Iterable[Declaration], *measures: str, role: Role = "lo
     """Of the skills of a role that command all these measures the one that commands least besides; the first of
     equals. One that goes up or down a step is suited to nothing else: where no step is asked for, there is none."""
     step = not _STEPS.isdisjoint(measures)
-    fitting = [one for one in declarations if one.role == role and all(map(one.commands, measures))]
-    fitting = [one for one in fitting if step or not one.climbs]
-    return min(fitting, key=lambda one: len(one.parameters), default=None)
+    fitting = [skill for skill in declarations if skill.role == role and all(map(skill.commands, measures))]
+    fitting = [skill for skill in fitting if step or not skill.climbs]
+    return min(fitting, key=lambda skill: len(skill.parameters), default=None)
 
 
 def read_schema(folder: Path) -> dict[str, Any]:
@@ -215,7 +216,7 @@ def outcomes(
 
     Raises PluginError for a parameter that commands no known measure.
     """
-    columns = [find(one, measures)(root, rotations) for one in parameters]
+    columns = [find(parameter, measures)(root, rotations) for parameter in parameters]
     return np.stack(columns, -1) if columns else np.zeros((len(root), 0))
 
 

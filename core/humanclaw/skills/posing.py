@@ -36,17 +36,17 @@ _EASE: Final = 10
 
 def parts(plan: Plan) -> tuple[Part, ...]:
     """Return the parts of a plan, in order. Raises MotionError for a value that is not a plan, or above 10 s."""
-    found = (plan,) if isinstance(plan, Part) else tuple(plan) if isinstance(plan, Sequence) else ()
-    if not found or not all(isinstance(part, Part) for part in found):
+    listed = (plan,) if isinstance(plan, Part) else tuple(plan) if isinstance(plan, Sequence) else ()
+    if not listed or not all(isinstance(part, Part) for part in listed):
         expected = "a skill returns a Control, Keyframes, a Reach, a Gaze, a Grip, a Motion or a sequence of them"
         raise MotionError("plan-kind", f"{expected}; got {str(plan)[:LONGEST_FAULT]!r}")
-    for part in found:
+    for part in listed:
         if isinstance(part, Motion) and not (
             len(part) and np.isfinite(part.root).all() and np.isfinite(part.rotations).all()
         ):
             raise MotionError("motion-finite", "a Motion holds one frame or more of finite numbers")
-    check_duration(sum(map(frames_of, found)) / FPS, "a call")
-    return found
+    check_duration(sum(map(frames_of, listed)) / FPS, "a call")
+    return listed
 
 
 def frames_of(part: Part) -> int:
@@ -93,9 +93,9 @@ def posed(
     palms: as for wanted. The words continue "Your body could not do all of it: ". How far a hand stays
     short is felt afterwards."""
     motion, stopped = within_limits(wanted(part, pose, palms), pose[-1:])
-    told = [f"your {joint.replace('_', ' ')} turns no further" for joint in stopped]
+    limits = [f"your {joint.replace('_', ' ')} turns no further" for joint in stopped]
     short = part.short(pose, motion) if isinstance(part, Gaze) else ""
-    return motion, tuple(filter(None, (*told, short)))
+    return motion, tuple(filter(None, (*limits, short)))
 
 
 def _entered(part: Motion, pose: Motion) -> Motion:

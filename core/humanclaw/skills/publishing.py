@@ -174,18 +174,18 @@ def parameter_schema(skill: Skill) -> Json:
     }
 
 
-def _widen(one: Json, other: Json) -> Json:
+def _widen(part: Json, other: Json) -> Json:
     """Return a schema that allows what either allows, as far as type, bounds and enum go."""
-    if one.get("type") != other.get("type"):
+    if part.get("type") != other.get("type"):
         return {}
-    wide = {"type": one["type"]} if "type" in one else {}
+    wide = {"type": part["type"]} if "type" in part else {}
     for word, pick in (("minimum", min), ("maximum", max)):
-        if word in one and word in other:
-            wide[word] = pick(one[word], other[word])
-    if "enum" in one and "enum" in other:
-        wide["enum"] = list(dict.fromkeys([*one["enum"], *other["enum"]]))
-    if one.get("items") == other.get("items") and "items" in one:
-        wide["items"] = one["items"]
+        if word in part and word in other:
+            wide[word] = pick(part[word], other[word])
+    if "enum" in part and "enum" in other:
+        wide["enum"] = list(dict.fromkeys([*part["enum"], *other["enum"]]))
+    if part.get("items") == other.get("items") and "items" in part:
+        wide["items"] = part["items"]
     return wide
 
 

@@ -154,8 +154,8 @@ class Reach:
             return np.transpose((there - here) / steps[:, None])
 
         begin = np.clip(usual, low + 1e-7, high - 1e-7)
-        found = least_squares(lambda bend: costs(bend[None])[0], begin, slopes, bounds=(low, high), max_nfev=40)
-        return _bent(start, found.x[None], seated)
+        solution = least_squares(lambda bend: costs(bend[None])[0], begin, slopes, bounds=(low, high), max_nfev=40)
+        return _bent(start, solution.x[None], seated)
 
     def _end(self, palm: Array | None) -> tuple[Limb, Array]:
         """Return the limb that reaches, and where its end (3,) is to be: the knuckles, or the wrist of a palm."""
@@ -218,9 +218,9 @@ def _bent(start: Motion, bends: Array, seated: bool) -> Motion:
 def _ways(first: Array, last: Array, outwards: float, share: Array) -> Array:
     """Return (T, 3) ways from a shoulder to a hand, from the first to the last (3,), the longer the more before the
     body. share: (T,) 0 to 1."""
-    near, far = (float(np.linalg.norm(one)) for one in (first, last))
-    one, other = first / near, last / max(far, 1e-9)
-    before = (one + other) / 2 + 0.6 * (1 - one @ other) * np.array([0.4 * outwards, 0.0, 1.0])
+    near, far = (float(np.linalg.norm(way)) for way in (first, last))
+    start, end = first / near, last / max(far, 1e-9)
+    before = (start + end) / 2 + 0.6 * (1 - start @ end) * np.array([0.4 * outwards, 0.0, 1.0])
     t = share[:, None]
-    way = (1 - t) ** 2 * one + 2 * t * (1 - t) * before + t**2 * other
+    way = (1 - t) ** 2 * start + 2 * t * (1 - t) * before + t**2 * end
     return np.asarray((near + t * (far - near)) * way / np.linalg.norm(way, axis=1, keepdims=True))

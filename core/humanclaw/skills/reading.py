@@ -75,8 +75,8 @@ def read_call(name: str, arguments: str | Mapping[str, Any]) -> tuple[Reasoning,
 
 def plain_name(tool: str) -> str:
     """Return the name in a tool call without what servers leave on it: functions.walk, walk<|channel|>commentary."""
-    found = _TOOL.fullmatch(tool)
-    return found[1] if found else tool
+    match = _TOOL.fullmatch(tool)
+    return match[1] if match else tool
 
 
 def read_answer(answer: Mapping[str, Any]) -> tuple[Reasoning, Call]:
@@ -117,13 +117,13 @@ def read_text(text: str, prose: bool = True) -> list[tuple[Reasoning, Call]]:
     _, answer = split_thoughts(text)
     if len(answer) > LONGEST:
         raise CallError(f"Nothing was executed: the answer is longer than {LONGEST} letters; be brief.")
-    found = _named(written_calls(answer, _once))
-    if not found and not prose:
+    calls = _named(written_calls(answer, _once))
+    if not calls and not prose:
         raise CallError("Nothing was executed: a call among other words is no call; call a tool.")
-    found = found or _among_words(answer)
-    if not found:
+    calls = calls or _among_words(answer)
+    if not calls:
         raise CallError('Nothing was executed: the answer held no complete JSON object with "skill" and "parameters".')
-    return [read_answer(item) for item in found]
+    return [read_answer(item) for item in calls]
 
 
 def read_object(text: str, prose: bool = True) -> Json:
@@ -131,23 +131,23 @@ def read_object(text: str, prose: bool = True) -> Json:
 
     As for calls: words may stand before it if prose, and none behind it; of several objects none is meant for certain.
     """
-    found = [] if len(text) > LONGEST else list(_objects(text))
-    if len(found) != 1 or found[0].nested or not is_padding(text, found[0].end):
+    objects = [] if len(text) > LONGEST else list(_objects(text))
+    if len(objects) != 1 or objects[0].nested or not is_padding(text, objects[0].end):
         raise CallError("The answer held no JSON object, or several, or words behind it.")
-    if not prose and not is_padding(text[: found[0].start], 0):
+    if not prose and not is_padding(text[: objects[0].start], 0):
         raise CallError("The answer held words beside its JSON object.")
-    return found[0].value
+    return objects[0].value
 
 
 def _among_words(text: str) -> list[Json]:
     """Return the JSON objects that name a skill. Raises CallError if words follow the last one, and if one stands in a
     broken object, which may have said that it is not meant."""
-    named = [found for found in _objects(text) if _named([found.value])]
-    if any(found.nested for found in named):
+    named = [item for item in _objects(text) if _named([item.value])]
+    if any(item.nested for item in named):
         raise CallError("Nothing was executed: the JSON object around the call is not closed; write the call alone.")
     if named and not is_padding(text, named[-1].end):
         raise CallError("Nothing was executed: words follow the call; write the call last, with nothing behind it.")
-    return _named(found.value for found in named)
+    return _named(item.value for item in named)
 
 
 def _named(items: Iterable[Json]) -> list[Json]:
@@ -233,19 +233,19 @@ def _inside(value: Any) -> Iterable[Any]:
 
 def _thoughts(text: str) -> dict[str, str]:
     """Read the reasoning fields of a text that holds one a line; a line without a field name is reasoning."""
-    found: dict[str, str] = {}
+    fields: dict[str, str] = {}
     field = "reasoning"
     for line in filter(None, map(str.strip, text.split("\n"))):
         named = _FIELD.match(line)
         field, words = (named[1].lower(), named[2]) if named else (field, line)
-        found[field] = f"{found.get(field, '')} {words}".strip()
-    return found
+        fields[field] = f"{fields.get(field, '')} {words}".strip()
+    return fields
 
 
 def _share(text: str) -> float | None:
     """Read a whole per cent as a share; None for anything else."""
-    found = _PER_CENT.fullmatch(text.strip())
-    return int(found[1]) / 100 if found and int(found[1]) <= 100 else None
+    match = _PER_CENT.fullmatch(text.strip())
+    return int(match[1]) / 100 if match and int(match[1]) <= 100 else None
 
 
 def _text(value: Any) -> str:
