@@ -179,9 +179,6 @@ pictures: install  ## Make the pictures of pages in docs/images again (CHECK=doc
 skin: install  ## Compute the persons that a body looks like, core/humanclaw/body/skins (minutes)
 	$(BIN)/python core/skin/make.py core/humanclaw/body/skins
 
-strips: install  ## Make the strips of all skills in docs/images/skills.jpg again (a minute)
-	$(BIN)/python plugins/train/strips.py docs/images/skills.jpg
-
 notebook: install  ## Execute examples/notebook.ipynb and save its outputs (a minute)
 	$(BIN)/python tests/support/notebook.py
 

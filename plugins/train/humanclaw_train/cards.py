@@ -1,16 +1,9 @@
-"""Model cards: one beside each checkpoint, from its header and the fidelity report on it.
-
-humanclaw cards                   write README.md beside every checkpoint
-humanclaw cards --skill FOLDER    write it for a skill of your own
-humanclaw cards --check           only list the cards that are out of date
-"""
+"""Model cards: one beside each checkpoint, from its header and the fidelity report on it."""
 
 from __future__ import annotations
 
-import argparse
 import math
 import re
-import sys
 import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -18,12 +11,11 @@ from typing import Any, Final
 
 from safetensors import safe_open
 
-from humanclaw import HumanclawError
 from humanclaw.motion import read_header, shipped_base
 from humanclaw.storage import write_atomically
 from humanclaw_train.eval.fidelity import REPORT, FidelityReport, Ratio, Row
 from humanclaw_train.eval.off_axis_drift import Uncommanded
-from humanclaw_train.eval.rollouts import Installed, adapters, file_digest, own
+from humanclaw_train.eval.rollouts import file_digest
 from humanclaw_train.notes import Notes
 
 CARD: Final = "README.md"
@@ -176,7 +168,7 @@ def _package_licence(file: Path) -> tuple[Path | None, str]:
     return project, str(content.get("project", {}).get("license", ""))
 
 
-def _unlike(file: Path) -> str:
+def unlike(file: Path) -> str:
     """Return a warning if the package of a checkpoint does not name a licence that its data bind it to."""
     project, licence = _package_licence(file)
     wanted = [one.replace(" ", "-") for one in terms(read_header(file)["card"]["licences"])]
@@ -186,45 +178,3 @@ def _unlike(file: Path) -> str:
     mended = " AND ".join([licence, *lacking])
     told = f'warning: {project} says license = "{licence}", and the weights are made of data under'
     return f'{told} {", ".join(lacking)}. Write license = "{mended}".\n'
-
-
-def main(arguments: Sequence[str] | None = None, installed: Installed | None = None) -> int:
-    """Run the command line. installed: returns the adapters of the installed skills."""
-    options = _parser().parse_args(arguments)
-    try:
-        base = options.base or shipped_base()
-        if options.skill:
-            files = [*own(options.skill).values()]
-        else:
-            files = [base, *adapters(options.adapters, installed=installed).values()]
-        stale = write(files, base, options.check)
-    except HumanclawError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
-    for file in files:
-        print(_unlike(file), end="", file=sys.stderr)
-    for path in stale:
-        print(f"{'out of date' if options.check else 'wrote'}: {path}")
-    return 1 if stale and options.check else 0
-
-
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="humanclaw cards", description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--base", type=Path, help="base checkpoint (default: the shipped one)")
-    parser.add_argument(
-        "--adapters", type=Path, nargs="*", help="folders to search for adapters (default: the installed skills)"
-    )
-    parser.add_argument(
-        "--skill",
-        type=Path,
-        action="append",
-        default=[],
-        metavar="FOLDER",
-        help="write only the card of this skill of your own",
-    )
-    parser.add_argument("--check", action="store_true", help="write nothing; exit with 1 if a card is out of date")
-    return parser
-
-
-if __name__ == "__main__":
-    sys.exit(main())

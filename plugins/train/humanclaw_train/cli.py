@@ -1,108 +1,291 @@
-"""Commands of this distribution. Most forward their arguments to a module's main, which parses its own options."""
+"""Commands of this distribution."""
 
 from __future__ import annotations
 
-import importlib
+import functools
 import json
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, Final, TypeVar
 
 import click
 
 from humanclaw import Body, CallError, Choice, HumanclawError, Plugins, Scene, Simulator, Skill, default_simulator
-from humanclaw.cli import plugin_options, seed_option
-from humanclaw.skills import Measure
+from humanclaw.cli import plugin_options, seed_option, show_markdown
+from humanclaw.motion import PROFILES, SIZES, DiTGenerator, Solver, load_base, read_header, shipped_base
 
-# No help option of its own: --help goes to the module, which defines the options.
-_FORWARD = {"ignore_unknown_options": True, "allow_extra_args": True, "help_option_names": []}
+F = TypeVar("F", bound=Callable[..., Any])
+_FOLDER: Final = click.Path(path_type=Path, exists=True, file_okay=False)
+_FILE: Final = click.Path(path_type=Path)
+_JSON: Final = click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+_OWN: Final = click.option(
+    "--skill",
+    "folders",
+    type=_FOLDER,
+    multiple=True,
+    metavar="FOLDER",
+    help="Folder of a skill of your own; repeatable.",
+)
+_ADAPTERS: Final = click.option(
+    "--adapters", type=_FOLDER, multiple=True, help="Search this folder, not the installed skills; repeatable."
+)
+_BASE: Final = click.option("--base", type=_FILE, help="Base checkpoint (default: the shipped one).")
+_CHUNKS: Final = ".data/chunks"
 
 
-def _forward(name: str, module: str, explanation: str, **given: Any) -> click.Command:
-    """Return a command that forwards its arguments to a module's main. given: keyword arguments of that main.
+# -- training ----------------------------------------------------------------------------------------------------------
+# No help option of its own: the module defines the options, because it also runs without click.
+@click.command(context_settings={"ignore_unknown_options": True, "allow_extra_args": True, "help_option_names": []})
+@click.argument("args", nargs=-1, type=click.UNPROCESSED)
+def train(args: tuple[str, ...]) -> None:
+    """Train the base prior or a skill's adapter."""
+    from humanclaw_train.train import main
 
-    Only the module defines options, because it also runs without click.
-    """
-
-    @click.command(name, context_settings=_FORWARD, help=explanation, short_help=explanation)
-    @click.argument("args", nargs=-1, type=click.UNPROCESSED)
-    def command(args: tuple[str, ...]) -> None:
-        sys.exit(importlib.import_module(module).main(list(args), **given))
-
-    return command
+    sys.exit(main(list(args)))
 
 
-def _simulator(name: str = "") -> Simulator:
-    """Make a simulator, or that which episodes run in. Modules get it as an argument, as they know no plugin host."""
-    plugins = Plugins.discover()
+# -- measuring ---------------------------------------------------------------------------------------------------------
+_WEIGHTS: Final = (
+    click.option("--skills", default="", metavar="NAME,NAME", help="Skills to measure (default: all with an adapter)."),
+    _ADAPTERS,
+    _BASE,
+    click.option("--rollouts", type=click.IntRange(1), default=200, show_default=True, help="Rollouts per skill."),
+    seed_option(help="Seed of all random numbers."),
+    click.option("--profile", type=click.Choice([*PROFILES]), default="default", show_default=True, help="Solver."),
+    click.option("--method", type=click.Choice(["euler", "midpoint"]), default="midpoint", help="With --steps."),
+    click.option("--steps", type=click.IntRange(0), default=0, help="Solver steps instead of the profile's."),
+)
+
+
+def _weights(function: F) -> F:
+    """Add the options that choose weights and solver; the command gets `generator`, `paths` and `plugins`."""
+
+    @functools.wraps(function)
+    def command(
+        skills: str, adapters: tuple[Path, ...], base: Path | None, profile: str, method: Any, steps: int, **more: Any
+    ) -> Any:
+        from humanclaw_train.eval import rollouts
+
+        plugins = Plugins.discover()
+        known = rollouts.adapters(adapters) if adapters else rollouts.installed(plugins)
+        solver = Solver(method, steps) if steps else PROFILES[profile]
+        generator = DiTGenerator(load_base(base or shipped_base()), solver, corrections=profile != "paper")
+        paths = functools.partial(rollouts.wanted, known, [name.strip() for name in skills.split(",") if name.strip()])
+        return function(generator=generator, paths=paths, plugins=plugins, **more)
+
+    return functools.reduce(lambda inner, option: option(inner), reversed(_WEIGHTS), command)  # type: ignore[return-value]
+
+
+def _simulator(plugins: Plugins, name: str = "") -> Simulator:
     simulator: Simulator = plugins.make("simulators", name or default_simulator(plugins), profile="default")
     return simulator
 
 
-def _place(scene: Scene, seed: int) -> Body:
-    """Put a body with the installed skills into a scene."""
-    return Body(scene, seed=seed)
-
-
-def _installed() -> dict[str, Path]:
-    """Return the adapters of the installed skills."""
-    skills = Plugins.discover().skills.values()
-    return {skill.name: skill.adapter for skill in skills if skill.adapter is not None and skill.trained}
-
-
-def _measures() -> Mapping[str, Measure]:
-    """Return the measures that parameters may command, those of plugins included."""
-    return Plugins.discover().measures
-
-
-train = _forward("train", "humanclaw_train.train", "Train the base prior or a skill's adapter.")
-fidelity = _forward(
-    "fidelity",
-    "humanclaw_train.eval.fidelity",
-    "Measure how well each skill follows its parameters.",
-    simulator=_simulator,
-    installed=_installed,
-    measures=_measures,
+@click.command()
+@_weights
+@_JSON
+@click.option("--simulated", is_flag=True, help="Also measure in half-physics (takes minutes).")
+@click.option(
+    "--motion-history",
+    type=click.Choice(["generated", "simulated"]),
+    default="generated",
+    show_default=True,
+    help="With --simulated: the poses that a motion continues.",
 )
-naturalness = _forward(
-    "naturalness",
-    "humanclaw_train.eval.naturalness",
-    "Compare generated motion with human motion.",
-    installed=_installed,
-    commanded=_measures,
-    seat=_place,
-    simulator=_simulator,
-)
-speed = _forward(
-    "speed", "humanclaw_train.eval.speed", "Time the motion model with several solvers and runtimes.", skills=_installed
-)
-cards = _forward("cards", "humanclaw_train.cards", "Write the model card beside each checkpoint.", installed=_installed)
+@click.option("--baseline", type=_FOLDER, multiple=True, metavar="CHUNKS", help="Chunks for the baseline; repeatable.")
+@click.option("--save", type=_FILE, help="Also write the table as JSON, for `humanclaw cards`.")
+@_OWN
+def fidelity(
+    generator: DiTGenerator,
+    paths: Callable[[], dict[str, Path]],
+    plugins: Plugins,
+    rollouts: int,
+    seed: int,
+    as_json: bool,
+    simulated: bool,
+    motion_history: str,
+    baseline: tuple[Path, ...],
+    save: Path | None,
+    folders: tuple[Path, ...],
+) -> None:
+    """Measure how well each skill follows its parameters.
+
+    The table of a skill of your own is saved in its folder.
+    """
+    from humanclaw_train import markdown
+    from humanclaw_train.eval import fidelity as table
+    from humanclaw_train.eval.rollouts import Command, in_folders, installed
+
+    wanted = in_folders(folders) if folders else paths()
+    commands = [Command.of(skill, path, plugins) for skill, path in wanted.items()]
+    # A skill of your own may follow any installed skill of this base.
+    other = {skill: path for skill, path in installed(plugins).items() if skill not in wanted} if folders else {}
+    fitting = {skill: path for skill, path in other.items() if read_header(path)["base"] == generator.digest}
+    before = [Command.of(skill, path, plugins) for skill, path in fitting.items()]
+    physics = _simulator(plugins) if simulated else None
+    report = table.measured(generator, commands, before, rollouts, seed, baseline, physics, motion_history)
+    for path in [save] if save else [folder / table.REPORT for folder in folders]:
+        report.save(path)
+    if as_json:
+        print(markdown.as_json(report))
+    else:
+        show_markdown(table.markdown(report))
 
 
+@click.command()
+@_weights
+@click.option("--chunks", type=_FOLDER, multiple=True, help="Folder of chunks to compare with; repeatable.")
+@click.option("--clips", type=_FOLDER, help="Folder with clips.csv, for the gait of real walks.")
+@_JSON
+@click.option("--bodies", type=click.IntRange(1), default=20, show_default=True, help="Bodies per pair of skills.")
+@click.option("--calls", type=click.IntRange(1), default=120, show_default=True, help="Calls of the long rollout.")
+@click.option("--corners", type=click.IntRange(0), default=100, show_default=True, help="Calls at every corner.")
+@click.option("--simulator", default="", help="Name of the simulator (default: as in episodes).")
+def naturalness(
+    paths: Callable[[], dict[str, Path]],
+    plugins: Plugins,
+    clips: Path | None,
+    simulator: str,
+    as_json: bool,
+    **settings: Any,
+) -> None:
+    """Compare generated motion with human motion."""
+    from humanclaw_train import markdown
+    from humanclaw_train.eval.rollouts import Command, Subject
+    from humanclaw_train.eval.scenarios import SCENARIOS
+    from humanclaw_train.mocap.clips import load_pack
+
+    def place(scene: Scene, seed: int) -> Body:
+        return Body(scene, seed=seed, plugins=plugins)
+
+    commands = [Command.of(skill, path, plugins) for skill, path in paths().items()]
+    walkers = load_pack(clips) if clips else []
+    subject = Subject(
+        commands=commands, clips=walkers, place=place, simulator=_simulator(plugins, simulator), **settings
+    )
+    found = {}
+    for title, scenario in SCENARIOS.items():
+        found[title] = rows = scenario(subject)
+        if rows and not as_json:  # Each at once, because the whole takes minutes.
+            show_markdown(f"{title}\n\n{markdown.rows_table(rows)}\n\n")
+    if as_json:
+        print(markdown.as_json(found))
+    else:
+        print(f"{subject.generator.solver}; base {subject.generator.digest}")
+
+
+@click.command()
+@click.option("--sizes", type=click.Choice([*SIZES]), multiple=True, default=("lite", "paper"), help="Repeatable.")
+@click.option("--threads", type=click.IntRange(1), multiple=True, default=(1, 2), help="CPU threads; repeatable.")
+@click.option("--bodies", type=click.IntRange(1), multiple=True, default=(8, 64), help="Batch sizes; repeatable.")
+@_JSON
+def speed(sizes: tuple[str, ...], threads: tuple[int, ...], bodies: tuple[int, ...], as_json: bool) -> None:
+    """Time the motion model with several solvers and runtimes."""
+    from humanclaw_train import markdown
+    from humanclaw_train.eval import speed as timing
+
+    timings = []
+    for one in timing.timed(sizes, threads, bodies):
+        print(one, file=sys.stderr, flush=True)  # Each at once, because the whole takes minutes.
+        timings.append(one)
+    if as_json:
+        print(markdown.as_json(timings))
+    else:
+        show_markdown(timing.markdown(timings))
+
+
+@click.command()
+@_BASE
+@_ADAPTERS
+@_OWN
+@click.option("--check", is_flag=True, help="Write nothing; exit with 1 if a card is out of date.")
+def cards(base: Path | None, adapters: tuple[Path, ...], folders: tuple[Path, ...], check: bool) -> None:
+    """Write the model card beside each checkpoint."""
+    from humanclaw_train import cards as writing
+    from humanclaw_train.eval import rollouts
+
+    shared = base or shipped_base()
+    if folders:
+        files = [*rollouts.in_folders(folders).values()]
+    else:
+        known = rollouts.adapters(adapters) if adapters else rollouts.installed(Plugins.discover())
+        files = [shared, *rollouts.wanted(known, ()).values()]
+    stale = writing.write(files, shared, check)
+    for file in files:
+        print(writing.unlike(file), end="", file=sys.stderr)
+    for path in stale:
+        print(f"{'out of date' if check else 'wrote'}: {path}")
+    sys.exit(1 if stale and check else 0)
+
+
+# -- data --------------------------------------------------------------------------------------------------------------
 @click.group()
 def data() -> None:
     """Build training data from motion capture."""
 
 
-def _trained() -> object:
-    """Return the skills that have a recipe."""
-    return importlib.import_module("humanclaw_train.synthesis.commands").trained(Plugins.discover())
-
-
-data.add_command(
-    _forward("build", "humanclaw_train.data.build", "Build the training chunks from motion capture.", skills=_trained)
+@data.command()
+@click.argument("source", type=_FOLDER)
+@click.option("--out", type=_FILE, default=_CHUNKS, show_default=True, help="Folder of chunks.")
+@click.option(
+    "--seconds", type=click.FloatRange(0), default=4000.0, show_default=True, help="Synthetic motion per skill."
 )
-data.add_command(
-    _forward(
-        "chunks",
-        "humanclaw_train.data.custom_skill",
-        "Make the chunks of a skill of your own from a folder of motion.",
-        measures=_measures,
-    )
+@_JSON
+@seed_option(help="Seed of the synthetic motion.")
+@click.option("--without", multiple=True, metavar="SOURCE", help="Leave out a source, such as HDM05; repeatable.")
+@click.option(
+    "--hold-out",
+    multiple=True,
+    metavar="PATTERN",
+    help="Train on no clip whose name matches, such as '*/03/*'; '' for none; repeatable (default: one folder in 20).",
 )
+def build(source: Path, as_json: bool, hold_out: tuple[str, ...], **settings: Any) -> None:
+    """Build the training chunks from a folder of motion capture, such as AMASS's."""
+    from humanclaw_train import markdown
+    from humanclaw_train.data import build as building
+    from humanclaw_train.data.curate import statistics
+    from humanclaw_train.synthesis.commands import trained
+
+    built = building.build(source, skills=trained(Plugins.discover()), hold_out=hold_out or None, **settings)
+    if as_json:
+        print(markdown.as_json(statistics(built.chunks)))
+    else:
+        show_markdown(f"{building.table(built.chunks)}\n\n{built.report}")
 
 
+@data.command()
+@click.option("--skill", "folder", type=_FOLDER, required=True, metavar="FOLDER", help="Folder with its schema.json.")
+@click.option("--clips", type=_FOLDER, required=True, help="Folder of motion.")
+@click.option("--out", type=_FILE, default=_CHUNKS, show_default=True, help="Folder of chunks.")
+@click.option(
+    "--seconds",
+    type=click.FloatRange(0),
+    default=4000.0,
+    show_default=True,
+    help="Retimed motion to add, for a posture.",
+)
+@_JSON
+@seed_option(help="Seed of the retimed motion.")
+@_BASE
+def chunks(folder: Path, as_json: bool, **settings: Any) -> None:
+    """Make the chunks of a skill of your own from a folder of motion."""
+    from humanclaw_train import markdown
+    from humanclaw_train.data import build as building, custom_skill
+    from humanclaw_train.data.curate import statistics
+
+    skill = custom_skill.of_folder(folder, Plugins.discover().measures)
+    made, warnings = custom_skill.saved(skill, **settings)
+    named = {skill.name: made}
+    if as_json:
+        print(markdown.as_json(statistics(named)))
+    else:
+        show_markdown(building.table(named))
+    for line in warnings:
+        print(line, file=sys.stderr)
+
+
+# -- pictures ----------------------------------------------------------------------------------------------------------
 @click.group()
 def show() -> None:
     """Draw the motion of a skill as a strip and a GIF."""
@@ -112,35 +295,17 @@ def show() -> None:
 @click.argument("name")
 @click.option("--calls", type=click.IntRange(1, 100), default=6, show_default=True, help="Number of calls in a row.")
 @seed_option(help="Seed of the motion.")
-@click.option(
-    "--beside",
-    type=click.Path(path_type=Path),
-    metavar="MOCAP",
-    help="Folder with clips.csv: also draw the most similar person.",
-)
-@click.option(
-    "--out", type=click.Path(path_type=Path), help="GIF file (default: NAME.gif). A strip (PNG) is written beside it."
-)
+@click.option("--out", type=_FILE, help="GIF file (default: NAME.gif). A strip (PNG) is written beside it.")
 @click.option("--renderer", default="raster", show_default=True, help="Name of the renderer.")
 @plugin_options
-@click.pass_context
-def _skill(
-    context: click.Context,
-    name: str,
-    calls: int,
-    seed: int,
-    beside: Path | None,
-    out: Path | None,
-    renderer: str,
-    files: tuple[Path, ...],
-    choice: Choice,
-) -> None:
+def _skill(name: str, out: Path | None, files: tuple[Path, ...], choice: Choice, **settings: Any) -> None:
     """Draw a skill. Every parameter of the skill is an option: `humanclaw show skill walk --z-cm 40`."""
-    looking = importlib.import_module("humanclaw_train.eval.show")
+    from humanclaw_train.eval import show as drawing
+
     plugins = Plugins.discover(files, choice=choice)
-    params = _params(plugins.skill(name), context.args)
+    params = _params(plugins.skill(name), click.get_current_context().args)
     wanted = out or Path(f"{name.split(':')[-1]}.gif")
-    for path in looking.show(plugins, name, params, calls, seed, beside, wanted, renderer):
+    for path in drawing.show(plugins, name, params, out=wanted, **settings):
         click.echo(path)
 
 
@@ -152,7 +317,7 @@ def _params(skill: Skill, words: list[str]) -> dict[str, Any]:
     flat = [part for word in words for part in (word.split("=", 1) if word.startswith("--") else [word])]
     keys = [word.removeprefix("--").replace("-", "_") for word in flat[::2]]
     if len(flat) % 2 or not all(word.startswith("--") for word in flat[::2]):
-        hint = ", ".join(f"--{one.key.replace('_', '-')} NUMBER" for one in skill.parameters)
+        hint = ", ".join(f"--{parameter.key.replace('_', '-')} NUMBER" for parameter in skill.parameters)
         raise HumanclawError(f"{' '.join(words)} are no options of {skill.name}.", f"It takes: {hint or 'none'}.")
     try:
         return skill.check({key: _read(value) for key, value in zip(keys, flat[1::2], strict=True)})

@@ -19,6 +19,21 @@ def table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
 
+Row = dict[str, Any]
+"""Text or numbers by the heading of their column, which names the unit."""
+
+
+def rows_table(rows: Sequence[Row]) -> str:
+    """Return rows of the same columns as a Markdown table, numbers with about three digits."""
+    return table(tuple(rows[0]), [[_short(value) for value in row.values()] for row in rows])
+
+
+def _short(value: object) -> str:
+    if not isinstance(value, float):
+        return str(value)
+    return cell(value, 0 if abs(value) >= 100 else 1 if abs(value) >= 10 else 2)
+
+
 def cell(value: float, digits: int = 1) -> str:
     """Format a number; a dash for NaN."""
     return f"{value:.{digits}f}" if np.isfinite(value) else "-"

@@ -1,4 +1,4 @@
-"""Fixtures: a motion model that stands still, and a real walk."""
+"""Fixtures: the command line, a motion model that stands still, and a real walk."""
 
 from __future__ import annotations
 
@@ -9,7 +9,22 @@ from pathlib import Path
 import pytest
 from tiny_motion import write_base
 
+from humanclaw.cli import main
 from humanclaw.motion import Base
+
+
+@pytest.fixture
+def humanclaw() -> Callable[..., int]:
+    """A function that runs a command line in this process and returns its exit code."""
+
+    def run(*words: object) -> int:
+        try:
+            main([str(word) for word in words])
+        except SystemExit as end:
+            return int(end.code or 0)
+        return 0
+
+    return run
 
 
 @pytest.fixture(scope="session")

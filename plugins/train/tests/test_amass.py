@@ -24,8 +24,9 @@ def tree(tmp_path_factory) -> Path:
     return write_amass(tmp_path_factory.mktemp("amass"))
 
 
-def _build(source: Path, out: Path, *more: str) -> int:
-    return building.main([str(source), "--out", str(out), *more], skills=lambda: list(trained_skills().values()))
+@pytest.fixture
+def build(humanclaw):
+    return lambda source, out, *more: humanclaw("data", "build", source, "--out", out, *more)
 
 
 def _report(folder: Path) -> list[dict[str, str]]:
@@ -38,12 +39,12 @@ def _walk(z: float = 0.55, calls: int = 6):
 
 
 @pytest.mark.integration
-def test_from_an_amass_tree_to_an_adapter(tree, tmp_path, capsys):
+def test_from_an_amass_tree_to_an_adapter(build, tree, tmp_path, capsys):
     pytest.importorskip("torch")
     from humanclaw_train import train
 
     chunks, base, skill = (tmp_path / name for name in ("chunks", "base", "walk"))
-    assert _build(tree, chunks, "--seconds", "8") == 0
+    assert build(tree, chunks, "--seconds", "8") == 0
     assert "trained on" in capsys.readouterr().out
     few = ["--data", str(chunks), "--steps", "3", "--batch", "8", "--device", "cpu"]
     assert train.main(["base", *few, "--out", str(base), "--size", "tiny"]) == 0
@@ -53,8 +54,8 @@ def test_from_an_amass_tree_to_an_adapter(tree, tmp_path, capsys):
     assert card["real"] == Chunks.load(chunks / "walk.npz").real.sum()
 
 
-def test_windows_of_unlabelled_clips_show_what_their_geometry_says(tree, tmp_path):
-    assert _build(tree, tmp_path, "--seconds", "0", "--hold-out", "STUDIO/02/*") == 0
+def test_windows_of_unlabelled_clips_show_what_their_geometry_says(build, tree, tmp_path):
+    assert build(tree, tmp_path, "--seconds", "0", "--hold-out", "STUDIO/02/*") == 0
     found = {name: Chunks.load(tmp_path / f"{name}.npz") for name in ("walk", "turn_in_place", "side_step", "base")}
     assert set(found["base"].clips) == {
         f"STUDIO: STUDIO/0{who}/{what}_poses" for who in "01" for what in ("walk", "stroll")
@@ -66,8 +67,8 @@ def test_windows_of_unlabelled_clips_show_what_their_geometry_says(tree, tmp_pat
     assert not (tmp_path / "climb_upstairs.npz").exists()
 
 
-def test_a_report_names_every_file_with_what_became_of_it(tree, tmp_path, capsys):
-    assert _build(tree, tmp_path, "--seconds", "0", "--hold-out", "*/02/*") == 0
+def test_a_report_names_every_file_with_what_became_of_it(build, tree, tmp_path, capsys):
+    assert build(tree, tmp_path, "--seconds", "0", "--hold-out", "*/02/*") == 0
     outcomes = {row["name"]: (row["outcome"], row["reason"]) for row in _report(tmp_path)}
     assert outcomes["STUDIO/00/walk_poses"] == ("trained on", "")
     assert outcomes["STUDIO/02/walk_poses"] == ("held out", "")
@@ -78,7 +79,7 @@ def test_a_report_names_every_file_with_what_became_of_it(tree, tmp_path, capsys
     assert "none was asked for" in capsys.readouterr().out
 
 
-def test_clips_are_left_out_for_a_reason(tmp_path):
+def test_clips_are_left_out_for_a_reason(build, tmp_path):
     walk = _walk()
     lying = rest_pose(90)
     lying.rotations[:, 0, 0] = np.pi / 2
@@ -87,7 +88,7 @@ def test_clips_are_left_out_for_a_reason(tmp_path):
     write_clip(tmp_path / "in" / "crawl.npz", _flipping(walk))
     (tmp_path / "in" / "cut_off.npz").write_bytes((tmp_path / "in" / "long.npz").read_bytes()[:5000])
     (tmp_path / "in" / "LICENSE.txt").write_text("All rights reserved.")
-    assert _build(tmp_path / "in", tmp_path / "out", "--seconds", "0", "--hold-out") == 0
+    assert build(tmp_path / "in", tmp_path / "out", "--seconds", "0", "--hold-out", "") == 0
     reasons = {row["name"]: row["reason"] for row in _report(tmp_path / "out")}
     assert reasons["long"] == ""
     assert reasons["short"] == "shorter than 0.67 s"
@@ -116,19 +117,19 @@ def test_a_body_with_a_raised_hand_trains_the_prior_but_no_skill():
     assert "walk" in build_real([replace(carrying, motion=walk)], list(trained_skills().values()))
 
 
-def test_without_a_straight_walk_there_is_no_synthetic_motion_and_the_report_says_why(tmp_path, capsys):
+def test_without_a_straight_walk_there_is_no_synthetic_motion_and_the_report_says_why(build, tmp_path, capsys):
     write_clip(
         _in(tmp_path / "in" / "turn.npz"),
         synthesize(swinging(), [(trained_skills()["turn_in_place"], {"yaw": 0.9})] * 4, 0),
     )
-    assert _build(tmp_path / "in", tmp_path / "out", "--seconds", "20") == 0
+    assert build(tmp_path / "in", tmp_path / "out", "--seconds", "20") == 0
     assert "No synthetic motion: None of 1 clips shows a straight walk" in capsys.readouterr().out
     assert Chunks.load(tmp_path / "out" / "base.npz").real.all()
 
 
-def test_clips_of_which_none_is_plausible_are_refused_with_the_report(tmp_path, capsys):
+def test_clips_of_which_none_is_plausible_are_refused_with_the_report(build, tmp_path, capsys):
     write_clip(_in(tmp_path / "in" / "short.npz"), rest_pose(10))
-    assert _build(tmp_path / "in", tmp_path / "out") == 2
+    assert build(tmp_path / "in", tmp_path / "out") == 2
     told = capsys.readouterr().err
     assert "No clip of" in told
     assert "shorter than 0.67 s" in told
@@ -140,12 +141,12 @@ def test_a_folder_without_motion_is_refused(tmp_path):
         Folder.read(tmp_path)
 
 
-def test_a_table_beside_the_files_labels_them(tmp_path):
+def test_a_table_beside_the_files_labels_them(build, tmp_path):
     write_clip(_in(tmp_path / "in" / "a.npz"), _walk(calls=8))
     head = "file,source,licence,subject,frames,fps,description,skill_tags,notes"
     row = "a.npz,STUDIO,CC0,1,480,120,walk,base walk,frames walk 0-239. stops then"
     (tmp_path / "in" / "clips.csv").write_text(f"{head}\n{row}\n")
-    assert _build(tmp_path / "in", tmp_path / "out", "--seconds", "0") == 0
+    assert build(tmp_path / "in", tmp_path / "out", "--seconds", "0") == 0
     chunks = {name: Chunks.load(tmp_path / "out" / f"{name}.npz") for name in ("walk", "base")}
     assert 0 < len(chunks["walk"]) < 0.6 * len(chunks["base"])
 
@@ -165,6 +166,6 @@ def test_one_folder_in_twenty_is_held_out_because_subjects_have_folders():
     assert building.held_out(clips, ["S/0?/a"]) == {f"S/0{who}/a" for who in range(10)}
 
 
-def test_the_statistics_are_json_on_request(tree, tmp_path, capsys):
-    assert _build(tree, tmp_path, "--seconds", "0", "--json") == 0
+def test_the_statistics_are_json_on_request(build, tree, tmp_path, capsys):
+    assert build(tree, tmp_path, "--seconds", "0", "--json") == 0
     assert json.loads(capsys.readouterr().out)["walk"]["real"] > 50

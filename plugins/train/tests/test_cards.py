@@ -9,7 +9,7 @@ from safetensors.numpy import load_file
 from tiny_motion import write_adapter, write_base
 
 from humanclaw.motion import AdapterConfig, Card, read_header, shipped_base
-from humanclaw_train.cards import CARD, REPORT, card, main, write
+from humanclaw_train.cards import CARD, REPORT, card, write
 from humanclaw_train.eval.fidelity import FidelityReport, Ratio, Row
 from humanclaw_train.eval.rollouts import adapters, file_digest
 
@@ -57,13 +57,13 @@ def test_the_card_of_a_ninth_skill_says_nothing_of_how_ours_were_made(tmp_path):
         assert claim not in text
 
 
-def test_weights_of_share_alike_data_are_share_alike_and_their_package_is_told_so(weights, capsys):
+def test_weights_of_share_alike_data_are_share_alike_and_their_package_is_told_so(humanclaw, weights, capsys):
     folder = weights / "sit_in_place"
     assert "distribute them under CC BY-SA 3.0" in card(folder / "adapter.safetensors")
     project = weights / "pyproject.toml"
     for licence, warned in (("Apache-2.0", True), ("Apache-2.0 AND CC-BY-SA-3.0", False)):
         project.write_text(f'[project]\nname = "mine"\nlicense = "{licence}"\n')
-        assert main(["--skill", str(folder), "--base", str(weights / "base.safetensors")]) == 0
+        assert humanclaw("cards", "--skill", str(folder), "--base", str(weights / "base.safetensors")) == 0
         said = capsys.readouterr().err
         assert ('Write license = "Apache-2.0 AND CC-BY-SA-3.0"' in said) == warned
 
@@ -120,27 +120,27 @@ def test_only_the_shipped_base_says_what_is_synthetic_there(weights):
         assert claim not in card(weights / name)
 
 
-def test_cards_are_written_once_and_found_stale_when_a_report_comes(weights, capsys):
+def test_cards_are_written_once_and_found_stale_when_a_report_comes(humanclaw, weights, capsys):
     arguments = ["--base", str(weights / "base.safetensors"), "--adapters", str(weights)]
-    assert main([*arguments, "--check"]) == 1
+    assert humanclaw("cards", *arguments, "--check") == 1
     assert not (weights / CARD).exists()
-    assert main(arguments) == 0
-    assert main([*arguments, "--check"]) == 0
+    assert humanclaw("cards", *arguments) == 0
+    assert humanclaw("cards", *arguments, "--check") == 0
     _report(weights).save(weights / REPORT)
-    assert main([*arguments, "--check"]) == 1
+    assert humanclaw("cards", *arguments, "--check") == 1
     assert "out of date" in capsys.readouterr().out
 
 
-def test_without_folders_the_cards_are_those_of_the_installed_skills(weights, capsys):
-    path = weights / "sit_in_place" / "adapter.safetensors"
-    assert main(["--base", str(weights / "base.safetensors")], installed=lambda: {"sit_in_place": path}) == 0
-    written = [line.removeprefix("wrote: ") for line in capsys.readouterr().out.splitlines()]
-    assert written == [str(weights / CARD), str(path.with_name(CARD))]
+def test_without_folders_the_cards_are_those_of_the_installed_skills(humanclaw, weights, capsys):
+    assert humanclaw("cards", "--base", weights / "base.safetensors", "--check") == 1
+    stale = [line.removeprefix("out of date: ") for line in capsys.readouterr().out.splitlines()]
+    assert stale[0] == str(weights / CARD)
+    assert {Path(line).parent.name for line in stale} > {"walk", "sit_in_place", "stop"}
 
 
-def test_a_broken_report_is_an_error_and_nothing_is_written(weights):
+def test_a_broken_report_is_an_error_and_nothing_is_written(humanclaw, weights):
     (weights / REPORT).write_text(json.dumps([]))
-    assert main(["--base", str(weights / "base.safetensors"), "--adapters", str(weights)]) == 2
+    assert humanclaw("cards", "--base", str(weights / "base.safetensors"), "--adapters", str(weights)) == 2
     assert not (weights / CARD).exists()
 
 

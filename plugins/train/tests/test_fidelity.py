@@ -12,7 +12,7 @@ from humanclaw import CheckpointError, PluginError
 from humanclaw.body import STANDING_HEIGHT, Motion, Pose2D, rest_pose
 from humanclaw.motion import AdapterConfig, DiTGenerator, Solver, load_base
 from humanclaw_train.data.chunks import Chunks
-from humanclaw_train.eval.fidelity import FidelityReport, achieved, baseline, fidelity, main, markdown, simulated
+from humanclaw_train.eval.fidelity import FidelityReport, achieved, baseline, fidelity, measured, rows_table, simulated
 from humanclaw_train.eval.rollouts import Command, Rollouts
 from humanclaw_train.eval.simulated import HIPS, Actor, flat, roll_simulated, stage
 
@@ -34,7 +34,7 @@ def test_a_body_that_does_nothing_achieves_nothing(still):
     assert row.generated.mean == pytest.approx(0, abs=1e-3)
     assert row.generated.error == pytest.approx(25, abs=8)
     assert row.generated.chunks == 12
-    assert "| step_back | 0.000 ± 0.000 | - |" in markdown([row]).replace("-0.000", "0.000")
+    assert "| step_back | 0.000 ± 0.000 | - |" in rows_table([row]).replace("-0.000", "0.000")
 
 
 def test_commands_stay_in_the_range_of_the_data_and_away_from_nothing(still):
@@ -122,7 +122,7 @@ def test_the_figures_of_the_paper_lie_beside_the_skill(still):
     (row,) = fidelity(still[0], [Command.of("step_back", still[1])], rollouts=2)
     assert (row.paper, row.paper_baseline) == (None, None)
     (row,) = fidelity(still[0], [Command.of("step_back", _with_notes(still[1]))], rollouts=2)
-    assert "| 0.986 ± 0.056 | 2.072 ± 1.067 |" in markdown([row])
+    assert "| 0.986 ± 0.056 | 2.072 ± 1.067 |" in rows_table([row])
 
 
 def _with_notes(adapter):
@@ -195,26 +195,20 @@ def test_without_motion_nothing_is_simulated(simulator, still):
 
 
 # -- the command line -------------------------------------------------------------------------------------------------
-def test_the_command_line_prints_one_row_a_skill_and_saves_what_it_printed(still, capsys, tmp_path, monkeypatch):
+def test_the_command_line_prints_one_row_a_skill_and_saves_it(humanclaw, still, capsys, tmp_path, monkeypatch):
     monkeypatch.setenv("COLUMNS", "200")
     folder = still[1].parent.parent
     file = tmp_path / "fidelity.json"
-    arguments = ["--adapters", str(folder), "--base", str(folder / "base.safetensors"), "--rollouts", "2"]
-    assert main([*arguments, "--save", str(file)]) == 0
+    arguments = ["fidelity", "--adapters", folder, "--base", folder / "base.safetensors", "--rollouts", "2"]
+    assert humanclaw(*arguments, "--save", file) == 0
     printed = capsys.readouterr().out
-    assert "| step_back |" in printed
     assert "ms a chunk" in printed
     report = FidelityReport.load(file)
     assert report.base == still[0].digest
-    assert markdown(report.rows) in printed
-    monkeypatch.delenv("COLUMNS")
-    assert main(arguments) == 0
-    assert max(map(len, capsys.readouterr().out.splitlines())) <= 80
-    assert main([*arguments, "--json"]) == 0
+    assert rows_table(report.rows) in printed
+    assert humanclaw(*arguments, "--json") == 0
     assert [row["skill"] for row in json.loads(capsys.readouterr().out)["rows"]] == ["step_back"]
-    assert main([*arguments, "--skills", "fly"]) == 2
-    assert main([*arguments, "--simulated"]) == 2
-    assert "humanclaw fidelity --simulated" in capsys.readouterr().err
+    assert humanclaw(*arguments, "--skills", "fly") == 2
 
 
 def test_a_file_that_is_no_report_is_refused_with_a_remedy(tmp_path):
@@ -224,12 +218,9 @@ def test_a_file_that_is_no_report_is_refused_with_a_remedy(tmp_path):
         FidelityReport.load(file)
 
 
-def test_an_adapter_of_a_run_is_declared_by_the_installed_skill(still, capsys, tmp_path, monkeypatch):
-    run = tmp_path / "runs" / "step_back"
-    run.mkdir(parents=True)
-    (run / "adapter.safetensors").write_bytes(still[1].read_bytes())
-    monkeypatch.chdir(tmp_path)  # Outside the repository.
-    base = still[1].parent.parent / "base.safetensors"
-    words = ["--adapters", str(run.parent), "--base", str(base), "--rollouts", "2"]
-    assert main(words, installed=lambda: {"step_back": still[1]}) == 0
-    assert "| step_back |" in capsys.readouterr().out
+def test_an_adapter_of_a_run_is_declared_by_the_installed_skill(plugins, still, tmp_path):
+    run = tmp_path / "runs" / "step_back" / "adapter.safetensors"
+    run.parent.mkdir(parents=True)
+    run.write_bytes(still[1].read_bytes())
+    (row,) = measured(still[0], [Command.of("step_back", run, plugins)], rollouts=2).rows
+    assert row.skill == "step_back"

@@ -1,32 +1,25 @@
 """Build the training chunks: from motion capture to one npz per skill and one for the prior.
 
-    humanclaw data build SOURCE --out .data/chunks
-
 SOURCE is a folder of AMASS .npz, .amc with .asf, .bvh or humanoid3d .txt files, in subfolders too. A clips.csv in it
 may name the clips and label their frames. Without labels, geometry alone decides which windows show a skill.
 """
 
 from __future__ import annotations
 
-import argparse
-import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatch
 from pathlib import Path, PurePath
 from typing import Final
 
-import numpy as np
-from numpy.typing import NDArray
 from tqdm import tqdm
 
 from humanclaw import HumanclawError
 from humanclaw.body import FPS, FUTURE
-from humanclaw.cli import show_markdown
-from humanclaw_train.data.chunks import CHUNKS, Chunks
+from humanclaw_train.data.chunks import Chunks
 from humanclaw_train.data.curate import Use, build_real, statistics
 from humanclaw_train.data.report import Report, Row
-from humanclaw_train.markdown import as_json, table as markdown
+from humanclaw_train.markdown import table as markdown
 from humanclaw_train.mocap.clips import Clip, Folder
 from humanclaw_train.mocap.source_motion import MocapError
 from humanclaw_train.synthesis.commands import Trained
@@ -134,66 +127,3 @@ def table(chunks: Mapping[str, Chunks]) -> str:
         cells = (name, found.real, synthetic, f"{found.seconds:.1f}", f"{synthetic * FUTURE / FPS:.1f}", spread or "-")
         rows.append([*map(str, cells)])
     return markdown(heads, rows)
-
-
-_BARS: Final = " ▁▂▃▄▅▆▇█"
-_BINS: Final = 16
-
-
-def histograms(chunks: Mapping[str, Chunks]) -> str:
-    """Return each parameter's histograms over its whole range, real and synthetic, as a Markdown table of bars.
-
-    Bars are relative to the fullest bin of their histogram. A bin that is not empty shows at least the lowest bar.
-    """
-    rows = []
-    for skill, found in chunks.items():
-        for column, name in enumerate(found.names.tolist()):
-            values = found.params[:, column].astype(float)
-            low, high = float(values.min()), float(values.max())
-            real, synthetic = (
-                _bars(np.histogram(values[mask], _BINS, (low, high))[0]) for mask in (found.real, ~found.real)
-            )
-            rows.append((f"{skill} {name}", f"{low:.2f}", f"`{real}`", f"`{synthetic}`", f"{high:.2f}"))
-    return markdown(("parameter", "least", "real", "synthetic", "most"), rows)
-
-
-def _bars(counts: NDArray[np.int_]) -> str:
-    heights = np.ceil(counts / max(counts.max(), 1) * (len(_BARS) - 1)).astype(int)
-    return "".join(_BARS[height] for height in heights)
-
-
-def main(arguments: Sequence[str] | None = None, skills: Callable[[], Sequence[Trained]] | None = None) -> int:
-    """Run the command line. skills: returns the trained skills."""
-    parser = argparse.ArgumentParser(prog="humanclaw data build", description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("source", type=Path, help="folder of motion capture, such as AMASS's")
-    parser.add_argument("--out", type=Path, default=CHUNKS, help=f"folder of chunks (default: {CHUNKS})")
-    parser.add_argument(
-        "--seconds", type=float, default=4000.0, help="synthetic motion per skill; 0 for none (default: 4000)"
-    )
-    parser.add_argument("--json", action="store_true", help="print JSON")
-    parser.add_argument("--seed", type=int, default=0, help="seed of the synthetic motion")
-    parser.add_argument("--without", nargs="*", default=[], help="sources to leave out, such as HDM05")
-    parser.add_argument(
-        "--hold-out",
-        nargs="*",
-        help="patterns of names of clips to hold out from training (default: one folder in twenty, or one clip)",
-    )
-    options = parser.parse_args(arguments)
-    try:
-        if skills is None:
-            raise HumanclawError("No skills are known without a plugin host.", "Use the command: humanclaw data build")
-        built = build(
-            options.source, options.out, skills(), options.seconds, options.seed, options.without, options.hold_out
-        )
-    except HumanclawError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
-    if options.json:
-        print(as_json(statistics(built.chunks)))
-    else:
-        show_markdown(f"{table(built.chunks)}\n\n{histograms(built.chunks)}\n\n{built.report}")
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -1,18 +1,14 @@
 """Chunks of a skill of your own, from a folder of motion.
 
-    humanclaw data chunks --skill FOLDER --clips DIR
-
-FOLDER contains the skill's schema.json, which names the measure of each parameter. Every window of every clip is
-measured, and windows within the schema's bounds are kept. A recipe.py beside it may select among the windows. DIR
-contains .bvh files, .amc files with their .asf, AMASS .npz files, humanoid3d .txt files, or motion.npz files of
-recorded episodes, in subfolders too.
+The folder of the skill contains its schema.json, which names the measure of each parameter. Every window of every clip
+is measured, and windows within the schema's bounds are kept. A recipe.py beside it may select among the windows. The
+folder of motion contains .bvh files, .amc files with their .asf, AMASS .npz files, humanoid3d .txt files, or motion.npz
+files of recorded episodes, in subfolders too.
 """
 
 from __future__ import annotations
 
-import argparse
 import importlib.util
-import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -24,15 +20,11 @@ from tqdm import tqdm
 
 from humanclaw import HumanclawError, Motion
 from humanclaw.body import CHUNK, FUTURE, HISTORY, Array
-from humanclaw.cli import show_markdown
 from humanclaw.motion import load_base, shipped_base
 from humanclaw.skills import MEASURES, Declaration, Measure, Parameter, Recipe, from_si, outcomes
-from humanclaw_train.data.build import histograms, table
-from humanclaw_train.data.chunks import CHUNKS, Chunks, cut
-from humanclaw_train.data.curate import WINDOW_STRIDE, sane, statistics, travel
+from humanclaw_train.data.chunks import Chunks, cut
+from humanclaw_train.data.curate import WINDOW_STRIDE, sane, travel
 from humanclaw_train.data.retimed import retimed
-from humanclaw_train.eval.rollouts import Measures
-from humanclaw_train.markdown import as_json
 from humanclaw_train.mocap.clips import Clip, Folder
 from humanclaw_train.synthesis.commands import Trained
 
@@ -146,13 +138,22 @@ def _retimed(skill: Trained, clips: Sequence[Clip], standing: Motion, seconds: f
             yield _kept(skill, *cut(first, np.array([0, FUTURE])), RETIMED, False)
 
 
-def too_wide(skill: Trained, chunks: Chunks) -> list[str]:
-    """Return a warning for every parameter whose bounds exceed the chunks' range.
+def saved(
+    skill: Trained, clips: Path, out: Path, seconds: float, seed: int, base: Path | None = None
+) -> tuple[Chunks, list[str]]:
+    """Make the chunks of a skill from a folder of motion and write out/<skill>.npz.
 
-    An adapter does not learn beyond that range, and `humanclaw check` will refuse it.
+    base: gives the standing pose; None for the shipped one. Returns the chunks, and warnings: of files that were left
+    out and of every parameter whose bounds exceed the chunks' range, beyond which an adapter does not learn.
     """
+    standing = load_base(base or shipped_base())
+    start = Motion(standing.start_root.astype(float), standing.start_rotations.astype(float))
+    folder = Folder.read(clips)
+    chunks = chunks_of(skill, folder.clips, seconds, seed, start[HISTORY - 1 :])
+    chunks.save(out / f"{skill.name}.npz")
     shown = zip(skill.declaration.parameters, *np.quantile(chunks.params, _SHOWN, axis=0), strict=True)
-    return [_reach(one, low, high) for one, low, high in shown if _wider(one, low, high)]
+    left_out = [f"left out: {name} {reason}" for name, reason in folder.left_out.items()]
+    return chunks, left_out + [_reach(one, low, high) for one, low, high in shown if _wider(one, low, high)]
 
 
 def _wider(parameter: Parameter, low: float, high: float) -> bool:
@@ -165,49 +166,6 @@ def _reach(parameter: Parameter, low: float, high: float) -> str:
         " to ".join(f"{from_si(parameter.key, edge):.0f}" for edge in pair)
         for pair in ((parameter.low, parameter.high), (low, high))
     )
-    return f"{parameter.key} may be {asked}, and the chunks show {shown}: narrow its bounds, or give more clips."
-
-
-# -- the command line --------------------------------------------------------------------------------------------------
-def main(arguments: Sequence[str] | None = None, measures: Measures = lambda: MEASURES) -> int:
-    """Run the command line. measures: returns the known measures."""
-    options = _parser().parse_args(arguments)
-    try:
-        skill = of_folder(options.skill, measures())
-        standing = load_base(options.base or shipped_base())
-        start = Motion(standing.start_root.astype(float), standing.start_rotations.astype(float))
-        folder = Folder.read(options.clips)
-        for name, reason in folder.left_out.items():
-            print(f"left out: {name} {reason}", file=sys.stderr)
-        chunks = chunks_of(skill, folder.clips, options.seconds, options.seed, start[HISTORY - 1 :])
-        chunks.save(options.out / f"{skill.name}.npz")
-    except HumanclawError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
-    if options.json:
-        print(as_json(statistics({skill.name: chunks})))
-    else:
-        show_markdown(f"{table({skill.name: chunks})}\n\n{histograms({skill.name: chunks})}")
-    for line in too_wide(skill, chunks):
-        print(f"warning: {line}", file=sys.stderr)
-    return 0
-
-
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="humanclaw data chunks", description=(__doc__ or "").splitlines()[0])
-    parser.add_argument(
-        "--skill", type=Path, required=True, metavar="FOLDER", help="folder with the skill's schema.json"
+    return (
+        f"warning: {parameter.key} may be {asked}, and the chunks show {shown}: narrow its bounds, or give more clips."
     )
-    parser.add_argument("--clips", type=Path, required=True, metavar="DIR", help="folder of motion")
-    parser.add_argument("--out", type=Path, default=CHUNKS, help=f"folder of chunks (default: {CHUNKS})")
-    parser.add_argument(
-        "--seconds", type=float, default=4000.0, help="retimed motion to add, for a posture (default: 4000)"
-    )
-    parser.add_argument("--json", action="store_true", help="print JSON")
-    parser.add_argument("--seed", type=int, default=0, help="seed of the retimed motion")
-    parser.add_argument("--base", type=Path, help="base checkpoint, for its standing pose (default: the shipped one)")
-    return parser
-
-
-if __name__ == "__main__":
-    sys.exit(main())

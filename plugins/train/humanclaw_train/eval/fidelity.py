@@ -1,8 +1,5 @@
 """Fidelity of the skills: achieved over commanded motion (paper, table 1).
 
-    humanclaw fidelity --rollouts 200 --simulated --baseline CHUNKS
-    humanclaw fidelity --skill FOLDER
-
 * Generated: the motion model's output. Half of the rollouts begin after a chunk of another skill, the rest from
   standing. Then come three chunks in a row with parameters drawn uniformly from the middle nine tenths of the
   adapter's range.
@@ -13,9 +10,7 @@
 
 from __future__ import annotations
 
-import argparse
 import json
-import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
@@ -26,26 +21,15 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from humanclaw import CheckpointError, HumanclawError
+from humanclaw import CheckpointError
 from humanclaw.body import Array, wrap_angle
-from humanclaw.motion import PROFILES, DiTGenerator, Solver, load_base, shipped_base
+from humanclaw.motion import PROFILES, DiTGenerator, load_base
 from humanclaw.skills import MEASURES, Declaration, Measure, Regression, find, outcomes
 from humanclaw_train.data.chunks import Chunks, of_skill
 from humanclaw_train.eval.off_axis_drift import Uncommanded, uncommanded, uncommanded_table
-from humanclaw_train.eval.rollouts import (
-    Command,
-    Installed,
-    Measures,
-    Rollouts,
-    adapters,
-    file_digest,
-    others,
-    own,
-    roll,
-)
+from humanclaw_train.eval.rollouts import Command, Rollouts, file_digest, others, roll, walker
 from humanclaw_train.eval.simulated import Actor, roll_simulated
-from humanclaw_train.eval.walks import walker
-from humanclaw_train.markdown import as_json, cell, numbers, save, table
+from humanclaw_train.markdown import cell, numbers, save, table
 from humanclaw_train.notes import Notes
 
 if TYPE_CHECKING:
@@ -247,6 +231,32 @@ class FidelityReport:
             ) from error
 
 
+def measured(
+    generator: DiTGenerator,
+    commands: Sequence[Command],
+    before: Sequence[Command] = (),
+    rollouts: int = 200,
+    seed: int = 0,
+    chunks: Sequence[Path] = (),
+    simulator: Simulator | None = None,
+    source: str = "generated",
+) -> FidelityReport:
+    """Measure everything. before: further skills that may come before one. chunks: folders for the baseline.
+
+    simulator: for half-physics. source: of the history there (humanclaw.body.next_history).
+    """
+    rows = fidelity(generator, commands, rollouts, seed, before)
+    if chunks:
+        rows = [replace(row, baseline=baseline(chunks, one)) for row, one in zip(rows, commands, strict=True)]
+    if simulator is not None:
+        ratios = simulated(generator, simulator, commands, rollouts, seed, before, source)
+        rows = [replace(row, simulated=ratios.get(row.skill)) for row in rows]
+    first = commands[0]  # All adapters have the same size, so any of them gives the time.
+    values = first.named(first.draw(1, np.random.default_rng(0))[0])
+    time_of_one = milliseconds(generator, first.adapter, values)
+    return FidelityReport(generator.digest, str(generator.solver), rollouts, seed, time_of_one, tuple(rows))
+
+
 _RATIOS: Final = ("generated", "simulated", "baseline")
 
 
@@ -254,8 +264,15 @@ def _ratio(content: Mapping[str, Any] | None) -> Ratio | None:
     return None if content is None else Ratio(**numbers(content))
 
 
-def markdown(rows: Sequence[Row]) -> str:
-    """Return the rows as a Markdown table, with the paper's results."""
+def markdown(report: FidelityReport) -> str:
+    """Return the report as Markdown tables, with the paper's results."""
+    off_axis = uncommanded_table({row.skill: row.uncommanded for row in report.rows})
+    told = f"{report.solver}; {report.milliseconds:.1f} ms a chunk; base {report.base}"
+    return f"{rows_table(report.rows)}\n\n{off_axis}\n\n{told}"
+
+
+def rows_table(rows: Sequence[Row]) -> str:
+    """Return the rows as a Markdown table."""
     heads = (
         "skill", "generated", "after another", "slope", "R²", "error cm, deg", "of the best constant", "simulated",
         "error cm, deg", "median clip", "paper", "paper's baseline",
@@ -275,117 +292,3 @@ def _spread(ratio: Ratio | None) -> str:
 
 def _pair(pair: Sequence[float] | None) -> str:
     return f"{pair[0]:.3f} ± {pair[1]:.3f}" if pair else "-"
-
-
-# -- the command line --------------------------------------------------------------------------------------------------
-def main(
-    arguments: Sequence[str] | None = None,
-    simulator: Callable[[], Simulator] | None = None,
-    installed: Installed | None = None,
-    measures: Measures = lambda: MEASURES,
-) -> int:
-    """Run the command line. The caller passes in plugins, because this module runs without a plugin host.
-
-    simulator: makes the simulator for `--simulated`. installed: returns the adapters of the installed skills.
-    measures: returns the known measures.
-    """
-    options = _parser().parse_args(arguments)
-    try:
-        report = _measure(options, simulator, installed, measures())
-        for path in [options.save] if options.save else [folder / REPORT for folder in options.skill]:
-            report.save(path)
-    except HumanclawError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
-    if options.json:
-        print(as_json(report))
-        return 0
-    # Imported here, because training imports this module on machines without click.
-    from humanclaw.cli import show_markdown
-
-    show_markdown(markdown(report.rows))
-    show_markdown("\n" + uncommanded_table({row.skill: row.uncommanded for row in report.rows}))
-    show_markdown(f"\n{report.solver}; {report.milliseconds:.1f} ms a chunk; base {report.base}")
-    return 0
-
-
-def _measure(
-    options: argparse.Namespace,
-    simulator: Callable[[], Simulator] | None,
-    installed: Installed | None,
-    measures: Mapping[str, Measure],
-) -> FidelityReport:
-    generator = made_generator(options)
-    paths = own(options.skill) if options.skill else adapters(options.adapters, options.skills, installed)
-    there = installed() if installed else {}
-    commands = [Command.of(skill, path, measures, there) for skill, path in paths.items()]
-    strange = {skill: path for skill, path in there.items() if skill not in paths} if options.skill else {}
-    before = [Command.of(skill, path, measures) for skill, path in strange.items()]
-    rows = fidelity(generator, commands, options.rollouts, options.seed, before)
-    if options.baseline:
-        rows = [replace(row, baseline=baseline(options.baseline, one)) for row, one in zip(rows, commands, strict=True)]
-    if options.simulated:
-        if simulator is None:
-            raise HumanclawError(
-                "--simulated needs a simulator from the plugin host.", "Use the command: humanclaw fidelity --simulated"
-            )
-        ratios = simulated(
-            generator, simulator(), commands, options.rollouts, options.seed, before, options.motion_history
-        )
-        rows = [replace(row, simulated=ratios.get(row.skill)) for row in rows]
-    first = commands[0]  # All adapters have the same size, so any of them gives the time.
-    values = first.named(first.draw(1, np.random.default_rng(0))[0])
-    time_of_one = milliseconds(generator, first.adapter, values)
-    return FidelityReport(
-        generator.digest, str(generator.solver), options.rollouts, options.seed, time_of_one, tuple(rows)
-    )
-
-
-def made_generator(options: argparse.Namespace) -> DiTGenerator:
-    """Make the generator that the options of `generator_options` describe. Raises CheckpointError."""
-    solver = Solver(options.method, options.steps) if options.steps else PROFILES[options.profile]
-    return DiTGenerator(load_base(options.base or shipped_base()), solver, corrections=options.profile != "paper")
-
-
-def generator_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options that choose weights, skills and solver."""
-    parser.add_argument("--skills", nargs="*", default=[], help="skills to measure (default: all that have an adapter)")
-    parser.add_argument(
-        "--adapters", type=Path, nargs="*", help="folders to search for adapters (default: the installed skills)"
-    )
-    parser.add_argument("--base", type=Path, help="base checkpoint (default: the shipped one)")
-    parser.add_argument("--rollouts", type=int, default=200, help="rollouts per skill (default: 200)")
-    parser.add_argument("--seed", type=int, default=0, help="seed of all random numbers")
-    parser.add_argument("--profile", choices=list(PROFILES), default="default", help="profile of the solver")
-    parser.add_argument("--method", choices=("euler", "midpoint"), default="midpoint", help="with --steps")
-    parser.add_argument("--steps", type=int, default=0, help="solver steps instead of the profile")
-
-
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="humanclaw fidelity", description=(__doc__ or "").splitlines()[0])
-    generator_options(parser)
-    parser.add_argument("--json", action="store_true", help="print JSON")
-    parser.add_argument("--simulated", action="store_true", help="also measure in half-physics (takes minutes)")
-    parser.add_argument(
-        "--motion-history",
-        choices=("generated", "simulated"),
-        default="generated",
-        help="with --simulated: the poses that a motion continues (default: generated)",
-    )
-    parser.add_argument(
-        "--baseline", type=Path, nargs="+", default=[], metavar="CHUNKS", help="folders of chunks for the baseline"
-    )
-    parser.add_argument("--save", type=Path, metavar="FILE", help="also write the table as JSON, for `humanclaw cards`")
-    parser.add_argument(
-        "--skill",
-        type=Path,
-        action="append",
-        default=[],
-        metavar="FOLDER",
-        help="folder of a skill of your own; the table is saved in it",
-    )
-    return parser
-
-
-if __name__ == "__main__":
-    sys.exit(main())

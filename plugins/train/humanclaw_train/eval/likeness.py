@@ -1,9 +1,8 @@
-"""Likeness of a skill's motion to human motion, in rows: feet, joints, and Frechet distances to real motion."""
+"""Likeness of a skill's motion to human motion: feet, joints, and Frechet distances to real motion."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
@@ -12,99 +11,81 @@ import numpy as np
 from humanclaw import Motion
 from humanclaw.body import FUTURE, HISTORY, Array, forward_kinematics
 from humanclaw.motion import DiTGenerator
-from humanclaw.skills import Declaration
 from humanclaw_train.data.chunks import Chunks, canonical, of_skill, stacked
 from humanclaw_train.eval import measures
 from humanclaw_train.eval.measures import Features
-from humanclaw_train.eval.rollouts import Command, extend, others, roll
-from humanclaw_train.markdown import cell, table
+from humanclaw_train.eval.rollouts import Command, Subject, extend, others, roll
+from humanclaw_train.markdown import Row
 
 PRIOR: Final = "(the prior alone)"
 _MOST: Final = 600
 """Largest number of chunks of one kind that a measure uses."""
 
 
-@dataclass(frozen=True)
-class NaturalnessRow:
-    """Measures of one skill's motion, generated or from the data."""
-
-    skill: str
-    source: str
-    """generated, real or synthetic."""
-    chunks: int
-    skate: float
-    """Horizontal speed of toes on the ground, cm/s; NaN on stairs, where the ground is not at 0."""
-    slower_toe: float
-    """Horizontal speed of the slower toe, cm/s."""
-    sunk: float
-    """Depth of the lowest sole, cm; NaN on stairs."""
-    jerk: float
-    """Mean jerk of all joints, m/s^3."""
-    beyond: float
-    """Share of frames with a leg joint beyond its limits."""
-    frechet: float = np.nan
-    """Frechet distance to held-out chunks of the skill; the model gets their histories and parameters."""
-    free: float = np.nan
-    """Frechet distance to real chunks; the model starts from standing and gets only their parameters."""
-    unseen: tuple[str, ...] = ()
-    """The held-out clips; if there are too few chunks of them, there is no `frechet`."""
-
-
-def naturalness_of(skill: Declaration, source: str, root: Array, rotations: Array) -> NaturalnessRow:
-    """Measure canonical chunks, root (N, 20, 3) and rotations (N, 20, 24, 3)."""
-    return _row(skill.skill, source, root, rotations, skill.climbs)
-
-
-def _row(name: str, source: str, root: Array, rotations: Array, stairs: bool) -> NaturalnessRow:
-    joints, _ = forward_kinematics(root, rotations)
-    future = joints[:, HISTORY - 1 :]
-    return NaturalnessRow(
-        name, source, len(root),
-        np.nan if stairs else measures.skate(future), measures.slower_toe(future),
-        np.nan if stairs else measures.penetration(future), measures.joint_jerk(joints[:, HISTORY - 3 :]),
-        float((measures.beyond_limits(rotations[:, HISTORY:]) > 0).mean()),
-    )  # fmt: skip
-
-
-def skills(
-    generator: DiTGenerator, commands: Sequence[Command], folders: Sequence[Path], rollouts: int, seed: int
-) -> list[NaturalnessRow]:
+def skills(subject: Subject) -> list[Row]:
     """Measure the prior and every skill: generated motion and, where there are any, real or else synthetic chunks."""
+    generator, folders, seed = subject.generator, subject.chunks, subject.seed
     features = _features(folders)
     rows = prior(generator, folders, features, seed) if features else []
-    for command in commands:
-        rolled = roll(generator, command, others(command, commands), rollouts, seed)
-        data = of_skill(folders, command.skill)
-        made = naturalness_of(command.declaration, "generated", rolled.root, rolled.rotations)
-        if data is None:
-            rows.append(made)
-            continue
-        kind = "real" if data.real.any() else "synthetic"
-        true = naturalness_of(command.declaration, kind, *_arrays(_some(data, _MOST, seed)))
-        rows += _compared(generator, command, data, folders, features, seed, made, true) if features else [made, true]
+    for command in subject.commands:
+        stairs, data = command.declaration.climbs, of_skill(folders, command.skill)
+        rolled = roll(generator, command, others(command, subject.commands), subject.rollouts, seed)
+        made, least = _distances(generator, command, data, folders, features, seed)
+        rows.append(naturalness(command.skill, "generated", rolled.root, rolled.rotations, stairs, *made))
+        if data is not None:
+            kind, chunks = "real" if data.real.any() else "synthetic", _arrays(_some(data, _MOST, seed))
+            rows.append(naturalness(command.skill, kind, *chunks, stairs, least))
     return rows
 
 
-def _compared(
-    generator: DiTGenerator, command: Command, data: Chunks, folders: Sequence[Path], features: Features, seed: int,
-    made: NaturalnessRow, true: NaturalnessRow,
-) -> list[NaturalnessRow]:  # fmt: skip
-    """Add the Frechet distances to a skill's rows."""
-    free = free_running(generator, command, data, features, seed)
-    apart = held_out(folders, command.skill)
+def naturalness(
+    skill: str, motion: str, root: Array, rotations: Array, stairs: bool, held_out: float = np.nan, free: float = np.nan
+) -> Row:
+    """Measure canonical chunks, root (N, 20, 3) and rotations (N, 20, 24, 3).
+
+    stairs: the ground is not at 0, so that neither skate nor depth of the soles is known. held_out, free: Frechet
+    distances of `likeness` and `free_running`.
+    """
+    joints, _ = forward_kinematics(root, rotations)
+    future = joints[:, HISTORY - 1 :]
+    return {
+        "skill": skill,
+        "motion": motion,
+        "chunks": len(root),
+        "skate cm/s": np.nan if stairs else measures.skate(future),
+        "slower toe cm/s": measures.slower_toe(future),
+        "sunk cm": np.nan if stairs else measures.penetration(future),
+        "joint jerk m/s3": measures.joint_jerk(joints[:, HISTORY - 3 :]),
+        "beyond limits %": 100 * float((measures.beyond_limits(rotations[:, HISTORY:]) > 0).mean()),
+        "Frechet": held_out,
+        "free-running": free,
+    }
+
+
+def _distances(
+    generator: DiTGenerator,
+    command: Command,
+    data: Chunks | None,
+    folders: Sequence[Path],
+    features: Features | None,
+    seed: int,
+) -> tuple[tuple[float, float], float]:
+    """Return the Frechet distances of generated motion, held out and free, and that of the data; NaN where unknown."""
+    if data is None or features is None:
+        return (np.nan, np.nan), np.nan
+    free, apart = free_running(generator, command, data, features, seed), held_out(folders, command.skill)
     if apart is None:
-        return [replace(made, free=free), true]
+        return (np.nan, free), np.nan
     distance, least = likeness(generator, command, *apart, features, seed)
-    unseen = apart[0].clips
-    return [replace(made, frechet=distance, free=free, unseen=unseen), replace(true, frechet=least, unseen=unseen)]
+    return (distance, free), least
 
 
-def prior(generator: DiTGenerator, folders: Sequence[Path], features: Features, seed: int) -> list[NaturalnessRow]:
+def prior(generator: DiTGenerator, folders: Sequence[Path], features: Features, seed: int) -> list[Row]:
     """Measure the prior alone, which continues histories of held-out clips, beside those clips."""
-    found = held_out(folders, "base")
-    if found is None:
+    apart = held_out(folders, "base")
+    if apart is None:
         return []
-    held, rest = (_some(part, _MOST, seed) for part in found)
+    held, rest = (_some(part, _MOST, seed) for part in apart)
     histories = [held.motion(index)[:HISTORY] for index in range(len(held))]
     keys = [(seed, 9, index) for index in range(len(held))]
     # No adapter: the prior runs alone.
@@ -113,8 +94,7 @@ def prior(generator: DiTGenerator, folders: Sequence[Path], features: Features, 
     made, true, other = (_arrays(part) for part in (whole, held, rest))
     distance, least = (measures.frechet(features(*part), features(*true)) for part in (made, other))
     rows = (("generated", made, distance), ("held-out", true, least))
-    unseen = found[0].clips
-    return [replace(_row(PRIOR, name, *part, False), frechet=frechet, unseen=unseen) for name, part, frechet in rows]
+    return [naturalness(PRIOR, motion, *part, False, frechet) for motion, part, frechet in rows]
 
 
 def _arrays(motions: Sequence[Motion] | Chunks) -> tuple[Array, Array]:
@@ -178,23 +158,3 @@ def _features(folders: Sequence[Path]) -> Features | None:
 def _some(chunks: Chunks, most: int, seed: int) -> Chunks:
     # Sorted, so that chunks stay in the order of their clips.
     return chunks[np.sort(np.random.default_rng(seed).permutation(len(chunks))[:most])]
-
-
-def skills_table(rows: Sequence[NaturalnessRow]) -> str:
-    heads = (
-        "skill",
-        "motion",
-        "chunks",
-        "skate cm/s",
-        "slower toe cm/s",
-        "sunk cm",
-        "joint jerk m/s3",
-        "beyond limits",
-        "Frechet",
-        "free-running",
-    )
-    return table(heads, [
-        (row.skill, row.source, str(row.chunks), cell(row.skate), cell(row.slower_toe), cell(row.sunk, 2),
-         cell(row.jerk, 0), f"{100 * row.beyond:.1f} %", cell(row.frechet), cell(row.free))
-        for row in rows
-    ])  # fmt: skip

@@ -6,7 +6,6 @@ import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -19,13 +18,12 @@ from humanclaw.skills import MEASURES, Declaration, Measure, Parameter
 from humanclaw_train.data.chunks import canonical, stacked
 
 if TYPE_CHECKING:
+    from humanclaw import Body, Plugins, Scene, Simulator
     from humanclaw.motion import DiTGenerator
+    from humanclaw_train.mocap.clips import Clip
 
-Installed = Callable[[], Mapping[str, Path]]
-"""Returns the adapters of the installed skills, by skill."""
-Measures = Callable[[], Mapping[str, Measure]]
-"""Returns the known measures, by name."""
-_NONE: Final[Mapping[str, Path]] = MappingProxyType({})
+    Place = Callable[[Scene, int], Body]
+
 CHUNKS_IN_A_ROW: Final = 3
 _LEAST: Final = 0.25
 """Smallest command, as a share of the largest. A ratio to almost zero has no meaning."""
@@ -43,20 +41,17 @@ class Command:
     measures: Mapping[str, Measure] = field(default_factory=lambda: MEASURES, repr=False)
 
     @classmethod
-    def of(
-        cls,
-        skill: str,
-        adapter: Path,
-        measures: Mapping[str, Measure] = MEASURES,
-        installed: Mapping[str, Path] = _NONE,
-    ) -> Command:
+    def of(cls, skill: str, adapter: Path, plugins: Plugins | None = None) -> Command:
         """Read the range that the adapter was trained on, without a twentieth at each end.
 
-        installed: adapters of the installed skills, which declare an adapter in a folder without schema.json.
-
-        Raises CheckpointError and PluginError if adapter and schema.json do not match.
+        The schema.json beside the adapter declares the skill, or else the installed skill does. Raises CheckpointError
+        and PluginError if adapter and declaration do not match.
         """
-        return cls.declared(Declaration.read(declared(skill, adapter, installed)), adapter, measures)
+        if plugins is None or (adapter.parent / "schema.json").is_file():
+            declaration = Declaration.read(adapter.parent)
+        else:
+            declaration = plugins.skill(skill).declaration
+        return cls.declared(declaration, adapter, plugins.measures if plugins else MEASURES)
 
     @classmethod
     def declared(cls, declaration: Declaration, adapter: Path, measures: Mapping[str, Measure] = MEASURES) -> Command:
@@ -97,27 +92,64 @@ class Command:
         return values
 
 
-def adapters(
-    roots: Sequence[Path] | None, wanted: Sequence[str] = (), installed: Installed | None = None
-) -> dict[str, Path]:
-    """Return adapters by skill: all, or the wanted ones in that order. Raises CheckpointError if one is missing.
+@dataclass(frozen=True)
+class Subject:
+    """The weights that scenarios measure, and what they are measured with."""
 
-    roots: folders to search. None for the installed skills or, without `installed`, for the repository's.
-    """
-    found = dict(installed()) if roots is None and installed else _below(roots or [Path("skills")])
-    missing = [skill for skill in wanted if skill not in found]
-    if missing or not found:
-        known = ", ".join(found) or "none"
-        raise CheckpointError(f"There is no adapter for {', '.join(missing) or 'any skill'}.", f"Known: {known}.")
-    return {skill: found[skill] for skill in wanted or found}
+    generator: DiTGenerator
+    commands: Sequence[Command]
+    rollouts: int = 200
+    """Of each skill."""
+    bodies: int = 20
+    """For each pair of skills. Walks take fewer."""
+    calls: int = 120
+    """Of the long rollout."""
+    corners: int = 100
+    """Calls at every corner of the range of walks."""
+    seed: int = 0
+    chunks: Sequence[Path] = ()
+    """Folders of chunks to compare with."""
+    clips: Sequence[Clip] = ()
+    """Clips of people who walk."""
+    place: Place | None = None
+    """Puts a body with the installed skills into a scene; without it, no skill is played."""
+    simulator: Simulator | None = None
+    """Without it, nothing walks in half-physics."""
+
+    @property
+    def walks(self) -> Command | None:
+        """The skill that walks."""
+        return walker(self.commands)
 
 
-def _below(roots: Sequence[Path]) -> dict[str, Path]:
+def walker(commands: Sequence[Command]) -> Command | None:
+    """Return the skill that walks: the first that commands both travel ahead and heading."""
+    walking = {"hips.forward", "heading.left"}
+    return next((one for one in commands if walking <= {part.measure for part in one.parameters}), None)
+
+
+def installed(plugins: Plugins) -> dict[str, Path]:
+    """Return the adapters of the installed skills, by skill."""
+    skills = plugins.skills.values()
+    return {skill.name: skill.adapter for skill in skills if skill.adapter is not None and skill.trained}
+
+
+def adapters(roots: Sequence[Path]) -> dict[str, Path]:
+    """Return the adapters in folders and below, by skill: their folder's name."""
     files = sorted(file for root in roots for file in root.glob("**/adapter.safetensors"))
     return {file.parent.name: file for file in files}
 
 
-def own(folders: Sequence[Path]) -> dict[str, Path]:
+def wanted(known: Mapping[str, Path], skills: Sequence[str]) -> dict[str, Path]:
+    """Return the adapters of the named skills, in that order, or of all. Raises CheckpointError if one is missing."""
+    missing = [skill for skill in skills if skill not in known]
+    if missing or not known:
+        listed = ", ".join(known) or "none"
+        raise CheckpointError(f"There is no adapter for {', '.join(missing) or 'any skill'}.", f"Known: {listed}.")
+    return {skill: known[skill] for skill in skills or known}
+
+
+def in_folders(folders: Sequence[Path]) -> dict[str, Path]:
     """Return the adapters in folders of skills, by skill. Raises CheckpointError for a folder without one."""
     paths = {folder.resolve().name: folder.resolve() / "adapter.safetensors" for folder in folders}
     for skill, path in paths.items():
@@ -126,12 +158,6 @@ def own(folders: Sequence[Path]) -> dict[str, Path]:
                 f"{path} is missing.", f"Train it with: humanclaw train adapter --skill {path.parent} ({skill})"
             )
     return paths
-
-
-def declared(skill: str, adapter: Path, installed: Mapping[str, Path] = _NONE) -> Path:
-    """Return the folder that declares a skill: its adapter's, the installed skill's, or else the repository's."""
-    files = [adapter, installed.get(skill, adapter), *sorted(Path("skills").glob(f"**/{skill}/schema.json"))]
-    return next((file.parent for file in files if (file.parent / "schema.json").is_file()), adapter.parent)
 
 
 def file_digest(path: Path) -> str:

@@ -1,8 +1,7 @@
-"""Pictures of a skill: `humanclaw show skill walk --z-cm 40 --beside MOCAP`.
+"""Pictures of a skill: `humanclaw show skill walk --z-cm 40`.
 
-A GIF and a strip show the body in half-physics, executing the same call several times in a row. Beside it is the person
-of the clips whose motion is most similar. The body gets the stairs or the seat that the command needs; the ground under
-a person in a clip is unknown.
+A GIF and a strip show the body in half-physics, executing the same call several times in a row. The body gets the
+stairs or the seat that the command needs.
 """
 
 from __future__ import annotations
@@ -18,13 +17,11 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
 from humanclaw import Backends, Body, Call, HumanclawError, Motion, Renderer, Scene, Skill
-from humanclaw.body import CHUNK, FPS, FUTURE, HISTORY, Array, Pose2D, support_height
-from humanclaw.skills import MEASURES, Declaration, Measure, outcomes, to_si
+from humanclaw.body import FPS, HISTORY, Array
+from humanclaw.skills import to_si
 from humanclaw.storage import gif
 from humanclaw.world import Camera, WorldState
-from humanclaw_train.data.chunks import canonical, stacked
-from humanclaw_train.eval.simulated import flat, stage
-from humanclaw_train.mocap.clips import Clip, load_pack
+from humanclaw_train.eval.simulated import stage
 
 if TYPE_CHECKING:
     from humanclaw import Plugins
@@ -53,24 +50,20 @@ def show(
     params: Mapping[str, Any],
     calls: int,
     seed: int,
-    beside: Path | None,
     out: Path,
     renderer: str,
 ) -> tuple[Path, Path]:
     """Write a GIF and a strip of a skill and return their paths.
 
-    params: checked against the schema. beside: folder of clips to compare with. Raises HumanclawError.
+    params: checked against the schema. Raises HumanclawError.
     """
     if out.suffix.lower() != ".gif":
         raise HumanclawError(f"Expected a GIF file for --out; got {out}.", "Name a file that ends in .gif.")
     skill = plugins.skill(name)
-    shown = [performed(plugins, skill, params, calls, seed, renderer)]
-    clips = load_pack(beside) if beside else []
-    if found := nearest(clips, skill.declaration, _values(skill, params), calls):
-        shown.append((f"a person: {found[0]}", on_floor(found[1]), flat()))
+    shown = performed(plugins, skill, params, calls, seed, renderer)
     drawing: Renderer = plugins.make("renderers", renderer)
     try:
-        return pictures(shown, drawing, out)
+        return pictures(*shown, drawing, out)
     finally:
         drawing.close()
 
@@ -99,60 +92,12 @@ def acted(body: Body, skill: Skill, params: Mapping[str, Any], calls: int) -> Mo
     return whole
 
 
-def nearest(
-    clips: Iterable[Clip],
-    skill: Declaration,
-    values: Mapping[str, float],
-    calls: int,
-    measures: Mapping[str, Measure] = MEASURES,
-) -> tuple[str, Motion] | None:
-    """Return name and motion of the clip closest to the command, cut to the length of the calls; None without a clip.
-
-    The distance is the mean difference of the windows' parameters, in units of their ranges. A span that is too short
-    for all calls also gets the missing share as distance.
-    """
-    spans = [
-        (clip.name, clip.motion[start : min(end + 1, start + HISTORY + calls * FUTURE)])
-        for clip in clips
-        for start, end in _stretches(clip.tagged(skill.skill), calls)
-    ]
-    whole = [(name, motion) for name, motion in spans if len(motion) >= CHUNK]
-    wanted = HISTORY + calls * FUTURE
-    return min(
-        whole, key=lambda one: _difference(one[1], skill, values, measures) + 1 - len(one[1]) / wanted, default=None
-    )
-
-
-def _stretches(spans: Sequence[tuple[int, int]], calls: int) -> Iterator[tuple[int, int]]:
-    """Cut long spans into overlapping spans of the length to show."""
-    for first, last in spans:
-        for start in range(first, max(first + 1, last + 2 - HISTORY - calls * FUTURE), FUTURE):
-            yield start, last
-
-
-def on_floor(motion: Motion) -> Motion:
-    """Move a person to the origin, facing +Z, with the lowest sole of the motion on the floor."""
-    return Pose2D.of(motion, 0, float(support_height(motion.joints()).min())).to_local(motion)
-
-
-def _difference(
-    motion: Motion, skill: Declaration, values: Mapping[str, float], measures: Mapping[str, Measure]
-) -> float:
-    starts = range(0, len(motion) - CHUNK + 1, FUTURE)
-    windows = canonical(*stacked([motion[i : i + CHUNK] for i in starts]))
-    found = outcomes(skill.parameters, *windows, measures)
-    asked = np.array([values[one.name] for one in skill.parameters])
-    spread = np.array([one.high - one.low for one in skill.parameters])
-    return float((np.abs(found - asked) / spread).sum(1).mean())
-
-
 # -- drawing -----------------------------------------------------------------------------------------------------------
 def filmed(motion: Motion, scene: Scene, renderer: Renderer, frames: Iterable[int]) -> Iterator[Picture]:
     """Yield a picture of each frame, seen across the direction of travel, on a tiled floor."""
     renderer.load(replace(scene, assets={name: _tiled(asset) for name, asset in scene.assets.items()}))
-    last, eye = len(motion) - 1, _eye(motion)
-    for frame in frames:
-        at = min(frame, last)  # The shorter of two motions rests on its last frame.
+    eye = _eye(motion)
+    for at in frames:
         # The mean of two thirds of a second keeps the camera steady.
         centre = motion.root[max(0, at - 10) : at + 11].mean(0)
         yield renderer.render(WorldState(motion[at : at + 1], {}), _camera(centre, eye)).rgb
@@ -202,19 +147,15 @@ def _titled(picture: Picture, title: str) -> Picture:
     return np.asarray(image)
 
 
-def pictures(shown: Sequence[tuple[str, Motion, Scene]], renderer: Renderer, out: Path) -> tuple[Path, Path]:
-    """Write `out` (GIF), the bodies side by side, and a strip beside it (PNG). Returns both paths."""
-    length = max(len(motion) for _, motion, _ in shown)
-    strips, films = [], []
-    for title, motion, scene in shown:
-        strips.append((title, list(filmed(motion, scene, renderer, moments(length)))))
-        frames = filmed(motion, scene, renderer, range(0, length, _EVERY))
-        films.append([_titled(frame, title) for frame in frames])
+def pictures(title: str, motion: Motion, scene: Scene, renderer: Renderer, out: Path) -> tuple[Path, Path]:
+    """Write `out` (GIF) and a strip beside it (PNG). Returns both paths."""
+    row = list(filmed(motion, scene, renderer, moments(len(motion))))
+    frames = filmed(motion, scene, renderer, range(0, len(motion), _EVERY))
     out.parent.mkdir(parents=True, exist_ok=True)
     still = out.with_suffix(".png")
     try:
-        gif([np.concatenate(row, axis=1) for row in zip(*films, strict=True)], out, FPS / _EVERY)
-        Image.fromarray(strip(strips)).save(still)
+        gif([_titled(frame, title) for frame in frames], out, FPS / _EVERY)
+        Image.fromarray(strip([(title, row)])).save(still)
     except OSError as error:
         raise HumanclawError(f"cannot write {out}: {error}.", "Name another file with --out.") from error
     return out, still

@@ -25,8 +25,6 @@ from humanclaw_train.eval.rollouts import CHUNKS_IN_A_ROW, Command, Rollouts
 if TYPE_CHECKING:
     from humanclaw import Simulator
 
-Place = Callable[[Scene, int], Body]
-"""Puts a body with the installed skills into a scene, with a seed."""
 _HOLD: Final = 10
 """Frames in which a body that was moved takes up the pose of its history."""
 
@@ -181,9 +179,10 @@ def called(body: Body, skill: Skill, asked: Mapping[str, float]) -> Motion:
 
     asked: SI, by measure; the middle of its range for a parameter that is not among them.
     """
-    params: dict[str, Any] = {
-        one.key: round(from_si(one.key, asked.get(one.measure, (one.low + one.high) / 2))) for one in skill.parameters
-    }
+    params: dict[str, Any] = {}
+    for one in skill.parameters:
+        value = np.clip(asked.get(one.measure, (one.low + one.high) / 2), one.low, one.high)
+        params[one.key] = round(from_si(one.key, float(value)))
     chunks = body.execute(Call(skill.name, skill.check(params))).chunks
     parts = [chunk.execution.simulated for chunk in chunks]
     return Motion(np.concatenate([part.root for part in parts]), np.concatenate([part.rotations for part in parts]))

@@ -1,15 +1,11 @@
 """Time of one chunk by size, solver and runtime (numpy, PyTorch), for one body and many.
 
-    humanclaw speed --threads 1 2
-
 A runtime runs a base and an adapter as episodes do, at batch 1 unless a row says otherwise. Weights are random, which
 does not change the time.
 """
 
 from __future__ import annotations
 
-import argparse
-import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -21,23 +17,18 @@ from typing import Final
 import numpy as np
 import torch
 
-from humanclaw import HumanclawError
 from humanclaw.body import FUTURE, HISTORY, N_JOINTS, STATE_SIZE
-from humanclaw.cli import show_markdown
 from humanclaw.motion import (
     PROFILES,
     SIZES,
     AdapterConfig,
     Card,
-    DiTGenerator,
     NumpyRuntime,
     Runtime,
     Solver,
     load_base,
 )
-from humanclaw_train.eval.fidelity import milliseconds
-from humanclaw_train.eval.rollouts import Command, Installed, adapters
-from humanclaw_train.markdown import as_json, table
+from humanclaw_train.markdown import table
 from humanclaw_train.model.checkpoint import Normaliser, save_adapter, save_base
 from humanclaw_train.model.control import Adapter
 from humanclaw_train.model.dit import DiT
@@ -50,8 +41,6 @@ RUNTIMES: Final[dict[str, Callable[[Path, Solver], Runtime]]] = {
 if torch.cuda.is_available():
     RUNTIMES["torch on the GPU"] = lambda base, solver: TorchRuntime(base, solver, torch.device("cuda"))
 SOLVERS: Final = (PROFILES["default"], Solver("midpoint", 4), Solver("midpoint", 30))
-GOALS: Final = {"lite": 50.0, "paper": 250.0}
-"""Limit of the default solver's time per chunk, ms."""
 _TIMED: Final = AdapterConfig("timed", "fourier", ("x", "z", "yaw"), (0.0, 0.4, 0.0), (0.3, 0.4, 0.5))
 _ENOUGH: Final = 3.0
 """Duration of one measurement, seconds; at least one call."""
@@ -130,67 +119,11 @@ def markdown(timings: Sequence[Timing]) -> str:
     return table(heads, [[*map(str, row), *(found.get((*row, solver), "-") for solver in solvers)] for row in rows])
 
 
-def verdict(timings: Sequence[Timing]) -> str:
-    """Compare the best time of each size and runtime with the size's limit, for the default solver."""
-    lines = []
-    for size, goal in GOALS.items():
-        fits = [t for t in timings if t.size == size and t.bodies == 1 and t.solver == SOLVERS[0]]
-        for runtime in dict.fromkeys(t.runtime for t in fits):
-            best = min((t for t in fits if t.runtime == runtime), key=lambda t: t.milliseconds)
-            word = "within" if best.milliseconds < goal else "over"
-            lines.append(
-                f"{size}, {runtime}, {best.threads} threads: {best.milliseconds:.1f} ms, {word} {goal:.0f} ms."
-            )
-    return "\n".join(lines)
-
-
-def _printed(timings: Iterator[Timing]) -> Iterator[Timing]:
-    """Yield the same timings, but print each at once, because the whole takes minutes."""
-    for timing in timings:
-        print(timing, file=sys.stderr, flush=True)
-        yield timing
-
-
-def main(arguments: Sequence[str] | None = None, skills: Installed | None = None) -> int:
-    """Run the command line. skills: returns the adapters of the installed skills; the first is timed."""
-    options = _parser().parse_args(arguments)
-    timings: list[Timing] = []
-    for size in options.sizes:
-        for threads in options.threads:
-            runtimes = [*RUNTIMES] if threads == options.threads[0] else ["torch"]
-            timings += _printed(measure(size, threads, 1, SOLVERS, runtimes))
-        for bodies in options.bodies:
-            timings += _printed(measure(size, options.threads[0], bodies, SOLVERS[:1], [*RUNTIMES]))
-    if options.json:
-        print(as_json(timings))
-        return 0
-    show_markdown(markdown(timings))
-    show_markdown(f"\n{verdict(timings)}")
-    try:
-        generator, paths = DiTGenerator.shipped(), adapters(options.adapters, installed=skills)
-        skill = next(iter(paths))
-        command = Command.of(skill, paths[skill], installed=skills() if skills else {})
-        values = command.named(command.draw(1, np.random.default_rng(0))[0])
-        taken = milliseconds(generator, paths[skill], values, 20)
-        print(f"The shipped generator as episodes run it, {skill}, corrected: {taken:.1f} ms a chunk.")
-    except HumanclawError as error:
-        print(f"The shipped weights were not timed: {error}")
-    return 0
-
-
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="humanclaw speed", description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--sizes", nargs="+", choices=list(SIZES), default=["lite", "paper"], help="sizes of the base")
-    parser.add_argument("--threads", type=int, nargs="+", default=[1, 2], help="numbers of CPU threads")
-    parser.add_argument(
-        "--bodies", type=int, nargs="*", default=[8, 64], help="batch sizes, timed with the default solver"
-    )
-    parser.add_argument(
-        "--adapters", type=Path, nargs="*", help="folders to search for adapters (default: the installed skills)"
-    )
-    parser.add_argument("--json", action="store_true", help="print JSON")
-    return parser
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+def timed(sizes: Sequence[str], threads: Sequence[int], bodies: Sequence[int]) -> Iterator[Timing]:
+    """Time sizes with every solver on each number of threads, and with the default solver for each number of bodies."""
+    for size in sizes:
+        for count in threads:
+            # numpy and a GPU take one thread whatever is asked.
+            yield from measure(size, count, 1, SOLVERS, [*RUNTIMES] if count == threads[0] else ["torch"])
+        for many in bodies:
+            yield from measure(size, threads[0], many, SOLVERS[:1], [*RUNTIMES])

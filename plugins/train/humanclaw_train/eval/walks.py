@@ -1,21 +1,27 @@
-"""Straight walks: drift after a hundred calls, and gait compared with that of real walks."""
+"""Straight walks: gait beside that of people, drift after a hundred calls, and every corner of the range."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Final
+from itertools import product
+from typing import Any, Final
 
 import numpy as np
 
 from humanclaw import Motion
 from humanclaw.body import FPS, FUTURE, HISTORY, Array
 from humanclaw.motion import DiTGenerator
-from humanclaw.skills import HeadingCorrection
+from humanclaw.skills import HeadingCorrection, from_si
 from humanclaw_train.eval.measures import Gait
-from humanclaw_train.eval.rollouts import Command, extend
-from humanclaw_train.markdown import cell, table
+from humanclaw_train.eval.rollouts import Command, Subject, extend
+from humanclaw_train.eval.simulated import Actor, flat
+from humanclaw_train.markdown import Row
 from humanclaw_train.mocap.clips import Clip
+
+_BODIES: Final = 3
+"""Bodies that walk in half-physics at each speed."""
+_FLOOR: Final = 300.0
+"""Side of the floor, metres: a hundred calls go 80 m far."""
 
 
 def straight_walks(
@@ -53,92 +59,54 @@ def straight(command: Command, speed: float) -> dict[str, float]:
     return {name: speed * FUTURE / FPS if name == ahead else 0.0 for name in command.names}
 
 
-def walker(commands: Sequence[Command]) -> Command | None:
-    """Return the skill that walks: the first that commands both travel ahead and heading."""
-    for command in commands:
-        if {"hips.forward", "heading.left"} <= {one.measure for one in command.parameters}:
-            return command
-    return None
+def _physical_walk(
+    actor: Actor, command: Command, asked: Mapping[str, float], calls: int, key: tuple[int, ...]
+) -> Motion:
+    """Call a skill again and again in half-physics, from standing, and correct heading errors in the next call."""
+    actor.stand(flat(_FLOOR))
+    course = HeadingCorrection()
+    for call in range(calls):
+        steered = course.steer(command.declaration, asked)
+        history = actor.simulated[-HISTORY:]
+        actor.act(command, np.array([steered[name] for name in command.names]), (*key, call))
+        course = course.after(command.declaration, asked, history, actor.simulated[-FUTURE:])
+    return actor.simulated
 
 
-# -- drift -------------------------------------------------------------------------------------------------------------
-@dataclass(frozen=True)
-class Drift:
-    """Where straight walks end: metres to the side and degrees turned, each as mean and 95th percentile of the size."""
-
-    side: tuple[float, float]
-    turned: tuple[float, float]
-
-
-def drift(generator: DiTGenerator, command: Command, bodies: int = 10, calls: int = 100, seed: int = 0) -> Drift:
-    """Measure the drift of straight walks at 1 m/s over the bodies."""
-    walks = straight_walks(generator, command, 1.0, bodies, calls, seed)
-    side = np.array([walk.root[-1, 0] - walk.root[0, 0] for walk in walks])
-    turned = np.degrees([walk.yaw()[-1] - walk.yaw()[0] for walk in walks])
-    pairs = ((float(one.mean()), float(np.percentile(np.abs(one), 95))) for one in (side, turned))
-    return Drift(*pairs)
+# -- drift and corners -------------------------------------------------------------------------------------------------
+def drift(subject: Subject, calls: int = 100) -> list[Row]:
+    """Measure where straight walks at 1 m/s end: means over at most ten bodies, and 95th percentiles of the size."""
+    if subject.walks is None:
+        return []
+    motions = straight_walks(subject.generator, subject.walks, 1.0, min(10, subject.bodies), calls, subject.seed)
+    side = np.array([motion.root[-1, 0] - motion.root[0, 0] for motion in motions])
+    turned = np.degrees([motion.yaw()[-1] - motion.yaw()[0] for motion in motions])
+    row: Row = {}
+    for name, values in (("to the side m", side), ("turned degrees", turned)):
+        row |= {name: float(values.mean()), f"95 % within, {name}": float(np.percentile(np.abs(values), 95))}
+    return [row]
 
 
-def drift_line(found: Drift) -> str:
-    return (
-        f"A hundred straight calls in a row, 50 m, end {found.side[0]:+.2f} m to the side "
-        f"(95 % within {found.side[1]:.2f} m) "
-        f"and turned by {found.turned[0]:+.1f} degrees (95 % within {found.turned[1]:.1f})."
-    )
+def corners(subject: Subject) -> list[Row]:
+    """Let at most six bodies walk at every corner of the schema's range. Returns the lowest hips over all calls."""
+    command = subject.walks
+    if command is None or subject.simulator is None or not subject.corners:
+        return []
+    actor, rows = Actor(subject.generator, subject.simulator), list[Row]()
+    for values in product(*((one.low, one.high) for one in command.parameters)):
+        asked, bodies = command.named(np.array(values)), range(min(6, subject.bodies))
+        motions = [_physical_walk(actor, command, asked, subject.corners, (subject.seed, body)) for body in bodies]
+        named = {one.key: round(from_si(one.key, value)) for one, value in zip(command.parameters, values, strict=True)}
+        rows.append(named | {"lowest hips cm": 100 * min(float(motion.root[:, 1].min()) for motion in motions)})
+    return rows
 
 
 # -- gait --------------------------------------------------------------------------------------------------------------
-_STRAIGHT: Final = 0.96
-"""Least ratio of distance to path length of a straight walk."""
-
-
-def real_gaits(clips: Iterable[Clip], tag: str) -> dict[str, Gait]:
-    """Measure the longest straight span of a tag in each clip, if it has two steps and lasts a second. By clip."""
-    found = {}
-    for clip in clips:
-        spans = sorted(clip.tagged(tag), key=lambda span: span[0] - span[1])
-        walk = clip.motion[spans[0][0] : spans[0][1] + 1] if spans else None
-        # Curves and slow steps have another gait than the straight generated walks.
-        if walk is not None and len(walk) > FPS and _straightness(walk) > _STRAIGHT:
-            gait = Gait.of(walk)
-            if gait is not None and gait.speed > SPEEDS[0] - _NEAR:
-                found[f"{clip.source.split()[0]} {clip.name}"] = gait
-    return found
-
-
-def _straightness(walk: Motion) -> float:
-    floor = walk.root[:, [0, 2]]
-    return float(np.linalg.norm(floor[-1] - floor[0]) / np.linalg.norm(np.diff(floor, axis=0), axis=-1).sum())
-
-
 SPEEDS: Final = (0.6, 1.0, 1.4, 1.6)
 """Speeds of generated walks, m/s: calls of 30, 50, 70 and 80 cm."""
-STRETCHES: Final = {"calls 3 to 10": (2, 10), "calls 11 to 20": (10, 20)}
+SPANS: Final = {"calls 3 to 10": (2, 10), "calls 11 to 20": (10, 20)}
 """The first two calls start to walk."""
-
-
-Gaits = dict[float, dict[str, list[Gait]]]
-"""Gaits of bodies by speed and stretch."""
-
-
-def part_of(walk: Motion, stretch: str) -> Motion:
-    """Return a stretch of a walk that begins with a history."""
-    start, stop = STRETCHES[stretch]
-    return walk[HISTORY + start * FUTURE : HISTORY + stop * FUTURE]
-
-
-def generated_gaits(generator: DiTGenerator, command: Command, bodies: int = 24, seed: int = 0) -> Gaits:
-    """Measure stretches of generated walks, by speed. Bodies differ only in their noise."""
-    found: Gaits = {}
-    last = max(stop for _, stop in STRETCHES.values())
-    for speed in SPEEDS:
-        walks = straight_walks(generator, command, speed, bodies, last, seed)
-        for name in STRETCHES:
-            gaits = [gait for walk in walks if (gait := Gait.of(part_of(walk, name))) is not None]
-            found.setdefault(speed, {})[name] = gaits
-    return found
-
-
+_LAST: Final = 20
 _COLUMNS: Final = {
     "cadence": "steps/s", "bob": "bob cm", "sway": "sway cm", "knee": "swing knee", "toe_off": "toe-off",
     "pelvis": "pelvis yaw", "shoulders": "shoulder yaw", "trunk": "trunk", "width": "width cm",
@@ -146,19 +114,64 @@ _COLUMNS: Final = {
 }  # fmt: skip
 _NEAR: Final = 0.15
 """Difference in speed, m/s, up to which a person walks at the speed of a generated walk."""
+_STRAIGHT: Final = 0.96
+"""Least ratio of distance to path length of a straight walk."""
 
 
-def gait_table(real: Mapping[str, Gait], made: Mapping[float, Mapping[str, Sequence[Gait]]]) -> str:
-    """Format the medians of each generated stretch, and below them least to most of the people who walk as fast."""
-    rows = []
-    for speed, stretches in made.items():
-        for name, gaits in stretches.items():
-            if gaits:
-                values = np.median([[getattr(gait, key) for key in _COLUMNS] for gait in gaits], 0)
-                rows.append((f"{100 * speed * FUTURE / FPS:.0f} cm, {name}", *(cell(value) for value in values)))
-        people = [gait for gait in real.values() if abs(gait.speed - speed) < _NEAR]
-        if people:
-            columns = [[getattr(gait, key) for gait in people] for key in _COLUMNS]
-            spread = (f"{cell(min(column))} to {cell(max(column))}" for column in columns)
-            rows.append((f"people at {speed:.1f} m/s, {len(people)} clips", *spread))
-    return table(("straight walk, degrees", *_COLUMNS.values()), rows)
+def gaits(subject: Subject) -> list[Row]:
+    """Return the medians of each span of generated walks, and least and most of the people who walk as fast."""
+    command = subject.walks
+    if command is None:
+        return []
+    people, rows = real_gaits(subject.clips, command.skill), list[Row]()
+    for speed in SPEEDS:
+        length = f"{100 * speed * FUTURE / FPS:.0f} cm"
+        for kind, motions in _walks(subject, command, speed).items():
+            for name, (start, stop) in SPANS.items():
+                parts = (motion[HISTORY + start * FUTURE : HISTORY + stop * FUTURE] for motion in motions)
+                found = [gait for part in parts if (gait := Gait.of(part)) is not None]
+                rows += _gait_rows(f"{length}, {name}{kind}", found, {"": np.median})
+        same = [gait for gait in people if abs(gait.speed - speed) < _NEAR]
+        rows += _gait_rows(
+            f"{len(same)} clips of people at {speed:.1f} m/s", same, {", least": np.min, ", most": np.max}
+        )
+    return rows
+
+
+def _walks(subject: Subject, command: Command, speed: float) -> dict[str, list[Motion]]:
+    """Return walks of the model, whose bodies differ only in their noise, and of three bodies in half-physics."""
+    made = {"": straight_walks(subject.generator, command, speed, min(24, subject.bodies), _LAST, subject.seed)}
+    if subject.simulator is None:
+        return made
+    actor, asked = Actor(subject.generator, subject.simulator), straight(command, speed)
+    physical = [_physical_walk(actor, command, asked, _LAST, (subject.seed, body)) for body in range(_BODIES)]
+    return made | {", half-physics": physical}
+
+
+def _gait_rows(name: str, gaits: Sequence[Gait], kinds: Mapping[str, Any]) -> list[Row]:
+    values = [[getattr(gait, key) for key in _COLUMNS] for gait in gaits]
+    columns = _COLUMNS.values()
+    return [
+        {"walk": name + kind} | dict(zip(columns, summary(values, 0).tolist(), strict=True))
+        for kind, summary in kinds.items()
+        if gaits
+    ]
+
+
+def real_gaits(clips: Iterable[Clip], tag: str) -> list[Gait]:
+    """Measure the longest straight span of a tag in each clip, if it has two steps and lasts a second."""
+    found = []
+    for clip in clips:
+        spans = sorted(clip.tagged(tag), key=lambda span: span[0] - span[1])
+        walk = clip.motion[spans[0][0] : spans[0][1] + 1] if spans else None
+        # Curves and slow steps have another gait than the straight generated walks.
+        if walk is not None and len(walk) > FPS and _straightness(walk) > _STRAIGHT:
+            gait = Gait.of(walk)
+            if gait is not None and gait.speed > SPEEDS[0] - _NEAR:
+                found.append(gait)
+    return found
+
+
+def _straightness(walk: Motion) -> float:
+    floor = walk.root[:, [0, 2]]
+    return float(np.linalg.norm(floor[-1] - floor[0]) / np.linalg.norm(np.diff(floor, axis=0), axis=-1).sum())

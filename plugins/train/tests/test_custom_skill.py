@@ -64,11 +64,16 @@ def skill(tmp_path):
     return folder
 
 
-def make(skill, clips, tmp_path, *more: str) -> Chunks:
-    out = tmp_path / "chunks"
-    arguments = ["--skill", str(skill), "--clips", str(clips), "--out", str(out), *more]
-    assert custom_skill.main(arguments) == 0
-    return Chunks.load(out / "crouch.npz")
+@pytest.fixture
+def make(humanclaw, tmp_path):
+    """A function that makes the chunks of a skill from a folder of clips."""
+
+    def run(skill, clips, *more: str) -> Chunks:
+        out = tmp_path / "chunks"
+        assert humanclaw("data", "chunks", "--skill", skill, "--clips", clips, "--out", out, *more) == 0
+        return Chunks.load(out / "crouch.npz")
+
+    return run
 
 
 def test_a_parameter_may_command_a_measure_of_a_plugin(tmp_path):
@@ -80,37 +85,37 @@ def test_a_parameter_may_command_a_measure_of_a_plugin(tmp_path):
         json.dumps(SCHEMA | {"properties": {"bend_deg": part}, "required": ["bend_deg"]})
     )
     record(tmp_path / "clips", squat())
-    command = ["--skill", str(folder), "--clips", str(tmp_path / "clips"), "--out", str(tmp_path), "--seconds", "0"]
-    assert custom_skill.main(command) == 2
-    assert custom_skill.main(command, measures=lambda: MEASURES | {"knees.bend": bend}) == 0
-    chunks = Chunks.load(tmp_path / "curtsy.npz")
+    given = (tmp_path / "clips", tmp_path, 0.0, 0)
+    with pytest.raises(HumanclawError, match=r"knees\.bend"):
+        custom_skill.saved(custom_skill.of_folder(folder), *given)
+    chunks, _ = custom_skill.saved(custom_skill.of_folder(folder, {**MEASURES, "knees.bend": bend}), *given)
     assert np.allclose(chunks.params[:, 0], chunks.rotations[:, -1, JOINT_INDEX["left_knee"], 0], atol=1e-4)
 
 
-def test_a_window_is_measured_by_what_the_schema_declares(skill, tmp_path):
+def test_a_window_is_measured_by_what_the_schema_declares(make, skill, tmp_path):
     record(tmp_path / "clips", squat())
-    chunks = make(skill, tmp_path / "clips", tmp_path, "--seconds", "0")
+    chunks = make(skill, tmp_path / "clips", "--seconds", "0")
     assert chunks.names.tolist() == ["h"]
     assert np.allclose(chunks.params[:, 0], chunks.root[:, -1, 1], atol=1e-6)
 
 
-def test_what_is_far_outside_the_bounds_is_no_example_of_the_skill(skill, tmp_path):
+def test_what_is_far_outside_the_bounds_is_no_example_of_the_skill(make, skill, tmp_path):
     record(tmp_path / "clips", squat(depth=1.4))
     assert squat(depth=1.4).root[:, 1].min() < 0.45
-    heights = make(skill, tmp_path / "clips", tmp_path, "--seconds", "100").params[:, 0]
+    heights = make(skill, tmp_path / "clips", "--seconds", "100").params[:, 0]
     assert heights.min() > 0.6 - 0.15 * 0.25 - 1e-6
     assert heights.max() < 0.85 + 0.15 * 0.25 + 1e-6
 
 
-def test_bounds_that_no_clip_reaches_are_reported_before_training(skill, tmp_path, capsys):
+def test_bounds_that_no_clip_reaches_are_reported_before_training(make, skill, tmp_path, capsys):
     record(tmp_path / "clips", squat(depth=0.8))
-    make(skill, tmp_path / "clips", tmp_path, "--seconds", "0")
+    make(skill, tmp_path / "clips", "--seconds", "0")
     assert "warning: h_cm may be 60 to 85, and the chunks show 7" in capsys.readouterr().err
 
 
-def test_a_posture_is_taken_from_any_height_to_any_other_over_feet_that_stand_still(skill, tmp_path):
+def test_a_posture_is_taken_from_any_height_to_any_other_over_feet_that_stand_still(make, skill, tmp_path):
     amass(tmp_path / "clips", squat())
-    chunks = make(skill, tmp_path / "clips", tmp_path, "--seconds", "100")
+    chunks = make(skill, tmp_path / "clips", "--seconds", "100")
     retimed = chunks[~chunks.real]
     rises = retimed.root[:, -1, 1] - retimed.root[:, HISTORY - 1, 1]
     assert (rises < -0.1).sum() > 10
@@ -119,47 +124,47 @@ def test_a_posture_is_taken_from_any_height_to_any_other_over_feet_that_stand_st
     assert np.ptp(toes[..., [0, 2]], axis=1).max() < 0.01
 
 
-def test_a_posture_is_also_taken_from_standing_as_the_prior_stands_straight_to_any_height(skill, tmp_path):
+def test_a_posture_is_also_taken_from_standing_as_the_prior_stands_straight_to_any_height(make, skill, tmp_path):
     amass(tmp_path / "clips", squat())
-    chunks = make(skill, tmp_path / "clips", tmp_path, "--seconds", "200")
+    chunks = make(skill, tmp_path / "clips", "--seconds", "200")
     standing = load_base(shipped_base()).start_rotations[-1]
     begun = np.abs(chunks.rotations[:, :HISTORY] - standing).max((1, 2, 3)) < 1e-4
     assert begun.mean() > 0.05
     assert np.ptp(chunks.params[begun]) > 0.8 * np.ptp(chunks.params)
 
 
-def test_chunks_of_captured_motion_are_real_and_no_others(skill, tmp_path):
+def test_chunks_of_captured_motion_are_real_and_no_others(make, skill, tmp_path):
     amass(tmp_path / "studio", squat())
-    chunks = make(skill, tmp_path / "studio", tmp_path, "--seconds", "40")
+    chunks = make(skill, tmp_path / "studio", "--seconds", "40")
     real = set(chunks.source[chunks.real].tolist())
     assert real == {"studio: squat"}
     assert custom_skill.RETIMED in set(chunks.source[~chunks.real].tolist())
 
 
-def test_what_a_body_did_in_an_episode_is_not_real(skill, tmp_path):
+def test_what_a_body_did_in_an_episode_is_not_real(make, skill, tmp_path):
     record(tmp_path / "run" / "one", squat())
-    assert not make(skill, tmp_path / "run", tmp_path, "--seconds", "0").real.any()
+    assert not make(skill, tmp_path / "run", "--seconds", "0").real.any()
 
 
-def test_a_recipe_narrows_down_what_shows_the_skill(skill, tmp_path):
+def test_a_recipe_narrows_down_what_shows_the_skill(make, skill, tmp_path):
     recipe = 'from humanclaw.skills import Recipe\nRECIPE = Recipe(name="crouch", windows=lambda w: w.up < -0.05)\n'
     (skill / "recipe.py").write_text(recipe)
     record(tmp_path / "clips", squat())
-    chunks = make(skill, tmp_path / "clips", tmp_path)
+    chunks = make(skill, tmp_path / "clips")
     assert ((chunks.root[:, -1, 1] - chunks.root[:, HISTORY - 1, 1]) < -0.05).all()
     assert custom_skill.RETIMED not in chunks.source
 
 
-def test_a_file_without_motion_is_reported_and_left_out(skill, tmp_path, capsys):
+def test_a_file_without_motion_is_reported_and_left_out(make, skill, tmp_path, capsys):
     record(tmp_path / "clips", squat())
     np.savez(tmp_path / "clips" / "prices.npz", prices=np.ones(3))
-    make(skill, tmp_path / "clips", tmp_path, "--seconds", "0")
+    make(skill, tmp_path / "clips", "--seconds", "0")
     assert "prices.npz is no AMASS motion" in capsys.readouterr().err
 
 
-def test_clips_that_do_not_show_the_skill_are_refused(skill, tmp_path, capsys):
+def test_clips_that_do_not_show_the_skill_are_refused(humanclaw, skill, tmp_path, capsys):
     record(tmp_path / "clips", rest_pose(60))
-    assert custom_skill.main(["--skill", str(skill), "--clips", str(tmp_path / "clips")]) == 2
+    assert humanclaw("data", "chunks", "--skill", skill, "--clips", tmp_path / "clips") == 2
     assert "None of the 1 clips shows crouch" in capsys.readouterr().err
 
 
@@ -174,24 +179,24 @@ def test_a_recipe_that_is_none_is_refused(skill):
         custom_skill.of_folder(skill)
 
 
-def test_from_motion_to_a_card_by_the_folder_alone(skill, tmp_path, still_base, capsys):
+def test_from_motion_to_a_card_by_the_folder_alone(humanclaw, make, skill, tmp_path, still_base, capsys):
     pytest.importorskip("torch")
     from humanclaw_train import train
 
     base = tmp_path / "base.safetensors"
     still_base(base)
     amass(tmp_path / "studio", squat())
-    make(skill, tmp_path / "studio", tmp_path, "--seconds", "40", "--base", str(base))
+    make(skill, tmp_path / "studio", "--seconds", "40", "--base", str(base))
     given = ["--data", str(tmp_path / "chunks"), "--out", str(tmp_path / "run"), "--base", str(base)]
     more = ["--steps", "3", "--batch", "8", "--licence", "studio: CC0", "--device", "cpu"]
     assert train.main(["adapter", "--skill", str(skill), *given, *more]) == 0
     assert "step       3  fidelity " in capsys.readouterr().out
     assert read_header(skill / "adapter.safetensors")["adapter"]["skill"] == "crouch"
-    assert fidelity.main(["--skill", str(skill), "--base", str(base), "--rollouts", "4"]) == 0
+    assert humanclaw("fidelity", "--skill", skill, "--base", base, "--rollouts", "4") == 0
     (row,) = fidelity.FidelityReport.load(skill / fidelity.REPORT).rows
     assert row.generated.chunks == 12
     assert np.isfinite(row.generated.mean)
-    assert cards.main(["--skill", str(skill), "--base", str(base)]) == 0
+    assert humanclaw("cards", "--skill", skill, "--base", base) == 0
     card = " ".join((skill / cards.CARD).read_text().split())
     assert f"* generated: {row.generated.mean:.3f}" in card
     assert "* studio: CC0; " in card
@@ -209,8 +214,8 @@ def test_training_asks_for_a_skill_and_no_more_than_one(skill, capsys):
     assert capsys.readouterr().err.count("Expected one skill to train.") == 2
 
 
-def test_the_error_for_a_skill_without_adapter_says_how_to_train_one(skill, capsys):
-    assert fidelity.main(["--skill", str(skill)]) == 2
+def test_the_error_for_a_skill_without_adapter_says_how_to_train_one(humanclaw, skill, capsys):
+    assert humanclaw("fidelity", "--skill", skill) == 2
     assert f"humanclaw train adapter --skill {skill}" in capsys.readouterr().err
 
 
@@ -241,9 +246,8 @@ def test_the_image_of_a_one_sided_skill_is_measured_anew_and_kept_only_where_it_
     motion.rotations[:, JOINT_INDEX["right_shoulder"], 2] -= raised
     record(tmp_path / "clips", motion)
     (tmp_path / "clips/LICENCE.txt").write_text("Mine: CC BY-SA 3.0\n")
-    command = ["--skill", str(folder), "--clips", str(tmp_path / "clips"), "--out", str(tmp_path), "--seconds", "60"]
-    assert custom_skill.main(command, measures=lambda: MEASURES | {"hand.height": height}) == 0
-    chunks = Chunks.load(tmp_path / "reach_up.npz")
+    skill = custom_skill.of_folder(folder, {**MEASURES, "hand.height": height})
+    chunks, _ = custom_skill.saved(skill, tmp_path / "clips", tmp_path, 60.0, 0)
     hands = forward_kinematics(chunks.root.astype(float), chunks.rotations.astype(float))[0][:, -1, :, 1]
     assert len(chunks) > 20
     assert np.allclose(chunks.params[:, 0], hands[:, hand], atol=1e-4)

@@ -1,0 +1,366 @@
+"""Naturalness: scenarios that compare generated motion with real motion. Each returns the rows of a table.
+
+* The prior alone continues the histories of held-out real chunks.
+* Skills: generated rollouts and the data's own chunks get the same measures. For the Frechet distance, the model
+  continues histories of held-out real chunks (CHUNKS/held_out) with the parameters that these achieve, so that only the
+  style differs. The data's row has the distance of the other chunks. Free-running, the model starts from standing and
+  continues its own motion.
+* Sequences: root-rigid jerk of the six sequences that the paper names.
+* First steps: slide of the slower toe in the first chunk from standing.
+* Gait: straight walks of several speeds, their first calls and later ones, of the model and in half-physics, beside
+  people's. Drift: where a hundred straight calls in a row end. Corners: the lowest hips of walks at every corner of the
+  range, in half-physics.
+* Self-penetration: share of frames in which hands are in thighs or trunk, or the legs in each other.
+* Seats: how installed skills sit down on seats in half-physics, and get up again.
+* Transitions: peak joint acceleration where a second skill takes over, for every ordered pair of skills, over the peak
+  in real motion (the 99.9th percentile of the same two-frame peak over real chunks that move).
+* Long rollout: random calls in a row.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from humanclaw import Motion
+from humanclaw.body import (
+    FUTURE,
+    HISTORY,
+    JOINT_INDEX,
+    Array,
+    centre_of_mass,
+    forward_kinematics,
+    root_jerk,
+    shoe_heights,
+)
+from humanclaw.motion import DiTGenerator
+from humanclaw.skills import suited
+from humanclaw_train.data.chunks import Chunks, of_skill
+from humanclaw_train.eval import likeness, measures, self_penetration as overlap, walks
+from humanclaw_train.eval.measures import SEAM
+from humanclaw_train.eval.rollouts import CHUNKS_IN_A_ROW, Command, Subject, extend, others, roll
+from humanclaw_train.eval.simulated import bench, called, stage
+from humanclaw_train.markdown import Row
+
+if TYPE_CHECKING:
+    from humanclaw import Body
+    from humanclaw_train.eval.rollouts import Place
+
+# -- sequences ---------------------------------------------------------------------------------------------------------
+_WALK: Final = ("hips.forward", 0.4)
+_SIDE: Final = ("hips.left", 0.2)
+_TURN: Final = ("heading.left", float(np.radians(37.5)))
+Call = tuple[str, float]
+"""A measure and its amount, SI. The flat-ground skill that commands it and the fewest other measures executes it; its
+other parameters are 0."""
+SEQUENCES: Final[Mapping[str, tuple[tuple[Call, ...], float]]] = {
+    "forward walk": ((_WALK,) * 10, 5.2),
+    "turn": ((_TURN,) * 10, 4.3),
+    "walk, turn, walk": ((*[_WALK] * 4, *[_TURN] * 2, *[_WALK] * 4), 5.8),
+    "five walks, then five side steps": ((*[_WALK] * 5, *[_SIDE] * 5), 4.7),
+    "the same ten, interleaved": ((_WALK, _SIDE) * 5, 7.4),
+    "aimless": ((), 9.7),
+}
+"""Ten calls each, and the paper's jerk (m/s^3). Aimless: random steps ahead, aside and back, and turns.
+
+The paper gives neither parameters nor lengths. Ours are the middle of each range: 40 cm ahead, 20 cm to the left, 37.5
+degrees. Data and body differ from the paper's, so compare the order and not the values.
+"""
+_AIMLESS: Final = ("hips.forward", "hips.left", "hips.back", "heading.left")
+_SEQUENCE_BODIES: Final = 20
+
+
+def sequences(subject: Subject) -> list[Row]:
+    """Return the mean root-rigid jerk of each sequence, if the skills for all of them are there."""
+    known = _by_measure(subject.commands)
+    if len(known) < len(_AIMLESS):
+        return []
+    rows = list[Row]()
+    for number, (name, (calls, paper)) in enumerate(SEQUENCES.items()):
+        motions = _sequence(subject.generator, known, calls, (subject.seed, number))
+        jerk = float(np.mean([root_jerk(motion) for motion in motions]))
+        rows.append({"sequence": name, "jerk m/s3": jerk, "paper": paper})
+    return rows
+
+
+def _by_measure(commands: Sequence[Command]) -> dict[str, Command]:
+    """Return the skill to ask for each measure of the sequences, if there is one."""
+    named = {one.skill: one for one in commands}
+    skills = {measure: suited((one.declaration for one in commands), measure) for measure in _AIMLESS}
+    return {measure: named[skill.skill] for measure, skill in skills.items() if skill is not None}
+
+
+def _sequence(
+    generator: DiTGenerator, known: Mapping[str, Command], calls: Sequence[Call], key: tuple[int, int]
+) -> list[Motion]:
+    random = np.random.default_rng(key)
+    motions = [generator.start() for _ in range(_SEQUENCE_BODIES)]
+    everyone = np.arange(len(motions))
+    for step in range(10):
+        if calls:
+            measure, amount = calls[step]
+            asked = [amount * (one.measure == measure) for one in known[measure].parameters]
+            extend(generator, known[measure], motions, everyone, np.array([asked] * len(motions)), (*key, step))
+            continue
+        chosen = random.integers(len(_AIMLESS), size=len(motions))
+        for index, measure in enumerate(_AIMLESS):
+            these, command = np.flatnonzero(chosen == index), known[measure]
+            extend(generator, command, motions, these, command.draw(len(these), random), (*key, step))
+    return motions
+
+
+# -- first steps -------------------------------------------------------------------------------------------------------
+_FIRST_BODIES: Final = 1200
+"""Bodies per skill. Only a hundredth of them decides the 99th percentile."""
+GLIDES: Final = 2.0
+"""A body glides if both toes slide further than this in its first step, cm."""
+
+
+def first_steps(subject: Subject) -> list[Row]:
+    """Measure how far both feet slide when a standing body starts to move, over the whole range of each schema.
+
+    A history of standing does not show which foot moves first. A model that averages both cases slides on both feet.
+    """
+    rows = list[Row]()
+    for command in subject.commands:
+        motions = [subject.generator.start() for _ in range(_FIRST_BODIES)]
+        values = _first_commands(command, len(motions), np.random.default_rng(subject.seed))
+        extend(subject.generator, command, motions, np.arange(len(motions)), values, (subject.seed, 13))
+        # From the last history frame on, so that a jump at the seam counts as a slide.
+        slides = np.array([measures.slide(motion[HISTORY - 1 :].joints()) for motion in motions])
+        rows.append({"skill": command.skill} | slid(slides))
+    return rows
+
+
+def slid(slides: Array) -> Row:
+    """Summarise slides (bodies,), cm."""
+    p95, p99 = (float(np.percentile(slides, share)) for share in (95, 99))
+    gliding = int((slides > GLIDES).sum())
+    return {
+        "slower toe slides cm, 95 %": p95, "99 %": p99, "most": float(slides.max()),
+        f"over {GLIDES:g} cm": gliding, "bodies": len(slides),
+    }  # fmt: skip
+
+
+def _first_commands(command: Command, bodies: int, random: np.random.Generator) -> Array:
+    """Draw commands over the whole ranges (bodies, k).
+
+    Every second command is straight: all parameters that can be zero are, except the primary one. Models call these
+    most, and in them either foot might move first. In every third command the primary parameter is small: it is drawn
+    from the lowest fifth of its range.
+    """
+    low, high = (np.array([getattr(one, end) for one in command.parameters]) for end in ("low", "high"))
+    values = random.uniform(low, high, (bodies, len(low)))
+    # The value closest to zero that each range allows.
+    least, primary = np.clip(0.0, low, high), np.arange(len(low)) == command.primary
+    values[::3, primary] = (least + 0.2 * (values[::3] - least))[:, primary]
+    values[::2, (least == 0) & ~primary] = 0.0
+    return values
+
+
+# -- links in each other -----------------------------------------------------------------------------------------------
+def self_penetration(subject: Subject) -> list[Row]:
+    """Measure the futures of every skill: of the model alone and of the installed skill as played."""
+    rows = list[Row]()
+    for one in subject.commands:
+        before = others(one, subject.commands)
+        alone = roll(subject.generator, one, before, subject.rollouts, subject.seed)
+        futures = alone.root[:, HISTORY:], alone.rotations[:, HISTORY:]
+        rows.append({"skill": one.skill, "motion": "model"} | overlap.summary(*futures))
+        if subject.place is not None:
+            parts = [_played(subject.place, one, before, (subject.seed, body)) for body in range(subject.rollouts)]
+            played = joined(parts)
+            rows.append({"skill": one.skill, "motion": "played"} | overlap.summary(played.root, played.rotations))
+    return rows
+
+
+def joined(motions: Sequence[Motion]) -> Motion:
+    """Return motions one after another."""
+    root, rotations = (np.concatenate([getattr(part, key) for part in motions]) for key in ("root", "rotations"))
+    return Motion(root, rotations)
+
+
+def _played(place: Place, command: Command, before: Sequence[Command], key: tuple[int, int]) -> Motion:
+    """Call a skill three times in half-physics. On a flat floor every second body has called another skill before."""
+    random, index = np.random.default_rng(key), key[1]
+    values = command.draw(1, random)[0]
+    scene = stage(command.declaration, command.named(values))
+    with place(scene, index) as body:
+        if before and index % 2 and len(scene.objects) == 1:
+            other = before[index // 2 % len(before)]
+            _call(body, other, other.draw(1, random)[0])
+        return joined([_call(body, command, values) for _ in range(CHUNKS_IN_A_ROW)])
+
+
+def _call(body: Body, command: Command, values: Array) -> Motion:
+    asked = (one.measure for one in command.parameters)
+    return called(body, body.skills[command.skill], dict(zip(asked, values.tolist(), strict=True)))
+
+
+# -- seats -------------------------------------------------------------------------------------------------------------
+_TOPS: Final = (0.35, 0.40, 0.45, 0.50, 0.55)
+"""Heights of seats, metres."""
+_ASKED: Final = 0.10
+"""Height of the hips over the seat that the schema of sitting down advises, metres."""
+_LEFT: Final = 0.03
+"""Rise of the hips, metres, from which they have left the seat."""
+_STANDS: Final = 0.01
+"""Height of a shoe, metres, below which it stands on the floor."""
+_TOES, _ANKLES = ([JOINT_INDEX[f"{side}_{joint}"] for side in ("left", "right")] for joint in ("foot", "ankle"))
+_HEEL: Final = 0.06
+"""Distance of the heel behind the ankle, metres."""
+
+
+def seats(subject: Subject) -> list[Row]:
+    """Sit down on each seat and get up again by each installed skill of role locomotion; the worst of them counts."""
+    place = subject.place
+    return [_seat(place, top, subject.seed) for top in _TOPS] if place is not None else []
+
+
+def _seat(place: Place, top: float, seed: int) -> Row:
+    rises, hips, shoes, hands, ends = [], 0.0, [0.0], 0.0, []
+    for name in _of_role(place, "locomotion"):
+        with place(bench(top), seed) as body:
+            called(body, body.skills[_of_role(place, "sit")[0]], {"hips.height": top + _ASKED})
+            still = [called(body, body.skills[_of_role(place, "stop")[0]], {}) for _ in range(3)]
+            hips, shoes = float(still[0].root[-1, 1]), [_shoes(motion) for motion in still]
+            hands = max(float(overlap.depth(*_posed(motion), overlap.ARMS).max()) for motion in still)
+            motion = called(body, body.skills[name], {})
+            rises.append(_rise(motion, hips))
+            ends.append(float(motion.root[-1, 1]))
+    balance, lean, slide = np.array(rises).T
+    return {
+        "seat cm": 100 * top,
+        "hips over it cm": 100 * (hips - top),
+        "shoes over the floor cm": 100 * shoes[0],
+        "1 s later": 100 * shoes[-1],
+        "hands in thighs cm": 100 * max(hands, 0.0),
+        "weight ahead of the heels cm": float(balance.min()),
+        "lean": float(lean.max()),
+        "slide cm": float(slide.max()),
+        "hips after one call cm": 100 * min(ends),
+    }
+
+
+def _of_role(place: Place, role: str) -> list[str]:
+    with place(bench(_TOPS[0]), 0) as body:
+        return sorted(name for name, skill in body.skills.items() if skill.role == role and skill.trained)
+
+
+def _shoes(motion: Motion) -> float:
+    """Return the height of the higher shoe over the floor at the end."""
+    return float(shoe_heights(*_posed(motion[-1:])).max())
+
+
+def _posed(motion: Motion) -> tuple[Array, Array]:
+    return forward_kinematics(motion.root, motion.rotations)
+
+
+def _rise(motion: Motion, hips: float) -> tuple[float, float, float]:
+    """Return the balance as the hips leave the seat, the greatest lean, and a foot's slide until the body stands."""
+    joints, turns = _posed(motion)
+    left = motion.root[:, 1] > hips + _LEFT
+    off = int(np.argmax(left))
+    yaw = motion.yaw()[off]
+    ahead = np.array([np.sin(yaw), 0.0, np.cos(yaw)])
+    weight = (centre_of_mass(joints, turns)[off] - joints[off, _ANKLES].mean(0)) @ ahead + _HEEL
+    trunk = joints[:, JOINT_INDEX["neck"]] - joints[:, 0]
+    lean = np.degrees(np.arccos(np.clip(trunk[:, 1] / np.linalg.norm(trunk, axis=-1), -1.0, 1.0))).max()
+    # What follows once the body stands are steps, of which a foot may slide as in any.
+    stands = int(np.argmax(motion.root[:, 1] > 0.9 * motion.root[:, 1].max()))
+    steps = np.linalg.norm(np.diff(joints[: stands + 1, _TOES][..., [0, 2]], axis=0), axis=-1)
+    down = shoe_heights(joints, turns)[1 : stands + 1] < _STANDS
+    return 100 * float(weight), float(lean), 100 * float((steps * down).sum(0).max(initial=0.0))
+
+
+# -- transitions -------------------------------------------------------------------------------------------------------
+def transitions(subject: Subject) -> list[Row]:
+    """Return for each skill the worst seam to every other one, over the peak of real motion, and the median seam.
+
+    From standing, one chunk of each of both skills with random parameters.
+    """
+    commands, generator = subject.commands, subject.generator
+    everyone, peak, rows = np.arange(subject.bodies), real_peak(subject.chunks, commands), list[Row]()
+    for number, first in enumerate(commands):
+        random, key = np.random.default_rng((subject.seed, number)), (subject.seed, number)
+        motions = [generator.start() for _ in everyone]
+        extend(generator, first, motions, everyone, first.draw(len(everyone), random), key)
+        seams = {}
+        for column, second in enumerate(commands):
+            both = list(motions)
+            extend(generator, second, both, everyone, second.draw(len(both), random), (*key, column + 1))
+            seams[second.skill] = _seam_peaks(np.stack([motion[-HISTORY - FUTURE :].joints() for motion in both]))
+        worst = {skill: float(peaks.max() / peak) for skill, peaks in seams.items()}
+        most = max(float(peaks.max()) for peaks in seams.values())
+        median = float(np.median([np.median(peaks) for peaks in seams.values()]))
+        rows.append({"from, to": first.skill, **worst, "worst m/s2": most, "median m/s2": median, "real m/s2": peak})
+    return rows
+
+
+def _seam_peaks(joints: Array) -> Array:
+    return np.asarray(measures.acceleration(joints)[:, SEAM].max(1))
+
+
+def real_peak(folders: Sequence[Path], commands: Sequence[Command]) -> float:
+    """Return the 99.9th percentile of the same two-frame peak over real chunks of skills that move, m/s^2."""
+    peaks = [
+        _window_peaks(data)
+        for one in commands
+        if one.declaration.role != "stop" and (data := of_skill(folders, one.skill)) and data.real.all()
+    ]
+    return float(np.percentile(np.concatenate(peaks), 99.9)) if peaks else np.nan
+
+
+def _window_peaks(chunks: Chunks) -> Array:
+    joints, _ = forward_kinematics(chunks.root.astype(float), chunks.rotations.astype(float))
+    size = measures.acceleration(joints)
+    # A seam has two accelerations; every pair of neighbouring frames is compared in the same way.
+    return np.maximum(size[:, 1:], size[:, :-1]).ravel()
+
+
+# -- a long rollout ----------------------------------------------------------------------------------------------------
+_LONG_BODIES: Final = 4
+
+
+def long_rollout(subject: Subject) -> list[Row]:
+    """Chain random calls of all skills. Bodies may rise or sink, because each chunk has its own floor."""
+    random, calls = np.random.default_rng((subject.seed, 1)), subject.calls
+    motions = [subject.generator.start() for _ in range(_LONG_BODIES)]
+    for call in range(calls):
+        command = subject.commands[int(random.integers(len(subject.commands)))]
+        values = command.draw(len(motions), random)
+        extend(subject.generator, command, motions, np.arange(len(motions)), values, (subject.seed, call))
+    rotations = np.stack([motion.rotations for motion in motions])
+    # Toes up is negative about X.
+    ankles = -np.degrees(rotations[:, :, [JOINT_INDEX["left_ankle"], JOINT_INDEX["right_ankle"]], 0])
+    span = FUTURE * min(20, calls)
+    drift = ankles[:, -span:].mean(1) - ankles[:, :span].mean(1)
+    over = measures.beyond_limits(rotations)
+    return [
+        {
+            "calls": calls,
+            "bodies": len(motions),
+            "drift of the ankles, toes up, degrees": float(drift.mean()),
+            "worst": float(drift.max()),
+            "last frames beyond joint limits %": 100 * float((over[:, -span:] > 0).mean()),
+            "at most by degrees": float(over.max()),
+        }
+    ]
+
+
+SCENARIOS: Final[Mapping[str, Callable[[Subject], list[Row]]]] = {
+    "skills": likeness.skills,
+    "sequences": sequences,
+    "first steps from standing": first_steps,
+    "gait of straight walks, degrees": walks.gaits,
+    "drift of a hundred straight calls, 50 m": walks.drift,
+    "corners of the range in half-physics": walks.corners,
+    "links in each other": self_penetration,
+    "seats": seats,
+    "transitions, over the peak of real motion": transitions,
+    "random calls in a row": long_rollout,
+}
+"""Every scenario by the title of its table, in the order in which they are shown."""
