@@ -17,7 +17,7 @@ from humanclaw.storage import Folder, write_result
 from humanclaw_bench import leaderboard as leaderboards, submission as submissions
 from humanclaw_bench.cli import PARTIAL, RUN
 from humanclaw_bench.export import metrics_of, scored_runs
-from humanclaw_bench.integrity import MANIFEST, RunFiles, check, is_told, split_digest
+from humanclaw_bench.integrity import MANIFEST, check, split_digest
 from humanclaw_bench.replay import Replayed, replayed, sample
 from humanclaw_bench.splits import load_split
 
@@ -83,23 +83,18 @@ def _played_again(
 
 def _verify_files(run: Path) -> bool:
     """Check files and records, and tell what is wrong. Returns whether anything is."""
-    files = RunFiles.read(run)
-    count, faults = check(run, files)
-    asked = max(count, files.asked)
-    told = f"{len(faults)} damaged, or not of this run." if faults else "all whole."
-    if not faults and submissions.NAME in Folder(run).names():
+    count, known = check(run)
+    asked = max(count, known.asked)
+    told = f"{len(known.faults)} damaged, or not of this run." if known.faults else "all whole."
+    if not known.faults and submissions.NAME in Folder(run).names():
         told += f" Submitted by {legible(submissions.read(run, load_run(run)).who)}."
-    for fault in faults:
+    for fault in known.faults:
         click.echo(fault)
-    for name in files.again:
-        click.echo(f"{name!r:.200} was played more than once from its first step.")
-    if unstarted := files.unstarted(path.parent.name for path in run.glob("*/episode.json")):
-        click.echo(f"{counted(unstarted, 'record')} without a start in the journal: further attempts are not known.")
-    if not is_told(run):
+    if not known.asked:
         click.echo(f"There is no run.json in {run}: split and settings of the records are unknown.")
     of = f"{count} of " if count < asked else ""
     click.echo(f"{of}{counted(asked, 'record')} in {run}: {told}")
-    return bool(faults)
+    return bool(known.faults)
 
 
 @click.command()
@@ -162,7 +157,7 @@ def _write_page(plugins: Plugins, run: Path, out: Path) -> None:
         copy = Folder(out) / episode.files.path.relative_to(run).as_posix()
         for name in ("episode.json", *episode.record.files):
             copy.write(name, episode.files.read(name, MOTION_BYTES), settled=False)
-    if is_told(run):
+    if Folder(run).has(MANIFEST):
         Folder(out).write(MANIFEST, Folder(run).read(MANIFEST, RECORD_BYTES))
     episodes = load_run(out)
     scores = scored_runs({out: episodes}, metrics_of(plugins))

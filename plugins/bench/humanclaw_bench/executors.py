@@ -11,7 +11,7 @@ import sys
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
+from collections.abc import Generator, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
@@ -48,19 +48,8 @@ DEATHS_IN_A_ROW: Final = 3
 class EpisodeQueue:
     """The episodes that no worker has taken yet, by house, so that a worker rarely builds a house twice."""
 
-    def __init__(
-        self,
-        specs: Iterable[EpisodeSpec],
-        first: Iterable[EpisodeSpec] = (),
-        taken: Callable[[EpisodeSpec], None] = lambda spec: None,
-    ) -> None:
-        """Fill the queue.
-
-        Args:
-            first: those of specs that are taken before all others, whatever their house.
-            taken: called with each episode before it is handed out.
-        """
-        self._taken = taken
+    def __init__(self, specs: Iterable[EpisodeSpec], first: Iterable[EpisodeSpec] = ()) -> None:
+        """Fill the queue. first: those of specs that are taken before all others, whatever their house."""
         self._houses: dict[str, deque[EpisodeSpec]] = {}
         self._entered: set[str] = set()
         self._first = deque(first)
@@ -79,7 +68,6 @@ class EpisodeQueue:
         spec = self._first.popleft() if self._first else self._next(house)
         if spec:
             self._entered.add(spec.scene)
-            self._taken(spec)
         return spec
 
     def _next(self, house: str) -> EpisodeSpec | None:

@@ -244,9 +244,9 @@ def _rows(entries: Sequence[Entry]) -> list[tuple[str | Markup, ...]]:
 
 
 def _cells(entry: Entry, label: str) -> tuple[str | Markup, ...]:
-    result, run = entry.scored.result, entry.scored.manifest.content
-    privileged, near = any(scores.privileged for scores in result.scores), run.get("in process")
-    agent = result.name + " (privileged)" * privileged + " (in process)" * bool(near)
+    result = entry.scored.result
+    privileged, near = any(scores.privileged for scores in result.scores), result.known.in_process
+    agent = result.name + " (privileged)" * privileged + " (in process)" * near
     rate, *earlier = (_rate(metric, entry) for metric in (_RANKING, *_EARLIER))
     name = Markup(f"<a href='{entry.page}'>{_escaped(agent)}</a>") if entry.page else agent
     engine = result.scores[0].simulator
@@ -255,13 +255,11 @@ def _cells(entry: Entry, label: str) -> tuple[str | Markup, ...]:
 
 def _facts(entry: Entry) -> dict[str, str]:
     """Return what a row folds, by its name."""
-    result, known = entry.scored.result, entry.scored.result.known
-    attempts = {"played again": known.again, "continued": known.continued, "not in the journal": known.unstarted}
-    told = [f"{count} {what}" for what, count in attempts.items() if count]
+    result = entry.scored.result
     return {
         "model of": entry.submission.model_date or "-",
         FALSE_CLAIMS.name: Column.of(FALSE_CLAIMS).number(estimate(FALSE_CLAIMS, result.scores).value),
-        "episodes": ", ".join([f"{len(result.finished)} of {result.total}", *told]),
+        "episodes": f"{len(result.finished)} of {result.total}",
         "motion (s)": _motion(entry),
         "cost ($)": f"{sum(scores.cost for scores in result.scores):.2f}",
         "temperature": _temperature(entry),

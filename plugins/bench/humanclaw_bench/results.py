@@ -73,7 +73,7 @@ class Result:
         unknown = "" if self.known.asked else ", of an unknown total (no run.json)"
         told = f"{of}{counted(self.total, 'episode')}{unknown}"
         note = (
-            f"{self.name}: {told}{left_out}.{self._privileged}{self._again}{self._broken}{self._unasked}{self._foreign}"
+            f"{self.name}: {told}{left_out}.{self._privileged}{self._broken}{self._unasked}{self._foreign}"
             f"{self._near}{self._pace}{self._asked}{self._played}"
         )
         return " ".join(legible(note).split())  # One line, whatever text a foreign record holds.
@@ -103,15 +103,6 @@ class Result:
         return told + (
             f" Past steps were dropped because the model's context was full: in {dropped} steps." if dropped else ""
         )
-
-    @property
-    def _again(self) -> str:
-        told = {
-            "Played more than once from the first step": self.known.again,
-            "Continued after the last recorded step": self.known.continued,
-            "Missing from the journal, so that further attempts are not known": self.known.unstarted,
-        }
-        return "".join(f" {what}: {count}." for what, count in told.items() if count)
 
     @property
     def _foreign(self) -> str:

@@ -6,29 +6,27 @@ last recorded step.
 
 from __future__ import annotations
 
-import json
-import os
 import random
 import signal
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from filelock import FileLock, Timeout
 
 from humanclaw import EpisodeSpec, HumanclawError, Plugins, RecordError
 from humanclaw.records import REPORT, EpisodeRecord, write_episodes
-from humanclaw.storage import Folder, add_line, writing
+from humanclaw.storage import Folder, writing
 from humanclaw_bench.executors import EpisodeQueue, Executor
-from humanclaw_bench.integrity import JOURNAL, MANIFEST, SPLIT, End, Journal
+from humanclaw_bench.integrity import MANIFEST, SPLIT
 from humanclaw_bench.scores import ended
 from humanclaw_bench.settings import agree, introduced, manifest, seeded
-from humanclaw_bench.worker import FAILED, Job, WorkerReport, mark, recorded, recorded_steps, unpack
+from humanclaw_bench.worker import FAILED, Job, WorkerReport, mark, recorded, unpack
 
 
 @dataclass(frozen=True)
@@ -99,7 +97,7 @@ class Forecast:
 
 Watcher = Callable[[RunStatus, WorkerReport | None], None]
 """Called for every episode that ended, and once at the beginning without a report."""
-OWN: Final = frozenset({MANIFEST, SPLIT, JOURNAL, "logs", "scores.jsonl", REPORT, "submission.json"})
+OWN: Final = frozenset({MANIFEST, SPLIT, "logs", "scores.jsonl", REPORT, "submission.json"})
 """Files and folders in the folder of a run that are not episodes."""
 FAILURES_IN_A_ROW: Final = 3
 """Episodes in a row without a provider's answer after which a run stops. Each was asked for several times already."""
@@ -132,13 +130,12 @@ def run_split(
         agree(out, settings)
         write_episodes(out / SPLIT, specs)
         records = [ended_record(Folder(out) / spec.id) for spec in specs]
-        _catch_up(out, filter(None, records))
         todo = [spec for spec, record in zip(specs, records, strict=True) if record is None]
         random.Random(job.seed).shuffle(todo)  # An agent that knows the split could count its episodes.
         began, status = time.perf_counter(), RunStatus(len(specs), len(specs) - len(todo))
         watch(status, None)
         pilot = _Pilot(pilot_of(todo))
-        queue = EpisodeQueue(todo, pilot.specs, lambda spec: _note(out, _start(out, spec)))
+        queue = EpisodeQueue(todo, pilot.specs)
         with _stops(executor) as stopped, closing(executor.reports(job, queue, out)) as reports:
             for report in reports:
                 _keep(out, report)
@@ -254,41 +251,11 @@ def _counted(status: RunStatus, report: WorkerReport, seconds: float, waiting: i
 
 
 def _keep(out: Path, report: WorkerReport) -> None:
-    """Store a report: its files, the failure of a worker that died, and a line of the journal."""
+    """Store a report: its files, or the failure of a worker that died."""
     record = Folder(out) / report.episode
     unpack(record, report.files)
     if report.outcome == FAILED:
         mark(record, FAILED, report.error)
-    line = {key: value for key, value in vars(report).items() if key not in ("files", "fatal", "refusal")}
-    _note(out, line)
-
-
-def _start(out: Path, spec: EpisodeSpec) -> dict[str, Any]:
-    """Return the journal's line for a start: made before the first step, so that no attempt can be hidden by removing
-    its folder. from: number of steps that an earlier session left; 0 starts from the beginning."""
-    try:
-        steps = len(recorded_steps(Folder(out) / spec.id))
-    except RecordError:
-        steps = 0
-    return {"episode": spec.id, "from": steps}
-
-
-def _note(out: Path, line: Mapping[str, Any]) -> None:
-    """Append a line to the journal."""
-    told = json.dumps({"time": round(time.time(), 1), **line}).encode()
-    with writing(out), Folder(out).append(JOURNAL) as stream:
-        stream.seek(-min(1, stream.tell()), os.SEEK_END)
-        torn = stream.read() not in (b"", b"\n")  # A crash may have cut off the last line.
-        add_line(stream, b"\n" * torn + told)
-
-
-def _catch_up(out: Path, records: Iterable[EpisodeRecord]) -> None:
-    """Add journal lines for episodes that ended just before the run was killed."""
-    ends = Journal.read(out).ends
-    for record in records:
-        name = record.spec.id
-        if End(record.outcome, record.steps) not in ends.get(name, [])[-1:]:
-            _note(out, {"episode": name, "outcome": record.outcome, "limit": record.limit, "steps": record.steps})
 
 
 # -- lock and signals --------------------------------------------------------------------------------------------------

@@ -16,7 +16,7 @@ from humanclaw.records import RECORD_BYTES, first_fault
 from humanclaw.storage import Folder
 from humanclaw_bench.export import scored
 from humanclaw_bench.integrity import LARGEST, MANIFEST, Manifest, read_manifest, standing
-from humanclaw_bench.results import Result, require_whole
+from humanclaw_bench.results import Result, named, require_whole
 
 NAME: Final = "submission.json"
 _WRITE: Final = "Write it with `humanclaw bench submit`."
@@ -57,10 +57,11 @@ class ScoredRun:
         if known.faults:
             more = f" ({len(known.faults)} such faults)" if len(known.faults) > 1 else ""
             raise RecordError(known.faults[0] + more, f"`humanclaw bench verify {run}` lists everything that is wrong.")
-        agents = sorted({episode.record.agent for episode in episodes})
-        if len(agents) > 1:
-            raise RecordError(f"{run} holds runs of several agents ({', '.join(agents)}).", "Name the folder of one.")
-        return cls(manifest, episodes, Result.of(agents[0], scored(episodes, name=run.name), known))
+        result, *others = named({run.name: scored(episodes, name=run.name)}, {run.name: known})
+        if others:
+            names = ", ".join(one.name for one in (result, *others))
+            raise RecordError(f"{run} holds runs of several agents or settings ({names}).", "Name the folder of one.")
+        return cls(manifest, episodes, result)
 
 
 def submit(run: Path, who: str, model_date: str = "", partial: bool = True) -> Submission:

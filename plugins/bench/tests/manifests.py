@@ -18,10 +18,7 @@ def tell(run: Path, **more: Any) -> Path:
     """Write a run.json as the run of the records that lie there would have it, or as is given."""
     records = [one.record for one in load_run(run)]
     first, specs = records[0], [record.spec for record in records]
-    told = {
-        "episodes": len(specs), "split": split_digest(specs), "options": first.options, "verifier": first.verifier,
-        "limits": {}, "backends": first.settings.get("body", {}), "versions": first.versions, "weights": first.weights,
-    }  # fmt: skip
+    told = {"episodes": len(specs), "split": split_digest(specs), "options": first.options}
     (run / "run.json").write_text(json.dumps(told | more))
     return run
 

@@ -26,7 +26,6 @@ from humanclaw.records import Difficulty, EpisodeRecord, write_record
 from humanclaw_bench.attribution import attribute
 from humanclaw_bench.cli import bench
 from humanclaw_bench.executors import EpisodeQueue, LocalExecutor
-from humanclaw_bench.integrity import RunFiles, check
 from humanclaw_bench.progress import RunProgress, foresight
 from humanclaw_bench.runner import Forecast, run_split
 from humanclaw_bench.scores import score
@@ -255,36 +254,6 @@ def test_a_damaged_episode_is_found_and_begun_anew_and_the_others_are_kept(play,
     assert CliRunner().invoke(bench, ["verify", str(folder)]).exit_code == 0
 
 
-def test_an_episode_that_was_thrown_away_is_counted_though_the_journals_last_line_was_cut_off(play):
-    _, _, folder = play(toy_world.specs(2))
-    with (folder / "journal.jsonl").open("a") as journal:
-        journal.write('{"time": 1, "episode": "toy-')
-    shutil.rmtree(folder / "toy-1")
-    play(toy_world.specs(2))
-    assert RunFiles.read(folder).again == ("toy-1",)
-
-
-def test_an_end_of_which_the_journal_was_not_told_before_the_kill_is_told_when_the_run_goes_on(play):
-    _, _, folder = play(toy_world.specs(2))
-    lines = [line for line in (folder / "journal.jsonl").read_text().splitlines() if '"outcome"' in line]
-    (folder / "journal.jsonl").write_text(lines[0].replace('"steps": 4', '"steps": 1') + "\n")
-    assert len(check(folder)[1]) == 1
-    play(toy_world.specs(2))
-    assert check(folder) == (2, ())
-    assert RunFiles.read(folder).again == ("toy-0",)
-
-
-def test_a_better_attempt_of_another_run_is_not_taken_for_one_of_this(play, tmp_path):
-    luck = {"in": "toy-1", "what": "bug", "once": str(tmp_path / "once")}
-    _, _, folder = play(toy_world.specs(2), **luck)
-    _, _, other = play(toy_world.specs(2), name="other", **luck)
-    assert check(folder) == (2, ())
-    shutil.rmtree(folder / "toy-1")
-    shutil.copytree(other / "toy-1", folder / "toy-1")
-    _, faults = check(folder)
-    assert any("toy-1 is not the record that was made last" in fault for fault in faults)
-
-
 def test_an_episode_copied_beside_itself_is_refused(play):
     _, _, folder = play(toy_world.specs(1))
     shutil.copytree(folder / "toy-0", folder / "toy-1")
@@ -510,7 +479,7 @@ def test_ids_that_some_systems_do_not_tell_apart_are_refused(play):
         play([first, second.model_copy(update={"id": first.id.upper()})])
 
 
-@pytest.mark.parametrize("name", ["run.json", "Logs", "journal.jsonl"])
+@pytest.mark.parametrize("name", ["run.json", "Logs"])
 def test_an_id_that_is_the_name_of_a_file_of_the_run_itself_is_refused(play, tmp_path, name):
     (spec,) = toy_world.specs(1)
     with pytest.raises(HumanclawError, match="of the run's own files"):

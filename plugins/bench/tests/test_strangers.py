@@ -5,7 +5,6 @@ HUMANCLAW_FUZZ=N tries everything at every path; without it, each path gets one 
 
 import os
 import shutil
-import tracemalloc
 from contextlib import suppress
 from itertools import cycle
 from pathlib import Path
@@ -20,7 +19,6 @@ from test_runner import TOY
 from humanclaw import HumanclawError, Plugins
 from humanclaw.cli import build
 from humanclaw_bench.executors import LocalExecutor
-from humanclaw_bench.integrity import Journal
 from humanclaw_bench.runner import run_split
 from humanclaw_bench.worker import Job
 from humanclaw_report.watch import Watcher
@@ -54,10 +52,10 @@ def resumed(run, plugins):
 def watched(run, plugins):
     watcher = Watcher(run, plugins.scene)
     pictures = [watcher.frame("toy-0", f"000{number}.jpg") for number in range(5)]
-    maps = ""
+    page = ""
     with suppress(HumanclawError):  # The server answers it as not found.
-        maps = watcher.since("toy-0", 0)
-    return f"{watcher.state()} {maps} {pictures}"
+        page = watcher.replay("toy-0")
+    return f"{watcher.state()} {page} {pictures}"
 
 
 COMMANDS = {
@@ -153,15 +151,3 @@ def test_no_command_follows_or_waits_for_what_a_stranger_plants(whole, plugins, 
             wrong += planted(place, whole, name, plant, some, plugins)
             shutil.rmtree(place)
     assert wrong == []
-
-
-def test_a_journal_of_empty_lines_takes_no_more_memory_than_itself(tmp_path):
-    (tmp_path / "journal.jsonl").write_bytes(b"\n" * (8 << 20) + b'{"episode": "a", "from": 0}\n')
-    tracemalloc.start()
-    try:
-        found = Journal.read(tmp_path)
-        most = tracemalloc.get_traced_memory()[1]
-    finally:
-        tracemalloc.stop()
-    assert found.starts == {"a": 1}
-    assert most < 20 << 20

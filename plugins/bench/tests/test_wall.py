@@ -1,6 +1,5 @@
 """Agent and verifier play in a process of their own: they reach neither body nor records, and their end is named."""
 
-import json
 import random
 import shutil
 import time
@@ -18,7 +17,6 @@ from humanclaw import HumanclawError, Plugins, RecordedEpisode, load_run
 from humanclaw.world import GAZES
 from humanclaw_bench.cli import bench
 from humanclaw_bench.executors import LocalExecutor
-from humanclaw_bench.integrity import Journal
 from humanclaw_bench.runner import pilot_of, run_split
 from humanclaw_bench.splits import load_split
 from humanclaw_bench.wall.links import ProcessLink
@@ -129,7 +127,7 @@ def test_a_run_that_continues_keeps_its_seed(play):
 def test_the_order_of_the_episodes_does_not_tell_which_one_an_agent_plays(play):
     def order(name):
         _, folder = play(PLAIN, 9, name=name, in_process=True, seed=None)
-        return [json.loads(line)["episode"] for line in (folder / "journal.jsonl").read_text().splitlines()]
+        return [one.record.spec.id for one in sorted(load_run(folder), key=lambda one: one.record.created)]
 
     assert order("one") != order("other")
 
@@ -148,12 +146,9 @@ def test_in_one_process_it_would_find_it_so_that_is_told_in_every_table(play):
     assert "in the body's own process" in table
 
 
-def test_the_leaderboard_says_so_too_and_no_edit_of_run_json_hides_it(play):
+def test_the_leaderboard_says_so_too(play):
     _, folder = play(PLAIN, in_process=True)
     assert "own (in process)" in board(folder)
-    told = json.loads((folder / "run.json").read_text())
-    (folder / "run.json").write_text(json.dumps({key: one for key, one in told.items() if key != "in process"}))
-    assert "does not say that agent or verifier played in the body" in board(folder).partition("Not ranked")[2]
 
 
 def test_a_table_says_nothing_of_it_where_the_wall_stood(play):
@@ -391,83 +386,6 @@ class Mine(Agent):
         play(closes)
     (record,) = folder_of(play).glob("*/toy-0")
     assert RecordedEpisode(record).record.outcome == "infra_error"
-
-
-# -- attempts ----------------------------------------------------------------------------------------------------------
-def test_the_best_of_two_attempts_cannot_be_passed_off_as_the_first(play):
-    loses = """
-class Mine(Agent):
-    def decide(self, observation, history):
-        if observation.step == 2 and not os.path.exists(self.options["again"]):
-            raise ProviderError("503")
-        return super().decide(observation, history)
-"""
-    again = Path(folder_of(play)) / "again"
-    _, folder = play(loses, again=str(again))
-    again.touch()
-    for file in sorted((folder / "toy-0").rglob("*"), reverse=True):
-        file.rmdir() if file.is_dir() else file.unlink()
-    (folder / "toy-0").rmdir()
-    status, _ = play(loses, again=str(again))
-    assert (status.done, Journal.read(folder).again) == (1, ("toy-0",))
-    table = CliRunner().invoke(bench, ["table", str(folder), "--format", "markdown"]).output
-    assert "Played more than once from the first step: 1." in table
-
-
-KILLS = """
-class Mine(Agent):
-    def decide(self, observation, history):
-        if observation.step == 2 and not os.path.exists(self.options["again"]):
-            os.kill(os.getppid(), 9)
-            time.sleep(60)
-        return super().decide(observation, history)
-"""
-
-
-@pytest.mark.parametrize(
-    ("left", "words"),
-    [(None, "Played more than once from the first step: 1."), (1, "Continued after the last recorded step: 1.")],
-)
-def test_a_worker_that_is_killed_when_it_loses_does_not_hide_the_attempt(play, left, words):
-    """left: number of steps that somebody leaves of the lost attempt; None removes its folder."""
-    again = Path(folder_of(play)) / "again"
-    _, folder = play(KILLS, workers=1, again=str(again))
-    again.touch()
-    steps = folder / "toy-0" / "steps.jsonl"
-    if left is None:
-        shutil.rmtree(folder / "toy-0")
-    else:
-        rewrite(folder / "toy-0", outcome="running", steps=0, seal="")
-        steps.write_text("".join(steps.read_text().splitlines(keepends=True)[:left]))
-    status, _ = play(KILLS, workers=1, again=str(again))
-    assert status.done == 1
-    assert words in CliRunner().invoke(bench, ["table", str(folder), "--format", "markdown"]).output
-    board = folder.parent / "board"
-    shutil.copytree(folder, board / "mine")
-    told = ["submit", str(board / "mine"), "--who", "me"]
-    assert CliRunner().invoke(bench, told).exit_code == 0
-    CliRunner().invoke(bench, ["leaderboard", str(board)])
-    assert ("1 of 1, 1 " + ("played again" if left is None else "continued")) in (board / "index.html").read_text()
-
-
-def test_a_journal_that_was_removed_is_missed_everywhere(play):
-    _, folder = play(PLAIN)
-    (folder / "journal.jsonl").unlink()
-    table = CliRunner().invoke(bench, ["table", str(folder), "--format", "markdown"]).output
-    assert "Missing from the journal, so that further attempts are not known: 1." in table
-    assert "1 record without a start in the journal" in CliRunner().invoke(bench, ["verify", str(folder)]).output
-    assert "1 of 1, 1 not in the journal" in board(folder)
-
-
-def test_a_start_is_in_the_journal_before_the_first_step(play):
-    sees = """
-class Mine(Agent):
-    def decide(self, observation, history):
-        told = open(self.options["journal"]).read()
-        return Decision((Call("stop"),), visible_state=told)
-"""
-    _, folder = play(sees, journal=str(Path(folder_of(play)) / "run" / "journal.jsonl"))
-    assert '"episode": "toy-0", "from": 0' in said(folder)
 
 
 def folder_of(play):
