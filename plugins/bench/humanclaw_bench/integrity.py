@@ -20,7 +20,7 @@ from humanclaw import EpisodeSpec, HumanclawError, RecordedEpisode, RecordError
 from humanclaw.cli import counted
 from humanclaw.records import EpisodeRecord, first_fault, read_episodes
 from humanclaw.storage import Folder, lacking
-from humanclaw_bench.splits import SPLITS, load_split, repeated
+from humanclaw_bench.splits import SPLITS, load_split
 
 MANIFEST: Final = "run.json"
 SPLIT: Final = "split.jsonl"
@@ -29,8 +29,6 @@ LARGEST: Final = 64 << 20
 """Maximum bytes of either."""
 MOST: Final = 100_000
 """Maximum episodes of a run."""
-REPEATS: Final = 100
-"""Maximum repeats of an episode; runs with more need the split beside run.json."""
 
 
 # -- run.json ----------------------------------------------------------------------------------------------------------
@@ -71,19 +69,10 @@ def split_digest(specs: Iterable[EpisodeSpec]) -> str:
 
 
 @cache
-def known_split(digest: str, episodes: int) -> tuple[str, Sequence[EpisodeSpec]]:
-    """Return the benchmark's split with a digest, by name, and its episodes; ("", ()) if none has it.
-
-    episodes: number of episodes of the run, repeats included.
-    """
-    for name in SPLITS:
-        specs = load_split(name)
-        times, rest = divmod(episodes, len(specs))
-        if split_digest(specs) == digest:
-            return name, specs
-        if 1 < times <= REPEATS and not rest and split_digest(found := repeated(specs, times)) == digest:
-            return f"{name}, each {times} times", found
-    return "", ()
+def known_split(digest: str) -> tuple[str, Sequence[EpisodeSpec]]:
+    """Return the benchmark's split with a digest, by name, and its episodes; ("", ()) if none has it."""
+    splits = ((name, load_split(name)) for name in SPLITS)
+    return next(((name, specs) for name, specs in splits if split_digest(specs) == digest), ("", ()))
 
 
 # -- records -----------------------------------------------------------------------------------------------------------
@@ -179,7 +168,7 @@ def _splits(run: Path, manifest: Manifest) -> Iterator[Sequence[EpisodeSpec]]:
             yield read_episodes(run / SPLIT, Folder(run).read(SPLIT, LARGEST))
         except HumanclawError as error:
             raise RecordError(error.message, error.remedy) from error
-    yield known_split(manifest.split, manifest.episodes)[1]
+    yield known_split(manifest.split)[1]
 
 
 def _other_episode(one: RecordedEpisode, manifest: Manifest, asked: Mapping[str, EpisodeSpec]) -> list[str]:

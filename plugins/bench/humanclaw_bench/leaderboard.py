@@ -98,7 +98,7 @@ def leaderboard(folder: Path, checks: Checks = Checks()) -> Path:
         if not entry.apart:
             ranked[entry.table].append(entry)
     sections = sorted(ranked.items())
-    splits = [_split(*table, checks.hidden) for table, _ in sections]
+    splits = [_split(split, checks.hidden) for (split, _), _ in sections]
     body = "".join(_section(*table, entries, checks.hidden) for table, entries in sections)
     body += _unranked([entry for entry in found if entry.apart], unread)
     page = _PAGE.format(
@@ -189,14 +189,14 @@ def _replayed(played: Sequence[Replayed], by: str) -> str:
     return f"{WHOLE}, but only {same}: {unknown[0]}" if unknown else f"{WHOLE}; {same}"
 
 
-def _split(split: str, asked: int, hidden: str) -> str:
+def _split(split: str, hidden: str) -> str:
     """Return the name of a split."""
-    return "hidden test" if hidden and split == hidden else known_split(split, asked)[0] or "not one of the benchmark's"
+    return "hidden test" if hidden and split == hidden else known_split(split)[0] or "not one of the benchmark's"
 
 
 def _section(split: str, asked: int, entries: Sequence[Entry], hidden: str) -> str:
     ordered = sorted(entries, key=_rank, reverse=True)
-    name = _split(split, asked, hidden)
+    name = _split(split, hidden)
     return _table(f"{name}: {counted(asked, 'episode')}, split {split[:12]}", _TITLES, _rows(ordered))
 
 

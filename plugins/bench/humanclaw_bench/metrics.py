@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import chain
 from typing import Final, Literal
@@ -11,7 +11,6 @@ import numpy as np
 
 from humanclaw import EpisodeSpec, RecordError
 from humanclaw_bench.scores import Scores
-from humanclaw_bench.splits import original_of
 from humanclaw_bench.statistics import Difference, Estimate, compare_rates, compare_ratios, holm, rate, ratio
 
 
@@ -150,15 +149,15 @@ def extra_metric(name: str) -> Metric:
 def estimate(metric: Metric, scores: Sequence[Scores], *, seed: int = 0) -> Estimate:
     """Return a metric over the finished episodes among these, with its interval."""
     known = [(pair, s) for s in scores if s.finished and (pair := metric.parts(s)) is not None]
-    parts, drawn = [pair for pair, _ in known], clusters([s for _, s in known])
+    parts, houses = [pair for pair, _ in known], houses_of(s for _, s in known)
     if metric.rate:
-        return rate([bool(met) for met, _ in parts], *drawn)
-    return ratio([above for above, _ in parts], [below for _, below in parts], *drawn, seed=seed)
+        return rate([bool(met) for met, _ in parts], houses)
+    return ratio([above for above, _ in parts], [below for _, below in parts], houses, seed=seed)
 
 
-def clusters(scores: Sequence[Scores]) -> tuple[list[str], list[str]]:
-    """Return the clusters of each score: its house, and the episode that it is or repeats."""
-    return [s.scene for s in scores], [original_of(s.episode) for s in scores]
+def houses_of(scores: Iterable[Scores]) -> list[str]:
+    """Return the house of each score, by which intervals are clustered."""
+    return [s.scene for s in scores]
 
 
 def compare(
@@ -187,10 +186,10 @@ def difference_of(metric: Metric, pairs: Sequence[tuple[Scores, Scores]], *, see
     """Compare one metric of B with A over the episodes to which it applies in both; None if there are none."""
     known = [(one, two, x) for x, y in pairs if (one := metric.parts(x)) and (two := metric.parts(y))]
     a, b = [one for one, _, _ in known], [two for _, two, _ in known]
-    drawn = clusters([x for _, _, x in known])
+    houses = houses_of(x for _, _, x in known)
     if metric.rate and known:
-        return compare_rates([bool(met) for met, _ in a], [bool(met) for met, _ in b], *drawn, seed=seed)
-    return compare_ratios(a, b, *drawn, seed=seed) if known else None
+        return compare_rates([bool(met) for met, _ in a], [bool(met) for met, _ in b], houses, seed=seed)
+    return compare_ratios(a, b, houses, seed=seed) if known else None
 
 
 def common(a: Sequence[Scores], b: Sequence[Scores]) -> list[tuple[Scores, Scores]]:

@@ -20,7 +20,7 @@ from humanclaw_bench.export import results_of
 from humanclaw_bench.progress import RunProgress, foresight, stop_after_option
 from humanclaw_bench.results import Result
 from humanclaw_bench.runner import Forecast, RunStatus, run_split
-from humanclaw_bench.splits import load_split, repeated
+from humanclaw_bench.splits import load_split
 from humanclaw_bench.tables import ResultTable, ablation_table, all_tables
 from humanclaw_bench.worker import Job
 from humanclaw_bench.writers import markdown
@@ -101,8 +101,6 @@ class Plan(BaseModel):
     """Split of table 2."""
     ablation_split: str = "mini"
     """Split of table 3."""
-    repeats: Annotated[int, Field(ge=1)] = 1
-    """How often each episode of table 2 is played, each time with another seed."""
 
     @classmethod
     def read(cls, path: Path) -> Plan:
@@ -123,7 +121,7 @@ class Plan(BaseModel):
 
     def runs(self, model: Model) -> Iterator[tuple[str, tuple[EpisodeSpec, ...], Job]]:
         """Yield folder, episodes and job of every run of a model."""
-        yield MAIN, repeated(load_split(self.split), self.repeats), model.job("baseline")
+        yield MAIN, load_split(self.split), model.job("baseline")
         for setting in model.settings:
             yield _folder(setting), load_split(self.ablation_split), model.job(setting)
 

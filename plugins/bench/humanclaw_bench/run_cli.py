@@ -42,13 +42,6 @@ if TYPE_CHECKING:
 @click.option(
     "--resume/--no-resume", default=True, show_default=True, help="Continue an existing run, or refuse its folder."
 )
-@click.option(
-    "--repeats",
-    type=click.IntRange(1),
-    default=1,
-    show_default=True,
-    help="Play every episode N times, each with another seed, to show the variation between seeds.",
-)
 @click.option("--yes", is_flag=True, help="Do not ask for confirmation after the estimate of time and cost.")
 @stop_after_option
 @click.option(
@@ -60,7 +53,7 @@ if TYPE_CHECKING:
 @plugin_options
 def run_command(
     name: str, deciders: Deciders, backends: Backends, workers: int, executor: str, address: str | None,
-    out: Path | None, resume: bool, repeats: int, yes: bool, stop_after: int, seed: int | None, in_process: bool,
+    out: Path | None, resume: bool, yes: bool, stop_after: int, seed: int | None, in_process: bool,
     files: tuple[Path, ...], choice: Choice,
 ) -> None:  # fmt: skip
     """Run a split, or resume it. Finished episodes are kept; others continue after their last recorded step."""
@@ -69,13 +62,13 @@ def run_command(
     from humanclaw.records import name_of
     from humanclaw_bench.export import metrics_of, results, scored_runs
     from humanclaw_bench.runner import run_split
-    from humanclaw_bench.splits import load_split, repeated
+    from humanclaw_bench.splits import load_split
     from humanclaw_bench.tables import brief_tables
     from humanclaw_bench.tables_cli import filled, show
     from humanclaw_bench.worker import Job
 
     plugins = Plugins.discover(files, choice)
-    specs = repeated(load_split(name), repeats)
+    specs = load_split(name)
     metrics = metrics_of(plugins)  # Refuses a metric with a reserved name now, not after hours of playing.
     out = out or Path("runs") / f"{Path(name).stem}-{name_of(deciders.title)}"
     if not resume and Folder(out).has("run.json"):

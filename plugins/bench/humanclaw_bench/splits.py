@@ -7,7 +7,6 @@ so that categories, houses, distances and difficulty are distributed as in the p
 from __future__ import annotations
 
 import importlib.resources
-import re
 from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -284,33 +283,6 @@ def secret_houses(secret: int) -> tuple[str, ...]:
 def hidden(found: Sequence[EpisodeSpec]) -> dict[str, tuple[EpisodeSpec, ...]]:
     """Return the hidden test from the candidates of secret houses, with the quota of val."""
     return {"test": named(choose(spaced(found), VAL))}
-
-
-# -- repeats -----------------------------------------------------------------------------------------------------------
-def repeated(specs: Sequence[EpisodeSpec], times: int) -> tuple[EpisodeSpec, ...]:
-    """Return each episode `times` times, each with another seed. The first is the episode itself."""
-    again = (
-        spec.model_copy(update={"id": f"{spec.id}.r{k}", "seed": spec.seed + k * SEEDS_APART})
-        for k in range(1, times)
-        for spec in specs
-    )
-    return (*specs, *again)
-
-
-SEEDS_APART: Final = 1_000_003
-"""Distance between the seeds of an episode's repeats: larger than a split, so that no seed occurs twice."""
-_REPEAT: Final = re.compile(r"\.r(\d+)$")
-
-
-def repeat_of(episode: str) -> int:
-    """Return the number of the repeat in an episode's id; 0 for the original."""
-    found = _REPEAT.search(episode)
-    return int(found[1]) if found else 0
-
-
-def original_of(episode: str) -> str:
-    """Return the id of the original of a repeat; the id itself if it is no repeat."""
-    return _REPEAT.sub("", episode)
 
 
 def _long(spec: EpisodeSpec) -> bool:

@@ -74,41 +74,27 @@ class Difference:
 
 
 # -- one run -----------------------------------------------------------------------------------------------------------
-def wilson(successes: float, trials: float) -> Estimate:
+def wilson(successes: int, trials: int) -> Estimate:
     """Return a rate with Wilson's score interval, valid near 0 and 1 and for few trials. NaN without trials."""
     if trials == 0:
         return Estimate(float("nan"))
     interval = _score_interval(successes / trials, trials, _normal_quantile())
-    return Estimate(successes / trials, *interval, round(trials))
+    return Estimate(successes / trials, *interval, trials)
 
 
-def rate(met: Sequence[bool], houses: Sequence[str] = (), episodes: Sequence[str] = ()) -> Estimate:
+def rate(met: Sequence[bool], houses: Sequence[str] = ()) -> Estimate:
     """Estimate a share of episodes, with the profile likelihood interval of a beta-binomial model.
 
     Each house draws its own chance of success. The interval holds the mean chances that are plausible with some
     intraclass correlation up to ALIKE; the quantile is Student's t for the number of houses. Without houses, or with
     fewer than FEW, it is Wilson's plain interval.
-
-    episodes: names, equal for the repeats of one episode; without names, no episode is a repeat. Repeats count for as
-    many episodes as their variance says: for one if they all end alike.
     """
-    pairs = np.stack([np.asarray(met, float), np.ones(len(met))], -1)
-    worth = _worth(units(pairs, (), episodes)) / max(1, len(met))
-    plain = wilson(sum(met) * worth, len(met) * worth)
+    plain = wilson(sum(met), len(met))
     if len(set(houses)) < FEW:
-        return replace(plain, count=len(met))
-    low, high = _profile_interval(units(pairs, houses) * worth)
+        return plain
+    low, high = _profile_interval(units(np.stack([np.asarray(met, float), np.ones(len(met))], -1), houses))
     share = plain.value
     return Estimate(share, min(low, share) if share > 0 else 0.0, max(high, share) if share < 1 else 1.0, len(met))
-
-
-def _worth(each: Array) -> float:
-    """Return the number of independent trials that (E, 2) episodes with successes and trials are worth (Korn and
-    Graubard 1998)."""
-    hits, trials = each.sum(0)
-    share = hits / max(1, trials)
-    square = float(((each[:, 0] - share * each[:, 1]) ** 2).sum())
-    return float(np.clip(share * (1 - share) * trials**2 / square, len(each), trials)) if square > 0 else len(each)
 
 
 def _profile_interval(drawn: Array) -> tuple[float, float]:
@@ -164,7 +150,6 @@ def ratio(
     numerators: Sequence[float] | Array,
     denominators: Sequence[float] | Array,
     houses: Sequence[str] = (),
-    episodes: Sequence[str] = (),
     *,
     seed: int = 0,
 ) -> Estimate:
@@ -173,26 +158,23 @@ def ratio(
     NaN if the denominators sum to 0. No interval with fewer than FEW episodes, or if all are equal.
     """
     pairs = np.stack([np.asarray(numerators, float), np.asarray(denominators, float)], -1)
-    drawn = units(pairs, houses, episodes)
+    drawn = units(pairs, houses)
     draws = (_ratio(*np.moveaxis(drawn[rows], -1, 0)) for rows in _draws(len(drawn), seed))
     low, high = _percentiles(draws, len(drawn))
     found = Estimate(float(_ratio(*pairs.T)), count=len(pairs))
     return replace(found, low=low, high=high) if high - low > ROUNDING * abs(found.value) else found
 
 
-def units(values: Array, houses: Sequence[str], episodes: Sequence[str] = ()) -> Array:
+def units(values: Array, houses: Sequence[str]) -> Array:
     """Sum (N, ...) values of episodes to (U, ...) sampling units: houses, or with too few houses the episodes.
 
-    The repeats of an episode are one unit. Raises ValueError unless all episodes or none have a house, and a name.
+    Raises ValueError unless all episodes or none have a house.
     """
     if len(houses) not in (0, len(values)):
         raise ValueError(f"{len(values)} episodes lie in {len(houses)} houses.")
-    if len(episodes) not in (0, len(values)):
-        raise ValueError(f"{len(values)} episodes have {len(episodes)} names.")
-    drawn = houses if len(set(houses)) >= FEW else episodes
-    if not len(drawn):
+    if len(set(houses)) < FEW:
         return values
-    names, index = np.unique(np.asarray(drawn, str), return_inverse=True)
+    names, index = np.unique(np.asarray(houses, str), return_inverse=True)
     sums = np.zeros((len(names), *values.shape[1:]))
     np.add.at(sums, index, values)
     return sums
@@ -227,9 +209,7 @@ def _percentiles(pieces: Iterable[Array], count: int) -> tuple[float, float]:
 
 
 # -- two runs ----------------------------------------------------------------------------------------------------------
-def compare_rates(
-    a: Sequence[bool], b: Sequence[bool], houses: Sequence[str] = (), episodes: Sequence[str] = (), *, seed: int = 0
-) -> Difference:
+def compare_rates(a: Sequence[bool], b: Sequence[bool], houses: Sequence[str] = (), *, seed: int = 0) -> Difference:
     """Compare paired successes by an exact test that swaps the runs house by house.
 
     It is McNemar's test if each house has one episode. Each side of the interval is the wider of Agresti and Min's
@@ -237,10 +217,10 @@ def compare_rates(
     episode differs. Raises ValueError for sequences of unequal length.
     """
     first, second = _paired(a, b)
-    changes, each = units(second - first, houses, episodes), units(second - first, (), episodes)
-    low, high = _agresti_min(each * (len(each) / max(1, len(first))))
+    changes = units(second - first, houses)
+    low, high = _agresti_min(second - first)
     if len(set(houses)) >= FEW:
-        drawn = ratio(second - first, np.ones(len(first)), houses, episodes, seed=seed)
+        drawn = ratio(second - first, np.ones(len(first)), houses, seed=seed)
         low, high = min(low, drawn.low), max(high, drawn.high)
     value = float(changes.sum() / len(first)) if len(first) else float("nan")
     p = sign_flips(changes.astype(int))
@@ -277,7 +257,6 @@ def compare_ratios(
     a: Sequence[tuple[float, float]],
     b: Sequence[tuple[float, float]],
     houses: Sequence[str] = (),
-    episodes: Sequence[str] = (),
     *,
     seed: int = 0,
 ) -> Difference:
@@ -290,7 +269,7 @@ def compare_ratios(
         nothing = float("nan")
         return Difference(nothing, nothing, nothing, nothing, nothing, 1.0, 0, 1.0, True)
     one, two = float(_ratio(*first.T)), float(_ratio(*second.T))
-    both = units(np.stack([first, second], 1), houses, episodes)
+    both = units(np.stack([first, second], 1), houses)
     draws = (
         _ratio(*np.moveaxis(both[rows, 1], -1, 0)) - _ratio(*np.moveaxis(both[rows, 0], -1, 0))
         for rows in _draws(len(both), seed)

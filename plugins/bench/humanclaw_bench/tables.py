@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final, Literal
 
@@ -28,18 +28,16 @@ from humanclaw_bench.metrics import (
     REFUSED,
     VARIANTS,
     Metric,
-    clusters,
     estimate,
     extra_metric,
+    houses_of,
 )
 from humanclaw_bench.printed import PAPER_ABLATION, PAPER_BODY, PAPER_COLUMNS, PAPER_MAIN, PAPER_VARIANTS
 from humanclaw_bench.results import MARK, Result
 from humanclaw_bench.scores import Scores
-from humanclaw_bench.splits import CATEGORIES, repeat_of
+from humanclaw_bench.splits import CATEGORIES
 from humanclaw_bench.statistics import CONFIDENCE, FEW, Estimate, rate
 
-REPEATED: Final = (FIND, NAV, INTERACT, COLLISIONS)
-"""Metrics whose variation between repeats is shown."""
 HEADLINE: Final = (FIND, ARRIVE, NAV, INTERACT, COLLISIONS, REFUSED)
 """Columns of the table that fits a screen."""
 TELLING: Final = 0.1
@@ -51,7 +49,7 @@ PAPER_NOTE: Final = (
 INTERVAL_NOTE: Final = (
     f"Intervals: {CONFIDENCE:.0%} confidence, clustered by house. Rates: beta-binomial profile likelihood. "
     f"Other columns: bootstrap over houses. With fewer than {FEW} houses the unit is the episode, and intervals hold "
-    "for these houses alone. An episode with its repeats counts once."
+    "for these houses alone."
 )
 
 
@@ -188,7 +186,7 @@ def _printed(columns: Sequence[Column], values: Mapping[str, float]) -> tuple[Es
 def funnel_table(results: Sequence[Result]) -> ResultTable:
     """Return the share of episodes that pass each stage (paper, figure of the error analysis, a)."""
     columns = tuple(Column(title, percent=True) for title in ("in view", "found", "found, reached", "reached, sat"))
-    shares = [tuple(rate(met, *clusters(asked)) for met, asked in Funnel.of(r.scores).shares) for r in results]
+    shares = [tuple(rate(met, houses_of(asked)) for met, asked in Funnel.of(r.scores).shares) for r in results]
     rows = tuple(Row.of(r, cells) for r, cells in zip(results, shares, strict=True))
     notes = ("'reached, sat' is of the reached episodes whose task is to sit.", *(r.note for r in results))
     return ResultTable("Funnel", "agent", columns, rows, notes)
@@ -229,12 +227,12 @@ def _share_without_calls(result: Result) -> Estimate:
 
 def _share(cause: Cause, failures: Sequence[tuple[Cause, Scores]]) -> Estimate:
     """Return the share of one root cause among the failures of its stage."""
-    return rate([found is cause for found, _ in failures], *clusters([scores for _, scores in failures]))
+    return rate([found is cause for found, _ in failures], houses_of(scores for _, scores in failures))
 
 
 def _share_of_second(cause: Cause, failures: Sequence[tuple[Cause, Scores]]) -> Estimate:
     """Return the share of the failures of a stage that have a cause as a second label."""
-    return rate([_is_second(cause, scores) for _, scores in failures], *clusters([scores for _, scores in failures]))
+    return rate([_is_second(cause, scores) for _, scores in failures], houses_of(scores for _, scores in failures))
 
 
 def _is_second(cause: Cause, scores: Scores) -> bool:
@@ -274,27 +272,6 @@ def _broken_down(
         if chosen
     )
     return ResultTable(title, "agent", tuple(map(Column.of, MAIN)), rows, tuple(r.note for r in results))
-
-
-def repeats_table(results: Sequence[Result], *, seed: int = 0) -> ResultTable:
-    """Return the rates of each repeat, and their variation between seeds; no row for a run without repeats."""
-    rows = tuple(row for result in results for row in _repeats(result, seed))
-    told = "The last row of an agent: standard deviation between its repeats, which differ in their seeds alone."
-    notes = (told, *(result.note for result in results))
-    return ResultTable("Repeats", "agent", tuple(map(Column.of, REPEATED)), rows, notes)
-
-
-def _repeats(result: Result, seed: int) -> Iterator[Row]:
-    numbers = sorted({repeat_of(s.episode) for s in result.finished})
-    if len(numbers) < 2:
-        return
-    found = []
-    for number in numbers:
-        chosen = [s for s in result.finished if repeat_of(s.episode) == number]
-        found.append(tuple(estimate(m, chosen, seed=seed) for m in REPEATED))
-        yield Row.of(result, found[-1], f", repeat {number}")
-    spread = (float(np.std([cell.value for cell in cells], ddof=1)) for cells in zip(*found, strict=True))
-    yield Row.of(result, map(Estimate, spread), ", deviation")
 
 
 def chosen_table(results: Sequence[Result], names: Sequence[str], *, paper: bool = True, seed: int = 0) -> ResultTable:
@@ -359,7 +336,6 @@ def all_tables(results: Sequence[Result], *, paper: bool = True, seed: int = 0) 
     return {
         "main": main_table(results, paper=paper, seed=seed),
         "hands": hands_table(hands, alone=True, seed=seed),
-        "repeats": repeats_table(results, seed=seed),
         "variants": variants_table(results, paper=paper, seed=seed),
         "body": body_table(results, paper=paper, seed=seed),
         "own": own_table(results, seed=seed),

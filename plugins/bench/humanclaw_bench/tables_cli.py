@@ -26,7 +26,6 @@ from humanclaw_bench.writers import WRITERS, plain, plain_differences, terminal
 NAMES = (
     "main",
     "hands",
-    "repeats",
     "variants",
     "body",
     "own",

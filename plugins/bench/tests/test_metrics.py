@@ -547,19 +547,6 @@ def test_runs_are_compared_episode_by_episode(base: Scores) -> None:
     assert not found["steps"].significant
 
 
-def test_repeats_of_an_episode_are_not_counted_as_others(base: Scores) -> None:
-    def played(nav: bool, steps: int) -> list[Scores]:
-        names = [f"e{k}" + (f".r{n}" if n else "") for n in range(10) for k in range(2)]
-        return [replace(base, episode=name, nav=nav, steps=steps) for name in names]
-
-    # Two episodes, ten times each: as two trials.
-    assert estimate(METRIC["NavSR"], played(True, 10)).low == pytest.approx(1 / (1 + 1.959964**2 / 2), abs=1e-6)
-    assert np.isnan(estimate(METRIC["steps"], played(True, 10)).low)
-    found = compare(played(False, 10), played(True, 20))
-    assert (found["NavSR"].p, found["NavSR"].least) == (0.5, 0.5)
-    assert np.isnan(found["steps"].low)
-
-
 def test_only_episodes_that_both_finished_are_compared(base: Scores) -> None:
     a, b = run_of(base, [True] * 6), run_of(base, [True] * 4)
     b[3] = replace(b[3], outcome="infra_error")

@@ -28,8 +28,6 @@ from humanclaw_bench.splits import (
     choose,
     load_split,
     named,
-    repeat_of,
-    repeated,
     secret_houses,
     spaced,
 )
@@ -156,17 +154,6 @@ def test_a_secret_leads_to_houses_that_nobody_else_has():
     assert len(set(houses)) == 41
     assert not set(houses) & ({*HOUSES} | {*secret_houses(6)})
     assert list(candidates(two_rooms(), 0, starts=2, seed=(5, 2))) != list(candidates(two_rooms(), 0, starts=2))
-
-
-def test_repeats_differ_in_name_and_seed_alone(found):
-    specs = named(found)[:3]
-    again = repeated(specs, 3)
-    assert again[:3] == specs
-    assert len({spec.id for spec in again}) == len({spec.seed for spec in again}) == 9
-    assert [repeat_of(spec.id) for spec in again] == [0, 0, 0, 1, 1, 1, 2, 2, 2]
-    assert [
-        spec.model_copy(update={"id": one.id, "seed": one.seed}) for spec, one in zip(again[6:], specs, strict=True)
-    ] == [*specs]
 
 
 def test_a_split_reads_back_as_it_was_written(found, tmp_path):

@@ -96,50 +96,6 @@ def test_the_interval_of_a_mean_holds_the_truth_where_houses_differ() -> None:
     assert 0.88 <= held[1] / 80 <= 0.99
 
 
-# -- repeats -----------------------------------------------------------------------------------------------------------
-def test_fifty_repeats_of_one_episode_are_one_observation() -> None:
-    found = rate([True] * 50, ["house:0"] * 50, ["one"] * 50)
-    assert (found.value, found.low) == (1.0, pytest.approx(1 / (1 + Z**2)))  # As of one trial.
-    assert np.isnan(ratio([7.0] * 50, [1.0] * 50, ["house:0"] * 50, ["one"] * 50).low)
-    against = compare_rates([False] * 10, [True] * 10, ["house:0"] * 10, ["one"] * 10)
-    assert (against.p, against.least) == (1.0, 1.0)
-    assert against.low < 0
-    assert np.isnan(compare_ratios([(1.0, 1.0)] * 10, [(2.0, 1.0)] * 10, ["house:0"] * 10, ["one"] * 10).low)
-
-
-@pytest.mark.parametrize("houses", ["abc", "abcdefghij"])
-@pytest.mark.parametrize("failures", [0, 9, 30])
-def test_an_agent_that_repeats_itself_says_as_much_as_once(houses: str, failures: int) -> None:
-    met = [k >= failures for k in range(60)]
-    worse = [k >= failures + 4 for k in range(60)]
-    names, homes = [f"e{k:02}" for k in range(60)], [houses[k % len(houses)] for k in range(60)]
-    once, tenfold = rate(met, homes, names), rate(met * 10, homes * 10, names * 10)
-    assert (tenfold.value, tenfold.low, tenfold.high) == pytest.approx((once.value, once.low, once.high))
-    first, again = (compare_rates(met * n, worse * n, homes * n, names * n) for n in (1, 10))
-    assert (again.p, again.low, again.high) == pytest.approx((first.p, first.low, first.high))
-
-
-def test_episodes_that_were_played_once_are_what_they_are_without_names() -> None:
-    met, homes = [k % 3 == 0 for k in range(60)], [f"house:{k % 3}" for k in range(60)]
-    assert rate(met, homes, [f"e{k:02}" for k in range(60)]) == rate(met, homes)
-    with pytest.raises(ValueError, match="60 episodes have 2 names"):
-        rate(met, homes, ["e0", "e1"])
-
-
-@pytest.mark.parametrize("certain", [True, False])
-def test_intervals_of_repeats_hold_the_truth_as_often_as_they_promise(certain: bool) -> None:
-    """Of an agent that does the same again, and of one that tosses a coin each time, which tells more."""
-    rng, held, halves = np.random.default_rng(13), 0, []
-    homes, names = [f"house:{k % 41}" for k in range(100)] * 10, [f"e{k}" for k in range(100)] * 10
-    for _ in range(200):
-        drawn = np.tile(rng.random(100), 10) if certain else rng.random(1000)
-        found = rate([bool(x) for x in drawn < 0.6], homes, names)
-        held += found.low <= 0.6 <= found.high
-        halves.append((found.high - found.low) / 2)
-    assert held / 200 >= 0.92
-    assert (0.09 < np.mean(halves) < 0.12) if certain else (0.028 < np.mean(halves) < 0.045)
-
-
 # -- means and ratios --------------------------------------------------------------------------------------------------
 def test_the_interval_of_a_mean_agrees_with_the_normal_one() -> None:
     values = np.random.default_rng(1).exponential(3.0, 400)

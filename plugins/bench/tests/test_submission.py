@@ -24,7 +24,7 @@ from humanclaw.records import EpisodeRecord, SkillInfo, write_episodes, write_re
 from humanclaw_bench import leaderboard
 from humanclaw_bench.cli import bench
 from humanclaw_bench.integrity import split_digest
-from humanclaw_bench.splits import load_split, repeated
+from humanclaw_bench.splits import load_split
 
 SAT = [
     step(says="A couch is 2 m ahead.", pixels=500),
@@ -326,9 +326,9 @@ def test_a_privileged_decider_is_called_so_under_the_table_and_on_the_leaderboar
     assert "model (privileged)" in page(run)[0]
 
 
-def of_smoke(folder: Path, times: int = 1) -> Path:
-    """Records of all episodes of a split of the benchmark, of each so many."""
-    for spec in repeated(load_split("smoke"), times):
+def of_smoke(folder: Path) -> Path:
+    """Records of all episodes of a split of the benchmark."""
+    for spec in load_split("smoke"):
         rollout(folder, FAR, name=spec.id)
         rewrite(folder, spec.id, dict(spec))
     return tell(folder, agent="model")
@@ -383,13 +383,6 @@ def test_the_page_tells_what_a_run_was_played_with(run: Path) -> None:
     row = html.unescape(page(run)[0])
     assert "<dd>judge</dd>" in row
     assert 'options {"profile": "paper"}; plugin files {"mine.py": "' in row
-
-
-def test_the_page_names_a_split_of_which_each_episode_was_played_twice(tmp_path: Path) -> None:
-    folder = of_smoke(tmp_path / "mine", times=2)
-    submitted(folder)
-    invoke("leaderboard", tmp_path)
-    assert "<caption>smoke, each 2 times: 10 episodes, split " in page(folder)[0]
 
 
 def test_what_would_steer_a_terminal_is_shown_nowhere(run: Path) -> None:

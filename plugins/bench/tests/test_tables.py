@@ -136,7 +136,7 @@ def test_a_run_without_a_run_json_is_not_taken_for_whole(tmp_path: Path) -> None
     assert invoke("table", run, "--format", "latex", "--partial").exit_code == 0
 
 
-TABLES = ("main", "repeats", "variants", "body", "difficulty", "category", "funnel", "causes")
+TABLES = ("main", "variants", "body", "difficulty", "category", "funnel", "causes")
 
 
 @pytest.fixture(scope="module")
@@ -359,21 +359,6 @@ def test_runs_of_two_engines_are_compared_only_if_that_is_meant(tmp_path: Path) 
     assert refused.exit_code == 2
     assert "different simulators: bullet and mujoco" in refused.output
     assert invoke("compare", *runs, "--across-engines").exit_code == 0
-
-
-def test_repeats_tell_what_varies_between_seeds(base: Scores) -> None:
-    navs = ([True, True, True, False], [True, False, False, False])
-    scores = [
-        (replace(base, episode=f"e{k}" + f".r{n}" * (n > 0), nav=nav), None)
-        for n, run in enumerate(navs)
-        for k, nav in enumerate(run)
-    ]
-    table = all_tables(named({"a": scores}))["repeats"]
-    column = [c.title for c in table.columns].index("NavSR")
-    assert [row.name for row in table.rows] == ["model, repeat 0", "model, repeat 1", "model, deviation"]
-    # 0.75 and 0.25: their standard deviation is half their difference times the root of 2.
-    assert [row.cells[column].value for row in table.rows] == pytest.approx([0.75, 0.25, 0.5 / 2**0.5])
-    assert not all_tables(results_of(base, "model"))["repeats"].rows
 
 
 # -- the formats -------------------------------------------------------------------------------------------------------
