@@ -8,9 +8,9 @@ from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
 from humanclaw.cli import counted
-from humanclaw_bench.metrics import Metric
+from humanclaw_bench.metrics import Column, Metric
 from humanclaw_bench.statistics import SIGNIFICANT, Difference, Estimate
-from humanclaw_bench.tables import TELLING, Column, inline
+from humanclaw_bench.tables import TELLING, inline
 
 
 def compare_table(differences: Mapping[str, Difference], metrics: Sequence[Metric], a: str, b: str) -> Table:
@@ -33,7 +33,7 @@ def compare_table(differences: Mapping[str, Difference], metrics: Sequence[Metri
         grid.add_column(title, justify="left" if title in ("metric", "") else "right", no_wrap=True)
     for metric in metrics:
         if metric.name in differences:
-            cells = compared(Column.of(metric), differences[metric.name])
+            cells = compared(metric, differences[metric.name])
             grid.add_row(*(cell.replace(" [", "\n[") for cell in cells))  # Intervals below their value save width.
     return grid
 

@@ -24,7 +24,6 @@ from humanclaw_bench.integrity import known_split
 from humanclaw_bench.metrics import ARRIVE, FALSE_CLAIMS, FIND, INTERACT, NAV, Metric, estimate
 from humanclaw_bench.replay import Replayed
 from humanclaw_bench.submission import NAME, ScoredRun, Submission, read
-from humanclaw_bench.tables import Column
 
 RATES: Final = (FIND, NAV, ARRIVE, INTERACT)
 """The ranked rates, from first to last stage."""
@@ -258,7 +257,7 @@ def _facts(entry: Entry) -> dict[str, str]:
     result = entry.scored.result
     return {
         "model of": entry.submission.model_date or "-",
-        FALSE_CLAIMS.name: Column.of(FALSE_CLAIMS).number(estimate(FALSE_CLAIMS, result.scores).value),
+        FALSE_CLAIMS.name: FALSE_CLAIMS.number(estimate(FALSE_CLAIMS, result.scores).value),
         "episodes": f"{len(result.finished)} of {result.total}",
         "motion (s)": _motion(entry),
         "cost ($)": f"{sum(scores.cost for scores in result.scores):.2f}",
@@ -308,8 +307,8 @@ def _motion(entry: Entry) -> str:
 
 def _rate(metric: Metric, entry: Entry) -> Markup:
     """Return a rate, its interval, and the interval as a bar from 0 to 100 % with a mark at the rate."""
-    column, found = Column.of(metric), estimate(metric, entry.scored.result.scores)
-    text = html.escape(f"{column.number(found.value)} {column.interval(found)}".strip())
+    found = estimate(metric, entry.scored.result.scores)
+    text = html.escape(f"{metric.number(found.value)} {metric.interval(found)}".strip())
     if not np.isfinite([found.low, found.high]).all():
         return Markup(text)
     place = f"left:{100 * found.low:.1f}%;width:{100 * (found.high - found.low):.1f}%"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain
 from typing import Final, Literal
 
@@ -15,19 +15,47 @@ from humanclaw_bench.statistics import Difference, Estimate, compare_rates, comp
 
 
 @dataclass(frozen=True)
-class Metric:
-    """A column: the sum of numerators over the sum of denominators, one pair for each episode."""
+class Column:
+    """A column of a table, and how its numbers are written."""
 
     name: str
-    better: Literal["higher", "lower", ""]
-    parts: Callable[[Scores], tuple[float, float] | None]
-    """Return numerator and denominator of an episode; None if the metric does not apply to it."""
-    rate: bool = False
-    """Whether it is a rate: each episode is one trial."""
+    better: Literal["higher", "lower", ""] = ""
     percent: bool = False
     digits: int = 1
     meaning: str = ""
     """What a short name means, for a page's reader; empty if the name says it. The README has the definitions."""
+
+    @property
+    def head(self) -> str:
+        return self.name + {"higher": " \u2191", "lower": " \u2193", "": ""}[self.better]
+
+    def number(self, value: float) -> str:
+        if not np.isfinite(value):
+            return "\u2013"
+        text = f"{100 * value if self.percent else value:.{self.digits}f}"
+        return (text if text.strip("-0.") else text.lstrip("-")) + "%" * self.percent  # Avoid "-0.0".
+
+    def interval(self, estimate: Estimate) -> str:
+        """Return the interval as text, such as [38.1, 46.9]; empty without one."""
+        if not np.isfinite([estimate.low, estimate.high]).all():
+            return ""
+        low, high = (self.number(bound).rstrip("%") for bound in (estimate.low, estimate.high))
+        return f"[{low}, {high}]"
+
+    @property
+    def rounded(self) -> Column:
+        """The column with per cents in whole numbers, which makes room for more columns."""
+        return replace(self, digits=0 if self.percent else self.digits)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Metric(Column):
+    """A measured column: the sum of numerators over the sum of denominators, one pair for each episode."""
+
+    parts: Callable[[Scores], tuple[float, float] | None]
+    """Return numerator and denominator of an episode; None if the metric does not apply to it."""
+    rate: bool = False
+    """Whether it is a rate: each episode is one trial."""
 
 
 def _rate(name: str, field: str, meaning: str = "") -> Metric:
@@ -35,7 +63,7 @@ def _rate(name: str, field: str, meaning: str = "") -> Metric:
         met = getattr(scores, field)
         return None if met is None else (float(met), 1.0)
 
-    return Metric(name, "higher", parts, rate=True, percent=True, meaning=meaning)
+    return Metric(name=name, better="higher", parts=parts, rate=True, percent=True, meaning=meaning)
 
 
 def _stage(name: str, field: str, meaning: str) -> Metric:
@@ -44,7 +72,7 @@ def _stage(name: str, field: str, meaning: str) -> Metric:
     def parts(scores: Scores) -> tuple[float, float] | None:
         return (float(scores.hands[field]), 1.0) if field in scores.hands else None
 
-    return Metric(name, "higher", parts, rate=True, percent=True, meaning=meaning)
+    return Metric(name=name, better="higher", parts=parts, rate=True, percent=True, meaning=meaning)
 
 
 def _mean(
@@ -55,7 +83,7 @@ def _mean(
         number = value(scores)
         return (number, 1.0) if np.isfinite(number) else None
 
-    return Metric(name, better, parts, percent=percent, digits=digits, meaning=meaning)
+    return Metric(name=name, better=better, parts=parts, percent=percent, digits=digits, meaning=meaning)
 
 
 def _collision(name: str, group: str, meaning: str = "") -> Metric:
@@ -68,27 +96,30 @@ INTERACT: Final = _rate("InteractSR", "interact", "sat on the target and stopped
 ARRIVE: Final = _rate("ArriveSR", "arrive", "NavSR with the whole body there, not a hand through a wall")
 """The headline of navigation: the paper's NavSR also counts a body behind a wall, and an outstretched arm."""
 COLLISIONS: Final = _collision("Coll.", "any", "share of the half seconds in motion that touch an object")
-UNASKED: Final = Metric("unasked", "lower", lambda s: (s.unasked, s.verified) if s.verified else None, percent=True)
+UNASKED: Final = Metric(
+    "unasked", "lower", parts=lambda s: (s.unasked, s.verified) if s.verified else None, percent=True
+)
 """Share of the calls to verify that passed unverified."""
 COST: Final = (
-    Metric("in tok/step", "lower", lambda s: (s.tokens_in, s.steps), digits=0),
-    Metric("out tok/step", "lower", lambda s: (s.tokens_out, s.steps), digits=0),
+    Metric("in tok/step", "lower", parts=lambda s: (s.tokens_in, s.steps), digits=0),
+    Metric("out tok/step", "lower", parts=lambda s: (s.tokens_out, s.steps), digits=0),
     _mean("cost ($)", lambda s: s.cost, 3),
-    Metric("reasoning tok/step", "lower", lambda s: (s.tokens_reasoning, s.steps), digits=0),
+    Metric("reasoning tok/step", "lower", parts=lambda s: (s.tokens_reasoning, s.steps), digits=0),
     UNASKED,
 )  # fmt: skip
 """Tokens and cost of models."""
 FALSE_CLAIMS: Final = _mean("false claims", lambda s: s.false_claims, percent=True)
 """The price of FindSR for an agent that always claims to see its target."""
 REFUSED: Final = Metric(
-    "refused", "lower", lambda s: (s.refused, s.answers) if s.answers else None, percent=True,
+    "refused", "lower", parts=lambda s: (s.refused, s.answers) if s.answers else None, percent=True,
     meaning="share of the agent's answers without a usable call",
 )  # fmt: skip
 MAIN: Final = (
     FIND, FALSE_CLAIMS, NAV, ARRIVE, INTERACT, COLLISIONS,
     _mean("#Dtb", lambda s: s.displaced, 2, meaning="objects displaced in an episode"),
     Metric(
-        "dDtb (m)", "lower", lambda s: (s.displacement, s.displaced), digits=2, meaning="how far they were displaced"
+        "dDtb (m)", "lower", digits=2, meaning="how far they were displaced",
+        parts=lambda s: (s.displacement, s.displaced),
     ),
     _mean("Jerk", lambda s: s.jerk, meaning="roughness of the body's path, m/s\u00b3"),
     REFUSED,
@@ -109,12 +140,13 @@ BODY: Final = (
 )  # fmt: skip
 OWN: Final = (
     Metric(
-        "landing", "higher", lambda s: None if s.find is None else (float(bool(s.nav)), float(s.find)), percent=True
+        "landing", "higher", percent=True,
+        parts=lambda s: None if s.find is None else (float(bool(s.nav)), float(s.find)),
     ),
     _mean("reversals", lambda s: s.reversals, percent=True),
     _rate("near at the end", "ends_near"), _collision("Coll. fixed", "fixed"),
     _mean("disturbed", lambda s: s.disturbed, 2),
-    Metric("path (m)", "lower", lambda s: (s.disturbed_path, s.disturbed), digits=2),
+    Metric("path (m)", "lower", parts=lambda s: (s.disturbed_path, s.disturbed), digits=2),
     _mean("falls", lambda s: s.falls, 2),
     _mean("rigid jerk", lambda s: s.rigid_jerk),
     _mean("Brier", lambda s: s.brier, 3, meaning="squared error of the success that the agent expected"),

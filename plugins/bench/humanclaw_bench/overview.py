@@ -13,7 +13,7 @@ from humanclaw_bench.export import Runs, Scored, ScoredRuns, metrics_of, results
 from humanclaw_bench.metrics import ALL, COST, Metric, compare
 from humanclaw_bench.results import Result
 from humanclaw_bench.statistics import Difference
-from humanclaw_bench.tables import Column, ResultTable, all_tables, happened
+from humanclaw_bench.tables import ResultTable, all_tables, happened
 from humanclaw_bench.writers import texts
 
 SHOWN = (
@@ -66,7 +66,7 @@ def _spent(table: ResultTable) -> ResultTable:
     cost = {metric.name for metric in COST}
     kept = [
         index for index, column in enumerate(table.columns)
-        if column.title not in cost or any(row.cells[index].value > 0 for row in table.rows)
+        if column.name not in cost or any(row.cells[index].value > 0 for row in table.rows)
     ]  # fmt: skip
     rows = tuple(replace(row, cells=tuple(row.cells[index] for index in kept)) for row in table.rows)
     return replace(table, columns=tuple(table.columns[index] for index in kept), rows=rows)
@@ -76,7 +76,7 @@ def _add(table: ResultTable, page: Page, name: str) -> None:
     table = _spent(table)
     head, rows = texts(table)
     shares = [[cell.value for cell in row.cells] for row in table.rows] if name in DRAWN else ()
-    told = "; ".join(f"{column.title}: {column.meaning}" for column in table.columns if column.meaning)
+    told = "; ".join(f"{column.name}: {column.meaning}" for column in table.columns if column.meaning)
     notes = (f"{told}.", *table.all_notes) if name in ("main", "hands") else table.all_notes
     page.table(table.title, head, rows, notes=notes, shares=shares, turned=DRAWN.get(name, False))
 
@@ -89,7 +89,7 @@ def _add_comparison(one: Result, two: Result, page: Page) -> None:
         return
     told = [metric for metric in ALL if metric.name in differences and not _unasked(metric, differences[metric.name])]
     differing = [m for m in told if differences[m.name].low > 0 or differences[m.name].high < 0]
-    rows = [compared(Column.of(metric), differences[metric.name]) for metric in differing]
+    rows = [compared(metric, differences[metric.name]) for metric in differing]
     alike = ", ".join(metric.name for metric in told if metric not in differing)
     notes = (
         f"No difference shown (the interval contains 0): {alike or 'none'}.",

@@ -21,7 +21,7 @@ from humanclaw_bench.progress import RunProgress, foresight, stop_after_option
 from humanclaw_bench.results import Result
 from humanclaw_bench.runner import Forecast, RunStatus, run_split
 from humanclaw_bench.splits import load_split
-from humanclaw_bench.tables import ResultTable, ablation_table, all_tables
+from humanclaw_bench.tables import ResultTable, all_tables, result_table
 from humanclaw_bench.worker import Job
 from humanclaw_bench.writers import markdown
 
@@ -246,7 +246,7 @@ def _results(model: Model, out: Path) -> Sequence[Result]:
 def _ablation(runs: Mapping[str, Path]) -> ResultTable | None:
     """Return table 3 of one model, from its runs by setting; None without runs."""
     named = [replace(result, name=setting) for setting, run in runs.items() for result in results_of([run])]
-    return ablation_table(named) if named else None
+    return result_table("ablation", named) if named else None
 
 
 def _holds_episodes(run: Path) -> bool:

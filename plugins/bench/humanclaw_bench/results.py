@@ -60,11 +60,6 @@ class Result:
         return not self.known.asked or len(self.finished) < self.total
 
     @property
-    def counts(self) -> tuple[int, int]:
-        """Number of episodes behind the numbers, and of the run; 0 if unknown."""
-        return len(self.finished), self.total if self.known.asked else 0
-
-    @property
     def note(self) -> str:
         """The note below a table: missing episodes, plugin errors, unverified calls, contradictions."""
         apart = Counter(s.outcome for s in self.scores if not s.finished)

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+import json
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Final, Literal
-
-import numpy as np
+from functools import cache
+from typing import Any, Final
 
 from humanclaw import HumanclawError
 from humanclaw_bench.attribution import CAUSES, FURTHER, NO_CALL, Funnel
@@ -27,15 +27,15 @@ from humanclaw_bench.metrics import (
     OWN,
     REFUSED,
     VARIANTS,
+    Column,
     Metric,
     estimate,
     extra_metric,
     houses_of,
 )
-from humanclaw_bench.printed import PAPER_ABLATION, PAPER_BODY, PAPER_COLUMNS, PAPER_MAIN, PAPER_VARIANTS
 from humanclaw_bench.results import MARK, Result
 from humanclaw_bench.scores import Scores
-from humanclaw_bench.splits import CATEGORIES
+from humanclaw_bench.splits import CATEGORIES, DATA
 from humanclaw_bench.statistics import CONFIDENCE, FEW, Estimate, rate
 
 HEADLINE: Final = (FIND, ARRIVE, NAV, INTERACT, COLLISIONS, REFUSED)
@@ -55,58 +55,12 @@ INTERVAL_NOTE: Final = (
 
 # -- values ------------------------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
-class Column:
-    title: str
-    digits: int = 1
-    percent: bool = False
-    better: Literal["higher", "lower", ""] = ""
-    counts: tuple[int, int] | None = None
-    """Result.counts, if the column belongs to an agent."""
-    meaning: str = ""
-
-    @classmethod
-    def of(cls, metric: Metric) -> Column:
-        return cls(metric.name, metric.digits, metric.percent, metric.better, meaning=metric.meaning)
-
-    @property
-    def head(self) -> str:
-        return self.title + {"higher": " \u2191", "lower": " \u2193", "": ""}[self.better]
-
-    def number(self, value: float) -> str:
-        if not np.isfinite(value):
-            return "\u2013"
-        text = f"{100 * value if self.percent else value:.{self.digits}f}"
-        return (text if text.strip("-0.") else text.lstrip("-")) + "%" * self.percent  # Avoid "-0.0".
-
-    def interval(self, estimate: Estimate) -> str:
-        """Return the interval as text, such as [38.1, 46.9]; empty without one."""
-        if not np.isfinite([estimate.low, estimate.high]).all():
-            return ""
-        low, high = (self.number(bound).rstrip("%") for bound in (estimate.low, estimate.high))
-        return f"[{low}, {high}]"
-
-    @property
-    def rounded(self) -> Column:
-        """Return the interval in whole per cents, which makes room for more columns."""
-        return replace(self, digits=0 if self.percent else self.digits)
-
-
-@dataclass(frozen=True)
 class Row:
     """A row. cells: one estimate for each column."""
 
     name: str
     cells: tuple[Estimate, ...]
     paper: bool = False
-    counts: tuple[int, int] | None = None
-    """Result.counts, if the row belongs to an agent."""
-    profile: str = ""
-    """The profile that it was played with, if the row belongs to an agent."""
-
-    @classmethod
-    def of(cls, result: Result, cells: Iterable[Estimate], more: str = "") -> Row:
-        """Return a row of an agent. more: what its name says besides."""
-        return cls(result.name + more, tuple(cells), False, result.counts, result.conditions.get("profile", ""))
 
 
 @dataclass(frozen=True)
@@ -126,37 +80,40 @@ class ResultTable:
 
 
 # -- the tables of the paper -------------------------------------------------------------------------------------------
-def main_table(results: Sequence[Result], *, paper: bool = True, seed: int = 0) -> ResultTable:
-    """Return success, disturbance, smoothness and cost (paper, table of the full validation results)."""
-    return _result_table("Results", MAIN, results, _named(PAPER_COLUMNS, PAPER_MAIN) if paper else {}, seed)
+@dataclass(frozen=True)
+class Layout:
+    """A table with a row for each agent."""
+
+    title: str
+    metrics: tuple[Metric, ...]
+    """Its columns."""
 
 
-def ablation_table(results: Sequence[Result], *, paper: bool = True, seed: int = 0) -> ResultTable:
-    """Return the main columns by setting of the harness (paper, table of the ablation)."""
-    return _result_table("Ablation", MAIN, results, _named(PAPER_COLUMNS, PAPER_ABLATION) if paper else {}, seed)
+LAYOUTS: Final[Mapping[str, Layout]] = {
+    "main": Layout("Results", MAIN),
+    "ablation": Layout("Ablation", MAIN),
+    "hands": Layout("Tasks for hands", (*HANDS, *ALONE)),
+    "variants": Layout("Success by geometry alone and as acknowledged", VARIANTS),
+    "body": Layout("Steps with a collision, by part of the body", BODY),
+    "own": Layout("Landing, reversals, other readings of GeoNavSR, Coll., #Dtb, dDtb and Jerk, and calibration", OWN),
+}
+"""Tables by name. Those of the paper have the names that paper.json has for its numbers."""
 
 
-def variants_table(results: Sequence[Result], *, paper: bool = True, seed: int = 0) -> ResultTable:
-    """Return success with and without the agent's own acknowledgement (paper, table of success-rate variants)."""
-    printed = _named([metric.name for metric in VARIANTS], PAPER_VARIANTS) if paper else {}
-    return _result_table("Success by geometry alone and as acknowledged", VARIANTS, results, printed, seed)
+@cache
+def paper_results() -> Mapping[str, Mapping[str, Mapping[str, float]]]:
+    """Return the numbers that the paper prints, per cents as such, by table, by agent or setting, and by column."""
+    printed = json.loads((DATA / "paper.json").read_text("utf-8"))
+    return {
+        name: {agent: dict(zip(told["columns"], values, strict=True)) for agent, values in told["rows"].items()}
+        for name, told in printed.items()
+    }
 
 
-def body_table(results: Sequence[Result], *, paper: bool = True, seed: int = 0) -> ResultTable:
-    """Return the share of steps with a collision by body group; groups overlap (paper, table of collisions)."""
-    printed = _named([metric.name for metric in BODY], PAPER_BODY) if paper else {}
-    return _result_table("Steps with a collision, by part of the body", BODY, results, printed, seed)
-
-
-def own_table(results: Sequence[Result], *, seed: int = 0) -> ResultTable:
-    """Return landing rate and turn reversals (paper, section 5.2), other readings of five metrics, and calibration."""
-    title = "Landing, reversals, other readings of GeoNavSR, Coll., #Dtb, dDtb and Jerk, and calibration"
-    return _result_table(title, OWN, results, {}, seed)
-
-
-def hands_table(results: Sequence[Result], *, alone: bool = False, seed: int = 0) -> ResultTable:
-    """Return the stages of tasks for hands. alone: also each by itself."""
-    return _result_table("Tasks for hands", (*HANDS, *ALONE) if alone else HANDS, results, {}, seed)
+def result_table(name: str, results: Sequence[Result], *, paper: bool = True, seed: int = 0) -> ResultTable:
+    """Return a table of LAYOUTS. paper: with the paper's rows, if it has any."""
+    printed = paper_results().get(name, {}) if paper else {}
+    return _result_table(LAYOUTS[name].title, LAYOUTS[name].metrics, results, printed, seed)
 
 
 def _result_table(
@@ -166,20 +123,14 @@ def _result_table(
     paper: Mapping[str, Mapping[str, float]],
     seed: int,
 ) -> ResultTable:
-    columns = tuple(map(Column.of, metrics))
-    rows = [Row.of(r, (estimate(m, r.scores, seed=seed) for m in metrics)) for r in results]
-    rows += [Row(f"{name} {MARK}", _printed(columns, values), paper=True) for name, values in paper.items() if results]
-    return ResultTable(title, "agent", columns, tuple(rows), tuple(r.note for r in results))
-
-
-def _named(columns: Sequence[str], rows: Mapping[str, tuple[float, ...]]) -> dict[str, dict[str, float]]:
-    """Return the paper's rows by name of the column."""
-    return {name: dict(zip(columns, values, strict=True)) for name, values in rows.items()}
+    rows = [Row(r.name, tuple(estimate(m, r.scores, seed=seed) for m in metrics)) for r in results]
+    rows += [Row(f"{name} {MARK}", _printed(metrics, values), paper=True) for name, values in paper.items() if results]
+    return ResultTable(title, "agent", tuple(metrics), tuple(rows), tuple(r.note for r in results))
 
 
 def _printed(columns: Sequence[Column], values: Mapping[str, float]) -> tuple[Estimate, ...]:
     """Return the paper's values, percentages as fractions; missing ones stay empty."""
-    printed = ((column, values.get(column.title, float("nan"))) for column in columns)
+    printed = ((column, values.get(column.name, float("nan"))) for column in columns)
     return tuple(Estimate(value / 100 if column.percent else value) for column, value in printed)
 
 
@@ -187,7 +138,7 @@ def funnel_table(results: Sequence[Result]) -> ResultTable:
     """Return the share of episodes that pass each stage (paper, figure of the error analysis, a)."""
     columns = tuple(Column(title, percent=True) for title in ("in view", "found", "found, reached", "reached, sat"))
     shares = [tuple(rate(met, houses_of(asked)) for met, asked in Funnel.of(r.scores).shares) for r in results]
-    rows = tuple(Row.of(r, cells) for r, cells in zip(results, shares, strict=True))
+    rows = tuple(Row(r.name, cells) for r, cells in zip(results, shares, strict=True))
     notes = ("'reached, sat' is of the reached episodes whose task is to sit.", *(r.note for r in results))
     return ResultTable("Funnel", "agent", columns, rows, notes)
 
@@ -195,7 +146,7 @@ def funnel_table(results: Sequence[Result]) -> ResultTable:
 def causes_table(results: Sequence[Result], causes: Sequence[Rule[Any]] = CAUSES) -> ResultTable:
     """Return the share of each root cause among the failures of its stage (paper, error analysis, b to d)."""
     stages = tuple(dict.fromkeys(cause.stage for cause in causes))
-    columns = tuple(Column(result.name, percent=True, counts=result.counts) for result in results)
+    columns = tuple(Column(result.name, percent=True) for result in results)
     failed = [
         {stage: [(c, s) for s, c in zip(r.scores, r.causes, strict=True) if c and c.stage == stage] for stage in stages}
         for r in results
@@ -267,11 +218,11 @@ def _broken_down(
     """Return a row for each agent and group that has episodes."""
     parts = [(r, group, [s for s in r.scores if of(s, group)]) for r in results for group in groups]
     rows = tuple(
-        Row.of(result, (estimate(m, chosen, seed=seed) for m in MAIN), f", {group.replace('_', ' ')}")
+        Row(f"{result.name}, {group.replace('_', ' ')}", tuple(estimate(m, chosen, seed=seed) for m in MAIN))
         for result, group, chosen in parts
         if chosen
     )
-    return ResultTable(title, "agent", tuple(map(Column.of, MAIN)), rows, tuple(r.note for r in results))
+    return ResultTable(title, "agent", MAIN, rows, tuple(r.note for r in results))
 
 
 def chosen_table(results: Sequence[Result], names: Sequence[str], *, paper: bool = True, seed: int = 0) -> ResultTable:
@@ -288,10 +239,8 @@ def chosen_table(results: Sequence[Result], names: Sequence[str], *, paper: bool
 
 def _all_printed() -> dict[str, dict[str, float]]:
     """Return all numbers that the paper prints of an agent, by agent and column."""
-    main = _named(PAPER_COLUMNS, PAPER_MAIN)
-    variants = _named([metric.name for metric in VARIANTS], PAPER_VARIANTS)
-    body = _named([metric.name for metric in BODY], PAPER_BODY)
-    return {agent: variants[agent] | body[agent] | values for agent, values in main.items()}
+    main, variants, body = (paper_results()[name] for name in ("main", "variants", "body"))
+    return {agent: {**variants[agent], **body[agent], **values} for agent, values in main.items()}
 
 
 def _extra(results: Sequence[Result]) -> dict[str, None]:
@@ -313,7 +262,7 @@ def brief_tables(results: Sequence[Result], *, seed: int = 0) -> dict[str, Resul
     walks = walks if any(one.category for result in walks for one in result.scores) else []
     return {
         "main": chosen_table(walks, [metric.name for metric in HEADLINE], paper=False, seed=seed),
-        "hands": hands_table(hands, seed=seed),
+        "hands": _result_table("Tasks for hands", HANDS, hands, {}, seed),
         "funnel": funnel_table(walks),
         "causes": happened(causes_table(walks)),
         "hand-causes": happened(causes_table(hands, HAND_CAUSES)),
@@ -334,11 +283,9 @@ def all_tables(results: Sequence[Result], *, paper: bool = True, seed: int = 0) 
     """Return every table by its name on the command line; empty ones of tasks that no run has."""
     results, hands = _apart(results)
     return {
-        "main": main_table(results, paper=paper, seed=seed),
-        "hands": hands_table(hands, alone=True, seed=seed),
-        "variants": variants_table(results, paper=paper, seed=seed),
-        "body": body_table(results, paper=paper, seed=seed),
-        "own": own_table(results, seed=seed),
+        "main": result_table("main", results, paper=paper, seed=seed),
+        "hands": result_table("hands", hands, seed=seed),
+        **{name: result_table(name, results, paper=paper, seed=seed) for name in ("variants", "body", "own")},
         "difficulty": difficulty_table(results, seed=seed),
         "factors": factors_table(results, seed=seed),
         "category": category_table(results, seed=seed),

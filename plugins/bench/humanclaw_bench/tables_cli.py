@@ -20,7 +20,7 @@ from humanclaw_bench.export import FORMATS, metrics_of, results_of as _results, 
 from humanclaw_bench.integrity import standing
 from humanclaw_bench.metrics import ALL, common, compare
 from humanclaw_bench.results import Result, named, require_whole
-from humanclaw_bench.tables import ResultTable, all_tables, brief_tables, chosen_table, main_table
+from humanclaw_bench.tables import ResultTable, all_tables, brief_tables, chosen_table, result_table
 from humanclaw_bench.writers import WRITERS, plain, plain_differences, terminal
 
 NAMES = (
@@ -76,9 +76,6 @@ def table(
     if as_json:
         _print_json({name: plain(found) for name, found in chosen.items()})
         return
-    if form == "csv":
-        for result in filter(lambda result: result.known.faults, results):
-            click.echo(result.note, err=True)
     if form == "terminal":
         show(chosen)
         if not chosen:
@@ -143,7 +140,7 @@ def rescore(run: Path, out: Path | None, as_json: bool, files: tuple[Path, ...])
     found = scored(episodes, metrics_of(Plugins.discover(files)), run.name)
     lines = "".join(json.dumps(row(*pair), ensure_ascii=False) + "\n" for pair in found)
     out = write_result(out, run, "scores.jsonl", lines.encode())
-    scores = main_table(named({run.name: found}, {run.name: standing(run, episodes)}), paper=False)
+    scores = result_table("main", named({run.name: found}, {run.name: standing(run, episodes)}), paper=False)
     if as_json:
         _print_json(plain(scores) | {"scores": str(out)})
         return

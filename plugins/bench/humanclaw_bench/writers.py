@@ -1,9 +1,7 @@
-"""Write tables: on the terminal, as Markdown, CSV, JSON and LaTeX."""
+"""Write tables: on the terminal, as Markdown, JSON and LaTeX."""
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, Final
 
@@ -14,10 +12,10 @@ from rich.table import Table
 from rich.text import Text
 
 from humanclaw_bench.comparison import verdict
-from humanclaw_bench.metrics import Metric
+from humanclaw_bench.metrics import Column, Metric
 from humanclaw_bench.results import MARK
 from humanclaw_bench.statistics import Difference, Estimate
-from humanclaw_bench.tables import Column, ResultTable, inline
+from humanclaw_bench.tables import ResultTable, inline
 
 
 def terminal(table: ResultTable, width: int = 80, *, notes: bool = True) -> Group:
@@ -75,53 +73,12 @@ def markdown(table: ResultTable) -> str:
     return f"**{table.title}**\n\n{body}\n\n" + "\n\n".join(table.all_notes) + "\n"
 
 
-def comma_separated(table: ResultTable) -> str:
-    """Return CSV in full precision: value, low, high and count of every column; shares as fractions; empty if missing.
-
-    The columns `episodes` and `of` say how many of the run's episodes a row (or an agent's column) covers, `profile`
-    with which settings of simulator, motion and prompt it was played.
-    """
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(
-        [table.corner, "source", "profile", *_OF, *(name for column in table.columns for name in _titles(column))]
-    )
-    for row in table.rows:
-        pairs = zip(table.columns, row.cells, strict=True)
-        numbers = [number for column, cell in pairs for number in _numbers(column, cell)]
-        source = "paper" if row.paper else "run"
-        writer.writerow([row.name.removesuffix(f" {MARK}"), source, row.profile, *_counts(row.counts), *numbers])
-    return out.getvalue()
-
-
-_OF: Final = ("episodes", "of")
-
-
-def _titles(column: Column) -> list[str]:
-    parts = ("", " low", " high", " n", *(f" {name}" for name in _OF if column.counts))
-    return [column.title + part for part in parts]
-
-
-def _numbers(column: Column, cell: Estimate) -> list[str]:
-    found = [_plain(n) for n in (cell.value, cell.low, cell.high, cell.count or np.nan)]
-    return found + (_counts(column.counts) if column.counts else [])
-
-
-def _counts(counts: tuple[int, int] | None) -> list[str]:
-    finished, total = counts or ("", "")
-    return [str(finished), str(total or "")]
-
-
-def _plain(value: float) -> str:
-    return f"{value:.6g}" if np.isfinite(value) else ""
-
-
 def plain(table: ResultTable) -> dict[str, Any]:
     """Return a table for JSON: full precision, shares as fractions, None if missing."""
     rows = [
         {
             table.corner: row.name.removesuffix(f" {MARK}"), "source": "paper" if row.paper else "run",
-            **{column.title: _known(cell) for column, cell in zip(table.columns, row.cells, strict=True)},
+            **{column.name: _known(cell) for column, cell in zip(table.columns, row.cells, strict=True)},
         }
         for row in table.rows
     ]  # fmt: skip
@@ -139,7 +96,7 @@ def plain_differences(differences: Mapping[str, Difference], metrics: Sequence[M
     return [
         {
             "metric": metric.name, "a": one.a, "b": one.b, "difference": _known(Estimate(one.value, one.low, one.high)),
-            "p": one.p, "verdict": verdict(Column.of(metric), one), "n": one.count,
+            "p": one.p, "verdict": verdict(metric, one), "n": one.count,
         }
         for metric, one in found
     ]  # fmt: skip
@@ -157,10 +114,10 @@ _FITTED: Final = r"\noindent\resizebox{\ifdim\width>\textwidth\textwidth\else\wi
 
 def latex(table: ResultTable) -> str:
     """Return a LaTeX tabular (packages booktabs and graphicx), no wider than the text; notes follow as comments."""
-    head, rows, marks = table.columns, [], _marks(table)
+    head, rows = table.columns, []
     for index, row in enumerate(table.rows):
         rule = "\\midrule\n" if row.paper and index and not table.rows[index - 1].paper else ""
-        cells = [marks.get((index, k), "%s") % _tex(head[k], cell) for k, cell in enumerate(row.cells)]
+        cells = map(_tex, head, row.cells)
         rows.append(rule + " & ".join([row.name.translate(_TEX), *cells]) + r" \\")
     titles = " & ".join([table.corner, *(column.head.translate(_TEX) for column in head)])
     lines = [f"% {table.title}", _FITTED, rf"\begin{{tabular}}{{l{'r' * len(head)}}}", r"\toprule", titles + r" \\"]
@@ -168,30 +125,10 @@ def latex(table: ResultTable) -> str:
     return "\n".join([*lines, r"\midrule", *rows, r"\bottomrule", r"\end{tabular}}", *notes]) + "\n"
 
 
-def _marks(table: ResultTable) -> dict[tuple[int, int], str]:
-    """Return how to mark the best and the second best of one's own rows, by row and column: in bold and underlined, as
-    the paper marks them by colour. Equal values share a mark."""
-    found: dict[tuple[int, int], str] = {}
-    own = [index for index, row in enumerate(table.rows) if not row.paper]
-    for k, column in enumerate(table.columns):
-        values = {index: table.rows[index].cells[k].value for index in own}
-        known = {index: column.number(value) for index, value in values.items() if np.isfinite(value)}
-        if len(known) < 2 or not column.better:
-            continue
-        order = sorted(known, key=lambda index: values[index], reverse=column.better == "higher")
-        ranks = list(dict.fromkeys(known[index] for index in order))
-        for index, shown in known.items():
-            if len(ranks) > 1 and shown in ranks[:2]:
-                found[index, k] = r"\textbf{%s}" if shown == ranks[0] else r"\underline{%s}"
-    return found
-
-
 def _tex(column: Column, cell: Estimate) -> str:
     interval = column.interval(cell)
     return column.number(cell.value).translate(_TEX) + (rf" {{\scriptsize {interval}}}" if interval else "")
 
 
-WRITERS: Final[Mapping[str, Callable[[ResultTable], str]]] = {
-    "markdown": markdown, "csv": comma_separated, "latex": latex,
-}  # fmt: skip
+WRITERS: Final[Mapping[str, Callable[[ResultTable], str]]] = {"markdown": markdown, "latex": latex}
 """Functions that write a table as text, by format."""

@@ -9,7 +9,7 @@ from click.testing import CliRunner
 from test_wall import PLAIN, board, play  # noqa: F401
 
 from humanclaw import RecordedEpisode
-from humanclaw.records import write_episodes, write_record
+from humanclaw.records import close_record, write_episodes
 from humanclaw_bench.cli import bench
 from humanclaw_bench.replay import sample
 
@@ -69,7 +69,7 @@ def test_a_step_that_tells_more_than_happened_is_found(play, field, value):  # n
     lines = (folder / "toy-0" / "steps.jsonl").read_text().splitlines()
     lines[3] = json.dumps(json.loads(lines[3]) | {field: value})
     (folder / "toy-0" / "steps.jsonl").write_text("\n".join(lines) + "\n")
-    write_record(folder / "toy-0", episode.record.model_copy(update={"files": {}}))
+    close_record(folder / "toy-0", episode.record)
     answer = verify(folder)
     assert f"step 3: its {field} differs" in answer.output
 
@@ -78,7 +78,7 @@ def test_a_skill_of_another_role_than_it_has_is_found(play):  # noqa: F811
     _, folder = play(PLAIN)
     record = RecordedEpisode(folder / "toy-0").record
     sits = {name: replace(info, role="sit") if name == "walk" else info for name, info in record.skills.items()}
-    write_record(folder / "toy-0", record.model_copy(update={"skills": sits, "files": {}}))
+    close_record(folder / "toy-0", record.model_copy(update={"skills": sits}))
     assert "toy-0: its skill walk differs." in verify(folder).output
 
 
@@ -91,8 +91,7 @@ def test_nobody_knows_beforehand_which_episodes_are_played_again(play):  # noqa:
 def test_other_weights_are_named_and_not_called_a_lie(play):  # noqa: F811
     _, folder = play(PLAIN)
     record = RecordedEpisode(folder / "toy-0").record
-    write_record(folder / "toy-0", record.model_copy(update={"weights": {"base": "another"}, "files": {}}))
-    (folder / "run.json").unlink()
+    close_record(folder / "toy-0", record.model_copy(update={"weights": {"base": "another"}}))
     answer = verify(folder)
     assert "toy-0: other versions are installed: base was another, here toy." in answer.output
     assert "0 of 1 episode came out the same" in answer.output
@@ -103,9 +102,7 @@ def test_the_leaderboard_marks_records_that_cannot_be_played_again(play):  # noq
     other = {"base": "another"}
     for name in ("toy-0", "toy-1"):
         record = RecordedEpisode(folder / name).record
-        write_record(folder / name, record.model_copy(update={"weights": record.weights | other, "files": {}}))
-    told = json.loads((folder / "run.json").read_text())
-    (folder / "run.json").write_text(json.dumps(told | {"weights": told["weights"] | other}))
+        close_record(folder / name, record.model_copy(update={"weights": record.weights | other}))
     why = "whole, but only 0 of 2 episodes played again the same: toy-0: other versions are installed"
     assert f"<span class='told'>{why}" in board(folder, "--replay", "--plugin", toy_world.FILE)
 

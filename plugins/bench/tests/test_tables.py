@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import io
 import json
 import shutil
@@ -12,7 +11,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from hosting import plugin
 from manifests import invoke, tell
@@ -29,9 +27,9 @@ from humanclaw_bench.metrics import ALL, MAIN, compare
 from humanclaw_bench.overview import overview
 from humanclaw_bench.results import Result as Scored, named
 from humanclaw_bench.scores import Scores, score
-from humanclaw_bench.statistics import Difference, Estimate, wilson
-from humanclaw_bench.tables import Column, ResultTable, Row, all_tables, factors_table, main_table
-from humanclaw_bench.writers import comma_separated, latex, markdown, terminal, texts
+from humanclaw_bench.statistics import Difference, wilson
+from humanclaw_bench.tables import Column, ResultTable, all_tables, factors_table, result_table
+from humanclaw_bench.writers import latex, markdown, terminal, texts
 
 SEE = "A couch is 2 m ahead."
 FOUND = step(says=SEE, pixels=500, end=(1.0, 1.0, 0.0))
@@ -77,8 +75,8 @@ def test_rows_of_two_gazes_name_theirs_and_the_note_names_the_whole_body(base: S
 
 # -- the values --------------------------------------------------------------------------------------------------------
 def test_a_row_holds_the_rates_with_their_intervals_and_the_number_of_episodes(base: Scores) -> None:
-    table = main_table(results_of(base, "model"), paper=False)
-    assert [column.title for column in table.columns] == [metric.name for metric in MAIN]
+    table = result_table("main", results_of(base, "model"), paper=False)
+    assert [column.name for column in table.columns] == [metric.name for metric in MAIN]
     assert table.rows[0].cells[2] == wilson(3, 4)
     assert texts(table)[1][0][:4] == ("model", "100.0% [51.0, 100.0]", "0.0%", "75.0% [30.1, 95.4]")
     assert "model: 4 episodes, of an unknown total (no run.json)." in table.notes
@@ -86,7 +84,7 @@ def test_a_row_holds_the_rates_with_their_intervals_and_the_number_of_episodes(b
 
 def test_episodes_apart_are_told_and_counted_in_nothing(base: Scores) -> None:
     scores = [(base, None), (replace(base, outcome="infra_error", nav=False), None)]
-    table = main_table(named({"run": scores}), paper=False)
+    table = result_table("main", named({"run": scores}), paper=False)
     assert table.rows[0].cells[2] == wilson(1, 1)
     assert table.notes == (
         "model: 1 of 2 episodes, of an unknown total (no run.json); not in any number: 1 infra_error.",
@@ -97,7 +95,7 @@ def test_failures_of_a_plugin_and_of_an_episodes_own_limit_count_and_are_told(ba
     broken = replace(base, outcome="plugin_error", error="humanclaw_nod raised ValueError: no", nav=False)
     spent = [replace(base, outcome="limit_reached", limit=limit, nav=False) for limit in ("episode", "call", "run")]
     scores = [replace(one, episode=f"e{k}") for k, one in enumerate((base, broken, *spent))]
-    table = main_table(named({"run": [(s, None) for s in scores]}), paper=False)
+    table = result_table("main", named({"run": [(s, None) for s in scores]}), paper=False)
     assert table.rows[0].cells[2] == wilson(1, 4)
     assert table.notes == (
         "model: 4 of 5 episodes, of an unknown total (no run.json); not in any number: 1 limit_reached. Failed by a "
@@ -109,8 +107,8 @@ def test_failures_of_a_plugin_and_of_an_episodes_own_limit_count_and_are_told(ba
 @pytest.mark.parametrize(("unasked", "told"), [(1, "1.0 %."), (2, "2.0 %. Warning")])
 def test_a_verifier_that_was_not_asked_is_in_its_row(base: Scores, unasked: int, told: str) -> None:
     scores = replace(base, verifier="llm", verified=100, unasked=unasked)
-    table = main_table(named({"run": [(scores, None)]}), paper=False)
-    column = [c.title for c in table.columns].index("unasked")
+    table = result_table("main", named({"run": [(scores, None)]}), paper=False)
+    column = [c.name for c in table.columns].index("unasked")
     assert table.rows[0].cells[column].value == unasked / 100
     assert f"Calls executed unverified: {told}" in table.notes[0]
     assert ("Warning" in table.notes[0]) is (unasked > 1)
@@ -164,15 +162,6 @@ def test_every_table_says_n_of_n_and_what_is_to_be_known_of_the_row(part: Path, 
     assert "Calls executed unverified: 100.0 %. Warning" in shown
 
 
-@pytest.mark.parametrize("name", [name for name in TABLES if name != "difficulty"])  # That of these is not known.
-def test_csv_has_columns_for_n_of_n(part: Path, name: str) -> None:
-    result = invoke("table", part, "--only", name, "--format", "csv", "--no-paper")
-    rows = list(csv.DictReader(io.StringIO(result.stdout.rstrip("\n") + "\n")))
-    prefix = "model + llm " if name == "causes" else ""
-    assert rows
-    assert {(row[f"{prefix}episodes"], row[f"{prefix}of"]) for row in rows} == {("7", "8")}
-
-
 @pytest.mark.parametrize("name", ["nav", "find", "outcome", "episode", "success", "cause", "collisions_any"])
 def test_a_metric_with_the_name_of_a_number_of_the_benchmarks_own_is_refused(name: str) -> None:
     plugins = Plugins.discover()
@@ -197,13 +186,13 @@ def test_a_metric_that_raises_leaves_or_babbles_is_not_known_and_harms_nothing(t
 
 
 def test_false_claims_stand_beside_what_they_would_buy(base: Scores) -> None:
-    titles = [column.title for column in main_table(results_of(base, "model")).columns]
+    titles = [column.name for column in result_table("main", results_of(base, "model")).columns]
     assert titles[:3] == ["FindSR", "false claims", "NavSR"]
 
 
 def test_a_note_is_a_line_that_steers_no_terminal(base: Scores) -> None:
     broken = replace(base, outcome="plugin_error", error="x\x1b[31m\n\\evil")
-    (note,) = {note for note in main_table(results_of(broken, "model")).notes if "plugin" in note}
+    (note,) = {note for note in result_table("main", results_of(broken, "model")).notes if "plugin" in note}
     assert ("\x1b" in note, "\n" in note, "evil" in note) == (False, False, True)
 
 
@@ -229,7 +218,7 @@ def test_a_metric_that_changes_the_record_it_is_given_changes_nothing_else(tmp_p
 
 
 def test_the_papers_rows_are_marked_as_such_and_say_why_they_are_no_comparison(base: Scores) -> None:
-    table = main_table(results_of(base, "model"))
+    table = result_table("main", results_of(base, "model"))
     paper = [row for row in table.rows if row.paper]
     assert len(paper) == 9
     assert all(row.name.endswith("\u2020") for row in paper)
@@ -238,13 +227,15 @@ def test_the_papers_rows_are_marked_as_such_and_say_why_they_are_no_comparison(b
     unknown = float("nan")  # It has neither false claims nor ArriveSR.
     assert told == pytest.approx([0.649, unknown, 0.424, unknown, 0.168, 0.395, 1.50], nan_ok=True)
     assert any("other scenes" in note for note in table.all_notes)
-    assert not any("other scenes" in note for note in main_table(results_of(base, "model"), paper=False).all_notes)
+    assert not any(
+        "other scenes" in note for note in result_table("main", results_of(base, "model"), paper=False).all_notes
+    )
 
 
 def test_results_are_broken_down_by_difficulty_and_category(base: Scores) -> None:
     easy, hard = replace(base, tier="easy"), replace(base, tier="hard", nav=False, category="bed")
     tables = all_tables(named({"a": [(easy, None), (easy, None), (hard, None)]}))
-    column = [c.title for c in tables["difficulty"].columns].index("NavSR")
+    column = [c.name for c in tables["difficulty"].columns].index("NavSR")
     found = {row.name.split(", ")[1]: row.cells[column] for row in tables["difficulty"].rows}
     assert {name: (cell.value, cell.count) for name, cell in found.items()} == {"easy": (1.0, 2), "hard": (0.0, 1)}
     assert [row.name.split(", ")[1] for row in tables["category"].rows] == ["couch", "bed"]
@@ -364,27 +355,13 @@ def test_runs_of_two_engines_are_compared_only_if_that_is_meant(tmp_path: Path) 
 # -- the formats -------------------------------------------------------------------------------------------------------
 @pytest.fixture
 def table(base: Scores) -> ResultTable:
-    return main_table(results_of(base, "a_b|c & 50%"))
+    return result_table("main", results_of(base, "a_b|c & 50%"))
 
 
 def test_markdown_has_as_many_cells_in_every_line(table: ResultTable) -> None:
     lines = [line.replace("\\|", "") for line in markdown(table).splitlines() if line.startswith("|")]
     assert len(lines) == 2 + 10
     assert {line.count("|") for line in lines} == {len(MAIN) + 2}
-
-
-def test_csv_gives_fractions_with_bounds_and_the_source_of_every_row(table: ResultTable) -> None:
-    rows = list(csv.DictReader(io.StringIO(comma_separated(table))))
-    own = rows[0]
-    assert (own["agent"], own["source"], own["NavSR"], own["NavSR n"]) == ("a_b|c & 50%", "run", "0.75", "4")
-    assert float(own["NavSR low"]) == pytest.approx(wilson(3, 4).low, abs=1e-6)
-    assert {row["source"] for row in rows[1:]} == {"paper"}
-    assert (rows[1]["agent"], rows[1]["NavSR"], rows[1]["NavSR low"], rows[1]["cost ($)"]) == (
-        "GPT-5.5",
-        "0.139",
-        "",
-        "",
-    )
 
 
 def test_latex_escapes_names_and_rules_the_papers_rows_off(table: ResultTable) -> None:
@@ -399,27 +376,13 @@ def test_latex_escapes_names_and_rules_the_papers_rows_off(table: ResultTable) -
     assert "\u2020" not in text.split(r"\end{tabular}")[0]
 
 
-def test_latex_marks_the_best_and_the_second_best_of_ones_own_rows() -> None:
-    columns = (Column("NavSR", percent=True, better="higher"), Column("Jerk", better="lower"), Column("steps"))
-    values = {"a": (0.5, 4.0, 10), "b": (0.25, np.nan, 20), "c": (0.5001, 6.0, 30), "d": (0.1, 5.0, 40)}
-    rows = [Row(name, tuple(Estimate(float(one)) for one in cells)) for name, cells in values.items()]
-    printed = Row("GPT", (Estimate(0.9), Estimate(1.0), Estimate(1.0)), paper=True)
-    lines = latex(ResultTable("t", "agent", columns, (*rows, printed))).splitlines()
-    shown = {line.split(" & ")[0].removeprefix(r"\midrule "): line for line in lines if " & " in line}
-    assert shown["a"].startswith(r"a & \textbf{50.0\%} & \textbf{4.0} & 10.0")
-    assert shown["b"].startswith(r"b & \underline{25.0\%} & -- & 20.0")
-    assert shown["c"].startswith(r"c & \textbf{50.0\%} & 6.0 & 30.0")
-    assert shown["d"].startswith(r"d & 10.0\% & \underline{5.0} & 40.0")
-    assert "textbf" not in shown["GPT"]
-
-
 def test_results_are_told_by_each_dimension_of_difficulty_apart(base: Scores) -> None:
     assert base.spec is not None
     far = base.spec.model_copy(update={"difficulty": Difficulty(distance=9.0, turns=0, rooms=1, obstacles=3.0)})
     near = base.spec.model_copy(update={"difficulty": Difficulty(distance=3.0, turns=2, rooms=1, obstacles=3.0)})
     scores = (replace(base, episode="far", spec=far, nav=False), replace(base, episode="near", spec=near, nav=True))
     found = factors_table([Scored("x", scores, (None, None))])
-    nav = [column.title for column in found.columns].index("NavSR")
+    nav = [column.name for column in found.columns].index("NavSR")
     assert {row.name: row.cells[nav].value for row in found.rows} == {
         "x, distance: easy": 1.0, "x, distance: hard": 0.0, "x, choice: easy": 0.0, "x, choice: medium": 1.0,
         "x, obstacle: medium": 0.5,
@@ -493,10 +456,10 @@ def test_table_prints_every_table_of_a_run(tmp_path: Path) -> None:
 
 
 def test_table_prints_one_table_in_one_format(tmp_path: Path) -> None:
-    result = invoke("table", write_run(tmp_path, 3, 1), "--only", "variants", "--format", "csv", "--no-paper")
-    rows = list(csv.DictReader(io.StringIO(result.stdout.rstrip("\n") + "\n")))
-    assert [row["agent"] for row in rows] == ["model"]
-    assert rows[0]["GeoInteractSR"] == "0.75"
+    result = invoke("table", write_run(tmp_path, 3, 1), "--only", "variants", "--format", "markdown", "--no-paper")
+    rows = [line.split(" | ") for line in result.stdout.splitlines() if line.startswith("| ")]
+    assert [row[0] for row in rows] == ["| agent", "| ---", "| model"]
+    assert rows[2][rows[0].index("GeoInteractSR \u2191 |")] == "75.0% [30.1, 95.4] |"
 
 
 def test_compare_says_which_run_is_better_and_what_is_noise(tmp_path: Path) -> None:
