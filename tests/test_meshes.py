@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import json
-import struct
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from humanclaw.errors import SceneError
 from humanclaw.world import Mesh, area, read_model, simplify
 
 RED, BLUE = 0.25, 0.75
@@ -127,31 +124,3 @@ def test_a_model_reads_nothing_outside_of_its_folder(tmp_path: Path, where: str)
     (home / "a.obj").write_text(f"mtllib {named}\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl red\nf 1 2 3\n")
     (part,) = read_model(home / "a.obj").parts
     assert (part.colour == (255, 0, 0)) is (where == "paint.mtl")
-
-
-@pytest.mark.parametrize("index", [3, 2**31])
-def test_a_triangle_of_a_vertex_that_is_not_there_is_refused(tmp_path: Path, index: int) -> None:
-    path = tmp_path / "bad.glb"
-    path.write_bytes(glb(np.array([0, 1, index], np.uint32), np.eye(3, dtype=np.float32)))
-    with pytest.raises(SceneError, match=f"vertex {index} of 3"):
-        read_model(path)
-
-
-def glb(indices: np.ndarray, vertices: np.ndarray) -> bytes:
-    """A GLB of one part; trimesh would not write a wrong one."""
-    data = indices.tobytes() + vertices.tobytes()
-    views = [(0, indices.nbytes), (indices.nbytes, vertices.nbytes)]
-    told = {
-        "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
-        "meshes": [{"primitives": [{"attributes": {"POSITION": 1}, "indices": 0}]}],
-        "buffers": [{"byteLength": len(data)}],
-        "bufferViews": [{"buffer": 0, "byteOffset": at, "byteLength": length} for at, length in views],
-        "accessors": [
-            {"bufferView": 0, "componentType": 5125, "count": len(indices), "type": "SCALAR"},
-            {"bufferView": 1, "componentType": 5126, "count": len(vertices), "type": "VEC3"},
-        ],
-    }  # fmt: skip
-    text = json.dumps(told).encode()
-    text += b" " * (-len(text) % 4)
-    chunks = struct.pack("<II", len(text), 0x4E4F534A) + text + struct.pack("<II", len(data), 0x004E4942) + data
-    return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks

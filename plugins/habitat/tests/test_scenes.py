@@ -5,7 +5,6 @@ from __future__ import annotations
 import functools
 import json
 import struct
-import warnings
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -702,37 +701,6 @@ def test_ktx2_textures_give_way_to_the_base_colour_and_that_is_said_every_time(m
         mesh = scene.assets[scene.by_id[4].asset].mesh
         # The factor 1, 0.5, 0 in linear light is 255, 186, 0 on a screen.
         np.testing.assert_allclose(mesh.texture.reshape(-1, 3).max(axis=0), (255, 186, 0), atol=2)
-
-
-def test_ktx2_textures_are_read_where_there_is_a_decoder(mine: Path) -> None:
-    alktx2 = pytest.importorskip("alktx2")
-    file = textured(mine / "objects" / "c" / "cup1.glb")
-    picture = mine / "green.png"
-    from PIL import Image
-
-    Image.fromarray(np.full((64, 64, 3), (0, 160, 0), np.uint8)).save(picture)
-    alktx2.encode_image_to_ktx2(str(picture), str(mine / "green.ktx2"), codec="uastc")
-    rewrite(file, basis)
-    data = file.read_bytes()
-    (length,) = struct.unpack_from("<I", data, 12)
-    head, binary = json.loads(data[20 : 20 + length]), data[28 + length :]
-    ktx = (mine / "green.ktx2").read_bytes()
-    binary += b"\0" * (-len(binary) % 16)
-    head["bufferViews"].append({"buffer": 0, "byteOffset": len(binary), "byteLength": len(ktx)})
-    head["images"][0] = {"mimeType": "image/ktx2", "bufferView": len(head["bufferViews"]) - 1}
-    binary += ktx + b"\0" * (-len(ktx) % 4)
-    head["buffers"][0]["byteLength"] = len(binary)
-    head["materials"][0]["pbrMetallicRoughness"]["baseColorFactor"] = [1, 1, 1, 1]
-    text = json.dumps(head).encode()
-    text += b" " * (-len(text) % 4)
-    size = 28 + len(text) + len(binary)
-    file.write_bytes(b"glTF" + struct.pack("<IIII", 2, size, len(text), 0x4E4F534A) + text
-                     + struct.pack("<II", len(binary), 0x004E4942) + binary)  # fmt: skip
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        scene = load(mine)
-    mesh = scene.assets[scene.by_id[4].asset].mesh
-    np.testing.assert_allclose(np.median(mesh.texture.reshape(-1, 3), axis=0), (0, 160, 0), atol=4)
 
 
 def test_a_scene_instance_with_a_wrong_field_is_told_by_file_and_field(mine: Path) -> None:

@@ -135,7 +135,10 @@ class _File:
     def _part(self, piece: _Piece, weights: Any, places: dict[int, Array], node: int) -> Part:
         points, faces = piece.points(weights), piece.faces()
         frames = self._bones(piece, places, node)
-        points = np.einsum("...ij,...j->...i", frames[..., :3, :3], points) + frames[..., :3, 3]
+        if frames.ndim == 2:
+            points = points @ frames[:3, :3].T + frames[:3, 3]
+        else:
+            points = np.einsum("nij,nj->ni", frames[:, :3, :3], points) + frames[:, :3, 3]
         if np.linalg.det(frames.reshape(-1, 4, 4)[0, :3, :3]) < 0:
             faces = faces[:, ::-1]
         colour, picture, uv = piece.look()

@@ -24,20 +24,21 @@ _TURN: Final = 0.1
 
 def unfolded(vertices: Array, faces: Indices) -> Indices:
     """Return (M, 3) faces in which other triangles stand for each folded fan: they cover its polygon once."""
-    _, place = np.unique(vertices, axis=0, return_inverse=True)
     a, b, c = (vertices[faces[:, k]] for k in range(3))
-    normals, corners, found = np.cross(b - a, c - a), place.ravel()[faces], faces.copy()
-    for fan, loop in (*_halves(faces, corners, normals), *_fans(faces, corners, normals)):
+    normals, found = np.cross(b - a, c - a), faces.copy()
+    # By place, as some readers give each triangle corners of its own.
+    linked = (a[1:] == a[:-1]).all(axis=1) & (b[1:] == c[:-1]).all(axis=1) & _parallel(normals[1:], normals[:-1])
+    for fan, loop in (*_halves(faces, normals), *_fans(faces, linked, normals)):
         triangles = _cut(vertices[loop], normals[fan].sum(axis=0))
         if triangles is not None:
             found[fan] = loop[triangles]
     return found
 
 
-def _halves(faces: Indices, corners: Indices, normals: Array) -> Iterator[tuple[Indices, Indices]]:
+def _halves(faces: Indices, normals: Array) -> Iterator[tuple[Indices, Indices]]:
     """Yield the rows and the loop of folded quadrilaterals p q r s, which trimesh cuts into p q r and r s p."""
-    size = int(corners.max()) + 1
-    out, back = corners[:, 0] * size + corners[:, 2], corners[:, 2] * size + corners[:, 0]
+    size = int(faces.max()) + 1
+    out, back = faces[:, 0] * size + faces[:, 2], faces[:, 2] * size + faces[:, 0]
     order = np.argsort(back, kind="stable")
     other = order[np.minimum(np.searchsorted(back, out, sorter=order), len(order) - 1)]
     folded = (back[other] == out) & (np.einsum("ij,ij->i", normals, normals[other]) < 0)
@@ -46,10 +47,11 @@ def _halves(faces: Indices, corners: Indices, normals: Array) -> Iterator[tuple[
         yield np.array([row, other[row]]), np.append(faces[row], faces[other[row], 1])
 
 
-def _fans(faces: Indices, corners: Indices, normals: Array) -> Iterator[tuple[Indices, Indices]]:
-    """Yield the rows and the loop of folded polygons p q r s t ..., cut into p q r, p r s, p s t ..."""
-    linked = (corners[1:, 0] == corners[:-1, 0]) & (corners[1:, 1] == corners[:-1, 2])
-    linked &= _parallel(normals[1:], normals[:-1])
+def _fans(faces: Indices, linked: NDArray[np.bool_], normals: Array) -> Iterator[tuple[Indices, Indices]]:
+    """Yield the rows and the loop of folded polygons p q r s t ..., cut into p q r, p r s, p s t ...
+
+    linked: (M - 1,) whether a face and the next one have the edge p r in common.
+    """
     fan = np.concatenate([[0], np.cumsum(~linked)])
     whole = np.zeros((fan[-1] + 1, 3))
     np.add.at(whole, fan, normals)
