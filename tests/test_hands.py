@@ -118,7 +118,7 @@ def test_a_hand_takes_a_cup_carries_it_through_every_locomotion_skill_and_sits_w
             body.call("step_back", z_cm=30)
         for one in calls.values():
             bounds = {key: part["maximum"] for key, part in one.schema["properties"].items() if "default" not in part}
-            if one.declaration.climbs:
+            if one.climbs:
                 continue
             for _ in range(2):
                 body.call(one.name, **{key: most // 2 for key, most in bounds.items()})

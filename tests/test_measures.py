@@ -1,7 +1,5 @@
 """Measures of half a second of motion, and the declarations by which a skill names them."""
 
-import json
-
 import numpy as np
 import pytest
 from declared import INFOS, declaration
@@ -10,7 +8,7 @@ from hosting import plugin
 from humanclaw import Plugins
 from humanclaw.body import rest_pose
 from humanclaw.errors import PluginError
-from humanclaw.skills import MEASURES, Declaration, Measure, outcomes, parameters_of, suited
+from humanclaw.skills import MEASURES, Measure, Skill, outcomes, parameters_of, suited
 
 
 def _chunk(left=0.0, up=0.0, forward=0.0, yaw=0.0):
@@ -72,17 +70,8 @@ def test_bounds_are_in_metres_and_radians_and_names_lose_their_unit():
 
 def test_the_first_parameter_that_a_call_requires_is_the_primary_one():
     schema = {"properties": {"x_cm": {"default": 0}, "z_cm": {}}, "required": ["z_cm"]}
-    assert Declaration.of("stroll", schema).primary.name == "z"
-    assert Declaration.of("wave", {"properties": {}}).primary is None
-
-
-def test_an_unknown_role_is_refused_with_the_known_ones(tmp_path):
-    folder = tmp_path / "stroll"
-    folder.mkdir()
-    (folder / "schema.json").write_text(json.dumps({"type": "object", "properties": {}, "x-role": "walking"}))
-    roles = "locomotion, sit, posture, gesture, grasp, release, stop"
-    with pytest.raises(PluginError, match=rf"'stroll' has the role 'walking'.*{roles}"):
-        Declaration.read(folder)
+    assert Skill.of_schema("stroll", schema).primary.name == "z"
+    assert Skill.of_schema("wave", {"properties": {}}).primary is None
 
 
 UP = Measure("root.up", "m", "How high the root is.", 1, lambda root, rotations: root[:, -1, 1])
@@ -100,7 +89,7 @@ def test_a_plugin_adds_a_measure_and_no_two_share_a_name():
 
 def test_a_stair_is_suited_to_going_up_and_not_to_going_ahead():
     shipped = [declaration(name) for name in INFOS]
-    assert suited(shipped, "hips.forward").skill == "walk"
-    assert suited(shipped, "hips.rise", "hips.forward").skill == "climb_upstairs"
-    assert suited(shipped, "hips.forward", "hips.drop").skill == "walk_downstairs"
+    assert suited(shipped, "hips.forward").name == "walk"
+    assert suited(shipped, "hips.rise", "hips.forward").name == "climb_upstairs"
+    assert suited(shipped, "hips.forward", "hips.drop").name == "walk_downstairs"
     assert suited([one for one in shipped if one.climbs], "hips.forward") is None

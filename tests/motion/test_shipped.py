@@ -12,7 +12,7 @@ from humanclaw.body.limits import angles_from_standing
 from humanclaw.motion.checkpoint import load_adapter, read_header, shipped_base
 from humanclaw.motion.generator import DiTGenerator
 from humanclaw.motion.planted import ANKLES
-from humanclaw.skills import Declaration, HeadingCorrection, outcomes
+from humanclaw.skills import HeadingCorrection, Skill, outcomes
 
 SKILLS = Path(__file__).parents[2] / "skills"
 COMMANDS = {
@@ -47,7 +47,7 @@ def _rollout(generator: DiTGenerator, *calls: tuple[str, dict[str, float]], seed
 
 def _outcome(skill: str, motion: Motion) -> dict[str, float]:
     """What a chunk achieves of each parameter, by the measures that the skill's schema declares."""
-    parameters = Declaration.read(_adapter(skill).parent).parameters
+    parameters = Skill.from_folder(_adapter(skill).parent).parameters
     chunk = Pose2D.of_history(motion[:HISTORY]).to_local(motion)
     found = outcomes(parameters, chunk.root[None], chunk.rotations[None])[0]
     return {one.name: value for one, value in zip(parameters, found, strict=True)}
@@ -121,7 +121,7 @@ def test_a_long_random_life_stays_human(generator):
 def test_after_a_hundred_straight_calls_a_body_still_walks_upright_and_straight_on(generator, ahead):
     """Three of the ways in which errors add up: a heading that drifts, a posture that falls apart after eighty calls,
     and fast steps that sink until they end on the knees."""
-    declaration = Declaration.read(_adapter("walk").parent)
+    declaration = Skill.from_folder(_adapter("walk").parent)
     motion, course, asked = generator.start(), HeadingCorrection(), {"x": 0.0, "z": ahead, "yaw": 0.0}
     for step in range(100):
         values = course.steer(declaration, asked)

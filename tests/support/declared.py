@@ -7,7 +7,7 @@ import shutil
 from pathlib import Path
 
 from humanclaw.records import SkillInfo
-from humanclaw.skills import Declaration
+from humanclaw.skills import Skill
 
 SKILLS = Path(__file__).parents[2] / "skills"
 STROLL = {
@@ -30,8 +30,8 @@ def folder_of(skill: str) -> Path:
     return found
 
 
-def declaration(skill: str) -> Declaration:
-    return Declaration.read(folder_of(skill))
+def declaration(skill: str) -> Skill:
+    return Skill.from_folder(folder_of(skill))
 
 
 def declare(folder: Path, schema: dict | None = None) -> None:
@@ -43,11 +43,11 @@ def declare(folder: Path, schema: dict | None = None) -> None:
         (folder / "schema.json").write_text(json.dumps(schema))
 
 
-def info(skill: Declaration) -> SkillInfo:
+def info(skill: Skill) -> SkillInfo:
     """Return what a record holds about a skill."""
     return SkillInfo(role=skill.role, commands={one.key: one.measure for one in skill.parameters if one.measure})
 
 
 FOLDERS = [path.parent for path in sorted(SKILLS.glob("*/*/*/schema.json"))]
-INFOS = {folder.name: info(Declaration.read(folder)) for folder in FOLDERS}
+INFOS = {folder.name: info(Skill.from_folder(folder)) for folder in FOLDERS}
 """What a record holds about the shipped skills."""

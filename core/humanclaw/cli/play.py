@@ -22,8 +22,8 @@ from humanclaw.plugins.host import Plugins, load_file
 from humanclaw.records.decisions import Decision
 from humanclaw.records.tasks import free_episode
 from humanclaw.skills.call import Call
-from humanclaw.skills.contract import Skill
-from humanclaw.skills.measures import Declaration, from_si, suited
+from humanclaw.skills.contract import Skill, suited
+from humanclaw.skills.measures import from_si
 
 Beginning = Literal["standing", "walking", "sitting"]
 _SEAT: Final = 0.5
@@ -156,10 +156,10 @@ def _value(text: str) -> Any:
 
 def _before(beginning: Beginning, plugins: Plugins) -> list[Call]:
     """Return the calls that bring the body to where the skill begins."""
-    declared = [skill.declaration for skill in plugins.skills.values() if skill.trained]
+    ready = [skill for skill in plugins.skills.values() if skill.trained]
     if beginning == "standing":
         return []
-    walks, sits = suited(declared, "hips.forward"), suited(declared, "hips.height", role="sit")
+    walks, sits = suited(ready, "hips.forward"), suited(ready, "hips.height", role="sit")
     if beginning == "walking" and walks:
         return [_commanding(walks, {"hips.forward": _STRIDE})] * 2
     if beginning == "sitting" and sits:
@@ -168,6 +168,6 @@ def _before(beginning: Beginning, plugins: Plugins) -> list[Call]:
     raise HumanclawError(f"no skill that {needed} is installed.", "Leave out --from.")
 
 
-def _commanding(skill: Declaration, amounts: Mapping[str, float]) -> Call:
+def _commanding(skill: Skill, amounts: Mapping[str, float]) -> Call:
     amount = {parameter.key: amounts.get(parameter.measure, 0) for parameter in skill.parameters}
-    return Call(skill.skill, {key: round(from_si(key, value)) for key, value in amount.items()})
+    return Call(skill.name, {key: round(from_si(key, value)) for key, value in amount.items()})

@@ -9,7 +9,6 @@ from humanclaw.errors import CheckpointError
 from humanclaw.motion.checkpoint import adapters_beside
 from humanclaw.plugins.host import Plugins
 from humanclaw.skills.contract import Skill
-from humanclaw.skills.measures import Declaration
 
 
 class Adapters:
@@ -32,11 +31,9 @@ class Adapters:
         """Return the adapter beside this one that was trained for a prior, or this one."""
         return self._by_base(adapter).get(base, adapter)
 
-    def declared(self, skill: Skill, adapter: Path) -> Declaration | None:
-        """Return the declaration of the skill that owns an adapter; None if that skill is not installed."""
-        if adapter == skill.adapter:
-            return skill.declaration
-        return next((one.declaration for one in self._plugins.skills.values() if one.adapter == adapter), None)
+    def owner(self, skill: Skill, adapter: Path) -> Skill | None:
+        """Return the skill that owns an adapter, such as the called one; None if that skill is not installed."""
+        return next((one for one in (skill, *self._plugins.skills.values()) if one.adapter == adapter), None)
 
     def _by_base(self, adapter: Path) -> Mapping[str, Path]:
         if adapter not in self._beside:

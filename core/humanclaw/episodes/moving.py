@@ -16,7 +16,6 @@ from humanclaw.records.feedback import HandAim
 from humanclaw.skills.aims import Gaze as Aim, Grip
 from humanclaw.skills.contract import Skill
 from humanclaw.skills.heading_correction import HeadingCorrection
-from humanclaw.skills.measures import Declaration
 from humanclaw.skills.plan import Control
 from humanclaw.skills.posing import Part, arms_of, posed
 from humanclaw.skills.proprioception import OwnBody
@@ -59,17 +58,17 @@ class Mover:
         """Return the motion that stands the body up."""
         return rise(self.state.body, self._generator.start())
 
-    def generate(self, declared: Declaration | None, part: Control, key: tuple[int, ...]) -> Motion:
+    def generate(self, owner: Skill | None, part: Control, key: tuple[int, ...]) -> Motion:
         """Generate the motion of a control. But for the paper's profile, correct the heading error of earlier calls.
 
-        declared: what its skill declares, if that is installed. key: seed of its random numbers.
+        owner: the skill of its adapter, if that is installed. key: seed of its random numbers.
         """
-        declared = None if self._backends.profile == "paper" else declared
-        values = part.values if declared is None else self._heading.steer(declared, part.values)
+        owner = None if self._backends.profile == "paper" else owner
+        values = part.values if owner is None else self._heading.steer(owner, part.values)
         adapter = self.adapters.of(part.adapter, self._generator.digest)
         motion = self._generator.generate(self.history, adapter, values, key)
-        if declared is not None:
-            self._heading = self._heading.after(declared, part.values, self.history, motion)
+        if owner is not None:
+            self._heading = self._heading.after(owner, part.values, self.history, motion)
         return motion
 
     def simulate(self, motion: Motion, part: Part) -> Chunk:
@@ -136,12 +135,12 @@ class Playing:
         self._mover.pitch = None
         if part.adapter == self._skill.adapter and not self._skill.trained:
             raise untrained(self._skill)
-        declared = self._mover.adapters.declared(self._skill, part.adapter)
-        if (declared or self._skill).role == "locomotion" and self._mover.must_rise:
+        owner = self._mover.adapters.owner(self._skill, part.adapter)
+        if (owner or self._skill).role == "locomotion" and self._mover.must_rise:
             for piece, _ in self._played(self._mover.rising()):
                 self.rise_frames += len(piece)
                 yield piece, True
-        yield self._mover.generate(declared, part, (*self._key, index)), False
+        yield self._mover.generate(owner, part, (*self._key, index)), False
 
     def _played(self, motion: Motion) -> Iterator[tuple[Motion, bool]]:
         """Yield a ready motion 15 frames at a time, each from where the body is, and whether more follows."""

@@ -23,8 +23,8 @@ from humanclaw.minds.settings import PromptSettings
 from humanclaw.plugins.agents import EpisodeContext, HistoryEntry, Observation
 from humanclaw.records.outcomes import REACHED
 from humanclaw.skills.call import Call
-from humanclaw.skills.contract import Check, Skill, bounds
-from humanclaw.skills.measures import Role, from_si, suited
+from humanclaw.skills.contract import Check, Skill, bounds, suited
+from humanclaw.skills.measures import Role, from_si
 from humanclaw.skills.publishing import OPTIONAL_FIELDS, Json, openai_tools, parameter_schema
 from humanclaw.storage.pictures import data_url, jpeg
 from humanclaw.world.view import Gaze, ego_camera
@@ -115,9 +115,7 @@ def sitting(skills: Sequence[Skill]) -> Sitting | None:
 
 
 def _commanding(skills: Sequence[Skill], measures: Sequence[str], role: Role = "locomotion") -> Skill | None:
-    named = {skill.name: skill for skill in skills}
-    found = suited((skill.declaration for skill in skills), *measures, role=role)
-    return named[found.skill] if found else None
+    return suited(skills, *measures, role=role)
 
 
 def _written(skill: Skill, measure: str = "", value: float = 0.0) -> str:

@@ -8,13 +8,12 @@ if TYPE_CHECKING:
     from humanclaw.skills.aims import Gaze as Gaze, Grip as Grip, Point as Point, Side as Side
     from humanclaw.skills.body_tool import LOOK as LOOK, BodyTool as BodyTool, ToolResult as ToolResult
     from humanclaw.skills.call import Call as Call, check_call as check_call
-    from humanclaw.skills.contract import Check as Check, Skill as Skill, bounds as bounds
+    from humanclaw.skills.contract import Check as Check, Skill as Skill, bounds as bounds, suited as suited
     from humanclaw.skills.decorator import skill as skill
     from humanclaw.skills.heading_correction import HeadingCorrection as HeadingCorrection
     from humanclaw.skills.measures import (
         MEASURES as MEASURES,
         ROLES as ROLES,
-        Declaration as Declaration,
         Measure as Measure,
         Parameter as Parameter,
         Role as Role,
@@ -23,10 +22,8 @@ if TYPE_CHECKING:
         outcomes as outcomes,
         parameters_of as parameters_of,
         read_schema as read_schema,
-        role_of as role_of,
         si_name as si_name,
         si_unit as si_unit,
-        suited as suited,
         to_si as to_si,
     )
     from humanclaw.skills.plan import Control as Control, Keyframes as Keyframes, MotionError as MotionError

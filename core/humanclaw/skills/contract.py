@@ -9,13 +9,13 @@ import inspect
 import math
 import os
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Self
 
-from humanclaw.errors import CallError, ContractError
-from humanclaw.skills.measures import Declaration, Parameter, Role, parameters_of, read_schema, si_name, to_si
+from humanclaw.errors import CallError, ContractError, PluginError
+from humanclaw.skills.measures import Parameter, Role, parameters_of, read_schema, si_name, to_si
 from humanclaw.skills.plan import LONGEST_FAULT, Control
 from humanclaw.skills.posing import Part, Plan, parts
 from humanclaw.skills.proprioception import OwnBody
@@ -24,6 +24,7 @@ from humanclaw.storage.files import read_file
 if TYPE_CHECKING:
     import jsonschema
 
+_STEPS: Final = frozenset({"hips.rise", "hips.drop"})
 _CHECKLIST: Final = 16 << 10
 """Largest checklist.toml, bytes: a key of many dotted parts takes a time that grows with its square."""
 
@@ -46,7 +47,7 @@ class Skill:
     schema: Mapping[str, Any]
     """JSON Schema 2020-12 of the parameters, of the form that skill_schema.json demands: flat, integers in centimetres
     and degrees."""
-    plan: Callable[..., Plan] = field(repr=False)
+    plan: Callable[..., Plan] = field(repr=False, compare=False)
     """Checked parameters to motion: plan(params), or plan(params, body) for a skill that feels its own body."""
     checks: tuple[Check, ...] = ()
     adapter: Path | None = None
@@ -63,14 +64,35 @@ class Skill:
         return self.adapter is None or self.adapter.is_file()
 
     @property
-    def declaration(self) -> Declaration:
-        """The skill's declaration: its role, and the measures that its parameters command."""
-        return Declaration.of(self.name, {**self.schema, "x-role": self.role})
-
-    @property
     def parameters(self) -> tuple[Parameter, ...]:
         """Its parameters with the measures that they command, in the order of the schema."""
         return parameters_of(self.schema)
+
+    @property
+    def primary(self) -> Parameter | None:
+        """The parameter of the ratio of achieved over commanded: the first required one, else the first of all."""
+        required = list(self.schema.get("required", ()))[:1]
+        return next((part for part in self.parameters if part.key in required), next(iter(self.parameters), None))
+
+    def commands(self, measure: str) -> Parameter | None:
+        """Return the parameter that commands a measure, or None."""
+        return next((parameter for parameter in self.parameters if parameter.measure == measure), None)
+
+    @property
+    def climbs(self) -> bool:
+        """Whether it takes the body up or down a step."""
+        return any(parameter.measure in _STEPS for parameter in self.parameters)
+
+    def order(self, names: Sequence[str]) -> tuple[Parameter, ...]:
+        """Return the parameters in the order of an adapter's names. Raises PluginError unless both name the same."""
+        known = {parameter.name: parameter for parameter in self.parameters}
+        if sorted(known) != sorted(names):
+            raise PluginError(
+                f"the adapter of skill {self.name!r} was trained on ({', '.join(names)}), "
+                f"and its schema.json declares ({', '.join(known)}).",
+                f"Mend schema.json, or train it again with `humanclaw train adapter {self.name}`.",
+            )
+        return tuple(known[name] for name in names)
 
     def check(self, params: Mapping[str, Any]) -> dict[str, Any]:
         """Return the parameters with defaults filled in, integers as such: JSON knows no difference between 2 and 2.0.
@@ -118,7 +140,9 @@ class Skill:
         return cls.of_schema(folder.name, schema, checks, adapter)
 
     @classmethod
-    def of_schema(cls, name: str, schema: Mapping[str, Any], checks: tuple[Check, ...], adapter: Path) -> Self:
+    def of_schema(
+        cls, name: str, schema: Mapping[str, Any], checks: tuple[Check, ...] = (), adapter: Path = Path()
+    ) -> Self:
         """Make a skill whose parameters are those of its adapter, as schema.json declares them."""
 
         def plan(params: Mapping[str, Any]) -> Control:
@@ -127,6 +151,15 @@ class Skill:
         rest = {word: value for word, value in schema.items() if word not in ("description", "x-role")}
         role = schema.get("x-role", "gesture")
         return cls(name, schema.get("description", ""), rest, plan, checks, adapter, role, adapter.parent)
+
+
+def suited(skills: Iterable[Skill], *measures: str, role: Role = "locomotion") -> Skill | None:
+    """Of the skills of a role that command all these measures the one that commands least besides; the first of
+    equals. One that goes up or down a step is suited to nothing else: where no step is asked for, there is none."""
+    step = not _STEPS.isdisjoint(measures)
+    fitting = [skill for skill in skills if skill.role == role and all(map(skill.commands, measures))]
+    fitting = [skill for skill in fitting if step or not skill.climbs]
+    return min(fitting, key=lambda skill: len(skill.parameters), default=None)
 
 
 def faults_of(value: object, schema: Mapping[str, Any]) -> list[str]:

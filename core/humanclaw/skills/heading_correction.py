@@ -12,7 +12,7 @@ from math import pi
 from typing import Final, Self
 
 from humanclaw.body.pose import HISTORY, Motion, heading
-from humanclaw.skills.measures import Declaration
+from humanclaw.skills.contract import Skill
 
 HEADING: Final = "heading.left"
 MOST: Final = 5 * pi / 180
@@ -25,7 +25,7 @@ class HeadingCorrection:
 
     owed: float = 0.0
 
-    def steer(self, skill: Declaration, values: Mapping[str, float]) -> dict[str, float]:
+    def steer(self, skill: Skill, values: Mapping[str, float]) -> dict[str, float]:
         """Return a call's values (SI); a commanded turn is corrected by the heading error of earlier calls."""
         turn = skill.commands(HEADING)
         return (
@@ -34,7 +34,7 @@ class HeadingCorrection:
             else dict(values) | {turn.name: values[turn.name] + self.owed}
         )
 
-    def after(self, skill: Declaration, values: Mapping[str, float], history: Motion, motion: Motion) -> Self:
+    def after(self, skill: Skill, values: Mapping[str, float], history: Motion, motion: Motion) -> Self:
         """Return the correction once the motion (15 frames) that followed the history (5) was generated for a call.
 
         values: the called ones, before steering. Heading changes of skills that are not locomotion are no error.

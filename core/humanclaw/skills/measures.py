@@ -1,4 +1,4 @@
-"""Measures: named, signed quantities of half a second of motion that parameters command, and declarations of skills.
+"""Measures: named, signed quantities of half a second of motion that parameters command.
 
 A skill's schema.json declares its role (`x-role`) and the measure that each trained parameter commands (`x-measure`).
 Scoring, training and calling read these declarations and never a skill's name. Plugins add measures through the
@@ -10,7 +10,7 @@ hook `humanclaw_measures`. Needs numpy alone, so that training runs where there 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from math import pi
 from pathlib import Path
@@ -59,7 +59,6 @@ def _rise(root: Array, rotations: Array) -> Array:
     return np.asarray(root[:, -1, 1] - root[:, HISTORY - 1, 1])
 
 
-_STEPS: Final = frozenset({"hips.rise", "hips.drop"})
 _BUILTIN: Final = (
     Measure("hips.left", "m", "Displacement of the hips to the left of where they faced.", -1, lambda p, r: p[:, -1,
     0]),
@@ -95,60 +94,6 @@ class Parameter:
         return si_name(self.key)
 
 
-@dataclass(frozen=True)
-class Declaration:
-    """The declaration in a skill's schema.json, without its Python: all that training and scoring need."""
-
-    skill: str
-    role: Role
-    parameters: tuple[Parameter, ...]
-    primary: Parameter | None
-    """The parameter of the ratio of achieved over commanded: the first required one, else the first of all."""
-
-    @classmethod
-    def of(cls, skill: str, schema: Mapping[str, Any]) -> Declaration:
-        """Read a schema. Raises PluginError for an unknown role."""
-        parameters = parameters_of(schema)
-        first = next(iter(schema.get("required", ())), None)
-        required = (parameter for parameter in parameters if parameter.key == first)
-        primary = next(required, next(iter(parameters), None))
-        return cls(skill, role_of(skill, schema), parameters, primary)
-
-    @classmethod
-    def read(cls, folder: Path) -> Declaration:
-        """Read the schema.json of a skill's folder, which names the skill. Raises PluginError."""
-        return cls.of(folder.name, read_schema(folder))
-
-    def commands(self, measure: str) -> Parameter | None:
-        """Return the parameter that commands a measure, or None."""
-        return next((parameter for parameter in self.parameters if parameter.measure == measure), None)
-
-    @property
-    def climbs(self) -> bool:
-        """Whether it takes the body up or down a step."""
-        return any(parameter.measure in _STEPS for parameter in self.parameters)
-
-    def order(self, names: Sequence[str]) -> tuple[Parameter, ...]:
-        """Return the parameters in the order of an adapter's names. Raises PluginError unless both name the same."""
-        known = {parameter.name: parameter for parameter in self.parameters}
-        if sorted(known) != sorted(names):
-            raise PluginError(
-                f"the adapter of skill {self.skill!r} was trained on ({', '.join(names)}), "
-                f"and its schema.json declares ({', '.join(known)}).",
-                f"Mend schema.json, or train it again with `humanclaw train adapter {self.skill}`.",
-            )
-        return tuple(known[name] for name in names)
-
-
-def suited(declarations: Iterable[Declaration], *measures: str, role: Role = "locomotion") -> Declaration | None:
-    """Of the skills of a role that command all these measures the one that commands least besides; the first of
-    equals. One that goes up or down a step is suited to nothing else: where no step is asked for, there is none."""
-    step = not _STEPS.isdisjoint(measures)
-    fitting = [skill for skill in declarations if skill.role == role and all(map(skill.commands, measures))]
-    fitting = [skill for skill in fitting if step or not skill.climbs]
-    return min(fitting, key=lambda skill: len(skill.parameters), default=None)
-
-
 def read_schema(folder: Path) -> dict[str, Any]:
     """Read the schema.json of a skill's folder. Raises PluginError if it is missing or no JSON object."""
     try:
@@ -159,19 +104,6 @@ def read_schema(folder: Path) -> dict[str, Any]:
     if not isinstance(schema, dict):
         raise PluginError(f"skill folder {folder.name!r}: schema.json holds no object.", "Write a JSON schema.")
     return schema
-
-
-def role_of(skill: str, schema: Mapping[str, Any]) -> Role:
-    """Return the role that a schema declares.
-
-    A skill that declares none is a gesture. Raises PluginError for an unknown one.
-    """
-    role: Role = schema.get("x-role", "gesture")
-    if role not in ROLES:
-        raise PluginError(
-            f"skill {skill!r} has the role {role!r}.", f"Set x-role in its schema.json to one of: {', '.join(ROLES)}."
-        )
-    return role
 
 
 def parameters_of(schema: Mapping[str, Any]) -> tuple[Parameter, ...]:

@@ -133,10 +133,9 @@ def _distance(call: Call) -> str:
 
 
 def _move(skills: Mapping[str, Skill], measures: Sequence[str], sign: int) -> str:
-    found = suited((skill.declaration for skill in skills.values()), *measures)
-    if found is None:
+    skill = suited(skills.values(), *measures)
+    if skill is None:
         return ""
-    skill = skills[found.skill]
     return _line(skill, next(part.key for part in skill.parameters if part.measure == measures[0]), sign)
 
 

@@ -73,17 +73,17 @@ def skill_for(skills: Mapping[str, Skill], measures: Sequence[str], role: Role |
     trained.
     """
     role = role or ("sit" if measures == SIT else "locomotion")
-    declaration = suited((skill.declaration for skill in skills.values()), *measures, role=role)
-    if declaration is None:
+    skill = suited(skills.values(), *measures, role=role)
+    if skill is None:
         wanted = f"a skill of role {role}" + (f" that commands {', '.join(measures)}" if measures else "")
         remedy = "Install the first-party skills, for tasks of hands also the extra hands."
         raise PluginError(f"the oracle needs {wanted}.", remedy)
-    if not skills[declaration.skill].trained:
+    if not skill.trained:
         raise PluginError(
-            f"the oracle needs the skill {declaration.skill}, whose adapter is not trained.",
-            f"Train it with `humanclaw train adapter {declaration.skill}`.",
+            f"the oracle needs the skill {skill.name}, whose adapter is not trained.",
+            f"Train it with `humanclaw train adapter {skill.name}`.",
         )
-    return skills[declaration.skill]
+    return skill
 
 
 def asking(

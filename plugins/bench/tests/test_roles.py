@@ -7,12 +7,12 @@ from rollouts import COUCH, roaming, rollout, step
 
 from humanclaw import Call
 from humanclaw.records import SkillInfo
-from humanclaw.skills import Declaration
+from humanclaw.skills import Skill
 from humanclaw_bench.attribution import attribute
 from humanclaw_bench.scores import score
 
 SKILLS = INFOS | {
-    "stroll": info(Declaration.of("stroll", STROLL)),
+    "stroll": info(Skill.of_schema("stroll", STROLL)),
     "march": SkillInfo(role="locomotion"),
     "perch": SkillInfo(role="sit"),
     "sit_up": SkillInfo(role="gesture"),

@@ -53,7 +53,7 @@ from humanclaw.motion import (
     read_header,
     shipped_base,
 )
-from humanclaw.skills import Declaration
+from humanclaw.skills import Skill
 from humanclaw.storage import write_atomically
 from humanclaw_train.data import tensors
 from humanclaw_train.data.chunks import CHUNKS
@@ -709,7 +709,7 @@ def _live(base: Path, skill: str, folder: Path | None) -> Callable[[Path], str] 
     except ImportError:
         return None
     installed = plugins.skills.get(skill)
-    declaration = Declaration.read(folder) if folder else installed.declaration if installed else None
+    declaration = Skill.from_folder(folder) if folder else installed
     if declaration is None or not declaration.parameters:
         return None
     return live(base, declaration, measures=plugins.measures)

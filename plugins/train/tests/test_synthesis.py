@@ -21,7 +21,7 @@ from humanclaw.body import (
     rest_pose,
     shoe_heights,
 )
-from humanclaw.skills import Declaration, Draw, GaitParameters, Recipe
+from humanclaw.skills import Draw, GaitParameters, Recipe, Skill
 from humanclaw_train.data.chunks import outcome
 from humanclaw_train.eval.self_penetration import depth
 from humanclaw_train.synthesis import synthesize
@@ -100,7 +100,7 @@ def test_an_unknown_skill_is_synthesised_from_its_declaration(profiles):
     recipe = Recipe(
         "stroll", gait=GaitParameters(exit=1.0), feet="stride", commands={"ahead": Draw(0.1, 0.5), "veer": Draw(0, 0)}
     )
-    stroll = Trained(recipe, Declaration.of("stroll", STROLL))
+    stroll = Trained(recipe, Skill.of_schema("stroll", STROLL))
     last = _chunks(synthesize.synthesize(profiles, [(stroll, {"ahead": 0.4, "veer": 0.2})] * 3, 1))[-1]
     np.testing.assert_allclose(outcome(stroll.declaration.parameters, last), [0.2, 0.4], atol=1e-3)
     found = synthetic_chunks(profiles, [stroll], 4.0, 0)["stroll"]
@@ -264,7 +264,7 @@ def test_knees_and_ankles_stay_within_what_a_body_can_do(profiles):
 def test_an_unknown_parameter_and_a_skill_without_gait_are_named(profiles):
     with pytest.raises(HumanclawError, match="walk has no parameter z_cm"):
         compose(profiles, [("walk", {"z_cm": 40})], 0)
-    silent = Trained(Recipe("stroll"), Declaration.of("stroll", STROLL))
+    silent = Trained(Recipe("stroll"), Skill.of_schema("stroll", STROLL))
     with pytest.raises(HumanclawError, match="recipe of stroll has no gait"):
         synthesize.synthesize(profiles, [(silent, {})], 0)
 
@@ -366,4 +366,4 @@ def test_chunks_whose_feet_cut_the_edge_of_a_stair_are_not_learnt(profiles):
 def test_a_recipe_that_is_never_drawn_is_refused(share):
     recipe = Recipe("stroll", gait=GaitParameters(), share=share)
     with pytest.raises(HumanclawError, match=r"recipe of stroll has share=.*, expected a number above 0"):
-        Trained(recipe, Declaration.of("stroll", STROLL))
+        Trained(recipe, Skill.of_schema("stroll", STROLL))

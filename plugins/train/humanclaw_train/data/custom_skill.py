@@ -21,7 +21,7 @@ from tqdm import tqdm
 from humanclaw import HumanclawError, Motion
 from humanclaw.body import CHUNK, FUTURE, HISTORY, Array
 from humanclaw.motion import load_base, shipped_base
-from humanclaw.skills import MEASURES, Declaration, Measure, Parameter, Recipe, from_si, outcomes
+from humanclaw.skills import MEASURES, Measure, Parameter, Recipe, Skill, from_si, outcomes
 from humanclaw_train.data.chunks import Chunks, cut
 from humanclaw_train.data.curate import WINDOW_STRIDE, sane, travel
 from humanclaw_train.data.retimed import retimed
@@ -50,11 +50,11 @@ def of_folder(folder: Path, measures: Mapping[str, Measure] = MEASURES) -> Train
     Raises PluginError for a broken schema.json, HumanclawError for a recipe.py without RECIPE.
     """
     folder = folder.resolve()
-    declaration, path = Declaration.read(folder), folder / "recipe.py"
+    declaration, path = Skill.from_folder(folder), folder / "recipe.py"
     if not path.is_file():
-        return Trained(Recipe(declaration.skill, retimed=declaration.role == "posture"), declaration, measures)
+        return Trained(Recipe(declaration.name, retimed=declaration.role == "posture"), declaration, measures)
     # The skill is not installed yet, so its recipe is loaded from the file.
-    spec = importlib.util.spec_from_file_location(f"humanclaw_recipe_{declaration.skill}", path)
+    spec = importlib.util.spec_from_file_location(f"humanclaw_recipe_{declaration.name}", path)
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)

@@ -24,7 +24,7 @@ from tqdm import tqdm
 from humanclaw import CheckpointError
 from humanclaw.body import Array, wrap_angle
 from humanclaw.motion import PROFILES, DiTGenerator, load_base
-from humanclaw.skills import MEASURES, Declaration, Measure, Regression, find, outcomes
+from humanclaw.skills import MEASURES, Measure, Regression, Skill, find, outcomes
 from humanclaw_train.data.chunks import Chunks, of_skill
 from humanclaw_train.eval.off_axis_drift import Uncommanded, uncommanded, uncommanded_table
 from humanclaw_train.eval.rollouts import Command, Rollouts, file_digest, others, roll, walker
@@ -126,7 +126,7 @@ def fidelity(
 
 
 def live(
-    base: Path, declaration: Declaration, rollouts: int = 24, measures: Mapping[str, Measure] = MEASURES
+    base: Path, declaration: Skill, rollouts: int = 24, measures: Mapping[str, Measure] = MEASURES
 ) -> Callable[[Path], str]:
     """Return a function that describes an adapter of a base in one line: achieved over commanded of a few rollouts."""
     generator = DiTGenerator(load_base(base), PROFILES["default"])

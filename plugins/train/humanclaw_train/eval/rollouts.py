@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from humanclaw import CheckpointError, Motion
 from humanclaw.body import CHUNK, HISTORY, Array
 from humanclaw.motion import read_header
-from humanclaw.skills import MEASURES, Declaration, Measure, Parameter
+from humanclaw.skills import MEASURES, Measure, Parameter, Skill
 from humanclaw_train.data.chunks import canonical, stacked
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ _LEAST: Final = 0.25
 class Command:
     """The commands that one skill takes. names, low, high (k,): of the parameters, SI, in the adapter's order."""
 
-    declaration: Declaration
+    declaration: Skill
     adapter: Path
     names: tuple[str, ...]
     low: Array
@@ -48,13 +48,13 @@ class Command:
         and PluginError if adapter and declaration do not match.
         """
         if plugins is None or (adapter.parent / "schema.json").is_file():
-            declaration = Declaration.read(adapter.parent)
+            declaration = Skill.from_folder(adapter.parent)
         else:
-            declaration = plugins.skill(skill).declaration
+            declaration = plugins.skill(skill)
         return cls.declared(declaration, adapter, plugins.measures if plugins else MEASURES)
 
     @classmethod
-    def declared(cls, declaration: Declaration, adapter: Path, measures: Mapping[str, Measure] = MEASURES) -> Command:
+    def declared(cls, declaration: Skill, adapter: Path, measures: Mapping[str, Measure] = MEASURES) -> Command:
         """Read the range of an adapter in any folder, for a given declaration."""
         config = read_header(adapter)["adapter"]
         declaration.order(config["params"])
@@ -65,7 +65,7 @@ class Command:
 
     @property
     def skill(self) -> str:
-        return self.declaration.skill
+        return self.declaration.name
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:

@@ -90,7 +90,7 @@ def _by_measure(commands: Sequence[Command]) -> dict[str, Command]:
     """Return the skill to ask for each measure of the sequences, if there is one."""
     named = {one.skill: one for one in commands}
     skills = {measure: suited((one.declaration for one in commands), measure) for measure in _AIMLESS}
-    return {measure: named[skill.skill] for measure, skill in skills.items() if skill is not None}
+    return {measure: named[skill.name] for measure, skill in skills.items() if skill is not None}
 
 
 def _sequence(

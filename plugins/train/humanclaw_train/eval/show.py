@@ -72,7 +72,7 @@ def performed(
     plugins: Plugins, skill: Skill, params: Mapping[str, Any], calls: int, seed: int, renderer: str
 ) -> tuple[str, Motion, Scene]:
     """Return title, simulated motion and scene of a skill that is called several times in a row."""
-    scene = stage(skill.declaration, {one.name: 0.0 for one in skill.parameters} | _values(skill, params), calls)
+    scene = stage(skill, {one.name: 0.0 for one in skill.parameters} | _values(skill, params), calls)
     with Body(scene, seed=seed, plugins=plugins, backends=Backends(renderer=renderer)) as body:
         asked = ", ".join(f"{key} {value}" for key, value in params.items())
         return f"{skill.name} {asked}", acted(body, skill, params, calls), scene

@@ -17,7 +17,7 @@ import numpy as np
 from humanclaw import Body, Call, Motion, Scene, Skill, stand
 from humanclaw.body import CHUNK, HISTORY, LINKS, Array, Capsule, Pose2D, next_history, re_rooted
 from humanclaw.motion import HEEL_END, TOE_END, DiTGenerator
-from humanclaw.skills import Declaration, from_si
+from humanclaw.skills import from_si
 from humanclaw.world import SceneBuilder
 from humanclaw_train.data.chunks import canonical, stacked
 from humanclaw_train.eval.rollouts import CHUNKS_IN_A_ROW, Command, Rollouts
@@ -51,7 +51,7 @@ def flat(side: float = 30.0) -> Scene:
     return _scene("flat", [("floor", (side, 0.2, side), (0.0, -0.2, 0.0))])
 
 
-def stage(skill: Declaration, values: Mapping[str, float], chunks: int = CHUNKS_IN_A_ROW) -> Scene:
+def stage(skill: Skill, values: Mapping[str, float], chunks: int = CHUNKS_IN_A_ROW) -> Scene:
     """Return the scene that a skill with these parameters needs. The body is at the origin, facing +Z, floor at 0.
 
     Skills that command a rise or drop of the hips get stairs. Skills that sit get a seat of the commanded height.

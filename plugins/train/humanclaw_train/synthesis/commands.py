@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from humanclaw import HumanclawError
 from humanclaw.body import Array
-from humanclaw.skills import MEASURES, Declaration, Feet, GaitParameters, Measure, Recipe, WindowTravel
+from humanclaw.skills import MEASURES, Feet, GaitParameters, Measure, Recipe, Skill, WindowTravel
 
 if TYPE_CHECKING:
     from humanclaw import Plugins
@@ -41,7 +41,7 @@ class Trained:
     """A skill to train: its declaration and its recipe. Raises HumanclawError for a recipe that is never drawn."""
 
     recipe: Recipe
-    declaration: Declaration
+    declaration: Skill
     measures: Mapping[str, Measure] = field(default_factory=lambda: MEASURES, repr=False)
     """Known measures: the core's and those of plugins."""
 
@@ -86,7 +86,7 @@ class Trained:
 def trained(plugins: Plugins) -> list[Trained]:
     """Return every skill with a recipe. Raises PluginError for a recipe without a skill."""
     recipes = [one.value for one in plugins.registered("recipes")]
-    return [Trained(recipe, plugins.skill(recipe.name).declaration, plugins.measures) for recipe in recipes]
+    return [Trained(recipe, plugins.skill(recipe.name), plugins.measures) for recipe in recipes]
 
 
 _GAIT: Final = tuple(one.name for one in fields(GaitParameters))
