@@ -12,8 +12,7 @@ from humanclaw.cli import build
 from humanclaw.records import Attempt, Decision, EpisodeSpec, RecordedEpisode
 from humanclaw.skills import Call, read_call
 from humanclaw_bench.attribution import CAUSES
-from humanclaw_bench.dataset import Dataset
-from humanclaw_bench.rollouts import Conversations, Wanted, require_honest
+from humanclaw_bench.rollouts import Conversations, Dataset, Wanted, require_honest
 from humanclaw_bench.scores import score
 
 SAYS = {"thoughts": "visible_state: A couch is ahead, 2 m away.\nprogress: I begin.\nreasoning: It is near."}
@@ -122,7 +121,7 @@ def _rows(folder):
     return [json.loads(line) for path in files for line in path.read_text("utf-8").splitlines()]
 
 
-def test_an_interrupted_export_continues_and_its_card_counts(run, tmp_path):
+def test_an_interrupted_export_continues_and_its_card_names_the_parts(run, tmp_path):
     source = run("run", [("walk", {"z_cm": 40}), ("stop", {})], True)
     told = _command(source, "--out", tmp_path / "data")
     whole = {path.name: path.read_bytes() for path in (tmp_path / "data").rglob("*") if path.is_file()}
@@ -131,7 +130,7 @@ def test_an_interrupted_export_continues_and_its_card_counts(run, tmp_path):
     (tmp_path / "data" / "README.md").unlink()
     assert _command(source, "--out", tmp_path / "data") == told
     assert {path.name: path.read_bytes() for path in (tmp_path / "data").rglob("*") if path.is_file()} == whole
-    assert "| train | 2 | 1 | 1 | 1 |" in whole["README.md"].decode()
+    assert "  - split: train\n    path: train/*.jsonl\nlicense: " in whole["README.md"].decode()
     assert [tmp_path.joinpath("data", row["images"][0]).read_bytes() for row in _rows(tmp_path / "data")] == [
         b"view 0",
         b"view 1",
@@ -146,7 +145,6 @@ def test_two_runs_with_tasks_of_the_same_ids_both_become_data(run, tmp_path):
     _command(*runs, "--out", tmp_path / "data")
     said = [row["messages"][2]["tool_calls"][0]["function"]["arguments"] for row in _rows(tmp_path / "data")]
     assert sorted(json.loads(one).get("z_cm", 0) for one in said) == [0, 0, 30, 40]
-    assert "| train | 4 | 2 | 1 | 2 |" in (tmp_path / "data" / "README.md").read_text("utf-8")
 
 
 def test_an_episode_that_had_not_ended_is_taken_when_it_has(run, tmp_path):

@@ -25,7 +25,7 @@ for _name, _target, _told in (
     ("export", "tables_cli:export_command", "Convert a run for other tools."),
     ("repair", "evidence:repair_command", "Check root causes with failures of known origin."),
     ("make", "making:make", "Make the splits from seeds, a hidden test, or training tasks."),
-    ("rollouts", "dataset:rollouts", "Write recorded runs as conversations to train on."),
+    ("rollouts", "rollouts:rollouts", "Write recorded runs as conversations to train on."),
     ("reproduce", "reproduce:reproduce", "Play the paper's tables 2 and 3 for some models."),
     ("power", "power:power_command", "Simulate which difference between two runs a split can show."),
     ("verify", "checking:verify", "Check every file of a run against its digest."),

@@ -102,7 +102,7 @@ OWN: Final = frozenset({MANIFEST, SPLIT, "logs", "scores.jsonl", REPORT, "submis
 FAILURES_IN_A_ROW: Final = 3
 """Episodes in a row without a provider's answer after which a run stops. Each was asked for several times already."""
 PILOT: Final = 3
-"""Number of episodes from which the rest of a run is estimated: one near, one middling and one far target."""
+"""Number of episodes from which the rest of a run is estimated, drawn beforehand: the first to end are short."""
 
 
 def run_split(
@@ -134,7 +134,7 @@ def run_split(
         random.Random(job.seed).shuffle(todo)  # An agent that knows the split could count its episodes.
         began, status = time.perf_counter(), RunStatus(len(specs), len(specs) - len(todo))
         watch(status, None)
-        pilot = _Pilot(pilot_of(todo))
+        pilot = _Pilot(todo[:PILOT])
         queue = EpisodeQueue(todo, pilot.specs)
         with _stops(executor) as stopped, closing(executor.reports(job, queue, out)) as reports:
             for report in reports:
@@ -168,21 +168,6 @@ def halted_by(report: WorkerReport, status: RunStatus, stop_after: int) -> str:
             f"The last: {report.error.rstrip('.')}. Mend that and give the same command again; --stop-after 0 plays on."
         )
     return ""
-
-
-def pilot_of(specs: Sequence[EpisodeSpec]) -> tuple[EpisodeSpec, ...]:
-    """Return an episode of each third by route length, the first of specs in its middle half; at most PILOT.
-
-    The first episodes of a split would not be typical: they share one house. Nor would the first that end: they are the
-    shortest. The order of specs decides, because an agent that knows the split could name fixed ones.
-    """
-    place = {spec.id: k for k, spec in enumerate(specs)}
-    by_way = sorted(specs, key=lambda spec: spec.difficulty.distance if spec.difficulty else 0.0)
-    count = min(PILOT, len(specs))
-    thirds = [by_way[k * len(specs) // count : (k + 1) * len(specs) // count] for k in range(count)]
-    middles = [third[len(third) // 4 : len(third) - len(third) // 4] for third in thirds]
-    chosen = [min(middle, key=lambda spec: place[spec.id]) for middle in middles]
-    return tuple(sorted(chosen, key=lambda spec: place[spec.id]))
 
 
 class _Pilot:

@@ -22,7 +22,7 @@ from here import Here
 
 from humanclaw import Backends, Choice, HumanclawError, PluginError, Plugins, RecordedEpisode, RecordError, load_run
 from humanclaw.cli import Console
-from humanclaw.records import Difficulty, EpisodeRecord, write_record
+from humanclaw.records import EpisodeRecord, write_record
 from humanclaw_bench.attribution import attribute
 from humanclaw_bench.cli import bench
 from humanclaw_bench.executors import EpisodeQueue, LocalExecutor
@@ -107,9 +107,8 @@ class Side:
 @pytest.fixture
 def forecasts(toys, tmp_path):
     def run(workers, steps, broken=()):
-        """Return what is foreseen in a run of episodes of so many steps, easy ones before hard ones."""
-        found = []
-        specs = [spec.model_copy(update={"difficulty": away(k)}) for k, spec in enumerate(toy_world.specs(len(steps)))]
+        """Return what is foreseen in a run of episodes of so many steps."""
+        found, specs = [], toy_world.specs(len(steps))
         taking = {spec.id: count for spec, count in zip(specs, steps, strict=True)}
         job = Job("walker", {}, backends=TOY, files=(toy_world.FILE,))
         run_split(
@@ -121,22 +120,20 @@ def forecasts(toys, tmp_path):
     return run
 
 
-def away(metres):
-    return Difficulty(distance=metres, **dict.fromkeys(set(Difficulty.model_fields) - {"distance"}, 0))
-
-
 @pytest.mark.parametrize("workers", [1, 2, 4, 8])
-def test_a_forecast_is_of_near_and_far_episodes_and_not_of_the_first_to_end(forecasts, workers):
-    # Way and steps from 1 to 30: middle halves of the thirds take 3 to 8, 13 to 18 and 23 to 28; all take 15.5.
+def test_a_forecast_is_of_three_episodes_drawn_before_any_ends(forecasts, workers):
     (forecast,) = forecasts(workers, range(1, 31))
-    assert 13 <= forecast.cost / forecast.left <= 18
+    alone = forecasts(1, range(1, 31))[0]
+    assert forecast.episodes == 3
+    assert forecast.cost / forecast.left == pytest.approx(alone.cost / alone.left)
     assert forecast.seconds == pytest.approx(10 * forecast.cost / min(workers, forecast.left + 1))
 
 
 def test_a_forecast_does_without_an_episode_that_the_machine_broke(forecasts):
-    (forecast,) = forecasts(1, range(1, 31), broken=range(10, 20))
-    assert forecast.episodes == 2
-    assert 13 * 27 <= forecast.cost <= 18 * 27
+    whole = forecasts(1, [7] * 30)[0]
+    broken = [forecasts(1, [7] * 30, broken=[k]) for k in range(30)]
+    assert {found[0].episodes for found in broken} == {2, 3}
+    assert {found[0].cost / found[0].left for found in broken} == {whole.cost / whole.left}
 
 
 def test_what_has_fewer_than_four_episodes_is_not_foreseen(forecasts):

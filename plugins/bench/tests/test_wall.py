@@ -1,6 +1,5 @@
 """Agent and verifier play in a process of their own: they reach neither body nor records, and their end is named."""
 
-import random
 import shutil
 import time
 from dataclasses import replace
@@ -17,8 +16,7 @@ from humanclaw import HumanclawError, Plugins, RecordedEpisode, load_run
 from humanclaw.world import GAZES
 from humanclaw_bench.cli import bench
 from humanclaw_bench.executors import LocalExecutor
-from humanclaw_bench.runner import pilot_of, run_split
-from humanclaw_bench.splits import load_split
+from humanclaw_bench.runner import run_split
 from humanclaw_bench.wall.links import ProcessLink
 from humanclaw_bench.worker import Job
 
@@ -130,13 +128,6 @@ def test_the_order_of_the_episodes_does_not_tell_which_one_an_agent_plays(play):
         return [one.record.spec.id for one in sorted(load_run(folder), key=lambda one: one.record.created)]
 
     assert order("one") != order("other")
-
-
-def test_the_pilot_does_not_tell_which_episodes_an_agent_plays_first():
-    mini = load_split("mini")
-    drawn = {pilot_of(random.Random(seed).sample(mini, len(mini))) for seed in range(20)}
-    assert len(drawn) == 20
-    assert all(len({*pilot}) == 3 for pilot in drawn)
 
 
 def test_in_one_process_it_would_find_it_so_that_is_told_in_every_table(play):
