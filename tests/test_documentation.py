@@ -161,7 +161,7 @@ SWITCHES = re.findall(r"`(humanclaw [^`]+)`", f"{PAPER}\n{ITEMS}")
 def test_the_differences_from_the_paper_are_those_of_the_code(plugins):
     """Limits of the body in motion, the task of the navigation subset, seats of mini, and the checks of stairs."""
     body, mini = find_profile("paper"), read_episodes(DATA / "mini.jsonl")
-    told = (body.exertion, body.max_speed, body.max_lift, body.max_fall, body.max_link_speed)
+    told = (body.push_force, body.max_speed, body.max_lift, body.max_fall, body.max_link_speed)
     assert "{:g} N; at most {:g} m/s over the floor, {:g} up, {:g} down, limbs {:g}".format(*told) in PAPER
     assert f"{np.degrees(body.max_turn):.0f} degrees a frame" in PAPER
     assert f"`{instruction('chair')}`" in PAPER

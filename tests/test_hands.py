@@ -33,7 +33,7 @@ from humanclaw.checks.fakes import FAKE, Fakes
 from humanclaw.records import RecordedEpisode, free_episode
 from humanclaw.skills import MotionError
 from humanclaw.world import Hinge, ObjectMotion, Profile, SceneBuilder, Slide
-from humanclaw.world.half_physics.exertion import Exertion
+from humanclaw.world.half_physics.push_force_limit import PushForceLimit
 
 both = pytest.mark.parametrize("engine", ["mujoco", BULLET])
 G = 9.81
@@ -173,7 +173,7 @@ def test_stairs_are_climbed_with_a_full_hand(plugins, engine):
 @pytest.mark.integration
 @both
 def test_steps_down_do_not_shake_a_light_thing_out_of_the_hand(plugins, engine):
-    """A hand brakes what it draws back to its place: it does not swing past, farther each time."""
+    """A hand brakes what it draws back to its place: it does not jointed past, farther each time."""
     room = Room(table=False)
     room.builder.descent(5, 0.18, 0.3, 0.3)
     room.builder.box("shelf", (0.2, 1.75, 0.2), (-0.45, 0, 0.4))
@@ -550,10 +550,10 @@ def test_what_a_limb_threw_off_within_a_step_is_as_slow_as_a_kick_though_nothing
     scene, motions = room.builder.scene(), []
     still = ObjectMotion(np.zeros(3), np.array([0, 0, 0, 1.0]), np.zeros(3), np.zeros(3))
     world = SimpleNamespace(motion=lambda key: motions[-1], set_motion=lambda key, motion: motions.append(motion))
-    exertion = Exertion(world, Profile("default"), scene)
-    exertion.look((bear,))
+    limit = PushForceLimit(world, Profile("default"), scene)
+    limit.look((bear,))
     motions.append(still)
-    exertion.brace()
+    limit.brace()
     motions.append(replace(still, velocity=np.array([0.0, 16.9, 0.0])))
-    exertion.bound((), 1 / 120)
+    limit.bound((), 1 / 120)
     assert np.linalg.norm(motions[-1].velocity) == pytest.approx(Profile("default").max_kick)

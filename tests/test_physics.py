@@ -17,8 +17,8 @@ from humanclaw.testing.fixture import Finding, skill_with
 from humanclaw.testing.laws import table
 from humanclaw.testing.speed import resident
 from humanclaw.world import SceneBuilder, find_profile
+from humanclaw.world.half_physics.articulated_object import articulated_objects
 from humanclaw.world.half_physics.kernels import approach
-from humanclaw.world.half_physics.swing import swings
 from humanclaw_skill_crouch import crouch
 
 
@@ -59,16 +59,16 @@ def test_the_memory_of_the_process_is_left_open_where_the_system_does_not_tell_i
 
 def test_a_door_that_hangs_still_is_worked_out_once_and_one_that_turns_anew():
     builder = SceneBuilder()
-    leaf = builder.door()
-    (swing,) = swings(builder.scene()).values()
-    still = swing.motion(0.0, 0.0)
-    assert swing.motion(0.0, 0.0) is still
-    turning = swing.motion(-np.pi / 2, -2.0)
+    door = builder.door()
+    (leaf,) = articulated_objects(builder.scene()).values()
+    still = leaf.motion(0.0, 0.0)
+    assert leaf.motion(0.0, 0.0) is still
+    turning = leaf.motion(-np.pi / 2, -2.0)
     # The leaf hangs at x -0.45, z 0.8, and its middle is 0.45 m from there: at a right angle it has come round to +Z.
-    assert swing.obj.id == leaf
+    assert leaf.obj.id == door
     np.testing.assert_allclose(turning.position[[0, 2]], [-0.45, 1.25], atol=1e-6)
     np.testing.assert_allclose(turning.velocity, [-0.9, 0.0, 0.0], atol=1e-6)
-    np.testing.assert_allclose(swing.motion(0.0, 0.0).position, still.position)
+    np.testing.assert_allclose(leaf.motion(0.0, 0.0).position, still.position)
     with pytest.raises(ValueError, match="read-only"):
         still.position[0] = 1.0
 

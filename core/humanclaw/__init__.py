@@ -33,17 +33,8 @@ if TYPE_CHECKING:
         SceneError as SceneError,
         TaskError as TaskError,
     )
-    from humanclaw.minds.chat import TURNS as TURNS, opening as opening, situation as situation, tool_call as tool_call
-    from humanclaw.minds.gym import Gym as Gym, Turn as Turn
-    from humanclaw.minds.prompts import (
-        model_tools as model_tools,
-        step_content as step_content,
-        system_message as system_message,
-        system_prompt as system_prompt,
-        verifier_content as verifier_content,
-        verifier_prompt as verifier_prompt,
-    )
-    from humanclaw.minds.settings import PromptSettings as PromptSettings
+    from humanclaw.gym.chat import TURNS as TURNS, opening as opening, situation as situation, tool_call as tool_call
+    from humanclaw.gym.gym import Gym as Gym, Turn as Turn
     from humanclaw.motion.generator import MotionGenerator as MotionGenerator
     from humanclaw.plugins.agents import (
         Agent as Agent,
@@ -56,6 +47,15 @@ if TYPE_CHECKING:
     from humanclaw.plugins.choice import Choice as Choice
     from humanclaw.plugins.hookspecs import hookimpl as hookimpl
     from humanclaw.plugins.host import Plugins as Plugins
+    from humanclaw.prompting.prompts import (
+        model_tools as model_tools,
+        step_content as step_content,
+        system_message as system_message,
+        system_prompt as system_prompt,
+        verifier_content as verifier_content,
+        verifier_prompt as verifier_prompt,
+    )
+    from humanclaw.prompting.settings import PromptSettings as PromptSettings
     from humanclaw.records.decisions import Attempt as Attempt, Decision as Decision, Usage as Usage, Verdict as Verdict
     from humanclaw.records.limits import Meter as Meter
     from humanclaw.records.reading import RecordedEpisode as RecordedEpisode, load_run as load_run

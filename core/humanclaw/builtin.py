@@ -37,7 +37,7 @@ _REWARDS = {
     "contact": "-1 for a step that touches anything but the target",
     "verifier": "-1 for a call that the verifier replaced",
 }
-"""Name to description of the functions in humanclaw.minds.rewards, which load when a reward is asked for."""
+"""Name to description of the functions in humanclaw.gym.rewards, which load when a reward is asked for."""
 
 
 @hookimpl
@@ -72,7 +72,7 @@ def humanclaw_commands(cli: click.Group) -> None:
 
 
 def _reward(name: str, transition: Transition) -> float:
-    from humanclaw.minds import rewards
+    from humanclaw.gym import rewards
 
     return float(getattr(rewards, name)(transition))
 

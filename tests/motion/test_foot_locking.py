@@ -5,7 +5,7 @@ import pytest
 
 from humanclaw.body import JOINT_INDEX, SOLE, TOE_SOLE, Motion, forward_kinematics, rest_pose, shoe_heights, smoothstep
 from humanclaw.motion.foot_locking import lock_feet
-from humanclaw.motion.planted import ANKLES, on_feet, planted
+from humanclaw.motion.leg_ik import ANKLES, on_feet, planted
 
 LEFT_TOE, LEFT_ANKLE = JOINT_INDEX["left_foot"], JOINT_INDEX["left_ankle"]
 LEGS = [JOINT_INDEX[f"{side}_{part}"] for side in ("left", "right") for part in ("hip", "knee", "ankle")]

@@ -11,7 +11,7 @@ from humanclaw.body import HISTORY, JOINT_INDEX, JOINT_LIMITS, STANDING_HEIGHT, 
 from humanclaw.body.limits import angles_from_standing
 from humanclaw.motion.checkpoint import load_adapter, read_header, shipped_base
 from humanclaw.motion.generator import DiTGenerator
-from humanclaw.motion.planted import ANKLES
+from humanclaw.motion.leg_ik import ANKLES
 from humanclaw.skills import HeadingCorrection, Skill, outcomes
 
 SKILLS = Path(__file__).parents[2] / "skills"

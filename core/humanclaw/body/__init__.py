@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from humanclaw.lazy_exports import lazy_exports
 
 if TYPE_CHECKING:
+    from humanclaw.body.hand_thigh_contact import lay_hands as lay_hands
     from humanclaw.body.limits import (
         JOINT_LIMITS as JOINT_LIMITS,
         centre_of_mass as centre_of_mass,
@@ -40,7 +41,6 @@ if TYPE_CHECKING:
         wrap_angle as wrap_angle,
         yaw_matrix as yaw_matrix,
     )
-    from humanclaw.body.resting_hands import lay_hands as lay_hands
     from humanclaw.body.skeleton import (
         BODY_GROUPS as BODY_GROUPS,
         EYE as EYE,

@@ -29,9 +29,9 @@ from humanclaw.plugins.choice import Registration
 from humanclaw.plugins.hookspecs import OBSERVERS, noun
 from humanclaw.plugins.host import Plugins
 from humanclaw.records.decisions import Decision
+from humanclaw.records.instructions import free_episode
 from humanclaw.records.reading import RecordedEpisode
 from humanclaw.records.steps import StepRecord
-from humanclaw.records.tasks import free_episode
 from humanclaw.skills.call import Call
 from humanclaw.skills.contract import Skill
 from humanclaw.skills.decorator import skill

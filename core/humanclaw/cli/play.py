@@ -20,7 +20,7 @@ from humanclaw.plugins.choice import Choice
 from humanclaw.plugins.hookspecs import RegisterSkill, hookimpl
 from humanclaw.plugins.host import Plugins, load_file
 from humanclaw.records.decisions import Decision
-from humanclaw.records.tasks import free_episode
+from humanclaw.records.instructions import free_episode
 from humanclaw.skills.call import Call
 from humanclaw.skills.contract import Skill, suited
 from humanclaw.skills.measures import from_si

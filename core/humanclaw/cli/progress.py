@@ -9,9 +9,9 @@ from rich.padding import Padding
 
 from humanclaw.cli.terminal import Console
 from humanclaw.plugins.hookspecs import hookimpl
+from humanclaw.records.instructions import ALIASES, SEATS
 from humanclaw.records.specification import EpisodeSpec
 from humanclaw.records.steps import EpisodeRecord, StepRecord
-from humanclaw.records.tasks import ALIASES, SEATS
 from humanclaw.text.words import counted
 from humanclaw.world.simulator import Chunk
 

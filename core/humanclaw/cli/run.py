@@ -26,10 +26,10 @@ from humanclaw.plugins.agents import Reporter
 from humanclaw.plugins.choice import Choice
 from humanclaw.plugins.deciders import origin
 from humanclaw.plugins.host import Plugins
+from humanclaw.records.instructions import free_episode, require_words
 from humanclaw.records.reading import RecordedEpisode
 from humanclaw.records.specification import name_of
 from humanclaw.records.steps import EpisodeRecord, StepRecord
-from humanclaw.records.tasks import free_episode, require_words
 from humanclaw.storage.files import writing
 from humanclaw.world.navigation.approach import geodesics
 from humanclaw.world.scene import Scene

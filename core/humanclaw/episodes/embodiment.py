@@ -33,7 +33,7 @@ from humanclaw.storage.pictures import jpeg
 from humanclaw.text.notebook import card
 from humanclaw.world.scene import Scene
 from humanclaw.world.simulator import Chunk, Simulator, WorldState
-from humanclaw.world.view import Gaze, Renderer, View, ego_camera, gaze_of
+from humanclaw.world.view import CameraMount, Renderer, View, ego_camera, gaze_of
 
 T = TypeVar("T", bound=np.generic)
 
@@ -62,7 +62,7 @@ class Body:
         self.plugins = plugins or Plugins.discover()
         self.backends = (backends or Backends()).chosen(self.plugins)
         self.sensors = self.backends.sensors
-        self.gaze: Gaze = gaze_of(self.backends.gaze)
+        self.gaze: CameraMount = gaze_of(self.backends.gaze)
         self._adapters = Adapters(self.plugins)
         self._generator: MotionGenerator = self._moved_by(self.backends.generator, self.backends.prior)
         self._simulator: Simulator = self._make("simulators", self.backends.simulator)
@@ -150,7 +150,7 @@ class Body:
         return View(_fixed(seen.rgb), _fixed(seen.depth), _fixed(seen.ids))
 
     @property
-    def _looking(self) -> Gaze:
+    def _looking(self) -> CameraMount:
         """How the eyes look now: as they usually do, or where a part of the last calls has turned them."""
         return self.gaze if self._mover.pitch is None else replace(self.gaze, pitch=self._mover.pitch)
 

@@ -15,10 +15,10 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final, Self
 
+from humanclaw.episodes.agents import EpisodeAgents, own_seed, settled
 from humanclaw.episodes.embodiment import Body
 from humanclaw.episodes.execution import SkillExecution
 from humanclaw.episodes.history import QUALITY, History
-from humanclaw.episodes.panel import Panel, own_seed, settled
 from humanclaw.episodes.recorder import begin_folder, begin_record, ending, piece_of, stand_at_start
 from humanclaw.episodes.replay import check_end, check_memory, check_place
 from humanclaw.episodes.step import Step, distance_to_goal, target_distance
@@ -28,9 +28,9 @@ from humanclaw.plugins.deciders import admit
 from humanclaw.records.decisions import Attempt, Decision, Refusal, Usage, Verdict, check
 from humanclaw.records.feedback import Feedback
 from humanclaw.records.limits import Meter
-from humanclaw.records.outcomes import succeeded
 from humanclaw.records.specification import EpisodeSpec
 from humanclaw.records.steps import EpisodeRecord, Outcome, StepRecord
+from humanclaw.records.success import succeeded
 from humanclaw.skills.call import Call
 from humanclaw.storage.files import Folder
 from humanclaw.storage.pictures import jpeg
@@ -88,8 +88,8 @@ class Episode:
         if attempts < 1:
             raise HumanclawError(f"an episode needs at least one attempt a step; got {attempts}.", "Give 1 or more.")
         check_end(replay, spec)
-        self._panel = Panel(agent, verifier)
-        check_memory(replay, self._panel.privileged, spec)
+        self._agents = EpisodeAgents(agent, verifier)
+        check_memory(replay, self._agents.privileged, spec)
         stand_at_start(body, spec, scene)
         self.body, self.spec, self._reset = body, spec, body.resets
         self._max_attempts, self._meter = attempts, meter or Meter()
@@ -98,19 +98,19 @@ class Episode:
         if distance and spec.target_ids:
             self._distance = distance(body.scene, spec.target_ids, body.start.floor)
         settings = {"limits": self._meter.limits, "apart": apart or {}}
-        record = begin_record(body, spec, self._panel, options or {}, settings, self.distance_to_goal())
+        record = begin_record(body, spec, self._agents, options or {}, settings, self.distance_to_goal())
         # Before anything is written, so that a refusal leaves no folder behind.
         own = own_seed(spec.seed) if agent_seed is None else agent_seed
         context = EpisodeContext(spec.told, body.skills, own, meter=self._meter, gaze=body.gaze)
         known = {"spec": spec, "seed": spec.seed, "scene": body.scene, "state": body.state, "view": self._look}
-        self._panel.begin(context, known)
+        self._agents.begin(context, known)
         self._recording = begin_folder(body, record, folder)
         self._history = History()
         self._between: list[bytes] = []
         self._feedback, self._step = Feedback(), Step(0)
         self._stopping = self._cancelling = False
         with self._closing():
-            with self._panel.noting():
+            with self._agents.noting():
                 for step in () if self.fault else replay:
                     self._replay_step(step)
             self._recording.open()
@@ -128,7 +128,7 @@ class Episode:
     @property
     def fault(self) -> PluginRunError | None:
         """The plugin error that ended the episode, if one did."""
-        return self._panel.fault
+        return self._agents.fault
 
     @property
     def outcome(self) -> Outcome:
@@ -184,11 +184,11 @@ class Episode:
         Raises what submit() raises, and PluginRunError for an error of the agent.
         """
         self._check_open()
-        if self._panel.agent is None:
+        if self._agents.agent is None:
             raise HumanclawError("this episode has no agent.", "Begin it with an agent, or submit decisions.")
         seen = self.observe()
         with self._closing():
-            return self._take(self._panel.decide(seen, self.history))
+            return self._take(self._agents.decide(seen, self.history))
 
     def submit(self, decision: Decision) -> StepRecord | Refusal:
         """Take a step. A decision without a legal call is refused; the last allowed refusal in a row costs the step.
@@ -290,12 +290,12 @@ class Episode:
 
     def _verify(self, decision: Decision, call: Call) -> tuple[Verdict | None, Call]:
         """Return the verdict, if there is a verifier, and the call to execute."""
-        if self._panel.verifier is None:
+        if self._agents.verifier is None:
             return None, call
         skills = self.body.skills
         self._question()
         observation = self._seen(self._look(), Feedback())
-        verdict = self._panel.verify(observation, call, skills[call.skill], decision.mid_level_goal)
+        verdict = self._agents.verify(observation, call, skills[call.skill], decision.mid_level_goal)
         self._answered("verify", verdict.usage)
         return settled(verdict, call, skills)
 
@@ -312,7 +312,7 @@ class Episode:
 
     def _watch(self, chunk: Chunk) -> bool:
         """Call the observers of a chunk, and keep views for an agent that asks. Returns whether the call goes on."""
-        if count := self._panel.views_between:
+        if count := self._agents.views_between:
             self._between += [jpeg(view.rgb, QUALITY) for view in self.body.views_during(chunk, count)]
         self.body.plugins.tell("humanclaw_chunk", episode=self.record, step=len(self._recording.steps), chunk=chunk)
         return not (self._cancelling or self._stopping)
@@ -368,12 +368,12 @@ class Episode:
 
     def _end_by(self, fault: BaseException | None) -> None:
         if isinstance(fault, PluginRunError):
-            self._panel.fault = fault
+            self._agents.fault = fault
         # A decider's PluginError ends the run. After the first step it also ends the episode: a resumed run would
         # otherwise play it again. A provider that serves no more requests is no failure of the agent.
         own = isinstance(fault, PluginError) and not isinstance(fault, ProviderError)
-        if own and self._panel.refusal and self._recording.steps:
-            self._close("plugin_error", self._panel.refusal)
+        if own and self._agents.refusal and self._recording.steps:
+            self._close("plugin_error", self._agents.refusal)
         self._close(*ending(fault))
 
     def _close(self, outcome: Outcome | None = None, error: str = "", limit: str = "") -> None:
@@ -383,5 +383,5 @@ class Episode:
         counted = {"usage": self._meter.episode, "steps": len(self._recording.steps)}
         outcome = outcome or self._recording.outcome
         self._recording.end(self.record.ended(outcome, error, limit=limit, **counted))
-        self._panel.dismiss()
+        self._agents.dismiss()
         self.body.plugins.tell("humanclaw_episode_end", episode=self.record, folder=self._recording.folder)

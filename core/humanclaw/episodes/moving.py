@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Final
 
+from humanclaw.body.hand_thigh_contact import lay_hands
 from humanclaw.body.pose import FUTURE, Motion, Pose2D, next_history, re_rooted
-from humanclaw.body.resting_hands import lay_hands
 from humanclaw.episodes.adapters import Adapters, untrained
 from humanclaw.episodes.backends import Backends
 from humanclaw.motion.carrying import Arms
 from humanclaw.motion.generator import MotionGenerator
-from humanclaw.motion.rising import is_down, rise
+from humanclaw.motion.stand_up import is_down, rise
 from humanclaw.records.feedback import HandAim
-from humanclaw.skills.aims import Gaze as Aim, Grip
+from humanclaw.skills.aims import Gaze, Grip
 from humanclaw.skills.contract import Skill
 from humanclaw.skills.heading_correction import HeadingCorrection
 from humanclaw.skills.plan import Control
@@ -127,7 +127,7 @@ class Playing:
         yield from self._played(motion)
         if isinstance(part, Reach):
             self._aim(part, pose)
-        elif isinstance(part, Aim):
+        elif isinstance(part, Gaze):
             self._mover.pitch = part.pitch(self._mover.state.body)
 
     def _controlled(self, part: Control, index: int) -> Iterator[tuple[Motion, bool]]:

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from humanclaw.body.pose import HISTORY, Array, Motion
+from humanclaw.episodes.agents import EpisodeAgents
 from humanclaw.episodes.embodiment import Body
-from humanclaw.episodes.panel import Panel
 from humanclaw.episodes.step import target_boxes
 from humanclaw.errors import HumanclawError, LimitError, PluginRunError, ProviderError, SceneError
 from humanclaw.plugins.choice import PluginInfo
@@ -68,7 +68,7 @@ def stand_at_start(body: Body, spec: EpisodeSpec, scene: Scene | None = None) ->
 
 
 def begin_record(
-    body: Body, spec: EpisodeSpec, panel: Panel, options: Mapping[str, Any], settings: Mapping[str, Any],
+    body: Body, spec: EpisodeSpec, agents: EpisodeAgents, options: Mapping[str, Any], settings: Mapping[str, Any],
     geodesic: float | None,
 ) -> EpisodeRecord:  # fmt: skip
     """Return the record that an episode begins with.
@@ -80,17 +80,17 @@ def begin_record(
         geodesic: the remaining way to a target, metres; None if it is not measured.
     """
     chosen = {key: list(texts) for key, texts in asdict(body.plugins.choice).items() if texts}
-    told = panel.settings | {"privileged": panel.privileged, **settings}
+    told = agents.settings | {"privileged": agents.privileged, **settings}
     in_force = {**told, "plugins": chosen, "body": asdict(body.backends) | {"sensors": list(body.sensors)}}
     objects = body.scene.objects
     return EpisodeRecord(
         spec=spec,
         start=body.start,
-        agent=panel.names[0],
-        verifier=panel.names[1],
+        agent=agents.names[0],
+        verifier=agents.names[1],
         options=dict(options),
         settings={part: dict(found) for part, found in in_force.items() if found},
-        versions=panel.versions | _versions(body, panel.packages),
+        versions=agents.versions | _versions(body, agents.packages),
         weights={"base": body.weights},
         scene_digest=body.scene.digest,
         geodesic=geodesic,

@@ -7,10 +7,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any, Final, Protocol
 
-from humanclaw.episodes.panel import Panel, settled
+from humanclaw.episodes.agents import EpisodeAgents, settled
 from humanclaw.errors import CallError
 from humanclaw.plugins.agents import EpisodeContext, Observation, Verifier
-from humanclaw.records.tasks import free_episode
+from humanclaw.records.instructions import free_episode
 from humanclaw.skills.body_tool import LOOK, BodyTool, ToolResult
 from humanclaw.skills.call import Call, check_call
 from humanclaw.skills.contract import Skill
@@ -18,7 +18,7 @@ from humanclaw.skills.publishing import Json, tool_spec
 from humanclaw.skills.reading import read_call
 from humanclaw.storage.pictures import jpeg
 from humanclaw.world.scene import Scene
-from humanclaw.world.view import Gaze
+from humanclaw.world.view import CameraMount
 
 _LOOK: Final[Json] = {
     "name": LOOK,
@@ -32,7 +32,7 @@ class Driven(Protocol):
 
     scene: Scene
     resets: int
-    gaze: Gaze
+    gaze: CameraMount
     turn: threading.Lock
 
     @property
@@ -49,15 +49,15 @@ def _verified(body: Driven, verifier: Verifier, instruction: str) -> Callable[..
     It raises CallError for a call that cannot be executed, before the verifier is asked. Raises PluginRunError for an
     error of the verifier as it begins.
     """
-    panel, spec = Panel("", verifier), free_episode(instruction or "Do as you are asked.", body.scene)
-    panel.begin(EpisodeContext(spec.told, body.skills, 0, gaze=body.gaze), {})
-    if panel.fault:
-        raise panel.fault
+    agents, spec = EpisodeAgents("", verifier), free_episode(instruction or "Do as you are asked.", body.scene)
+    agents.begin(EpisodeContext(spec.told, body.skills, 0, gaze=body.gaze), {})
+    if agents.fault:
+        raise agents.fault
 
     def call(skill: str, /, **params: Any) -> Observation:
         skills = body.skills
         proposed = check_call(Call(skill, params), skills)
-        verdict = panel.verify(body.observe(instruction), proposed, skills[skill], "")
+        verdict = agents.verify(body.observe(instruction), proposed, skills[skill], "")
         verdict, chosen = settled(verdict, proposed, skills)
         seen = body.call(chosen.skill, **chosen.params)
         if chosen is proposed:

@@ -47,7 +47,12 @@ if TYPE_CHECKING:
         velocity as velocity,
     )
     from humanclaw.motion.generator import DiTGenerator as DiTGenerator, MotionGenerator as MotionGenerator
-    from humanclaw.motion.parting import HEEL_END as HEEL_END, TOE_END as TOE_END, apart as apart, widened as widened
+    from humanclaw.motion.leg_collision_avoidance import (
+        HEEL_END as HEEL_END,
+        TOE_END as TOE_END,
+        apart as apart,
+        widened as widened,
+    )
     from humanclaw.motion.runtime import NumpyRuntime as NumpyRuntime, Reread as Reread, Runtime as Runtime
 
 if not TYPE_CHECKING:

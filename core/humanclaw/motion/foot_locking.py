@@ -30,8 +30,8 @@ from humanclaw.body.pose import (
     yaw_matrix,
 )
 from humanclaw.body.skeleton import TOE_SOLE
-from humanclaw.motion.parting import SHOE, TOES, apart, knees_apart, widened
-from humanclaw.motion.planted import ANKLES, FEET, LEG_JOINTS
+from humanclaw.motion.leg_collision_avoidance import SHOE, TOES, apart, knees_apart, widened
+from humanclaw.motion.leg_ik import ANKLES, FEET, LEG_JOINTS
 
 _SLOW: Final = 0.25
 """Metres a second below which a toe counts as standing."""

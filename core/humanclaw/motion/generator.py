@@ -13,12 +13,12 @@ import numpy as np
 
 from humanclaw.body.pose import HISTORY, Motion, Pose2D, decode, encode
 from humanclaw.errors import HumanclawError
+from humanclaw.motion.best_of_n import best_of_n
 from humanclaw.motion.checkpoint import Base, load_base, shipped_base
+from humanclaw.motion.drift_correction import correct_drift
 from humanclaw.motion.flow import PROFILES, Solver, noise_of
 from humanclaw.motion.foot_locking import lock_feet
-from humanclaw.motion.posture import settle
 from humanclaw.motion.runtime import NumpyRuntime, Runtime
-from humanclaw.motion.setting_out import set_out
 
 RuntimeFactory = Callable[[Base, Solver], Runtime]
 
@@ -114,7 +114,7 @@ class DiTGenerator:
             drawn = [(*keys[body], attempt) if attempt else keys[body] for body in bodies]
             return self._drawn([local[body] for body in bodies], adapter, [values[body] for body in bodies], drawn)
 
-        futures = set_out(local, draw) if self.corrections else draw(range(len(local)), 0)
+        futures = best_of_n(local, draw) if self.corrections else draw(range(len(local)), 0)
         return [frame.to_world(future) for frame, future in zip(frames, futures, strict=True)]
 
     def _drawn(
@@ -129,8 +129,8 @@ class DiTGenerator:
         future = self._runtime.solve(self.base.normaliser.forward(clean), noise_of(keys), adapter, values)
         futures = [decode(state) for state in self.base.normaliser.inverse(future)]
         if self.corrections:
-            settled = [settle(future, self._usual) for future in futures]
-            futures = [lock_feet(*pair) for pair in zip(local, settled, strict=True)]
+            corrected = [correct_drift(future, self._usual) for future in futures]
+            futures = [lock_feet(*pair) for pair in zip(local, corrected, strict=True)]
         return futures
 
 

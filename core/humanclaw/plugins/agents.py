@@ -20,7 +20,7 @@ from humanclaw.storage.files import read_file
 from humanclaw.storage.pictures import from_jpeg
 from humanclaw.world.scene import Scene
 from humanclaw.world.simulator import WorldState
-from humanclaw.world.view import DEFAULT_GAZE, GAZES, Gaze, View
+from humanclaw.world.view import DEFAULT_GAZE, GAZES, CameraMount, View
 
 if TYPE_CHECKING:
     from humanclaw.records.limits import Meter
@@ -108,7 +108,7 @@ class EpisodeContext:
     """Privileged too: the view of the current step with depth and object ids, for agents with perfect sight."""
     meter: Meter | None = None
     """The budget that is left. Wait for a model no longer than meter.seconds_left()."""
-    gaze: Gaze = GAZES[DEFAULT_GAZE]
+    gaze: CameraMount = GAZES[DEFAULT_GAZE]
     """The place and pitch of the eyes, as prompts describe them."""
 
 

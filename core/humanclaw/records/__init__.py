@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from humanclaw.lazy_exports import lazy_exports
 
 if TYPE_CHECKING:
+    from humanclaw.records.acknowledgement import SEEN_PIXELS as SEEN_PIXELS, acknowledges as acknowledges
     from humanclaw.records.decisions import (
         Answer as Answer,
         Attempt as Attempt,
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
         Verdict as Verdict,
     )
     from humanclaw.records.difficulty import route_difficulty as route_difficulty
+    from humanclaw.records.episode_files import read_episodes as read_episodes, write_episodes as write_episodes
     from humanclaw.records.feedback import (
         Displacement as Displacement,
         Feedback as Feedback,
@@ -29,38 +31,21 @@ if TYPE_CHECKING:
         close_record as close_record,
         write_record as write_record,
     )
-    from humanclaw.records.goals import (
-        answered as answered,
-        brought as brought,
-        is_met as is_met,
-        lies_on as lies_on,
-        looked as looked,
-        opened as opened,
+    from humanclaw.records.instructions import (
+        ALIASES as ALIASES,
+        SEATS as SEATS,
+        category_of as category_of,
+        free_episode as free_episode,
+        instruction as instruction,
+        wants_to_sit as wants_to_sit,
     )
     from humanclaw.records.limits import Meter as Meter
-    from humanclaw.records.outcomes import (
-        FLOOR_THRESHOLD as FLOOR_THRESHOLD,
-        REACHED as REACHED,
-        end_distance as end_distance,
-        ever_reached as ever_reached,
-        footing as footing,
-        in_view as in_view,
-        on_target as on_target,
-        reached as reached,
-        role_of as role_of,
-        sits_of as sits_of,
-        stopped_seated as stopped_seated,
-        stopped_within_reach as stopped_within_reach,
-        succeeded as succeeded,
-        touched_above_ground as touched_above_ground,
-    )
     from humanclaw.records.reading import (
         REPORT as REPORT,
         RecordedEpisode as RecordedEpisode,
         RecordedRun as RecordedRun,
         load_run as load_run,
     )
-    from humanclaw.records.sighting import SEEN_PIXELS as SEEN_PIXELS, acknowledges as acknowledges
     from humanclaw.records.specification import (
         Difficulty as Difficulty,
         EpisodeSpec as EpisodeSpec,
@@ -75,15 +60,27 @@ if TYPE_CHECKING:
         SkillInfo as SkillInfo,
         StepRecord as StepRecord,
     )
-    from humanclaw.records.tasks import (
-        ALIASES as ALIASES,
-        SEATS as SEATS,
-        category_of as category_of,
-        free_episode as free_episode,
-        instruction as instruction,
-        read_episodes as read_episodes,
-        wants_to_sit as wants_to_sit,
-        write_episodes as write_episodes,
+    from humanclaw.records.success import (
+        FLOOR_THRESHOLD as FLOOR_THRESHOLD,
+        REACHED as REACHED,
+        answered as answered,
+        brought as brought,
+        end_distance as end_distance,
+        ever_reached as ever_reached,
+        footing as footing,
+        in_view as in_view,
+        is_met as is_met,
+        lies_on as lies_on,
+        looked as looked,
+        on_target as on_target,
+        opened as opened,
+        reached as reached,
+        role_of as role_of,
+        sits_of as sits_of,
+        stopped_seated as stopped_seated,
+        stopped_within_reach as stopped_within_reach,
+        succeeded as succeeded,
+        touched_above_ground as touched_above_ground,
     )
     from humanclaw.records.transition import Transition as Transition
     from humanclaw.skills.call import Call as Call

@@ -22,7 +22,7 @@ from humanclaw.text.json import STRICT
 from humanclaw.text.words import legible
 from humanclaw.world.scene import Vec3
 from humanclaw.world.simulator import Contact
-from humanclaw.world.view import Gaze, gaze_of
+from humanclaw.world.view import CameraMount, gaze_of
 
 FORMAT: Literal[5] = 5
 Outcome = Literal["running", "stopped", "out_of_steps", "plugin_error", "infra_error", "limit_reached", "interrupted"]
@@ -237,7 +237,7 @@ class EpisodeRecord(Record):
         return self.model_copy(update={"outcome": outcome, "error": legible(error)} | also)
 
     @property
-    def gaze(self) -> Gaze:
+    def gaze(self) -> CameraMount:
         """Where the eyes looked. Records that do not say are of `far`."""
         return gaze_of(self.settings.get("body", {}).get("gaze", "far"))
 

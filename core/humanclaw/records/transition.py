@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from humanclaw.records.sighting import acknowledges
+from humanclaw.records.acknowledgement import acknowledges
 from humanclaw.records.steps import EpisodeRecord, StepRecord
 from humanclaw.world.scene import Scene
 

@@ -23,7 +23,7 @@ from humanclaw.body.pose import (
     vector_from_matrix,
 )
 from humanclaw.body.skeleton import JOINT_INDEX
-from humanclaw.motion.planted import LEGS, planted
+from humanclaw.motion.leg_ik import LEGS, planted
 
 LONGEST_FAULT: Final = 300
 LONGEST_CALL: Final = 10.0

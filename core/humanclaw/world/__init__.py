@@ -6,6 +6,7 @@ from humanclaw.lazy_exports import lazy_exports
 
 if TYPE_CHECKING:
     from humanclaw.world.compiling import compiled as compiled, inlined as inlined
+    from humanclaw.world.half_physics.articulated_object import ArticulatedObject as ArticulatedObject
     from humanclaw.world.half_physics.kinematic import Kinematic as Kinematic
     from humanclaw.world.half_physics.profile import (
         PROFILES as PROFILES,
@@ -26,7 +27,6 @@ if TYPE_CHECKING:
         inertia as inertia,
         solids as solids,
     )
-    from humanclaw.world.half_physics.swing import Swing as Swing
     from humanclaw.world.half_physics.world import (
         TOUCHING as TOUCHING,
         ObjectMotion as ObjectMotion,
@@ -109,7 +109,7 @@ if TYPE_CHECKING:
         GAZE_PITCH as GAZE_PITCH,
         GAZES as GAZES,
         Camera as Camera,
-        Gaze as Gaze,
+        CameraMount as CameraMount,
         Renderer as Renderer,
         View as View,
         ego_camera as ego_camera,

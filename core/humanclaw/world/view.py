@@ -61,7 +61,7 @@ class Renderer(Protocol):
 
 
 @dataclass(frozen=True)
-class Gaze:
+class CameraMount:
     """Where the eyes sit in the head, and how far below the horizon they look."""
 
     ahead: float
@@ -70,23 +70,23 @@ class Gaze:
     """Radians; negative is down. As with the vestibulo-ocular reflex, steps do not shake it."""
 
 
-GAZES: Final[Mapping[str, Gaze]] = {
-    "body": Gaze(EYE[2], float(np.radians(-30.0))),
-    "far": Gaze(0.11, float(np.radians(-20.0))),
+GAZES: Final[Mapping[str, CameraMount]] = {
+    "body": CameraMount(EYE[2], float(np.radians(-30.0))),
+    "far": CameraMount(0.11, float(np.radians(-20.0))),
 }
 """By name. `body` often has the own limbs in view; `far` is before the skull and seldom has."""
 DEFAULT_GAZE: Final = "body"
 GAZE_PITCH: Final = GAZES[DEFAULT_GAZE].pitch
 
 
-def gaze_of(name: str) -> Gaze:
+def gaze_of(name: str) -> CameraMount:
     """Return a gaze by name. Raises HumanclawError for an unknown one."""
     if name not in GAZES:
         raise HumanclawError(f"there is no gaze {name!r}.", f"Choose from: {', '.join(GAZES)}.")
     return GAZES[name]
 
 
-def ego_camera(body: Motion, size: int = 512, gaze: Gaze = GAZES[DEFAULT_GAZE]) -> Camera:
+def ego_camera(body: Motion, size: int = 512, gaze: CameraMount = GAZES[DEFAULT_GAZE]) -> Camera:
     """Return the camera at the eyes of the last frame of a motion.
 
     It turns with the head and keeps the horizon level.

@@ -12,7 +12,7 @@ import walkthrough
 from model_servers import AnthropicServer, OpenAIServer, call
 
 from humanclaw import Call, Decision, HistoryEntry, Plugins
-from humanclaw.minds.prompts import data
+from humanclaw.prompting.prompts import data
 from humanclaw.records import Feedback
 from humanclaw_litellm.litellm_setup import load
 from humanclaw_litellm.settings import Settings

@@ -20,7 +20,7 @@ from scipy.ndimage import maximum_filter, minimum_filter
 from humanclaw import Decision, EpisodeContext, HistoryEntry, Observation, PluginError, Plugins
 from humanclaw.body import rest_pose
 from humanclaw.plugins import read_options
-from humanclaw.world import BODY_ID, Gaze, View, ego_camera
+from humanclaw.world import BODY_ID, CameraMount, View, ego_camera
 from humanclaw_pilot.network import CELLS, CLASSES, WEIGHTS, Eyes, Floats, Glance
 
 TARGET: Final = 1
@@ -100,7 +100,7 @@ class PilotAgent:
 
 
 def imagined(
-    rgb: NDArray[np.uint8], glance: Glance, mine: NDArray[np.bool_], gaze: Gaze, clear: float, deeper: float
+    rgb: NDArray[np.uint8], glance: Glance, mine: NDArray[np.bool_], gaze: CameraMount, clear: float, deeper: float
 ) -> View:
     """Return the view that a glance means. mine: the cells (CELLS, CELLS) of the target.
 
@@ -122,7 +122,7 @@ def _enlarged(grid: NDArray[Any], side: int) -> NDArray[Any]:
     return grid.repeat(side, 0).repeat(side, 1)
 
 
-def _floor_depth(rows: int, gaze: Gaze) -> Floats:
+def _floor_depth(rows: int, gaze: CameraMount) -> Floats:
     """Return (rows, 1) depth of a level floor in each row of a view; infinite above the horizon."""
     up = 1 - (np.arange(rows) + 0.5) / (rows / 2)
     fall = -(np.sin(gaze.pitch) + up * np.cos(gaze.pitch))

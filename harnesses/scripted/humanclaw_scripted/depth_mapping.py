@@ -16,7 +16,7 @@ from scipy.ndimage import binary_closing, binary_dilation, distance_transform_ed
 from scipy.spatial import cKDTree
 
 from humanclaw.body import Array, Pose2D, rest_pose, wrap_angle
-from humanclaw.world import BODY_ID, CELL, RADIUS, Gaze, OccupancyGrid, View, ego_camera
+from humanclaw.world import BODY_ID, CELL, RADIUS, CameraMount, OccupancyGrid, View, ego_camera
 
 STRIDE: Final = 2
 """Only every STRIDE-th pixel of each row and column is used."""
@@ -50,7 +50,7 @@ class Sight:
     pixels: int
 
     @classmethod
-    def of(cls, view: View, targets: Sequence[int], gaze: Gaze) -> Sight:
+    def of(cls, view: View, targets: Sequence[int], gaze: CameraMount) -> Sight:
         """Back-project a view of the ego camera. The floor in view corrects the height of the eyes.
 
         targets: ids of the objects that are looked for.

@@ -11,7 +11,7 @@ import numpy as np
 from humanclaw import EpisodeContext, HumanclawError, Scene
 from humanclaw.body import JOINT_INDEX, LINKS, Array, Capsule, Pose2D, matrix_from_vector
 from humanclaw.skills import Side
-from humanclaw.world import Gaze, OccupancyGrid, WorldState, distance_to_nearest, ego_camera
+from humanclaw.world import CameraMount, OccupancyGrid, WorldState, distance_to_nearest, ego_camera
 
 TOUCHING: Final = 0.005
 """Gap between hips and seat that counts as contact, metres."""
@@ -131,7 +131,7 @@ def on_seat(scene: Scene, state: WorldState, target: int) -> bool:
 
 
 def in_view(
-    plan: OccupancyGrid, scene: Scene, state: WorldState, target: int, gaze: Gaze, last: float = 0.1
+    plan: OccupancyGrid, scene: Scene, state: WorldState, target: int, gaze: CameraMount, last: float = 0.1
 ) -> tuple[float, float] | None:
     """Return bearing (radians, left positive) and distance (metres) of a target in view; None if it is not.
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from humanclaw import Scene, SceneError
 from humanclaw.body import Array, matrix_from_quaternion
-from humanclaw.world import Asset, ObjectMotion, SceneObject, Swing, box_of, centre_of_mass, inertia, solids
+from humanclaw.world import ArticulatedObject, Asset, ObjectMotion, SceneObject, box_of, centre_of_mass, inertia, solids
 from humanclaw_bullet.engine import Client
 
 _MOVING: Final = 1
@@ -47,12 +47,10 @@ class _Forms:
         """Name of an asset to its centre of mass."""
         self.free = {name: _Form.of([one - centre for one in hulls[name]]) for name, centre in self.centres.items()}
         """Name of an asset to the form of all its hulls about that centre."""
-        swings = {obj.id: Swing.of(scene, obj) for obj in solid if obj.joint}
-        self.hung = {
-            key: _Form.of([one - swing.point for one in hulls[swing.obj.asset]]) for key, swing in swings.items()
-        }
+        leaves = {obj.id: ArticulatedObject.of(scene, obj) for obj in solid if obj.joint}
+        self.hung = {key: _Form.of([one - leaf.point for one in hulls[leaf.obj.asset]]) for key, leaf in leaves.items()}
         """Id of an object on a joint to the form of all its hulls about the joint."""
-        self.inertia = {key: np.diag(inertia(hulls[one.obj.asset], one.obj.mass)) for key, one in swings.items()}
+        self.inertia = {key: np.diag(inertia(hulls[one.obj.asset], one.obj.mass)) for key, one in leaves.items()}
 
 
 _KNOWN: Final[WeakKeyDictionary[Scene, _Forms]] = WeakKeyDictionary()
@@ -71,7 +69,7 @@ class Objects:
         self.object_of: dict[int, int] = {}
         """Bullet body to object id. A fixed object has one body per hull."""
         self._movable: dict[int, tuple[int, Array]] = {}
-        self._hinged: dict[int, tuple[int, Swing]] = {}
+        self._hinged: dict[int, tuple[int, ArticulatedObject]] = {}
         self._still: dict[int, Array] = {}
         self._read: tuple[list[Any], list[float]] = [], []
         self._states: Mapping[int, Array] = {}
@@ -127,27 +125,27 @@ class Objects:
 
     def _add_hinged(self, obj: SceneObject) -> None:
         """Add a fixed post at the joint, and the object as its link, with its frame also at the joint."""
-        client, swing = self._client, Swing.of(self._scene, obj)
+        client, leaf = self._client, ArticulatedObject.of(self._scene, obj)
         body = client.createMultiBody(
-            0, -1, -1, swing.axis, swing.place(0.0)[3:], linkMasses=[obj.mass],
+            0, -1, -1, leaf.axis, leaf.place(0.0)[3:], linkMasses=[obj.mass],
             linkCollisionShapeIndices=[self._shape(self._forms.hung[obj.id])],
             linkVisualShapeIndices=[-1], linkPositions=[[0, 0, 0]], linkOrientations=[[0, 0, 0, 1]],
-            linkInertialFramePositions=[swing.centre - swing.point], linkInertialFrameOrientations=[[0, 0, 0, 1]],
-            linkParentIndices=[0], linkJointAxis=[swing.joint.axis],
-            linkJointTypes=[client.JOINT_REVOLUTE if swing.turns else client.JOINT_PRISMATIC],
+            linkInertialFramePositions=[leaf.centre - leaf.point], linkInertialFrameOrientations=[[0, 0, 0, 1]],
+            linkParentIndices=[0], linkJointAxis=[leaf.joint.axis],
+            linkJointTypes=[client.JOINT_REVOLUTE if leaf.turns else client.JOINT_PRISMATIC],
             flags=client.URDF_ENABLE_SLEEPING,
         )  # fmt: skip
         client.changeDynamics(
-            body, 0, lateralFriction=obj.friction, jointLowerLimit=swing.joint.low, jointUpperLimit=swing.joint.high,
-            jointDamping=swing.joint.damping, linearDamping=0, angularDamping=0,
+            body, 0, lateralFriction=obj.friction, jointLowerLimit=leaf.joint.low, jointUpperLimit=leaf.joint.high,
+            jointDamping=leaf.joint.damping, linearDamping=0, angularDamping=0,
             localInertiaDiagonal=self._forms.inertia[obj.id],
         )  # fmt: skip
-        client.setJointMotorControl2(body, 0, client.VELOCITY_CONTROL, targetVelocity=0, force=swing.joint.friction)
-        client.resetJointState(body, 0, swing.obj.state)
+        client.setJointMotorControl2(body, 0, client.VELOCITY_CONTROL, targetVelocity=0, force=leaf.joint.friction)
+        client.resetJointState(body, 0, leaf.obj.state)
         # The link is in no group and asks only for moving bodies; Bullet lets two meet if either asks for the other.
         client.setCollisionFilterGroupMask(body, 0, 0, _MOVING)
         self.object_of[body] = obj.id
-        self._hinged[obj.id] = body, swing
+        self._hinged[obj.id] = body, leaf
 
     def _shape(self, form: _Form) -> int:
         """Make a shape. Several hulls come through a file, in which each is a named object: Bullet accepts them in one
@@ -163,8 +161,8 @@ class Objects:
     def motion(self, object_id: int) -> ObjectMotion:
         """Return the current motion of a movable object."""
         if object_id in self._hinged:
-            body, swing = self._hinged[object_id]
-            return swing.motion(*self._client.getJointState(body, 0)[:2])
+            body, leaf = self._hinged[object_id]
+            return leaf.motion(*self._client.getJointState(body, 0)[:2])
         body, _ = self._movable[object_id]
         position, quaternion = self._client.getBasePositionAndOrientation(body)
         velocity, spin = self._client.getBaseVelocity(body)
@@ -173,8 +171,8 @@ class Objects:
     def set_motion(self, object_id: int, motion: ObjectMotion) -> None:
         """Set the motion of a movable object; one on a joint follows as far as that allows."""
         if object_id in self._hinged:
-            body, swing = self._hinged[object_id]
-            self._client.resetJointState(body, 0, *swing.state(motion))
+            body, leaf = self._hinged[object_id]
+            self._client.resetJointState(body, 0, *leaf.state(motion))
             return
         body, _ = self._movable[object_id]
         self._client.resetBasePositionAndOrientation(body, motion.position, motion.quaternion)
@@ -210,8 +208,8 @@ class Objects:
             position, turn = np.array([pose[0] for pose in poses]), np.array([pose[1] for pose in poses])
             corner = position - np.einsum("nij,nj->ni", matrix_from_quaternion(turn), centres)
             found.update(zip(self._movable, np.concatenate([corner, turn], axis=1), strict=True))
-        for (key, (_, swing)), angle in zip(self._hinged.items(), angles, strict=True):
-            found[key] = swing.place(angle)
+        for (key, (_, leaf)), angle in zip(self._hinged.items(), angles, strict=True):
+            found[key] = leaf.place(angle)
         return found
 
 

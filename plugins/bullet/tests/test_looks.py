@@ -33,7 +33,7 @@ class CountingWorld(BulletWorld):
         return super().step(seconds)
 
 
-def swing(degrees: float) -> Motion:
+def leaf(degrees: float) -> Motion:
     """Return half a second in which the hanging left arm rises sideways, away from the body."""
     motion = rest_pose(15)
     motion.rotations[:, JOINT_INDEX["left_shoulder"], 2] += np.radians(np.linspace(0, degrees, 15))
@@ -60,12 +60,12 @@ def beside(distance: float) -> Scene:
 
 def test_a_fast_arm_in_free_air_takes_one_engine_step_a_physics_step():
     # The hand is 0.7 m from the shoulder: 80 degrees in 14 / 30 s are 2.1 m/s, 1.7 cm a physics step.
-    assert looks(beside(3.0), swing(80)) == (STEPS, 0.0)
+    assert looks(beside(3.0), leaf(80)) == (STEPS, 0.0)
 
 
 @pytest.mark.parametrize("degrees", [80, 120])
 def test_the_same_arm_before_a_thin_wall_takes_more_and_does_not_enter_it(degrees):
-    steps, depth = looks(beside(0.6), swing(degrees))
+    steps, depth = looks(beside(0.6), leaf(degrees))
     assert steps > 1.2 * STEPS
     assert 0.0 < depth < 0.01
 

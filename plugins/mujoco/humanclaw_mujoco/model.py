@@ -14,10 +14,10 @@ from humanclaw import Scene, SceneError
 from humanclaw.body import JOINTS, OFFSETS, PARENTS, Array, Box, quaternion_from_matrix
 from humanclaw.world import (
     LINK_OF,
+    ArticulatedObject,
     Asset,
     Profile,
     SceneObject,
-    Swing,
     box_of,
     capsule_frame,
     centre_of_mass,
@@ -63,8 +63,8 @@ class Model:
     """First address of the pelvis's velocity."""
     movable: Mapping[int, tuple[int, int, Array]]
     """Object id to its first addresses in qpos and qvel, and its (3,) centre of mass in the asset's frame."""
-    hinged: Mapping[int, tuple[int, int, Swing]]
-    """Object id to its addresses in qpos and qvel, and its swing."""
+    hinged: Mapping[int, tuple[int, int, ArticulatedObject]]
+    """Object id to its addresses in qpos and qvel, and its leaf."""
     hinges: NDArray[np.int64]
     """MuJoCo's joint numbers of the hinged objects, in the order of `hinged`."""
 
@@ -122,7 +122,7 @@ class _Objects:
         self._spec, self._scene, self._meshes = spec, scene, set[str]()
         self.centres: dict[int, Array] = {}
         """Id of each free movable object to its centre of mass in the asset's frame."""
-        self.swings: dict[int, Swing] = {}
+        self.leaves: dict[int, ArticulatedObject] = {}
 
     def add(self) -> None:
         for obj in self._scene.objects:
@@ -133,7 +133,7 @@ class _Objects:
                 said = f"movable object {obj.id} ({obj.category}) must have a positive mass; got {obj.mass} kg."
                 raise SceneError(said)
             if obj.joint:
-                self.swings[obj.id] = self._add_hinged(obj, asset)
+                self.leaves[obj.id] = self._add_hinged(obj, asset)
             elif obj.movable:
                 self.centres[obj.id] = self._add_movable(obj, asset)
             else:
@@ -149,20 +149,20 @@ class _Objects:
         self._add_hulls(body, obj, asset, centre, dict(MOVABLE))
         return centre
 
-    def _add_hinged(self, obj: SceneObject, asset: Asset) -> Swing:
+    def _add_hinged(self, obj: SceneObject, asset: Asset) -> ArticulatedObject:
         """Add an object on a joint, with its frame at the joint."""
-        swing = Swing.of(self._scene, obj)
-        point, joint = swing.point, swing.joint
-        kind = mj.mjtJoint.mjJNT_HINGE if swing.turns else mj.mjtJoint.mjJNT_SLIDE
-        body = self._spec.worldbody.add_body(name=f"object {obj.id}", pos=swing.axis, quat=wxyz(swing.place(0.0)[3:]))
+        leaf = ArticulatedObject.of(self._scene, obj)
+        point, joint = leaf.point, leaf.joint
+        kind = mj.mjtJoint.mjJNT_HINGE if leaf.turns else mj.mjtJoint.mjJNT_SLIDE
+        body = self._spec.worldbody.add_body(name=f"object {obj.id}", pos=leaf.axis, quat=wxyz(leaf.place(0.0)[3:]))
         body.add_joint(
             name=f"object {obj.id}", type=kind, axis=joint.axis, limited=True, margin=_AHEAD,
             range=[joint.low, joint.high], frictionloss=joint.friction, damping=joint.damping,
             solimp_limit=_IMPEDANCE, solimp_friction=_IMPEDANCE,
         )  # fmt: skip
-        _weigh(body, obj.mass, solids(asset.hulls), swing.centre - point)
+        _weigh(body, obj.mass, solids(asset.hulls), leaf.centre - point)
         self._add_hulls(body, obj, asset, point, dict(HINGED))
-        return swing
+        return leaf
 
     def _add_hulls(self, body: Any, obj: SceneObject, asset: Asset, centre: Array, facts: dict[str, Any]) -> None:
         for number, hull in enumerate(solids(asset.hulls)):
@@ -207,9 +207,9 @@ def _addressed(compiled: Any, scene: Scene, profile: Profile, added: _Objects) -
     numbers = [compiled.joint(name).id for name in JOINTS]
     turns = np.array([[at[k] + i for i in (1, 2, 3, 0)] for k in numbers[1:]])
     spins = np.array([[dof[k] + i for i in range(3)] for k in numbers[1:]])
-    hung = {key: compiled.joint(f"object {key}").id for key in (*added.centres, *added.swings)}
+    hung = {key: compiled.joint(f"object {key}").id for key in (*added.centres, *added.leaves)}
     movable = {key: (int(at[hung[key]]), int(dof[hung[key]]), centre) for key, centre in added.centres.items()}
-    hinged = {key: (int(at[hung[key]]), int(dof[hung[key]]), swing) for key, swing in added.swings.items()}
+    hinged = {key: (int(at[hung[key]]), int(dof[hung[key]]), leaf) for key, leaf in added.leaves.items()}
     return Model(
         compiled, joints, objects, friction, turns, spins, int(at[numbers[0]]), int(dof[numbers[0]]), movable, hinged,
         np.array([hung[key] for key in hinged], int),

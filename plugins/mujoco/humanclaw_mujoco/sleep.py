@@ -24,7 +24,7 @@ class Sleep:
         """Begin with all objects awake."""
         self._model, self._affinity = model.mj, model.mj.geom_conaffinity
         self._hinges, self._hinge_dofs = model.hinges, np.array([dof for _, dof, _ in model.hinged.values()], int)
-        self._frictions = np.array([swing.joint.friction for _, _, swing in model.hinged.values()])
+        self._frictions = np.array([leaf.joint.friction for _, _, leaf in model.hinged.values()])
         keys = [*model.movable, *model.hinged]
         places = {key: place for place, key in enumerate(keys)}
         # A hinged object has one velocity, repeated six times so that both kinds fit one array.

@@ -55,8 +55,8 @@ class MujocoWorld:
             place = self._still[key]
             self._d.qpos[at : at + 3] = place[:3] + matrix_from_quaternion(place[3:]) @ centre
             self._d.qpos[at + 3 : at + 7] = place[3:][_WXYZ]
-        for at, _, swing in model.hinged.values():
-            self._d.qpos[at] = swing.obj.state
+        for at, _, leaf in model.hinged.values():
+            self._d.qpos[at] = leaf.obj.state
         self.move(pose.root, pose.quaternions[0], np.zeros(3), np.zeros(3))
         self.bend(pose.quaternions[1:], np.zeros((len(model.spins), 3)))
 
@@ -182,16 +182,16 @@ class MujocoWorld:
 
     def motion(self, object_id: int) -> ObjectMotion:
         if object_id in self._model.hinged:
-            angle_at, speed_at, swing = self._model.hinged[object_id]
-            return swing.motion(float(self._d.qpos[angle_at]), float(self._d.qvel[speed_at]))
+            angle_at, speed_at, leaf = self._model.hinged[object_id]
+            return leaf.motion(float(self._d.qpos[angle_at]), float(self._d.qvel[speed_at]))
         at, dof, _ = self._model.movable[object_id]
         qpos = self._d.qpos
         return ObjectMotion(qpos[at : at + 3].copy(), qpos[at + 3 : at + 7][_XYZW], *self._moving(at, dof))
 
     def set_motion(self, object_id: int, motion: ObjectMotion) -> None:
         if object_id in self._model.hinged:
-            angle_at, speed_at, swing = self._model.hinged[object_id]
-            self._d.qpos[angle_at], self._d.qvel[speed_at] = swing.state(motion)
+            angle_at, speed_at, leaf = self._model.hinged[object_id]
+            self._d.qpos[angle_at], self._d.qvel[speed_at] = leaf.state(motion)
             return
         at, dof, _ = self._model.movable[object_id]
         self._put(at, motion.position, motion.quaternion)
@@ -212,8 +212,8 @@ class MujocoWorld:
             turn = poses[:, 3:][:, _XYZW]
             corner = poses[:, :3] - np.einsum("nij,nj->ni", matrix_from_quaternion(turn), centres)
             found.update(zip(self._model.movable, np.concatenate([corner, turn], axis=1), strict=True))
-        for key, (angle_at, _, swing) in self._model.hinged.items():
-            found[key] = swing.place(float(self._d.qpos[angle_at]))
+        for key, (angle_at, _, leaf) in self._model.hinged.items():
+            found[key] = leaf.place(float(self._d.qpos[angle_at]))
         return found
 
     def let_pass(self, pairs: frozenset[tuple[int, int]]) -> None:

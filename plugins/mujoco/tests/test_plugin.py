@@ -80,7 +80,7 @@ def test_no_contact_makes_an_object_faster_than_fifty_metres_a_second():
 
 
 def test_a_body_that_slides_over_a_floor_is_not_lifted_off_it():
-    """MuJoCo parts what slides at friction times its speed: feet that swing lifted a walking body by a centimetre."""
+    """MuJoCo parts what slides at friction times its speed: feet that leaf lifted a walking body by a centimetre."""
     builder = SceneBuilder()
     builder.floor()
     scene, profile = builder.scene(), PROFILES["default"]

@@ -28,7 +28,7 @@ from humanclaw.body import (
 )
 from humanclaw.records import touched_above_ground
 from humanclaw.storage import jpeg
-from humanclaw.world import STRUCTURE, Asset, Gaze, Mesh
+from humanclaw.world import STRUCTURE, Asset, CameraMount, Mesh
 from humanclaw_report.facts import name_of, named
 
 EVERY: Final = 2
@@ -59,7 +59,7 @@ def packed(arrays: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
 
 
 # -- the body ----------------------------------------------------------------------------------------------------------
-def skeleton(gaze: Gaze) -> dict[str, Any]:
+def skeleton(gaze: CameraMount) -> dict[str, Any]:
     """Return the body's joints, and where its eyes look."""
     return {"offsets": OFFSETS.round(4).tolist(), "parents": list(PARENTS), "gaze": asdict(gaze)}
 

@@ -13,8 +13,8 @@ from typing import Final
 
 import numpy as np
 
+from humanclaw.body.hand_thigh_contact import HIPS, RAISED, lay_hands
 from humanclaw.body.pose import FPS, Array, Motion, matrix_from_quaternion, vector_from_quaternion
-from humanclaw.body.resting_hands import HIPS, RAISED, lay_hands
 from humanclaw.body.skeleton import JOINTS
 from humanclaw.world.half_physics.kernels import (
     hold_back,

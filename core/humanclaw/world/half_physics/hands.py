@@ -28,10 +28,10 @@ from humanclaw.body.pose import (
     vector_from_quaternion,
 )
 from humanclaw.body.skeleton import JOINT_INDEX, OFFSETS, Side
+from humanclaw.world.half_physics.articulated_object import ArticulatedObject, articulated_objects
 from humanclaw.world.half_physics.profile import Profile
 from humanclaw.world.half_physics.quaternions import Pose, blend, conjugate, motion_of, multiply
 from humanclaw.world.half_physics.solids import nearest_point
-from humanclaw.world.half_physics.swing import Swing, swings
 from humanclaw.world.half_physics.world import ObjectMotion, World
 from humanclaw.world.scene import Scene
 
@@ -111,8 +111,8 @@ class Hands:
         """Of each arm that let go of a handle: frames since then, and the turns (24, 4) of the body there."""
 
     @cached_property
-    def _swings(self) -> Mapping[int, Swing]:
-        return swings(self._scene)
+    def _articulated(self) -> Mapping[int, ArticulatedObject]:
+        return articulated_objects(self._scene)
 
     @cached_property
     def _sizes(self) -> Mapping[int, float]:
@@ -139,7 +139,7 @@ class Hands:
     @property
     def weight(self) -> float:
         """Weight of what is held, newtons; a thing on a joint hangs on it."""
-        free = {key for key in self.held.values() if key not in self._swings}
+        free = {key for key in self.held.values() if key not in self._articulated}
         return sum(self._scene.by_id[key].mass for key in free) * self._profile.gravity
 
     def grip(self, side: Side, closed: bool) -> None:
@@ -176,7 +176,7 @@ class Hands:
         places = _palms(pose)
         for key in dict.fromkeys(self.held.values()):
             sides = [side for side, hold in self._holds.items() if hold.object_id == key]
-            if key in self._swings:
+            if key in self._articulated:
                 self._swing(key, sides, places, seconds)
             else:
                 self._carry(key, sides, places, seconds)
@@ -190,7 +190,7 @@ class Hands:
             target = Pose(target.root, _returned(side, there, target.quaternions, (frames + 1) / _RETURN))
         self._returning = {k: (frames + 1, there) for k, (frames, there) in self._returning.items() if frames < _RETURN}
         for side, hold in self._holds.items():
-            if hold.object_id in self._swings:
+            if hold.object_id in self._articulated:
                 root = self._world.pose().root + velocity * [1.0, 0.0, 1.0] / FPS
                 target = Pose(target.root, self._on_its_way(side, hold, Pose(root, target.quaternions)))
         return target
@@ -199,7 +199,7 @@ class Hands:
         """Open each hand that what it holds has left, or that is not at it any more."""
         places = _palms(pose)
         for side, hold in list(self._holds.items()):
-            hung = hold.object_id in self._swings
+            hung = hold.object_id in self._articulated
             motion = self._world.motion(hold.object_id)
             there = self._handle(hold, self._state(hold.object_id)[0]) if hung else motion.position
             if np.linalg.norm(there - self._due(side, places)) > PALM:
@@ -207,7 +207,7 @@ class Hands:
 
     def _let_go(self, side: Side) -> None:
         hold = self._holds.pop(side, None)
-        if hold is not None and hold.object_id in self._swings:
+        if hold is not None and hold.object_id in self._articulated:
             self._returning[side] = 0, self._world.pose().quaternions
         elif hold is not None:
             self._falling[hold.object_id] = _FALL
@@ -241,7 +241,7 @@ class Hands:
         away = float(np.linalg.norm(spot - point))
         shift = turn.T @ (point - spot) * max(0.0, away - _BACK) / max(away, 1e-9)
         there = multiply(conjugate(quaternion_from_matrix(turn)), motion.quaternion)
-        held = spot if key in self._swings else motion.position
+        held = spot if key in self._articulated else motion.position
         grip = matrix_from_quaternion(place[3:]).T @ (spot - place[:3])
         return _Hold(key, turn.T @ (held - knuckles), there, shift, grip)
 
@@ -275,41 +275,41 @@ class Hands:
     # -- joints --------------------------------------------------------------------------------------------------------
     def _swing(self, key: int, sides: Sequence[Side], places: Palms, seconds: float) -> None:
         """Give a thing on a joint the speed that brings its handle to the hands, as far as their force does."""
-        swing, (state, speed) = self._swings[key], self._state(key)
-        joint, centre = swing.joint, self._world.motion(key).position
+        leaf, (state, speed) = self._articulated[key], self._state(key)
+        joint, centre = leaf.joint, self._world.motion(key).position
         dues = {side: self._due(side, places) for side in sides}
-        lever = max(PALM, *(float(np.linalg.norm(swing.arm(due))) for due in dues.values()))
+        lever = max(PALM, *(float(np.linalg.norm(leaf.arm(due))) for due in dues.values()))
         way = np.mean([self._way(self._holds[side], state, due) for side, due in dues.items()])
         wanted = float(np.clip(way / seconds, -_FAST / lever, _FAST / lever))
-        fall = -self._scene.by_id[key].mass * self._profile.gravity * float(swing.arm(centre)[1])
+        fall = -self._scene.by_id[key].mass * self._profile.gravity * float(leaf.arm(centre)[1])
         brake = math.copysign(joint.friction, wanted) + joint.damping * wanted if wanted else 0.0
-        push = swing.inertia * (wanted - speed) + (brake - fall) * seconds
+        push = leaf.inertia * (wanted - speed) + (brake - fall) * seconds
         most = len(sides) * _PULL * lever * seconds
-        speed += float(np.clip(push, -most, most)) / swing.inertia
-        self._world.set_motion(key, swing.motion(state, speed))
+        speed += float(np.clip(push, -most, most)) / leaf.inertia
+        self._world.set_motion(key, leaf.motion(state, speed))
         self._fastest = max(self._fastest, abs(speed) * lever)
 
     def _state(self, key: int) -> tuple[float, float]:
-        return self._swings[key].state(self._world.motion(key))
+        return self._articulated[key].state(self._world.motion(key))
 
     def _handle(self, hold: _Hold, state: float) -> Array:
         """Return the held spot (3,) of a thing on a joint at a state."""
-        place = self._swings[hold.object_id].place(state)
+        place = self._articulated[hold.object_id].place(state)
         return np.asarray(place[:3] + matrix_from_quaternion(place[3:]) @ hold.spot)
 
     def _way(self, hold: _Hold, state: float, point: Array) -> float:
         """Return how far a joint goes for the held point to come nearest to a point (3,), radians or metres."""
-        swing, handle = self._swings[hold.object_id], self._handle(hold, state)
-        if not swing.turns:
-            return float((point - handle) @ swing.way)
-        before, after = (np.cross(swing.way, one - swing.axis) for one in (handle, point))
-        return math.atan2(float(np.cross(before, after) @ swing.way), float(before @ after))
+        leaf, handle = self._articulated[hold.object_id], self._handle(hold, state)
+        if not leaf.turns:
+            return float((point - handle) @ leaf.way)
+        before, after = (np.cross(leaf.way, one - leaf.axis) for one in (handle, point))
+        return math.atan2(float(np.cross(before, after) @ leaf.way), float(before @ after))
 
     def _on_its_way(self, side: Side, hold: _Hold, pose: Pose) -> Array:
         """Return the turns (24, 4) of a pose whose hand is where the handle can be at the end of the frame."""
-        swing, (state, _) = self._swings[hold.object_id], self._state(hold.object_id)
-        joint, point = swing.joint, self._due(side, _palms(pose))
-        lead = _LEAD / max(float(np.linalg.norm(swing.arm(point))), PALM)
+        leaf, (state, _) = self._articulated[hold.object_id], self._state(hold.object_id)
+        joint, point = leaf.joint, self._due(side, _palms(pose))
+        lead = _LEAD / max(float(np.linalg.norm(leaf.arm(point))), PALM)
         there = state + float(np.clip(self._way(hold, state, point), -lead, lead))
         handle = self._handle(hold, min(max(there, joint.low), joint.high))
         return _stretched(side, pose, handle - point)

@@ -101,16 +101,16 @@ def hold_back(speeds: Array, most: float, fastest: float) -> None:
 
 
 @compiled
-def link_speed(speeds: Array, way: Array, swing: float) -> float:
+def link_speed(speeds: Array, way: Array, leaf: float) -> float:
     """Return a bound of the fastest link's speed relative to the pelvis, m/s.
 
     Each joint carries its links at most by its speed times their distance. Or the links move as in the motion, at most
-    at `swing`, and joints that catch up add to it.
+    at `leaf`, and joints that catch up add to it.
     """
     late = speeds - way * FPS
     # The root's speed and way are not in the same frame.
     late[0, 0], late[0, 1:] = abs(_length(speeds[0]) - _length(way[0]) * FPS), 0.0
-    return min(_reached(speeds), swing + _reached(late))  # type: ignore[no-any-return]
+    return min(_reached(speeds), leaf + _reached(late))  # type: ignore[no-any-return]
 
 
 @compiled

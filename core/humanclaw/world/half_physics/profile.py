@@ -46,7 +46,7 @@ class Profile:
     not."""
     reaching: float = 0.45
     """Feet of a seated body that hang in the air sink this fast, m/s."""
-    exertion: float = 500.0
+    push_force: float = 500.0
     """Maximum force with which the body pushes movable objects, newtons: that of an adult."""
     lift: float = 150.0
     """Maximum force of one hand on what it holds, newtons: an arm lifts 15 kg."""

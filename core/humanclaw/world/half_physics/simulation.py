@@ -10,14 +10,14 @@ import numpy as np
 
 from humanclaw.body.pose import FPS, Array, Motion
 from humanclaw.body.skeleton import JOINTS
+from humanclaw.world.half_physics.broad_phase import BroadPhase
 from humanclaw.world.half_physics.drive import Drive
-from humanclaw.world.half_physics.exertion import Exertion
 from humanclaw.world.half_physics.hands import Hands
 from humanclaw.world.half_physics.profile import Profile
+from humanclaw.world.half_physics.push_force_limit import PushForceLimit
 from humanclaw.world.half_physics.quaternions import Pose, motion_of, poses_of
 from humanclaw.world.half_physics.reflexes import CALM, feel
 from humanclaw.world.half_physics.skeleton import LINK_OF
-from humanclaw.world.half_physics.surroundings import Surroundings
 from humanclaw.world.half_physics.world import TOUCHING, TRAVEL, Touch, World
 from humanclaw.world.scene import STRUCTURE
 from humanclaw.world.simulator import Contact, Execution, WorldState
@@ -31,12 +31,12 @@ _CATCH_UP: Final = 3.0
 class Simulation:
     """One body in one world, from its start on."""
 
-    def __init__(self, world: World, profile: Profile, surroundings: Surroundings, pose: Pose) -> None:
-        """Take a world with the body in a pose, and the surroundings of its scene."""
-        self.world, self._profile, self._surroundings = world, profile, surroundings
-        self._scene = scene = surroundings.scene
+    def __init__(self, world: World, profile: Profile, broad_phase: BroadPhase, pose: Pose) -> None:
+        """Take a world with the body in a pose, and the broad phase of its scene."""
+        self.world, self._profile, self._broad_phase = world, profile, broad_phase
+        self._scene = scene = broad_phase.scene
         self._building = {scene_object.id for scene_object in scene.objects if scene_object.category in STRUCTURE}
-        self._drive, self._exertion = Drive(world, profile, pose), Exertion(world, profile, scene)
+        self._drive, self._push_limit = Drive(world, profile, pose), PushForceLimit(world, profile, scene)
         self.hands, self._reflex = Hands(world, profile, scene), CALM
         self._objects, self._restless = world.objects(), True
         self._still: Mapping[int, Array] | None = None
@@ -75,15 +75,15 @@ class Simulation:
         held, target = self.hands.held, self.hands.guided(target, velocity)
         self._drive.aim(target.quaternions, swing)
         course = self._drive.course(velocity, self._reflex)
-        towards, near = self._surroundings.look(course, self._objects, held.values())
-        self._exertion.look(near)
-        self._exertion.burden = self.hands.weight
+        towards, near = self._broad_phase.look(course, self._objects, held.values())
+        self._push_limit.look(near)
+        self._push_limit.burden = self.hands.weight
         for substep in range(profile.substeps):
             horizontal = velocity if substep % profile.horizontal_every == 0 else None
             speed = self._drive.command(profile.substeps - substep, horizontal, self._reflex)
             touches = self._step(min(speed, _CATCH_UP * towards * FPS))
             self._drive.restrain(bool(touches))
-            self._reflex = feel(self.world, profile, self._exertion.movable, touches, self._reflex)
+            self._reflex = feel(self.world, profile, self._push_limit.movable, touches, self._reflex)
             met += touches
         if held:
             self.hands.let_slip(self._drive.pose)
@@ -104,11 +104,11 @@ class Simulation:
         parts = min(max(1, math.ceil(speed * seconds / TRAVEL)), self._profile.max_looks)
         touches: Sequence[Touch] = ()
         for part in range(parts):
-            self._exertion.brace()
+            self._push_limit.brace()
             if self.hands.held:
                 self.hands.steer(self._drive.foreseen((part + 1) * seconds / parts), seconds / parts)
             met = self.world.step(seconds / parts)
-            self._exertion.bound(met, seconds / parts)
+            self._push_limit.bound(met, seconds / parts)
             touches = met or touches
         return touches
 

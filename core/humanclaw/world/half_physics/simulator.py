@@ -10,11 +10,11 @@ import numpy as np
 from humanclaw.body.pose import Motion, Pose2D, rest_pose
 from humanclaw.body.skeleton import Side
 from humanclaw.errors import HumanclawError, SceneError
+from humanclaw.world.half_physics.broad_phase import BroadPhase
 from humanclaw.world.half_physics.profile import Profile, find_profile
 from humanclaw.world.half_physics.quaternions import Pose, poses_of
 from humanclaw.world.half_physics.rest import at_rest
 from humanclaw.world.half_physics.simulation import Simulation
-from humanclaw.world.half_physics.surroundings import Surroundings
 from humanclaw.world.half_physics.world import ObjectMotion, OpenWorld
 from humanclaw.world.scene import Scene
 from humanclaw.world.simulator import Execution, WorldState
@@ -56,8 +56,8 @@ class HalfPhysics:
         """
         self._open, self._digest = open_world, digest
         self._profile = find_profile(profile) if isinstance(profile, str) else profile
-        self._measured: tuple[Surroundings, Mapping[int, ObjectMotion]] | None = None
-        """The surroundings in the scene of the last reset, and how its objects lie at a start."""
+        self._measured: tuple[BroadPhase, Mapping[int, ObjectMotion]] | None = None
+        """The broad phase of the scene of the last reset, and how its objects lie at a start."""
         self._simulation: Simulation | None = None
 
     def reset(self, scene: Scene, start: Pose2D) -> WorldState:
@@ -68,14 +68,14 @@ class HalfPhysics:
         self.close()
         if self._measured is None or self._measured[0].scene is not scene:
             rest = at_rest(self._open, scene, self._profile, self._digest)
-            self._measured = Surroundings(scene), rest
-        surroundings, rest = self._measured
+            self._measured = BroadPhase(scene), rest
+        broad_phase, rest = self._measured
         (pose,) = poses_of(Pose2D(start.x, start.z, start.yaw, start.floor).to_world(rest_pose()))
         world = self._open(scene, self._profile, pose)
         try:
             for key, motion in rest.items():
                 world.set_motion(key, motion)
-            simulation = self._simulation_type(world, self._profile, surroundings, pose)
+            simulation = self._simulation_type(world, self._profile, broad_phase, pose)
             _refuse_overlap(simulation, scene, start)
             world.settled()
             _settle(simulation, pose, scene, start)

@@ -14,7 +14,7 @@ from humanclaw import Check, Decision, EpisodeContext, EpisodeSpec, HistoryEntry
 from humanclaw.records import Feedback
 from humanclaw.skills import Plan
 from humanclaw.storage import from_jpeg, jpeg
-from humanclaw.world import Gaze
+from humanclaw.world import CameraMount
 
 PROTOCOL: Final = "1"
 """Version of the protocol. A request with another one is refused."""
@@ -80,7 +80,7 @@ def context_of(told: Mapping[str, Any], meter: Meter) -> EpisodeContext:
     known = {name: told[name] for name in ("instruction", "target_category", "interact", "max_steps")}
     spec = EpisodeSpec(id="episode", scene="", **known)
     skills = {one["name"]: _skill(one) for one in told["tools"]}
-    return EpisodeContext(spec, skills, int(told["seed"]), meter=meter, gaze=from_json(Gaze, told["gaze"]))
+    return EpisodeContext(spec, skills, int(told["seed"]), meter=meter, gaze=from_json(CameraMount, told["gaze"]))
 
 
 def _skill(told: Mapping[str, Any]) -> Skill:

@@ -18,9 +18,9 @@ from typing import Final
 import numpy as np
 
 from humanclaw.body.pose import Array, matrix_from_quaternion
+from humanclaw.world.half_physics.articulated_object import articulated_objects
 from humanclaw.world.half_physics.profile import Profile
 from humanclaw.world.half_physics.quaternions import from_vector, multiply
-from humanclaw.world.half_physics.swing import swings
 from humanclaw.world.half_physics.world import ObjectMotion, Touch, World
 from humanclaw.world.scene import Scene
 
@@ -48,7 +48,7 @@ class _Group:
     against a wall takes most of a push, however hard."""
 
 
-class Exertion:
+class PushForceLimit:
     """Bounds the pushes of one body in one world."""
 
     def __init__(self, world: World, profile: Profile, scene: Scene) -> None:
@@ -58,7 +58,7 @@ class Exertion:
         self._mass = {key: obj.mass for key, obj in moving.items()}
         self._held = {key: GROUND_FRICTION * obj.friction * obj.mass * profile.gravity for key, obj in moving.items()}
         self._radius = {key: _gyration(scene, key) for key in moving}
-        self._swings, self._levers = swings(scene), dict[int, float]()
+        self._articulated, self._levers = articulated_objects(scene), dict[int, float]()
         self._near: tuple[int, ...] = ()
         self._before: Mapping[int, ObjectMotion] = {}
         self.burden = 0.0
@@ -67,7 +67,7 @@ class Exertion:
     @property
     def _most(self) -> float:
         """Force that is left for a push, newtons."""
-        return max(0.0, self._profile.exertion - self.burden)
+        return max(0.0, self._profile.push_force - self.burden)
 
     def look(self, near: tuple[int, ...]) -> None:
         """Remember the objects that can be pushed in the coming frame."""
@@ -85,7 +85,7 @@ class Exertion:
         if sum(touch.force for touch in pushes) <= self._most:
             return
         after = {key: self._world.motion(key) for key in self._before}
-        self._levers = {key: self._lever(key, touches, after[key]) for key in after if key in self._swings}
+        self._levers = {key: self._lever(key, touches, after[key]) for key in after if key in self._articulated}
         gains = {key: self._gain(key, motion, seconds) for key, motion in after.items()}
         if not any(gain > 0 for gain in gains.values()):
             return
@@ -95,7 +95,7 @@ class Exertion:
     def _tame(self, pushed: Collection[int], seconds: float) -> None:
         """Take back what the step since brace should not have done to objects: feet push, they do not lift, and nobody
         kicks faster than max_kick."""
-        for key in self._before.keys() - self._swings.keys():
+        for key in self._before.keys() - self._articulated.keys():
             before, after, radius = self._before[key], self._world.motion(key), self._radius[key]
             most = max(self._profile.max_kick, _speed(before, radius) + self._profile.gravity * seconds)
             slower = min(1.0, most / max(_speed(after, radius), 1e-12))
@@ -155,43 +155,46 @@ class Exertion:
         """Return how an object moved before the step, without so much of its momentum, kg m/s."""
         before = self._before[key]
         momentum = self._mass[key] * _speed(before, self._radius[key])
-        if key in self._swings:
-            momentum = self._swings[key].inertia * abs(self._swings[key].state(before)[1]) / self._levers[key]
+        if key in self._articulated:
+            momentum = self._articulated[key].inertia * abs(self._articulated[key].state(before)[1]) / self._levers[key]
         share = max(0.0, 1 - lost / max(momentum, 1e-12))
         return replace(before, velocity=share * before.velocity, spin=share * before.spin)
 
     def _gain(self, key: int, after: ObjectMotion, seconds: float) -> float:
         """Return the momentum that made an object faster, kg m/s; the body does not slow objects down."""
         before, radius = self._before[key], self._radius[key]
-        if key in self._swings:
-            (_, slow), (_, fast) = map(self._swings[key].state, (before, after))
+        if key in self._articulated:
+            (_, slow), (_, fast) = map(self._articulated[key].state, (before, after))
             fallen = math.copysign(1.0, fast) * self._weight(key, after) * seconds
-            return max(0.0, self._swings[key].inertia * (abs(fast) - abs(slow)) - max(0.0, fallen)) / self._levers[key]
+            return (
+                max(0.0, self._articulated[key].inertia * (abs(fast) - abs(slow)) - max(0.0, fallen))
+                / self._levers[key]
+            )
         faster = _speed(after, radius) > _speed(before, radius)
         gain = math.hypot(*(_no_fall(after) - _no_fall(before)), *(radius * (after.spin - before.spin)))
         return self._mass[key] * gain if faster else 0.0
 
     def _weight(self, key: int, after: ObjectMotion) -> float:
         """Return what gravity does to an object on a joint, along the joint, newton metres or newtons."""
-        return -self._mass[key] * self._profile.gravity * float(self._swings[key].arm(after.position)[1])
+        return -self._mass[key] * self._profile.gravity * float(self._articulated[key].arm(after.position)[1])
 
     def _push(self, key: int, pushes: Sequence[Touch]) -> float:
         """Return the force with which the body pushes an object, newtons. Its weight is no push."""
         met = [touch for touch in pushes if touch.object_id == key]
-        if key in self._swings:
+        if key in self._articulated:
             return abs(sum(touch.force * self._effect(touch) for touch in met)) / self._levers[key]
         x, y, z = (np.array([touch.normal for touch in met]).T @ [touch.force for touch in met]) if met else np.zeros(3)
         return math.hypot(x, min(y, 0.0), z)
 
     def _effect(self, touch: Touch) -> float:
         """Return what each newton of a push does along the joint of the object, newton metres or newtons."""
-        return float(self._swings[touch.object_id].arm(np.array(touch.point)) @ touch.normal)
+        return float(self._articulated[touch.object_id].arm(np.array(touch.point)) @ touch.normal)
 
     def _lever(self, key: int, touches: Sequence[Touch], after: ObjectMotion) -> float:
         """Return the largest effect that the body has on an object on a joint; at its centre where something else
         pushes it."""
         effects = [abs(self._effect(touch)) for touch in touches if touch.object_id == key]
-        middle = float(np.linalg.norm(self._swings[key].arm(after.position)))
+        middle = float(np.linalg.norm(self._articulated[key].arm(after.position)))
         return max(_LEAST_LEVER, max(effects, default=middle))
 
     def _touching(self) -> Collection[tuple[int, int]]:
@@ -201,9 +204,9 @@ class Exertion:
 
     def _holding(self, key: int) -> float:
         """Force that friction takes from a push, and a joint's damping from one as fast as before, newtons."""
-        if key not in self._swings:
+        if key not in self._articulated:
             return self._held[key]
-        joint, (_, speed) = self._swings[key].joint, self._swings[key].state(self._before[key])
+        joint, (_, speed) = self._articulated[key].joint, self._articulated[key].state(self._before[key])
         return (joint.friction + joint.damping * abs(speed)) / self._levers[key]
 
     def _hold(

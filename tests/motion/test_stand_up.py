@@ -13,8 +13,8 @@ from humanclaw.body import (
     shoe_heights,
     vector_from_matrix,
 )
-from humanclaw.motion.planted import planted
-from humanclaw.motion.rising import is_down, rise
+from humanclaw.motion.leg_ik import planted
+from humanclaw.motion.stand_up import is_down, rise
 
 STANCE = rest_pose()
 ANKLES = [JOINT_INDEX["left_ankle"], JOINT_INDEX["right_ankle"]]

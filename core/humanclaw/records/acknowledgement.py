@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 from typing import Final
 
-from humanclaw.records.tasks import ALIASES
+from humanclaw.records.instructions import ALIASES
 
 SEEN_PIXELS: Final = 100
 """Pixels of the 512 x 512 view from which a target counts as seen."""

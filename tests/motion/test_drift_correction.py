@@ -6,7 +6,7 @@ import pytest
 from humanclaw import Motion
 from humanclaw.body import FUTURE, HISTORY, JOINT_INDEX
 from humanclaw.motion import DiTGenerator
-from humanclaw.motion.posture import settle
+from humanclaw.motion.drift_correction import correct_drift
 
 USUAL = np.zeros((24, 3))
 
@@ -20,7 +20,7 @@ def held(joint: str, axis: int, angle: float, frames: int) -> Motion:
 def after(joint: str, axis: int, angle: float, calls: int = 1) -> float:
     """Where a joint is that a model leaves where its history has it, after some calls."""
     for _ in range(calls):
-        future = settle(held(joint, axis, angle, FUTURE), USUAL)
+        future = correct_drift(held(joint, axis, angle, FUTURE), USUAL)
         angle = float(future.rotations[-1, JOINT_INDEX[joint], axis])
     return angle
 
@@ -31,7 +31,7 @@ def test_a_wrist_that_is_bent_by_error_comes_back_by_a_tenth_a_call():
 
 
 def test_it_comes_back_without_a_jump_and_is_there_before_the_next_history_begins():
-    future = settle(held("head", 0, 0.2, FUTURE), USUAL)
+    future = correct_drift(held("head", 0, 0.2, FUTURE), USUAL)
     path = future.rotations[:, JOINT_INDEX["head"], 0]
     assert np.abs(np.diff(path, prepend=0.2)).max() < 0.004
     assert path[-HISTORY:] == pytest.approx(0.18)
@@ -40,9 +40,9 @@ def test_it_comes_back_without_a_jump_and_is_there_before_the_next_history_begin
 def test_a_swing_of_the_trunk_never_grows():
     swing = held("spine1", 1, 1.0, FUTURE)
     swing.rotations[:, JOINT_INDEX["spine1"], 1] = 0.2 * np.cos(np.pi * np.arange(FUTURE) / 10)
-    settled = settle(swing, USUAL).rotations[:, JOINT_INDEX["spine1"], 1]
-    assert (np.abs(settled) <= np.abs(swing.rotations[:, JOINT_INDEX["spine1"], 1])).all()
-    assert settled[10] == pytest.approx(-0.2 + 0.02)
+    corrected = correct_drift(swing, USUAL).rotations[:, JOINT_INDEX["spine1"], 1]
+    assert (np.abs(corrected) <= np.abs(swing.rotations[:, JOINT_INDEX["spine1"], 1])).all()
+    assert corrected[10] == pytest.approx(-0.2 + 0.02)
 
 
 def test_an_arm_that_is_held_up_is_no_error_and_sinks_by_two_degrees_at_most():
@@ -61,7 +61,9 @@ def test_an_ankle_turns_by_68_degrees_at_most_and_is_left_alone_up_to_55():
 
 
 def test_a_foot_that_begins_far_beyond_is_not_thrown():
-    path = settle(held("left_ankle", 0, np.radians(170), FUTURE), USUAL).rotations[:, JOINT_INDEX["left_ankle"], 0]
+    path = correct_drift(held("left_ankle", 0, np.radians(170), FUTURE), USUAL).rotations[
+        :, JOINT_INDEX["left_ankle"], 0
+    ]
     assert np.abs(np.diff(path, prepend=np.radians(170))).max() < np.radians(40)
 
 
@@ -74,7 +76,9 @@ def test_a_knee_is_a_hinge_that_loses_two_degrees_of_twist_or_sideways_bend_a_ca
 def test_the_foot_of_a_knee_that_straightens_stays_where_it_is():
     """A leg of 0.82 m that was bent by 0.2 rad is 4 mm longer when straight. The knee alone would move it by 8 cm."""
     bent = held("left_knee", 0, -0.2, FUTURE)
-    moved = (settle(bent, USUAL).joints() - bent.joints())[:, [JOINT_INDEX["left_ankle"], JOINT_INDEX["left_foot"]]]
+    moved = (correct_drift(bent, USUAL).joints() - bent.joints())[
+        :, [JOINT_INDEX["left_ankle"], JOINT_INDEX["left_foot"]]
+    ]
     assert np.linalg.norm(moved, axis=-1).max() < 0.005
 
 

@@ -8,7 +8,7 @@ from humanclaw.body import JOINT_INDEX, rest_pose
 from humanclaw.body.ik import Limb, solve
 from humanclaw.motion import apart, widened
 from humanclaw.motion.foot_locking import lock_feet
-from humanclaw.motion.parting import knees_apart
+from humanclaw.motion.leg_collision_avoidance import knees_apart
 
 
 def shift(x, z, yaw=0.0, side=1.0, over=0.0):

@@ -26,7 +26,7 @@ from humanclaw.body.pose import (
     yaw_matrix,
 )
 from humanclaw.body.skeleton import JOINT_INDEX, SOLE, STANDING_HEIGHT
-from humanclaw.motion.planted import ANKLES, on_feet
+from humanclaw.motion.leg_ik import ANKLES, on_feet
 
 _DOWN: Final = 0.8 * STANDING_HEIGHT
 """Pelvis height over the lower sole, metres, below which a body has to rise before it can step."""

@@ -1,4 +1,4 @@
-"""The surroundings of the body: how often to look for contacts in a frame, and the objects that a push can reach.
+"""The broad phase: how often to look for contacts in a frame, and the objects that a push can reach.
 
 Both follow from boxes: those of a scene's hulls, and those that the links sweep on the way that the drive foresees.
 """
@@ -25,7 +25,7 @@ Boxes = tuple[Array, Array]
 """(N, 3) lower and (N, 3) upper corners, world frame, metres."""
 
 
-class Surroundings:
+class BroadPhase:
     """Boxes of a scene: one for each fixed hull and one for each movable object."""
 
     def __init__(self, scene: Scene) -> None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from humanclaw.body import Motion, rest_pose
-from humanclaw.motion.setting_out import set_out
+from humanclaw.motion.best_of_n import best_of_n
 
 
 def _gliding(centimetres: float, frames: int = 15) -> Motion:
@@ -32,14 +32,14 @@ def _way(motion: Motion) -> float:
 
 def test_a_first_step_that_slides_is_drawn_again_until_one_does_not():
     draws = _Draws(8.0, 5.0, 0.5)
-    (future,) = set_out([rest_pose(5)], draws)
+    (future,) = best_of_n([rest_pose(5)], draws)
     assert _way(future) == pytest.approx(0.5)
     assert draws.drawn == [(0,), (0,), (0,)]
 
 
 def test_when_all_slide_the_one_that_slides_least_is_taken():
     draws = _Draws(8.0, 5.0, 7.0, 6.0)
-    (future,) = set_out([rest_pose(5)], draws)
+    (future,) = best_of_n([rest_pose(5)], draws)
     assert _way(future) == pytest.approx(5.0)
     assert len(draws.drawn) == 4
 
@@ -47,12 +47,12 @@ def test_when_all_slide_the_one_that_slides_least_is_taken():
 def test_who_walks_already_is_drawn_once_however_he_slides():
     walking = _gliding(10.0, 5)
     draws = _Draws(8.0)
-    assert _way(set_out([walking], draws)[0]) == pytest.approx(8.0)
+    assert _way(best_of_n([walking], draws)[0]) == pytest.approx(8.0)
     assert draws.drawn == [(0,)]
 
 
 def test_of_many_only_those_that_slide_are_drawn_again():
     draws = _Draws(8.0, 0.5)
-    futures = set_out([rest_pose(5), _gliding(10.0, 5), rest_pose(5)], draws)
+    futures = best_of_n([rest_pose(5), _gliding(10.0, 5), rest_pose(5)], draws)
     assert [_way(future) for future in futures] == pytest.approx([0.5, 8.0, 0.5])
     assert draws.drawn == [(0, 1, 2), (0, 2)]

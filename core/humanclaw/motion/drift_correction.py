@@ -14,7 +14,7 @@ import numpy as np
 
 from humanclaw.body.pose import FUTURE, Array, Motion, smoothstep
 from humanclaw.body.skeleton import JOINT_INDEX, N_JOINTS
-from humanclaw.motion.planted import LEG_JOINTS
+from humanclaw.motion.leg_ik import LEG_JOINTS
 
 _BACK: Final = 0.1
 """Share of the return in a chunk. The fastest of these errors grows by 7 % a chunk."""
@@ -48,7 +48,7 @@ _LIMITS: Final = np.where(np.isin(np.arange(N_JOINTS), _ANKLES), np.pi, _MOST)[:
 """Radians of the return in a chunk at most (24, 1): the twist of an ankle is always an error."""
 
 
-def settle(future: Motion, usual: Array) -> Motion:
+def correct_drift(future: Motion, usual: Array) -> Motion:
     """Return the future with weightless joints nearer to their usual pose and ankles within their limit.
 
     usual: (24, 3) rotation vectors, radians. Foot locking, which comes later, may turn an ankle by a few degrees more.

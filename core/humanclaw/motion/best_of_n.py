@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from humanclaw.body.pose import FPS, Array, Motion
-from humanclaw.motion.planted import FEET
+from humanclaw.motion.leg_ik import FEET
 
 _STANDS: Final = 0.1
 """Metres a second. A body with both toes slower than this at the end of the history stands."""
@@ -25,7 +25,7 @@ Draw = Callable[[Sequence[int], int], Sequence[Motion]]
 """Maps indices of bodies and the number of the attempt to futures."""
 
 
-def set_out(histories: Sequence[Motion], draw: Draw) -> list[Motion]:
+def best_of_n(histories: Sequence[Motion], draw: Draw) -> list[Motion]:
     """Return the futures of the first draw; one that slides is replaced by the least sliding of up to three more.
 
     histories: in the same frame as the drawn futures.

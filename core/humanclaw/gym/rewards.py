@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from humanclaw.records.outcomes import REACHED, in_view, touched_above_ground
-from humanclaw.records.sighting import acknowledges
+from humanclaw.records.acknowledgement import acknowledges
 from humanclaw.records.steps import StepRecord
+from humanclaw.records.success import REACHED, in_view, touched_above_ground
 from humanclaw.records.transition import Transition
 
 

@@ -28,7 +28,7 @@ def own_seed(seed: int) -> int:
     return int(np.random.SeedSequence([seed, _AGENTS]).generate_state(1)[0])
 
 
-class Panel:
+class EpisodeAgents:
     """Agent and verifier of an episode. `fault` keeps the first error in their code, with the name of their plugin.
 
     An agent that is only a name decides elsewhere and submits its decisions to the episode.

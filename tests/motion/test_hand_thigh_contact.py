@@ -5,8 +5,8 @@ import pytest
 
 from humanclaw.body import JOINT_INDEX, Motion, forward_kinematics, lay_hands, rest_pose, vector_from_matrix
 from humanclaw.body.ik import Limb, solve
-from humanclaw.motion.planted import planted
-from humanclaw.motion.rising import rise
+from humanclaw.motion.leg_ik import planted
+from humanclaw.motion.stand_up import rise
 
 TIP = 0.085
 """From the joint of a hand to the tip of its fingers, metres."""

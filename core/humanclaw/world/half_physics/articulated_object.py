@@ -19,7 +19,7 @@ from humanclaw.world.scene import Scene, SceneObject
 
 
 @dataclass(frozen=True, eq=False)
-class Swing:
+class ArticulatedObject:
     """An object of a scene on a hinge or a slide. Its state is an angle (radians) or a way (metres)."""
 
     obj: SceneObject
@@ -44,7 +44,7 @@ class Swing:
         object.__setattr__(self, "motion", lru_cache(maxsize=1)(self._moving))
 
     @classmethod
-    def of(cls, scene: Scene, obj: SceneObject) -> Swing:
+    def of(cls, scene: Scene, obj: SceneObject) -> ArticulatedObject:
         """Measure an object that has a joint and hulls, once a scene: both the engine and the bounds of pushes ask at
         every reset."""
         known = _MEASURED.setdefault(scene, {})
@@ -53,7 +53,7 @@ class Swing:
         return known[obj.id]
 
     @classmethod
-    def _measured(cls, scene: Scene, obj: SceneObject) -> Swing:
+    def _measured(cls, scene: Scene, obj: SceneObject) -> ArticulatedObject:
         joint = obj.joint
         assert joint is not None
         hulls = solids(scene.assets[obj.asset].hulls)
@@ -112,11 +112,11 @@ class Swing:
         return motion
 
 
-_MEASURED: Final[WeakKeyDictionary[Scene, dict[int, Swing]]] = WeakKeyDictionary()
-"""The swings of each scene by object id. Freed with the scene."""
+_MEASURED: Final[WeakKeyDictionary[Scene, dict[int, ArticulatedObject]]] = WeakKeyDictionary()
+"""The leaves of each scene by object id. Freed with the scene."""
 
 
-def swings(scene: Scene) -> Mapping[int, Swing]:
+def articulated_objects(scene: Scene) -> Mapping[int, ArticulatedObject]:
     """Return the objects of a scene on joints that have a body, by id."""
     hung = [obj for obj in scene.objects if obj.joint and scene.assets[obj.asset].hulls]
-    return {obj.id: Swing.of(scene, obj) for obj in hung}
+    return {obj.id: ArticulatedObject.of(scene, obj) for obj in hung}

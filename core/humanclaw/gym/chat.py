@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any, Final
 
-from humanclaw.minds.gym import Gym, Turn
-from humanclaw.minds.prompts import step_content, system_message, system_prompt
-from humanclaw.minds.settings import PromptSettings
+from humanclaw.gym.gym import Gym, Turn
+from humanclaw.prompting.prompts import step_content, system_message, system_prompt
+from humanclaw.prompting.settings import PromptSettings
 from humanclaw.records.decisions import Decision
 from humanclaw.skills.publishing import OPTIONAL_FIELDS, REASONING_FIELDS, THOUGHTS, Json
 

@@ -18,16 +18,16 @@ from numpy.typing import NDArray
 
 from humanclaw.body.pose import Motion
 from humanclaw.body.skeleton import N_JOINTS, STANDING_HEIGHT
-from humanclaw.minds.memory import last_note, sketch
-from humanclaw.minds.settings import PromptSettings
 from humanclaw.plugins.agents import EpisodeContext, HistoryEntry, Observation
-from humanclaw.records.outcomes import REACHED
+from humanclaw.prompting.memory import last_note, sketch
+from humanclaw.prompting.settings import PromptSettings
+from humanclaw.records.success import REACHED
 from humanclaw.skills.call import Call
 from humanclaw.skills.contract import Check, Skill, bounds, suited
 from humanclaw.skills.measures import Role, from_si
 from humanclaw.skills.publishing import OPTIONAL_FIELDS, Json, openai_tools, parameter_schema
 from humanclaw.storage.pictures import data_url, jpeg
-from humanclaw.world.view import Gaze, ego_camera
+from humanclaw.world.view import CameraMount, ego_camera
 
 _ROWS: Final = (30, 40, 50, 60, 70, 80, 90, 100)
 """Rows of a picture, per cent of its height and not pixels, because providers scale pictures."""
@@ -54,7 +54,7 @@ class Eyes:
 
 
 @functools.cache
-def eyes(gaze: Gaze) -> Eyes:
+def eyes(gaze: CameraMount) -> Eyes:
     camera = ego_camera(Motion(np.array([[0.0, STANDING_HEIGHT, 0.0]]), np.zeros((1, N_JOINTS, 3))), gaze=gaze)
     pitch, height = float(-np.arcsin(camera.forward[1])), float(camera.position[1])
     lowest = pitch + float(np.radians(camera.fov / 2))
@@ -217,7 +217,7 @@ def _past(history: Sequence[HistoryEntry], index: int, settings: PromptSettings)
     )
 
 
-def verifier_prompt(skills: Sequence[Skill], gaze: Gaze, schema: Json | None) -> str:
+def verifier_prompt(skills: Sequence[Skill], gaze: CameraMount, schema: Json | None) -> str:
     """Return the verifier's system prompt. It is the same for every call of a skill."""
     gists = [_gist(skill) for skill in skills]
     return _fill("verifier_system.jinja", skills=gists, eyes=eyes(gaze), schema=_dump(schema))
@@ -283,7 +283,7 @@ def _dump(schema: Json | None) -> str:
 @functools.cache
 def _environment() -> jinja2.Environment:
     environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("humanclaw.minds", "templates"),
+        loader=jinja2.PackageLoader("humanclaw.prompting", "templates"),
         undefined=jinja2.StrictUndefined,
         autoescape=False,  # The output is text for a model, not a page.
         trim_blocks=True,

@@ -1,0 +1,1 @@
+"""Prompts and memory of models. Import their public names from `humanclaw`."""
