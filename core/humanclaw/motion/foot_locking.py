@@ -2,10 +2,10 @@
 
 A small model lets a standing foot creep by a few millimetres a frame. Here each stance (a foot whose toes hardly move)
 is held at one point with a level sole, and the leg follows by two-bone inverse kinematics. The pelvis, and with it the
-outcome of the skill, stays; only hips that a long stride takes very low rise by a centimetre. A stance that began in
-the history is held where the history has it, so that errors do not add up. A foot on its way first gives way to the
-other one, and knees swivel apart, so that legs do not pass through each other. No shoe is below the floor or drags over
-it, and never do both hover: in half-physics the one would push the whole body up, and the other would let it fall.
+outcome of the skill, stays. A stance that began in the history is held where the history has it, so that errors do not
+add up. A foot on its way first gives way to the other one, and knees swivel apart, so that legs do not pass through
+each other. No shoe is below the floor or drags over it, and never do both hover: in half-physics the one would push the
+whole body up, and the other would let it fall.
 """
 
 from __future__ import annotations
@@ -50,11 +50,6 @@ _STAIR: Final = 0.05
 _CLEARS, _STANDS, _SWINGS = 0.006, 0.3, 1.3
 """Metres over the floor at which a shoe swings: between two frames it comes up to 2 mm lower. It swings by as much
 as it is faster than the other one: not at the first of two speeds, m/s, and fully at the second."""
-_LIFT: Final = 0.012
-"""Metres by which hips rise that a long stride takes very low: its legs are 3 to 11 cm shorter than they could be."""
-_DEEP, _SITS, _RANGE = 0.84, 0.76, 0.03
-"""Heights of hips over the lower shoe, metres: of walks only the longest strides at an angle reach below the first; a
-body lower than the second sits. _RANGE: over which the rise fades in and out."""
 _LEAST: Final = 3
 """Frames of the shortest stance."""
 
@@ -86,12 +81,9 @@ def lock_feet(history: Motion, future: Motion) -> Motion:
     ]
     heights = _heights(feet, whole.rotations)
     rise = _on_floor(heights, _swinging(np.stack([toes for toes, _ in feet])))
-    up = _raised(positions[:, 0, 1] - (heights + rise).min(0))
-    positions[..., 1] += up[:, None]
     for (toes, _), by in zip(feet, rise, strict=True):
         toes[:, 1] += by
-    root = future.root + up[HISTORY:, None] * [0.0, 1.0, 0.0]
-    return Motion(root, _bent(feet, positions, turns, whole.rotations)[HISTORY:])
+    return Motion(future.root, _bent(feet, positions, turns, whole.rotations)[HISTORY:])
 
 
 def _parted(positions: Array, turned: Sequence[Array], stances: Sequence[list[_Stance]], soles: Array) -> list[Array]:
@@ -161,11 +153,6 @@ def _on_floor(heights: Array, swinging: Array) -> Array:
     parts = [*np.maximum(_CLEARS * swinging - heights, 0.0), np.maximum(heights.min(0), 0.0)]
     left, right, both = (_gradually(part) if part.max() < _STAIR else np.zeros_like(part) for part in parts)
     return np.stack([left, right]) - both
-
-
-def _raised(hips: Array) -> Array:
-    """Return how far hips rise (T,), metres, that are so high over the lower shoe (T,)."""
-    return _gradually(_LIFT * smoothstep((_DEEP - hips) / _RANGE) * smoothstep((hips - _SITS) / _RANGE))
 
 
 def _height(toes: Array, foot: Array, bend: Array) -> Array:
