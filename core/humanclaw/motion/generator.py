@@ -21,6 +21,8 @@ from humanclaw.motion.foot_locking import lock_feet
 from humanclaw.motion.runtime import NumpyRuntime, Runtime
 
 RuntimeFactory = Callable[[Base, Solver], Runtime]
+Corrector = Callable[[Motion, Motion], Motion]
+"""Maps a history and its future, in the canonical frame of the chunk, to the corrected future."""
 
 
 class MotionGenerator(Protocol):
@@ -44,17 +46,21 @@ class MotionGenerator(Protocol):
 class DiTGenerator:
     """The base with one skill's adapter at a time. Adapters are read on first use and again when their file changes.
 
-    corrections: hold standing feet still (foot_locking), keep posture errors from adding up (posture), and redraw first
-    steps on which both feet slide (setting_out). Without them the motion is the model's raw output.
+    corrections: what each future passes through, in order; by default drift_correction, then foot_locking. With any,
+    first steps on which both feet slide are drawn again (best_of_n). Without, the motion is the model's raw output.
     """
 
     def __init__(
-        self, base: Base, solver: Solver, corrections: bool = True, runtime: RuntimeFactory = NumpyRuntime
+        self,
+        base: Base,
+        solver: Solver,
+        corrections: Sequence[Corrector] | None = None,
+        runtime: RuntimeFactory = NumpyRuntime,
     ) -> None:
-        self.base = base
-        self.solver = solver
-        self.corrections = corrections
-        self._usual = base.usual
+        self.base, self.solver = base, solver
+        # Drift first: feet are locked where the corrected legs have them.
+        default = (lambda _, future: correct_drift(future, base.usual), lock_feet)
+        self.corrections: Sequence[Corrector] = default if corrections is None else corrections
         self._runtime = runtime(base, solver)
 
     @classmethod
@@ -76,7 +82,7 @@ class DiTGenerator:
         if profile not in PROFILES:
             raise HumanclawError(f"There is no motion profile {profile!r}.", f"Choose from: {', '.join(PROFILES)}.")
         base = load_base(prior or shipped_base())
-        return cls(base, PROFILES[profile], corrections=profile != "paper", runtime=runtime)
+        return cls(base, PROFILES[profile], corrections=() if profile == "paper" else None, runtime=runtime)
 
     @property
     def digest(self) -> str:
@@ -128,9 +134,8 @@ class DiTGenerator:
         clean = np.stack([encode(history) for history in local]).astype(np.float32)
         future = self._runtime.solve(self.base.normaliser.forward(clean), noise_of(keys), adapter, values)
         futures = [decode(state) for state in self.base.normaliser.inverse(future)]
-        if self.corrections:
-            corrected = [correct_drift(future, self._usual) for future in futures]
-            futures = [lock_feet(*pair) for pair in zip(local, corrected, strict=True)]
+        for correct in self.corrections:
+            futures = [correct(*pair) for pair in zip(local, futures, strict=True)]
         return futures
 
 

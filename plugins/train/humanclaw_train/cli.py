@@ -70,7 +70,8 @@ def _weights(function: F) -> F:
         plugins = Plugins.discover()
         known = rollouts.adapters(adapters) if adapters else rollouts.installed(plugins)
         solver = Solver(method, steps) if steps else PROFILES[profile]
-        generator = DiTGenerator(load_base(base or shipped_base()), solver, corrections=profile != "paper")
+        corrections = () if profile == "paper" else None
+        generator = DiTGenerator(load_base(base or shipped_base()), solver, corrections)
         paths = functools.partial(rollouts.wanted, known, [name.strip() for name in skills.split(",") if name.strip()])
         return function(generator=generator, paths=paths, plugins=plugins, **more)
 

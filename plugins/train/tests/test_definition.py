@@ -138,7 +138,7 @@ def test_the_runtime_generates_what_the_definition_does_within_a_hundredth_of_a_
     path, solver = SHIPPED.get(skill), PROFILES[profile]
     command = Command.of(skill, path) if path else None
     values = command.named(command.draw(1, np.random.default_rng(0))[0]) if command else {}
-    generator = DiTGenerator(DiTGenerator.shipped().base, solver, corrections=False)
+    generator = DiTGenerator(DiTGenerator.shipped().base, solver, corrections=())
     run = generator.generate(generator.start(), path, values, (3,))
     defined = _defined(generator.start(), path, values, 3, solver)
     assert np.abs(run.root - defined.root).max() < 1e-5

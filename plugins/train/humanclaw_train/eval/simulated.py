@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from humanclaw import Body, Call, Motion, Scene, Skill, stand
-from humanclaw.body import CHUNK, HISTORY, LINKS, Array, Capsule, Pose2D, next_history, re_rooted
+from humanclaw.body import CHUNK, LINKS, Array, Capsule, Pose2D, next_history, re_rooted
 from humanclaw.motion import HEEL_END, TOE_END, DiTGenerator
 from humanclaw.skills import from_si
 from humanclaw.world import SceneBuilder
@@ -115,8 +115,7 @@ class Actor:
 
     def move_to(self, scene: Scene) -> None:
         """Move to the origin of another scene and take up the pose of the history."""
-        self._put(scene)
-        origin = Pose2D.of(self.simulated, floor=0.0)
+        origin = Pose2D.of(self._simulator.reset(scene, scene.start).body, floor=0.0)
         pose = origin.to_world(Pose2D.of(self._history, floor=0.0).to_local(self._history[-1:]))
         # The simulator has reset the body to its rest pose; holding one pose lets half-physics drive it there.
         held = Motion(np.repeat(pose.root, _HOLD, 0), np.repeat(pose.rotations, _HOLD, 0))
@@ -129,10 +128,6 @@ class Actor:
         execution = self._simulator.execute(commanded)
         self.simulated = self.simulated.then(execution.simulated)
         self._history = next_history(self._history, commanded, execution.simulated, self._source)
-
-    def _put(self, scene: Scene) -> None:
-        body = self._simulator.reset(scene, scene.start).body
-        self.simulated = Motion(np.repeat(body.root[-1:], HISTORY, 0), np.repeat(body.rotations[-1:], HISTORY, 0))
 
 
 # -- rollouts ----------------------------------------------------------------------------------------------------------
