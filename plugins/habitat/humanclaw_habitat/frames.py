@@ -9,8 +9,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from humanclaw.body import Array, matrix_from_quaternion, wrap_angle
+from humanclaw.body import Array, wrap_angle
 from humanclaw.world import Part, Quaternion
 
 
@@ -31,8 +32,7 @@ def scaled(parts: Sequence[Part], scale: Array) -> list[Part]:
 def rotation(wxyz: Sequence[float]) -> Array:
     """Return the (3, 3) rotation of a scene instance's quaternion w, x, y, z."""
     w, x, y, z = wxyz
-    quaternion = np.array([x, y, z, w], float)
-    return matrix_from_quaternion(quaternion / np.linalg.norm(quaternion))
+    return np.asarray(Rotation.from_quat([x, y, z, w]).as_matrix())
 
 
 def quarter(turns: int) -> Array:
@@ -43,8 +43,6 @@ def quarter(turns: int) -> Array:
 
 def quaternion(matrix: Array) -> Quaternion:
     """Return x, y, z, w of a (3, 3) rotation, w not negative; rounded, so that equal rotations have one digest."""
-    from scipy.spatial.transform import Rotation
-
     # Adding 0.0 turns -0.0 into 0.0: the two are equal numbers with different bytes.
     x, y, z, w = (round(float(value), 7) + 0.0 for value in Rotation.from_matrix(matrix).as_quat(canonical=True))
     return x, y, z, w
@@ -55,5 +53,5 @@ def heading(xyzw: Sequence[float]) -> float:
 
     Radians, left turns positive.
     """
-    ahead = matrix_from_quaternion(np.asarray(xyzw, float) / np.linalg.norm(xyzw)) @ np.array([0.0, 0.0, -1.0])
+    ahead = Rotation.from_quat(xyzw).apply([0.0, 0.0, -1.0])
     return float(wrap_angle(np.arctan2(ahead[0], ahead[2])))

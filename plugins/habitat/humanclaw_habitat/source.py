@@ -21,7 +21,7 @@ from humanclaw_habitat.attributes import Placing, SceneInstance, Template, Vec3
 from humanclaw_habitat.categories import MOVABLE, category_of
 from humanclaw_habitat.dataset import Dataset, Kind
 from humanclaw_habitat.frames import quaternion, rotation
-from humanclaw_habitat.models import VERSION, Models, Origin
+from humanclaw_habitat.models import Models, Origin
 from humanclaw_habitat.reference import Reference
 from humanclaw_habitat.regions import floors, rooms
 from humanclaw_habitat.starting import roomiest
@@ -205,18 +205,7 @@ class _Assembly:
             "not_read": json.dumps([f"{path}: {'; '.join(lost)}" for path, lost in self.models.lost.items()]),
         }  # fmt: skip
         scene = Scene(name, self.assets, objects, tuple(regions), Pose2D(0.0, 0.0, 0.0, floor), notes)
-        return scene.starting(self._start(scene, floor))
-
-    def _start(self, scene: Scene, floor: float) -> Pose2D:
-        """Return the roomiest place. It is cached, because the search takes long in a large scene."""
-        what = [[thing.facts for thing in scene.objects], [vars(room) for room in scene.rooms], self._files(), floor]
-        key = hashlib.sha256(json.dumps([VERSION, what]).encode()).hexdigest()
-        known = self.models.cache.get(key)
-        if known is not None:
-            return Pose2D(**json.loads(known))
-        start = roomiest(scene, floor)
-        self.models.cache.put(key, json.dumps(vars(start)).encode())
-        return start
+        return scene.starting(roomiest(scene, floor))
 
     def _files(self) -> str:
         """Return the SHA-256 over all model files that were read."""

@@ -14,6 +14,7 @@ from typing import Final
 from xml.etree import ElementTree
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from humanclaw import SceneError
 from humanclaw.body import Array, matrix_from_vector
@@ -190,9 +191,7 @@ def _origin(element: ElementTree.Element, path: Path) -> Array:
     origin = element.find("origin")
     frame = np.eye(4)
     if origin is not None:
-        roll, pitch, yaw = _numbers(origin.get("rpy", "0 0 0"), 3, path)
-        x, y, z = np.eye(3)
-        frame[:3, :3] = matrix_from_vector(yaw * z) @ matrix_from_vector(pitch * y) @ matrix_from_vector(roll * x)
+        frame[:3, :3] = Rotation.from_euler("xyz", _numbers(origin.get("rpy", "0 0 0"), 3, path)).as_matrix()
         frame[:3, 3] = _numbers(origin.get("xyz", "0 0 0"), 3, path)
     return frame
 

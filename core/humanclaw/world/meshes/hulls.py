@@ -14,7 +14,6 @@ from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
-from safetensors import SafetensorError
 from safetensors.numpy import load, save
 
 from humanclaw.body.pose import Array
@@ -56,16 +55,11 @@ def convex_pieces(
     """
     cache = cache or Cache("hulls", limit=1 << 28)
     key = _key(mesh, pieces, keep_out)
-    known = cache.get(key)
-    if known is not None:
-        try:
-            found = load(known)
-            return tuple(found[str(number)] for number in range(len(found)))
-        except (SafetensorError, KeyError) as error:
-            cache.drop(key, str(error))
-    hulls = _decompose(mesh, pieces, keep_out)
-    cache.put(key, save({str(number): hull for number, hull in enumerate(hulls)}))
-    return hulls
+    if (data := cache.get(key)) is None:
+        data = save({str(number): hull for number, hull in enumerate(_decompose(mesh, pieces, keep_out))})
+        cache.put(key, data)
+    found = load(data)
+    return tuple(found[str(number)] for number in range(len(found)))
 
 
 def _key(mesh: Mesh, pieces: int, keep_out: KeepOutBox | None) -> str:
