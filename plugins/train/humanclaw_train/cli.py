@@ -7,7 +7,7 @@ import json
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import Any, Final, TypeVar, cast
 
 import click
 
@@ -221,6 +221,29 @@ def cards(base: Path | None, adapters: tuple[Path, ...], folders: tuple[Path, ..
 
 
 # -- data --------------------------------------------------------------------------------------------------------------
+def _reading(command: F) -> F:
+    """Give a command the options that say what its motion files do not, as `reading`."""
+
+    @functools.wraps(command)
+    def read(up: Any, fps: float | None, joint: tuple[str, ...], **settings: Any) -> None:
+        from humanclaw_train.mocap.readers import Reading
+
+        if wrong := [pair for pair in joint if "=" not in pair]:
+            raise click.BadParameter(f"expected OURS=THEIRS; got {wrong[0]}.", param_hint="--joint")
+        joints = dict(pair.split("=", 1) for pair in joint)
+        command(reading=Reading(up, fps, joints), **settings)
+
+    for option in (
+        click.option("--joint", multiple=True, metavar="OURS=THEIRS", help="Name of a joint in the files; repeatable."),
+        click.option("--fps", type=click.FloatRange(1), help="Frames a second (default: what each file says)."),
+        click.option(
+            "--up", type=click.Choice(["x", "y", "z", "-x", "-y", "-z"]), help="Axis that points up (default: found)."
+        ),
+    ):
+        read = option(read)
+    return cast(F, read)
+
+
 @click.group()
 def data() -> None:
     """Build training data from motion capture."""
@@ -233,6 +256,7 @@ def data() -> None:
     "--seconds", type=click.FloatRange(0), default=4000.0, show_default=True, help="Synthetic motion per skill."
 )
 @_JSON
+@_reading
 @seed_option(help="Seed of the synthetic motion.")
 @click.option("--without", multiple=True, metavar="SOURCE", help="Leave out a source, such as HDM05; repeatable.")
 @click.option(
@@ -267,6 +291,7 @@ def build(source: Path, as_json: bool, hold_out: tuple[str, ...], **settings: An
     help="Retimed motion to add, for a posture.",
 )
 @_JSON
+@_reading
 @seed_option(help="Seed of the retimed motion.")
 @_BASE
 def chunks(folder: Path, as_json: bool, **settings: Any) -> None:

@@ -169,3 +169,17 @@ def test_one_folder_in_twenty_is_held_out_because_subjects_have_folders():
 def test_the_statistics_are_json_on_request(build, tree, tmp_path, capsys):
     assert build(tree, tmp_path, "--seconds", "0", "--json") == 0
     assert json.loads(capsys.readouterr().out)["walk"]["real"] > 50
+
+
+def test_what_files_do_not_say_is_an_option(build, tmp_path, capsys):
+    """A file of 120 frames a second that were 240 lasts half as long."""
+    (tmp_path / "S").mkdir()
+    write_clip(tmp_path / "S" / "a.npz", _walk())
+    seconds = []
+    for number, more in enumerate(([], ["--fps", "240"], ["--up", "z", "--joint", "head=head"])):
+        assert build(tmp_path / "S", tmp_path / str(number), "--seconds", "0", *more) == 0
+        seconds.append(float(_report(tmp_path / str(number))[0]["seconds"]))
+    assert seconds[1] == pytest.approx(seconds[0] / 2, abs=0.05)
+    assert seconds[2] == seconds[0]
+    assert build(tmp_path / "S", tmp_path / "x", "--joint", "head") == 2
+    assert "expected OURS=THEIRS; got head" in capsys.readouterr().err

@@ -21,6 +21,7 @@ from humanclaw_train.data.curate import Use, build_real, statistics
 from humanclaw_train.data.report import Report, Row
 from humanclaw_train.markdown import table as markdown
 from humanclaw_train.mocap.clips import Clip, Folder
+from humanclaw_train.mocap.readers import AS_WRITTEN, Reading
 from humanclaw_train.mocap.source_motion import MocapError
 from humanclaw_train.synthesis.commands import Trained
 from humanclaw_train.synthesis.profiles import Profiles
@@ -66,13 +67,15 @@ def build(
     seed: int,
     without: Sequence[str] = (),
     hold_out: Sequence[str] | None = None,
+    reading: Reading = AS_WRITTEN,
 ) -> Built:
     """Build real and synthetic chunks and save them as out/<skill>.npz, those of held-out clips in out/held_out.
 
     seconds: of synthetic motion per skill. without: sources to leave out, such as `HDM05`. hold_out: patterns of names
-    of clips (held_out). Raises HumanclawError if no clip can be read or none has a plausible window.
+    of clips (held_out). reading: what the files do not say. Raises HumanclawError if no clip can be read or none has a
+    plausible window.
     """
-    folder = Folder.read(source)
+    folder = Folder.read(source, reading)
     every = [clip for clip in folder.clips if clip.source not in without]
     # Before anything is measured on clips: profiles of synthetic motion must not see held-out people either.
     back = held_out(every, hold_out)

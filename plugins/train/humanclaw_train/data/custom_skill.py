@@ -26,6 +26,7 @@ from humanclaw_train.data.chunks import Chunks, cut
 from humanclaw_train.data.curate import WINDOW_STRIDE, sane, travel
 from humanclaw_train.data.retimed import retimed
 from humanclaw_train.mocap.clips import Clip, Folder
+from humanclaw_train.mocap.readers import AS_WRITTEN, Reading
 from humanclaw_train.synthesis.commands import Trained
 
 RETIMED: Final = "retimed"
@@ -139,16 +140,23 @@ def _retimed(skill: Trained, clips: Sequence[Clip], standing: Motion, seconds: f
 
 
 def saved(
-    skill: Trained, clips: Path, out: Path, seconds: float, seed: int, base: Path | None = None
+    skill: Trained,
+    clips: Path,
+    out: Path,
+    seconds: float,
+    seed: int,
+    base: Path | None = None,
+    reading: Reading = AS_WRITTEN,
 ) -> tuple[Chunks, list[str]]:
     """Make the chunks of a skill from a folder of motion and write out/<skill>.npz.
 
-    base: gives the standing pose; None for the shipped one. Returns the chunks, and warnings: of files that were left
-    out and of every parameter whose bounds exceed the chunks' range, beyond which an adapter does not learn.
+    base: gives the standing pose; None for the shipped one. reading: what the files do not say. Returns the chunks, and
+    warnings: of files that were left out and of every parameter whose bounds exceed the chunks' range, beyond which an
+    adapter does not learn.
     """
     standing = load_base(base or shipped_base())
     start = Motion(standing.start_root.astype(float), standing.start_rotations.astype(float))
-    folder = Folder.read(clips)
+    folder = Folder.read(clips, reading)
     chunks = chunks_of(skill, folder.clips, seconds, seed, start[HISTORY - 1 :])
     chunks.save(out / f"{skill.name}.npz")
     shown = zip(skill.declaration.parameters, *np.quantile(chunks.params, _SHOWN, axis=0), strict=True)
