@@ -24,7 +24,7 @@ from humanclaw.prompting.settings import PromptSettings
 from humanclaw.records.success import REACHED
 from humanclaw.skills.call import Call
 from humanclaw.skills.contract import Check, Skill, bounds, suited
-from humanclaw.skills.measures import Role, from_si
+from humanclaw.skills.measures import from_si
 from humanclaw.skills.publishing import OPTIONAL_FIELDS, Json, openai_tools, parameter_schema
 from humanclaw.storage.pictures import data_url, jpeg
 from humanclaw.world.view import CameraMount, ego_camera
@@ -87,7 +87,7 @@ def circle(skills: Sequence[Skill]) -> tuple[str, int] | None:
 
     None without such a skill.
     """
-    found = _commanding(skills, ("heading.left",))
+    found = suited(skills, "heading.left")
     if found is None:
         return None
     largest = next(part.high for part in found.parameters if part.measure == "heading.left")
@@ -97,9 +97,9 @@ def circle(skills: Sequence[Skill]) -> tuple[str, int] | None:
 
 def sitting(skills: Sequence[Skill]) -> Sitting | None:
     """Return the worked example; None if a skill for it is missing."""
-    walk = _commanding(skills, ("hips.forward", "hips.left", "heading.left"))
-    turn, back = _commanding(skills, ("heading.left",)), _commanding(skills, ("hips.back",))
-    sit, stop = _commanding(skills, ("hips.height",), "sit"), _commanding(skills, (), "stop")
+    walk = suited(skills, "hips.forward", "hips.left", "heading.left")
+    turn, back = suited(skills, "heading.left"), suited(skills, "hips.back")
+    sit, stop = suited(skills, "hips.height", role="sit"), suited(skills, role="stop")
     if not (walk and turn and back and sit and stop):
         return None
     largest = next(part.high for part in turn.parameters if part.measure == "heading.left")
@@ -112,10 +112,6 @@ def sitting(skills: Sequence[Skill]) -> Sitting | None:
         _written(sit, "hips.height", 0.5),
         _written(stop),
     )
-
-
-def _commanding(skills: Sequence[Skill], measures: Sequence[str], role: Role = "locomotion") -> Skill | None:
-    return suited(skills, *measures, role=role)
 
 
 def _written(skill: Skill, measure: str = "", value: float = 0.0) -> str:
