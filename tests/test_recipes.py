@@ -1,11 +1,12 @@
-"""Recipes: registered through the hook, judged on windows whose travel is known."""
+"""Recipes: beside the schema of each trained skill, judged on windows whose travel is known."""
+
+import runpy
 
 import numpy as np
 import pytest
-from hosting import host_of, plugin
 
 from humanclaw.plugins import Plugins
-from humanclaw.skills import Recipe, WindowTravel
+from humanclaw.skills import WindowTravel
 
 
 def _windows(**given) -> WindowTravel:
@@ -14,34 +15,17 @@ def _windows(**given) -> WindowTravel:
     return WindowTravel(**numbers | {key: np.array([value]) for key, value in given.items()}, neutral=no, level=no)
 
 
-STROLL = Recipe("stroll", windows=lambda w: w.forward > 0.2)
-
-
-def test_a_plugin_registers_the_recipe_of_its_skill():
-    host = host_of("stroller", recipes=[STROLL])
-    (found,) = host.registered("recipes")
-    assert (found.name, found.owner) == ("stroll", "stroller")
-    assert found.value.windows(_windows(forward=0.3)).tolist() == [True]
-
-
-def test_of_two_recipes_for_one_skill_the_first_stays_and_both_owners_are_named():
-    host = host_of("one", recipes=[STROLL])
-    host.add(plugin(recipes=[STROLL]), "two")
-    assert [one.owner for one in host.registered("recipes")] == ["one"]
-    assert "'stroll' of plugin 'two' is already registered by 'one'" in host.infos[-1].duplicates[0]
-
-
-def test_every_trained_skill_that_is_shipped_has_a_recipe_that_draws_each_of_its_parameters():
-    host = Plugins.discover()
-    recipes = {one.name: one.value for one in host.registered("recipes")}
-    skills = {name: skill for name, skill in host.skills.items() if skill.adapter is not None}
-    assert set(recipes) == set(skills)
-    for name, skill in skills.items():
-        assert set(recipes[name].commands) == {one.name for one in skill.parameters}
-        for one in skill.parameters:
-            draw = recipes[name].commands[one.name]
-            assert draw.low <= one.low
-            assert draw.high >= one.high
+def test_every_shipped_skill_that_is_trained_draws_all_its_parameters():
+    skills = [skill for skill in Plugins.discover().skills.values() if skill.adapter is not None]
+    assert len(skills) == 8
+    for skill in skills:
+        recipe = runpy.run_path(str(skill.source / "recipe.py"))["RECIPE"]
+        assert recipe.name == skill.name
+        assert set(recipe.commands) == {parameter.name for parameter in skill.parameters}
+        for parameter in skill.parameters:
+            draw = recipe.commands[parameter.name]
+            assert draw.low <= parameter.low
+            assert draw.high >= parameter.high
 
 
 @pytest.mark.parametrize(

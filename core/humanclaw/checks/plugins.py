@@ -200,7 +200,7 @@ CHECKED: Final[Mapping[str, Callable[[Any, Plugins], None]]] = {
     "measures": _measure,
 }  # fmt: skip
 """What is done with an item of each kind. A plugin's own hooks say it in USES (Plugins.use)."""
-_LEFT: Final = ("skills", "priors", "recipes")
+_LEFT: Final = ("skills", "priors")
 """Kinds that the host and the checks of skills look at."""
 
 

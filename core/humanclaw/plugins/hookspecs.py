@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from humanclaw.skills.body_tool import BodyTool
     from humanclaw.skills.contract import Skill
     from humanclaw.skills.measures import Measure
-    from humanclaw.skills.recipes import Recipe
     from humanclaw.world.scene import Scene
     from humanclaw.world.simulator import Chunk, Simulator
     from humanclaw.world.view import Renderer
@@ -51,11 +50,6 @@ class RegisterSkill(Protocol):
 class RegisterMeasure(Protocol):
     def __call__(self, measure: Measure) -> None:
         """Register a measure under its own name, which `x-measure` in a skill's schema.json refers to."""
-
-
-class RegisterRecipe(Protocol):
-    def __call__(self, recipe: Recipe) -> None:
-        """Register a recipe for the skill that the recipe names."""
 
 
 class Register(Protocol[F]):
@@ -100,12 +94,6 @@ def humanclaw_measures(register: RegisterMeasure) -> None:
 def humanclaw_skills(register: RegisterSkill) -> None:
     """Register skills: a Skill, as the decorator @skill makes, or the folder of a trained one. A skill that breaks the
     contract is disabled by name; others stay."""
-
-
-@hookspec
-def humanclaw_recipes(register: RegisterRecipe) -> None:
-    """Register recipes: how to find or synthesise the chunks that an adapter learns from
-    (humanclaw.skills.Recipe)."""
 
 
 @hookspec

@@ -1,8 +1,8 @@
 """Recipes: which windows of real clips show a trained skill, and how its motion is synthesised.
 
-A trained skill keeps its recipe beside its schema.json and registers it with the hook `humanclaw_recipes`;
-humanclaw-train interprets it and knows no skill by name. The schema declares the measure that each parameter commands,
-and synthesis follows it. Needs numpy alone.
+A trained skill keeps its recipe in a recipe.py beside its schema.json. humanclaw-train reads and interprets it, and
+knows no skill by name. The schema declares the measure that each parameter commands, and synthesis follows it. Needs
+numpy alone.
 
     RECIPE = Recipe(
         name="stroll",

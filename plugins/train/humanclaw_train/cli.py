@@ -299,8 +299,9 @@ def chunks(folder: Path, as_json: bool, **settings: Any) -> None:
     from humanclaw_train import markdown
     from humanclaw_train.data import build as building, custom_skill
     from humanclaw_train.data.curate import statistics
+    from humanclaw_train.synthesis.commands import Trained
 
-    skill = custom_skill.of_folder(folder, Plugins.discover().measures)
+    skill = Trained.read(folder, Plugins.discover().measures)
     made, warnings = custom_skill.saved(skill, **settings)
     named = {skill.name: made}
     if as_json:

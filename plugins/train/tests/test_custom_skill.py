@@ -16,6 +16,7 @@ from humanclaw_train.data.retimed import _QUIET, retimed
 from humanclaw_train.eval import fidelity
 from humanclaw_train.mocap.clips import Folder
 from humanclaw_train.mocap.source_motion import MocapError
+from humanclaw_train.synthesis.commands import Trained
 
 SCHEMA = {
     "description": "Crouch.",
@@ -87,8 +88,8 @@ def test_a_parameter_may_command_a_measure_of_a_plugin(tmp_path):
     record(tmp_path / "clips", squat())
     given = (tmp_path / "clips", tmp_path, 0.0, 0)
     with pytest.raises(HumanclawError, match=r"knees\.bend"):
-        custom_skill.saved(custom_skill.of_folder(folder), *given)
-    chunks, _ = custom_skill.saved(custom_skill.of_folder(folder, {**MEASURES, "knees.bend": bend}), *given)
+        custom_skill.saved(Trained.read(folder), *given)
+    chunks, _ = custom_skill.saved(Trained.read(folder, {**MEASURES, "knees.bend": bend}), *given)
     assert np.allclose(chunks.params[:, 0], chunks.rotations[:, -1, JOINT_INDEX["left_knee"], 0], atol=1e-4)
 
 
@@ -176,7 +177,7 @@ def test_a_folder_without_motion_is_refused(tmp_path):
 def test_a_recipe_that_is_none_is_refused(skill):
     (skill / "recipe.py").write_text("RECIPES = []\n")
     with pytest.raises(HumanclawError, match="no RECIPE"):
-        custom_skill.of_folder(skill)
+        Trained.read(skill)
 
 
 def test_from_motion_to_a_card_by_the_folder_alone(humanclaw, make, skill, tmp_path, still_base, capsys):
@@ -246,7 +247,7 @@ def test_the_image_of_a_one_sided_skill_is_measured_anew_and_kept_only_where_it_
     motion.rotations[:, JOINT_INDEX["right_shoulder"], 2] -= raised
     record(tmp_path / "clips", motion)
     (tmp_path / "clips/LICENCE.txt").write_text("Mine: CC BY-SA 3.0\n")
-    skill = custom_skill.of_folder(folder, {**MEASURES, "hand.height": height})
+    skill = Trained.read(folder, {**MEASURES, "hand.height": height})
     chunks, _ = custom_skill.saved(skill, tmp_path / "clips", tmp_path, 60.0, 0)
     hands = forward_kinematics(chunks.root.astype(float), chunks.rotations.astype(float))[0][:, -1, :, 1]
     assert len(chunks) > 20

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from humanclaw import hookimpl
-from humanclaw.plugins import RegisterRecipe, RegisterSkill
+from humanclaw.plugins import RegisterSkill
 
 __version__ = "0.1.0"
 
@@ -12,12 +12,3 @@ __version__ = "0.1.0"
 def humanclaw_skills(register: RegisterSkill) -> None:
     for name in ("climb_upstairs", "walk_downstairs"):
         register(Path(__file__).parent / name)
-
-
-@hookimpl
-def humanclaw_recipes(register: RegisterRecipe) -> None:
-    from humanclaw_skill_climb.climb_upstairs.recipe import RECIPE as UP
-    from humanclaw_skill_climb.walk_downstairs.recipe import RECIPE as DOWN
-
-    register(UP)
-    register(DOWN)

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from humanclaw import hookimpl
-from humanclaw.plugins import RegisterRecipe, RegisterSkill
+from humanclaw.plugins import RegisterSkill
 
 __version__ = "0.1.0"
 
@@ -11,10 +11,3 @@ __version__ = "0.1.0"
 @hookimpl
 def humanclaw_skills(register: RegisterSkill) -> None:
     register(Path(__file__).parent / "step_back")
-
-
-@hookimpl
-def humanclaw_recipes(register: RegisterRecipe) -> None:
-    from humanclaw_skill_step_back.step_back.recipe import RECIPE
-
-    register(RECIPE)

@@ -8,8 +8,7 @@ files of recorded episodes, in subfolders too.
 
 from __future__ import annotations
 
-import importlib.util
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Final
@@ -21,7 +20,7 @@ from tqdm import tqdm
 from humanclaw import HumanclawError, Motion
 from humanclaw.body import CHUNK, FUTURE, HISTORY, Array
 from humanclaw.motion import load_base, shipped_base
-from humanclaw.skills import MEASURES, Measure, Parameter, Recipe, Skill, from_si, outcomes
+from humanclaw.skills import Parameter, from_si, outcomes
 from humanclaw_train.data.chunks import Chunks, cut
 from humanclaw_train.data.curate import WINDOW_STRIDE, sane, travel
 from humanclaw_train.data.retimed import retimed
@@ -42,28 +41,6 @@ _MISSED: Final = 0.025
 _BEYOND: Final = 0.15
 """Share of its range by which a chunk's parameter may exceed the schema's bounds. A model is least accurate at the edge
 of its data."""
-
-
-# -- input -------------------------------------------------------------------------------------------------------------
-def of_folder(folder: Path, measures: Mapping[str, Measure] = MEASURES) -> Trained:
-    """Read a skill's declaration and recipe from its folder. Without a recipe.py, any window may show the skill.
-
-    Raises PluginError for a broken schema.json, HumanclawError for a recipe.py without RECIPE.
-    """
-    folder = folder.resolve()
-    declaration, path = Skill.from_folder(folder), folder / "recipe.py"
-    if not path.is_file():
-        return Trained(Recipe(declaration.name, retimed=declaration.role == "posture"), declaration, measures)
-    # The skill is not installed yet, so its recipe is loaded from the file.
-    spec = importlib.util.spec_from_file_location(f"humanclaw_recipe_{declaration.name}", path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    recipe = getattr(module, "RECIPE", None)
-    if not isinstance(recipe, Recipe):
-        raise HumanclawError(f"{path} has no RECIPE.", "Set it to a humanclaw.skills.Recipe.")
-    return Trained(recipe, declaration, measures)
 
 
 # -- chunks ------------------------------------------------------------------------------------------------------------

@@ -7,8 +7,10 @@ only numpy.
 from __future__ import annotations
 
 import math
+import runpy
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
+from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -52,6 +54,20 @@ class Trained:
                 "Give it one such as 1.0, or no gait if its motion is not to be synthesised.",
             )
 
+    @classmethod
+    def read(cls, folder: Path, measures: Mapping[str, Measure] = MEASURES) -> Trained:
+        """Read the schema.json and recipe.py of a skill's folder. Without recipe.py, any window may show the skill.
+
+        Raises PluginError for a broken schema.json, HumanclawError for a recipe.py without RECIPE.
+        """
+        declaration, path = Skill.from_folder(folder.resolve()), folder.resolve() / "recipe.py"
+        if not path.is_file():
+            return cls(Recipe(declaration.name, retimed=declaration.role == "posture"), declaration, measures)
+        recipe = runpy.run_path(str(path)).get("RECIPE")
+        if not isinstance(recipe, Recipe):
+            raise HumanclawError(f"{path} has no RECIPE.", "Set it to a humanclaw.skills.Recipe.")
+        return cls(recipe, declaration, measures)
+
     @property
     def name(self) -> str:
         return self.recipe.name
@@ -84,9 +100,9 @@ class Trained:
 
 
 def trained(plugins: Plugins) -> list[Trained]:
-    """Return every skill with a recipe. Raises PluginError for a recipe without a skill."""
-    recipes = [one.value for one in plugins.registered("recipes")]
-    return [Trained(recipe, plugins.skill(recipe.name), plugins.measures) for recipe in recipes]
+    """Return every installed skill whose folder has a recipe.py."""
+    folders = [skill.source for skill in plugins.skills.values() if skill.source is not None]
+    return [Trained.read(folder, plugins.measures) for folder in folders if (folder / "recipe.py").is_file()]
 
 
 _GAIT: Final = tuple(one.name for one in fields(GaitParameters))
