@@ -201,7 +201,7 @@ def test_from_motion_to_a_card_by_the_folder_alone(humanclaw, make, skill, tmp_p
     card = " ".join((skill / cards.CARD).read_text().split())
     assert f"* generated: {row.generated.mean:.3f}" in card
     assert "* studio: CC0; " in card
-    assert "poses of real clips at other paces" in card
+    assert "Its poses are the clips'" in card
     assert "sitting" not in card
     assert "nan" not in card
 
