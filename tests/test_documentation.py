@@ -137,7 +137,7 @@ def test_the_arm_that_points_ahead_on_the_page_of_skills_does_so():
 def test_the_examples_of_hooks_are_found_together():
     plugins = Plugins.discover(sorted((ROOT / "examples/hooks").glob("*.py")))
     told = []
-    plugins.tell("humanclaw_run_end", run=Path("runs/x"), episodes=(), plugins=plugins, tell=told.append, scored={})
+    plugins.tell("humanclaw_run_end", run=Path("runs/x"), episodes=(), plugins=plugins, tell=told.append)
     assert "0 records in runs/x" in told
     kinds = {"verifiers": "careful", "faults": "sleeper", "reports": "lines", "scenes": "yard", "rewards": "haste"}
     for kind, name in (kinds | {"tasks": "corridor"}).items():

@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from humanclaw import Plugins, RecordedEpisode
     from humanclaw.plugins import Options, Register, Tasks, TasksFactory
     from humanclaw_bench.executors import Executor
-    from humanclaw_bench.export import ScoredRuns
     from humanclaw_bench.hookspecs import ExecutorFactory
     from humanclaw_bench.overview import Page
 
@@ -59,12 +58,10 @@ def humanclaw_tasks(register: Register[TasksFactory]) -> None:
 
 
 @hookimpl(optionalhook=True)
-def humanclaw_overview(
-    runs: Mapping[Path, Sequence[RecordedEpisode]], page: Page, plugins: Plugins, scored: ScoredRuns | None
-) -> None:
+def humanclaw_overview(runs: Mapping[Path, Sequence[RecordedEpisode]], page: Page, plugins: Plugins) -> None:
     from humanclaw_bench.overview import overview
 
-    overview(runs, page, plugins, scored)
+    overview(runs, page, plugins)
 
 
 @hookimpl

@@ -16,7 +16,6 @@ from humanclaw.records import MOTION_BYTES, RECORD_BYTES
 from humanclaw.storage import Folder, write_result
 from humanclaw_bench import leaderboard as leaderboards, submission as submissions
 from humanclaw_bench.cli import PARTIAL, RUN
-from humanclaw_bench.export import metrics_of, scored_runs
 from humanclaw_bench.integrity import MANIFEST, check, split_digest
 from humanclaw_bench.replay import Replayed, replayed, sample
 from humanclaw_bench.splits import load_split
@@ -159,6 +158,4 @@ def _write_page(plugins: Plugins, run: Path, out: Path) -> None:
             copy.write(name, episode.files.read(name, MOTION_BYTES), settled=False)
     if Folder(run).has(MANIFEST):
         Folder(out).write(MANIFEST, Folder(run).read(MANIFEST, RECORD_BYTES))
-    episodes = load_run(out)
-    scores = scored_runs({out: episodes}, metrics_of(plugins))
-    plugins.tell("humanclaw_run_end", run=out, episodes=episodes, plugins=plugins, tell=click.echo, scored=scores)
+    plugins.tell("humanclaw_run_end", run=out, episodes=load_run(out), plugins=plugins, tell=click.echo)

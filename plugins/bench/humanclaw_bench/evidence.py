@@ -14,11 +14,11 @@ from humanclaw import EpisodeSpec, Plugins, load_run
 from humanclaw.cli import Console, show_markdown
 from humanclaw_bench import repair
 from humanclaw_bench.causes import Cause
-from humanclaw_bench.export import scored
 from humanclaw_bench.hookspecs import Fault
 from humanclaw_bench.progress import RunProgress
 from humanclaw_bench.runner import run_split
 from humanclaw_bench.scores import Scores
+from humanclaw_bench.scoring import scored
 from humanclaw_bench.splits import load_split
 from humanclaw_bench.worker import Job
 

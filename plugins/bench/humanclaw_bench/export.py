@@ -9,81 +9,23 @@ import csv
 import importlib
 import io
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, fields, replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from tqdm import tqdm
 
-from humanclaw import Call, HumanclawError, PluginError, Plugins, RecordedEpisode, RecordError, StepRecord, load_run
+from humanclaw import Call, HumanclawError, Plugins, RecordedEpisode, RecordError, StepRecord, load_run
 from humanclaw.storage import Folder
-from humanclaw_bench.attribution import also, attribute
 from humanclaw_bench.causes import Cause
-from humanclaw_bench.integrity import standing
-from humanclaw_bench.results import Result, named
-from humanclaw_bench.scores import Extra, Scores, ended, score
+from humanclaw_bench.scores import Scores, ended, score
+from humanclaw_bench.scoring import COLLISIONS, metrics_of, scored, with_progress
 
 if TYPE_CHECKING:
     import pandas as pd
 
-Scored = tuple[Scores, Cause | None]
 DECISIONS_A_SECOND: Final = 2
-OWN: Final = frozenset({field.name for field in fields(Scores)} | {"success", "stage", "cause", "capability"})
-"""Names of the numbers in a row of scores."""
-_COLLISIONS: Final = "collisions_"
-
-
-def metrics_of(plugins: Plugins) -> Extra:
-    """Return the metrics of plugins by name.
-
-    Raises PluginError for a metric with the name of one of the benchmark's own numbers, which it would replace.
-    """
-    metrics = plugins.registered("metrics")
-    for one in metrics:
-        if one.name in OWN or one.name.startswith(_COLLISIONS):
-            told = f"metric {one.name!r} of plugin {one.owner!r} has the name of one of the benchmark's own numbers."
-            raise PluginError(told, "Register it under another name, or leave the plugin out.")
-    return {one.name: one.value for one in metrics}
-
-
-def scored(episodes: Sequence[RecordedEpisode], extra: Extra | None = None, name: str = "") -> list[Scored]:
-    """Return every episode's scores and, if it failed, its root cause. Shows progress for 50 episodes or more."""
-    found = []
-    for recorded in _with_progress(episodes, f"scoring {name}"):
-        scores = score(recorded, extra)
-        cause = attribute(recorded, scores)
-        further = "; ".join(one.label for one in also(recorded, cause, scores))
-        found.append((replace(scores, also=further), cause))
-    return found
-
-
-def results_of(runs: Sequence[Path], files: Sequence[Path] = ()) -> tuple[Result, ...]:
-    """Score runs. files: plugins with further metrics. Raises RecordError if a run is named twice."""
-    if len({run.resolve() for run in runs}) < len(runs):
-        raise RecordError("a run is named twice.", "Name each folder once.")
-    read = {run: load_run(run) for run in runs}
-    return results(read, scored_runs(read, metrics_of(Plugins.discover(files))))
-
-
-Runs = Mapping[Path, Sequence[RecordedEpisode]]
-ScoredRuns = Mapping[Path, Sequence[Scored]]
-
-
-def scored_runs(runs: Runs, extra: Extra) -> dict[Path, list[Scored]]:
-    return {run: scored(found, extra, run.name) for run, found in runs.items()}
-
-
-def results(runs: Runs, found: ScoredRuns) -> tuple[Result, ...]:
-    """Return the results of runs whose episodes are scored already."""
-    known = {str(run): standing(run, episodes) for run, episodes in runs.items()}
-    return named({str(run): pairs for run, pairs in found.items()}, known)
-
-
-def _with_progress(episodes: Sequence[RecordedEpisode], doing: str) -> Iterable[RecordedEpisode]:
-    """Wrap episodes in a progress bar if there are 50 or more, which take seconds."""
-    return tqdm(episodes, desc=doing, disable=None if len(episodes) >= 50 else True, leave=False)
 
 
 def row(scores: Scores, cause: Cause | None) -> dict[str, Any]:
@@ -94,7 +36,7 @@ def row(scores: Scores, cause: Cause | None) -> dict[str, Any]:
     values = asdict(replace(scores, spec=None, conditions={}))
     del values["spec"], values["conditions"]
     collisions, extra, hands = values.pop("collisions"), values.pop("extra"), values.pop("hands")
-    values |= {_COLLISIONS + group: share for group, share in collisions.items()}
+    values |= {COLLISIONS + group: share for group, share in collisions.items()}
     values |= {"success": scores.success} | hands | extra
     values |= {"stage": cause.stage, "cause": cause.name, "capability": cause.capability} if cause else {}
     return {
@@ -158,7 +100,7 @@ def to_lerobot(run: Path, out: Path) -> Path:
         repo_id=f"humanclaw/{run.name}", root=out, fps=DECISIONS_A_SECOND, robot_type="humanclaw",
         features=_features(episodes, actions), use_videos=False,
     )  # fmt: skip
-    for recorded in _with_progress(episodes, "exporting"):
+    for recorded in with_progress(episodes, "exporting"):
         for frame in _frames(recorded, actions):
             dataset.add_frame(frame)
         dataset.save_episode()

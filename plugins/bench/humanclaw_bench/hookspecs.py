@@ -83,13 +83,12 @@ def humanclaw_faults(register: RegisterFault) -> None:
 
 @hookspec
 def humanclaw_run_end(
-    run: Path, episodes: Sequence[RecordedEpisode], plugins: Plugins, tell: Callable[[str], None],
-    scored: Mapping[Path, Sequence[Any]],
-) -> None:  # fmt: skip
+    run: Path, episodes: Sequence[RecordedEpisode], plugins: Plugins, tell: Callable[[str], None]
+) -> None:
     """React to the end of `humanclaw bench run`, when no episode is left to play; also for each run that
     `humanclaw bench leaderboard --pages` shows.
 
-    tell: prints a line. scored: scores and root cause of each episode, by run.
+    tell: prints a line.
     """
 
 

@@ -9,9 +9,9 @@ from typing import Protocol
 
 from humanclaw import Plugins, RecordedEpisode, RecordError
 from humanclaw_bench.comparison import bearing, compared
-from humanclaw_bench.export import Runs, Scored, ScoredRuns, metrics_of, results, scored_runs
 from humanclaw_bench.metrics import ALL, COST, Metric, compare
 from humanclaw_bench.results import Result
+from humanclaw_bench.scoring import Runs, metrics_of, results, scored
 from humanclaw_bench.statistics import Difference
 from humanclaw_bench.tables import ResultTable, all_tables, happened
 from humanclaw_bench.writers import texts
@@ -36,15 +36,11 @@ class Page(Protocol):
     ) -> None: ...
 
 
-def overview(runs: Runs, page: Page, plugins: Plugins, scored: ScoredRuns | None = None) -> None:
-    """Add the tables of some runs, and the result of each of their episodes, to a page.
-
-    scored: their episodes' scores, if they are known already.
-    """
-    scored = scored_runs(runs, metrics_of(plugins)) if scored is None else scored
+def overview(runs: Runs, page: Page, plugins: Plugins) -> None:
+    """Add the tables of some runs, and the result of each of their episodes, to a page."""
     for run, episodes in runs.items():
-        _tell_episodes(run, scored[run], episodes, page)
-    found = results(runs, scored)
+        _tell_episodes(run, episodes, page)
+    found = results(runs, metrics_of(plugins))
     tables = all_tables(found, paper=False)
     tables |= {name: happened(tables[name]) for name in ("causes", "hand-causes")}
     for name in SHOWN:
@@ -54,8 +50,8 @@ def overview(runs: Runs, page: Page, plugins: Plugins, scored: ScoredRuns | None
             _add_comparison(found[0], found[1], page)
 
 
-def _tell_episodes(run: Path, pairs: Sequence[Scored], episodes: Sequence[RecordedEpisode], page: Page) -> None:
-    for (scores, cause), recorded in zip(pairs, episodes, strict=True):
+def _tell_episodes(run: Path, episodes: Sequence[RecordedEpisode], page: Page) -> None:
+    for (scores, cause), recorded in zip(scored(episodes, name=run.name), episodes, strict=True):
         success = scores.success if scores.finished else None
         label, step = (cause.label, cause.step(recorded)) if cause else ("", None)
         page.episode(run, scores.episode, success=success, cause=label, tier=scores.tier, step=step)

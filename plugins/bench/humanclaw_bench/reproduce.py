@@ -16,10 +16,10 @@ from humanclaw import Backends, EpisodeSpec, HumanclawError, Plugins
 from humanclaw.cli import Console, counted
 from humanclaw.records import name_of
 from humanclaw.storage import Folder, read_file, write_result
-from humanclaw_bench.export import results_of
 from humanclaw_bench.progress import RunProgress, foresight, stop_after_option
 from humanclaw_bench.results import Result
 from humanclaw_bench.runner import Forecast, RunStatus, run_split
+from humanclaw_bench.scoring import results_of
 from humanclaw_bench.splits import load_split
 from humanclaw_bench.tables import ResultTable, all_tables, result_table
 from humanclaw_bench.worker import Job

@@ -60,8 +60,8 @@ def run_command(
     # Imported here: they take half a second, and --help needs none of them.
     from humanclaw import Plugins, load_run
     from humanclaw.records import name_of
-    from humanclaw_bench.export import metrics_of, results, scored_runs
     from humanclaw_bench.runner import run_split
+    from humanclaw_bench.scoring import metrics_of, results
     from humanclaw_bench.splits import load_split
     from humanclaw_bench.tables import brief_tables
     from humanclaw_bench.tables_cli import filled, show
@@ -91,8 +91,7 @@ def run_command(
         progress.end(status)
     if status.done:
         episodes = load_run(out)
-        found = scored_runs({out: episodes}, metrics)
-        show(filled(brief_tables(results({out: episodes}, found))))
-        plugins.tell("humanclaw_run_end", run=out, episodes=episodes, plugins=plugins, tell=click.echo, scored=found)
+        show(filled(brief_tables(results({out: episodes}, metrics))))
+        plugins.tell("humanclaw_run_end", run=out, episodes=episodes, plugins=plugins, tell=click.echo)
     if status.failed or status.stopped:
         raise SystemExit(130 if status.stopped and not status.halted else 1)

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import logging
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from copy import deepcopy
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Final
@@ -42,7 +40,6 @@ LONGEST: Final = FUTURE / FPS
 FARTHEST: Final = 1.0
 """Most metres of the pelvis in a chunk at this pace. The paper gives none: `walk` is asked for at most 0.8 m here."""
 FINISHED: Final = ("stopped", "out_of_steps", "plugin_error")
-_LOG: Final = logging.getLogger("humanclaw")
 
 
 def ended(outcome: str, limit: str) -> bool:
@@ -234,11 +231,7 @@ class Scores:
         return self.nav if self.interact is None else self.interact
 
 
-Extra = Mapping[str, Callable[[RecordedEpisode], float]]
-"""Metrics of plugins by name. Each returns a number, NaN if it does not apply."""
-
-
-def score(recorded: RecordedEpisode, extra: Extra | None = None) -> Scores:
+def score(recorded: RecordedEpisode) -> Scores:
     """Score one episode from its record. Raises RecordError if its motion cannot be read."""
     record, steps = recorded.record, recorded.steps
     spec = record.spec
@@ -297,10 +290,10 @@ def score(recorded: RecordedEpisode, extra: Extra | None = None) -> Scores:
         sequences=sum(len(step.parts) > 1 for step in steps),
         conditions=conditions_of(record),
         also="",
+        extra={},
         done=done,
         hands=hands,
         dropped=None if spec.goal is None else HandFacts(recorded).dropped,
-        extra={name: _measured(name, measure, recorded) for name, measure in (extra or {}).items()},
     )
 
 
@@ -335,20 +328,6 @@ def _false_claims(recorded: RecordedEpisode) -> float:
     category = recorded.record.spec.target_category
     blind = [step for step in recorded.steps if category and not any(step.target_pixels.values())]
     return sum(claims(step, category) for step in blind) / len(blind) if blind else float("nan")
-
-
-def _measured(name: str, measure: Callable[[RecordedEpisode], float], recorded: RecordedEpisode) -> float:
-    """Return a plugin's metric; NaN if it raises or returns no number.
-
-    The metric gets a copy of the record, so it cannot alter the scores.
-    """
-    try:
-        return float(measure(deepcopy(recorded)))
-    except KeyboardInterrupt:
-        raise
-    except BaseException:
-        _LOG.exception("metric %r failed on episode %s", name, recorded.record.spec.id)
-    return float("nan")
 
 
 def _successes(recorded: RecordedEpisode) -> dict[str, bool | None]:

@@ -16,10 +16,11 @@ from humanclaw.storage import write_result
 from humanclaw_bench.cli import PARTIAL, RUN
 from humanclaw_bench.comparison import compare_table
 from humanclaw_bench.conditions import differences as unlike
-from humanclaw_bench.export import FORMATS, metrics_of, results_of as _results, row, scored
+from humanclaw_bench.export import FORMATS, row
 from humanclaw_bench.integrity import standing
 from humanclaw_bench.metrics import ALL, common, compare
 from humanclaw_bench.results import Result, named, require_whole
+from humanclaw_bench.scoring import metrics_of, results_of as _results, scored
 from humanclaw_bench.tables import ResultTable, all_tables, brief_tables, chosen_table, result_table
 from humanclaw_bench.writers import WRITERS, plain, plain_differences, terminal
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 from pathlib import Path
 from typing import Any
@@ -15,8 +13,8 @@ from rollouts import COUCH, rollout, step
 from humanclaw import load_run
 from humanclaw.records import SkillInfo
 from humanclaw_bench.conditions import conditions_of, differences, labels
-from humanclaw_bench.export import scored
 from humanclaw_bench.results import named
+from humanclaw_bench.scoring import scored
 
 SAT = [
     step(says="A couch is 2 m ahead.", pixels=500),
@@ -66,13 +64,6 @@ def body(**changed: Any) -> dict[str, Any]:
 def test_an_option_that_the_body_has_too_is_told_once(tmp_path: Path) -> None:
     runs = [played(tmp_path / name, **body(profile=name), options={"profile": name}) for name in ("default", "paper")]
     assert rows(*runs) == [f"model, profile {name}, 2.0 s a call" for name in ("default", "paper")]
-
-
-def test_csv_names_the_profile_of_every_row_of_an_agent(tmp_path: Path) -> None:
-    run = played(tmp_path / "paper", **body(profile="paper"))
-    printed = invoke("table", run, "--only", "body", "--format", "csv")
-    found = [(row["source"], row["profile"]) for row in csv.DictReader(io.StringIO(printed.stdout.strip()))]
-    assert found == [("run", "paper"), *[("paper", "")] * 9]
 
 
 OTHER: dict[str, tuple[dict[str, Any], str, str]] = {

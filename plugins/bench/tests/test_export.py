@@ -15,7 +15,8 @@ from rollouts import rollout, step
 import humanclaw_bench as benchmark
 from humanclaw import Plugins, RecordedEpisode, RecordError, load_run
 from humanclaw.cli import build
-from humanclaw_bench.export import load, metrics_of, rows, to_csv, to_inspect, to_lerobot
+from humanclaw_bench.export import load, rows, to_csv, to_inspect, to_lerobot
+from humanclaw_bench.scoring import metrics_of
 from humanclaw_bench.worker import mark
 
 METRIC = """
@@ -68,9 +69,9 @@ def test_a_metric_of_a_plugin_is_in_rows_scores_and_tables(run, tmp_path):
     result = command("rescore", run, "--out", tmp_path / "scores.jsonl", "--plugin", plugin)
     assert result.exit_code == 0
     assert json.loads((tmp_path / "scores.jsonl").read_text().splitlines()[0])["turning"] == pytest.approx(expected[0])
-    table = command("table", run, "--only", "plugins", "--format", "csv", "--plugin", plugin).output
-    value = next(csv.DictReader(table.splitlines()))["turning"]
-    assert float(value) == pytest.approx(np.mean(expected[:2]), rel=1e-4)  # the broken episode is in no number
+    table = json.loads(command("table", run, "--only", "plugins", "--json", "--plugin", plugin).output)["plugins"]
+    value = table["rows"][0]["turning"]["value"]
+    assert value == pytest.approx(np.mean(expected[:2]))  # the broken episode is in no number
 
 
 def test_a_run_is_a_data_frame_with_one_call(run):

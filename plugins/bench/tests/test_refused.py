@@ -9,8 +9,8 @@ from rollouts import roaming, rollout, step
 
 from humanclaw import Backends, Plugins, load_run
 from humanclaw_bench.attribution import NO_CALL, also, attribute
-from humanclaw_bench.export import results_of
 from humanclaw_bench.runner import run_split
+from humanclaw_bench.scoring import results_of
 from humanclaw_bench.tables import chosen_table
 from humanclaw_bench.worker import Job
 

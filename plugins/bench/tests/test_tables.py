@@ -22,11 +22,11 @@ from humanclaw.records import Difficulty, StepRecord, Verdict, write_episodes
 from humanclaw.world import GAZES
 from humanclaw_bench.attribution import CAUSES, attribute
 from humanclaw_bench.comparison import compare_table, compared, verdict
-from humanclaw_bench.export import metrics_of, scored
 from humanclaw_bench.metrics import ALL, MAIN, compare
 from humanclaw_bench.overview import overview
 from humanclaw_bench.results import Result as Scored, named
 from humanclaw_bench.scores import Scores, score
+from humanclaw_bench.scoring import metrics_of, scored
 from humanclaw_bench.statistics import Difference, wilson
 from humanclaw_bench.tables import Column, ResultTable, all_tables, factors_table, result_table
 from humanclaw_bench.writers import latex, markdown, terminal, texts
@@ -179,8 +179,7 @@ def test_a_metric_that_raises_leaves_or_babbles_is_not_known_and_harms_nothing(t
     }
     metrics = [*odd.items(), ("one", lambda recorded: 1.0)]
     plugins.add(plugin(metrics=metrics), "odd")
-    extra, recorded = metrics_of(plugins), rollout(tmp_path, SAT)
-    scores = score(recorded, extra)
+    ((scores, _),) = scored([rollout(tmp_path, SAT)], metrics_of(plugins))
     assert [str(scores.extra[name]) for name in odd] == ["nan"] * 3
     assert (scores.extra["one"], scores.interact) == (1.0, True)
 

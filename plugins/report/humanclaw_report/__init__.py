@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from humanclaw import hookimpl
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Sequence
     from pathlib import Path
     from types import ModuleType
 
@@ -51,10 +51,9 @@ def humanclaw_hookspecs(register: Callable[[ModuleType], None]) -> None:
 
 @hookimpl(optionalhook=True)
 def humanclaw_run_end(
-    run: Path, episodes: Sequence[RecordedEpisode], plugins: Plugins, tell: Callable[[str], None],
-    scored: Mapping[Path, Sequence[object]],
-) -> None:  # fmt: skip
+    run: Path, episodes: Sequence[RecordedEpisode], plugins: Plugins, tell: Callable[[str], None]
+) -> None:
     """Write the page of a finished benchmark run."""
     from humanclaw_report.page import report_of
 
-    tell(f"report: {report_of(run, plugins, episodes, scored)}")
+    tell(f"report: {report_of({run: episodes}, plugins)}")

@@ -24,20 +24,11 @@ if TYPE_CHECKING:
 def report(runs: tuple[Path, ...], out: Path | None, files: tuple[Path, ...]) -> None:
     """Write the page that shows a run, or several side by side: tables, and every episode with its replay."""
     from humanclaw import HumanclawError, Plugins
-    from humanclaw_report.report import write_report
+    from humanclaw_report.page import report_of
 
     if out and out.suffix != ".html":
         raise HumanclawError(f"a report ends in .html; got {out}.", f"Name {out}.html.")
-    plugins = Plugins.discover(files)
-
-    click.echo(
-        write_report(
-            runs, out, plugins.scene,
-            contribute=lambda found, page: plugins.tell(
-                "humanclaw_overview", runs=found, page=page, plugins=plugins, scored=None
-            ),
-        )
-    )  # fmt: skip
+    click.echo(report_of(runs, Plugins.discover(files), out))
 
 
 @click.command()

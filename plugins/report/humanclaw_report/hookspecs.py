@@ -59,11 +59,5 @@ class Overview(Protocol):
 
 
 @hookspec
-def humanclaw_overview(
-    runs: Mapping[Path, Sequence[RecordedEpisode]], page: Overview, plugins: Installed,
-    scored: Mapping[Path, Sequence[object]] | None,
-) -> None:  # fmt: skip
-    """Add tables and facts to the page of these runs; called before the page is written.
-
-    scored: scores that `humanclaw_run_end` handed on, by run; None if there are none.
-    """
+def humanclaw_overview(runs: Mapping[Path, Sequence[RecordedEpisode]], page: Overview, plugins: Installed) -> None:
+    """Add tables and facts to the page of these runs; called before the page is written."""

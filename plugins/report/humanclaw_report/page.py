@@ -2,31 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
 
 from humanclaw import RecordedEpisode, Renderer
 from humanclaw.plugins import Installed
 from humanclaw_report.film import FILM_SIZE, GIF_SIZE, film
-from humanclaw_report.report import write_report
+from humanclaw_report.report import Runs, write_report
 
 
-def report_of(
-    run: Path, plugins: Installed, episodes: Sequence[RecordedEpisode] | None = None,
-    scored: Mapping[Path, Sequence[object]] | None = None,
-) -> Path:  # fmt: skip
-    """Write the page of a run with the tables and facts of the installed plugins; return its path.
-
-    episodes: of the run, if they are read already. scored: what a benchmark made of them, likewise.
-    """
+def report_of(runs: Path | Sequence[Path] | Runs, plugins: Installed, out: Path | None = None) -> Path:
+    """Write the page of a run, or of several, with the tables and facts of the installed plugins; return its path."""
     return write_report(
-        run if episodes is None else {run: episodes},
-        None,
+        runs,
+        out,
         plugins.scene,
-        contribute=lambda found, page: plugins.tell(
-            "humanclaw_overview", runs=found, page=page, plugins=plugins, scored=scored
-        ),
+        contribute=lambda found, page: plugins.tell("humanclaw_overview", runs=found, page=page, plugins=plugins),
     )
 
 

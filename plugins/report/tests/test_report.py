@@ -395,7 +395,7 @@ def test_the_end_of_a_run_of_the_benchmark_writes_its_pages(tmp_path: Path) -> N
     record_episode(tmp_path / "couch-1", name="couch-1")
     told: list[str] = []
     plugins = SimpleNamespace(scene=lambda name: scene, tell=lambda hook, **event: None)
-    humanclaw_report.humanclaw_run_end(tmp_path, load_run(tmp_path), plugins, told.append, {})
+    humanclaw_report.humanclaw_run_end(tmp_path, load_run(tmp_path), plugins, told.append)
     assert told == [f"report: {tmp_path / 'report.html'}"]
     links = [link["href"] for link in Page((tmp_path / "report.html").read_text("utf-8")).all("a")]
     assert {"couch-0/page.html", "couch-1/page.html"} <= set(links)
