@@ -5,11 +5,10 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-import queue
 import subprocess
 import sys
-import threading
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any, Final
 
 from humanclaw import LimitError, PluginError, ProviderClosedError, ProviderError
@@ -34,8 +33,8 @@ class ProcessLink:
         """arguments: of `python -m humanclaw_bench.wall`."""
         self._command = [sys.executable, "-m", "humanclaw_bench.wall", *arguments]
         self._process: subprocess.Popen[bytes] | None = None
-        self._requests: queue.Queue[bytes] = queue.Queue()
-        self._answers: queue.Queue[bytes] = queue.Queue()
+        # Requests are written and answers read in a thread: a process that does neither would hold up whoever asks.
+        self._thread = ThreadPoolExecutor(1)
 
     def ask(self, method: str, params: Json, seconds: float | None = None) -> Any:
         """Return the result of a request.
@@ -45,10 +44,10 @@ class ProcessLink:
         """
         process = self._process or self._start()
         request = {"jsonrpc": "2.0", "id": 1, "method": method, "params": params}
-        self._requests.put(json.dumps(request, separators=(",", ":")).encode() + b"\n")
+        line = json.dumps(request, separators=(",", ":")).encode() + b"\n"
         try:
-            answer = self._answers.get(timeout=seconds)
-        except queue.Empty:
+            answer = self._thread.submit(_exchange, process, line).result(seconds)
+        except TimeoutError:
             process.kill()
             self.close()
             raise OverdueError(f"no answer to {method} within {seconds:.0f} s") from None
@@ -57,11 +56,8 @@ class ProcessLink:
         return result_of(answer)
 
     def _start(self) -> subprocess.Popen[bytes]:
-        self._requests, self._answers = queue.Queue(), queue.Queue()
         alike = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
         self._process = subprocess.Popen(self._command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=alike)
-        for target, lines in ((_write, self._requests), (_read, self._answers)):
-            threading.Thread(target=target, args=(self._process, lines), daemon=True).start()
         return self._process
 
     def _died(self, process: subprocess.Popen[bytes], method: str, answer: bytes) -> RuntimeError:
@@ -75,33 +71,25 @@ class ProcessLink:
         process, self._process = self._process, None
         if process is None:
             return
-        self._requests.put(b"")
+        assert process.stdin
+        with contextlib.suppress(OSError):  # Its other end may be gone.
+            process.stdin.close()
         try:
             process.wait(timeout=1.0)
         except subprocess.TimeoutExpired:
             process.kill()
+        with process:  # Closes the pipes.
             process.wait()
 
 
-def _write(process: subprocess.Popen[bytes], requests: queue.Queue[bytes]) -> None:
-    """Write requests to a process until an empty one comes, then close its input. In a thread of its own, because a
-    process that does not read would hold up whoever writes."""
+def _exchange(process: subprocess.Popen[bytes], request: bytes) -> bytes:
+    """Write a request and return the line that answers it; without a line's end if the process ended, or wrote more."""
     assert process.stdin
-    with contextlib.suppress(OSError), process.stdin as stream:  # Its other end may be gone.
-        for request in iter(requests.get, b""):
-            stream.write(request)
-            stream.flush()
-
-
-def _read(process: subprocess.Popen[bytes], answers: queue.Queue[bytes]) -> None:
-    """Put every line of a process into a queue, and an empty one when it ends. A line too long ends it."""
     assert process.stdout
-    with process.stdout as stream:
-        while line := stream.readline(LARGEST):
-            answers.put(line)
-            if not line.endswith(b"\n"):
-                break
-    answers.put(b"")
+    with contextlib.suppress(OSError):  # Its other end may be gone.
+        process.stdin.write(request)
+        process.stdin.flush()
+    return process.stdout.readline(LARGEST)
 
 
 def result_of(answer: bytes) -> Any:
