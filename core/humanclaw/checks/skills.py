@@ -154,12 +154,12 @@ def _refusal_faults(skill: Skill) -> Faults:
 
 
 def _plan_faults(skill: Skill, calls: Sequence[dict[str, Any]], bench: Bench) -> Faults:
-    found: dict[str, ContractError] = {}
+    faults: dict[str, ContractError] = {}
     for params in calls:
         for fault in _call_faults(skill, params, bench):
-            found.setdefault(fault.check, fault)
-    yield from found.values()
-    if not found and skill.schema.get("properties"):
+            faults.setdefault(fault.check, fault)
+    yield from faults.values()
+    if not faults and skill.schema.get("properties"):
         yield from _idle_faults(skill, calls)
 
 
@@ -172,7 +172,7 @@ def _idle_faults(skill: Skill, calls: Sequence[dict[str, Any]]) -> Faults:
 
     for key in skill.schema.get("properties", {}):
         pairs = [(call, call | {key: value}) for call in calls for value in values_of(skill, key)]
-        if pairs and all(repr(plan(one)) == repr(plan(other)) for one, other in pairs):
+        if pairs and all(repr(plan(plain)) == repr(plan(other)) for plain, other in pairs):
             message = f"parameter {key!r} of skill {skill.name!r} changes nothing."
             yield ContractError("parameters-used", message, "Use it, or remove it.")
     given = [call for call in calls if set(call) <= set(skill.schema.get("required", ()))]

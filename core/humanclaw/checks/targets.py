@@ -57,9 +57,9 @@ def _of_module(target: str, path: Path, plugins: Plugins, loading: float, option
         except PluginError as error:
             return [Report(target, (ContractError("loads", error.message, error.remedy or "Mend the file."),))]
     if not host.hooks(owner):
-        told = f"{path} has no hook, so it registers nothing."
+        message = f"{path} has no hook, so it registers nothing."
         remedy = "Register a Skill or its folder in a hook: @hookimpl def humanclaw_skills(register): register(...)."
-        return [Report(target, (ContractError("loads", told, remedy),))]
+        return [Report(target, (ContractError("loads", message, remedy),))]
     return _of_plugin(owner, host, options)
 
 
@@ -88,6 +88,6 @@ def _called(report: Report, owner: str, host: Plugins) -> Report:
     first = host.owner(report.skill)
     if first == owner:
         return report
-    told = f"{report.skill!r} is already a skill of plugin {first!r}, so no model gets this one."
-    fault = ContractError("name-free", told, f"Rename it, or leave the other out with --without {first}.")
+    message = f"{report.skill!r} is already a skill of plugin {first!r}, so no model gets this one."
+    fault = ContractError("name-free", message, f"Rename it, or leave the other out with --without {first}.")
     return replace(report, faults=(*report.faults, fault))

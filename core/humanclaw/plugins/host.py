@@ -525,7 +525,7 @@ def installed() -> list[tuple[PluginInfo, Sequence[importlib.metadata.EntryPoint
 
     A distribution whose metadata cannot be read may have plugins too. It comes with an error and without entry points.
     """
-    found: dict[str, tuple[PluginInfo, Sequence[importlib.metadata.EntryPoint]]] = {}
+    plugins: dict[str, tuple[PluginInfo, Sequence[importlib.metadata.EntryPoint]]] = {}
     for dist in importlib.metadata.distributions():
         try:
             if not (points := tuple(dist.entry_points.select(group=hookspecs.PROJECT))):
@@ -536,8 +536,8 @@ def installed() -> list[tuple[PluginInfo, Sequence[importlib.metadata.EntryPoint
             name = canonicalize_name(folder.stem.partition("-")[0])
             info = PluginInfo(name, "", name, error=f"{folder} cannot be read: {in_words(error)}. Reinstall it")
             points = ()
-        found.setdefault(info.name, (info, () if info.error else points))
-    return sorted(found.values(), key=lambda pair: (pair[0].name != hookspecs.PROJECT, pair[0].name))
+        plugins.setdefault(info.name, (info, () if info.error else points))
+    return sorted(plugins.values(), key=lambda pair: (pair[0].name != hookspecs.PROJECT, pair[0].name))
 
 
 def _info(dist: importlib.metadata.Distribution) -> PluginInfo:

@@ -111,7 +111,7 @@ def _first_mark(text: str) -> int:
 
 def _calls(text: str, place: int, make: Callable[[Pairs], Json]) -> list[Json]:
     """Read calls and what may stand around them up to the end; empty if anything else is there."""
-    found = []
+    calls = []
     while place < len(text):
         if head := _HEAD.match(text, place):
             arguments, place = _arguments(text, head.end(), make)
@@ -123,8 +123,8 @@ def _calls(text: str, place: int, make: Callable[[Pairs], Json]) -> list[Json]:
             items, place = _item(text, place, make)
         if not items:
             return []
-        found += items
-    return found
+        calls += items
+    return calls
 
 
 def _arguments(text: str, place: int, make: Callable[[Pairs], Json]) -> tuple[list[Json], int]:

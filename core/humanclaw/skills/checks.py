@@ -116,17 +116,17 @@ def skill_faults(
         priors: checkpoints of the installed priors by digest, of which its adapter has to fit one; empty to leave that
             open.
     """
-    found: list[ContractError] = []
+    faults: list[ContractError] = []
     broken: list[Exception] = []
     for find in _FINDERS:
         try:
-            found += find(Subject(skill, measures, priors))
+            faults += find(Subject(skill, measures, priors))
         except Exception as error:
             broken.append(error)
-    if broken and not found:  # Otherwise the found fault is the reason.
+    if broken and not faults:  # Otherwise the found fault is the reason.
         reason = f"skill {skill.name!r} cannot be checked: {type(broken[0]).__name__}: {broken[0]}."
-        found.append(ContractError("loads", reason, "Mend its schema.json."))
-    return tuple(found)
+        faults.append(ContractError("loads", reason, "Mend its schema.json."))
+    return tuple(faults)
 
 
 def read_draft(folder: Path) -> tuple[Skill | None, tuple[ContractError, ...]]:
