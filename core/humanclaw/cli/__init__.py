@@ -8,6 +8,7 @@ if TYPE_CHECKING:
     from humanclaw.cli.group import Commands as Commands, LazyCommand as LazyCommand, build as build, main as main
     from humanclaw.cli.options import (
         Deciders as Deciders,
+        advice_after as advice_after,
         check_options as check_options,
         decider_options as decider_options,
         engine_options as engine_options,

@@ -54,6 +54,14 @@ class Deciders:
         return Meter(self.limits)
 
 
+def advice_after(refusal: str) -> str:
+    """Return why the last answer was refused, and what to try where no answer holds a usable call."""
+    return (
+        f"The last was refused: {refusal.rstrip('.')}. "
+        "Try another way of asking (--option mode=prompt), a larger max_tokens, or another model."
+    )
+
+
 def _named(context: click.Context, option: click.Parameter, name: str | None) -> str:
     """Refuse a name that is given but empty, as from a variable of the shell that is not set."""
     if name == "":

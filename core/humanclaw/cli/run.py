@@ -15,7 +15,7 @@ from typing import Any, Final
 import click
 from rich.status import Status
 
-from humanclaw.cli.options import INTERRUPTED, Deciders
+from humanclaw.cli.options import INTERRUPTED, Deciders, advice_after
 from humanclaw.cli.progress import StepProgress, scoring, summary
 from humanclaw.cli.terminal import Console
 from humanclaw.episodes.backends import SHIPPED, SIMULATORS, Backends
@@ -214,10 +214,7 @@ def present(plugins: Plugins, backends: Backends, out: Path, folder: Path, film:
 def end(record: EpisodeRecord, steps: Sequence[StepRecord]) -> None:
     """Exit with the code of an episode that was not played to its end, or without any usable call."""
     if steps and all(step.status == "invalid" for step in steps):
-        raise click.ClickException(
-            f"no answer held a usable call. The last was refused: {steps[-1].feedback.refusal.rstrip('.')}. "
-            "Try another way of asking (--option mode=prompt), a larger max_tokens, or another model."
-        )
+        raise click.ClickException(f"no answer held a usable call. {advice_after(steps[-1].feedback.refusal)}")
     if record.outcome == "infra_error":
         raise click.ClickException(f"the provider failed: {record.error}")
     if record.outcome == "plugin_error":

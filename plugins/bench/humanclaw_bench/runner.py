@@ -20,6 +20,7 @@ from typing import Final
 from filelock import FileLock, Timeout
 
 from humanclaw import EpisodeSpec, HumanclawError, Plugins, RecordError
+from humanclaw.cli import advice_after
 from humanclaw.records import REPORT, EpisodeRecord, write_episodes
 from humanclaw.storage import Folder, writing
 from humanclaw_bench.executors import EpisodeQueue, Executor
@@ -157,11 +158,8 @@ def run_split(
 def halted_by(report: WorkerReport, status: RunStatus, stop_after: int) -> str:
     """Return why a run stops after this episode, and what to try; empty if it goes on."""
     if report.refusal:
-        return (
-            f"{stop_after} answers in a row held no usable call. The last was refused: {report.refusal.rstrip('.')}. "
-            "Try another way of asking (--option mode=prompt), a larger max_tokens, or another model; "
-            "--stop-after 0 plays on."
-        )
+        advice = advice_after(report.refusal)
+        return f"{stop_after} answers in a row held no usable call. {advice} --stop-after 0 plays on."
     if stop_after and status.failed_in_a_row >= FAILURES_IN_A_ROW:
         return (
             f"{FAILURES_IN_A_ROW} episodes in a row failed for want of an answer. "
