@@ -208,8 +208,7 @@ class Plugins:
         known = [hook.removeprefix(PREFIX) for hook, caller in vars(self._manager.hook).items() if caller.has_spec()]
         for hook in (PREFIX + bare for bare in known):
             function = getattr(plugin, hook, None)
-            marks = {"humanclaw_impl", "humanclaw_spec"} & {*dir(function)}
-            if callable(function) and not marks:
+            if callable(function) and not {"humanclaw_impl", "humanclaw_spec"} & {*dir(function)}:
                 raise PluginError(f"plugin {name!r} has {hook} without @hookimpl.", "Write @hookimpl above it.")
         for caller in self._manager.get_hookcallers(plugin) or ():
             optional = all(impl.optionalhook for impl in caller.get_hookimpls() if impl.plugin is plugin)
