@@ -129,12 +129,13 @@ def terms(licences: Sequence[str]) -> tuple[str, ...]:
 
 
 def _uncommanded(travel: Uncommanded) -> str:
-    """Return travel on axes that the skill does not command, as words with units."""
+    """Return travel of half a unit or more on axes that the skill does not command, as words with units."""
     units = {"hips.left": ("left", 100.0, "cm"), "hips.forward": ("ahead", 100.0, "cm")}
     parts = []
     for name, values in travel.items():
         way, scale, unit = units.get(name, ("turn", 180 / math.pi, "degrees"))
-        parts.append(f"{way} {' / '.join(f'{scale * value:+.1f}' for value in values)} {unit}")
+        if max(abs(scale * value) for value in values) >= 0.5:
+            parts.append(f"{way} {' / '.join(f'{scale * value:+.1f}' for value in values)} {unit}")
     return ", ".join(parts)
 
 
