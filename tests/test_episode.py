@@ -2,14 +2,11 @@
 
 import asyncio
 import signal
-import time
 import tracemalloc
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from numba import njit
-from numba.core.event import end_event, start_event
 
 from humanclaw import Body, Call, CallError, Episode, HumanclawError, PluginError, Verdict, run_episode, skill
 from humanclaw.errors import LimitError, PluginRunError, ProviderClosedError, ProviderError, RecordError, ReplayError
@@ -477,30 +474,3 @@ def test_an_odd_number_of_views_is_the_agents_error(body, spec, count):
     agent.settings = {"views_between": count}
     record = run_episode(body, spec, agent)
     assert (record.outcome, "a whole number from 0 to 14" in record.error) == ("plugin_error", True)
-
-
-def test_a_step_is_not_slow_because_something_is_compiled_for_the_first_time(body, spec):
-    class Compiling(Agent):
-        def decide(self, observation, history):
-            began = time.perf_counter()
-            njit(lambda value: value + 1)(1)  # Not cached on disk, as on a machine's first run.
-            self.took = time.perf_counter() - began
-            return super().decide(observation, history)
-
-    agent = Compiling(WALK)
-    with Episode(body, spec, agent) as episode:
-        episode.ask()
-    assert episode.steps[0].seconds["decide"] < agent.took / 2
-
-
-def test_no_step_takes_less_than_no_time_while_another_thread_compiles(body, spec):
-    class Meanwhile(Agent):
-        def decide(self, observation, history):
-            end_event("numba:compile")  # Of a compilation that began before this question.
-            return super().decide(observation, history)
-
-    start_event("numba:compile")
-    time.sleep(0.2)
-    with Episode(body, spec, Meanwhile(WALK)) as episode:
-        episode.ask()
-    assert episode.steps[0].seconds["decide"] >= 0

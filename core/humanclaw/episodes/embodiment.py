@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import threading
+import time
 from collections.abc import Iterator
 from dataclasses import replace
 from inspect import signature
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 from humanclaw.body.pose import FUTURE, Motion, Pose2D
 from humanclaw.episodes.adapters import Adapters
 from humanclaw.episodes.backends import SHIPPED, Backends
-from humanclaw.episodes.execution import SkillExecution, Watcher, played_parts, working
+from humanclaw.episodes.execution import SkillExecution, Watcher, played_parts
 from humanclaw.episodes.falls import Descent
 from humanclaw.episodes.moving import Mover, Playing
 from humanclaw.episodes.sensors import proprioception, tactile
@@ -204,17 +205,17 @@ class Body:
         playing = Playing(self._mover, skill, plan, (self.seed, self.step))
         before, chunks, seconds = self._mover.state, list[Chunk](), {"generate": 0.0, "simulate": 0.0}
         played: list[int] = []
-        cancelled, moment = False, working()
+        cancelled, moment = False, time.perf_counter()
         for number, commanded, left in playing.chunks():
-            seconds["generate"] += working() - moment
-            moment = working()
+            seconds["generate"] += time.perf_counter() - moment
+            moment = time.perf_counter()
             chunks.append(self._mover.simulate(commanded, plan[number]))
             played.append(number)
-            seconds["simulate"] += working() - moment
+            seconds["simulate"] += time.perf_counter() - moment
             if watch is not None and not watch(chunks[-1]) and left:
                 cancelled = True
                 break
-            moment = working()
+            moment = time.perf_counter()
         self.step += 1
         opened = {part.hand for part in plan if isinstance(part, Grip)}
         slipped = sorted(before.held.keys() - self._mover.state.held - opened)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -44,14 +42,3 @@ def played_parts(plan: Sequence[Part], numbers: Sequence[int]) -> tuple[PlayedPa
         for number, part in enumerate(plan)
         if number in numbers
     )
-
-
-def working() -> float:
-    """Return the time of time.perf_counter() on a clock that stands still while numba compiles, seconds.
-
-    Code is compiled once on a machine, and no step is slow because of it.
-    """
-    # An extra: only engines and renderers that are compiled have loaded it, and another thread may be about to.
-    now, module = time.perf_counter(), sys.modules.get("humanclaw.world.compiling")
-    spent = getattr(module, "compiling_seconds", None)
-    return now - float(spent(now)) if spent else now

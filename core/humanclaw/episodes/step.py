@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -9,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from humanclaw.body.pose import Array
-from humanclaw.episodes.execution import SkillExecution, working
+from humanclaw.episodes.execution import SkillExecution
 from humanclaw.records.decisions import Attempt, Verdict
 from humanclaw.records.feedback import Feedback
 from humanclaw.records.steps import StepRecord
@@ -36,20 +37,20 @@ class Step:
 
     def ask(self) -> None:
         """Start the clock of a question."""
-        self.asked = working()
+        self.asked = time.perf_counter()
 
     def answered(self, part: str) -> None:
         """Enter the time of the open question, if there is one."""
         if self.asked is not None:
-            self._add(part, working() - self.asked)
+            self._add(part, time.perf_counter() - self.asked)
             self.asked = None
 
     @contextmanager
     def timed(self, part: str) -> Iterator[None]:
         """Enter the time of the block."""
-        began = working()
+        began = time.perf_counter()
         yield
-        self._add(part, working() - began)
+        self._add(part, time.perf_counter() - began)
 
     def _add(self, part: str, seconds: float) -> None:
         self.seconds[part] = self.seconds.get(part, 0.0) + seconds

@@ -6,46 +6,13 @@ import hashlib
 import inspect
 import pickle
 import sys
-import time
 from collections.abc import Callable
 from functools import cache
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from numba import njit
 from numba.core.dispatcher import Dispatcher
-from numba.core.event import Event, Listener, register
-
-
-class _Clock(Listener):
-    """Sums up the time in which numba compiles, which it does in one thread at a time."""
-
-    def __init__(self) -> None:
-        self._depth = 0
-        self.state: tuple[float, float] = (0.0, float("inf"))
-        """Seconds so far, and when the compilation began that is under way. One value, because other threads read
-        it."""
-
-    def on_start(self, event: Event) -> None:
-        if self._depth == 0:
-            self.state = (self.state[0], time.perf_counter())
-        self._depth += 1
-
-    def on_end(self, event: Event) -> None:
-        self._depth -= 1
-        if self._depth == 0:
-            spent, began = self.state
-            self.state = (spent + time.perf_counter() - began, float("inf"))
-
-
-_CLOCK: Final = _Clock()
-register("numba:compile", _CLOCK)  # type: ignore[no-untyped-call]
-
-
-def compiling_seconds(now: float) -> float:
-    """Return the seconds that this process has spent compiling until now, a time of time.perf_counter()."""
-    spent, began = _CLOCK.state
-    return spent + max(now - began, 0.0)
 
 
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
