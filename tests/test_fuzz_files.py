@@ -24,9 +24,9 @@ from humanclaw.motion.checkpoint import load_base
 from humanclaw.records import read_episodes
 from humanclaw.storage import Cache
 from humanclaw.world import Mesh, pack_scene, read_model, unpack_scene
-from humanclaw_bench.integrity import check
 from humanclaw_bench.leaderboard import leaderboard
 from humanclaw_bench.submission import submit
+from humanclaw_bench.verification import check
 from humanclaw_habitat import urdf
 
 
@@ -95,7 +95,7 @@ def submission(home):
 
 
 def submit_unchecked(run):
-    from humanclaw_bench.integrity import split_digest
+    from humanclaw_bench.verification import split_digest
 
     specs = [one.record.spec for one in load_run(run)]
     told = json.loads((run / "run.json").read_text()) | {"split": split_digest(specs)}

@@ -73,7 +73,7 @@ def humanclaw_commands(cli: click.Group) -> None:
 
 
 def _tasks(name: str, options: Options) -> Tasks:
-    from humanclaw_bench.capabilities import tasks
+    from humanclaw_bench.training import tasks
 
     return tasks(name, options)
 

@@ -22,10 +22,10 @@ from humanclaw import EpisodeRecord, RecordedEpisode, StepRecord
 from humanclaw.body import Array
 from humanclaw.records import REACHED, in_view
 from humanclaw.skills import to_si
-from humanclaw_bench.causes import Cause, Rule, Stage, first_cause
+from humanclaw_bench.failure_modes import Cause, Rule, Stage, first_cause
 from humanclaw_bench.hands.scores import cause_of, first_failed
+from humanclaw_bench.path_metrics import gap_to, straight
 from humanclaw_bench.scores import Scores, claims, is_sit, sat_down, score
-from humanclaw_bench.ways import gap_to, straight
 
 STAGES: Final[tuple[Stage, ...]] = ("find", "nav", "interact")
 

@@ -23,13 +23,13 @@ for _name, _target, _told in (
     ("compare", "tables_cli:compare_command", "Compare two runs over the episodes that both finished."),
     ("rescore", "tables_cli:rescore", "Score a run again from its records."),
     ("export", "tables_cli:export_command", "Convert a run for other tools."),
-    ("repair", "evidence:repair_command", "Check root causes with failures of known origin."),
-    ("make", "making:make", "Make the splits from seeds, a hidden test, or training tasks."),
+    ("repair", "counterfactual:repair_command", "Check root causes with failures of known origin."),
+    ("make", "generate:make", "Make the splits from seeds, a hidden test, or training tasks."),
     ("rollouts", "rollouts:rollouts", "Write recorded runs as conversations to train on."),
     ("reproduce", "reproduce:reproduce", "Play the paper's tables 2 and 3 for some models."),
     ("power", "power:power_command", "Simulate which difference between two runs a split can show."),
-    ("verify", "checking:verify", "Check every file of a run against its digest."),
-    ("submit", "checking:submit", "Write submission.json into a run, for a leaderboard."),
-    ("leaderboard", "checking:leaderboard", "Make index.html from a folder of submitted runs."),
+    ("verify", "submission_cli:verify", "Check every file of a run against its digest."),
+    ("submit", "submission_cli:submit", "Write submission.json into a run, for a leaderboard."),
+    ("leaderboard", "submission_cli:leaderboard", "Make index.html from a folder of submitted runs."),
 ):
     bench.add_command(LazyCommand(_name, f"humanclaw_bench.{_target}", _told))

@@ -18,7 +18,7 @@ import numpy as np
 
 from humanclaw import Call, HumanclawError, Plugins, RecordedEpisode, RecordError, StepRecord, load_run
 from humanclaw.storage import Folder
-from humanclaw_bench.causes import Cause
+from humanclaw_bench.failure_modes import Cause
 from humanclaw_bench.scores import Scores, ended, score
 from humanclaw_bench.scoring import COLLISIONS, metrics_of, scored, with_progress
 

@@ -20,10 +20,10 @@ from humanclaw.cli import counted, legible
 from humanclaw.records import REPORT
 from humanclaw.storage import Folder, lacking
 from humanclaw_bench.conditions import labels, summary
-from humanclaw_bench.integrity import known_split
 from humanclaw_bench.metrics import ARRIVE, FALSE_CLAIMS, FIND, INTERACT, NAV, Metric, estimate
 from humanclaw_bench.replay import Replayed
 from humanclaw_bench.submission import NAME, ScoredRun, Submission, read
+from humanclaw_bench.verification import known_split
 
 RATES: Final = (FIND, NAV, ARRIVE, INTERACT)
 """The ranked rates, from first to last stage."""

@@ -8,13 +8,12 @@ from pathlib import Path
 from typing import Protocol
 
 from humanclaw import Plugins, RecordedEpisode, RecordError
-from humanclaw_bench.comparison import bearing, compared
 from humanclaw_bench.metrics import ALL, COST, Metric, compare
 from humanclaw_bench.results import Result
 from humanclaw_bench.scoring import Runs, metrics_of, results, scored
 from humanclaw_bench.statistics import Difference
 from humanclaw_bench.tables import ResultTable, all_tables, happened
-from humanclaw_bench.writers import texts
+from humanclaw_bench.writers import bearing, compared, texts
 
 SHOWN = (
     "main", "hands", "funnel", "causes", "hand-causes", "difficulty", "category", "variants", "body", "own", "plugins",

@@ -9,11 +9,11 @@ from typing import Final
 
 from humanclaw import RecordError
 from humanclaw.cli import counted, legible
-from humanclaw_bench.causes import Cause
 from humanclaw_bench.conditions import Conditions, labels, of_world, summary
-from humanclaw_bench.integrity import Standing
+from humanclaw_bench.failure_modes import Cause
 from humanclaw_bench.scores import LONGEST, Scores
 from humanclaw_bench.statistics import Estimate
+from humanclaw_bench.verification import Standing
 
 NONE: Final = Estimate(float("nan"))
 MOST_UNASKED: Final = 0.01

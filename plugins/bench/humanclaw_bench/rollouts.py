@@ -37,8 +37,8 @@ from humanclaw.records import Feedback, name_of
 from humanclaw.skills import Json
 from humanclaw.storage import Folder, jpeg, writing
 from humanclaw_bench.attribution import CAUSES, attribute
-from humanclaw_bench.causes import Cause
 from humanclaw_bench.difficulty import TIERS, overall
+from humanclaw_bench.failure_modes import Cause
 from humanclaw_bench.scores import Scores, ended, score
 from humanclaw_bench.training import house_of, require_training
 

@@ -24,9 +24,9 @@ from humanclaw.cli import advice_after
 from humanclaw.records import REPORT, EpisodeRecord, write_episodes
 from humanclaw.storage import Folder, writing
 from humanclaw_bench.executors import EpisodeQueue, Executor
-from humanclaw_bench.integrity import MANIFEST, SPLIT
 from humanclaw_bench.scores import ended
 from humanclaw_bench.settings import agree, introduced, manifest, seeded
+from humanclaw_bench.verification import MANIFEST, SPLIT
 from humanclaw_bench.worker import FAILED, Job, WorkerReport, mark, recorded, unpack
 
 

@@ -29,7 +29,7 @@ from humanclaw_bench.conditions import Conditions, conditions_of
 from humanclaw_bench.difficulty import overall
 from humanclaw_bench.disturbance import collisions, displacements, disturbed, disturbed_path
 from humanclaw_bench.hands.scores import HandFacts, stages_of
-from humanclaw_bench.ways import arrived, pace, path_weighted
+from humanclaw_bench.path_metrics import arrived, pace, path_weighted
 
 TURNS: Final = float(np.radians(5.0))
 """Smallest turn of a step that counts, radians; the paper gives none."""

@@ -14,10 +14,10 @@ from tqdm import tqdm
 
 from humanclaw import PluginError, Plugins, RecordedEpisode, RecordError, load_run
 from humanclaw_bench.attribution import also, attribute
-from humanclaw_bench.causes import Cause
-from humanclaw_bench.integrity import standing
+from humanclaw_bench.failure_modes import Cause
 from humanclaw_bench.results import Result, named
 from humanclaw_bench.scores import Scores, score
+from humanclaw_bench.verification import standing
 
 Scored = tuple[Scores, Cause | None]
 Runs = Mapping[Path, Sequence[RecordedEpisode]]

@@ -17,8 +17,8 @@ from humanclaw import Choice, EpisodeSpec, Plugins, RecordError
 from humanclaw.cli import check_options
 from humanclaw.plugins import PluginInfo, noun, own
 from humanclaw.storage import Folder, writing
-from humanclaw_bench.integrity import MANIFEST, read_manifest, split_digest
-from humanclaw_bench.wall.deciders import PROCESS
+from humanclaw_bench.isolation.deciders import PROCESS
+from humanclaw_bench.verification import MANIFEST, read_manifest, split_digest
 from humanclaw_bench.worker import Job
 
 FORMAT: Final = 1

@@ -14,9 +14,9 @@ from pydantic import BaseModel, ConfigDict, Field, StringConstraints, Validation
 from humanclaw import RecordedEpisode, RecordError, load_run
 from humanclaw.records import RECORD_BYTES, first_fault
 from humanclaw.storage import Folder
-from humanclaw_bench.integrity import LARGEST, MANIFEST, Manifest, read_manifest, standing
 from humanclaw_bench.results import Result, named, require_whole
 from humanclaw_bench.scoring import scored
+from humanclaw_bench.verification import LARGEST, MANIFEST, Manifest, read_manifest, standing
 
 NAME: Final = "submission.json"
 _WRITE: Final = "Write it with `humanclaw bench submit`."

@@ -10,8 +10,8 @@ from typing import Any, Final
 
 from humanclaw import HumanclawError
 from humanclaw_bench.attribution import CAUSES, FURTHER, NO_CALL, Funnel
-from humanclaw_bench.causes import Cause, Rule
 from humanclaw_bench.difficulty import THRESHOLDS, TIERS, tiers
+from humanclaw_bench.failure_modes import Cause, Rule
 from humanclaw_bench.hands.scores import CAUSES as HAND_CAUSES
 from humanclaw_bench.metrics import (
     ALL,

@@ -14,15 +14,14 @@ from humanclaw import Plugins, RecordError, load_run
 from humanclaw.cli import Console, plugin_files, seed_option
 from humanclaw.storage import write_result
 from humanclaw_bench.cli import PARTIAL, RUN
-from humanclaw_bench.comparison import compare_table
 from humanclaw_bench.conditions import differences as unlike
 from humanclaw_bench.export import FORMATS, row
-from humanclaw_bench.integrity import standing
 from humanclaw_bench.metrics import ALL, common, compare
 from humanclaw_bench.results import Result, named, require_whole
 from humanclaw_bench.scoring import metrics_of, results_of as _results, scored
 from humanclaw_bench.tables import ResultTable, all_tables, brief_tables, chosen_table, result_table
-from humanclaw_bench.writers import WRITERS, plain, plain_differences, terminal
+from humanclaw_bench.verification import standing
+from humanclaw_bench.writers import WRITERS, compare_table, plain, plain_differences, terminal
 
 NAMES = (
     "main",

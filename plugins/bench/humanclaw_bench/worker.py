@@ -29,7 +29,7 @@ from humanclaw import (
 from humanclaw.records import MOTION_BYTES, Outcome, Refusal, Usage, close_record
 from humanclaw.storage import Folder, writing
 from humanclaw.world import geodesics
-from humanclaw_bench.wall.deciders import Wall
+from humanclaw_bench.isolation.deciders import IsolatedDeciders
 
 FAILED: Final = "infra_error"
 ROLES: Final = {"agents": "agent", "verifiers": "verifier"}
@@ -55,7 +55,7 @@ class Job:
     in_process: bool = False
     """Whether unprivileged agents and verifiers play beside the body too, for debugging: they could change it."""
     apart: Mapping[str, str] = field(default_factory=dict)
-    """Kind to place of those that play on the other side of the wall. The privileged have no place there."""
+    """Kind to place of those that play in a process of its own. The privileged have no place there."""
     absent: tuple[str, ...] = ()
     """Plugins, by name or by path of their file, that are not loaded beside the body, since they bring agents and
     verifiers alone."""
@@ -104,7 +104,7 @@ class Worker:
         self._job, self._out, self._name = job, Folder(out), name
         self._plugins: Plugins = plugins or _beside_the_body(job)
         asked = {"agents": job.agent, "verifiers": job.verifier, "options": dict(job.options), "names": dict(job.names)}
-        self._wall = Wall(job.apart, asked, {"files": job.files, "choice": asdict(job.choice)})
+        self._isolated = IsolatedDeciders(job.apart, asked, {"files": job.files, "choice": asdict(job.choice)})
         self._stopping = stopping
         self._meter = Meter(job.limits)
         self._body: Body | None = None
@@ -170,7 +170,7 @@ class Worker:
         """Begin or resume an episode. Raises ReplayError if the world no longer reproduces the record."""
         job, plugins = self._job, self._plugins
         body = self._body = self._body or Body(spec.scene, plugins=plugins, backends=job.backends)
-        apart = self._wall.make()
+        apart = self._isolated.make()
         agent = apart.get("agents") or self._made("agents", job.agent)
         verifier = apart.get("verifiers") or self._made("verifiers", job.verifier)
         self._replayed = sum((step.usage for step in replay), Usage())
@@ -198,7 +198,7 @@ class Worker:
 
     def close(self) -> None:
         body, self._body = self._body, None
-        self._wall.close()
+        self._isolated.close()
         if body is not None:
             body.close()
 

@@ -11,7 +11,7 @@ from click.testing import CliRunner, Result
 from humanclaw import Plugins, load_run
 from humanclaw.cli import Commands
 from humanclaw_bench.cli import bench
-from humanclaw_bench.integrity import split_digest
+from humanclaw_bench.verification import split_digest
 
 
 def tell(run: Path, **more: Any) -> Path:

@@ -18,7 +18,8 @@ from humanclaw.records import Goal, is_met
 from humanclaw.world import SceneBuilder, Slide, block
 from humanclaw_bench.attribution import attribute
 from humanclaw_bench.cli import bench
-from humanclaw_bench.hands.drawing import EACH, FAMILIES, House, asked, episodes, family_of
+from humanclaw_bench.hands.families import FAMILIES, family_of
+from humanclaw_bench.hands.generate import EACH, House, asked, episodes
 from humanclaw_bench.hands.scores import says_seen
 from humanclaw_bench.scores import score
 from humanclaw_bench.splits import HOUSES, load_split

@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 import toy_world
 from click.testing import CliRunner
-from test_wall import PLAIN, board, play  # noqa: F401
+from test_isolation import PLAIN, board, play  # noqa: F401
 
 from humanclaw import RecordedEpisode
 from humanclaw.records import close_record, write_episodes

@@ -23,8 +23,8 @@ from humanclaw.body import Pose2D
 from humanclaw.records import EpisodeRecord, SkillInfo, write_episodes, write_record
 from humanclaw_bench import leaderboard
 from humanclaw_bench.cli import bench
-from humanclaw_bench.integrity import split_digest
 from humanclaw_bench.splits import load_split
+from humanclaw_bench.verification import split_digest
 
 SAT = [
     step(says="A couch is 2 m ahead.", pixels=500),

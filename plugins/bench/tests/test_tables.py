@@ -21,7 +21,6 @@ from humanclaw.cli import Console
 from humanclaw.records import Difficulty, StepRecord, Verdict, write_episodes
 from humanclaw.world import GAZES
 from humanclaw_bench.attribution import CAUSES, attribute
-from humanclaw_bench.comparison import compare_table, compared, verdict
 from humanclaw_bench.metrics import ALL, MAIN, compare
 from humanclaw_bench.overview import overview
 from humanclaw_bench.results import Result as Scored, named
@@ -29,7 +28,7 @@ from humanclaw_bench.scores import Scores, score
 from humanclaw_bench.scoring import metrics_of, scored
 from humanclaw_bench.statistics import Difference, wilson
 from humanclaw_bench.tables import Column, ResultTable, all_tables, factors_table, result_table
-from humanclaw_bench.writers import latex, markdown, terminal, texts
+from humanclaw_bench.writers import compare_table, compared, latex, markdown, terminal, texts, verdict
 
 SEE = "A couch is 2 m ahead."
 FOUND = step(says=SEE, pixels=500, end=(1.0, 1.0, 0.0))

@@ -22,18 +22,18 @@ from humanclaw import RecordedEpisode, StepRecord
 from humanclaw.cli import counted
 from humanclaw.records import Usage
 from humanclaw.storage import Folder
-from humanclaw_report.facts import (
+from humanclaw_report.episode_summary import (
     Milestone,
     in_words,
     milestones,
     touches,
     verdict_of,
 )
-from humanclaw_report.houses import Drawn
-from humanclaw_report.maps import PathMap, colour, path_maps
-from humanclaw_report.marks import Mark, marks
+from humanclaw_report.floor_plan import PathMap, colour, path_maps
 from humanclaw_report.replay import EVERY, as_json, data_uri, person, replay
+from humanclaw_report.scene_cache import Drawn
 from humanclaw_report.three import three
+from humanclaw_report.timeline_markers import Mark, marks
 
 PARTS: Final = ("observe", "decide", "verify", "generate", "simulate")
 FILM_BYTES: Final = 4_000_000

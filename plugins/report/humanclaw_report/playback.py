@@ -13,7 +13,7 @@ from humanclaw import Motion, RecordedEpisode, RecordError, Scene, StepRecord
 from humanclaw.body import JOINT_INDEX, Array
 from humanclaw.world import GROUND, Camera, WorldState, floors_of
 from humanclaw_report.camera import BEHIND, FACING, follow, look_at, smoothed
-from humanclaw_report.maps import storeys_at
+from humanclaw_report.floor_plan import storeys_at
 
 SHOWN: Final = [
     JOINT_INDEX[name] for name in ("head", "pelvis", "left_wrist", "right_wrist", "left_foot", "right_foot")

@@ -29,7 +29,7 @@ from humanclaw.body import (
 from humanclaw.records import touched_above_ground
 from humanclaw.storage import jpeg
 from humanclaw.world import STRUCTURE, Asset, CameraMount, Mesh
-from humanclaw_report.facts import name_of, named
+from humanclaw_report.episode_summary import name_of, named
 
 EVERY: Final = 2
 """Frames of motion for each frame of the replay; the page interpolates between frames."""

@@ -12,9 +12,9 @@ from humanclaw import RecordedEpisode, RecordError, Scene, load_run
 from humanclaw.records import REPORT
 from humanclaw.storage import Folder, write_result
 from humanclaw_report.episode_page import Shared, episode_page, link, skin_script
-from humanclaw_report.facts import episodes_asked
-from humanclaw_report.houses import Drawn, Houses
+from humanclaw_report.episode_summary import episodes_asked
 from humanclaw_report.run_page import Collected, run_page
+from humanclaw_report.scene_cache import Drawn, Houses
 from humanclaw_report.three import three
 
 FOLDER: Final = "report"

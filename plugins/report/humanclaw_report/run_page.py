@@ -13,7 +13,7 @@ from humanclaw import RecordedEpisode
 from humanclaw.cli import counted
 from humanclaw.records import EpisodeSpec, Usage
 from humanclaw_report.episode_page import PARTS, environment, link
-from humanclaw_report.facts import Milestone, listed, milestones
+from humanclaw_report.episode_summary import Milestone, listed, milestones
 
 WORDS: Final = {True: "success", False: "failure", None: "not counted"}
 """The result of an episode in a word, for readers who do not see colours."""

@@ -18,8 +18,8 @@ from humanclaw.cli import Handler, Server
 from humanclaw.records import FRAME_BYTES, RECORD_BYTES, STEPS_BYTES, stopped_within_reach
 from humanclaw.storage import Folder
 from humanclaw_report.episode_page import environment, episode_page
-from humanclaw_report.facts import episodes_asked
-from humanclaw_report.houses import Houses
+from humanclaw_report.episode_summary import episodes_asked
+from humanclaw_report.scene_cache import Houses
 
 SECONDS: Final = 1.0
 """Seconds between two reads of the folder."""

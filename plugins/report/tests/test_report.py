@@ -18,11 +18,11 @@ from rooms import UPSTAIRS, asset, block, scene_object, two_rooms, two_storeys
 import humanclaw_report
 from humanclaw import RecordedEpisode, RecordError, Scene, SceneError, load_run
 from humanclaw.body import HISTORY
-from humanclaw_report.facts import in_words, milestones, named, touches
-from humanclaw_report.houses import KEPT, Drawn, Houses
-from humanclaw_report.maps import house_maps, path_maps, storeys_at
-from humanclaw_report.marks import marks
+from humanclaw_report.episode_summary import in_words, milestones, named, touches
+from humanclaw_report.floor_plan import house_maps, path_maps, storeys_at
 from humanclaw_report.report import write_report
+from humanclaw_report.scene_cache import KEPT, Drawn, Houses
+from humanclaw_report.timeline_markers import marks
 
 VOID = {"meta", "img", "br", "link", "input", "hr"}
 

@@ -24,8 +24,8 @@ from humanclaw.records import (
     role_of,
 )
 from humanclaw.world import distance_to_nearest
-from humanclaw_bench.causes import Rule, Stage, first_cause
-from humanclaw_bench.hands.drawing import Family, family_of
+from humanclaw_bench.failure_modes import Rule, Stage, first_cause
+from humanclaw_bench.hands.families import Family, family_of
 
 _HOLDING: Final[tuple[Stage, ...]] = ("find", "nav", "reach", "hold")
 STAGES: Final[Mapping[Family, tuple[Stage, ...]]] = {

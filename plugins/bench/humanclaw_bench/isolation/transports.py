@@ -12,7 +12,7 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import Any, Final
 
 from humanclaw import LimitError, PluginError, ProviderClosedError, ProviderError
-from humanclaw_bench.wall.messages import Json
+from humanclaw_bench.isolation.messages import Json
 
 LARGEST: Final = 16 * 2**20
 """Bytes that an answer may have."""
@@ -26,12 +26,12 @@ class OverdueError(Exception):
     """No answer came in time."""
 
 
-class ProcessLink:
+class ProcessTransport:
     """A process of this machine, which answers one request a line. Started when needed; one that died is replaced."""
 
     def __init__(self, arguments: Sequence[str]) -> None:
-        """arguments: of `python -m humanclaw_bench.wall`."""
-        self._command = [sys.executable, "-m", "humanclaw_bench.wall", *arguments]
+        """arguments: of `python -m humanclaw_bench.isolation`."""
+        self._command = [sys.executable, "-m", "humanclaw_bench.isolation", *arguments]
         self._process: subprocess.Popen[bytes] | None = None
         # Requests are written and answers read in a thread: a process that does neither would hold up whoever asks.
         self._thread = ThreadPoolExecutor(1)

@@ -8,7 +8,7 @@ from typing import Literal
 
 from humanclaw import RecordedEpisode, StepRecord
 from humanclaw.records import in_view, on_target, touched_above_ground
-from humanclaw_report.facts import name_of, verdict_of
+from humanclaw_report.episode_summary import name_of, verdict_of
 
 
 @dataclass(frozen=True)

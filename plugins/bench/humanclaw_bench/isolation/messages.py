@@ -90,7 +90,7 @@ def _skill(told: Mapping[str, Any]) -> Skill:
 
 
 def _unplayable(params: Mapping[str, Any]) -> Plan:
-    raise RuntimeError("the body is on the other side of the wall: decide on the call, and the benchmark plays it")
+    raise RuntimeError("the body is in a process of its own: decide on the call, and the benchmark plays it")
 
 
 # -- a step ------------------------------------------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""The body's side of the wall: an agent and a verifier that ask their other halves."""
+"""The body's side: an agent and a verifier that ask their other halves in another process."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from humanclaw import (
     Verdict,
 )
 from humanclaw.plugins import StandIn
-from humanclaw_bench.wall.links import GRACE, STARTING, OverdueError, ProcessLink
-from humanclaw_bench.wall.messages import PROTOCOL, Json, from_json, past, seen, task, to_json
+from humanclaw_bench.isolation.messages import PROTOCOL, Json, from_json, past, seen, task, to_json
+from humanclaw_bench.isolation.transports import GRACE, STARTING, OverdueError, ProcessTransport
 
 T = TypeVar("T")
 PROCESS: Final = "process"
-"""The place of an agent or a verifier on the other side of the wall, as records name it."""
+"""The place of an agent or a verifier in a process of its own, as records name it."""
 LONGEST: Final = 24 * 3600.0
 """Seconds to wait for an answer without a time limit."""
 
@@ -43,11 +43,11 @@ class Introduction:
 
 
 class _Apart(StandIn):
-    """An agent or a verifier on the other side of the wall. It is told nothing but its task."""
+    """An agent or a verifier in a process of its own. It is told nothing but its task."""
 
     privileged: Final = False
 
-    def __init__(self, link: ProcessLink, role: str, told: Introduction) -> None:
+    def __init__(self, link: ProcessTransport, role: str, told: Introduction) -> None:
         self.name, self.owner = told.name, told.owner or "the agent's side"
         self.settings, self.versions = told.settings, told.versions
         self._link, self._role, self._meter = link, role, Meter()
@@ -103,7 +103,7 @@ def _read(kind: type[T], answer: object, method: str) -> T:
 KINDS: Final = {"agents": ApartAgent, "verifiers": ApartVerifier}
 
 
-def introduce(link: ProcessLink, kinds: Sequence[str], params: Json) -> dict[str, Introduction]:
+def introduce(link: ProcessTransport, kinds: Sequence[str], params: Json) -> dict[str, Introduction]:
     """Have agent and verifier made. Returns what is said of each, by kind.
 
     Raises PluginError and ProviderError, as their factories may, RuntimeError for a side that cannot answer, and
@@ -115,7 +115,7 @@ def introduce(link: ProcessLink, kinds: Sequence[str], params: Json) -> dict[str
     return {kind: _read(Introduction, told.get(kind), "initialize") for kind in kinds}
 
 
-class Wall:
+class IsolatedDeciders:
     """The other side of one worker: its process, and the halves of agent and verifier for each episode."""
 
     def __init__(self, kinds: Collection[str], asked: Mapping[str, Any], loads: Mapping[str, Any]) -> None:
@@ -129,7 +129,7 @@ class Wall:
         self._kinds = list(kinds)
         elsewhere = KINDS.keys() - kinds
         self._asked = {name: told for name, told in asked.items() if name not in elsewhere}
-        self._link = ProcessLink([json.dumps(loads)])
+        self._link = ProcessTransport([json.dumps(loads)])
 
     def make(self) -> dict[str, Any]:
         """Return new halves of agent and verifier by kind, for the next episode.

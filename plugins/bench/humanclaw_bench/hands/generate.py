@@ -11,7 +11,7 @@ from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final, Literal
+from typing import Final
 
 import numpy as np
 
@@ -19,10 +19,9 @@ from humanclaw import EpisodeSpec, Scene
 from humanclaw.body import Array, Pose2D
 from humanclaw.records import Goal, name_of, route_difficulty
 from humanclaw.world import DistanceField, MultiFloorMap, SceneObject, viewpoints
+from humanclaw_bench.hands.families import FAMILIES, Family, family_of
 from humanclaw_bench.splits import NEAREST, roomy
 
-Family = Literal["bring", "tidy", "open", "look"]
-FAMILIES: Final[tuple[Family, ...]] = ("bring", "tidy", "open", "look")
 EACH: Final = 75
 """Episodes of each family in `hands`; 15 of them in `mini-hands`, 1 in `smoke-hands`."""
 STEPS: Final[Mapping[Family, int]] = {"bring": 200, "tidy": 200, "open": 100, "look": 100}
@@ -289,11 +288,3 @@ def _balanced(looks: Sequence[EpisodeSpec]) -> list[EpisodeSpec]:
 def asked(spec: EpisodeSpec) -> tuple[str, str]:
     """Return the furniture and what is asked for in it."""
     return spec.target_category, spec.instruction.partition(" in the ")[0]
-
-
-def family_of(spec: EpisodeSpec) -> Family:
-    """Return the family of an episode, from its goal."""
-    assert spec.goal is not None
-    if spec.goal.on is None:
-        return "look" if spec.goal.answer else "open"
-    return "tidy" if spec.instruction.startswith("tidy") else "bring"

@@ -13,11 +13,13 @@ from pydantic import TypeAdapter, ValidationError
 from humanclaw import HumanclawError, RecordedEpisode, Scene, __version__
 from humanclaw.storage import Cache, source_digest
 from humanclaw.world import floors_of
-from humanclaw_report.facts import named
-from humanclaw_report.maps import HouseMap, house_maps
+from humanclaw_report.episode_summary import named
+from humanclaw_report.floor_plan import HouseMap, house_maps
 from humanclaw_report.replay import as_json, house
 
-_CODE: Final = tuple(f"humanclaw_report/{name}.py" for name in ("facts", "houses", "maps", "replay"))
+_CODE: Final = tuple(
+    f"humanclaw_report/{name}.py" for name in ("episode_summary", "scene_cache", "floor_plan", "replay")
+)
 """What may change the drawing of the same scene."""
 SCRIPT: Final = "window.humanclawHouse = "
 KEPT: Final = 4

@@ -1,4 +1,4 @@
-"""The deciders' side of the wall: make agent and verifier, and answer requests about one episode after another."""
+"""The deciders' side: make agent and verifier, and answer requests about one episode after another."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from humanclaw import (
     Verdict,
 )  # fmt: skip
 from humanclaw.plugins import admit, name_of, noun, origin, settings_of
-from humanclaw_bench.wall.messages import PROTOCOL, Json, context_of, entry_of, from_json, observation_of, to_json
+from humanclaw_bench.isolation.messages import PROTOCOL, Json, context_of, entry_of, from_json, observation_of, to_json
 
 METHOD_NOT_FOUND: Final = -32601
 RAISED: Final = -32000

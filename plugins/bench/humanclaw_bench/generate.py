@@ -19,7 +19,7 @@ from humanclaw import EpisodeSpec, Plugins
 from humanclaw.cli import Console, parse_pairs, seed_option
 from humanclaw.plugins import Tasks
 from humanclaw.records import write_episodes
-from humanclaw_bench.hands.drawing import choose, episodes
+from humanclaw_bench.hands.generate import choose, episodes
 from humanclaw_bench.splits import (
     DEV_HOUSES,
     HOUSES,

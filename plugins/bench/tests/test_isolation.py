@@ -16,8 +16,8 @@ from humanclaw import HumanclawError, Plugins, RecordedEpisode, load_run
 from humanclaw.world import GAZES
 from humanclaw_bench.cli import bench
 from humanclaw_bench.executors import LocalExecutor
+from humanclaw_bench.isolation.transports import ProcessTransport
 from humanclaw_bench.runner import run_split
-from humanclaw_bench.wall.links import ProcessLink
 from humanclaw_bench.worker import Job
 
 pytestmark = pytest.mark.integration
@@ -271,22 +271,22 @@ class Mine(Agent):
 
 
 def test_an_agent_that_hangs_is_ended_by_the_time_limit(play, monkeypatch):
-    monkeypatch.setattr("humanclaw_bench.wall.deciders.GRACE", 0.2)
+    monkeypatch.setattr("humanclaw_bench.isolation.deciders.GRACE", 0.2)
     hangs = "\nclass Mine(Agent):\n    def decide(self, observation, history): time.sleep(600)\n"
     _, folder = play(hangs, limits={"call.seconds": 1.0})
     assert RecordedEpisode(folder / "toy-0").record.outcome == "limit_reached"
 
 
 def test_an_agent_that_stops_reading_is_ended_by_the_time_limit(play, monkeypatch):
-    monkeypatch.setattr("humanclaw_bench.wall.deciders.GRACE", 0.2)
+    monkeypatch.setattr("humanclaw_bench.isolation.deciders.GRACE", 0.2)
     # It sleeps once it has answered, before it is asked again; a view with its history is more than a pipe holds.
-    ask = ProcessLink.ask
+    ask = ProcessTransport.ask
 
     def later(self, method, params, seconds=None):
         time.sleep(0.3 if method == "decide" else 0.0)
         return ask(self, method, params, seconds)
 
-    monkeypatch.setattr(ProcessLink, "ask", later)
+    monkeypatch.setattr(ProcessTransport, "ask", later)
     deaf = """
 import signal, threading
 class Mine(Agent):
@@ -301,7 +301,7 @@ class Mine(Agent):
 @pytest.mark.parametrize("told", ["5", "{'name': 5}", "{'name': 'x', 'versions': 7}", "{'name': 'x', 'settings': []}"])
 def test_who_introduces_itself_wrongly_ends_the_run_by_its_name(play, told):
     wrong = f"""
-import humanclaw_bench.wall.session as session
+import humanclaw_bench.isolation.session as session
 class Mine(Agent): ...
 if "wall" in sys.argv[0]:
     session.Session._initialize = lambda self, params: {{"protocolVersion": "1", "agents": {told}}}
@@ -312,7 +312,7 @@ if "wall" in sys.argv[0]:
 
 def test_an_agent_cannot_tell_versions_of_what_plays_beside_the_body(play):
     lies = """
-import humanclaw_bench.wall.session as session
+import humanclaw_bench.isolation.session as session
 class Mine(Agent): ...
 if "wall" in sys.argv[0]: session.Session._versions = lambda self, kind, name: {"humanclaw": "99", "own": "1"}
 """
@@ -342,7 +342,7 @@ def test_an_error_of_an_agent_has_its_own_name_in_the_record(play):
 
 
 def test_a_process_that_cannot_start_ends_the_run(play):
-    dies = "\nimport humanclaw_bench.wall\nif 'wall' in sys.argv[0]: os._exit(5)\n"
+    dies = "\nimport humanclaw_bench.isolation\nif 'isolation' in sys.argv[0]: os._exit(5)\n"
     with pytest.raises(Exception, match="agent and verifier cannot be made: its process ended with exit code 5"):
         play(PLAIN + dies)
 

@@ -1,4 +1,4 @@
-"""Serve one worker: `python -m humanclaw_bench.wall`, as the worker starts it, answers a request a line."""
+"""Serve one worker: `python -m humanclaw_bench.isolation`, as the worker starts it, answers a request a line."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from humanclaw import Choice, Plugins
-from humanclaw_bench.wall.session import Session
+from humanclaw_bench.isolation.session import Session
 
 
 def main() -> None:

@@ -8,12 +8,12 @@ from dataclasses import replace
 from pathlib import Path
 
 from humanclaw import EpisodeSpec, Plugins
-from humanclaw_bench import repair
+from humanclaw_bench import counterfactual
 from humanclaw_bench.attribution import CAUSES
-from humanclaw_bench.repair import drawn
+from humanclaw_bench.counterfactual import drawn
 from humanclaw_bench.scores import Scores
 
-FAULTS = repair.known_faults(Plugins.discover())
+FAULTS = counterfactual.known_faults(Plugins.discover())
 BY_LABEL = {cause.label: cause for cause in CAUSES}
 
 
@@ -28,19 +28,19 @@ def test_repair_counts_by_label_who_is_saved_by_the_blamed_capability():
     far, blind = BY_LABEL["nav: stop while far"], BY_LABEL["find: target in view but not seen"]
     causes = {"e0": far, "e1": far, "e2": far, "e3": blind, "e4": None}
     right = {f"e{k}": scores(k, nav=k != 1) for k in range(4)}
-    rows = repair.repaired(causes, right, second={"e0", "e1"})
+    rows = counterfactual.repaired(causes, right, second={"e0", "e1"})
     assert [row.second for row in rows] == [0, 1]  # e0 was mended.
     assert [row.label for row in rows] == [blind.label, far.label]
     assert [(row.count, row.repaired) for row in rows] == [(1, 1), (3, 2)]
-    assert "| nav: stop while far | ego-spatial distance | 3 | 2 (67 %) |" in repair.markdown(rows)
+    assert "| nav: stop while far | ego-spatial distance | 3 | 2 (67 %) |" in counterfactual.markdown(rows)
 
 
 def test_a_second_label_can_blame_the_missing_capability():
     hidden = replace(scores(0, nav=False), also="find: ineffective actions; nav: turned to sit")
-    assert repair.second_blames(hidden, "action")
-    assert repair.second_blames(hidden, "body awareness")
-    assert not repair.second_blames(hidden, "perception")
-    assert not repair.second_blames(scores(0, nav=False), "action")
+    assert counterfactual.second_blames(hidden, "action")
+    assert counterfactual.second_blames(hidden, "body awareness")
+    assert not counterfactual.second_blames(hidden, "perception")
+    assert not counterfactual.second_blames(scores(0, nav=False), "action")
 
 
 def specs(count: int) -> list[EpisodeSpec]:
@@ -49,24 +49,24 @@ def specs(count: int) -> list[EpisodeSpec]:
 
 def test_episodes_are_played_until_every_fault_has_led_to_its_root_cause_often_enough():
     everything, causes = specs(500), {}
-    first = repair.wanting(everything, causes, 3, FAULTS)
+    first = counterfactual.wanting(everything, causes, 3, FAULTS)
     assert len(first) == 3 * len(FAULTS)
     causes = {spec.id: BY_LABEL[drawn(spec, FAULTS).cause] for spec in first}
     spoilt = next(spec for spec in first if drawn(spec, FAULTS).name == "jam")
     causes[spoilt.id] = None
-    (another,) = repair.wanting(everything, causes, 3, FAULTS)
+    (another,) = counterfactual.wanting(everything, causes, 3, FAULTS)
     assert drawn(another, FAULTS).name == "jam"
     assert another not in first
 
 
 def test_what_is_played_ends_with_the_episodes():
     everything = specs(10)
-    assert repair.wanting(everything, {spec.id: None for spec in everything}, 3, FAULTS) == []
+    assert counterfactual.wanting(everything, {spec.id: None for spec in everything}, 3, FAULTS) == []
 
 
 def test_a_fault_that_shows_nothing_is_tried_three_times_as_often_and_then_left():
     everything, causes = specs(500), {}
-    while todo := repair.wanting(everything, causes, 2, FAULTS):
+    while todo := counterfactual.wanting(everything, causes, 2, FAULTS):
         causes |= {spec.id: None for spec in todo}
     assert Counter(drawn(spec, FAULTS).name for spec in everything if spec.id in causes) == dict.fromkeys(
         (fault.name for fault in FAULTS), 6

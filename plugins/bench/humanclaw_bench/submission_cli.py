@@ -16,9 +16,9 @@ from humanclaw.records import MOTION_BYTES, RECORD_BYTES
 from humanclaw.storage import Folder, write_result
 from humanclaw_bench import leaderboard as leaderboards, submission as submissions
 from humanclaw_bench.cli import PARTIAL, RUN
-from humanclaw_bench.integrity import MANIFEST, check, split_digest
 from humanclaw_bench.replay import Replayed, replayed, sample
 from humanclaw_bench.splits import load_split
+from humanclaw_bench.verification import MANIFEST, check, split_digest
 
 F = TypeVar("F", bound=Callable[..., object])
 FOLDER = click.Path(file_okay=False, path_type=Path)

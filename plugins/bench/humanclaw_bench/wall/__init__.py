@@ -1,5 +1,0 @@
-"""The wall between a body and those who decide: agent and verifier play in a process of their own.
-
-Requests are JSON-RPC 2.0, one a line over a pipe; docs/wall.md describes them. messages: values to JSON
-and back. session: the deciders' side. links: the pipe. deciders: the body's side.
-"""
