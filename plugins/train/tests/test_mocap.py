@@ -1,5 +1,7 @@
 """Tests of motion capture readers. Every expected number is computed by hand from the file's few lines."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -194,6 +196,7 @@ def test_words_of_a_bvh_may_be_in_capitals_or_not(tmp_path):
         np.testing.assert_allclose(motion.positions, plain.positions, atol=1e-9)
 
 
+JOINT_WORDS = re.compile(r"(?:ROOT|JOINT) (\S+)")
 STANDING = {"Hips": (0, 0.9, 0), "LeftUpLeg": (0.1, 0.9, 0), "LeftLeg": (0.1, 0.5, 0), "LeftFoot": (0.1, 0.1, 0),
             "RightUpLeg": (-0.1, 0.9, 0), "RightLeg": (-0.1, 0.5, 0), "RightFoot": (-0.1, 0.1, 0),
             "Spine": (0, 1.2, 0), "LeftArm": (0.2, 1.4, 0), "LeftForeArm": (0.2, 1.1, 0), "LeftHand": (0.2, 0.9, 0),
@@ -236,6 +239,24 @@ def test_the_up_axis_of_a_bvh_is_found_from_head_and_feet(tmp_path, prefix, turn
     head, foot = (motion.joints()[:, JOINTS.index(name)] for name in ("head", "left_ankle"))
     np.testing.assert_allclose((head - foot)[:, 1], (head - foot)[0, 1])
     assert (head - foot)[0, 1] > 1.2
+
+
+def test_zero_angles_that_are_no_pose_give_way_to_a_frame(tmp_path):
+    """A skeleton whose bones all lie along X at zero angles, as LAFAN's: the legs hang by a turn of the hips."""
+    text = standing_bvh()
+    for side in ("Left", "Right"):
+        text = text.replace(f"JOINT {side}Leg\n{{\nOFFSET 0.0 -0.4 0.0", f"JOINT {side}Leg\n{{\nOFFSET 0.4 0.0 0.0")
+        text = text.replace(f"JOINT {side}Foot\n{{\nOFFSET 0.0 -0.4 0.0", f"JOINT {side}Foot\n{{\nOFFSET 0.4 0.0 0.0")
+    hips = [position for position, word in enumerate(JOINT_WORDS.findall(text)) if word.endswith("UpLeg")]
+    row = text.splitlines()[-1].split()
+    for joint in hips:
+        row[3 + 3 * joint] = "-90"
+    lines = text.splitlines()[:-30] + [" ".join(row)] * 30
+    motion = retarget(load(written(tmp_path, "a.bvh", "\n".join(lines))))
+    knee, ankle = (motion.joints()[0, JOINTS.index(f"left_{name}")] for name in ("knee", "ankle"))
+    np.testing.assert_allclose((knee - ankle) / np.linalg.norm(knee - ankle), [0, 1, 0], atol=0.05)
+    thigh = motion.rotations[0, JOINTS.index("left_hip")]
+    np.testing.assert_allclose(thigh, 0, atol=0.05)
 
 
 def test_an_amass_file_that_is_y_up_already_is_not_laid_on_its_back(tmp_path):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Final, Literal, get_args
+from typing import Final, Literal, cast, get_args
 
 import numpy as np
 
@@ -31,43 +31,55 @@ def stood_up(source: SourceMotion, asked: Up | None, usual: Up) -> SourceMotion:
         turn = _to_y(asked or usual)
         return source.turned(turn, turn)
     top, feet = naming.get("head", naming.get("neck", naming["left_shoulder"])), ("left_ankle", "right_ankle")
-    columns = [source.joints.index(name) for name in (top, *(naming[foot] for foot in feet))]
-    motion = asked or _found(source.positions, source.positions[:, columns], usual)
-    # A set-up pose has no path and no floor, but it stands.
-    reference = _stands(source.rest.positions[None, columns]) or "y"
-    return source.turned(_to_y(motion), _to_y(reference))
+    columns = [source.joints.index(name) for name in (top, naming["pelvis"], *(naming[foot] for foot in feet))]
+    joints = source.positions[:, columns]
+    up = asked or _found(source.positions, joints, usual)
+    reference = _stands(source.rest.positions[None, columns])
+    if reference is None:
+        # Zero angles that are no pose of a person, as of LAFAN and Rokoko, whose bones all lie along X then.
+        source, reference = source.with_reference_frame(_straightest(joints, up)), up
+    return source.turned(_to_y(up), _to_y(reference))
 
 
 def _found(positions: Array, joints: Array, usual: Up) -> Up:
-    """Return the axis that points up. positions: (T, J, 3) of all joints. joints: (T, 3, 3) of head and ankles.
+    """Return the axis that points up. positions: (T, J, 3) of all joints. joints: (T, 4, 3) of head, pelvis, ankles.
 
-    A body that lies along an axis looks like one that stands along it. It lies if its floor is at 0 along the usual
-    axis, and not along its own.
+    A body that lies along an axis looks like one that stands along it. It lies if all its joints are just above 0 along
+    the usual axis, and its feet are not at 0 along its own.
     """
     stands = _stands(joints)
     if stands is None or stands == usual:
         return usual
     height = float(np.median(np.linalg.norm(_length(joints), axis=-1)))
-    lies = _at_zero(positions, usual, height) and not _at_zero(positions, stands, height)
+    lies = 0 < _lowest(positions, usual) < _NEAR * height and abs(_lowest(positions, stands)) > _NEAR * height
     return usual if lies else stands
 
 
 def _length(joints: Array) -> Array:
     """Return (T, 3) from the middle of the ankles to the head."""
-    return np.asarray(joints[:, 0] - joints[:, 1:].mean(axis=1))
+    return np.asarray(joints[:, 0] - joints[:, 2:].mean(axis=1))
 
 
 def _stands(joints: Array) -> Up | None:
-    """Return the axis along which a body stands in most frames."""
-    length = _length(joints)
-    length = length / np.maximum(np.linalg.norm(length, axis=-1, keepdims=True), 1e-9)
-    axes: tuple[Up, ...] = get_args(Up)
-    return next((up for up in axes if np.mean(length @ _axis(up) > _ALONG) >= _MOSTLY), None)
+    """Return the axis along which a body stands in most frames, its pelvis between head and ankles."""
+    length = np.linalg.norm(_length(joints), axis=-1)
+    for up in get_args(Up):
+        heights = joints @ _axis(up)
+        head, pelvis, ankles = heights[:, 0], heights[:, 1], heights[:, 2:].mean(axis=1)
+        if np.mean((head - ankles > _ALONG * length) & (head > pelvis) & (pelvis > ankles)) >= _MOSTLY:
+            return cast(Up, up)
+    return None
 
 
-def _at_zero(positions: Array, up: Up, height: float) -> bool:
-    """Whether the lowest joint of most frames is at 0."""
-    return bool(abs(np.median((positions @ _axis(up)).min(axis=1))) < _NEAR * height)
+def _straightest(joints: Array, up: Up) -> int:
+    """Return the frame in which back and legs point up most."""
+    parts = joints[:, 0] - joints[:, 1], joints[:, 1] - joints[:, 2:].mean(axis=1)
+    return int(np.argmax(sum(part @ _axis(up) / np.linalg.norm(part, axis=-1) for part in parts)))
+
+
+def _lowest(positions: Array, up: Up) -> float:
+    """Return the median height of each frame's lowest joint."""
+    return float(np.median((positions @ _axis(up)).min(axis=1)))
 
 
 def _axis(up: Up) -> Array:
