@@ -15,7 +15,7 @@ from tqdm import tqdm
 from humanclaw import HumanclawError, RecordedEpisode, RecordError, Renderer, Scene, StepRecord
 from humanclaw.body import FPS
 from humanclaw.storage import Folder, gif
-from humanclaw_report.playback import Replay
+from humanclaw_report.playback import FilmScene
 
 Picture = NDArray[np.uint8]
 FILM_SIZE: Final = (1280, 720)
@@ -49,11 +49,11 @@ def film(
         RecordError: The record holds no motion, or out cannot be written.
     """
     _refuse(every, size)
-    replay = Replay.of(episode, scene)
-    if kind == "gif" and len(replay.motion) // every * size[0] * size[1] * 3 > GIF_BYTES:
-        told = f"a GIF of {len(replay.motion)} frames is too large at every={every} and {size[0]} x {size[1]}."
+    film_scene = FilmScene.of(episode, scene)
+    if kind == "gif" and len(film_scene.motion) // every * size[0] * size[1] * 3 > GIF_BYTES:
+        told = f"a GIF of {len(film_scene.motion)} frames is too large at every={every} and {size[0]} x {size[1]}."
         raise HumanclawError(told, "Name a smaller size, a larger every, or an MP4 file.")
-    pictures = _pictures(replay, renderer, every, size)
+    pictures = _pictures(film_scene, renderer, every, size)
     try:
         with Folder(out.parent).placed(out.name) as file:
             _mp4(pictures, file, FPS / every, size) if kind == "mp4" else gif(list(pictures), file, FPS / every)
@@ -72,27 +72,29 @@ def _refuse(every: int, size: tuple[int, int]) -> None:
 
 
 # -- drawing -----------------------------------------------------------------------------------------------------------
-def _shots(replay: Replay, renderer: Renderer, frames: Iterable[int], size: tuple[int, int]) -> Iterator[Picture]:
+def _shots(
+    film_scene: FilmScene, renderer: Renderer, frames: Iterable[int], size: tuple[int, int]
+) -> Iterator[Picture]:
     """Yield the body from outside at each frame, in the scene of its storey; without the objects in the way."""
     shown: Scene | None = None
     for frame in frames:
-        scene = replay.scenes[replay.storeys[frame]]
+        scene = film_scene.scenes[film_scene.storeys[frame]]
         if scene is not shown:
             renderer.load(scene)
             shown = scene
-        yield renderer.render(replay.state(frame), replay.camera(frame, size)).rgb
+        yield renderer.render(film_scene.state(frame), film_scene.camera(frame, size)).rgb
 
 
-def _pictures(replay: Replay, renderer: Renderer, every: int, size: tuple[int, int]) -> Iterator[Picture]:
+def _pictures(film_scene: FilmScene, renderer: Renderer, every: int, size: tuple[int, int]) -> Iterator[Picture]:
     inset: tuple[str, Image.Image | None] = ("", None)
-    frames = range(0, len(replay.motion), every)
-    shots = _shots(replay, renderer, frames, size)
+    frames = range(0, len(film_scene.motion), every)
+    shots = _shots(film_scene, renderer, frames, size)
     # disable=None hides the progress bar where the output is not a terminal.
     for frame, shot in zip(tqdm(frames, "film", unit="frame", disable=None, leave=False), shots, strict=True):
-        step = replay.step(frame)
+        step = film_scene.step(frame)
         # Each view is shown for all frames of its step, so it is read once.
         if step and step.frame_file != inset[0]:
-            inset = (step.frame_file, _ego(replay.episode.picture(step), size[1] // 3))
+            inset = (step.frame_file, _ego(film_scene.episode.picture(step), size[1] // 3))
         yield _caption(shot, step, inset[1])
 
 

@@ -28,7 +28,7 @@ SLAB: Final = 0.4
 
 
 @dataclass(frozen=True, eq=False)
-class Replay:
+class FilmScene:
     """An episode's motion in its scene, with a camera for every frame."""
 
     episode: RecordedEpisode
@@ -44,7 +44,7 @@ class Replay:
     """For each frame, ids of the objects that are left out because they hide the body from the camera."""
 
     @classmethod
-    def of(cls, episode: RecordedEpisode, scene: Scene) -> Replay:
+    def of(cls, episode: RecordedEpisode, scene: Scene) -> FilmScene:
         if not episode.has_motion:
             raise RecordError(f"{episode.folder} holds no motion.", "Only an episode that has ended can be filmed.")
         motion, objects = episode.motion(), episode.objects()

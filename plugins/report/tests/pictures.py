@@ -11,7 +11,6 @@ import io
 import shutil
 import subprocess
 import sys
-import threading
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Final
@@ -20,8 +19,7 @@ import numpy as np
 from browser import browsing
 from PIL import Image
 
-from humanclaw import Plugins, load_run
-from humanclaw_report.watch import Watcher, server
+from humanclaw import load_run
 
 SIZES: Final = {"1400": ({"width": 1400, "height": 1000}, "light"), "390-dark": ({"width": 390, "height": 844}, "dark")}
 ALIKE: Final = 10.0
@@ -50,7 +48,7 @@ def make(run: Path, other: Path, out: Path) -> None:
             picture = _seen(browser, page, {"width": 1000, "height": 1200}, "light", last, part="#stage")
             picture.thumbnail((480, 480))
             picture.save(out / f"replay-{one.record.spec.target_category}.jpg", quality=82)
-        for name, picture in {**_person(browser), "leaderboard": _board(browser, run, other)}.items():
+        for name, picture in {"human": _person(browser), "leaderboard": _board(browser, run, other)}.items():
             picture.save(out / f"{name}-1400.jpg", quality=82)
     pair.unlink()
 
@@ -72,8 +70,8 @@ def _board(browser: Any, *runs: Path) -> Image.Image:
         return _taken(tab)
 
 
-def _person(browser: Any) -> dict[str, Image.Image]:
-    """Return pictures of the page of a person who decides, after two steps, and of who watches."""
+def _person(browser: Any) -> Image.Image:
+    """Return a picture of the page of a person who decides, after two steps."""
     with TemporaryDirectory() as folder:
         words = ["run", "--agent", "human", "--instruction", "find a couch and sit on it", "--option", "browser=false"]
         playing = subprocess.Popen(
@@ -88,22 +86,9 @@ def _person(browser: Any) -> dict[str, Image.Image]:
             tab.wait_for_function(f"document.getElementById('step').textContent.startsWith('Step {step} of')")
             tab.wait_for_timeout(1000)  # The half second that led here is shown first.
             if key == "End":
-                pictures = {"human": _taken(tab), "watch": _watched(browser, Path(folder, "run"))}
+                picture = _taken(tab)
             tab.keyboard.press(key)
         playing.communicate()
-    return pictures
-
-
-def _watched(browser: Any, run: Path) -> Image.Image:
-    """Return a picture of the live page of a run."""
-    serving = server(Watcher(run, Plugins.discover().scene))
-    threading.Thread(target=serving.serve_forever, daemon=True).start()
-    tab = browser.new_page(viewport={"width": 1400, "height": 1000})
-    tab.goto(f"http://127.0.0.1:{serving.server_address[1]}/")
-    tab.locator(".card canvas").wait_for(timeout=120_000)
-    tab.wait_for_timeout(1000)
-    picture = _taken(tab)
-    serving.shutdown()
     return picture
 
 

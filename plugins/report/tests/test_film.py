@@ -20,7 +20,7 @@ from humanclaw.storage import gif
 from humanclaw.world import Camera, View, WorldState
 from humanclaw_report.camera import DISTANCE, follow
 from humanclaw_report.film import GIF_SIZE, film
-from humanclaw_report.playback import Replay, hung_on, opened
+from humanclaw_report.playback import FilmScene, hung_on, opened
 
 
 class Painter:
@@ -62,7 +62,7 @@ def test_a_wall_is_left_out_as_long_as_it_hides_the_body(made: tuple[RecordedEpi
     walled = replace(
         scene, assets=scene.assets | {"between": wall}, objects=(*scene.objects, scene_object(90, wall, x, z))
     )
-    hidden = Replay.of(episode, walled).hidden
+    hidden = FilmScene.of(episode, walled).hidden
     assert 90 in hidden[0]
     assert 90 not in hidden[-1]
 
@@ -117,14 +117,14 @@ def climbed(tmp_path_factory: pytest.TempPathFactory) -> tuple[RecordedEpisode, 
 
 
 def test_the_upper_storey_is_shown_once_the_body_is_on_it(climbed: tuple[RecordedEpisode, Scene]) -> None:
-    replay = Replay.of(*climbed)
-    below, whole = ({scene_object.id for scene_object in shown.objects} for shown in replay.scenes)
+    film_scene = FilmScene.of(*climbed)
+    below, whole = ({scene_object.id for scene_object in shown.objects} for shown in film_scene.scenes)
     assert whole == {scene_object.id for scene_object in climbed[1].objects}
     assert whole - below == {o.id for o in climbed[1].objects if o.position[1] > 2}
-    heights = replay.motion.root[:, 1]
-    assert (replay.storeys[heights < UPSTAIRS - 0.3] == 0).all()
-    assert (replay.storeys[heights > UPSTAIRS + 0.3] == 1).all()
-    assert (np.diff(replay.storeys) >= 0).all(), "it does not flicker"
+    heights = film_scene.motion.root[:, 1]
+    assert (film_scene.storeys[heights < UPSTAIRS - 0.3] == 0).all()
+    assert (film_scene.storeys[heights > UPSTAIRS + 0.3] == 1).all()
+    assert (np.diff(film_scene.storeys) >= 0).all(), "it does not flicker"
 
 
 def test_what_hangs_on_a_wall_is_left_out_with_it() -> None:
@@ -143,13 +143,13 @@ def test_what_hangs_on_a_wall_is_left_out_with_it() -> None:
 def test_the_renderer_is_given_each_storey_once(climbed: tuple[RecordedEpisode, Scene], tmp_path: Path) -> None:
     painter = Painter()
     film(*climbed, painter, tmp_path / "film.gif", kind="gif", every=15, size=(160, 120))
-    assert [len(scene.objects) for scene in painter.scenes] == [len(s.objects) for s in Replay.of(*climbed).scenes]
+    assert [len(scene.objects) for scene in painter.scenes] == [len(s.objects) for s in FilmScene.of(*climbed).scenes]
 
 
 def test_the_camera_follows_the_body_upstairs(climbed: tuple[RecordedEpisode, Scene]) -> None:
-    replay = Replay.of(*climbed)
-    assert np.linalg.norm(replay.eyes - replay.motion.root, axis=1) == pytest.approx(DISTANCE, abs=0.4)
-    assert (replay.eyes[replay.storeys == 1, 1] > UPSTAIRS).all()
+    film_scene = FilmScene.of(*climbed)
+    assert np.linalg.norm(film_scene.eyes - film_scene.motion.root, axis=1) == pytest.approx(DISTANCE, abs=0.4)
+    assert (film_scene.eyes[film_scene.storeys == 1, 1] > UPSTAIRS).all()
 
 
 def test_an_episode_without_motion_cannot_be_filmed(tmp_path: Path) -> None:
