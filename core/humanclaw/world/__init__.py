@@ -114,6 +114,7 @@ if TYPE_CHECKING:
         View as View,
         ego_camera as ego_camera,
         gaze_of as gaze_of,
+        together as together,
     )
 
 if not TYPE_CHECKING:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final, Protocol
+from typing import Final, Protocol, Self
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from humanclaw.body.pose import Array, Motion, forward_kinematics, yaw_matrix
 from humanclaw.body.skeleton import EYE, JOINT_INDEX
@@ -40,6 +40,23 @@ class Camera:
             got = f"{self.width} x {self.height}"
             raise HumanclawError(f"a picture is 1 to {LONGEST} pixels wide and high; got {got}.", "Name another size.")
 
+    @classmethod
+    def looking(cls, eye: ArrayLike, centre: ArrayLike, fov: float, size: tuple[int, int]) -> Self:
+        """Return a camera at eye (3,) that looks at centre (3,) without roll. fov: degrees; size: width, height."""
+        forward = np.subtract(centre, eye) / np.linalg.norm(np.subtract(centre, eye))
+        right = np.cross(forward, [0.0, 1.0, 0.0])
+        up = np.cross(right / np.linalg.norm(right), forward)
+        return cls(np.asarray(eye, float), forward, up, fov, *size)
+
+    def pixels(self, points: ArrayLike) -> Array:
+        """Return column and row (..., 2) of points (..., 3) in world frame, which lie before the camera."""
+        right = np.cross(self.forward, self.up)
+        x, y, z = np.moveaxis(
+            (np.asarray(points, float) - self.position) @ np.stack([right, self.up, self.forward]).T, -1, 0
+        )
+        focal = self.height / 2 / np.tan(np.radians(self.fov) / 2)
+        return np.stack([self.width / 2 + focal * x / z, self.height / 2 - focal * y / z], -1)
+
 
 @dataclass(frozen=True)
 class View:
@@ -48,6 +65,15 @@ class View:
     rgb: NDArray[np.uint8]
     depth: NDArray[np.float32]
     ids: NDArray[np.int32]
+
+
+def together(views: Sequence[View]) -> NDArray[np.uint8]:
+    """Return one picture (H, W, 3) of the bodies of several views by one camera: the nearest body in each pixel."""
+    rgb = np.stack([view.rgb for view in views])
+    depth = np.stack([np.where(view.ids == BODY_ID, view.depth, np.inf) for view in views])
+    nearest = np.take_along_axis(rgb, depth.argmin(0)[None, ..., None], 0)[0]
+    # Beside the bodies the darkest view counts, which has the shadow.
+    return np.asarray(np.where(np.isfinite(depth).any(0)[..., None], nearest, rgb.min(0)))
 
 
 class Renderer(Protocol):

@@ -9,7 +9,6 @@ import scipy
 
 from humanclaw import Motion
 from humanclaw.body import Array
-from humanclaw.world import Camera
 
 DISTANCE: Final = 3.0
 """Distance from the camera to the body, metres."""
@@ -19,14 +18,6 @@ BEHIND: Final = float(np.pi * 0.8)
 FACING: Final = float(np.pi / 6)
 """Sides from which a camera sees the body, radians from straight ahead of it. Aside of its back, a picture also shows
 how it sits."""
-
-
-def look_at(eye: Array, centre: Array, size: tuple[int, int], fov: float = 48.0) -> Camera:
-    """Return a camera at eye that looks at centre without roll. size: width and height, pixels; fov: degrees."""
-    forward = (centre - eye) / np.linalg.norm(centre - eye)
-    right = np.cross(forward, [0.0, 1.0, 0.0])
-    up = np.cross(right / np.linalg.norm(right), forward)
-    return Camera(eye, forward, up, fov, *size)
 
 
 def follow(motion: Motion, side: float = BEHIND) -> Array:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from humanclaw import Motion, RecordedEpisode, RecordError, Scene, StepRecord
 from humanclaw.body import JOINT_INDEX, Array
 from humanclaw.world import GROUND, Camera, WorldState, floors_of
-from humanclaw_report.camera import BEHIND, FACING, follow, look_at, smoothed
+from humanclaw_report.camera import BEHIND, FACING, follow, smoothed
 from humanclaw_report.floor_plan import storeys_at
 
 SHOWN: Final = [
@@ -68,7 +68,7 @@ class FilmScene:
 
     def camera(self, frame: int, size: tuple[int, int]) -> Camera:
         centre = self.motion.root[max(0, frame - 4) : frame + 5].mean(0) + [0.0, 0.05, 0.0]
-        return look_at(self.eyes[frame], centre, size)
+        return Camera.looking(self.eyes[frame], centre, 48.0, size)
 
     def step(self, frame: int) -> StepRecord | None:
         """Return the step that a frame belongs to; None before the first."""
