@@ -59,6 +59,7 @@ NO_TABLE = {
     "rerun": "the files",
     "run": "a line a step, as it is played",
     "show skill": "the files",
+    "show figure": "the file",
     "tools": "JSON and nothing else",
     "train": "a line now and then",
     "watch": "the address",

@@ -336,6 +336,20 @@ def _skill(name: str, out: Path | None, files: tuple[Path, ...], choice: Choice,
         click.echo(path)
 
 
+@show.command("figure")
+@click.argument("name", type=click.Choice(["5a", "5b", "5c", "5d", "6"]))
+@seed_option(help="Seed of the motion.")
+@click.option("--out", type=_FILE, help="PNG or JPEG file (default: figure-NAME.png).")
+@click.option("--renderer", default="raster", show_default=True, help="Name of the renderer.")
+@plugin_options
+def _figure(name: str, out: Path | None, files: tuple[Path, ...], choice: Choice, **settings: Any) -> None:
+    """Draw a figure of the paper: 5 is what skills do, 6 is half-physics beside pure kinematics."""
+    from humanclaw_train.eval.figures import figure
+
+    plugins = Plugins.discover(files, choice=choice)
+    click.echo(figure(plugins, name, out=out or Path(f"figure-{name}.png"), **settings))
+
+
 def _params(skill: Skill, words: list[str]) -> dict[str, Any]:
     """Parse `--z-cm 40` or `--z-cm=40` as parameters of a skill and check them against its schema.
 

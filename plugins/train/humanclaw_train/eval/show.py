@@ -95,7 +95,7 @@ def acted(body: Body, skill: Skill, params: Mapping[str, Any], calls: int) -> Mo
 # -- drawing -----------------------------------------------------------------------------------------------------------
 def filmed(motion: Motion, scene: Scene, renderer: Renderer, frames: Iterable[int]) -> Iterator[Picture]:
     """Yield a picture of each frame, seen across the direction of travel, on a tiled floor."""
-    renderer.load(replace(scene, assets={name: _tiled(asset) for name, asset in scene.assets.items()}))
+    renderer.load(replace(scene, assets={name: tiled(asset) for name, asset in scene.assets.items()}))
     eye = _eye(motion)
     for at in frames:
         # The mean of two thirds of a second keeps the camera steady.
@@ -117,7 +117,7 @@ def _camera(centre: Array, eye: Array) -> Camera:
     return Camera(centre + eye - [0.0, 0.1, 0.0], forward, up, 36.0, *SIZE)
 
 
-def _tiled(asset: Asset) -> Asset:
+def tiled(asset: Asset) -> Asset:
     """Texture a mesh with tiles, projected from above."""
     floor = asset.mesh.vertices[:, [0, 2]]
     low, high = floor.min(0), floor.max(0)

@@ -1,0 +1,222 @@
+"""Figures 5 and 6 of the paper as pictures, each of several poses in one scene: `humanclaw show figure 5a`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from PIL import Image, ImageDraw
+
+from humanclaw import Backends, Body, Call, HumanclawError, Motion, Renderer, Scene, stand
+from humanclaw.body import FUTURE, HISTORY, Array
+from humanclaw.motion import DiTGenerator
+from humanclaw.world import Camera, SceneBuilder, WorldState, together
+from humanclaw_train.eval.show import tiled
+from humanclaw_train.eval.simulated import flat, stage
+
+if TYPE_CHECKING:
+    from humanclaw import Plugins
+
+Calls = Sequence[tuple[str, Mapping[str, Any]]]
+"""Names and parameters of skills."""
+Vec3 = tuple[float, float, float]
+WIDTH: Final = 1200
+"""Width of a figure, pixels."""
+BODIES: Final = 16
+"""Seeds in figure 5a."""
+STRIDE, STRIDES = 30, 12
+"""Length, cm (as in the paper), and number of the strides in figure 5b."""
+SEATS: Final = (20, 50, 80)
+"""Heights of the hips in figure 5d, cm: both ends of the range, and a chair's."""
+_FINE: Final = 2
+"""Pictures are drawn this much larger, because edges are hard where bodies overlap."""
+_TITLE: Final = 34
+"""Height of the bar of a title, pixels."""
+
+
+@dataclass(frozen=True)
+class Panel:
+    """A picture of bodies in a scene.
+
+    poses: one frame for each body. eye, centre: metres. fov: vertical, degrees. height: pixels. lines: points (N, 3),
+    colour and label of each line over the picture. share: of WIDTH.
+    """
+
+    title: str
+    scene: Scene
+    poses: Motion
+    eye: Vec3
+    centre: Vec3
+    fov: float
+    height: int
+    share: float = 1.0
+    lines: Sequence[tuple[Array, str, str]] = ()
+
+    def drawn(self, renderer: Renderer) -> Image.Image:
+        """Draw the bodies, then the lines, below the title."""
+        width = round(self.share * WIDTH)
+        camera = Camera.looking(self.eye, self.centre, self.fov, (_FINE * width, _FINE * self.height))
+        floors = {key: tiled(asset) for key, asset in self.scene.assets.items() if asset.category == "floor"}
+        renderer.load(replace(self.scene, assets={**self.scene.assets, **floors}))
+        states = (WorldState(self.poses[k : k + 1], {}) for k in range(len(self.poses)))
+        image = Image.fromarray(together([renderer.render(state, camera) for state in states]))
+        draw = ImageDraw.Draw(image)
+        for points, colour, label in self.lines:
+            pixels = [(float(x), float(y)) for x, y in camera.pixels(points)]
+            draw.line(pixels, colour, 4 * _FINE, "curve")
+            draw.text(
+                pixels[len(pixels) // 2], label, colour, font_size=18 * _FINE, anchor="mm",
+                stroke_width=2 * _FINE, stroke_fill="white",
+            )  # fmt: skip
+        sheet = Image.new("RGB", (width, self.height + _TITLE), "white")
+        sheet.paste(image.resize((width, self.height), Image.Resampling.LANCZOS), (0, _TITLE))
+        ImageDraw.Draw(sheet).text((6, _TITLE / 2), self.title, "black", font_size=18, anchor="lm")
+        return sheet
+
+
+Rows = list[list[Panel]]
+
+
+def figure(plugins: Plugins, name: str, seed: int, renderer: str, out: Path) -> Path:
+    """Draw one of FIGURES into a PNG or JPEG file and return its path. Raises HumanclawError."""
+    drawing: Renderer = plugins.make("renderers", renderer)
+    try:
+        rows = [[np.asarray(panel.drawn(drawing)) for panel in row] for row in FIGURES[name](plugins, seed)]
+    finally:
+        drawing.close()
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        Image.fromarray(np.concatenate([np.concatenate(row, axis=1) for row in rows])).save(out, quality=80)
+    except (OSError, ValueError) as error:
+        raise HumanclawError(f"cannot write {out}: {error}.", "Name a PNG or JPEG file with --out.") from error
+    return out
+
+
+# -- motion ------------------------------------------------------------------------------------------------------------
+def _acted(plugins: Plugins, scene: Scene, calls: Calls, seed: int, simulator: str = "") -> Motion:
+    """Return the simulated motion of calls, from standing."""
+    with Body(scene, seed=seed, plugins=plugins, backends=Backends(simulator=simulator)) as body:
+        motion = body.history
+        for name, params in calls:
+            for chunk in body.execute(Call(name, params)).chunks:
+                motion = motion.then(chunk.execution.simulated)
+    return motion
+
+
+def _again(plugins: Plugins, scene: Scene, motion: Motion) -> Motion:
+    """Return what half-physics makes of motion that stands at first, from the start of a scene."""
+    simulator = plugins.make("simulators", Backends().chosen(plugins).simulator, profile="default")
+    try:
+        whole = stand(simulator, DiTGenerator.shipped(), scene, scene.start)
+        for first in range(HISTORY, len(motion), FUTURE):
+            whole = whole.then(simulator.execute(motion[first : first + FUTURE]).simulated)
+        return whole
+    finally:
+        simulator.close()
+
+
+def _ends(motion: Motion, every: int = 1) -> Motion:
+    """Return the pose at the start and after each call, or each `every` calls."""
+    return motion[HISTORY - 1 :: every * FUTURE]
+
+
+# -- figure 5 ----------------------------------------------------------------------------------------------------------
+def prior(plugins: Plugins, seed: int) -> Rows:
+    """Draw two seconds of many seeds: of the prior alone, and with the adapter of walking."""
+    walk = plugins.skill("walk")
+    asked = {one.name: STRIDE / 100 if one.measure == "hips.forward" else 0.0 for one in walk.parameters}
+    alone, led = _dreamt(None, {}, seed), _dreamt(walk.adapter, asked, seed)
+    shown = ("the prior alone", alone), (f"with the adapter: walk {STRIDE} cm", led)
+    view = (-5.0, 2.2, 3.0), (0.0, 0.7, 0.1), 30, 430, 1 / 2
+    return [[Panel(f"{title}, {BODIES} seeds", flat(), poses, *view) for title, poses in shown]]
+
+
+def _dreamt(adapter: Path | None, values: Mapping[str, float], seed: int) -> Motion:
+    """Return the pose of each body after two seconds, without physics."""
+    # Without corrections, as in the paper: they would hold the body upright.
+    generator = DiTGenerator.shipped("paper")
+    motions = [generator.start()] * BODIES
+    for number in range(4):
+        keys = [(seed, body, number) for body in range(BODIES)]
+        motions = generator.generate_batch([one[-HISTORY:] for one in motions], adapter, [values] * BODIES, keys)
+    return Motion(*(np.stack([getattr(one, key)[-1] for one in motions]) for key in ("root", "rotations")))
+
+
+def stride(plugins: Plugins, seed: int) -> Rows:
+    """Draw a walk along a ruler whose marks are one commanded stride apart."""
+    walk = ("walk", {"x_cm": 0, "z_cm": STRIDE, "yaw_deg": 0})
+    motion = _acted(plugins, flat(), [walk] * STRIDES, seed)
+    hips = _ends(motion).root[:, 2]
+    builder, marks, middle = SceneBuilder.on_floor(), np.arange(STRIDES + 1) * STRIDE / 100, STRIDES * STRIDE / 200
+    builder.box("ruler", (0.22, 0.01, 2 * middle + 0.3), (-0.6, 0, middle), (246, 236, 206))
+    for mark in marks:
+        builder.box("mark", (0.1, 0.012, 0.02), (-0.66, 0, mark), (20, 20, 20))
+    lines = [(np.array([[-1.0, 0.0, mark]]), "black", f"{100 * mark:.0f}") for mark in marks]
+    lines += [(np.array([[-0.6, 0.01, place], [-0.6, 0.08, place]]), "#d2281c", "") for place in hips]
+    paces = 100 * np.diff(hips)
+    title = f"walk {STRIDE} cm: {paces.mean():.1f} cm a call, standard deviation {paces.std():.1f} cm (red: the hips)"
+    view = (-24.0, 4.0, middle), (0.0, 0.75, middle), 4.9, 540
+    return [[Panel(title, builder.scene(), _ends(motion, 2), *view, lines=lines)]]
+
+
+def loop(plugins: Plugins, seed: int) -> Rows:
+    """Draw walking, side steps and steps back around a square."""
+    sides: list[tuple[str, dict[str, int], int, str]] = [
+        ("walk", {"x_cm": 0, "z_cm": 60, "yaw_deg": 0}, 4, "#c2410c"),
+        ("side_step", {"x_cm": 40}, 6, "#7c3aed"),
+        ("step_back", {"z_cm": 40}, 6, "#15803d"),
+        ("side_step", {"x_cm": -40}, 6, "#be185d"),
+    ]
+    motion = _acted(plugins, flat(), [(name, params) for name, params, count, _ in sides for _ in range(count)], seed)
+    corners = HISTORY - 1 + FUTURE * np.cumsum([0, *(count for *_, count, _ in sides)])
+    ground = motion.root * [1, 0, 1]
+    lines = [
+        (ground[first : last + 1], colour, f"{name} {count} x")
+        for (first, last), (name, _, count, colour) in zip(pairwise(corners), sides, strict=True)
+    ]
+    jolts = 900 / 9.81 * np.linalg.norm(np.diff(motion.joints(), 2, axis=0), axis=-1).max(-1)
+    # A second difference spans three frames, and those around a seam are of both skills.
+    seams = corners[1:-1, None] + [-2, -1, 0]
+    seam, other = jolts[seams].max(), np.delete(jolts, seams).max()
+    title = f"Joints accelerate by at most {seam:.1f} g where skills change, {other:.1f} g elsewhere"
+    return [[Panel(title, flat(), _ends(motion, 2), (-4.0, 4.4, 6.6), (1.2, 0.5, 1.05), 27, 600, lines=lines)]]
+
+
+def seats(plugins: Plugins, seed: int) -> Rows:
+    """Draw sitting at several heights, each on a seat that fits."""
+    skill, panels = plugins.skill("sit_in_place"), []
+    for height in SEATS:
+        scene = stage(skill, {"h": height / 100})
+        motion = _acted(plugins, scene, [(skill.name, {"h_cm": height}), ("stop", {})], seed)
+        title = f"sit {height} cm: hips at {100 * motion.root[-1, 1]:.0f} cm"
+        panels.append(Panel(title, scene, motion[-1:], (-4.2, 1.7, 3.0), (0.0, 0.6, -0.1), 22, 420, 1 / 3))
+    return [panels]
+
+
+# -- figure 6 ----------------------------------------------------------------------------------------------------------
+def kinematics(plugins: Plugins, seed: int) -> Rows:
+    """Draw the same motion into a wall and up stairs, by pure kinematics and in half-physics."""
+    wall, stairs = SceneBuilder.on_floor(), SceneBuilder.on_floor()
+    wall.box("wall", (1.2, 2.0, 0.12), (0.3, 0, 1.3), (214, 190, 160))
+    stairs.steps(4, 0.17, 0.28, 0.35)
+    walk, climb = ("walk", {"x_cm": 0, "z_cm": 50, "yaw_deg": 0}), ("climb_upstairs", {"h_cm": 17, "d_cm": 28})
+    blocked, aloft = ("walks through the wall", "the wall blocks"), ("climbs on in the air", "stairs and landing carry")
+    rows: Rows = []
+    for scene, calls, told, (y, z) in (
+        (wall.scene(), [walk] * 5, blocked, (1.1, 1.2)),
+        (stairs.scene(), [climb] * 8, aloft, (1.45, 1.5)),
+    ):
+        played = _acted(plugins, scene, calls, seed, "kinematic")
+        shown = (f"pure kinematics {told[0]}", played), (f"half-physics: {told[1]}", _again(plugins, scene, played))
+        view = (-14.0, 3.4, z - 2.0), (0.0, y, z), 14, 400, 1 / 2
+        rows.append([Panel(title, scene, _ends(motion), *view) for title, motion in shown])
+    return rows
+
+
+FIGURES: Final[Mapping[str, Callable[[Plugins, int], Rows]]] = {
+    "5a": prior, "5b": stride, "5c": loop, "5d": seats, "6": kinematics
+}  # fmt: skip
