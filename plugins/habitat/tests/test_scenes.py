@@ -679,9 +679,10 @@ def test_an_extension_that_the_shape_needs_and_nobody_knows_is_named(mine: Path,
 
 @pytest.mark.skipif(find_spec("DracoPy") is not None, reason="DracoPy is installed, so Draco is read")
 def test_draco_is_named_and_so_is_what_reads_it(mine: Path) -> None:
-    rewrite(
-        mine / "objects" / "t" / "tv1.glb", lambda head: head.update(extensionsRequired=["KHR_draco_mesh_compression"])
-    )
+    def change(head: dict) -> None:
+        head["meshes"][0]["primitives"][0]["extensions"] = {"KHR_draco_mesh_compression": {}}
+
+    rewrite(mine / "objects" / "t" / "tv1.glb", change)
     fails(mine, "tv1.glb", "KHR_draco_mesh_compression", "pip install DracoPy")
 
 

@@ -80,10 +80,7 @@ def _check(head: Any) -> None:
     version = str(head["asset"]["version"])
     if not version.startswith("2."):
         raise _of_version(version)
-    required = {name for name in head.get("extensionsRequired", ()) if not name.startswith(_HARMLESS)}
-    if _DRACO in required and not importlib.util.find_spec("DracoPy"):
-        raise SceneError(f"it is compressed with {_DRACO}.", "Run `pip install DracoPy`.")
-    if unknown := sorted(required - {_DRACO}):
+    if unknown := [name for name in head.get("extensionsRequired", ()) if not name.startswith((*_HARMLESS, _DRACO))]:
         raise SceneError(
             f"it needs the glTF extension {', '.join(unknown)}, which may change its shape and is not supported.",
             "Write it without, for example with `gltf-transform copy`.",
@@ -215,7 +212,8 @@ class _File:
     def _buffer(self, number: int) -> bytes:
         if number not in self.buffers:
             uri = self.head["buffers"][number].get("uri")
-            self.buffers[number] = self.binary if uri is None else self._content(uri)
+            inside = b"" if number else self.binary  # Only the first buffer may be the file's own chunk.
+            self.buffers[number] = inside if uri is None else self._content(uri)
         return self.buffers[number]
 
     def _content(self, uri: str) -> bytes:
@@ -272,8 +270,10 @@ class _Piece:
     def _decoded(self) -> dict[str, NDArray[Any]]:
         """Return the arrays that Draco holds, with the corners of its triangles as 'indices'."""
         packed = self.facts.get("extensions", {}).get(_DRACO)
-        if packed is None or not importlib.util.find_spec("DracoPy"):
+        if packed is None:
             return {}
+        if not importlib.util.find_spec("DracoPy"):
+            raise SceneError(f"it is compressed with {_DRACO}.", "Run `pip install DracoPy`.")
         import DracoPy  # type: ignore[import-not-found,unused-ignore]
 
         mesh, names = DracoPy.decode(self.file.view(packed["bufferView"])), packed["attributes"]
