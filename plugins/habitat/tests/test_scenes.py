@@ -205,8 +205,7 @@ def test_a_wall_with_a_doorway_may_be_one_polygon(mine: Path) -> None:
     text = [f"v {x} {y} {z}" for x, y, z in points] + ["f 1 2 3 4", "f 5 6 7 8 9 10 11 12"]
     (mine / "stages" / "toy.obj").write_text("\n".join(text))
     edit(mine / "stages" / "toy.stage_config.json", render_asset="toy.obj")
-    plan = MultiFloorMap.of(load(mine))
-    way = DistanceField.of(plan, np.array([[6.0, 0.0, 3.1]]))
+    way = DistanceField.of(plan := MultiFloorMap.of(load(mine)), np.array([[6.0, 0.0, 3.1]]))
     # Straight through the doorway from 2 m before the wall to 2 m behind it, give or take half a cell of 5 cm.
     assert float(way.at(np.array([2.0, 0.0, 3.1]))) == pytest.approx(4.0, abs=0.06)
     (storey,) = plan.floors
