@@ -125,7 +125,7 @@ def _sources(counted: Mapping[str, int], licences: Sequence[str]) -> list[str]:
 def terms(licences: Sequence[str]) -> tuple[str, ...]:
     """Return the licences of data that bind what is made of them: share-alike and non-commercial ones."""
     named = dict.fromkeys(text.partition(": ")[2] for text in licences)
-    return tuple(one for one in named if _BINDING.search(one))
+    return tuple(licence for licence in named if _BINDING.search(licence))
 
 
 def _uncommanded(travel: Uncommanded) -> str:
@@ -151,7 +151,7 @@ def write(files: Sequence[Path], base: Path, check: bool = False) -> list[Path]:
     """
     stale = []
     for file in files:
-        report = next((one for one in (file.with_name(REPORT), base.with_name(REPORT)) if one.is_file()), None)
+        report = next((path for path in (file.with_name(REPORT), base.with_name(REPORT)) if path.is_file()), None)
         text = card(file, FidelityReport.load(report) if report else None)
         path = file.with_name(CARD)
         if not path.is_file() or path.read_text("utf-8") != text:
@@ -164,7 +164,7 @@ def write(files: Sequence[Path], base: Path, check: bool = False) -> list[Path]:
 def _package_licence(file: Path) -> tuple[Path | None, str]:
     """Return the pyproject.toml of the package that holds a checkpoint, and the licence that it names."""
     projects = [folder / "pyproject.toml" for folder in file.resolve().parents[1:5]]
-    project = next((one for one in projects if one.is_file()), None)
+    project = next((path for path in projects if path.is_file()), None)
     content = tomllib.loads(project.read_text("utf-8")) if project else {}
     return project, str(content.get("project", {}).get("license", ""))
 
@@ -172,10 +172,10 @@ def _package_licence(file: Path) -> tuple[Path | None, str]:
 def unlike(file: Path) -> str:
     """Return a warning if the package of a checkpoint does not name a licence that its data bind it to."""
     project, licence = _package_licence(file)
-    wanted = [one.replace(" ", "-") for one in terms(read_header(file)["card"]["licences"])]
-    lacking = [one for one in wanted if one not in licence]
+    wanted = [term.replace(" ", "-") for term in terms(read_header(file)["card"]["licences"])]
+    lacking = [term for term in wanted if term not in licence]
     if project is None or not lacking:
         return ""
     mended = " AND ".join([licence, *lacking])
-    told = f'warning: {project} says license = "{licence}", and the weights are made of data under'
-    return f'{told} {", ".join(lacking)}. Write license = "{mended}".\n'
+    warning = f'warning: {project} says license = "{licence}", and the weights are made of data under'
+    return f'{warning} {", ".join(lacking)}. Write license = "{mended}".\n'

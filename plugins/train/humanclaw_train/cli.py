@@ -165,13 +165,13 @@ def naturalness(
     subject = Subject(
         commands=commands, clips=walkers, place=place, simulator=_simulator(plugins, simulator), **settings
     )
-    found = {}
+    tables = {}
     for title, scenario in SCENARIOS.items():
-        found[title] = rows = scenario(subject)
+        tables[title] = rows = scenario(subject)
         if rows and not as_json:  # Each at once, because the whole takes minutes.
             show_markdown(f"{title}\n\n{markdown.rows_table(rows)}\n\n")
     if as_json:
-        print(markdown.as_json(found))
+        print(markdown.as_json(tables))
     else:
         print(f"{subject.generator.solver}; base {subject.generator.digest}")
 
@@ -187,9 +187,9 @@ def speed(sizes: tuple[str, ...], threads: tuple[int, ...], bodies: tuple[int, .
     from humanclaw_train.eval import speed as timing
 
     timings = []
-    for one in timing.timed(sizes, threads, bodies):
-        print(one, file=sys.stderr, flush=True)  # Each at once, because the whole takes minutes.
-        timings.append(one)
+    for measured in timing.timed(sizes, threads, bodies):
+        print(measured, file=sys.stderr, flush=True)  # Each at once, because the whole takes minutes.
+        timings.append(measured)
     if as_json:
         print(markdown.as_json(timings))
     else:

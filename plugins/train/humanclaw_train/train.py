@@ -66,6 +66,7 @@ from humanclaw_train.model.dit import DiT
 from humanclaw_train.model.flow import LOSSES, Loss, clean, noised, target, velocity
 
 _SAVE_SECONDS: Final = 120
+"""An interruption costs at most so much work; a save of the largest size takes about a second."""
 _REPORT_SECONDS: Final = 15
 _MOST_VALIDATED: Final = 1024
 """Most chunks of a validation, spread evenly over all: a second of time for the shipped size."""
@@ -121,7 +122,7 @@ class Recipe:
         return replace(self, precision=fast) if self.precision == "auto" else self
 
 
-_OPTIONS: Final = {one.name: one.metadata for one in fields(Recipe) if one.metadata}
+_OPTIONS: Final = {option.name: option.metadata for option in fields(Recipe) if option.metadata}
 
 
 def _has_bfloat16(device: torch.device) -> bool:
@@ -393,6 +394,7 @@ class Run:
         # Checkpoints get the running mean, because single steps of the weights are noisy.
         self.mean = model.frozen()
         self.parameters = [parameter for parameter in model.parameters() if parameter.requires_grad]
+        # 0.98, not 0.999: the rate falls within minutes, and the second moment has to follow it.
         self.optimiser = torch.optim.AdamW(
             self.parameters, lr=recipe.rate, betas=(0.9, 0.98), weight_decay=0.01, fused=True
         )

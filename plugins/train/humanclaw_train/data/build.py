@@ -92,13 +92,13 @@ def build(
     if "base" not in real:
         raise HumanclawError(f"No clip of {source} can be trained on.", f"Give other clips.\n\n{report}")
     names = list(dict.fromkeys((*real, *synthetic)))
-    found = {name: Chunks.join(part[name] for part in (real, synthetic) if name in part) for name in names}
-    for name, chunks in found.items():
+    whole = {name: Chunks.join(part[name] for part in (real, synthetic) if name in part) for name in names}
+    for name, chunks in whole.items():
         chunks.save(out / f"{name}.npz")
     for name, chunks in apart.items():
         chunks.save(out / "held_out" / f"{name}.npz")
     report.save(out)
-    return Built(found, report)
+    return Built(whole, report)
 
 
 def _synthetic(
@@ -122,11 +122,12 @@ def table(chunks: Mapping[str, Chunks]) -> str:
     """
     heads = ("skill", "real", "synthetic", "real s", "synthetic s", "parameters: 5 / 50 / 95 %")
     rows = []
-    for name, found in statistics(chunks).items():
+    for name, counts in statistics(chunks).items():
         spread = "; ".join(
-            f"{key} {low:.2f} / {mid:.2f} / {high:.2f}" for key, (_, low, mid, high, _) in found.params.items()
+            f"{key} {low:.2f} / {mid:.2f} / {high:.2f}" for key, (_, low, mid, high, _) in counts.params.items()
         )
-        synthetic = found.chunks - found.real
-        cells = (name, found.real, synthetic, f"{found.seconds:.1f}", f"{synthetic * FUTURE / FPS:.1f}", spread or "-")
+        synthetic = counts.chunks - counts.real
+        seconds = (f"{counts.seconds:.1f}", f"{synthetic * FUTURE / FPS:.1f}")
+        cells = (name, counts.real, synthetic, *seconds, spread or "-")
         rows.append([*map(str, cells)])
     return markdown(heads, rows)

@@ -121,7 +121,7 @@ class Chunks:
         n = len(root)
         params = outcomes(parameters, root, rotations, known).astype(np.float32)
         names, measures = (
-            np.array([getattr(one, what) for one in parameters], np.str_) for what in ("name", "measure")
+            np.array([getattr(parameter, what) for parameter in parameters], np.str_) for what in ("name", "measure")
         )
         return cls(
             root.astype(np.float32), rotations.astype(np.float32), params, np.full(n, real), np.full(n, source),
@@ -140,7 +140,7 @@ class Chunks:
         """Read a file that `save` wrote. Raises MocapError if it is missing or has other content."""
         try:
             with np.load(path, allow_pickle=False) as data:
-                there = [one.name for one in fields(cls) if one.name in data or one.name != "licences"]
+                there = [part.name for part in fields(cls) if part.name in data or part.name != "licences"]
                 return cls(**{name: data[name] for name in there})
         except UNREADABLE as error:
             raise MocapError(
@@ -175,7 +175,7 @@ class Chunks:
         # Renaming is atomic, so a reader never sees half a file.
         part = path.with_name(f"{path.name}.part")
         with part.open("wb") as file:
-            np.savez_compressed(file, **{one.name: getattr(self, one.name) for one in fields(self)})
+            np.savez_compressed(file, **{part.name: getattr(self, part.name) for part in fields(self)})
         os.replace(part, path)
 
 

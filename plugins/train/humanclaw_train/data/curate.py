@@ -118,18 +118,18 @@ class Use:
 
 
 def build_real(
-    clips: Iterable[Clip], skills: Sequence[Trained], told: Callable[[Use], object] = lambda use: None
+    clips: Iterable[Clip], skills: Sequence[Trained], report: Callable[[Use], object] = lambda use: None
 ) -> dict[str, Chunks]:
     """Return the real chunks of every skill that the clips show, and `base`: all plausible chunks.
 
-    Idling makes up at most IDLE_SHARE of the base. told: called with the use of each clip, before that.
+    Idling makes up at most IDLE_SHARE of the base. report: called with the use of each clip, before that.
     """
     parts: dict[str, list[Chunks]] = {}
     for clip in clips:
         starts = np.arange(0, len(clip.motion) - CHUNK + 1, WINDOW_STRIDE)
-        found, flawed = _of_clip(clip, starts, skills) if len(starts) else ({}, {})
-        told(Use(clip, len(starts), {skill: len(chunks) for skill, chunks in found.items()}, flawed))
-        for skill, chunks in found.items():
+        chunks_of_clip, flawed = _of_clip(clip, starts, skills) if len(starts) else ({}, {})
+        report(Use(clip, len(starts), {skill: len(chunks) for skill, chunks in chunks_of_clip.items()}, flawed))
+        for skill, chunks in chunks_of_clip.items():
             parts.setdefault(skill, []).append(chunks)
     joined = {skill: Chunks.join(chunks) for skill, chunks in parts.items()}
     if "base" in joined:
@@ -147,13 +147,13 @@ def _of_clip(
         shown = _by_geometry(skills, windows, flawed, root[:, HISTORY - 1, 1])
     else:
         shown = _as_labelled(clip, clip.spans, starts, skills, windows, flawed)
-    found, name = {}, f"{clip.source}: {clip.name}"
+    kept, name = {}, f"{clip.source}: {clip.name}"
     declared = {skill.name: (skill.declaration.parameters, skill.measures) for skill in skills}
     for skill, mask in shown.items():
         if mask.any():
             parameters, measures = declared.get(skill, ((), MEASURES))
-            found[skill] = Chunks.of(parameters, root[mask], rotations[mask], name, clip.real, measures)
-    return found, {flaw: int(mask.sum()) for flaw, mask in flawed.items()}
+            kept[skill] = Chunks.of(parameters, root[mask], rotations[mask], name, clip.real, measures)
+    return kept, {flaw: int(mask.sum()) for flaw, mask in flawed.items()}
 
 
 def _as_labelled(
@@ -166,12 +166,12 @@ def _as_labelled(
 ) -> dict[str, Mask]:
     """Return which windows (N,) show each skill, and `base`, by the clip's spans and the windows' geometry."""
     uneven = any(skill.declaration.climbs and skill.tag in spans for skill in skills)
-    good, found = without(flawed, flat=not uneven), {}
+    good, shown = without(flawed, flat=not uneven), {}
     for skill in skills:
-        found[skill.name] = good & skill.shown(windows) & covered(clip, skill.tag, starts)
+        shown[skill.name] = good & skill.shown(windows) & covered(clip, skill.tag, starts)
         if uneven and not skill.declaration.climbs:  # A step onto the next block is neither a walk nor a turn.
-            found[skill.name] &= windows.level
-    return found | {"base": good & covered(clip, "base", starts)}
+            shown[skill.name] &= windows.level
+    return shown | {"base": good & covered(clip, "base", starts)}
 
 
 def _by_geometry(
@@ -184,8 +184,8 @@ def _by_geometry(
     """
     level = without(flawed, flat=True) & windows.level & windows.neutral
     steps = without(flawed, flat=False) & ~windows.level & (pelvis > 0.88 * STANDING_HEIGHT)
-    found = {skill.name: skill.shown(windows) & (steps if skill.declaration.climbs else level) for skill in skills}
-    return found | {"base": np.any([without(flawed, flat=True), *found.values()], axis=0)}
+    shown = {skill.name: skill.shown(windows) & (steps if skill.declaration.climbs else level) for skill in skills}
+    return shown | {"base": np.any([without(flawed, flat=True), *shown.values()], axis=0)}
 
 
 def covered(clip: Clip, tag: str, starts: NDArray[np.int_], share: float = 2 / 3) -> Mask:
@@ -222,7 +222,7 @@ class Statistics:
 
 def statistics(chunks: Mapping[str, Chunks], stride: int = WINDOW_STRIDE) -> dict[str, Statistics]:
     """Return the statistics of each skill. stride: frames between windows, to count seconds."""
-    return {skill: _statistics(found, stride) for skill, found in chunks.items()}
+    return {skill: _statistics(data, stride) for skill, data in chunks.items()}
 
 
 def _statistics(chunks: Chunks, stride: int) -> Statistics:

@@ -63,8 +63,8 @@ def chunks_of(
         # Only clips that show the skill: others would add poses that it does not have.
         origins = {part.source[0] for part in shown}
         parts += _retimed(skill, [clip for clip in clips if _source(clip) in origins], standing, seconds, seed)
-    told = {f"{clip.source}: {clip.licence}" for clip in clips if clip.licence}
-    whole = replace(Chunks.join(parts), licences=np.array(sorted(told), np.str_))
+    licences = {f"{clip.source}: {clip.licence}" for clip in clips if clip.licence}
+    whole = replace(Chunks.join(parts), licences=np.array(sorted(licences), np.str_))
     images = whole.mirrored(skill.measures)
     # The image of a skill of one side may not show it.
     return Chunks.join([whole, images[_shown(skill, images.root.astype(float), images.rotations.astype(float))]])
@@ -93,10 +93,10 @@ def _shown(skill: Trained, root: Array, rotations: Array) -> NDArray[np.bool_]:
 def _within(skill: Trained, root: Array, rotations: Array) -> NDArray[np.bool_]:
     """Return which chunks are within the schema's bounds (N,), with a tolerance of _BEYOND."""
     parameters = skill.declaration.parameters
-    found = outcomes(parameters, root, rotations, skill.measures)
-    low, high = (np.array([getattr(one, edge) for one in parameters]) for edge in ("low", "high"))
+    achieved = outcomes(parameters, root, rotations, skill.measures)
+    low, high = (np.array([getattr(parameter, edge) for parameter in parameters]) for edge in ("low", "high"))
     slack = _BEYOND * np.where(np.isfinite(high - low), high - low, 0.0)
-    return np.asarray(((found >= low - slack) & (found <= high + slack)).all(1))
+    return np.asarray(((achieved >= low - slack) & (achieved <= high + slack)).all(1))
 
 
 def _retimed(skill: Trained, clips: Sequence[Clip], standing: Motion, seconds: float, seed: int) -> Iterator[Chunks]:
@@ -138,7 +138,7 @@ def saved(
     chunks.save(out / f"{skill.name}.npz")
     shown = zip(skill.declaration.parameters, *np.quantile(chunks.params, _SHOWN, axis=0), strict=True)
     left_out = [f"left out: {name} {reason}" for name, reason in folder.left_out.items()]
-    return chunks, left_out + [_reach(one, low, high) for one, low, high in shown if _wider(one, low, high)]
+    return chunks, left_out + [_reach(*spread) for spread in shown if _wider(*spread)]
 
 
 def _wider(parameter: Parameter, low: float, high: float) -> bool:

@@ -77,10 +77,10 @@ class Report:
             groups.setdefault((row.outcome, row.reason), []).append(row)
         heads = ("clips", "why", "number", "seconds", "windows", "chunks", "for example")
         rows = []
-        for (outcome, reason), found in groups.items():
-            seconds = f"{sum(row.seconds for row in found):.1f}"
-            counts = (sum(row.windows for row in found), sum(row.chunks for row in found))
-            rows.append([outcome, reason, *map(str, (len(found), seconds, *counts)), found[0].name])
+        for (outcome, reason), members in groups.items():
+            seconds = f"{sum(row.seconds for row in members):.1f}"
+            counts = (sum(row.windows for row in members), sum(row.chunks for row in members))
+            rows.append([outcome, reason, *map(str, (len(members), seconds, *counts)), members[0].name])
         return table(heads, rows)
 
     def _windows(self) -> str:

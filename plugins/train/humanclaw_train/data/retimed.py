@@ -67,7 +67,7 @@ def retimed(
 def _moving(clip: Motion) -> slice:
     """Return the clip's frames without rest at the beginning and the end; all of them if the hips hardly move."""
     away = [np.linalg.norm(clip.root - clip.root[end], axis=-1) > _QUIET for end in (0, -1)]
-    first, last = (int(one.argmax()) if one.any() else 0 for one in (away[0], away[1][::-1]))
+    first, last = (int(mask.argmax()) if mask.any() else 0 for mask in (away[0], away[1][::-1]))
     moving = slice(max(first - 1, 0), len(clip) - max(last - 1, 0))
     # Hips that drift by less than twice _QUIET leave the start only after they are near the end: nothing is between.
     return moving if moving.stop - moving.start >= 2 else slice(0, len(clip))

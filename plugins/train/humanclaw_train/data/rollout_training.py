@@ -34,7 +34,7 @@ Generate = Callable[[Tensor, Tensor, Tensor], Tensor]
 
 def predecessors(chunks: ChunkTensors) -> Tensor:
     """Return the index of the chunk that each chunk goes on from (N,); -1 where the data does not have it."""
-    found = torch.full((len(chunks),), -1)
+    before = torch.full((len(chunks),), -1)
     ends = _canonical(chunks.root[:, -HISTORY:], chunks.rotations[:, -HISTORY:])
     begins = chunks.root[:, :HISTORY], chunks.rotations[:, :HISTORY]
     for step in _STEPS:
@@ -43,8 +43,8 @@ def predecessors(chunks: ChunkTensors) -> Tensor:
             away = (end[:-step] - begin[step:]).abs().flatten(1)
             gap = torch.maximum(gap, away.amax(1).to(gap))
         rows = (gap < _SAME).nonzero()[:, 0]
-        found[rows + step] = rows
-    return found.to(chunks.root.device)
+        before[rows + step] = rows
+    return before.to(chunks.root.device)
 
 
 def _canonical(root: Tensor, rotations: Tensor) -> tuple[Tensor, Tensor]:

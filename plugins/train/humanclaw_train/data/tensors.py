@@ -80,11 +80,11 @@ def load(folders: Sequence[Path], name: str) -> ChunkTensors:
 
 
 def _check_alike(files: Sequence[Path], parts: Sequence[Chunks]) -> None:
-    told = [", ".join(map("{} ({})".format, part.names.tolist(), part.measures.tolist())) for part in parts]
-    for file, one in zip(files, told, strict=True):
-        if one != told[0]:
+    commands = [", ".join(map("{} ({})".format, part.names.tolist(), part.measures.tolist())) for part in parts]
+    for file, command in zip(files, commands, strict=True):
+        if command != commands[0]:
             raise HumanclawError(
-                f"{file} commands {one or 'nothing'}; {files[0]} commands {told[0] or 'nothing'}.",
+                f"{file} commands {command or 'nothing'}; {files[0]} commands {commands[0] or 'nothing'}.",
                 "Build both with the same schema.json, or train on one of them.",
             )
 
@@ -95,7 +95,7 @@ def _new(parts: Sequence[Chunks]) -> Iterator[NDArray[np.bool_]]:
     for part in parts:
         keys = [root.tobytes() + turns.tobytes() for root, turns in zip(part.root, part.rotations, strict=True)]
         # Synthetic chunks differ between seeds, so they are never repeated.
-        yield np.array([not real or one not in before for real, one in zip(part.real, keys, strict=True)])
+        yield np.array([not real or key not in before for real, key in zip(part.real, keys, strict=True)])
         before |= set(keys)
 
 
@@ -198,14 +198,14 @@ def recovered(
     The future begins where the history ends, with its velocity, and returns within ten frames.
     """
     pose, drift, _ = (curve.to(root.device)[HISTORY:] for curve in _curves())
-    found = []
+    parts = []
     for true, met in ((root, history_root), (rotations, history_rotations)):
         error = met - true[:, :HISTORY]
         width = (1, FUTURE, *(1 for _ in true.shape[2:]))
         rate = HISTORY * (error[:, -1:] - error[:, -2:-1])
         future = true[:, HISTORY:] + error[:, -1:] * pose.view(width) + rate * drift.view(width)
-        found.append(torch.cat([met, future], 1))
-    return found[0], found[1]
+        parts.append(torch.cat([met, future], 1))
+    return parts[0], parts[1]
 
 
 _FROM_HISTORY: Final = {"hips.rise": 1.0, "hips.drop": -1.0}
@@ -218,7 +218,7 @@ def commanded(measures: Sequence[str], params: Tensor, clean: Tensor, root: Tens
     The end of the chunk is unchanged, so only a rise changes: it is measured from the pelvis of the history.
     """
     lifted = root[:, HISTORY - 1, 1] - clean[:, HISTORY - 1, 1]
-    signs = torch.tensor([_FROM_HISTORY.get(one, 0.0) for one in measures], device=params.device)
+    signs = torch.tensor([_FROM_HISTORY.get(measure, 0.0) for measure in measures], device=params.device)
     return params - signs * lifted[:, None]
 
 

@@ -79,23 +79,23 @@ class Row:
 # -- measuring ---------------------------------------------------------------------------------------------------------
 def achieved(command: Command, rollouts: Rollouts) -> Ratio:
     """Compare outcomes of rollouts with their commands, each parameter by its measure."""
-    found = outcomes(command.parameters, rollouts.root, rollouts.rotations, command.measures)
-    if not found.shape[1]:
-        return Ratio(np.nan, np.nan, np.nan, np.nan, len(found))
+    outcome = outcomes(command.parameters, rollouts.root, rollouts.rotations, command.measures)
+    if not outcome.shape[1]:
+        return Ratio(np.nan, np.nan, np.nan, np.nan, len(outcome))
     primary = command.primary
-    difference = found - rollouts.commands
-    angle = np.array([find(one, command.measures).unit == "rad" for one in command.parameters])
+    difference = outcome - rollouts.commands
+    angle = np.array([find(parameter, command.measures).unit == "rad" for parameter in command.parameters])
     # Angles in degrees, lengths in centimetres, so that both kinds of error have a similar size.
     difference[:, angle] = np.degrees(wrap_angle(difference[:, angle]))
     difference[:, ~angle] *= 100
     # Chunks of data, unlike commands, may have a displacement of exactly zero.
     wanted = np.where(rollouts.commands[:, primary] == 0, np.nan, rollouts.commands[:, primary])
-    ratio = found[:, primary] / wanted
+    ratio = outcome[:, primary] / wanted
     error, constant = float(np.abs(difference).mean()), _constant(rollouts.commands, angle)
-    fit = Regression.of(rollouts.commands[:, primary], found[:, primary])
+    fit = Regression.of(rollouts.commands[:, primary], outcome[:, primary])
     spread = float(np.nanstd(ratio))
     after = _mean(ratio[rollouts.after_other])
-    return Ratio(_mean(ratio), spread, after, error, len(found), fit.slope, fit.r2, constant)
+    return Ratio(_mean(ratio), spread, after, error, len(outcome), fit.slope, fit.r2, constant)
 
 
 def _constant(commands: Array, angle: NDArray[np.bool_]) -> float:
@@ -247,7 +247,7 @@ def measured(
     """
     rows = fidelity(generator, commands, rollouts, seed, before)
     if chunks:
-        rows = [replace(row, baseline=baseline(chunks, one)) for row, one in zip(rows, commands, strict=True)]
+        rows = [replace(row, baseline=baseline(chunks, command)) for row, command in zip(rows, commands, strict=True)]
     if simulator is not None:
         ratios = simulated(generator, simulator, commands, rollouts, seed, before, source)
         rows = [replace(row, simulated=ratios.get(row.skill)) for row in rows]
@@ -267,8 +267,8 @@ def _ratio(content: Mapping[str, Any] | None) -> Ratio | None:
 def markdown(report: FidelityReport) -> str:
     """Return the report as Markdown tables, with the paper's results."""
     off_axis = uncommanded_table({row.skill: row.uncommanded for row in report.rows})
-    told = f"{report.solver}; {report.milliseconds:.1f} ms a chunk; base {report.base}"
-    return f"{rows_table(report.rows)}\n\n{off_axis}\n\n{told}"
+    solver = f"{report.solver}; {report.milliseconds:.1f} ms a chunk; base {report.base}"
+    return f"{rows_table(report.rows)}\n\n{off_axis}\n\n{solver}"
 
 
 def rows_table(rows: Sequence[Row]) -> str:

@@ -32,10 +32,10 @@ def uncommanded(
     """
     standing = [generator.start() for _ in range(bodies)]
     before = (standing, straight_walks(generator, walks, 1.0, bodies, 2, seed) if walks else standing)
-    found: dict[str, Uncommanded] = {}
+    travel: dict[str, Uncommanded] = {}
     for command in commands:
         # hips.back is hips.forward with the other sign, so it commands the same axis.
-        commanded = {one.measure.replace("back", "forward") for one in command.parameters}
+        commanded = {parameter.measure.replace("back", "forward") for parameter in command.parameters}
         values = command.draw(bodies, np.random.default_rng(seed))
         rows = []
         for motions in map(list, before):
@@ -43,11 +43,11 @@ def uncommanded(
             last = [motion[-HISTORY - FUTURE :] for motion in motions]
             local = canonical(*stacked(last))
             rows.append({name: float(MEASURES[name](*local).mean()) for name in _FREE if name not in commanded})
-        found[command.skill] = {name: (rows[0][name], rows[1][name]) for name in rows[0]}
-    return found
+        travel[command.skill] = {name: (rows[0][name], rows[1][name]) for name in rows[0]}
+    return travel
 
 
-def uncommanded_table(found: Mapping[str, Uncommanded]) -> str:
+def uncommanded_table(travel: Mapping[str, Uncommanded]) -> str:
     """Format travel from standing and after walking: cm to the left and ahead, degrees to the left; a dash if
     commanded."""
 
@@ -55,5 +55,5 @@ def uncommanded_table(found: Mapping[str, Uncommanded]) -> str:
         scale = 180 / np.pi if name.startswith("heading") else 100.0
         return " / ".join(f"{scale * value:+.1f}" for value in row[name]) if name in row else "-"
 
-    rows = [(skill, *(cell(row, name) for name in _FREE)) for skill, row in found.items()]
+    rows = [(skill, *(cell(row, name) for name in _FREE)) for skill, row in travel.items()]
     return table(("uncommanded, from standing / after walking", "left cm", "ahead cm", "turn degrees"), rows)

@@ -125,7 +125,7 @@ class Subject:
 def walker(commands: Sequence[Command]) -> Command | None:
     """Return the skill that walks: the first that commands both travel ahead and heading."""
     walking = {"hips.forward", "heading.left"}
-    return next((one for one in commands if walking <= {part.measure for part in one.parameters}), None)
+    return next((command for command in commands if walking <= {part.measure for part in command.parameters}), None)
 
 
 def installed(plugins: Plugins) -> dict[str, Path]:
@@ -168,7 +168,8 @@ def file_digest(path: Path) -> str:
 def others(command: Command, commands: Sequence[Command]) -> list[Command]:
     """Return the skills that may come before one. Seats never come before stairs: the pelvis would rise by both."""
     seats = command.declaration.climbs
-    return [one for one in commands if one.skill != command.skill and not (seats and one.declaration.role == "sit")]
+    different = (other for other in commands if other.skill != command.skill)
+    return [other for other in different if not (seats and other.declaration.role == "sit")]
 
 
 @dataclass(frozen=True)

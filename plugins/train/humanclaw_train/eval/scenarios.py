@@ -88,8 +88,8 @@ def sequences(subject: Subject) -> list[Row]:
 
 def _by_measure(commands: Sequence[Command]) -> dict[str, Command]:
     """Return the skill to ask for each measure of the sequences, if there is one."""
-    named = {one.skill: one for one in commands}
-    skills = {measure: suited((one.declaration for one in commands), measure) for measure in _AIMLESS}
+    named = {command.skill: command for command in commands}
+    skills = {measure: suited((command.declaration for command in commands), measure) for measure in _AIMLESS}
     return {measure: named[skill.name] for measure, skill in skills.items() if skill is not None}
 
 
@@ -102,7 +102,7 @@ def _sequence(
     for step in range(10):
         if calls:
             measure, amount = calls[step]
-            asked = [amount * (one.measure == measure) for one in known[measure].parameters]
+            asked = [amount * (parameter.measure == measure) for parameter in known[measure].parameters]
             extend(generator, known[measure], motions, everyone, np.array([asked] * len(motions)), (*key, step))
             continue
         chosen = random.integers(len(_AIMLESS), size=len(motions))
@@ -152,7 +152,7 @@ def _first_commands(command: Command, bodies: int, random: np.random.Generator) 
     most, and in them either foot might move first. In every third command the primary parameter is small: it is drawn
     from the lowest fifth of its range.
     """
-    low, high = (np.array([getattr(one, end) for one in command.parameters]) for end in ("low", "high"))
+    low, high = (np.array([getattr(parameter, end) for parameter in command.parameters]) for end in ("low", "high"))
     values = random.uniform(low, high, (bodies, len(low)))
     # The value closest to zero that each range allows.
     least, primary = np.clip(0.0, low, high), np.arange(len(low)) == command.primary
@@ -165,15 +165,15 @@ def _first_commands(command: Command, bodies: int, random: np.random.Generator) 
 def self_penetration(subject: Subject) -> list[Row]:
     """Measure the futures of every skill: of the model alone and of the installed skill as played."""
     rows = list[Row]()
-    for one in subject.commands:
-        before = others(one, subject.commands)
-        alone = roll(subject.generator, one, before, subject.rollouts, subject.seed)
+    for command in subject.commands:
+        before = others(command, subject.commands)
+        alone = roll(subject.generator, command, before, subject.rollouts, subject.seed)
         futures = alone.root[:, HISTORY:], alone.rotations[:, HISTORY:]
-        rows.append({"skill": one.skill, "motion": "model"} | overlap.summary(*futures))
+        rows.append({"skill": command.skill, "motion": "model"} | overlap.summary(*futures))
         if subject.place is not None:
-            parts = [_played(subject.place, one, before, (subject.seed, body)) for body in range(subject.rollouts)]
+            parts = [_played(subject.place, command, before, (subject.seed, body)) for body in range(subject.rollouts)]
             played = joined(parts)
-            rows.append({"skill": one.skill, "motion": "played"} | overlap.summary(played.root, played.rotations))
+            rows.append({"skill": command.skill, "motion": "played"} | overlap.summary(played.root, played.rotations))
     return rows
 
 
@@ -196,7 +196,7 @@ def _played(place: Place, command: Command, before: Sequence[Command], key: tupl
 
 
 def _call(body: Body, command: Command, values: Array) -> Motion:
-    asked = (one.measure for one in command.parameters)
+    asked = (parameter.measure for parameter in command.parameters)
     return called(body, body.skills[command.skill], dict(zip(asked, values.tolist(), strict=True)))
 
 
@@ -308,8 +308,8 @@ def real_peak(folders: Sequence[Path], commands: Sequence[Command]) -> float:
     """Return the 99.9th percentile of the same two-frame peak over real chunks of skills that move, m/s^2."""
     peaks = [
         _window_peaks(data)
-        for one in commands
-        if one.declaration.role != "stop" and (data := of_skill(folders, one.skill)) and data.real.all()
+        for command in commands
+        if command.declaration.role != "stop" and (data := of_skill(folders, command.skill)) and data.real.all()
     ]
     return float(np.percentile(np.concatenate(peaks), 99.9)) if peaks else np.nan
 

@@ -21,7 +21,7 @@ PAIRS: Final[Mapping[str, Sequence[tuple[str, str]]]] = {
         for other in ("left_hip", "right_hip", "pelvis", "spine1", "spine2")
     ],
     "legs in each other": [
-        *((f"left_{one}", f"right_{other}") for one, other in product(_LEG, _LEG)),
+        *((f"left_{left}", f"right_{right}") for left, right in product(_LEG, _LEG)),
         ("left_hip", "right_hip"),
     ],
 }
@@ -55,9 +55,9 @@ def _depth(joints: Array, turns: Array, first: str, second: str) -> Array:
 def _within(joints: Array, turns: Array, first: str, second: str) -> Array:
     """Return the depth of the deepest point of the first link in the second."""
     points, radius = _points(first)
-    one, other = JOINT_INDEX[first], JOINT_INDEX[second]
-    world = joints[..., one, None, :] + np.einsum("...ij,pj->...pi", turns[..., one, :, :], points)
-    local = np.einsum("...ji,...pj->...pi", turns[..., other, :, :], world - joints[..., other, None, :])
+    inner, outer = JOINT_INDEX[first], JOINT_INDEX[second]
+    world = joints[..., inner, None, :] + np.einsum("...ij,pj->...pi", turns[..., inner, :, :], points)
+    local = np.einsum("...ji,...pj->...pi", turns[..., outer, :, :], world - joints[..., outer, None, :])
     return np.asarray((radius - _outside(local, second)).max(-1))
 
 

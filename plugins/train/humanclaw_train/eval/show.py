@@ -72,7 +72,7 @@ def performed(
     plugins: Plugins, skill: Skill, params: Mapping[str, Any], calls: int, seed: int, renderer: str
 ) -> tuple[str, Motion, Scene]:
     """Return title, simulated motion and scene of a skill that is called several times in a row."""
-    scene = stage(skill, {one.name: 0.0 for one in skill.parameters} | _values(skill, params), calls)
+    scene = stage(skill, {parameter.name: 0.0 for parameter in skill.parameters} | _values(skill, params), calls)
     with Body(scene, seed=seed, plugins=plugins, backends=Backends(renderer=renderer)) as body:
         asked = ", ".join(f"{key} {value}" for key, value in params.items())
         return f"{skill.name} {asked}", acted(body, skill, params, calls), scene
@@ -80,7 +80,8 @@ def performed(
 
 def _values(skill: Skill, params: Mapping[str, Any]) -> dict[str, float]:
     """Return the parameters that command a measure, in SI, by name."""
-    return {one.name: to_si(one.key, params[one.key]) for one in skill.parameters if one.measure}
+    commanding = (parameter for parameter in skill.parameters if parameter.measure)
+    return {parameter.name: to_si(parameter.key, params[parameter.key]) for parameter in commanding}
 
 
 def acted(body: Body, skill: Skill, params: Mapping[str, Any], calls: int) -> Motion:

@@ -56,7 +56,7 @@ def stage(skill: Skill, values: Mapping[str, float], chunks: int = CHUNKS_IN_A_R
 
     Skills that command a rise or drop of the hips get stairs. Skills that sit get a seat of the commanded height.
     """
-    asked = {one.measure: values[one.name] for one in skill.parameters}
+    asked = {parameter.measure: values[parameter.name] for parameter in skill.parameters}
     tread = asked.get("hips.forward", _TREAD)
     if "hips.rise" in asked:
         return _scene("up", _ascent(asked["hips.rise"], tread, chunks))
@@ -175,9 +175,10 @@ def called(body: Body, skill: Skill, asked: Mapping[str, float]) -> Motion:
     asked: SI, by measure; the middle of its range for a parameter that is not among them.
     """
     params: dict[str, Any] = {}
-    for one in skill.parameters:
-        value = np.clip(asked.get(one.measure, (one.low + one.high) / 2), one.low, one.high)
-        params[one.key] = round(from_si(one.key, float(value)))
+    for parameter in skill.parameters:
+        low, high = parameter.low, parameter.high
+        value = np.clip(asked.get(parameter.measure, (low + high) / 2), low, high)
+        params[parameter.key] = round(from_si(parameter.key, float(value)))
     chunks = body.execute(Call(skill.name, skill.check(params))).chunks
     parts = [chunk.execution.simulated for chunk in chunks]
     return Motion(np.concatenate([part.root for part in parts]), np.concatenate([part.rotations for part in parts]))

@@ -114,9 +114,9 @@ def markdown(timings: Sequence[Timing]) -> str:
     """Format ms per chunk and body, wall time and (processor time), by size, runtime, threads and batch."""
     solvers = list(dict.fromkeys(timing.solver for timing in timings))
     rows = dict.fromkeys((t.size, t.runtime, t.threads, t.bodies) for t in timings)
-    found = {(t.size, t.runtime, t.threads, t.bodies, t.solver): f"{t.milliseconds:.1f} ({t.cpu:.1f})" for t in timings}
+    times = {(t.size, t.runtime, t.threads, t.bodies, t.solver): f"{t.milliseconds:.1f} ({t.cpu:.1f})" for t in timings}
     heads = ["size", "runtime", "threads", "bodies", *(f"{solver.method} {solver.steps}, ms" for solver in solvers)]
-    return table(heads, [[*map(str, row), *(found.get((*row, solver), "-") for solver in solvers)] for row in rows])
+    return table(heads, [[*map(str, row), *(times.get((*row, solver), "-") for solver in solvers)] for row in rows])
 
 
 def timed(sizes: Sequence[str], threads: Sequence[int], bodies: Sequence[int]) -> Iterator[Timing]:

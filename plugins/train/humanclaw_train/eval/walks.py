@@ -55,7 +55,7 @@ def _hold_course(
 
 def straight(command: Command, speed: float) -> dict[str, float]:
     """Return the values that walk straight ahead at a speed in m/s."""
-    ahead = next((one.name for one in command.parameters if one.measure == "hips.forward"), "")
+    ahead = next((parameter.name for parameter in command.parameters if parameter.measure == "hips.forward"), "")
     return {name: speed * FUTURE / FPS if name == ahead else 0.0 for name in command.names}
 
 
@@ -93,10 +93,11 @@ def corners(subject: Subject) -> list[Row]:
     if command is None or subject.simulator is None or not subject.corners:
         return []
     actor, rows = Actor(subject.generator, subject.simulator), list[Row]()
-    for values in product(*((one.low, one.high) for one in command.parameters)):
+    for values in product(*((parameter.low, parameter.high) for parameter in command.parameters)):
         asked, bodies = command.named(np.array(values)), range(min(6, subject.bodies))
         motions = [_physical_walk(actor, command, asked, subject.corners, (subject.seed, body)) for body in bodies]
-        named = {one.key: round(from_si(one.key, value)) for one, value in zip(command.parameters, values, strict=True)}
+        pairs = zip(command.parameters, values, strict=True)
+        named = {parameter.key: round(from_si(parameter.key, value)) for parameter, value in pairs}
         rows.append(named | {"lowest hips cm": 100 * min(float(motion.root[:, 1].min()) for motion in motions)})
     return rows
 
@@ -129,8 +130,8 @@ def gaits(subject: Subject) -> list[Row]:
         for kind, motions in _walks(subject, command, speed).items():
             for name, (start, stop) in SPANS.items():
                 parts = (motion[HISTORY + start * FUTURE : HISTORY + stop * FUTURE] for motion in motions)
-                found = [gait for part in parts if (gait := Gait.of(part)) is not None]
-                rows += _gait_rows(f"{length}, {name}{kind}", found, {"": np.median})
+                measured = [gait for part in parts if (gait := Gait.of(part)) is not None]
+                rows += _gait_rows(f"{length}, {name}{kind}", measured, {"": np.median})
         same = [gait for gait in people if abs(gait.speed - speed) < _NEAR]
         rows += _gait_rows(
             f"{len(same)} clips of people at {speed:.1f} m/s", same, {", least": np.min, ", most": np.max}
@@ -160,7 +161,7 @@ def _gait_rows(name: str, gaits: Sequence[Gait], kinds: Mapping[str, Any]) -> li
 
 def real_gaits(clips: Iterable[Clip], tag: str) -> list[Gait]:
     """Measure the longest straight span of a tag in each clip, if it has two steps and lasts a second."""
-    found = []
+    gaits_of_people = []
     for clip in clips:
         spans = sorted(clip.tagged(tag), key=lambda span: span[0] - span[1])
         walk = clip.motion[spans[0][0] : spans[0][1] + 1] if spans else None
@@ -168,8 +169,8 @@ def real_gaits(clips: Iterable[Clip], tag: str) -> list[Gait]:
         if walk is not None and len(walk) > FPS and _straightness(walk) > _STRAIGHT:
             gait = Gait.of(walk)
             if gait is not None and gait.speed > SPEEDS[0] - _NEAR:
-                found.append(gait)
-    return found
+                gaits_of_people.append(gait)
+    return gaits_of_people
 
 
 def _straightness(walk: Motion) -> float:

@@ -86,7 +86,7 @@ def _row_clip(row: Mapping[str, str], folder: Path) -> Clip:
     member = row["file"].split("!")[-1]
     source, first = _without_setup_pose(load(folder / member, licence=row["licence"]))
     motion = retarget(source)
-    spans = {tag: _at_30_fps(found, first, source.fps, len(motion)) for tag, found in _tagged(row["notes"]).items()}
+    spans = {tag: _at_30_fps(ranges, first, source.fps, len(motion)) for tag, ranges in _tagged(row["notes"]).items()}
     if "base" in row["skill_tags"].split():
         spans["base"] = ((0, len(motion) - 1),)
     return Clip(Path(member).stem, motion, MappingProxyType(spans), row["source"], row["licence"])
@@ -135,8 +135,8 @@ class Folder:
         """
         if (folder / "clips.csv").is_file():
             return cls(load_pack(folder))
-        found = (file for file in folder.glob("**/*") if file.suffix.lower() in SUFFIXES)
-        files = sorted(file for file in found if file.name != TERMS)
+        candidates = (file for file in folder.glob("**/*") if file.suffix.lower() in SUFFIXES)
+        files = sorted(file for file in candidates if file.name != TERMS)
         clips, left_out = [], {}
         for file in tqdm(files, unit="clip", disable=None):
             try:

@@ -39,7 +39,7 @@ class Adapter(nn.Module):
 
     def condition(self, values: Tensor) -> Tensor:
         """Encode parameters in SI (B, k) as e_s(c) (B, 1, hidden)."""
-        encoded: Tensor = self.encode((values - self.centre) / self.scale)
+        encoded: Tensor = self.encode((values - self.centre) / self.scale)  # (B, hidden)
         return encoded[:, None]
 
     def modulations(self, base: DiT, tau: Tensor) -> Tensor:
@@ -70,7 +70,7 @@ class Fourier(nn.Module):
 
     def forward(self, values: Tensor) -> Tensor:
         """Map (B, k) to (B, k * (1 + 2 * octaves))."""
-        angles = (values[..., None] * self.frequencies).flatten(-2)
+        angles = (values[..., None] * self.frequencies).flatten(-2)  # (B, k * octaves)
         return torch.cat([values, angles.sin(), angles.cos()], -1)
 
 

@@ -43,8 +43,8 @@ class TimeEmbedding(nn.Module):
 
     def forward(self, tau: Tensor) -> Tensor:
         """Embed flow times (B,) as (B, hidden)."""
-        angles = tau[:, None] * self.frequencies
-        embedded: Tensor = self.mlp(torch.cat([angles.sin(), angles.cos()], -1))
+        angles = tau[:, None] * self.frequencies  # (B, hidden / 2)
+        embedded: Tensor = self.mlp(torch.cat([angles.sin(), angles.cos()], -1))  # (B, hidden)
         return embedded
 
 
@@ -66,19 +66,20 @@ class Block(nn.Module):
 
     def forward(self, z: Tensor, modulation: Tensor) -> Tensor:
         """Return the tokens after this block (B, T, hidden). z: (B, T, hidden); modulation: (6, B, 1, hidden)."""
-        shift, scale, gate, shift_mlp, scale_mlp, gate_mlp = modulation.unbind(0)
+        shift, scale, gate, shift_mlp, scale_mlp, gate_mlp = modulation.unbind(0)  # Each (B, 1, hidden).
         z = z + gate * self._attend(_modulate(z, shift, scale))
-        hidden = F.gelu(self.up(_modulate(z, shift_mlp, scale_mlp)), approximate="tanh")
+        # The approximation of GELU by tanh, because numpy, which runs the model, has no erf.
+        hidden = F.gelu(self.up(_modulate(z, shift_mlp, scale_mlp)), approximate="tanh")  # (B, T, ratio * hidden)
         result: Tensor = z + gate_mlp * self.down(hidden)
         return result
 
     def _attend(self, z: Tensor) -> Tensor:
         """Attend without the fused kernel, whose backward pass on 20 tokens is eight times slower on a CPU."""
         batch, tokens, hidden = z.shape
-        heads = self.qkv(z).view(batch, tokens, 3, self.heads, -1).permute(2, 0, 3, 1, 4).flatten(1, 2)
-        query, key, value = heads.unbind(0)
-        share = torch.softmax(query @ key.transpose(1, 2) / math.sqrt(hidden // self.heads), -1)
-        mixed = (share @ value).view(batch, self.heads, tokens, -1)
+        parts = self.qkv(z).view(batch, tokens, 3, self.heads, -1)  # (B, T, 3, heads, hidden / heads)
+        query, key, value = parts.permute(2, 0, 3, 1, 4).flatten(1, 2).unbind(0)  # Each (B * heads, T, hidden / heads).
+        share = torch.softmax(query @ key.transpose(1, 2) / math.sqrt(hidden // self.heads), -1)  # (B * heads, T, T)
+        mixed = (share @ value).view(batch, self.heads, tokens, -1)  # (B, heads, T, hidden / heads)
         result: Tensor = self.out(mixed.transpose(1, 2).reshape(batch, tokens, hidden))
         return result
 
@@ -92,10 +93,11 @@ class DiT(nn.Module):
         hidden = config.hidden
         self.time = TimeEmbedding(hidden)
         self.enter = nn.Linear(STATE_SIZE, hidden)
-        self.position = nn.Parameter(0.02 * torch.randn(CHUNK, hidden))
+        self.position = nn.Parameter(0.02 * torch.randn(CHUNK, hidden))  # As in vision transformers.
         self.blocks = nn.ModuleList(Block(config) for _ in range(config.layers))
         self.final_modulation = nn.Linear(hidden, 2 * hidden)
         self.leave = nn.Linear(hidden, STATE_SIZE)
+        # The output starts at zero too: an untrained model holds the last pose, or predicts no velocity.
         for layer in (self.final_modulation, self.leave):
             nn.init.zeros_(layer.weight)
             nn.init.zeros_(layer.bias)
@@ -110,13 +112,14 @@ class DiT(nn.Module):
 
         history: (B, 5, 219) and noisy: (B, 15, 219), both normalised.
         """
-        z = self.enter(torch.cat([history, noisy], 1)) + self.position
+        z = self.enter(torch.cat([history, noisy], 1)) + self.position  # (B, 20, hidden)
         for layer, block in enumerate(self.blocks):
             entering = z
             z = block(entering, at.blocks[layer])
             if residual is not None:
-                z = z + residual(layer, entering)
+                z = z + residual(layer, entering)  # From what entered the layer, as the control branch's copy does.
         shift, scale = at.final.unbind(0)
+        # (B, 15, 219), in single precision whatever the layers' is.
         output: Tensor = self.leave(_modulate(z[:, HISTORY:], shift, scale)).float()
         # Relative to the last history frame, so that an untrained model holds the pose.
         return output + history[:, -1:] if self.config.prediction == "clean" else output

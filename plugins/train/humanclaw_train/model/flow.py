@@ -22,7 +22,7 @@ from humanclaw_train.model.checkpoint import Normaliser
 
 def noised(clean: Tensor, noise: Tensor, tau: Tensor) -> Tensor:
     """Return x(tau) for futures (B, 15, 219) and flow times tau (B,)."""
-    tau = tau[:, None, None]
+    tau = tau[:, None, None]  # (B, 1, 1)
     return (1 - (1 - SIGMA_MIN) * tau) * noise + tau * clean
 
 
@@ -82,10 +82,10 @@ class Loss:
         device = normaliser.mean.device
         by_block = torch.empty(len(normaliser.mean), device=device)
         by_block[kinematics.ROTATIONS] = weights.rotations
-        by_block[:6] = weights.root
+        by_block[:6] = weights.root  # After the rotations, of which the root's are the first three.
         by_block[kinematics.POSITIONS] = weights.positions
         by_block[kinematics.VELOCITIES] = weights.velocities
-        self.by_block = by_block / by_block.mean()
+        self.by_block = by_block / by_block.mean()  # Mean 1, so that the weights move no other term's share.
         self.feet = torch.zeros(N_JOINTS, 1, device=device)
         self.feet[list(kinematics.FEET)] = 1.0
 
@@ -96,13 +96,14 @@ class Loss:
         states: (B, 20, 219) in metres and radians.
         """
         matching = (self.by_block * (predicted - wanted).square()).mean()
-        implied = self.normaliser.inverse(clean)
-        root = implied[..., kinematics.ROOT]
+        implied = self.normaliser.inverse(clean)  # (B, 15, 219), metres and radians
+        root = implied[..., kinematics.ROOT]  # (B, 15, 3)
+        # From the predicted rotations, not the predicted positions: rotations alone are played. (B, 15, 24, 3)
         joints = kinematics.joints(root, implied[..., kinematics.ROTATIONS].reshape(-1, FUTURE, N_JOINTS, 3))
-        true = states[..., kinematics.POSITIONS].reshape(-1, CHUNK, N_JOINTS, 3)
+        true = states[..., kinematics.POSITIONS].reshape(-1, CHUNK, N_JOINTS, 3)  # (B, 20, 24, 3)
         # The first step starts at the last history frame, so that the loss sees a jump at the seam.
-        steps = torch.cat([true[:, HISTORY - 1 : HISTORY], joints], 1).diff(dim=1)
-        true_steps = true[:, HISTORY - 1 :].diff(dim=1)
+        steps = torch.cat([true[:, HISTORY - 1 : HISTORY], joints], 1).diff(dim=1)  # (B, 15, 24, 3)
+        true_steps = true[:, HISTORY - 1 :].diff(dim=1)  # (B, 15, 24, 3)
         return (
             matching
             + self.weights.joints * ((joints - true[:, HISTORY:]) / 0.03).square().mean()
@@ -112,6 +113,7 @@ class Loss:
 
     def _care(self, true_steps: Tensor) -> Tensor:
         """Return the weight of each joint's motion (B, 15, 24, 1)."""
+        # 4 mm a frame, 12 cm/s: slower than a foot in the air, faster than the noise of a captured foot at rest.
         stance = self.feet * (true_steps.norm(dim=-1, keepdim=True) < 0.004)
         care: Tensor = 1 + self.weights.feet * self.feet + self.weights.stance * stance
         return care

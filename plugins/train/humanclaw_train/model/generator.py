@@ -44,13 +44,13 @@ class TorchRuntime:
         clean, model = torch.from_numpy(history).to(self._device), self._base.model
 
         def field(index: int, noisy: Tensor) -> Tensor:
-            one = slice(index, index + 1)
-            at = Modulations(self._modulations.blocks[:, :, one], self._modulations.final[:, one])
+            step = slice(index, index + 1)
+            at = Modulations(self._modulations.blocks[:, :, step], self._modulations.final[:, step])
             residual = None
             if branch is not None and condition is not None:
-                residual = branch[0].residual(condition, branch[1][:, :, one])
+                residual = branch[0].residual(condition, branch[1][:, :, step])
             output = model(clean, noisy, at, residual)
-            return velocity(model.config.prediction, output, noisy, self._times[one])
+            return velocity(model.config.prediction, output, noisy, self._times[step])
 
         future: Tensor = self._solver.solve(field, torch.from_numpy(noise).to(self._device))
         return future.numpy(force=True)

@@ -92,11 +92,11 @@ class Trained:
 
         Raises HumanclawError for a measure that synthesis does not know.
         """
-        unknown = [one.measure for one in self.declaration.parameters if one.measure not in AXES]
+        unknown = [parameter.measure for parameter in self.declaration.parameters if parameter.measure not in AXES]
         if unknown:
             hint = f"Use one of {', '.join(AXES)}, or give {self.name} a recipe without gait and only real chunks."
             raise HumanclawError(f"Motion cannot be synthesised for the measure {', '.join(unknown)}.", hint)
-        return {one.name: AXES[one.measure] for one in self.declaration.parameters}
+        return {parameter.name: AXES[parameter.measure] for parameter in self.declaration.parameters}
 
 
 def trained(plugins: Plugins) -> list[Trained]:
@@ -105,7 +105,7 @@ def trained(plugins: Plugins) -> list[Trained]:
     return [Trained.read(folder, plugins.measures) for folder in folders if (folder / "recipe.py").is_file()]
 
 
-_GAIT: Final = tuple(one.name for one in fields(GaitParameters))
+_GAIT: Final = tuple(part.name for part in fields(GaitParameters))
 
 
 @dataclass(frozen=True)

@@ -34,9 +34,9 @@ def idles(motions: Iterable[Motion]) -> list[Motion]:
 
 def _longest(motions: Iterable[Motion], rule: Callable[[Motion], Mask]) -> list[Motion]:
     long = [motion for motion in motions if len(motion) >= _SECONDS * FPS]
-    found = [motion[slice(*_run(rule(motion)))] for motion in long]
-    found = [part for part in found if len(part) >= _SECONDS * FPS]
-    return [found[index] for index in np.unique(np.linspace(0, len(found) - 1, _MOST).astype(int))] if found else []
+    parts = [motion[slice(*_run(rule(motion)))] for motion in long]
+    parts = [part for part in parts if len(part) >= _SECONDS * FPS]
+    return [parts[index] for index in np.unique(np.linspace(0, len(parts) - 1, _MOST).astype(int))] if parts else []
 
 
 def _run(mask: Mask) -> tuple[int, int]:

@@ -47,8 +47,8 @@ class Call:
 
 def sample_calls(skills: Sequence[Trained], n: int, length: int, rng: np.random.Generator) -> list[Call]:
     """Draw series of commands for n bodies: runs of one skill at similar values, and all changes of skill."""
-    share = np.array([one.recipe.share for one in skills])
-    repeats = np.array([one.recipe.repeats for one in skills])
+    share = np.array([skill.recipe.share for skill in skills])
+    repeats = np.array([skill.recipe.repeats for skill in skills])
     skill = rng.choice(len(skills), n, p=share / share.sum())
     values, steady = _drawn(skills, skill, rng), rng.random(n) < STEADY
     series = []
@@ -69,17 +69,17 @@ def commands(skills: Sequence[Trained], call: Call) -> Commands:
 
 
 def _names(skill: Trained) -> tuple[str, ...]:
-    return tuple(one.name for one in skill.declaration.parameters)
+    return tuple(parameter.name for parameter in skill.declaration.parameters)
 
 
 def _drawn(skills: Sequence[Trained], skill: Ints, rng: np.random.Generator) -> Array:
     """Draw values over the whole ranges of the recipes, half of them near the usual value (N, k)."""
-    values = np.zeros((len(skill), max(len(_names(one)) for one in skills)))
-    for index, one in enumerate(skills):
+    values = np.zeros((len(skill), max(len(_names(trained)) for trained in skills)))
+    for index, trained in enumerate(skills):
         rows = np.flatnonzero(skill == index)
         plain, corner = rng.random(len(rows)) < PLAIN, rng.random(len(rows)) < CORNERS
-        for column, name in enumerate(_names(one)):
-            how = one.recipe.commands[name]
+        for column, name in enumerate(_names(trained)):
+            how = trained.recipe.commands[name]
             values[rows, column] = np.where(plain & (how.nought > 0), 0.0, _draw(how, len(rows), rng))
             end = np.where(rng.random(len(rows)) < 0.5, how.low, how.high) * rng.uniform(0.75, 1.0, len(rows))
             values[rows, column] = np.where(corner, end.clip(how.low, how.high), values[rows, column])
@@ -98,10 +98,10 @@ def _draw(how: Draw, n: int, rng: np.random.Generator) -> Array:
 def _varied(skills: Sequence[Trained], skill: Ints, values: Array, rng: np.random.Generator) -> Array:
     """Vary commands slightly. Values of exactly zero stay zero."""
     values = values.copy()
-    for index, one in enumerate(skills):
+    for index, trained in enumerate(skills):
         rows = np.flatnonzero(skill == index)
-        for column, name in enumerate(_names(one)):
-            how, held = one.recipe.commands[name], values[rows, column]
+        for column, name in enumerate(_names(trained)):
+            how, held = trained.recipe.commands[name], values[rows, column]
             moved = (held + rng.normal(0.0, how.jitter, len(rows))).clip(how.low, how.high)
             values[rows, column] = np.where(held == 0, 0.0, moved)
     return values
@@ -123,18 +123,18 @@ def synthetic_chunks(
     profiles = clips if isinstance(clips, Profiles) else Profiles.of(clips)
     rng = np.random.default_rng(seed)
     half = max(1, round(seconds_per_skill / SECONDS / 2))
-    skills = [one for one in skills if one.synthetic]
+    skills = [skill for skill in skills if skill.synthetic]
     # Mirroring doubles the chunks at the end, so half of them is enough.
-    wanted = dict.fromkeys((one.name for one in skills), half) | {"base": max(1, round(base_share * half))}
-    found: dict[str, list[Chunks]] = {name: [] for name in wanted}
+    wanted = dict.fromkeys((skill.name for skill in skills), half) | {"base": max(1, round(base_share * half))}
+    made: dict[str, list[Chunks]] = {name: [] for name in wanted}
     done, lengths = 0.0, cycle(LENGTHS)
     while done < 1.0:
         for name, chunks in _batch(profiles, skills, rng, next(lengths)).items():
-            found[name].append(chunks[: wanted[name] - sum(map(len, found[name]))])
-        done = min(sum(map(len, found[name])) / count for name, count in wanted.items())
+            made[name].append(chunks[: wanted[name] - sum(map(len, made[name]))])
+        done = min(sum(map(len, made[name])) / count for name, count in wanted.items())
         if progress is not None:
             progress(done)
-    whole = {name: Chunks.join(parts) for name, parts in found.items()}
+    whole = {name: Chunks.join(parts) for name, parts in made.items()}
     return {name: Chunks.join([chunks, chunks.mirrored()]) for name, chunks in whole.items()}
 
 
@@ -146,15 +146,15 @@ def _batch(profiles: Profiles, skills: Sequence[Trained], rng: np.random.Generat
     root, rotations = _stacked(cut(motion, np.arange(length) * FUTURE) for motion in motions)
     skill = np.stack([call.skill for call in series], 1).ravel()
     values = np.stack([call.values for call in series], 1).reshape(len(skill), -1)
-    found = {}
-    for index, one in enumerate(skills):
+    chunks_of = {}
+    for index, trained in enumerate(skills):
         rows = (skill == index) & (lacking.ravel() < 0.01)  # Feet that cut no edge of a stair.
-        chunks = Chunks.of(one.declaration.parameters, root[rows], rotations[rows], "composed", False)
-        found[one.name] = _as_asked(chunks, values[rows]) if one.declaration.climbs else chunks
+        chunks = Chunks.of(trained.declaration.parameters, root[rows], rotations[rows], "composed", False)
+        chunks_of[trained.name] = _as_asked(chunks, values[rows]) if trained.declaration.climbs else chunks
     # The base also learns from chunks that begin between two commands.
     starts = rng.integers(0, len(motions[0]) - FUTURE - HISTORY + 1, (bodies, 2 * length))
     loose = _stacked(cut(motion, at) for motion, at in zip(motions, starts, strict=True))
-    return found | {"base": Chunks.of((), *loose, "composed", False)}
+    return chunks_of | {"base": Chunks.of((), *loose, "composed", False)}
 
 
 def _as_asked(chunks: Chunks, values: Array) -> Chunks:
