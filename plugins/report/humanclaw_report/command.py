@@ -34,7 +34,9 @@ def report(runs: tuple[Path, ...], out: Path | None, files: tuple[Path, ...]) ->
 @click.command()
 @click.argument("folder", type=click.Path(path_type=Path), metavar="EPISODE")
 @click.option(
-    "--out", type=click.Path(path_type=Path), help="MP4 or GIF file to write; default: film.mp4 in the episode."
+    "--out",
+    type=click.Path(path_type=Path),
+    help="MP4 or GIF file to write, or a picture (JPG, PNG) of the whole episode; default: film.mp4 in the episode.",
 )
 @click.option(
     "--height",
@@ -53,22 +55,28 @@ def report(runs: tuple[Path, ...], out: Path | None, files: tuple[Path, ...]) ->
 @click.option("--renderer", default="raster", show_default=True, help="Name of the renderer that draws it.")
 @plugin_files
 def film(folder: Path, out: Path | None, height: int, every: int, renderer: str, files: tuple[Path, ...]) -> None:
-    """Film a recorded episode from behind the body. The ego view is in a corner.
+    """Film a recorded episode from behind the body, with the ego view in a corner; or draw its bodies in one picture.
 
     EPISODE is the folder of an episode, or of a run that holds only one.
     """
     from humanclaw import HumanclawError, Plugins
     from humanclaw_report.film import film as make
+    from humanclaw_report.poses import poses
 
-    if out and out.suffix not in (".gif", ".mp4"):
-        raise HumanclawError(f"a film ends in .mp4 or .gif; got {out}.", f"Name {out.with_suffix('.mp4')}.")
+    if out and out.suffix not in (".gif", ".mp4", ".jpg", ".png"):
+        told = f"a film ends in .mp4 or .gif, a picture in .jpg or .png; got {out}."
+        raise HumanclawError(told, f"Name {out.with_suffix('.mp4')}.")
     episode, plugins = _episode(folder), Plugins.discover(files)
     out = out or episode.folder / "film.mp4"
     size = (2 * round(height * 8 / 9), height // 2 * 2)
     kind: Literal["mp4", "gif"] = "gif" if out.suffix == ".gif" else "mp4"
     drawing = plugins.make("renderers", renderer)
     try:
-        make(episode, plugins.scene(episode.record.spec.scene), drawing, out, kind, every, size)
+        scene = plugins.scene(episode.record.spec.scene)
+        if out.suffix in (".jpg", ".png"):
+            poses(episode, scene, drawing, out, size)
+        else:
+            make(episode, scene, drawing, out, kind, every, size)
     finally:
         drawing.close()
     click.echo(out)

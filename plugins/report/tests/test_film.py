@@ -21,6 +21,7 @@ from humanclaw.world import Camera, View, WorldState
 from humanclaw_report.camera import DISTANCE, follow
 from humanclaw_report.film import GIF_SIZE, film
 from humanclaw_report.playback import FilmScene, hung_on, opened
+from humanclaw_report.poses import moments, poses
 
 
 class Painter:
@@ -206,3 +207,16 @@ def test_the_moving_picture_of_the_readme_is_small_enough_to_load() -> None:
         assert gif.size == GIF_SIZE
         assert gif.n_frames > 20
     assert path.stat().st_size < 3_000_000
+
+
+def test_an_episode_is_one_picture_of_its_bodies(made: tuple[RecordedEpisode, Scene], tmp_path: Path) -> None:
+    episode, scene = made
+    with Image.open(poses(episode, scene, Painter(), tmp_path / "bodies.png", (160, 90))) as picture:
+        assert picture.size == (160, 90)
+        assert np.ptp(np.asarray(picture)) > 100, "the labels"
+
+
+def test_bodies_are_drawn_a_metre_apart_and_once_where_they_end() -> None:
+    # It walks 3 m in 30 frames and then sways on the spot, .2 m to and fro.
+    ahead = np.concatenate([np.arange(31) / 10, np.tile([3.2, 3.0], 10)])
+    assert moments(np.stack([0 * ahead, 0 * ahead + 0.9, ahead], -1)) == [0, 10, 20, 50]

@@ -1,0 +1,85 @@
+"""A recorded episode in one picture: the body at several moments, in the house without its ceilings."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from PIL import Image, ImageDraw
+
+from humanclaw import RecordedEpisode, RecordError, Renderer, Scene
+from humanclaw.body import JOINT_INDEX, Array
+from humanclaw.world import Camera, WorldState, floors_of, together
+from humanclaw_report.floor_plan import colour
+from humanclaw_report.playback import AWAY, SLAB, in_the_way, loosened, opened
+
+APART: Final = 1.0
+"""Way from one body to the next, metres."""
+SIDES: Final = 12
+"""Directions from which a camera may look."""
+ELEVATION: Final = float(np.radians(42))
+_HIDING: Final = 0.01
+"""What an object that has to be left out costs a direction, as a share of the picture between two bodies."""
+_FINE: Final = 2
+"""The picture is drawn this much larger, because edges are hard where bodies overlap."""
+
+
+def poses(episode: RecordedEpisode, scene: Scene, renderer: Renderer, out: Path, size: tuple[int, int]) -> Path:
+    """Draw the bodies of an episode in one picture (JPG or PNG), each with its step and skill.
+
+    size: width and height, pixels. Raises RecordError if the record holds no motion, or out cannot be written.
+    """
+    if not episode.has_motion:
+        raise RecordError(f"{episode.folder} holds no motion.", "Only an episode that has ended can be drawn.")
+    motion = episode.motion()
+    frames = moments(motion.root)
+    bodies, joints = [motion[frame : frame + 1] for frame in frames], motion.joints()[frames]
+    above = min((floor for floor in floors_of(scene) if floor > joints[:, 0, 1].max()), default=np.inf)
+    shown, seen = opened(scene, above - SLAB), joints[:, JOINT_INDEX["head"]] + [0.0, 0.25, 0.0]
+
+    def judged(side: int) -> tuple[float, Camera, frozenset[int]]:
+        camera = _camera(joints, 2 * np.pi * side / SIDES, (_FINE * size[0], _FINE * size[1]))
+        hidden = frozenset[int]().union(*(in_the_way(shown, one, camera.position[None])[0] for one in bodies))
+        gaps = np.linalg.norm(np.diff(camera.pixels(seen), axis=0), axis=1) / camera.width
+        return float(gaps.mean()) - _HIDING * len(hidden), camera, hidden
+
+    _, camera, hidden = max(map(judged, range(SIDES)), key=lambda one: one[0])
+    renderer.load(loosened(shown, hidden))
+    objects = {key: path[-1] for key, path in episode.objects().items()} | dict.fromkeys(hidden, AWAY)
+    image = Image.fromarray(together([renderer.render(WorldState(body, objects), camera) for body in bodies]))
+    draw = ImageDraw.Draw(image)
+    for number, (frame, (x, y)) in enumerate(zip(frames, camera.pixels(seen), strict=True)):
+        draw.text(
+            (x, y), _told(episode, frame), colour(number / len(frames)), font_size=16 * _FINE, anchor="mb",
+            stroke_width=2 * _FINE, stroke_fill="white",
+        )  # fmt: skip
+    try:
+        image.resize(size, Image.Resampling.LANCZOS).save(out, quality=85)
+    except OSError as error:
+        raise RecordError(f"cannot write {out}: {error}.", "Name another file with --out.") from error
+    return out
+
+
+def moments(root: Array) -> list[int]:
+    """Return frames to draw of hips (T, 3): the first, about one every APART metres of way, and the last."""
+    flat = root[:, [0, 2]]
+    way = np.concatenate([[0.0], np.linalg.norm(np.diff(flat, axis=0), axis=1).cumsum()])
+    frames = np.searchsorted(way, np.arange(0.0, way[-1], APART))
+    # Who turns and sits down moves the hips, but stays in place.
+    return [*frames[np.linalg.norm(flat[frames] - flat[-1], axis=1) > 0.6 * APART].tolist(), len(root) - 1]
+
+
+def _camera(joints: Array, side: float, size: tuple[int, int]) -> Camera:
+    """Return the nearest camera from a side (radians) that has all joints (N, 24, 3) well in its picture."""
+    centre = (joints.min((0, 1)) + joints.max((0, 1))) / 2
+    way = np.array([np.sin(side) * np.cos(ELEVATION), np.sin(ELEVATION), np.cos(side) * np.cos(ELEVATION)])
+    cameras = (Camera.looking(centre + metres * way, centre, 30.0, size) for metres in np.arange(5.0, 100.0, 0.5))
+    return next(one for one in cameras if (np.abs(one.pixels(joints) / size - 0.5) < 0.4).all())
+
+
+def _told(episode: RecordedEpisode, frame: int) -> str:
+    """Return step and skill of a frame."""
+    spans = zip(episode.steps, episode.spans, strict=True)
+    step = next((step for step, (first, end) in spans if first <= frame < end), None)
+    return f"{step.step} {step.call.skill}" if step and step.call else "start"
