@@ -64,8 +64,8 @@ def film(folder: Path, out: Path | None, height: int, every: int, renderer: str,
     from humanclaw_report.poses import poses
 
     if out and out.suffix not in (".gif", ".mp4", ".jpg", ".png"):
-        told = f"a film ends in .mp4 or .gif, a picture in .jpg or .png; got {out}."
-        raise HumanclawError(told, f"Name {out.with_suffix('.mp4')}.")
+        remedy = f"Name {out.with_suffix('.mp4')}, or {out.with_suffix('.jpg')} for one picture."
+        raise HumanclawError(f"a film ends in .mp4 or .gif; got {out}.", remedy)
     episode, plugins = _episode(folder), Plugins.discover(files)
     out = out or episode.folder / "film.mp4"
     size = (2 * round(height * 8 / 9), height // 2 * 2)
