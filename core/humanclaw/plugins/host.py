@@ -135,12 +135,17 @@ class Plugins:
             if not self.of_owner(name, "skills"):
                 raise PluginError(f"plugin file {path}: {reason}")
             _LOG.warning("plugin file %s: %s", path, reason)
+        self._refuse_taken_names(name, path)
+
+    def _refuse_taken_names(self, owner: str, path: Path) -> None:
+        """Raise PluginError if a name alone means another plugin's item, and nobody has chosen that."""
         for kind in self._items:
-            for item in self.of_owner(name, kind):
-                other = self._first(kind)[item.name]
+            first = self._first(kind)
+            for item in self.of_owner(owner, kind):
+                other = first[item.name]
                 if other is not item and not self.choice.names(other):
                     message = f"plugin file {path}: {item.name!r} is also that of {other.owner!r}."
-                    either = f"--without {other.owner}:{item.name} or --without {name}:{item.name}"
+                    either = f"--without {other.owner}:{item.name} or --without {owner}:{item.name}"
                     raise PluginError(message, f"Say which one to leave out: {either}.")
 
     def add(self, plugin: object, name: str, version: str = "", origin: str = "", first: bool = False) -> None:
