@@ -106,9 +106,13 @@ def test_a_package_in_a_folder_is_a_plugin_and_imports_its_own_modules(tmp_path)
             del sys.modules[name]
 
 
-def test_the_folder_of_a_distribution_stands_for_its_package(plugins):
+def test_the_folder_of_a_distribution_stands_for_its_package(plugins, monkeypatch):
     folder = Path(__file__).parents[1] / "skills/gaze"
     assert "gaze" in Plugins.discover([folder]).skills
+    monkeypatch.chdir(folder)
+    assert Plugins.discover([Path(".")]).owner("gaze") == "humanclaw_skill_gaze"
+    monkeypatch.chdir("humanclaw_skill_gaze")
+    assert Plugins.discover([Path(".")]).owner("gaze") == "humanclaw_skill_gaze"
     assert [report.passed for report in check_target(str(folder), plugins, engines=())] == [True]
 
 

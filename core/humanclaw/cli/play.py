@@ -18,7 +18,7 @@ from humanclaw.episodes.episode import Episode
 from humanclaw.errors import CallError, HumanclawError
 from humanclaw.plugins.choice import Choice
 from humanclaw.plugins.hookspecs import RegisterSkill, hookimpl
-from humanclaw.plugins.host import Plugins, load_file
+from humanclaw.plugins.host import Plugins, load_file, package_in
 from humanclaw.records.decisions import Decision
 from humanclaw.records.instructions import free_episode
 from humanclaw.skills.call import Call
@@ -101,6 +101,7 @@ def _found(target: str, skill: str, files: tuple[Path, ...], choice: Choice) -> 
     if path.suffix == ".py" or path.exists():
         plugins = Plugins.discover(files, choice)
         # A skill of the file is meant, also where its published distribution is installed.
+        path = package_in(path)
         plugins.add(load_file(path), path.stem, origin=str(path), first=True)
         return plugins, _one_of(plugins, path.stem, skill)
     plugins = Plugins.discover(files, choice)

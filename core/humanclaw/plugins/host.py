@@ -643,6 +643,7 @@ def load_file(path: Path) -> ModuleType:
 
 def package_in(path: Path) -> Path:
     """Return the package in the folder of a distribution, which is what people give; any other path as it is."""
+    path = path if path.name else path.resolve()  # The current folder has no name.
     packages = [file.parent for file in path.glob("humanclaw_*/__init__.py")] if path.is_dir() else []
     return packages[0] if len(packages) == 1 and not (path / "__init__.py").is_file() else path
 
