@@ -131,10 +131,12 @@ def _look(visual: Any) -> tuple[tuple[int, int, int], NDArray[np.uint8] | None]:
     if material is None:
         colours = np.asarray(getattr(visual, "vertex_colors", [[190, 190, 190, 255]]), float)
         return _rgb(colours.mean(axis=0)), None
-    image = getattr(material, "image", None) or getattr(material, "baseColorTexture", None)
-    colour = material.diffuse if hasattr(material, "diffuse") else material.baseColorFactor
+    if hasattr(material, "baseColorFactor"):  # Of a DAE file, in linear light.
+        colour = _rgb(255 * (np.asarray(material.baseColorFactor, float) / 255) ** (1 / 2.2))
+        return colour, None if material.baseColorTexture is None else pixels(material.baseColorTexture, colour)
     # In an MTL file the colour beside a picture is commonly left at any value, and viewers ignore it.
-    return _rgb(colour), None if image is None else pixels(image, (255, 255, 255))
+    image = getattr(material, "image", None)
+    return _rgb(material.diffuse), None if image is None else pixels(image, (255, 255, 255))
 
 
 def _rgb(colour: Any) -> tuple[int, int, int]:
