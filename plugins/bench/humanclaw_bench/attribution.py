@@ -56,6 +56,8 @@ class EpisodeFeatures:
     """Whether a view showed enough of the target."""
     late: bool
     """Whether the first such view came too late."""
+    unreachable: bool
+    """Whether the steps after it could not cover the way, at the fastest step of the episode."""
     way: tuple[float, ...]
     """Remaining distance to the nearest target at the start and after each step, metres."""
     arrived: bool
@@ -81,6 +83,7 @@ class EpisodeFeatures:
         return cls(
             seen=first is not None,
             late=first is not None and first >= round(TOO_LATE * record.spec.max_steps),
+            unreachable=first is not None and _way(record, steps)[first] > _reach(record, steps, first),
             way=_way(record, steps),
             arrived=any(s.target_distance is not None and s.target_distance <= REACHED for s in steps),
             stopped=record.outcome == "stopped",
@@ -110,6 +113,11 @@ def _way(record: EpisodeRecord, steps: Sequence[StepRecord]) -> tuple[float, ...
         for step in steps
     )
     return (begin, *rest)
+
+
+def _reach(record: EpisodeRecord, steps: Sequence[StepRecord], first: int) -> float:
+    """Return how far the body could have come from a step on, at the fastest step of the episode, metres."""
+    return (record.spec.max_steps - first) * max(map(_moved, steps))
 
 
 def _asks(record: EpisodeRecord, step: StepRecord, measures: Sequence[str]) -> float | None:
@@ -260,6 +268,8 @@ CAUSES: Final[tuple[Rule[EpisodeFeatures], ...]] = (
 )  # fmt: skip
 """The paper's root causes, in the order in which their rules are tried within each stage."""
 FURTHER: Final[tuple[Rule[EpisodeFeatures], ...]] = (
+    Rule("nav", "too late to reach", "exploration timing", lambda f: f.unreachable,
+         "after the first view of the target too few steps were left for the way, at the body's fastest"),
     Rule("nav", "turned to sit", "body awareness", lambda f: f.turned and not f.seen_last,
          "the body ended within 1.5 m of the seat, with its back to it or after a sit"),
 )  # fmt: skip

@@ -103,6 +103,7 @@ UNASKED: Final = Metric(
 COST: Final = (
     Metric("in tok/step", "lower", parts=lambda s: (s.tokens_in, s.steps), digits=0),
     Metric("out tok/step", "lower", parts=lambda s: (s.tokens_out, s.steps), digits=0),
+    _mean("tok/episode", lambda s: s.tokens_in + s.tokens_out, 0, meaning="tokens read and written"),
     _mean("cost ($)", lambda s: s.cost, 3),
     Metric("reasoning tok/step", "lower", parts=lambda s: (s.tokens_reasoning, s.steps), digits=0),
     UNASKED,

@@ -16,9 +16,10 @@ from humanclaw_bench.tables import ResultTable, all_tables, happened
 from humanclaw_bench.writers import bearing, compared, texts
 
 SHOWN = (
-    "main", "hands", "funnel", "causes", "hand-causes", "difficulty", "category", "variants", "body", "own", "plugins",
+    "main", "hands", "funnel", "causes", "faculties", "hand-causes", "difficulty", "category", "variants", "body",
+    "own", "plugins",
 )  # fmt: skip
-DRAWN = {"funnel": True, "causes": False, "hand-causes": False}
+DRAWN = {"funnel": True, "causes": False, "faculties": False, "hand-causes": False}
 """Tables of shares that the page draws as charts, and whether the columns become the rows of the chart."""
 
 
@@ -41,7 +42,7 @@ def overview(runs: Runs, page: Page, plugins: Plugins) -> None:
         _tell_episodes(run, episodes, page)
     found = results(runs, metrics_of(plugins))
     tables = all_tables(found, paper=False)
-    tables |= {name: happened(tables[name]) for name in ("causes", "hand-causes")}
+    tables |= {name: happened(tables[name]) for name in ("causes", "faculties", "hand-causes")}
     for name in SHOWN:
         if tables[name].rows and tables[name].columns:
             _add(tables[name], page, name)

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import json
+from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any, Final
+
+import numpy as np
 
 from humanclaw import HumanclawError
 from humanclaw_bench.attribution import CAUSES, FURTHER, NO_CALL, Funnel
@@ -33,7 +36,7 @@ from humanclaw_bench.metrics import (
     extra_metric,
     houses_of,
 )
-from humanclaw_bench.results import MARK, Result
+from humanclaw_bench.results import MARK, NONE, Result
 from humanclaw_bench.scores import Scores
 from humanclaw_bench.splits import CATEGORIES, DATA
 from humanclaw_bench.statistics import CONFIDENCE, FEW, Estimate, rate
@@ -52,6 +55,14 @@ INTERVAL_NOTE: Final = (
     "for these houses alone."
 )
 
+RANKS: Final = ("", "\u00b9", "\u00b2")
+"""Marks of the best and second-best value of a column: superscripts, which every format has."""
+RANK_NOTE: Final = f"{RANKS[1]} best, {RANKS[2]} second best of these runs, whatever the intervals."
+_RANKED: Final = 3
+"""Of two rows everybody sees which is better."""
+ALL_RUNS: Final = "all runs"
+"""Rows and columns of several runs pooled, as the paper's error analysis pools its models."""
+
 
 # -- values ------------------------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
@@ -61,6 +72,8 @@ class Row:
     name: str
     cells: tuple[Estimate, ...]
     paper: bool = False
+    ranks: tuple[int, ...] = ()
+    """1 for the best and 2 for the second-best value of each column, else 0; empty where nothing is ranked."""
 
 
 @dataclass(frozen=True)
@@ -75,8 +88,10 @@ class ResultTable:
 
     @property
     def all_notes(self) -> tuple[str, ...]:
-        paper = (PAPER_NOTE,) if any(row.paper for row in self.rows) else ()
-        return (*self.notes, INTERVAL_NOTE, *paper)
+        names = [*(row.name for row in self.rows), *(column.name for column in self.columns)]
+        paper = (PAPER_NOTE,) if any(MARK in name for name in names) else ()
+        ranked = (RANK_NOTE,) if any(row.ranks for row in self.rows) else ()
+        return (*self.notes, *ranked, INTERVAL_NOTE, *paper)
 
 
 # -- the tables of the paper -------------------------------------------------------------------------------------------
@@ -123,9 +138,25 @@ def _result_table(
     paper: Mapping[str, Mapping[str, float]],
     seed: int,
 ) -> ResultTable:
-    rows = [Row(r.name, tuple(estimate(m, r.scores, seed=seed) for m in metrics)) for r in results]
+    rows = _ranked(metrics, [Row(r.name, tuple(estimate(m, r.scores, seed=seed) for m in metrics)) for r in results])
     rows += [Row(f"{name} {MARK}", _printed(metrics, values), paper=True) for name, values in paper.items() if results]
     return ResultTable(title, "agent", tuple(metrics), tuple(rows), tuple(r.note for r in results))
+
+
+def _ranked(columns: Sequence[Column], rows: list[Row]) -> list[Row]:
+    """Mark the best and second-best value of each column that has a better side; equal values share their mark."""
+    if len(rows) < _RANKED:
+        return rows
+    places = [_places(column, [row.cells[index].value for row in rows]) for index, column in enumerate(columns)]
+    return [replace(row, ranks=ranks) for row, ranks in zip(rows, zip(*places, strict=True), strict=True)]
+
+
+def _places(column: Column, values: Sequence[float]) -> list[int]:
+    """Return the rank of each value, 1 or 2, or 0 for others. As printed, so that rows that look equal are equal."""
+    shown = [column.number(value) for value in values]
+    finite = {text: value for text, value in zip(shown, values, strict=True) if np.isfinite(value)}
+    order = sorted(finite, key=lambda text: finite[text], reverse=column.better == "higher") if column.better else []
+    return [order.index(text) + 1 if text in order[:2] else 0 for text in shown]
 
 
 def _printed(columns: Sequence[Column], values: Mapping[str, float]) -> tuple[Estimate, ...]:
@@ -134,41 +165,105 @@ def _printed(columns: Sequence[Column], values: Mapping[str, float]) -> tuple[Es
     return tuple(Estimate(value / 100 if column.percent else value) for column, value in printed)
 
 
-def funnel_table(results: Sequence[Result]) -> ResultTable:
+def _pooled(results: Sequence[Result]) -> list[Result]:
+    """Return the results, and if there are several, all of them as one."""
+    if len(results) < 2:
+        return list(results)
+    scores = tuple(one for result in results for one in result.scores)
+    return [*results, Result(ALL_RUNS, scores, tuple(cause for result in results for cause in result.causes))]
+
+
+def funnel_table(results: Sequence[Result], *, paper: bool = False) -> ResultTable:
     """Return the share of episodes that pass each stage (paper, figure of the error analysis, a)."""
     columns = tuple(Column(title, percent=True) for title in ("in view", "found", "found, reached", "reached, sat"))
-    shares = [tuple(rate(met, houses_of(asked)) for met, asked in Funnel.of(r.scores).shares) for r in results]
-    rows = tuple(Row(r.name, cells) for r, cells in zip(results, shares, strict=True))
+    rows = []
+    for result in _pooled(results):
+        shares = Funnel.of(result.scores).shares
+        rows.append(Row(result.name, tuple(rate(met, houses_of(asked)) for met, asked in shares)))
+    printed = paper_results()["funnel"] if paper and results else {}
+    rows += [Row(f"{name} {MARK}", _printed(columns, values), paper=True) for name, values in printed.items()]
     notes = ("'reached, sat' is of the reached episodes whose task is to sit.", *(r.note for r in results))
-    return ResultTable("Funnel", "agent", columns, rows, notes)
+    return ResultTable("Funnel", "agent", columns, tuple(rows), notes)
 
 
-def causes_table(results: Sequence[Result], causes: Sequence[Rule[Any]] = CAUSES) -> ResultTable:
+Failures = Mapping[str, Sequence[tuple[Cause, Scores]]]
+"""The failures of each stage."""
+
+
+def _failures(result: Result) -> Failures:
+    found: dict[str, list[tuple[Cause, Scores]]] = defaultdict(list)
+    for scores, cause in zip(result.scores, result.causes, strict=True):
+        if cause:
+            found[cause.stage].append((cause, scores))
+    return found
+
+
+def causes_table(
+    results: Sequence[Result], causes: Sequence[Rule[Any]] = CAUSES, *, paper: bool = False
+) -> ResultTable:
     """Return the share of each root cause among the failures of its stage (paper, error analysis, b to d)."""
     stages = tuple(dict.fromkeys(cause.stage for cause in causes))
-    columns = tuple(Column(result.name, percent=True) for result in results)
-    failed = [
-        {stage: [(c, s) for s, c in zip(r.scores, r.causes, strict=True) if c and c.stage == stage] for stage in stages}
-        for r in results
+    columns, failed, printed = _columns(results, paper)
+    rows = [
+        Row(cause.label, (*(_share(cause, each[cause.stage]) for each in failed), *_paper_share(printed, [cause])))
+        for cause in causes
     ]
-    rows = tuple(
-        Row(cause.label, tuple(_share(cause, failures[cause.stage]) for failures in failed)) for cause in causes
-    )
-    rows += tuple(
-        Row(f"also {cause.label}", tuple(_share_of_second(cause, failures[cause.stage]) for failures in failed))
+    nothing = (NONE,) * bool(printed)
+    rows += [
+        Row(f"also {cause.label}", (*(_share_of_second(cause, each[cause.stage]) for each in failed), *nothing))
         for cause in (*causes, *FURTHER)
         if any(_is_second(cause, scores) for result in results for scores in result.scores)
-    )
+    ]
     notes = tuple(
         f"Failures of {result.name}: " + ", ".join(f"{stage} {len(failures[stage])}" for stage in stages) + "."
-        for result, failures in zip(results, failed, strict=True)
+        for result, failures in zip(_pooled(results), failed, strict=True)
     )
     if any(NO_CALL in result.causes for result in results):
-        rows += (Row(f"{NO_CALL.label}, of all failures", tuple(map(_share_without_calls, results))),)
+        without = (*map(_share_without_calls, _pooled(results)), *nothing)
+        rows.append(Row(f"{NO_CALL.label}, of all failures", without))
     if any(row.name.startswith("also ") for row in rows):
         notes += ("Rows that begin with 'also' are second labels: other rules that describe a failure.",)
     notes += tuple(result.note for result in results)
-    return ResultTable("Root causes, share of the failures of each stage", "cause", columns, rows, notes)
+    return ResultTable("Root causes, share of the failures of each stage", "cause", columns, tuple(rows), notes)
+
+
+def faculties_table(results: Sequence[Result], *, paper: bool = False) -> ResultTable:
+    """Return the same shares summed by the faculty that failed, the colours of the paper's figure."""
+    columns, failed, printed = _columns(results, paper)
+    groups: dict[tuple[str, str], list[Cause]] = defaultdict(list)
+    for cause in CAUSES:
+        groups[cause.stage, cause.capability].append(cause)
+    rows = tuple(
+        Row(f"{stage}: {faculty}", (*(_share_of(group, each[stage]) for each in failed), *_paper_share(printed, group)))
+        for (stage, faculty), group in groups.items()
+    )
+    notes = tuple(result.note for result in results)
+    return ResultTable("Faculties, share of the failures of each stage", "faculty", columns, rows, notes)
+
+
+def _columns(
+    results: Sequence[Result], paper: bool
+) -> tuple[tuple[Column, ...], list[Failures], Mapping[str, Mapping[str, float]]]:
+    """Return a column for each result, for all together and for the paper; the failures of each; the paper's shares."""
+    printed = paper_results()["causes"] if paper and results else {}
+    named = [result.name for result in _pooled(results)] + [f"{name} {MARK}" for name in _first(printed)]
+    return tuple(Column(name, percent=True) for name in named), [_failures(r) for r in _pooled(results)], printed
+
+
+def _first(printed: Mapping[str, Mapping[str, float]]) -> Sequence[str]:
+    return list(next(iter(printed.values()), {}))
+
+
+def _paper_share(printed: Mapping[str, Mapping[str, float]], causes: Sequence[Cause]) -> tuple[Estimate, ...]:
+    """Return the sum of the shares that the paper prints, for each of its columns."""
+    return tuple(
+        Estimate(sum(printed.get(cause.label, {}).get(name, np.nan) for cause in causes) / 100)
+        for name in _first(printed)
+    )
+
+
+def _share_of(causes: Sequence[Cause], failures: Sequence[tuple[Cause, Scores]]) -> Estimate:
+    return rate([found in causes for found, _ in failures], houses_of(scores for _, scores in failures))
 
 
 def _share_without_calls(result: Result) -> Estimate:
@@ -290,11 +385,12 @@ def all_tables(results: Sequence[Result], *, paper: bool = True, seed: int = 0) 
         "factors": factors_table(results, seed=seed),
         "category": category_table(results, seed=seed),
         "plugins": extra_table(results, seed=seed),
-        "funnel": funnel_table(results),
-        "causes": causes_table(results),
+        "funnel": funnel_table(results, paper=paper),
+        "causes": causes_table(results, paper=paper),
+        "faculties": faculties_table(results, paper=paper),
         "hand-causes": causes_table(hands, HAND_CAUSES),
     }
 
 
-def inline(column: Column, cell: Estimate) -> str:
-    return f"{column.number(cell.value)} {column.interval(cell)}".strip()
+def inline(column: Column, cell: Estimate, rank: int = 0) -> str:
+    return f"{column.number(cell.value)}{RANKS[rank]} {column.interval(cell)}".strip()

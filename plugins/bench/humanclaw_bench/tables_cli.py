@@ -35,6 +35,7 @@ NAMES = (
     "plugins",
     "funnel",
     "causes",
+    "faculties",
     "hand-causes",
 )
 

@@ -15,7 +15,7 @@ from humanclaw.cli import counted
 from humanclaw_bench.metrics import Column, Metric
 from humanclaw_bench.results import MARK
 from humanclaw_bench.statistics import SIGNIFICANT, Difference, Estimate
-from humanclaw_bench.tables import TELLING, ResultTable, inline
+from humanclaw_bench.tables import RANKS, TELLING, ResultTable, Row, inline
 
 
 def terminal(table: ResultTable, width: int = 80, *, notes: bool = True) -> Group:
@@ -32,7 +32,7 @@ def _cuts(table: ResultTable, width: int) -> Iterator[tuple[int, int]]:
     for index, column in enumerate(table.columns):
         texts = [
             column.head,
-            *(line for row in table.rows for line in _stacked(column, row.cells[index]).plain.split("\n")),
+            *(line for row in table.rows for line in _stacked(column, *_cell(row, index)).plain.split("\n")),
         ]
         wide = max(map(len, texts)) + 2
         if used + wide > width and index > first:
@@ -50,20 +50,28 @@ def _part(table: ResultTable, first: int, last: int, names: int) -> Table:
     for index, row in enumerate(table.rows):
         if row.paper and not table.rows[index - 1].paper:
             grid.add_section()
-        cells = map(_stacked, table.columns[first:last], row.cells[first:last])
+        cells = (_stacked(table.columns[index], *_cell(row, index)) for index in range(first, last))
         grid.add_row(Text(row.name), *cells, style="dim" if row.paper else "")
     return grid
 
 
-def _stacked(column: Column, cell: Estimate) -> Text:
+def _cell(row: Row, index: int) -> tuple[Estimate, int]:
+    """Return a value and its rank."""
+    return row.cells[index], row.ranks[index] if row.ranks else 0
+
+
+def _stacked(column: Column, cell: Estimate, rank: int = 0) -> Text:
     interval = column.rounded.interval(cell)
-    return Text.assemble(column.number(cell.value), (f"\n{interval}" if interval else "", "dim"))
+    return Text.assemble(f"{column.number(cell.value)}{RANKS[rank]}", (f"\n{interval}" if interval else "", "dim"))
 
 
 def texts(table: ResultTable) -> tuple[tuple[str, ...], tuple[tuple[str, ...], ...]]:
     """Return head and rows as text, with intervals in the cells, for reports and Markdown."""
     head = (table.corner, *(column.head for column in table.columns))
-    return head, tuple((row.name, *map(inline, table.columns, row.cells)) for row in table.rows)
+    return head, tuple(
+        (row.name, *(inline(column, *_cell(row, index)) for index, column in enumerate(table.columns)))
+        for row in table.rows
+    )
 
 
 def markdown(table: ResultTable) -> str:
@@ -117,7 +125,7 @@ def latex(table: ResultTable) -> str:
     head, rows = table.columns, []
     for index, row in enumerate(table.rows):
         rule = "\\midrule\n" if row.paper and index and not table.rows[index - 1].paper else ""
-        cells = map(_tex, head, row.cells)
+        cells = (_tex(column, *_cell(row, place)) for place, column in enumerate(head))
         rows.append(rule + " & ".join([row.name.translate(_TEX), *cells]) + r" \\")
     titles = " & ".join([table.corner, *(column.head.translate(_TEX) for column in head)])
     lines = [f"% {table.title}", _FITTED, rf"\begin{{tabular}}{{l{'r' * len(head)}}}", r"\toprule", titles + r" \\"]
@@ -125,9 +133,11 @@ def latex(table: ResultTable) -> str:
     return "\n".join([*lines, r"\midrule", *rows, r"\bottomrule", r"\end{tabular}}", *notes]) + "\n"
 
 
-def _tex(column: Column, cell: Estimate) -> str:
-    interval = column.interval(cell)
-    return column.number(cell.value).translate(_TEX) + (rf" {{\scriptsize {interval}}}" if interval else "")
+def _tex(column: Column, cell: Estimate, rank: int = 0) -> str:
+    """Write a cell, the best in bold and the second best underlined."""
+    interval, number = column.interval(cell), column.number(cell.value).translate(_TEX)
+    marked = {1: rf"\textbf{{{number}}}", 2: rf"\underline{{{number}}}"}.get(rank, number)
+    return marked + (rf" {{\scriptsize {interval}}}" if interval else "")
 
 
 WRITERS: Final[Mapping[str, Callable[[ResultTable], str]]] = {"markdown": markdown, "latex": latex}

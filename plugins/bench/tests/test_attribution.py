@@ -216,6 +216,9 @@ ASIDE = {"end": (4.0, 1.0, 0.0)}
         ([FOUND, step("stop", away=0.3, says=SEE)], "nav: stop while far", ["nav: target hallucination"]),
         ([FOUND, step("stop", away=0.3, says=SEE, pixels=500)], "nav: stop while far", []),
         ([*roaming(70), step(says=SEE, pixels=500)], "nav: find too late", ["nav: ineffective actions"]),
+        # 50 m away with two steps left.
+        ([*roaming(97), step(geodesic=50.0), step(says=SEE, pixels=500)], "nav: find too late",
+         ["nav: ineffective actions", "nav: too late to reach"]),
         (ROLLOUTS["interact: stand after sit"], "interact: stand after sit", []),
     ],
 )  # fmt: skip
@@ -228,7 +231,7 @@ def test_second_labels_tell_what_the_order_hides(tmp_path: Path, steps: list, fi
 
 def test_a_success_has_no_second_label(tmp_path: Path) -> None:
     assert also(rollout(tmp_path, [step()]), None) == ()
-    assert [cause.label for cause in FURTHER] == ["nav: turned to sit"]
+    assert [cause.label for cause in FURTHER] == ["nav: too late to reach", "nav: turned to sit"]
 
 
 # -- the funnel --------------------------------------------------------------------------------------------------------

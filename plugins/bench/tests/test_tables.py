@@ -20,14 +20,14 @@ from humanclaw import PluginError, Plugins, RecordedEpisode, load_run
 from humanclaw.cli import Console
 from humanclaw.records import Difficulty, StepRecord, Verdict, write_episodes
 from humanclaw.world import GAZES
-from humanclaw_bench.attribution import CAUSES, attribute
+from humanclaw_bench.attribution import CAUSES, STAGES, attribute
 from humanclaw_bench.metrics import ALL, MAIN, compare
 from humanclaw_bench.overview import overview
 from humanclaw_bench.results import Result as Scored, named
 from humanclaw_bench.scores import Scores, score
 from humanclaw_bench.scoring import metrics_of, scored
 from humanclaw_bench.statistics import Difference, wilson
-from humanclaw_bench.tables import Column, ResultTable, all_tables, factors_table, result_table
+from humanclaw_bench.tables import Column, ResultTable, all_tables, factors_table, paper_results, result_table
 from humanclaw_bench.writers import compare_table, compared, latex, markdown, terminal, texts, verdict
 
 SEE = "A couch is 2 m ahead."
@@ -548,3 +548,70 @@ def test_a_page_says_what_each_short_name_over_its_main_table_means(tmp_path: Pa
     plain = {"false claims", "steps", "motion (s)"}
     assert names > plain
     assert [name for name in names - plain if f"{name}: " not in page.notes[title]] == []
+
+
+# -- the paper's error analysis ----------------------------------------------------------------------------------------
+def _failed(base: Scores, agent: str, *causes: str):
+    by_label = {cause.label: cause for cause in CAUSES}
+    lost = replace(base, agent=agent, nav=False, interact=False)
+    return [(replace(lost, episode=f"e{k}"), by_label[label]) for k, label in enumerate(causes)]
+
+
+def test_causes_are_pooled_over_runs_and_summed_by_faculty(base: Scores):
+    """Of four failures to arrive, three of agent a and one of b: 2 of 4 stopped far, 1 was jammed and 1 arrived."""
+    far, jam, arrived = "nav: stop while far", "nav: unaware jammed", "nav: unaware arrived/touch"
+    results = named({"a": _failed(base, "a", far, jam, arrived), "b": _failed(base, "b", far)})
+    tables = all_tables(results, paper=True)
+    causes, faculties = (
+        {row.name: [round(cell.value, 3) for cell in row.cells] for row in tables[name].rows}
+        for name in ("causes", "faculties")
+    )
+    assert [column.name for column in tables["causes"].columns] == ["a", "b", "all runs", "nine models \u2020"]
+    assert causes[far] == [0.333, 1.0, 0.5, 0.3]
+    assert causes[jam] == [0.333, 0.0, 0.25, 0.14]
+    assert faculties["nav: body awareness"] == [0.667, 0.0, 0.5, 0.34]
+    assert faculties["nav: ego-spatial distance"] == causes[far]
+    assert len(faculties) == 13
+
+
+def test_the_papers_shares_of_each_stage_are_a_whole():
+    """Rounded per cents: find 101, nav 99.5 (its "under 1 %" is .5 in the text), interact 100."""
+    printed = paper_results()["causes"]
+    assert set(printed) == {cause.label for cause in CAUSES}
+    sums = {
+        stage: sum(one["nine models"] for label, one in printed.items() if label.startswith(stage)) for stage in STAGES
+    }
+    assert sums == {"find": 101, "nav": 99.5, "interact": 100}
+
+
+def test_the_funnel_pools_runs_beside_the_papers(base: Scores):
+    """Of four episodes of each agent all were found; three of a and none of b were reached."""
+    a, b = results_of(base, "a", "b")
+    b = replace(b, scores=tuple(replace(one, nav=False, interact=False) for one in b.scores))
+    rows = {row.name: [cell.value for cell in row.cells] for row in all_tables([a, b])["funnel"].rows}
+    assert rows["all runs"][:3] == [1.0, 1.0, 3 / 8]
+    assert rows["nine models \u2020"] == pytest.approx([0.614, 5473 / 10962, 1767 / 10962, 213 / 726], abs=1e-3)
+
+
+def test_the_best_and_second_best_of_three_runs_are_marked(base: Scores):
+    """NavSR 3, 2 and 1 of 4; the last two print the same FindSR, so all share the mark of the best."""
+    results = results_of(base, "a", "b", "c")
+    less = [
+        replace(r, scores=tuple(replace(s, nav=k < 3 - index) for k, s in enumerate(r.scores)))
+        for index, r in enumerate(results)
+    ]
+    table = result_table("variants", less, paper=False)
+    at = {column.name: index for index, column in enumerate(table.columns)}
+    assert [row.ranks[at["NavSR"]] for row in table.rows] == [1, 2, 0]
+    assert [row.ranks[at["FindSR"]] for row in table.rows] == [1, 1, 1]
+    assert "75.0%\u00b9 [" in markdown(table)
+    assert r"\textbf{75.0\%}" in latex(table)
+    assert result_table("variants", less[:2], paper=False).rows[0].ranks == ()
+
+
+def test_tokens_are_told_by_episode_too(base: Scores):
+    """1,200 tokens in two steps are 600 a step and 1,200 an episode."""
+    (result,) = results_of(replace(base, tokens_in=1000, tokens_out=200, steps=2), "a")
+    table = result_table("main", [result], paper=False)
+    values = dict(zip([column.name for column in table.columns], table.rows[0].cells, strict=True))
+    assert [values[name].value for name in ("in tok/step", "out tok/step", "tok/episode")] == [500, 100, 1200]
