@@ -10,12 +10,12 @@ from typing import Any, Final
 import numpy as np
 
 from humanclaw.body.pose import FUTURE, rest_pose
+from humanclaw.checks.bounded import Bounded
 from humanclaw.checks.fakes import FAKE, Fakes, fake_body, fake_scene
 from humanclaw.episodes.backends import Backends
 from humanclaw.episodes.embodiment import Body
 from humanclaw.episodes.execution import SkillExecution
 from humanclaw.errors import ContractError, HumanclawError, in_words
-from humanclaw.plugins.bounded import Bounded
 from humanclaw.plugins.hookspecs import hookimpl
 from humanclaw.plugins.host import Plugins
 from humanclaw.skills.call import Call

@@ -16,6 +16,7 @@ import numpy as np
 
 from humanclaw.body.pose import FUTURE, HISTORY, Array, Motion, mirrored, rest_pose
 from humanclaw.body.skeleton import JOINT_INDEX
+from humanclaw.checks.bounded import Bounded, OverdueError
 from humanclaw.checks.fakes import ScriptedAgent, fake_body, fake_scene
 from humanclaw.checks.motions import gait
 from humanclaw.checks.skills import Report
@@ -24,7 +25,6 @@ from humanclaw.episodes.episode import Episode
 from humanclaw.episodes.tools import body_tools
 from humanclaw.errors import ContractError, HumanclawError, ProviderError, in_words
 from humanclaw.plugins.agents import Agent, Verifier
-from humanclaw.plugins.bounded import Bounded, OverdueError
 from humanclaw.plugins.choice import Registration
 from humanclaw.plugins.hookspecs import OBSERVERS, noun
 from humanclaw.plugins.host import Plugins

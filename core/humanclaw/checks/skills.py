@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import Any, Final
 
 from humanclaw.body.pose import HISTORY, Motion, rest_pose
+from humanclaw.checks.bounded import Bounded
 from humanclaw.checks.following import followed, following_faults
 from humanclaw.checks.playing import Bench, Faults, played_faults
 from humanclaw.checks.quality import motion_faults, moves
 from humanclaw.checks.sampling import illegal_calls, legal_calls, values_of
 from humanclaw.episodes.adapters import untrained
 from humanclaw.errors import CallError, ContractError, in_words
-from humanclaw.plugins.bounded import Bounded
 from humanclaw.plugins.host import Plugins
 from humanclaw.skills.adapter_checks import adapter_header, ranges, within
 from humanclaw.skills.checks import read_draft, skill_faults

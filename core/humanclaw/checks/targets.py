@@ -6,10 +6,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
+from humanclaw.checks.bounded import Bounded, OverdueError
 from humanclaw.checks.plugins import check_plugin
 from humanclaw.checks.skills import Report, examine
 from humanclaw.errors import ContractError, PluginError
-from humanclaw.plugins.bounded import Bounded, OverdueError
 from humanclaw.plugins.choice import is_owner
 from humanclaw.plugins.host import Plugins, is_from, load_file, package_in
 from humanclaw.skills.contract import Skill

@@ -15,7 +15,6 @@ if TYPE_CHECKING:
         Tasks as Tasks,
         Verifier as Verifier,
     )
-    from humanclaw.plugins.bounded import Bounded as Bounded, OverdueError as OverdueError
     from humanclaw.plugins.choice import Choice as Choice, PluginInfo as PluginInfo, Registration as Registration
     from humanclaw.plugins.deciders import (
         StandIn as StandIn,

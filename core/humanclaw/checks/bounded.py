@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextvars
-import math
 import threading
 import weakref
 from collections.abc import Callable
@@ -28,7 +27,7 @@ class Bounded:
     """
 
     def __init__(self, seconds: float) -> None:
-        """seconds: the timeout; if infinite, functions run in the caller's thread."""
+        """seconds: the timeout."""
         self._seconds = seconds
         self._jobs: SimpleQueue[_Job | None] = SimpleQueue()
         self._thread: threading.Thread | None = None
@@ -39,7 +38,7 @@ class Bounded:
 
         Raises what the function raises, and OverdueError if it, or an earlier call, has not returned in time.
         """
-        if math.isinf(self._seconds) or threading.current_thread() is self._thread:
+        if threading.current_thread() is self._thread:
             return function()
         if self._last and not self._last.done():
             raise OverdueError("it has not returned from an earlier call")
