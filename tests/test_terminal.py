@@ -38,6 +38,7 @@ and tests beside its plugin hold what it prints."""
 NO_TABLE = {
     "bench reproduce": "a page of tables",
     "bench run": "its scores are those of `bench table`",
+    "bench difficulty": "what is in the split, as bench make prints it",
     "bench make": "the splits that it wrote, and what is in each",
     "bench verify": "a line",
     "bench submit": "the file",

@@ -7,13 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from PIL import Image
 from rooms import two_rooms
 
 from humanclaw import EpisodeSpec, HumanclawError
 from humanclaw.records import Difficulty, route_difficulty, write_episodes
 from humanclaw.world import DistanceField, MultiFloorMap, goals_at
 from humanclaw_bench.cli import bench
-from humanclaw_bench.difficulty import overall, tiers
+from humanclaw_bench.difficulty import TIERS, overall, tiers
 from humanclaw_bench.splits import (
     BETWEEN,
     DATA,
@@ -31,6 +32,7 @@ from humanclaw_bench.splits import (
     secret_houses,
     spaced,
 )
+from humanclaw_bench.tiers import COLOURS, histogram, typical
 
 shipped = pytest.mark.skipif(not (DATA / "val.jsonl").exists(), reason="the splits are not made yet")
 
@@ -258,3 +260,32 @@ def test_making_the_splits_again_draws_the_episodes_that_are_shipped(plugins, sp
 def test_a_seed_beside_a_secret_is_refused(tmp_path):
     done = CliRunner().invoke(bench, ["make", "--secret", "5", "--seed", "1", "--out", str(tmp_path)])
     assert (done.exit_code, "leave it out" in done.output, list(tmp_path.iterdir())) == (2, True, [])
+
+
+@shipped
+def test_a_worked_example_is_of_its_tier_in_every_dimension():
+    for tier in TIERS:
+        assert set(tiers(typical(load_split("val"), tier).difficulty).values()) == {tier}
+
+
+def test_a_bar_up_to_a_threshold_has_the_colour_of_the_tier_below_it():
+    # Two bars of half a metre: up to 3.5 m it is easy, from there on medium.
+    bars = histogram("distance", [3.5, 3.4, 3.6]).crop((20, 80, 380, 360))
+    colours = {"#{:02x}{:02x}{:02x}".format(*colour) for _, colour in bars.getcolors()}
+    assert colours == {COLOURS["easy"], COLOURS["medium"], "#ffffff"}
+
+
+@shipped
+def test_the_difficulty_of_a_split_is_printed():
+    done = CliRunner().invoke(bench, ["difficulty", "--split", "smoke"])
+    assert "overall" in done.output
+    assert "obstacle" in done.output
+
+
+@shipped
+@pytest.mark.integration
+def test_histograms_and_a_route_of_each_tier_are_one_picture(tmp_path):
+    done = CliRunner().invoke(bench, ["difficulty", "--split", "mini", "--out", str(tmp_path / "figure.png")])
+    assert done.exit_code == 0, done.output
+    with Image.open(tmp_path / "figure.png") as picture:
+        assert picture.size == (1200, 830)
