@@ -288,6 +288,12 @@ def test_only_a_wrong_end_is_a_wrong_outcome():
     assert price(14) == pytest.approx(0.2 * 1.5 / 6, rel=0.01)  # 2 cm in one of six numbers: |2| - 1/2
 
 
+def test_chunks_with_a_number_that_is_not_finite_are_refused(tmp_path):
+    save_chunks(tmp_path / "base.npz", np.array([0.1, np.nan]), np.zeros((2, 0)))
+    with pytest.raises(HumanclawError, match="not finite"):
+        tensors.load([tmp_path], "base")
+
+
 def test_unknown_data_is_refused_before_anything_is_trained(tmp_path):
     with pytest.raises(HumanclawError, match="no chunks"):
         tensors.load_all([tmp_path])

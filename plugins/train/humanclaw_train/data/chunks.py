@@ -132,7 +132,7 @@ class Chunks:
     def join(cls, parts: Iterable[Chunks]) -> Chunks:
         """Join parts in order. There must be at least one part, and all must be of one skill."""
         every = list(parts)
-        whole = {name: np.concatenate([getattr(part, name) for part in every]) for name in EACH}
+        whole = {name: np.concatenate([getattr(part, name) for part in every]) for name in _EACH}
         return replace(every[0], **whole)
 
     @classmethod
@@ -141,7 +141,10 @@ class Chunks:
         try:
             with np.load(path, allow_pickle=False) as data:
                 there = [part.name for part in fields(cls) if part.name in data or part.name != "licences"]
-                return cls(**{name: data[name] for name in there})
+                chunks = cls(**{name: data[name] for name in there})
+            if not all(np.isfinite(part).all() for part in (chunks.root, chunks.rotations, chunks.params)):
+                raise ValueError("a number that is not finite")
+            return chunks
         except UNREADABLE as error:
             raise MocapError(
                 f"{path} holds no chunks: {error}.", "Build chunks with: humanclaw data build DIR"
@@ -151,7 +154,7 @@ class Chunks:
         return len(self.root)
 
     def __getitem__(self, which: slice | NDArray[np.int_] | NDArray[np.bool_]) -> Chunks:
-        return replace(self, **{name: getattr(self, name)[which] for name in EACH})
+        return replace(self, **{name: getattr(self, name)[which] for name in _EACH})
 
     def motion(self, index: int) -> Motion:
         """Return one chunk as a motion in its canonical frame."""
@@ -179,7 +182,7 @@ class Chunks:
         os.replace(part, path)
 
 
-EACH: Final = ("root", "rotations", "params", "real", "source")
+_EACH: Final = ("root", "rotations", "params", "real", "source")
 """Fields of Chunks with one entry per chunk."""
 
 

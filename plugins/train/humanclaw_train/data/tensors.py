@@ -1,13 +1,12 @@
 """Training data as tensors: read chunks, add errors to their histories, normalise states.
 
-A folder of chunks has one `NAME.npz` per skill and `base.npz` for the prior. Each holds root (N, 20, 3) and rotations
-(N, 20, 24, 3) in the chunk's canonical frame, params (N, k) in SI, real (N,) and source (N,).
+A folder of chunks has one `NAME.npz` per skill and `base.npz` for the prior (humanclaw_train.data.chunks.Chunks).
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
@@ -19,12 +18,10 @@ from torch import Tensor
 
 from humanclaw import HumanclawError
 from humanclaw.body import CHUNK, FPS, FUTURE, HISTORY, JOINT_INDEX, STATE_SIZE
-from humanclaw_train.data.chunks import EACH, Chunks
+from humanclaw_train.data.chunks import Chunks
 from humanclaw_train.model import kinematics
 from humanclaw_train.model.checkpoint import Normaliser
 
-Arrays = Mapping[str, NDArray[Any]]
-"""Content of a file of chunks, by name."""
 _LEAST_STD: Final = (0.02, 0.05, 0.02, 0.005)
 """Least standard deviation per block of the state. Without it, the noise of a joint that hardly moves would grow."""
 _SETTLED: Final = 10
@@ -71,10 +68,11 @@ def load(folders: Sequence[Path], name: str) -> ChunkTensors:
         )
     parts = [Chunks.load(file) for file in files]
     _check_alike(files, parts)
-    kept = np.concatenate(list(_new(parts)))
-    whole = {key: np.concatenate([getattr(part, key) for part in parts])[kept] for key in EACH}
-    root, rotations, params = (torch.from_numpy(whole[key].astype(np.float32)) for key in EACH[:3])
-    names, measures = (tuple(known.tolist()) for known in (parts[0].names, parts[0].measures))
+    whole = Chunks.join(parts)[np.concatenate(list(_new(parts)))]
+    root, rotations, params = (
+        torch.from_numpy(part.astype(np.float32)) for part in (whole.root, whole.rotations, whole.params)
+    )
+    names, measures = tuple(whole.names.tolist()), tuple(whole.measures.tolist())
     licences = dict.fromkeys(text for part in parts for text in part.licences.tolist())
     return ChunkTensors(name, root, rotations, params, _statistics(whole), names, measures, tuple(licences))
 
@@ -99,11 +97,11 @@ def _new(parts: Sequence[Chunks]) -> Iterator[NDArray[np.bool_]]:
         before |= set(keys)
 
 
-def _statistics(whole: Arrays) -> dict[str, Any]:
-    params, sources = whole["params"], Counter(str(source).split(":")[0] for source in whole["source"])
+def _statistics(whole: Chunks) -> dict[str, Any]:
+    params, sources = whole.params, Counter(str(source).split(":")[0] for source in whole.source)
     return {
-        "chunks": len(whole["real"]),
-        "real": int(whole["real"].sum()),
+        "chunks": len(whole),
+        "real": int(whole.real.sum()),
         "sources": dict(sorted(sources.items())),
         # Four digits: these numbers go into headers and cards, where float32 noise would only distract.
         "params_low": [round(float(value), 4) for value in params.min(0)] if params.size else [],
