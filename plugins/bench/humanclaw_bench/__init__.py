@@ -68,8 +68,8 @@ def humanclaw_overview(runs: Mapping[Path, Sequence[RecordedEpisode]], page: Pag
 def humanclaw_commands(cli: click.Group) -> None:
     from humanclaw.cli import LazyCommand
 
-    told = "Run the benchmark and score it."
-    cli.add_command(LazyCommand("bench", "humanclaw_bench.cli:bench", told))
+    about = "Run the benchmark and score it."
+    cli.add_command(LazyCommand("bench", "humanclaw_bench.cli:bench", about))
 
 
 def _tasks(name: str, options: Options) -> Tasks:

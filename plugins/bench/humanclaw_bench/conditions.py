@@ -39,7 +39,7 @@ def conditions_of(record: EpisodeRecord) -> Conditions:
         "agent": mine,
         "option": {name: value for name, value in record.options.items() if name not in {*mine, *body}},
     }
-    return {f"{kind} {name}".strip(): _text(value) for kind, found in kinds.items() for name, value in found.items()}
+    return {f"{kind} {name}".strip(): _text(value) for kind, values in kinds.items() for name, value in values.items()}
 
 
 def _text(value: object) -> str:
@@ -98,13 +98,13 @@ def summary(conditions: Conditions) -> str:
     kinds: dict[str, list[str]] = defaultdict(list)
     for name in conditions:
         kinds[_kind(name)].append(name)
-    told = [_short(name, conditions[name]) for name in kinds.pop("", [])]
-    told += [f"{name} {conditions[name]}" for kind in ("limit", "choice") for name in kinds.pop(kind, [])]
-    told += [] if any(name.startswith("limit ") for name in conditions) else ["no limits"]
+    parts = [_short(name, conditions[name]) for name in kinds.pop("", [])]
+    parts += [f"{name} {conditions[name]}" for kind in ("limit", "choice") for name in kinds.pop(kind, [])]
+    parts += [] if any(name.startswith("limit ") for name in conditions) else ["no limits"]
     for kind, names in kinds.items():
         content = sorted(f"{name} {conditions[name]}" for name in names)
-        told.append(f"{counted(len(names), kind)} ({digest(content)})")
-    return ", ".join(told)
+        parts.append(f"{counted(len(names), kind)} ({digest(content)})")
+    return ", ".join(parts)
 
 
 def _short(name: str, value: str) -> str:

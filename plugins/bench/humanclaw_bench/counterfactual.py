@@ -38,7 +38,7 @@ Causes = Mapping[str, Cause | None]
 
 def known_faults(plugins: Plugins) -> tuple[Fault, ...]:
     """Return the faults of plugins. Raises HumanclawError if there are none."""
-    faults = tuple(one.value for one in plugins.registered("faults"))
+    faults = tuple(registration.value for registration in plugins.registered("faults"))
     if not faults:
         raise HumanclawError("no plugin has an agent with a known fault.", f"Run `{install(['humanclaw-scripted'])}`.")
     return faults
@@ -112,7 +112,7 @@ def repaired(causes: Causes, right: Mapping[str, Scores], second: Container[str]
 
 
 def _repaired(cause: Cause, causes: Causes, right: Mapping[str, Scores], second: Container[str]) -> Repaired:
-    mine = [episode for episode, found in causes.items() if found is cause]
+    mine = [episode for episode, blamed_cause in causes.items() if blamed_cause is cause]
     others = [episode for episode in mine if not right[episode].success]
     hidden = sum(episode in second for episode in others)
     return Repaired(cause.label, cause.capability, len(mine), len(mine) - len(others), hidden)
@@ -179,8 +179,8 @@ def _failures(
             break
         for fault, mine in by_fault(todo, faults):
             played = _played(mine, job(fault), out / f"faulty-{number}" / fault.name, workers)
-            causes |= {one.episode: cause for one, cause in played}
-            second |= {one.episode for one, _ in played if second_blames(one, fault.capability)}
+            causes |= {scores.episode: cause for scores, cause in played}
+            second |= {scores.episode for scores, _ in played if second_blames(scores, fault.capability)}
     return causes, second
 
 
@@ -190,9 +190,9 @@ def _play_repaired(
     """Play episodes with their faults again, but with a capability repaired, and score them."""
     folder = Path(str(out).replace(" ", "-"))
     played = [
-        one
+        play
         for fault, mine in by_fault(specs, faults)
-        for one in _played(mine, job(fault, capability), folder / fault.name, workers)
+        for play in _played(mine, job(fault, capability), folder / fault.name, workers)
     ]
     return {scores.episode: scores for scores, _ in played}
 

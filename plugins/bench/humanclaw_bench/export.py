@@ -153,11 +153,11 @@ def _action(step: StepRecord, names: Sequence[str]) -> Any:
 
 def _numbers(call: Call) -> dict[str, float]:
     """Return the parameters of a call by column of the action."""
-    found: dict[str, float] = {}
+    columns: dict[str, float] = {}
     for key, value in call.params.items():
         name = f"{call.skill}.{key}"
-        found |= {f"{name}={value}": 1.0} if isinstance(value, str) else {name: float(value)}
-    return found
+        columns |= {f"{name}={value}": 1.0} if isinstance(value, str) else {name: float(value)}
+    return columns
 
 
 def to_inspect(run: Path, out: Path) -> Path:
@@ -194,10 +194,10 @@ def to_inspect(run: Path, out: Path) -> Path:
 
 def _sample(log: Any, recorded: RecordedEpisode, scores: Scores, cause: Cause | None) -> Any:
     single = importlib.import_module("inspect_ai.scorer").Score
-    spec, told = recorded.record.spec, {"find": scores.find, "nav": scores.nav, "interact": scores.interact}
+    spec, rates = recorded.record.spec, {"find": scores.find, "nav": scores.nav, "interact": scores.interact}
     return log.EvalSample(
         id=spec.id, epoch=1, input=spec.instruction, target=spec.target_category, messages=_messages(recorded),
-        scores={name: single(value="C" if met else "I") for name, met in told.items() if met is not None},
+        scores={name: single(value="C" if met else "I") for name, met in rates.items() if met is not None},
         metadata={key: value for key, value in row(scores, cause).items() if value is not None},
         model_usage=_usage(recorded), error=None if scores.finished else _error(log, recorded),
     )  # fmt: skip

@@ -94,8 +94,8 @@ def _refuse_unused(secret: int | None, train: int | None) -> None:
         if source(name) is not ParameterSource.DEFAULT
     }
     if secret is not None and given & {"seed", "train"}:
-        told = f"--{min(given & {'seed', 'train'})} has no effect with --secret, which determines everything"
-        raise click.UsageError(f"{told}: leave it out.")
+        problem = f"--{min(given & {'seed', 'train'})} has no effect with --secret, which determines everything"
+        raise click.UsageError(f"{problem}: leave it out.")
     if "hands" in given and given & {"secret", "train", "starts"}:
         raise click.UsageError(f"--{min(given & {'secret', 'train', 'starts'})} has no effect on the splits for hands: "
                                "leave it out.")  # fmt: skip
@@ -107,8 +107,8 @@ def _drawn(
     pool: Executor, houses: Sequence[str], starts: int, seed: Sequence[int], draw: Draw | None = None
 ) -> list[EpisodeSpec]:
     """Return the candidates of some houses. draw: how; as for val by default."""
-    found = pool.map(partial(draw or _candidates, starts=starts, seed=seed), houses, range(len(houses)))
-    return [spec for house in _shown(found, len(houses)) for spec in house]
+    batches = pool.map(partial(draw or _candidates, starts=starts, seed=seed), houses, range(len(houses)))
+    return [spec for house in _shown(batches, len(houses)) for spec in house]
 
 
 def _candidates(house: str, number: int, starts: int, seed: Sequence[int]) -> list[EpisodeSpec]:
@@ -125,8 +125,8 @@ def _training(
     """Return the tasks of some seeds; those that share a house are drawn together."""
     Plugins.discover().make("tasks", task, options)  # Refuses a wrong name or option before anything is drawn.
     blocks = [list(block) for _, block in groupby(seeds, lambda seed: seed // TOGETHER)]
-    found = pool.map(partial(_tasks, task, options), blocks)
-    return {task: [spec for block in _shown(found, len(blocks)) for spec in block]}
+    batches = pool.map(partial(_tasks, task, options), blocks)
+    return {task: [spec for block in _shown(batches, len(blocks)) for spec in block]}
 
 
 def _tasks(task: str, options: Mapping[str, Any], seeds: Sequence[int]) -> list[EpisodeSpec]:
@@ -134,8 +134,8 @@ def _tasks(task: str, options: Mapping[str, Any], seeds: Sequence[int]) -> list[
     return [source(seed) for seed in seeds]
 
 
-def _shown(found: Iterable[list[EpisodeSpec]], total: int) -> Iterable[list[EpisodeSpec]]:
-    return tqdm(found, desc="houses", total=total, unit="house")
+def _shown(batches: Iterable[list[EpisodeSpec]], total: int) -> Iterable[list[EpisodeSpec]]:
+    return tqdm(batches, desc="houses", total=total, unit="house")
 
 
 def _write(path: Path, specs: Sequence[EpisodeSpec]) -> None:

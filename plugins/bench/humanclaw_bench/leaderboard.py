@@ -88,18 +88,18 @@ def leaderboard(folder: Path, checks: Checks = Checks()) -> Path:
 
     Raises RecordError if there is no submission.
     """
-    found, unread = _entries(folder, checks)
-    if not (found or unread):
+    submitted, unread = _entries(folder, checks)
+    if not (submitted or unread):
         remedy = "Put a run's folder there and call `humanclaw bench submit RUN --who NAME`."
         raise lacking(folder, "submitted run", remedy)
     ranked: dict[tuple[str, int], list[Entry]] = defaultdict(list)
-    for entry in found:
+    for entry in submitted:
         if not entry.apart:
             ranked[entry.table].append(entry)
     sections = sorted(ranked.items())
     splits = [_split(split, checks.hidden) for (split, _), _ in sections]
     body = "".join(_section(*table, entries, checks.hidden) for table, entries in sections)
-    body += _unranked([entry for entry in found if entry.apart], unread)
+    body += _unranked([entry for entry in submitted if entry.apart], unread)
     page = _PAGE.format(
         splits=html.escape(", ".join(dict.fromkeys(splits)) or "no ranked run"),
         meanings="; ".join(f"{metric.name}: {metric.meaning}" for metric in RATES),
@@ -116,17 +116,17 @@ def leaderboard(folder: Path, checks: Checks = Checks()) -> Path:
 
 def _entries(folder: Path, checks: Checks) -> tuple[list[Entry], list[str]]:
     """Return the submitted runs of a folder, and the errors of those that could not be read."""
-    found, unread = [], []
+    submitted, unread = [], []
     for run in map(folder.joinpath, Folder(folder).names()):
         if run.is_symlink() or not (run / NAME).exists():
             continue
         try:
-            found.append(_with_page(_checked(_entry(run), checks), checks))
+            submitted.append(_with_page(_checked(_entry(run), checks), checks))
         except RecordError as error:
             unread.append(str(error))
         except Exception as error:  # A stranger's broken file must not hide the others.
             unread.append(f"{run} cannot be scored: {type(error).__name__}.")
-    return _with_twins(found), unread
+    return _with_twins(submitted), unread
 
 
 def _entry(run: Path) -> Entry:
@@ -163,17 +163,17 @@ def _with_page(entry: Entry, checks: Checks) -> Entry:
     return replace(entry, records=f"{entry.records}; page not written")
 
 
-def _with_twins(found: Sequence[Entry]) -> list[Entry]:
+def _with_twins(entries: Sequence[Entry]) -> list[Entry]:
     """Name the runs that hold the same records. Who copied whom cannot be told."""
     runs = defaultdict[frozenset[str], list[str]](list)
-    for entry in found:
+    for entry in entries:
         runs[_digests(entry)].append(entry.run.name)
 
     def noted(entry: Entry) -> str:
         others = [name for name in runs[_digests(entry)] if name != entry.run.name]
         return f"{entry.records}; the same records as {', '.join(others)}" if others else entry.records
 
-    return [replace(entry, records=noted(entry)) for entry in found]
+    return [replace(entry, records=noted(entry)) for entry in entries]
 
 
 def _digests(entry: Entry) -> frozenset[str]:
@@ -272,7 +272,7 @@ def _facts(entry: Entry) -> dict[str, str]:
 def _temperature(entry: Entry) -> str:
     """Return the temperature of the agent's model. An agent that could not be made has no settings."""
     settings = (episode.record.settings.get("agent", {}) for episode in entry.scored.episodes)
-    return next((f"{one['temperature']!s:.20}" for one in settings if one.get("temperature") is not None), "-")
+    return next((f"{agent['temperature']!s:.20}" for agent in settings if agent.get("temperature") is not None), "-")
 
 
 def _badge(entry: Entry) -> Markup:
@@ -288,10 +288,10 @@ def _details(title: str, facts: Mapping[str, str]) -> Markup:
 def _settings(entry: Entry) -> str:
     """Return the settings in which rows may differ."""
     run = entry.scored.manifest.content
-    told = {key: run[key] for key in ("options", "plugin files", "in process") if run.get(key)}
-    if told.get("options") == {"profile": "default"}:
-        del told["options"]
-    given = [f"{key} {json.dumps(value, ensure_ascii=False)}" for key, value in told.items()]
+    unusual = {key: run[key] for key in ("options", "plugin files", "in process") if run.get(key)}
+    if unusual.get("options") == {"profile": "default"}:
+        del unusual["options"]
+    given = [f"{key} {json.dumps(value, ensure_ascii=False)}" for key, value in unusual.items()]
     return "; ".join([*given, summary(entry.scored.result.conditions)])
 
 
@@ -307,12 +307,12 @@ def _motion(entry: Entry) -> str:
 
 def _rate(metric: Metric, entry: Entry) -> Markup:
     """Return a rate, its interval, and the interval as a bar from 0 to 100 % with a mark at the rate."""
-    found = estimate(metric, entry.scored.result.scores)
-    text = html.escape(f"{metric.number(found.value)} {metric.interval(found)}".strip())
-    if not np.isfinite([found.low, found.high]).all():
+    share = estimate(metric, entry.scored.result.scores)
+    text = html.escape(f"{metric.number(share.value)} {metric.interval(share)}".strip())
+    if not np.isfinite([share.low, share.high]).all():
         return Markup(text)
-    place = f"left:{100 * found.low:.1f}%;width:{100 * (found.high - found.low):.1f}%"
-    mark = f"<i style='left:{100 * found.value:.1f}%'></i>"
+    place = f"left:{100 * share.low:.1f}%;width:{100 * (share.high - share.low):.1f}%"
+    mark = f"<i style='left:{100 * share.value:.1f}%'></i>"
     return Markup(f"{text}<span class='bar'><span style='{place}'></span>{mark}</span>")
 
 

@@ -204,21 +204,21 @@ def compare(
     Raises RecordError if the runs share no episode, if one holds an episode twice, or if an episode differs.
     """
     pairs = common(a, b)
-    found: dict[str, Difference] = {}
+    differences: dict[str, Difference] = {}
     for metric in metrics:
         if difference := difference_of(metric, pairs, seed=seed):
-            found[metric.name] = difference
-    way = ARRIVE if ARRIVE.name in found else NAV
-    headline = {metric.name: found[metric.name] for metric in (FIND, way, INTERACT) if metric.name in found}
-    rest = {name: difference for name, difference in found.items() if name not in headline}
+            differences[metric.name] = difference
+    way = ARRIVE if ARRIVE.name in differences else NAV
+    headline = {metric.name: differences[metric.name] for metric in (FIND, way, INTERACT) if metric.name in differences}
+    rest = {name: difference for name, difference in differences.items() if name not in headline}
     raised = [zip(family, holm(tuple(family.values())), strict=True) for family in (headline, rest)]
     return dict(chain(*raised))
 
 
 def difference_of(metric: Metric, pairs: Sequence[tuple[Scores, Scores]], *, seed: int = 0) -> Difference | None:
     """Compare one metric of B with A over the episodes to which it applies in both; None if there are none."""
-    known = [(one, two, x) for x, y in pairs if (one := metric.parts(x)) and (two := metric.parts(y))]
-    a, b = [one for one, _, _ in known], [two for _, two, _ in known]
+    known = [(first, second, x) for x, y in pairs if (first := metric.parts(x)) and (second := metric.parts(y))]
+    a, b = [first for first, _, _ in known], [second for _, second, _ in known]
     houses = houses_of(x for _, _, x in known)
     if metric.rate and known:
         return compare_rates([bool(met) for met, _ in a], [bool(met) for met, _ in b], houses, seed=seed)
@@ -231,21 +231,21 @@ def common(a: Sequence[Scores], b: Sequence[Scores]) -> list[tuple[Scores, Score
     pairs = [(first[key], second[key]) for key in first if key in second]
     if not pairs:
         raise RecordError("the two runs share no finished episode.", "Compare runs of the same split.")
-    for one, two in pairs:
-        if unlike := _unlike(one, two):
+    for in_a, in_b in pairs:
+        if unlike := _unlike(in_a, in_b):
             raise RecordError(
-                f"episode {one.episode} is not the same in both runs: {', '.join(unlike)}.",
+                f"episode {in_a.episode} is not the same in both runs: {', '.join(unlike)}.",
                 "Compare runs of the same split and the same version of its scenes.",
             )
     return pairs
 
 
-def _unlike(one: Scores, two: Scores) -> list[str]:
+def _unlike(first: Scores, second: Scores) -> list[str]:
     """Return the fields in which two episodes differ, such as 'seed (0 and 99)'."""
     pairs: dict[str, tuple[object, object]] = {}
-    if one.spec and two.spec:
-        pairs = {name: (getattr(one.spec, name), getattr(two.spec, name)) for name in EpisodeSpec.model_fields}
-    pairs |= {name: (getattr(one, name), getattr(two, name)) for name in ("category", "scene_digest")}
+    if first.spec and second.spec:
+        pairs = {name: (getattr(first.spec, name), getattr(second.spec, name)) for name in EpisodeSpec.model_fields}
+    pairs |= {name: (getattr(first, name), getattr(second, name)) for name in ("category", "scene_digest")}
     return [f"{name} ({_short(a)} and {_short(b)})" for name, (a, b) in pairs.items() if a != b]
 
 
@@ -255,13 +255,13 @@ def _short(value: object) -> str:
 
 
 def _by_episode(scores: Sequence[Scores]) -> dict[str, Scores]:
-    found: dict[str, Scores] = {}
-    for one in scores:
-        if one.finished and one.episode in found:
+    by_name: dict[str, Scores] = {}
+    for each in scores:
+        if each.finished and each.episode in by_name:
             raise RecordError(
-                f"a run holds episode {one.episode} twice, so it is not clear which one to pair.",
+                f"a run holds episode {each.episode} twice, so it is not clear which one to pair.",
                 "Name a folder with one agent's run of each episode.",
             )
-        if one.finished:
-            found[one.episode] = one
-    return found
+        if each.finished:
+            by_name[each.episode] = each
+    return by_name

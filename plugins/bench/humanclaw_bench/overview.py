@@ -40,14 +40,14 @@ def overview(runs: Runs, page: Page, plugins: Plugins) -> None:
     """Add the tables of some runs, and the result of each of their episodes, to a page."""
     for run, episodes in runs.items():
         _tell_episodes(run, episodes, page)
-    found = results(runs, metrics_of(plugins))
-    tables = all_tables(found, paper=False)
+    run_results = results(runs, metrics_of(plugins))
+    tables = all_tables(run_results, paper=False)
     tables |= {name: happened(tables[name]) for name in ("causes", "faculties", "hand-causes")}
     for name in SHOWN:
         if tables[name].rows and tables[name].columns:
             _add(tables[name], page, name)
-        if name == "main" and len(found) == 2:
-            _add_comparison(found[0], found[1], page)
+        if name == "main" and len(run_results) == 2:
+            _add_comparison(run_results[0], run_results[1], page)
 
 
 def _tell_episodes(run: Path, episodes: Sequence[RecordedEpisode], page: Page) -> None:
@@ -72,30 +72,30 @@ def _add(table: ResultTable, page: Page, name: str) -> None:
     table = _spent(table)
     head, rows = texts(table)
     shares = [[cell.value for cell in row.cells] for row in table.rows] if name in DRAWN else ()
-    told = "; ".join(f"{column.name}: {column.meaning}" for column in table.columns if column.meaning)
-    notes = (f"{told}.", *table.all_notes) if name in ("main", "hands") else table.all_notes
+    meanings = "; ".join(f"{column.name}: {column.meaning}" for column in table.columns if column.meaning)
+    notes = (f"{meanings}.", *table.all_notes) if name in ("main", "hands") else table.all_notes
     page.table(table.title, head, rows, notes=notes, shares=shares, turned=DRAWN.get(name, False))
 
 
-def _add_comparison(one: Result, two: Result, page: Page) -> None:
+def _add_comparison(first: Result, second: Result, page: Page) -> None:
     """Add the comparison of two runs over the episodes that both finished; nothing if they share none."""
     try:
-        differences: Mapping[str, Difference] = compare(one.scores, two.scores)
+        differences: Mapping[str, Difference] = compare(first.scores, second.scores)
     except RecordError:
         return
-    told = [metric for metric in ALL if metric.name in differences and not _unasked(metric, differences[metric.name])]
-    differing = [m for m in told if differences[m.name].low > 0 or differences[m.name].high < 0]
+    shown = [metric for metric in ALL if metric.name in differences and not _unasked(metric, differences[metric.name])]
+    differing = [m for m in shown if differences[m.name].low > 0 or differences[m.name].high < 0]
     rows = [compared(metric, differences[metric.name]) for metric in differing]
-    alike = ", ".join(metric.name for metric in told if metric not in differing)
+    alike = ", ".join(metric.name for metric in shown if metric not in differing)
     notes = (
         f"No difference shown (the interval contains 0): {alike or 'none'}.",
-        f"{bearing(differences, told)} Difference: {two.name} less {one.name}. p: the runs are swapped house by house, "
-        "exactly for rates, at random for the rest; corrected (Holm).",
+        f"{bearing(differences, shown)} Difference: {second.name} less {first.name}. p: the runs are swapped house by "
+        "house, exactly for rates, at random for the rest; corrected (Holm).",
     )
-    head = ("metric", one.name, two.name, "difference", "p", "verdict")
+    head = ("metric", first.name, second.name, "difference", "p", "verdict")
     page.table("Metrics that differ", head, rows, notes=notes)
 
 
-def _unasked(metric: Metric, found: Difference) -> bool:
+def _unasked(metric: Metric, difference: Difference) -> bool:
     """Return whether a metric counts tokens or cost and neither run called a model."""
-    return metric in COST and found.a == found.b == 0
+    return metric in COST and difference.a == difference.b == 0

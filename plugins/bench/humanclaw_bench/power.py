@@ -59,8 +59,8 @@ def power(sizes: Sequence[int], difference: float, assumed: Assumption, seed: in
     sizes: episodes of each house. difference: of the second run's rate from the first.
     """
     rng = np.random.default_rng(seed)
-    found = (sign_flips(_changes(rng, sizes, difference, assumed)) * assumed.tests for _ in range(assumed.trials))
-    return sum(p < SIGNIFICANT for p in found) / assumed.trials
+    p_values = (sign_flips(_changes(rng, sizes, difference, assumed)) * assumed.tests for _ in range(assumed.trials))
+    return sum(p < SIGNIFICANT for p in p_values) / assumed.trials
 
 
 def _changes(
@@ -80,24 +80,24 @@ def _alike(rng: np.random.Generator, count: int, correlation: float) -> Array:
     return np.asarray(ndtr(np.sqrt(correlation) * shared + np.sqrt(1 - correlation) * own))
 
 
-def smallest(differences: Sequence[float], found: Sequence[float]) -> float:
+def smallest(differences: Sequence[float], shares: Sequence[float]) -> float:
     """Return the difference that is found with POWER, between two neighbours by interpolation; NaN if none is."""
-    rising = np.maximum.accumulate([0.0, *found])
+    rising = np.maximum.accumulate([0.0, *shares])
     return float(np.interp(POWER, rising, [0.0, *differences])) if rising[-1] >= POWER else float("nan")
 
 
 def markdown(rows: Sequence[Power], differences: Sequence[float]) -> str:
     """Return the power of each split as Markdown."""
-    points = [f"{100 * one:g}" for one in differences]
+    points = [f"{100 * difference:g}" for difference in differences]
     lines = [
         f"| split | episodes in houses | runs alike | {' | '.join(points)} points | found in {POWER:.0%}, points |",
         "| --- |" + " ---: |" * (len(points) + 3),
     ]
     for row in rows:
         least = smallest(differences, row.found)
-        told = f"{100 * least:.0f}" if np.isfinite(least) else f"over {points[-1]}"
+        shown = f"{100 * least:.0f}" if np.isfinite(least) else f"over {points[-1]}"
         shares = " | ".join(f"{share:.0%}" for share in row.found)
-        lines.append(f"| {row.split} | {sum(row.sizes)} in {len(row.sizes)} | {row.alike:g} | {shares} | {told} |")
+        lines.append(f"| {row.split} | {sum(row.sizes)} in {len(row.sizes)} | {row.alike:g} | {shares} | {shown} |")
     return "\n".join(lines)
 
 
@@ -137,7 +137,7 @@ def power_command(
         sizes = tuple(Counter(spec.scene for spec in load_split(name)).values())
         for alike in correlations:
             assumed = Assumption(rate, icc, alike, tests, trials)
-            rows.append(Power(name, sizes, alike, tuple(power(sizes, one, assumed, seed) for one in differences)))
+            rows.append(Power(name, sizes, alike, tuple(power(sizes, d, assumed, seed) for d in differences)))
     if as_json:
         click.echo(json.dumps([_plain(row, differences) for row in rows], indent=2))
         return
@@ -150,6 +150,6 @@ def _plain(row: Power, differences: Sequence[float]) -> dict[str, object]:
     least = smallest(differences, row.found)
     return {
         "split": row.split, "episodes": sum(row.sizes), "houses": len(row.sizes), "alike": row.alike,
-        "power": {f"{one:g}": share for one, share in zip(differences, row.found, strict=True)},
+        "power": {f"{difference:g}": share for difference, share in zip(differences, row.found, strict=True)},
         "found": least if np.isfinite(least) else None,
     }  # fmt: skip

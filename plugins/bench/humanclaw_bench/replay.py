@@ -95,8 +95,8 @@ def replay(recorded: RecordedEpisode, files: Sequence[Path] = (), body: Body | N
 
 
 def _body(record: EpisodeRecord, files: tuple[Path, ...]) -> Body:
-    told = dict(record.settings.get("body", {}))
-    backends = Backends(**told | {"sensors": tuple(told.get("sensors", ("vision",)))})
+    recorded_backends = dict(record.settings.get("body", {}))
+    backends = Backends(**recorded_backends | {"sensors": tuple(recorded_backends.get("sensors", ("vision",)))})
     choice = tuple((kind, tuple(texts)) for kind, texts in record.settings.get("plugins", {}).items())
     return Body(record.spec.scene, plugins=_plugins(files, choice), backends=backends)
 
@@ -132,12 +132,14 @@ def _submit(episode: Episode, step: StepRecord) -> None:
             episode.submit(attempt.decision)
 
 
-def _other_versions(told: EpisodeRecord, here: EpisodeRecord, steps: Sequence[StepRecord]) -> Iterator[str]:
+def _other_versions(recorded: EpisodeRecord, here: EpisodeRecord, steps: Sequence[StepRecord]) -> Iterator[str]:
     """Yield packages, weights and called skills that are not those of the record."""
     called = _called(steps)
-    skills = [{name: info.digest for name, info in one.skills.items() if name in called} for one in (told, here)]
-    for was, now in ((told.weights, here.weights), (skills[0], skills[1]), (told.versions, here.versions)):
-        known = was.keys() if was is not told.versions else was.keys() & now.keys()
+    skills = [
+        {name: info.digest for name, info in record.skills.items() if name in called} for record in (recorded, here)
+    ]
+    for was, now in ((recorded.weights, here.weights), (skills[0], skills[1]), (recorded.versions, here.versions)):
+        known = was.keys() if was is not recorded.versions else was.keys() & now.keys()
         for name in sorted(known):
             if was[name] != now.get(name):
                 yield f"{name} was {was[name][:12]}, here {now.get(name, 'missing')[:12]}"
@@ -147,22 +149,22 @@ def _called(steps: Sequence[StepRecord]) -> frozenset[str]:
     return frozenset(step.call.skill for step in steps if step.call)
 
 
-def _unlike(told: EpisodeRecord, here: EpisodeRecord, skill: str) -> bool:
+def _unlike(recorded: EpisodeRecord, here: EpisodeRecord, skill: str) -> bool:
     """Whether a record declares a skill otherwise than it is: success and root causes depend on roles."""
-    one, other = told.skills.get(skill), here.skills.get(skill)
-    return one is None or other is None or (one.role, one.commands) != (other.role, other.commands)
+    before, after = recorded.skills.get(skill), here.skills.get(skill)
+    return before is None or after is None or (before.role, before.commands) != (after.role, after.commands)
 
 
 def _differences(was: RecordedEpisode, now: RecordedEpisode, count: int) -> Iterator[str]:
     """Yield the fields, views and arrays of motion in which the first steps differ."""
     if len(now.steps) != count:
         yield f"it has {count} steps; played again {len(now.steps)}"
-    for one, other in zip(was.steps[:count], now.steps, strict=False):
+    for step, other in zip(was.steps[:count], now.steps, strict=False):
         for name in sorted(StepRecord.model_fields.keys() - UNTOLD):
-            if getattr(one, name) != getattr(other, name):
-                yield f"step {one.step}: its {name} differs"
-        if was.view(one) != now.view(other):
-            yield f"step {one.step}: its view differs"
+            if getattr(step, name) != getattr(other, name):
+                yield f"step {step.step}: its {name} differs"
+        if was.view(step) != now.view(other):
+            yield f"step {step.step}: its view differs"
     yield from _other_motion(was, now, count)
 
 
@@ -171,26 +173,26 @@ def _other_motion(was: RecordedEpisode, now: RecordedEpisode, count: int) -> Ite
         return
     whole = count == len(was.steps)
     for kind in ("generated", "simulated"):
-        one, other = was.motion(kind), now.motion(kind)
-        length = len(one) if whole else len(other)
-        if not all(np.array_equal(getattr(one, p)[:length], getattr(other, p)) for p in ("root", "rotations")):
+        before, after = was.motion(kind), now.motion(kind)
+        length = len(before) if whole else len(after)
+        if not all(np.array_equal(getattr(before, p)[:length], getattr(after, p)) for p in ("root", "rotations")):
             yield f"its {kind} motion differs"
     if whole and not _alike(was.objects(), now.objects()):
         yield "the motion of its objects differs"
 
 
-def _alike(one: Mapping[int, Any], other: Mapping[int, Any]) -> bool:
-    return one.keys() == other.keys() and all(np.array_equal(one[key], other[key]) for key in one)
+def _alike(first: Mapping[int, Any], other: Mapping[int, Any]) -> bool:
+    return first.keys() == other.keys() and all(np.array_equal(first[key], other[key]) for key in first)
 
 
 # -- many --------------------------------------------------------------------------------------------------------------
 def replayed(episodes: Sequence[RecordedEpisode], files: Sequence[Path] = (), workers: int = 1) -> Iterator[Replayed]:
     """Play episodes again in processes of one thread each, a house at a time; yield them as they end."""
     houses: dict[str, list[Path]] = defaultdict(list)
-    for one in episodes:
-        houses[one.record.spec.scene].append(one.folder)
+    for episode in episodes:
+        houses[episode.record.spec.scene].append(episode.folder)
     with for_children(ONE_THREAD), ProcessPoolExecutor(workers, get_context("spawn")) as pool:
-        jobs: list[Future[list[Replayed]]] = [pool.submit(_house, found, tuple(files)) for found in houses.values()]
+        jobs: list[Future[list[Replayed]]] = [pool.submit(_house, folders, tuple(files)) for folders in houses.values()]
         for job in as_completed(jobs):
             yield from job.result()
 

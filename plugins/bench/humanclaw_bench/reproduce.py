@@ -111,7 +111,9 @@ class Plan(BaseModel):
             why = getattr(error, "strerror", error)
             raise HumanclawError(f"{path} cannot be read: {why}.", "Name a TOML file of models.") from error
         except ValidationError as error:
-            fault = max(error.errors(), key=lambda one: len(one["loc"]))  # Of a choice of types the one that fits best.
+            fault = max(
+                error.errors(), key=lambda fault: len(fault["loc"])
+            )  # Of a choice of types the one that fits best.
             where = ".".join(map(str, fault["loc"]))
             raise HumanclawError(f"{path}: {where}: {fault['msg']}.", "See docs/howto/measure.md.") from error
         folders = [model.folder.lower() for model in plan.models]
@@ -170,14 +172,14 @@ class _Player:
 
     def forecast(self, plan: Plan, model: Model, out: Path) -> Forecast | None:
         """Play a model's first episodes and estimate the rest of all its runs; None if they are (almost) done."""
-        found: list[Forecast] = []
+        forecasts: list[Forecast] = []
         folder, specs, job = next(plan.runs(model))
-        if self._run(specs, job, out / model.folder / folder, found, until_forecast=True).halted:
+        if self._run(specs, job, out / model.folder / folder, forecasts, until_forecast=True).halted:
             self._halted.add(model.folder)
-        if not found:
+        if not forecasts:
             return None
         later = sum(len(others) for name, others, _ in plan.runs(model) if name != MAIN)
-        return found[0].with_later(later)
+        return forecasts[0].with_later(later)
 
     def play(self, plan: Plan, model: Model, out: Path) -> bool:
         """Play a model's runs to their end or limit. Returns whether an episode failed by infrastructure.
@@ -195,10 +197,16 @@ class _Player:
         return failed
 
     def _run(
-        self, specs: Sequence[EpisodeSpec], job: Job, out: Path, found: list[Forecast], *, until_forecast: bool = False
+        self,
+        specs: Sequence[EpisodeSpec],
+        job: Job,
+        out: Path,
+        forecasts: list[Forecast],
+        *,
+        until_forecast: bool = False,
     ) -> RunStatus:
         def go_on(forecast: Forecast) -> bool:
-            found.append(forecast)
+            forecasts.append(forecast)
             return not until_forecast
 
         with RunProgress(Console(stderr=True), out) as progress:
@@ -207,7 +215,7 @@ class _Player:
             status = run_split(specs, job, player, out, plugins=self._plugins, watch=progress.watch, go_on=go_on)
             progress.end(status)
         if (
-            status.stopped and until_forecast and not (found or status.halted)
+            status.stopped and until_forecast and not (forecasts or status.halted)
         ):  # Ctrl-C, or a limit, before there was an estimate.
             raise SystemExit(130)
         return status
@@ -218,7 +226,7 @@ def _agreed(forecasts: Sequence[Forecast | None], models: Sequence[Model]) -> bo
     known = [(model, forecast) for model, forecast in zip(models, forecasts, strict=True) if forecast]
     for model, forecast in known:
         click.echo(f"{model.folder}: {foresight(forecast)}")
-    hours, cost = (sum(getattr(one, what) for _, one in known) for what in ("seconds", "cost"))
+    hours, cost = (sum(getattr(forecast, what) for _, forecast in known) for what in ("seconds", "cost"))
     if not known or not Console().is_terminal:
         return True
     return click.confirm(f"All together: {hours / 3600:.1f} h and ${cost:.2f}. Continue?", default=True)
@@ -239,8 +247,8 @@ def _write(plan: Plan, out: Path) -> Path:
 
 def _results(model: Model, out: Path) -> Sequence[Result]:
     """Return the results of a model's run for table 2, by the name that the file gives the model."""
-    found = results_of([out / model.folder / MAIN])
-    return [replace(found[0], name=model.name)] if model.name and len(found) == 1 else found
+    table_results = results_of([out / model.folder / MAIN])
+    return [replace(table_results[0], name=model.name)] if model.name and len(table_results) == 1 else table_results
 
 
 def _ablation(runs: Mapping[str, Path]) -> ResultTable | None:

@@ -35,10 +35,10 @@ class Result:
     """What the episodes were played with."""
 
     @classmethod
-    def of(cls, name: str, found: Sequence[tuple[Scores, Cause | None]], known: Standing) -> Result:
+    def of(cls, name: str, pairs: Sequence[tuple[Scores, Cause | None]], known: Standing) -> Result:
         """Return the result of scored episodes with their root causes. known: facts from the run's folder."""
-        scores = tuple(one for one, _ in found)
-        return cls(name, scores, tuple(cause for _, cause in found), known, shared_conditions(scores))
+        scores = tuple(each for each, _ in pairs)
+        return cls(name, scores, tuple(cause for _, cause in pairs), known, shared_conditions(scores))
 
     @property
     def finished(self) -> tuple[Scores, ...]:
@@ -66,9 +66,9 @@ class Result:
         left_out = "".join(f"; not in any number: {count} {outcome}" for outcome, count in sorted(apart.items()))
         of = f"{len(self.finished)} of " if len(self.finished) < self.total else ""
         unknown = "" if self.known.asked else ", of an unknown total (no run.json)"
-        told = f"{of}{counted(self.total, 'episode')}{unknown}"
+        extent = f"{of}{counted(self.total, 'episode')}{unknown}"
         note = (
-            f"{self.name}: {told}{left_out}.{self._privileged}{self._broken}{self._unasked}{self._foreign}"
+            f"{self.name}: {extent}{left_out}.{self._privileged}{self._broken}{self._unasked}{self._foreign}"
             f"{self._near}{self._pace}{self._asked}{self._played}"
         )
         return " ".join(legible(note).split())  # One line, whatever text a foreign record holds.
@@ -93,9 +93,9 @@ class Result:
         dropped = sum(s.dropped_steps for s in self.finished)
         cut = [s for s in self.scores if s.refused and not s.finished]
         refused, answers = (sum(getattr(s, name) for s in cut) for name in ("refused", "answers"))
-        told = f" Asked without {', '.join(left_out)}, which the model refuses." if left_out else ""
-        told += f" In episodes that did not end, {refused} of {answers} answers held no usable call." if cut else ""
-        return told + (
+        note = f" Asked without {', '.join(left_out)}, which the model refuses." if left_out else ""
+        note += f" In episodes that did not end, {refused} of {answers} answers held no usable call." if cut else ""
+        return note + (
             f" Past steps were dropped because the model's context was full: in {dropped} steps." if dropped else ""
         )
 
@@ -107,8 +107,8 @@ class Result:
 
     @property
     def _privileged(self) -> str:
-        told = " and ".join(sorted({s.privileged for s in self.scores if s.privileged}))
-        return f" Privileged (knows scene and true state): {told}." if told else ""
+        roles = " and ".join(sorted({s.privileged for s in self.scores if s.privileged}))
+        return f" Privileged (knows scene and true state): {roles}." if roles else ""
 
     @property
     def _broken(self) -> str:
@@ -135,20 +135,20 @@ def named(
     the run if the rest of the name repeats.
     """
     groups: dict[tuple[str, str, str], list[tuple[Scores, Cause | None]]] = defaultdict(list)
-    for run, found in runs.items():
-        for scores, cause in found:
+    for run, pairs in runs.items():
+        for scores, cause in pairs:
             verifier = scores.verifier.removesuffix(f":{scores.agent}")  # The same model: its name stands there once.
             agent = scores.agent + (f" + {verifier}" if verifier else "")
             groups[agent, run, str(of_world(scores.conditions))].append((scores, cause))
-    played = [shared_conditions([scores for scores, _ in found]) for found in groups.values()]
-    told = labels([(agent, one) for (agent, *_), one in zip(groups, played, strict=True)])
+    played = [shared_conditions([scores for scores, _ in pairs]) for pairs in groups.values()]
+    suffixes = labels([(agent, conditions) for (agent, *_), conditions in zip(groups, played, strict=True)])
     names = [
-        agent + label + _calls([scores for scores, _ in found])
-        for ((agent, *_), found), label in zip(groups.items(), told, strict=True)
+        agent + label + _calls([scores for scores, _ in pairs])
+        for ((agent, *_), pairs), label in zip(groups.items(), suffixes, strict=True)
     ]
     return tuple(
-        Result.of(name if names.count(name) == 1 else f"{name} ({run})", found, (known or {}).get(run, Standing()))
-        for ((_, run, _), found), name in zip(groups.items(), names, strict=True)
+        Result.of(name if names.count(name) == 1 else f"{name} ({run})", pairs, (known or {}).get(run, Standing()))
+        for ((_, run, _), pairs), name in zip(groups.items(), names, strict=True)
     )
 
 
@@ -160,15 +160,15 @@ def pace(scores: Sequence[Scores]) -> str:
 
 def _calls(scores: Sequence[Scores]) -> str:
     """Return a label for calls that move the body longer, or faster, than skills of the paper's kind."""
-    if all(one.in_pace for one in scores):
+    if all(episode.in_pace for episode in scores):
         return ""
-    longest = max(one.longest for one in scores)
-    return f", {longest:.1f} s a call" if longest > LONGEST else f", {max(one.fastest for one in scores):.2f} m a call"
+    longest = max(episode.longest for episode in scores)
+    return f", {longest:.1f} s a call" if longest > LONGEST else f", {max(s.fastest for s in scores):.2f} m a call"
 
 
 def shared_conditions(scores: Sequence[Scores]) -> Conditions:
     """Return the conditions of some episodes. An agent whose plugin failed at once has no settings."""
-    return max((one.conditions for one in scores), key=len)
+    return max((episode.conditions for episode in scores), key=len)
 
 
 def require_whole(results: Sequence[Result], partial: bool) -> None:

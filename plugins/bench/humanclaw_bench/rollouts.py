@@ -84,8 +84,8 @@ def require_honest(recorded: RecordedEpisode) -> None:
     require_training(record.spec.scene)
     settings = record.settings.get("agent", {})
     if record.settings.get("privileged", {}).get("agent") and settings.get("words") != "eyes":
-        told = f"{recorded.folder}: {record.agent} knows the map, and its words may tell what no eye sees."
-        raise RecordError(told, "Play it with --option words=eyes.")
+        problem = f"{recorded.folder}: {record.agent} knows the map, and its words may tell what no eye sees."
+        raise RecordError(problem, "Play it with --option words=eyes.")
 
 
 # -- rows --------------------------------------------------------------------------------------------------------------
@@ -110,14 +110,14 @@ class Conversations:
         None if a call is missing there, or if they were not shown the same until there: two tasks, or two engines.
         """
         pairs = enumerate(zip(bad.steps, good.steps, strict=False))
-        index = next((k for k, (one, two) in pairs if _said(one.decision) != _said(two.decision)), None)
+        index = next((k for k, (first, two) in pairs if _said(first.decision) != _said(two.decision)), None)
         if index is None or bad.steps[index].call is None or good.steps[index].call is None:
             return None
         prompt, view = self._prompt(bad, index), bad.view(bad.steps[index])
         if (prompt, view) != (self._prompt(good, index), good.view(good.steps[index])):
             return None
         about = self._about(bad, score(bad), cause) | {"step": index, "images": [_file(bad, index)]}
-        rejected, chosen = (_answer(one.steps[index].decision) for one in (bad, good))
+        rejected, chosen = (_answer(play.steps[index].decision) for play in (bad, good))
         return {**about, "prompt": prompt, "chosen": [chosen], "rejected": [rejected]}, view
 
     def _about(self, recorded: RecordedEpisode, scores: Scores, cause: Cause | None) -> Json:
@@ -130,7 +130,7 @@ class Conversations:
         }  # fmt: skip
 
     def _callable(self, recorded: RecordedEpisode) -> list[Any]:
-        return [one for name, one in self._skills.items() if name in recorded.record.skills and one.trained]
+        return [skill for name, skill in self._skills.items() if name in recorded.record.skills and skill.trained]
 
     def _prompt(self, recorded: RecordedEpisode, index: int) -> list[Json]:
         """Return the messages that a model would have been sent before a step."""
@@ -197,13 +197,13 @@ class Dataset:
 
     def begin(self, kind: str) -> None:
         """Begin the folder, or continue it. Raises RecordError if it was begun with other options."""
-        told = json.dumps({"kind": kind, **asdict(self.wanted)}, indent=2).encode()
+        options = json.dumps({"kind": kind, **asdict(self.wanted)}, indent=2).encode()
         with writing(self.folder):
-            if self.folder.has("options.json") and self.folder.read("options.json", _ROWS) != told:
+            if self.folder.has("options.json") and self.folder.read("options.json", _ROWS) != options:
                 raise RecordError(
                     f"{self.folder.path} was begun with other options.", "Name another folder with --out."
                 )
-            self.folder.write("options.json", told)
+            self.folder.write("options.json", options)
 
     def name(self, recorded: RecordedEpisode) -> str:
         """Return the file of an episode's rows."""
@@ -228,7 +228,7 @@ class Dataset:
 
 def card(kind: str, parts: Iterable[str], licences: Collection[str]) -> str:
     """Return the card of a dataset: where its parts are, licences, and how its words were written."""
-    ours = all(one.startswith("Apache-2.0") for one in licences)
+    ours = all(licence.startswith("Apache-2.0") for licence in licences)
     lines = ["---", "configs:", "- config_name: default", "  data_files:"]
     lines += [f"  - split: {part}\n    path: {part}/*.jsonl" for part in parts]
     lines += [f"license: {'apache-2.0' if ours else 'other'}", "---", f"# {kind}", "", _ORIGIN, ""]
@@ -249,7 +249,7 @@ _ORIGIN: Final = (
 @click.option("--repaired", type=click.Path(path_type=Path), metavar="RUN",
               help="Write preference pairs: the same episodes with the blamed capability repaired.")  # fmt: skip
 @click.option("--success", is_flag=True, help="Only episodes that succeeded.")
-@click.option("--cause", type=click.Choice([one.label for one in CAUSES]), default=None, metavar="LABEL",
+@click.option("--cause", type=click.Choice([rule.label for rule in CAUSES]), default=None, metavar="LABEL",
               help="Only failures with this root cause.")  # fmt: skip
 @click.option("--difficulty", type=click.Choice(TIERS), help="Only episodes of this overall difficulty.")
 @click.option("--test", type=click.FloatRange(0, 1), default=0.1, show_default=True, help="Share of houses in test.")
@@ -264,9 +264,9 @@ def rollouts(
     The same command continues where it was interrupted. `bench export --to lerobot` writes robots' data.
     """
     wanted = Wanted(success, cause or "", difficulty or "", test)
-    better = {one.record.spec.id: one for one in load_run(repaired)} if repaired else None
+    better = {episode.record.spec.id: episode for episode in load_run(repaired)} if repaired else None
     made = Conversations(Plugins.discover())
-    episodes = [one for run in runs for one in load_run(run)]
+    episodes = [episode for run in runs for episode in load_run(run)]
     data, kind = Dataset.at(out, wanted), "Preferences" if repaired else "Rollouts"
     data.begin(kind)
     for recorded in tqdm(episodes, unit="episode"):
@@ -274,7 +274,7 @@ def rollouts(
         if not data.folder.has(data.name(recorded)) and (rows := _rows(made, wanted, recorded, better)):
             data.add(recorded, rows)
     counts = {part: sum(1 for _ in data.written(part)) for part in _PARTS}
-    licences = {licence for one in episodes for licence in one.record.licences}
+    licences = {licence for episode in episodes for licence in episode.record.licences}
     data.folder.write("README.md", card(kind, filter(counts.get, counts), licences).encode())
     click.echo(f"{out}: {', '.join(f'{count} rows in {part}' for part, count in counts.items())}")
 

@@ -80,7 +80,7 @@ def run_command(
         tuple(str(file.resolve()) for file in files), choice, in_process=in_process, stop_after=stop_after, seed=seed,
     )  # fmt: skip
     wanted = executor or ("ray" if address else "local")
-    if wanted == "ray" and "ray" not in {one.name for one in plugins.registered("executors")}:
+    if wanted == "ray" and "ray" not in {registration.name for registration in plugins.registered("executors")}:
         raise PluginError("--ray needs a plugin that is not installed.", f"Run `{install(['humanclaw-ray'])}`.")
     player = plugins.make("executors", wanted, workers, address or "")
     with RunProgress(Console(), out) as progress:

@@ -188,7 +188,7 @@ class _Pilot:
     def forecast(self, status: RunStatus) -> Forecast:
         """Estimate the rest: every remaining episode takes as much as the pilot's on average."""
         seconds, cost = (
-            sum(getattr(one, what) for one in self._ended) / len(self._ended) for what in ("seconds", "cost")
+            sum(getattr(report, what) for report in self._ended) / len(self._ended) for what in ("seconds", "cost")
         )
         return Forecast(
             len(self._ended), status.left, seconds * status.left / status.workers, cost * status.left, status.tokens
@@ -210,10 +210,10 @@ def ended_record(folder: Folder) -> EpisodeRecord | None:
     None for any other episode, and for a damaged record.
     """
     try:
-        found = recorded(folder)
+        episode = recorded(folder)
     except RecordError:
         return None  # The worker that plays it again logs the reason.
-    return found.record if found and ended(found.record.outcome, found.record.limit) else None
+    return episode.record if episode and ended(episode.record.outcome, episode.record.limit) else None
 
 
 def _spent(status: RunStatus, limits: Mapping[str, float]) -> bool:

@@ -304,8 +304,8 @@ def _falls(steps: Sequence[StepRecord]) -> int:
 
 
 def _privileged(settings: Mapping[str, Mapping[str, bool]]) -> str | None:
-    found = settings.get("privileged")
-    return None if found is None else " and ".join(role for role, told in found.items() if told)
+    privileged = settings.get("privileged")
+    return None if privileged is None else " and ".join(role for role, knows in privileged.items() if knows)
 
 
 def _asked(verdict: Verdict) -> bool:

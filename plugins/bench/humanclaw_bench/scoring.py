@@ -35,11 +35,13 @@ def metrics_of(plugins: Plugins) -> Extra:
     Raises PluginError for a metric with the name of one of the benchmark's own numbers, which it would replace.
     """
     metrics = plugins.registered("metrics")
-    for one in metrics:
-        if one.name in OWN or one.name.startswith(COLLISIONS):
-            told = f"metric {one.name!r} of plugin {one.owner!r} has the name of one of the benchmark's own numbers."
-            raise PluginError(told, "Register it under another name, or leave the plugin out.")
-    return {one.name: one.value for one in metrics}
+    for metric in metrics:
+        if metric.name in OWN or metric.name.startswith(COLLISIONS):
+            problem = (
+                f"metric {metric.name!r} of plugin {metric.owner!r} has the name of one of the benchmark's own numbers."
+            )
+            raise PluginError(problem, "Register it under another name, or leave the plugin out.")
+    return {metric.name: metric.value for metric in metrics}
 
 
 def scored(episodes: Sequence[RecordedEpisode], extra: Extra | None = None, name: str = "") -> list[Scored]:
@@ -51,13 +53,13 @@ def scored(episodes: Sequence[RecordedEpisode], extra: Extra | None = None, name
 # Scoring takes a minute a thousand episodes; the tables of a run and its page need the same.
 @lru_cache(2)
 def _scored(episodes: tuple[RecordedEpisode, ...], name: str) -> tuple[Scored, ...]:
-    found = []
+    pairs = []
     for recorded in with_progress(episodes, f"scoring {name}"):
         scores = score(recorded)
         cause = attribute(recorded, scores)
-        further = "; ".join(one.label for one in also(recorded, cause, scores))
-        found.append((replace(scores, also=further), cause))
-    return tuple(found)
+        further = "; ".join(other.label for other in also(recorded, cause, scores))
+        pairs.append((replace(scores, also=further), cause))
+    return tuple(pairs)
 
 
 def measured(recorded: RecordedEpisode, extra: Extra) -> dict[str, float]:
@@ -87,8 +89,8 @@ def results_of(runs: Sequence[Path], files: Sequence[Path] = ()) -> tuple[Result
 
 def results(runs: Runs, extra: Extra) -> tuple[Result, ...]:
     """Score runs that are read already."""
-    found = {str(run): scored(episodes, extra, run.name) for run, episodes in runs.items()}
-    return named(found, {str(run): standing(run, episodes) for run, episodes in runs.items()})
+    pairs = {str(run): scored(episodes, extra, run.name) for run, episodes in runs.items()}
+    return named(pairs, {str(run): standing(run, episodes) for run, episodes in runs.items()})
 
 
 def with_progress(episodes: Sequence[RecordedEpisode], doing: str) -> Iterable[RecordedEpisode]:

@@ -44,11 +44,11 @@ def introduced(job: Job, plugins: Plugins) -> Job:
     made["verifiers"] = plugins.make("verifiers", job.verifier, job.options) if job.verifier else None
     check_options(job.options, job.agent, made["agents"], made["verifiers"])
     names = {}
-    for kind, one in made.items():
+    for kind, decider in made.items():
         with contextlib.suppress(Exception):  # A broken name becomes an error of the episode.
-            names[kind] = str(getattr(one, "name", ""))
+            names[kind] = str(getattr(decider, "name", ""))
     # Those who know everything already play beside the body; their records say that they are privileged.
-    open_to = [kind for kind, one in made.items() if one and not getattr(one, "privileged", False)]
+    open_to = [kind for kind, decider in made.items() if decider and not getattr(decider, "privileged", False)]
     apart = {} if job.in_process else dict.fromkeys(open_to, PROCESS)
     asked = {"agents": job.agent, "verifiers": job.verifier}
     needed = {f"{noun(kind)} {name.rpartition(':')[2]}" for kind, name in asked.items() if kind not in apart}
@@ -91,7 +91,7 @@ def manifest(specs: Sequence[EpisodeSpec], job: Job, plugins: Plugins) -> dict[s
         "versions": _versions(specs, job, plugins),
         "plugin files": {Path(file).name: _digest(Path(file).read_bytes()) for file in job.files},
         "weights": {"base": base} | adapters,
-        **{key: told for key, told in unusual.items() if told},
+        **{key: value for key, value in unusual.items() if value},
     }
 
 
@@ -107,8 +107,8 @@ def _versions(specs: Sequence[EpisodeSpec], job: Job, plugins: Plugins) -> dict[
         *(f"{noun('scenes')} {spec.scene.partition(':')[0]}" for spec in specs),
         *(f"skill {name}" for name in plugins.skills),
     }
-    found = {info.origin: info.version for info in plugins.infos if info.version and used & set(info.provides)}
-    return {"humanclaw": humanclaw.__version__} | found
+    versions = {info.origin: info.version for info in plugins.infos if info.version and used & set(info.provides)}
+    return {"humanclaw": humanclaw.__version__} | versions
 
 
 def _digest(data: bytes) -> str:
@@ -122,18 +122,18 @@ def agree(out: Path, wanted: dict[str, Any]) -> None:
         with writing(out):
             Folder(out).write(MANIFEST, json.dumps(wanted, indent=1).encode())
         return
-    found = read_manifest(out).content
-    differing = sorted(key for key in wanted.keys() | found.keys() if wanted.get(key) != found.get(key))
+    recorded = read_manifest(out).content
+    differing = sorted(key for key in wanted.keys() | recorded.keys() if wanted.get(key) != recorded.get(key))
     if differing:
-        told = "; ".join(_difference(key, found.get(key), wanted.get(key)) for key in differing)
-        raise RecordError(f"{out} holds a run with other settings: {told}.", "Name another folder with --out.")
+        changes = "; ".join(_difference(key, recorded.get(key), wanted.get(key)) for key in differing)
+        raise RecordError(f"{out} holds a run with other settings: {changes}.", "Name another folder with --out.")
 
 
-def _difference(key: str, found: Any, wanted: Any) -> str:
-    if isinstance(found, dict) and isinstance(wanted, dict):
-        inner = sorted(name for name in found.keys() | wanted.keys() if found.get(name) != wanted.get(name))
-        return ", ".join(_difference(f"{key} {name}", found.get(name), wanted.get(name)) for name in inner)
-    return f"{key} was {_short(found)} and is now {_short(wanted)}"
+def _difference(key: str, recorded: Any, wanted: Any) -> str:
+    if isinstance(recorded, dict) and isinstance(wanted, dict):
+        inner = sorted(name for name in recorded.keys() | wanted.keys() if recorded.get(name) != wanted.get(name))
+        return ", ".join(_difference(f"{key} {name}", recorded.get(name), wanted.get(name)) for name in inner)
+    return f"{key} was {_short(recorded)} and is now {_short(wanted)}"
 
 
 def _short(value: Any) -> str:

@@ -97,8 +97,8 @@ def roomy(grid: OccupancyGrid) -> NDArray[np.bool_]:
 
 def _goals(floors: MultiFloorMap, scene: Scene, category: str, *, sit: bool = False) -> Array:
     """Return (N, 3) places beside the targets of a category. sit: only places from which one can be sat on."""
-    found = (goals_at(floors, scene, obj.id, sit=sit) for obj in scene.of_category(category))
-    return np.concatenate([np.empty((0, 3)), *found])
+    places = (goals_at(floors, scene, obj.id, sit=sit) for obj in scene.of_category(category))
+    return np.concatenate([np.empty((0, 3)), *places])
 
 
 def _places(ways: DistanceField, usable: NDArray[np.bool_], count: int, rng: np.random.Generator) -> Iterator[Array]:
@@ -145,18 +145,18 @@ class Quota:
         return sum(self.categories.values())
 
 
-def choose(found: Sequence[EpisodeSpec], quota: Quota) -> tuple[EpisodeSpec, ...]:
+def choose(specs: Sequence[EpisodeSpec], quota: Quota) -> tuple[EpisodeSpec, ...]:
     """Return the candidates that meet the quota and come closest to the paper's distances and tiers.
 
     An integer program chooses the number of episodes in each cell: candidates with the same house, category, range of
     distance and tier. The first of a cell are taken. Raises HumanclawError if the quota cannot be met.
     """
     cells: dict[tuple[str, str, int, str], list[EpisodeSpec]] = defaultdict(list)
-    for spec in found:
+    for spec in specs:
         cells[_cell(spec)].append(spec)
     counts = _solve(list(cells), [len(alike) for alike in cells.values()], quota)
     chosen = [spec for alike, count in zip(cells.values(), counts, strict=True) for spec in alike[:count]]
-    order = {id(spec): number for number, spec in enumerate(found)}
+    order = {id(spec): number for number, spec in enumerate(specs)}
     return tuple(sorted(chosen, key=lambda spec: order[id(spec)]))
 
 
@@ -234,11 +234,11 @@ BETWEEN: Final = Quota(
 SMOKE: Final = Quota({"chair": 1, "couch": 1, "bed": 1, "tv": 1, "toilet": 1}, (0, 1), _each(0, 1))
 
 
-def spaced(found: Sequence[EpisodeSpec]) -> tuple[EpisodeSpec, ...]:
+def spaced(specs: Sequence[EpisodeSpec]) -> tuple[EpisodeSpec, ...]:
     """Leave out episodes that start within APART of an earlier one of the same house, category and floor."""
     kept: dict[tuple[str, str], list[Pose2D]] = defaultdict(list)
     result = []
-    for spec in found:
+    for spec in specs:
         start, others = spec.start, kept[spec.scene, spec.target_category]
         assert start is not None
         if all(_apart(start, other) for other in others):
@@ -247,17 +247,17 @@ def spaced(found: Sequence[EpisodeSpec]) -> tuple[EpisodeSpec, ...]:
     return tuple(result)
 
 
-def _apart(one: Pose2D, other: Pose2D) -> bool:
-    return float(np.hypot(one.x - other.x, one.z - other.z)) >= APART or abs(one.floor - other.floor) > 1.0
+def _apart(first: Pose2D, other: Pose2D) -> bool:
+    return float(np.hypot(first.x - other.x, first.z - other.z)) >= APART or abs(first.floor - other.floor) > 1.0
 
 
-def make(found: Sequence[EpisodeSpec]) -> dict[str, tuple[EpisodeSpec, ...]]:
+def make(specs: Sequence[EpisodeSpec]) -> dict[str, tuple[EpisodeSpec, ...]]:
     """Return all splits from the candidates of HOUSES and DEV_HOUSES.
 
     Of val, val-400, mini and smoke, each is part of the one before it. dev is as large as mini.
     """
-    dev = named(choose(spaced([spec for spec in found if spec.scene in DEV_HOUSES]), MINI))
-    val = named(choose(spaced([spec for spec in found if spec.scene not in DEV_HOUSES]), VAL))
+    dev = named(choose(spaced([spec for spec in specs if spec.scene in DEV_HOUSES]), MINI))
+    val = named(choose(spaced([spec for spec in specs if spec.scene not in DEV_HOUSES]), VAL))
     mini = choose(val, MINI)
     smoke = choose([spec for spec in mini if not _long(spec)], SMOKE)
     return {"val": val, "val-400": between(val, mini), "mini": mini, "smoke": smoke, "dev": dev}
@@ -280,9 +280,9 @@ def secret_houses(secret: int) -> tuple[str, ...]:
     return tuple(f"house:train-{number}" for number in sorted(numbers.tolist()))
 
 
-def hidden(found: Sequence[EpisodeSpec]) -> dict[str, tuple[EpisodeSpec, ...]]:
+def hidden(specs: Sequence[EpisodeSpec]) -> dict[str, tuple[EpisodeSpec, ...]]:
     """Return the hidden test from the candidates of secret houses, with the quota of val."""
-    return {"test": named(choose(spaced(found), VAL))}
+    return {"test": named(choose(spaced(specs), VAL))}
 
 
 def _long(spec: EpisodeSpec) -> bool:
@@ -307,11 +307,13 @@ def summary(specs: Sequence[EpisodeSpec]) -> dict[str, str]:
     metres = np.array([difficulty.distance for difficulty in known])
     houses = Counter(spec.scene for spec in specs).values()
     categories = Counter(spec.target_category for spec in specs)
-    told = {name: Counter(tiers(difficulty)[name] for difficulty in known) for name in THRESHOLDS}
-    told["overall"] = Counter(overall(difficulty) for difficulty in known)
+    by_tier = {name: Counter(tiers(difficulty)[name] for difficulty in known) for name in THRESHOLDS}
+    by_tier["overall"] = Counter(overall(difficulty) for difficulty in known)
     return {
         "episodes": f"{len(specs)}, {sum(spec.interact for spec in specs)} to sit",
         "houses": f"{len(houses)}, {min(houses)} to {max(houses)} episodes in each",
         "categories": ", ".join(f"{name} {count}" for name, count in categories.most_common()),
         "distance (m)": "median {:.2f}, nine tenths under {:.2f}".format(*np.quantile(metres, (0.5, 0.9))),
-    } | {name: " / ".join(f"{count[tier] / len(known):.1%} {tier}" for tier in TIERS) for name, count in told.items()}
+    } | {
+        name: " / ".join(f"{count[tier] / len(known):.1%} {tier}" for tier in TIERS) for name, count in by_tier.items()
+    }

@@ -161,8 +161,8 @@ def ratio(
     drawn = units(pairs, houses)
     draws = (_ratio(*np.moveaxis(drawn[rows], -1, 0)) for rows in _draws(len(drawn), seed))
     low, high = _percentiles(draws, len(drawn))
-    found = Estimate(float(_ratio(*pairs.T)), count=len(pairs))
-    return replace(found, low=low, high=high) if high - low > ROUNDING * abs(found.value) else found
+    estimate = Estimate(float(_ratio(*pairs.T)), count=len(pairs))
+    return replace(estimate, low=low, high=high) if high - low > ROUNDING * abs(estimate.value) else estimate
 
 
 def units(values: Array, houses: Sequence[str]) -> Array:
@@ -268,7 +268,7 @@ def compare_ratios(
     if not len(first):
         nothing = float("nan")
         return Difference(nothing, nothing, nothing, nothing, nothing, 1.0, 0, 1.0, True)
-    one, two = float(_ratio(*first.T)), float(_ratio(*second.T))
+    ratio_a, ratio_b = float(_ratio(*first.T)), float(_ratio(*second.T))
     both = units(np.stack([first, second], 1), houses)
     draws = (
         _ratio(*np.moveaxis(both[rows, 1], -1, 0)) - _ratio(*np.moveaxis(both[rows, 0], -1, 0))
@@ -277,7 +277,7 @@ def compare_ratios(
     low, high = _percentiles(draws, len(both))
     p = _swap_test(both[:, 0], both[:, 1], seed)
     alike = np.array_equal(first, second) or not both[..., 0].any()
-    return Difference(one, two, two - one, low, high, p, len(first), _least(both), alike)
+    return Difference(ratio_a, ratio_b, ratio_b - ratio_a, low, high, p, len(first), _least(both), alike)
 
 
 def _paired(a: Sequence[object], b: Sequence[object]) -> tuple[Array, Array]:
@@ -292,14 +292,14 @@ def _mean(values: Array) -> float:
 
 def _swap_test(first: Array, second: Array, seed: int) -> float:
     """Return the share of random swaps of each unit's two results in which the difference is at least as large."""
-    found = abs(float(_ratio(*second.T) - _ratio(*first.T)))
-    if not np.isfinite(found):
+    observed = abs(float(_ratio(*second.T) - _ratio(*first.T)))
+    if not np.isfinite(observed):
         return 1.0
     tosses = np.random.default_rng(seed).integers(0, 2, (RESAMPLES, len(first))).astype(float)
     total, change = first + second, second - first
     swapped = [_over(total, change, sign, tosses) for sign in (1.0, -1.0)]
     differences = np.abs(swapped[0] - swapped[1])
-    as_large = int((differences >= found * (1 - 1e-9)).sum())
+    as_large = int((differences >= observed * (1 - 1e-9)).sum())
     return (as_large + 1) / (RESAMPLES + 1)  # The observed result counts as one swap, so p is never 0.
 
 
@@ -315,8 +315,8 @@ def holm(differences: Sequence[Difference]) -> tuple[Difference, ...]:
     Differences that are equal in every episode do not count, because no swap could change them (Tarone 1990). The
     smallest possible p is multiplied by the full number, because no corrected p can be smaller.
     """
-    asked = sorted((k for k, one in enumerate(differences) if not one.alike), key=lambda k: differences[k].p)
-    raised = [replace(one, least=min(1.0, max(1, len(asked)) * one.least)) for one in differences]
+    asked = sorted((k for k, d in enumerate(differences) if not d.alike), key=lambda k: differences[k].p)
+    raised = [replace(difference, least=min(1.0, max(1, len(asked)) * difference.least)) for difference in differences]
     largest = 0.0
     for rank, k in enumerate(asked):
         largest = max(largest, min(1.0, (len(asked) - rank) * differences[k].p))

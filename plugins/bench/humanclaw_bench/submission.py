@@ -59,7 +59,7 @@ class ScoredRun:
             raise RecordError(known.faults[0] + more, f"`humanclaw bench verify {run}` lists everything that is wrong.")
         result, *others = named({run.name: scored(episodes, name=run.name)}, {run.name: known})
         if others:
-            names = ", ".join(one.name for one in (result, *others))
+            names = ", ".join(each.name for each in (result, *others))
             raise RecordError(f"{run} holds runs of several agents or settings ({names}).", "Name the folder of one.")
         return cls(manifest, episodes, result)
 
@@ -74,9 +74,9 @@ def submit(run: Path, who: str, model_date: str = "", partial: bool = True) -> S
     except ValidationError as error:
         said = f"no submission can be made: {first_fault(error)}."
         raise RecordError(said, "Give names of at most 500 letters.") from error
-    found = ScoredRun.read(run)
-    require_whole([found.result], partial)
-    return made.model_copy(update={"digest": run_digest(run, found.episodes)})
+    run_scored = ScoredRun.read(run)
+    require_whole([run_scored.result], partial)
+    return made.model_copy(update={"digest": run_digest(run, run_scored.episodes)})
 
 
 def run_digest(run: Path, episodes: Iterable[RecordedEpisode]) -> str:
@@ -89,11 +89,11 @@ def read(run: Path, episodes: Iterable[RecordedEpisode]) -> Submission:
     """Read the submission of a run. Raises RecordError if it is malformed, or of other records or settings."""
     path = run / NAME
     try:
-        found = Submission.model_validate_json(Folder(run).read(NAME, RECORD_BYTES))
+        submission = Submission.model_validate_json(Folder(run).read(NAME, RECORD_BYTES))
     except OSError as error:
         raise RecordError(f"{path} is not a submission: {error.strerror}.", _WRITE) from error
     except ValidationError as error:
         raise RecordError(f"{path} is not a submission: {first_fault(error)}.", _WRITE) from error
-    if found.digest != run_digest(run, episodes):
+    if submission.digest != run_digest(run, episodes):
         raise RecordError(f"{path} is of other records, or of another run.json.", _WRITE)
-    return found
+    return submission

@@ -27,10 +27,10 @@ FOLDER = click.Path(file_okay=False, path_type=Path)
 def replay_options(command: F) -> F:
     """Add the options for playing recorded calls again."""
     every = 10**6
-    told = "Also play the recorded calls of N episodes again (default: all) and compare every field of every step."
+    about = "Also play the recorded calls of N episodes again (default: all) and compare every field of every step."
     drawn = "Draws the N episodes that are played again; the default is new each time."
     how = click.option(
-        "--replay", "again", type=click.IntRange(1), is_flag=False, flag_value=every, metavar="[N]", help=told
+        "--replay", "again", type=click.IntRange(1), is_flag=False, flag_value=every, metavar="[N]", help=about
     )
     seed = click.option("--seed", type=click.IntRange(0), help=drawn)
     workers = click.option(
@@ -63,13 +63,13 @@ def verify(
 
 def _verify_replay(run: Path, again: int, seed: int | None, workers: int, plugin_files: Sequence[Path]) -> bool:
     """Play episodes again and tell what differs. Returns whether anything does."""
-    found = _played_again(run, again, seed, workers, plugin_files)
-    for one in found:
-        for what in (*one.differing, *filter(None, [one.incomparable])):
-            click.echo(f"{one.episode}: {what}.")
-    same, steps = sum(map(Replayed.same, found)), counted(sum(one.steps for one in found), "step")
-    click.echo(f"{same} of {counted(len(found), 'episode')} came out the same when played again ({steps}).")
-    return same < len(found)
+    replays = _played_again(run, again, seed, workers, plugin_files)
+    for episode in replays:
+        for what in (*episode.differing, *filter(None, [episode.incomparable])):
+            click.echo(f"{episode.episode}: {what}.")
+    same, steps = sum(map(Replayed.same, replays)), counted(sum(episode.steps for episode in replays), "step")
+    click.echo(f"{same} of {counted(len(replays), 'episode')} came out the same when played again ({steps}).")
+    return same < len(replays)
 
 
 def _played_again(
@@ -84,15 +84,15 @@ def _verify_files(run: Path) -> bool:
     """Check files and records, and tell what is wrong. Returns whether anything is."""
     count, known = check(run)
     asked = max(count, known.asked)
-    told = f"{len(known.faults)} damaged, or not of this run." if known.faults else "all whole."
+    verdict = f"{len(known.faults)} damaged, or not of this run." if known.faults else "all whole."
     if not known.faults and submissions.NAME in Folder(run).names():
-        told += f" Submitted by {legible(submissions.read(run, load_run(run)).who)}."
+        verdict += f" Submitted by {legible(submissions.read(run, load_run(run)).who)}."
     for fault in known.faults:
         click.echo(fault)
     if not known.asked:
         click.echo(f"There is no run.json in {run}: split and settings of the records are unknown.")
     of = f"{count} of " if count < asked else ""
-    click.echo(f"{of}{counted(asked, 'record')} in {run}: {told}")
+    click.echo(f"{of}{counted(asked, 'record')} in {run}: {verdict}")
     return bool(known.faults)
 
 

@@ -120,8 +120,8 @@ def paper_results() -> Mapping[str, Mapping[str, Mapping[str, float]]]:
     """Return the numbers that the paper prints, per cents as such, by table, by agent or setting, and by column."""
     printed = json.loads((DATA / "paper.json").read_text("utf-8"))
     return {
-        name: {agent: dict(zip(told["columns"], values, strict=True)) for agent, values in told["rows"].items()}
-        for name, told in printed.items()
+        name: {agent: dict(zip(numbers["columns"], values, strict=True)) for agent, values in numbers["rows"].items()}
+        for name, numbers in printed.items()
     }
 
 
@@ -273,7 +273,7 @@ def _share_without_calls(result: Result) -> Estimate:
 
 def _share(cause: Cause, failures: Sequence[tuple[Cause, Scores]]) -> Estimate:
     """Return the share of one root cause among the failures of its stage."""
-    return rate([found is cause for found, _ in failures], houses_of(scores for _, scores in failures))
+    return rate([blamed_cause is cause for blamed_cause, _ in failures], houses_of(scores for _, scores in failures))
 
 
 def _share_of_second(cause: Cause, failures: Sequence[tuple[Cause, Scores]]) -> Estimate:
@@ -304,7 +304,7 @@ def factors_table(results: Sequence[Result], *, seed: int = 0) -> ResultTable:
 
 def category_table(results: Sequence[Result], *, seed: int = 0) -> ResultTable:
     """Return the main columns by target category."""
-    return _broken_down("Results by category", results, CATEGORIES, lambda s, one: s.category == one, seed)
+    return _broken_down("Results by category", results, CATEGORIES, lambda s, category: s.category == category, seed)
 
 
 def _broken_down(
@@ -354,7 +354,7 @@ def brief_tables(results: Sequence[Result], *, seed: int = 0) -> dict[str, Resul
     Where no episode has a target, they are empty.
     """
     walks, hands = _apart(results)
-    walks = walks if any(one.category for result in walks for one in result.scores) else []
+    walks = walks if any(scores.category for result in walks for scores in result.scores) else []
     return {
         "main": chosen_table(walks, [metric.name for metric in HEADLINE], paper=False, seed=seed),
         "hands": _result_table("Tasks for hands", HANDS, hands, {}, seed),

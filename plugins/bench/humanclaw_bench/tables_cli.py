@@ -75,7 +75,7 @@ def table(
         tables = brief_tables(results, seed=seed) if brief else all_tables(results, paper=paper, seed=seed)
     chosen = {name: tables[name] for name in only} or filled(tables)
     if as_json:
-        _print_json({name: plain(found) for name, found in chosen.items()})
+        _print_json({name: plain(result) for name, result in chosen.items()})
         return
     if form == "terminal":
         show(chosen)
@@ -84,19 +84,19 @@ def table(
         elif brief and not columns:
             click.echo("--full prints all tables, with the paper's rows.")
     else:
-        for found in chosen.values():
-            click.echo(WRITERS[form](found))
+        for result in chosen.values():
+            click.echo(WRITERS[form](result))
 
 
 def filled(tables: Mapping[str, ResultTable]) -> dict[str, ResultTable]:
-    return {name: found for name, found in tables.items() if found.rows and found.columns}
+    return {name: result for name, result in tables.items() if result.rows and result.columns}
 
 
 def show(tables: Mapping[str, ResultTable]) -> None:
     """Print tables on the terminal, then each of their notes once."""
-    for found in tables.values():
-        _print(terminal(found, Console().width, notes=False))
-    for note in dict.fromkeys(note for found in tables.values() for note in found.all_notes):
+    for result in tables.values():
+        _print(terminal(result, Console().width, notes=False))
+    for note in dict.fromkeys(note for result in tables.values() for note in result.all_notes):
         _print(Text(note, style="dim"))
 
 
@@ -109,22 +109,24 @@ def show(tables: Mapping[str, ResultTable]) -> None:
 @PARTIAL
 def compare_command(a: Path, b: Path, seed: int, across_engines: bool, as_json: bool, partial: bool) -> None:
     """Compare two runs over the episodes that both finished. Differences are told from noise."""
-    one, two = _one(a), _one(b)
-    require_whole((one, two), partial)
-    engines = {scores.simulator for result in (one, two) for scores in result.scores}
+    first, second = _one(a), _one(b)
+    require_whole((first, second), partial)
+    engines = {scores.simulator for result in (first, second) for scores in result.scores}
     if len(engines) > 1 and not across_engines:
-        told = " and ".join(sorted(name or "an unknown one" for name in engines))
-        raise RecordError(f"the runs use different simulators: {told}.", "Add --across-engines to compare them anyway.")
-    differences = compare(one.scores, two.scores, seed=seed)
-    changed = unlike(one.conditions, two.conditions)
+        names = " and ".join(sorted(name or "an unknown one" for name in engines))
+        raise RecordError(
+            f"the runs use different simulators: {names}.", "Add --across-engines to compare them anyway."
+        )
+    differences = compare(first.scores, second.scores, seed=seed)
+    changed = unlike(first.conditions, second.conditions)
     if as_json:
         _print_json({"settings": changed, "metrics": plain_differences(differences, ALL)})
         return
     _print(Text(f"Settings that differ (A and B): {', '.join(changed)}." if changed else "No setting differs."))
-    _print(compare_table(differences, ALL, f"{one.name} ({a})", f"{two.name} ({b})"))
-    for result in (one, two):
+    _print(compare_table(differences, ALL, f"{first.name} ({a})", f"{second.name} ({b})"))
+    for result in (first, second):
         _print(Text(result.note, style="dim"))
-    left_out = len(one.finished) + len(two.finished) - 2 * len(common(one.scores, two.scores))
+    left_out = len(first.finished) + len(second.finished) - 2 * len(common(first.scores, second.scores))
     if left_out:
         many = "episodes have" if left_out > 1 else "episode has"
         click.echo(f"Left out: {left_out} finished {many} no counterpart in the other run.")
@@ -138,10 +140,10 @@ def compare_command(a: Path, b: Path, seed: int, across_engines: bool, as_json: 
 def rescore(run: Path, out: Path | None, as_json: bool, files: tuple[Path, ...]) -> None:
     """Score a run again from its records. Writes one line per episode, with every number and the root cause."""
     episodes = load_run(run)
-    found = scored(episodes, metrics_of(Plugins.discover(files)), run.name)
-    lines = "".join(json.dumps(row(*pair), ensure_ascii=False) + "\n" for pair in found)
+    pairs = scored(episodes, metrics_of(Plugins.discover(files)), run.name)
+    lines = "".join(json.dumps(row(*pair), ensure_ascii=False) + "\n" for pair in pairs)
     out = write_result(out, run, "scores.jsonl", lines.encode())
-    scores = result_table("main", named({run.name: found}, {run.name: standing(run, episodes)}), paper=False)
+    scores = result_table("main", named({run.name: pairs}, {run.name: standing(run, episodes)}), paper=False)
     if as_json:
         _print_json(plain(scores) | {"scores": str(out)})
         return

@@ -88,11 +88,12 @@ class TaskOptions(BaseModel):
     @classmethod
     def of(cls, given: Mapping[str, Any]) -> TaskOptions:
         """Check options. Raises HumanclawError that names the first wrong one and lists all."""
-        found = read_options(cls, given)
-        if found.first + found.houses > MOST:
-            told = f"houses {found.first} to {found.first + found.houses - 1} are not all training houses."
-            raise HumanclawError(told, f"Stay below {MOST}.")
-        return found
+        task_options = read_options(cls, given)
+        if task_options.first + task_options.houses > MOST:
+            last = task_options.first + task_options.houses - 1
+            problem = f"houses {task_options.first} to {last} are not all training houses."
+            raise HumanclawError(problem, f"Stay below {MOST}.")
+        return task_options
 
 
 def house_of(reference: str) -> str:
@@ -107,8 +108,8 @@ def require_training(reference: str) -> None:
     hidden = house != number and number.isdecimal() and int(number) >= HIDDEN_HOUSES
     whose = "hidden tests" if hidden else "val" if house in HOUSES else "dev" if house in DEV_HOUSES else ""
     if whose:
-        told = f"{reference} is a house of {whose}: what is trained in it cannot be tested in it."
-        raise HumanclawError(told, f"Use house:train-N with N below {MOST}.")
+        problem = f"{reference} is a house of {whose}: what is trained in it cannot be tested in it."
+        raise HumanclawError(problem, f"Use house:train-N with N below {MOST}.")
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,8 +175,10 @@ class HouseTasks:
             spec = self._draw(house, self._options, rng)
             if spec is not None:
                 return spec.model_copy(update={"id": f"{self.name}-{seed}", "seed": seed})
-        told = f"no house of {TRIES} has a task for seed {seed} with {self._options.model_dump(exclude_defaults=True)}."
-        raise TaskError(told, "Draw from more houses, or of another difficulty or category.")
+        problem = (
+            f"no house of {TRIES} has a task for seed {seed} with {self._options.model_dump(exclude_defaults=True)}."
+        )
+        raise TaskError(problem, "Draw from more houses, or of another difficulty or category.")
 
     def _places(self, seed: int) -> Iterator[tuple[House, np.random.Generator]]:
         houses = np.random.default_rng([seed // TOGETHER, 31])
@@ -208,9 +211,9 @@ def _has(spec: EpisodeSpec, options: TaskOptions) -> bool:
     return not options.difficulty or (spec.difficulty is not None and overall(spec.difficulty) == options.difficulty)
 
 
-def picked(found: Sequence[T], rng: np.random.Generator) -> T | None:
+def picked(choices: Sequence[T], rng: np.random.Generator) -> T | None:
     """Return one at random; None if there are none."""
-    return found[int(rng.integers(len(found)))] if found else None
+    return choices[int(rng.integers(len(choices)))] if choices else None
 
 
 class FileTasks:
@@ -250,8 +253,8 @@ class Source:
 def approach(house: House, options: TaskOptions, rng: np.random.Generator) -> EpisodeSpec | None:
     """Begin in sight of the target, up to NEAR metres of way from it, facing it."""
     near = _near(house, options, rng)
-    told = "walk up to the {noun} in front of you, and stop within 0.2 m of it."
-    return near and _turned(near[0], near[1] - float(rng.uniform(-AHEAD, AHEAD)), told, max_steps=15)
+    words = "walk up to the {noun} in front of you, and stop within 0.2 m of it."
+    return near and _turned(near[0], near[1] - float(rng.uniform(-AHEAD, AHEAD)), words, max_steps=15)
 
 
 def turn(house: House, options: TaskOptions, rng: np.random.Generator) -> EpisodeSpec | None:
@@ -260,8 +263,8 @@ def turn(house: House, options: TaskOptions, rng: np.random.Generator) -> Episod
         return None
     yaws = np.radians(np.arange(-180.0, 180.0, 5.0))
     away = yaws[(np.abs(wrap_angle(yaws[:, None] - near[2])) > ASIDE).all(1)]
-    told = "turn until you see a {noun}, say that you see it, and stop."
-    return _turned(near[0], float(rng.choice(away)), told, max_steps=10) if len(away) else None
+    words = "turn until you see a {noun}, say that you see it, and stop."
+    return _turned(near[0], float(rng.choice(away)), words, max_steps=10) if len(away) else None
 
 
 def sit(house: House, options: TaskOptions, rng: np.random.Generator) -> EpisodeSpec | None:
@@ -295,12 +298,12 @@ def touch(house: House, options: TaskOptions, rng: np.random.Generator) -> Episo
         stands = viewpoints(house.floors, house.scene, things[int(index)].id)[:5]
         back = [(stand, float(rng.uniform(0.4, 0.8))) for stand in stands]
         if poses := [pose for pose in (_before(house, *pair) for pair in back) if pose]:
-            told = (
+            words = (
                 "walk straight ahead until something stops you; then say in your reasoning what touches you, and stop."
             )
             scene = house.scene
             return EpisodeSpec(
-                id="touch", instruction=told, scene=scene.name, scene_digest=scene.digest, start=poses[0], max_steps=8
+                id="touch", instruction=words, scene=scene.name, scene_digest=scene.digest, start=poses[0], max_steps=8
             )
     return None
 
@@ -316,14 +319,14 @@ def _before(house: House, stand: Viewpoint, away: float) -> Pose2D | None:
 def _near(house: House, options: TaskOptions, rng: np.random.Generator
           ) -> tuple[EpisodeSpec, float, NDArray[np.float64]] | None:  # fmt: skip
     """Draw a candidate of House.near."""
-    return picked([one for one in house.near if options.category in ("", one[0].target_category)], rng)
+    return picked([place for place in house.near if options.category in ("", place[0].target_category)], rng)
 
 
-def _turned(spec: EpisodeSpec, yaw: float, told: str, *, max_steps: int) -> EpisodeSpec:
+def _turned(spec: EpisodeSpec, yaw: float, words: str, *, max_steps: int) -> EpisodeSpec:
     """Return a candidate as a task of its own that begins in another heading, radians."""
     assert spec.start is not None
     start = replace(spec.start, yaw=round(float(wrap_angle(yaw)), 3))
-    words = told.format(noun=ALIASES[spec.target_category][0])
+    words = words.format(noun=ALIASES[spec.target_category][0])
     return spec.model_copy(update={"instruction": words, "start": start, "interact": False, "max_steps": max_steps})
 
 
@@ -346,5 +349,5 @@ def tasks(name: str, options: Mapping[str, Any]) -> Tasks:
         return FileTasks(options)
     if name != "train" and options.get("difficulty"):
         raise HumanclawError(f"difficulty has no effect on tasks of {name!r}.", "Leave it out, or take 'train'.")
-    one = SOURCES[name]
-    return HouseTasks(name, one.draw, one.goal, one.rewards, options)
+    source = SOURCES[name]
+    return HouseTasks(name, source.draw, source.goal, source.rewards, options)

@@ -58,8 +58,8 @@ def read_manifest(run: Path) -> Manifest:
             f"{path} cannot be read: {error.strerror}.", "Name a folder of `humanclaw bench run`."
         ) from error
     except ValidationError as error:
-        told = f"{path} is damaged: {first_fault(error)}."
-        raise RecordError(told, "Run the split again in another folder.") from None
+        problem = f"{path} is damaged: {first_fault(error)}."
+        raise RecordError(problem, "Run the split again in another folder.") from None
 
 
 def split_digest(specs: Iterable[EpisodeSpec]) -> str:
@@ -92,9 +92,9 @@ def standing(run: Path, episodes: Sequence[RecordedEpisode]) -> Standing:
     """Check the episodes of a run, as they were read, against its run.json. Raises RecordError if that is damaged."""
     manifest = read_manifest(run) if MANIFEST in Folder(run).names() else None
     faults = [
-        f"{one.folder / 'episode.json'} has no seal of its files, so changes cannot be detected."
-        for one in episodes
-        if not _sealed(one.record)
+        f"{episode.folder / 'episode.json'} has no seal of its files, so changes cannot be detected."
+        for episode in episodes
+        if not _sealed(episode.record)
     ]
     if manifest is None:
         return Standing(0, tuple(faults))
@@ -107,8 +107,8 @@ def _sealed(record: EpisodeRecord) -> bool:
     return bool(record.seal) and (record.outcome == "running" or bool(record.files))
 
 
-def _in_process(one: RecordedEpisode) -> bool:
-    apart, privileged = (one.record.settings.get(what, {}) for what in ("apart", "privileged"))
+def _in_process(episode: RecordedEpisode) -> bool:
+    apart, privileged = (episode.record.settings.get(what, {}) for what in ("apart", "privileged"))
     return any(not known and role not in apart for role, known in privileged.items())
 
 
@@ -117,7 +117,7 @@ def check(run: Path) -> tuple[int, Standing]:
 
     Raises RecordError if there is no record, or if run.json is damaged.
     """
-    held = {one.path: one for name in ("episode.json", "steps.jsonl") for one in Folder(run).holding(name)}
+    held = {folder.path: folder for name in ("episode.json", "steps.jsonl") for folder in Folder(run).holding(name)}
     if not held:
         raise lacking(run, "episode record", "Name a folder that `humanclaw bench run` wrote.")
     whole, damaged = [], []
@@ -132,15 +132,15 @@ def check(run: Path) -> tuple[int, Standing]:
 
 def _foreign(run: Path, manifest: Manifest, episodes: Sequence[RecordedEpisode]) -> Iterator[str]:
     """Yield the contradictions between the records of a run and its run.json."""
-    here = [one for one in episodes if one.folder.parent == run]
-    for one in episodes:
-        if one.folder.parent != run:
-            yield f"{one.folder} lies below the run {run} and not in its folder, where its episodes lie: move it away."
-    asked = _asked(run, manifest, [one.record.spec for one in here])
+    here = [episode for episode in episodes if episode.folder.parent == run]
+    for episode in episodes:
+        if episode.folder.parent != run:
+            yield f"{episode.folder} lies below the run {run} and not in its folder: move it away."
+    asked = _asked(run, manifest, [episode.record.spec for episode in here])
     yield from _other_split(run, manifest, len(here), len(asked))
-    for one in here:
-        if differing := _other_episode(one, manifest, asked):
-            yield f"{one.folder} is not of this run: {', '.join(differing)}."
+    for episode in here:
+        if differing := _other_episode(episode, manifest, asked):
+            yield f"{episode.folder} is not of this run: {', '.join(differing)}."
 
 
 def _other_split(run: Path, manifest: Manifest, here: int, asked: int) -> Iterator[str]:
@@ -153,9 +153,9 @@ def _other_split(run: Path, manifest: Manifest, here: int, asked: int) -> Iterat
         yield f"{run / MANIFEST} says that the run is of {episodes}; {split} has {asked}."
 
 
-def _asked(run: Path, manifest: Manifest, found: Sequence[EpisodeSpec]) -> Mapping[str, EpisodeSpec]:
+def _asked(run: Path, manifest: Manifest, specs_here: Sequence[EpisodeSpec]) -> Mapping[str, EpisodeSpec]:
     """Return the episodes of the split that run.json names, by id; none if the split is not found."""
-    for specs in chain([found], _splits(run, manifest)):
+    for specs in chain([specs_here], _splits(run, manifest)):
         if specs and split_digest(specs) == manifest.split:
             return {spec.id: spec for spec in specs}
     return {}
@@ -171,10 +171,10 @@ def _splits(run: Path, manifest: Manifest) -> Iterator[Sequence[EpisodeSpec]]:
     yield known_split(manifest.split)[1]
 
 
-def _other_episode(one: RecordedEpisode, manifest: Manifest, asked: Mapping[str, EpisodeSpec]) -> list[str]:
+def _other_episode(episode: RecordedEpisode, manifest: Manifest, asked: Mapping[str, EpisodeSpec]) -> list[str]:
     """Return the fields in which a record differs from its episode in the split, and whether its options do."""
-    spec, options = one.record.spec, ["options"] if one.record.options != manifest.options else []
-    if spec.id != one.folder.name:
+    spec, options = episode.record.spec, ["options"] if episode.record.options != manifest.options else []
+    if spec.id != episode.folder.name:
         return [f"it holds the record of {spec.id!r}"]
     if not asked:
         return options

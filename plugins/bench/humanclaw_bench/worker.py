@@ -176,7 +176,7 @@ class Worker:
         self._replayed = sum((step.usage for step in replay), Usage())
         return Episode(
             body, spec, agent, verifier, folder=folder, options=job.options, distance=geodesics, replay=replay,
-            meter=self._meter, apart={one: job.apart[kind] for kind, one in ROLES.items() if kind in job.apart},
+            meter=self._meter, apart={role: job.apart[kind] for kind, role in ROLES.items() if kind in job.apart},
             agent_seed=job.seed_of(spec),
         )  # fmt: skip
 
@@ -217,29 +217,29 @@ def _beside_the_body(job: Job) -> Plugins:
 
 def recorded_steps(folder: Folder) -> tuple[StepRecord, ...]:
     """Return the steps that an earlier session recorded, if any. Raises RecordError if they are damaged."""
-    found = recorded(folder)
-    return found.steps if found else ()
+    episode = recorded(folder)
+    return episode.steps if episode else ()
 
 
 def recorded(folder: Folder) -> RecordedEpisode | None:
     """Return the record in an episode's folder; None if there is none. Raises RecordError if it is damaged."""
     if not folder.has("episode.json"):
         return None
-    found, name = RecordedEpisode(folder), folder.path.name
-    if found.record.spec.id != name:
-        said = f"{folder.path} must hold the record of {name!r}; it holds that of {found.record.spec.id!r}."
+    episode, name = RecordedEpisode(folder), folder.path.name
+    if episode.record.spec.id != name:
+        said = f"{folder.path} must hold the record of {name!r}; it holds that of {episode.record.spec.id!r}."
         raise RecordError(said, "Remove the folder.")
-    return found
+    return episode
 
 
 def mark(folder: Path | Folder, outcome: Outcome, error: str) -> None:
     """Write the end of an episode into its record if the episode could not. Damaged records stay: they are replaced."""
     try:
-        found = recorded(Folder.of(folder))
+        episode = recorded(Folder.of(folder))
     except RecordError:
         return
-    if found:
-        close_record(folder, found.record.ended(outcome, error, steps=len(found.steps)))
+    if episode:
+        close_record(folder, episode.record.ended(outcome, error, steps=len(episode.steps)))
 
 
 # -- sending records ---------------------------------------------------------------------------------------------------

@@ -100,13 +100,14 @@ def _known(cell: Estimate) -> dict[str, float | None]:
 
 def plain_differences(differences: Mapping[str, Difference], metrics: Sequence[Metric]) -> list[dict[str, Any]]:
     """Return a comparison for JSON, one row for each metric: both values, B - A with its interval, p, verdict."""
-    found = [(metric, differences[metric.name]) for metric in metrics if metric.name in differences]
+    pairs = [(metric, differences[metric.name]) for metric in metrics if metric.name in differences]
     return [
         {
-            "metric": metric.name, "a": one.a, "b": one.b, "difference": _known(Estimate(one.value, one.low, one.high)),
-            "p": one.p, "verdict": verdict(metric, one), "n": one.count,
+            "metric": metric.name, "a": difference.a, "b": difference.b,
+            "difference": _known(Estimate(difference.value, difference.low, difference.high)), "p": difference.p,
+            "verdict": verdict(metric, difference), "n": difference.count,
         }
-        for metric, one in found
+        for metric, difference in pairs
     ]  # fmt: skip
 
 
@@ -172,41 +173,43 @@ def compare_table(differences: Mapping[str, Difference], metrics: Sequence[Metri
 
 def bearing(differences: Mapping[str, Difference], metrics: Sequence[Metric]) -> str:
     """Return a sentence on the number of compared episodes, and on the metrics that cover fewer."""
-    count = max((found.count for found in differences.values()), default=0)
+    count = max((difference.count for difference in differences.values()), default=0)
     fewer: dict[int, list[str]] = {}
     for metric in metrics:
         if metric.name in differences and differences[metric.name].count < count:
             fewer.setdefault(differences[metric.name].count, []).append(metric.name)
-    told = ", ".join(f"{', '.join(names)} ({number})" for number, names in fewer.items())
-    return f"Over the {counted(count, 'episode')} that both finished." + (f" Fewer count for {told}." if told else "")
+    partly = ", ".join(f"{', '.join(names)} ({number})" for number, names in fewer.items())
+    return f"Over the {counted(count, 'episode')} that both finished." + (
+        f" Fewer count for {partly}." if partly else ""
+    )
 
 
-def compared(column: Column, found: Difference) -> tuple[str, ...]:
+def compared(column: Column, difference: Difference) -> tuple[str, ...]:
     """Return a row of the comparison: metric, both values, the difference with its interval, p, and a verdict."""
-    change = Estimate(found.value, found.low, found.high, found.count)
-    sign = "+" if found.value > 0 else ""
-    values = (column.number(found.a), column.number(found.b), f"{sign}{inline(column, change)}")
-    p = "< 0.001" if found.p < 0.0005 else f"{found.p:.3f}"
-    return (column.head, *values, p, verdict(column, found))
+    change = Estimate(difference.value, difference.low, difference.high, difference.count)
+    sign = "+" if difference.value > 0 else ""
+    values = (column.number(difference.a), column.number(difference.b), f"{sign}{inline(column, change)}")
+    p = "< 0.001" if difference.p < 0.0005 else f"{difference.p:.3f}"
+    return (column.head, *values, p, verdict(column, difference))
 
 
-def verdict(column: Column, found: Difference) -> str:
+def verdict(column: Column, difference: Difference) -> str:
     """Return the difference in words: the better run, not significant, noise, too few to tell, or the same.
 
     If neither direction is better, it names the run with the higher value.
     """
-    if not found.significant:
+    if not difference.significant:
         # A rate has an interval even if no episode differs: a larger split could still show a difference.
-        same = found.alike and not found.high > found.low
-        if found.low > 0 or found.high < 0:
+        same = difference.alike and not difference.high > difference.low
+        if difference.low > 0 or difference.high < 0:
             return "not significant"
-        return "the same" if same else "too few to tell" if _blunt(column, found) else "noise"
-    higher = "B" if found.value > 0 else "A"
+        return "the same" if same else "too few to tell" if _blunt(column, difference) else "noise"
+    higher = "B" if difference.value > 0 else "A"
     other = "A" if higher == "B" else "B"
     return {"higher": f"{higher} is better", "lower": f"{other} is better"}.get(column.better, f"{higher} is higher")
 
 
-def _blunt(column: Column, found: Difference) -> bool:
+def _blunt(column: Column, difference: Difference) -> bool:
     """Return whether there are too few houses to show a difference, or to exclude a relevant one."""
-    room = TELLING * (1.0 if column.percent else found.level)
-    return found.least >= SIGNIFICANT or not -room <= found.low <= 0.0 <= found.high <= room
+    room = TELLING * (1.0 if column.percent else difference.level)
+    return difference.least >= SIGNIFICANT or not -room <= difference.low <= 0.0 <= difference.high <= room

@@ -303,7 +303,7 @@ def test_who_introduces_itself_wrongly_ends_the_run_by_its_name(play, told):
     wrong = f"""
 import humanclaw_bench.isolation.session as session
 class Mine(Agent): ...
-if "wall" in sys.argv[0]:
+if "isolation" in sys.argv[0]:
     session.Session._initialize = lambda self, params: {{"protocolVersion": "1", "agents": {told}}}
 """
     with pytest.raises(Exception, match="agent and verifier cannot be made: its answer to initialize is no Introduc"):
@@ -314,7 +314,7 @@ def test_an_agent_cannot_tell_versions_of_what_plays_beside_the_body(play):
     lies = """
 import humanclaw_bench.isolation.session as session
 class Mine(Agent): ...
-if "wall" in sys.argv[0]: session.Session._versions = lambda self, kind, name: {"humanclaw": "99", "own": "1"}
+if "isolation" in sys.argv[0]: session.Session._versions = lambda self, kind, name: {"humanclaw": "99", "own": "1"}
 """
     _, folder = play(lies)
     versions = RecordedEpisode(folder / "toy-0").record.versions

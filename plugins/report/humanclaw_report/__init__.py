@@ -34,12 +34,12 @@ def _page(film: str = "mp4", renderer: str = "raster") -> Reporter:
 def humanclaw_commands(cli: click.Group) -> None:
     from humanclaw.cli import LazyCommand
 
-    for name, told in (
+    for name, about in (
         ("report", "Write the page that shows a run, or several side by side."),
         ("film", "Film a recorded episode from behind the body."),
         ("watch", "Show a run in progress in a browser on this machine."),
     ):
-        cli.add_command(LazyCommand(name, f"humanclaw_report.command:{name}", told))
+        cli.add_command(LazyCommand(name, f"humanclaw_report.command:{name}", about))
 
 
 @hookimpl

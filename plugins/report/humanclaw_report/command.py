@@ -89,10 +89,12 @@ def _episode(folder: Path) -> RecordedEpisode:
 
     if Folder(folder).has("episode.json"):
         return RecordedEpisode(folder)
-    found = load_run(folder)
-    if len(found) != 1:
-        raise RecordError(f"{folder} holds {len(found)} episodes.", f"Name one of them, such as {found[0].folder}.")
-    return found[0]
+    episodes = load_run(folder)
+    if len(episodes) != 1:
+        raise RecordError(
+            f"{folder} holds {len(episodes)} episodes.", f"Name one of them, such as {episodes[0].folder}."
+        )
+    return episodes[0]
 
 
 @click.command()
@@ -104,7 +106,7 @@ def watch(folder: Path, port: int, files: tuple[Path, ...]) -> None:
     from humanclaw import HumanclawError, Plugins
     from humanclaw_report.watch import Watcher, server
 
-    runs = {one.parents[1] for one in folder.glob("*/*/episode.json")}
+    runs = {record.parents[1] for record in folder.glob("*/*/episode.json")}
     if runs and not any(folder.glob("*/episode.json")):
         raise HumanclawError(f"expected one run; {folder} holds {len(runs)}.", f"Name one, such as {max(runs)}.")
     if not folder.is_dir():

@@ -215,8 +215,8 @@ def _film(files: Folder, page: Path) -> FilmView | None:
         name = f"film.{kind}"
         if status := files.status(name):
             small = status.st_size <= FILM_BYTES
-            told = data_uri(files.read(name, FILM_BYTES), media) if small else link(files.path / name, page)
-            return FilmView(kind, told, small)
+            address = data_uri(files.read(name, FILM_BYTES), media) if small else link(files.path / name, page)
+            return FilmView(kind, address, small)
     return None
 
 

@@ -43,13 +43,13 @@ def milestones(recorded: RecordedEpisode) -> tuple[Milestone, ...]:
         return (stopped,)
     seen = [s.step for s in steps if in_view(s)]
     last = end_distance(recorded)
-    found = Milestone("in view", bool(seen), f"first at step {seen[0]}" if seen else "never")
+    in_view_at = Milestone("in view", bool(seen), f"first at step {seen[0]}" if seen else "never")
     near = Milestone(
         "reached", reached(recorded), f"{last:.2f} m at the end" if np.isfinite(last) else "no distance recorded"
     )
     if not spec.interact:
-        return found, near, stopped
-    return found, near, _sat(recorded), stopped
+        return in_view_at, near, stopped
+    return in_view_at, near, _sat(recorded), stopped
 
 
 def _sat(recorded: RecordedEpisode) -> Milestone:
@@ -74,13 +74,13 @@ def in_words(recorded: RecordedEpisode, met: Sequence[Milestone]) -> str:
         "interrupted": f"was interrupted after {counted(len(recorded.steps), 'step')}",
     }
     noun = record.spec.target_category.replace("_", " ") or "target"
-    told = [f"{'had' if facts[name].met else 'never had'} the {noun} in view" for name in facts if name == "in view"]
-    told += [
+    parts = [f"{'had' if facts[name].met else 'never had'} the {noun} in view" for name in facts if name == "in view"]
+    parts += [
         f"{'ended' if facts[name].met else 'did not end'} within reach of it" for name in facts if name == "reached"
     ]
-    told += [f"{'sat' if facts[name].met else 'did not sit'} on it" for name in facts if name == "sat"]
-    told.append(endings[record.outcome])
-    return "The body " + (", ".join(told[:-1]) + " and " if told[:-1] else "") + told[-1] + "."
+    parts += [f"{'sat' if facts[name].met else 'did not sit'} on it" for name in facts if name == "sat"]
+    parts.append(endings[record.outcome])
+    return "The body " + (", ".join(parts[:-1]) + " and " if parts[:-1] else "") + parts[-1] + "."
 
 
 def verdict_of(step: StepRecord) -> tuple[str, str]:
@@ -103,7 +103,7 @@ def touches(recorded: RecordedEpisode, step: StepRecord, names: Mapping[int, str
     parts: dict[int, dict[str, None]] = {}
     for contact in touched_above_ground(recorded, step):
         parts.setdefault(contact.object_id, {})[contact.joint.replace("_", " ")] = None
-    return "; ".join(f"{listed(list(found))} on {name_of(names, key)}" for key, found in parts.items())
+    return "; ".join(f"{listed(list(body_parts))} on {name_of(names, key)}" for key, body_parts in parts.items())
 
 
 def listed(words: Sequence[str], last: str = "and") -> str:

@@ -51,8 +51,8 @@ def film(
     _refuse(every, size)
     film_scene = FilmScene.of(episode, scene)
     if kind == "gif" and len(film_scene.motion) // every * size[0] * size[1] * 3 > GIF_BYTES:
-        told = f"a GIF of {len(film_scene.motion)} frames is too large at every={every} and {size[0]} x {size[1]}."
-        raise HumanclawError(told, "Name a smaller size, a larger every, or an MP4 file.")
+        problem = f"a GIF of {len(film_scene.motion)} frames is too large at every={every} and {size[0]} x {size[1]}."
+        raise HumanclawError(problem, "Name a smaller size, a larger every, or an MP4 file.")
     pictures = _pictures(film_scene, renderer, every, size)
     try:
         with Folder(out.parent).placed(out.name) as file:

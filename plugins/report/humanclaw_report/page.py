@@ -18,7 +18,9 @@ def report_of(runs: Path | Sequence[Path] | Runs, plugins: Installed, out: Path 
         runs,
         out,
         plugins.scene,
-        contribute=lambda found, page: plugins.tell("humanclaw_overview", runs=found, page=page, plugins=plugins),
+        contribute=lambda runs_read, page: plugins.tell(
+            "humanclaw_overview", runs=runs_read, page=page, plugins=plugins
+        ),
     )
 
 

@@ -48,39 +48,39 @@ def write_report(
         RecordError: There is nothing to report, or the page cannot be written.
     """
     folders = [runs] if isinstance(runs, Path) else list(runs)
-    found = runs if isinstance(runs, Mapping) else {folder: load_run(folder) for folder in folders}
+    episodes_of = runs if isinstance(runs, Mapping) else {folder: load_run(folder) for folder in folders}
     home = folders[0] if len(folders) == 1 else Path()
     target = out or home / REPORT
     try:
-        page = _page(found, target, Houses(scenes), contribute)
+        page = _page(episodes_of, target, Houses(scenes), contribute)
     except OSError as error:
-        told = f"cannot write {error.filename or target}: {error.strerror or error}."
-        raise RecordError(told, "Move it away.") from error
+        problem = f"cannot write {error.filename or target}: {error.strerror or error}."
+        raise RecordError(problem, "Move it away.") from error
     return write_result(out, home, REPORT, page.encode())
 
 
-def _page(found: Runs, target: Path, houses: Houses, contribute: Contribute | None) -> str:
+def _page(episodes_of: Runs, target: Path, houses: Houses, contribute: Contribute | None) -> str:
     """Return the page of one episode, or write those of several and return the page that lists them."""
-    episodes = [episode for one in found.values() for episode in one]
+    episodes = [episode for episodes_of_run in episodes_of.values() for episode in episodes_of_run]
     collected = Collected()
     if contribute:
-        contribute(found, collected)
+        contribute(episodes_of, collected)
     if len(episodes) == 1:
-        (run,) = (run for run, one in found.items() if one)
+        (run,) = (run for run, episodes_of_run in episodes_of.items() if episodes_of_run)
         cause = collected.cause(run, episodes[0].record.spec.id)
         return episode_page(episodes[0], houses.of(episodes[0]), target, cause=cause)
-    _write_episodes(found, target, houses, collected)
-    asked = {run: episodes_asked(run) for run in found}
-    return run_page(found, collected, target, lambda e: e.folder / PAGE, asked)
+    _write_episodes(episodes_of, target, houses, collected)
+    asked = {run: episodes_asked(run) for run in episodes_of}
+    return run_page(episodes_of, collected, target, lambda e: e.folder / PAGE, asked)
 
 
-def _write_episodes(found: Runs, target: Path, houses: Houses, collected: Collected) -> None:
+def _write_episodes(episodes_of: Runs, target: Path, houses: Houses, collected: Collected) -> None:
     """Write the page of every episode, and the files that the pages of a run share."""
-    total = sum(map(len, found.values()))
+    total = sum(map(len, episodes_of.values()))
     with tqdm(total=total, desc="pages", unit="page", disable=None if total > 20 else True, leave=False) as bar:
-        for run, episodes in found.items():
+        for run, episodes in episodes_of.items():
             shelf = Folder(run) / FOLDER
-            home = run / REPORT if len(found) > 1 and Folder(run).has(REPORT) else target
+            home = run / REPORT if len(episodes_of) > 1 and Folder(run).has(REPORT) else target
             shelf.write("three.js", three().encode())
             shelf.write("skin.js", skin_script().encode())
             written: set[str] = set()

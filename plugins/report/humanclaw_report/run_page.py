@@ -90,8 +90,8 @@ class Collected:
 
     def cause(self, run: Path, name: str) -> tuple[str, int | None]:
         """Return why an episode failed and the step that decided it; empty if it did not, or no benchmark told."""
-        found = self.facts.get((run, name))
-        return (found.cause, found.step) if found else ("", None)
+        facts = self.facts.get((run, name))
+        return (facts.cause, facts.step) if facts else ("", None)
 
 
 def _cells(row: Sequence[str], shares: Sequence[float]) -> tuple[Cell, ...]:
@@ -142,7 +142,7 @@ Runs = Mapping[Path, Sequence[RecordedEpisode]]
 
 
 def run_page(
-    runs: Runs, found: Collected, out: Path, page_of: Callable[[RecordedEpisode], Path], asked: Mapping[Path, int]
+    runs: Runs, collected: Collected, out: Path, page_of: Callable[[RecordedEpisode], Path], asked: Mapping[Path, int]
 ) -> str:
     """Return the HTML of the page.
 
@@ -151,7 +151,7 @@ def run_page(
         page_of: Returns the path of an episode's page.
         asked: How many episodes each run was started with.
     """
-    lines = _lines(runs, found, out, page_of)
+    lines = _lines(runs, collected, out, page_of)
     every = [episode for episodes in runs.values() for episode in episodes]
     return environment().get_template("run.html").render(
         title=_title(runs, lines),
@@ -163,9 +163,9 @@ def run_page(
         ],
         lines=lines,
         first=FIRST,
-        charts=[table for table in found.tables if table.chart],
-        tables=[table for table in found.tables if not table.chart],
-        common=_common(found.tables),
+        charts=[table for table in collected.tables if table.chart],
+        tables=[table for table in collected.tables if not table.chart],
+        common=_common(collected.tables),
         totals=_totals(every),
         parts=PARTS,
         categories=sorted({line.spec.target_category for line in lines} - {""}),
@@ -201,17 +201,18 @@ def _names(runs: Runs) -> list[str]:
     return agents if len(runs) == 1 else [f"{run.resolve().name} ({a})" for run, a in zip(runs, agents, strict=True)]
 
 
-def _lines(runs: Runs, found: Collected, out: Path, page_of: Callable[[RecordedEpisode], Path]) -> list[Line]:
+def _lines(runs: Runs, collected: Collected, out: Path, page_of: Callable[[RecordedEpisode], Path]) -> list[Line]:
     """Return every episode by its number; those whose result differs between runs come first."""
     by_name = [{episode.record.spec.id: episode for episode in episodes} for episodes in runs.values()]
     lines = []
     for name in sorted({name for episodes in by_name for name in episodes}, key=_natural):
         there = [episodes.get(name) for episodes in by_name]
-        facts = [found.facts.get((run, name)) for run in runs]
+        facts = [collected.facts.get((run, name)) for run in runs]
         results = tuple(
-            _result(one, fact, out, page_of(one)) if one else None for one, fact in zip(there, facts, strict=True)
+            _result(episode, fact, out, page_of(episode)) if episode else None
+            for episode, fact in zip(there, facts, strict=True)
         )
-        spec = next(one.record.spec for one in there if one)
+        spec = next(episode.record.spec for episode in there if episode)
         lines.append(Line(spec, next((fact.tier for fact in facts if fact), ""), results))
     return sorted(lines, key=lambda line: not line.changed)
 

@@ -22,13 +22,13 @@ _LIBRARY: Final = re.compile(r"/\*\*\n \* @license\n(?: \*[^\n]*\n)*? \*/\n[^\n]
 def three() -> str:
     """Return the script of three.js with its licence notice. Raises HumanclawError if trimesh does not hold it."""
     archive = Path(str(distribution("trimesh").locate_file("trimesh/resources/templates/viewer.zip")))
-    found = None
+    library = None
     if archive.is_file():
         with zipfile.ZipFile(io.BytesIO(archive.read_bytes())) as files:
             text = "\n".join(files.read(name).decode() for name in files.namelist())
-        found = _LIBRARY.search(text)
-    if found is None:
+        library = _LIBRARY.search(text)
+    if library is None:
         raise HumanclawError(
             "the installed trimesh holds no three.js.", "Install another version: pip install trimesh==5.2.0."
         )
-    return found[0]
+    return library[0]

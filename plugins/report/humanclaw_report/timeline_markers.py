@@ -29,11 +29,11 @@ def marks(
     decided: index of the step that decided the cause.
     """
     frames = max(1, recorded.spans[-1][1]) if recorded.steps else 1
-    found = (*_contacts(recorded, names, frames), *_events(recorded, frames))
+    timeline = (*_contacts(recorded, names, frames), *_events(recorded, frames))
     if not cause or decided is None:
-        return found
+        return timeline
     at = 100 * recorded.spans[decided][0] / frames
-    return (*found, Mark("cause", at, 0, f"step {recorded.steps[decided].step}: root cause: {cause}"))
+    return (*timeline, Mark("cause", at, 0, f"step {recorded.steps[decided].step}: root cause: {cause}"))
 
 
 def _contacts(recorded: RecordedEpisode, names: Mapping[int, str], frames: int) -> Iterator[Mark]:
@@ -45,12 +45,15 @@ def _contacts(recorded: RecordedEpisode, names: Mapping[int, str], frames: int) 
         for contact in touched_above_ground(recorded, step):
             touched.setdefault(contact.object_id, []).extend(contact.frames)
             movable |= {contact.object_id} if contact.movable else set()
-        for key, found in touched.items():
-            if found:
+        for key, frames_touched in touched.items():
+            if frames_touched:
                 kind: Literal["target", "fixed", "movable"] = (
                     "target" if key in targets else "movable" if key in movable else "fixed"
                 )
-                at, wide = 100 * (first + min(found)) / frames, 100 * (max(found) - min(found) + 1) / frames
+                at, wide = (
+                    100 * (first + min(frames_touched)) / frames,
+                    100 * (max(frames_touched) - min(frames_touched) + 1) / frames,
+                )
                 yield Mark(kind, at, wide, f"step {step.step}: touches {name_of(names, key)}")
 
 

@@ -44,7 +44,7 @@ class Watcher:
 
     def rows(self) -> list[dict[str, Any]]:
         """Return the rows of all episodes, last changed first, without those that cannot be read yet."""
-        found = []
+        changes = []
         for episode in (self.files, *(self.files / name for name in self.files.names())):
             times = [status.st_mtime_ns for status in map(episode.status, ("episode.json", "steps.jsonl")) if status]
             if len(times) < 2:
@@ -53,8 +53,8 @@ class Watcher:
             path, changed = episode.path, max(times)
             if self.read.get(path, (0, None))[0] != changed:
                 self.read[path] = changed, _row(episode)
-            found.append(self.read[path])
-        return [row for _, row in sorted(found, key=lambda pair: -pair[0]) if row]
+            changes.append(self.read[path])
+        return [row for _, row in sorted(changes, key=lambda pair: -pair[0]) if row]
 
     def state(self) -> dict[str, Any]:
         """Return the content of the page, for JSON."""
@@ -119,7 +119,7 @@ def _goal(record: EpisodeRecord, last: StepRecord | None) -> str:
 
 def _news(before: dict[str, Any], state: dict[str, Any]) -> dict[str, Any]:
     """Return a state with the rows that changed alone, and whether the page has to forget those that it has."""
-    old, new = ({row["id"]: row for row in one.get("rows", ())} for one in (before, state))
+    old, new = ({row["id"]: row for row in told_state.get("rows", ())} for told_state in (before, state))
     forget = not before or not old.keys() <= new.keys()
     return state | {"forget": forget, "rows": [row for key, row in new.items() if forget or old.get(key) != row]}
 
@@ -149,8 +149,8 @@ def server(watcher: Watcher, port: int = 0) -> Server:
             while True:
                 before, state = state, watcher.state()
                 # A comment line is sent if nothing changed: only a failed write reveals a closed page.
-                told = f"data: {json.dumps(_news(before, state))}" if state != before else ": still here"
-                self.wfile.write(f"{told}\n\n".encode())
+                event = f"data: {json.dumps(_news(before, state))}" if state != before else ": still here"
+                self.wfile.write(f"{event}\n\n".encode())
                 time.sleep(SECONDS)
 
     return Server(Asked, port)

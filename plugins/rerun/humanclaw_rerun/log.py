@@ -202,14 +202,14 @@ def _lines(step: StepRecord) -> Iterator[tuple[str, str]]:
 
 
 def _blueprint() -> rrb.Blueprint:
-    told = rrb.Vertical(
+    words = rrb.Vertical(
         rrb.Spatial2DView(origin="world/eyes", name="eyes"),
         rrb.TimeSeriesView(origin="distance", name="metres to the target"),
         rrb.TextLogView(origin="calls", name="calls"),
         row_shares=[3, 1, 2],
     )
     house = rrb.Spatial3DView(origin="world", name="house")
-    return rrb.Blueprint(rrb.Horizontal(house, told, column_shares=[3, 2]), rrb.TimePanel(timeline=TIME))
+    return rrb.Blueprint(rrb.Horizontal(house, words, column_shares=[3, 2]), rrb.TimePanel(timeline=TIME))
 
 
 def _placed(obj: SceneObject) -> rr.Transform3D:

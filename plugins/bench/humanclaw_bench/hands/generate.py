@@ -89,15 +89,15 @@ class House:
 
     def _called(self, category: str, room: str) -> int:
         """Return how many objects the word for a category may mean. room: empty for the whole house."""
-        return sum(self._counts[one, room] for one in {category, *LIKE.get(category, ())})
+        return sum(self._counts[name, room] for name in {category, *LIKE.get(category, ())})
 
     def phrase(self, obj: SceneObject, noun: str = "") -> str:
         """Name an object as nothing else in the house; empty if category and room do not."""
         noun = noun or obj.category.replace("_", " ")
         if self._called(obj.category, "") == 1:
             return f"the {noun}"
-        room = next((one for one in self.scene.rooms if one.name == obj.room), None)
-        alone = room is not None and sum(one.kind == room.kind for one in self.scene.rooms) == 1
+        room = next((other for other in self.scene.rooms if other.name == obj.room), None)
+        alone = room is not None and sum(other.kind == room.kind for other in self.scene.rooms) == 1
         if not alone or self._called(obj.category, obj.room) > 1:
             return ""
         assert room is not None
@@ -113,7 +113,7 @@ class House:
     def near(self, key: int) -> Array:
         """Return (N, 3) places from which an arm reaches an object."""
         stands = viewpoints(self.floors, self.scene, key)
-        return np.array([one.place for one in stands if one.gap <= FAR]).reshape(-1, 3)
+        return np.array([stand.place for stand in stands if stand.gap <= FAR]).reshape(-1, 3)
 
     def leaves(self, body: SceneObject) -> tuple[SceneObject, ...]:
         """Return the doors, drawers and lids of a piece of furniture."""
@@ -197,11 +197,11 @@ def _opening(house: House, body: SceneObject, rng: np.random.Generator) -> Itera
 def _question(house: House, body: SceneObject, name: str, what: str) -> Iterator[Task]:
     """Yield the question whether a thing is in a piece of furniture; none if only something like it is."""
     leaves, inside = house.leaves(body), house.holds(body)
-    found = [obj for obj in inside if obj.category == what]
-    if not found and any(obj.category in LIKE.get(what, ()) for obj in inside):
+    matching = [obj for obj in inside if obj.category == what]
+    if not matching and any(obj.category in LIKE.get(what, ()) for obj in inside):
         return
-    before = tuple(leaf for leaf in leaves if any(_hides(house.scene, leaf, obj) for obj in found))
-    goal = _to_open(before or leaves, "yes" if found else "no")
+    before = tuple(leaf for leaf in leaves if any(_hides(house.scene, leaf, obj) for obj in matching))
+    goal = _to_open(before or leaves, "yes" if matching else "no")
     question = f"is there {_WORDS.get(what, f'a {what}')} in {name}? Open it, look inside, and answer yes or no."
     yield Task("look", question, body.category, goal, (body.id,))
 
@@ -251,14 +251,14 @@ def _way(house: House, task: Task) -> float:
     return min((float(field.at(place)) for place in house.near(task.goal.things[0])), default=np.inf)
 
 
-def choose(found: Iterable[EpisodeSpec]) -> dict[str, tuple[EpisodeSpec, ...]]:
+def choose(candidates: Iterable[EpisodeSpec]) -> dict[str, tuple[EpisodeSpec, ...]]:
     """Return the three splits: of each family one episode from every house in turn, until there are enough. Each split
     is part of the one before it. Of every question as many answers are yes as are no."""
     pools: dict[Family, dict[str, list[EpisodeSpec]]] = {family: defaultdict(list) for family in FAMILIES}
-    for spec in found:
+    for spec in candidates:
         pools[family_of(spec)][spec.scene].append(spec)
     turns = {family: _in_turn(pools[family]) for family in FAMILIES}
-    taken = [spec for found in (turns | {"look": _balanced(turns["look"])}).values() for spec in found[:EACH]]
+    taken = [spec for chosen in (turns | {"look": _balanced(turns["look"])}).values() for spec in chosen[:EACH]]
     hands = tuple(
         spec.model_copy(update={"id": f"{name_of(spec.scene)}-{spec.id}-{spec.target_category}-{k}", "seed": k})
         for k, spec in enumerate(taken)
@@ -282,7 +282,7 @@ def _balanced(looks: Sequence[EpisodeSpec]) -> list[EpisodeSpec]:
         if spec.goal and spec.goal.answer == "yes":
             yes[asked(spec)].append(spec)
     no = (spec for spec in looks if spec.goal and spec.goal.answer == "no")
-    return [one for spec in no if yes[asked(spec)] for one in (spec, yes[asked(spec)].pop(0))]
+    return [look for spec in no if yes[asked(spec)] for look in (spec, yes[asked(spec)].pop(0))]
 
 
 def asked(spec: EpisodeSpec) -> tuple[str, str]:

@@ -77,8 +77,8 @@ class HandFacts:
         return sum(step.target_pixels.get(key, 0) for key in self.own) >= SEEN_PIXELS
 
     def boxes(self, step: StepRecord) -> dict[int, tuple[Vec3, Vec3]]:
-        found = step.targets or self.recorded.record.targets
-        return {key: box for key, box in found.items() if key in self.own}
+        targets = step.targets or self.recorded.record.targets
+        return {key: box for key, box in targets.items() if key in self.own}
 
     def near(self, step: StepRecord) -> bool:
         """Tell whether the pelvis ends within an arm's length of a thing."""

@@ -21,14 +21,14 @@ def main() -> None:
     Argument: the plugin files and the choice of plugins, as JSON. Nothing else may write to the pipe, so standard
     output goes where errors go.
     """
-    told = json.loads(sys.argv[1])
+    loads = json.loads(sys.argv[1])
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the run, which ends this process.
     pipe = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
     lines: queue.Queue[bytes] = queue.Queue()
     threading.Thread(target=_read, args=(sys.stdin.buffer, lines), daemon=True).start()
-    choice = Choice(**{name: tuple(texts) for name, texts in told["choice"].items()})
-    session = Session(Plugins.discover([Path(file) for file in told["files"]], choice))
+    choice = Choice(**{name: tuple(texts) for name, texts in loads["choice"].items()})
+    session = Session(Plugins.discover([Path(file) for file in loads["files"]], choice))
     while True:
         answer = session.answer(json.loads(lines.get()))
         pipe.write(json.dumps(answer, separators=(",", ":")).encode() + b"\n")

@@ -47,9 +47,9 @@ class _Apart(StandIn):
 
     privileged: Final = False
 
-    def __init__(self, link: ProcessTransport, role: str, told: Introduction) -> None:
-        self.name, self.owner = told.name, told.owner or "the agent's side"
-        self.settings, self.versions = told.settings, told.versions
+    def __init__(self, link: ProcessTransport, role: str, introduction: Introduction) -> None:
+        self.name, self.owner = introduction.name, introduction.owner or "the agent's side"
+        self.settings, self.versions = introduction.settings, introduction.versions
         self._link, self._role, self._meter = link, role, Meter()
 
     def begin(self, context: EpisodeContext) -> None:
@@ -59,9 +59,9 @@ class _Apart(StandIn):
     def _ask(self, method: str, params: Json) -> Any:
         """Return the answer to a request. Raises what the other side raises, and LimitError when time is up."""
         left = self._meter.seconds_left()
-        told = params | {"seconds": left if left < LONGEST else None}
+        timed = params | {"seconds": left if left < LONGEST else None}
         try:
-            return self._link.ask(method, told, min(left + GRACE, LONGEST))
+            return self._link.ask(method, timed, min(left + GRACE, LONGEST))
         except OverdueError:
             self._meter.check()
             raise
@@ -109,10 +109,10 @@ def introduce(link: ProcessTransport, kinds: Sequence[str], params: Json) -> dic
     Raises PluginError and ProviderError, as their factories may, RuntimeError for a side that cannot answer, and
     TypeError for an answer that is no introduction.
     """
-    told = link.ask("initialize", {"protocolVersion": PROTOCOL, **params}, STARTING)
-    if not isinstance(told, Mapping) or told.get("protocolVersion") != PROTOCOL:
-        raise RuntimeError(f"it does not speak protocol {PROTOCOL}: {str(told)[:80]}")
-    return {kind: _read(Introduction, told.get(kind), "initialize") for kind in kinds}
+    answer = link.ask("initialize", {"protocolVersion": PROTOCOL, **params}, STARTING)
+    if not isinstance(answer, Mapping) or answer.get("protocolVersion") != PROTOCOL:
+        raise RuntimeError(f"it does not speak protocol {PROTOCOL}: {str(answer)[:80]}")
+    return {kind: _read(Introduction, answer.get(kind), "initialize") for kind in kinds}
 
 
 class IsolatedDeciders:
@@ -128,7 +128,7 @@ class IsolatedDeciders:
         """
         self._kinds = list(kinds)
         elsewhere = KINDS.keys() - kinds
-        self._asked = {name: told for name, told in asked.items() if name not in elsewhere}
+        self._asked = {name: value for name, value in asked.items() if name not in elsewhere}
         self._link = ProcessTransport([json.dumps(loads)])
 
     def make(self) -> dict[str, Any]:
@@ -139,11 +139,11 @@ class IsolatedDeciders:
         if not self._kinds:
             return {}
         try:
-            found = introduce(self._link, self._kinds, self._asked)
+            introductions = introduce(self._link, self._kinds, self._asked)
         except (RuntimeError, TypeError, OverdueError) as fault:
             said = f"agent and verifier cannot be made: {fault}."
             raise PluginError(said, "Mend the plugin that brings them.") from fault
-        return {kind: KINDS[kind](self._link, kind, told) for kind, told in found.items()}
+        return {kind: KINDS[kind](self._link, kind, introduction) for kind, introduction in introductions.items()}
 
     def close(self) -> None:
         self._link.close()

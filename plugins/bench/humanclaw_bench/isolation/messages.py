@@ -39,8 +39,8 @@ def to_json(value: object) -> Any:
 def from_json(kind: type[T], value: object) -> T:
     """Return a decision, a verdict or a feedback. Raises pydantic.ValidationError, a ValueError."""
     of: Any = kind
-    found: T = _adapter(of).validate_python(value)
-    return found
+    checked: T = _adapter(of).validate_python(value)
+    return checked
 
 
 def image(picture: bytes) -> Json:
@@ -75,18 +75,18 @@ def tool(skill: Skill) -> Json:
     return {"name": skill.name, "description": skill.description, "inputSchema": dict(skill.schema), "_meta": more}
 
 
-def context_of(told: Mapping[str, Any], meter: Meter) -> EpisodeContext:
+def context_of(message: Mapping[str, Any], meter: Meter) -> EpisodeContext:
     """Return the context of a task. Its skills can be asked for and checked, but not played."""
-    known = {name: told[name] for name in ("instruction", "target_category", "interact", "max_steps")}
+    known = {name: message[name] for name in ("instruction", "target_category", "interact", "max_steps")}
     spec = EpisodeSpec(id="episode", scene="", **known)
-    skills = {one["name"]: _skill(one) for one in told["tools"]}
-    return EpisodeContext(spec, skills, int(told["seed"]), meter=meter, gaze=from_json(CameraMount, told["gaze"]))
+    skills = {sent["name"]: _skill(sent) for sent in message["tools"]}
+    return EpisodeContext(spec, skills, int(message["seed"]), meter=meter, gaze=from_json(CameraMount, message["gaze"]))
 
 
-def _skill(told: Mapping[str, Any]) -> Skill:
-    more = told["_meta"]
+def _skill(sent: Mapping[str, Any]) -> Skill:
+    more = sent["_meta"]
     checks = tuple(Check(**check) for check in more["checks"])
-    return Skill(told["name"], told["description"], told["inputSchema"], _unplayable, checks, role=more["role"])
+    return Skill(sent["name"], sent["description"], sent["inputSchema"], _unplayable, checks, role=more["role"])
 
 
 def _unplayable(params: Mapping[str, Any]) -> Plan:
@@ -96,17 +96,17 @@ def _unplayable(params: Mapping[str, Any]) -> Plan:
 # -- a step ------------------------------------------------------------------------------------------------------------
 def seen(observation: Observation) -> Json:
     """Return an observation: step, picture, and the outcome of the last step as values and in words."""
-    told, view = observation.feedback, observation.jpeg or jpeg(observation.rgb, QUALITY)
-    found = {"step": observation.step, "content": [image(view)], "feedback": to_json(told), "text": str(told)}
-    return found | ({"between": [image(one) for one in observation.between]} if observation.between else {})
+    feedback, view = observation.feedback, observation.jpeg or jpeg(observation.rgb, QUALITY)
+    message = {"step": observation.step, "content": [image(view)], "feedback": to_json(feedback), "text": str(feedback)}
+    return message | ({"between": list(map(image, observation.between))} if observation.between else {})
 
 
-def observation_of(told: Mapping[str, Any], instruction: str) -> Observation:
+def observation_of(message: Mapping[str, Any], instruction: str) -> Observation:
     """Return the observation of a message."""
-    view = picture(told["content"])
-    feedback = from_json(Feedback, told.get("feedback", {}))
-    between = tuple(picture([one]) for one in told.get("between", ()))
-    return Observation(int(told["step"]), instruction, from_jpeg(view), feedback, view, between)
+    view = picture(message["content"])
+    feedback = from_json(Feedback, message.get("feedback", {}))
+    between = tuple(picture([content]) for content in message.get("between", ()))
+    return Observation(int(message["step"]), instruction, from_jpeg(view), feedback, view, between)
 
 
 def past(entries: Sequence[HistoryEntry], shown: int) -> list[Json]:
@@ -122,10 +122,10 @@ def past(entries: Sequence[HistoryEntry], shown: int) -> list[Json]:
     ]
 
 
-def entry_of(told: Mapping[str, Any], views: Mapping[int, bytes]) -> HistoryEntry:
+def entry_of(message: Mapping[str, Any], views: Mapping[int, bytes]) -> HistoryEntry:
     """Return a step of the history. views: the JPEGs that were seen, by step, for messages without one."""
-    step = int(told["step"])
-    if "content" not in told and step not in views:
+    step = int(message["step"])
+    if "content" not in message and step not in views:
         raise ValueError(f"step {step} has no picture, and none was seen")
-    view = picture(told["content"]) if "content" in told else views[step]
-    return HistoryEntry(step, from_json(Decision, told["decision"]), from_json(Feedback, told["feedback"]), view)
+    view = picture(message["content"]) if "content" in message else views[step]
+    return HistoryEntry(step, from_json(Decision, message["decision"]), from_json(Feedback, message["feedback"]), view)

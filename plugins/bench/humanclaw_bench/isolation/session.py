@@ -77,17 +77,17 @@ class Session:
             raise PluginError(f"expected protocol {PROTOCOL}; got {params.get('protocolVersion')!r:.50}.")
         self._history, self._views = [], {}
         self._made = {kind: self._make(kind, params) for kind in ("agents", "verifiers") if params.get(kind)}
-        told = {
-            kind: _introduced(one) | {"versions": self._versions(kind, params[kind])}
-            for kind, one in self._made.items()
+        introductions = {
+            kind: _introduced(decider) | {"versions": self._versions(kind, params[kind])}
+            for kind, decider in self._made.items()
         }
-        return {"protocolVersion": PROTOCOL} | told
+        return {"protocolVersion": PROTOCOL} | introductions
 
     def _versions(self, kind: str, name: str) -> dict[str, str]:
         """Return the version of the distribution that brings an agent or a verifier, by its name."""
         item = f"{noun(kind)} {name.rpartition(':')[2]}"
-        found = [info for info in self._plugins.infos if item in info.provides and info.version]
-        return {info.origin: info.version for info in found}
+        owners = [info for info in self._plugins.infos if item in info.provides and info.version]
+        return {info.origin: info.version for info in owners}
 
     def _make(self, kind: str, params: Json) -> Any:
         known_as = params.get("names", {}).get(kind, "")
@@ -104,7 +104,7 @@ class Session:
     def _decide(self, params: Json) -> Any:
         """Let the agent decide. The history grows by the steps that ended since the last question."""
         self._meter.tell(params.get("seconds"))
-        self._history += [entry_of(told, self._views) for told in params.get("history", [])]
+        self._history += [entry_of(entry, self._views) for entry in params.get("history", [])]
         agent, seen = self._made["agents"], observation_of(params, self._context.spec.instruction)
         self._views[seen.step] = seen.jpeg
         decision = agent.decide(seen, tuple(self._history))
@@ -119,9 +119,9 @@ class Session:
         return to_json(admit(verdict, Verdict, f"verify() of {name_of(verifier)} returned"))
 
 
-def _introduced(one: Any) -> Json:
+def _introduced(decider: Any) -> Json:
     """Return name, settings and package of an agent or a verifier."""
-    return {"name": name_of(one), "settings": settings_of(one), "owner": origin(one)}
+    return {"name": name_of(decider), "settings": settings_of(decider), "owner": origin(decider)}
 
 
 def _told(fault: BaseException) -> Json:

@@ -99,10 +99,10 @@ def result_of(answer: bytes) -> Any:
     own name. Raises RuntimeError for anything that is no answer.
     """
     try:
-        told = json.loads(answer)
-        if "result" in told:
-            return told["result"]
-        error, data = told["error"], told["error"].get("data", {})
+        reply = json.loads(answer)
+        if "result" in reply:
+            return reply["result"]
+        error, data = reply["error"], reply["error"].get("data", {})
         message, kind = str(error["message"]), data.get("kind")
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
         raise RuntimeError(f"it answers with no JSON-RPC: {answer[:80]!r}") from None
