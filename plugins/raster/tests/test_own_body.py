@@ -31,20 +31,14 @@ def seated():
     return body
 
 
-def pixel_of(point, eye):
-    """Project a point of the world by hand: row and column of its pixel."""
-    away, right = point - eye.position, np.cross(eye.forward, eye.up)
-    half, depth = eye.height / 2, away @ eye.forward
-    return int(half - half * (away @ eye.up) / depth), int(half + half * (away @ right) / depth)
-
-
 def test_a_seated_body_sees_both_its_thighs(own_pixels):
     body = seated()
     eye, joints = ego_camera(body), body.joints()[-1]
     mine = own_pixels(body, "body")
     for side in ("left", "right"):
         hip, knee = (joints[JOINT_INDEX[f"{side}_{name}"]] for name in ("hip", "knee"))
-        assert mine[pixel_of(hip + 0.9 * (knee - hip), eye)]
+        column, row = eye.pixels(hip + 0.9 * (knee - hip)).astype(int)
+        assert mine[row, column]
     assert mine.mean() > 2 * own_pixels(body, "far").mean()
 
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from PIL import Image, ImageDraw
@@ -15,14 +15,12 @@ from humanclaw import Backends, Body, Call, HumanclawError, Motion, Renderer, Sc
 from humanclaw.body import FUTURE, HISTORY, Array
 from humanclaw.motion import DiTGenerator
 from humanclaw.world import Camera, SceneBuilder, WorldState, together
-from humanclaw_train.eval.show import tiled
+from humanclaw_train.eval.show import acted, tiled
 from humanclaw_train.eval.simulated import flat, stage
 
 if TYPE_CHECKING:
     from humanclaw import Plugins
 
-Calls = Sequence[tuple[str, Mapping[str, Any]]]
-"""Names and parameters of skills."""
 Vec3 = tuple[float, float, float]
 WIDTH: Final = 1200
 """Width of a figure, pixels."""
@@ -97,14 +95,10 @@ def figure(plugins: Plugins, name: str, seed: int, renderer: str, out: Path) -> 
 
 
 # -- motion ------------------------------------------------------------------------------------------------------------
-def _acted(plugins: Plugins, scene: Scene, calls: Calls, seed: int, simulator: str = "") -> Motion:
+def _acted(plugins: Plugins, scene: Scene, calls: Sequence[Call], seed: int, simulator: str = "") -> Motion:
     """Return the simulated motion of calls, from standing."""
     with Body(scene, seed=seed, plugins=plugins, backends=Backends(simulator=simulator)) as body:
-        motion = body.history
-        for name, params in calls:
-            for chunk in body.execute(Call(name, params)).chunks:
-                motion = motion.then(chunk.execution.simulated)
-    return motion
+        return acted(body, calls)
 
 
 def _again(plugins: Plugins, scene: Scene, motion: Motion) -> Motion:
@@ -148,7 +142,7 @@ def _dreamt(adapter: Path | None, values: Mapping[str, float], seed: int) -> Mot
 
 def stride(plugins: Plugins, seed: int) -> Rows:
     """Draw a walk along a ruler whose marks are one commanded stride apart."""
-    walk = ("walk", {"x_cm": 0, "z_cm": STRIDE, "yaw_deg": 0})
+    walk = Call("walk", {"x_cm": 0, "z_cm": STRIDE, "yaw_deg": 0})
     motion = _acted(plugins, flat(), [walk] * STRIDES, seed)
     hips = _ends(motion).root[:, 2]
     builder, marks, middle = SceneBuilder.on_floor(), np.arange(STRIDES + 1) * STRIDE / 100, STRIDES * STRIDE / 200
@@ -165,18 +159,18 @@ def stride(plugins: Plugins, seed: int) -> Rows:
 
 def loop(plugins: Plugins, seed: int) -> Rows:
     """Draw walking, side steps and steps back around a square."""
-    sides: list[tuple[str, dict[str, int], int, str]] = [
-        ("walk", {"x_cm": 0, "z_cm": 60, "yaw_deg": 0}, 4, "#c2410c"),
-        ("side_step", {"x_cm": 40}, 6, "#7c3aed"),
-        ("step_back", {"z_cm": 40}, 6, "#15803d"),
-        ("side_step", {"x_cm": -40}, 6, "#be185d"),
-    ]
-    motion = _acted(plugins, flat(), [(name, params) for name, params, count, _ in sides for _ in range(count)], seed)
-    corners = HISTORY - 1 + FUTURE * np.cumsum([0, *(count for *_, count, _ in sides)])
+    sides = (
+        (Call("walk", {"x_cm": 0, "z_cm": 60, "yaw_deg": 0}), 4, "#c2410c"),
+        (Call("side_step", {"x_cm": 40}), 6, "#7c3aed"),
+        (Call("step_back", {"z_cm": 40}), 6, "#15803d"),
+        (Call("side_step", {"x_cm": -40}), 6, "#be185d"),
+    )
+    motion = _acted(plugins, flat(), [call for call, count, _ in sides for _ in range(count)], seed)
+    corners = HISTORY - 1 + FUTURE * np.cumsum([0, *(count for _, count, _ in sides)])
     ground = motion.root * [1, 0, 1]
     lines = [
-        (ground[first : last + 1], colour, f"{name} {count} x")
-        for (first, last), (name, _, count, colour) in zip(pairwise(corners), sides, strict=True)
+        (ground[first : last + 1], colour, f"{call.skill} {count} x")
+        for (first, last), (call, count, colour) in zip(pairwise(corners), sides, strict=True)
     ]
     jolts = 900 / 9.81 * np.linalg.norm(np.diff(motion.joints(), 2, axis=0), axis=-1).max(-1)
     # A second difference spans three frames, and those around a seam are of both skills.
@@ -191,7 +185,7 @@ def seats(plugins: Plugins, seed: int) -> Rows:
     skill, panels = plugins.skill("sit_in_place"), []
     for height in SEATS:
         scene = stage(skill, {"h": height / 100})
-        motion = _acted(plugins, scene, [(skill.name, {"h_cm": height}), ("stop", {})], seed)
+        motion = _acted(plugins, scene, [Call(skill.name, {"h_cm": height}), Call("stop", {})], seed)
         title = f"sit {height} cm: hips at {100 * motion.root[-1, 1]:.0f} cm"
         panels.append(Panel(title, scene, motion[-1:], (-4.2, 1.7, 3.0), (0.0, 0.6, -0.1), 22, 420, 1 / 3))
     return [panels]
@@ -203,7 +197,8 @@ def kinematics(plugins: Plugins, seed: int) -> Rows:
     wall, stairs = SceneBuilder.on_floor(), SceneBuilder.on_floor()
     wall.box("wall", (1.2, 2.0, 0.12), (0.3, 0, 1.3), (214, 190, 160))
     stairs.steps(4, 0.17, 0.28, 0.35)
-    walk, climb = ("walk", {"x_cm": 0, "z_cm": 50, "yaw_deg": 0}), ("climb_upstairs", {"h_cm": 17, "d_cm": 28})
+    walk = Call("walk", {"x_cm": 0, "z_cm": 50, "yaw_deg": 0})
+    climb = Call("climb_upstairs", {"h_cm": 17, "d_cm": 28})
     blocked, aloft = ("walks through the wall", "the wall blocks"), ("climbs on in the air", "stairs and landing carry")
     rows: Rows = []
     for scene, calls, told, (y, z) in (

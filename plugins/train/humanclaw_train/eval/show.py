@@ -75,7 +75,7 @@ def performed(
     scene = stage(skill, {parameter.name: 0.0 for parameter in skill.parameters} | _values(skill, params), calls)
     with Body(scene, seed=seed, plugins=plugins, backends=Backends(renderer=renderer)) as body:
         asked = ", ".join(f"{key} {value}" for key, value in params.items())
-        return f"{skill.name} {asked}", acted(body, skill, params, calls), scene
+        return f"{skill.name} {asked}", acted(body, [Call(skill.name, params)] * calls), scene
 
 
 def _values(skill: Skill, params: Mapping[str, Any]) -> dict[str, float]:
@@ -84,11 +84,11 @@ def _values(skill: Skill, params: Mapping[str, Any]) -> dict[str, float]:
     return {parameter.name: to_si(parameter.key, params[parameter.key]) for parameter in commanding}
 
 
-def acted(body: Body, skill: Skill, params: Mapping[str, Any], calls: int) -> Motion:
-    """Execute the same call several times in a row and return the simulated motion."""
+def acted(body: Body, calls: Iterable[Call]) -> Motion:
+    """Execute calls and return the simulated motion, from standing."""
     whole = body.history
-    for _ in range(calls):
-        for chunk in body.execute(Call(skill.name, params)).chunks:
+    for call in calls:
+        for chunk in body.execute(call).chunks:
             whole = whole.then(chunk.execution.simulated)
     return whole
 
@@ -101,7 +101,8 @@ def filmed(motion: Motion, scene: Scene, renderer: Renderer, frames: Iterable[in
     for at in frames:
         # The mean of two thirds of a second keeps the camera steady.
         centre = motion.root[max(0, at - 10) : at + 11].mean(0)
-        yield renderer.render(WorldState(motion[at : at + 1], {}), _camera(centre, eye)).rgb
+        camera = Camera.looking(centre + eye - [0.0, 0.1, 0.0], centre - [0.0, 0.1, 0.0], 36.0, SIZE)
+        yield renderer.render(WorldState(motion[at : at + 1], {}), camera).rgb
 
 
 def _eye(motion: Motion) -> Array:
@@ -109,13 +110,6 @@ def _eye(motion: Motion) -> Array:
     # From the side of the travel, so that the body does not walk towards the camera or away from it.
     across, _, ahead = np.abs(motion.root[-1] - motion.root[0])
     return _BEFORE if across > ahead else _BESIDE
-
-
-def _camera(centre: Array, eye: Array) -> Camera:
-    forward = -eye / np.linalg.norm(eye)
-    right = np.cross(forward, [0.0, 1.0, 0.0])
-    up = np.cross(right / np.linalg.norm(right), forward)
-    return Camera(centre + eye - [0.0, 0.1, 0.0], forward, up, 36.0, *SIZE)
 
 
 def tiled(asset: Asset) -> Asset:
