@@ -1,64 +1,18 @@
-"""Motions that are easy to reason about, and a body that is driven through them."""
+"""Motions that are easy to reason about."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
 
 from humanclaw.body.pose import FPS, FUTURE, Array, Motion, rest_pose, smoothstep
 from humanclaw.body.skeleton import JOINT_INDEX, OFFSETS, SOLE
-from humanclaw.world.scene import Scene
-from humanclaw.world.simulator import Contact, Simulator
 
 _THIGH: Final = float(-OFFSETS[JOINT_INDEX["left_knee"]][1])
 _SHIN: Final = float(-OFFSETS[JOINT_INDEX["left_ankle"]][1])
 _HIP_DROP: Final = float(-OFFSETS[JOINT_INDEX["left_hip"]][1])
-
-
-@dataclass(frozen=True)
-class Played:
-    """Commanded motion and its execution."""
-
-    commanded: Motion
-    simulated: Motion
-    contacts: tuple[Contact, ...]
-    touches: tuple[tuple[int, int, int], ...]
-    objects: Mapping[int, Array]
-    """Final pose (7,) by id of the movable object."""
-    paths: Mapping[int, Array]
-    """Poses (T, 7) by id of the movable object, one row a frame."""
-
-    def touched(self, object_id: int) -> tuple[Contact, ...]:
-        """Return the body's contacts with one object."""
-        return tuple(contact for contact in self.contacts if contact.object_id == object_id)
-
-
-def play(simulator: Simulator, scene: Scene, motion: Motion) -> Played:
-    """Drive a body through a motion in chunks of half a second, each from where the last one ended."""
-    began = simulator.reset(scene, scene.start)
-    here, origin, chunks = began.body, began.body.root[0] * [0, 1, 0], []
-    paths: dict[int, list[Array]] = {key: [] for key in began.objects}
-    for first in range(0, len(motion), FUTURE):
-        piece, before = motion[first : first + FUTURE], simulator.state().objects
-        gap = (here.root[-1] - origin) * [1, 0, 1]
-        chunks.append(simulator.execute(Motion(piece.root + gap, piece.rotations)))
-        here, origin = chunks[-1].simulated, piece.root[-1]
-        for key, path in paths.items():
-            path.append(chunks[-1].objects.get(key, np.repeat(before[key][None], len(piece), 0)))
-    simulated = chunks[0].simulated
-    for chunk in chunks[1:]:
-        simulated = simulated.then(chunk.simulated)
-    return Played(
-        motion,
-        simulated,
-        tuple(contact for chunk in chunks for contact in chunk.contacts),
-        tuple(touch for chunk in chunks for touch in chunk.touches),
-        simulator.state().objects,
-        {key: np.concatenate(path) for key, path in paths.items()},
-    )
 
 
 def hold(motion: Motion, frames: int) -> Motion:

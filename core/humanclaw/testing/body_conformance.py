@@ -9,7 +9,8 @@ import pytest
 
 from humanclaw.body.pose import FPS, Array, Motion, Pose2D, heading, matrix_from_vector, rest_pose
 from humanclaw.body.skeleton import JOINT_INDEX, STANDING_HEIGHT
-from humanclaw.checks.motions import Played, gait, glide, play, sitting_down
+from humanclaw.checks.motions import gait, glide, sitting_down
+from humanclaw.testing.played import Played, play
 from humanclaw.world.half_physics.profile import Profile
 from humanclaw.world.scene import Scene
 from humanclaw.world.scene_builder import SceneBuilder
@@ -43,8 +44,9 @@ class BodyConformance:
     def test_a_wall_blocks_the_body(self, profile: str) -> None:
         builder = SceneBuilder.on_floor()
         wall = builder.box("wall", (6, 2.5, 0.2), (0, 0, 1.1))
-        played = self.play(builder.scene(), gait(6, 0.4), profile)
-        assert played.commanded.root[-1, 2] > 2.0
+        command = gait(6, 0.4)
+        played = self.play(builder.scene(), command, profile)
+        assert command.root[-1, 2] > 2.0
         assert played.simulated.joints()[..., 2].max() < 1.0
         assert max(contact.depth for contact in played.touched(wall)) < 0.02
 
@@ -60,8 +62,9 @@ class BodyConformance:
     def test_nobody_climbs_a_wall(self) -> None:
         builder = SceneBuilder.on_floor()
         builder.box("wall", (6, 2.5, 0.2), (0, 0, 0.7))
-        played = self.play(builder.scene(), gait(5, 0.28, rise=0.17))
-        assert played.commanded.root[-1, 1] > 1.7
+        command = gait(5, 0.28, rise=0.17)
+        played = self.play(builder.scene(), command)
+        assert command.root[-1, 1] > 1.7
         assert played.simulated.root[:, 1].max() < STANDING_HEIGHT + 0.01
 
     def test_a_wall_does_not_turn_the_body(self) -> None:

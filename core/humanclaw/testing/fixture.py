@@ -8,18 +8,20 @@ from typing import Final, TypeVar
 
 import numpy as np
 
-from humanclaw.body.pose import HISTORY, Array, Motion, next_history
-from humanclaw.episodes.backends import default_simulator
-from humanclaw.episodes.moving import stand
+from humanclaw.body.pose import HISTORY, Motion
+from humanclaw.episodes.adapters import Adapters
+from humanclaw.episodes.backends import Backends, default_simulator
+from humanclaw.episodes.moving import Mover, Playing, stand
 from humanclaw.errors import HumanclawError
 from humanclaw.motion.generator import MotionGenerator
 from humanclaw.plugins.host import Plugins
 from humanclaw.skills.contract import Skill
 from humanclaw.skills.measures import from_si
 from humanclaw.skills.plan import Control
+from humanclaw.testing.played import Played
 from humanclaw.world.half_physics.profile import Profile, find_profile
 from humanclaw.world.scene import Scene
-from humanclaw.world.simulator import Execution, Simulator
+from humanclaw.world.simulator import Chunk, Simulator
 
 GRAVITY: Final = 9.81
 T = TypeVar("T")
@@ -43,47 +45,6 @@ class Finding:
     @property
     def holds(self) -> bool:
         return bool(self.low <= self.value <= self.high)
-
-
-@dataclass(frozen=True)
-class Played:
-    """Commanded motion and its execution, chunk by chunk (world frame)."""
-
-    start: Array
-    """(3,) root before the first chunk."""
-    commanded: tuple[Motion, ...]
-    executions: tuple[Execution, ...]
-    objects: dict[int, Array]
-    """Final pose (7,) by id of the movable object."""
-
-    @property
-    def simulated(self) -> Motion:
-        parts = [execution.simulated for execution in self.executions]
-        return Motion(np.concatenate([p.root for p in parts]), np.concatenate([p.rotations for p in parts]))
-
-    def achieved(self) -> Array:
-        """Return (3,) displacement of the root as a share of the commanded displacement."""
-        ends = np.stack([self.start, *(execution.simulated.root[-1] for execution in self.executions)])
-        asked = np.stack([motion.root[-1] for motion in self.commanded]) - ends[:-1]
-        return np.asarray((ends[-1] - ends[0]) / asked.sum(axis=0))
-
-    def path(self, object_id: int, begin: Array, above: float = 0.0) -> Array:
-        """Return (frames + 1, 3) the path of a point above the base of an upright movable object, metres. begin: its
-        first position; above: height of the point."""
-        places = self.places(object_id, np.array([*begin, 0.0, 0.0, 0.0, 1.0]))
-        return np.asarray(places[:, :3] + above * _upward(places[:, 3:]))
-
-    def places(self, object_id: int, begin: Array) -> Array:
-        """Return (frames + 1, 7) the poses of a movable object. begin: its first pose."""
-        rows = [begin[None]]
-        for execution in self.executions:
-            still = np.repeat(rows[-1][-1:], len(execution.simulated), axis=0)
-            rows.append(execution.objects.get(object_id, still))
-        return np.concatenate(rows)
-
-    def depths(self, object_id: int) -> Array:
-        """Return the penetration of links into an object in every contact, metres."""
-        return np.array([c.depth for e in self.executions for c in e.contacts if c.object_id == object_id])
 
 
 @dataclass
@@ -127,26 +88,27 @@ class Fixture:
 
     def generate(self, history: Motion, command: Command, number: int) -> Motion:
         """Return 15 frames of the skill that commands these measures."""
+        _, plan = self._planned(command)
+        return self._generator.generate(history, plan.adapter, plan.values, (self.seed, number))
+
+    def _planned(self, command: Command) -> tuple[Skill, Control]:
         skill, keys = skill_with(self.plugins, *command)
         plan = skill.plan(skill.check({keys[measure]: _written(keys[measure], x) for measure, x in command.items()}))
         if not isinstance(plan, Control):
             raise HumanclawError(f"the checks need generated motion, and skill {skill.name} plays keyframes.")
-        return self._generator.generate(history, plan.adapter, plan.values, (self.seed, number))
+        return skill, plan
 
     def perform(self, scene: Scene, commands: Sequence[Command], profile: Profile | None = None) -> Played:
-        """Perform commands with a body that stands on the scene's start."""
+        """Perform commands with a body that stands on the scene's start, as a Body plays them."""
         simulator = self.make(profile or self.profile)
-        history = self.stand(simulator, scene)
-        start, commanded, executions = history.root[-1], [], []
+        mover = Mover(Backends(), Adapters(self.plugins), self._generator, simulator, scene, scene.start)
+        began, chunks = mover.state, list[Chunk]()
         for number, command in enumerate(commands):
-            motion = self.generate(history, command, number)
-            execution = simulator.execute(motion)
-            history = next_history(history, motion, execution.simulated)
-            commanded.append(motion)
-            executions.append(execution)
-        objects = dict(simulator.state().objects)
+            skill, plan = self._planned(command)
+            playing = Playing(mover, skill, [plan], (self.seed, number))
+            chunks += [mover.simulate(motion, plan) for _, motion, _ in playing.chunks()]
         simulator.close()
-        return Played(start, tuple(commanded), tuple(executions), objects)
+        return Played(began, tuple(chunks))
 
     def imagine(self, commands: Sequence[Command]) -> Motion:
         """Return the generated motion of commands without a world."""
@@ -180,12 +142,6 @@ def _commands(skill: Skill) -> Mapping[str, str]:
 def _written(key: str, value: float) -> int:
     """Convert metres or radians to the integer unit of a parameter."""
     return round(from_si(key, value))
-
-
-def _upward(quaternions: Array) -> Array:
-    """Return (N, 3) the up axes of (N, 4) quaternions x, y, z, w."""
-    x, y, z, w = quaternions.T
-    return np.stack([2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)], -1)
 
 
 def walk(count: int, metres: float = 0.5, turn: float = 0.0) -> Sequence[Command]:

@@ -85,7 +85,9 @@ def ledge(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
     builder = SceneBuilder()
     builder.box("floor", (2, 12, 1.6), (0, -12, 0))
     played = fixture.perform(builder.scene(), walk(5, 0.8))
-    touching = [k * FUTURE + contact.frames[0] for k, e in enumerate(played.executions) for contact in e.contacts]
+    touching = [
+        k * FUTURE + contact.frames[0] for k, one in enumerate(played.chunks) for contact in one.execution.contacts
+    ]
     begun = max(touching) + 2
     fall = np.diff(played.simulated.root[begun : begun + FUTURE, 1], 2).mean() * FPS**2
     yield Finding("a step into the air falls", "acceleration", -float(fall), "m/s2", 0.98 * GRAVITY, 1.02 * GRAVITY)
@@ -103,7 +105,7 @@ def stairs(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
             played = fixture.perform(
                 builder.scene(0.0 if up else STEPS * rise), [{change: rise, FORWARD: STEP_DEPTH}] * (STEPS + 1)
             )
-            heights.append(abs(played.simulated.root[-1, 1] - played.start[1]) / (STEPS * rise))
+            heights.append(abs(played.simulated.root[-1, 1] - played.began.body.root[-1, 1]) / (STEPS * rise))
             advances.append(played.achieved()[2])
             tick()
         worst = int(np.argmax(np.abs(np.array(advances) - 1)))
@@ -119,7 +121,7 @@ def seats(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
         builder = SceneBuilder.on_floor()
         bench = builder.box("couch", (1.6, seat, 0.8), (0, 0, -0.53))
         played = fixture.perform(builder.scene(), [{HEIGHT: seat + 0.13}] * 3)
-        last = played.executions[-1]
+        last = played.chunks[-1].execution
         touched += any(c.joint == "pelvis" and c.object_id == bench and FUTURE - 1 in c.frames for c in last.contacts)
         gaps.append(last.simulated.root[-1, 1] - seat - 0.14)
         if seat <= REACHED:

@@ -59,14 +59,15 @@ class ObjectConformance(BodyConformance):
         played = self.play(builder.scene(), glide(0.0, 1.0, 60))
         assert played.simulated.root[:, 1].min() > 0.85
         assert played.simulated.root[-1, 2] < 0.8
-        assert played.objects[box][:3] == pytest.approx([2, 0, 0], abs=0.01)
+        assert played.paths[box][-1, :3] == pytest.approx([2, 0, 0], abs=0.01)
 
     def test_a_fixed_box_does_not_move_and_stops_the_body(self) -> None:
         builder = SceneBuilder.on_floor()
         box = builder.box("table", (0.4, 0.4, 0.4), (0, 0, 0.7))
-        played = self.play(builder.scene(), gait(4, 0.3))
-        assert box not in played.objects
-        assert played.simulated.root[-1, 2] < 0.7 < played.commanded.root[-1, 2]
+        command = gait(4, 0.3)
+        played = self.play(builder.scene(), command)
+        assert box not in played.paths
+        assert played.simulated.root[-1, 2] < 0.7 < command.root[-1, 2]
 
     def test_a_push_that_is_handed_on_is_reported(self) -> None:
         builder = SceneBuilder.on_floor()
@@ -74,8 +75,8 @@ class ObjectConformance(BodyConformance):
         far = builder.box("box", (0.3, 0.3, 0.3), (0, 0, 0.85), movable=True, mass=2.0)
         played = self.play(builder.scene(), glide(0.0, 0.8, 30))
         assert not played.touched(far)
-        assert (near, far) in {touch[1:] for touch in played.touches}
-        assert played.objects[far][2] > 0.9
+        assert (near, far) in {touch[1:] for chunk in played.chunks for touch in chunk.execution.touches}
+        assert played.paths[far][-1, 2] > 0.9
 
     def test_only_objects_that_moved_have_a_path(self) -> None:
         builder = SceneBuilder.on_floor()

@@ -49,7 +49,7 @@ def push(fixture: Fixture, mass: float, count: int = 4, profile: Profile | None 
     box = builder.box("box", (0.4, 0.4, 0.4), (0, 0, 0.6), movable=True, mass=mass)
     played = fixture.perform(builder.scene(), walk(count), profile)
     # Measured at the centre of mass: the base of a tipping box moves faster without being pushed.
-    path = played.path(box, np.array([0, 0, 0.6]), above=0.2)
+    path = played.path_above(box, 0.2)
     steps = np.linalg.norm(np.diff(path[:, [0, 2]], axis=0), axis=1)
     speed, friction = steps * FPS, GROUND_FRICTION**2 * mass * GRAVITY
     gains = np.diff(speed, prepend=0.0)
@@ -96,8 +96,8 @@ def burdened(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
         light = builder.box("box", (0.4, height, 0.4), (0, 0, 0.7), movable=True, mass=mass)
         heavy = builder.box("box", (0.6, 0.6, 0.6), place, movable=True, mass=load)
         played = fixture.perform(builder.scene(), walk(8, 0.8))
-        ways.append(np.linalg.norm(played.path(heavy, np.array(place))[-1] - place))
-        path = played.path(light, np.array([0, 0, 0.7]), above=height / 2)
+        ways.append(np.linalg.norm(played.paths[heavy][-1, :3] - place))
+        path = played.path_above(light, height / 2)
         rises.append(path[:, 1].max() - height / 2)
         slips.append(np.linalg.norm(path[-1, [0, 2]] - [0, 0.7]) if place[1] else 0.0)
         tick()
@@ -122,7 +122,7 @@ def chair(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
         facing = (0.0, float(np.sin(turn / 2)), 0.0, float(np.cos(turn / 2)))
         pushed = builder.solid("chair", hulls, (0, 0, 0.75), movable=True, mass=mass, rotation=facing)
         builder.box("wall", (6, 2.5, 0.2), (0, 0, 1.2))
-        places = fixture.perform(builder.scene(), walk(8, pace)).places(pushed, np.array([0, 0, 0.75, *facing]))
+        places = fixture.perform(builder.scene(), walk(8, pace)).paths[pushed]
         paths.append(places[:, :3])
         turned = matrix_from_quaternion(places[:, 3:]) @ np.concatenate(hulls).T
         lows.append((places[:, 1] + turned[:, 1].min(axis=-1)).max())
@@ -166,7 +166,7 @@ def slides(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
             joint=Slide(0.0, 0.4), state=0.4,
         )  # fmt: skip
         played = fixture.perform(builder.scene(), walk(4))
-        path = played.places(drawer, np.array([0, 0.6, 0.85, 0, 1, 0, 0]))[:, :3]
+        path = played.paths[drawer][:, :3]
         left.append(1.25 - path[-1, 2])
         off.append(np.abs(path[:, :2] - [0, 0.6]).max())
         beyond.append(max(path[:, 2].max() - 1.25, 0.85 - path[:, 2].min()))
@@ -190,7 +190,7 @@ def lids(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
             "oven", (0.5, 0.5, 0.03), (2, 0.3, 0), rotation=leaning, movable=True, mass=5.0, joint=hinge, state=0.6
         )
         played = fixture.perform(builder.scene(), walk(2, 0.5))
-        angles.append(float(np.degrees(vector_from_quaternion(played.objects[lid][3:])[0])))
+        angles.append(float(np.degrees(vector_from_quaternion(played.paths[lid][-1, 3:])[0])))
         tick()
     yield Finding("a lid falls open", "angle where its hinge is loose", angles[0], "degrees", 89, 91)
     yield Finding("a lid falls open", "angle where its hinge holds it", angles[1], "degrees", 34, 35)
@@ -219,7 +219,7 @@ def swing(fixture: Fixture, count: int = 5, mass: float = 25.0, away: bool = Tru
     scene = builder.scene()
     played, leaf = fixture.perform(scene, walk(count)), scene.by_id[door]
     assert isinstance(leaf.joint, Hinge)
-    rows = played.places(door, np.array([*leaf.position, *leaf.rotation]))
+    rows = played.paths[door]
     hinge = rows[:, :3] + matrix_from_quaternion(rows[:, 3:]) @ np.array(leaf.joint.point)
     angles = (-1 if away else 1) * np.degrees(vector_from_quaternion(rows[:, 3:])[:, 1])
     faster = np.diff(np.abs(np.diff(np.radians(angles), prepend=np.radians(angles[0])) * FPS)).max() * FPS
