@@ -76,7 +76,8 @@ _MOST_VALIDATED: Final = 1024
 def _option(flag: str, default: Any, explanation: str, **more: Any) -> Any:
     """Return a field that is an option of the command line. more: arguments of argparse."""
     given = list(default) if isinstance(default, tuple) else default  # argparse appends to lists alone.
-    argument = {"type": type(default), "default": given, "help": explanation, **more}
+    shown = "" if isinstance(default, tuple) else " (default: %(default)s)"
+    argument = {"type": type(default), "default": given, "help": explanation + shown, **more}
     return field(default=default, metadata={"flag": flag, "argument": argument})
 
 
@@ -108,13 +109,21 @@ class Recipe:
         choices=("auto", "float32", "bf16"),
     )
     jitter: float = _option("--jitter", 0.01, "noise on conditions, in standard deviations")
-    rollout: int = _option("--rollout", 1, "chunks in a row, the earlier ones generated (default: 1)")
+    rollout: int = _option("--rollout", 1, "chunks in a row, the earlier ones generated")
     licences: tuple[str, ...] = _option(
         "--licence", (), "licence of a data source that its folder does not tell; repeatable",
         action="append", type=_licence, metavar="SOURCE: LICENCE",
     )  # fmt: skip
     init: str = ""
     """Recipe digest of the checkpoint that the run began from; empty for a run from scratch."""
+
+    def __post_init__(self) -> None:
+        for name in ("minutes", "batch", "rate", "rollout", "steps", "history_noise", "jitter"):
+            value, may_be_zero = getattr(self, name), name in ("steps", "history_noise", "jitter")
+            # Otherwise a run has no end, or no batch.
+            if not (value > 0 or (may_be_zero and value == 0)):
+                wanted = "0 or a positive number" if may_be_zero else "a positive number"
+                raise HumanclawError(f"Expected {wanted} for {_OPTIONS[name]['flag']}; got {value}.", "Give another one.")
 
     def on(self, device: torch.device) -> Recipe:
         """Return the recipe with the precision that `auto` means on a device."""
@@ -718,9 +727,7 @@ def _live(base: Path, skill: str, folder: Path | None) -> Callable[[Path], str] 
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="humanclaw_train.train", description=__doc__.splitlines()[0] if __doc__ else ""
-    )
+    parser = argparse.ArgumentParser(prog="humanclaw train", description=__doc__.splitlines()[0] if __doc__ else "")
     kinds = parser.add_subparsers(dest="what", required=True)
     _add_options(kinds.add_parser("base"), without="rollout", out_is_required=True)
     adapter = kinds.add_parser("adapter")

@@ -106,6 +106,14 @@ def test_an_incomplete_state_is_refused_with_the_remedy(chunks, tmp_path, capsys
     assert f"Expected the state of a run in {state}" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("words", [("--steps", "-3"), ("--minutes", "0"), ("--batch", "0"), ("--rate", "nan")])
+def test_settings_with_which_a_run_cannot_end_are_refused(chunks, tmp_path, capsys, words):
+    arguments = ["base", "--data", str(chunks), "--out", str(tmp_path / "run"), "--device", "cpu"]
+    assert train.main([*arguments, *words]) == 2
+    assert f"for {words[0]}; got" in capsys.readouterr().err
+    assert not (tmp_path / "run").exists()
+
+
 # -- several processes -------------------------------------------------------------------------------------------------
 PARTING = """
 import pathlib, sys
