@@ -122,8 +122,8 @@ class Recipe:
             value, may_be_zero = getattr(self, name), name in ("steps", "history_noise", "jitter")
             # Otherwise a run has no end, or no batch.
             if not (value > 0 or (may_be_zero and value == 0)):
-                wanted = "0 or a positive number" if may_be_zero else "a positive number"
-                raise HumanclawError(f"Expected {wanted} for {_OPTIONS[name]['flag']}; got {value}.", "Give another one.")
+                wanted, flag = "0 or a positive number" if may_be_zero else "a positive number", _OPTIONS[name]["flag"]
+                raise HumanclawError(f"Expected {wanted} for {flag}; got {value}.", "Give another one.")
 
     def on(self, device: torch.device) -> Recipe:
         """Return the recipe with the precision that `auto` means on a device."""
