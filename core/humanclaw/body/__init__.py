@@ -41,6 +41,7 @@ if TYPE_CHECKING:
         wrap_angle as wrap_angle,
         yaw_matrix as yaw_matrix,
     )
+    from humanclaw.body.self_overlap import overlap as overlap
     from humanclaw.body.skeleton import (
         BODY_GROUPS as BODY_GROUPS,
         EYE as EYE,

@@ -21,7 +21,8 @@ from humanclaw.body.pose import (
     rest_pose,
     vector_from_matrix,
 )
-from humanclaw.body.skeleton import JOINT_INDEX, JOINTS, LINKS, Capsule, Link
+from humanclaw.body.self_overlap import overlap
+from humanclaw.body.skeleton import JOINT_INDEX, JOINTS
 from humanclaw.checks.motions import gait
 from humanclaw.errors import ContractError
 from humanclaw.skills.aims import Grip
@@ -40,8 +41,6 @@ DEPTH: Final = 0.05
 """Metres that an arm may sink into the body: skin and clothes give way."""
 STARTS: Final[Mapping[str, Motion]] = {"": rest_pose(HISTORY), " from a walk": gait(3, 0.5)[30 : 30 + HISTORY]}
 _TRUNK: Final = [index for index, name in enumerate(JOINTS) if name in ("pelvis", "neck", "head") or "spine" in name]
-_ARMS: Final = ("elbow", "wrist", "hand")
-_BODY: Final = ("pelvis", "spine", "head")
 Faults = Iterator[ContractError]
 
 
@@ -124,45 +123,19 @@ def _contacts(motion: Motion, pose: Motion, call: str) -> Faults:
     found, own = _depths(motion), np.maximum(_depths(pose), 0.0)
     worst = int((found - own).argmax())
     if found[worst] > DEPTH + own[worst]:
-        arm, other = (LINKS[links[worst]].joint for links in _PAIRS)
+        arm, other = _PAIRS[worst]
         message = f"{call} puts {arm} {100 * found[worst]:.0f} cm into {other}."
         yield ContractError("self-contact", message, "Turn the joint the other way, or less.")
 
 
 def _depths(motion: Motion) -> Array:
     """Return (P,) by how much each pair of links overlaps at most, metres; negative if they are apart."""
-    joints, turns = forward_kinematics(motion.root, motion.rotations)
-    ends = joints[:, _JOINTS, None] + np.einsum("tlij,lej->tlei", turns[:, _JOINTS], _ENDS)
-    one, other = (ends[:, links].swapaxes(0, 2) for links in _PAIRS)
-    return np.asarray((_RADII[_PAIRS].sum(0)[:, None] - _apart(*one, *other)).max(-1))
+    posed = forward_kinematics(motion.root, motion.rotations)
+    return np.array([overlap(*posed, *pair).max() for pair in _PAIRS])
 
 
-def _apart(a: Array, b: Array, c: Array, d: Array) -> Array:
-    """Return the distances (...) of the segments a-b and c-d, each end (..., 3), at nine points of the first."""
-    points = a[..., None, :] + np.linspace(0, 1, 9)[:, None] * (b - a)[..., None, :]
-    along, off = (d - c)[..., None, :], points - c[..., None, :]
-    share = np.clip((off * along).sum(-1) / np.maximum((along**2).sum(-1), 1e-12), 0, 1)
-    return np.asarray(np.linalg.norm(off - share[..., None] * along, axis=-1).min(-1))
-
-
-def _capsule(link: Link) -> tuple[Array, Array, float]:
-    """Return a link as a capsule; the boxes of wrist and hand are flat, and lie along X."""
-    if isinstance(link.shape, Capsule):
-        return np.array(link.shape.a), np.array(link.shape.b), link.shape.radius
-    centre, (x, y, z) = np.array(link.shape.centre), link.shape.half
-    radius = (y + z) / 2
-    return centre - [x - radius, 0, 0], centre + [x - radius, 0, 0], radius
-
-
-def _pairs() -> Iterator[tuple[int, int]]:
-    left, right = ([k for k, one in enumerate(LINKS) if one.joint in [f"{side}_{p}" for p in _ARMS]] for side in SIDES)
-    body = [k for k, one in enumerate(LINKS) if one.joint.rstrip("123") in _BODY]
-    yield from product([*left, *right], body)
-    yield from product(left, right)
-
-
-_CAPSULES: Final = [_capsule(link) for link in LINKS]
-_ENDS, _RADII = np.array([[a, b] for a, b, _ in _CAPSULES]), np.array([radius for *_, radius in _CAPSULES])
-_JOINTS: Final = [JOINT_INDEX[link.joint] for link in LINKS]
-_PAIRS: Final = np.array([*_pairs()]).T
-"""(2, P) links, by their number, that may not go into each other."""
+_LEFT, _RIGHT = ([f"{side}_{part}" for part in ("elbow", "wrist", "hand")] for side in SIDES)
+_PAIRS: Final = [
+    *product([*_LEFT, *_RIGHT], ("pelvis", "spine1", "spine2", "spine3", "head")), *product(_LEFT, _RIGHT),
+]  # fmt: skip
+"""(P) links, by their joint, that may not go into each other."""
