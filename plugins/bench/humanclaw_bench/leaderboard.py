@@ -348,7 +348,7 @@ dd {{ margin: 0 0 .3rem; }}
 </style></head><body><main><h1>HumanCLAW-Bench</h1>
 {body}
 <p class="note">Rates with 95 % confidence intervals, clustered by house, computed here from the records. "whole": the
-records are sealed and belong to this split and to these settings. Only "played again the same" shows that these calls
+records are sealed, and belong to this split and to these options. Only "played again the same" shows that these calls
 do what the records say. A record can be edited; a hidden test that the host plays cannot. Do not compare rows of
 different tables, or rows that were played with other settings. {meanings}. Made {made}.</p>
 </main></body></html>
