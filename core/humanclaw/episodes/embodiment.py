@@ -220,7 +220,7 @@ class Body:
         opened = {part.hand for part in plan if isinstance(part, Grip)}
         slipped = sorted(before.held.keys() - self._mover.state.held - opened)
         limits = [*playing.limits, *(f"what your {side} hand held slipped" for side in slipped)]
-        told = played_parts(plan, played) if len(plan) > 1 else ()
+        parts = played_parts(plan, played) if len(plan) > 1 else ()
         self._descent = self._descent.after(chunks)
         moved = [(chunk.commanded, chunk.execution) for chunk in chunks]
         feedback = Feedback(
@@ -233,7 +233,7 @@ class Body:
             falling=self._descent.falling,
         )
         aims = tuple(playing.aims)
-        self.last = SkillExecution(call, tuple(chunks), seconds, feedback, told, playing.rise_frames, aims)
+        self.last = SkillExecution(call, tuple(chunks), seconds, feedback, parts, playing.rise_frames, aims)
         return self.last
 
     def _repr_html_(self) -> str:

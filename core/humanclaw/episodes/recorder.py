@@ -80,8 +80,8 @@ def begin_record(
         geodesic: the remaining way to a target, metres; None if it is not measured.
     """
     chosen = {key: list(texts) for key, texts in asdict(body.plugins.choice).items() if texts}
-    told = agents.settings | {"privileged": agents.privileged, **settings}
-    in_force = {**told, "plugins": chosen, "body": asdict(body.backends) | {"sensors": list(body.sensors)}}
+    used = asdict(body.backends) | {"sensors": list(body.sensors)}
+    in_force = {**agents.settings, "privileged": agents.privileged, **settings, "plugins": chosen, "body": used}
     objects = body.scene.objects
     return EpisodeRecord(
         spec=spec,
@@ -89,7 +89,7 @@ def begin_record(
         agent=agents.names[0],
         verifier=agents.names[1],
         options=dict(options),
-        settings={part: dict(found) for part, found in in_force.items() if found},
+        settings={part: dict(values) for part, values in in_force.items() if values},
         versions=agents.versions | _versions(body, agents.packages),
         weights={"base": body.weights},
         scene_digest=body.scene.digest,
@@ -112,11 +112,11 @@ def _versions(body: Body, packages: Container[str]) -> dict[str, str]:
     }  # fmt: skip
     used = {f"{noun(kind)} {name}" for kind, name in items.items()} | {f"skill {name}" for name in body.skills}
     owners = {
-        one.owner for kind in ("agents", "verifiers") for one in plugins.registered(kind)
-        if one.owner in packages or getattr(one.value, "__module__", "").partition(".")[0] in packages
+        offer.owner for kind in ("agents", "verifiers") for offer in plugins.registered(kind)
+        if offer.owner in packages or getattr(offer.value, "__module__", "").partition(".")[0] in packages
     }  # fmt: skip
-    found = (info for info in plugins.infos if info.name in owners or used & set(info.provides))
-    return {"humanclaw": version()} | {info.origin: info.version for info in found if info.version}
+    used_plugins = (info for info in plugins.infos if info.name in owners or used & set(info.provides))
+    return {"humanclaw": version()} | {info.origin: info.version for info in used_plugins if info.version}
 
 
 def skill_infos(plugins: Plugins, skills: Mapping[str, Skill]) -> dict[str, SkillInfo]:
@@ -126,17 +126,17 @@ def skill_infos(plugins: Plugins, skills: Mapping[str, Skill]) -> dict[str, Skil
 
 
 def _info(skill: Skill, plugins: Plugins, infos: Mapping[str, PluginInfo]) -> SkillInfo:
-    commands = {one.key: one.measure for one in skill.parameters if one.measure}
+    commands = {parameter.key: parameter.measure for parameter in skill.parameters if parameter.measure}
     owner = plugins.owner(skill.name)
-    found = infos[owner]
+    plugin = infos[owner]
     return SkillInfo(
-        skill.role, owner, found.version, _digest(skill), found.origin, plugins.overridden(skill.name), commands
+        skill.role, owner, plugin.version, _digest(skill), plugin.origin, plugins.overridden(skill.name), commands
     )
 
 
 def _digest(skill: Skill) -> str:
-    told = [skill.name, skill.description, skill.schema, [asdict(check) for check in skill.checks]]
-    state = hashlib.sha256(json.dumps(told, sort_keys=True).encode())
+    contract = [skill.name, skill.description, skill.schema, [asdict(check) for check in skill.checks]]
+    state = hashlib.sha256(json.dumps(contract, sort_keys=True).encode())
     if skill.adapter and skill.trained:
         state.update(_file_digest(skill.adapter, state_of(skill.adapter.stat())))
     if skill.source and skill.source.is_file():

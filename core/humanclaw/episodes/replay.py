@@ -15,8 +15,8 @@ def check_end(steps: Sequence[StepRecord], spec: EpisodeSpec) -> None:
     """Raise ReplayError for steps after an active stop, or after the last step that an episode may have."""
     ends = [index for index, step in enumerate(steps, 1) if step.status == "stopped" or index == spec.max_steps]
     if ends and ends[0] < len(steps):
-        told = f"the record of episode {spec.id} has {len(steps)} steps, and the episode ends with step {ends[0] - 1}."
-        raise ReplayError(told, "Remove its folder, or restore the specification that it was begun with.")
+        fault = f"the record of episode {spec.id} has {len(steps)} steps, and the episode ends with step {ends[0] - 1}."
+        raise ReplayError(fault, "Remove its folder, or restore the specification that it was begun with.")
 
 
 def check_memory(steps: Sequence[StepRecord], privileged: Mapping[str, bool], spec: EpisodeSpec) -> None:
@@ -26,8 +26,8 @@ def check_memory(steps: Sequence[StepRecord], privileged: Mapping[str, bool], sp
     """
     known = [role for role, knows in privileged.items() if knows]
     if steps and known:
-        told = f"the {known[0]} of episode {spec.id} knows the true state, and has a memory beside the record."
-        raise ReplayError(told, "Begin the episode anew.")
+        fault = f"the {known[0]} of episode {spec.id} knows the true state, and has a memory beside the record."
+        raise ReplayError(fault, "Begin the episode anew.")
 
 
 def check_place(step: StepRecord, after: WorldState, spec: EpisodeSpec) -> None:

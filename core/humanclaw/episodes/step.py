@@ -153,19 +153,19 @@ def contacts(chunks: Sequence[Chunk]) -> tuple[Contact, ...]:
     for start, part in _timed(chunks):
         for contact in part.contacts:
             pairs.setdefault((contact.joint, contact.object_id), []).append((start, contact))
-    return tuple(_gathered(found) for _, found in sorted(pairs.items(), key=lambda item: item[0]))
+    return tuple(_gathered(meetings) for _, meetings in sorted(pairs.items(), key=lambda item: item[0]))
 
 
-def _gathered(found: Sequence[tuple[int, Contact]]) -> Contact:
-    first = found[0][1]
+def _gathered(meetings: Sequence[tuple[int, Contact]]) -> Contact:
+    first = meetings[0][1]
     return Contact(
-        tuple(sorted({start + frame for start, contact in found for frame in contact.frames})),
+        tuple(sorted({start + frame for start, contact in meetings for frame in contact.frames})),
         first.joint,
         first.group,
         first.object_id,
         first.movable,
-        depth=round(max(contact.depth for _, contact in found), 5),
-        height=round(max(contact.height for _, contact in found), 4),
+        depth=round(max(contact.depth for _, contact in meetings), 5),
+        height=round(max(contact.height for _, contact in meetings), 4),
     )
 
 

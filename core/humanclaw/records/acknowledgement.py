@@ -70,11 +70,11 @@ def acknowledges(text: str, category: str) -> bool:
     names = "|".join(map(re.escape, (*ALIASES.get(category, (category.replace("_", " "),)), "target")))
     named = re.compile(rf"\b(?:{names})(?:e?s)?\b")
     # "the couch I was looking for" has been found, and "target: couch" only repeats the instruction.
-    found = re.compile(rf"\b({names}) (?:that |which )?(?:i|we) (?:was|were|have been|had been) \w+ing for\b")
+    sought_before = re.compile(rf"\b({names}) (?:that |which )?(?:i|we) (?:was|were|have been|had been) \w+ing for\b")
     asked = re.compile(rf"\btarget(?: object| category)?\s*[:=]\s*(?:an? |the )?(?:{names})\s*(?=[.,;\n]|$)")
-    told = _HARMLESS.sub(" ", _QUESTION.sub(" ", text.lower().replace("_", " ")))
-    told = _OTHER.sub(" ", asked.sub(" ", found.sub(r"\1", told)))
+    statements = _HARMLESS.sub(" ", _QUESTION.sub(" ", text.lower().replace("_", " ")))
+    statements = _OTHER.sub(" ", asked.sub(" ", sought_before.sub(r"\1", statements)))
     return any(
         named.search(clause) and not (_NEGATION.search(clause) or _SEEKING.search(clause))
-        for clause in _CLAUSE.split(told)
+        for clause in _CLAUSE.split(statements)
     )

@@ -33,8 +33,8 @@ def read_episodes(path: Path, data: bytes | None = None) -> tuple[EpisodeSpec, .
     first: dict[str, int] = {}
     for number, spec in enumerate(specs, 1):
         if first.setdefault(spec.id.lower(), number) != number:
-            told = f"{path}:{number} holds the id {spec.id!r} of line {first[spec.id.lower()]} again."
-            raise HumanclawError(told, "Give every episode an id of its own.")
+            reason = f"{path}:{number} holds the id {spec.id!r} of line {first[spec.id.lower()]} again."
+            raise HumanclawError(reason, "Give every episode an id of its own.")
     return specs
 
 

@@ -47,13 +47,13 @@ def category_of(instruction: str) -> str:
 
 
 def _named_in(words: str) -> str:
-    found = [
+    matches = [
         (len(alias), category)
         for category, aliases in ALIASES.items()
         for alias in aliases
         if re.search(rf"\b{re.escape(alias)}s?\b", words)
     ]
-    return max(found)[1] if found else ""
+    return max(matches)[1] if matches else ""
 
 
 def require_words(instruction: str) -> None:

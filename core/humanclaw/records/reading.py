@@ -92,8 +92,8 @@ class RecordedEpisode:
                 raise ValueError(f"it holds {held} frames, and its steps last {lasting}")
             return {name: found[name] for name in names or sorted(found)}
         except Exception as error:  # Damage raises a dozen kinds of errors in numpy, zipfile and its unpackers.
-            told = error.strerror if isinstance(error, OSError) else error
-            raise RecordError(f"{self.folder / 'motion.npz'} cannot be read: {told}.", AGAIN) from error
+            reason = error.strerror if isinstance(error, OSError) else error
+            raise RecordError(f"{self.folder / 'motion.npz'} cannot be read: {reason}.", AGAIN) from error
 
     def view(self, step: StepRecord) -> bytes:
         """Return the view before a step as JPEG; empty if the record does not hold it."""
@@ -159,11 +159,11 @@ def _cells(episode: RecordedEpisode) -> tuple[str, ...]:
 
 def load_run(folder: Path) -> RecordedRun:
     """Read all episodes under a folder, by name. Raises RecordError if there are none."""
-    found = Folder(folder).holding("episode.json")
-    if not found:
+    folders = Folder(folder).holding("episode.json")
+    if not folders:
         remedy = "Name a folder that `humanclaw run` or `humanclaw bench run` wrote."
         raise lacking(folder, "episode record", remedy)
-    episodes = RecordedRun(map(RecordedEpisode, found))
+    episodes = RecordedRun(map(RecordedEpisode, folders))
     for run in {one.folder.parent for one in episodes}:
         if Folder(run).has("run.json"):
             _refuse_copies([episode for episode in episodes if episode.folder.parent == run])
@@ -194,8 +194,8 @@ def _verify(files: Folder, record: EpisodeRecord) -> None:
     """Raise RecordError if a file differs from its digest in the record."""
     for name, digest in record.files.items():
         with reading(files.path / name):
-            found = files.digest(name, MOTION_BYTES)
-        if found != digest:
+            actual = files.digest(name, MOTION_BYTES)
+        if actual != digest:
             raise RecordError(f"{files.path / name} has been changed since it was written.", AGAIN)
 
 

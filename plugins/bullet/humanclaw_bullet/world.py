@@ -138,7 +138,7 @@ class BulletWorld:
 def _iterations(scene: Scene) -> int:
     """Return the maximum of the solver in a scene."""
     masses = [obj.mass for obj in scene.objects if obj.movable and not obj.joint and scene.assets[obj.asset].hulls]
-    ratio = max(masses) / min(masses) if masses and min(masses) else 1.0  # Objects refuses a mass of 0, in words.
+    ratio = max(masses) / min(masses) if min(masses, default=0.0) > 0 else 1.0  # Objects refuses a mass of 0.
     return int(np.clip(5 * ratio, *_MANY_ITERATIONS)) if ratio > _UNEVEN else _ITERATIONS
 
 
