@@ -41,9 +41,8 @@ def _tidied(body: Json) -> Json:
         tidy["choices"] = [{**tidy["choices"][0], "message": _as_text(message)}]
         if _reports_success(body.get("error")):
             del tidy["error"]
-    items = parts_of(body, "output")
-    if body.get("object") == "response" and items and all(item.get("type") == "reasoning" for item in items):
-        tidy["output"] = [*items, _NOTHING]
+    if body.get("object") == "response" and (items := parts_of(body, "output")):
+        tidy["output"] = _with_one_message(items)
     return tidy | ({"usage": _counts(body["usage"])} if isinstance(body.get("usage"), dict) else {})
 
 
@@ -61,6 +60,26 @@ def _as_text(message: Json) -> Json:
     thoughts = [part for part in content if isinstance(part, dict) and part.get("type") in _THOUGHTS]
     text = _text([part for part in content if part not in thoughts])
     return {"reasoning_content": _text(thoughts), **message, "content": text}
+
+
+def _with_one_message(items: list[Json]) -> list[Json]:
+    """Return output items of the Responses API with the whole answer in one message, since litellm may read the first
+    text alone. Commentary is a thought: the model writes it on the way to its answer.
+    """
+    items = [_thought(item) if item.get("phase") == "commentary" else item for item in items]
+    said = [item for item in items if item.get("type") == "message" and item.get("role") == "assistant"]
+    rest = [item for item in items if item not in said]
+    if not said:
+        return [*rest, _NOTHING] if all(item.get("type") == "reasoning" for item in rest) else rest
+    refusals = [part for item in said for part in parts_of(item, "content") if part.get("type") == "refusal"]
+    text = {"type": "output_text", "text": "\n".join(_text(item.get("content")) for item in said), "annotations": []}
+    return [*rest, {**said[-1], "content": [text, *refusals]}]
+
+
+def _thought(message: Json) -> Json:
+    """Return a message as a thought."""
+    summary = {"type": "summary_text", "text": _text(message.get("content"))}
+    return {"type": "reasoning", "id": message.get("id", ""), "summary": [summary]}
 
 
 def _text(part: Any) -> str:

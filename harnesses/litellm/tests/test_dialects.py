@@ -38,7 +38,7 @@ def play(begin, view):
     def run(row, replies, steps=1, past=0, **options):
         walked = [Decision((WALK,))] * past
         with row.server(replies) as server:
-            agent = begin(server, model=row.model, **{"num_retries": 1, **options})
+            agent = begin(server, model=row.model, **{"num_retries": 1, **row.options, **options})
             for step in range(past, past + steps):
                 walked.append(agent.decide(view(step), [remembered(*pair) for pair in enumerate(walked)]))
         return walked[past:], server.requests
@@ -96,7 +96,7 @@ def retried(row, play, skills):
 
 def mended_by_the_user(row, play, skills):
     with pytest.raises(ModelError, match=row.says) as fault:
-        play(row, [row.reply] * 8, **row.options)
+        play(row, [row.reply] * 8)
     assert fault.value.remedy
 
 
