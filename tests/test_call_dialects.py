@@ -3,7 +3,7 @@
 import pytest
 
 from humanclaw import Call, CallError
-from humanclaw.skills import read_call, read_object, read_text
+from humanclaw.skills import read_call, read_objects, read_text
 
 STOP = '{"skill": "stop", "parameters": {}}'
 
@@ -18,6 +18,7 @@ ONE = {
     "hermes": '<tool_call>\n{"name": "step", "arguments": {"z_cm": 40}}\n</tool_call>',
     "hermes, words before": 'I go. <tool_call>{"name": "step", "arguments": {"z_cm": 40}}</tool_call>',
     "mistral": '[TOOL_CALLS] [{"name": "step", "arguments": {"z_cm": 40}}]',
+    "mistral's id": '[TOOL_CALLS] [{"name": "step", "arguments": {"z_cm": 40}, "id": "abcdEFG12"}]',
     "mistral 3": '[TOOL_CALLS]step[ARGS]{"z_cm": 40}',
     "granite": '<|tool_call|>[{"name": "step", "arguments": {"z_cm": 40}}]',
     "nemotron": '<TOOLCALL>[{"name": "step", "arguments": {"z_cm": 40}}]</TOOLCALL>',
@@ -37,6 +38,15 @@ ONE = {
     '{"z_cm": 40}<|call|>',
     "mistral, with an id": '[TOOL_CALLS]step[CALL_ID]a1b2c3d4e[ARGS]{"z_cm": 40}</s>',
     "lfm2": "<|tool_call_start|>[step(z_cm=40)]<|tool_call_end|>",
+    "lfm2, words behind": "<|tool_call_start|>[step(z_cm=40)]<|tool_call_end|>I go on.",
+    "gemma 4": "<|channel>thought\nWell.<channel|><|tool_call>call:step{z_cm:40}<tool_call|>",
+    "gemma 4, with a string": '<|tool_call>call:step{reasoning:<|"|>a: {b}, "c"<|"|>,z_cm:40}<tool_call|>',
+    "deepseek 3.2": 'I go.\n\n<｜DSML｜function_calls>\n<｜DSML｜invoke name="step">\n'  # noqa: RUF001
+    '<｜DSML｜parameter name="z_cm" string="false">40</｜DSML｜parameter>\n'  # noqa: RUF001
+    "</｜DSML｜invoke>\n</｜DSML｜function_calls>",  # noqa: RUF001
+    "gemini's prefix": '{"name": "default_api.step", "arguments": {"z_cm": 40}}',
+    "null": '{"name": "step", "arguments": {"x_cm": null, "z_cm": 40}}',
+    "line break in a string": '{"name": "step", "arguments": {"thoughts": "I\ngo", "z_cm": 40}}',
     "seed": "<seed:tool_call><function=step><parameter=z_cm>40</parameter></function></seed:tool_call>",
     "claude": '{"type": "tool_use", "id": "a", "name": "step", "input": {"z_cm": 40}}',
     "openai's list": '{"tool_calls": [{"function": {"name": "step", "arguments": "{\\"z_cm\\": 40}"}}]}',
@@ -61,7 +71,8 @@ def test_a_call_alone_is_read_in_every_dialect(text, prose):
     [
         ("step(40)", "no call"),
         ("step(z_cm=eval('40'))", "no call"),
-        ("<|tool_call>call:step{z_cm:40}<tool_call|>", "no call"),
+        ('<|tool_call>call:step{z_cm:40,thoughts:<|"|>I go<tool_call|>', "no call"),
+        ("<|tool_call_start|>[step(z_cm=40)]<|tool_call_end|>I go. {", "no call"),
         ('<tool_call>{"name": "step", "arguments": {"z_cm": 40}}</tool_call> but no.', "no call"),
         ('I could {"name": "step", "arguments": {"z_cm": 40}}', "no call"),
         ('I will not send <answer>{"name": "step", "arguments": {"z_cm": 40}}</answer>', "no call"),
@@ -101,26 +112,11 @@ def test_braces_among_the_words_do_no_harm():
     assert len(read_text(f"From {{x, z}} I go on. {call}")) == 1
 
 
-@pytest.mark.parametrize(
-    ("text", "prose", "found"),
-    [
-        ('{"a": 1}', False, {"a": 1}),
-        ('Well. {"a": 1}', True, {"a": 1}),
-        ('Well. {"a": 1}', False, None),
-        ('{"a": 1} - no, that draft is wrong', True, None),
-        ('{"a": 1} {"a": 2}', True, None),
-        ('{"draft": {"a": 1}', True, None),
-        ('{"a": 1}' + "{x" * 201 + '{"a": 2}', True, None),
-        ('{"a": 1}' + " " * 100_001 + '{"a": 2}', True, None),
-    ],
-    ids=["alone", "last", "among words", "taken back", "two", "in a broken one", "behind braces", "far behind"],
-)
-def test_an_object_is_read_if_it_is_the_only_one_and_the_last_word(text, prose, found):
-    if found:
-        assert read_object(text, prose) == found
-    else:
+def test_every_outermost_object_is_read():
+    assert read_objects('Well. {"a": 1} - no, {x} {"a": {"b": 2}}') == [{"a": 1}, {"a": {"b": 2}}]
+    for text in ('{"a": 1, "a": 2}', " " * 100_001):
         with pytest.raises(CallError):
-            read_object(text, prose)
+            read_objects(text)
 
 
 @pytest.mark.parametrize(
@@ -146,9 +142,10 @@ def test_equal_calls_stay_two(text):
         "<tool_call>\n<function=say>\n<parameter=text>\nI wrote {}\n</parameter>\n</function>\n</tool_call>",
         "<tool_call>say\n<arg_key>text</arg_key>\n<arg_value>I wrote {}</arg_value>\n</tool_call>",
         "[say(text='I wrote {}')]",
+        '<|tool_call>call:say{{text:<|"|>I wrote {}<|"|>}}<tool_call|>',
         '<tool_call>{{"name": "say", "arguments": {{"text": "I wrote {0!r}"}}}}</tool_call>',
     ],
-    ids=["qwen coder", "glm", "python", "hermes"],
+    ids=["qwen coder", "glm", "python", "gemma", "hermes"],
 )
 def test_what_a_whole_call_holds_is_text(text, mark, prose):
     other = "<function=stop></function>" if "{0!r}" in text else '{"skill": "stop", "parameters": {}}'
@@ -162,6 +159,7 @@ def test_what_a_whole_call_holds_is_text(text, mark, prose):
     [
         "<tool_call><function=walk><parameter=z_cm>40</parameter><parameter=reasoning>not ",
         "[walk(z_cm=40, reasoning='not ",
+        '<|tool_call>call:walk{z_cm:40,reasoning:<|"|>not ',
         '{"skill": "walk", "reasoning": "not ',
     ],
 )
@@ -173,10 +171,18 @@ def test_a_call_in_a_call_that_is_cut_off_is_refused(cut):
 
 
 def test_marks_that_a_server_leaves_on_a_tool_call_are_taken_off():
-    for name in ("step", "functions.step", "step<|channel|>commentary"):
+    for name in (
+        *("step", "functions.step", "functions.step:0", "default_api.step", "default_api:step"),
+        *("step<|channel|>commentary", "step <|constrain|>json"),
+    ):
         assert read_call(name, '{"z_cm": 40}</tool_call></s>')[1] == Call("step", {"z_cm": 40})
     with pytest.raises(CallError, match="words follow"):
         read_call("step", '{"z_cm": 40} or 30')
+
+
+def test_arguments_may_be_null_and_hold_line_breaks():
+    said, call = read_call("step", '{"thoughts": "I\ngo", "x_cm": null, "z_cm": 40, "note_to_self": null}')
+    assert (said.reasoning, said.note_to_self, call) == ("I go", "", Call("step", {"z_cm": 40}))
 
 
 def test_a_parameter_between_tags_is_a_number_only_if_it_reads_as_one():

@@ -12,7 +12,7 @@ from fuzzing import fuzz
 from hypothesis import given, strategies as st
 
 from humanclaw import CallError, Plugins
-from humanclaw.skills import read_answer, read_call, read_object, read_text
+from humanclaw.skills import read_answer, read_call, read_objects, read_text
 
 SKILLS = Plugins.discover().skills
 ANY = st.text(st.characters(exclude_categories=()), max_size=60)
@@ -59,7 +59,7 @@ def test_any_text_is_read_or_refused(pieces):
     text = "".join(pieces)
     for prose in (True, False):
         with suppress(CallError):
-            read_object(text, prose)
+            read_objects(text)
         with suppress(CallError):
             for _, call in read_text(text, prose):
                 legal(call)

@@ -50,7 +50,7 @@ if TYPE_CHECKING:
         plain_name as plain_name,
         read_answer as read_answer,
         read_call as read_call,
-        read_object as read_object,
+        read_objects as read_objects,
         read_text as read_text,
     )
     from humanclaw.skills.recipes import (

@@ -2,7 +2,8 @@
 
 A server without the matching tool parser passes them on unread. This module reads what the tool parsers of vLLM and
 llama.cpp read: JSON objects and arrays, alone or marked (Hermes, Qwen, Llama, Mistral, Granite, Phi, Nemotron,
-Command), named blocks (Llama, Qwen-Coder, GLM, MiniMax, Kimi, DeepSeek, gpt-oss), and Python calls (Llama).
+Command), named blocks (Llama, Qwen-Coder, GLM, MiniMax, Kimi, DeepSeek, Gemma, gpt-oss), and Python calls (Llama,
+LFM2).
 """
 
 from __future__ import annotations
@@ -17,9 +18,11 @@ from humanclaw.skills.publishing import Json
 
 Pairs = list[tuple[str, Any]]
 _JSON: Final = r"\s{0,9}(?:(?:<\|constrain\|>)?\w{1,20})?<\|message\|>"
+_SPACE: Final = r"(?:\w{1,9}:|｜DSML｜)?"  # noqa: RUF001
+"""The namespace that some dialects write before the names of their tags."""
 _OPENINGS: Final = (
     "<function=NAME>",  # Llama, Qwen-Coder
-    '<invoke name="NAME">',  # MiniMax
+    rf'<{_SPACE}invoke name="NAME">',  # MiniMax, DeepSeek 3.2
     r"<tool_call>\s{0,9}NAME\s{0,9}(?=<arg_key>|</tool_call>)",  # GLM
     r"<\|tool_call_begin\|>\s{0,9}NAME:\d{1,6}\s{0,9}<\|tool_call_argument_begin\|>",  # Kimi
     "<｜tool▁call▁begin｜>(?:function<｜tool▁sep｜>)?NAME(?:<｜tool▁sep｜>)?",  # noqa: RUF001, as DeepSeek writes them
@@ -28,12 +31,14 @@ _OPENINGS: Final = (
     r"\[TOOL_CALLS\]NAME(?:\[CALL_ID\]\w{1,64})?(?:\[ARGS\])?(?={)",  # Mistral
 )
 """Openings that name the called function; its arguments follow."""
-_NAMED: Final = "|".join(_OPENINGS).replace("NAME", r"(?:functions\.)?([\w-]{1,64})")
+NAME: Final = r"(?:(?:functions|default_api)[.:])?([\w-]{1,64})"
+"""A called function, with the namespace of gpt-oss and Kimi, or Gemini."""
+_NAMED: Final = "|".join(_OPENINGS).replace("NAME", NAME)
 _HEAD: Final = re.compile(_NAMED)
 _MARKS: Final = "|".join(
     (
-        r"</?(?:\w{1,9}:)?(?:tool_calls?|function_calls?|TOOLCALL)>",
-        r"<\|/?tool_calls?\|>",
+        rf"</?{_SPACE}(?:tool_calls?|function_calls?|TOOLCALL)>",
+        r"<\|/?tool_calls?\|>|<\|tool_call>(?=call:)|<tool_call\|>",
         r"<\|tool_calls?_(?:section_)?(?:begin|start|end)\|>",
         r"\[/?TOOL_CALLS\]",
         r"\bfunctools(?=\[)",
@@ -53,21 +58,33 @@ _FRAME: Final = (
     r"|\\boxed\{|\}"  # a brace too many, as that of \boxed{}
 )
 """Marks around an answer, a call or not."""
-_PADDING: Final = re.compile(rf"\s|{_MARKS}|{_FRAME}|{TURN_END}|</function>|</invoke>|```\w{{0,10}}|[,;]")
+_WORDS_BEHIND: Final = r"(?<=\)\]<\|tool_call_end\|>)[^<>{}()\[\]]*\Z"
+"""LFM2 alone tells what it does behind its call: <|tool_call_start|>[walk(z_cm=40)]<|tool_call_end|>Walking."""
+_PADDING: Final = re.compile(
+    rf"\s|{_MARKS}|{_FRAME}|{TURN_END}|</function>|</{_SPACE}invoke>|```\w{{0,10}}|[,;]|{_WORDS_BEHIND}"
+)
 _LONG_PADDING: Final = re.compile(f"(?:{_PADDING.pattern})*")
 """What may stand around a call without being a part of it."""
 _OBJECT: Final = re.compile(r"(?:\s|```\w{0,10})*(?={)")
 _PARAMETER: Final = re.compile(
-    r'\s*<parameter(?:=|\s{1,4}name=")([\w-]{1,64})"?>(.{0,9999}?)</parameter>'
+    rf'\s*<{_SPACE}parameter(?:=|\s{{1,4}}name=")([\w-]{{1,64}})"?(?: string="\w{{4,5}}")?>'
+    rf"(.{{0,9999}}?)</{_SPACE}parameter>"
     r"|\s*<arg_key>\s{0,9}([\w-]{1,64})\s{0,9}</arg_key>\s{0,9}<arg_value>(.{0,9999}?)</arg_value>",
     re.DOTALL,
 )
-_CLOSED: Final = re.compile(r"\s*</(?:function|invoke|tool_call)>")
+_CLOSED: Final = re.compile(rf"\s*</(?:function|{_SPACE}invoke|tool_call)>")
+_GEMMA: Final = re.compile(
+    r'call:([\w-]{1,64})(\{(?:<\|"\|>.{0,9999}?<\|"\|>|[^<]){0,999}\})(?=<tool_call\|>)', re.DOTALL
+)
+_GEMMA_WORD: Final = re.compile(r'<\|"\|>(.*?)<\|"\|>|[\w-]{1,64}(?=:)', re.DOTALL)
+"""A string between marks, or a key."""
 _PYTHON: Final = re.compile(r"""'(?:[^'\\\n]|\\.)*'|"(?:[^"\\\n]|\\.)*"|[()\[\]]""")
 _LONGEST: Final = 10_000
 """Characters of a text that may hold marks, and of a Python call, whose parser takes more than linear memory."""
-ARGUMENTS: Final = r"<parameter[= ]|<arg_key>|\b[A-Za-z_]\w{0,63}\(\s{0,9}\w{1,64}\s{0,9}="
-"""Where a tagged parameter or a Python call begins."""
+ARGUMENTS: Final = (
+    rf"<{_SPACE}parameter[= ]|<arg_key>|\bcall:[\w-]{{1,64}}{{|\b[A-Za-z_]\w{{0,63}}\(\s{{0,9}}\w{{1,64}}\s{{0,9}}="
+)
+"""Where a tagged parameter, Gemma's call or a Python call begins."""
 BEGINNING: Final = rf'{{\s{{0,9}}["}}]|{ARGUMENTS}'
 """Where they begin, or a JSON object. What they hold is text: no mark counts in it."""
 _MARKED: Final = re.compile(f"(?P<text>{BEGINNING})|{_MARKS}|{_NAMED}")
@@ -95,6 +112,9 @@ def end_of_text(text: str, start: int) -> tuple[int, bool]:
     if text[start] == "<":
         parameter = _PARAMETER.match(text, start)
         return (parameter.end(), True) if parameter else (len(text), False)
+    if text.startswith("call:", start):
+        call = _GEMMA.match(text, start)
+        return (call.end(), True) if call else (len(text), False)
     piece = text[start : start + _LONGEST]
     items, end = _item(piece, 0, dict)
     return (len(text) if not items and end == len(piece) else start + end), bool(items)
@@ -113,7 +133,10 @@ def _calls(text: str, place: int, make: Callable[[Pairs], Json]) -> list[Json]:
     """Read calls and what may stand around them up to the end; empty if anything else is there."""
     calls = []
     while place < len(text):
-        if head := _HEAD.match(text, place):
+        if call := _GEMMA.match(text, place):
+            arguments, place = _item(_GEMMA_WORD.sub(_quoted, call[2]), 0, make)[0], call.end()
+            items = [{"name": call[1], "arguments": each} for each in arguments]
+        elif head := _HEAD.match(text, place):
             arguments, place = _arguments(text, head.end(), make)
             items = [{"name": head[head.lastindex or 0], "arguments": each} for each in arguments]
         elif padding := _PADDING.match(text, place):
@@ -125,6 +148,10 @@ def _calls(text: str, place: int, make: Callable[[Pairs], Json]) -> list[Json]:
             return []
         calls += items
     return calls
+
+
+def _quoted(word: re.Match[str]) -> str:
+    return json.dumps(word[0] if word[1] is None else word[1])
 
 
 def _arguments(text: str, place: int, make: Callable[[Pairs], Json]) -> tuple[list[Json], int]:
@@ -141,7 +168,7 @@ def _arguments(text: str, place: int, make: Callable[[Pairs], Json]) -> tuple[li
 def _value(text: str) -> Any:
     """Read the text of a tagged parameter: its dialect cannot tell a number from a string."""
     try:
-        return json.loads(text)
+        return json.loads(text, strict=False)
     except (ValueError, RecursionError):
         return text.strip("\n")
 
@@ -149,7 +176,7 @@ def _value(text: str) -> Any:
 def _item(text: str, place: int, make: Callable[[Pairs], Json]) -> tuple[list[Json], int]:
     """Read a JSON object, an array of them, or Python calls, and where they end; without any, where reading failed."""
     try:
-        value, end = json.JSONDecoder(object_pairs_hook=make).raw_decode(text, place)
+        value, end = json.JSONDecoder(object_pairs_hook=make, strict=False).raw_decode(text, place)
     except RecursionError:
         return [], len(text)
     except json.JSONDecodeError as error:

@@ -5,10 +5,11 @@ The rule for a text, in this order:
 2. Calls alone are read in every dialect (written_calls). Marks of answers around them, such as <answer>, are not words.
 3. Before a call with a call's marks may stand words. Before any other, only if the model has no tools: among the words
    of one that has them, an object may be an example.
-4. Behind a call no words may stand: they could take it back.
+4. Behind a call no words may stand: they could take it back. Only LFM2's own form has them.
 5. What a call holds is its text, and a call in a broken call is none. Refused rather than guessed.
 
-Values out of bounds pass here: Skill.check refuses them, and the refusal goes back to the model.
+A line break in a JSON string is read, although JSON has none. Values out of bounds pass here: Skill.check refuses them,
+and the refusal goes back to the model.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from typing import Any, Final
 
 from humanclaw.errors import CallError
 from humanclaw.skills.call import Call
-from humanclaw.skills.call_dialects import ARGUMENTS, end_of_text, is_padding, written_calls
+from humanclaw.skills.call_dialects import ARGUMENTS, NAME, end_of_text, is_padding, written_calls
 from humanclaw.skills.publishing import OPTIONAL_FIELDS, REASONING_FIELDS, THOUGHTS, Json
 from humanclaw.skills.thoughts import split_thoughts
 from humanclaw.text.json import DEEPEST, LARGEST, once
@@ -31,7 +32,7 @@ from humanclaw.text.words import LONGEST
 _FIELDS: Final = (*REASONING_FIELDS, *OPTIONAL_FIELDS)
 _FIELD: Final = re.compile(rf"[\W\d]*({'|'.join(_FIELDS)})\W*?:\W*(.*)", re.IGNORECASE)
 _PER_CENT: Final = re.compile(r"(\d{1,3})\s*(%|per ?cent)?\.?", re.IGNORECASE)
-_TOOL: Final = re.compile(r"(?:functions\.)?([\w-]{1,64})(?:<\|.*)?", re.DOTALL)
+_TOOL: Final = re.compile(rf"{NAME}(?::\d{{1,6}})?\s{{0,9}}(?:<.*)?", re.DOTALL)
 _OBJECT: Final = re.compile(rf"(?<!\\boxed)\{{|{ARGUMENTS}")
 _TRIES: Final = 200
 """Maximum opening braces that open no object: each costs time in proportion to the text after it."""
@@ -58,11 +59,13 @@ class Reasoning:
 # -- reading -----------------------------------------------------------------------------------------------------------
 def read_call(name: str, arguments: str | Mapping[str, Any]) -> tuple[Reasoning, Call]:
     """Split the arguments of a tool call into reasoning and call. Values are not converted: "40" stays a string.
+    Arguments that are null were not given.
 
     Raises CallError, written for the model, if the arguments are not a JSON object, flat, of plain numbers, each key
     once.
     """
-    values = _parse(arguments, name) if isinstance(arguments, str) else dict(arguments)
+    read = _parse(arguments, name) if isinstance(arguments, str) else arguments
+    values = {key: value for key, value in read.items() if value is not None}
     if fault := _fault(values):
         raise CallError(f"{name} was not executed: {fault}.")
     thoughts = _thoughts(_text(values.pop(THOUGHTS, "")))
@@ -74,7 +77,7 @@ def read_call(name: str, arguments: str | Mapping[str, Any]) -> tuple[Reasoning,
 
 
 def plain_name(tool: str) -> str:
-    """Return the name in a tool call without what servers leave on it: functions.walk, walk<|channel|>commentary."""
+    """Return the name in a tool call without what servers leave on it: functions.walk:0, walk<|channel|>commentary."""
     match = _TOOL.fullmatch(tool)
     return match[1] if match else tool
 
@@ -82,12 +85,12 @@ def plain_name(tool: str) -> str:
 def read_answer(answer: Mapping[str, Any]) -> tuple[Reasoning, Call]:
     """Read an object with `skill` and `parameters`, the form of answer_schema. Raises CallError, written for the model.
 
-    `name` and `arguments` are read too, and OpenAI's object of type "function", as some models write them. Parameters
-    that are null were not given.
+    `name` and `arguments` are read too, and OpenAI's object of type "function", as some models write them.
     """
     rest = dict(answer)
     inputs = ("input",) if rest.get("type") == "tool_use" else ()  # Anthropic's format
-    if inputs or rest.get("type") == "function" or "tool_name" in rest:  # OpenAI's, as Llama writes it, and Command's
+    # OpenAI's, as Llama and Mistral write it, and Command's
+    if inputs or rest.get("type") == "function" or not {"tool_name", "arguments"}.isdisjoint(rest):
         rest = {key: value for key, value in rest.items() if key not in _ABOUT_CALLS}
     if isinstance(rest.get("function"), Mapping):
         inner = rest.pop("function")
@@ -103,7 +106,7 @@ def read_answer(answer: Mapping[str, Any]) -> tuple[Reasoning, Call]:
         raise CallError(f"{name} was not executed: 'parameters' must be an object; got {given!r}.")
     if twice := [key for key in given if key in rest and key not in _FIELDS and given[key] != rest[key]]:
         raise CallError(f"{name} was not executed: {twice[0][:64]!r} is given twice; give it once.")
-    return read_call(name, {key: value for key, value in {**rest, **given}.items() if value is not None})
+    return read_call(name, {**rest, **given})
 
 
 def read_text(text: str, prose: bool = True) -> list[tuple[Reasoning, Call]]:
@@ -126,17 +129,14 @@ def read_text(text: str, prose: bool = True) -> list[tuple[Reasoning, Call]]:
     return [read_answer(item) for item in calls]
 
 
-def read_object(text: str, prose: bool = True) -> Json:
-    """Return the one JSON object of an answer that is no call, such as a verdict. Raises CallError for anything else.
+def read_objects(text: str) -> list[Json]:
+    """Return the outermost JSON objects of an answer that is no call, such as a verdict, in the order of the text.
 
-    As for calls: words may stand before it if prose, and none behind it; of several objects none is meant for certain.
+    Raises CallError if a key is there twice, or the text is too long.
     """
-    objects = [] if len(text) > LONGEST else list(_objects(text))
-    if len(objects) != 1 or objects[0].nested or not is_padding(text, objects[0].end):
-        raise CallError("The answer held no JSON object, or several, or words behind it.")
-    if not prose and not is_padding(text[: objects[0].start], 0):
-        raise CallError("The answer held words beside its JSON object.")
-    return objects[0].value
+    if len(text) > LONGEST:
+        raise CallError(f"The answer is longer than {LONGEST} letters.")
+    return [found.value for found in _objects(text)]
 
 
 def _among_words(text: str) -> list[Json]:
@@ -172,7 +172,7 @@ class _Found:
 
 
 def _objects(text: str) -> Iterator[_Found]:
-    decoder, end, opened, failed = json.JSONDecoder(object_pairs_hook=_once), 0, 0, 0
+    decoder, end, opened, failed = json.JSONDecoder(object_pairs_hook=_once, strict=False), 0, 0, 0
     while failed < _TRIES and (begin := _OBJECT.search(text, end)):
         start = begin.start()
         opened = max(0, opened - text.count("}", end, start))
@@ -200,7 +200,7 @@ def _parse(arguments: str, name: str) -> Json:
         raise CallError(f"{name} was not executed: its arguments are longer than {LONGEST} letters; be brief.")
     said = (arguments or "{}").strip()
     try:
-        values, end = json.JSONDecoder(object_pairs_hook=_once).raw_decode(said)
+        values, end = json.JSONDecoder(object_pairs_hook=_once, strict=False).raw_decode(said)
     except (ValueError, RecursionError) as error:
         raise CallError(
             f"{name} was not executed: its arguments are not valid JSON ({error}); was the answer cut off?"

@@ -91,7 +91,7 @@ class ModelAgent:
                 if not told:
                     raise LimitError("episode", _no_room(observation.step, fault)) from None
                 self._room = told // 2
-        found, self._note = read(reply.completion, prose=reply.mode == "prompt")
+        found, self._note = read(reply.completion, prose=not reply.mode.startswith("tools"))
         self._negotiator.report(reply, bool(found))
         return _decision(found, reply, wanted - told, self._negotiator.client.left_out)
 
@@ -129,7 +129,7 @@ def usable(context: EpisodeContext) -> tuple[Skill, ...]:
 def read(completion: Completion, prose: bool = True) -> tuple[tuple[tuple[Reasoning, Call], ...], str]:
     """Return every call of an answer, or the reason why it holds none. A broken answer is never repaired.
 
-    prose: whether a call written as text may have words around it.
+    prose: whether words may stand before a call written as text, as for a model without tools.
     """
     if completion.cut_off:
         # Even a call that looks whole may lack its last parameters: some providers close open brackets.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
@@ -20,7 +21,7 @@ from humanclaw import (
     verifier_prompt,
 )
 from humanclaw.records import Answer, Usage
-from humanclaw.skills import Json, call_schema, plain_name, read_answer, read_object, read_text
+from humanclaw.skills import Json, call_schema, plain_name, read_answer, read_objects, read_text
 from humanclaw_litellm.asking import AnswerFormat, ModeNegotiator
 from humanclaw_litellm.client import Completion
 from humanclaw_litellm.decision import usable
@@ -28,7 +29,8 @@ from humanclaw_litellm.failures import TooLongError
 from humanclaw_litellm.settings import Mode, Settings
 
 _VERDICT: Final = "verdict"
-_YES: Final = {"yes": True, "true": True, "no": False, "false": False}
+_WORD: Final = re.compile(r"[\W_]*(?:(yes|true)|no|false)(?![^\W_])", re.IGNORECASE)
+"""The first word of an answer to a check, in whatever marks it stands."""
 
 
 class ModelVerifier:
@@ -80,9 +82,23 @@ class ModelVerifier:
             raise
         except (ProviderError, TooLongError) as fault:
             return Verdict(True, failed_open=str(fault))
-        found = _object(reply.completion, prose=reply.mode == "prompt")
+        found = _that_counts(_verdicts(reply.completion), checks)
         self._negotiator.report(reply, found is not None)
-        return _verdict(found, checks, call, reply.completion.usage)
+        return self._verdict(found, checks, call, reply.completion.usage)
+
+    def _verdict(self, found: Json | None, checks: Mapping[str, Check], call: Call, usage: Usage) -> Verdict:
+        if found is None:
+            return Verdict(
+                True, failed_open="the verifier's answer held no verdict, or several that differ", usage=usage
+            )
+        answers = tuple(filter(None, (_answer(key, check, found) for key, check in checks.items())))
+        if all(answer.passed for answer in answers):
+            left = [check.id for key, check in checks.items() if _passed(found, key) is None]
+            return Verdict(True, None, answers, f"no answer to {', '.join(left)}" if left else "", usage)
+        other = _replacement(found, self._skills)
+        if other is None or other == call:
+            return Verdict(True, None, answers, "checks failed, but no other call was named", usage)
+        return Verdict(False, other, answers, usage=usage)
 
 
 def _numbered(skill: Skill) -> dict[str, Check]:
@@ -110,49 +126,37 @@ def _form(checks: Mapping[str, Check], skills: Sequence[Skill]) -> AnswerFormat:
     return AnswerFormat(({"type": "function", "function": function},), schema)
 
 
-def _object(completion: Completion, prose: bool) -> Json | None:
-    """Return the verdict's object from a tool call or the text; None without one, and with several.
-
-    Of several, the one that the model means is unknown, as with calls. None too if it is cut off or repeats a key, and
-    if words follow it: they could take it back, and a no would put another call in place of the agent's.
-    prose: whether words may stand before it.
-    """
-    if completion.cut_off or completion.withheld or len(completion.calls) > 1:
-        return None
-    name, said = completion.calls[0] if completion.calls else (_VERDICT, completion.text)
-    if plain_name(name) != _VERDICT:
-        return None
+def _verdicts(completion: Completion) -> list[Json]:
+    """Return the verdicts in tool calls or else in the text; none of one that is cut off or repeats a key."""
+    if completion.cut_off or completion.withheld:
+        return []
     try:
-        found = (None if completion.calls else _called(said, prose)) or read_object(
-            said, prose and not completion.calls
-        )
+        if completion.calls:
+            texts = [said for name, said in completion.calls if plain_name(name) == _VERDICT]
+            found = [item for said in texts for item in read_objects(said)]
+        else:
+            found = _called(completion.text) or read_objects(completion.text)
     except CallError:
-        return None
-    return found if any(key.endswith("_answer") for key in found) else None
+        return []
+    opened = [item.get("arguments", item.get(_VERDICT)) for item in found]  # A call with words behind it.
+    found = [inner if isinstance(inner, dict) else item for inner, item in zip(opened, found, strict=True)]
+    return [item for item in found if any(key.endswith("_answer") for key in item)]
 
 
-def _called(text: str, prose: bool) -> Json | None:
-    """Return the arguments of one verdict called in text, which a server without a tool parser passes on."""
+def _called(text: str) -> list[Json]:
+    """Return the arguments of verdicts called in text, which a server without a tool parser passes on."""
     try:
-        ((_, call),) = read_text(text, prose)
+        return [dict(call.params) for _, call in read_text(text) if call.skill == _VERDICT]
     except (CallError, ValueError):
-        return None
-    return dict(call.params) if call.skill == _VERDICT else None
+        return []
 
 
-def _verdict(found: Json | None, checks: Mapping[str, Check], call: Call, usage: Usage) -> Verdict:
-    if found is None:
-        return Verdict(
-            True, failed_open="the verifier's answer held no verdict, several, or words behind it", usage=usage
-        )
-    answers = tuple(filter(None, (_answer(key, check, found) for key, check in checks.items())))
-    if all(answer.passed for answer in answers):
-        left = [check.id for check, key in zip(checks.values(), checks, strict=True) if _passed(found, key) is None]
-        return Verdict(True, None, answers, f"no answer to {', '.join(left)}" if left else "", usage)
-    other = _replacement(found)
-    if other is None or other == call:
-        return Verdict(True, None, answers, "checks failed, but no other call was named", usage)
-    return Verdict(False, other, answers, usage=usage)
+def _that_counts(verdicts: Sequence[Json], checks: Mapping[str, Check]) -> Json | None:
+    """Return the only verdict, or the last of several that all say no: a no never becomes a pass, whatever words stand
+    around it. Of others, the one that the model means is unknown.
+    """
+    say_no = all(any(_passed(found, key) is False for key in checks) for found in verdicts)
+    return verdicts[-1] if verdicts and (len(verdicts) == 1 or say_no) else None
 
 
 def _answer(key: str, check: Check, found: Mapping[str, Any]) -> Answer | None:
@@ -161,14 +165,20 @@ def _answer(key: str, check: Check, found: Mapping[str, Any]) -> Answer | None:
 
 
 def _passed(found: Mapping[str, Any], key: str) -> bool | None:
-    return _YES.get(str(found.get(f"{key}_answer", "")).strip().lower().rstrip("."))
+    word = _WORD.match(str(found.get(f"{key}_answer", "")))
+    return None if word is None else word[1] is not None
 
 
-def _replacement(found: Mapping[str, Any]) -> Call | None:
-    """Return the call to make instead, unchecked: the loop checks every call against its schema."""
+def _replacement(found: Mapping[str, Any], skills: Sequence[Skill]) -> Call | None:
+    """Return the call to make instead, unchecked: the loop checks every call against its schema.
+
+    Its parameters may stand beside the answers.
+    """
     if not found.get("skill"):
         return None
+    known = {name for skill in skills if skill.name == found["skill"] for name in skill.schema["properties"]}
+    beside = {name: found[name] for name in known & found.keys()}
     try:
-        return read_answer({"skill": found["skill"], "parameters": found.get("parameters")})[1]
+        return read_answer({"skill": found["skill"], "parameters": found.get("parameters"), **beside})[1]
     except CallError:
         return None

@@ -94,9 +94,6 @@ def test_a_skill_without_checks_passes_unasked(verify, skills):
         ([status(500)] * 2, "gave no answer"),
         ([no_choices()] * 2, "held no choices"),
         ([text("Looks fine to me.")], "held no verdict"),
-        ([text(f"I would say: Here is my response: {NO}")], "held no verdict"),
-        ([text(f"I will not send <answer>{NO}</answer>")], "held no verdict"),
-        ([text(f"```json\n{NO}\n```\nA wall is close.")], "words behind it"),
         ([calls(("verdict", '{"check_1_answer": "n'))], "held no verdict"),
         ([calls(("verdict", '{"check_1_answer": "no", "check_1_answer": "yes"}'))], "held no verdict"),
         ([text(json.dumps(verdict("no", skill="stop")), finish_reason="content_filter")], "held no verdict"),
@@ -133,7 +130,41 @@ def test_a_no_is_read_in_whatever_marks_it_stands(verify, reply):
     assert verify(reply)[0].replacement == Call("stop")
 
 
-def test_of_several_verdicts_none_counts(verify, yes):
+@pytest.mark.parametrize("mode", ["tools", "schema", "prompt"])
+@pytest.mark.parametrize(
+    "said",
+    [
+        f"A wall is close.\n{NO}",
+        f"```json\n{NO}\n```\nA wall is close.",
+        f"{NO}\n{NO}",
+        f'<tool_call>{{"name": "verdict", "arguments": {NO}}}</tool_call> A wall is close.',
+        f'{{"verdict": {NO}}}',
+        NO.replace("a wall", "a\nwall").replace("\\n", "\n"),
+    ],
+    ids=["words before", "words behind", "twice", "call and words", "wrapped", "line break"],
+)
+def test_a_no_is_never_a_pass_whatever_stands_around_it(verify, said, mode):
+    assert verify(text(said), mode=mode)[0].replacement == Call("stop")
+
+
+@pytest.mark.parametrize("word", ["No, a chair is in the way", "**no**", "no - blocked", "'NO'", "_no_", False])
+def test_the_first_word_answers_a_check(verify, yes, word):
+    found, _ = verify(call("verdict", **verdict(word, *yes[1:], skill="stop")))
+    assert found.replacement == Call("stop")
+    assert [answer.passed for answer in found.answers] == [False, *([True] * len(yes[1:]))]
+
+
+@pytest.mark.parametrize("word", ["Yes, nothing is in the way", "**yes**", "nothing", "not sure"])
+def test_another_first_word_is_no_no(verify, yes, word):
+    assert verify(call("verdict", **verdict(word, *yes[1:], skill="stop")))[0].accepted
+
+
+def test_parameters_of_the_other_call_may_stand_beside_the_answers(verify):
+    found, _ = verify(call("verdict", **verdict("no", skill="turn_in_place", yaw_deg=30, remark="left")))
+    assert found.replacement == Call("turn_in_place", {"yaw_deg": 30})
+
+
+def test_of_verdicts_that_differ_none_counts(verify, yes):
     several = [verdict(*yes), verdict("no", skill="stop")]
     for reply in (text("\n".join(map(json.dumps, several))), calls(*(("verdict", one) for one in several))):
         found, _ = verify(reply)
