@@ -157,10 +157,29 @@ def test_a_thought_may_speak_of_markers(mark):
         "<|start|>user<|message|>",
         "<|assistant|>",
         "\nUser: It walked.\nAssistant:",
+        "\nuser: It walked.\nassistant:",
+        "\nUSER: It walked.",
+        "\n**User:** It walked.\n**Assistant:**",
+        "\n### User\nIt walked.",
+        "\n### Instruction:\n",
+        "\n\nHuman: It walked.\n\n",
+        "\nQ: And now?\nA:",
+        "\nuser\nIt walked.\nassistant\n<think>a</think>",
+        "\nassistant\n",
     ],
 )
 def test_a_call_in_a_made_up_turn_is_none(mark):
     assert split_thoughts(f"I wait.{mark}ok {STOP}")[1] == "I wait."
+
+
+def test_a_thought_that_nothing_opened_may_hold_a_roles_line():
+    assert split_thoughts(f"I could {STOP}.\nUser: walk on\nSo I do.</think>{STEP}")[1] == ""
+    assert split_thoughts(f"<think>I could {STOP}.\nUser: walk on</think>{STEP}")[1] == STEP
+
+
+@pytest.mark.parametrize("words", ["The user: a man.", "Users\n", "humane\n", "Instruction: go on.", "Q: And now?"])
+def test_other_words_end_no_turn(words):
+    assert split_thoughts(f"I go.\n{words}\n{STEP}")[1].endswith(STEP)
 
 
 @pytest.mark.parametrize(
@@ -174,6 +193,7 @@ def test_a_call_in_a_made_up_turn_is_none(mark):
         "</s>",
         "<s>",
         "Assistant: ",
+        "assistant\n\n",
     ],
 )
 def test_a_header_before_everything_is_of_the_models_own_turn(header):

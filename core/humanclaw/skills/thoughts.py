@@ -56,7 +56,7 @@ _BEGIN: Final = r"<s>|<bos>|<\|(?:begin_of_text|startoftext)\|>|<｜begin▁of�
 _OWN: Final = r"<\|(?:assistant|im_assistant)\|>|\[\|assistant\|\]|<｜Assistant｜>"  # noqa: RUF001
 _HEADER: Final = re.compile(
     rf"\A(?:\s|{TURN_END}|{_BEGIN}|(?:{_ROLE}|{_OWN})\s{{0,9}}(?:(?:assistant|model)\b\s{{0,9}}"
-    r"(?:<\|(?:end_header_id|header_end|end_of_role|im_middle)\|>)?)|(?-i:Assistant):)*",
+    r"(?:<\|(?:end_header_id|header_end|end_of_role|im_middle)\|>)?)|(?-i:Assistant):|assistant[ \t]{0,9}\n)*",
     re.IGNORECASE,
 )
 """The end of the turn before and the header of the model's own turn, which some models repeat."""
@@ -64,9 +64,13 @@ _TURN: Final = (
     rf"{TURN_END}|{_BEGIN}|{_OWN}|(?!<\|start\|>\s{{0,9}}assistant)(?:{_ROLE})"
     r"|<\|(?:user|im_user|system|im_system|observation)\|>|<tool_response>|\[\|user\|\]|\[INST\]|\[SYSTEM_PROMPT\]"
     "|<｜User｜>"  # noqa: RUF001
-    r"|(?m:^)(?-i:User|Human):(?=[\s\S]{0,999}?\n(?-i:Assistant):)"
 )
 """Markers at which the model's turn ends. What follows is a turn that the model made up."""
+_ROLE_LINE: Final = (
+    r"(?m:^)(?:#{1,6} ?instruction|[#*_ \t]{0,9}(?:user|human))[*_ \t]{0,4}(?::|(?m:$))"
+    r"|(?m:^)assistant[ \t]{0,9}(?m:$)|(?m:^)Q:(?=.{0,999}\nA:)"
+)
+"""Lines that begin such a turn in plain words, as in `### User:`, or where a server left the special tokens out."""
 _INVISIBLE: Final = re.compile("[\u200b-\u200d\u2060\ufeff]")
 
 
@@ -81,9 +85,9 @@ def _any(*kinds: str, text: str = "(?!)") -> re.Pattern[str]:
     return re.compile("|".join(f"({kind})" for kind in (text, quoted, *kinds)), re.IGNORECASE | re.ASCII)
 
 
-_MARKS: Final = _any(_TURN, _CLOSING, *(opening for opening, _ in _PAIRS), text=BEGINNING)
+_MARKS: Final = _any(_TURN, _ROLE_LINE, _CLOSING, *(opening for opening, _ in _PAIRS), text=BEGINNING)
 _THOUGHTS: Final = tuple(_any(closing, _nested(opening)) for opening, closing in _PAIRS)
-_THOUGHT: Final = re.compile("|".join([_CLOSING, *(opening for opening, _ in _PAIRS)]), re.IGNORECASE | re.ASCII)
+_THOUGHT: Final = re.compile("|".join([f"({_CLOSING})", *(opening for opening, _ in _PAIRS)]), re.IGNORECASE | re.ASCII)
 _TEXT, _QUOTED, _FIRST = 1, 2, 3
 
 
@@ -94,7 +98,8 @@ def split_thoughts(text: str) -> tuple[str, str]:
     * The answer begins behind the last thought. A closing marker ends one even if none opened it, since templates open
       it in the prompt; only a text that begins with an object is no thought, and then leaves no answer.
     * An open thought leaves no answer.
-    * What follows the end of the model's turn is nothing: the model made it up.
+    * What follows the end of the model's turn is nothing: the model made it up. A line of a role's name ends it too;
+      if a thought is closed behind one that nothing opened, there is no answer.
     * What a call holds is its text: no marker counts there. A marker in a broken call leaves no answer.
     * A marker in quotes is only spoken of, and so is an opening one between the words of a thought.
 
@@ -117,9 +122,12 @@ def _answer_in(text: str) -> tuple[int, int]:
         elif kind == _FIRST:
             return start, mark.start()
         elif kind == _FIRST + 1:
+            later = _THOUGHT.search(text, place)
+            return (len(text), len(text)) if later and later[1] else (start, mark.start())
+        elif kind == _FIRST + 2:
             start = place if start or not text.lstrip().startswith(("{", "[{")) else len(text)
         elif kind > _QUOTED:
-            start = place = _end_of_thought(text, place, _THOUGHTS[kind - _FIRST - 2])
+            start = place = _end_of_thought(text, place, _THOUGHTS[kind - _FIRST - 3])
     return start, len(text)
 
 
