@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from PIL import Image, ImageDraw
 
-from humanclaw import Backends, Body, Call, HumanclawError, Motion, Renderer, Scene, stand
+from humanclaw import Backends, Body, Call, HumanclawError, Motion, Renderer, Scene, Skill, stand
 from humanclaw.body import FUTURE, HISTORY, Array
 from humanclaw.motion import DiTGenerator
+from humanclaw.skills import Role, suited
 from humanclaw.world import Camera, SceneBuilder, WorldState, together
 from humanclaw_train.eval.show import acted, tiled
 from humanclaw_train.eval.simulated import flat, stage
@@ -95,6 +96,24 @@ def figure(plugins: Plugins, name: str, seed: int, renderer: str, out: Path) -> 
 
 
 # -- motion ------------------------------------------------------------------------------------------------------------
+_WALK: Final = ("hips.forward", "hips.left", "heading.left")
+
+
+def _skill(plugins: Plugins, *measures: str, role: Role = "locomotion") -> Skill:
+    """Return the skill that commands these measures. Raises HumanclawError if none is installed."""
+    skill = suited(plugins.skills.values(), *measures, role=role)
+    if skill is None:
+        asked = ", ".join(measures) or role
+        raise HumanclawError(f"no installed skill commands {asked}.", "Install the eight skills of the core.")
+    return skill
+
+
+def _call(skill: Skill, **values: int) -> Call:
+    """Return a call with parameters by measure, dots as underscores, in centimetres; others are 0."""
+    asked = {measure.replace("_", "."): value for measure, value in values.items()}
+    return Call(skill.name, {one.key: asked.get(one.measure, 0) for one in skill.parameters})
+
+
 def _acted(plugins: Plugins, scene: Scene, calls: Sequence[Call], seed: int, simulator: str = "") -> Motion:
     """Return the simulated motion of calls, from standing."""
     with Body(scene, seed=seed, plugins=plugins, backends=Backends(simulator=simulator)) as body:
@@ -121,7 +140,7 @@ def _ends(motion: Motion, every: int = 1) -> Motion:
 # -- figure 5 ----------------------------------------------------------------------------------------------------------
 def prior(plugins: Plugins, seed: int) -> Rows:
     """Draw two seconds of many seeds: of the prior alone, and with the adapter of walking."""
-    walk = plugins.skill("walk")
+    walk = _skill(plugins, *_WALK)
     asked = {one.name: STRIDE / 100 if one.measure == "hips.forward" else 0.0 for one in walk.parameters}
     alone, led = _dreamt(None, {}, seed), _dreamt(walk.adapter, asked, seed)
     shown = ("the prior alone", alone), (f"with the adapter: walk {STRIDE} cm", led)
@@ -142,7 +161,7 @@ def _dreamt(adapter: Path | None, values: Mapping[str, float], seed: int) -> Mot
 
 def stride(plugins: Plugins, seed: int) -> Rows:
     """Draw a walk along a ruler whose marks are one commanded stride apart."""
-    walk = Call("walk", {"x_cm": 0, "z_cm": STRIDE, "yaw_deg": 0})
+    walk = _call(_skill(plugins, *_WALK), hips_forward=STRIDE)
     motion = _acted(plugins, flat(), [walk] * STRIDES, seed)
     hips = _ends(motion).root[:, 2]
     builder, marks, middle = SceneBuilder.on_floor(), np.arange(STRIDES + 1) * STRIDE / 100, STRIDES * STRIDE / 200
@@ -159,11 +178,12 @@ def stride(plugins: Plugins, seed: int) -> Rows:
 
 def loop(plugins: Plugins, seed: int) -> Rows:
     """Draw walking, side steps and steps back around a square."""
+    walk, side, back = (_skill(plugins, *asked) for asked in (_WALK, ("hips.left",), ("hips.back",)))
     sides = (
-        (Call("walk", {"x_cm": 0, "z_cm": 60, "yaw_deg": 0}), 4, "#c2410c"),
-        (Call("side_step", {"x_cm": 40}), 6, "#7c3aed"),
-        (Call("step_back", {"z_cm": 40}), 6, "#15803d"),
-        (Call("side_step", {"x_cm": -40}), 6, "#be185d"),
+        (_call(walk, hips_forward=60), 4, "#c2410c"),
+        (_call(side, hips_left=40), 6, "#7c3aed"),
+        (_call(back, hips_back=40), 6, "#15803d"),
+        (_call(side, hips_left=-40), 6, "#be185d"),
     )
     motion = _acted(plugins, flat(), [call for call, count, _ in sides for _ in range(count)], seed)
     corners = HISTORY - 1 + FUTURE * np.cumsum([0, *(count for _, count, _ in sides)])
@@ -182,10 +202,10 @@ def loop(plugins: Plugins, seed: int) -> Rows:
 
 def seats(plugins: Plugins, seed: int) -> Rows:
     """Draw sitting at several heights, each on a seat that fits."""
-    skill, panels = plugins.skill("sit_in_place"), []
+    skill, stop, panels = _skill(plugins, "hips.height", role="sit"), _skill(plugins, role="stop"), []
     for height in SEATS:
         scene = stage(skill, {"h": height / 100})
-        motion = _acted(plugins, scene, [Call(skill.name, {"h_cm": height}), Call("stop", {})], seed)
+        motion = _acted(plugins, scene, [_call(skill, hips_height=height), _call(stop)], seed)
         title = f"sit {height} cm: hips at {100 * motion.root[-1, 1]:.0f} cm"
         panels.append(Panel(title, scene, motion[-1:], (-4.2, 1.7, 3.0), (0.0, 0.6, -0.1), 22, 420, 1 / 3))
     return [panels]
@@ -197,8 +217,8 @@ def kinematics(plugins: Plugins, seed: int) -> Rows:
     wall, stairs = SceneBuilder.on_floor(), SceneBuilder.on_floor()
     wall.box("wall", (1.2, 2.0, 0.12), (0.3, 0, 1.3), (214, 190, 160))
     stairs.steps(4, 0.17, 0.28, 0.35)
-    walk = Call("walk", {"x_cm": 0, "z_cm": 50, "yaw_deg": 0})
-    climb = Call("climb_upstairs", {"h_cm": 17, "d_cm": 28})
+    walk = _call(_skill(plugins, *_WALK), hips_forward=50)
+    climb = _call(_skill(plugins, "hips.rise"), hips_rise=17, hips_forward=28)
     blocked, aloft = ("walks through the wall", "the wall blocks"), ("climbs on in the air", "stairs and landing carry")
     rows: Rows = []
     for scene, calls, told, (y, z) in (

@@ -153,7 +153,7 @@ def _gait_rows(name: str, gaits: Sequence[Gait], kinds: Mapping[str, Any]) -> li
     values = [[getattr(gait, key) for key in _COLUMNS] for gait in gaits]
     columns = _COLUMNS.values()
     return [
-        {"walk": name + kind} | dict(zip(columns, summary(values, 0).tolist(), strict=True))
+        {"gait": name + kind} | dict(zip(columns, summary(values, 0).tolist(), strict=True))
         for kind, summary in kinds.items()
         if gaits
     ]
