@@ -137,6 +137,12 @@ def test_every_switch_of_the_papers_ablation_reaches_the_model(shell, tmp_path):
     assert episode.record.verifier == ""
 
 
+def test_a_model_without_eyes_gets_no_picture(shell):
+    with OpenAIServer([call("stop")]) as server:
+        assert shell(*at(server), "--images=0").exit_code == 0
+    assert server.requests[0].images == []
+
+
 def test_a_run_that_ends_by_a_limit_says_so(shell):
     with OpenAIServer([call("walk", **STEP)] * 3) as server:
         done = shell(*at(server), "--no-verifier", "--limit", "episode.tokens=1500")

@@ -106,7 +106,7 @@ _DECIDERS: Final = (
         "--no-mid-level", "mid_level", flag_value=False, default=None, help="The agent keeps no mid-level goal."
     ),
     click.option("--history", type=click.IntRange(0), help="Number of past steps in the agent's prompt."),
-    click.option("--images", type=click.IntRange(1), help="Number of views in the prompt, the current one included."),
+    click.option("--images", type=click.IntRange(0), help="Number of views in the prompt, the current one included."),
     click.option(
         "--profile",
         type=click.Choice(["default", "paper"]),

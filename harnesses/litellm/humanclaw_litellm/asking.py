@@ -103,7 +103,8 @@ class ModeNegotiator:
         if learned.worked if self._chosen else learned.settled:
             raise ProviderError(f"the provider refused a request: {reason}")
         if self._chosen or learned.modes == [mode]:
-            hint = "Name another model; parameters of the request are --option params, temperature and max_tokens."
+            hint = "Check that the server serves this model, or name another."
+            hint += " Parameters of the request are --option params, temperature and max_tokens."
             raise ModelError(f"the provider refuses the requests: {reason}.", hint)
         learned.modes = [other for other in learned.modes if other != mode]
 

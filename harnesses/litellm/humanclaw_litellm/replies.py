@@ -43,7 +43,9 @@ def _tidied(body: Json) -> Json:
             del tidy["error"]
     if body.get("object") == "response" and (items := parts_of(body, "output")):
         tidy["output"] = _with_one_message(items)
-    return tidy | ({"usage": _counts(body["usage"])} if isinstance(body.get("usage"), dict) else {})
+    if isinstance(body.get("usage"), dict):
+        tidy["usage"] = _counts(_as_openai(body["usage"]) if "choices" in body else body["usage"])
+    return tidy
 
 
 def _index(choice: Json) -> int:
@@ -89,6 +91,28 @@ def _text(part: Any) -> str:
     if isinstance(part, dict):
         return next((_text(part[key]) for key in ("text", *_THOUGHTS) if key in part), "")
     return part if isinstance(part, str) else ""
+
+
+def _as_openai(usage: Json) -> Json:
+    """Return a usage of Chat Completions with OpenAI's names, and its cost as one number."""
+    told = dict(usage)
+    for name, other in (("prompt_tokens", "input_tokens"), ("completion_tokens", "output_tokens")):
+        if other in told:
+            told.setdefault(name, told[other])
+    if "cached_tokens" in told:  # Kimi
+        told.setdefault("prompt_tokens_details", {"cached_tokens": told["cached_tokens"]})
+    return told | ({"cost": _cost(told)} if "cost" in told else {})
+
+
+def _cost(usage: Json) -> Any:
+    """Return the cost as a number; as it is, if it is none. With a key of the user's own, OpenRouter tells its fee, and
+    the cost of the key beside it.
+    """
+    upstream = part_of(usage, "cost_details").get("upstream_inference_cost") if usage.get("is_byok") is True else None
+    try:
+        return usage["cost"] if isinstance(usage["cost"], bool) else float(usage["cost"]) + float(upstream or 0)
+    except (TypeError, ValueError):
+        return usage["cost"]
 
 
 def _counts(usage: Json) -> Json:

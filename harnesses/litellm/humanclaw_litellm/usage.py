@@ -85,10 +85,15 @@ def price_of(settings: Settings) -> tuple[float, float] | None:
     """
     if _are_given(settings):
         return tuple(float(settings.params.get(word, 0.0)) for word in _PRICES)  # type: ignore[return-value]
-    listed = load().model_cost  # litellm's own look-up would ask an Ollama server for prices.
-    found = listed.get(settings.model) or listed.get(settings.model.partition("/")[2]) or {}
+    listed, model = load().model_cost, _listed(settings)  # litellm's own look-up would ask an Ollama server for prices.
+    found = listed.get(model) or listed.get(model.partition("/")[2]) or {}
     first, second = (found.get(word) for word in _PRICES)
     return None if first is None or second is None else (float(first), float(second))
+
+
+def _listed(settings: Settings) -> str:
+    """Return the model's name in litellm's list, which has no API in it: openai/responses/gpt-5 is openai/gpt-5."""
+    return settings.model.replace("/responses/", "/", 1)
 
 
 def _cost(response: Any, settings: Settings, sent: int, wrote: int) -> float:
@@ -101,7 +106,7 @@ def _cost(response: Any, settings: Settings, sent: int, wrote: int) -> float:
     given = dict(zip(_PRICES, prices, strict=True)) if _are_given(settings) else None
     try:
         return float(
-            load().completion_cost(completion_response=response, model=settings.model, custom_cost_per_token=given)
+            load().completion_cost(completion_response=response, model=_listed(settings), custom_cost_per_token=given)
         )
     except Exception:  # litellm raises a bare Exception for a provider that its list does not hold whole.
         return sent * prices[0] + wrote * prices[1]

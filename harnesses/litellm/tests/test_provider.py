@@ -29,6 +29,7 @@ from model_servers import (
 from humanclaw import HumanclawError, Meter, ProviderError
 from humanclaw_litellm.client import Client
 from humanclaw_litellm.settings import ModelError, Settings
+from humanclaw_litellm.usage import price_of
 
 pytestmark = pytest.mark.integration
 
@@ -259,6 +260,40 @@ def test_prices_can_be_given(usage_of):
 def test_a_cost_that_the_provider_tells_is_believed(usage_of):
     usage = usage_of(reporting(cost=0.25))
     assert (usage.cost, usage.cost_estimated) == (0.25, False)
+
+
+@pytest.mark.parametrize(
+    "told",
+    [
+        {"cost": "0.25"},
+        {"cost": 0.01, "is_byok": True, "cost_details": {"upstream_inference_cost": 0.24}},
+        {"cost": 0, "is_byok": True, "cost_details": {"upstream_inference_cost": 0.25}},
+        {"cost": 0.25, "is_byok": False, "cost_details": {"upstream_inference_cost": 0.24}},
+    ],
+)
+def test_a_cost_may_be_text_and_have_the_users_key_beside_it(usage_of, told):
+    assert usage_of(reporting(**told)).cost == pytest.approx(0.25)
+
+
+def test_tokens_may_have_the_names_of_the_responses_api(usage_of):
+    reply = call("stop")
+    other = {"input_tokens": 1000, "output_tokens": 100, "total_tokens": 1100}
+    usage = usage_of(Reply({**reply.body, "usage": other}))
+    assert (usage.tokens_in, usage.tokens_out, usage.estimated) == (1000, 100, False)
+
+
+def test_cached_tokens_beside_the_counts_have_their_discount(usage_of):
+    import litellm
+
+    price = litellm.model_cost["gpt-4o-mini"]
+    usage = usage_of(reporting(cached_tokens=800), model="openai/gpt-4o-mini")
+    expected = 200 * price["input_cost_per_token"] + 800 * price["cache_read_input_token_cost"]
+    assert usage.cost == pytest.approx(expected + 100 * price["output_cost_per_token"])
+
+
+def test_a_model_of_the_responses_api_has_the_price_of_its_name():
+    listed, named = (price_of(Settings(model=name)) for name in ("openai/gpt-5", "openai/responses/gpt-5"))
+    assert listed == named != (0.0, 0.0)
 
 
 @pytest.mark.parametrize("cost", [float("nan"), float("inf"), -0.25, True])
