@@ -147,6 +147,7 @@ OWN = {
     "harnesses/human/humanclaw_human/window.py": "a temporary folder",
     "harnesses/pilot/humanclaw_pilot/": "views and weights of the user",
     "plugins/bench/humanclaw_bench/settings.py": "plugin files that the user named, and weights of installed skills",
+    "plugins/bench/humanclaw_bench/tables.py": "a table of this package",
     "plugins/bullet/humanclaw_bullet/": "a temporary folder, and the null device",
     "plugins/ray/humanclaw_ray/executor.py": "a temporary folder",
     "plugins/report/humanclaw_report/": "a script of this package",
