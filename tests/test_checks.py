@@ -582,15 +582,6 @@ def test_degrees_in_place_of_radians_are_suspected():
     assert "radians, not degrees" in next(fault.remedy for fault in faults if fault.check == "joint-limits")
 
 
-def test_a_file_that_exits_does_not_pass_on_the_command_line(tmp_path, plugins):
-    (tmp_path / "odd.py").write_text(
-        FILE.format(arguments="", times=1).replace("    return", "    raise SystemExit(0)\n    return")
-    )
-    done = CliRunner().invoke(build(lambda: plugins), ["check", "--engine", "none", str(tmp_path / "odd.py")])
-    assert done.exit_code == 1
-    assert "plan-runs: nod() raises SystemExit: 0." in done.output
-
-
 def test_a_disabled_skill_can_be_checked_by_its_name(tmp_path):
     folder = shutil.copytree(folder_of("step_back"), tmp_path / "step_back")
     rewrite(folder, lambda content: content["properties"]["z_cm"].update(maximum=90))

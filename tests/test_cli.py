@@ -94,17 +94,6 @@ def test_a_run_leaves_a_record_a_film_and_a_report(cli, tmp_path):
     assert not re.search(r'(src|href)="https?:', page)
 
 
-def test_an_unknown_renderer_is_answered_with_the_nearest_name(cli):
-    done = cli("run", "--renderer", "rastr", "--agent", "still", "--film", "none", "--out", "r")
-    assert done.returncode != 0
-    assert "Did you mean raster?" in done.stderr
-
-
-def test_the_ten_line_skill_can_be_called(cli, tmp_path):
-    rows = json.loads(cli("skills", "--json", "--plugin", EXAMPLES / "nod.py").stdout)
-    assert "nod" in {row["skill"] for row in rows}
-
-
 @pytest.mark.parametrize("command", [["run"], ["play", "stop"]])
 def test_a_seed_below_zero_is_refused_in_words(cli, command):
     done = cli(*command, "--seed", "-3")
@@ -136,6 +125,8 @@ def test_a_seed_below_zero_is_refused_in_words(cli, command):
             "Write provider/name",
             marks=pytest.mark.integration,
         ),
+        (["run", "--renderer", "rastr"], "there is no renderer 'rastr'", "Did you mean raster?"),
+        (["run", "--agent", "still", "--option", "scene=house:1"], "scene", "Write --scene without --option."),
         (["run", "--prior", "nope"], "there is no prior 'nope'", "Known: lite"),
         (
             ["run", "--instruction", "find a giraffe"],
@@ -466,9 +457,3 @@ def test_an_agent_that_breaks_as_it_is_asked_for_its_settings_is_named():
     broken = type("Broken", (), {"settings": property(lambda self: 1 / 0)})()
     with pytest.raises(PluginError, match=rf"^{__name__.partition('.')[0]} raised ZeroDivisionError: .*its settings"):
         check_options({}, "broken", broken, None)
-
-
-def test_an_option_of_the_command_is_told_to_stand_by_itself(cli, tmp_path):
-    done = cli("run", "--agent", "still", "--option", "scene=house:1", "--out", "r")
-    assert (done.returncode, "Write --scene without --option." in done.stderr) == (2, True)
-    assert not (tmp_path / "r").exists()

@@ -172,8 +172,7 @@ def test_the_hooks_of_a_commit_are_the_checks_of_lint():
     assert re.search(r"^lint: (.*?)  ##", (ROOT / "Makefile").read_text(), re.MULTILINE)[1].split() == hooks
 
 
-def test_the_table_says_what_the_distributions_register():
-    plugins = Plugins.discover()
+def test_the_table_says_what_the_distributions_register(plugins):
     origins = {info.name: info.origin for info in plugins.infos}
     for kind, table in distributions.table().items():
         if kind == "commands":

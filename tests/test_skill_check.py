@@ -104,13 +104,6 @@ def test_an_adapter_of_another_base_is_refused_with_both_digests(copy):
     )
 
 
-def test_an_adapter_that_was_cut_off_is_refused(copy):
-    folder = copy("step_back")
-    file = folder / "adapter.safetensors"
-    file.write_bytes(file.read_bytes()[:-1000])
-    assert "cannot be read as a checkpoint" in _disabled(folder)
-
-
 @pytest.mark.parametrize(("kind", "odd"), [(np.float16, np.nan), (np.float16, -np.inf), (np.float32, np.inf)])
 def test_one_weight_that_is_no_number_keeps_a_skill_out_where_it_is_registered_and_in_the_check(copy, kind, odd):
     folder = copy("step_back")
@@ -174,14 +167,9 @@ def test_whatever_goes_wrong_in_the_check_is_told_as_a_reason(copy):
     assert "skill 'step_back' cannot be checked: AttributeError" in _disabled(folder, measures=[Odd()])
 
 
-@pytest.mark.parametrize(
-    ("name", "key", "measure", "units"),
-    [("turn_in_place", "yaw_deg", "hips.left", "rad.*m")],
-)
-def test_a_measure_in_another_unit_than_its_parameter_is_refused(copy, name, key, measure, units):
-    folder = copy(name, lambda s: s["properties"][key].update({"x-measure": measure}))
-    said = re.escape(f"parameter {key!r} of skill {name!r} is in ") + units
-    assert re.search(said, _disabled(folder))
+def test_a_measure_in_another_unit_than_its_parameter_is_refused(copy):
+    folder = copy("turn_in_place", lambda s: s["properties"]["yaw_deg"].update({"x-measure": "hips.left"}))
+    assert re.search("parameter 'yaw_deg' of skill 'turn_in_place' is in rad.*m", _disabled(folder))
 
 
 @pytest.mark.parametrize(

@@ -345,16 +345,6 @@ def test_a_house_whose_doors_are_walled_up_is_noticed() -> None:
     assert any("cannot be walked to" in problem for problem in problems(broken))
 
 
-@pytest.mark.parametrize("name", EACH)
-def test_every_target_can_be_walked_to_from_the_start(name: str) -> None:
-    whole, walkable = scene(name), WalkableArea.of(scene(name))
-    start = np.array([whole.start.x, whole.start.floor, whole.start.z])
-    assert walkable.floors.grids[0].at(walkable.floors.grids[0].clearance, start[[0, 2]]) >= 0.5
-    for obj in whole.objects:
-        if obj.category in FURNISHED:
-            assert np.isfinite(walkable.floors.geodesic(start, goals_at(walkable.floors, whole, obj.id))), obj.asset
-
-
 # -- storeys -----------------------------------------------------------------------------------------------------------
 TALL = "12"
 
