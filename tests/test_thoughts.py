@@ -215,7 +215,20 @@ def test_a_header_before_everything_is_of_the_models_own_turn(header):
         "<think> b",
         "</plan><think>",
     ]
-    + ['{"a":', '{"', "<parameter=a>", "f(a=", "f(a='", "User:\n", "`<think>", "[[[", "<\n"],
+    + [
+        '{"a":',
+        '{"',
+        "<parameter=a>",
+        "f(a=",
+        "f(a='",
+        "User:\n",
+        "`<think>",
+        "[[[",
+        "<\n",
+        'call:a{<|"|>',
+        "Q:\n",
+        "user\nb",
+    ],
 )
 def test_thoughts_take_time_by_their_length(piece):
     """Four times the text takes about four times as long; a quadratic search would take 16 times."""

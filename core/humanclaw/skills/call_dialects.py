@@ -74,7 +74,7 @@ _PARAMETER: Final = re.compile(
 )
 _CLOSED: Final = re.compile(rf"\s*</(?:function|{_SPACE}invoke|tool_call)>")
 _GEMMA: Final = re.compile(
-    r'call:([\w-]{1,64})(\{(?:<\|"\|>.{0,9999}?<\|"\|>|[^<]){0,999}\})(?=<tool_call\|>)', re.DOTALL
+    r'call:([\w-]{1,64})(\{(?:<\|"\|>(?:(?!<\|"\|>).){0,9999}<\|"\|>|[^<]){0,9999}\})(?=<tool_call\|>)', re.DOTALL
 )
 _GEMMA_WORD: Final = re.compile(r'<\|"\|>(.*?)<\|"\|>|[\w-]{1,64}(?=:)', re.DOTALL)
 """A string between marks, or a key."""

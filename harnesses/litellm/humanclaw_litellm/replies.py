@@ -38,7 +38,7 @@ def _tidied(body: Json) -> Json:
         if listed := parts_of(body, key):
             tidy[key] = [min(listed, key=_index)]
     if message := part_of(first_of(tidy, "choices"), "message"):
-        tidy["choices"] = [{**tidy["choices"][0], "message": _as_text(message)}]
+        tidy["choices"] = [{**tidy["choices"][0], "message": _as_text(message) | _split_off(body)}]
         if _reports_success(body.get("error")):
             del tidy["error"]
     if body.get("object") == "response" and (items := parts_of(body, "output")):
@@ -52,6 +52,15 @@ def _index(choice: Json) -> int:
     """Return the place of an answer: servers list several in any order."""
     found = choice.get("index")
     return found if isinstance(found, int) else 0
+
+
+def _split_off(body: Json) -> Json:
+    """Return the tool calls that the first choice ends with and another one holds: GitHub Copilot splits an answer."""
+    first, *others = sorted(parts_of(body, "choices"), key=_index)
+    if first.get("finish_reason") != "tool_calls" or part_of(first, "message").get("tool_calls"):
+        return {}
+    calls = [call for other in others for call in parts_of(part_of(other, "message"), "tool_calls")]
+    return {"tool_calls": calls} if calls else {}
 
 
 def _as_text(message: Json) -> Json:
