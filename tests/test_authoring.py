@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from hosting import host_of
 
-from humanclaw import Body, Call, Decision, Episode, Keyframes, Observation, Plugins, Verdict, body_tools, skill
+from humanclaw import Body, Episode, Keyframes, Observation, Plugins, body_tools, skill
 from humanclaw.body import Pose2D
 from humanclaw.checks.fakes import FakeWorld
-from humanclaw.errors import PluginError, PluginRunError
+from humanclaw.errors import PluginError
 from humanclaw.records import free_episode
 from humanclaw.testing import check_target, fake_body
 
@@ -50,13 +50,6 @@ def done() -> Keyframes:
     return Keyframes.cycle("head", "x", 5, 0.5)
 
 
-def test_a_reserved_name_disables_its_skill_and_no_neighbour(tmp_path):
-    (tmp_path / "two.py").write_text(TWO)
-    plugins = Plugins.discover([tmp_path / "two.py"])
-    assert "nod" in plugins.skills
-    assert "taken" in plugins.disabled["look"]
-
-
 def test_tools_move_the_body_no_more_after_a_stop_until_it_is_reset():
     with fake_body(nod, done) as body:
         tools = {tool.name: tool for tool in body_tools(body)}
@@ -67,22 +60,6 @@ def test_tools_move_the_body_no_more_after_a_stop_until_it_is_reset():
         assert tools["look"]().picture
         body.reset(body.scene)
         assert tools["nod"]().picture
-
-
-def test_a_verdict_that_neither_accepts_nor_replaces_is_refused():
-    class Undecided:
-        name = "undecided"
-
-        def begin(self, context): ...
-
-        def verify(self, observation, call, skill, goal):
-            return Verdict(False)
-
-    with fake_body(nod) as body:
-        episode = Episode(body, free_episode("nod", body.scene), "tester", Undecided())
-        with pytest.raises(PluginRunError, match="neither accepts nor replaces"):
-            episode.submit(Decision((Call("nod"),)))
-    assert episode.outcome == "plugin_error"
 
 
 def test_an_observation_is_one_line():

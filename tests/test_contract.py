@@ -14,18 +14,10 @@ from humanclaw.body import FUTURE, rest_pose
 from humanclaw.checks.fakes import Fakes
 from humanclaw.errors import CallError, PluginError
 
-EIGHT = {
-    "walk", "side_step", "step_back", "turn_in_place", "climb_upstairs", "walk_downstairs", "sit_in_place", "stop",
-}  # fmt: skip
-
 
 def nod(times: int = 1) -> Keyframes:
     """Nod the head to agree."""
     return Keyframes.cycle("head", axis="x", degrees=20, seconds=0.5, times=times)
-
-
-def test_the_eight_skills_are_found_through_entry_points(plugins):
-    assert set(plugins.skills) == EIGHT
 
 
 @pytest.mark.integration
@@ -40,10 +32,6 @@ def test_parameters_become_metres_and_radians_by_their_names_without_the_unit(pl
     plan = walk.plan(walk.check({"yaw_deg": 30, "z_cm": 40, "x_cm": -5}))
     assert isinstance(plan, Control)
     assert plan.values == pytest.approx({"x": -0.05, "z": 0.4, "yaw": math.pi / 6})
-
-
-def test_parameters_left_out_take_their_defaults(plugins):
-    assert plugins.skill("walk").check({"z_cm": 40}) == {"x_cm": 0, "z_cm": 40, "yaw_deg": 0}
 
 
 @pytest.mark.parametrize(
@@ -103,13 +91,6 @@ def test_keyframes_of_an_unknown_joint_name_the_joints():
 def test_an_argument_without_a_type_is_refused():
     with pytest.raises(PluginError, match="has no type"):
         skill()(lambda times: nod(times))
-
-
-def test_a_skill_without_its_adapter_says_so(tmp_path):
-    folder = tmp_path / "hop"
-    folder.mkdir()
-    (folder / "schema.json").write_text('{"type": "object", "properties": {}, "description": "Hop once."}')
-    assert not Skill.from_folder(folder).trained
 
 
 def test_swapping_two_properties_of_a_schema_changes_nothing_in_the_motion(plugins, tmp_path):

@@ -156,6 +156,7 @@ def test_a_decision_that_is_wrong_inside_is_its_plugins_error_and_leaves_a_recor
     ("says", "told"),
     [
         (None, "verify() of judge returned None and no Verdict"),
+        (Verdict(False), "neither accepts nor replaces"),
         (Verdict(True, usage=None), "usage: Input should be an instance of Usage"),
         (Verdict(False, {"skill": "walk"}), "replacement: Input should be an instance of Call"),
         (Verdict(True, answers=({"check": "x"},)), "answers.0: Input should be an instance of Answer"),

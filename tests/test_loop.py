@@ -66,12 +66,6 @@ def test_a_body_begins_in_the_stance_that_its_first_motion_goes_on_from(body, ho
     assert np.linalg.norm(leap, axis=-1).max() < 0.05
 
 
-def test_an_active_stop_ends_the_episode(play):
-    episode, _ = play(STOP, STEP)
-    assert episode.record.outcome == "stopped"
-    assert [step.status for step in episode.steps] == ["stopped"]
-
-
 @pytest.mark.parametrize(
     "before", [(), (STEP,), (Call("sit_in_place", {"h_cm": 50}),), (Call("walk", {"z_cm": 400}),) * 3]
 )
@@ -139,10 +133,10 @@ class NeverBegins(RecordingVerifier):
         raise ZeroDivisionError("a bug")
 
 
-@pytest.mark.parametrize(("judge", "steps"), [(Broken, 0), (NeverBegins, 0)])
-def test_what_a_verifier_raises_fails_the_episode_and_names_its_plugin(play, judge, steps):
+@pytest.mark.parametrize("judge", [Broken, NeverBegins])
+def test_what_a_verifier_raises_fails_the_episode_and_names_its_plugin(play, judge):
     episode, _ = play(STEP, STOP, verifier=judge(None))
-    assert (episode.record.outcome, len(episode.steps)) == ("plugin_error", steps)
+    assert (episode.record.outcome, len(episode.steps)) == ("plugin_error", 0)
     assert episode.record.error == f"{__name__.partition('.')[0]} raised ZeroDivisionError: a bug"
 
 
@@ -199,15 +193,6 @@ def test_a_replacement_that_is_illegal_fails_open_and_says_so(play):
     episode, _ = play(STEP, verifier=verifier, max_steps=1)
     assert episode.steps[0].call.skill == "walk"
     assert "there is no skill 'fly'" in episode.steps[0].verdict.failed_open
-
-
-def test_the_same_seed_gives_the_same_motion_bit_for_bit(body, house, tmp_path):
-    spec = free_episode("walk", house, seed=7, max_steps=3)
-    for name in ("one", "two"):
-        run_episode(body, spec, ScriptedAgent([STEP, STEP, STOP]), folder=tmp_path / name)
-    one, two = (RecordedEpisode(tmp_path / name).motion() for name in ("one", "two"))
-    assert np.array_equal(one.root, two.root)
-    assert np.array_equal(one.rotations, two.rotations)
 
 
 def test_an_episode_neither_reads_nor_moves_the_randomness_that_all_share(body, house, tmp_path):

@@ -73,12 +73,12 @@ def test_a_door_that_hangs_still_is_worked_out_once_and_one_that_turns_anew():
         still.position[0] = 1.0
 
 
-def test_a_skill_is_found_by_what_its_parameters_command_and_by_no_name():
-    skill, keys = skill_with(Plugins.discover(), "hips.forward", "heading.left")
+def test_a_skill_is_found_by_what_its_parameters_command_and_by_no_name(plugins):
+    skill, keys = skill_with(plugins, "hips.forward", "heading.left")
     assert {"hips.forward", "heading.left"} <= set(keys)
     assert set(keys.values()) <= set(skill.schema["properties"])
     with pytest.raises(HumanclawError, match="flapped"):
-        skill_with(Plugins.discover(), "arms.flapped")
+        skill_with(plugins, "arms.flapped")
     with pytest.raises(HumanclawError, match="height"):  # Keyframes are no generated motion.
         skill_with(host_of("crouch", skills=[crouch]), "hips.height")
 

@@ -117,11 +117,6 @@ def test_a_plugin_made_for_another_version_is_disabled(site):
     assert "needs humanclaw<0.0.5" in info.error
 
 
-def test_a_misspelt_hook_is_refused_with_the_one_that_was_meant():
-    with pytest.raises(PluginError, match=r"Did you mean humanclaw_skills\?"):
-        host_of("misspelt", skill=[])
-
-
 @skill()
 def shrug(times: int = 1) -> Keyframes:
     """Shrug the shoulders."""

@@ -20,11 +20,6 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-@pytest.fixture(scope="module")
-def plugins() -> Plugins:
-    return Plugins.discover()
-
-
 def house() -> Scene:
     """Return a floor with a leaning pile that takes a moment to settle, two metres before the body."""
     builder = SceneBuilder.on_floor()

@@ -9,21 +9,15 @@ import pytest
 from click.testing import CliRunner
 from pydantic import TypeAdapter
 
-from humanclaw import Plugins
 from humanclaw.cli import build
 
 SAID = ("visible_state", "progress", "mid_level_change", "mid_level_goal", "reasoning")
 """The reasoning, in the order in which a model shall think."""
 
 
-@pytest.fixture(scope="module")
-def command():
-    return build(Plugins.discover)
-
-
 @pytest.fixture
-def printed(command):
-    return functools.partial(run, command)
+def printed(plugins):
+    return functools.partial(run, build(lambda: plugins))
 
 
 def run(command, form, *options):

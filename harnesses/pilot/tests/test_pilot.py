@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from safetensors.numpy import load_file, save_file
 
-from humanclaw import Call, Decision, EpisodeContext, EpisodeSpec, HumanclawError, Observation, Plugins, TaskError
+from humanclaw import Call, Decision, EpisodeContext, EpisodeSpec, HumanclawError, Observation, TaskError
 from humanclaw.body import rest_pose
 from humanclaw.records import acknowledges
 from humanclaw.world import GAZES, SceneBuilder, WorldState, ego_camera
@@ -18,11 +18,6 @@ from humanclaw_pilot.network import CELLS, CLASSES, SHAPES, SIZE, WEIGHTS, Eyes,
 
 SPEC = EpisodeSpec(id="one", instruction="find a couch", scene="", target_category="couch")
 PICTURE = np.zeros((512, 512, 3), np.uint8)
-
-
-@pytest.fixture(scope="module")
-def plugins():
-    return Plugins.discover()
 
 
 def glance(kind="floor", mine=0):

@@ -24,12 +24,6 @@ def edit(file: Path, **changes: object) -> None:
     write(file, json.loads(file.read_text()) | changes)
 
 
-def test_a_good_scene_passes(dataset: Path) -> None:
-    result = check(dataset)
-    assert result.exit_code == 0, result.output
-    assert "16 objects (1 movable)" in result.output
-
-
 def test_a_scene_without_a_floor_fails(mine: Path) -> None:
     model(mine / "stages" / "toy.glb", box((0, 0, 0), (0.1, 2.7, 6)))
     result = check(mine)

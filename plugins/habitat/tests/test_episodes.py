@@ -234,6 +234,7 @@ def test_scenes_are_listed_and_checked(dataset: Path) -> None:
     listed = run("scenes", str(dataset))
     assert listed.output == f"hssd:{dataset}#toy1\n"
     checked = run("check", str(dataset))
+    assert checked.exit_code == 0, checked.output
     assert "16 objects (1 movable)" in checked.output
     assert "2 rooms; chair 1, couch 1, potted_plant 1, tv 1" in checked.output
 
