@@ -34,7 +34,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import Any, Final, TypeVar, cast
 
 import numpy as np
 import torch
@@ -109,6 +109,12 @@ class Recipe:
         choices=("auto", "float32", "bf16"),
     )
     jitter: float = _option("--jitter", 0.01, "noise on conditions, in standard deviations")
+    encoder: str = _option(
+        "--encoder",
+        "auto",
+        "of an adapter's parameters; auto takes fourier for three or more, such as walk's, and mlp for fewer",
+        choices=("auto", "mlp", "fourier"),
+    )
     rollout: int = _option("--rollout", 1, "chunks in a row, the earlier ones generated")
     licences: tuple[str, ...] = _option(
         "--licence", (), "licence of a data source that its folder does not tell; repeatable",
@@ -626,7 +632,7 @@ def train_adapter(
     chunks = tensors.load(folders, skill).to(session.device)
     torch.manual_seed(recipe.seed)
     if init is None:
-        adapter = Adapter(base.model, adapter_config(chunks))
+        adapter = Adapter(base.model, adapter_config(chunks, recipe.encoder))
     else:
         adapter = load_adapter(init, base, skill).train().requires_grad_()
         card = read_header(init)["card"]
@@ -644,11 +650,12 @@ def train_adapter(
     return path
 
 
-def adapter_config(chunks: ChunkTensors) -> AdapterConfig:
-    """Return the encoder of a skill, centred and scaled to the range of its data."""
+def adapter_config(chunks: ChunkTensors, asked: str = "auto") -> AdapterConfig:
+    """Return the encoder of a skill, centred and scaled to the range of its data. asked: of Recipe."""
     params, width = chunks.params, chunks.params.shape[1]
-    # Spatial conditions take Fourier features, scalars an MLP (paper, section 3.3).
-    encoder: Encoder = "fourier" if width > 2 else "mlp" if width else "token"
+    # Spatial conditions take Fourier features, scalars an MLP (paper, section 3.3). A turn alone is a scalar here.
+    fitting: Encoder = "fourier" if width > 2 else "mlp"
+    encoder: Encoder = "token" if not width else fitting if asked == "auto" else cast(Encoder, asked)
     # Quantiles, not extremes: in a step out of a seat the pelvis rises further than any command asks for.
     low, high = (params.quantile(edge, 0) if width else params.new_zeros(0) for edge in (0.01, 0.99))
     scale = ((high - low) / 2).clamp(min=1e-3)

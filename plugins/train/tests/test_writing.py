@@ -57,6 +57,18 @@ def test_the_header_says_what_each_parameter_was_trained_to_command(base, tmp_pa
     assert checkpoint.read_header(path)["adapter"]["measures"] == list(measures)
 
 
+@pytest.mark.parametrize(
+    ("width", "asked", "encoder"),
+    [(1, "auto", "mlp"), (1, "fourier", "fourier"), (3, "auto", "fourier"), (3, "mlp", "mlp"), (0, "fourier", "token")],
+)
+def test_an_adapters_encoder_can_be_chosen(base, tmp_path, width, asked, encoder):
+    poses, names = (torch.zeros(4, 20, 3), torch.zeros(4, 20, 24, 3)), tuple("xyz"[:width])
+    params = torch.linspace(0.0, 0.4, 4 * width).reshape(4, width)
+    config = adapter_config(ChunkTensors("veer", *poses, params, {}, names, names), asked)
+    save_adapter(tmp_path / "a.safetensors", Adapter(base.model, config), base.digest, Card())
+    assert load_adapter(tmp_path / "a.safetensors", base, "veer").config.encoder == encoder
+
+
 def test_a_card_is_read_by_the_runtime_as_it_was_written(base, tmp_path):
     path, card = tmp_path / "base.safetensors", Card({"steps": 3}, {"chunks": 10}, ("CC0",))
     save_base(path, base.model, base.normaliser, START, card)
