@@ -145,7 +145,7 @@ def _result_table(
 
 def _ranked(columns: Sequence[Column], rows: list[Row]) -> list[Row]:
     """Mark the best and second-best value of each column that has a better side; equal values share their mark."""
-    if len(rows) < _RANKED:
+    if len(rows) < _RANKED or not columns:  # Runs without a metric of a plugin have a table without columns.
         return rows
     places = [_places(column, [row.cells[index].value for row in rows]) for index, column in enumerate(columns)]
     return [replace(row, ranks=ranks) for row, ranks in zip(rows, zip(*places, strict=True), strict=True)]
