@@ -78,11 +78,6 @@ def test_a_table_fits_80_columns_in_a_pipe_and_breaks_no_name(cli, command):
     assert any("humanclaw-skill-side-step" in line for line in shown)
 
 
-def test_tools_are_ready_for_a_model(cli):
-    found = json.loads(cli("tools", "--format", "openai").stdout)
-    assert {"walk", "stop"} <= {tool["function"]["name"] for tool in found}
-
-
 @pytest.mark.integration
 def test_a_run_leaves_a_record_a_film_and_a_report(cli, tmp_path):
     done = cli("run", "--agent", "random", "--max-steps", "2", "--out", "r", "--film", "gif")

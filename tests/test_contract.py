@@ -24,7 +24,7 @@ def nod(times: int = 1) -> Keyframes:
 def test_importing_humanclaw_loads_neither_torch_nor_pybullet_nor_litellm():
     probe = "import sys, humanclaw; from humanclaw import Plugins; Plugins.discover(); print(*sys.modules)"
     loaded = subprocess.run([sys.executable, "-c", probe], capture_output=True, text=True, check=True).stdout.split()
-    assert not {"torch", "pybullet", "litellm", "trimesh"} & set(loaded)
+    assert not {"torch", "pybullet", "mujoco", "litellm", "trimesh"} & set(loaded)
 
 
 def test_parameters_become_metres_and_radians_by_their_names_without_the_unit(plugins):

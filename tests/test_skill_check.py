@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from declared import folder_of
 from fuzzing import bounded
 from hosting import host_of, write_distribution
 from safetensors.numpy import load_file, save
@@ -62,8 +63,7 @@ RETREATING = (
 
 def _disabled(folder, **more) -> str:
     """Why the host disables the skill of a folder, with a sound skill beside it that it keeps."""
-    sound = Plugins.discover().skill("stop").adapter.parent
-    plugins = host_of("pair", skills=[folder, sound], **more)
+    plugins = host_of("pair", skills=[folder, folder_of("stop")], **more)
     assert set(plugins.skills) == {"stop"}
     with pytest.raises(PluginError, match=f"skill '{folder.name}' is disabled"):
         plugins.skill(folder.name)
@@ -184,7 +184,7 @@ def test_what_a_schema_says_to_nobody_is_refused_with_a_remedy(copy, change, sai
 )
 def test_one_schema_that_cannot_be_published_takes_no_other_skill_out_of_the_tools(copy, odd, said):
     folder = copy("step_back", lambda s: s["properties"].update(z_cm=odd))
-    plugins = host_of("pair", skills=[folder, Plugins.discover().skill("stop").adapter.parent])
+    plugins = host_of("pair", skills=[folder, folder_of("stop")])
     assert said in plugins.disabled["step_back"]
     assert [tool["name"] for tool in publish(plugins.skills.values(), "mcp")] == ["stop"]
 

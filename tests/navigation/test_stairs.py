@@ -22,8 +22,8 @@ NOTHING = np.zeros((2, 2, 3), np.uint8)
 
 
 @pytest.fixture(scope="module")
-def body() -> Iterator[Body]:
-    with Body(HOUSE, plugins=Plugins.discover()) as made:
+def body(plugins: Plugins) -> Iterator[Body]:
+    with Body(HOUSE, plugins=plugins) as made:
         yield made
 
 

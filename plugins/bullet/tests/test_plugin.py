@@ -1,4 +1,4 @@
-"""Discovery of the plugin, and behaviour that only Bullet has."""
+"""Behaviour that only Bullet has."""
 
 import os
 import subprocess
@@ -8,29 +8,11 @@ import pytest
 
 pybullet = pytest.importorskip("pybullet", reason="PyBullet has no wheel for this Python")
 
-import humanclaw_bullet
 from humanclaw.body import Pose2D, forward_kinematics, shoe_heights
 from humanclaw.testing.fixture import Fixture
 from humanclaw.world import HalfPhysics, SceneBuilder
 from humanclaw_bullet.engine import Client
 from humanclaw_bullet.world import BulletWorld
-
-
-def offered(hook):
-    found = {}
-    hook(lambda name, factory, description="": found.update({name: factory}))
-    return found
-
-
-def test_the_simulator_is_offered_as_bullet():
-    simulators = offered(humanclaw_bullet.humanclaw_simulators)
-    assert isinstance(simulators["bullet"](profile="paper"), HalfPhysics)
-
-
-@pytest.mark.integration
-def test_importing_the_plugin_does_not_load_the_engine():
-    code = "import sys, humanclaw_bullet; sys.exit('pybullet' in sys.modules)"
-    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
 @pytest.mark.integration

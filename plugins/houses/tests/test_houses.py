@@ -11,8 +11,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-import humanclaw_houses
-from humanclaw import Plugins, Scene, SceneError
+from humanclaw import Scene, SceneError
 from humanclaw.records import SEATS
 from humanclaw.world import STRUCTURE, SceneObject, goals_at
 from humanclaw_houses.drafting import draw_plans
@@ -52,13 +51,6 @@ def furniture(scene: Scene) -> list[SceneObject]:
 
 
 # -- the door ----------------------------------------------------------------------------------------------------------
-@pytest.mark.integration
-def test_the_plugin_offers_houses_by_reference() -> None:
-    host = Plugins()
-    host.add(humanclaw_houses, "houses")
-    assert host.scene("house:2").digest == scene("2").digest
-
-
 @pytest.mark.parametrize("argument", ["41", "-1", "", "train-", "train", "07", "train-x", "1.0", "two"])
 def test_an_unknown_house_is_refused_with_the_names_of_those_there_are(argument: str) -> None:
     with pytest.raises(SceneError, match=re.escape("house:0 to house:40")):

@@ -1,4 +1,4 @@
-"""Discovery of the plugin, and behaviour that only MuJoCo has."""
+"""Behaviour that only MuJoCo has."""
 
 import subprocess
 import sys
@@ -8,28 +8,10 @@ import mujoco as mj
 import numpy as np
 import pytest
 
-import humanclaw_mujoco
 from humanclaw.testing import reset_times
-from humanclaw.world import PROFILES, HalfPhysics, Pose, SceneBuilder
+from humanclaw.world import PROFILES, Pose, SceneBuilder
 from humanclaw_mujoco.model import build
 from humanclaw_mujoco.world import MujocoWorld, mujoco
-
-
-def offered(hook):
-    found = {}
-    hook(lambda name, factory, description="": found.update({name: factory}))
-    return found
-
-
-def test_the_simulator_is_offered_as_mujoco():
-    simulators = offered(humanclaw_mujoco.humanclaw_simulators)
-    assert isinstance(simulators["mujoco"](profile="paper"), HalfPhysics)
-
-
-@pytest.mark.integration
-def test_importing_the_plugin_does_not_load_the_engine():
-    code = "import sys, humanclaw_mujoco; sys.exit('mujoco' in sys.modules)"
-    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
 @pytest.mark.integration
