@@ -451,13 +451,6 @@ def test_an_end_for_which_there_was_no_room_is_written_once_there_is(body, spec,
     assert RecordedEpisode(tmp_path / "full").record.outcome == episode.outcome == "interrupted"
 
 
-def test_an_episode_that_was_stopped_from_outside_says_so(body, spec):
-    episode = Episode(body, spec)
-    episode.stop()
-    with pytest.raises(HumanclawError, match="stopped from outside"):
-        episode.submit(STOP)
-
-
 @pytest.mark.parametrize("count", [0, 3])
 def test_an_agent_that_asks_sees_the_half_second_move(body, spec, count):
     seen = []

@@ -94,10 +94,7 @@ def test_an_episode_without_a_stop_runs_out_of_steps(play):
     ("bad", "hint"),
     [
         (Call("wlak", {"z_cm": 40}), "there is no skill 'wlak'. Did you mean walk?"),
-        (Call("walk", {"z_cm": 40, "speed": 2}), "'speed' was unexpected"),
         (Call("walk", {"z_cm": 400}), "400 is greater than the maximum of 80"),
-        (Call("walk", {"z_cm": "40"}), "'40' is not of type 'integer'"),
-        (Call("walk", {"z_cm": float("nan")}), "nan is not of type 'integer'"),
         (Decision((STEP, STOP)), "the answer held 2 calls; make exactly one"),
         (Decision(()), "the answer held no call; make exactly one"),
     ],

@@ -52,17 +52,6 @@ def test_the_reference_opens_what_the_generator_makes(folder: Path, fresh: Scene
     assert len(list(folder.iterdir())) == 1
 
 
-def test_a_damaged_file_is_made_anew_with_a_warning(folder: Path, fresh: Scene) -> None:
-    reference.kept("2", lambda: fresh)
-    (path,) = folder.iterdir()
-    data = bytearray(path.read_bytes())
-    data[len(data) // 2] ^= 1
-    path.write_bytes(bytes(data))
-    with pytest.warns(UserWarning, match="is made anew: it is damaged"):
-        assert reference.kept("2", lambda: fresh) is fresh
-    assert reference.kept("2", refuse).digest == fresh.digest
-
-
 def test_another_generator_never_gets_a_stale_house(
     folder: Path, fresh: Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -25,12 +25,11 @@ AWAY.root[:, 0] += 500.0
 def room(builder, monkeypatch, tmp_path):
     """A closed room of 6 x 6 x 2.6 m, and its cache."""
     monkeypatch.setenv("HUMANCLAW_CACHE", str(tmp_path))
-    for size, place in (((6.4, 0.2, 6.4), (0, -0.2, 0)), ((6.4, 0.2, 6.4), (0, 2.6, 0))):
-        builder.box(size, place)
-    for size, place in (((6.4, 2.6, 0.2), (0, 0, 3.1)), ((6.4, 2.6, 0.2), (0, 0, -3.1))):
-        builder.box(size, place)
-    for x in (-3.1, 3.1):
-        builder.box((0.2, 2.6, 6.4), (x, 0, 0))
+    for y in (-0.2, 2.6):
+        builder.box((6.4, 0.2, 6.4), (0, y, 0))
+    for middle in (-3.1, 3.1):
+        builder.box((6.4, 2.6, 0.2), (0, 0, middle))
+        builder.box((0.2, 2.6, 6.4), (middle, 0, 0))
     return builder
 
 

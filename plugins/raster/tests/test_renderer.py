@@ -14,6 +14,8 @@ from humanclaw_raster.painting import BRIGHTNESS
 from humanclaw_raster.renderer import RasterRenderer
 
 STANDING = WorldState(rest_pose(), {})
+AWAY = rest_pose()
+AWAY.root[:, 0] += 500.0
 RED, BLUE = (220, 40, 40), (40, 40, 220)
 
 
@@ -186,10 +188,8 @@ def test_movable_objects_are_drawn_where_the_state_says(builder):
 def test_objects_turn_as_their_quaternion_says(builder, camera):
     plank = builder.box((2.0, 0.2, 0.2), (0, 1, 3), movable=True, mass=1.0)
     upright = np.array([0.0, 0.0, np.sin(np.pi / 4), np.cos(np.pi / 4)])
-    far = rest_pose()
-    far.root[:, 0] += 500.0
     assert matrix_from_quaternion(upright) @ [1, 0, 0] == pytest.approx([0, 1, 0])
-    ids = builder.look(camera((0, 1, 0), (0, 0, 1)), WorldState(far, {plank: np.array([0, 1, 3, *upright])})).ids
+    ids = builder.look(camera((0, 1, 0), (0, 0, 1)), WorldState(AWAY, {plank: np.array([0, 1, 3, *upright])})).ids
     rows, columns = np.nonzero(ids == plank)
     assert np.ptp(rows) > 5 * np.ptp(columns)
 
@@ -278,10 +278,9 @@ def test_a_ceiling_and_walls_throw_no_shadow(builder, camera):
 def test_the_shadow_of_an_object_goes_where_it_goes(builder, camera):
     builder.floor()
     box = builder.box((0.4, 0.4, 0.4), (0, 0.3, 2.0), movable=True, mass=1.0)
-    eye, far = camera((0, 1.5, 0), (0, -0.8, 1), 128), rest_pose()
-    far.root[:, 0] += 500.0
-    here = builder.look(eye, WorldState(far, {})).rgb
-    gone = builder.look(eye, WorldState(far, {box: np.array([0.0, 50.0, 0, 0, 0, 0, 1])})).rgb
+    eye = camera((0, 1.5, 0), (0, -0.8, 1), 128)
+    here = builder.look(eye, WorldState(AWAY, {})).rgb
+    gone = builder.look(eye, WorldState(AWAY, {box: np.array([0.0, 50.0, 0, 0, 0, 0, 1])})).rgb
     row = _row_of_floor(1.7, eye=1.5, slope=-0.8, size=128)
     assert here[row, 64, 0] < 0.95 * gone[row, 64, 0]
 
@@ -315,11 +314,10 @@ def test_it_is_as_dark_at_the_border_of_the_picture(builder, camera):
 
 def test_the_own_hands_darken_nothing(builder):
     builder.box((20, 20, 0.2), (0, -10, 1.1))
-    body, gone = rest_pose(), rest_pose()
+    body = rest_pose()
     body.rotations[0, JOINT_INDEX["left_shoulder"]] = (0, -np.pi / 2, 0)
-    gone.root[:, 0] += 500.0
     eye = ego_camera(body)
-    with_hand, without = builder.look(eye, WorldState(body, {})), builder.look(eye, WorldState(gone, {}))
+    with_hand, without = builder.look(eye, WorldState(body, {})), builder.look(eye, WorldState(AWAY, {}))
     others = ndimage.binary_erosion(with_hand.ids != BODY_ID, iterations=3)  # Edges are smoothed.
     assert (with_hand.ids == BODY_ID).mean() > 0.01
     assert np.abs(with_hand.rgb.astype(int) - without.rgb)[others].max() <= 2
@@ -394,10 +392,7 @@ def test_an_edge_pixel_has_as_much_of_each_colour_as_the_edge_leaves(builder, ca
     """A box 0.75 m away and 0.315 m wide before a black wall: its sides fall into the middle of two pixels."""
     builder.box((8, 8, 0.2), (0, -3, 3.1), (0, 0, 0))
     builder.box((0.315, 8, 0.2), (0, -3, 0.85), (200, 200, 200))
-    away, renderer = rest_pose(), RasterRenderer()
-    away.root[:, 0] += 500.0
-    renderer.load(builder.scene())
-    row = renderer.render(WorldState(away, {}), camera((0, 1, 0), (0, 0, 1))).rgb[40, :, 0].astype(int)
+    row = builder.look(camera((0, 1, 0), (0, 0, 1))).rgb[40, :, 0].astype(int)
     # The focal length is 64 pixels, so that half the width is 13.44 pixels: 0.44 of a pixel.
     edge = [value for value in row if 0.2 * row[64] < value < 0.8 * row[64]]
     assert edge == pytest.approx([0.44 * row[64]] * 2, rel=0.03)
