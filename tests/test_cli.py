@@ -13,7 +13,7 @@ from types import SimpleNamespace
 import pytest
 from hosting import write_distribution
 
-from humanclaw import HumanclawError, PluginError, Plugins
+from humanclaw import HumanclawError, PluginError
 from humanclaw.cli import check_options, main
 from humanclaw.plugins.host import Modules
 
@@ -51,9 +51,9 @@ def process(tmp_path):
     return run
 
 
-def test_skills_lists_every_skill_with_owner_and_state(cli):
+def test_skills_lists_every_skill_with_owner_and_state(cli, plugins):
     rows = {row["skill"]: row for row in json.loads(cli("skills", "--json").stdout)}
-    assert rows.keys() == Plugins.discover().skills.keys()
+    assert rows.keys() == plugins.skills.keys()
     assert rows["walk"]["from"] == "humanclaw-skill-walk 0.1.0"
     assert "z_cm 0..80" in rows["walk"]["parameters"]
     assert rows["walk"]["state"] == "ready (adapter)"

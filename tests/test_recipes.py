@@ -5,7 +5,6 @@ import runpy
 import numpy as np
 import pytest
 
-from humanclaw.plugins import Plugins
 from humanclaw.skills import WindowTravel
 
 
@@ -15,8 +14,8 @@ def _windows(**given) -> WindowTravel:
     return WindowTravel(**numbers | {key: np.array([value]) for key, value in given.items()}, neutral=no, level=no)
 
 
-def test_every_shipped_skill_that_is_trained_draws_all_its_parameters():
-    skills = [skill for skill in Plugins.discover().skills.values() if skill.adapter is not None]
+def test_every_shipped_skill_that_is_trained_draws_all_its_parameters(plugins):
+    skills = [skill for skill in plugins.skills.values() if skill.adapter is not None]
     assert len(skills) == 8
     for skill in skills:
         recipe = runpy.run_path(str(skill.source / "recipe.py"))["RECIPE"]

@@ -5,7 +5,6 @@ from dataclasses import replace
 import pytest
 from rollouts import COUCH, LAMP, TABLE, rollout, step, touch
 
-from humanclaw import Plugins
 from humanclaw.records import Attempt, Decision, Transition, Verdict
 from humanclaw.skills import Call
 from humanclaw.world import SceneBuilder
@@ -24,9 +23,9 @@ def scene():
 
 
 @pytest.fixture
-def earned(scene, tmp_path):
+def earned(scene, plugins, tmp_path):
     """earned(name, steps): the sum of a reward over the steps of an episode that begins 4 m from its couch."""
-    rewards = {one.name: one.value for one in Plugins.discover().registered("rewards")}
+    rewards = {one.name: one.value for one in plugins.registered("rewards")}
 
     def total(name, steps, success=False):
         record = rollout(tmp_path, steps, geodesic=4.0).record

@@ -14,7 +14,7 @@ from urllib.request import Request, urlopen
 import numpy as np
 import pytest
 
-from humanclaw import Call, CallError, EpisodeContext, EpisodeSpec, HumanclawError, Observation, Plugins
+from humanclaw import Call, CallError, EpisodeContext, EpisodeSpec, HumanclawError, Observation
 from humanclaw.storage import jpeg
 from humanclaw_human.commands import forms, in_words, keys, manual, parse
 from humanclaw_human.person import Person, Settings
@@ -22,8 +22,8 @@ from humanclaw_human.window import LEAVE, PageServer, PageState
 
 
 @pytest.fixture(scope="module")
-def skills():
-    return Plugins.discover().skills
+def skills(plugins):
+    return plugins.skills
 
 
 PICTURE = np.zeros((8, 8, 3), np.uint8)
@@ -254,6 +254,6 @@ def test_the_end_of_the_input_interrupts_the_episode(skills, monkeypatch):
         person.decide(Observation(0, "Stop.", PICTURE), ())
 
 
-def test_an_option_of_a_model_is_no_option_of_a_person():
+def test_an_option_of_a_model_is_no_option_of_a_person(plugins):
     with pytest.raises(HumanclawError, match="browser, port, views_between"):
-        Plugins.discover().make("agents", "human", {"history": 10})
+        plugins.make("agents", "human", {"history": 10})

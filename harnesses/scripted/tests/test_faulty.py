@@ -11,7 +11,7 @@ import pytest
 from rooms import asset, block, scene_object, two_rooms
 from walker import PICTURE, SKILLS, Walker, play
 
-from humanclaw import Call, EpisodeContext, EpisodeSpec, HumanclawError, Observation, Plugins
+from humanclaw import Call, EpisodeContext, EpisodeSpec, HumanclawError, Observation
 from humanclaw.records import Difficulty, acknowledges
 from humanclaw.world import distance_to_box
 from humanclaw_scripted.faults import FAULTS
@@ -204,11 +204,11 @@ def test_options_that_make_no_sense_are_refused(wrong):
 
 
 @pytest.mark.parametrize("miss", ["abc", 7, -0.1])
-def test_a_verifier_that_overlooks_no_probability_is_refused(miss):
+def test_a_verifier_that_overlooks_no_probability_is_refused(miss, plugins):
     with pytest.raises(HumanclawError, match="--option miss"):
-        Plugins.discover().make("verifiers", "oracle", {"miss": miss})
+        plugins.make("verifiers", "oracle", {"miss": miss})
 
 
-def test_a_verifier_records_its_own_option_and_no_other():
-    verifier = Plugins.discover().make("verifiers", "oracle", {"miss": 0.25, "fault": "jam"})
+def test_a_verifier_records_its_own_option_and_no_other(plugins):
+    verifier = plugins.make("verifiers", "oracle", {"miss": 0.25, "fault": "jam"})
     assert verifier.settings == {"miss": 0.25}

@@ -58,9 +58,8 @@ def test_doors_and_drawers_overlap_nothing_closed_or_anywhere_on_their_way(maker
 @pytest.mark.parametrize("name", ["fridge", "dresser", "stove", "dishwasher"])
 @pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
 @pytest.mark.parametrize("engine", ["bullet", "mujoco"])
-def test_doors_drawers_and_lids_stay_where_they_are(engine: str, share: float, name: str) -> None:
+def test_doors_drawers_and_lids_stay_where_they_are(engine: str, share: float, name: str, plugins: Plugins) -> None:
     """Closed, half open and open: springs hold the lids of ovens and dishwashers."""
-    plugins = Plugins.discover()
     if engine not in {one.name for one in plugins.registered("simulators")}:
         pytest.skip(f"{engine} is not installed")
     scene = room(name)
