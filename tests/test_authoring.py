@@ -67,7 +67,7 @@ def test_an_observation_is_one_line():
     assert repr(seen) == "Observation(step=3, 'find the chair', rgb 512 x 512 x 3, '')"
 
 
-def test_a_package_in_a_folder_is_a_plugin_and_imports_its_own_modules(tmp_path):
+def test_a_package_in_a_folder_is_a_plugin_with_its_own_modules(tmp_path):
     folder = tmp_path / "my_nods"
     folder.mkdir()
     (folder / "skills.py").write_text(TWO.split("@hookimpl")[0])
@@ -118,7 +118,7 @@ def test_dir_names_what_is_public(package):
     assert [name for name in listed if not name.startswith("__")] == public
 
 
-def test_an_event_loop_goes_on_while_the_body_moves_and_calls_wait_for_one_another():
+def test_an_event_loop_goes_on_while_the_body_moves():
     async def two():
         ticks = []
 

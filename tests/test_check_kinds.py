@@ -171,7 +171,7 @@ def test_an_unknown_argument_is_answered_with_the_known_ones(tmp_path):
     assert fault.remedy == "It takes episode, step, view."
 
 
-def test_a_renderer_that_never_returns_is_a_fault_and_an_agent_may_wait_for_a_person(tmp_path, monkeypatch):
+def test_a_renderer_that_never_returns_is_a_fault(tmp_path, monkeypatch):
     monkeypatch.setattr("humanclaw.checks.plugins.PATIENCE", 0.5)
     waits = "__import__('threading').Event().wait()"
     assert "did not return within 0.5 s" in faults(tmp_path, eyes(waits))[0].message

@@ -87,7 +87,7 @@ def test_an_adapter_that_is_no_better_than_a_constant_is_a_fault(folder):
     assert "a constant misses it by" in fault.message
 
 
-def test_an_adapter_may_be_reused_with_another_schema_by_who_says_whose_it_is(tmp_path):
+def test_an_adapter_may_be_reused_by_who_says_whose_it_is(tmp_path):
     folder = shutil.copytree(folder_of("walk"), tmp_path / "saunter")
     rewrite(folder, lambda schema: schema["properties"]["z_cm"].update(minimum=20, maximum=40))
     assert names(folder) == {"adapter-skill"}
@@ -95,7 +95,7 @@ def test_an_adapter_may_be_reused_with_another_schema_by_who_says_whose_it_is(tm
     assert names(folder) == set()
 
 
-def test_a_skill_that_is_still_to_be_trained_is_no_skill_yet_and_keeps_the_contract(tmp_path):
+def test_a_skill_still_to_be_trained_keeps_the_contract(tmp_path):
     folder = shutil.copytree(folder_of("walk"), tmp_path / "walk")
     (folder / "adapter.safetensors").unlink()
     assert names(folder) == {"adapter-there"}
@@ -303,7 +303,7 @@ def raising(error):
 @pytest.mark.parametrize(
     "error", [SystemExit(0), UnspeakableError(), RecursionError("deep")], ids=lambda e: type(e).__name__
 )
-def test_a_plan_that_exits_or_raises_what_cannot_be_told_is_a_fault_all_the_same(error):
+def test_a_plan_that_exits_or_raises_anything_is_a_fault(error):
     (fault,) = examine(raising(error), engines=()).faults
     assert fault.check == "plan-runs"
     assert type(error).__name__ in fault.message
@@ -388,7 +388,7 @@ def test_a_skill_is_held_to_the_body_over_time_and_the_second_time(made, check):
     assert check in names(planned(lambda params: made))
 
 
-def test_a_skill_that_raises_its_arm_on_its_own_side_and_one_with_absolute_keys_are_not_refused():
+def test_a_skill_that_raises_its_own_arm_is_not_refused():
     up = Keyframes.cycle("right_shoulder", "z", -60, 1)
     aside = Keyframes((0.5,), {"head": ((0, 0.7, 0),)}, absolute=True)
     assert names(planned(lambda params: [up, aside])) == set()

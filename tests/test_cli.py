@@ -168,7 +168,7 @@ def test_an_unwritable_output_folder_is_said_before_the_run(cli, tmp_path):
 
 
 @pytest.mark.integration
-def test_a_provider_that_cannot_be_reached_is_an_infra_error_and_exits_with_1(cli, tmp_path):
+def test_a_provider_that_cannot_be_reached_exits_with_1(cli, tmp_path):
     options = ["api_base=http://127.0.0.1:9/v1", "num_retries=1", "backoff=0.01"]
     pairs = [part for option in options for part in ("--option", option)]
     done = cli("run", "--model", "openai/nobody", *pairs, "--out", "r", "--film", "gif")
@@ -222,7 +222,7 @@ def test_a_run_says_how_it_understood_the_instruction(cli):
     assert done.returncode == 0
 
 
-def test_an_agent_that_cannot_begin_says_so_without_a_head_and_leaves_nothing(cli, tmp_path):
+def test_an_agent_that_cannot_begin_leaves_nothing(cli, tmp_path):
     (tmp_path / "closed.py").write_text(
         "from humanclaw import PluginError, hookimpl\n"
         "class Closed:\n"
@@ -239,7 +239,7 @@ def test_an_agent_that_cannot_begin_says_so_without_a_head_and_leaves_nothing(cl
 
 @pytest.mark.integration
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_run_says_at_once_what_it_does_and_a_signal_leaves_a_record_and_a_report(tmp_path, number):
+def test_a_run_that_gets_a_signal_leaves_a_record_and_a_report(tmp_path, number):
     if signal.getsignal(number) is signal.SIG_IGN:
         pytest.skip("what started this process ignores the signal, and its children inherit that")
     command = [sys.executable, "-m", "humanclaw", "run", "--agent", "wanderer", "--film", "none", "--out", "r"]
@@ -260,7 +260,7 @@ def test_a_run_says_at_once_what_it_does_and_a_signal_leaves_a_record_and_a_repo
     assert (tmp_path / "r/report.html").is_file()
 
 
-def test_ctrl_c_while_the_report_is_written_leaves_the_record_and_says_how_to_get_the_report(cli, tmp_path):
+def test_ctrl_c_while_the_report_is_written_leaves_the_record(cli, tmp_path):
     (tmp_path / "hasty.py").write_text(
         "from humanclaw import hookimpl\n"
         "class Hasty:\n"
@@ -276,7 +276,7 @@ def test_ctrl_c_while_the_report_is_written_leaves_the_record_and_says_how_to_ge
 
 
 @pytest.mark.integration
-def test_ctrl_c_that_python_drops_in_a_finalizer_stops_the_run_all_the_same(process, tmp_path):
+def test_ctrl_c_that_python_drops_in_a_finalizer_stops_the_run(process, tmp_path):
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         pytest.skip("what started this process ignores the signal, and its children inherit that")
     (tmp_path / "dropping.py").write_text(
@@ -304,7 +304,7 @@ def test_ctrl_c_that_python_drops_in_a_finalizer_stops_the_run_all_the_same(proc
 
 
 @pytest.mark.integration
-def test_ctrl_c_again_while_the_record_is_closed_says_where_it_is_all_the_same(cli, tmp_path):
+def test_ctrl_c_again_while_a_record_is_closed_says_where_it_is(cli, tmp_path):
     (tmp_path / "hasty.py").write_text(
         "from humanclaw import hookimpl\n"
         "from humanclaw_mujoco.world import mujoco\n"
@@ -340,7 +340,7 @@ def test_a_run_answers_before_anything_is_loaded_that_takes_time():
 
 
 @pytest.mark.integration
-def test_listing_the_commands_loads_nothing_that_only_running_them_needs():
+def test_listing_the_commands_loads_nothing_that_running_needs():
     probe = (
         "import atexit, sys; atexit.register(lambda: print(*sys.modules)); import humanclaw.cli as c; c.main(['-h'])"
     )
@@ -350,7 +350,7 @@ def test_listing_the_commands_loads_nothing_that_only_running_them_needs():
     assert not {"scipy", "torch", "litellm", "pandas", "numba", "pybullet", "mujoco", "filelock"} & set(loaded)
 
 
-def test_help_begins_with_run_play_and_report_and_ends_with_what_developers_need(cli):
+def test_help_begins_with_run_play_report_and_ends_with_developers(cli):
     listed = cli("--help", COLUMNS="80").stdout.partition("Commands:")[2]
     first, _, developers = listed.partition("For developers:")
     assert [line.split()[0] for line in first.splitlines() if line][:3] == ["run", "play", "report"]
@@ -364,7 +364,7 @@ def test_what_a_command_does_is_said_to_the_end_at_80_columns(cli, group):
     assert [line for line in commands.splitlines() if line.endswith("...")] == []
 
 
-def test_what_is_printed_is_what_was_said_brackets_and_colons_included(cli):
+def test_what_is_printed_is_what_was_said(cli):
     said = "go to [bold]that[/bold] :cat:"
     done = cli(
         "run", "--instruction", said, "--agent", "still", "--max-steps", "1", "--film", "none", "--out", "[a] :cat:"
@@ -373,7 +373,7 @@ def test_what_is_printed_is_what_was_said_brackets_and_colons_included(cli):
     assert "report: [a] :cat:/report.html" in done.stdout
 
 
-def test_the_table_of_plugins_tells_what_is_wrong_with_one_word_for_word(cli, tmp_path, monkeypatch):
+def test_the_table_of_plugins_tells_what_is_wrong_with_one(cli, tmp_path, monkeypatch):
     write_distribution(tmp_path, "odd", "odd", "raise RuntimeError('it needs odd[all]')")
     monkeypatch.syspath_prepend(tmp_path)
     shown = cli("plugins", COLUMNS="200").stdout
@@ -416,7 +416,7 @@ def test_a_traceback_does_not_control_the_terminal(monkeypatch, capsys):
     assert (ended.value.code, "ValueError: a\\u001b[2Jb\\u202ec" in told, "\x1b" in told) == (1, True, False)
 
 
-def test_a_misspelt_command_of_a_distribution_that_is_not_installed_is_answered_with_that(monkeypatch, capsys):
+def test_a_misspelt_command_of_an_absent_distribution_is_answered(monkeypatch, capsys):
     monkeypatch.setattr(Modules, "tell", lambda self, hook, **event: None)
     with pytest.raises(SystemExit) as ended:
         main(["bnech"])
@@ -436,19 +436,19 @@ def part(**settings):
         ({"frobnicate": 1}, "The options are history, images, miss, profile, verifier_history"),
     ],
 )
-def test_an_option_that_concerns_nobody_is_told_with_the_nearest_one_that_does(options, words):
+def test_an_option_that_concerns_nobody_is_told_with_the_nearest(options, words):
     with pytest.raises(HumanclawError, match=re.escape(words)):
         check_options(options, "deep", part(history=1, images=1), part(miss=0.0))
 
 
-def test_options_of_the_agent_of_its_verifier_and_of_an_agent_that_does_not_tell_are_taken():
+def test_options_of_the_agent_and_of_its_verifier_are_taken():
     options = {"history": 5, "profile": "paper", "verifier_model": "x"}
     check_options(options, "deep", part(history=1, model=""), None)
     check_options({**options, "miss": 0.5}, "deep", part(history=1, model=""), part(miss=0.0))
     check_options({"anything": 1}, "of somebody else", object(), None)
 
 
-def test_an_agent_that_breaks_as_it_is_asked_for_its_settings_is_named():
+def test_an_agent_that_breaks_when_asked_for_settings_is_named():
     broken = type("Broken", (), {"settings": property(lambda self: 1 / 0)})()
     with pytest.raises(PluginError, match=rf"^{__name__.partition('.')[0]} raised ZeroDivisionError: .*its settings"):
         check_options({}, "broken", broken, None)

@@ -56,6 +56,6 @@ def test_machine_code_is_compiled_once_and_kept(answer):
 @pytest.mark.parametrize(
     ("changed", "new"), [({"factor": 3.0}, 6.0), ({"points": (5.0, 1.0)}, 9.0), ({"step": 2.0}, 6.0)]
 )
-def test_a_number_an_array_or_an_inlined_function_of_another_file_that_changed_is_taken_in(answer, changed, new):
+def test_a_changed_number_array_or_inlined_function_is_taken_in(answer, changed, new):
     assert answer() == (4.0, 1)
     assert answer(**changed) == (new, 1)

@@ -21,13 +21,13 @@ def nod(times: int = 1) -> Keyframes:
 
 
 @pytest.mark.integration
-def test_importing_humanclaw_loads_neither_torch_nor_pybullet_nor_litellm():
+def test_importing_humanclaw_loads_no_torch_pybullet_or_litellm():
     probe = "import sys, humanclaw; from humanclaw import Plugins; Plugins.discover(); print(*sys.modules)"
     loaded = subprocess.run([sys.executable, "-c", probe], capture_output=True, text=True, check=True).stdout.split()
     assert not {"torch", "pybullet", "mujoco", "litellm", "trimesh"} & set(loaded)
 
 
-def test_parameters_become_metres_and_radians_by_their_names_without_the_unit(plugins):
+def test_parameters_become_metres_and_radians_without_the_unit(plugins):
     walk = plugins.skill("walk")
     plan = walk.plan(walk.check({"yaw_deg": 30, "z_cm": 40, "x_cm": -5}))
     assert isinstance(plan, Control)
@@ -93,7 +93,7 @@ def test_an_argument_without_a_type_is_refused():
         skill()(lambda times: nod(times))
 
 
-def test_swapping_two_properties_of_a_schema_changes_nothing_in_the_motion(plugins, tmp_path):
+def test_swapping_two_properties_of_a_schema_changes_no_motion(plugins, tmp_path):
     shipped = plugins.skill("walk")
     folder = tmp_path / "walk"
     shutil.copytree(shipped.adapter.parent, folder)
@@ -110,7 +110,7 @@ def test_swapping_two_properties_of_a_schema_changes_nothing_in_the_motion(plugi
     np.testing.assert_array_equal(moved[0].root, moved[1].root)
 
 
-def test_the_eight_skills_say_what_they_are_and_what_their_parameters_command(plugins):
+def test_the_eight_skills_say_what_their_parameters_command(plugins):
     found = {name: (one.role, {p.name: p.measure for p in one.parameters}) for name, one in plugins.skills.items()}
     assert found == {
         "walk": ("locomotion", {"x": "hips.left", "z": "hips.forward", "yaw": "heading.left"}),
@@ -124,7 +124,7 @@ def test_the_eight_skills_say_what_they_are_and_what_their_parameters_command(pl
     }
 
 
-def test_a_skill_made_of_a_function_is_a_gesture_unless_it_says_otherwise():
+def test_a_skill_made_of_a_function_is_a_gesture():
     assert skill()(nod).role == "gesture"
     assert skill(role="posture")(nod).role == "posture"
 

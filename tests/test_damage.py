@@ -155,7 +155,7 @@ def test_a_record_names_no_file_outside_its_folder(folder, name):
 
 
 @pytest.mark.parametrize("key", ["agent", "verifier"])
-def test_a_record_of_somebody_else_names_nobody_whom_a_terminal_would_obey(folder, key):
+def test_a_record_of_somebody_else_cannot_command_a_terminal(folder, key):
     """Tables print who played: such a name wrote to the clipboard of whoever looked at them."""
     record = EpisodeRecord.model_validate_json((folder / "episode.json").read_bytes())
     write_record(folder, record.model_copy(update={key: "oracle\x1b]52;c;aGk=\x07"}))
@@ -163,7 +163,7 @@ def test_a_record_of_somebody_else_names_nobody_whom_a_terminal_would_obey(folde
         RecordedEpisode(folder)
 
 
-def test_a_record_of_an_earlier_version_that_knew_a_field_less_is_whole(folder):
+def test_a_record_of_an_earlier_version_with_a_field_less_is_whole(folder):
     path = folder / "episode.json"
     content = json.loads(path.read_bytes())
     del content["seal"], content["limit"]
@@ -175,7 +175,7 @@ def test_a_record_of_an_earlier_version_that_knew_a_field_less_is_whole(folder):
         RecordedEpisode(folder)
 
 
-def test_a_number_that_is_none_is_read_back_and_makes_no_line_unreadable():
+def test_a_number_that_is_none_is_read_back_on_a_readable_line():
     touch = Contact((0,), "head", "head", 7, False, float("nan"), float("-inf"))
     step = StepRecord(step=0, status="invalid", attempts=(), contacts=(touch,), target_distance=float("nan"))
     assert StepRecord.model_validate_json(step.model_dump_json()).model_dump_json() == step.model_dump_json()

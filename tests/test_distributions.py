@@ -99,7 +99,7 @@ ONE_SKILL = [folder for folder in folders() if len(list(folder.glob("humanclaw_s
 
 
 @pytest.mark.parametrize("folder", ONE_SKILL, ids=lambda folder: folder.name)
-def test_a_trained_skill_has_the_hooks_and_tests_that_humanclaw_new_writes(folder):
+def test_a_trained_skill_has_what_humanclaw_new_writes(folder):
     files = _template(folder).files()
     for path in ("pyproject.toml", f"humanclaw_skill_{folder.name}/__init__.py", f"tests/test_skill_{folder.name}.py"):
         assert (folder / path).read_bytes() == files[path]
@@ -125,7 +125,7 @@ def test_a_requirement_has_the_same_bounds_everywhere():
     assert {bound for name, bound in bounds if name in NAMES} == {"<0.2,>=0.1"}
 
 
-def test_the_lock_holds_a_version_and_a_hash_of_every_requirement_within_its_bounds():
+def test_the_lock_holds_a_version_and_a_hash_of_each_requirement():
     text = re.sub(r"^#.*\n", "", (ROOT / "requirements-lock.txt").read_text(), flags=re.MULTILINE)
     line = re.compile(r"([a-z0-9-]+)==(\S+) \\\n    --hash=sha256:[0-9a-f]{64}\n")
     locked = dict(line.findall(text))
@@ -222,7 +222,7 @@ def test_pybullet_is_needed_only_where_it_has_wheels(python_version, sys_platfor
     assert pybullet.marker.evaluate(here) is needed
 
 
-def test_what_an_installed_distribution_cannot_bring_here_is_not_offered_again():
+def test_what_an_installed_distribution_lacks_is_not_offered_again():
     """As PyBullet, which has no wheel for the newest Pythons."""
     plugins = Plugins()
     plugins.add(object(), "humanclaw-bullet", origin="humanclaw-bullet")
@@ -237,7 +237,7 @@ def test_the_extras_name_every_distribution():
     assert not {"torch", "ray"} & {Requirement(text).name for text in PROJECT["dependencies"]}
 
 
-def test_all_that_is_missing_is_told_at_once_with_one_line_that_mends_it():
+def test_all_that_is_missing_is_told_with_one_line_that_mends_it():
     with pytest.raises(PluginError) as refused:
         Plugins().require(("scenes", "house"), ("simulators", "mujoco"), ("renderers", "raster"))
     assert refused.value.message == "scene 'house', simulator 'mujoco' and renderer 'raster' are not installed."
@@ -245,7 +245,7 @@ def test_all_that_is_missing_is_told_at_once_with_one_line_that_mends_it():
         assert re.search(rf" -e \S*plugins/{folder}\b", refused.value.remedy)
 
 
-def test_plugins_lists_what_is_missing_with_the_command_that_installs_it(monkeypatch):
+def test_plugins_lists_what_is_missing_with_its_install_line(monkeypatch):
     monkeypatch.setattr(distributions, "own", lambda: frozenset({"humanclaw-report", "humanclaw-ray"}))
     rows = json.loads(CliRunner().invoke(build(Plugins.discover), ["plugins", "--json"]).output)
     (missing,) = (row for row in rows if row["state"].startswith("not installed: pip install -e "))
@@ -263,7 +263,7 @@ def test_plugins_lists_what_is_missing_with_the_command_that_installs_it(monkeyp
         (None, True, "humanclaw-bench"),
     ],
 )
-def test_the_command_that_installs_a_package_suits_how_the_core_was_installed(direct_url, published, told, monkeypatch):
+def test_the_installing_command_suits_how_the_core_was_installed(direct_url, published, told, monkeypatch):
     class Installed:
         def read_text(self, name):
             return direct_url and direct_url.replace("/ROOT", ROOT.as_posix())
@@ -290,7 +290,7 @@ def test_pages_install_from_the_index_only_once_it_has_the_packages():
         ("renderers", "unheard-of", "raster (of humanclaw-raster)."),
     ],
 )
-def test_a_name_that_is_not_there_is_answered_with_the_distribution_that_brings_it(kind, name, remedy):
+def test_a_missing_name_is_answered_with_the_distribution_it_is_in(kind, name, remedy):
     with pytest.raises(PluginError) as refused:
         Plugins().require((kind, name))
     assert refused.value.message.startswith("there is no ")
@@ -332,7 +332,7 @@ def test_every_skill_of_the_repository_is_in_the_table():
     assert {file.parent.name for file in schemas} <= distributions.table()["skills"].keys()
 
 
-def test_what_the_newest_python_is_tested_on_imports_what_the_demo_installs_and_no_more():
+def test_the_newest_python_imports_what_the_demo_installs():
     lines = (ROOT / ".ci/run").read_text().splitlines()
     (line,) = (line for line in lines if "-newest/bin/python -m pytest" in line)
     named = [ROOT / word for word in line.split() if word.startswith("tests/")]

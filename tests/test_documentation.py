@@ -59,7 +59,7 @@ def _commands(command, words):
         yield from _commands(found.load() if isinstance(found, LazyCommand) else found, f"{words} {name}")
 
 
-def test_a_command_that_is_listed_without_being_loaded_is_told_of_in_its_own_words(plugins):
+def test_a_command_that_is_listed_unloaded_is_told_in_its_own_words(plugins):
     commands = build(lambda: plugins)
     context = click.Context(commands)
     listed = [commands.get_command(context, name) for name in commands.list_commands(context)]
@@ -112,7 +112,7 @@ def test_every_field_of_a_record_is_told_of():
     assert [f"{record}.{name}" for record, name, told in fields if not told and f"`{name}`" not in rows] == []
 
 
-def test_the_site_has_a_page_for_every_link_of_a_document_into_the_repository():
+def test_the_site_has_a_page_for_every_link_into_the_repository():
     site = runpy.run_path(str(ROOT / "docs" / "_site.py"))
     written = [path.relative_to(ROOT / "docs").as_posix() for path in (ROOT / "docs").rglob("*.md")]
     for name in written:

@@ -83,7 +83,7 @@ def recorded(body, spec, tmp_path):
     return RecordedEpisode(tmp_path / "one")
 
 
-def test_a_record_has_the_versions_of_the_plugins_in_use_and_of_no_other(body, spec, tmp_path):
+def test_a_record_has_the_versions_of_the_plugins_in_use(body, spec, tmp_path):
     with Episode(body, spec, folder=tmp_path / "one"):
         pass
     versions = RecordedEpisode(tmp_path / "one").record.versions
@@ -142,9 +142,7 @@ def test_an_answer_that_is_no_decision_is_its_plugins_error(body, spec):
         (replace(WALK, raw=["couch"]), "raw: Input should be a valid string"),
     ],
 )
-def test_a_decision_that_is_wrong_inside_is_its_plugins_error_and_leaves_a_record_that_can_be_read(
-    body, spec, tmp_path, answer, told
-):
+def test_a_wrong_decision_is_its_plugins_error_and_leaves_a_record(body, spec, tmp_path, answer, told):
     record = run_episode(body, spec, Agent(answer), folder=tmp_path)
     assert (record.outcome, record.steps) == ("plugin_error", 0)
     assert record.error.startswith(f"{HERE} raised ")
@@ -196,7 +194,7 @@ def test_whatever_an_agent_raises_is_its_plugins_error(body, spec, tmp_path, rai
 
 
 @pytest.mark.parametrize("raised", [PluginError("no key.", "Set one."), KeyboardInterrupt()])
-def test_an_agent_that_cannot_be_used_and_a_person_who_has_had_enough_end_more_than_the_episode(body, spec, raised):
+def test_an_unusable_agent_and_a_tired_person_end_the_run(body, spec, raised):
     with pytest.raises(type(raised)), Episode(body, spec, Agent(raised)) as episode:
         episode.ask()
     assert episode.outcome == "interrupted"
@@ -213,7 +211,7 @@ def test_ctrl_c_while_an_agent_decides_interrupts_the_episode(body, spec, tmp_pa
     assert RecordedEpisode(tmp_path).record.outcome == "interrupted"
 
 
-def test_an_agent_that_cannot_be_used_any_more_has_failed_the_episode_that_it_has_begun(body, spec, tmp_path):
+def test_an_agent_that_breaks_has_failed_the_episode_it_began(body, spec, tmp_path):
     agent = Agent(WALK)
     episode = Episode(body, spec, agent, folder=tmp_path)
     episode.ask()
@@ -253,7 +251,7 @@ def test_the_record_says_who_was_told_what_only_the_scene_knows(body, spec, agen
     assert record.settings["privileged"] == heard == told
 
 
-def test_who_says_afterwards_that_it_is_privileged_is_told_no_more_than_is_recorded(body, spec):
+def test_who_says_later_that_it_is_privileged_is_told_no_more(body, spec):
     class Sly(Agent):
         asked_for = 0
 
@@ -407,7 +405,7 @@ def raising(self):
         ({"name": "a\x1b[2J"}, "name: String should match"),
     ],
 )
-def test_what_an_agent_says_of_itself_and_no_record_can_hold_is_its_plugins_error(body, spec, tmp_path, about, told):
+def test_what_an_agent_says_and_no_record_holds_is_its_plugins_error(body, spec, tmp_path, about, told):
     agent = type("Odd", (Agent,), about)(WALK)
     record = run_episode(body, spec, agent, folder=tmp_path)
     assert (record.outcome, record.steps, agent.asked) == ("plugin_error", 0, 0)
@@ -424,14 +422,14 @@ def test_who_knows_the_true_state_is_not_taken_up_in_the_middle(body, recorded, 
     assert RecordedEpisode(recorded.folder).digest == recorded.digest
 
 
-def test_a_decision_that_is_wrong_inside_is_handed_back_to_whoever_submits_it_and_nothing_is_lost(body, spec):
+def test_a_wrong_decision_is_handed_back_and_nothing_is_lost(body, spec):
     episode = Episode(body, spec)
     with pytest.raises(TypeError, match="visible_state: Input should be a valid string; got None"):
         episode.submit(replace(WALK, visible_state=None))
     assert episode.submit(WALK).status == "executed"
 
 
-def test_an_episode_whose_body_has_begun_another_one_takes_no_decision(body, spec):
+def test_an_episode_whose_body_began_another_takes_no_decision(body, spec):
     first, second = Episode(body, spec), Episode(body, spec)
     with pytest.raises(HumanclawError, match="put elsewhere"):
         first.submit(WALK)

@@ -68,7 +68,7 @@ def test_the_ten_line_skill_nods(house):
         assert np.ptp(commanded.rotations[:, 15, 0]) > 0.3  # 20 degrees are 0.35 rad
 
 
-def test_third_parties_bring_a_reused_adapter_an_observer_and_a_decision_maker(house, tmp_path, capsys):
+def test_third_parties_bring_an_adapter_an_observer_and_an_agent(house, tmp_path, capsys):
     files = [EXAMPLES / name for name in ("stroll.py", "bumps.py", "rover.py")]
     plugins = Plugins.discover(files)
     with Body(house, plugins=plugins) as body:
@@ -111,7 +111,7 @@ def test_a_metric_of_a_third_party_sums_the_turning():
 
 
 @pytest.mark.integration
-def test_the_contact_sheet_shows_houses_from_above_and_rooms_from_within(tmp_path):
+def test_the_contact_sheet_shows_houses_and_rooms(tmp_path):
     command = [sys.executable, EXAMPLES / "contact_sheet.py", tmp_path, "1", "2"]
     done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=300)
     assert "1 houses and 2 views" in done.stdout

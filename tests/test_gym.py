@@ -42,7 +42,7 @@ def _played(gym, seed):
 
 
 @pytest.mark.integration
-def test_gyms_of_one_host_that_play_at_the_same_time_play_as_each_does_alone(host):
+def test_gyms_that_play_at_the_same_time_play_as_each_alone(host):
     gyms = [Gym("approach", options=ONE, plugins=host) for _ in range(3)]
     alone = [_played(gym, seed) for seed, gym in enumerate(gyms)]
     with ThreadPoolExecutor(len(gyms)) as pool:
@@ -60,7 +60,7 @@ def test_the_reward_is_the_weighted_sum_of_its_parts(gym):
     assert set(turn.rewards) == {"success", "progress"}
 
 
-def test_a_conversation_opens_with_the_benchmarks_prompt_and_goes_on_with_what_is_seen(gym):
+def test_a_conversation_opens_with_the_benchmarks_prompt(gym):
     system, user = opening(gym, gym.reset(1))
     assert gym.episode.spec.instruction in system["content"]
     assert gym.episode.spec.scene not in system["content"] + str(user["content"][:-1])
@@ -93,7 +93,7 @@ def test_after_the_end_nothing_is_played(gym):
 
 
 @pytest.mark.parametrize("weight", [float("nan"), float("inf"), "much", None])
-def test_a_weight_that_is_no_finite_number_is_refused_before_anything_is_learnt_from_it(host, weight):
+def test_a_weight_that_is_not_finite_is_refused_before_learning(host, weight):
     with pytest.raises(HumanclawError, match="must be a finite number"):
         Gym("approach", {"success": weight}, options=ONE, plugins=host)
 
@@ -122,7 +122,7 @@ def _section(title):
     return re.search(rf"^## {title}\n(.*?)(?=^## |\Z)", PAGE, re.MULTILINE | re.DOTALL)[1]
 
 
-def test_the_page_has_the_sources_the_rewards_and_the_task_of_each_root_cause(host):
+def test_the_page_has_sources_rewards_and_tasks_of_causes(host):
     tasks, rewards = (
         re.findall(r"^\* `(\w+)` (?:begins|pays) ", _section(name), re.MULTILINE) for name in ("Tasks", "Rewards")
     )

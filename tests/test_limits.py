@@ -25,7 +25,7 @@ class Clock:
 # -- the meter ---------------------------------------------------------------------------------------------------------
 @pytest.mark.parametrize("unit", ["tokens", "usd"])
 @pytest.mark.parametrize("scope", ["call", "episode", "run"])
-def test_what_crosses_a_limit_is_noticed_and_what_just_reaches_it_is_not(scope, unit):
+def test_what_crosses_a_limit_is_noticed(scope, unit):
     meter = Meter({f"{scope}.{unit}": {"tokens": 2000, "usd": 0.5}[unit]})
     for _ in range(2):
         meter.add(ANSWER)
@@ -103,7 +103,7 @@ def play(body, house, tmp_path):
     return run
 
 
-def test_a_limit_ends_the_episode_by_itself_and_every_token_is_in_the_record(play):
+def test_a_limit_ends_the_episode_and_every_token_is_recorded(play):
     episode = play(Meter({"episode.tokens": 2500}), *[STEP] * 4)
     record = episode.record
     assert (record.outcome, record.limit, record.steps) == ("limit_reached", "episode", 2)
@@ -127,7 +127,7 @@ def test_the_verifiers_answers_count_too(play):
     assert (record.outcome, record.steps, record.usage.cost) == ("limit_reached", 1, 0.75)
 
 
-def test_after_the_limit_of_a_run_the_next_episode_ends_before_its_first_question(play):
+def test_after_the_limit_of_a_run_the_next_episode_ends_unasked(play):
     meter = Meter({"run.tokens": 1500})
     first = play(meter, *[STEP] * 4).record
     assert (first.outcome, first.limit, first.steps) == ("limit_reached", "run", 1)

@@ -56,7 +56,7 @@ def test_a_legal_call_moves_the_body_by_half_a_second(play):
     assert 0.2 < math.dist(first.start, first.end) < 0.6
 
 
-def test_a_body_begins_in_the_stance_that_its_first_motion_goes_on_from(body, house):
+def test_a_body_begins_in_the_stance_that_its_first_motion_continues(body, house):
     """Otherwise hands and hips would leap in the first frame, and a first stair would lack what the hips sink by."""
     body.reset(house)
     before = body.state().body
@@ -106,7 +106,7 @@ def test_an_unusable_answer_is_explained_and_the_episode_goes_on(play, bad, hint
     assert [hint in attempt.error for attempt in episode.steps[0].attempts] == [True, False]
 
 
-def test_after_three_unusable_answers_the_step_is_lost_and_nothing_has_moved(play):
+def test_after_three_unusable_answers_the_step_is_lost(play):
     episode, _ = play(*[Call("walk", {"z_cm": 400})] * 3, STOP)
     lost = episode.steps[0]
     assert (lost.status, lost.call, lost.motion_frames) == ("invalid", None, 0)
@@ -114,7 +114,7 @@ def test_after_three_unusable_answers_the_step_is_lost_and_nothing_has_moved(pla
     assert len(episode.motion()) == 5  # standing
 
 
-def test_a_provider_that_fails_ends_the_episode_apart_from_every_decision(play):
+def test_a_provider_that_fails_ends_the_episode_without_a_decision(play):
     episode, _ = play(STEP, ProviderError("503 for the fifth time"))
     assert (episode.record.outcome, episode.record.error) == ("infra_error", "503 for the fifth time")
     assert len(episode.steps) == 1
@@ -131,7 +131,7 @@ class NeverBegins(RecordingVerifier):
 
 
 @pytest.mark.parametrize("judge", [Broken, NeverBegins])
-def test_what_a_verifier_raises_fails_the_episode_and_names_its_plugin(play, judge):
+def test_what_a_verifier_raises_fails_the_episode(play, judge):
     episode, _ = play(STEP, STOP, verifier=judge(None))
     assert (episode.record.outcome, len(episode.steps)) == ("plugin_error", 0)
     assert episode.record.error == f"{__name__.partition('.')[0]} raised ZeroDivisionError: a bug"
@@ -153,7 +153,7 @@ def test_what_a_skill_raises_fails_the_episode_and_names_its_plugin(house, tmp_p
     assert raised in record.error
 
 
-def test_an_observer_that_raises_changes_no_outcome_and_keeps_no_other_from_hearing(house, tmp_path, caplog):
+def test_an_observer_that_raises_changes_no_outcome(house, tmp_path, caplog):
     for name, body in (("deaf", "raise ZeroDivisionError"), ("hears", "(FOLDER / episode.outcome).touch()")):
         (tmp_path / f"{name}.py").write_text(
             "from pathlib import Path\nfrom humanclaw import hookimpl\n\nFOLDER = Path(__file__).parent\n\n\n"
@@ -192,7 +192,7 @@ def test_a_replacement_that_is_illegal_fails_open_and_says_so(play):
     assert "there is no skill 'fly'" in episode.steps[0].verdict.failed_open
 
 
-def test_an_episode_neither_reads_nor_moves_the_randomness_that_all_share(body, house, tmp_path):
+def test_an_episode_neither_reads_nor_moves_shared_randomness(body, house, tmp_path):
     spec = free_episode("walk", house, seed=3, max_steps=2)
     digests = set()
     for shared in (1, 2):
@@ -280,7 +280,7 @@ def test_what_a_model_wrote_at_length_is_not_said_back_to_it_whole(play):
     assert all(len(attempt.error) < 1_000 for attempt in episode.steps[0].attempts)
 
 
-def test_an_episode_is_stepped_by_hand_and_closed_by_the_end_of_its_block(body, house, tmp_path):
+def test_an_episode_is_stepped_by_hand_and_closed_by_its_block(body, house, tmp_path):
     with Episode(body, free_episode("walk", house, max_steps=9), "a test", folder=tmp_path / "episode") as episode:
         seen = episode.observe()
         refused = episode.submit(Decision((Call("walk", {"z_cm": 400}),)))
@@ -298,7 +298,7 @@ def test_an_episode_is_stepped_by_hand_and_closed_by_the_end_of_its_block(body, 
         episode.submit(Decision((STOP,)))
 
 
-def test_stop_takes_no_further_decision_and_a_signal_closes_the_record(body, house, tmp_path):
+def test_stop_takes_no_further_decision(body, house, tmp_path):
     with Episode(body, free_episode("walk", house), folder=tmp_path / "stopped") as episode:
         episode.stop()
         assert episode.done
@@ -327,7 +327,7 @@ def untrained(tmp_path):
     return plugins
 
 
-def test_a_skill_without_adapter_is_refused_in_words_and_says_how_to_train_it(untrained, house):
+def test_a_skill_without_adapter_says_how_to_train_it(untrained, house):
     with Body(house, plugins=untrained) as body:
         agent = ScriptedAgent([Call("hop"), STOP])
         run_episode(body, free_episode("hop", house, max_steps=1), agent)

@@ -40,14 +40,14 @@ def test_the_height_of_the_hips_is_that_above_the_floor():
 
 
 @pytest.mark.parametrize("name", MEASURES)
-def test_left_and_right_exchanged_change_the_sign_of_what_is_sideways_alone(name):
+def test_left_and_right_exchanged_change_signs_sideways_alone(name):
     moved = {"left": 0.2, "up": 0.1, "forward": 0.3, "yaw": 0.4}
     seen_in_the_mirror = moved | {"left": -0.2, "yaw": -0.4}
     measure = MEASURES[name]
     assert measure(*_chunk(**seen_in_the_mirror)) == pytest.approx(measure.mirror * measure(*_chunk(**moved)))
 
 
-def test_parameters_are_measured_by_what_they_declare_in_the_order_in_which_they_are_asked():
+def test_parameters_are_measured_in_the_order_they_are_asked():
     schema = {"z_cm": {"x-measure": "hips.forward"}, "yaw_deg": {"x-measure": "heading.left"}}
     z, yaw = parameters_of({"properties": schema})
     chunk = _chunk(forward=0.4, yaw=0.5)
@@ -55,7 +55,7 @@ def test_parameters_are_measured_by_what_they_declare_in_the_order_in_which_they
     assert outcomes((yaw, z), *chunk)[0] == pytest.approx([0.5, 0.4])
 
 
-def test_a_parameter_that_commands_nothing_known_is_told_what_there_is():
+def test_a_parameter_that_commands_nothing_known_is_told_of_what_is():
     (odd,) = parameters_of({"properties": {"speed": {"x-measure": "hips.speed"}}})
     with pytest.raises(PluginError, match=r"'hips.speed', which nothing here measures.*hips\.forward"):
         outcomes((odd,), *_chunk())

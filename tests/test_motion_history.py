@@ -35,7 +35,7 @@ def test_the_simulated_history_is_what_the_body_did(walked):
     assert np.array_equal(body.history.rotations, played.rotations)
 
 
-def test_the_generated_history_keeps_the_models_poses_and_stands_where_the_body_is(walked):
+def test_the_generated_history_stands_where_the_body_is(walked):
     body, chunk = walked("generated")
     simulated = chunk.execution.simulated
     assert body.history.root[-1, [0, 2]] == pytest.approx(simulated.root[-1, [0, 2]], abs=1e-6)
@@ -85,7 +85,7 @@ def least_distance(motion):
 
 
 @pytest.mark.parametrize("seat", [0.35, 0.45, 0.64])
-def test_hands_stay_clear_of_thighs_that_a_seat_lifts_and_the_model_goes_on_from_its_own(seat):
+def test_hands_stay_clear_of_thighs_that_a_seat_lifts(seat):
     builder = SceneBuilder.on_floor()
     builder.box("couch", (1.2, seat, 1.0), (0.0, 0.0, -0.63))
     with Body(builder.scene(), plugins=Plugins.discover()) as body:

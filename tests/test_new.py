@@ -53,7 +53,7 @@ def test_the_tests_of_every_kind_pass_once_it_is_installed(made):
     assert done.returncode == 0, done.stdout + done.stderr
 
 
-def test_the_agent_that_it_writes_makes_legal_calls_of_the_shipped_skills(made, plugins, monkeypatch):
+def test_the_agent_that_it_writes_makes_legal_calls(made, plugins, monkeypatch):
     monkeypatch.syspath_prepend(made["agent"])
     agent = importlib.import_module("humanclaw_my_agent.agent").MyAgentAgent()
     spec = EpisodeSpec(id="one", instruction="find a couch", scene="house:0")

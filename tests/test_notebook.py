@@ -23,7 +23,7 @@ def test_a_record_shows_its_task_its_end_and_its_views(tmp_path: Path) -> None:
     assert shown.count("<img") == 8
 
 
-def test_a_strip_has_the_first_and_the_last_picture_and_no_more_than_asked() -> None:
+def test_a_strip_has_the_first_and_the_last_picture() -> None:
     assert spread(3, 8) == [0, 1, 2]
     assert spread(15, 8) == [0, 2, 4, 6, 8, 10, 12, 14]
 
@@ -75,7 +75,7 @@ def test_the_notebook_of_the_examples_shows_what_executing_it_shows() -> None:
     ]
 
 
-def test_the_notebook_of_the_examples_is_small_and_names_no_folder_of_its_maker() -> None:
+def test_the_notebook_of_the_examples_is_small_and_names_no_folder() -> None:
     text = (Path(__file__).parents[1] / "examples" / "notebook.ipynb").read_text("utf-8")
     assert len(text) < 700_000
     told = re.sub(r"base64,[A-Za-z0-9+/=]+", "", text)

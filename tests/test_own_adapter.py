@@ -22,7 +22,7 @@ def copied(tmp_path):
     return tmp_path
 
 
-def test_a_skill_without_its_adapter_is_known_and_refused_with_what_mends_it(copied, body):
+def test_a_skill_without_its_adapter_is_refused_with_the_remedy(copied, body):
     plugins = Plugins.discover([copied / "squat.py"])
     assert not plugins.skill("squat").trained
     assert "squat" not in plugins.disabled

@@ -57,7 +57,7 @@ def _promised(comment: str) -> str:
 
 
 @pytest.mark.integration
-def test_the_tutorial_leads_from_nothing_to_an_installed_skill_that_nods(follow):
+def test_the_tutorial_leads_from_nothing_to_a_skill_that_nods(follow):
     folder = follow("docs/tutorial.md")
     (episode,) = load_run(folder / "runs/nod")
     assert [str(step.call) for step in episode.steps] == ["nod(times=2)"]

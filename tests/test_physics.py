@@ -22,14 +22,14 @@ from humanclaw.world.half_physics.kernels import approach
 from humanclaw_skill_crouch import crouch
 
 
-def test_the_papers_profile_runs_at_120_hertz_with_stiffness_one_in_every_joint():
+def test_the_papers_profile_runs_at_120_hertz_with_stiffness_one():
     paper = find_profile("paper")
     assert paper.substeps * FPS == 120
     assert {paper.stiffness_of(joint) for joint in JOINTS} == {1.0}
 
 
 @pytest.mark.parametrize(("ahead", "full", "way"), [(0.06, True, 0.06), (0.03, False, 0.03), (0.06, False, 0.1)])
-def test_a_link_that_enters_the_box_of_a_leaning_board_in_this_frame_may_meet_the_board_from_any_side(ahead, full, way):
+def test_a_link_in_the_box_of_a_leaning_board_may_meet_it_anywhere(ahead, full, way):
     """A link of 10 cm moves `ahead` towards a box 5 cm away, and 8 cm along it: 10 cm in all with 6 cm."""
     now, moved = np.array([[0.0, 0.0, 0.0], [0.1, 0.1, 0.1]]), np.array([ahead, 0.0, 0.08])
     boxes = np.stack([*now, now[0], now[1] + moved, moved])[:, None]
@@ -37,7 +37,7 @@ def test_a_link_that_enters_the_box_of_a_leaning_board_in_this_frame_may_meet_th
     assert approach(boxes, *corners, np.array([full]), 0.03) == pytest.approx(way)
 
 
-def test_a_finding_outside_its_bounds_does_not_hold_and_the_table_says_so():
+def test_a_finding_outside_its_bounds_does_not_hold_in_the_table():
     wrong = Finding("falling", "acceleration", 12.0, "m/s2", 9.6, 10.0)
     assert not wrong.holds
     assert table([wrong]).splitlines()[-1] == "| falling | acceleration | 12 m/s2 | ≥ 9.6, ≤ 10 | **no** |"
@@ -51,13 +51,13 @@ def test_the_command_prints_the_table_and_nothing_else(simulator):
     assert len(done.stdout.splitlines()) == 5
 
 
-def test_the_memory_of_the_process_is_left_open_where_the_system_does_not_tell_it(tmp_path):
+def test_the_memory_of_the_process_is_open_where_it_is_not_told(tmp_path):
     (tmp_path / "statm").write_text("1000 256 64 1 0 900 0\n")
     assert resident(tmp_path / "statm") == 1.0
     assert np.isnan(resident(tmp_path / "elsewhere"))
 
 
-def test_a_door_that_hangs_still_is_worked_out_once_and_one_that_turns_anew():
+def test_a_door_that_hangs_still_is_worked_out_once():
     builder = SceneBuilder()
     door = builder.door()
     (leaf,) = articulated_objects(builder.scene()).values()
@@ -73,7 +73,7 @@ def test_a_door_that_hangs_still_is_worked_out_once_and_one_that_turns_anew():
         still.position[0] = 1.0
 
 
-def test_a_skill_is_found_by_what_its_parameters_command_and_by_no_name(plugins):
+def test_a_skill_is_found_by_what_its_parameters_command(plugins):
     skill, keys = skill_with(plugins, "hips.forward", "heading.left")
     assert {"hips.forward", "heading.left"} <= set(keys)
     assert set(keys.values()) <= set(skill.schema["properties"])
@@ -93,11 +93,11 @@ def _offering(*names):
 @pytest.mark.parametrize(
     ("installed", "chosen"), [(("mujoco", "bullet"), "bullet"), (("mine", "mujoco"), "mujoco"), (("mine",), "mine")]
 )
-def test_bullet_moves_the_world_where_it_is_installed_or_else_mujoco_or_whatever_is(installed, chosen):
+def test_bullet_moves_the_world_where_it_is_installed_or_mujoco(installed, chosen):
     assert Backends().chosen(_offering(*installed)).simulator == chosen
 
 
-def test_a_simulator_that_is_named_is_taken_and_no_simulator_at_all_is_told():
+def test_a_named_simulator_is_taken_and_none_at_all_is_told():
     assert Backends("mine").chosen(_offering("bullet")).simulator == "mine"
     with pytest.raises(PluginError, match="no simulator"):
         default_simulator(_offering())

@@ -51,7 +51,7 @@ def test_a_file_is_played_with_its_parameters_and_reported(play, tmp_path):
     assert "Executed nod(times=2, degrees=-15)." in done.output
 
 
-def test_a_file_is_played_also_where_another_plugin_has_a_skill_of_that_name(play, tmp_path):
+def test_a_file_is_played_where_a_plugin_has_a_skill_of_that_name(play, tmp_path):
     done = play("nod.py", "--plugin", "both.py")
     assert done.exit_code == 0, done.output
     assert RecordedEpisode(tmp_path / "run/nod-0").record.skills["nod"].origin == "nod.py"

@@ -83,7 +83,7 @@ UNSPEAKABLE = "class Odd(Exception):\n    def __str__(self):\n        raise Syst
     ("code", "told"),
     [("1 / 0", "ZeroDivisionError"), ("raise SystemExit(3)", "SystemExit: 3"), (UNSPEAKABLE, r"Odd\.")],
 )
-def test_a_plugin_file_that_fails_or_exits_names_itself_and_takes_nobody_along(tmp_path, code, told):
+def test_a_plugin_file_that_fails_names_itself_and_takes_nobody_along(tmp_path, code, told):
     (tmp_path / "bad.py").write_text(code)
     with pytest.raises(PluginError, match=rf"bad\.py failed to load: {told}"):
         Plugins.discover([tmp_path / "bad.py"])
@@ -100,7 +100,7 @@ def test_a_factory_that_is_none_or_exits_is_named(factory, told):
 
 
 @pytest.mark.parametrize("name", ["house\n", "", "a/b", "../x", "x" * 65, 7])
-def test_a_name_that_could_be_mistaken_for_another_or_for_a_path_is_refused(name):
+def test_a_name_that_could_be_taken_for_another_or_a_path_is_refused(name):
     with pytest.raises(PluginError, match="is not a valid name for a scene"):
         host_of("names", scenes=[(name, lambda argument: None)])
 
@@ -228,7 +228,7 @@ def humanclaw_skills(register):
 """
 
 
-def test_a_package_that_calls_its_entry_point_humanclaw_leaves_the_command_line_alone(site):
+def test_a_package_whose_entry_point_is_humanclaw_leaves_the_cli(site):
     write_distribution(site, "zz-bow", "zz_bow", BOW.format(says="Bow."))
     (site / "zz_bow-1.0.dist-info" / "entry_points.txt").write_text("[humanclaw]\nhumanclaw = zz_bow\n")
     plugins = Plugins.discover()
@@ -341,7 +341,7 @@ def test_a_record_says_where_each_skill_is_from_and_what_gave_way(bows):
     [("2.0", "Upgrade humanclaw"), ("1.9", "Upgrade humanclaw"), ("0.9", "Upgrade old"),
      ("soon", "expected major.minor")],
 )  # fmt: skip
-def test_a_plugin_made_for_another_api_is_refused_with_what_to_upgrade(made_for, said):
+def test_a_plugin_for_another_api_is_refused_with_what_to_upgrade(made_for, said):
     with pytest.raises(PluginError, match=said):
         Plugins().add(waving(HUMANCLAW_API=made_for), "old")
 
@@ -366,7 +366,7 @@ def test_a_hook_on_its_way_out_is_told_of_and_still_works():
     assert [one.name for one in plugins.registered("hats")] == ["top"]
 
 
-def test_a_second_plugin_of_one_name_is_refused_and_the_first_still_hears():
+def test_a_second_plugin_of_one_name_is_refused():
     plugins, first = Plugins(), Rival()
     plugins.add(first, "same")
     with pytest.raises(PluginError, match="plugin 'same' is already in use"):
@@ -433,7 +433,7 @@ def test_a_distribution_with_unreadable_metadata_is_named(site, file, content, c
     assert "plugin 'acme-odd' is left out: " in caplog.text
 
 
-def test_a_module_that_raises_for_names_that_it_lacks_is_disabled_by_name(site):
+def test_a_module_that_raises_for_missing_names_is_disabled_by_name(site):
     lazy = "def __getattr__(name):\n    raise RuntimeError(f'lazy {name}')\n"
     write_distribution(site, "humanclaw-lazy", "hc_lazy", lazy)
     plugins = Plugins.discover()

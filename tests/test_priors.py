@@ -62,7 +62,7 @@ class Stroller:
 
 
 @pytest.mark.integration
-def test_a_prior_is_installed_from_its_wheel_with_a_skill_that_needs_it(plugins):
+def test_a_prior_is_installed_from_its_wheel_with_its_skill(plugins):
     assert plugins.priors.keys() == {LITE, TINY}
     assert "stroll" in plugins.skills
     assert plugins.disabled == {}

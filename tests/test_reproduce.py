@@ -67,7 +67,7 @@ def test_one_file_of_models_of_five_providers_becomes_one_page(reproduce, tmp_pa
         assert re.search(rf"^\| {name} \+ litellm[^|]* \|", page, re.MULTILINE)  # The verifier asks the same model.
 
 
-def test_time_and_cost_are_estimated_first_and_a_second_call_asks_nothing_again(reproduce, tmp_path):
+def test_time_and_cost_are_estimated_first_and_asked_once(reproduce, tmp_path):
     split_of(5, tmp_path / "five.jsonl")
     split_of(1, tmp_path / "one.jsonl")
     with OpenAIServer([call("walk", **STEP), call("verdict", **YES)] * 7) as server:
@@ -87,7 +87,7 @@ def test_time_and_cost_are_estimated_first_and_a_second_call_asks_nothing_again(
     assert (tmp_path / "paper/paper.md").read_text() == page
 
 
-def test_a_model_that_refuses_the_papers_temperature_is_played_without_it(reproduce, tmp_path):
+def test_a_model_that_refuses_the_papers_temperature_plays_without(reproduce, tmp_path):
     split_of(2, tmp_path / "two.jsonl")
     with OpenAIServer(refusing("temperature", [call("walk", **STEP), call("verdict", **YES)] * 2)) as server:
         done = reproduce('split = "two.jsonl"' + row("openai/scripted", server))
@@ -135,7 +135,7 @@ def test_the_ablation_plays_ten_settings_and_stands_beside_the_paper(reproduce, 
     assert not agents["without-mid-level"]["mid_level"]
 
 
-def test_an_ablation_plays_the_settings_that_are_named_memory_among_them(reproduce, tmp_path):
+def test_an_ablation_plays_the_settings_that_are_named(reproduce, tmp_path):
     split_of(1, tmp_path / "one.jsonl", steps=2)
     with OpenAIServer([call("walk", **STEP, note_to_self="the hall is empty")] * 20) as server:
         done = reproduce(ablation_of(server, ["without verifier", "memory notes", "memory map"]))

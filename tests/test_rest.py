@@ -59,9 +59,7 @@ def test_every_start_finds_every_object_at_the_same_place(engine: str, cache: Pa
 
 
 @ENGINES
-def test_a_house_from_the_cache_is_the_house_that_settled_to_the_last_bit(
-    engine: str, cache: Path, plugins: Plugins
-) -> None:
+def test_a_house_from_the_cache_is_the_house_that_settled(engine: str, cache: Path, plugins: Plugins) -> None:
     first, later = (walked(plugins.make("simulators", engine), house()) for _ in range(2))
     assert len(list(cache.glob("*/*"))) == 1
     assert first.objects, "the box must move"
@@ -87,9 +85,7 @@ def test_engines_and_profiles_do_not_share_entries(cache: Path, plugins: Plugins
 
 
 @ENGINES
-def test_a_tray_whose_sides_become_one_solid_piece_carries_a_book_on_top(
-    engine: str, cache: Path, plugins: Plugins
-) -> None:
+def test_a_tray_of_one_solid_piece_carries_a_book_on_top(engine: str, cache: Path, plugins: Plugins) -> None:
     """Two scenes of the same points in other pieces do not share an entry: the tray is hollow, then solid."""
     bottom, sides = block((-0.5, 0, -0.5), (0.5, 0.05, 0.5)), [(-0.5, -0.4), (0.4, 0.5)]
     pieces = [bottom, *(block((low, 0.05, -0.5), (high, 0.4, 0.5)) for low, high in sides)]
@@ -179,9 +175,7 @@ def test_what_has_not_come_to_rest_goes_on_falling(engine: str, cache: Path, plu
 
 
 @ENGINES
-def test_a_plank_that_still_topples_slowly_after_half_a_second_falls_over(
-    engine: str, cache: Path, plugins: Plugins
-) -> None:
+def test_a_plank_that_still_topples_after_half_a_second_falls_over(engine: str, cache: Path, plugins: Plugins) -> None:
     """It stands 2 degrees off the vertical, over an edge that bears it up to atan(0.03 / 1.2) = 1.4 degrees."""
     lean = np.radians(2) / 2
     builder = SceneBuilder.on_floor()

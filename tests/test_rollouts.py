@@ -165,7 +165,7 @@ def test_a_folder_with_other_options_is_refused(run, tmp_path):
         Dataset.at(tmp_path / "data", Wanted(success=True)).begin("Rollouts")
 
 
-def test_a_preference_pair_is_the_first_step_at_which_a_repaired_play_differs(run, tmp_path):
+def test_a_preference_pair_is_the_first_step_that_differs(run, tmp_path):
     same = ("walk", {"z_cm": 40})
     bad = run("bad", [same, ("stop", {})], False)
     good = run("good", [same, ("walk", {"z_cm": 30}), ("stop", {})], True)

@@ -56,12 +56,12 @@ def _standing() -> Descent:
 
 
 @pytest.mark.parametrize(("metres", "touched", "fell"), [(1.4, (2, 9), 0.7), (1.4, range(15), 0.0), (0.6, (2, 9), 0.0)])
-def test_a_fall_is_what_the_body_drops_between_two_contacts_from_half_a_metre_on(metres, touched, fell):
+def test_a_fall_is_a_drop_of_half_a_metre_between_two_contacts(metres, touched, fell):
     """1.4 m in 14 frames are 10 cm a frame: 70 cm from frame 2 to frame 9."""
     assert _standing().after([_falling(metres, *touched)]).fall == pytest.approx(fell)
 
 
-def test_a_fall_that_begins_in_one_call_and_ends_in_the_next_has_its_whole_depth():
+def test_a_fall_that_goes_on_in_the_next_call_has_its_whole_depth():
     """It leaves the ground 40 cm above the end of the first call, and lands 30 cm below it."""
     first = _standing().after([_falling(1.4, *range(11))])
     second = first.after([_falling(1.4, *range(3, 15), begun=1.4)])
@@ -145,7 +145,7 @@ def test_touch_tells_part_side_time_and_whether_it_gave_way():
 @pytest.mark.parametrize(
     ("failed", "words"), [((), "failed."), ((Answer("short", False, "40 cm at most"),), "failed (40 cm at most).")]
 )
-def test_a_call_that_a_verifier_replaces_says_why_as_far_as_it_was_told(failed, words):
+def test_a_call_that_a_verifier_replaces_says_why(failed, words):
     said = str(Feedback(Call("walk", {"z_cm": 40}), replaced=Call("walk", {"z_cm": 80}), failed=failed))
     assert said.startswith(f"walk(z_cm=80) was not executed: the check before execution {words} Executed")
 
@@ -169,7 +169,7 @@ def test_only_the_senses_asked_for_speak(plugins, house, sensors, told):
     assert ("hips" in str(feedback), "touch" in str(feedback)) == told
 
 
-def test_a_record_keeps_what_was_felt_as_values_and_says_the_same_again():
+def test_a_record_keeps_what_was_felt_as_values():
     sensed = proprioception(BEFORE, [(_after(forward=0.4), _did(_after(forward=0.12)))])
     step = StepRecord(
         step=0, status="executed", attempts=(), call=Call("walk"), proprioception=sensed, tactile=(Touch("hips", 3,

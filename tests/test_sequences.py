@@ -51,7 +51,7 @@ class Watcher:
             self.act()
 
 
-def test_a_sequence_is_played_chunk_by_chunk_each_begun_where_the_one_before_has_ended(stroll):
+def test_a_sequence_is_played_chunk_by_chunk(stroll):
     with fake_body(stroll) as body:
         done = body.execute(Call("stroll", {"strides": 3}))
     assert [round(float(c.execution.simulated.root[-1, 2]), 3) for c in done.chunks] == [0.4, 0.8, 1.2, 1.2, 1.2]
@@ -144,7 +144,7 @@ def test_an_episode_without_attempts_is_refused(stroll):
         episode(body, attempts=0)
 
 
-def test_a_decision_after_a_stop_from_outside_is_told_that_the_episode_has_ended(stroll):
+def test_a_decision_after_a_stop_from_outside_is_told_of_the_end(stroll):
     with fake_body(stroll) as body, episode(body) as played:
         played.stop()
         with pytest.raises(HumanclawError, match=r"the episode has ended \(stopped from outside\)"):

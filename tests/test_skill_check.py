@@ -77,7 +77,7 @@ def test_every_installed_skill_keeps_the_contract(plugins):
         assert check_skill(one, plugins.measures, engines=()) is one  # skills/*/tests play it on each engine
 
 
-def test_other_parameters_than_the_adapter_was_trained_on_are_named_with_the_remedy(copy):
+def test_other_parameters_than_the_adapters_are_named(copy):
     def rename(schema):
         schema["properties"] = {"x_cm": schema["properties"]["z_cm"]}
         schema["required"] = ["x_cm"]
@@ -95,7 +95,7 @@ def test_bounds_beyond_what_was_trained_are_refused_with_both_ranges(copy):
 
 
 @pytest.mark.parametrize(("kind", "odd"), [(np.float16, np.nan), (np.float16, -np.inf), (np.float32, np.inf)])
-def test_one_weight_that_is_no_number_keeps_a_skill_out_where_it_is_registered_and_in_the_check(copy, kind, odd):
+def test_one_weight_that_is_no_number_keeps_a_skill_out(copy, kind, odd):
     folder = copy("step_back")
     file = folder / "adapter.safetensors"
     raw = file.read_bytes()
@@ -109,7 +109,7 @@ def test_one_weight_that_is_no_number_keeps_a_skill_out_where_it_is_registered_a
         check_skill(folder)
 
 
-def test_a_weight_that_is_spoilt_in_place_is_found_although_the_file_keeps_its_size_and_time(copy):
+def test_a_weight_that_is_spoilt_in_place_is_found(copy):
     folder = copy("step_back")
     file = folder / "adapter.safetensors"
     assert set(host_of("whole", skills=[folder]).skills) == {"step_back"}
@@ -134,7 +134,7 @@ def test_the_largest_weights_that_are_numbers_are_kept(copy):
 
 @pytest.mark.parametrize("key", ["centre", "scale"])
 @pytest.mark.parametrize("odd", [float("nan"), float("inf"), "wide", None])
-def test_a_header_whose_range_is_no_number_is_refused_and_not_taken_for_a_wide_one(copy, key, odd):
+def test_a_header_whose_range_is_no_number_is_refused(copy, key, odd):
     folder = copy("step_back", head=lambda head: head["adapter"].update({key: [odd]}))
     reason = _disabled(folder)
     assert "no finite centre and positive scale of z" in reason or "is not the checkpoint of an adapter" in reason
@@ -182,14 +182,14 @@ def test_what_a_schema_says_to_nobody_is_refused_with_a_remedy(copy, change, sai
         ({"type": "object"}, "properties.z_cm.type: 'object' is not one of ['integer', 'number'"),
     ],
 )
-def test_one_schema_that_cannot_be_published_takes_no_other_skill_out_of_the_tools(copy, odd, said):
+def test_one_schema_that_cannot_be_published_hides_no_other_skill(copy, odd, said):
     folder = copy("step_back", lambda s: s["properties"].update(z_cm=odd))
     plugins = host_of("pair", skills=[folder, folder_of("stop")])
     assert said in plugins.disabled["step_back"]
     assert [tool["name"] for tool in publish(plugins.skills.values(), "mcp")] == ["stop"]
 
 
-def test_a_measure_that_nobody_knows_is_refused_and_one_of_the_same_plugin_is_known(copy):
+def test_a_measure_that_nobody_knows_is_refused(copy):
     folder = copy("step_back", *RETREATING)
     assert "commands 'hips.retreat'. Set its x-measure to one of: hips.left" in _disabled(folder)
     retreat = Measure("hips.retreat", "m", "Backwards.", 1, lambda root, rotations: -root[:, -1, 2])
@@ -213,7 +213,7 @@ def test_a_checklist_in_any_other_form_is_refused_with_the_form(copy, text, said
     assert "[[check]], id" in reason
 
 
-def test_a_plugin_file_asked_for_by_name_raises_for_a_skill_that_breaks_the_contract(copy, tmp_path):
+def test_a_named_plugin_file_raises_for_a_skill_that_is_wrong(copy, tmp_path):
     folder = copy("walk", lambda s: s["properties"]["x_cm"].update(default=31))
     file = tmp_path / "mine.py"
     file.write_text(
@@ -229,7 +229,7 @@ def test_a_text_in_place_of_the_list_of_checks_is_refused():
         skill(checks="Is anybody in view?")
 
 
-def test_the_command_line_lists_a_disabled_skill_and_why_and_offers_the_others(tmp_path, monkeypatch):
+def test_the_command_line_lists_a_disabled_skill_and_why(tmp_path, monkeypatch):
     folder = tmp_path / "hop"
     folder.mkdir()
     (folder / "schema.json").write_text(
@@ -259,7 +259,7 @@ PLANTS = {
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs pipes")
 @pytest.mark.parametrize("plant", PLANTS)
 @pytest.mark.parametrize("name", ["schema.json", "checklist.toml"])
-def test_what_a_stranger_left_in_a_skill_folder_is_neither_waited_for_nor_taken_whole(copy, name, plant):
+def test_what_a_stranger_left_in_a_skill_folder_is_not_waited_for(copy, name, plant):
     path = copy("stop") / name
     path.unlink()
     PLANTS[plant](path)

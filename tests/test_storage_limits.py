@@ -216,7 +216,7 @@ def test_an_object_rests_in_pieces_of_motion_that_do_not_name_it(tmp_path):
     assert RecordedEpisode(tmp_path).objects()[4][:, 0].tolist() == [0, 0, 1, 2, 2, 2]
 
 
-def test_steps_wait_for_no_disk_and_everything_is_on_disk_when_the_record_ends(writer, monkeypatch):
+def test_steps_wait_for_no_disk_and_all_is_on_disk_at_the_end(writer, monkeypatch):
     real, settled = os.fsync, set()
     monkeypatch.setattr("os.fsync", lambda descriptor: (settled.add(os.fstat(descriptor).st_ino), real(descriptor)))
     files = [writer.folder / writer.frame(f"{k}.jpg", b"x") for k in range(20)]

@@ -121,7 +121,7 @@ def test_a_command_that_prints_a_table_offers_json(tree, name):
 
 
 @pytest.mark.parametrize("name", [name for name, words in TABLES.items() if words is not None])
-def test_a_table_fits_80_columns_in_a_pipe_is_plain_and_the_same_is_there_as_json(tree, places, name):
+def test_a_table_fits_80_columns_and_is_there_as_json(tree, places, name):
     if name not in tree:
         pytest.skip(f"{name} is not installed")
     words = [*name.split(), *TABLES[name].format(**places).split()]
@@ -135,7 +135,7 @@ def test_a_table_fits_80_columns_in_a_pipe_is_plain_and_the_same_is_there_as_jso
     json.loads(asked([*words, "--json"]))
 
 
-def test_a_wide_markdown_table_comes_in_parts_with_the_first_column_in_each(capsys, monkeypatch):
+def test_a_wide_markdown_table_comes_in_parts(capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", "48")
     heads = ["skill", *(f"a long head {k}" for k in range(4))]
     rows = [["walk", *(f"{k}.5 ± 0.1" for k in range(4))], ["turn", *["-"] * 4]]
@@ -193,7 +193,7 @@ def test_no_name_in_a_record_controls_the_terminal(tmp_path, words, environment)
     ("words", "status"),
     [("run --agent nobody", "Loading the plugins"), ("play stop --film none", "Playing (the first")],
 )
-def test_a_status_is_one_line_that_moves_the_cursor_and_prints_no_code_for_it(tmp_path, words, status):
+def test_a_status_is_one_line_and_prints_no_code_for_the_cursor(tmp_path, words, status):
     told = shown(tmp_path, *words.split(), FORCE_COLOR="1", TERM="xterm", COLUMNS="80")
     assert status in told
     assert "\x1b[2K\x1b[1A" not in told

@@ -175,7 +175,7 @@ def test_a_text_without_a_whole_call_holds_none(text):
 @pytest.mark.parametrize(
     "opening", ["{", '{"a":', '{"a":[', "{ ", '{"skill": "step", "parameters": ', "<think>", "```{"]
 )
-def test_a_text_that_never_closes_what_it_opens_takes_time_by_its_length(opening):
+def test_a_text_that_closes_nothing_takes_time_by_its_length(opening):
     """Four times the text takes four times as long. It would take 16 times if each opening were read to the end."""
 
     def seconds(length):
@@ -220,7 +220,7 @@ def test_an_answer_needs_a_name_and_an_object():
         ("", {}),
     ],
 )  # fmt: skip
-def test_thoughts_in_one_text_are_read_by_the_names_at_the_beginning_of_its_lines(thoughts, said):
+def test_thoughts_in_one_text_are_read_by_the_names_of_lines(thoughts, said):
     reasoning, call = read_call("step", {"thoughts": thoughts, "z_cm": 40})
     assert {key: text for key, text in vars(reasoning).items() if text} == said
     assert call == Call("step", {"z_cm": 40})

@@ -57,7 +57,7 @@ def test_two_builds_of_every_wheel_are_byte_identical(built, tmp_path, monkeypat
 
 
 @pytest.mark.evidence
-def test_a_skill_alone_brings_the_core_and_says_what_an_episode_needs_besides(built, tmp_path):
+def test_a_skill_alone_brings_the_core_and_says_what_else_it_needs(built, tmp_path):
     commands = _install(tmp_path / "skill", built, "humanclaw-skill-climb")
     done = _humanclaw(commands, "run")
     assert done.returncode == 2

@@ -17,7 +17,7 @@ def test_a_base_comes_back_with_its_numbers_in_half_precision(base_file, base):
     assert base.card == Card({"steps": 3}, {"chunks": 10}, ("CC0",))
 
 
-def test_the_header_says_what_a_checkpoint_is_without_reading_its_weights(base, walk_file):
+def test_the_header_says_what_a_checkpoint_is_without_its_weights(base, walk_file):
     header = read_header(walk_file)
     assert header["kind"] == "adapter"
     assert header["base"] == base.digest
@@ -84,7 +84,7 @@ def test_a_base_is_no_adapter_nor_the_other_way_round(base, base_file, walk_file
         load_base(walk_file)
 
 
-def test_an_adapter_of_another_base_says_what_was_trained_against_what_and_what_mends_it(base, walk_file, tmp_path):
+def test_an_adapter_of_another_base_says_what_mends_it(base, walk_file, tmp_path):
     other = write_base(tmp_path / "base.safetensors", digest="another")
     with pytest.raises(CheckpointError) as refused:
         load_adapter(walk_file, other)

@@ -26,7 +26,7 @@ def test_an_untrained_adapter_leaves_every_bit_of_the_base(prediction):
     assert np.array_equal(_answer(base, None, values), _answer(base, untrained, values))
 
 
-def test_a_model_of_clean_futures_that_has_learned_nothing_holds_the_last_pose():
+def test_a_model_of_clean_futures_untrained_holds_the_last_pose():
     history, noisy, tau = _inputs()
     model = DiT(TINY, Drawn(0.0, seed=1))
     held = np.broadcast_to(history[:, -1:], (2, 15, 219))
@@ -39,7 +39,7 @@ def test_an_encoder_that_does_not_suit_its_parameters_is_refused(encoder, params
         AdapterConfig("x", encoder, params, (0.0,) * len(params), (1.0,) * len(params))
 
 
-def test_weights_of_another_shape_and_weights_that_nobody_takes_are_refused():
+def test_weights_of_another_shape_are_refused():
     drawn = Drawn(0.05, seed=1)
     DiT(TINY, drawn)
     tensors = {name.removeprefix("model."): tensor for name, tensor in drawn.tensors.items()}

@@ -10,7 +10,7 @@ def _numbers(*shape: int, seed: int = 0) -> np.ndarray:
 
 
 @pytest.mark.parametrize("tau", [0.0, 0.5, 0.9])
-def test_an_answer_in_clean_frames_means_the_velocity_that_arrives_there(tau):
+def test_an_answer_in_clean_frames_means_the_velocity_there(tau):
     clean, noise = _numbers(3, 15, 219), _numbers(3, 15, 219, seed=1)
     velocity = clean - (1 - SIGMA_MIN) * noise
     on_the_way = noise + tau * velocity
@@ -19,7 +19,7 @@ def test_an_answer_in_clean_frames_means_the_velocity_that_arrives_there(tau):
 
 
 @pytest.mark.parametrize("solver", [*PROFILES.values(), Solver("euler", 3)])
-def test_a_solver_that_is_told_the_true_velocity_arrives_at_the_clean_future(solver):
+def test_a_solver_told_the_true_velocity_arrives_at_the_future(solver):
     clean, noise = _numbers(2, 15, 219), _numbers(2, 15, 219, seed=1)
     arrived = solver.solve(lambda index, noisy: clean - (1 - SIGMA_MIN) * noise, noise)
     assert np.allclose(arrived, clean, atol=1e-3)
@@ -57,5 +57,5 @@ def test_a_power_above_one_makes_the_first_steps_short():
     assert str(solver) == "midpoint, 2 steps, grid power 2"
 
 
-def test_the_default_asks_the_field_at_most_half_as_often_again_as_four_euler_steps():
+def test_the_default_asks_the_field_half_as_often_as_euler_twice():
     assert len(PROFILES["default"].times) <= 6

@@ -38,7 +38,7 @@ def test_five_frames_are_continued_by_fifteen(generator, walk_file):
     assert future.rotations.shape == (15, 24, 3)
 
 
-def test_the_same_key_gives_the_same_motion_bit_for_bit_and_another_key_another(generator, walk_file, swaying):
+def test_the_same_key_gives_the_same_motion_bit_for_bit(generator, walk_file, swaying):
     first, again, other = (generator.generate(swaying, walk_file, AHEAD, key) for key in ((1, 2), (1, 2), (1, 3)))
     assert _same(first, again)
     assert not _same(first, other)
@@ -67,7 +67,7 @@ def test_many_bodies_at_once_move_as_each_would_alone(generator, walk_file, sway
         assert _same(motion, generator.generate(histories[index], walk_file, values[index], keys[index]), 1e-4)
 
 
-def test_generating_leaves_numpys_threads_and_random_numbers_as_they_were(generator, walk_file, swaying):
+def test_generating_leaves_numpys_threads_and_randomness_alone(generator, walk_file, swaying):
     state = np.random.get_state()[1].copy()
     with threadpool_limits(2, user_api="blas"):
         before = threadpool_info()
@@ -77,9 +77,7 @@ def test_generating_leaves_numpys_threads_and_random_numbers_as_they_were(genera
 
 
 @pytest.mark.parametrize("threads", [1, 2, 3])
-def test_the_motion_is_the_same_whatever_the_number_of_threads_that_numpy_may_use(
-    generator, walk_file, swaying, threads
-):
+def test_the_motion_is_the_same_with_any_number_of_threads(generator, walk_file, swaying, threads):
     once = generator.generate(swaying, walk_file, AHEAD, (1,))
     with threadpool_limits(threads, user_api="blas"):
         assert _same(generator.generate(swaying, walk_file, AHEAD, (1,)), once)
@@ -110,7 +108,7 @@ def test_an_adapter_that_was_trained_again_is_read_again(base, generator, swayin
     assert not _same(before, generator.generate(swaying, path, {}, (1,)))
 
 
-def test_other_names_than_those_of_the_header_are_refused_and_both_are_told(generator, walk_file):
+def test_other_names_than_the_headers_are_refused(generator, walk_file):
     with pytest.raises(CheckpointError, match=r"walk takes x, z, yaw; it got h"):
         generator.generate(generator.start(), walk_file, {"h": 0.4}, (0,))
 
@@ -130,7 +128,7 @@ def test_an_unknown_profile_names_the_known_ones():
         DiTGenerator.shipped("fast")
 
 
-def test_files_are_read_again_when_they_change_and_after_several_others(tmp_path):
+def test_files_are_read_again_when_they_change(tmp_path):
     read: list[str] = []
     files = [tmp_path / str(number) for number in range(6)]
     for file in files:
@@ -144,7 +142,7 @@ def test_files_are_read_again_when_they_change_and_after_several_others(tmp_path
     assert read[-1] == "0"
 
 
-def test_no_file_is_held_beyond_the_number_that_is_kept_while_the_next_is_read(tmp_path):
+def test_no_file_is_held_beyond_the_number_that_is_kept(tmp_path):
     held: WeakSet[object] = WeakSet()
     most: list[int] = []
 

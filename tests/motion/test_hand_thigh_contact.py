@@ -55,7 +55,7 @@ def test_a_hand_that_lies_flat_stays_so():
     np.testing.assert_allclose(lay_hands(once).joints(), once.joints(), atol=1e-3)
 
 
-def test_hands_away_from_thighs_and_those_of_a_standing_body_stay_as_they_are():
+def test_hands_away_from_thighs_stay_as_they_are():
     for motion in (seated(0.35), rest_pose(15)):
         np.testing.assert_allclose(lay_hands(motion).joints(), motion.joints(), atol=1e-9)
 
@@ -82,7 +82,7 @@ def test_hands_come_to_rest_gradually_as_a_body_sits_down():
 
 
 @pytest.mark.parametrize("height", [0.33, 0.45, 0.52])
-def test_hands_pass_beside_the_thighs_that_they_rest_on_as_a_body_rises(height):
+def test_hands_pass_beside_thighs_as_a_body_rises(height):
     """Forearms are 3.6 cm thick and thighs 7; hips are at 33 cm after sitting down on nothing."""
     risen = lay_hands(rise(lay_hands(seated(0.1, height=height)), rest_pose(5)))
     positions, turns = forward_kinematics(risen.root, risen.rotations)

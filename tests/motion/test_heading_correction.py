@@ -32,7 +32,7 @@ def test_a_turn_that_fell_short_is_made_up_for_by_the_next_call():
     assert after(course, WALK, commanded=0, achieved=2).owed == pytest.approx(0)
 
 
-def test_a_sidestep_that_veered_is_owed_and_made_up_for_by_who_can_turn():
+def test_a_sidestep_that_veered_is_made_up_for_by_who_can_turn():
     course = after(HeadingCorrection(), STEP, commanded=0, achieved=-1.5)
     assert course.steer(STEP, {"x": 0.3}) == {"x": 0.3}
     assert course.steer(TURN, {"yaw": 0.0})["yaw"] == pytest.approx(1.5 * DEGREE)

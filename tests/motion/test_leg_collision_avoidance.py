@@ -19,7 +19,7 @@ def shift(x, z, yaw=0.0, side=1.0, over=0.0):
 @pytest.mark.parametrize(
     ("x", "z", "goes"), [(0.02, 0.0, 0.078), (0.1, 0.0, 0.0), (0.02, 0.4, 0.025), (0.05, 0.4, 0.0), (-0.05, 0.1, 0.148)]
 )
-def test_a_foot_goes_to_its_own_side_until_the_shoes_are_beside_each_other(x, z, goes):
+def test_a_foot_goes_to_its_own_side_until_the_shoes_are_apart(x, z, goes):
     assert shift(x, z) == pytest.approx([goes, 0, 0])
     assert shift(-x, z, side=-1.0) == pytest.approx([-goes, 0, 0])
 
@@ -53,7 +53,7 @@ def test_peaks_are_widened_and_not_lowered():
 LEFT, RIGHT = JOINT_INDEX["left_ankle"], JOINT_INDEX["right_ankle"]
 
 
-def test_a_foot_that_swings_into_the_other_one_gives_way_and_the_other_one_stands():
+def test_a_foot_that_swings_into_the_other_one_gives_way():
     """Ankles are 18 cm apart at rest; the left one comes inwards by 13 cm, and 4.8 cm are lacking to 9.8."""
     swinging = rest_pose(20)
     swinging.rotations[5:, JOINT_INDEX["left_hip"], 2] = -np.arcsin(0.13 / 0.82) * np.sin(np.linspace(0, np.pi, 15))
@@ -63,14 +63,14 @@ def test_a_foot_that_swings_into_the_other_one_gives_way_and_the_other_one_stand
     assert after[:, RIGHT] == pytest.approx(before[:, RIGHT], abs=0.002)
 
 
-def test_a_foot_that_is_in_the_other_one_in_the_first_frame_gives_way_in_that_frame():
+def test_a_foot_in_the_other_one_gives_way_in_the_first_frame():
     swinging = rest_pose(20)
     swinging.rotations[5:, JOINT_INDEX["left_hip"], 2] = -np.arcsin(0.13 / 0.82) * np.linspace(1, 0, 15)
     after = lock_feet(swinging[:5], swinging[5:]).joints()
     assert (after[:, LEFT, 0] - after[:, RIGHT, 0]).min() == pytest.approx(0.098, abs=0.002)
 
 
-def test_a_foot_that_is_lifted_over_the_other_one_goes_where_it_is_going():
+def test_a_foot_lifted_over_the_other_one_goes_where_it_is_going():
     """A bent leg is .82 cos 0.7 = 0.63 m long and comes inwards by 13 cm, with its sole 13 cm over the other shoe."""
     lifted = rest_pose(20)
     lifts = np.sin(np.linspace(0, np.pi, 15))[:, None]
@@ -81,7 +81,7 @@ def test_a_foot_that_is_lifted_over_the_other_one_goes_where_it_is_going():
     assert (after[:, LEFT, 0] - after[:, RIGHT, 0]).min() == pytest.approx(0.05, abs=0.003)
 
 
-def test_a_foot_gives_way_to_where_the_other_one_stands_although_the_model_lets_that_creep_away():
+def test_a_foot_gives_way_to_where_the_other_one_stands():
     """The right foot creeps outwards at 10 cm/s and is held; the left one comes to where it would have been."""
     swinging = rest_pose(20)
     swinging.rotations[5:, JOINT_INDEX["left_hip"], 2] = -np.arcsin(0.13 / 0.82) * np.sin(np.linspace(0, np.pi, 15))
@@ -91,7 +91,7 @@ def test_a_foot_gives_way_to_where_the_other_one_stands_although_the_model_lets_
     assert (after[:, LEFT, 0] - after[:, RIGHT, 0]).min() == pytest.approx(0.098, abs=0.003)
 
 
-def test_a_foot_gives_way_to_how_the_other_one_stands_although_the_model_lets_that_turn_away():
+def test_a_foot_gives_way_to_how_the_other_one_stands():
     """The right foot points inwards by 0.25 radians and is held so. The corner of its toes, .045 m to the left of and
     .225 m ahead of its ankle, is .045 cos 0.25 + .225 sin 0.25 = .099 m to the left; the left shoe begins .045 m right
     of its ankle."""
@@ -104,7 +104,7 @@ def test_a_foot_gives_way_to_how_the_other_one_stands_although_the_model_lets_th
 
 
 @pytest.mark.parametrize("outwards", [-0.1, 0.1])
-def test_a_foot_whose_toes_point_straight_down_and_further_gives_way_to_no_foot_that_is_elsewhere(outwards):
+def test_a_foot_with_toes_down_gives_way_to_no_foot_elsewhere(outwards):
     """The left shoe is tilted by 0.3 + 0.8 + 0.7 = 1.8 radians, and its ankle is .49 m behind and .18 m left of the
     right one. Its toes point backwards, but its left side is where it was. The body glides: no foot stands."""
     raised = rest_pose(20)
@@ -139,7 +139,7 @@ def gap(legs):
 
 
 @pytest.mark.parametrize("by", [0.05, 0.07])
-def test_knees_that_would_be_in_each_other_swivel_apart_while_feet_stay(by):
+def test_knees_that_would_overlap_swivel_apart_while_feet_stay(by):
     legs = crossed(by)
     turned = [
         (swivel @ thigh, swivel @ shin) for swivel, (thigh, shin) in zip(knees_apart(HIPS, legs), legs, strict=True)

@@ -53,7 +53,7 @@ def _outcome(skill: str, motion: Motion) -> dict[str, float]:
     return {one.name: value for one, value in zip(parameters, found, strict=True)}
 
 
-def test_an_episode_starts_upright_and_still_on_the_floor_facing_ahead(generator):
+def test_an_episode_starts_upright_and_still_on_the_floor(generator):
     start = generator.start()
     frame = Pose2D.of_history(start)
     assert (frame.x, frame.z, frame.yaw, frame.floor) == pytest.approx((0, 0, 0, 0), abs=1e-5)
@@ -62,7 +62,7 @@ def test_an_episode_starts_upright_and_still_on_the_floor_facing_ahead(generator
 
 
 @pytest.mark.parametrize("skill", COMMANDS)
-def test_every_adapter_fits_the_shipped_base_and_says_where_it_comes_from(generator, skill):
+def test_every_adapter_fits_the_shipped_base_and_names_its_source(generator, skill):
     path = _adapter(skill)
     assert load_adapter(path, generator.base, skill).config.skill == skill
     card = read_header(path)["card"]
@@ -118,7 +118,7 @@ def test_a_long_random_life_stays_human(generator):
 
 
 @pytest.mark.parametrize("ahead", [0.5, 0.8])
-def test_after_a_hundred_straight_calls_a_body_still_walks_upright_and_straight_on(generator, ahead):
+def test_after_a_hundred_calls_a_body_still_walks_straight(generator, ahead):
     """Three of the ways in which errors add up: a heading that drifts, a posture that falls apart after eighty calls,
     and fast steps that sink until they end on the knees."""
     declaration = Skill.from_folder(_adapter("walk").parent)
@@ -138,7 +138,7 @@ def test_after_a_hundred_straight_calls_a_body_still_walks_upright_and_straight_
 
 @pytest.mark.integration
 @pytest.mark.parametrize("aside", [0.4, 0.08])
-def test_after_a_hundred_side_steps_knees_bend_like_hinges_and_feet_point_where_shins_do(generator, aside):
+def test_after_a_hundred_side_steps_knees_bend_like_hinges(generator, aside):
     """People's feet turn by 25 degrees inwards and 35 outwards."""
     motion = _rollout(generator, *[("side_step", {"x": aside})] * 100)
     turned = np.degrees(np.abs(motion.rotations))
@@ -149,7 +149,7 @@ def test_after_a_hundred_side_steps_knees_bend_like_hinges_and_feet_point_where_
 
 
 @pytest.mark.parametrize("side", [-1, 1])
-def test_in_the_fastest_curves_against_the_steps_ankles_stay_within_their_limit(generator, side):
+def test_in_the_fastest_curves_ankles_stay_within_their_limit(generator, side):
     corner = {"x": 0.3 * side, "z": 0.8, "yaw": np.radians(-30) * side}
     walk = _rollout(generator, *[("walk", corner)] * 8)
     ankles = angles_from_standing(walk.rotations)[:, ANKLES]
@@ -191,7 +191,7 @@ def test_a_body_coasts_as_far_as_the_description_says_and_no_further(generator, 
 
 
 @pytest.mark.parametrize("skill", ["turn_in_place", "side_step"])
-def test_after_a_step_back_a_body_coasts_as_far_as_the_description_says_and_no_further(generator, skill):
+def test_after_a_step_back_a_body_coasts_as_far_as_described(generator, skill):
     (most,) = _told("step_back", r"coast (\d+) cm more")
     for back in (0.25, 0.45):
         coasted = [-_ahead(generator, ("step_back", {"z": back}), (skill, COMMANDS[skill]), seed=one) for one in (0, 1)]

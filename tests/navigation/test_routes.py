@@ -56,7 +56,7 @@ def test_the_way_to_the_next_room_leads_through_the_doorway() -> None:
     assert crossing[0][1] == pytest.approx(4.5, abs=0.1)
 
 
-def test_the_geodesic_distance_is_that_of_the_taut_string_around_the_door_posts() -> None:
+def test_the_geodesic_distance_is_that_of_the_taut_string() -> None:
     # The doorway spans z 4.05 to 4.95 in a wall from x 3.95 to 4.05; a disk of radius 0.28 keeps off its lower posts.
     post = np.array([[3.95, 4.05], [4.05, 4.05]])
     inner = np.array(
@@ -163,7 +163,7 @@ def test_a_blocked_seat_is_sat_on_beside_the_obstacle() -> None:
     assert all(abs(stand.z - 2.5) > 0.45 for stand in stands)
 
 
-def test_a_bed_is_sat_on_from_the_foot_and_from_the_side_that_no_wall_closes() -> None:
+def test_a_bed_is_sat_on_from_its_foot_and_its_open_side() -> None:
     # The bed's foot looks along +X; one long side is 0.6 m from the wall at z = 6, too near to turn round, the other is
     # free.
     scene = two_rooms()
@@ -197,7 +197,7 @@ def test_rooms_are_found_by_point_and_storey() -> None:
     assert room_at(two_rooms(), 1, 1, floor=3.0) == ""
 
 
-def test_wall_and_lintel_hide_what_is_behind_them_and_the_open_door_between_does_not() -> None:
+def test_wall_and_lintel_hide_what_is_behind_them() -> None:
     plan = OccupancyGrid.of(two_rooms())
     assert not plan.sees(np.array([3.0, 1.6, 2.0]), np.array([6.0, 1.0, 2.0]))
     assert plan.sees(np.array([3.0, 1.6, 4.5]), np.array([6.0, 1.0, 4.5]))
@@ -216,7 +216,7 @@ FOOT, HEAD = np.array([1.0, 0.0, 0.5]), np.array([7.0, UPSTAIRS, 0.5])
 SLOPE = float(np.hypot(GOING, RISER) / GOING)
 
 
-def test_a_way_up_the_stairs_is_as_long_as_their_slope_and_the_floor_at_both_ends() -> None:
+def test_a_way_up_the_stairs_is_as_long_as_slope_and_floors() -> None:
     # 6 m over the floor, of which 15 treads of 25 cm are climbed along the slope of 17 in 25 (the 16th riser is the
     # edge above).
     expected = 6.0 + (STEPS - 1) * GOING * (SLOPE - 1)
@@ -224,7 +224,7 @@ def test_a_way_up_the_stairs_is_as_long_as_their_slope_and_the_floor_at_both_end
     assert MultiFloorMap.of(two_storeys()).geodesic(HEAD, FOOT) == pytest.approx(expected, rel=0.02)
 
 
-def test_two_places_above_one_another_are_as_far_apart_as_the_way_round_by_the_stairs() -> None:
+def test_two_places_above_one_another_are_as_far_as_the_stairs() -> None:
     # A string round the two ends of the wall and the rail at z = 1.03, 0.28 m off them, and along the slope between.
     below, above = np.array([4.0, 0.0, 2.0]), np.array([4.0, UPSTAIRS, 2.0])
     down = length(np.array([(4.0, 2.0), (1.9, 1.3), (1.75, 1.0), (2.0, 0.72)]))
@@ -264,7 +264,7 @@ def test_a_point_is_on_the_floor_or_the_step_below_it() -> None:
 
 
 @pytest.mark.parametrize(("start", "goal", "way", "foot"), [(FOOT, HEAD, 1.0, 2.0), (HEAD, FOOT, -1.0, 5.75)])
-def test_the_flight_on_a_route_up_or_down_has_the_steps_that_were_built(start, goal, way: float, foot: float) -> None:
+def test_the_flight_on_a_route_has_the_steps_that_were_built(start, goal, way: float, foot: float) -> None:
     legs = Routes.of(MultiFloorMap.of(two_storeys()), start).route(goal)
     (flight,) = [flight for leg in legs for flight in stair_runs(leg.grid, leg.samples)]
     assert flight.way == pytest.approx([way, 0.0], abs=0.02)
@@ -288,7 +288,7 @@ def test_starts_are_found_on_every_storey_with_room_around_them() -> None:
     assert not ((above[:, 0] < 5.7) & (above[:, 2] < 1.5)).any(), "the hole over the stairs and its rail"
 
 
-def test_the_distance_to_the_goal_is_measured_over_the_stairs_from_feet_and_hips_alike() -> None:
+def test_the_distance_to_the_goal_is_measured_over_the_stairs() -> None:
     way = geodesics(two_storeys(), (32,))
     assert way(FOOT) == pytest.approx(way(FOOT + [0.0, 0.95, 0.0]))
     assert way(HEAD) < 2.2 < 7.0 < way(FOOT)

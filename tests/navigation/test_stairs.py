@@ -96,7 +96,7 @@ def test_a_map_of_places_that_never_come_again_is_not_kept(
     assert_same(drawn, kept)
 
 
-def test_a_map_from_the_cache_is_the_map_that_was_drawn_for_another_start(
+def test_a_map_from_the_cache_is_the_map_drawn_for_another_start(
     body: Body, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("HUMANCLAW_CACHE", str(tmp_path))

@@ -98,7 +98,7 @@ def test_to_look_takes_no_step(home):
     assert home.step == before
 
 
-def test_openais_calls_are_answered_in_order_with_the_pictures_in_a_message_of_their_own(home):
+def test_openais_calls_are_answered_in_order_with_the_pictures_after(home):
     tools = home.tools("openai")
     answers = tools.answer(_asks(("look", "{}"), ("walk", '{"z_cm": 999}'), ("fly", "{}")))
     assert [(one["role"], one.get("tool_call_id")) for one in answers] == [
@@ -129,7 +129,7 @@ def test_googles_calls_are_answered_by_responses_and_a_picture(home):
     assert [part.inline_data.mime_type for part in shown.parts] == ["image/jpeg"]
 
 
-def test_a_framework_that_is_not_installed_is_told_with_the_line_that_installs_it(home, monkeypatch):
+def test_a_framework_that_is_missing_is_told_with_its_install_line(home, monkeypatch):
     monkeypatch.setitem(sys.modules, "smolagents", None)
     with pytest.raises(PluginError) as refused:
         home.tools("smolagents")

@@ -87,7 +87,7 @@ def test_it_plays_training_tasks_with_their_rewards():
     env.close()
 
 
-def test_stopping_far_from_the_target_ends_the_episode_without_success(env):
+def test_stopping_far_from_the_target_is_no_success(env):
     _, start = env.reset(seed=1)
     assert start["target_distance"] > 0.3
     _, reward, terminated, _, info = env.step(env.actions.encode("stop"))

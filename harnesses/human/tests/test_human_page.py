@@ -74,7 +74,7 @@ def test_keys_buttons_and_the_form_are_calls_until_the_replay(window, lines, tmp
         assert leading.value.title() == "The replay", "also when the server has ended"
 
 
-def test_two_pages_of_one_episode_make_one_call_at_a_time_and_stay_alike(window, lines):
+def test_two_pages_of_one_episode_make_one_call_at_a_time(window, lines):
     with browsing() as browser:
         one, other = (opened(browser, window.address)[0] for _ in range(2))
         for step in (0, 1):

@@ -81,7 +81,7 @@ def test_a_person_is_asked_again_until_the_line_is_a_call(skills, capsys):
 
 
 @pytest.mark.integration
-def test_the_view_is_served_to_this_machine_with_the_words_of_the_step():
+def test_the_view_is_served_to_this_machine_with_the_steps_words():
     window = PageServer()
     try:
         past, between = (("turn", "You turned."),), (b"first", b"second")
@@ -222,7 +222,7 @@ def begun(skills, **settings):
     return person
 
 
-def test_every_key_stands_for_a_legal_call_of_the_skill_that_moves_that_way(skills):
+def test_every_key_stands_for_a_legal_call_that_moves_that_way(skills):
     calls = {key: parse(line, skills).call for key, line in keys(skills).items()}
     words = in_words(keys(skills), skills)
     assert (words["ArrowUp"], words["ArrowRight"], words["s"]) == ("forward 40 cm", "turn right 37°", "sit down")

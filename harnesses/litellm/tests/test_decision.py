@@ -56,7 +56,7 @@ def test_the_current_view_arrives_as_a_picture_of_full_size(begin, view):
     assert server.requests[0].messages[-1]["role"] == "user"
 
 
-def test_every_tool_asks_for_the_reasoning_first_and_for_its_own_parameters_last(begin, view, skills):
+def test_every_tool_asks_for_the_reasoning_first(begin, view, skills):
     for options, first in (({}, [THOUGHTS]), ({"profile": "paper"}, [*REASONING_FIELDS])):
         with OpenAIServer([call("stop")]) as server:
             begin(server, **options).decide(view(), ())
@@ -74,7 +74,7 @@ def test_thoughts_in_one_text_are_the_fields_that_they_name(begin, view, skills)
     assert {key: getattr(decision, key) for key in SAID} == SAID
 
 
-def test_the_prompt_speaks_of_the_skills_that_there_are_and_of_no_others(begin, view, context):
+def test_the_prompt_speaks_of_the_skills_that_there_are(begin, view, context):
     @skill(checks=["Is anybody in view?"])
     def nod(times: int = 1) -> Keyframes:
         """Nod the head to agree."""
@@ -109,7 +109,7 @@ def test_the_system_prompt_is_the_same_in_every_step(begin, view):
     assert "Find the couch and sit on it." in one
 
 
-def test_the_history_tells_what_was_seen_thought_done_and_what_came_of_it(begin, view):
+def test_the_history_tells_what_was_seen_thought_and_done(begin, view):
     with OpenAIServer([call("walk", **SAID, **WALK), call("stop")]) as server:
         agent = begin(server)
         first = agent.decide(view(0), ())
@@ -195,7 +195,7 @@ def test_what_is_not_one_legal_call_is_handed_back_and_never_executed(begin, vie
     assert json.loads(decision.raw)["mode"] == "tools"
 
 
-def test_a_call_that_looks_whole_in_an_answer_that_was_cut_off_is_not_executed(begin, view, skills):
+def test_a_whole_call_in_an_answer_that_was_cut_off_is_not_executed(begin, view, skills):
     cut = calls(("stop", {}))
     cut.body["choices"][0]["finish_reason"] = "length"
     assert "no call" in handed_back(begin, view, skills, cut)[1]
@@ -274,7 +274,7 @@ def test_a_model_without_tools_and_schemas_is_asked_in_words(begin, view, skills
     assert len(server.requests[-1].images) == 1
 
 
-def test_a_server_that_takes_tools_but_knows_only_words_is_asked_otherwise_next(begin, view):
+def test_a_server_that_knows_only_words_is_asked_otherwise_next(begin, view):
     with OpenAIServer([text("I see a couch."), text("Still a couch."), text(answer(**WALK)), text("Oh.")]) as server:
         agent = begin(server)
         found = []
@@ -283,7 +283,7 @@ def test_a_server_that_takes_tools_but_knows_only_words_is_asked_otherwise_next(
     assert found == [("tools", 0), ("schema", 0), ("prompt", 1), ("prompt", 0)]
 
 
-def test_a_model_that_has_called_a_tool_once_is_not_asked_otherwise_when_it_fails_to(begin, view):
+def test_a_model_that_once_called_a_tool_is_not_asked_otherwise(begin, view):
     with OpenAIServer([call("walk", **WALK), text("Hm."), call("stop")]) as server:
         agent = begin(server)
         for _ in range(3):
@@ -307,7 +307,7 @@ def test_the_prompt_digest_names_what_was_sent(begin, view):
 
 
 @pytest.mark.parametrize("value", ["[" * 50_000 + "]" * 50_000, "9" * 5000])
-def test_arguments_that_no_reader_of_json_holds_are_the_models_to_mend(begin, view, skills, value):
+def test_arguments_that_are_no_json_are_the_models_to_mend(begin, view, skills, value):
     with OpenAIServer([calls(("walk", f'{{"z_cm": {value}}}')), call("stop")]) as server:
         agent = begin(server)
         decision = agent.decide(view(), ())

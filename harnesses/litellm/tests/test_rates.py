@@ -72,7 +72,7 @@ def test_a_moment_that_cannot_be_is_not_waited_for(tmp_path, clock, content):
     assert RateLimiter(tmp_path / "a", requests=60, clock=clock).enter(0) == 0
 
 
-def test_a_rate_that_cannot_be_shared_is_refused_and_without_one_nothing_is_needed(tmp_path):
+def test_a_rate_that_cannot_be_shared_is_refused(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(ModelError, match="no rate can be kept"):
         RateLimiter(tmp_path / "file" / "a", requests=60).enter(0)

@@ -55,7 +55,7 @@ def test_a_failed_check_puts_another_call_in_its_place(verify, yes):
     assert (found.answers[0].passed, found.answers[0].note) == (False, "a wall")
 
 
-def test_the_model_sees_one_view_this_checklist_and_nothing_of_the_past(verify, yes, skills):
+def test_the_model_sees_one_view_and_this_checklist(verify, yes, skills):
     _, (request,) = verify(call("verdict", **verdict(*yes)))
     assert len(request.images) == 1
     assert request.images[0].shape == (512, 512, 3)
@@ -73,7 +73,7 @@ def test_a_verifier_without_pictures_sends_none(verify, yes):
     assert (found.accepted, request.images) == (True, [])
 
 
-def test_a_replacement_can_be_any_skill_of_the_pool_with_its_parameters(verify, yes, skills):
+def test_a_replacement_can_be_any_skill_of_the_pool(verify, yes, skills):
     _, (request,) = verify(call("verdict", **verdict(*yes)))
     properties = request.tools[0]["parameters"]["properties"]
     assert properties["skill"]["enum"] == list(skills)
@@ -102,7 +102,7 @@ def test_a_skill_without_checks_passes_unasked(verify, skills):
         ([call("verdict", **verdict("no", skill="walk", parameters=dict(WALK.params)))], "no other call"),
     ],
 )
-def test_without_a_usable_verdict_the_call_passes_and_the_record_says_why(verify, replies, reason):
+def test_without_a_usable_verdict_the_call_passes(verify, replies, reason):
     found, _ = verify(*replies)
     assert found.accepted
     assert reason in found.failed_open

@@ -92,7 +92,7 @@ class Turned:
         return Verdict(replacement is None, replacement, (Answer("Is the way free?", replacement is None),))
 
 
-async def test_a_verifier_checks_the_calls_of_a_client_before_the_body_moves():
+async def test_a_verifier_checks_a_clients_calls_before_the_body_moves():
     plugins, judge = Plugins.discover(), Turned()
     plugins.add(judge, "turned")
     bodies = Bodies(Settings(verifier="turned", max_steps=3), plugins)

@@ -81,7 +81,7 @@ async def test_log_messages_come_at_the_level_that_was_asked_for(begun, heard):
     await begun.set_logging_level("emergency")
 
 
-async def test_a_subscriber_is_told_when_the_body_has_moved_and_not_when_it_has_looked(begun, heard):
+async def test_a_subscriber_is_told_when_the_body_has_moved(begun, heard):
     await begun.subscribe_resource(STATE)
     await begun.call_tool("look", {})
     assert heard == []
@@ -163,7 +163,7 @@ async def http():
             yield http
 
 
-async def test_what_a_cut_stream_missed_is_sent_again_to_the_same_session_alone(http):
+async def test_what_a_cut_stream_missed_is_sent_to_that_session_again(http):
     mine, other = await opened(http), await opened(http)
     answered = await http.post("/mcp", json=request("prompts/list", 7), headers=mine)
     (beginning, empty), (_, answer) = events(answered.text)

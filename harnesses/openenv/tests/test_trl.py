@@ -54,7 +54,7 @@ def _model(tokenizer):
     return Qwen2ForCausalLM(Qwen2Config(**shape, **heads, **ends))
 
 
-def test_a_tool_of_the_environment_is_a_skill_as_the_benchmark_tells_it(kind):
+def test_a_tool_of_the_environment_is_a_skill_as_the_bench_tells_it(kind):
     from transformers.utils import get_json_schema
 
     told = get_json_schema(kind().walk)["function"]

@@ -94,7 +94,7 @@ def test_weights_in_numbers_that_numpy_lacks_are_refused(tmp_path):
         Eyes.read(tmp_path / "pilot.safetensors")
 
 
-def test_numpy_and_torch_answer_alike_and_training_goes_on_where_it_stopped(tmp_path, monkeypatch):
+def test_numpy_and_torch_agree_and_training_resumes(tmp_path, monkeypatch):
     torch = pytest.importorskip("torch")
     from humanclaw_pilot import training
 
@@ -151,7 +151,7 @@ def test_the_shipped_weights_are_those_of_this_network_and_small():
         (lambda weights: weights.update({"answer.bias": np.full(10, np.nan, np.float16)}), "not finite"),
     ],
 )
-def test_weights_of_another_network_are_refused_and_others_are_told_apart_by_their_digest(damage, told, tmp_path):
+def test_weights_of_another_network_are_refused(damage, told, tmp_path):
     weights = load_file(WEIGHTS)
     save_file({**weights, "answer.bias": weights["answer.bias"] + 1}, tmp_path / "pilot.safetensors")
     assert Eyes.read(tmp_path / "pilot.safetensors").digest != Eyes.read().digest
@@ -248,7 +248,7 @@ def test_each_new_search_believes_nearer_obstacles_alone(plugins, monkeypatch):
         (["measure", "."], "no views"),
     ],
 )
-def test_what_the_command_cannot_use_is_told_before_anything_is_written(words, told, tmp_path, monkeypatch):
+def test_what_a_command_cannot_use_is_told_before_writing(words, told, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(HumanclawError, match=told):
         command.main(words, standalone_mode=False)

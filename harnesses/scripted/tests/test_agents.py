@@ -61,7 +61,7 @@ def test_the_oracle_sits_down_on_the_target_and_stops(category: str, target: int
 
 
 @pytest.mark.parametrize(("beside", "stops"), [(-0.05, True), (0.05, True), (0.08, False)])
-def test_the_oracle_takes_hips_that_rest_on_the_side_of_a_seat_for_seated(beside: float, stops: bool) -> None:
+def test_the_oracle_takes_hips_on_the_side_of_a_seat_for_seated(beside: float, stops: bool) -> None:
     """The axis of the pelvis is 13 cm long, so half of that may be beside the seat."""
     walker = Walker(two_rooms(), (20,))
     agent = OracleAgent()
@@ -84,7 +84,7 @@ def test_the_oracle_stops_within_twenty_centimetres(category: str, target: int, 
     assert reach(walker, target) <= 0.2
 
 
-def test_the_oracle_stops_in_passing_because_a_stop_holds_the_body_where_it_is() -> None:
+def test_the_oracle_stops_in_passing() -> None:
     """Beside the corner of the couch, in full stride along its short side."""
     walker = Walker(two_rooms(), (20,))
     agent = begun(walker, "couch", 20)
@@ -105,7 +105,7 @@ def test_the_oracle_stops_as_soon_as_it_is_within_reach(gap: float, stops: bool)
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_the_oracle_turns_its_side_to_a_tv_that_its_toes_keep_it_away_from(seed: int) -> None:
+def test_the_oracle_turns_its_side_to_a_tv_that_stops_its_toes(seed: int) -> None:
     board, screen = asset("board", "tv_stand", block(1.4, 0.45, 0.5)), asset("screen", "tv", block(1.0, 0.6, 0.06))
     scene = two_rooms(
         0.9, (board, scene_object(30, board, 2.0, 0.25)), (screen, scene_object(31, screen, 2.0, 0.25, y=0.45))
@@ -124,7 +124,7 @@ def test_the_oracle_takes_the_nearest_of_several_targets() -> None:
     assert reach(walker, 30) <= 0.2
 
 
-def test_the_oracle_finds_another_way_when_something_unexpected_is_in_the_way() -> None:
+def test_the_oracle_finds_another_way_around_the_unexpected() -> None:
     # A glass pane that is not in the scene blocks the direct way to the bed.
     pane = asset("pane", "wall", block(1.2, 1.0, 0.1))
     known, real = two_rooms(), two_rooms(0.9, (pane, scene_object(30, pane, 1.2, 2.2)))
@@ -134,7 +134,7 @@ def test_the_oracle_finds_another_way_when_something_unexpected_is_in_the_way() 
     assert any("in my way" in decision.reasoning for decision, _ in log)
 
 
-def test_the_oracle_says_that_it_sees_the_target_when_and_only_when_it_is_in_view() -> None:
+def test_the_oracle_says_that_it_sees_the_target_only_in_view() -> None:
     walker = Walker(two_rooms(), (20,))
     log = play(OracleAgent(), walker, episode(walker.scene, "couch", 20, sit=True))
     told = [decision.visible_state for decision, _ in log]
@@ -152,7 +152,7 @@ def test_the_oracle_looks_at_a_target_behind_it_before_it_sits_down() -> None:
     assert walker.sat
 
 
-def test_an_instruction_that_names_no_target_is_refused_and_a_target_that_is_not_there_is_told() -> None:
+def test_an_instruction_without_a_target_in_the_scene_is_refused() -> None:
     walker = Walker(two_rooms())
     with pytest.raises(PluginError, match=r"one of chair, couch, .* got 'Dance!'"):
         play(OracleAgent(), walker, EpisodeSpec(id="free", instruction="Dance!", scene="test:rooms"))
@@ -169,7 +169,7 @@ def test_the_oracle_stops_and_says_why_when_there_is_no_way() -> None:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_the_oracle_climbs_the_stairs_to_a_bed_above_and_sits_down_on_it(seed: int) -> None:
+def test_the_oracle_climbs_to_a_bed_above_and_sits_on_it(seed: int) -> None:
     walker = Walker(two_storeys(), (31,), seed)
     log = play(OracleAgent(), walker, episode(walker.scene, "bed", 31, sit=True))
     skills = [call.skill for _, call in log]
@@ -201,7 +201,7 @@ def test_the_oracle_stays_on_its_storey_where_a_target_is_there_too() -> None:
     assert not any("stairs" in call.skill for _, call in log)
 
 
-def test_the_oracle_says_that_it_is_on_the_stairs_and_how_far_it_has_come() -> None:
+def test_the_oracle_says_that_it_is_on_the_stairs() -> None:
     walker = Walker(two_storeys(), (31,))
     log = play(OracleAgent(), walker, episode(walker.scene, "bed", 31, sit=True))
     told = [decision.reasoning for decision, call in log if call.skill == "climb_upstairs"]
@@ -221,7 +221,7 @@ def test_the_oracle_knows_a_way_up_from_anywhere_on_the_stairs(x: float, z: floa
     assert "no way" not in decision.reasoning
 
 
-def test_the_oracle_says_what_the_skill_for_stairs_would_command_that_it_lacks() -> None:
+def test_the_oracle_says_what_the_missing_skill_would_command() -> None:
     walker = Walker(two_storeys(), (31,))
     few = {name: skill for name, skill in SKILLS.items() if name != "climb_upstairs"}
     with pytest.raises(HumanclawError, match=r"needs a skill of role locomotion that commands hips\.rise"):
@@ -267,7 +267,7 @@ def test_the_random_agent_draws_legal_calls_that_its_seed_determines() -> None:
     assert {text.split("(")[0] for text in draws(1)} == set(SKILLS)
 
 
-def test_a_target_counts_as_in_view_only_in_front_of_the_eyes_and_not_behind_a_wall() -> None:
+def test_a_target_is_in_view_only_in_front_of_the_eyes() -> None:
     scene = two_rooms()
     plan, walker = OccupancyGrid.of(scene), Walker(scene)
     walker.x, walker.z, walker.yaw = 5.5, 2.5, np.pi / 2

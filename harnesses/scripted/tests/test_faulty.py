@@ -55,7 +55,7 @@ def test_who_does_not_notice_the_arrival_never_stops():
     assert reach(walker) < 0.4
 
 
-def test_who_does_not_notice_a_jam_steps_aside_with_its_eyes_on_the_target_and_never_arrives():
+def test_who_does_not_notice_a_jam_never_arrives():
     walker, log = live(sit=False, fault="jam", seed=2)
     aside = [decision for decision, call in log if call.skill == "side_step"]
     assert len(aside) >= 5
@@ -134,13 +134,13 @@ def test_who_backs_up_steps_back_and_never_walks():
     assert "step_back" in skills(log)
 
 
-def test_who_gropes_walks_against_the_wall_as_long_as_it_has_not_seen_the_target():
+def test_who_gropes_walks_against_the_wall_until_it_has_seen():
     walker, log = live(sit=False, fault="blind_approach")
     assert skills(log)[-8:] == ["walk"] * 8
     assert np.ptp(np.array(walker.track[-100:]), axis=0).max() < 0.1
 
 
-def test_who_is_confused_sits_down_on_the_bed_and_then_stops_at_the_couch():
+def test_who_is_confused_sits_on_the_bed_and_stops_at_the_couch():
     """The bed's seat is 50 cm high, the couch's 42 cm. Hips go 10 cm over the seat, but at most to 54 cm."""
     walker, log = live(fault="confusion")
     (sat,) = [call for _, call in log if call.skill == "sit_in_place"]
@@ -150,7 +150,7 @@ def test_who_is_confused_sits_down_on_the_bed_and_then_stops_at_the_couch():
 
 
 @pytest.mark.parametrize("fault", sorted(FAULTS))
-def test_putting_the_missing_capability_back_makes_it_the_oracle_again(fault):
+def test_putting_the_capability_back_makes_it_the_oracle_again(fault):
     walker, log = live(fault=fault, repair=FAULTS[fault].capability)
     assert walker.sat
     assert log[-1][1].skill == "stop"

@@ -38,7 +38,7 @@ def test_it_claims_the_target_exactly_where_its_view_shows_it(played):
     assert False in shown
 
 
-def test_its_words_name_no_room_and_no_length_that_its_view_does_not_show(played):
+def test_its_words_name_no_room_and_no_length_that_it_cannot_see(played):
     steps, _, scene = played
     rooms = {room.name.replace("_", " ") for room in scene.rooms} | {room.kind for room in scene.rooms}
     for said, view in steps:

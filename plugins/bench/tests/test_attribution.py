@@ -156,7 +156,7 @@ def test_a_body_that_paces_is_not_jammed(tmp_path: Path, steps: list) -> None:
     assert cause.label == "find: ineffective exploration"
 
 
-def test_without_recorded_ways_the_straight_line_over_the_floor_stands_in(tmp_path: Path) -> None:
+def test_without_recorded_ways_the_straight_line_stands_in(tmp_path: Path) -> None:
     near = [step(end=(3.6, 1.0, 0.0))]
     far = [step(end=(3.4, 1.0, 0.0))]
     labels = [attribute(rollout(tmp_path, steps, name=f"{k}")) for k, steps in enumerate((near, far))]
@@ -251,7 +251,7 @@ def test_the_funnel_counts_a_stage_only_after_the_stages_before_it(tmp_path: Pat
 
 
 # -- the way that is left ----------------------------------------------------------------------------------------------
-def test_the_way_to_a_target_leads_through_the_door_and_not_through_the_wall() -> None:
+def test_the_way_to_a_target_leads_through_the_door() -> None:
     scene = two_rooms()
     way = geodesics(scene, (20,))
     low, high = scene.aabb(20)

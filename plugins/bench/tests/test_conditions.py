@@ -39,7 +39,7 @@ def played(folder: Path, **more: Any) -> Path:
     return tell(folder, backends=(told | more)["settings"]["body"], limits=(told | more)["settings"]["limits"])
 
 
-def test_a_skill_that_moves_farther_in_half_a_second_than_the_papers_is_named_in_its_row(tmp_path: Path) -> None:
+def test_a_skill_that_moves_farther_than_the_papers_is_named(tmp_path: Path) -> None:
     def moved(metres: float) -> Path:
         rollout(tmp_path / str(metres), [step("walk", end=(metres, 1.0, 0.0)), step("stop")])
         return tmp_path / str(metres)
@@ -93,7 +93,7 @@ def test_a_row_says_what_it_alone_was_played_with(tmp_path: Path, what: str) -> 
     assert len(differences(*found)) == 1
 
 
-def test_several_skills_that_differ_are_one_label_and_are_told_one_by_one_in_a_comparison(tmp_path: Path) -> None:
+def test_several_skills_that_differ_are_one_label(tmp_path: Path) -> None:
     other = {name: SkillInfo("locomotion", digest="c" * 64) for name in SKILLS}
     one, two = played(tmp_path / "one"), played(tmp_path / "two", skills=other)
     first, second = rows(one, two)
@@ -103,7 +103,7 @@ def test_several_skills_that_differ_are_one_label_and_are_told_one_by_one_in_a_c
     assert "skill walk (aaaaaaaa and cccccccc)" in told
 
 
-def test_models_differ_in_their_own_settings_without_a_label_unless_their_names_are_the_same() -> None:
+def test_models_differ_in_settings_without_a_label() -> None:
     cold, warm = {"agent temperature": "0", "simulator": "bullet"}, {"agent temperature": "1", "simulator": "bullet"}
     assert labels([("a", cold), ("b", warm)]) == ["", ""]
     assert labels([("a", cold), ("a", warm)]) == [", agent temperature 0", ", agent temperature 1"]
@@ -120,7 +120,7 @@ def test_a_comparison_says_what_differs_in_settings_before_any_rate(tmp_path: Pa
     assert "No setting differs." in same
 
 
-def test_a_table_tells_settings_seconds_of_motion_and_the_longest_call(tmp_path: Path) -> None:
+def test_a_table_tells_settings_seconds_and_the_longest_call(tmp_path: Path) -> None:
     result = json.loads(invoke("table", played(tmp_path), "--only", "main", "--no-paper", "--json").output)["main"]
     assert result["rows"][0]["motion (s)"]["value"] == 2.5  # Half a second, then two.
     assert result["rows"][0]["steps"]["value"] == 3

@@ -47,7 +47,7 @@ def specs(count: int) -> list[EpisodeSpec]:
     return [EpisodeSpec(id=f"e{k}", instruction="find", scene="house:0", interact=True, seed=k) for k in range(count)]
 
 
-def test_episodes_are_played_until_every_fault_has_led_to_its_root_cause_often_enough():
+def test_episodes_are_played_until_every_fault_led_to_its_cause():
     everything, causes = specs(500), {}
     first = counterfactual.wanting(everything, causes, 3, FAULTS)
     assert len(first) == 3 * len(FAULTS)
@@ -64,7 +64,7 @@ def test_what_is_played_ends_with_the_episodes():
     assert counterfactual.wanting(everything, {spec.id: None for spec in everything}, 3, FAULTS) == []
 
 
-def test_a_fault_that_shows_nothing_is_tried_three_times_as_often_and_then_left():
+def test_a_fault_that_shows_nothing_is_tried_three_times_as_often():
     everything, causes = specs(500), {}
     while todo := counterfactual.wanting(everything, causes, 2, FAULTS):
         causes |= {spec.id: None for spec in todo}
@@ -73,12 +73,12 @@ def test_a_fault_that_shows_nothing_is_tried_three_times_as_often_and_then_left(
     )
 
 
-def test_every_fault_leads_to_a_root_cause_of_its_own_that_blames_its_capability():
+def test_every_fault_leads_to_a_root_cause_of_its_own():
     assert {BY_LABEL[fault.cause].capability == fault.capability for fault in FAULTS} == {True}
     assert {cause.label for cause in CAUSES} - {fault.cause for fault in FAULTS} == {"find: too far"}
 
 
-def test_the_page_of_the_benchmark_lists_every_root_cause_with_its_rule_capability_and_fault():
+def test_the_benchmarks_page_lists_every_root_cause_with_its_rule():
     page = (Path(__file__).parents[1] / "README.md").read_text("utf-8")
     rows = [line for line in page.splitlines() if re.match(r"\d+\. ", line)]
     fault = {one.cause: f"`{one.name}`" for one in FAULTS}

@@ -106,7 +106,7 @@ class Mine(Agent):
 """
 
 
-def test_the_seed_that_an_agent_is_told_does_not_tell_which_episode_it_plays(play):
+def test_the_seed_of_an_agent_does_not_tell_its_episode(play):
     # Episodes number their seeds, so a table from seeds to episodes would rebuild the world and play in its shadow.
     _, one = play(TELLS_SEED, 3, name="one", in_process=True, seed=None)
     _, other = play(TELLS_SEED, 3, name="other", in_process=True, seed=None)
@@ -122,7 +122,7 @@ def test_a_run_that_continues_keeps_its_seed(play):
     assert said(folder) == told
 
 
-def test_the_order_of_the_episodes_does_not_tell_which_one_an_agent_plays(play):
+def test_the_order_of_episodes_does_not_tell_which_one_is_played(play):
     def order(name):
         _, folder = play(PLAIN, 9, name=name, in_process=True, seed=None)
         # Records tell whole seconds, and nine of these episodes are played in one.
@@ -133,7 +133,7 @@ def test_the_order_of_the_episodes_does_not_tell_which_one_an_agent_plays(play):
     assert order("one") != order("other")
 
 
-def test_in_one_process_it_would_find_it_so_that_is_told_in_every_table(play):
+def test_in_one_process_it_finds_it_so_every_table_says_that(play):
     _, folder = play(THIEF, in_process=True)
     assert not said(folder).startswith("0 episodes")
     table = CliRunner().invoke(bench, ["table", str(folder), "--format", "markdown"]).output
@@ -185,7 +185,7 @@ def test_a_plugin_with_an_agent_and_an_observer_is_loaded(play):
     assert (folder.parent / "seen").exists()
 
 
-def test_a_privileged_agent_plays_beside_the_body_and_its_verifier_apart(play):
+def test_a_privileged_agent_plays_beside_the_body(play):
     both = """
 class Mine(Agent): privileged = True
 class Judge(Agent):
@@ -200,7 +200,7 @@ def humanclaw_verifiers(register): register("judge", Judge)
     )  # fmt: skip
 
 
-def test_of_two_files_of_one_name_only_the_one_that_decides_stays_away_from_the_body(tmp_path):
+def test_of_two_files_of_one_name_the_deciding_one_stays_away(tmp_path):
     for name, text in (("a", HEAD + PLAIN + PATCH), ("b", "from humanclaw import hookimpl\n" + OBSERVER)):
         (tmp_path / name).mkdir()
         (tmp_path / name / "own.py").write_text(text)
@@ -238,7 +238,7 @@ class Mine(Agent):
     assert [entry[3] for entry in told] == [int(frame.mean()) for frame in frames]
 
 
-def test_an_agent_of_a_resumed_episode_is_given_the_views_that_it_has_not_seen(play):
+def test_an_agent_of_a_resumed_episode_gets_the_views_it_missed(play):
     recalls = """
 class Mine(Agent):
     def decide(self, observation, history):
@@ -257,7 +257,7 @@ class Mine(Agent):
 
 
 @pytest.mark.parametrize("ends", ["os._exit(7)", "os.kill(os.getpid(), 9)"])
-def test_an_agent_whose_process_ends_fails_its_episode_and_the_next_one_has_a_new_process(play, ends):
+def test_an_agent_whose_process_ends_fails_its_episode_alone(play, ends):
     written = f"""
 class Mine(Agent):
     def decide(self, observation, history):
@@ -350,7 +350,7 @@ def test_a_process_that_cannot_start_ends_the_run(play):
         play(PLAIN + dies)
 
 
-def test_an_installed_agent_that_is_not_loaded_beside_the_body_is_of_this_run_by_its_version(tmp_path, monkeypatch):
+def test_an_installed_agent_is_of_this_run_by_its_version(tmp_path, monkeypatch):
     site = tmp_path / "site"
     (site / "own_agents-2.5.dist-info").mkdir(parents=True)
     (site / "own_agents.py").write_text(HEAD + PLAIN)

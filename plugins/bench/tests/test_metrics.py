@@ -88,9 +88,7 @@ METRIC = {metric.name: metric for metric in ALL}
         ("Facing the sofa, half a metre away, not yet touching it.", "couch", True),
     ],
 )
-def test_a_sentence_that_names_the_target_without_negation_acknowledges_it(
-    text: str, category: str, said: bool
-) -> None:
+def test_a_sentence_that_names_the_target_acknowledges_it(text: str, category: str, said: bool) -> None:
     assert acknowledges(text, category) is said
 
 
@@ -113,7 +111,7 @@ def test_found_is_seen_and_said_in_the_same_step(tmp_path: Path, steps: list, fo
     assert (scores.find, scores.geo_find) == (found, in_view)
 
 
-def test_false_claims_are_the_share_of_the_views_without_a_target_in_which_it_is_claimed(tmp_path: Path) -> None:
+def test_false_claims_are_the_share_of_views_without_a_target(tmp_path: Path) -> None:
     steps = [step(says=SEE), step(says="A wall."), step(says="A wall."), step(says=SEE), step(says=SEE, pixels=1)]
     assert score(rollout(tmp_path, steps)).false_claims == 0.5
     assert np.isnan(score(rollout(tmp_path, steps[4:], name="seen")).false_claims)
@@ -162,7 +160,7 @@ ON, OFF = {"pelvis_contacts": (COUCH,)}, {"pelvis_contacts": (TABLE,)}
         ([step("stop", **ON)], False, False),
     ],
 )
-def test_sitting_succeeds_if_the_pelvis_is_on_the_target_right_before_the_stop(
+def test_sitting_succeeds_with_the_pelvis_on_the_target_at_stop(
     tmp_path: Path, steps: list, sat: bool, geo: bool
 ) -> None:
     scores = score(rollout(tmp_path, steps))
@@ -182,7 +180,7 @@ def test_a_free_instruction_has_no_success_but_a_body(tmp_path: Path) -> None:
 
 
 # -- collisions --------------------------------------------------------------------------------------------------------
-def test_collisions_are_the_share_of_steps_that_hit_something_above_the_ground(tmp_path: Path) -> None:
+def test_collisions_are_the_share_of_steps_with_a_hit_above_ground(tmp_path: Path) -> None:
     steps = [
         step(contacts=(touch(TABLE, height=2.0205), touch(TABLE, joint="right_foot", height=1.9))),
         step(contacts=(touch(TABLE, height=2.021),)),
@@ -219,7 +217,7 @@ def test_a_sequence_counts_by_the_half_second_that_it_lasts(tmp_path: Path) -> N
     assert (scores.collisions["any"], scores.spl) == (0.25, 0.5)
 
 
-def test_a_fall_that_goes_on_in_the_next_step_counts_once_and_so_does_one_that_never_ends(tmp_path: Path) -> None:
+def test_a_fall_that_goes_on_in_the_next_step_counts_once(tmp_path: Path) -> None:
     falling, landed = step(fall=1.2, falling=True), step(fall=3.0)
     ends = {"lands": [landed, step("stop")], "stops": [step("stop")], "goes-on": [step(fall=9.0, falling=True)]}
     for name, rest in ends.items():
@@ -306,14 +304,14 @@ def test_a_touched_object_is_displaced_if_it_ends_a_centimetre_away(tmp_path: Pa
     assert (scores.disturbed, scores.displaced, scores.displacement) == (1, displaced, pytest.approx(displaced * way))
 
 
-def test_the_displacement_is_pooled_over_objects_and_not_over_episodes(tmp_path: Path) -> None:
+def test_the_displacement_is_pooled_over_objects(tmp_path: Path) -> None:
     one = score(rollout(tmp_path, [step("stop")]))
     many = [replace(one, displaced=1, displacement=4.0), replace(one, displaced=3, displacement=0.0), one]
     assert estimate(METRIC["dDtb (m)"], many).value == pytest.approx(1.0)
     assert estimate(METRIC["#Dtb"], many).value == pytest.approx(4 / 3)
 
 
-def test_the_path_of_a_thing_counts_from_the_first_frame_that_moves_it(tmp_path: Path) -> None:
+def test_the_path_of_a_thing_counts_from_its_first_frame_of_motion(tmp_path: Path) -> None:
     path = np.zeros((HISTORY + 15, 7))
     path[:, 0] = np.concatenate([np.arange(HISTORY + 10) * 0.0005, np.full(5, 1.0 + 0.0005 * (HISTORY + 9))])
     recorded = rollout(tmp_path, [step(contacts=(touch(LAMP, 0),))], objects={LAMP: path})
@@ -346,7 +344,7 @@ def test_without_a_measured_way_there_is_no_path_weighted_success(tmp_path: Path
     assert np.isnan(score(rollout(tmp_path, [step("stop", away=0.1)])).spl)
 
 
-def test_tokens_are_pooled_over_steps_and_those_of_reasoning_told_apart(tmp_path: Path) -> None:
+def test_tokens_are_pooled_over_steps_with_reasoning_apart(tmp_path: Path) -> None:
     def spent(tokens: int, thought: int) -> tuple[Attempt, ...]:
         return (Attempt(Decision(usage=Usage(tokens, tokens, tokens_reasoning=thought))),)
 
@@ -457,7 +455,7 @@ def test_the_landing_rate_is_the_ratio_of_two_rates(tmp_path: Path) -> None:
 
 
 # -- cost and what is left out -----------------------------------------------------------------------------------------
-def test_all_requests_count_those_of_refused_answers_and_of_the_verifier_too(tmp_path: Path) -> None:
+def test_requests_of_refused_answers_and_of_the_verifier_count(tmp_path: Path) -> None:
     attempts = tuple(Attempt(Decision(usage=Usage(100, 10, 0.5))) for _ in range(2))
     verdict = Verdict(True, usage=Usage(tokens_in=7, tokens_out=3, cost=0.25))
     scores = score(rollout(tmp_path, [step(verdict=verdict, attempts=attempts), step("", away=None), step("stop")]))
@@ -466,7 +464,7 @@ def test_all_requests_count_those_of_refused_answers_and_of_the_verifier_too(tmp
     assert estimate(METRIC["in tok/step"], [scores]).value == pytest.approx(69.0)
 
 
-def test_a_call_of_which_nothing_is_asked_is_none_that_should_have_been_checked(tmp_path: Path) -> None:
+def test_a_call_of_which_nothing_is_asked_need_not_be_checked(tmp_path: Path) -> None:
     dead = Verdict(True, failed_open="the verifier does not answer")
     asked = Verdict(True, answers=(Answer("clear", True),))
     scores = score(rollout(tmp_path, [step(verdict=each) for each in (dead, asked, Verdict(True), Verdict(True))]))
@@ -513,7 +511,7 @@ def stopping(expected: float | None, **more: object) -> StepRecord:
     return step("stop", attempts=(Attempt(Decision((Call("stop"),), expected_success=expected)),), **more)
 
 
-def test_brier_is_the_squared_error_of_the_success_expected_before_a_stop(tmp_path: Path) -> None:
+def test_brier_is_the_squared_error_of_the_expected_success(tmp_path: Path) -> None:
     def scored(name: str, last: StepRecord, **more: object) -> Scores:
         return score(rollout(tmp_path, [last], name=name, interact=False, **more))
 
@@ -567,7 +565,7 @@ def test_runs_of_different_episodes_are_refused(base: Scores, change: dict, word
 
 
 @pytest.mark.parametrize(("name", "value"), [("start", Pose2D(x=1, z=1, yaw=0)), ("seed", 99), ("max_steps", 2)])
-def test_an_episode_that_was_asked_otherwise_is_told_with_what_differs(base: Scores, name: str, value: object) -> None:
+def test_an_episode_that_was_asked_otherwise_is_told_of(base: Scores, name: str, value: object) -> None:
     assert base.spec
     other = replace(base, spec=base.spec.model_copy(update={name: value}))
     with pytest.raises(RecordError, match=rf"episode one is not the same in both runs: {name} \("):

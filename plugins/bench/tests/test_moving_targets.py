@@ -21,7 +21,7 @@ def plugins() -> Plugins:
 @pytest.mark.parametrize(
     ("simulator", "x", "before", "after"), [("pushing", 6.5, True, False), ("pulling", 4.5, False, True)]
 )
-def test_a_target_that_was_pushed_is_reached_where_it_is_and_not_where_it_was(
+def test_a_pushed_target_is_reached_where_it_is(
     plugins: Plugins, tmp_path: Path, simulator: str, x: float, before: bool, after: bool
 ) -> None:
     """The couch's end is at x = 7.05; a walk of no length pushes it on by 2 m, or pulls it up."""

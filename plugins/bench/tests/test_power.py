@@ -15,7 +15,7 @@ from humanclaw_bench.statistics import SIGNIFICANT
 VAL, MINI = (30,) * 41, (2,) * 23 + (3,) * 18
 
 
-def test_two_runs_without_a_difference_differ_as_rarely_as_the_test_promises() -> None:
+def test_two_runs_alike_differ_as_rarely_as_the_test_promises() -> None:
     assumed = Assumption(0.5, icc=0.13, alike=0.4, tests=1, trials=1000)
     assert 0.03 <= power(VAL, 0.0, assumed) <= 0.07
     assert power(VAL, 0.0, Assumption(0.5, 0.13, 0.4, tests=3, trials=1000)) <= SIGNIFICANT / 2
@@ -38,7 +38,7 @@ def test_more_houses_and_runs_that_are_more_alike_show_more() -> None:
     assert power(MINI, 0.1, loose) < power(VAL, 0.1, loose) < power(VAL, 0.1, tight)
 
 
-def test_the_smallest_difference_is_interpolated_and_unknown_beyond_the_largest() -> None:
+def test_the_smallest_difference_is_interpolated() -> None:
     assert smallest((0.1, 0.2), (0.6, 1.0)) == pytest.approx(0.15)
     assert np.isnan(smallest((0.1, 0.2), (0.3, 0.7)))
     assert (

@@ -87,7 +87,7 @@ def test_a_run_ends_after_failures_of_the_provider(play):
     assert "3 episodes in a row failed for want of an answer. The last: the server is down" in status.halted
 
 
-def test_refused_answers_have_a_column_and_the_note_says_what_was_left_out(play):
+def test_refused_answers_have_a_column_and_a_note(play):
     _, run = play("ttct", stop_after=0, episodes=1)
     table = chosen_table(results_of([run], [Path(toy_world.FILE)]), ["refused"], paper=False)
     # Six steps: t t c, t t t, c, t t t, c, t t t ...: each call follows two or three refusals.

@@ -144,7 +144,7 @@ def test_what_has_fewer_than_four_episodes_is_not_foreseen(forecasts):
     ("rest", "asked"),
     [({"seconds": 500}, False), ({"seconds": 700}, True), ({"seconds": 9, "cost": 0.1, "tokens": 5}, True)],
 )
-def test_on_a_terminal_only_a_rest_that_costs_money_or_takes_long_is_asked_about(tmp_path, monkeypatch, rest, asked):
+def test_on_a_terminal_only_a_costly_or_long_rest_is_asked_about(tmp_path, monkeypatch, rest, asked):
     monkeypatch.setattr("click.confirm", lambda *_, **__: False)
     with RunProgress(Console(force_terminal=True, file=io.StringIO()), tmp_path) as progress:
         assert progress.foresee(Forecast(3, 2, **rest), ask=True) is not asked
@@ -234,7 +234,7 @@ def test_a_record_that_the_world_no_longer_agrees_with_is_begun_anew(play, tmp_p
     assert "The episode starts again" in capsys.readouterr().out
 
 
-def test_a_damaged_episode_is_found_and_begun_anew_and_the_others_are_kept(play, tmp_path, capsys):
+def test_a_damaged_episode_is_begun_anew_and_the_others_are_kept(play, tmp_path, capsys):
     log = tmp_path / "log"
     _, _, folder = play(toy_world.specs(2), log=str(log))
     before, path = digests(folder), folder / "toy-1" / "motion.npz"
@@ -274,7 +274,7 @@ def test_a_run_that_is_there_is_left_alone_by_who_asks_for_a_new_one(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["run.json"]
 
 
-def test_a_run_offers_the_skills_that_are_chosen_and_goes_on_with_the_same_ones_alone(toys, tmp_path):
+def test_a_run_offers_the_chosen_skills_and_goes_on_with_them(toys, tmp_path):
     few = Choice(skills=("walk", "stop"))
     job = Job("walker", {}, backends=TOY, files=(toy_world.FILE,), choice=few, in_process=True)
     chosen = Plugins.discover([Path(toy_world.FILE)], few)
@@ -325,7 +325,7 @@ def test_an_unknown_agent_is_refused_before_any_worker_starts(play, tmp_path):
 
 
 # -- what goes wrong ---------------------------------------------------------------------------------------------------
-def test_a_provider_that_fails_is_counted_apart_and_asked_again_in_the_next_sitting(play, tmp_path):
+def test_a_provider_that_fails_is_counted_apart_and_asked_again(play, tmp_path):
     trouble = {"in": "toy-1", "what": "provider", "once": str(tmp_path / "once"), "log": str(tmp_path / "log")}
     status, _, folder = play(toy_world.specs(3), **trouble)
     assert (status.done, status.failed) == (2, 1)
@@ -350,7 +350,7 @@ def test_a_worker_that_crashes_is_named_and_the_others_go_on(play, tmp_path):
     assert play(toy_world.specs(4), **trouble)[0].done == 4
 
 
-def test_a_bug_of_an_agent_fails_its_own_episode_alone_and_is_not_run_again(play, tmp_path, capfd):
+def test_a_bug_of_an_agent_fails_its_own_episode_alone(play, tmp_path, capfd):
     trouble = {"in": "toy-0", "what": "bug", "once": str(tmp_path / "once")}
     status, _, folder = play(toy_world.specs(3), **trouble)
     assert (status.done, status.failed) == (3, 0)
@@ -364,14 +364,14 @@ def test_a_bug_of_an_agent_fails_its_own_episode_alone_and_is_not_run_again(play
     assert "in befall" in capfd.readouterr().err
 
 
-def test_a_decision_that_no_record_can_hold_fails_its_own_episode_and_the_run_can_be_read(play):
+def test_a_decision_that_no_record_can_hold_fails_its_own_episode(play):
     status, _, folder = play(toy_world.specs(3), blank="toy-1")
     assert (status.done, status.failed) == (3, 0)
     assert [episode.record.outcome for episode in load_run(folder)] == ["stopped", "plugin_error", "stopped"]
     assert play(toy_world.specs(3), blank="toy-1")[1] == []
 
 
-def test_an_error_of_the_machine_that_no_file_can_hold_is_written_as_far_as_it_can(play):
+def test_an_error_that_no_file_can_hold_is_written_as_far_as_it_can(play):
     _, _, folder = play(toy_world.specs(1))
     mark(folder / "toy-0", "infra_error", "half \ud83d")
     assert RecordedEpisode(folder / "toy-0").record.error == "half \ufffd"
@@ -391,7 +391,7 @@ def test_what_an_agent_raises_is_its_own_error_and_not_tried_again(play, tmp_pat
     assert len(asked) == len(set(asked)) == 4 * 2 + 4
 
 
-def test_an_agent_that_cannot_be_used_ends_the_run_and_the_episode_that_it_had_begun_is_not_had_again(play, tmp_path):
+def test_an_agent_that_cannot_be_used_ends_the_run_once(play, tmp_path):
     about = {"each": {"toy-1": "plugin"}, "log": str(tmp_path / "log")}
     with pytest.raises(HumanclawError, match=r"toy-1 cannot be run: .* no key\. Set one\."):
         play(toy_world.specs(3, houses=1), **about)
@@ -402,7 +402,7 @@ def test_an_agent_that_cannot_be_used_ends_the_run_and_the_episode_that_it_had_b
     assert (status.done, [report.episode for report in reports]) == (3, ["toy-2"])
 
 
-def test_an_agent_that_can_be_made_once_only_fails_the_other_episodes_under_its_own_name(play):
+def test_an_agent_made_once_only_fails_other_episodes_by_name(play):
     status, _, folder = play(toy_world.specs(3), agent="late", can=1)
     assert (status.done, status.failed) == (3, 0)
     records = [episode.record for episode in load_run(folder)]
@@ -411,13 +411,13 @@ def test_an_agent_that_can_be_made_once_only_fails_the_other_episodes_under_its_
     assert {record.agent for record in records} == {"walker"}
 
 
-def test_an_agent_that_a_worker_never_could_make_has_its_own_name_all_the_same(play, tmp_path):
+def test_an_agent_that_no_worker_could_make_has_its_own_name(play, tmp_path):
     _, _, folder = play(toy_world.specs(2), agent="single", made=str(tmp_path / "made"))
     records = [episode.record for episode in load_run(folder)]
     assert [(record.outcome, record.agent) for record in records] == [("plugin_error", "walker")] * 2
 
 
-def test_an_agent_that_cannot_be_made_at_all_is_named_before_anything_is_played(play, tmp_path):
+def test_an_agent_that_cannot_be_made_is_named_before_playing(play, tmp_path):
     with pytest.raises(PluginError, match="agent 'late' of plugin 'toy_world' gave up: ValueError: no weights"):
         play(toy_world.specs(1), agent="late", can=0)
     assert not (tmp_path / "run" / "toy-0").exists()
@@ -477,7 +477,7 @@ def test_ids_that_some_systems_do_not_tell_apart_are_refused(play):
 
 
 @pytest.mark.parametrize("name", ["run.json", "Logs"])
-def test_an_id_that_is_the_name_of_a_file_of_the_run_itself_is_refused(play, tmp_path, name):
+def test_an_id_that_is_a_file_of_the_run_itself_is_refused(play, tmp_path, name):
     (spec,) = toy_world.specs(1)
     with pytest.raises(HumanclawError, match="of the run's own files"):
         play([spec.model_copy(update={"id": name})])

@@ -104,7 +104,7 @@ def test_every_candidate_can_be_walked(found):
         assert ("sit" in spec.instruction) == spec.interact
 
 
-def test_the_same_seed_draws_the_same_candidates_and_another_draws_others(found):
+def test_the_same_seed_draws_the_same_candidates(found):
     assert list(candidates(two_rooms(), 0, starts=6)) == found
     assert list(candidates(two_rooms(), 1, starts=6)) != found
 

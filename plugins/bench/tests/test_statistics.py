@@ -27,7 +27,7 @@ def test_no_trials_have_no_rate() -> None:
     assert np.isnan([wilson(0, 0).value, wilson(0, 0).low, wilson(0, 0).high]).all()
 
 
-def test_intervals_of_rare_successes_hold_the_truth_as_often_as_they_promise() -> None:
+def test_intervals_of_rare_successes_hold_the_truth() -> None:
     draws = np.random.default_rng(0).binomial(40, 0.1, 1000)
     intervals = {k: wilson(int(k), 40) for k in np.unique(draws)}
     held = np.mean([intervals[k].low <= 0.1 <= intervals[k].high for k in draws])
@@ -155,7 +155,7 @@ def test_equal_runs_differ_by_noise_and_not_by_certainty() -> None:
     assert found.low < 0.0 < found.high
 
 
-def test_the_interval_of_a_paired_difference_holds_the_truth_as_promised() -> None:
+def test_the_interval_of_a_paired_difference_holds_the_truth() -> None:
     rng = np.random.default_rng(4)
     held = 0
     for _ in range(400):
@@ -221,7 +221,7 @@ def test_runs_that_are_alike_seldom_pass_for_different() -> None:
     assert loud <= 11
 
 
-def test_pairing_shows_a_small_difference_between_very_different_episodes() -> None:
+def test_pairing_shows_a_small_difference_between_unlike_episodes() -> None:
     rng = np.random.default_rng(7)
     episodes = rng.normal(50.0, 30.0, 40)
     a, b = [(x, 1.0) for x in episodes], [(x + 1.0 + rng.normal(0, 0.5), 1.0) for x in episodes]
@@ -243,7 +243,7 @@ def test_many_comparisons_raise_p_by_holms_rule() -> None:
     assert [one.significant for one in found] == [True, False, False]
 
 
-def test_metrics_in_which_no_episode_differs_do_not_raise_the_p_of_others() -> None:
+def test_metrics_in_which_no_episode_differs_raise_no_p_of_others() -> None:
     tokens = compare_ratios([(0.0, 6.0)] * 9, [(0.0, 9.0)] * 9)  # None of six steps, and none of nine.
     stopped = compare_rates([True] * 9, [True] * 9)
     assert (tokens.alike, stopped.alike) == (True, True)

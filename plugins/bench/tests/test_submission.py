@@ -196,13 +196,13 @@ MIXED = [
 
 
 @pytest.mark.parametrize("other", MIXED)
-def test_a_run_with_an_episode_that_was_played_otherwise_is_no_submission(run: Path, other: dict[str, Any]) -> None:
+def test_a_run_with_an_episode_played_otherwise_is_no_submission(run: Path, other: dict[str, Any]) -> None:
     rewrite(run, "e3", **other)
     assert "holds runs of several agents or settings" in str(invoke("submit", run, "--who", "x").exception)
 
 
 @pytest.mark.parametrize("name", ["val", "val-400", "mini", "smoke"])
-def test_a_part_of_a_split_of_the_benchmark_is_held_to_it_without_a_file(tmp_path: Path, name: str) -> None:
+def test_a_part_of_a_split_of_the_benchmark_needs_no_file(tmp_path: Path, name: str) -> None:
     split = load_split(name)
     rollout(tmp_path, FAR, name=split[2].id)
     rewrite(tmp_path, split[2].id, dict(split[2]))
@@ -269,7 +269,7 @@ def test_a_row_links_to_the_page_that_the_board_wrote_and_to_no_other(run: Path)
 
 
 @pytest.mark.parametrize("name", ["index.html", "INDEX.HTML"])
-def test_a_run_named_as_the_board_itself_is_to_be_renamed_and_the_others_are_shown(run: Path, name: str) -> None:
+def test_a_run_named_as_the_board_itself_is_to_be_renamed(run: Path, name: str) -> None:
     submitted(run)
     shutil.copytree(run, run.parent / name)
     site = run.parent / "site"
@@ -313,7 +313,7 @@ def test_the_leaderboard_fits_and_has_no_serious_barrier(run: Path, size: dict[s
         assert not errors
 
 
-def test_a_privileged_decider_is_called_so_under_the_table_and_on_the_leaderboard(run: Path) -> None:
+def test_a_privileged_agent_is_called_so_under_every_table(run: Path) -> None:
     submitted(run)
     invoke("leaderboard", run.parent)
     assert "rivileged" not in invoke("table", run, "--format", "markdown").output + page(run)[0]
@@ -366,7 +366,7 @@ def test_what_never_ends_or_has_no_legible_name_stops_no_page(run: Path) -> None
     assert "Ada" in page(run)[0]
 
 
-def test_a_temperature_that_is_no_number_is_shown_as_the_record_has_it(run: Path) -> None:
+def test_a_temperature_that_is_no_number_is_shown_as_recorded(run: Path) -> None:
     for name in ("e0", "e1", "e2", "e3"):
         rewrite(run, name, settings=WARM | {"agent": {"temperature": "<default>"}})
     submitted(run)

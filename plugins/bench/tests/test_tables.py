@@ -58,14 +58,14 @@ def results_of(base: Scores, *agents: str) -> tuple:
     return named({name: [(replace(s, agent=name), None) for s in four] for name in agents})
 
 
-def test_rows_of_two_simulators_are_never_one_row_and_each_names_its_own(base: Scores):
+def test_rows_of_two_simulators_are_never_one_row(base: Scores):
     of = {name: [(replace(base, agent="model", conditions={"simulator": name}), None)] for name in ("bullet", "mujoco")}
     mixed = named({"one run": of["bullet"] + of["mujoco"]})
     assert [(result.name, len(result.scores)) for result in mixed] == [("model, bullet", 1), ("model, mujoco", 1)]
     assert [result.name for result in named({"a": of["mujoco"]})] == ["model"]
 
 
-def test_rows_of_two_gazes_name_theirs_and_the_note_names_the_whole_body(base: Scores):
+def test_rows_of_two_gazes_name_theirs(base: Scores):
     bodies = [replace(base, conditions={"simulator": "bullet", "profile": "paper", "gaze": name}) for name in GAZES]
     near, far = named({"one run": [(one, None) for one in bodies]})
     assert (near.name, far.name) == (f"{base.agent}, gaze body", f"{base.agent}, gaze far")
@@ -73,7 +73,7 @@ def test_rows_of_two_gazes_name_theirs_and_the_note_names_the_whole_body(base: S
 
 
 # -- the values --------------------------------------------------------------------------------------------------------
-def test_a_row_holds_the_rates_with_their_intervals_and_the_number_of_episodes(base: Scores) -> None:
+def test_a_row_holds_rates_with_intervals_and_number_of_episodes(base: Scores) -> None:
     table = result_table("main", results_of(base, "model"), paper=False)
     assert [column.name for column in table.columns] == [metric.name for metric in MAIN]
     assert table.rows[0].cells[2] == wilson(3, 4)
@@ -90,7 +90,7 @@ def test_episodes_apart_are_told_and_counted_in_nothing(base: Scores) -> None:
     )
 
 
-def test_failures_of_a_plugin_and_of_an_episodes_own_limit_count_and_are_told(base: Scores) -> None:
+def test_failures_of_a_plugin_and_of_a_limit_count_and_are_told(base: Scores) -> None:
     broken = replace(base, outcome="plugin_error", error="humanclaw_nod raised ValueError: no", nav=False)
     spent = [replace(base, outcome="limit_reached", limit=limit, nav=False) for limit in ("episode", "call", "run")]
     scores = [replace(one, episode=f"e{k}") for k, one in enumerate((base, broken, *spent))]
@@ -162,14 +162,14 @@ def test_every_table_says_n_of_n_and_what_is_to_be_known_of_the_row(part: Path, 
 
 
 @pytest.mark.parametrize("name", ["nav", "find", "outcome", "episode", "success", "cause", "collisions_any"])
-def test_a_metric_with_the_name_of_a_number_of_the_benchmarks_own_is_refused(name: str) -> None:
+def test_a_metric_with_the_name_of_a_built_in_number_is_refused(name: str) -> None:
     plugins = Plugins.discover()
     plugins.add(plugin(metrics=[(name, lambda recorded: 1.0)]), "taker")
     with pytest.raises(PluginError, match=rf"metric '{name}' of plugin 'taker' has the name"):
         metrics_of(plugins)
 
 
-def test_a_metric_that_raises_leaves_or_babbles_is_not_known_and_harms_nothing(tmp_path: Path) -> None:
+def test_a_metric_that_raises_or_babbles_is_unknown_and_harmless(tmp_path: Path) -> None:
     plugins = Plugins.discover()
     odd = {
         "raises": lambda recorded: 1 / 0,
@@ -204,7 +204,7 @@ def size(recorded: Any) -> int:
     return len(recorded.steps) + len(recorded.record.skills)
 
 
-def test_a_metric_that_changes_the_record_it_is_given_changes_nothing_else(tmp_path: Path) -> None:
+def test_a_metric_that_changes_its_record_changes_nothing_else(tmp_path: Path) -> None:
     plugins = Plugins.discover()
     plugins.add(plugin(metrics=[("forgets", forget), ("counts", size)]), "forgers")
     recorded = rollout(tmp_path, FAR)
@@ -215,7 +215,7 @@ def test_a_metric_that_changes_the_record_it_is_given_changes_nothing_else(tmp_p
     assert why is not None
 
 
-def test_the_papers_rows_are_marked_as_such_and_say_why_they_are_no_comparison(base: Scores) -> None:
+def test_the_papers_rows_say_why_they_are_no_comparison(base: Scores) -> None:
     table = result_table("main", results_of(base, "model"))
     paper = [row for row in table.rows if row.paper]
     assert len(paper) == 9
@@ -289,9 +289,7 @@ def test_a_difference_is_told_in_words(better: str, value: float, p: float, word
         (float("nan"), float("nan"), 0.01, "too few to tell"),
     ],
 )
-def test_a_share_is_noise_only_where_its_interval_holds_0_and_no_10_points(
-    low: float, high: float, least: float, words: str
-) -> None:
+def test_a_share_is_noise_only_where_its_interval_holds_0(low: float, high: float, least: float, words: str) -> None:
     found = Difference(0.5, 0.5, 0.0, low, high, 0.9, 9, least)
     assert verdict(Column("NavSR", percent=True), found) == words
 
@@ -306,7 +304,7 @@ def test_a_share_is_noise_only_where_its_interval_holds_0_and_no_10_points(
         (-4.0, -4.0, -0.3, 0.3, "noise"),
     ],
 )
-def test_a_mean_is_noise_only_where_its_interval_holds_0_and_no_tenth_of_its_level(
+def test_a_mean_is_noise_only_where_its_interval_holds_0(
     a: float, b: float, low: float, high: float, words: str
 ) -> None:
     assert verdict(Column("steps"), Difference(a, b, b - a, low, high, 0.9, 9)) == words
@@ -415,7 +413,7 @@ def test_a_table_and_a_comparison_as_json_have_every_number_in_full(tmp_path: Pa
     assert (nav["a"], nav["b"], nav["difference"]["value"]) == (0.75, 0.75, 0.0)
 
 
-def test_a_latex_table_has_the_chosen_columns_in_their_order_and_metrics_of_plugins(tmp_path: Path) -> None:
+def test_a_latex_table_has_the_chosen_columns_in_their_order(tmp_path: Path) -> None:
     run, height = write_run(tmp_path, 3, 1), tmp_path / "height.py"
     height.write_text(
         "from humanclaw import hookimpl\n\n\n@hookimpl(optionalhook=True)\n"
@@ -529,7 +527,7 @@ class Shown:
     def episode(self, run: Path, name: str, **more: object) -> None: ...
 
 
-def test_a_page_of_two_runs_that_asked_no_model_speaks_of_no_tokens_and_no_cost(tmp_path: Path) -> None:
+def test_a_page_of_runs_without_models_speaks_of_no_tokens(tmp_path: Path) -> None:
     folders = write_run(tmp_path / "a", sat=3, far=1), write_run(tmp_path / "b", sat=1, far=3)
     page = Shown()
     overview({folder: load_run(folder) for folder in folders}, page, Plugins.discover())

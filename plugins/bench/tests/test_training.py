@@ -19,7 +19,7 @@ from humanclaw_bench.training import AGAINST, MOST, require_training
 ONE = {"houses": 1}
 
 
-def test_every_root_cause_has_a_source_of_tasks_that_trains_against_it(plugins):
+def test_every_root_cause_has_tasks_that_train_against_it(plugins):
     sources = {one.name for one in plugins.registered("tasks")}
     assert set(AGAINST) == {cause.label for cause in CAUSES}
     assert set(AGAINST.values()) <= sources
@@ -132,7 +132,7 @@ def _called(gym, name, **arguments):
     return gym.call(name, {"thoughts": arguments.pop("thoughts", ""), **arguments})
 
 
-def test_to_approach_begins_with_the_target_ahead_and_a_stop_at_once_fails(gym):
+def test_to_approach_begins_ahead_and_a_stop_at_once_fails(gym):
     one = gym("approach")
     for seed in (0, 1):
         one.reset(seed)
@@ -144,7 +144,7 @@ def test_to_approach_begins_with_the_target_ahead_and_a_stop_at_once_fails(gym):
     assert turn.reward == 0
 
 
-def test_to_turn_begins_out_of_view_and_a_half_turn_without_looking_misses_targets(gym):
+def test_to_turn_begins_out_of_view(gym):
     one, blindly = gym("turn"), []
     for seed in range(10):
         one.reset(seed)
@@ -169,7 +169,7 @@ def test_to_turn_is_solved_by_honest_words_alone(gym):
         assert turn.reward == pytest.approx(2.0 if turn.solved else 0.0)
 
 
-def test_to_sit_begins_with_the_back_to_the_seat_and_is_solved_by_sitting(gym):
+def test_to_sit_begins_with_the_back_to_the_seat(gym):
     one = gym("sit")
     one.reset(1)
     assert _seen(one) < 100

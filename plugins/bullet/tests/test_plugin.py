@@ -37,7 +37,7 @@ print(urdf(find_profile('default')))
     assert len(bodies) == 1
 
 
-def test_a_closed_world_does_not_reach_into_the_one_that_got_its_number():
+def test_a_closed_world_does_not_reach_into_its_numbers_next_owner():
     closed = Client()
     closed.setGravity(0, 0, -1)
     closed.close()
@@ -47,7 +47,7 @@ def test_a_closed_world_does_not_reach_into_the_one_that_got_its_number():
     other.close()
 
 
-def test_shoes_of_a_fast_walk_stop_at_the_floor_and_are_not_pushed_out_of_it():
+def test_shoes_of_a_fast_walk_stop_at_the_floor():
     command = {"hips.left": 0.0, "hips.forward": 0.8, "heading.left": 0.0}
     walk = Fixture.of("bullet").perform(SceneBuilder.on_floor().scene(), [command] * 4).simulated
     assert shoe_heights(*forward_kinematics(walk.root, walk.rotations)).min() > -0.001

@@ -45,7 +45,7 @@ def test_the_start_is_where_an_annotated_room_really_has_a_floor(mine: Path) -> 
     assert result.exit_code == 0, result.output
 
 
-def test_rooms_annotated_two_metres_below_the_building_leave_the_start_on_its_floor(mine: Path) -> None:
+def test_rooms_annotated_below_the_building_keep_the_starts_floor(mine: Path) -> None:
     below = {"name": "cellar", "poly_loop": [[x, -2, z] for x, z in ((-9, -9), (9, -9), (9, 9), (-9, 9))],
              "floor_height": -2.0, "extrusion_height": 4.0}  # fmt: skip
     edit(mine / "semantics" / "scenes" / "toy1.semantic_config.json", region_annotations=[below])

@@ -71,9 +71,7 @@ def test_the_body_really_faces_that_way_in_the_scene(dataset: Path, tmp_path: Pa
     assert 1 in view.ids  # The couch at +X shows through the doorway.
 
 
-def test_the_start_is_on_the_floor_of_the_scene_and_the_targets_are_the_goals_objects(
-    dataset: Path, tmp_path: Path
-) -> None:
+def test_the_start_is_on_the_floor_and_the_targets_are_the_goals(dataset: Path, tmp_path: Path) -> None:
     spec = one(dataset, tmp_path, "couch", [2, 0.12, 2], BACK)
     assert (spec.start.x, spec.start.z, spec.start.floor) == (2, 2, 0)
     assert (spec.target_category, spec.target_ids, spec.interact) == ("couch", (1,), True)
@@ -89,9 +87,7 @@ def test_the_difficulty_is_that_of_the_way(dataset: Path, tmp_path: Path) -> Non
     assert (found.turns, found.rooms) == (0, 2)
 
 
-def test_the_reference_releases_offset_is_the_start_and_its_third_number_the_floor(
-    dataset: Path, tmp_path: Path
-) -> None:
+def test_the_reference_releases_offset_is_the_start(dataset: Path, tmp_path: Path) -> None:
     # start_position floats 0.7 m over the floor: too much to be accepted without init_offset.
     spec = one(dataset, tmp_path, "tv", [6, 0.7, 1], BACK, init_offset=[-6, 1, 0.0])
     assert (spec.start.x, spec.start.z, spec.start.floor) == (6, 1, 0)
@@ -156,9 +152,7 @@ def test_a_goal_that_nothing_in_the_scene_answers_is_named(dataset: Path, tmp_pa
     assert (result.exit_code, spec.target_ids) == (1, (1,))
 
 
-def test_the_names_of_other_datasets_are_understood_and_what_is_no_target_is_left_out(
-    dataset: Path, tmp_path: Path
-) -> None:
+def test_names_of_other_datasets_are_understood(dataset: Path, tmp_path: Path) -> None:
     goals = {"toy1.glb_sofa": GOALS["toy1_couch"]}
     sofa = episode(0, "sofa", [2, 0.1, 2], BACK, scene_id="hssd-hab/toy1.glb")
     result, specs = made(dataset, tmp_path, sofa, episode(1, "piano", [2, 0.1, 2], BACK), goals=goals)

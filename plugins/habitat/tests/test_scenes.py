@@ -44,7 +44,7 @@ def front(scene: Scene, number: int) -> np.ndarray:
 
 
 # -- what there is ----------------------------------------------------------------------------------------------------
-def test_objects_are_numbered_as_in_the_scene_instance_and_the_building_follows(scene: Scene) -> None:
+def test_objects_are_numbered_as_in_the_scene_instance(scene: Scene) -> None:
     assert [scene.by_id[k].category for k in range(1, 6)] == ["couch", "tv", "potted_plant", "cup", "chair"]
     assert {thing.category for thing in scene.objects if thing.id > 5} == {"floor", "ceiling", "wall"}
 
@@ -80,7 +80,7 @@ def test_assets_stand_on_the_middle_of_their_footprint(scene: Scene) -> None:
 
 
 @pytest.mark.integration
-def test_a_seat_whose_back_is_elsewhere_than_its_front_axis_says_is_turned_to_its_real_front(mine: Path) -> None:
+def test_a_seat_is_turned_to_its_real_front(mine: Path) -> None:
     # The couch's back is at +Z; the config calls +Z the front.
     edit(mine / "objects" / "c" / "couch1.object_config.json", front=[0, 0, 1])
     scene = load(mine)
@@ -96,7 +96,7 @@ def test_seat_heights_are_measured_and_scaled(scene: Scene) -> None:
     assert scene.assets[scene.by_id[2].asset].seat_height is None
 
 
-def test_only_dynamic_things_move_and_mass_and_friction_come_from_the_config_or_its_defaults(scene: Scene) -> None:
+def test_only_dynamic_things_move_with_mass_and_friction_as_given(scene: Scene) -> None:
     assert [thing.id for thing in scene.objects if thing.movable] == [4]
     assert (scene.by_id[4].mass, scene.by_id[4].friction) == (0.3, 0.4)
     assert scene.by_id[1].friction == 0.7
@@ -147,7 +147,7 @@ def test_a_part_of_a_collision_model_that_is_not_convex_is_decomposed(mine: Path
     assert not any((hull.max(axis=0) - hull.min(axis=0) > 0.9).sum() > 1 for hull in hulls)
 
 
-def test_what_is_not_collidable_has_no_body_and_a_box_can_be_asked_for(mine: Path) -> None:
+def test_what_is_not_collidable_has_no_body(mine: Path) -> None:
     edit(mine / "objects" / "t" / "tv1.object_config.json", is_collidable=False)
     edit(mine / "objects" / "c" / "couch1.object_config.json", use_bounding_box_for_collision=True)
     scene = load(mine)
@@ -268,7 +268,7 @@ def test_the_licence_of_the_dataset_is_told(scene: Scene) -> None:
     assert scene.licences == ("cc-by-nc-4.0: toy",)
 
 
-def test_a_dataset_with_one_scene_needs_no_name_and_the_scene_says_how_to_open_it_again(dataset: Path) -> None:
+def test_a_dataset_with_one_scene_needs_no_name(dataset: Path) -> None:
     scene = host().scene(f"habitat:{dataset}?triangles=500")
     assert scene.name == f"habitat:{dataset}#toy1?triangles=500"
     assert host().scene(scene.name).digest == scene.digest
@@ -317,7 +317,7 @@ def test_a_nested_config_without_a_name_changes_the_file_itself(mine: Path) -> N
     assert load(mine).by_id[4].mass == 3.5
 
 
-def test_a_nested_config_without_a_file_makes_a_template_with_paths_relative_to_the_dataset(mine: Path) -> None:
+def test_a_nested_config_without_a_file_makes_a_template(mine: Path) -> None:
     nest(mine, "objects", {"template_handle": "mug", "attributes": {"render_asset": "objects/c/cup1.glb", "mass": 1.1}})
     nest(
         mine,
@@ -570,7 +570,7 @@ def test_a_lost_mesh_is_named_with_its_object(mine: Path) -> None:
     fails(mine, "object 1 (tv1)", "tv1.glb", "No such file", "missing=skip")
 
 
-def test_the_rest_is_loaded_if_asked_for_and_what_was_left_out_is_listed(mine: Path, scene: Scene) -> None:
+def test_the_rest_is_loaded_if_asked_for(mine: Path, scene: Scene) -> None:
     (mine / "objects" / "t" / "tv1.glb").unlink()
     with pytest.warns(UserWarning, match="1 left out"):
         rest = load(mine, "?missing=skip")
@@ -581,7 +581,7 @@ def test_the_rest_is_loaded_if_asked_for_and_what_was_left_out_is_listed(mine: P
     assert "tv1.glb" in said
 
 
-def test_a_name_that_fits_two_templates_is_the_first_by_path_as_in_habitat_and_that_is_said(mine: Path) -> None:
+def test_a_name_that_fits_two_templates_is_the_first_by_path(mine: Path) -> None:
     edit(mine / "scenes" / "toy1.scene_instance.json", stage_instance={"template_name": "modified_stage"})
     nest(mine, "stages", *({"original_file": "stages/toy.stage_config.json", "template_handle": f"modified_stage_{k}",
                             "attributes": {"is_collidable": not k}} for k in (1, 0)))  # fmt: skip
@@ -693,7 +693,7 @@ def basis(head: dict) -> None:
 
 
 @pytest.mark.skipif(find_spec("alktx2") is not None, reason="alktx2 is installed, so KTX2 is read")
-def test_ktx2_textures_give_way_to_the_base_colour_and_that_is_said_every_time(mine: Path) -> None:
+def test_ktx2_textures_give_way_to_the_base_colour_and_are_told(mine: Path) -> None:
     rewrite(textured(mine / "objects" / "c" / "cup1.glb"), basis)
     for _ in range(2):
         with pytest.warns(UserWarning, match=r"1 not read in full:\n.*cup1.glb: KTX2"):
@@ -703,7 +703,7 @@ def test_ktx2_textures_give_way_to_the_base_colour_and_that_is_said_every_time(m
         np.testing.assert_allclose(mesh.texture.reshape(-1, 3).max(axis=0), (255, 186, 0), atol=2)
 
 
-def test_a_scene_instance_with_a_wrong_field_is_told_by_file_and_field(mine: Path) -> None:
+def test_a_scene_instance_with_a_wrong_field_is_told_by_file(mine: Path) -> None:
     change_object(mine, 2, rotation=[0, 0, 0, 0])
     fails(mine, "toy1.scene_instance.json", "object_instances.2", "w, x, y, z")
     change_object(mine, 2, translation=[0, 1])
@@ -746,7 +746,7 @@ def test_json_that_is_none_is_told_by_file(mine: Path) -> None:
     fails(mine, "toy1.scene_instance.json", "not JSON", "git lfs pull")
 
 
-def test_a_scene_that_is_not_there_is_answered_with_the_nearest_that_are(mine: Path) -> None:
+def test_a_missing_scene_is_answered_with_the_nearest_that_are(mine: Path) -> None:
     with pytest.raises(SceneError, match=r"there is no scene 'toy2'.*such as toy1"):
         host().scene(f"hssd:{mine}#toy2")
 

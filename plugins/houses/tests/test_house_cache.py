@@ -81,7 +81,7 @@ def test_a_change_of_what_shapes_a_house_is_another_generator(copies: Path, chan
 
 
 @pytest.mark.parametrize("changed", ["episodes/loop.py", "plugins/host.py", "motion/generator.py"])
-def test_a_change_elsewhere_in_the_core_leaves_the_houses_in_the_cache(copies: Path, changed: str) -> None:
+def test_a_change_elsewhere_in_the_core_leaves_houses_in_the_cache(copies: Path, changed: str) -> None:
     with (copies / "humanclaw" / changed).open("a") as stream:
         stream.write("\n# another thought\n")
     assert version_of(copies) == reference.generator_version()

@@ -30,7 +30,7 @@ def test_kinematics_walks_through_a_wall_that_blocks_half_physics():
     assert max(contact.depth for contact in through.contacts if contact.object_id == wall) > 0.05
 
 
-def test_kinematics_climbs_in_the_air_where_gravity_holds_half_physics():
+def test_kinematics_climbs_in_the_air_and_half_physics_does_not():
     scene, motion = SceneBuilder.on_floor().scene(), glide(0.3, 0.0)
     (aloft,), (down,) = outcome(kinematic(), scene, motion), outcome(mujoco(), scene, motion)
     assert aloft.simulated.root[-1, 1] - down.simulated.root[-1, 1] == pytest.approx(0.3, abs=0.03)

@@ -31,7 +31,7 @@ def test_a_scene_that_is_loaded_again_is_not_compiled_again():
     assert min(times[1:]) < times[0]
 
 
-def test_what_mujoco_warns_of_is_logged_and_no_file_of_its_own_is_left_behind(tmp_path, monkeypatch, caplog):
+def test_what_mujoco_warns_of_is_logged_and_leaves_no_file(tmp_path, monkeypatch, caplog):
     """Check that MuJoCo writes no MUJOCO_LOG.TXT into the working directory, as it does by default."""
     monkeypatch.chdir(tmp_path)
     mujoco()

@@ -43,7 +43,7 @@ def seen(view, colour):
     return rgb[..., k] > 1.5 * np.delete(rgb, k, axis=-1).max(-1)
 
 
-def test_a_board_behind_the_eye_appears_in_the_mirror_where_the_law_of_reflection_puts_it(hall, camera):
+def test_a_board_behind_the_eye_appears_in_the_mirror_by_reflection(hall, camera):
     builder, glass = hall
     view = builder.look(camera((0, 1, 0), (0, 0, -1), 512))
     rows, columns = np.nonzero(seen(view, RED) & (view.ids == glass))
@@ -61,7 +61,7 @@ def test_a_mirror_is_drawn_in_a_picture_one_pixel_wide(hall, camera):
     assert (view.ids == glass).all()
 
 
-def test_the_body_sees_itself_whole_in_a_mirror_and_nothing_from_behind_the_glass(hall, camera):
+def test_the_body_sees_itself_whole_in_a_mirror(hall, camera):
     builder, glass = hall
     eye = camera((0, 1.6, 0), (0, -0.3, -1), 512)
     empty = builder.look(eye)

@@ -285,7 +285,7 @@ def test_the_shadow_of_an_object_goes_where_it_goes(builder, camera):
     assert here[row, 64, 0] < 0.95 * gone[row, 64, 0]
 
 
-def test_a_box_keeps_the_light_from_the_side_that_is_turned_away_from_it(builder, camera):
+def test_a_box_shades_the_side_that_is_turned_away_from_the_light(builder, camera):
     builder.floor()
     builder.box((0.8, 0.8, 0.8), (0, 0, 0))
     row = builder.look(camera((0, 3, 0), (0, -1, 0), up=(0, 0, 1))).rgb[64, :, 0]
@@ -330,7 +330,7 @@ def test_a_flat_wall_does_not_shade_itself(builder, camera):
 
 
 # -- the renderer as a whole -------------------------------------------------------------------------------------------
-def test_the_same_moment_gives_the_same_bytes_whatever_was_drawn_before(builder, camera):
+def test_the_same_moment_gives_the_same_bytes(builder, camera):
     builder.floor()
     box = builder.box((0.3, 0.3, 0.3), (0, 0, 2), movable=True, mass=1.0)
     renderer, eye = RasterRenderer(), ego_camera(STANDING.body)

@@ -59,7 +59,7 @@ def digests(folder):
     return {episode.record.spec.id: episode.digest for episode in load_run(folder)}
 
 
-def test_a_node_that_is_killed_half_way_loses_nothing_and_doubles_nothing(cluster, play, tmp_path):
+def test_a_node_that_is_killed_half_way_loses_and_doubles_nothing(cluster, play, tmp_path):
     specs, told = toy_world.specs(8), []
 
     def watch(status, report):
@@ -93,7 +93,7 @@ def test_an_actor_stays_in_the_house_that_it_has_built(cluster, play):
     assert all(sum(a != b for a, b in pairwise(one[2:])) <= 2 for one in visits.values())
 
 
-def test_an_episode_that_kills_every_actor_is_marked_and_the_rest_go_on(cluster, play):
+def test_an_episode_that_kills_every_actor_is_marked(cluster, play):
     status = play(toy_world.specs(3), "ray", "run", in_process=True, each={"toy-1": "SIGKILL"})
     assert (status.done, status.failed) == (2, 1)
 

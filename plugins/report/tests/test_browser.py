@@ -257,7 +257,7 @@ def test_an_episode_that_has_ended_says_how(browser: Any, watched: Watched) -> N
     assert not errors
 
 
-def test_a_run_that_is_deleted_while_it_is_watched_leaves_an_empty_page(browser: Any, watched: Watched) -> None:
+def test_a_run_that_is_deleted_while_watched_leaves_an_empty_page(browser: Any, watched: Watched) -> None:
     tab, _ = opened(browser, watched.address)
     shutil.rmtree(watched.folder)
     tab.wait_for_function("document.getElementById('lede').textContent === 'No episode has begun.'")

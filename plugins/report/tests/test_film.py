@@ -169,7 +169,7 @@ def test_an_episode_without_motion_cannot_be_filmed(tmp_path: Path) -> None:
         ({"every": 0}, "N from 1 on; got 0"),
     ],
 )
-def test_a_film_that_no_encoder_makes_is_refused_before_a_picture_is_drawn(
+def test_a_film_that_no_encoder_makes_is_refused_before_drawing(
     made: tuple[RecordedEpisode, Scene], tmp_path: Path, wrong: dict[str, Any], told: str
 ) -> None:
     painter = Painter()

@@ -52,7 +52,7 @@ def test_the_first_event_tells_of_every_episode(served: tuple[int, Path]) -> Non
 
 
 @pytest.mark.parametrize("wrong", [{"target_distance": 0.21}, {"pelvis_contacts": []}])
-def test_an_episode_that_stops_elsewhere_or_beside_its_seat_did_not_reach_its_goal(tmp_path: Path, wrong: Any) -> None:
+def test_an_episode_that_stops_elsewhere_did_not_reach_its_goal(tmp_path: Path, wrong: Any) -> None:
     scene = record_episode(tmp_path / "couch-0")
     steps = tmp_path / "couch-0" / "steps.jsonl"
     *before, last = steps.read_text().splitlines()
@@ -61,7 +61,7 @@ def test_an_episode_that_stops_elsewhere_or_beside_its_seat_did_not_reach_its_go
     assert (row["outcome"], row["goal"]) == ("stopped", "goal not reached")
 
 
-def test_an_event_tells_of_the_episodes_that_changed_and_of_those_that_are_gone(tmp_path: Path) -> None:
+def test_an_event_tells_of_changed_and_gone_episodes(tmp_path: Path) -> None:
     scene = record_episode(tmp_path / "couch-0")
     record_episode(tmp_path / "couch-1", name="couch-1")
     watcher = Watcher(tmp_path, lambda name: scene)

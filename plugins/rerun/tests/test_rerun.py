@@ -143,7 +143,7 @@ def test_a_recording_brings_its_own_layout(recording):
     assert [store.application_id for store in recording.reader.blueprints()] == ["humanclaw"]
 
 
-def test_a_house_that_is_not_the_one_of_the_record_is_left_out_and_said_so(recorded, tmp_path):
+def test_a_house_that_is_not_the_records_is_left_out_and_said_so(recorded, tmp_path):
     plugins = Plugins.discover()
     plugins.scene = lambda reference: two_rooms()
     assert house_of(recorded.record, plugins)[0] is not None

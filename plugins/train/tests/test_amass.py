@@ -117,7 +117,7 @@ def test_a_body_with_a_raised_hand_trains_the_prior_but_no_skill():
     assert "walk" in build_real([replace(carrying, motion=walk)], list(trained_skills().values()))
 
 
-def test_without_a_straight_walk_there_is_no_synthetic_motion_and_the_report_says_why(build, tmp_path, capsys):
+def test_without_a_straight_walk_there_is_no_synthetic_motion(build, tmp_path, capsys):
     write_clip(
         _in(tmp_path / "in" / "turn.npz"),
         synthesize(swinging(), [(trained_skills()["turn_in_place"], {"yaw": 0.9})] * 4, 0),
@@ -157,7 +157,7 @@ def test_a_table_without_a_column_is_refused(tmp_path):
         Folder.read(tmp_path)
 
 
-def test_one_folder_in_twenty_is_held_out_because_subjects_have_folders():
+def test_one_folder_in_twenty_is_held_out():
     motion = rest_pose(1)
     clips = [Clip(f"S/{who:02d}/{what}", motion, None, "S", "") for who in range(40) for what in "ab"]
     assert building.held_out(clips) == {"S/19/a", "S/19/b", "S/39/a", "S/39/b"}

@@ -57,7 +57,7 @@ def test_the_card_of_a_ninth_skill_says_nothing_of_how_ours_were_made(tmp_path):
         assert claim not in text
 
 
-def test_weights_of_share_alike_data_are_share_alike_and_their_package_is_told_so(humanclaw, weights, capsys):
+def test_weights_of_share_alike_data_are_share_alike(humanclaw, weights, capsys):
     folder = weights / "sit_in_place"
     assert "distribute them under CC BY-SA 3.0" in card(folder / "adapter.safetensors")
     project = weights / "pyproject.toml"
@@ -149,7 +149,7 @@ def test_the_shipped_cards_are_those_of_the_shipped_weights():
 
 
 @pytest.mark.parametrize("checkpoint", SHIPPED, ids=lambda path: path.parent.name)
-def test_every_shipped_checkpoint_has_its_shares_and_licences_on_the_card_beside_it(checkpoint):
+def test_every_shipped_checkpoint_has_its_licences_on_its_card(checkpoint):
     told = read_header(checkpoint)["card"]
     text = checkpoint.with_name(CARD).read_text("utf-8")
     assert f"{told['data']['real']:,} real chunks" in text

@@ -114,7 +114,7 @@ def test_bounds_that_no_clip_reaches_are_reported_before_training(make, skill, t
     assert "warning: h_cm may be 60 to 85, and the chunks show 7" in capsys.readouterr().err
 
 
-def test_a_posture_is_taken_from_any_height_to_any_other_over_feet_that_stand_still(make, skill, tmp_path):
+def test_a_posture_is_taken_from_any_height_to_any_other(make, skill, tmp_path):
     amass(tmp_path / "clips", squat())
     chunks = make(skill, tmp_path / "clips", "--seconds", "100")
     retimed = chunks[~chunks.real]
@@ -125,7 +125,7 @@ def test_a_posture_is_taken_from_any_height_to_any_other_over_feet_that_stand_st
     assert np.ptp(toes[..., [0, 2]], axis=1).max() < 0.01
 
 
-def test_a_posture_is_also_taken_from_standing_as_the_prior_stands_straight_to_any_height(make, skill, tmp_path):
+def test_a_posture_is_taken_from_standing_to_any_height(make, skill, tmp_path):
     amass(tmp_path / "clips", squat())
     chunks = make(skill, tmp_path / "clips", "--seconds", "200")
     standing = load_base(shipped_base()).start_rotations[-1]
@@ -229,7 +229,7 @@ def test_a_clip_whose_hips_hardly_move_is_retimed_as_a_whole():
     assert np.isfinite(made.rotations).all()
 
 
-def test_the_image_of_a_one_sided_skill_is_measured_anew_and_kept_only_where_it_shows_the_skill(tmp_path):
+def test_the_image_of_a_one_sided_skill_is_measured_anew(tmp_path):
     """An arm goes up and comes down; in its mirror image it is the other one, and this one hangs."""
     hand = JOINT_INDEX["right_hand"]
     height = Measure("hand.height", "m", "Of it.", None, lambda p, r: forward_kinematics(p, r)[0][:, -1, hand, 1])

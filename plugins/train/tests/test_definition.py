@@ -36,7 +36,7 @@ def _inputs() -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
     return history, noisy, torch.tensor([0.2, 0.7])
 
 
-def test_the_papers_size_has_its_layers_heads_and_38_million_parameters():
+def test_the_papers_size_has_38_million_parameters():
     """A block has 7 h^2 in its modulations and 8 h^2 beside them, so ten with h = 512 have nearly 37 million."""
     size = SIZES["paper"]
     assert (size.layers, size.heads, size.prediction) == (10, 8, "velocity")
@@ -48,7 +48,7 @@ def test_the_papers_size_has_its_layers_heads_and_38_million_parameters():
     assert sum(weights.numel() for weights in adapter.parameters()) == blocks + 10 * 512**2 + encoder
 
 
-def test_scalars_have_an_mlp_as_encoder_and_displacement_with_yaw_fourier_features():
+def test_scalars_have_an_mlp_and_displacement_fourier_features():
     base = load_base(shipped_base())
     kinds = {
         name: load_adapter(SHIPPED[name], base, name).config.encoder for name in ("walk", "side_step", "turn_in_place")
@@ -134,7 +134,7 @@ def _defined(history: Motion, adapter_file: Path | None, values: dict[str, float
 @pytest.mark.parametrize(
     ("skill", "profile"), [*((skill, "default") for skill in [*SHIPPED, "base"]), ("base", "paper")]
 )
-def test_the_runtime_generates_what_the_definition_does_within_a_hundredth_of_a_millimetre(skill, profile):
+def test_the_runtime_generates_what_the_definition_does(skill, profile):
     path, solver = SHIPPED.get(skill), PROFILES[profile]
     command = Command.of(skill, path) if path else None
     values = command.named(command.draw(1, np.random.default_rng(0))[0]) if command else {}

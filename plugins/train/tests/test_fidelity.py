@@ -58,7 +58,7 @@ def _rolled(chunks: Chunks, *asked: float) -> Rollouts:
     return Rollouts(root, turns, np.array(asked)[:, None], np.ones(len(asked), bool))
 
 
-def test_half_of_what_was_asked_is_a_ratio_of_a_half_and_the_rest_is_the_error(still):
+def test_half_of_what_was_asked_is_a_ratio_of_a_half(still):
     ratio = achieved(Command.of("step_back", still[1]), _rolled(_gliding(np.array([0.1, 0.2])), 0.2, 0.4))
     assert (ratio.mean, ratio.std, ratio.after_other) == pytest.approx((0.5, 0, 0.5), abs=1e-5)
     assert ratio.error == pytest.approx(15, abs=1e-3)
@@ -66,7 +66,7 @@ def test_half_of_what_was_asked_is_a_ratio_of_a_half_and_the_rest_is_the_error(s
     assert ratio.constant == pytest.approx(10)  # The best constant for 20 and 40 cm.
 
 
-def test_a_constant_has_a_ratio_near_one_and_neither_slope_nor_a_smaller_error_than_the_best_constant(still):
+def test_a_constant_has_a_ratio_near_one_and_no_slope(still):
     ratio = achieved(Command.of("step_back", still[1]), _rolled(_gliding(np.full(3, 0.3)), 0.25, 0.3, 0.35))
     assert ratio.mean == pytest.approx(1.02, abs=0.01)
     assert ratio.slope == pytest.approx(0, abs=1e-5)
@@ -94,7 +94,7 @@ def test_the_baseline_knows_left_from_right(tmp_path):
     assert baseline([tmp_path], command).mean == pytest.approx(1, abs=0.01)
 
 
-def test_a_ninth_skill_shows_real_figures_whatever_its_parameters_are_called(still, tmp_path):
+def test_a_ninth_skill_shows_real_figures_whatever_its_parameters(still, tmp_path):
     """Commanded: 20 cm ahead, no turn. Achieved: 30 cm and 0.1 rad. Errors: 10 cm and 5.73 degrees."""
     folder = tmp_path / "stroll"
     declare(folder, STROLL)
@@ -110,7 +110,7 @@ def test_a_ninth_skill_shows_real_figures_whatever_its_parameters_are_called(sti
     assert ratio.error == pytest.approx((10 + np.degrees(0.1)) / 2)
 
 
-def test_an_adapter_and_a_schema_with_different_parameters_are_refused(still, tmp_path):
+def test_an_adapter_and_a_schema_that_differ_are_refused(still, tmp_path):
     folder = tmp_path / "stroll"
     declare(folder, STROLL)
     (folder / "adapter.safetensors").write_bytes(still[1].read_bytes())
@@ -180,7 +180,7 @@ def test_a_flight_has_treads_of_the_commanded_height_and_depth(skill, sign):
     assert [high[2] for _, high in boxes[:-1]] == pytest.approx([low[2] for low, _ in boxes[1:]], abs=1e-6)
 
 
-def test_a_body_goes_on_in_the_pose_of_its_history_at_the_origin_of_the_next_scene(simulator, still):
+def test_a_body_keeps_the_pose_of_its_history_in_the_next_scene(simulator, still):
     actor = Actor(_backwards(0.2), simulator)
     actor.stand(flat())
     actor.act(Command.of("step_back", still[1]), np.array([0.2]), (0,))

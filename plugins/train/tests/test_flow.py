@@ -10,7 +10,7 @@ def _numbers(*shape: int, seed: int = 0) -> torch.Tensor:
     return torch.randn(shape, generator=torch.Generator().manual_seed(seed))
 
 
-def test_the_path_begins_in_noise_and_ends_within_sigma_of_the_clean_future():
+def test_the_path_begins_in_noise_and_ends_at_the_clean_future():
     clean, noise = _numbers(2, 15, 219), _numbers(2, 15, 219, seed=1)
     assert torch.equal(flow.noised(clean, noise, torch.zeros(2)), noise)
     end = flow.noised(clean, noise, torch.ones(2))
@@ -23,7 +23,7 @@ def test_the_target_is_the_derivative_of_the_path():
     assert torch.allclose((after - before) / 0.2, flow.target(clean, noise))
 
 
-def test_an_answer_in_clean_frames_and_one_in_velocities_mean_the_same():
+def test_an_answer_in_clean_frames_and_one_in_velocities_agree():
     clean, noise, tau = _numbers(3, 15, 219), _numbers(3, 15, 219, seed=1), torch.tensor([0.0, 0.5, 0.9])
     noisy, target = flow.noised(clean, noise, tau), flow.target(clean, noise)
     assert torch.allclose(flow.velocity("clean", clean, noisy, tau), target, atol=1e-5)

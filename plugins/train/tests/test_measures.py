@@ -40,14 +40,14 @@ def test_penetration_is_the_depth_of_the_lowest_sole():
     assert penetration(joints + [0.0, 0.03, 0.0]) == 0
 
 
-def test_a_body_that_slides_on_one_foot_and_stands_on_the_other_does_not_skate():
+def test_a_body_that_slides_on_one_foot_and_stands_does_not_skate():
     joints = _sliding(0.0).joints()
     joints[:, JOINT_INDEX["left_foot"], 2] += np.arange(20) / 30
     assert slower_toe(joints) == pytest.approx(0)
     assert slower_toe(_sliding(0.6).joints()) == pytest.approx(60)
 
 
-def test_a_jump_is_an_acceleration_of_its_own_size_in_the_two_frames_that_see_it():
+def test_a_jump_is_an_acceleration_in_the_two_frames_that_see_it():
     joints = np.repeat(rest_pose().joints(), 8, 0)
     joints[4:] += [0.01, 0.0, 0.0]
     assert acceleration(joints) == pytest.approx([0, 0, 9, 9, 0, 0])
@@ -78,7 +78,7 @@ def test_bending_the_knee_takes_the_foot_back_and_toes_up_lifts_them():
     assert up[JOINT_INDEX["left_foot"], 1] > standing[JOINT_INDEX["left_foot"], 1] + 0.04
 
 
-def test_the_frechet_distance_of_normal_samples_is_that_of_their_means_and_deviations():
+def test_the_frechet_distance_of_normals_is_of_means_and_deviations():
     random = np.random.default_rng(0)
     a = random.normal(0, 1, (200_000, 2))
     b = random.normal([1, 0], [1, 3], (200_000, 2))

@@ -73,7 +73,7 @@ def written(folder, name, text):
     return folder / name
 
 
-def test_a_bvh_file_gives_world_positions_in_the_order_of_its_channels(tmp_path):
+def test_a_bvh_file_gives_positions_in_the_order_of_its_channels(tmp_path):
     motion = load(written(tmp_path, "a.bvh", BVH))
     assert motion.joints == ("Hips", "Knee", "Knee_end")
     assert motion.fps == 120.0

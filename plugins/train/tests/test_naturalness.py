@@ -82,7 +82,7 @@ def _rocking(start: Motion, count: int, random: np.random.Generator) -> Motion:
     return start.then(Motion(root, np.repeat(start.rotations[-1:], len(root), 0)))
 
 
-def test_windows_of_the_model_begin_at_any_frame_as_those_of_people_do(commands):
+def test_windows_of_the_model_begin_at_any_frame(commands):
     """A model that rocks once a call, always in step, is as like people who rock as they are like one another."""
     random, rest = np.random.default_rng(0), rest_pose(HISTORY)
     clips = [_rocking(rest, 6, random) for _ in range(200)]
@@ -105,7 +105,7 @@ def test_chunks_of_clips_that_nothing_learnt_from_are_kept_apart(tmp_path):
     assert (set(held.source), set(rest.source)) == ({"never seen"}, {"learnt"})
 
 
-def test_the_prior_alone_is_held_against_clips_that_nothing_learnt_from(generator, tmp_path):
+def test_the_prior_alone_is_held_against_clips_it_never_saw(generator, tmp_path):
     data = _wobbling(80, 0.1, "learnt", 1)
     features = Features.of(data.root.astype(float), data.rotations.astype(float))
     data.save(tmp_path / "base.npz")
@@ -116,7 +116,7 @@ def test_the_prior_alone_is_held_against_clips_that_nothing_learnt_from(generato
     assert made["Frechet"] > 3 * true["Frechet"]  # The model stands still; the people do not.
 
 
-def test_a_skill_that_held_out_clips_show_too_little_of_has_no_distance_to_them(generator, commands, tmp_path):
+def test_a_skill_that_held_out_clips_lack_has_no_distance_to_them(generator, commands, tmp_path):
     for name in ("base", "walk"):
         _wobbling(80, 0.1, "one", 1).save(tmp_path / f"{name}.npz")
     subject = Subject(generator, commands[:1], rollouts=4, chunks=[tmp_path])
@@ -192,7 +192,7 @@ def test_feet_on_stairs_are_not_measured_against_a_floor_at_zero():
     assert row["slower toe cm/s"] == pytest.approx(0, abs=1e-6)
 
 
-def test_a_body_that_holds_its_pose_pops_at_no_pair_and_drifts_nowhere(generator, commands):
+def test_a_body_that_holds_its_pose_neither_pops_nor_drifts(generator, commands):
     subject = Subject(generator, commands, bodies=2, calls=3)
     rows = transitions(subject)
     assert [row["worst m/s2"] for row in rows] == pytest.approx([0] * 4, abs=0.5)

@@ -133,7 +133,7 @@ def test_a_skeleton_that_no_naming_fits_is_refused_with_what_it_lacks(source):
         retarget(strange)
 
 
-def test_the_floor_lies_under_the_feet_however_high_the_capture_floats(source, walk):
+def test_the_floor_lies_under_the_feet_however_high_the_capture(source, walk):
     rest = replace(source.rest, positions=source.rest.positions + [0, 5, 0])
     high = replace(source, positions=source.positions + [3, 5, -2], rest=rest)
     np.testing.assert_allclose(retarget(high).root, walk.root, atol=1e-6)
@@ -193,7 +193,7 @@ def moving(forward=0.0, across=0.0, up=0.0, yaw=0.0, heading=0.0):
         ("stop", {}, []),
     ],
 )
-def test_an_outcome_is_what_the_last_pose_shows_from_the_last_history_pose(heading, skill, how, expected):
+def test_an_outcome_is_what_the_last_pose_shows(heading, skill, how, expected):
     np.testing.assert_allclose(
         outcome(declaration(skill).parameters, moving(**how, heading=heading)), expected, atol=1e-6
     )
@@ -265,7 +265,7 @@ def test_only_what_a_span_covers_is_taken(walk):
     assert set(build_real([clip], list(trained_skills().values()))) == {"base"}
 
 
-def test_standing_still_is_stop_and_fills_at_most_its_share_of_the_base(walk):
+def test_standing_still_is_stop_and_fills_at_most_its_share(walk):
     still = Motion(np.tile(walk.root[:1], (2000, 1)), np.tile(rest_pose().rotations, (2000, 1, 1)))
     still = replace(still, root=rest_pose(2000).root)
     idling = Clip("idle", still, {"stop": ((0, 1999),), "base": ((0, 1999),)}, "Some", "MIT")

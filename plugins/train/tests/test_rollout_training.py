@@ -49,7 +49,7 @@ def test_a_chunk_is_found_whose_end_is_the_history_of_another():
     assert predecessors(gliding(5)).tolist() == [-1, 0, -1, -1, 3]
 
 
-def test_the_history_is_where_the_model_left_it_and_the_future_returns_from_there():
+def test_the_history_is_the_models_and_the_future_returns_from_it():
     chunks = gliding(2)
     nods = []
     for seed in range(8):

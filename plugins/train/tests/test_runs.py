@@ -156,7 +156,7 @@ def test_the_precision_of_a_run_is_chosen_and_told(chunks, tmp_path, capsys):
     assert "bf16 on cpu" in capsys.readouterr().out
 
 
-def test_the_loss_on_held_out_clips_is_printed_and_does_not_change_the_training(chunks, tmp_path, capsys):
+def test_the_loss_on_held_out_clips_is_printed_alone(chunks, tmp_path, capsys):
     with_validation = _base(chunks, tmp_path / "one")
     first, *lines = capsys.readouterr().out.splitlines()
     assert "validated on held-out clips" in first
@@ -209,7 +209,7 @@ def test_wandb_gets_the_losses_of_a_run_and_of_its_resumption(chunks, tmp_path, 
     assert b"validation loss" in b"".join(path.read_bytes() for path in written)
 
 
-def test_a_log_without_its_package_is_refused_with_the_command_that_installs_it(chunks, tmp_path, capsys, monkeypatch):
+def test_a_log_without_its_package_is_refused_with_its_install_line(chunks, tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     arguments = ["base", "--data", str(chunks), "--out", str(tmp_path / "run"), *SIX]
     for name in train.LOGS:

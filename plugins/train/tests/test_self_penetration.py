@@ -17,7 +17,7 @@ def test_nothing_of_a_standing_body_is_inside_anything():
     assert max(in_each_other(rest_pose(), group).max() for group in PAIRS) < 0
 
 
-def test_thighs_that_meet_at_the_knees_are_in_each_other_by_their_radii():
+def test_thighs_that_meet_at_the_knees_overlap_by_their_radii():
     """Thighs have a radius of 7 cm, and axes that end 1.5 cm above the knees, 0.33 cm from the middle each."""
     motion = rest_pose()
     turn = np.arcsin(0.09 / 0.405)  # Hips are 9 cm from the middle, thighs 40.5 cm long.

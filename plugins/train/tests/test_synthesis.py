@@ -275,7 +275,7 @@ def test_every_change_of_skill_is_practised():
     assert len(pairs) == len(trained_skills()) ** 2
 
 
-def test_short_steps_straight_ahead_corners_of_the_range_and_long_runs_of_one_skill_are_practised():
+def test_short_steps_corners_and_long_runs_are_practised():
     names = [one.name for one in trained_skills()["walk"].declaration.parameters]
     (first,) = sample_calls([trained_skills()["walk"]], 4000, 1, np.random.default_rng(0))
     straight = (np.delete(first.values, names.index("z"), 1) == 0).all(1)
@@ -321,7 +321,7 @@ def test_profiles_are_read_off_real_walks(profiles):
     np.testing.assert_allclose(found.stance, profiles.stance, atol=0.15)
 
 
-def test_profiles_of_clips_with_other_names_are_read_off_the_walks_and_idles_that_they_show(profiles):
+def test_profiles_of_unknown_clips_are_read_off_their_walks(profiles):
     both = compose(profiles, [("walk", {"z": 0.575})] * 12 + [("stop", {})] * 12, 0)
 
     found = Profiles.of([_Clip("somebody", both)])
@@ -345,7 +345,7 @@ def test_a_walker_brakes_where_no_travel_is_commanded(profiles):
 
 
 @pytest.mark.parametrize(("skill", "share"), [("climb_upstairs", 0.92), ("walk_downstairs", 1.0)])
-def test_swinging_feet_clear_the_edge_of_a_stair_by_a_centimetre_and_mostly_by_two(profiles, skill, share):
+def test_swinging_feet_clear_the_edge_of_a_stair_by_a_centimetre(profiles, skill, share):
     random = np.random.default_rng(0)
     heights, depths = random.uniform(0.08, 0.25, 64), random.uniform(0.2, 0.4, 64)
     calls = [(trained_skills()[skill], {"h": h, "d": d}) for h, d in zip(heights, depths, strict=True)]

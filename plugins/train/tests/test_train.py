@@ -152,7 +152,7 @@ def test_the_papers_training_is_two_switches_and_the_header_tells(backwards, bas
     assert capsys.readouterr().out.splitlines()[0].endswith("on cpu, from step 0 to step 3")
 
 
-def test_a_checkpoint_that_began_from_another_one_names_the_licences_of_both(backwards, base_file, tmp_path):
+def test_a_checkpoint_begun_from_another_names_the_licences_of_both(backwards, base_file, tmp_path):
     first = _adapter(backwards, base_file, tmp_path / "first", "--steps", "1", "--licence", "CMU: free")
     second = _adapter(
         backwards, base_file, tmp_path / "second", "--steps", "1", "--init", str(first), "--licence", "Own: MIT"
@@ -222,7 +222,7 @@ def test_a_spoilt_history_stays_in_its_canonical_frame():
         assert frame.yaw == pytest.approx(0, abs=0.02)
 
 
-def test_a_spoilt_chunk_ends_as_the_clean_one_and_gets_there_without_a_jump():
+def test_a_spoilt_chunk_ends_as_the_clean_one_without_a_jump():
     clean_root, clean_rotations, root, rotations = _spoilt()
     np.testing.assert_allclose(root[:, -1], clean_root[:, -1], atol=2e-3)
     np.testing.assert_allclose(rotations[:, -1], clean_rotations[:, -1], atol=5e-3)

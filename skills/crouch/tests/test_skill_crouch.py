@@ -21,7 +21,7 @@ def test_the_skill_keeps_the_contract():
 
 
 @pytest.mark.parametrize("height", [55, 70, 90])
-def test_hips_come_to_the_height_over_feet_that_stay_with_the_weight_over_them(height):
+def test_hips_come_to_the_height_over_feet_that_stay(height):
     motion = played(height, rest_pose())
     joints, turns = forward_kinematics(motion.root[-1], motion.rotations[-1])
     assert motion.root[-1, 1] == pytest.approx(height / 100, abs=0.005)
