@@ -156,7 +156,8 @@ def _places(column: Column, values: Sequence[float]) -> list[int]:
     shown = [column.number(value) for value in values]
     finite = {text: value for text, value in zip(shown, values, strict=True) if np.isfinite(value)}
     order = sorted(finite, key=lambda text: finite[text], reverse=column.better == "higher") if column.better else []
-    return [order.index(text) + 1 if text in order[:2] else 0 for text in shown]
+    # Where all rows are alike there is no best.
+    return [order.index(text) + 1 if len(order) > 1 and text in order[:2] else 0 for text in shown]
 
 
 def _printed(columns: Sequence[Column], values: Mapping[str, float]) -> tuple[Estimate, ...]:
