@@ -72,8 +72,7 @@ def _add(table: ResultTable, page: Page, name: str) -> None:
     table = _spent(table)
     head, rows = texts(table)
     shares = [[cell.value for cell in row.cells] for row in table.rows] if name in DRAWN else ()
-    meanings = "; ".join(f"{column.name}: {column.meaning}" for column in table.columns if column.meaning)
-    notes = (f"{meanings}.", *table.all_notes) if name in ("main", "hands") else table.all_notes
+    notes = (*table.meanings, *table.all_notes) if name in ("main", "hands") else table.all_notes
     page.table(table.title, head, rows, notes=notes, shares=shares, turned=DRAWN.get(name, False))
 
 

@@ -93,6 +93,12 @@ class ResultTable:
         ranked = (RANK_NOTE,) if any(row.ranks for row in self.rows) else ()
         return (*self.notes, *ranked, INTERVAL_NOTE, *paper)
 
+    @property
+    def meanings(self) -> tuple[str, ...]:
+        """What short names of columns mean, as one note."""
+        told = "; ".join(f"{column.name}: {column.meaning}" for column in self.columns if column.meaning)
+        return (f"{told}.",) if told else ()
+
 
 # -- the tables of the paper -------------------------------------------------------------------------------------------
 @dataclass(frozen=True)

@@ -93,10 +93,11 @@ def filled(tables: Mapping[str, ResultTable]) -> dict[str, ResultTable]:
 
 
 def show(tables: Mapping[str, ResultTable]) -> None:
-    """Print tables on the terminal, then each of their notes once."""
+    """Print tables on the terminal, then what their columns mean, and each of their notes once."""
     for result in tables.values():
         _print(terminal(result, Console().width, notes=False))
-    for note in dict.fromkeys(note for result in tables.values() for note in result.all_notes):
+    meanings = [note for name, table in tables.items() if name in ("main", "hands") for note in table.meanings]
+    for note in dict.fromkeys([*meanings, *(note for table in tables.values() for note in table.all_notes)]):
         _print(Text(note, style="dim"))
 
 
