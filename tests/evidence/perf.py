@@ -42,7 +42,7 @@ SLOWER: Final = 1.2
 HOUSE: Final = "house:0"
 _FIRST_LINE: Final = """
 import sys, types
-sys.modules["humanclaw.cli.play"] = types.SimpleNamespace(play=lambda *args, **options: None)
+sys.modules["humanclaw.cli.run"] = types.SimpleNamespace(play=lambda *args, **options: None)
 from humanclaw.cli import main
 main(["run"])
 """
