@@ -12,7 +12,6 @@ from typing import Any, Final
 
 from humanclaw_litellm.endings import ending_of, first_of, part_of, stranger_in
 
-Json = dict[str, Any]
 _PREFIXES: Final = re.compile(r"^(?:litellm\.\w+: |\w+(?:Error|Exception): |\w+Exception\w* ?\w* - )+")
 _TRACE: Final = re.compile(r"\s*Traceback \(most recent call last\):.*", re.DOTALL)
 _TRANSIENT: Final = frozenset({408, 409, 425, 429})
@@ -327,8 +326,7 @@ def _words(body: Any, deepest: int = _DEEPEST) -> str:
     told = (_words(body.get(key), deepest - 1) for key in ("error", "detail", "message", "msg"))
     found = next(filter(None, told), "")
     where = ".".join(map(str, body["loc"])) if isinstance(body.get("loc"), list) else ""
-    meta = body.get("metadata")
-    upstream = _words(meta.get("raw"), deepest - 1) if isinstance(meta, dict) else ""  # OpenRouter's provider.
+    upstream = _words(part_of(body, "metadata").get("raw"), deepest - 1)  # OpenRouter's provider.
     return ": ".join(filter(None, (where, found, upstream)))
 
 

@@ -209,10 +209,10 @@ def causes_table(
     results: Sequence[Result], causes: Sequence[Rule[Any]] = CAUSES, *, paper: bool = False
 ) -> ResultTable:
     """Return the share of each root cause among the failures of its stage (paper, error analysis, b to d)."""
-    stages = tuple(dict.fromkeys(cause.stage for cause in causes))
-    columns, failed, printed = _columns(results, paper)
+    stages, pooled = tuple(dict.fromkeys(cause.stage for cause in causes)), _pooled(results)
+    columns, failed, printed = _columns(pooled, paper)
     rows = [
-        Row(cause.label, (*(_share(cause, each[cause.stage]) for each in failed), *_paper_share(printed, [cause])))
+        Row(cause.label, (*(_share_of([cause], each[cause.stage]) for each in failed), *_paper_share(printed, [cause])))
         for cause in causes
     ]
     nothing = (NONE,) * bool(printed)
@@ -223,10 +223,10 @@ def causes_table(
     ]
     notes = tuple(
         f"Failures of {result.name}: " + ", ".join(f"{stage} {len(failures[stage])}" for stage in stages) + "."
-        for result, failures in zip(_pooled(results), failed, strict=True)
+        for result, failures in zip(pooled, failed, strict=True)
     )
     if any(NO_CALL in result.causes for result in results):
-        without = (*map(_share_without_calls, _pooled(results)), *nothing)
+        without = (*map(_share_without_calls, pooled), *nothing)
         rows.append(Row(f"{NO_CALL.label}, of all failures", without))
     if any(row.name.startswith("also ") for row in rows):
         notes += ("Rows that begin with 'also' are second labels: other rules that describe a failure.",)
@@ -236,7 +236,7 @@ def causes_table(
 
 def faculties_table(results: Sequence[Result], *, paper: bool = False) -> ResultTable:
     """Return the same shares summed by the faculty that failed, the colours of the paper's figure."""
-    columns, failed, printed = _columns(results, paper)
+    columns, failed, printed = _columns(_pooled(results), paper)
     groups: dict[tuple[str, str], list[Cause]] = defaultdict(list)
     for cause in CAUSES:
         groups[cause.stage, cause.capability].append(cause)
@@ -251,10 +251,10 @@ def faculties_table(results: Sequence[Result], *, paper: bool = False) -> Result
 def _columns(
     results: Sequence[Result], paper: bool
 ) -> tuple[tuple[Column, ...], list[Failures], Mapping[str, Mapping[str, float]]]:
-    """Return a column for each result, for all together and for the paper; the failures of each; the paper's shares."""
+    """Return a column for each result and for the paper; the failures of each result; the paper's shares."""
     printed = paper_results()["causes"] if paper and results else {}
-    named = [result.name for result in _pooled(results)] + [f"{name} {MARK}" for name in _first(printed)]
-    return tuple(Column(name, percent=True) for name in named), [_failures(r) for r in _pooled(results)], printed
+    named = [result.name for result in results] + [f"{name} {MARK}" for name in _first(printed)]
+    return tuple(Column(name, percent=True) for name in named), [_failures(result) for result in results], printed
 
 
 def _first(printed: Mapping[str, Mapping[str, float]]) -> Sequence[str]:
@@ -270,17 +270,13 @@ def _paper_share(printed: Mapping[str, Mapping[str, float]], causes: Sequence[Ca
 
 
 def _share_of(causes: Sequence[Cause], failures: Sequence[tuple[Cause, Scores]]) -> Estimate:
+    """Return the share of some root causes among the failures of their stage."""
     return rate([found in causes for found, _ in failures], houses_of(scores for _, scores in failures))
 
 
 def _share_without_calls(result: Result) -> Estimate:
     failures = [(cause, scores) for scores, cause in zip(result.scores, result.causes, strict=True) if cause]
-    return _share(NO_CALL, failures)
-
-
-def _share(cause: Cause, failures: Sequence[tuple[Cause, Scores]]) -> Estimate:
-    """Return the share of one root cause among the failures of its stage."""
-    return rate([blamed_cause is cause for blamed_cause, _ in failures], houses_of(scores for _, scores in failures))
+    return _share_of([NO_CALL], failures)
 
 
 def _share_of_second(cause: Cause, failures: Sequence[tuple[Cause, Scores]]) -> Estimate:

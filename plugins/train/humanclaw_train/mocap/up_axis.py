@@ -8,6 +8,7 @@ import numpy as np
 
 from humanclaw.body import Array
 from humanclaw_train.mocap.joint_maps import naming_of
+from humanclaw_train.mocap.posing import swing
 from humanclaw_train.mocap.source_motion import AXES, MocapError, SourceMotion
 
 Up = Literal["x", "y", "z", "-x", "-y", "-z"]
@@ -88,9 +89,5 @@ def _axis(up: Up) -> Array:
 
 def _to_y(up: Up) -> Array:
     """Return the (3, 3) smallest rotation that turns an axis to Y."""
-    axis, y = _axis(up), AXES["y"]
-    if up == "-y":
-        return np.diag([1.0, -1.0, -1.0])
-    cross = np.cross(axis, y)
-    skew = np.array([[0, -cross[2], cross[1]], [cross[2], 0, -cross[0]], [-cross[1], cross[0], 0]])
-    return np.asarray(np.eye(3) + skew + skew @ skew / (1 + axis @ y))
+    # Of two opposite directions no turn is the smallest: about X, as any.
+    return np.diag([1.0, -1.0, -1.0]) if up == "-y" else swing(_axis(up), AXES["y"])
