@@ -119,7 +119,7 @@ class Agent(Protocol):
     Optional attributes. settings: a mapping that JSON can hold, with the defaults filled in. The record keeps it, and
     an option that is not among its keys is refused. A number under its key `views_between`, up to 14, asks for so many
     views of each half second that the body moves (Observation.between); models are shown none. at_terminal: if true,
-    a person decides at the terminal, and the progress lines there leave out what only the scene knows.
+    a person who decides sees the terminal, and its progress lines leave out what only the scene knows.
     ready(instruction), also of a verifier: `humanclaw run` calls it before it makes a body; it raises PluginError where
     no episode can begin. show_result(result, run): `humanclaw run` calls it at the end with the outcome in words and
     the folder of the run, before the reporters write there.

@@ -2,14 +2,16 @@
 // @ts-check
 "use strict";
 
-/** @typedef {{name: string, description: string, minimum?: number, maximum?: number, value: number}} Parameter */
+/** @typedef {{name: string, type: string, description: string, minimum?: number, maximum?: number, value: any}} Parameter */
+/** @typedef {{skill: string, params: Record<string, any>}} Call */
+/** @typedef {Call & {words: string}} Key */
 /** @typedef {{name: string, description: string, parameters: Parameter[]}} Skill */
-/** @typedef {{leave: string, keys: Record<string, string>, words: Record<string, string>, skills: Skill[]}} Controls */
+/** @typedef {{keys: Record<string, Key>, skills: Skill[]}} Controls */
 /** @typedef {{step: number, of: number, instruction: string, feedback: string, past: [string, string][], between: number, result?: string}} PageState */
 
 {
   const at = (/** @type {string} */ id) => /** @type {HTMLElement} */ (document.getElementById(id));
-  const { leave, keys, words, skills } = /** @type {Controls} */ (JSON.parse(at("controls").textContent ?? ""));
+  const { keys, skills } = /** @type {Controls} */ (JSON.parse(at("controls").textContent ?? ""));
   const seen = /** @type {HTMLInputElement} */ (at("seen"));
   const skill = /** @type {HTMLSelectElement} */ (at("skill"));
   /** @type {Record<string, string>} */
@@ -19,24 +21,32 @@
   /** @template {keyof HTMLElementTagNameMap} T @param {T} tag @param {string} text @returns {HTMLElementTagNameMap[T]} */
   const made = (tag, text = "") => Object.assign(document.createElement(tag), { textContent: text });
 
-  /** Send a call, and show an error. @param {string} line */
-  async function send(line) {
+  /** Send a call or that the person leaves, and show an error. @param {"call" | "leave"} place @param {string} words @param {Call} [call] */
+  async function send(place, words, call) {
     if (at("acting").hidden) return;
-    const told = seen.value.trim(), before = at("step").textContent;
-    at("step").textContent = line === leave ? "You leave the episode." : `The body moves: ${line}`;
-    const body = told && line !== leave ? `${line} # ${told}` : line;
-    const answer = await fetch("call", { method: "POST", body });
+    const before = at("step").textContent;
+    at("step").textContent = words;
+    const body = call && JSON.stringify({ skill: call.skill, params: call.params, seen: seen.value });
+    const answer = await fetch(place, { method: "POST", body });
     at("hint").textContent = answer.ok ? "" : await answer.text();
     if (answer.ok) seen.value = "";
     else at("step").textContent = before;
   }
+
+  /** @param {Key} key */
+  const press = (key) => send("call", `The body moves: ${key.words}`, key);
+
+  /** Return the value of a parameter as JSON has it. @param {HTMLInputElement} input */
+  const value = (input) => (input.type === "checkbox" ? input.checked : input.type === "number" ? Number(input.value) : input.value);
 
   function choose() {
     const chosen = skills[skill.selectedIndex];
     at("described").textContent = chosen.description;
     at("parameters").replaceChildren(...chosen.parameters.map((part) => {
       const label = made("label"), input = made("input");
-      Object.assign(input, { type: "number", min: part.minimum, max: part.maximum, value: part.value, required: true });
+      const type = { string: "text", boolean: "checkbox" }[part.type] ?? "number";
+      Object.assign(input, { type, min: part.minimum, max: part.maximum, value: part.value, required: type !== "checkbox" });
+      if (type === "checkbox") input.checked = part.value === true;
       label.append(input, `${part.name}: ${part.description}`);
       return label;
     }));
@@ -92,33 +102,34 @@
     if (!at("hint").querySelector("a")) setTimeout(follow, 200);
   }
 
-  at("keys").append(...Object.entries(keys).map(([key, line]) => {
+  at("keys").append(...Object.entries(keys).map(([name, key]) => {
     const button = made("button");
-    button.setAttribute("aria-keyshortcuts", key); // A screen reader says the words, then the key.
-    button.setAttribute("aria-label", words[key]);
-    button.append(made("kbd", key.replace("Shift+", "⇧ ").replace(/Arrow\w+/, (name) => signs[name])), words[key]);
-    button.title = line;
+    button.setAttribute("aria-keyshortcuts", name); // A screen reader says the words, then the key.
+    button.setAttribute("aria-label", key.words);
+    button.append(made("kbd", name.replace("Shift+", "⇧ ").replace(/Arrow\w+/, (arrow) => signs[arrow])), key.words);
+    button.title = key.skill;
     button.type = "button";
-    button.addEventListener("click", () => send(line));
+    button.addEventListener("click", () => press(key));
     return button;
   }));
   document.addEventListener("keydown", (event) => {
-    const key = event.key.length > 1 ? event.key : event.key.toLowerCase(); // Caps Lock may be on.
-    const line = keys[(event.shiftKey ? "Shift+" : "") + key];
+    const name = event.key.length > 1 ? event.key : event.key.toLowerCase(); // Caps Lock may be on.
+    const key = keys[(event.shiftKey ? "Shift+" : "") + name];
     const typing = event.target instanceof Element && event.target.closest("input, select");
-    if (!line || typing || event.repeat || event.ctrlKey || event.metaKey || event.altKey) return;
+    if (!key || typing || event.repeat || event.ctrlKey || event.metaKey || event.altKey) return;
     event.preventDefault();
-    send(line);
+    press(key);
   });
   skill.append(...skills.map(({ name }) => made("option", name)));
   skill.addEventListener("change", choose);
   if (skills.length) choose();
   at("call").addEventListener("submit", (event) => {
     event.preventDefault();
-    const values = [...at("parameters").querySelectorAll("input")].map((input) => input.value);
-    send([skill.value, ...values].join(" "));
+    const inputs = [...at("parameters").querySelectorAll("input")], parts = skills[skill.selectedIndex].parameters;
+    const params = Object.fromEntries(inputs.map((input, k) => [parts[k].name, value(input)]));
+    send("call", `The body moves: ${skill.value}`, { skill: skill.value, params });
   });
-  at("leave").addEventListener("click", () => send(leave));
+  at("leave").addEventListener("click", () => send("leave", "You leave the episode."));
   follow();
   document.documentElement.dataset.ready = "yes";
 }

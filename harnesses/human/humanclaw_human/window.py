@@ -18,19 +18,20 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from humanclaw import CallError
+from humanclaw import CallError, Decision
 from humanclaw.cli import Handler, Server
 from humanclaw.storage import jpeg
+from humanclaw_human.commands import Key
 
 _LONGEST: Final = 4000
-"""Longest line with its report of what is seen, bytes."""
+"""Longest call with its report of what is seen, bytes."""
 _SECRET: Final = secrets.token_urlsafe(16)
 """First part of every path, so that only this user can see the page and press its keys: not other users of this
 machine, nor other pages of the browser. One for all episodes of a process, so that the page can go on with the next."""
+_POSTED: Final = frozenset({"call", "leave"})
+"""Places that the page posts to."""
 _TAKING: Final = 3.0
 """Seconds for an open page to fetch the replay before the process ends."""
-LEAVE: Final = "leave the episode"
-"""The line of a person who leaves the episode."""
 
 
 @dataclass(frozen=True)
@@ -52,12 +53,10 @@ class PageState:
 class Controls:
     """The calls of the page.
 
-    keys: name of a key (KeyboardEvent.key) to its line. words: what each key does. skills: names, descriptions and
-    parameters, for a form.
+    keys: name of a key (KeyboardEvent.key) to its call. skills: names, descriptions and parameters, for a form.
     """
 
-    keys: Mapping[str, str] = field(default_factory=dict)
-    words: Mapping[str, str] = field(default_factory=dict)
+    keys: Mapping[str, Key] = field(default_factory=dict)
     skills: Sequence[Mapping[str, Any]] = ()
 
 
@@ -70,18 +69,19 @@ class PageServer:
     def __init__(
         self,
         port: int = 0,
-        submit: Callable[[str | None], None] = lambda line: None,
-        check: Callable[[str], object] = lambda line: None,
+        submit: Callable[[Decision | None], None] = lambda decision: None,
+        read: Callable[[bytes], Decision] = lambda sent: Decision(),
         controls: Controls = NO_CONTROLS,
     ) -> None:
         """Start the server; port 0 takes any free port. Raises HumanclawError if it is taken.
 
-        submit: gets the line of a call, or None if the person leaves. check: raises CallError for an invalid line.
+        submit: gets each decision, or None if the person leaves. read: makes one of what the page sends, or raises
+        CallError.
         """
         self._picture = b""
         self._between: Sequence[bytes] = ()
         self._state: dict[str, Any] = {"step": -1}
-        self._submit, self._check, self._controls = submit, check, controls
+        self._submit, self._read, self._controls = submit, read, controls
         self.visited = False
         """Whether a page has connected."""
         self._asking = threading.Lock()
@@ -112,12 +112,8 @@ class PageServer:
         self._picture = jpeg(rgb)
         self._between = moment.between
         self._state = asdict(moment) | {"between": len(moment.between)}
-        self.settle()
+        self._asking.acquire(blocking=False)  # Free if the last picture brought no call.
         self._asking.release()
-
-    def settle(self) -> None:
-        """Accept no call until the next picture, because one has come from the terminal."""
-        self._asking.acquire(blocking=False)
 
     def end(self, result: str, replay: Path) -> None:
         """Show how the episode ended. replay: the HTML file of its replay, which may be written later."""
@@ -144,9 +140,9 @@ class PageServer:
                         window._taken.set()
 
             def post(self) -> None:
-                line = self.body(_LONGEST).decode("utf-8", "replace")
+                sent = self.body(_LONGEST)
                 if (place := self._place()) is not None:
-                    code, words = window._press(line) if place == "call" else (HTTPStatus.NOT_FOUND, "")
+                    code, words = window._press(place, sent) if place in _POSTED else (HTTPStatus.NOT_FOUND, "")
                     self.answer(code, words.encode())
 
             def _place(self) -> str | None:
@@ -160,16 +156,15 @@ class PageServer:
 
         return Asked
 
-    def _press(self, line: str) -> tuple[HTTPStatus, str]:
-        """Submit a line; return HTTP status and message."""
+    def _press(self, place: str, sent: bytes) -> tuple[HTTPStatus, str]:
+        """Submit a call, or that the person leaves; return HTTP status and message."""
         try:
-            if line != LEAVE:
-                self._check(line)
+            decision = self._read(sent) if place == "call" else None
         except CallError as error:
             return HTTPStatus.BAD_REQUEST, str(error)
         if not self._asking.acquire(blocking=False):
             return HTTPStatus.CONFLICT, "The body still moves."
-        self._submit(None if line == LEAVE else " ".join(line.split()))
+        self._submit(decision)
         return HTTPStatus.NO_CONTENT, ""
 
     def _content(self, path: str) -> tuple[bytes, str]:
@@ -184,10 +179,9 @@ class PageServer:
 
     def _page(self) -> bytes:
         """Return page, style, script and controls as one document."""
-        told = {"leave": LEAVE, **asdict(self._controls)}
         page = _source("page.html").replace("STYLE", _source("page.css"), 1).replace("SCRIPT", _source("page.js"), 1)
         # "<" is escaped, since a description of a skill may hold "</script>".
-        return page.replace("CONTROLS", json.dumps(told).replace("<", "\\u003c"), 1).encode()
+        return page.replace("CONTROLS", json.dumps(asdict(self._controls)).replace("<", "\\u003c"), 1).encode()
 
 
 def _source(name: str) -> str:

@@ -1,7 +1,6 @@
-"""Tests of a person's lines and of the page's server."""
+"""Tests of a person's calls and of the page's server."""
 
 import gc
-import io
 import json
 import os
 import queue
@@ -16,9 +15,9 @@ import pytest
 
 from humanclaw import Call, CallError, EpisodeContext, EpisodeSpec, HumanclawError, Observation
 from humanclaw.storage import jpeg
-from humanclaw_human.commands import forms, in_words, keys, manual, parse
+from humanclaw_human.commands import forms, keys, read
 from humanclaw_human.person import Person, Settings
-from humanclaw_human.window import LEAVE, PageServer, PageState
+from humanclaw_human.window import PageServer, PageState
 
 
 @pytest.fixture(scope="module")
@@ -30,54 +29,30 @@ PICTURE = np.zeros((8, 8, 3), np.uint8)
 PICTURE[:, :4] = (255, 0, 0)
 
 
-@pytest.mark.parametrize(
-    ("line", "skill", "params"),
-    [
-        ("walk 10 60 5", "walk", {"x_cm": 10, "z_cm": 60, "yaw_deg": 5}),
-        ("turn -45", "turn_in_place", {"yaw_deg": -45}),
-        ("back 20", "step_back", {"z_cm": 20}),
-        ("SIT 50", "sit_in_place", {"h_cm": 50}),
-        ("climb 17, 28", "climb_upstairs", {"h_cm": 17, "d_cm": 28}),
-        ("stop", "stop", {}),
-    ],
-)
-def test_a_line_is_a_skill_and_its_numbers(skills, line, skill, params):
-    call = parse(line, skills).call
-    assert call.skill == skill
-    assert dict(call.params) == params
+def sent(name, seen="", **params):
+    """Return a call as the page sends it."""
+    return json.dumps({"skill": name, "params": params, "seen": seen}).encode()
 
 
-def test_what_follows_a_hash_is_what_the_person_sees(skills):
-    assert parse("turn 30 # a couch on the left", skills).seen == "a couch on the left"
+WALK = sent("walk", x_cm=0, z_cm=40, yaw_deg=0)
+STOP = sent("stop")
+
+
+def test_a_call_of_the_page_is_a_decision_with_what_the_person_sees(skills):
+    decision = read(sent("turn_in_place", " a couch on the left ", yaw_deg=-45), skills)
+    assert decision.calls == (Call("turn_in_place", {"yaw_deg": -45}),)
+    assert decision.visible_state == "a couch on the left"
 
 
 @pytest.mark.parametrize(
-    ("line", "words"),
-    [("", "Type a skill"), ("fly 3", "no skill 'fly'"), ("walk far", "whole number"), ("turn 1 2 3", "takes 1"),
-     ("turn 900", "yaw_deg"), ("st", "step_back or stop"), ("sit", "h_cm")],
+    ("call", "words"),
+    [(b"", "A call has skill, params and seen"), (b"\xff", "A call has skill"), (sent("fly"), "no skill 'fly'"),
+     (sent("turn_in_place", yaw_deg="far"), "yaw_deg"), (sent("turn_in_place", yaw_deg=900), "yaw_deg"),
+     (sent("sit_in_place"), "h_cm")],
 )  # fmt: skip
-def test_a_line_that_is_no_call_is_explained(skills, line, words):
+def test_what_is_no_call_is_explained(skills, call, words):
     with pytest.raises(CallError, match=words):
-        parse(line, skills)
-
-
-def test_the_manual_names_every_skill_and_its_bounds(skills):
-    assert all(name in manual(skills) for name in skills)
-    assert "h_cm 20 to 80" in manual(skills)
-
-
-@pytest.mark.integration
-def test_a_person_is_asked_again_until_the_line_is_a_call(skills, capsys):
-    lines = iter(["help", "jump", "walk 0 30 # a chair"])
-    person = Person(Settings(browser=False), lambda prompt: next(lines))
-    spec = EpisodeSpec(id="a", instruction="Find a chair.", scene="house:0")
-    person.begin(EpisodeContext(spec, skills, 0))
-    decision = person.decide(Observation(0, "Find a chair.", PICTURE, "Executed stop()."), ())
-    told = capsys.readouterr().out
-    assert decision.calls[0].skill == "walk"
-    assert decision.visible_state == "a chair"
-    assert "no skill 'jump'" in told
-    assert "Executed stop()." in told
+        read(call, skills)
 
 
 @pytest.mark.integration
@@ -106,7 +81,7 @@ def pressed():
 
 @pytest.fixture
 def window(pressed, skills):
-    window = PageServer(0, pressed.append, lambda line: parse(line, skills))
+    window = PageServer(0, pressed.append, lambda call: read(call, skills))
     yield window
     window.close()
 
@@ -118,21 +93,18 @@ def answered(request):
         return error.code
 
 
-def press(window, line):
-    return answered(Request(window.address + "call", line.encode()))
+def press(window, call, place="call"):
+    return answered(Request(window.address + place, call))
 
 
 @pytest.mark.integration
 def test_a_call_is_taken_while_one_is_waited_for(window, pressed):
-    assert press(window, "walk 0 40 0") == 409, "nothing is shown yet"
+    assert press(window, WALK) == 409, "nothing is shown yet"
     window.show(PICTURE, PageState(0, 9, "Find a chair."))
-    assert press(window, "fly 3") == 400
-    assert press(window, "walk 0 40 0 # a chair") == 204
-    assert press(window, "walk 0 40 0") == 409, "the body moves"
-    window.show(PICTURE, PageState(1, 9, "Find a chair."))
-    window.settle()
-    assert press(window, "walk 0 40 0") == 409, "a line was typed"
-    assert pressed == ["walk 0 40 0 # a chair"]
+    assert press(window, sent("fly")) == 400
+    assert press(window, WALK) == 204
+    assert press(window, WALK) == 409, "the body moves"
+    assert [decision.calls for decision in pressed] == [(Call("walk", {"x_cm": 0, "z_cm": 40, "yaw_deg": 0}),)]
 
 
 @pytest.mark.integration
@@ -152,7 +124,7 @@ def test_the_page_ends_with_the_result_and_then_the_replay(skills, window, tmp_p
 def test_who_does_not_know_the_address_sees_and_presses_nothing(window, pressed, path):
     window.show(PICTURE, PageState(0, 9, "Find a chair."))
     there = f"http://{urlsplit(window.address).netloc}{path}"
-    assert [answered(there), answered(Request(there, b"walk 0 40 0"))] == [403, 403]
+    assert [answered(there), answered(Request(there, WALK))] == [403, 403]
     assert pressed == []
 
 
@@ -179,30 +151,21 @@ def test_the_page_offers_every_skill_with_what_a_model_is_told_of_it(skills):
     part = offered["sit_in_place"]["parameters"][0]
     declared = skills["sit_in_place"].schema["properties"]["h_cm"]
     assert (part["name"], part["minimum"], part["description"]) == ("h_cm", 20, declared["description"])
-    assert parse(f"sit_in_place {part['value']}", skills).call.skill == "sit_in_place", "a value to begin with"
-
-
-@pytest.fixture
-def no_terminal(monkeypatch):
-    with open(os.devnull) as nothing:
-        monkeypatch.setattr("sys.stdin", nothing)
-        yield
+    assert read(sent("sit_in_place", h_cm=part["value"]), skills).calls, "a value to begin with"
 
 
 @pytest.mark.integration
-@pytest.mark.usefixtures("no_terminal")
 def test_who_leaves_by_the_page_interrupts_the_episode(skills):
     person = begun(skills)
-    threading.Timer(0.2, lambda: press(person._window, LEAVE)).start()
+    threading.Timer(0.2, lambda: press(person._window, b"", "leave")).start()
     with pytest.raises(KeyboardInterrupt):
         person.decide(Observation(0, "Stop.", PICTURE), ())
 
 
 @pytest.mark.integration
-@pytest.mark.usefixtures("no_terminal")
-def test_without_a_terminal_the_page_alone_is_asked(skills):
+def test_a_call_of_the_page_is_what_the_person_decides(skills):
     person = begun(skills)
-    threading.Timer(0.2, lambda: press(person._window, "stop")).start()
+    threading.Timer(0.2, lambda: press(person._window, STOP)).start()
     assert person.decide(Observation(0, "Stop.", PICTURE), ()).calls[0].skill == "stop"
 
 
@@ -223,35 +186,16 @@ def begun(skills, **settings):
 
 
 def test_every_key_stands_for_a_legal_call_that_moves_that_way(skills):
-    calls = {key: parse(line, skills).call for key, line in keys(skills).items()}
-    words = in_words(keys(skills), skills)
-    assert (words["ArrowUp"], words["ArrowRight"], words["s"]) == ("forward 40 cm", "turn right 37°", "sit down")
-    assert calls["ArrowUp"] == Call("walk", {"x_cm": 0, "z_cm": 40, "yaw_deg": 0})
+    calls = keys(skills)
+    for key in calls.values():
+        assert read(sent(key.skill, **key.params), skills).calls
+    told = [calls[name].words for name in ("ArrowUp", "ArrowRight", "s")]
+    assert told == ["forward 40 cm", "turn right 37°", "sit down"]
+    assert (calls["ArrowUp"].skill, calls["ArrowUp"].params) == ("walk", {"x_cm": 0, "z_cm": 40, "yaw_deg": 0})
     assert calls["ArrowLeft"].params["yaw_deg"] == -calls["ArrowRight"].params["yaw_deg"] > 0
-    assert [calls[key].skill for key in ("ArrowDown", "Shift+ArrowLeft", "s", "End")] == [
+    assert [calls[name].skill for name in ("ArrowDown", "Shift+ArrowLeft", "s", "End")] == [
         "step_back", "side_step", "sit_in_place", "stop",
     ]  # fmt: skip
-
-
-@pytest.mark.integration
-def test_a_key_and_a_line_of_the_terminal_are_answers_alike(skills, monkeypatch, capsys):
-    read, write = os.pipe()
-    monkeypatch.setattr("sys.stdin", os.fdopen(read))
-    person = begun(skills)
-    window = person._window
-    threading.Timer(0.2, lambda: press(window, keys(skills)["ArrowUp"])).start()
-    assert person.decide(Observation(0, "Stop.", PICTURE), ()).calls[0].skill == "walk"
-    os.write(write, b"stop\n")
-    assert person.decide(Observation(1, "Stop.", PICTURE), ()).calls[0].skill == "stop"
-    os.close(write)
-
-
-@pytest.mark.integration
-def test_the_end_of_the_input_interrupts_the_episode(skills, monkeypatch):
-    monkeypatch.setattr("sys.stdin", io.StringIO(""))
-    person = begun(skills)
-    with pytest.raises(KeyboardInterrupt):
-        person.decide(Observation(0, "Stop.", PICTURE), ())
 
 
 def test_an_option_of_a_model_is_no_option_of_a_person(plugins):
