@@ -23,7 +23,6 @@ if TYPE_CHECKING:
         BACKLOG as BACKLOG,
         CONNECTIONS as CONNECTIONS,
         HOST as HOST,
-        REQUEST_SECONDS as REQUEST_SECONDS,
         Handler as Handler,
         Server as Server,
         listening as listening,

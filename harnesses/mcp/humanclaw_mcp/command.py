@@ -2,45 +2,37 @@
 
 from __future__ import annotations
 
-import asyncio
 import hmac
 import logging
-import math
 import os
 import signal
 import socket
 import sys
-from collections import deque
 from collections.abc import AsyncIterator, Callable
 from contextlib import ExitStack, asynccontextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
 import anyio
 import click
-import h11
 import uvicorn
 from mcp.server import Server
 from mcp.server.auth.middleware.bearer_auth import BearerAuthBackend, RequireAuthMiddleware
 from mcp.server.auth.provider import AccessToken
 from mcp.server.stdio import stdio_server
-from mcp.server.streamable_http import EventCallback, EventMessage, EventStore, StreamableHTTPServerTransport
+from mcp.server.streamable_http import StreamableHTTPServerTransport
 from mcp.server.streamable_http_manager import StreamableHTTPASGIApp, StreamableHTTPSessionManager
 from mcp.server.transport_security import TransportSecuritySettings
-from mcp_types import JSONRPCError, JSONRPCMessage, JSONRPCResponse
 from starlette.applications import Starlette
 from starlette.middleware.authentication import AuthenticationMiddleware
 from starlette.routing import Route
-from starlette.types import ASGIApp, Receive, Scope, Send
-from uvicorn.protocols.http.h11_impl import H11Protocol
+from starlette.types import ASGIApp
 
 from humanclaw import Choice, HumanclawError, Plugins
 from humanclaw.cli import (
     BACKLOG,
     CONNECTIONS,
     HOST,
-    REQUEST_SECONDS,
     check_options,
     engine_options,
     listening,
@@ -50,7 +42,7 @@ from humanclaw.cli import (
     seed_option,
 )  # fmt: skip
 from humanclaw_mcp.server import Handlers, make_server
-from humanclaw_mcp.session import SESSION_HEADER, SESSIONS, Bodies, Settings
+from humanclaw_mcp.session import SESSIONS, Bodies, Settings
 
 
 @click.command("mcp")
@@ -102,8 +94,6 @@ def command(
 PATH: Final = "/mcp"
 _BODY_BYTES: Final = 256 * 1024
 """Longest request, bytes: a request holds a call and no file."""
-_RETRY: Final = 1000
-"""Milliseconds after which a client should resume a stream that was cut."""
 
 
 async def serve_stdio(handlers: Handlers) -> None:
@@ -140,15 +130,11 @@ async def serve_http(handlers: Handlers, port: int, announce: Callable[[str], No
             log_level="warning",
             access_log=False,
             timeout_graceful_shutdown=2,
-            http=_Bounded,
+            limit_concurrency=CONNECTIONS,
             backlog=BACKLOG,
         )
         announce(f"http://{HOST}:{number}{PATH}")
-        try:
-            await uvicorn.Server(config).serve(sockets=[taken])
-        finally:
-            with anyio.CancelScope(shield=True):
-                await handlers.bodies.close()
+        await uvicorn.Server(config).serve(sockets=[taken])
 
 
 def http_app(handlers: Handlers, port: int) -> Starlette:
@@ -161,7 +147,6 @@ def http_app(handlers: Handlers, port: int) -> Starlette:
         make_server(handlers),
         handlers,
         security_settings=security,
-        retry_interval=_RETRY,
         max_request_body_size=_BODY_BYTES,
         max_sessions=SESSIONS,
         session_idle_timeout=handlers.bodies.settings.idle,
@@ -185,33 +170,6 @@ def http_app(handlers: Handlers, port: int) -> Starlette:
     return app
 
 
-class _Bounded(H11Protocol):
-    """Closes connections beyond CONNECTIONS, and those that take longer than REQUEST_SECONDS to send a request."""
-
-    _late: asyncio.TimerHandle | None = None
-
-    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        super().connection_made(transport)
-        if len(self.connections) > CONNECTIONS:
-            transport.abort()
-        self._wait()
-
-    def data_received(self, data: bytes) -> None:
-        self._wait()
-        super().data_received(data)
-        if self._late and self.conn.their_state not in (h11.IDLE, h11.SEND_BODY):
-            self._late.cancel()
-            self._late = None
-
-    def connection_lost(self, exc: Exception | None) -> None:
-        if self._late:
-            self._late.cancel()
-        super().connection_lost(exc)
-
-    def _wait(self) -> None:
-        self._late = self._late or self.loop.call_later(REQUEST_SECONDS, self.transport.abort)
-
-
 class _OneToken:
     """Accepts one token."""
 
@@ -224,88 +182,15 @@ class _OneToken:
         return AccessToken(token=token, client_id="owner", scopes=[]) if right else None
 
 
-# -- HTTP sessions -----------------------------------------------------------------------------------------------------
-KEPT = 32
-"""Messages kept for a session, each with a picture of up to 100 KB. A client that missed more must start again."""
-
-
-@dataclass(frozen=True)
-class _Event:
-    id: str
-    stream: str
-    message: JSONRPCMessage | None
-    """None marks the beginning of a stream."""
-
-
-class Events(EventStore):
-    """The last messages of one session."""
-
-    def __init__(self, kept: int = KEPT) -> None:
-        self._events: deque[_Event] = deque(maxlen=kept)
-        self._count = 0
-
-    async def store_event(self, stream_id: str, message: JSONRPCMessage | None) -> str:
-        self._count += 1
-        self._events.append(_Event(str(self._count), stream_id, message))
-        return str(self._count)
-
-    async def replay_events_after(self, last_event_id: str, send_callback: EventCallback) -> str | None:
-        """Resend the messages after an event on its stream.
-
-        Returns the stream if more may follow; None if its answer has been sent, or if the event is unknown.
-        """
-        last = next((event for event in self._events if event.id == last_event_id), None)
-        if last is None:
-            return None
-        missed = [event for event in self._events if event.stream == last.stream and int(event.id) > int(last.id)]
-        for event in missed:
-            if event.message:
-                await send_callback(EventMessage(event.message, event.id))
-        answered = any(isinstance(event.message, JSONRPCResponse | JSONRPCError) for event in missed)
-        return None if answered else last.stream
-
-
 class SessionManager(StreamableHTTPSessionManager):
-    """Gives each session its own events, and a newcomer the place of a silent session without a body.
-
-    The library would share one event store. It names streams by request numbers, which every client counts from one,
-    so a client could get the pictures of another. At the limit of sessions it would refuse newcomers until one expires.
-    """
+    """Closes the body of each session that ends."""
 
     def __init__(self, server: Server[str], handlers: Handlers, **options: Any) -> None:
         super().__init__(server, **options)
         self._handlers = handlers
 
-    async def _handle_request(self, scope: Scope, receive: Receive, send: Send) -> None:
-        if SESSION_HEADER.encode() not in dict(scope["headers"]):
-            await self._make_room()
-        await super()._handle_request(scope, receive, send)
-
-    async def _make_room(self) -> None:
-        """At the limit, end the session that has been silent longest; those with an open stream come last."""
-        while self.max_sessions and len(self._server_instances) >= self.max_sessions:
-            # A session with a body is never ended for a newcomer.
-            idle = [key for key in self._server_instances if self._handlers.bodies.find(key) is None]
-            if not idle:
-                return
-            oldest = min(idle, key=self._silent_since)
-            await self._discard_session(oldest, self._server_instances[oldest])
-
     async def _discard_session(self, session_id: str, transport: StreamableHTTPServerTransport) -> None:
-        """Close a session's body with it: the library calls this however a session ends."""
+        """End a session; the library calls this however it ends."""
         await super()._discard_session(session_id, transport)
         with anyio.CancelScope(shield=True):
             await self._handlers.end_session(session_id)
-
-    def _silent_since(self, key: str) -> float:
-        scope = self._server_instances[key].idle_scope
-        return scope.deadline if scope else math.inf
-
-    @property
-    def event_store(self) -> Events:
-        """A new store: the library reads this property once for each session."""
-        return Events()
-
-    @event_store.setter
-    def event_store(self, store: EventStore | None) -> None:
-        """Ignore the store that the library sets."""

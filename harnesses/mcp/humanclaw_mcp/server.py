@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import time
 import uuid
-from collections.abc import AsyncIterator, Callable, Iterable
+from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from typing import Any, Final, TypeVar, get_args
@@ -33,7 +33,7 @@ PROMPT: Final = "task"
 
 
 class Handlers:
-    """Answers the requests of every session. Tools, resources and prompts are lists that a subclass may extend."""
+    """Answers the requests of every session."""
 
     def __init__(self, bodies: Bodies) -> None:
         self.bodies = bodies
@@ -41,8 +41,6 @@ class Handlers:
         # Made at the start, so that a skill that cannot be published stops the server and not a client.
         self.tools = content.tools(self.skills.values(), bodies.settings)
         self.resources = content.resources()
-        self.templates = [content.skill_template()]
-        self.prompts = [content.task_prompt(PROMPT)]
         self.bus = InMemorySubscriptionBus()
         self._subscriptions: dict[str, Subscription] = {}
 
@@ -58,10 +56,10 @@ class Handlers:
     async def list_resource_templates(
         self, ctx: Context, params: types.PaginatedRequestParams | None
     ) -> types.ListResourceTemplatesResult:
-        return types.ListResourceTemplatesResult(resource_templates=self.templates)
+        return types.ListResourceTemplatesResult(resource_templates=[content.skill_template()])
 
     async def list_prompts(self, ctx: Context, params: types.PaginatedRequestParams | None) -> types.ListPromptsResult:
-        return types.ListPromptsResult(prompts=self.prompts)
+        return types.ListPromptsResult(prompts=[content.task_prompt(PROMPT)])
 
     # -- tools ---------------------------------------------------------------------------------------------------------
     async def call_tool(self, ctx: Context, params: types.CallToolRequestParams) -> types.CallToolResult:
@@ -108,7 +106,7 @@ class Handlers:
         before = (session.title, len(session.steps))
         snapshot = await self._run(ctx, session, command)
         if (session.title, len(snapshot.steps)) != before:
-            await announce(ctx, self.subscription(ctx), self.bus, content.BODY_RESOURCES)
+            await self._announce(ctx)
         await self.log(ctx, *content.note(snapshot))
         return snapshot
 
@@ -119,11 +117,11 @@ class Handlers:
     async def read_resource(self, ctx: Context, params: types.ReadResourceRequestParams) -> types.ReadResourceResult:
         """Read a resource. Raises MCPError if there is no such resource, or if no body is available."""
         try:
-            return types.ReadResourceResult(contents=[await self.read(ctx, params.uri)])
+            return types.ReadResourceResult(contents=[await self._read(ctx, params.uri)])
         except HumanclawError as error:
             raise MCPError(types.INTERNAL_ERROR, str(error)) from error
 
-    async def read(self, ctx: Context, uri: str) -> types.TextResourceContents | types.BlobResourceContents:
+    async def _read(self, ctx: Context, uri: str) -> types.TextResourceContents | types.BlobResourceContents:
         if uri == LOG:
             session = self.bodies.find(key_of(ctx))
             return content.log(session.steps if session else ())
@@ -137,7 +135,7 @@ class Handlers:
         return content.skill_sheet(skill)
 
     def _no_resource(self, uri: str) -> MCPError:
-        known = [*(resource.uri for resource in self.resources), *(each.uri_template for each in self.templates)]
+        known = [*(resource.uri for resource in self.resources), content.skill_template().uri_template]
         return MCPError(types.INVALID_PARAMS, f"there is no resource {uri!r}; there are {', '.join(known)}")
 
     async def subscribe(self, ctx: Context, params: types.SubscribeRequestParams) -> types.EmptyResult:
@@ -152,19 +150,12 @@ class Handlers:
 
     # -- prompts -------------------------------------------------------------------------------------------------------
     async def get_prompt(self, ctx: Context, params: types.GetPromptRequestParams) -> types.GetPromptResult:
-        messages = self.prompt(params.name, params.arguments or {})
-        if messages is None:
-            known = ", ".join(prompt.name for prompt in self.prompts)
-            raise MCPError(types.INVALID_PARAMS, f"there is no prompt {params.name!r}; there is {known}")
-        return types.GetPromptResult(messages=messages)
-
-    def prompt(self, name: str, arguments: dict[str, str]) -> list[types.PromptMessage] | None:
-        """Return the messages of a prompt; None for an unknown name."""
-        if name != PROMPT:
-            return None
-        settings = self.bodies.settings
-        words = content.task(arguments.get("instruction") or settings.instruction, self.skills.values(), settings)
-        return [types.PromptMessage(role="user", content=types.TextContent(text=words))]
+        if params.name != PROMPT:
+            raise MCPError(types.INVALID_PARAMS, f"there is no prompt {params.name!r}; there is {PROMPT}")
+        settings, given = self.bodies.settings, (params.arguments or {}).get("instruction")
+        words = content.task(given or settings.instruction, self.skills.values(), settings)
+        message = types.PromptMessage(role="user", content=types.TextContent(text=words))
+        return types.GetPromptResult(messages=[message])
 
     async def complete(self, ctx: Context, params: types.CompleteRequestParams) -> types.CompleteResult:
         """Complete an argument: instructions for the prompt, skill names for resources."""
@@ -187,8 +178,20 @@ class Handlers:
         return types.EmptyResult()
 
     async def log(self, ctx: Context, level: types.LoggingLevel, words: str) -> None:
-        """Send a log message to a client that asked for this level."""
-        await send_log(ctx, self.subscription(ctx), level, words)
+        """Send a log message, on the stream of its request, to a client that asked for this level."""
+        least = self.subscription(ctx).level
+        if least is None or LEVELS.index(level) < LEVELS.index(least):
+            return
+        params = types.LoggingMessageNotificationParams(level=level, logger=_LOGGER, data=words)
+        await ctx.session.send_notification(types.LoggingMessageNotification(params=params), ctx.request_id)
+
+    async def _announce(self, ctx: Context) -> None:
+        """Announce the resources that a step changes, in the way of the client's protocol version."""
+        for uri in content.BODY_RESOURCES:
+            if ctx.protocol_version not in HANDSHAKE_PROTOCOL_VERSIONS:
+                await self.bus.publish(ResourceUpdated(uri=uri))
+            elif uri in self.subscription(ctx).uris:
+                await ctx.session.send_resource_updated(uri)
 
 
 def key_of(ctx: Context) -> str:
@@ -220,23 +223,6 @@ class Subscription:
     level: types.LoggingLevel | None = None
     """Least severity of log messages; None for no messages."""
     uris: set[str] = field(default_factory=set)
-
-
-async def send_log(ctx: Context, subscription: Subscription, level: types.LoggingLevel, words: str) -> None:
-    """Send a log message on the stream of its request."""
-    if subscription.level is None or LEVELS.index(level) < LEVELS.index(subscription.level):
-        return
-    params = types.LoggingMessageNotificationParams(level=level, logger=_LOGGER, data=words)
-    await ctx.session.send_notification(types.LoggingMessageNotification(params=params), ctx.request_id)
-
-
-async def announce(ctx: Context, subscription: Subscription, bus: InMemorySubscriptionBus, uris: Iterable[str]) -> None:
-    """Announce changed resources, in the way of the client's protocol version."""
-    for uri in uris:
-        if ctx.protocol_version not in HANDSHAKE_PROTOCOL_VERSIONS:
-            await bus.publish(ResourceUpdated(uri=uri))
-        elif uri in subscription.uris:
-            await ctx.session.send_resource_updated(uri)
 
 
 async def run_in_thread(ctx: Context, work: Callable[[], T], doing: Callable[[], str], every: float) -> T:

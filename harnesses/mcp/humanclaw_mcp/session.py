@@ -77,10 +77,6 @@ class Settings:
         if self.auth_env and len(self.token) < _SHORTEST_TOKEN:
             told = f"{self.auth_env} holds no token of {_SHORTEST_TOKEN} letters or more."
             raise HumanclawError(told, f'For example: export {self.auth_env}="$(openssl rand -hex 32)".')
-        if not self.scenes:
-            raise HumanclawError("no scene is given.", "Name at least one, such as --scene house:0.")
-        if self.bodies < 1 or self.max_steps < 1 or self.idle <= 0:
-            raise HumanclawError("bodies, max_steps and idle must be positive.", "Leave them out for the defaults.")
         if self.options and not self.verifier:
             raise HumanclawError("--option belongs to a verifier, and none is named.", "Add --verifier NAME.")
         if not self.instruction.strip():
@@ -115,7 +111,6 @@ class Snapshot:
     refused: bool
     """Whether the request was a call that was not executed."""
     outcome: Outcome
-    instruction: str
     max_steps: int
     steps: tuple[StepRecord, ...]
     """Every step of the episode so far."""
@@ -248,7 +243,6 @@ class Session:
             feedback=feedback,
             refused=refused,
             outcome=episode.outcome,
-            instruction=episode.spec.instruction,
             max_steps=episode.spec.max_steps,
             steps=episode.steps,
         )

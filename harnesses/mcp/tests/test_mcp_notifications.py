@@ -1,4 +1,4 @@
-"""Tests of progress, log messages, changed resources, completions, and messages after a cut stream."""
+"""Tests of progress, log messages, changed resources and completions."""
 
 from __future__ import annotations
 
@@ -7,14 +7,12 @@ import io
 import json
 
 import anyio
-import httpx
 import mcp_types as types
 import pytest
 from mcp import Client
 from mcp.shared.exceptions import MCPError
 from PIL import Image
 
-from humanclaw_mcp.command import http_app
 from humanclaw_mcp.content import LOG, SKILL, STATE, VIEW
 from humanclaw_mcp.server import Handlers, make_server
 from humanclaw_mcp.session import Bodies, Settings
@@ -129,57 +127,3 @@ async def test_arguments_are_completed(begun):
     task = types.PromptReference(name="task")
     found = await begun.complete(task, {"name": "instruction", "value": "find a c"})
     assert found.completion.values == ["Find a chair.", "Find a couch and sit on it."]
-
-
-# -- cut streams -------------------------------------------------------------------------------------------------------
-VERSION = "2025-11-25"
-HEADERS = {"Accept": "application/json, text/event-stream", "MCP-Protocol-Version": VERSION, "Host": "127.0.0.1:8000"}
-
-
-def request(method, number, **params):
-    return {"jsonrpc": "2.0", "id": number, "method": method, "params": params}
-
-
-def events(text):
-    """Yield the events of a stream as (id, data)."""
-    parts = [dict(line.split(": ", 1) for line in part.splitlines() if ": " in line) for part in text.split("\r\n\r\n")]
-    return [(part["id"], part.get("data", "")) for part in parts if "id" in part]
-
-
-async def opened(http):
-    hello = {"protocolVersion": VERSION, "capabilities": {}, "clientInfo": {"name": "test", "version": "1"}}
-    answer = await http.post("/mcp", json=request("initialize", 1, **hello), headers=HEADERS)
-    headers = HEADERS | {"Mcp-Session-Id": answer.headers["mcp-session-id"]}
-    await http.post("/mcp", json={"jsonrpc": "2.0", "method": "notifications/initialized"}, headers=headers)
-    return headers
-
-
-@pytest.fixture
-async def http():
-    app = http_app(Handlers(Bodies(Settings())), 8000)
-    async with app.router.lifespan_context(app):
-        transport = httpx.ASGITransport(app)
-        async with httpx.AsyncClient(transport=transport, base_url="http://127.0.0.1:8000") as http:
-            yield http
-
-
-async def test_what_a_cut_stream_missed_is_sent_to_that_session_again(http):
-    mine, other = await opened(http), await opened(http)
-    answered = await http.post("/mcp", json=request("prompts/list", 7), headers=mine)
-    (beginning, empty), (_, answer) = events(answered.text)
-    assert empty == "", "the stream begins with a mark to come back to"
-    await http.post("/mcp", json=request("tools/list", 7), headers=other)
-
-    async def missed(headers):
-        with anyio.move_on_after(5):
-            return await http.get("/mcp", headers=headers | {"Last-Event-ID": beginning})
-        raise AssertionError("the stream of an answered request must end")
-
-    assert [data for _, data in events((await missed(mine)).text)] == [answer]
-    assert answer not in (await missed(other)).text, "another session's request 7 is another request"
-
-
-async def test_a_mark_that_is_not_known_brings_nothing(http):
-    mine = await opened(http)
-    found = await http.get("/mcp", headers=mine | {"Last-Event-ID": "12345"})
-    assert events(found.text) == []

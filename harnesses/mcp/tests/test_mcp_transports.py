@@ -19,7 +19,7 @@ from mcp.client.stdio import StdioServerParameters
 from mcp.shared.exceptions import MCPError
 
 from humanclaw import HumanclawError, PluginError, load_run
-from humanclaw_mcp.command import command as mcp_command, http_app, serve_http
+from humanclaw_mcp.command import command as mcp_command, http_app
 from humanclaw_mcp.content import LOG
 from humanclaw_mcp.server import Handlers
 from humanclaw_mcp.session import Bodies, Settings
@@ -91,40 +91,6 @@ def test_only_names_of_this_machine_are_answered(url, headers, status):
 
 
 @pytest.fixture
-async def port(anyio_backend, monkeypatch):
-    """The port of a server in this process that takes eight connections, and half a second for a request."""
-    monkeypatch.setattr("humanclaw_mcp.command.CONNECTIONS", 8)
-    monkeypatch.setattr("humanclaw_mcp.command.REQUEST_SECONDS", 0.5)
-    told, told_to = anyio.create_memory_object_stream(1)
-    async with anyio.create_task_group() as tasks:
-        tasks.start_soon(serve_http, Handlers(Bodies(Settings())), 0, told.send_nowait)
-        yield int(re.search(r":(\d+)/", await told_to.receive())[1])
-        tasks.cancel_scope.cancel()
-
-
-@pytest.mark.parametrize(
-    "half",
-    [b"", b"POST /mcp HTTP/1.1\r\nHost: localhost\r\n", b"POST /mcp HTTP/1.1\r\nHost: x\r\nContent-Length: 9\r\n\r\n{"],
-    ids=["nothing", "half a head", "half a body"],
-)
-async def test_clients_that_never_finish_a_request_shut_nobody_out(port, half):
-    with anyio.fail_after(20):
-        await anyio.sleep(0.2)
-        slow = [await anyio.connect_tcp("127.0.0.1", port) for _ in range(20)]
-        for one in slow:
-            with contextlib.suppress(anyio.BrokenResourceError):
-                await one.send(half)
-        for one in slow:
-            with contextlib.suppress(anyio.EndOfStream, anyio.BrokenResourceError):
-                while await one.receive():
-                    ...
-        headers = ACCEPT | {"Host": f"127.0.0.1:{port}"}
-        async with httpx.AsyncClient() as client:
-            answer = await client.post(f"http://127.0.0.1:{port}/mcp", json=HELLO, headers=headers)
-        assert answer.status_code == 200
-
-
-@pytest.fixture
 async def served(anyio_backend):
     """served(settings): return an HTTP client of a server in this process, whose bodies do not move."""
     async with contextlib.AsyncExitStack() as stack:
@@ -142,19 +108,6 @@ async def served(anyio_backend):
 
 async def hello(client, **headers):
     return await client.post("/mcp", json=HELLO, headers=ACCEPT | {"Host": "localhost:80"} | headers)
-
-
-async def test_sessions_that_do_nothing_cannot_shut_others_out(served, monkeypatch):
-    monkeypatch.setattr("humanclaw_mcp.command.SESSIONS", 4)
-    client = await served(Settings())
-    opened = [await hello(client) for _ in range(12)]
-    assert [answer.status_code for answer in opened] == [200] * 12
-    ping = {"jsonrpc": "2.0", "id": 2, "method": "ping"}
-    known = [
-        (await client.post("/mcp", json=ping, headers=ACCEPT | {"Host": "localhost:80", "mcp-session-id": key}))
-        for key in (answer.headers["mcp-session-id"] for answer in opened)
-    ]
-    assert [answer.status_code for answer in known] == [404] * 8 + [200] * 4, "the silent ones made room"
 
 
 @pytest.mark.parametrize(
