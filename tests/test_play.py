@@ -70,6 +70,49 @@ def test_of_several_skills_one_is_named(play, tmp_path):
 
 
 @pytest.mark.parametrize(
+    ("words", "scene"),
+    [
+        (["sit_in_place", "h_cm=50"], "floor:sit=0.5"),
+        (["climb_upstairs", "h_cm=18", "d_cm=28", "--calls", "2"], "floor:up=0.18,0.28,2"),
+        (["step_back", "z_cm=30", "--calls", "2"], "floor:wall=1.1"),
+        (["side_step", "x_cm=20"], "floor"),
+        (["side_step", "x_cm=20", "--scene", "floor:side=9"], "floor:side=9"),
+    ],
+)
+def test_the_floor_has_what_the_call_needs(play, tmp_path, words, scene):
+    done = play(*words)
+    assert done.exit_code == 0, done.output
+    record = RecordedEpisode(tmp_path / "run" / f"{words[0]}-0").record
+    assert record.spec.scene == scene
+    assert Plugins.discover().scene(scene).digest == record.scene_digest
+
+
+def test_what_is_sat_on_and_climbed_carries_the_body(play):
+    assert "touched your hips" in play("sit_in_place", "h_cm=50").output
+    assert "17 cm up" in play("climb_upstairs", "h_cm=17", "d_cm=28").output.partition("Actual")[2]
+
+
+def test_twenty_of_the_longest_strides_stay_on_the_floor(play, tmp_path):
+    play("walk", "x_cm=0", "z_cm=80", "yaw_deg=0", "--calls", "20")
+    root = RecordedEpisode(tmp_path / "run/walk-0").motion().root
+    assert root[-1, 2] > 15
+    assert root[:, 1].min() > 0.8
+
+
+def test_a_command_that_is_repeated_gets_the_next_number(play, tmp_path):
+    for _ in range(2):
+        assert play("nod.py").exit_code == 0
+    assert sorted(path.name for path in (tmp_path / "run").glob("nod*")) == ["nod-0", "nod-0-2"]
+
+
+@pytest.mark.parametrize("argument", ["ups=1", "up=0.18,0.28", "sit=high", "wall=-1", "up=0.1,0.3,1e9", "side=nan"])
+def test_a_floor_with_something_unknown_is_refused(play, argument):
+    done = play("nod.py", "--scene", f"floor:{argument}")
+    assert done.exit_code == 2
+    assert "sit=HIPS" in done.output
+
+
+@pytest.mark.parametrize(
     ("words", "told"),
     [
         (["nod.py", "degree=3"], "Call nod with"),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -54,7 +53,7 @@ def humanclaw_priors(register: Register[Path]) -> None:
 
 @hookimpl
 def humanclaw_scenes(register: Register[SceneFactory]) -> None:
-    register("floor", _floor, "an empty floor of 20 by 20 metres")
+    register("floor", _floor, "a tiled floor; floor:up=0.18,0.28,3 has stairs, floor:sit=0.5 a bench")
 
 
 @hookimpl
@@ -84,7 +83,6 @@ def _dit(profile: str = "default", prior: Path | None = None) -> MotionGenerator
 
 
 def _floor(argument: str) -> Scene:
-    from humanclaw.world.scene_builder import SceneBuilder
+    from humanclaw.skills.stages import stage
 
-    builder = SceneBuilder.on_floor()
-    return replace(builder.scene(), name="floor")
+    return stage(argument)

@@ -10,7 +10,7 @@ from typing import Any, Final, Literal
 import click
 
 from humanclaw.cli.options import engine_options, plugin_options, scene_option, seed_option
-from humanclaw.cli.run import PLAYING, claim, end, left_empty, new_folder, present
+from humanclaw.cli.run import PLAYING, claim, end, left_empty, new_folder, numbered, present
 from humanclaw.cli.terminal import Console
 from humanclaw.episodes.backends import Backends
 from humanclaw.episodes.embodiment import Body
@@ -23,12 +23,17 @@ from humanclaw.records.decisions import Decision
 from humanclaw.records.instructions import free_episode
 from humanclaw.skills.call import Call
 from humanclaw.skills.contract import Skill, suited
-from humanclaw.skills.measures import from_si
+from humanclaw.skills.measures import from_si, to_si
+from humanclaw.skills.stages import FLOOR, SIDE, stage_for
 
 Beginning = Literal["standing", "walking", "sitting"]
 _SEAT: Final = 0.5
 _STRIDE: Final = 0.4
 """Metres: height of the hips, and of half a second of walking, before a skill that is played from there."""
+_BEHIND: Final = 0.5
+"""Metres left to the wall after steps back: the body coasts, and its hips are not its heels."""
+_LONGEST, _ROOM = 0.8, 2.0
+"""Metres: the longest stride, and the floor beyond the last."""
 
 
 @click.command(context_settings={"ignore_unknown_options": True})
@@ -44,7 +49,7 @@ _STRIDE: Final = 0.4
     help="What the body does before, by skills that are installed.",
 )
 @click.option("--skill", default="", metavar="NAME", help="Which skill, if the file or folder holds several.")
-@scene_option(default="floor")
+@scene_option(default=FLOOR, about="Where: source:argument. The floor gets what the call needs, such as stairs.")
 @engine_options
 @click.option("--renderer", default=Backends.renderer, show_default=True, help="Renderer by name.")
 @seed_option(help="All randomness derives from it.")
@@ -73,9 +78,10 @@ def play(
     plugins, chosen = _found(target, skill, files, choice)
     calls = [*_before(beginning, plugins), *[_call(chosen, words)] * count]
     backends = Backends(simulator, renderer, generator, sensors=("vision", "body", "touch"), prior=prior)
-    scene = plugins.scene(reference)
-    spec = free_episode(f"Play {calls[-1]}.", scene, seed=seed, max_steps=len(calls), name=f"{chosen.name}-{seed}")
+    scene = plugins.scene(_staged(chosen, calls[-1], count, beginning) if reference == FLOOR else reference)
     out = out or new_folder(chosen.name)
+    name = next(name for name in numbered(f"{chosen.name}-{seed}") if not (out / name).exists())
+    spec = free_episode(f"Play {calls[-1]}.", scene, seed=seed, max_steps=len(calls), name=name)
     claim(out / spec.id)
     with (
         console.status(PLAYING),
@@ -167,6 +173,20 @@ def _before(beginning: Beginning, plugins: Plugins) -> list[Call]:
         return [_commanding(sits, {"hips.height": _SEAT})]
     needed = "goes forward" if beginning == "walking" else "sits"
     raise HumanclawError(f"no skill that {needed} is installed.", "Leave out --from.")
+
+
+def _staged(skill: Skill, call: Call, count: int, beginning: Beginning) -> str:
+    """Return the floor with what the calls need: a seat, stairs, a wall that they step back to, or room to walk."""
+    commanding = [parameter for parameter in skill.parameters if parameter.measure]
+    values = {parameter.name: to_si(parameter.key, call.params.get(parameter.key, 0)) for parameter in commanding}
+    if beginning == "sitting":
+        return f"{FLOOR}:sit={_SEAT}"
+    # Nobody knows to the centimetre where the strides before it end, so stairs would be missed.
+    needed = stage_for(skill, values, count) if beginning == "standing" else ""
+    if back := skill.commands("hips.back"):
+        needed = f"wall={values[back.name] * count + _BEHIND:g}"
+    wide = 2 * (_LONGEST * count + _ROOM)
+    return f"{FLOOR}:{needed or (f'side={wide:g}' if wide > SIDE else '')}".removesuffix(":")
 
 
 def _commanding(skill: Skill, amounts: Mapping[str, float]) -> Call:

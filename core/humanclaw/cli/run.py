@@ -113,10 +113,15 @@ def _require_ready(decider: Any, instruction: str) -> None:
         raise PluginError(f"{fault}, when it was asked whether it is ready.", "Mend its plugin.") from fault
 
 
+def numbered(name: str) -> Iterator[str]:
+    """Yield a name, and then the name with a number from 2 on."""
+    return chain([name], (f"{name}-{number}" for number in count(2)))
+
+
 def new_folder(agent: str) -> Path:
     """Make a new folder for a run. Two runs that begin in the same second get different folders."""
     first = RUNS / f"{datetime.datetime.now():%Y%m%d-%H%M%S}-{agent}"
-    for name in chain([first.name], (f"{first.name}-{number}" for number in count(2))):
+    for name in numbered(first.name):
         with writing(first), suppress(FileExistsError):
             first.with_name(name).mkdir(parents=True)
             break

@@ -62,6 +62,7 @@ if TYPE_CHECKING:
         WindowTravel as WindowTravel,
     )
     from humanclaw.skills.regression import Regression as Regression
+    from humanclaw.skills.stages import HIPS as HIPS, bench as bench, stage as stage, stage_for as stage_for
     from humanclaw.skills.thoughts import split_thoughts as split_thoughts
 
 if not TYPE_CHECKING:

@@ -23,12 +23,17 @@ WIDEST: Final = 40.0
 """The map need not hold the whole of a wider object, such as a ground, metres."""
 AROUND: Final = 3
 """Cells on each side of the middle of STEPS steps that they can reach: a step is 1.5 cells long."""
+_REACH: Final = 1.6
+"""Distance from the pelvis within which all of the body and its neighbouring cells are, metres."""
 _HIGH: Final = 1000.0
 """Height of the eye over the floor, metres: so high that the lines of sight are nearly parallel."""
 
 
 class OverheadMapper:
-    """Keeps the maps of all objects. The body casts no shadow: a map drawn anew for each picture costs time."""
+    """Keeps the maps of all objects.
+
+    The body is on a map only where it is seen from outside, in films: drawn anew for each picture, it costs time.
+    """
 
     def __init__(self, scene: Scene, model: Model, instances: Instances, movers: Sequence[int]) -> None:
         """Draw the maps of all objects.
@@ -37,7 +42,7 @@ class OverheadMapper:
         """
         boxes = np.array([scene.aabb(obj.id) for obj in scene.objects]).reshape(-1, 2, 3)
         self._model, self._rows = model, np.array(movers, int)
-        self._movers = _order(model, instances, movers)
+        self._movers, self._body = _order(model, instances, movers), _order(model, instances, [0])
         self._floors = np.array(sorted({room.floor for room in scene.rooms} or {boxes[:, 0, 1].min(initial=0.0)}))
         points = boxes[np.ptp(boxes, axis=1).max(axis=1, initial=0.0) < WIDEST].reshape(-1, 3)
         points = np.concatenate([points, [[scene.start.x, scene.start.floor, scene.start.z]]])
@@ -58,6 +63,28 @@ class OverheadMapper:
         if not np.array_equal(self._poses, _poses(instances, self._rows)):
             self._settle(instances)
         return self._map
+
+    def with_body(self, instances: Instances) -> OverheadMap:
+        """Return the map of now(), and the body on it."""
+        found, near = self.now(instances), self._near(instances)
+        # On the map of a lower storey it would shade all that is under it.
+        storey = max(0, int(np.searchsorted(self._floors, instances.place[0, 1])) - 1)
+        heights, around, floor = found.heights.copy(), found.around.copy(), float(self._floors[storey])
+        with np.errstate(divide="ignore"):
+            body = np.float32(floor + _HIGH) - np.float32(1) / self._drawn(instances, self._body, floor, None)[near]
+        heights[storey][near] = np.maximum(heights[storey][near], body)
+        around[storey][near] = _around(heights[storey : storey + 1, *near])[0]
+        return found._replace(heights=heights, around=np.maximum(around, found.around))
+
+    def _near(self, instances: Instances) -> tuple[slice, slice]:
+        """Return the rows and columns of the map around the body."""
+        column, row = ((instances.place[0, [0, 2]] - self._map.corner) / self._cell).astype(int).tolist()
+        reach = int(_REACH / self._cell)
+        # The outermost cells stay empty.
+        first, last = np.clip(
+            [[row - reach, column - reach], [row + reach, column + reach]], 1, np.subtract(self._shape, 1)
+        )
+        return slice(first[0], last[0]), slice(first[1], last[1])
 
     def _settle(self, instances: Instances) -> None:
         self._poses, maps = _poses(instances, self._rows), []

@@ -30,6 +30,9 @@ SKY: Final = np.array([[196, 221, 243], [240, 244, 247]], float)
 LOWER: Final = 0.001
 """Walls are drawn this much lower, metres: those of one storey end level with the floor of the next."""
 
+OUTSIDE: Final = 1.0
+"""A camera farther from the pelvis than this is not the body's own eye, metres: then the body casts a shadow."""
+
 
 class _LoadedScene(NamedTuple):
     """A scene with the body, ready to be drawn."""
@@ -132,7 +135,9 @@ def _painted(scene: _LoadedScene, pinhole: Pinhole, camera: Camera, glass: Glass
     """
     model, instances, overhead, lit, _ = scene
     gbuffer = _gbuffer(scene, pinhole, camera, glass)
-    light = ambient_occlusion(pinhole, gbuffer, overhead.now(instances), lit.light)
+    outside = glass is None and np.linalg.norm(camera.position - instances.place[0]) > OUTSIDE
+    shading = overhead.with_body(instances) if outside else overhead.now(instances)
+    light = ambient_occlusion(pinhole, gbuffer, shading, lit.light)
     shape = (camera.height, camera.width)
     view = View(np.empty((*shape, 3), np.uint8), np.empty(shape, np.float32), np.empty(shape, np.int32))
     paint(model, instances, pinhole, gbuffer, light, _sky(camera), view.rgb, view.depth, view.ids)

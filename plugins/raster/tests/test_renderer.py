@@ -285,6 +285,16 @@ def test_the_shadow_of_an_object_goes_where_it_goes(builder, camera):
     assert here[row, 64, 0] < 0.95 * gone[row, 64, 0]
 
 
+def test_the_body_throws_a_shadow_where_it_is_seen_from_outside(builder, camera):
+    floor = builder.floor()
+    eye = camera((0.0, 1.5, 2.5), (0, -0.5, -1), 256)
+    here, gone = builder.look(eye, STANDING), builder.look(eye)
+    shaded = ndimage.binary_erosion((here.ids == floor) & (gone.ids == floor), iterations=3)
+    shares = here.rgb[shaded].astype(float).mean(-1) / gone.rgb[shaded].mean(-1)
+    assert shares.min() < 0.75
+    assert (shares > 0.97).mean() > 0.8, "only around its feet"
+
+
 def test_a_box_shades_the_side_that_is_turned_away_from_the_light(builder, camera):
     builder.floor()
     builder.box((0.8, 0.8, 0.8), (0, 0, 0))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from humanclaw import Motion, RecordedEpisode, RecordError, Scene, StepRecord
 from humanclaw.body import JOINT_INDEX, Array
 from humanclaw.world import GROUND, Camera, WorldState, floors_of
-from humanclaw_report.camera import BEHIND, FACING, follow, smoothed
+from humanclaw_report.camera import FOV, follow, framed, smoothed
 from humanclaw_report.floor_plan import storeys_at
 
 SHOWN: Final = [
@@ -23,6 +23,8 @@ AHEAD: Final = 12
 """An object is left out this many frames of motion before and after it hides the body."""
 AWAY: Final = np.array([0.0, -1000.0, 0.0, 0.0, 0.0, 0.0, 1.0])
 """Place of an object that is left out: position (metres) and quaternion, far below the house."""
+_UP: Final = np.array([0.0, 0.05, 0.0])
+"""From the hips to where the camera looks, metres."""
 SLAB: Final = 0.4
 """Objects that begin less than this below an upper floor belong to its slab, metres."""
 
@@ -40,6 +42,8 @@ class FilmScene:
     objects: dict[int, Array]
     eyes: Array
     """(T, 3) camera positions, metres."""
+    centres: Array
+    """(T, 3) where the camera looks, metres."""
     hidden: tuple[frozenset[int], ...]
     """For each frame, ids of the objects that are left out because they hide the body from the camera."""
 
@@ -52,14 +56,13 @@ class FilmScene:
         scenes = tuple(opened(scene, above - SLAB) for above in (*floors[1:], np.inf))
         # Smoothed, so that the scene does not flicker between two storeys on stairs.
         storeys = storeys_at(floors, smoothed(motion.root[:, 1], 6.0))
-        # On an empty floor there is nothing ahead of the body to see, and gestures are seen best from the front.
-        empty = all(obj.category in GROUND for obj in scene.objects)
-        eyes = follow(motion, FACING if empty else BEHIND)
+        # Outside of rooms there is nothing ahead of the body to see.
+        eyes, centres = framed(motion) if not scene.rooms else (follow(motion), smoothed(motion.root, 3.0) + _UP)
         hidden = in_the_way(scene, motion, eyes)
         # A renderer keeps fixed objects where they are, so those that are ever left out become movable.
         loose = frozenset().union(*hidden)
         scenes = tuple(loosened(shown, loose) for shown in scenes)
-        return cls(episode, scenes, storeys, motion, objects, eyes, hidden)
+        return cls(episode, scenes, storeys, motion, objects, eyes, centres, hidden)
 
     def state(self, frame: int) -> WorldState:
         """Return the world at a frame, without the objects that hide the body."""
@@ -67,8 +70,7 @@ class FilmScene:
         return WorldState(self.motion[frame : frame + 1], places | dict.fromkeys(self.hidden[frame], AWAY))
 
     def camera(self, frame: int, size: tuple[int, int]) -> Camera:
-        centre = self.motion.root[max(0, frame - 4) : frame + 5].mean(0) + [0.0, 0.05, 0.0]
-        return Camera.looking(self.eyes[frame], centre, 48.0, size)
+        return Camera.looking(self.eyes[frame], self.centres[frame], FOV, size)
 
     def step(self, frame: int) -> StepRecord | None:
         """Return the step that a frame belongs to; None before the first."""

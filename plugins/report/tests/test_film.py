@@ -14,11 +14,12 @@ from made import broken_off, record_episode
 from PIL import Image
 from rooms import UPSTAIRS, asset, block, scene_object, two_rooms, two_storeys
 
-from humanclaw import HumanclawError, Plugins, RecordedEpisode, RecordError, Scene
+from humanclaw import HumanclawError, Motion, Plugins, RecordedEpisode, RecordError, Scene
+from humanclaw.body import JOINT_INDEX, rest_pose
 from humanclaw.cli import build
 from humanclaw.storage import gif
 from humanclaw.world import Camera, View, WorldState
-from humanclaw_report.camera import DISTANCE, follow
+from humanclaw_report.camera import DISTANCE, FOV, follow, framed
 from humanclaw_report.film import GIF_SIZE, film
 from humanclaw_report.playback import FilmScene, hung_on, opened
 from humanclaw_report.poses import moments, poses
@@ -53,6 +54,33 @@ def test_the_camera_keeps_its_distance_and_moves_smoothly(made: tuple[RecordedEp
     eyes = follow(motion)
     assert np.linalg.norm(eyes - motion.root, axis=1) == pytest.approx(DISTANCE, abs=0.4)
     assert np.linalg.norm(np.diff(eyes, axis=0), axis=1).max() < 0.25, "metres a frame"
+
+
+def gesture(joint: str, turn: tuple[float, float, float]) -> Motion:
+    """Return a second in which one joint turns there and back, rotation vector in radians."""
+    motion = Motion(*(np.repeat(part, 31, 0) for part in (rest_pose().root, rest_pose().rotations)))
+    motion.rotations[:, JOINT_INDEX[joint]] += np.sin(np.linspace(0, np.pi, 31))[:, None] * turn
+    return motion
+
+
+@pytest.mark.parametrize(
+    ("motion", "least", "most"),
+    [(gesture("head", (0.35, 0, 0)), 0.6, 1.0), (gesture("head", (0, 0.5, 0)), 0.6, 1.0),
+     (gesture("left_hip", (-0.5, 0, 0)), 1.8, 2.8)],
+    ids=["nod", "shake", "kick"],
+)  # fmt: skip
+def test_on_an_open_floor_the_moving_parts_fill_the_picture(motion: Motion, least: float, most: float) -> None:
+    """The picture is as high, metres at the body, as a head with a margin, or as a whole person."""
+    eyes, centres = framed(motion)
+    assert least < 2 * np.linalg.norm(eyes - centres, axis=1).min() * np.tan(np.radians(FOV / 2)) < most
+
+
+def test_on_an_open_floor_all_of_a_walk_is_in_the_picture(made: tuple[RecordedEpisode, Scene]) -> None:
+    motion = made[0].motion()
+    looks = zip(*framed(motion), motion.joints(), strict=True)
+    seen = np.stack([Camera.looking(eye, centre, FOV, (160, 90)).pixels(joints) for eye, centre, joints in looks])
+    assert ((seen > 0) & (seen < [160, 90])).all()
+    assert np.ptp(seen[0, :, 1]) > 0.5 * 90, "large while it stands"
 
 
 def test_a_wall_is_left_out_as_long_as_it_hides_the_body(made: tuple[RecordedEpisode, Scene]) -> None:

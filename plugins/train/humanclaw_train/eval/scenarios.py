@@ -37,12 +37,12 @@ from humanclaw.body import (
     shoe_heights,
 )
 from humanclaw.motion import DiTGenerator
-from humanclaw.skills import suited
+from humanclaw.skills import bench, stage, stage_for, suited
 from humanclaw_train.data.chunks import Chunks, of_skill
 from humanclaw_train.eval import likeness, measures, self_penetration as overlap, walks
 from humanclaw_train.eval.measures import SEAM
 from humanclaw_train.eval.rollouts import CHUNKS_IN_A_ROW, Command, Subject, extend, others, roll
-from humanclaw_train.eval.simulated import bench, called, stage
+from humanclaw_train.eval.simulated import called
 from humanclaw_train.markdown import Row
 
 if TYPE_CHECKING:
@@ -187,7 +187,7 @@ def _played(place: Place, command: Command, before: Sequence[Command], key: tupl
     """Call a skill three times in half-physics. On a flat floor every second body has called another skill before."""
     random, index = np.random.default_rng(key), key[1]
     values = command.draw(1, random)[0]
-    scene = stage(command.declaration, command.named(values))
+    scene = stage(stage_for(command.declaration, command.named(values), CHUNKS_IN_A_ROW))
     with place(scene, index) as body:
         if before and index % 2 and len(scene.objects) == 1:
             other = before[index // 2 % len(before)]

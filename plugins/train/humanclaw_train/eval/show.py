@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -18,14 +17,12 @@ from PIL import Image, ImageDraw
 
 from humanclaw import Backends, Body, Call, HumanclawError, Motion, Renderer, Scene, Skill
 from humanclaw.body import FPS, HISTORY, Array
-from humanclaw.skills import to_si
+from humanclaw.skills import stage, stage_for, to_si
 from humanclaw.storage import gif
 from humanclaw.world import Camera, WorldState
-from humanclaw_train.eval.simulated import stage
 
 if TYPE_CHECKING:
     from humanclaw import Plugins
-    from humanclaw.world import Asset
 
 Picture = NDArray[np.uint8]
 SIZE: Final = (240, 320)
@@ -40,8 +37,6 @@ _BEFORE: Final = np.array([1.1, 0.35, 3.4])
 """Vector to the camera for a body that moves sideways, metres: ahead and slightly to its left."""
 _MARGIN: Final = 8
 """Margin of a title, pixels."""
-_TILE: Final = 0.5
-"""Side of a floor tile, metres. Tiles make sliding feet visible."""
 
 
 def show(
@@ -72,7 +67,8 @@ def performed(
     plugins: Plugins, skill: Skill, params: Mapping[str, Any], calls: int, seed: int, renderer: str
 ) -> tuple[str, Motion, Scene]:
     """Return title, simulated motion and scene of a skill that is called several times in a row."""
-    scene = stage(skill, {parameter.name: 0.0 for parameter in skill.parameters} | _values(skill, params), calls)
+    values = {parameter.name: 0.0 for parameter in skill.parameters} | _values(skill, params)
+    scene = stage(stage_for(skill, values, calls))
     with Body(scene, seed=seed, plugins=plugins, backends=Backends(renderer=renderer)) as body:
         asked = ", ".join(f"{key} {value}" for key, value in params.items())
         return f"{skill.name} {asked}", acted(body, [Call(skill.name, params)] * calls), scene
@@ -96,7 +92,7 @@ def acted(body: Body, calls: Iterable[Call]) -> Motion:
 # -- drawing -----------------------------------------------------------------------------------------------------------
 def filmed(motion: Motion, scene: Scene, renderer: Renderer, frames: Iterable[int]) -> Iterator[Picture]:
     """Yield a picture of each frame, seen across the direction of travel, on a tiled floor."""
-    renderer.load(replace(scene, assets={name: tiled(asset) for name, asset in scene.assets.items()}))
+    renderer.load(scene)
     eye = _eye(motion)
     for at in frames:
         # The mean of two thirds of a second keeps the camera steady.
@@ -110,18 +106,6 @@ def _eye(motion: Motion) -> Array:
     # From the side of the travel, so that the body does not walk towards the camera or away from it.
     across, _, ahead = np.abs(motion.root[-1] - motion.root[0])
     return _BEFORE if across > ahead else _BESIDE
-
-
-def tiled(asset: Asset) -> Asset:
-    """Texture a mesh with tiles, projected from above."""
-    floor = asset.mesh.vertices[:, [0, 2]]
-    low, high = floor.min(0), floor.max(0)
-    counts = np.maximum(1, np.round((high - low) / _TILE)).astype(int)
-    # One texel per tile, enlarged so that filtering blurs the edges less.
-    light = np.add.outer(np.arange(counts[1]), np.arange(counts[0])) % 2
-    texture = np.repeat((150 + 45 * light[:, :, None]).astype(np.uint8), 3, axis=2).repeat(4, 0).repeat(4, 1)
-    uv = ((floor - low) / (high - low)).astype(np.float32)
-    return replace(asset, mesh=replace(asset.mesh, uv=uv, texture=texture))
 
 
 def moments(length: int) -> list[int]:

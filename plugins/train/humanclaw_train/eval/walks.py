@@ -11,10 +11,10 @@ import numpy as np
 from humanclaw import Motion
 from humanclaw.body import FPS, FUTURE, HISTORY, Array
 from humanclaw.motion import DiTGenerator
-from humanclaw.skills import HeadingCorrection, from_si
+from humanclaw.skills import HeadingCorrection, from_si, stage
 from humanclaw_train.eval.measures import Gait
 from humanclaw_train.eval.rollouts import Command, Subject, extend
-from humanclaw_train.eval.simulated import Actor, flat
+from humanclaw_train.eval.simulated import Actor
 from humanclaw_train.markdown import Row
 from humanclaw_train.mocap.clips import Clip
 
@@ -63,7 +63,7 @@ def _physical_walk(
     actor: Actor, command: Command, asked: Mapping[str, float], calls: int, key: tuple[int, ...]
 ) -> Motion:
     """Call a skill again and again in half-physics, from standing, and correct heading errors in the next call."""
-    actor.stand(flat(_FLOOR))
+    actor.stand(stage(f"side={_FLOOR}"))
     course = HeadingCorrection()
     for call in range(calls):
         steered = course.steer(command.declaration, asked)
