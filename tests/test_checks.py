@@ -16,12 +16,12 @@ from declared import folder_of
 from pydantic import Field
 from safetensors.numpy import load_file, save
 
-from humanclaw import Call, Control, Gaze, Keyframes, Motion, Plugins, Reach, hookimpl, run_episode, skill
+from humanclaw import Call, Check, Control, Gaze, Keyframes, Motion, Plugins, Reach, hookimpl, run_episode, skill
 from humanclaw.checks.fakes import Fakes
 from humanclaw.cli import build
 from humanclaw.errors import CallError
 from humanclaw.records import free_episode
-from humanclaw.skills import Check, Skill
+from humanclaw.skills import Skill
 from humanclaw.skills.checks import CHECKS
 from humanclaw.testing import FakeModel, FakeWorld, check_skill, check_target, examine, fake_body
 

@@ -12,7 +12,6 @@ if TYPE_CHECKING:
         check_options as check_options,
         decider_options as decider_options,
         engine_options as engine_options,
-        parse_limits as parse_limits,
         parse_pairs as parse_pairs,
         plugin_files as plugin_files,
         plugin_options as plugin_options,

@@ -43,14 +43,12 @@ if TYPE_CHECKING:
     from humanclaw.records.reading import (
         REPORT as REPORT,
         RecordedEpisode as RecordedEpisode,
-        RecordedRun as RecordedRun,
         load_run as load_run,
     )
     from humanclaw.records.specification import (
         Difficulty as Difficulty,
         EpisodeSpec as EpisodeSpec,
         Goal as Goal,
-        Record as Record,
         name_of as name_of,
     )
     from humanclaw.records.steps import (
@@ -67,11 +65,8 @@ if TYPE_CHECKING:
         brought as brought,
         end_distance as end_distance,
         ever_reached as ever_reached,
-        footing as footing,
         in_view as in_view,
         is_met as is_met,
-        lies_on as lies_on,
-        looked as looked,
         on_target as on_target,
         opened as opened,
         reached as reached,
@@ -79,14 +74,11 @@ if TYPE_CHECKING:
         sits_of as sits_of,
         stopped_seated as stopped_seated,
         stopped_within_reach as stopped_within_reach,
-        succeeded as succeeded,
         touched_above_ground as touched_above_ground,
     )
     from humanclaw.records.transition import Transition as Transition
-    from humanclaw.skills.call import Call as Call
     from humanclaw.text.json import first_fault as first_fault
     from humanclaw.world.scene import Vec3 as Vec3
-    from humanclaw.world.simulator import Contact as Contact
 
 if not TYPE_CHECKING:
     __getattr__, __dir__, __all__ = lazy_exports(__name__)

@@ -5,11 +5,10 @@ from typing import TYPE_CHECKING
 from humanclaw.lazy_exports import lazy_exports
 
 if TYPE_CHECKING:
-    from humanclaw.skills.aims import Gaze as Gaze, Grip as Grip, Point as Point, Side as Side
-    from humanclaw.skills.body_tool import LOOK as LOOK, BodyTool as BodyTool, ToolResult as ToolResult
+    from humanclaw.skills.aims import Side as Side
+    from humanclaw.skills.body_tool import BodyTool as BodyTool, ToolResult as ToolResult
     from humanclaw.skills.call import Call as Call, check_call as check_call
-    from humanclaw.skills.contract import Check as Check, Skill as Skill, bounds as bounds, suited as suited
-    from humanclaw.skills.decorator import skill as skill
+    from humanclaw.skills.contract import Skill as Skill, bounds as bounds, suited as suited
     from humanclaw.skills.heading_correction import HeadingCorrection as HeadingCorrection
     from humanclaw.skills.measures import (
         MEASURES as MEASURES,
@@ -21,19 +20,13 @@ if TYPE_CHECKING:
         from_si as from_si,
         outcomes as outcomes,
         parameters_of as parameters_of,
-        read_schema as read_schema,
-        si_name as si_name,
-        si_unit as si_unit,
         to_si as to_si,
     )
-    from humanclaw.skills.plan import Control as Control, Keyframes as Keyframes, MotionError as MotionError
-    from humanclaw.skills.posing import Part as Part, Plan as Plan, Posed as Posed, parts as parts, posed as posed
-    from humanclaw.skills.proprioception import OwnBody as OwnBody, Posture as Posture
+    from humanclaw.skills.plan import MotionError as MotionError
+    from humanclaw.skills.posing import Plan as Plan, parts as parts, posed as posed
     from humanclaw.skills.publishing import (
-        OPTIONAL_FIELDS as OPTIONAL_FIELDS,
         REASONING_FIELDS as REASONING_FIELDS,
         THOUGHTS as THOUGHTS,
-        Format as Format,
         Json as Json,
         answer_schema as answer_schema,
         call_schema as call_schema,
@@ -42,9 +35,7 @@ if TYPE_CHECKING:
         parameter_schema as parameter_schema,
         publish as publish,
         reasoning_schema as reasoning_schema,
-        tool_spec as tool_spec,
     )
-    from humanclaw.skills.reaching import Reach as Reach
     from humanclaw.skills.reading import (
         Reasoning as Reasoning,
         plain_name as plain_name,
@@ -57,7 +48,6 @@ if TYPE_CHECKING:
         Draw as Draw,
         Feet as Feet,
         GaitParameters as GaitParameters,
-        Mask as Mask,
         Recipe as Recipe,
         WindowTravel as WindowTravel,
     )

@@ -36,7 +36,7 @@ class Control:
 
     adapter: Path
     values: Mapping[str, float]
-    """Parameter to its value, SI: metres and radians, named as in the adapter's header (humanclaw.skills.si_name)."""
+    """Parameter to its value, SI: metres and radians, named as in the adapter's header (skills.measures.si_name)."""
 
     def __post_init__(self) -> None:
         if not isinstance(self.adapter, Path):

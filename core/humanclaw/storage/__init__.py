@@ -9,16 +9,14 @@ if TYPE_CHECKING:
     from humanclaw.storage.cache import VARIABLE as VARIABLE, Cache as Cache, source_digest as source_digest
     from humanclaw.storage.files import (
         Folder as Folder,
-        add_line as add_line,
         lacking as lacking,
-        open_file as open_file,
         read_file as read_file,
         within as within,
         write_atomically as write_atomically,
         write_result as write_result,
         writing as writing,
     )
-    from humanclaw.storage.pictures import decoded as decoded, from_jpeg as from_jpeg, gif as gif, jpeg as jpeg
+    from humanclaw.storage.pictures import from_jpeg as from_jpeg, gif as gif, jpeg as jpeg
 
 if not TYPE_CHECKING:
     __getattr__, __dir__, __all__ = lazy_exports(__name__)
