@@ -17,6 +17,8 @@ from humanclaw_raster.surfaces import BRIGHT, DENSITY, KIND, UV
 
 WHITE: Final = 1.15
 """Brightness that is drawn white."""
+FEW: Final = 200
+"""Most samples of light on a narrow surface."""
 BRIGHTNESS: Final = WHITE * (0.5 - np.sin(np.arcsin(1 - np.arange(256) / 127.5) / 3))
 """Brightness of each tone: the film curve, undone."""
 
@@ -48,12 +50,12 @@ def paint(
     light: as from ambient_occlusion. sky: (H, 3) colours of empty pixels in each row.
     """
     height, width = gbuffer.surface.shape
-    points, scale = _points(width), np.float32(1 / pinhole.focal)
+    points, scale, means = _points(width), np.float32(1 / pinhole.focal), _means(light, gbuffer)
     for k in range(width):
         points.right[k] = np.float32(k + 0.5 - width / 2) * scale
     for row in range(height):
         surface, down = gbuffer.surface[row], np.float32(row + 0.5 - height / 2) * scale
-        _light_row(light, gbuffer, row, points.light)
+        _light_row(light, means, gbuffer, row, points.light)
         for k in range(width):
             points.depth[k] = ONE / gbuffer.inverse_depth[row, k]
         depth[row] = points.depth
@@ -195,9 +197,24 @@ def _blend(
 
 
 @compiled
-def _light_row(light: Floats, gbuffer: GBuffer, row: int, out: Floats) -> None:
+def _means(light: Floats, gbuffer: GBuffer) -> Floats:
+    """Return (K,) the mean light of the samples on each surface; 0 on one without any or with more than FEW."""
+    total, count = np.zeros(gbuffer.faces.shape[0], np.float32), np.zeros(gbuffer.faces.shape[0], np.int32)
+    for row in range(light.shape[0]):
+        for column in range(light.shape[1]):
+            number = gbuffer.surface[2 * row, 2 * column]
+            if number >= 0:
+                total[number] += light[row, column]
+                count[number] += 1
+    for number in range(count.size):
+        total[number] = total[number] / np.float32(count[number]) if 0 < count[number] <= FEW else ZERO
+    return total
+
+
+@compiled
+def _light_row(light: Floats, means: Floats, gbuffer: GBuffer, row: int, out: Floats) -> None:
     """Write the light of the pixels of a row: the mean of the samples beside each, weighted where faces differ."""
-    surface, inverse_depth, faces = gbuffer.surface, gbuffer.inverse_depth, gbuffer.faces
+    surface, inverse_depth = gbuffer.surface, gbuffer.inverse_depth
     r, s, last = row // 2, min((row + 1) // 2, light.shape[0] - 1), light.shape[1] - 1
     for k in range(out.size):
         left, right, here = k // 2, min((k + 1) // 2, last), surface[row, k]
@@ -205,24 +222,28 @@ def _light_row(light: Floats, gbuffer: GBuffer, row: int, out: Floats) -> None:
         if alike & (surface[2 * s, 2 * left] == here) & (surface[2 * s, 2 * right] == here):
             out[k] = (light[r, left] + light[r, right] + light[s, left] + light[s, right]) * np.float32(0.25)
         elif here >= 0:
-            out[k] = _light_near(light, gbuffer, inverse_depth[row, k], faces[here, 0], faces[here, 1], row, k)
+            out[k] = _light_near(light, gbuffer, means[here], inverse_depth[row, k], here, row, k)
 
 
 @compiled
-def _light_near(light: Floats, gbuffer: GBuffer, here: float, face: int, instance: int, row: int, column: int) -> float:
-    """Return the mean light of the samples around a pixel, weighted by similar depth and by the same face.
+def _light_near(light: Floats, gbuffer: GBuffer, mean: float, here: float, own: int, row: int, column: int) -> float:
+    """Return the mean light of the samples around a pixel, weighted by similar depth and by the same surface.
 
-    here: inverse depth of the face in the pixel.
+    A narrow surface has few samples. Where none is near, it has the mean of its own: that of its neighbours would break
+    it into dashes.
+
+    mean: as from _means. here: inverse depth in the pixel. own: number of its surface.
     """
-    total, weight = np.float32(1e-6), np.float32(1e-6)
+    total, weight, others = np.float32(1e-6), np.float32(1e-6), np.float32(0.02)
+    if mean > ZERO:
+        total, others = np.float32(1e-6) * mean, ZERO
     for r in range(row // 2, min((row + 1) // 2 + 1, light.shape[0])):
         for c in range(column // 2, min((column + 1) // 2 + 1, light.shape[1])):
             number = gbuffer.surface[2 * r, 2 * c]
             if number < 0 or gbuffer.table[number, KIND] == PANE:
                 continue  # The sky lights nothing in the room by itself.
             near = here / (here + np.float32(40) * abs(gbuffer.inverse_depth[2 * r, 2 * c] - here)) + np.float32(1e-4)
-            if gbuffer.faces[number, 0] != face or gbuffer.faces[number, 1] != instance:
-                near *= np.float32(0.02)  # Not 0: a small face may have no sample of its own.
+            near *= ONE if number == own else others
             total += near * light[r, c]
             weight += near
     return total / weight  # type: ignore[return-value]

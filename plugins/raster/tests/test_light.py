@@ -89,13 +89,15 @@ def test_a_window_takes_no_light_from_its_frame(room, camera):
     assert np.ptp(row[2:12]) < 5  # Its side, from the pane to the front: 225 to 243 if the pane shaded it.
 
 
-def test_a_frame_too_thin_for_a_sample_is_lit_as_the_frame():
+@pytest.mark.parametrize(("mean", "light"), [(0.0, 0.5), (0.8, 0.8)])
+def test_a_frame_too_thin_for_a_sample_is_lit_as_the_frame(mean, light):
+    """As its neighbour, and not as the pane; or as the rest of its own narrow face, if that has samples elsewhere."""
     table = np.zeros((3, SURFACE), np.float32)
     table[0, KIND] = PANE
     faces, surface = np.array([[0, 1], [1, 2], [2, 2]], np.int32), np.array([[0, 1, 2], [0, 1, 2]], np.int32)
     gbuffer = GBuffer(np.ones((2, 3), np.float32), surface, faces, table)
     samples = np.array([[1.0, 0.5]], np.float32)
-    assert _light_near(samples, gbuffer, 1.0, 1, 2, 0, 1) == pytest.approx(0.5, abs=1e-3)
+    assert _light_near(samples, gbuffer, mean, 1.0, 1, 0, 1) == pytest.approx(light, abs=1e-3)
 
 
 def test_a_large_screen_in_the_dark_is_as_bright_as_a_small_one(room, camera):
