@@ -134,6 +134,7 @@ def test_a_seed_below_zero_is_refused_in_words(cli, command):
         (["mcp", "--scene", "house:0", "--scene", "hssd:https://hunter2@example.org"], "--scene holds", "environment"),
         (["run", "--plugin", "none.py"], "there is no plugin file none.py", "path of a Python file"),
         (["report", "nowhere"], "there is no folder nowhere", "humanclaw bench run"),
+        (["bench", "table", "x", "--latex"], "No such option '--latex'.", "Did you mean '--format latex'?"),
         (["report", "x", "y", "--out", "pair"], "a report ends in .html; got pair", "Name pair.html"),
     ],
 )

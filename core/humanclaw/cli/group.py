@@ -12,7 +12,7 @@ import os
 import pkgutil
 import sys
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -96,6 +96,9 @@ class Commands(click.Group):
     def invoke(self, ctx: click.Context) -> Any:
         try:
             return super().invoke(ctx)
+        except click.NoSuchOption as error:
+            meant = [*(error.possibilities or ()), *_choosing(error)]
+            raise click.NoSuchOption(error.option_name, possibilities=meant, ctx=error.ctx) from None
         except HumanclawError as error:
             _complain(error.message)
             if error.remedy:
@@ -109,6 +112,14 @@ class Commands(click.Group):
         except KeyboardInterrupt:
             click.echo("Interrupted.", err=True)
             ctx.exit(INTERRUPTED)
+
+
+def _choosing(error: click.NoSuchOption) -> Iterator[str]:
+    """Yield the options that take what was written as an option: `--format latex` for `--latex`."""
+    value = error.option_name.lstrip("-")
+    for parameter in error.ctx.command.params if error.ctx else ():
+        if isinstance(parameter.type, click.Choice) and value in parameter.type.choices:
+            yield f"{parameter.opts[0]} {value}"
 
 
 def _complain(message: str) -> None:

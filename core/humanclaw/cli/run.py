@@ -21,7 +21,7 @@ from humanclaw.cli.terminal import Console
 from humanclaw.episodes.backends import SHIPPED, SIMULATORS, Backends
 from humanclaw.episodes.embodiment import Body
 from humanclaw.episodes.loop import run_episode
-from humanclaw.errors import PluginError, PluginRunError, RecordError, blaming
+from humanclaw.errors import HumanclawError, PluginError, PluginRunError, RecordError, blaming
 from humanclaw.plugins.agents import Reporter
 from humanclaw.plugins.choice import Choice
 from humanclaw.plugins.deciders import origin
@@ -104,9 +104,10 @@ def play(
 
 
 def _require_ready(decider: Any, instruction: str) -> None:
-    """Raise PluginError if an agent or a verifier says that it cannot begin, or breaks as it is asked."""
+    """Raise HumanclawError if an agent or a verifier says that it cannot begin, PluginError if it breaks as it is
+    asked."""
     try:
-        with blaming(origin(decider), PluginError):
+        with blaming(origin(decider), HumanclawError):
             if callable(ready := getattr(decider, "ready", None)):
                 ready(instruction)
     except PluginRunError as fault:

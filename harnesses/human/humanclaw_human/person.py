@@ -15,6 +15,7 @@ import click
 from pydantic import BaseModel, ConfigDict, Field
 
 from humanclaw import Decision, EpisodeContext, HistoryEntry, Observation, Skill
+from humanclaw.cli import Handler, Server
 from humanclaw.records import REPORT
 from humanclaw_human.commands import forms, keys, read
 from humanclaw_human.window import Controls, PageServer, PageState
@@ -55,6 +56,10 @@ class Person:
         self._settings = settings
         self._decisions: queue.Queue[Decision | None] = queue.Queue()
         self._window: PageServer | None = None
+
+    def ready(self, instruction: str) -> None:
+        """Raise HumanclawError if the page's port is taken: better now than once the body is made."""
+        Server(Handler, self._settings.port).server_close()
 
     def begin(self, context: EpisodeContext) -> None:
         self._most = context.spec.max_steps

@@ -179,6 +179,15 @@ def test_the_next_person_can_have_the_port_of_the_one_who_is_gone(skills):
     assert begun(skills, port=urlsplit(address).port)._window.address == address
 
 
+@pytest.mark.integration
+def test_a_taken_port_is_told_before_the_body_is_made(skills):
+    port = urlsplit((first := begun(skills))._window.address).port
+    with pytest.raises(HumanclawError, match=f"cannot listen on port {port} of 127.0.0.1"):
+        Person(Settings(browser=False, port=port)).ready("Stop.")
+    Person(Settings(browser=False)).ready("Stop.")
+    assert first._window.visited is False
+
+
 def begun(skills, **settings):
     person = Person(Settings(**{"browser": False} | settings))
     person.begin(EpisodeContext(EpisodeSpec(id="a", instruction="Stop.", scene="house:0"), skills, 0))

@@ -144,7 +144,7 @@ class Walker(ABC):
         if rest < 0.35 and forward < 0.1:
             return self._shuffle(left, forward), "I am almost at the place and adjust my footing."
         step = min(MAX_STEP, float(np.hypot(left, forward)), max(0.15, rest))
-        reason = f"The way to the {self._bound_for} is {rest:.1f} m further: I walk on."
+        reason = f"I walk on along the way to the {self._bound_for}."
         return self._walk(0.3 * left, step * float(np.cos(error)), 0.7 * error), reason
 
     def _shuffle(self, left: float, forward: float) -> Call:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import takewhile
 from pathlib import Path
 
 import numpy as np
@@ -54,9 +55,9 @@ def milestones(recorded: RecordedEpisode) -> tuple[Milestone, ...]:
 
 def _sat(recorded: RecordedEpisode) -> Milestone:
     """Return whether the hips were on a target when the episode ended."""
+    if sat := list(takewhile(lambda step: on_target(recorded, step), reversed(recorded.steps))):
+        return Milestone("sat", True, f"since step {sat[-1].step}")
     on = [step.step for step in recorded.steps if on_target(recorded, step)]
-    if on and on[-1] == recorded.steps[-1].step:
-        return Milestone("sat", True, f"since step {on[-1]}")
     return Milestone("sat", False, f"left the seat after step {on[-1]}" if on else "hips never on the target")
 
 

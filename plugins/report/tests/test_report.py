@@ -123,6 +123,8 @@ def test_the_outcome_is_told_in_words(made: tuple[Path, Scene]) -> None:
         "sat": True,
         "stopped": True,
     }
+    sat = next(step.step for step in episode.steps if step.call and step.call.skill == "sit_in_place")
+    assert [stage.detail for stage in reached if stage.name == "sat"] == [f"since step {sat}"]
     words = in_words(episode, reached)
     assert words.startswith("The body had the couch in view, ended within reach of it, sat on it and stopped")
 
