@@ -8,7 +8,7 @@ from hosting import plugin
 from humanclaw import Plugins
 from humanclaw.body import rest_pose
 from humanclaw.errors import PluginError
-from humanclaw.skills import MEASURES, Measure, Skill, outcomes, parameters_of, suited
+from humanclaw.skills import MEASURES, Measure, Regression, Skill, outcomes, parameters_of, suited
 
 
 def _chunk(left=0.0, up=0.0, forward=0.0, yaw=0.0):
@@ -93,3 +93,11 @@ def test_a_stair_is_suited_to_going_up_and_not_to_going_ahead():
     assert suited(shipped, "hips.rise", "hips.forward").name == "climb_upstairs"
     assert suited(shipped, "hips.forward", "hips.drop").name == "walk_downstairs"
     assert suited([one for one in shipped if one.climbs], "hips.forward") is None
+
+
+def test_following_is_held_against_the_median_of_the_commands():
+    """The median of 0, 0, 0 and 4 is 0 and misses by 1 in the mean; their mean 1 would miss by 1.5."""
+    commanded = np.array([0.0, 0.0, 0.0, 4.0])
+    found = Regression.of(commanded, commanded + 1.25)
+    assert found == Regression(slope=1.0, r2=1.0, error=1.25, constant=1.0)
+    assert not found.follows

@@ -61,6 +61,10 @@ RETREATING = (
 """A step back that commands a measure of its own, and an adapter that was trained on it."""
 
 
+class Odd:
+    name, description = "hips.retreat", "Has no unit."
+
+
 def _disabled(folder, **more) -> str:
     """Why the host disables the skill of a folder, with a sound skill beside it that it keeps."""
     plugins = host_of("pair", skills=[folder, folder_of("stop")], **more)
@@ -149,12 +153,20 @@ def test_a_measure_that_is_no_name_disables_that_one_skill(copy, odd):
 
 def test_whatever_goes_wrong_in_the_check_is_told_as_a_reason(copy):
     """A measure of a plugin may be anything at all, and nobody but the skill that uses it is hurt."""
-
-    class Odd:
-        name, description = "hips.retreat", "Has no unit."
-
     folder = copy("step_back", *RETREATING)
     assert "skill 'step_back' cannot be checked: AttributeError" in _disabled(folder, measures=[Odd()])
+
+
+def test_a_check_that_breaks_is_not_told_where_a_fault_is_found(copy):
+    folder = copy("step_back", lambda schema: (RETREATING[0](schema), schema.update(description=" ")), RETREATING[1])
+    reason = _disabled(folder, measures=[Odd()])
+    assert "has the description ' '" in reason
+    assert "cannot be checked" not in reason
+
+
+def test_a_parameter_of_one_single_value_is_legal(copy):
+    folder = copy("step_back", lambda s: s["properties"]["z_cm"].update(minimum=20, maximum=20, default=20))
+    assert host_of("pair", skills=[folder, folder_of("stop")]).disabled == {}
 
 
 def test_a_measure_in_another_unit_than_its_parameter_is_refused(copy):

@@ -1,12 +1,15 @@
 """What one call leaves undone of its turn, the next makes up for. Angles by hand, of a body that turns evenly."""
 
+from dataclasses import replace
+from typing import get_args
+
 import numpy as np
 import pytest
 from declared import declaration
 
 from humanclaw import Motion
 from humanclaw.body import rest_pose
-from humanclaw.skills import HeadingCorrection
+from humanclaw.skills import HeadingCorrection, Role
 
 DEGREE = np.pi / 180
 WALK, TURN, STEP, SIT = map(declaration, ("walk", "turn_in_place", "side_step", "sit_in_place"))
@@ -38,8 +41,10 @@ def test_a_sidestep_that_veered_is_made_up_for_by_who_can_turn():
     assert course.steer(TURN, {"yaw": 0.0})["yaw"] == pytest.approx(1.5 * DEGREE)
 
 
-def test_sitting_down_is_no_veering():
-    assert after(HeadingCorrection(0.01), SIT, commanded=0, achieved=3) == HeadingCorrection(0.01)
+@pytest.mark.parametrize("role", [role for role in get_args(Role) if role != "locomotion"])
+def test_only_locomotion_veers(role):
+    skill = replace(SIT, role=role)
+    assert after(HeadingCorrection(0.01), skill, commanded=0, achieved=3) == HeadingCorrection(0.01)
 
 
 def test_no_more_than_five_degrees_are_made_up_for_at_once():

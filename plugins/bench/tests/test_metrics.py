@@ -545,6 +545,15 @@ def test_runs_are_compared_episode_by_episode(base: Scores) -> None:
     assert not found["steps"].significant
 
 
+def test_where_ways_are_measured_arrivals_are_in_the_headline(base: Scores) -> None:
+    a = [replace(one, find=False, arrive=False) for one in run_of(base, [False] * 20)]
+    b = [replace(one, nav=k < 12, arrive=k < 12, find=k < 6) for k, one in enumerate(a)]
+    found = compare(a, b)
+    # Two headline rates differ, so the smaller p doubles: 2 / 2^12 and 2 / 2^6. NavSR is a side result beside them.
+    assert [found[name].p for name in ("ArriveSR", "FindSR")] == pytest.approx([4 / 2**12, 2 / 2**6])
+    assert list(found)[:3] == ["FindSR", "ArriveSR", "InteractSR"]
+
+
 def test_only_episodes_that_both_finished_are_compared(base: Scores) -> None:
     a, b = run_of(base, [True] * 6), run_of(base, [True] * 4)
     b[3] = replace(b[3], outcome="infra_error")

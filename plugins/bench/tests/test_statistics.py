@@ -105,6 +105,13 @@ def test_the_interval_of_a_mean_agrees_with_the_normal_one() -> None:
     assert (found.low, found.high) == pytest.approx((values.mean() - half, values.mean() + half), rel=0.02)
 
 
+def test_the_interval_of_ten_values_is_as_wide_as_students() -> None:
+    """0 to 9 have the deviation sqrt(82.5 / 9) = 3.028, and t of nine degrees is 2.262."""
+    found = [ratio(np.arange(10.0), np.ones(10), seed=seed) for seed in range(20)]
+    half = np.mean([one.high - one.low for one in found]) / 2
+    assert half == pytest.approx(2.262 * 3.028 / np.sqrt(10), rel=0.03)
+
+
 def test_intervals_of_a_few_episodes_hold_the_truth_too() -> None:
     rng = np.random.default_rng(2)
     found = [ratio(rng.normal(1.0, 1.0, 8), np.ones(8), seed=k) for k in range(300)]
