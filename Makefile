@@ -151,10 +151,8 @@ KILLS ?= 200
 kill: install  ## Kill runs, submissions and cache writers KILLS=200 times on two engines; CLOCK=libfaketime.so.1 lets the clock jump (an hour)
 	for engine in mujoco bullet; do $(BIN)/python tests/evidence/kill.py --kills $$(( $(KILLS) / 2 )) --simulator $$engine $(addprefix --clock ,$(CLOCK)) || exit 1; done
 
-FUZZ ?= 12500
-
 fuzz: install  ## Feed 12,500 hostile inputs to each reader, plant hostile files in a run (hours)
-	HUMANCLAW_FUZZ=$(FUZZ) $(BIN)/python -m pytest -m "evidence or not evidence" tests/test_fuzz.py tests/test_fuzz_files.py plugins/bench/tests/test_strangers.py harnesses/mcp/tests/test_mcp_fuzz.py -q
+	$(BIN)/python -m pytest -p fuzzing --hypothesis-profile=fuzz -m "evidence or not evidence" tests/test_fuzz.py tests/test_fuzz_files.py plugins/bench/tests/test_strangers.py harnesses/mcp/tests/test_mcp_fuzz.py -q
 
 perf: $(READY)  ## Guard speed: compare seven ratios with tests/evidence/perf.json (MORE="--short" or "--save")
 	$(BIN)/python tests/evidence/perf.py $(MORE)

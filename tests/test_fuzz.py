@@ -1,14 +1,14 @@
 """Whatever comes in from outside is read or refused in words: no other exception, no illegal call.
 
-HUMANCLAW_FUZZ=N tries N examples of each (`make fuzz`); without it there are a few.
+`make fuzz` tries 12,500 examples of each; else `fuzzing` sets a few.
 """
 
 import json
 from contextlib import suppress
 
+import fuzzing  # noqa: F401
 import jsonschema
 import numpy as np
-from fuzzing import fuzz
 from hypothesis import given, strategies as st
 
 from humanclaw import CallError, Plugins
@@ -37,7 +37,6 @@ def legal(call):
 
 
 # -- what a model writes -----------------------------------------------------------------------------------------------
-@fuzz
 @given(NAMES, PARAMS | ANY)
 def test_any_call_of_a_tool_is_legal_or_refused(name, arguments):
     texts = [arguments] if isinstance(arguments, str) else [arguments, json.dumps(arguments)]
@@ -46,14 +45,12 @@ def test_any_call_of_a_tool_is_legal_or_refused(name, arguments):
             legal(read_call(name, given_)[1])
 
 
-@fuzz
 @given(st.dictionaries(st.sampled_from(["skill", "name", "parameters", "arguments", "x"]), NAMES | PARAMS, max_size=4))
 def test_any_object_is_a_legal_call_or_refused(answer):
     with suppress(CallError):
         legal(read_answer(answer)[1])
 
 
-@fuzz
 @given(st.lists(ANY | PARAMS.map(json.dumps) | st.sampled_from(["{", "```json", "<think>", '"skill":'])))
 def test_any_text_is_read_or_refused(pieces):
     text = "".join(pieces)
@@ -80,7 +77,6 @@ MARKS = [
 DRAFTS = ['{"skill": "stop", "parameters": {}}', '<tool_call>{"name": "stop", "arguments": {}}</tool_call>', "[stop()]"]
 
 
-@fuzz
 @given(st.lists(st.sampled_from([*MARKS, *DRAFTS])), st.lists(st.sampled_from([*MARKS, *DRAFTS, "</think>"])))
 def test_a_call_in_a_thought_is_none_and_a_whole_call_is_always_one(thought, words):
     call = json.dumps({"skill": "say", "parameters": {"text": "".join(words)}})
@@ -92,7 +88,6 @@ def test_a_call_in_a_thought_is_none_and_a_whole_call_is_always_one(thought, wor
 
 
 # -- what is seen ------------------------------------------------------------------------------------------------------
-@fuzz
 @given(st.lists(st.integers(0, 255), min_size=12, max_size=12))
 def test_any_picture_is_encoded(values):
     from humanclaw.storage import jpeg

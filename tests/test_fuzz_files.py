@@ -1,6 +1,6 @@
 """Files of others: every reader succeeds or raises an error of ours, in a GiB of memory and five seconds.
 
-HUMANCLAW_FUZZ=N tries N examples of each (`make fuzz`); without it there are a few.
+`make fuzz` tries 12,500 examples of each; else there are a few.
 """
 
 import functools
@@ -12,7 +12,7 @@ import warnings
 import numpy as np
 import pytest
 import trimesh
-from fuzzing import HOSTILE, PICKS, bounded, changed, damaged, damages, fuzz, rewritten
+from fuzzing import HOSTILE, PICKS, bounded, changed, damaged, damages, rewritten
 from hypothesis import example, given, strategies as st
 from made import record_episode
 from PIL import Image
@@ -64,20 +64,17 @@ def read_run(home, **other):
         check(home / "run")
 
 
-@fuzz
 @given(name=st.integers(0, 3), changes=damages())
 def test_any_damage_to_a_run_without_seals_is_read_or_refused(home, name, changes):
     name, data = list(record(home).items())[name]
     read_run(home, **{name: damaged(data, changes)})
 
 
-@fuzz
 @given(name=st.sampled_from(["couch-0/episode.json", "run.json"]), picks=PICKS, new=HOSTILE)
 def test_any_value_in_a_run_without_seals_is_read_or_refused(home, name, picks, new):
     read_run(home, **{name: rewritten(record(home)[name], picks, new) + b"\n"})
 
 
-@fuzz
 @given(line=st.integers(0, 30), picks=PICKS, new=HOSTILE)
 def test_any_value_in_a_step_is_read_or_refused(home, line, picks, new):
     lines = record(home)["couch-0/steps.jsonl"].splitlines()
@@ -103,7 +100,6 @@ def submit_unchecked(run):
     return submit(run, "me").model_dump_json().encode()
 
 
-@fuzz
 @given(picks=PICKS, new=HOSTILE, changes=damages(), whole=st.booleans())
 def test_any_submission_is_on_the_page_or_refused(home, picks, new, changes, whole):
     data = rewritten(submission(home), picks, new) if whole else damaged(submission(home), changes)
@@ -114,7 +110,6 @@ def test_any_submission_is_on_the_page_or_refused(home, picks, new, changes, who
         leaderboard(home / "board")
 
 
-@fuzz
 @given(changes=damages(), text=st.binary(max_size=60), picks=PICKS, new=HOSTILE)
 def test_any_file_of_episodes_is_read_or_refused(home, changes, text, picks, new):
     line = b'{"id": "a", "instruction": "Find a couch.", "scene": "house:0", "start": {"x": 1, "z": 2, "yaw": 0}}\n'
@@ -137,7 +132,6 @@ def headed(data, change):
     return len(head).to_bytes(8, "little") + head + data[end:]
 
 
-@fuzz
 @given(changes=damages(), picks=PICKS, new=HOSTILE)
 def test_any_damage_to_a_packed_scene_is_found(changes, picks, new):
     data = packed()
@@ -146,7 +140,6 @@ def test_any_damage_to_a_packed_scene_is_found(changes, picks, new):
             assert unpack_scene(other).digest == two_rooms().digest
 
 
-@fuzz
 @given(changes=damages())
 def test_any_entry_of_a_cache_is_the_one_of_its_key_or_none(home, changes):
     cache = Cache("things", root=home)
@@ -167,7 +160,6 @@ def checkpoint(path):
     return path.read_bytes()
 
 
-@fuzz
 @given(changes=damages(), picks=PICKS, new=HOSTILE, note=st.booleans())
 def test_any_damage_to_a_checkpoint_is_read_or_refused(home, changes, picks, new, note):
     def other(head):
@@ -222,7 +214,6 @@ def with_head(data, picks, new):
     return b"glTF" + struct.pack("<IIII", 2, 20 + len(head) + len(rest), len(head), 0x4E4F534A) + head + rest
 
 
-@fuzz
 @given(changes=damages(), picks=PICKS, new=HOSTILE)
 @example(changes=[(0, b"", 0)], picks=[138, 0, 0], new=float("inf"))
 def test_any_glb_is_read_or_refused(home, changes, picks, new):
@@ -240,7 +231,6 @@ LINES = st.sampled_from(
 )  # fmt: skip
 
 
-@fuzz
 @given(lines=st.lists(LINES, max_size=30), suffix=st.sampled_from(["obj", "ply", "stl", "gltf", "zip", "off"]))
 def test_any_model_in_text_is_read_or_refused(home, lines, suffix):
     path = home / f"model.{suffix}"
@@ -249,7 +239,6 @@ def test_any_model_in_text_is_read_or_refused(home, lines, suffix):
         read_model(path)
 
 
-@fuzz
 @given(
     kind=st.sampled_from(["ascii", "binary_little_endian"]), counts=st.lists(HOSTILE, min_size=2, max_size=2),
     rest=st.binary(max_size=99),
@@ -271,7 +260,6 @@ ROBOT = """<robot name="r"><link name="a"><visual><origin xyz="0 0 0" rpy="0 0 0
 <limit lower="1" upper="2"/></joint></robot>"""
 
 
-@fuzz
 @given(place=st.integers(0, 40), new=HOSTILE.map(str), changes=damages())
 def test_any_urdf_is_read_or_refused(home, place, new, changes):
     (home / "m.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")

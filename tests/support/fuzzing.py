@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 import json
-import os
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -21,14 +20,10 @@ except ImportError:  # Windows
 
 GIB = 1 << 30
 SECONDS = 5
-fuzz = settings(
-    max_examples=int(os.environ.get("HUMANCLAW_FUZZ", "8")),
-    deadline=None,
-    derandomize="HUMANCLAW_FUZZ" not in os.environ,
-    suppress_health_check=list(HealthCheck),
-    database=None,
-)
-"""HUMANCLAW_FUZZ=N tries N examples of each (`make fuzz`); without it there are a few."""
+few = settings(max_examples=8, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck), database=None)
+settings.register_profile("few", few)
+settings.register_profile("fuzz", few, max_examples=12_500, derandomize=False)
+settings.load_profile("few")
 DEEP = functools.reduce(lambda inner, _: [inner], range(900), [])
 HOSTILE = st.sampled_from(
     [None, True, -1, 0, 10**9, 2**31, 2**63, 10**30, 1e308, float("nan"), float("inf"), "", "x" * 70_000, "../../x",
@@ -64,6 +59,11 @@ def changed(value: Any, picks: list[int], new: Any) -> Any:
 def rewritten(data: bytes, picks: list[int], new: Any) -> bytes:
     """Return a JSON document with another value somewhere in it."""
     return json.dumps(changed(json.loads(data), picks, new)).encode()
+
+
+def thorough() -> bool:
+    """Return whether everything is tried (`make fuzz`), not a few examples."""
+    return settings.get_current_profile_name() == "fuzz"
 
 
 class TooLong(BaseException):

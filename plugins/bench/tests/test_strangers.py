@@ -1,6 +1,6 @@
 """Folders of strangers: no command touches, shows or waits for anything outside of them.
 
-HUMANCLAW_FUZZ=N tries everything at every path; without it, each path gets one plant and one command.
+`make fuzz` tries everything at every path; else each path gets one plant and one command.
 """
 
 import os
@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 import toy_world
 from click.testing import CliRunner
-from fuzzing import timed
+from fuzzing import thorough, timed
 from here import Here
 from test_runner import TOY
 
@@ -26,7 +26,6 @@ from humanclaw_report.watch import Watcher
 SECRET = b"the user's own words\n"
 SPECS = toy_world.specs(2)
 JOB = Job("walker", {}, backends=TOY, files=(toy_world.FILE,))
-WHOLE = bool(os.environ.get("HUMANCLAW_FUZZ"))
 
 
 @pytest.fixture(scope="module")
@@ -145,9 +144,9 @@ def paths(run):
 def test_no_command_follows_or_waits_for_what_a_stranger_plants(whole, plugins, tmp_path_factory):
     wrong, plants, commands = [], cycle(PLANTS), cycle(COMMANDS)
     for name in paths(whole / "run"):
-        for plant in PLANTS if WHOLE else (next(plants),):
+        for plant in PLANTS if thorough() else (next(plants),):
             place = tmp_path_factory.mktemp("planted")
-            some = COMMANDS if WHOLE else (next(commands),)
+            some = COMMANDS if thorough() else (next(commands),)
             wrong += planted(place, whole, name, plant, some, plugins)
             shutil.rmtree(place)
     assert wrong == []
