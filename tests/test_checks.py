@@ -12,9 +12,8 @@ from typing import Annotated, Literal
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from declared import folder_of
+from declared import change_adapter, change_schema, folder_of
 from pydantic import Field
-from safetensors.numpy import load_file, save
 
 from humanclaw import Call, Check, Control, Gaze, Keyframes, Motion, Plugins, Reach, hookimpl, run_episode, skill
 from humanclaw.checks.fakes import Fakes
@@ -89,9 +88,9 @@ def test_an_adapter_that_is_no_better_than_a_constant_is_a_fault(folder):
 
 def test_an_adapter_may_be_reused_by_who_says_whose_it_is(tmp_path):
     folder = shutil.copytree(folder_of("walk"), tmp_path / "saunter")
-    rewrite(folder, lambda schema: schema["properties"]["z_cm"].update(minimum=20, maximum=40))
+    change_schema(folder, lambda schema: schema["properties"]["z_cm"].update(minimum=20, maximum=40))
     assert names(folder) == {"adapter-skill"}
-    rewrite(folder, lambda schema: schema.update({"x-adapter": "walk"}))
+    change_schema(folder, lambda schema: schema.update({"x-adapter": "walk"}))
     assert names(folder) == set()
 
 
@@ -105,25 +104,8 @@ def test_a_skill_still_to_be_trained_keeps_the_contract(tmp_path):
 
 
 # -- broken skills -----------------------------------------------------------------------------------------------------
-def rewrite(folder: Path, change) -> None:
-    content = json.loads((folder / "schema.json").read_text())
-    change(content)
-    (folder / "schema.json").write_text(json.dumps(content))
-
-
-def written(folder: Path, change_header=lambda head: None, change_weights=lambda weights: None) -> None:
-    """Spoil an adapter."""
-    file = folder / "adapter.safetensors"
-    raw = file.read_bytes()
-    head = json.loads(json.loads(raw[8 : 8 + int.from_bytes(raw[:8], "little")])["__metadata__"]["humanclaw"])
-    weights = dict(load_file(file))
-    change_header(head)
-    change_weights(weights)
-    file.write_bytes(save(weights, {"humanclaw": json.dumps(head)}))
-
-
 def schema(change):
-    return lambda folder: rewrite(folder, change)
+    return lambda folder: change_schema(folder, change)
 
 
 def parameter(**words):
@@ -131,11 +113,11 @@ def parameter(**words):
 
 
 def header(**words):
-    return lambda folder: written(folder, lambda head: head["adapter"].update(words))
+    return lambda folder: change_adapter(folder, lambda head: head["adapter"].update(words))
 
 
 def weights(change):
-    return lambda folder: written(folder, change_weights=change)
+    return lambda folder: change_adapter(folder, weights=change)
 
 
 def narrow(tensors):
@@ -189,7 +171,7 @@ FOLDERS = {
     "adapter-width": weights(narrow),
     "adapter-header": header(scale=[0]),
     "adapter-skill": header(skill="moonwalk"),
-    "adapter-base": lambda folder: written(folder, lambda head: head.update(base="0123456789abcdef")),
+    "adapter-base": lambda folder: change_adapter(folder, lambda head: head.update(base="0123456789abcdef")),
     "adapter-parameters": header(params=["x"]),
     "adapter-measures": header(measures=["hips.forward"]),
     "adapter-bounds": parameter(maximum=90),
@@ -427,10 +409,10 @@ def test_every_named_check_has_a_skill_that_fails_it():
 
 def test_all_problems_are_told_at_once(tmp_path):
     folder = shutil.copytree(folder_of("step_back"), tmp_path / "reset")
-    rewrite(folder, lambda content: content["properties"]["z_cm"].update(maximum=90))
-    rewrite(folder, lambda content: content["properties"]["z_cm"].pop("description"))
+    change_schema(folder, lambda content: content["properties"]["z_cm"].update(maximum=90))
+    change_schema(folder, lambda content: content["properties"]["z_cm"].pop("description"))
     text("checklist.toml", '[[checks]]\nid = "a"\n' + CHECK.format("a", "maybe"))(folder)
-    written(folder, lambda head: head.update(base="0123"))
+    change_adapter(folder, lambda head: head.update(base="0123"))
     assert names(folder) == {
         "name-reserved", "parameters-described", "checklist-words", "checks-questions", "adapter-base",
         "adapter-bounds", "adapter-skill",
@@ -584,7 +566,7 @@ def test_degrees_in_place_of_radians_are_suspected():
 
 def test_a_disabled_skill_can_be_checked_by_its_name(tmp_path):
     folder = shutil.copytree(folder_of("step_back"), tmp_path / "step_back")
-    rewrite(folder, lambda content: content["properties"]["z_cm"].update(maximum=90))
+    change_schema(folder, lambda content: content["properties"]["z_cm"].update(maximum=90))
     plugins = Plugins()
     plugins.add(Fakes([folder]), "mine")
     for name in ("step_back", "mine:step_back"):

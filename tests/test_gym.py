@@ -53,6 +53,7 @@ def test_gyms_that_play_at_the_same_time_play_as_each_alone(host):
     assert alone[0] != alone[1] != alone[2]
 
 
+@pytest.mark.integration
 def test_the_reward_is_the_weighted_sum_of_its_parts(gym):
     gym.reset(1)
     turn = gym.call("walk", {"thoughts": "", "z_cm": 60})
@@ -60,6 +61,7 @@ def test_the_reward_is_the_weighted_sum_of_its_parts(gym):
     assert set(turn.rewards) == {"success", "progress"}
 
 
+@pytest.mark.integration
 def test_a_conversation_opens_with_the_benchmarks_prompt(gym):
     system, user = opening(gym, gym.reset(1))
     assert gym.episode.spec.instruction in system["content"]
@@ -70,6 +72,7 @@ def test_a_conversation_opens_with_the_benchmarks_prompt(gym):
     assert "# Step 2 of 15" in parts[0]["text"]
 
 
+@pytest.mark.integration
 def test_a_call_that_cannot_be_read_costs_a_step_and_is_told(gym):
     gym.reset(1)
     turn = gym.call("stop", '{"thoughts": "I stop')
@@ -82,6 +85,7 @@ def test_a_call_that_cannot_be_read_costs_a_step_and_is_told(gym):
     assert len(gym.episode.steps) == 2
 
 
+@pytest.mark.integration
 def test_after_the_end_nothing_is_played(gym):
     gym.reset(1)
     assert gym.call("stop", {"thoughts": ""}).done

@@ -2,7 +2,6 @@
 line."""
 
 import json
-import re
 
 import pytest
 from click.testing import CliRunner
@@ -170,11 +169,3 @@ def test_a_planted_key_is_in_no_artefact_of_a_run(shell, tmp_path, caplog):
     seen = {path.name: path.read_bytes() for path in files} | {"screen": (done.output + caplog.text).encode()}
     assert not [name for name, content in seen.items() if KEY.encode() in content]
     assert b"[redacted]" in seen["steps.jsonl"]
-
-
-def test_an_empty_key_is_told_before_the_first_step(shell, tmp_path, monkeypatch):
-    monkeypatch.setenv("OPENAI_API_KEY", "")
-    done = shell("--model", "openai/gpt-4o-mini")
-    assert done.exit_code == 2
-    assert re.search(r"OPENAI_API_KEY is not set\.\nSet OPENAI_API_KEY", done.stderr)
-    assert not list(tmp_path.rglob("episode.json"))

@@ -77,6 +77,7 @@ def test_a_damaged_entry_is_made_again(engine: str, cache: Path, plugins: Plugin
     assert entry.read_bytes() == sound
 
 
+@pytest.mark.integration
 def test_engines_and_profiles_do_not_share_entries(cache: Path, plugins: Plugins) -> None:
     for engine in ("bullet", "mujoco"):
         for profile in ("default", "paper", "default"):

@@ -67,48 +67,33 @@ def test_an_open_thought_has_no_answer(marked):
     assert split_thoughts(opening + STOP)[1] == ""
 
 
-@pytest.mark.parametrize(
-    ("text", "answer"),
-    [
-        (STEP, STEP),
-        (f"<think>a</think>{STOP}</think>{STEP}", STEP),
-        (f"<think>a<think>b</think>{STOP}</think>{STEP}", STEP),
-        (f"<think>a</think>{STEP}<think>{STOP}", ""),
-        (f"<think>a <think>b</think> {STOP}", ""),
-        (f"<think>\n<think>a</think>{STEP}", STEP),
-        (f"<think>a</think>{STEP}<|im_end|>\n<|im_start|>user\nStep 2<|im_end|>{STOP}", STEP),
-        (
-            f"{STEP}<|im_end|><|im_start|>user\nYou arrived.<|im_end|><|im_start|>assistant\n<think>d</think>{STOP}",
-            STEP,
-        ),
-        (f"I look.<end_of_turn><start_of_turn>model\n<think>d</think>{STOP}", "I look."),
-        (f"{HARMONY.format('a')}{STEP}<|return|><|start|>user<|message|>b<|channel|>final<|message|>{STOP}", STEP),
-        (f"<|im_start|>assistant\n{STEP}<|im_end|>", STEP),
-        (f"<reasoning>a <plan>b</plan> {STOP}", ""),
-        (f"{STOP}</think>{STEP}", ""),
-        (f"I use no `<think>` tags. {STEP}", f"I use no `<think>` tags. {STEP}"),
-        (f"A <plant> and [pillow], {STEP}", f"A <plant> and [pillow], {STEP}"),
-        ("", ""),
-    ],
-    ids=[
-        "no thought",
-        "closed twice",
-        "nested",
-        "thinks again",
-        "nested and open",
-        "opened twice",
-        "made-up turn",
-        "turn with a thought",
-        "words and a turn",
-        "harmony's turn",
-        "own header",
-        "one in another",
-        "two decisions",
-        "tag in quotes",
-        "other tags",
-        "nothing",
-    ],
-)
+ANSWERS = {
+    "no thought": (STEP, STEP),
+    "closed twice": (f"<think>a</think>{STOP}</think>{STEP}", STEP),
+    "nested": (f"<think>a<think>b</think>{STOP}</think>{STEP}", STEP),
+    "thinks again": (f"<think>a</think>{STEP}<think>{STOP}", ""),
+    "nested and open": (f"<think>a <think>b</think> {STOP}", ""),
+    "opened twice": (f"<think>\n<think>a</think>{STEP}", STEP),
+    "made-up turn": (f"<think>a</think>{STEP}<|im_end|>\n<|im_start|>user\nStep 2<|im_end|>{STOP}", STEP),
+    "turn with a thought": (
+        f"{STEP}<|im_end|><|im_start|>user\nYou arrived.<|im_end|><|im_start|>assistant\n<think>d</think>{STOP}",
+        STEP,
+    ),
+    "words and a turn": (f"I look.<end_of_turn><start_of_turn>model\n<think>d</think>{STOP}", "I look."),
+    "harmony's turn": (
+        f"{HARMONY.format('a')}{STEP}<|return|><|start|>user<|message|>b<|channel|>final<|message|>{STOP}",
+        STEP,
+    ),
+    "own header": (f"<|im_start|>assistant\n{STEP}<|im_end|>", STEP),
+    "one in another": (f"<reasoning>a <plan>b</plan> {STOP}", ""),
+    "two decisions": (f"{STOP}</think>{STEP}", ""),
+    "tag in quotes": (f"I use no `<think>` tags. {STEP}", f"I use no `<think>` tags. {STEP}"),
+    "other tags": (f"A <plant> and [pillow], {STEP}", f"A <plant> and [pillow], {STEP}"),
+    "nothing": ("", ""),
+}
+
+
+@pytest.mark.parametrize(("text", "answer"), ANSWERS.values(), ids=ANSWERS)
 def test_the_answer_stands_behind_the_last_thought(text, answer):
     assert split_thoughts(text)[1] == answer
 

@@ -61,6 +61,8 @@ SPOILT = {
     "list": (headed("[]"), "cannot be read as a checkpoint"),
     "cut": (headed("{"), "cannot be read as a checkpoint"),
     "number": (headed("7"), "cannot be read as a checkpoint"),
+    "nothing": (headed("null"), "cannot be read as a checkpoint"),
+    "no kind": (headed('{"format": 1}'), "weights where|cannot be read"),
     "another format": (headed('{"format": 99}'), "format 99"),
     "without a weight": (without_a_weight, "cannot be read"),
 }

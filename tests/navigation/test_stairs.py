@@ -17,6 +17,7 @@ from humanclaw.skills import check_call
 from humanclaw.world import MultiFloorMap, Scene, distance_to_box, goals_at
 from humanclaw_scripted.oracle import OracleAgent
 
+pytestmark = pytest.mark.integration
 HOUSE = "house:3"
 NOTHING = np.zeros((2, 2, 3), np.uint8)
 
@@ -61,7 +62,6 @@ def nearest(scene: Scene, place: Pose2D, upper: bool) -> int:
     return min(there, key=lambda key: storeys.geodesic(here, goals_at(storeys, scene, key)))
 
 
-@pytest.mark.integration
 def test_a_body_climbs_the_stairs_to_an_object_on_the_upper_floor(body: Body) -> None:
     start = near_stairs(body.scene, upper=False)
     target = nearest(body.scene, start, upper=True)

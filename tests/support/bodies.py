@@ -5,7 +5,7 @@ Tests share the fixtures safely because each test resets what it uses.
 
 import platform
 import socket
-import subprocess
+import sys
 from contextlib import suppress
 from dataclasses import replace
 from multiprocessing.process import BaseProcess
@@ -14,29 +14,90 @@ import pytest
 
 from humanclaw import Body, Plugins
 
-OUTSIDE = ((subprocess.Popen, "_execute_child"), (BaseProcess, "start"), (socket.socket, "listen"))
-"""Methods that start a process or a server."""
+OUTSIDE = {"os.exec", "os.fork", "os.forkpty", "os.posix_spawn", "os.spawn", "os.system", "subprocess.Popen"}
+"""Python's audit events of a process that starts."""
+UNTOLD = ((BaseProcess, "start"), (socket.socket, "listen"))
+"""Methods that start a process or a server without an audit event."""
 
 
-@pytest.fixture(scope="session")
-def _libraries_asked():
-    """MuJoCo's window library and litellm start a process when they are loaded first. Nothing of ours does."""
+class Watch:
+    """Refuse what only marked tests may do, and keep it: a test may swallow the refusal."""
+
+    def __init__(self):
+        self.on, self.breaches, self.engines = False, [], set()
+
+    def __call__(self, event, arguments):
+        if self.on and event in OUTSIDE:
+            self.refuse(event)
+
+    def refuse(self, what):
+        if self.on:
+            self.breaches.append(what)
+            pytest.fail(f"A unit test may not do this: {what}. Mark it: @pytest.mark.integration")
+
+    def begin(self, item):
+        self.on = not any(item.get_closest_marker(name) for name in ("integration", "evidence"))
+        self.breaches, self.engines = [], set()
+
+    def end(self):
+        self.on = False
+        if self.breaches:
+            pytest.fail(f"A unit test did this: {', '.join(self.breaches)}. Mark it: @pytest.mark.integration")
+
+    def made(self, owner, arguments):
+        """Tell two engines by the packages that register them: kinematic motion is MuJoCo's too."""
+        if owner in ("humanclaw-bullet", "humanclaw-mujoco"):
+            self.engines.add(owner)
+            if len(self.engines) > 1:
+                self.refuse("a second engine")
+        if owner == "humanclaw-houses" and arguments != ("0",):
+            self.refuse(f"house:{arguments[0]}")
+
+
+WATCH = Watch()
+MAKE = Plugins.make
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_setup(item):
+    WATCH.begin(item)
+    return (yield)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_teardown():
+    try:
+        return (yield)
+    finally:
+        WATCH.end()
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _watched():
+    """Watch from here on. MuJoCo's window library and litellm start a process when they are loaded first."""
     platform.processor()
     with suppress(ImportError):
         import mujoco  # noqa: F401
+    sys.addaudithook(WATCH)
+    with pytest.MonkeyPatch.context() as patch:
+        for owner, name in UNTOLD:
+            patch.setattr(owner, name, _refusing(getattr(owner, name)))
+        patch.setattr(Plugins, "make", _made)
+        yield
 
 
-@pytest.fixture(autouse=True)
-def _unit_tests_stay_in_their_process(request, monkeypatch, _libraries_asked):
-    """Fail an unmarked test that starts a process or a server."""
-    if any(request.node.get_closest_marker(name) for name in ("integration", "evidence")):
-        return
-    for owner, name in OUTSIDE:
-        monkeypatch.setattr(owner, name, _refuse)
+def _refusing(method):
+    def refusing(*arguments):
+        WATCH.refuse(method.__qualname__)
+        return method(*arguments)
+
+    return refusing
 
 
-def _refuse(*args, **options):
-    pytest.fail("A unit test starts no process and no server. Mark it: @pytest.mark.integration")
+def _made(plugins, kind, name, *arguments, **options):
+    found = MAKE(plugins, kind, name, *arguments, **options)
+    WATCH.made(plugins.owner(name, kind), arguments)
+    return found
 
 
 @pytest.fixture(scope="session")

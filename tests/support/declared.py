@@ -4,8 +4,13 @@ from __future__ import annotations
 
 import json
 import shutil
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
+from safetensors.numpy import load_file, save
+
+from humanclaw.motion.checkpoint import HEADER, read_header
 from humanclaw.records import SkillInfo
 from humanclaw.skills import Skill
 
@@ -41,6 +46,25 @@ def declare(folder: Path, schema: dict | None = None) -> None:
         shutil.copy(folder_of(folder.name) / "schema.json", folder)
     else:
         (folder / "schema.json").write_text(json.dumps(schema))
+
+
+def change_schema(folder: Path, change: Callable[[dict[str, Any]], object]) -> None:
+    content = json.loads((folder / "schema.json").read_text())
+    change(content)
+    (folder / "schema.json").write_text(json.dumps(content))
+
+
+def change_adapter(
+    folder: Path,
+    header: Callable[[dict[str, Any]], object] = lambda header: None,
+    weights: Callable[[dict[str, Any]], object] = lambda weights: None,
+) -> None:
+    """Write a skill's adapter with another header or other weights."""
+    file = folder / "adapter.safetensors"
+    head, tensors = read_header(file), load_file(file)
+    header(head)
+    weights(tensors)
+    file.write_bytes(save(tensors, {HEADER: json.dumps(head)}))
 
 
 def info(skill: Skill) -> SkillInfo:

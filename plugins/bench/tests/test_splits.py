@@ -235,6 +235,7 @@ def test_the_splits_are_of_the_houses_that_are_installed(house):
     assert made.scene_digest == house.digest
 
 
+@pytest.mark.integration
 @pytest.mark.parametrize(
     ("split", "number", "least"), [("val", 0, 28), ("val", 3, 28), ("dev", 41, 1)],
     ids=["one storey", "two storeys", "development"],

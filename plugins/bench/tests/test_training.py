@@ -25,6 +25,7 @@ def test_every_root_cause_has_tasks_that_train_against_it(plugins):
     assert set(AGAINST.values()) <= sources
 
 
+@pytest.mark.integration
 def test_a_seed_gives_its_task_by_itself(plugins):
     first, second = (plugins.make("tasks", "train", ONE) for _ in range(2))
     drawn = [first(seed) for seed in range(8)]
@@ -33,6 +34,7 @@ def test_a_seed_gives_its_task_by_itself(plugins):
     assert len({(spec.start.x, spec.start.z) for spec in drawn}) > 4
 
 
+@pytest.mark.integration
 def test_a_source_that_nobody_holds_frees_its_houses_at_once(plugins):
     source = plugins.make("tasks", "train", ONE)
     kept = weakref.ref(source._house(0))
@@ -44,6 +46,7 @@ def test_a_source_that_nobody_holds_frees_its_houses_at_once(plugins):
         gc.enable()
 
 
+@pytest.mark.integration
 def test_difficulty_and_category_narrow_the_tasks(plugins):
     easy = plugins.make("tasks", "train", {**ONE, "difficulty": "easy", "category": "couch"})
     drawn = [easy(seed) for seed in range(5)]
@@ -132,6 +135,7 @@ def _called(gym, name, **arguments):
     return gym.call(name, {"thoughts": arguments.pop("thoughts", ""), **arguments})
 
 
+@pytest.mark.integration
 def test_to_approach_begins_ahead_and_a_stop_at_once_fails(gym):
     one = gym("approach")
     for seed in (0, 1):
@@ -144,6 +148,7 @@ def test_to_approach_begins_ahead_and_a_stop_at_once_fails(gym):
     assert turn.reward == 0
 
 
+@pytest.mark.integration
 def test_to_turn_begins_out_of_view(gym):
     one, blindly = gym("turn"), []
     for seed in range(10):
@@ -155,6 +160,7 @@ def test_to_turn_begins_out_of_view(gym):
     assert sum(blindly) < 8
 
 
+@pytest.mark.integration
 def test_to_turn_is_solved_by_honest_words_alone(gym):
     one = gym("turn")
     for words in ("visible_state: A {} is ahead.", "visible_state: No {} is in view."):
@@ -169,6 +175,7 @@ def test_to_turn_is_solved_by_honest_words_alone(gym):
         assert turn.reward == pytest.approx(2.0 if turn.solved else 0.0)
 
 
+@pytest.mark.integration
 def test_to_sit_begins_with_the_back_to_the_seat(gym):
     one = gym("sit")
     one.reset(1)
@@ -183,6 +190,7 @@ def test_to_sit_begins_with_the_back_to_the_seat(gym):
     assert _called(one, "stop").solved
 
 
+@pytest.mark.integration
 def test_to_touch_tells_no_category_and_is_solved_by_its_name(gym):
     one = gym("touch")
     one.reset(2)
