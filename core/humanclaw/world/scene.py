@@ -25,6 +25,8 @@ STRUCTURE: Final = frozenset({"wall", "floor", "ceiling", "stairs", "door", "win
 """Categories of the building; all others are furniture."""
 GROUND: Final = ("floor", "stairs")
 """Categories that feet stand on."""
+_ROOMS: Final = {"living": "living room", "dining": "dining room", "kids": "children's room"}
+"""Kinds of rooms that are not what people say."""
 _CUSHION: Final = 0.03
 """Metres by which a seat may be above the collision pieces that carry it: a cover, or what their making took off."""
 
@@ -169,6 +171,11 @@ class Room:
     x1: float
     z1: float
     floor: float = 0.0
+
+    @property
+    def called(self) -> str:
+        """Its purpose in words: "living room" for `living`."""
+        return _ROOMS.get(self.kind, self.kind.replace("_", " "))
 
 
 @dataclass(frozen=True, eq=False)

@@ -103,7 +103,7 @@ def _titles(floors: Sequence[float]) -> list[str]:
 
 def _storey_map(scene: Scene, floor: float, key: str, title: str) -> HouseMap:
     rooms = tuple(
-        (_c(r.x0), _c(r.z0), _c(r.x1 - r.x0), _c(r.z1 - r.z0), r.kind.replace("_", " "))
+        (_c(r.x0), _c(r.z0), _c(r.x1 - r.x0), _c(r.z1 - r.z0), r.called)
         for r in scene.rooms
         if abs(r.floor - floor) < 0.5
     )

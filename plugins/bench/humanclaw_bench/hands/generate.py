@@ -101,8 +101,7 @@ class House:
         if not alone or self._called(obj.category, obj.room) > 1:
             return ""
         assert room is not None
-        kind = {"living": "living room", "dining": "dining room", "kids": "children's room"}.get(room.kind, room.kind)
-        return f"the {noun} in the {kind.replace('_', ' ')}"
+        return f"the {noun} in the {room.called}"
 
     def height(self, key: int) -> tuple[float, float]:
         """Return how high over its floor an object begins and ends, metres."""
