@@ -14,7 +14,7 @@ from humanclaw.body import Pose2D
 from humanclaw.plugins import EpisodeContext, HistoryEntry, Observation
 from humanclaw.records import EpisodeSpec, Feedback
 from humanclaw.skills import check_call
-from humanclaw.world import MultiFloorMap, Scene, distance_to_box, goals_at
+from humanclaw.world import DistanceField, MultiFloorMap, Scene, distance_to_box, goals_at
 from humanclaw_scripted.oracle import OracleAgent
 
 pytestmark = pytest.mark.integration
@@ -59,7 +59,7 @@ def nearest(scene: Scene, place: Pose2D, upper: bool) -> int:
     storeys, here = MultiFloorMap.of(scene), np.array([place.x, place.floor, place.z])
     objects = [obj for kind in ("potted_plant", "chair", "bed") for obj in scene.of_category(kind)]
     there = [obj.id for obj in objects if (obj.position[1] > 2) == upper]
-    return min(there, key=lambda key: storeys.geodesic(here, goals_at(storeys, scene, key)))
+    return min(there, key=lambda key: DistanceField.of(storeys, goals_at(storeys, scene, key)).at(here))
 
 
 def test_a_body_climbs_the_stairs_to_an_object_on_the_upper_floor(body: Body) -> None:

@@ -77,7 +77,6 @@ if TYPE_CHECKING:
     from humanclaw.world.navigation.search import (
         DistanceField as DistanceField,
         MultiFloorMap as MultiFloorMap,
-        Routes as Routes,
         Segment as Segment,
     )
     from humanclaw.world.navigation.stairs import StairRun as StairRun, stair_runs as stair_runs

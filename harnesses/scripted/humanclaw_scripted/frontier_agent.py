@@ -17,7 +17,7 @@ from humanclaw import Call, Decision, EpisodeContext, HistoryEntry, HumanclawErr
 from humanclaw.body import Array, Pose2D, wrap_angle
 from humanclaw.records import SEEN_PIXELS
 from humanclaw.skills import to_si
-from humanclaw.world import MultiFloorMap, OccupancyGrid, Routes
+from humanclaw.world import DistanceField, MultiFloorMap, OccupancyGrid
 from humanclaw_scripted.actions import (
     AT_SEAT,
     BACK,
@@ -155,8 +155,8 @@ class SeeingAgent:
 
     def _choose(self, grid: OccupancyGrid, heights: Array) -> Stand | None:
         """Choose a place at a target that can be reached; else the frontier that is cheapest to reach."""
-        routes = Routes.of(MultiFloorMap((grid,)), np.array([self._here[0], 0.0, self._here[1]]))
-        costs = routes.costs[0]
+        routes = DistanceField.comfortable(MultiFloorMap((grid,)), np.array([self._here[0], 0.0, self._here[1]]))
+        costs = routes.metres[0]
         if (heights > 0).any():
             stand = self._seat(grid, heights, costs) if self._spec.interact else self._beside(grid, heights, costs)
             if stand is not None:
@@ -234,7 +234,7 @@ class SeeingAgent:
         """Take one step of the way to a place."""
         here = np.array([self._here[0], 0.0, self._here[1]])
         goal = np.array([stand.point[0], 0.0, stand.point[1]])
-        ways = Routes.of(MultiFloorMap((grid,)), here).route(goal)
+        ways = DistanceField.comfortable(MultiFloorMap((grid,)), here).route(goal)
         path = np.concatenate([way.points for way in ways]) if ways else np.array([self._here, stand.point])
         towards, rest = aim(grid, path, self._here)
         angle, distance = self._local(towards)

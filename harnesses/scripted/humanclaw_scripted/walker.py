@@ -10,7 +10,7 @@ import numpy as np
 
 from humanclaw import Call, EpisodeContext, EpisodeSpec, HistoryEntry, PluginError
 from humanclaw.body import STANDING_HEIGHT, wrap_angle
-from humanclaw.world import MultiFloorMap, OccupancyGrid, Routes, StairRun, Viewpoint, WorldState
+from humanclaw.world import DistanceField, MultiFloorMap, OccupancyGrid, StairRun, Viewpoint, WorldState
 from humanclaw_scripted.actions import (
     BACK,
     DOWN,
@@ -108,9 +108,9 @@ class Walker(ABC):
     def _choose(self, pose: BodyView) -> bool:
         """Pick the target and the standing place with the cheapest route; False if there is none."""
         memory = self._memory
-        routes = Routes.of(memory.floors, pose.root)
+        routes = DistanceField.comfortable(memory.floors, pose.root)
         stands = [s for s in self._stands() if (s.x, s.z) not in memory.given_up]
-        prices = routes.to(np.array([s.place for s in stands]).reshape(-1, 3)) + [6.0 * s.gap for s in stands]
+        prices = routes.at(np.array([s.place for s in stands]).reshape(-1, 3)) + [6.0 * s.gap for s in stands]
         if not len(stands) or not np.isfinite(prices).any():
             return False
         memory.stand = stands[int(np.argmin(prices))]

@@ -13,7 +13,7 @@ import pytest
 
 from humanclaw import Scene, SceneError
 from humanclaw.records import SEATS
-from humanclaw.world import STRUCTURE, SceneObject, goals_at
+from humanclaw.world import STRUCTURE, DistanceField, SceneObject, goals_at
 from humanclaw_houses.drafting import draw_plans
 from humanclaw_houses.plan import Layout
 from humanclaw_houses.source import house, layout_of, storeys_of
@@ -404,7 +404,7 @@ def test_bedrooms_are_upstairs_and_the_way_to_them_is_over_the_stairs() -> None:
     start = np.array([whole.start.x, 0.0, whole.start.z])
     bed = next(obj for obj in whole.of_category("bed") if obj.position[1] > 2)
     direct = np.linalg.norm(np.array(bed.position) - start)
-    assert direct + 2 < walkable.floors.geodesic(start, goals_at(walkable.floors, whole, bed.id)) < 30
+    assert direct + 2 < DistanceField.of(walkable.floors, goals_at(walkable.floors, whole, bed.id)).at(start) < 30
 
 
 @pytest.mark.integration

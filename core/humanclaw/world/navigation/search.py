@@ -16,12 +16,10 @@ from humanclaw.body.pose import Array
 from humanclaw.world.navigation.occupancy import (
     CELL,
     RADIUS,
-    SQUEEZE,
     Mask,
     OccupancyGrid,
     floors_of,
     on_floor,
-    samples,
     samples_along,
 )
 from humanclaw.world.navigation.stairs import staircase
@@ -136,60 +134,11 @@ class MultiFloorMap:
         index = self.grids[0].cell(points[..., [0, 2]])
         return np.asarray(grids[self.level(points), index[..., 0], index[..., 1]])
 
-    def geodesic(self, start: Array, goals: Array) -> float:
-        """Length in metres of the shortest way from (3,) start to the nearest of (M, 3) goals; infinite if there is
-        none.
-
-        Measured along the slope of stairs. A body of RADIUS first; if that is too wide for some door, a narrower one.
-        """
-        for radius in (RADIUS, 0.2, SQUEEZE):
-            routes = Routes.of(self, start, radius=radius)
-            cheapest = float(np.min(routes.to(np.atleast_2d(goals)), initial=np.inf))
-            if np.isfinite(cheapest):
-                segments = routes.route(goals)
-                # The eight directions of a grid overestimate by up to 8 %; the pulled path may keep off walls. Take the
-                # less.
-                return min(cheapest, sum(segment.length for segment in segments)) if segments else cheapest
-        return float("inf")
-
-
-@dataclass(frozen=True, eq=False)
-class DistanceField:
-    """How far it is on foot to the nearest of some goals, from everywhere in a house."""
-
-    where: MultiFloorMap
-    metres: Array
-    """(G, x cell, z cell) from each cell of each grid; infinite where there is no way."""
-    _search: Any
-
-    @classmethod
-    def of(cls, where: MultiFloorMap, goals: Array, radius: float = RADIUS) -> DistanceField:
-        """Search from (N, 3) goals, those left out where no body of this radius fits."""
-        weights = where.open(radius)
-        reachable = goals[where.at(np.stack(weights), goals) > 0]
-        if not len(reachable):
-            return cls(where, np.full((len(weights), *weights[0].shape), np.inf), None)
-        return cls(where, *where.search(weights, reachable))
-
-    def at(self, points: Array) -> Array:
-        """Return (...) metres from (..., 3) points."""
-        return self.where.at(self.metres, points)
-
-    def path(self, place: Array) -> Array:
-        """Find (N, 3) points on the ground from (3,) place to the nearest goal, a cell apart."""
-        grids = self.where.grids
-        start = (2 * int(self.where.level(place)), *map(int, grids[0].cell(place[[0, 2]])))
-        cells = np.array([cell for cell in self._search.traceback(start) if cell[0] % 2 == 0])[::-1]
-        flat = grids[0].point(cells[:, 1:])
-        heights = [grids[level].ground[x, z] for level, x, z in zip(cells[:, 0] // 2, *cells[:, 1:].T, strict=True)]
-        return np.stack([flat[:, 0], heights, flat[:, 1]], -1)
-
 
 _MAPS: Final[WeakKeyDictionary[Scene, MultiFloorMap]] = WeakKeyDictionary()
 """The map of each scene as it is described; each episode in a house measures distances on it. Freed with the scene."""
 
 
-# -- routes ------------------------------------------------------------------------------------------------------------
 @dataclass(frozen=True, eq=False)
 class Segment:
     """A part of a route on one grid: a floor, or the stairs between two."""
@@ -203,61 +152,71 @@ class Segment:
         """(M, 2) points along it, at most half a cell apart."""
         return samples_along(self.points)[0]
 
-    @property
-    def length(self) -> float:
-        """Metres, along the slope where it climbs."""
-        return sum(
-            float(self.grid.at(self.grid.steepness, samples(a, b)).mean() * np.linalg.norm(b - a))
-            for a, b in pairwise(self.points)
-        )
-
 
 @dataclass(frozen=True, eq=False)
-class Routes:
-    """Cheapest routes from one start to everywhere."""
+class DistanceField:
+    """How far it is on foot between the nearest of some places and everywhere in a house, and the ways there."""
 
     where: MultiFloorMap
-    start: Array
-    """(3,)"""
-    costs: Array
-    """(G, x cell, z cell) cost of the cheapest route to each cell of each grid, metres; infinite without a route."""
+    places: Array
+    """(N, 3)"""
+    metres: Array
+    """(G, x cell, z cell) to each cell of each grid; infinite where there is no way."""
     _search: Any
 
     @classmethod
-    def of(cls, where: MultiFloorMap, start: Array, *, radius: float | None = None) -> Routes:
-        """Search from (3,) start. With a radius the plain shortest way of a body that wide; without, one that likes
-        room.
+    def of(cls, where: MultiFloorMap, goals: Array, radius: float = RADIUS) -> DistanceField:
+        """Search from (N, 3) goals, those left out where no body of this radius fits."""
+        weights = where.open(radius)
+        reachable = goals[where.at(np.stack(weights), goals) > 0]
+        if not len(reachable):
+            return cls(where, reachable, np.full((len(weights), *weights[0].shape), np.inf), None)
+        return cls(where, reachable, *where.search(weights, reachable))
+
+    @classmethod
+    def comfortable(cls, where: MultiFloorMap, start: Array) -> DistanceField:
+        """Search from (3,) start for a body that likes room: metres near walls count more (OccupancyGrid.cost).
 
         A start where no body fits begins at the nearest cell where one does.
         """
-        start = np.asarray(start, float)
-        weights = [grid.cost for grid in where.grids] if radius is None else where.open(radius)
-        costs, search = where.search(weights, start[None])
-        return cls(where, start, costs, search)
+        start = np.asarray(start, float)[None]
+        return cls(where, start, *where.search([grid.cost for grid in where.grids], start))
 
-    def to(self, points: Array) -> Array:
-        """Map (..., 3) points to the cost of getting there, metres; infinite if it is impossible."""
-        return self.where.at(self.costs, points)
+    def at(self, points: Array) -> Array:
+        """Return (...) metres from (..., 3) points."""
+        return self.where.at(self.metres, points)
+
+    def path(self, place: Array) -> Array:
+        """Find (N, 3) points on the ground from (3,) place to the nearest goal, a cell apart."""
+        grids = self.where.grids
+        cells = np.array([cell for cell in self._cells(place) if cell[0] % 2 == 0])[::-1]
+        flat = grids[0].point(cells[:, 1:])
+        heights = [grids[level].ground[x, z] for level, x, z in zip(cells[:, 0] // 2, *cells[:, 1:].T, strict=True)]
+        return np.stack([flat[:, 0], heights, flat[:, 1]], -1)
 
     def route(self, goals: Array) -> tuple[Segment, ...]:
-        """Find the way to the cheapest of (M, 3) goals, pulled straight on each grid.
+        """Find the way from the one place to the cheapest of (M, 3) goals, pulled straight on each grid.
 
         Empty if none can be reached.
         """
         goals = np.atleast_2d(goals)
-        costs = self.to(goals)
+        costs = self.at(goals)
         if not len(goals) or not np.isfinite(costs).any():
             return ()
         goal = goals[int(np.argmin(costs))]
-        end = (2 * int(self.where.level(goal)), *map(int, self.where.grids[0].cell(goal[[0, 2]])))
-        cells = np.array(self._search.traceback(end))
-        cells = cells[[0, *range(1, len(cells) - 1), -1]]
+        cells = np.array(self._cells(goal))
+        cells = cells[[0, *range(1, len(cells) - 1), -1]]  # A way within one cell has two ends as well.
         points = self.where.grids[0].point(cells[:, 1:])
-        points[0], points[-1] = self.start[[0, 2]], goal[[0, 2]]
+        points[0], points[-1] = self.places[0, [0, 2]], goal[[0, 2]]
         # Floors are layers 0, 4, 8, ..., stairs 2, 6, ...; what lies between belongs to the floor.
         return tuple(
             self._segments(points, np.where(cells[:, 0] % 4 == 2, cells[:, 0] // 2, 2 * ((cells[:, 0] + 1) // 4)))
         )
+
+    def _cells(self, end: Array) -> list[tuple[int, ...]]:
+        """Return the layers and cells on the way from the nearest place to (3,) end."""
+        cell = self.where.grids[0].cell(end[[0, 2]])
+        return self._search.traceback((2 * int(self.where.level(end)), *map(int, cell)))  # type: ignore[no-any-return]
 
     def _segments(self, points: Array, levels: NDArray[np.int64]) -> Iterator[Segment]:
         """(N, 2) points, cut where the grid changes; stairs reach from the floor before them to the floor after
