@@ -51,6 +51,15 @@ def without_a_weight(path):
     save_file(tensors, path, {"humanclaw": json.dumps({**header})})
 
 
+def with_a_weight(value, kind=np.float16):
+    def spoil(path):
+        tensors = {name: tensor.astype(kind) for name, tensor in load_file(path).items()}
+        tensors[min(tensors)].flat[-1] = value
+        save_file(tensors, path, {"humanclaw": json.dumps(read_header(path))})
+
+    return spoil
+
+
 SPOILT = {
     "empty": (lambda path: path.write_bytes(b""), "cannot be read"),
     "text": (lambda path: path.write_bytes(b"not a checkpoint at all"), "cannot be read"),
@@ -65,6 +74,9 @@ SPOILT = {
     "no kind": (headed('{"format": 1}'), "weights where|cannot be read"),
     "another format": (headed('{"format": 99}'), "format 99"),
     "without a weight": (without_a_weight, "cannot be read"),
+    "not a number": (with_a_weight(np.nan), "holds NaN, infinity or no floats in .*Train"),
+    "infinite": (with_a_weight(-np.inf, np.float32), "holds NaN, infinity or no floats in .*Train"),
+    "integers": (with_a_weight(1, np.int32), "holds NaN, infinity or no floats in .*Train"),
 }
 
 

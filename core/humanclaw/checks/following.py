@@ -10,8 +10,8 @@ import numpy as np
 
 from humanclaw.body.pose import HISTORY, Array, Motion, Pose2D
 from humanclaw.checks.playing import Bench
-from humanclaw.errors import ContractError, HumanclawError
-from humanclaw.motion.checkpoint import read_header, shipped_base
+from humanclaw.errors import CheckpointError, ContractError
+from humanclaw.motion.checkpoint import load_adapter, load_base, read_header, shipped_base
 from humanclaw.motion.generator import DiTGenerator, MotionGenerator
 from humanclaw.skills.contract import Skill
 from humanclaw.skills.measures import Measure, Parameter, find, from_si
@@ -33,9 +33,10 @@ def followed(skill: Skill, bench: Bench) -> dict[Parameter, Regression]:
     """Measure how a trained skill follows each parameter; empty without parameters, adapter or prior."""
     if skill.adapter is None or not skill.adapter.is_file() or not skill.parameters:
         return {}
-    generator = _generator(skill, bench)
-    if generator is None:
+    prior = _prior(skill, bench)
+    if prior is None:
         return {}
+    generator = DiTGenerator.load(prior)
     commands, achieved = _rolled(skill, generator, bench.measures, bench.seed)
     return {one: Regression.of(commands[:, k], achieved[:, k]) for k, one in enumerate(skill.parameters)}
 
@@ -49,18 +50,21 @@ def _told(skill: Skill, one: Parameter, found: Regression) -> str:
     )
 
 
-def _generator(skill: Skill, bench: Bench) -> MotionGenerator | None:
-    """Return a generator with the prior of the skill's adapter; None if that prior is not installed."""
+def weight_faults(skill: Skill, bench: Bench) -> Iterator[ContractError]:
+    """Yield a fault for weights that are no finite floats, or do not have the shapes that the adapter's prior needs."""
+    prior = _prior(skill, bench)
+    if skill.adapter is not None and prior is not None:
+        try:
+            load_adapter(skill.adapter, load_base(prior))
+        except CheckpointError as error:
+            yield ContractError("adapter-weights", error.message, error.remedy)
+
+
+def _prior(skill: Skill, bench: Bench) -> Path | None:
+    """Return the prior of a skill's adapter; None if it is not installed."""
     base = str(read_header(skill.adapter)["base"]) if skill.adapter else ""
-    known = {**_shipped(), **bench.plugins.priors}
-    try:
-        return DiTGenerator.load(known[base], "default") if base in known else None
-    except HumanclawError:
-        return None
-
-
-def _shipped() -> dict[str, Path]:
-    return {str(read_header(shipped_base())["digest"]): shipped_base()}
+    shipped = {str(read_header(shipped_base())["digest"]): shipped_base()}
+    return {**shipped, **bench.plugins.priors}.get(base)
 
 
 def _rolled(

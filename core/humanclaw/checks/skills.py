@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from humanclaw.body.pose import HISTORY, Motion, rest_pose
 from humanclaw.checks.bounded import Bounded
-from humanclaw.checks.following import followed, following_faults
+from humanclaw.checks.following import followed, following_faults, weight_faults
 from humanclaw.checks.playing import Bench, Faults, played_faults
 from humanclaw.checks.quality import motion_faults, moves
 from humanclaw.checks.sampling import illegal_calls, legal_calls, values_of
@@ -107,6 +107,8 @@ def _examined(skill: Skill, bench: Bench, unreadable: Sequence[ContractError]) -
     if skill.adapter and not skill.adapter.is_file():
         missing = untrained(skill)
         said += (ContractError("adapter-there", missing.message, missing.remedy),)
+    if not said:
+        said = tuple(weight_faults(skill, bench))
     if {fault.check for fault in said} & _UNCALLABLE:
         return Report(skill.name, said)
     calls = [*_distinct(legal_calls(skill, bench.samples, bench.seed))]

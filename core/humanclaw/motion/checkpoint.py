@@ -11,10 +11,8 @@ import hashlib
 import json
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import asdict, dataclass, field, replace
-from functools import lru_cache
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, Final
 
 import numpy as np
@@ -25,7 +23,6 @@ from humanclaw.body.skeleton import N_JOINTS
 from humanclaw.errors import CheckpointError
 from humanclaw.motion.control import Adapter, AdapterConfig
 from humanclaw.motion.dit import Array, DiT, ModelConfig, Weights
-from humanclaw.storage.files import state_of
 
 FORMAT: Final = 1
 HEADER: Final = "humanclaw"
@@ -33,15 +30,6 @@ HEADER: Final = "humanclaw"
 _HEADER_BYTES: Final = 8 << 20
 MODEL: Final = "model."
 """Prefix of the names of a model's tensors."""
-_EXPONENTS: Final[Mapping[str, np.unsignedinteger[Any]]] = MappingProxyType(
-    {
-        "F16": np.uint16(0x7C00),
-        "BF16": np.uint16(0x7F80),
-        "F32": np.uint32(0x7F800000),
-        "F64": np.uint64(0x7FF0000000000000),
-    }
-)
-"""Exponent bits by float type of a safetensors file."""
 Tensors = Mapping[str, NDArray[np.floating]]
 
 
@@ -59,10 +47,6 @@ class Normaliser:
     def inverse(self, state: Array) -> Array:
         """Return (..., 219) states in metres and radians from normalised ones."""
         return state * self.std + self.mean
-
-
-class WeightsError(CheckpointError):
-    """A checkpoint with a weight that is not a finite float."""
 
 
 @dataclass(frozen=True)
@@ -166,25 +150,23 @@ def read_adapter(path: Path, base_digest: str, skill: str | None = None) -> tupl
 
 
 def read_checkpoint(path: Path, kind: str, remedy: str) -> tuple[dict[str, Any], Tensors]:
-    """Return the header and the tensors of a checkpoint of one kind, `base` or `adapter`. Raises CheckpointError with
-    that remedy."""
-    header = check_checkpoint(path, kind, remedy)
-    return header, _open(path, remedy, weights=True)[1]
+    """Return the header and the tensors of a checkpoint of one kind, `base` or `adapter`.
 
-
-def check_checkpoint(path: Path, kind: str, remedy: str) -> dict[str, Any]:
-    """Return the header of a checkpoint of one kind, once every weight is known to be a finite float: 3 ms for an
-    adapter, the first time.
-
-    Raises CheckpointError with that remedy; WeightsError for weights that are not.
+    Raises CheckpointError with that remedy, also for a weight that is not a finite float.
     """
-    header = read_header(path, remedy)
+    header, tensors = _open(path, remedy, weights=True)
+    _check_kind(path, header, kind, remedy)
+    for name, tensor in tensors.items():
+        # One weight that is not finite would spread over the whole motion.
+        if tensor.dtype.kind != "f" or not np.isfinite(tensor).all():
+            raise CheckpointError(f"{path} holds NaN, infinity or no floats in {name}.", remedy)
+    return header, tensors
+
+
+def _check_kind(path: Path, header: Mapping[str, Any], kind: str, remedy: str) -> None:
     if header.get("kind") != kind:
         found = f"{path} holds {header.get('kind')!r} weights where {kind!r} weights were expected."
         raise CheckpointError(found, remedy)
-    if odd := _odd_weights(path, state_of(path.stat())):
-        raise WeightsError(f"{path} holds {odd}.", remedy)
-    return header
 
 
 def adapters_beside(path: Path) -> Mapping[str, Path]:
@@ -197,79 +179,19 @@ def adapters_beside(path: Path) -> Mapping[str, Path]:
     return found
 
 
-def check_adapter(path: Path, prior: Path, remedy: str) -> AdapterConfig:
-    """Compare the shapes of an adapter's weights with those that a prior needs. Reads no weight: 1 ms.
-
-    Raises CheckpointError with that remedy.
-    """
-    try:
-        config = _adapter_config(read_header(path, remedy))
-        shape = ModelConfig(**read_header(prior)["model"])
-        expected = _shapes(shape, replace(config, skill="", centre=config.scale, measures=()))
-        with safe_open(str(path), framework="np") as file:
-            found = {name: tuple(file.get_slice(name).get_shape()) for name in file.keys()}  # noqa: SIM118
-    except (KeyError, TypeError, ValueError) as error:
-        raise broken(path, error, remedy) from error
-    for name in sorted(expected.keys() | found.keys()):
-        if expected.get(name) != found.get(name):
-            odd = f"{name} has shape {found.get(name, 'none')}, and the prior needs {expected.get(name, 'none')}"
-            raise CheckpointError(f"{path} does not fit the prior: {odd}.", remedy)
-    return config
-
-
-class _Shapes(Weights):
-    """Records the tensors that a model asks for."""
-
-    def __init__(self) -> None:
-        self.asked: dict[str, tuple[int, ...]] = {}
-
-    def take(self, name: str, *shape: int) -> Array:
-        self.asked[MODEL + name] = shape
-        return np.broadcast_to(np.float32(0), shape)
-
-
-@dataclass(frozen=True)
-class _Sized:
-    config: ModelConfig
-
-
-@lru_cache(maxsize=16)
-def _shapes(config: ModelConfig, adapter: AdapterConfig) -> Mapping[str, tuple[int, ...]]:
-    """Return the tensors of an adapter of a prior of this shape, by name."""
-    shapes = _Shapes()
-    Adapter(_Sized(config), adapter, shapes)
-    return shapes.asked
-
-
 def _adapter_config(header: Mapping[str, Any]) -> AdapterConfig:
     return AdapterConfig(**{key: _tuple(value) for key, value in header["adapter"].items()})
 
 
-@lru_cache(maxsize=64)
-def _odd_weights(path: Path, state: tuple[int, ...]) -> str:
-    """Return the first tensor that is not of floats, or holds NaN or infinity.
+def read_header(path: Path, remedy: str = "Train it with: humanclaw train", kind: str = "") -> dict[str, Any]:
+    """Return the header of a base or an adapter, without its weights.
 
-    Exponents of all ones in the raw bytes show NaN and infinity without a conversion. state: of the file; each host
-    asks again.
+    kind: `base` or `adapter`, if it must be one. Raises CheckpointError with that remedy.
     """
-    raw = np.memmap(path, np.uint8, "r")
-    start = 8 + int.from_bytes(raw[:8].tobytes(), "little")
-    for name, entry in json.loads(raw[8:start].tobytes()).items():
-        if name == "__metadata__":
-            continue
-        if entry["dtype"] not in _EXPONENTS:
-            return f"{entry['dtype']} in {name}, where floats belong"
-        exponent = _EXPONENTS[entry["dtype"]]
-        first, last = entry["data_offsets"]
-        bits = raw[start + first : start + last].view(exponent.dtype)
-        if bits.size and (bits & exponent).max() == exponent:
-            return f"NaN or infinity in {name}"
-    return ""
-
-
-def read_header(path: Path, remedy: str = "Train it with: humanclaw train") -> dict[str, Any]:
-    """Return the header of a base or an adapter, without its weights. Raises CheckpointError."""
-    return _open(path, remedy)[0]
+    header, _ = _open(path, remedy)
+    if kind:
+        _check_kind(path, header, kind, remedy)
+    return header
 
 
 def own_tensors(tensors: Tensors) -> Tensors:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final, Literal, Protocol, get_args
+from typing import Final, Literal, get_args
 
 import numpy as np
 
@@ -22,7 +22,6 @@ from humanclaw.motion.dit import (
     DiT,
     Layer,
     Linear,
-    ModelConfig,
     Weights,
     modulate_blocks,
     modulators,
@@ -82,17 +81,10 @@ def _listed(names: Iterable[str]) -> str:
     return ", ".join(names) or "no parameter"
 
 
-class Shaped(Protocol):
-    """Anything with the configuration of a model."""
-
-    @property
-    def config(self) -> ModelConfig: ...
-
-
 class Adapter:
     """The control branch of one skill."""
 
-    def __init__(self, base: Shaped, config: AdapterConfig, weights: Weights) -> None:
+    def __init__(self, base: DiT, config: AdapterConfig, weights: Weights) -> None:
         hidden = base.config.hidden
         self.config = config
         self.blocks = [Block.of(base.config, weights, f"blocks.{layer}") for layer in range(base.config.layers)]

@@ -55,8 +55,7 @@ CHECKS: Final[Mapping[str, str]] = {
     # Its adapter.
     "adapter-there": "its adapter is there",
     "adapter-readable": "its adapter is a checkpoint of this format",
-    "adapter-finite": "every weight is a float, none NaN or infinite",
-    "adapter-width": "every weight has the shape that the prior needs",
+    "adapter-weights": "every weight is a finite float, in the shape that the prior needs",
     "adapter-header": "the header names the range of each parameter in finite numbers",
     "adapter-skill": "its adapter was trained for it, or for the skill that x-adapter names",
     "adapter-base": "its adapter was trained on this prior",
