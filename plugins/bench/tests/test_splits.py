@@ -94,8 +94,8 @@ def test_every_candidate_can_be_walked(found):
     assert {spec.target_category for spec in found} == {"couch", "bed", "tv"}
     for spec in found:
         goals = np.concatenate([goals_at(storeys, scene, key) for key in spec.target_ids])
-        start = np.array([spec.start.x, spec.start.floor, spec.start.z])
-        assert DistanceField.of(storeys, start[None]).at(goals).min() == pytest.approx(spec.difficulty.distance, rel=0.01)
+        start = np.array([[spec.start.x, spec.start.floor, spec.start.z]])
+        assert spec.difficulty.distance == pytest.approx(DistanceField.of(storeys, start).at(goals).min(), rel=0.01)
         assert spec.difficulty.distance >= 1.0
         assert spec.interact == (spec.target_category in ("couch", "bed"))
         assert ("sit" in spec.instruction) == spec.interact
