@@ -39,10 +39,10 @@ class Difficulty(Record):
 
 
 class Goal(Record):
-    """What the hands are to bring about."""
+    """What the hands are to bring about, or what is to be answered."""
 
-    things: Annotated[tuple[int, ...], Field(min_length=1)]
-    """Ids of the objects to act on; any one of them will do."""
+    things: tuple[int, ...] = ()
+    """Ids of the objects to act on; any one of them will do. Empty for a question alone."""
     on: int | None = None
     """Id of the object that a thing is to lie on, let go."""
     share: Annotated[float, Field(ge=0, le=1)] = 0.0
@@ -51,6 +51,8 @@ class Goal(Record):
     """By id of a thing on a joint: its state at the start, and that in which it is wide open (radians or metres)."""
     answer: str = ""
     """The words with which an active stop is to answer."""
+    asks: Annotated[str, Field(exclude_if=lambda asks: not asks)] = ""
+    """The kind of a question about oneself; empty for other goals, and then left out when written."""
 
 
 def _on_the_map(start: Pose2D) -> Pose2D:

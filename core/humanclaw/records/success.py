@@ -115,7 +115,7 @@ def is_met(goal: Goal, steps: Sequence[StepRecord]) -> bool:
     if not steps or steps[-1].status != "stopped":
         return False
     if goal.answer:
-        return looked(goal, steps) and answered(goal, steps[-1])
+        return (bool(goal.asks) or looked(goal, steps)) and answered(goal, steps[-1])
     return brought(goal, steps)
 
 

@@ -21,6 +21,7 @@ __version__ = "0.1.0"
 def humanclaw_agents(register: Register[AgentFactory]) -> None:
     register("oracle", _oracle, "privileged route follower; calls the same tools as a model")
     register("random", _random, "a random skill with random parameters each step")
+    register("guess", _guess, "answers with an option of the question at random, or with the first: chance")
     register("seeing", _seeing, "depth and ids of its own view, no map, no pose: perfect perception")
     register("wanderer", _wanderer, "walks and turns at random, never stops: chance")
     register("still", _still, "stops at once")
@@ -46,6 +47,14 @@ def _oracle(options: Mapping[str, Any]) -> Agent:
     from humanclaw_scripted.options import OracleOptions
 
     return HandyOracle(read_options(OracleOptions, options).words)
+
+
+def _guess(options: Mapping[str, Any]) -> Agent:
+    from humanclaw.plugins import read_options
+    from humanclaw_scripted.baselines import GuessingAgent
+    from humanclaw_scripted.options import GuessOptions
+
+    return GuessingAgent(read_options(GuessOptions, options).first)
 
 
 def _random(options: Mapping[str, Any]) -> Agent:

@@ -117,7 +117,7 @@ def answering(skills: Mapping[str, Skill], words: str) -> Call:
         texts = [key for key, part in skill.schema.get("properties", {}).items() if part.get("type") == "string"]
         if skill.role == "stop" and texts:
             return Call(skill.name, {texts[0]: words})
-    raise PluginError("the oracle needs a skill that answers.", "Install the extra hands.")
+    raise PluginError("this agent needs a skill that answers.", "Install the extra hands.")
 
 
 def _of_side(skill: Skill, side: Side) -> dict[str, Side]:

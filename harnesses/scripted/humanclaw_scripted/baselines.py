@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from humanclaw import Call, Decision, EpisodeContext, HistoryEntry, Observation, Skill
-from humanclaw_scripted.actions import TURN, WALK, asking, ending
+from humanclaw_scripted.actions import TURN, WALK, answering, asking, ending
 
 
 class StillAgent:
@@ -23,6 +24,30 @@ class StillAgent:
 
     def decide(self, observation: Observation, history: Sequence[HistoryEntry]) -> Decision:
         return Decision((Call(self._stop),), reasoning="I stop without trying.", mid_level_change="keep")
+
+
+class GuessingAgent:
+    """Answers at once with one of the options that an instruction ends in: chance. Stops where there are none."""
+
+    name = "guess"
+    privileged = False
+
+    def __init__(self, first: bool = False) -> None:
+        """first: always the first option, instead of one at random."""
+        self._first = first
+        self.settings: Mapping[str, Any] = {"first": True} if first else {}
+
+    def begin(self, context: EpisodeContext) -> None:
+        self._context = context
+
+    def decide(self, observation: Observation, history: Sequence[HistoryEntry]) -> Decision:
+        listed = re.findall(r"Answer with one of: (.+)\.$", self._context.spec.instruction)
+        options = listed[0].split("; ") if listed else []
+        if self._first:
+            options = options[:1]
+        skills, rng = self._context.skills, np.random.default_rng(self._context.seed)
+        call = answering(skills, str(rng.choice(options))) if options else Call(ending(skills))
+        return Decision((call,), reasoning="I guess.", mid_level_change="keep")
 
 
 class RandomAgent:

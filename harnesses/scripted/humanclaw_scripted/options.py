@@ -21,6 +21,15 @@ class OracleOptions(BaseModel):
     """What its words are written from: the map that it knows, or its view alone, for training data."""
 
 
+class GuessOptions(BaseModel):
+    """Options of `--agent guess`."""
+
+    model_config = ConfigDict(frozen=True, extra="ignore")
+
+    first: bool = False
+    """Whether it always answers with the first option, instead of one at random."""
+
+
 class VerifierOptions(BaseModel):
     """Options of `--verifier oracle`; those of the agent are ignored."""
 

@@ -11,6 +11,7 @@ import pytest
 from rooms import STEPS, UPSTAIRS, asset, block, scene_object, two_rooms, two_storeys
 from walker import PICTURE, SKILLS, Walker, play
 
+import humanclaw_skill_answer
 from humanclaw import (
     Agent,
     Call,
@@ -21,11 +22,12 @@ from humanclaw import (
     HumanclawError,
     Observation,
     PluginError,
+    Plugins,
     Scene,
 )
 from humanclaw.records import Feedback
 from humanclaw.world import GAZES, OccupancyGrid, distance_to_box
-from humanclaw_scripted.baselines import RandomAgent, StillAgent
+from humanclaw_scripted.baselines import GuessingAgent, RandomAgent, StillAgent
 from humanclaw_scripted.ground_truth import in_view
 from humanclaw_scripted.oracle import OracleAgent
 
@@ -249,6 +251,17 @@ def test_the_oracle_names_a_skill_that_is_missing_or_not_trained(tmp_path: Path)
         HumanclawError, match=r"a skill of role locomotion that commands hips\.left, hips\.forward, heading\.left"
     ):
         play(OracleAgent(), walker, spec, {"stop": SKILLS["stop"]})
+
+
+@pytest.mark.parametrize("first", [True, False])
+def test_a_guess_is_an_option_of_the_question(first: bool) -> None:
+    question = EpisodeSpec(id="test", scene="", instruction="Is it you? Answer with one of: yes, quite; no.")
+    agent, skills = GuessingAgent(first), Plugins.discover().skills | {"answer": humanclaw_skill_answer.answer}
+    said = set()
+    for seed in range(20):
+        agent.begin(EpisodeContext(question, skills, seed=seed))
+        said.add(str(agent.decide(Observation(0, question.instruction, PICTURE), ()).calls[0].params["text"]))
+    assert said == ({"yes, quite"} if first else {"yes, quite", "no"})
 
 
 def test_the_random_agent_draws_legal_calls_that_its_seed_determines() -> None:

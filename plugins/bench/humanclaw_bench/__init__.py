@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     import click
     import pandas as pd
 
-    from humanclaw import Plugins, RecordedEpisode
-    from humanclaw.plugins import Options, Register, Tasks, TasksFactory
+    from humanclaw import Plugins, RecordedEpisode, Scene
+    from humanclaw.plugins import Options, Register, SceneFactory, Tasks, TasksFactory
     from humanclaw_bench.executors import Executor
     from humanclaw_bench.hookspecs import ExecutorFactory
     from humanclaw_bench.overview import Page
@@ -52,6 +52,11 @@ def humanclaw_executors(register: Register[ExecutorFactory]) -> None:
 
 
 @hookimpl
+def humanclaw_scenes(register: Register[SceneFactory]) -> None:
+    register("self", _staged, "A house with a mirror, a double, a gap ...: the scenes of the split `self`.")
+
+
+@hookimpl
 def humanclaw_tasks(register: Register[TasksFactory]) -> None:
     for name, about in _TASKS:
         register(name, partial(_tasks, name), about)
@@ -76,6 +81,12 @@ def _tasks(name: str, options: Options) -> Tasks:
     from humanclaw_bench.training import tasks
 
     return tasks(name, options)
+
+
+def _staged(argument: str) -> Scene:
+    from humanclaw_bench.oneself.stages import staged
+
+    return staged(argument)
 
 
 def _local(workers: int = 1, address: str = "") -> Executor:

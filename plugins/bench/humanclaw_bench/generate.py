@@ -20,9 +20,11 @@ from humanclaw.cli import Console, parse_pairs, seed_option
 from humanclaw.plugins import Tasks
 from humanclaw.records import write_episodes
 from humanclaw_bench.hands.generate import choose, episodes
+from humanclaw_bench.oneself.generate import TOTAL, questions
 from humanclaw_bench.splits import (
     DEV_HOUSES,
     HOUSES,
+    SELF,
     STARTS,
     candidates,
     hidden,
@@ -63,10 +65,11 @@ Draw = Callable[..., list[EpisodeSpec]]
 @click.option("--option", "pairs", multiple=True, metavar="KEY=VALUE",
               help="Of that source, such as houses=40, difficulty=easy, category=couch (repeatable).")  # fmt: skip
 @click.option("--hands", is_flag=True, help="Make the splits for hands instead.")
+@click.option("--self", "oneself", is_flag=True, help="Make the split of questions about oneself instead (15 min).")
 @click.option("--workers", type=click.IntRange(1), default=1, show_default=True, help="Houses at a time.")
 def make(
     out: Path, starts: int, seed: int, secret: int | None, train: int | None, task: str,
-    pairs: tuple[str, ...], hands: bool, workers: int,
+    pairs: tuple[str, ...], hands: bool, oneself: bool, workers: int,
 ) -> None:  # fmt: skip
     """Make the splits from seeds, a hidden test, or training tasks."""
     _refuse_unused(secret, train)
@@ -77,6 +80,8 @@ def make(
             )
         elif hands:
             made = choose(_drawn(pool, HOUSES, 0, (seed,), _for_hands))
+        elif oneself:
+            made = {SELF: tuple(tqdm(questions(Plugins.discover(), seed), total=TOTAL, unit="question"))}
         elif secret is None:
             made = make_splits(_drawn(pool, (*HOUSES, *DEV_HOUSES), starts, (seed,)))
         else:
@@ -90,14 +95,14 @@ def _refuse_unused(secret: int | None, train: int | None) -> None:
     source = click.get_current_context().get_parameter_source
     given = {
         name
-        for name in ("seed", "train", "task", "pairs", "starts", "secret", "hands")
+        for name in ("seed", "train", "task", "pairs", "starts", "secret", "hands", "oneself")
         if source(name) is not ParameterSource.DEFAULT
     }
     if secret is not None and given & {"seed", "train"}:
         problem = f"--{min(given & {'seed', 'train'})} has no effect with --secret, which determines everything"
         raise click.UsageError(f"{problem}: leave it out.")
-    if "hands" in given and given & {"secret", "train", "starts"}:
-        raise click.UsageError(f"--{min(given & {'secret', 'train', 'starts'})} has no effect on the splits for hands: "
+    if given & {"hands", "oneself"} and given & {"secret", "train", "starts"}:
+        raise click.UsageError(f"--{min(given & {'secret', 'train', 'starts'})} has no effect with --hands or --self: "
                                "leave it out.")  # fmt: skip
     if train is None and given & {"task", "pairs"}:
         raise click.UsageError("--task and --option are of training tasks: add --train N.")

@@ -10,6 +10,7 @@ from typing import Final, Literal
 import numpy as np
 
 from humanclaw import EpisodeSpec, RecordError
+from humanclaw_bench.oneself import KNOWLEDGE, STAGE
 from humanclaw_bench.scores import Scores
 from humanclaw_bench.statistics import Difference, Estimate, compare_rates, compare_ratios, holm, rate, ratio
 
@@ -154,6 +155,7 @@ OWN: Final = (
 )  # fmt: skip
 """Figures of the paper's text (landing rate: NavSR over FindSR; turn reversals), other readings of GeoNavSR, Coll.,
 #Dtb, dDtb and Jerk, and the Brier score of the success that the agent expected."""
+SOLVED: Final = _rate("solved", "done", "the goal was met, whatever was said before")
 HANDS: Final = (
     FIND, NAV,
     _stage("ReachSR", "reach", "a hand came to the thing"),
@@ -161,7 +163,7 @@ HANDS: Final = (
     _stage("PlaceSR", "place", "it lay where it should, let go"),
     _stage("OpenSR", "open", "the furniture stood open"),
     _stage("AnswerSR", "answer", "looked inside and answered right"),
-    _rate("solved", "done", "the goal was met, whatever was said before"),
+    SOLVED,
     _mean("dropped", lambda s: np.nan if s.dropped is None else s.dropped, 2, meaning="things lost from a hand"),
     COLLISIONS,
 )  # fmt: skip
@@ -171,7 +173,9 @@ ALONE: Final = tuple(
     for stage in ("reach", "hold", "place", "open", "answer")
 )
 """Stages of tasks for hands by themselves."""
-ALL: Final = tuple(dict.fromkeys((*MAIN, *VARIANTS, *BODY, *OWN, *HANDS, *ALONE)))
+SELF: Final = (*(_stage(f"{kind}?", STAGE + kind, about) for kind, about in KNOWLEDGE.items()), SOLVED)
+"""Columns of questions about oneself: an agent's profile."""
+ALL: Final = tuple(dict.fromkeys((*MAIN, *VARIANTS, *BODY, *OWN, *HANDS, *ALONE, *SELF)))
 
 
 def extra_metric(name: str) -> Metric:
@@ -189,8 +193,8 @@ def estimate(metric: Metric, scores: Sequence[Scores], *, seed: int = 0) -> Esti
 
 
 def houses_of(scores: Iterable[Scores]) -> list[str]:
-    """Return the house of each score, by which intervals are clustered."""
-    return [s.scene for s in scores]
+    """Return the house of each score, by which intervals are clustered. What was put into it follows a "?"."""
+    return [s.scene.partition("?")[0] for s in scores]
 
 
 def compare(

@@ -12,12 +12,12 @@ from humanclaw_bench.metrics import ALL, COST, Metric, compare
 from humanclaw_bench.results import Result
 from humanclaw_bench.scoring import Runs, metrics_of, results, scored
 from humanclaw_bench.statistics import Difference
-from humanclaw_bench.tables import ResultTable, all_tables, happened
+from humanclaw_bench.tables import EXPLAINED, ResultTable, all_tables, happened
 from humanclaw_bench.writers import bearing, compared, texts
 
 SHOWN = (
-    "main", "hands", "funnel", "causes", "faculties", "hand-causes", "difficulty", "category", "variants", "body",
-    "own", "plugins",
+    "main", "hands", "self", "funnel", "causes", "faculties", "hand-causes", "difficulty", "category", "variants",
+    "body", "own", "plugins",
 )  # fmt: skip
 DRAWN = {"funnel": True, "causes": False, "faculties": False, "hand-causes": False}
 """Tables of shares that the page draws as charts, and whether the columns become the rows of the chart."""
@@ -72,7 +72,7 @@ def _add(table: ResultTable, page: Page, name: str) -> None:
     table = _spent(table)
     head, rows = texts(table)
     shares = [[cell.value for cell in row.cells] for row in table.rows] if name in DRAWN else ()
-    notes = (*table.meanings, *table.all_notes) if name in ("main", "hands") else table.all_notes
+    notes = (*table.meanings, *table.all_notes) if name in EXPLAINED else table.all_notes
     page.table(table.title, head, rows, notes=notes, shares=shares, turned=DRAWN.get(name, False))
 
 

@@ -11,6 +11,7 @@ from humanclaw import RecordError
 from humanclaw.cli import counted, legible
 from humanclaw_bench.conditions import Conditions, labels, of_world, summary
 from humanclaw_bench.failure_modes import Cause
+from humanclaw_bench.oneself import STAGE
 from humanclaw_bench.scores import LONGEST, Scores
 from humanclaw_bench.statistics import Estimate
 from humanclaw_bench.verification import Standing
@@ -47,7 +48,12 @@ class Result:
     @property
     def of_hands(self) -> bool:
         """Whether its episodes are tasks for hands."""
-        return any(s.hands for s in self.scores)
+        return any(s.hands for s in self.scores) and not self.of_oneself
+
+    @property
+    def of_oneself(self) -> bool:
+        """Whether its episodes are questions about oneself."""
+        return any(stage.startswith(STAGE) for s in self.scores for stage in s.hands)
 
     @property
     def total(self) -> int:

@@ -29,6 +29,7 @@ from humanclaw_bench.metrics import (
     NAV,
     OWN,
     REFUSED,
+    SELF,
     VARIANTS,
     Column,
     Metric,
@@ -114,11 +115,14 @@ LAYOUTS: Final[Mapping[str, Layout]] = {
     "main": Layout("Results", MAIN),
     "ablation": Layout("Ablation", MAIN),
     "hands": Layout("Tasks for hands", (*HANDS, *ALONE)),
+    "self": Layout("Questions about oneself", SELF),
     "variants": Layout("Success by geometry alone and as acknowledged", VARIANTS),
     "body": Layout("Steps with a collision, by part of the body", BODY),
     "own": Layout("Landing, reversals, other readings of GeoNavSR, Coll., #Dtb, dDtb and Jerk, and calibration", OWN),
 }
 """Tables by name. Those of the paper have the names that paper.json has for its numbers."""
+EXPLAINED: Final = ("main", "hands", "self")
+"""Tables whose short names of columns are explained below them."""
 
 
 @cache
@@ -356,20 +360,22 @@ def brief_tables(results: Sequence[Result], *, seed: int = 0) -> dict[str, Resul
 
     Where no episode has a target, they are empty.
     """
-    walks, hands = _apart(results)
+    walks, hands, selves = _apart(results)
     walks = walks if any(scores.category for result in walks for scores in result.scores) else []
     return {
         "main": chosen_table(walks, [metric.name for metric in HEADLINE], paper=False, seed=seed),
         "hands": _result_table("Tasks for hands", HANDS, hands, {}, seed),
+        "self": result_table("self", selves, seed=seed),
         "funnel": funnel_table(walks),
         "causes": happened(causes_table(walks)),
-        "hand-causes": happened(causes_table(hands, HAND_CAUSES)),
+        "hand-causes": happened(causes_table([*hands, *selves], HAND_CAUSES)),
     }
 
 
-def _apart(results: Sequence[Result]) -> tuple[list[Result], list[Result]]:
-    """Return the results of walking and sitting, and those of tasks for hands."""
-    return [r for r in results if not r.of_hands], [r for r in results if r.of_hands]
+def _apart(results: Sequence[Result]) -> tuple[list[Result], list[Result], list[Result]]:
+    """Return the results of walking and sitting, those of tasks for hands, and those of questions about oneself."""
+    hands, selves = [r for r in results if r.of_hands], [r for r in results if r.of_oneself]
+    return [r for r in results if not (r.of_hands or r.of_oneself)], hands, selves
 
 
 def happened(causes: ResultTable) -> ResultTable:
@@ -379,10 +385,11 @@ def happened(causes: ResultTable) -> ResultTable:
 
 def all_tables(results: Sequence[Result], *, paper: bool = True, seed: int = 0) -> dict[str, ResultTable]:
     """Return every table by its name on the command line; empty ones of tasks that no run has."""
-    results, hands = _apart(results)
+    results, hands, selves = _apart(results)
     return {
         "main": result_table("main", results, paper=paper, seed=seed),
         "hands": result_table("hands", hands, seed=seed),
+        "self": result_table("self", selves, seed=seed),
         **{name: result_table(name, results, paper=paper, seed=seed) for name in ("variants", "body", "own")},
         "difficulty": difficulty_table(results, seed=seed),
         "factors": factors_table(results, seed=seed),
@@ -391,7 +398,7 @@ def all_tables(results: Sequence[Result], *, paper: bool = True, seed: int = 0) 
         "funnel": funnel_table(results, paper=paper),
         "causes": causes_table(results, paper=paper),
         "faculties": faculties_table(results, paper=paper),
-        "hand-causes": causes_table(hands, HAND_CAUSES),
+        "hand-causes": causes_table([*hands, *selves], HAND_CAUSES),
     }
 
 

@@ -19,13 +19,14 @@ from humanclaw_bench.export import FORMATS, row
 from humanclaw_bench.metrics import ALL, common, compare
 from humanclaw_bench.results import Result, named, require_whole
 from humanclaw_bench.scoring import metrics_of, results_of as _results, scored
-from humanclaw_bench.tables import ResultTable, all_tables, brief_tables, chosen_table, result_table
+from humanclaw_bench.tables import EXPLAINED, ResultTable, all_tables, brief_tables, chosen_table, result_table
 from humanclaw_bench.verification import standing
 from humanclaw_bench.writers import WRITERS, compare_table, plain, plain_differences, terminal
 
 NAMES = (
     "main",
     "hands",
+    "self",
     "variants",
     "body",
     "own",
@@ -96,7 +97,7 @@ def show(tables: Mapping[str, ResultTable]) -> None:
     """Print tables on the terminal, then what their columns mean, and each of their notes once."""
     for result in tables.values():
         _print(terminal(result, Console().width, notes=False))
-    meanings = [note for name, table in tables.items() if name in ("main", "hands") for note in table.meanings]
+    meanings = [note for name, table in tables.items() if name in EXPLAINED for note in table.meanings]
     for note in dict.fromkeys([*meanings, *(note for table in tables.values() for note in table.all_notes)]):
         _print(Text(note, style="dim"))
 

@@ -26,6 +26,7 @@ from humanclaw.records import (
 from humanclaw.world import distance_to_nearest
 from humanclaw_bench.failure_modes import Rule, Stage, first_cause
 from humanclaw_bench.hands.families import Family, family_of
+from humanclaw_bench.oneself import STAGE
 
 _HOLDING: Final[tuple[Stage, ...]] = ("find", "nav", "reach", "hold")
 STAGES: Final[Mapping[Family, tuple[Stage, ...]]] = {
@@ -164,6 +165,8 @@ def stages_of(recorded: RecordedEpisode) -> dict[str, bool]:
     Passed, beyond that: the target is also named (find), the end is as it should be at an active stop (the last one).
     """
     facts, spec = HandFacts(recorded), recorded.record.spec
+    if facts.goal.asks:
+        return {STAGE + facts.goal.asks: is_met(facts.goal, facts.steps)}
     stages = STAGES[family_of(spec)]
     twins = {stage: bool(_TWINS[stage](facts)) for stage in stages}
     said = any(facts.in_view(step) and says_seen(step, spec.target_category) for step in facts.steps)
@@ -174,8 +177,9 @@ def stages_of(recorded: RecordedEpisode) -> dict[str, bool]:
 
 # -- root causes -------------------------------------------------------------------------------------------------------
 def first_failed(stages: Mapping[str, bool]) -> Stage:
-    """Return the first stage that was not passed of those of a failed episode."""
-    return next(stage for family in STAGES.values() for stage in family if not stages.get(stage, True))
+    """Return the first stage that was not passed of those of a failed episode; a question alone has but its answer."""
+    failed = (stage for family in STAGES.values() for stage in family if not stages.get(stage, True))
+    return next(failed, "answer")
 
 
 def cause_of(recorded: RecordedEpisode, stage: Stage) -> Rule[HandFacts]:

@@ -1,0 +1,292 @@
+"""The 200 questions of the split `self`, drawn from seeds in the houses of val.
+
+Each kind of question asks for one kind of knowledge about oneself. A question is kept if its answer is as wanted once
+the simulator has played it, so that every answer of a kind is equally frequent and true.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from itertools import cycle
+from typing import Any, Final, TypeAlias
+
+import numpy as np
+
+from humanclaw import Body, Call, EpisodeSpec, Plugins, Scene
+from humanclaw.body import JOINT_INDEX, Array, Motion, Pose2D, wrap_angle
+from humanclaw.records import Goal, name_of
+from humanclaw.world import Contact, MultiFloorMap, OccupancyGrid
+from humanclaw_bench.oneself.stages import AHEAD, CUBE, EYES, FRAME, HAND, reference
+from humanclaw_bench.splits import HOUSES
+
+STEPS: Final = 10
+"""Decisions at most, the answer included."""
+_WIDE: Final = 0.6
+"""Metres free of things on either side of the way ahead."""
+_AROUND: Final = 1.2
+"""Metres free of things around a body that turns."""
+_TRIES: Final = 2000
+"""Places that are tried on each floor."""
+_PLAYED: Final = 4
+"""Questions that are played in a house until one has the wanted answer."""
+Steps: TypeAlias = tuple[tuple[str, Mapping[str, Any]], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Played:
+    """What the simulator did with the calls of a question."""
+
+    before: tuple[Motion, ...]
+    """The body before each call, and at the end."""
+    contacts: tuple[Contact, ...]
+    """Of all calls."""
+    last: tuple[Contact, ...]
+    """In the last frame."""
+    scene: Scene
+
+    def moved(self, first: int = 0) -> float:
+        """Return how far the hips came over the floor since before a call, metres."""
+        return float(np.linalg.norm((self.before[-1].root[-1] - self.before[first].root[-1])[[0, 2]]))
+
+    @property
+    def turned(self) -> float:
+        """How far the body turned to the left, degrees."""
+        yaws = [float(body.yaw()[-1]) for body in self.before]
+        return float(np.degrees(np.sum(wrap_angle(np.diff(yaws)))))
+
+    def touched(self, category: str) -> set[tuple[int, str]]:
+        """Return the things of a category that were touched, each with the side of the body."""
+        ids = {obj.id for obj in self.scene.of_category(category)}
+        return {(c.object_id, c.joint.partition("_")[0]) for c in self.contacts if c.object_id in ids}
+
+    def hand(self, side: str, place: Pose2D) -> Array:
+        """Return (3,) where a hand ended in the frame of a place, metres."""
+        return place.point_to_local(self.before[-1].joints()[-1, JOINT_INDEX[f"{side}_hand"]])
+
+
+@dataclass(frozen=True)
+class Question:
+    """A question without its place."""
+
+    stage: str
+    values: tuple[float, ...]
+    words: str
+    calls: Steps
+    """What answers it when it is played."""
+    read: Callable[[Played, Pose2D], str]
+    """Return the answer from what was played; empty if it is on the border."""
+    begin: tuple[float, float] = (0.0, 0.0)
+    """Where it is played from: metres ahead of the start, and a turn, radians."""
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of question."""
+
+    name: str
+    """One of KNOWLEDGE."""
+    options: tuple[str, ...]
+    each: int
+    """Questions for each wanted answer."""
+    clear: float
+    """Metres of free way ahead."""
+    draw: Callable[[str, int, np.random.Generator], Question]
+    """Draw a question from the answer that is wanted and its number."""
+
+
+def _hand(wanted: str, number: int, rng: np.random.Generator) -> Question:
+    """Hold out a hand beside another person's; a cube hangs over one of the two."""
+    own, other = rng.choice([-1.0, 1.0], 2)
+    at = np.array([own * rng.uniform(0.05, 0.12), rng.uniform(1.05, 1.2), rng.uniform(0.42, 0.5)]).round(2)
+    side = float(round(other * rng.uniform(0.58, 0.64), 2))
+    theirs = np.array([side - other * HAND[0], *HAND[1:]])
+    cube = ((at if wanted == "yours" else theirs) + [0, CUBE, 0]).round(3)
+    hand = "left" if own > 0 else "right"
+    x, y, z = (round(100 * float(value)) for value in at)
+
+    def read(played: Played, place: Pose2D) -> str:
+        mine, yours = (float(np.linalg.norm(cube - one)) for one in (played.hand(hand, place), theirs))
+        return "" if abs(mine - yours) < 0.15 else "yours" if mine < yours else "another's"
+
+    words = (
+        f"call reach with side {hand}, x_cm {x}, y_cm {y}, z_cm {z}, and look. A red cube hangs right above a hand. "
+        "Whose hand is it?"
+    )
+    call = ("reach", {"side": hand, "x_cm": x, "y_cm": y, "z_cm": z})
+    return Question("hands", (side, *cube.tolist()), words, (call,), read)
+
+
+def _mirror(wanted: str, number: int, rng: np.random.Generator) -> Question:
+    """Face a mirror; or, as often, another person behind an empty frame, or a picture of one."""
+    stage = "glass" if wanted == "yes" else ("double", "picture")[number % 2]
+
+    def read(played: Played, place: Pose2D) -> str:
+        """Tell whether the first thing that a look ahead meets is a mirror."""
+        eyes = np.array([0.0, EYES, 0.0])
+        boxes = {obj.category: place.point_to_local(played.scene.vertices(obj.id)) for obj in played.scene.objects[-7:]}
+        met = {name: points[:, 2].min() for name, points in boxes.items() if name in ("mirror", "picture", "person")
+               and (points[:, :2].min(0) < eyes[:2]).all() and (points[:, :2].max(0) > eyes[:2]).all()}  # fmt: skip
+        return "yes" if min(met, key=lambda name: met[name]) == "mirror" else "no"
+
+    return Question(stage, (), "there is a person in the frame before you. Is it you, in a mirror?", (), read)
+
+
+def _moved(wanted: str, number: int, rng: np.random.Generator) -> Question:
+    """Walk against a cabinet that is fixed, or against one of the same looks that gives way."""
+    mass = 0.0 if wanted == "no" else float(rng.integers(1, 6))
+    z = int(rng.integers(50, 71))
+
+    def read(played: Played, place: Pose2D) -> str:
+        moved = played.moved(1)
+        return "yes" if moved > 0.35 else "no" if moved < 0.12 else ""
+
+    words = f"call walk with z_cm {z} twice. Did the second of these steps move you by more than 20 cm?"
+    return Question("cabinet", (mass,), words, (("walk", {"z_cm": z}),) * 2, read)
+
+
+_TURNS: Final = ("90", "135", "180", "225", "270")
+
+
+def _turned(wanted: str, number: int, rng: np.random.Generator) -> Question:
+    """Turn to a post that is out of view."""
+    bearing = float(int(wanted) + rng.integers(-8, 9))
+    calls = [min(60, round(bearing) - 60 * k) for k in range(5) if bearing > 60 * k]
+
+    def read(played: Played, place: Pose2D) -> str:
+        nearest = min(_TURNS, key=lambda turn: abs(float(turn) - played.turned))
+        return nearest if abs(float(nearest) - played.turned) < 15 else ""
+
+    words = "turn to the left until the red post is right ahead. How many degrees have you turned in all, about?"
+    return Question("post", (bearing,), words, tuple(("turn_in_place", {"yaw_deg": by}) for by in calls), read)
+
+
+def _touch(wanted: str, number: int, rng: np.random.Generator) -> Question:
+    """Walk between two posts of which only one is near enough to touch."""
+    colour, side = wanted.split(" on your ")
+    sign = 1.0 if side == "left" else -1.0
+    near, far = round(sign * float(rng.uniform(0.25, 0.31)), 3), round(-sign * float(rng.uniform(0.5, 0.56)), 3)
+    red, blue = (near, far) if colour == "red" else (far, near)
+
+    def read(played: Played, place: Pose2D) -> str:
+        first, second = (obj.id for obj in played.scene.of_category("post")[-2:])
+        names = {first: "red", second: "blue"}
+        found = {f"{names[key]} on your {part}" for key, part in played.touched("post")}
+        return found.pop() if len(found) == 1 else ""
+
+    words = "call walk with z_cm 60 twice. Which post touches you on the way, and on which side of your body?"
+    return Question("posts", (red, blue), words, (("walk", {"z_cm": 60}),) * 2, read)
+
+
+def _fit(wanted: str, number: int, rng: np.random.Generator) -> Question:
+    """Judge whether the body would fit, from where it stands."""
+    return (_gap, _shelf, _stool)[number % 3](wanted == "yes", rng)
+
+
+def _gap(fits: bool, rng: np.random.Generator) -> Question:
+    width = round(float(rng.uniform(0.62, 0.8) if fits else rng.uniform(0.28, 0.4)), 2)
+
+    def read(played: Played, place: Pose2D) -> str:
+        return "yes" if played.moved() > 1.6 else "no" if played.moved() < 1.0 else ""
+
+    words = "could you walk straight on through the gap between the two panels?"
+    return Question("gap", (width,), words, (("walk", {"z_cm": 60}),) * 3, read, (AHEAD - 1.0, 0.0))
+
+
+def _shelf(fits: bool, rng: np.random.Generator) -> Question:
+    height = round(float(rng.uniform(1.3, 1.65) if fits else rng.uniform(2.05, 2.2)), 2)
+    reach = ("reach", {"side": "right", "x_cm": 0, "y_cm": min(round(100 * height), 200), "z_cm": 45})
+
+    def read(played: Played, place: Pose2D) -> str:
+        gap = float(np.linalg.norm(played.hand("right", place) - [0.0, height, AHEAD]))
+        return "yes" if gap < 0.15 else "no" if gap > 0.22 else ""
+
+    words = "could your hand touch the red cube on the shelf if you stood before it, with both feet on the floor?"
+    return Question("shelf", (height,), words, (reach,) * 2, read, (AHEAD - 0.5, 0.0))
+
+
+def _stool(fits: bool, rng: np.random.Generator) -> Question:
+    height = round(float(rng.uniform(0.25, 0.42) if fits else rng.uniform(0.62, 0.7)), 2)
+    sit = ("sit_in_place", {"h_cm": min(round(100 * height) + 12, 80)})
+
+    def read(played: Played, place: Pose2D) -> str:
+        stool = played.scene.of_category("stool")[-1]
+        on = {(c.joint.rpartition("_")[2], c.object_id == stool.id) for c in played.last}
+        stands = {c.joint.partition("_")[0] for c in played.last if c.object_id != stool.id and _foot(c)}
+        return "" if ("pelvis", True) not in on else "yes" if len(stands) == 2 else "no" if not stands else ""
+
+    words = "could you sit on this stool with both feet on the floor?"
+    return Question("stool", (height,), words, (sit,) * 2, read, (AHEAD - 0.35, np.pi))
+
+
+def _foot(contact: Contact) -> bool:
+    return contact.joint.endswith(("_ankle", "_foot"))
+
+
+_YES_NO: Final = ("yes", "no")
+KINDS: Final = (
+    Kind("hand", ("yours", "another's"), 17, 0.9, _hand),
+    Kind("mirror", _YES_NO, 17, 2 * FRAME + 0.2, _mirror),
+    Kind("moved", _YES_NO, 17, 1.9, _moved),
+    Kind("turned", _TURNS, 6, 0.0, _turned),
+    Kind("touch", ("red on your left", "red on your right", "blue on your left",
+         "blue on your right"), 8, 1.8, _touch),
+    Kind("fit", _YES_NO, 18, AHEAD + 0.9, _fit),
+)  # fmt: skip
+TOTAL: Final = sum(kind.each * len(kind.options) for kind in KINDS)
+
+
+# -- places and answers ------------------------------------------------------------------------------------------------
+def questions(plugins: Plugins, seed: int = 0) -> Iterator[EpisodeSpec]:
+    """Yield the questions of the split, each in the next house that has room for it.
+
+    plugins: with the skills of hands, which some are played with.
+    """
+    houses = cycle(HOUSES)
+    asked = [(kind, wanted, k) for kind in KINDS for k in range(kind.each) for wanted in kind.options]
+    with Body("house:0", plugins=plugins) as body:
+        for number, (kind, wanted, k) in enumerate(asked):
+            rng = np.random.default_rng([seed, number, 61])
+            spec = next(filter(None, (_asked(body, kind, wanted, k, next(houses), rng) for _ in HOUSES)))
+            yield spec.model_copy(update={"id": f"{spec.id}-{number}", "seed": number})
+
+
+def _asked(body: Body, kind: Kind, wanted: str, k: int, house: str, rng: np.random.Generator) -> EpisodeSpec | None:
+    """Return the k-th question of a kind with an answer, which it has when it is played; None if it finds no room."""
+    floors = MultiFloorMap.of(body.plugins.scene(house)).solid().floors
+    places = [place for grid in floors for place in _places(grid, kind.clear, rng)]
+    for index in rng.permutation(len(places))[:_PLAYED].tolist():
+        question, place = kind.draw(wanted, k, rng), places[index]
+        scene = body.plugins.scene(reference(house, question.stage, place, question.values))
+        if question.read(_play(body, scene, question, place), place) == wanted:
+            words = f"{question.words} Answer with one of: {'; '.join(kind.options)}."
+            return EpisodeSpec(
+                id=f"{name_of(house)}-{kind.name}", instruction=words, scene=scene.name, scene_digest=scene.digest,
+                start=place, goal=Goal(asks=kind.name, answer=wanted), max_steps=STEPS,
+            )  # fmt: skip
+    return None
+
+
+def _places(grid: OccupancyGrid, clear: float, rng: np.random.Generator) -> Iterator[Pose2D]:
+    """Yield starts with so many metres free ahead; without any, with much room all around."""
+    cells = np.argwhere(grid.fits(_WIDE if clear else _AROUND))
+    if not len(cells):
+        return
+    points = grid.point(cells[rng.integers(len(cells), size=_TRIES)]).round(2)
+    yaws = rng.uniform(-np.pi, np.pi, _TRIES).round(3)
+    ahead = np.stack([np.sin(yaws), np.cos(yaws)], -1)[:, None] * np.arange(0, clear + 0.01, 0.1)[:, None]
+    for k in np.flatnonzero((grid.at(grid.clearance, points[:, None] + ahead) >= _WIDE).all(1)):
+        yield Pose2D(*map(float, (*points[k], yaws[k], round(grid.floor, 3))))
+
+
+def _play(body: Body, scene: Scene, question: Question, place: Pose2D) -> Played:
+    ahead, turn = question.begin
+    x, z = place.x + ahead * float(np.sin(place.yaw)), place.z + ahead * float(np.cos(place.yaw))
+    body.place(scene, replace(place, x=x, z=z, yaw=place.yaw + turn))
+    before, contacts, last = [body.state().body], list[Contact](), list[Contact]()
+    for name, params in question.calls:
+        chunks = body.execute(Call(name, body.skills[name].check(params))).chunks
+        before.append(body.state().body)
+        contacts += [contact for chunk in chunks for contact in chunk.execution.contacts]
+        last = [c for c in chunks[-1].execution.contacts if len(chunks[-1].execution.simulated) - 1 in c.frames]
+    return Played(tuple(before), tuple(contacts), tuple(last), scene)

@@ -1,0 +1,136 @@
+"""The split of questions about oneself: balanced, true, drawn again from its seed, and scored."""
+
+import re
+from collections import Counter, defaultdict
+from contextlib import suppress
+
+import numpy as np
+import pytest
+
+import humanclaw_skill_answer
+import humanclaw_skill_hands
+from humanclaw import Body, Call, Decision, Episode, PluginError, Plugins, RecordedEpisode
+from humanclaw.world import BODY_ID
+from humanclaw_bench.attribution import attribute
+from humanclaw_bench.oneself import KNOWLEDGE
+from humanclaw_bench.oneself.generate import questions
+from humanclaw_bench.oneself.stages import staged
+from humanclaw_bench.results import named
+from humanclaw_bench.scores import score
+from humanclaw_bench.splits import HOUSES, load_split
+from humanclaw_bench.tables import result_table
+
+SPLIT = load_split("self")
+
+
+def options(spec):
+    return re.fullmatch(r".+ Answer with one of: (.+)\.", spec.instruction)[1].split("; ")
+
+
+def numbers(spec):
+    """The stage of a question, and the numbers after those of its place."""
+    stage, *values = spec.scene.partition("?")[2].split(",")
+    return stage, list(map(float, values[4:]))
+
+
+# -- the split ---------------------------------------------------------------------------------------------------------
+def test_every_answer_of_a_kind_is_right_equally_often():
+    kinds = defaultdict(Counter)
+    for spec in SPLIT:
+        kinds[spec.goal.asks][spec.goal.answer] += 1
+        assert spec.goal.answer in options(spec)
+    assert kinds.keys() == KNOWLEDGE.keys()
+    assert all(len(set(counts.values())) == 1 for counts in kinds.values())
+    assert sum(map(Counter.total, kinds.values())) == 200
+
+
+def test_questions_are_asked_in_the_houses_of_val():
+    houses = Counter(spec.scene.removeprefix("self:").partition("?")[0] for spec in SPLIT)
+    assert set(houses) <= set(HOUSES)
+    assert len(houses) > 35
+    assert {spec.max_steps for spec in SPLIT} == {10}
+
+
+def test_which_side_an_own_hand_is_on_does_not_give_it_away():
+    hands = [spec for spec in SPLIT if spec.goal.asks == "hand"]
+    sides = Counter((spec.goal.answer, "side left" in spec.instruction) for spec in hands)
+    assert len(sides) == 4
+    assert min(sides.values()) >= 4
+
+
+# -- truth, by arithmetic of its own -----------------------------------------------------------------------------------
+def by_arithmetic(spec):
+    """The answer from the numbers of a scene: a grown body is 50 cm wide, reaches 1.9 m, has feet on the floor up to
+    seats of 50 cm, and touches what is less than 40 cm to its side."""
+    stage, values = numbers(spec)
+    if stage == "hands":
+        side, *cube = values
+        x, y, z = (int(re.search(rf"{axis}_cm (-?\d+)", spec.instruction)[1]) / 100 for axis in "xyz")
+        own, other = np.array([x, y, z]), np.array([side - np.sign(side) * 0.16, 1.15, 0.45])
+        return "yours" if np.linalg.norm(cube - own) < np.linalg.norm(cube - other) else "another's"
+    if stage == "posts":
+        at, colour = min((abs(at), colour) for at, colour in zip(values, ("red", "blue"), strict=True))
+        assert at < 0.4 < max(map(abs, values))
+        return f"{colour} on your {'left' if values[colour == 'blue'] > 0 else 'right'}"
+    if stage == "post":
+        return str(45 * round(values[0] / 45))
+    limits = {"gap": values and values[0] > 0.5, "shelf": values and values[0] < 1.9,
+              "stool": values and values[0] < 0.5, "cabinet": values and values[0] > 0, "glass": True}  # fmt: skip
+    return "yes" if limits.get(stage) else "no"
+
+
+def test_the_answers_are_those_of_plain_arithmetic():
+    assert [spec.id for spec in SPLIT if by_arithmetic(spec) != spec.goal.answer] == []
+
+
+# -- scenes ------------------------------------------------------------------------------------------------------------
+@pytest.fixture(scope="module")
+def plugins():
+    found = Plugins.discover()
+    for module in (humanclaw_skill_answer, humanclaw_skill_hands):
+        with suppress(PluginError):  # Installed already.
+            found.add(module, module.__name__)
+    return found
+
+
+@pytest.fixture(scope="module")
+def first(plugins):
+    """The first question, which is about a hand in house:0, and its body."""
+    with Body("house:0", plugins=plugins) as body:
+        yield SPLIT[0], body
+
+
+def test_a_reference_alone_makes_the_scene_again():
+    scene = staged(SPLIT[0].scene.removeprefix("self:"))
+    assert scene.digest == SPLIT[0].scene_digest
+    assert [len(scene.of_category(category)) for category in ("person", "cube")] == [1, 1]
+
+
+@pytest.mark.integration
+def test_the_split_is_drawn_again_from_its_seed(plugins):
+    assert next(questions(plugins)) == SPLIT[0]
+
+
+def test_own_hand_and_another_persons_are_in_view_together(first):
+    spec, body = first
+    body.reset(spec.scene, spec.start)
+    side, *at = re.search(r"side (\w+), x_cm (\S+), y_cm (\S+), z_cm (\S+),", spec.instruction).groups()
+    body.call("reach", side=side, **dict(zip(("x_cm", "y_cm", "z_cm"), map(int, at), strict=True)))
+    ids = body.view().ids
+    (person,), (cube,) = (body.scene.of_category(category) for category in ("person", "cube"))
+    assert min((ids == one).sum() for one in (BODY_ID, person.id, cube.id)) > 200
+
+
+# -- scores ------------------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize(("words", "met"), [("Yours.", True), ("another's", False)])
+def test_an_answer_is_a_number_of_the_agents_profile(first, tmp_path, words, met):
+    spec, body = first
+    assert spec.goal.answer == "yours"
+    with Episode(body, spec, folder=tmp_path) as episode:
+        episode.submit(Decision((Call("answer", {"text": words}),)))
+    recorded = RecordedEpisode(tmp_path)
+    scores, cause = score(recorded), attribute(recorded)
+    assert (scores.success, cause and cause.label) == (met, None if met else "answer: wrong answer")
+    (row,) = result_table("self", named({"run": [(scores, cause)]})).rows
+    assert [cell.value for cell in row.cells][:1] == [met]
+    assert np.isnan([cell.value for cell in row.cells][1:6]).all()
