@@ -19,6 +19,15 @@ from humanclaw.plugins.host import Modules
 
 KEYLESS = {name: value for name, value in os.environ.items() if name != "OPENAI_API_KEY"}
 EXAMPLES = Path(__file__).parent.parent / "examples"
+AGENT = """
+from humanclaw import Call, Decision, PluginError, hookimpl
+class Mine:
+    name, privileged, settings = "mine", False, {{}}
+    def begin(self, context): {begin}
+    def decide(self, observation, history): {decide}
+@hookimpl
+def humanclaw_agents(register): register("mine", lambda options: Mine(), "an agent of a test")
+"""
 
 
 @pytest.fixture
@@ -179,17 +188,8 @@ def test_a_provider_that_cannot_be_reached_exits_with_1(cli, tmp_path):
 
 
 def test_an_agent_that_raises_is_a_plugin_error_and_exits_with_1(cli, tmp_path):
-    (tmp_path / "broken.py").write_text(
-        "from humanclaw import hookimpl\n"
-        "class Broken:\n"
-        "    name = 'broken'\n"
-        "    privileged = False\n"
-        "    def begin(self, context): pass\n"
-        "    def decide(self, observation, history): raise ZeroDivisionError('of its own')\n"
-        "@hookimpl\n"
-        "def humanclaw_agents(register): register('broken', lambda options: Broken(), 'raises')\n"
-    )
-    done = cli("run", "--plugin", "broken.py", "--agent", "broken", "--out", "r", "--film", "none")
+    (tmp_path / "mine.py").write_text(AGENT.format(begin="pass", decide="raise ZeroDivisionError('of its own')"))
+    done = cli("run", "--plugin", "mine.py", "--agent", "mine", "--out", "r", "--film", "none")
     assert done.returncode == 1
     assert "a plugin failed: " in done.stderr
     assert "ZeroDivisionError: of its own" in done.stderr
@@ -224,15 +224,9 @@ def test_a_run_says_how_it_understood_the_instruction(cli):
 
 
 def test_an_agent_that_cannot_begin_leaves_nothing(cli, tmp_path):
-    (tmp_path / "closed.py").write_text(
-        "from humanclaw import PluginError, hookimpl\n"
-        "class Closed:\n"
-        "    name, privileged = 'closed', False\n"
-        "    def begin(self, context): raise PluginError('closed on Sundays.', 'Come back tomorrow.')\n"
-        "@hookimpl\n"
-        "def humanclaw_agents(register): register('closed', lambda options: Closed(), 'never begins')\n"
-    )
-    done = cli("run", "--plugin", "closed.py", "--agent", "closed")
+    closed = "raise PluginError('closed on Sundays.', 'Come back tomorrow.')"
+    (tmp_path / "mine.py").write_text(AGENT.format(begin=closed, decide="pass"))
+    done = cli("run", "--plugin", "mine.py", "--agent", "mine")
     assert (done.returncode, done.stdout) == (2, "")
     assert "closed on Sundays" in done.stderr
     assert not (tmp_path / "runs").exists()
@@ -280,25 +274,15 @@ def test_ctrl_c_while_the_report_is_written_leaves_the_record(cli, tmp_path):
 def test_ctrl_c_that_python_drops_in_a_finalizer_stops_the_run(process, tmp_path):
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         pytest.skip("what started this process ignores the signal, and its children inherit that")
-    (tmp_path / "dropping.py").write_text(
+    turns = "Dropping(); return Decision((Call('turn_in_place', {'yaw_deg': 30}),), reasoning='I turn.')"
+    (tmp_path / "mine.py").write_text(
         "import os, signal\n"
-        "from humanclaw import Call, Decision, hookimpl\n"
         "class Dropping:\n"
         "    def __del__(self):\n"
         "        os.kill(os.getpid(), signal.SIGINT)\n"
-        "        sum(range(1000))\n"
-        "class Turning:\n"
-        "    name, privileged, settings = 'turning', False, {}\n"
-        "    def begin(self, context): pass\n"
-        "    def decide(self, observation, history):\n"
-        "        Dropping()\n"
-        "        return Decision((Call('turn_in_place', {'yaw_deg': 30}),), reasoning='I turn.')\n"
-        "@hookimpl\n"
-        "def humanclaw_agents(register): register('turning', lambda settings: Turning(), 'turns')\n"
+        "        sum(range(1000))\n" + AGENT.format(begin="pass", decide=turns)
     )
-    done = process(
-        "run", "--plugin", "dropping.py", "--agent", "turning", "--max-steps", "4", "--film", "none", "--out", "r"
-    )
+    done = process("run", "--plugin", "mine.py", "--agent", "mine", "--max-steps", "4", "--film", "none", "--out", "r")
     assert "Exception ignored" in done.stderr
     assert done.returncode == 130
     assert "interrupted after 1 " in done.stdout

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from humanclaw.world import Mesh, area, read_model, simplify
+from humanclaw.world import Mesh, area, exact, read_model, simplify
 
 RED, BLUE = 0.25, 0.75
 """Where in the atlas of two colours each has its middle."""
@@ -124,3 +124,7 @@ def test_a_model_reads_nothing_outside_of_its_folder(tmp_path: Path, where: str)
     (home / "a.obj").write_text(f"mtllib {named}\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl red\nf 1 2 3\n")
     (part,) = read_model(home / "a.obj").parts
     assert (part.colour == (255, 0, 0)) is (where == "paint.mtl")
+
+
+def test_equal_shapes_have_equal_bytes_also_at_nought() -> None:
+    assert exact(np.array([-0.0, -1e-9, 0.123456])).tobytes() == np.float32([0.0, 0.0, 0.12346]).tobytes()

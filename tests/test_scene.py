@@ -115,8 +115,9 @@ def test_a_slide_with_impossible_or_missing_numbers_is_refused(broken):
     "broken", [{"low": 1.6}, {"high": 7.0}, {"high": float("nan")}, {"friction": -1.0}, {"point": (0.0, 0.0)}]
 )
 def test_a_hinge_with_impossible_or_missing_numbers_is_refused(broken):
-    with pytest.raises(SceneError, match="hinge"):
+    with pytest.raises(SceneError) as refused:
         replace(HINGE, **broken)
+    assert "hinge" in refused.value.message
 
 
 @pytest.mark.parametrize(

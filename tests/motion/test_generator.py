@@ -10,7 +10,7 @@ import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 from tiny_motion import write_adapter
 
-from humanclaw.body import Motion, Pose2D
+from humanclaw.body import Motion, Pose2D, encode, rest_pose
 from humanclaw.errors import CheckpointError, HumanclawError
 from humanclaw.motion.control import AdapterConfig
 from humanclaw.motion.flow import Solver
@@ -158,3 +158,9 @@ def test_no_file_is_held_beyond_the_number_that_is_kept(tmp_path):
         (tmp_path / str(number)).touch()
         reread(tmp_path / str(number))
     assert max(most) == 5
+
+
+def test_the_velocity_of_the_first_frame_is_that_of_the_second():
+    """The last 72 numbers of a state: 24 joints that all glide ahead by 1 cm a frame."""
+    gliding = Motion(rest_pose(3).root + np.outer(np.arange(3), [0.0, 0.0, 0.01]), rest_pose(3).rotations)
+    assert encode(gliding)[:, -72:] == pytest.approx(np.tile([0.0, 0.0, 0.01], (3, 24)))
