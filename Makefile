@@ -20,16 +20,20 @@ install: $(VENV)/.installed  ## Create .venv with the development tools and ever
 $(BIN)/pip:
 	$(PYTHON) -m venv $(VENV)
 
+# pip names only the package that it did not find.
+NO_INDEX = { echo "make: pip reached no package index. Connect to the internet, or set PIP_INDEX_URL to a mirror, or" \
+	"PIP_NO_INDEX=1 and PIP_FIND_LINKS to a folder of wheels; then give this command again." >&2; exit 1; }
+
 $(VENV)/.demo: requirements-demo.txt pyproject.toml | $(BIN)/pip
-	$(BIN)/pip install --quiet hatchling editables
 	@echo "pip is quiet for a minute or two."
+	@$(BIN)/pip install --quiet hatchling editables || $(NO_INDEX)
 	$(BIN)/pip install --quiet --no-build-isolation -r requirements-demo.txt
 	@touch $@
 
 # Without torch, training is installed without its dependencies, and the tests that need torch are skipped.
 $(VENV)/.installed: requirements.txt requirements-demo.txt requirements-train.txt pyproject.toml | $(BIN)/pip
-	$(BIN)/pip install --quiet hatchling editables
 	@echo "pip is quiet for two or three minutes."
+	@$(BIN)/pip install --quiet hatchling editables || $(NO_INDEX)
 	$(BIN)/pip install --quiet --no-build-isolation -r requirements.txt
 	$(BIN)/pip install --quiet --no-build-isolation -r requirements-train.txt || \
 		$(BIN)/pip install --quiet --no-build-isolation --no-deps -e plugins/train
