@@ -111,9 +111,6 @@ fidelity: install  ## Compare achieved with commanded motion, 200 rollouts a ski
 naturalness: install  ## Measure feet, joints, transitions, jerk and likeness to the motion in CHUNKS=FOLDER (minutes)
 	$(BIN)/humanclaw naturalness --chunks $(CHUNKS)
 
-bench-motion: install  ## Time a motion chunk: sizes, solvers, numpy and torch, batches (minutes)
-	$(BIN)/humanclaw speed
-
 SPLITS ?= plugins/bench/humanclaw_bench/data
 
 splits: install  ## Generate the benchmark's episodes from their seeds, in the current houses (minutes)

@@ -29,7 +29,6 @@ TABLES = {
     "bench repair": None,
     "fidelity": "--skills walk --rollouts 2",
     "naturalness": None,
-    "speed": None,
     "data build": None,
     "data chunks": None,
 }

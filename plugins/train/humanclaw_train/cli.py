@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import json
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -11,9 +10,9 @@ from typing import Any, Final, TypeVar, cast
 
 import click
 
-from humanclaw import Body, CallError, Choice, HumanclawError, Plugins, Scene, Simulator, Skill, default_simulator
+from humanclaw import Body, Choice, Plugins, Scene, Simulator, default_simulator
 from humanclaw.cli import plugin_options, seed_option, show_markdown
-from humanclaw.motion import PROFILES, SIZES, DiTGenerator, Solver, load_base, read_header, shipped_base
+from humanclaw.motion import PROFILES, DiTGenerator, Solver, load_base, read_header, shipped_base
 
 F = TypeVar("F", bound=Callable[..., Any])
 _FOLDER: Final = click.Path(path_type=Path, exists=True, file_okay=False)
@@ -177,26 +176,6 @@ def naturalness(
 
 
 @click.command()
-@click.option("--sizes", type=click.Choice([*SIZES]), multiple=True, default=("lite", "paper"), help="Repeatable.")
-@click.option("--threads", type=click.IntRange(1), multiple=True, default=(1, 2), help="CPU threads; repeatable.")
-@click.option("--bodies", type=click.IntRange(1), multiple=True, default=(8, 64), help="Batch sizes; repeatable.")
-@_JSON
-def speed(sizes: tuple[str, ...], threads: tuple[int, ...], bodies: tuple[int, ...], as_json: bool) -> None:
-    """Time the motion model with several solvers and runtimes."""
-    from humanclaw_train import markdown
-    from humanclaw_train.eval import speed as timing
-
-    timings = []
-    for measured in timing.timed(sizes, threads, bodies):
-        print(measured, file=sys.stderr, flush=True)  # Each at once, because the whole takes minutes.
-        timings.append(measured)
-    if as_json:
-        print(markdown.as_json(timings))
-    else:
-        show_markdown(timing.markdown(timings))
-
-
-@click.command()
 @_BASE
 @_ADAPTERS
 @_OWN
@@ -313,62 +292,15 @@ def chunks(folder: Path, as_json: bool, **settings: Any) -> None:
 
 
 # -- pictures ----------------------------------------------------------------------------------------------------------
-@click.group()
-def show() -> None:
-    """Draw the motion of a skill as a strip and a GIF."""
-
-
-@show.command("skill", context_settings={"ignore_unknown_options": True, "allow_extra_args": True})
-@click.argument("name")
-@click.option("--calls", type=click.IntRange(1, 100), default=6, show_default=True, help="Number of calls in a row.")
-@seed_option(help="Seed of the motion.")
-@click.option("--out", type=_FILE, help="GIF file (default: NAME.gif). A strip (PNG) is written beside it.")
-@click.option("--renderer", default="raster", show_default=True, help="Name of the renderer.")
-@plugin_options
-def _skill(name: str, out: Path | None, files: tuple[Path, ...], choice: Choice, **settings: Any) -> None:
-    """Draw a skill. Every parameter of the skill is an option: `humanclaw show skill walk --z-cm 40`."""
-    from humanclaw_train.eval import show as drawing
-
-    plugins = Plugins.discover(files, choice=choice)
-    params = _params(plugins.skill(name), click.get_current_context().args)
-    wanted = out or Path(f"{name.split(':')[-1]}.gif")
-    for path in drawing.show(plugins, name, params, out=wanted, **settings):
-        click.echo(path)
-
-
-@show.command("figure")
+@click.command()
 @click.argument("name", type=click.Choice(["5a", "5b", "5c", "5d", "6"]))
 @seed_option(help="Seed of the motion.")
 @click.option("--out", type=_FILE, help="PNG or JPEG file (default: figure-NAME.png).")
 @click.option("--renderer", default="raster", show_default=True, help="Name of the renderer.")
 @plugin_options
-def _figure(name: str, out: Path | None, files: tuple[Path, ...], choice: Choice, **settings: Any) -> None:
+def figure(name: str, out: Path | None, files: tuple[Path, ...], choice: Choice, **settings: Any) -> None:
     """Draw a figure of the paper: 5 is what skills do, 6 is half-physics beside pure kinematics."""
-    from humanclaw_train.eval.figures import figure
+    from humanclaw_train.eval import figures
 
     plugins = Plugins.discover(files, choice=choice)
-    click.echo(figure(plugins, name, out=out or Path(f"figure-{name}.png"), **settings))
-
-
-def _params(skill: Skill, words: list[str]) -> dict[str, Any]:
-    """Parse `--z-cm 40` or `--z-cm=40` as parameters of a skill and check them against its schema.
-
-    Raises HumanclawError for anything else.
-    """
-    flat = [part for word in words for part in (word.split("=", 1) if word.startswith("--") else [word])]
-    keys = [word.removeprefix("--").replace("-", "_") for word in flat[::2]]
-    if len(flat) % 2 or not all(word.startswith("--") for word in flat[::2]):
-        hint = ", ".join(f"--{parameter.key.replace('_', '-')} NUMBER" for parameter in skill.parameters)
-        raise HumanclawError(f"{' '.join(words)} are no options of {skill.name}.", f"It takes: {hint or 'none'}.")
-    try:
-        return skill.check({key: _read(value) for key, value in zip(keys, flat[1::2], strict=True)})
-    except CallError as error:
-        raise HumanclawError(str(error)) from error
-
-
-def _read(value: str) -> Any:
-    """Read a value as JSON, or else as text."""
-    try:
-        return json.loads(value)
-    except ValueError:
-        return value
+    click.echo(figures.figure(plugins, name, out=out or Path(f"figure-{name}.png"), **settings))

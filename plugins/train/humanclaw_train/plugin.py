@@ -34,9 +34,8 @@ def humanclaw_commands(cli: click.Group) -> None:
         "train": "Train the base prior or a skill's adapter.",
         "fidelity": "Measure how well each skill follows its parameters.",
         "naturalness": "Compare generated motion with human motion.",
-        "speed": "Time the motion model with several solvers and runtimes.",
         "cards": "Write the model card beside each checkpoint.",
         "data": "Build training data from motion capture.",
-        "show": "Draw the motion of a skill as a strip and a GIF.",
+        "figure": "Draw a figure of the paper: what skills do, and half-physics.",
     }.items():
         cli.add_command(LazyCommand(name, f"humanclaw_train.cli:{name}", sentence))

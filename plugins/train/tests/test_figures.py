@@ -1,4 +1,4 @@
-"""Tests of `humanclaw show figure`: several bodies in one picture."""
+"""Tests of `humanclaw figure`: several bodies in one picture."""
 
 from pathlib import Path
 
@@ -9,7 +9,7 @@ from PIL import Image
 
 pytest.importorskip("torch")
 
-from humanclaw_train.cli import show
+from humanclaw_train.cli import figure
 from humanclaw_train.eval.figures import FIGURES, SEATS, STRIDE, WIDTH
 
 HIPS = slice(None), 2
@@ -17,7 +17,7 @@ HIPS = slice(None), 2
 
 def test_a_figure_is_a_picture_as_wide_as_a_page(tmp_path: Path):
     out = tmp_path / "pictures" / "seats.png"
-    done = CliRunner().invoke(show, ["figure", "5d", "--out", str(out)])
+    done = CliRunner().invoke(figure, ["5d", "--out", str(out)])
     assert done.exit_code == 0, done.output
     with Image.open(out) as picture:
         assert picture.width == WIDTH

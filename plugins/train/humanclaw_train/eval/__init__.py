@@ -1,1 +1,1 @@
-"""Measures of what was learned: fidelity, naturalness, speed and pictures."""
+"""Measures of what was learned: fidelity, naturalness, and the paper's figures."""

@@ -1,4 +1,4 @@
-"""Figures 5 and 6 of the paper as pictures, each of several poses in one scene: `humanclaw show figure 5a`."""
+"""Figures 5 and 6 of the paper as pictures, each of several poses in one scene: `humanclaw figure 5a`."""
 
 from __future__ import annotations
 
@@ -16,7 +16,6 @@ from humanclaw.body import FUTURE, HISTORY, Array
 from humanclaw.motion import DiTGenerator
 from humanclaw.skills import Role, stage, stage_for, suited
 from humanclaw.world import Camera, SceneBuilder, WorldState, together
-from humanclaw_train.eval.show import acted
 
 if TYPE_CHECKING:
     from humanclaw import Plugins
@@ -115,7 +114,11 @@ def _call(skill: Skill, **values: int) -> Call:
 def _acted(plugins: Plugins, scene: Scene, calls: Sequence[Call], seed: int, simulator: str = "") -> Motion:
     """Return the simulated motion of calls, from standing."""
     with Body(scene, seed=seed, plugins=plugins, backends=Backends(simulator=simulator)) as body:
-        return acted(body, calls)
+        whole = body.history
+        for call in calls:
+            for chunk in body.execute(call).chunks:
+                whole = whole.then(chunk.execution.simulated)
+        return whole
 
 
 def _again(plugins: Plugins, scene: Scene, motion: Motion) -> Motion:
