@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from humanclaw import Motion, Plugins
 from humanclaw.body import matrix_from_vector, rest_pose, vector_from_matrix
-from humanclaw_train.synthesis.commands import Trained, named, trained
+from humanclaw_train.synthesis.commands import Commands, Trained, trained
 from humanclaw_train.synthesis.profiles import CHANNELS, HARMONICS, Profiles, channel, channels
-from humanclaw_train.synthesis.synthesize import synthesize
+from humanclaw_train.synthesis.synthesize import play
 
 _UPRIGHT = matrix_from_vector(np.array([-np.pi / 2, 0.0, 0.0]))
 """From AMASS's Z up to our Y up."""
@@ -28,13 +28,19 @@ def swinging() -> Profiles:
     gait[:, 2, 2] = 0.06
     gait[:, 1, channel("left_shoulder", 1)] = gait[:, 1, channel("right_shoulder", 1)] = 0.3
     sway = 0.02 * np.sin(np.linspace(0, 20, 300))[:, None] * np.eye(CHANNELS)[channel("spine2", 2)]
-    return Profiles(gait, np.array([1.2, 1.2]), stance, sway)
+    return Profiles(gait, stance, sway)
 
 
 @cache
 def trained_skills() -> dict[str, Trained]:
     """Return the installed skills that have a recipe, by name. Finding them takes half a second."""
-    return named(trained(Plugins.discover()))
+    return {skill.name: skill for skill in trained(Plugins.discover())}
+
+
+def synthesize(commands: list[tuple[Trained, dict[str, float]]], seed: int) -> Motion:
+    """Return one such body that stands for 5 frames and then carries out commands of 15 frames each."""
+    root, rotations, _ = play(swinging(), [Commands.of([command]) for command in commands], np.random.default_rng(seed))
+    return Motion(root[0], rotations[0])
 
 
 def write_amass(folder: Path, subjects: int = 3) -> Path:
@@ -45,7 +51,7 @@ def write_amass(folder: Path, subjects: int = 3) -> Path:
         here.mkdir(parents=True)
         np.savez(here / "shape.npz", gender="neutral", betas=np.zeros(16))
         for name, calls in {"walk": _WALK, "stroll": _STROLL}.items():
-            motion = synthesize(swinging(), [(skills[skill], given) for skill, given in calls], subject)
+            motion = synthesize([(skills[skill], given) for skill, given in calls], subject)
             write_clip(here / f"{name}_poses.npz", motion)
     return folder
 

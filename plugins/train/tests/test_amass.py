@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from amass_tree import swinging, trained_skills, write_amass, write_clip
+from amass_tree import synthesize, trained_skills, write_amass, write_clip
 
 from humanclaw import HumanclawError
 from humanclaw.body import JOINT_INDEX, rest_pose
@@ -16,7 +16,6 @@ from humanclaw_train.data import build as building
 from humanclaw_train.data.chunks import Chunks
 from humanclaw_train.data.curate import build_real
 from humanclaw_train.mocap.clips import Clip, Folder
-from humanclaw_train.synthesis.synthesize import synthesize
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +34,7 @@ def _report(folder: Path) -> list[dict[str, str]]:
 
 
 def _walk(z: float = 0.55, calls: int = 6):
-    return synthesize(swinging(), [(trained_skills()["walk"], {"z": z})] * calls, 0)
+    return synthesize([(trained_skills()["walk"], {"z": z})] * calls, 0)
 
 
 @pytest.mark.integration
@@ -120,7 +119,7 @@ def test_a_body_with_a_raised_hand_trains_the_prior_but_no_skill():
 def test_without_a_straight_walk_there_is_no_synthetic_motion(build, tmp_path, capsys):
     write_clip(
         _in(tmp_path / "in" / "turn.npz"),
-        synthesize(swinging(), [(trained_skills()["turn_in_place"], {"yaw": 0.9})] * 4, 0),
+        synthesize([(trained_skills()["turn_in_place"], {"yaw": 0.9})] * 4, 0),
     )
     assert build(tmp_path / "in", tmp_path / "out", "--seconds", "20") == 0
     assert "No synthetic motion: None of 1 clips shows a straight walk" in capsys.readouterr().out

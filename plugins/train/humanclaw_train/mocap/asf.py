@@ -61,14 +61,12 @@ def skeleton_of(amc: Path) -> Path:
     return max(matches, key=lambda asf: len(asf.stem))
 
 
-def load_amc(path: str | Path, skeleton: str | Path, licence: str = "", fps: float | None = None) -> SourceMotion:
+def load_amc(path: Path, skeleton: Path) -> SourceMotion:
     """Read an AMC motion on its ASF skeleton, in metres.
 
-    Joint `x` is where bone x begins; `x_end` is the tip of a last bone. fps: None for what the file says, or 120.
-    Raises MocapError for broken files.
+    Joint `x` is where bone x begins; `x_end` is the tip of a last bone. Raises MocapError for broken files.
     """
-    path = Path(path)
-    asf = _asf(Path(skeleton))
+    asf = _asf(skeleton)
     head, rows = _amc_rows(path)
     degrees = np.degrees(1.0) if _radians(head, asf.angle) else 1.0
     offsets = np.tile(asf.tree.offsets, (len(rows), 1, 1))
@@ -80,9 +78,9 @@ def load_amc(path: str | Path, skeleton: str | Path, licence: str = "", fps: flo
             moved, local[:, joint] = bone.motion(_values(path, bone, rows) * scale)
             offsets[:, joint] += moved
     positions, rotations = asf.tree.motion(offsets[:, 0], local, offsets)
-    rate = fps or float(head.get("samples-per-second", _FPS))
+    rate = float(head.get("samples-per-second", _FPS))
     rest, joints, parents = asf.tree.rest(), asf.tree.joints, asf.tree.parents
-    return SourceMotion(rate, joints, parents, positions, rotations, rest, str(path), licence)
+    return SourceMotion(rate, joints, parents, positions, rotations, rest, str(path))
 
 
 def _values(path: Path, bone: _Bone, rows: list[dict[str, list[float]]]) -> Array:

@@ -14,12 +14,11 @@ from humanclaw_train.mocap.source_motion import MocapError, SourceMotion, Tree, 
 _CHANNELS: Final = frozenset(f"{axis}{kind}" for axis in "xyz" for kind in ("position", "rotation"))
 
 
-def load_bvh(path: str | Path, licence: str = "") -> SourceMotion:
+def load_bvh(path: Path) -> SourceMotion:
     """Read a BVH file. A position channel replaces its joint's offset; an end site becomes the joint `<parent>_end`.
 
     Keywords and channels may be in capitals or not. Raises MocapError for a broken file.
     """
-    path = Path(path)
     head, *tail = re.split(r"^\s*MOTION\b", read_text(path), maxsplit=1, flags=re.IGNORECASE | re.MULTILINE)
     tree, channels = _bvh_tree(path, head.split())
     fps, values = _bvh_frames(path, "".join(tail), sum(map(len, channels)))
@@ -36,7 +35,7 @@ def load_bvh(path: str | Path, licence: str = "") -> SourceMotion:
         if turns:
             local[:, joint] = euler([names[column][0] for column in turns], block[:, turns])
     positions, rotations = tree.motion(offsets[:, 0], local, offsets)
-    return SourceMotion(fps, tree.joints, tree.parents, positions, rotations, tree.rest(), str(path), licence)
+    return SourceMotion(fps, tree.joints, tree.parents, positions, rotations, tree.rest(), str(path))
 
 
 def _bvh_tree(path: Path, words: list[str]) -> tuple[Tree, list[tuple[str, ...]]]:

@@ -44,15 +44,12 @@ class Clip:
         return ((0, len(self.motion) - 1),) if self.spans is None else self.spans.get(tag, ())
 
 
-def load_pack(folder: str | Path, unpacked: str | Path | None = None) -> list[Clip]:
+def load_pack(folder: Path) -> list[Clip]:
     """Retarget every clip that `folder/clips.csv` lists.
 
-    Rows name their file, or `archive.tar.xz!member`. Archives in `folder` are unpacked into a temporary folder, unless
-    `unpacked` already contains the members. Raises MocapError for a missing or broken file.
+    Rows name their file, or `archive.tar.xz!member`. Archives in `folder` are unpacked into a temporary folder.
+    Raises MocapError for a missing or broken file.
     """
-    folder = Path(folder)
-    if unpacked is not None:
-        return [_row_clip(row, Path(unpacked)) for row in _rows(folder)]
     with tempfile.TemporaryDirectory() as temporary:
         rows = list(_rows(folder))
         for archive in sorted({row["file"].split("!")[0] for row in rows if "!" in row["file"]}):
@@ -84,7 +81,7 @@ def _unpack(archive: Path, folder: Path) -> None:
 
 def _row_clip(row: Mapping[str, str], folder: Path) -> Clip:
     member = row["file"].split("!")[-1]
-    source, first = _without_setup_pose(load(folder / member, licence=row["licence"]))
+    source, first = _without_setup_pose(load(folder / member))
     motion = retarget(source)
     spans = {tag: _at_30_fps(ranges, first, source.fps, len(motion)) for tag, ranges in _tagged(row["notes"]).items()}
     if "base" in row["skill_tags"].split():

@@ -36,18 +36,17 @@ class Reading:
 AS_WRITTEN: Final = Reading()
 
 
-def load(path: str | Path, reading: Reading = AS_WRITTEN, licence: str = "") -> SourceMotion:
+def load(path: Path, reading: Reading = AS_WRITTEN) -> SourceMotion:
     """Read one motion capture file by its suffix: .bvh, .amc (its .asf beside it), .npz (AMASS) or .txt (humanoid3d).
 
     Returns it with Y up. Raises MocapError.
     """
-    path = Path(path)
     suffix = path.suffix.lower()
     if suffix not in _READERS:
         raise MocapError(f"{path} has an unknown suffix.", "Give a .bvh, .amc, .npz (AMASS) or .txt (humanoid3d) file.")
     read, up = _READERS[suffix]
     try:
-        source = replace(read(path, licence), naming=reading.joints)
+        source = replace(read(path), naming=reading.joints)
     except (ArithmeticError, LookupError, TypeError, ValueError) as error:
         # Whatever else is wrong with one file must not end the reading of a folder.
         raise MocapError(f"{path} cannot be read: {error}.", "Correct the file, or export it again.") from error
@@ -57,12 +56,11 @@ def load(path: str | Path, reading: Reading = AS_WRITTEN, licence: str = "") -> 
 
 
 # -- AMASS -------------------------------------------------------------------------------------------------------------
-def load_amass(path: str | Path, licence: str = "") -> SourceMotion:
+def load_amass(path: Path) -> SourceMotion:
     """Read an AMASS npz (`poses`, `trans`, `mocap_framerate`).
 
     Bones get our own lengths, because a subject's lengths need SMPL files, which this package does not have.
     """
-    path = Path(path)
     try:
         with np.load(path, allow_pickle=False) as data:
             poses, trans = np.asarray(data["poses"], float), np.asarray(data["trans"], float)
@@ -81,7 +79,7 @@ def load_amass(path: str | Path, licence: str = "") -> SourceMotion:
     local[:, :22] = matrix_from_vector(poses[:, :66].reshape(-1, 22, 3))
     tree = Tree(JOINTS, PARENTS, OFFSETS)
     positions, rotations = tree.motion(trans, local)
-    return SourceMotion(fps, JOINTS, PARENTS, positions, rotations, tree.rest(), str(path), licence)
+    return SourceMotion(fps, JOINTS, PARENTS, positions, rotations, tree.rest(), str(path))
 
 
 # -- humanoid3d --------------------------------------------------------------------------------------------------------
@@ -99,12 +97,11 @@ _HUMANOID3D: Final = (
 _HUMANOID3D_HINGES: Final = ("right_knee", "right_elbow", "left_knee", "left_elbow")
 
 
-def load_humanoid3d(path: str | Path, licence: str = "") -> SourceMotion:
+def load_humanoid3d(path: Path) -> SourceMotion:
     """Read a DeepMimic humanoid3d text file.
 
     It is JSON with rows of 44 numbers: seconds, root, then quaternions (w, x, y, z) and hinge angles.
     """
-    path = Path(path)
     try:
         rows = np.array(json.loads(read_text(path))["Frames"], float)
     except (ValueError, KeyError, TypeError) as error:
@@ -133,12 +130,12 @@ def load_humanoid3d(path: str | Path, licence: str = "") -> SourceMotion:
     rest = Rest(tree.rest().positions @ turn.T, turn @ tree.rest().rotations)
     fps = float(round(1.0 / float(np.median(rows[:-1, 0])), 1))
     positions, rotations = positions @ turn.T, turn @ rotations
-    return SourceMotion(fps, tree.joints, tree.parents, positions, rotations, rest, str(path), licence)
+    return SourceMotion(fps, tree.joints, tree.parents, positions, rotations, rest, str(path))
 
 
-_READERS: Final[Mapping[str, tuple[Callable[[Path, str], SourceMotion], Up]]] = {
+_READERS: Final[Mapping[str, tuple[Callable[[Path], SourceMotion], Up]]] = {
     ".bvh": (load_bvh, "y"),
-    ".amc": (lambda path, licence: load_amc(path, skeleton_of(path), licence), "y"),
+    ".amc": (lambda path: load_amc(path, skeleton_of(path)), "y"),
     ".npz": (load_amass, "z"),
     ".txt": (load_humanoid3d, "y"),
 }

@@ -45,7 +45,7 @@ class SourceMotion:
     rotations: Array
     rest: Rest
     source: str = ""
-    licence: str = ""
+    """File that it was read from."""
     naming: Mapping[str, str] = field(default_factory=dict)
     """Joints by our names (humanclaw.body.JOINTS), for a skeleton of no known convention."""
 

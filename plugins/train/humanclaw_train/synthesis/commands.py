@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import runpy
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -173,8 +173,3 @@ def _row(skill: Trained, given: Mapping[str, float]) -> dict[str, float]:
     row = {"x": np.nan, "z": np.nan, "yaw": np.nan, "rise": 0.0, "height": np.nan}
     # A parameter that is not given is commanded as 0; an axis without a parameter stays open (NaN).
     return row | {key: sign * given.get(name, 0.0) for name, (key, sign) in axes.items()}
-
-
-def named(skills: Iterable[Trained]) -> dict[str, Trained]:
-    """Return skills by name."""
-    return {skill.name: skill for skill in skills}

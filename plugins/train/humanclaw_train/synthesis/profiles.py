@@ -9,13 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final, Protocol
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from humanclaw import Motion
 from humanclaw.body import JOINT_INDEX, JOINTS, Array, matrix_from_vector
+from humanclaw_train.mocap.clips import Clip
 from humanclaw_train.mocap.source_motion import MocapError
 from humanclaw_train.synthesis import segments
 
@@ -84,31 +85,20 @@ def basis(phase: Array) -> Array:
     return np.stack(parts, -1)
 
 
-class RealClip(Protocol):
-    """A named motion."""
-
-    @property
-    def name(self) -> str: ...
-
-    @property
-    def motion(self) -> Motion: ...
-
-
 @dataclass(frozen=True)
 class Profiles:
     """Profiles of real walkers and idlers.
 
-    gait: (S, 1 + 2 HARMONICS, CHANNELS) styles, the first their mean. speed: (S,) m/s. stance: (CHANNELS,). sway:
+    gait: (S, 1 + 2 HARMONICS, CHANNELS) styles, the first their mean. stance: (CHANNELS,). sway:
     (T, CHANNELS) idle deviations from the stance at 30 fps.
     """
 
     gait: Array
-    speed: Array
     stance: Array
     sway: Array
 
     @classmethod
-    def of(cls, clips: Sequence[RealClip]) -> Profiles:
+    def of(cls, clips: Sequence[Clip]) -> Profiles:
         """Measure the profiles on the clips named above, or else on walks and idles that any clips show.
 
         Raises MocapError if no clip shows a steady straight walk, or none quiet standing.
@@ -123,12 +113,11 @@ class Profiles:
                     "Add such clips, or build without synthetic motion: --seconds 0.",
                 )
         gaits = np.stack([_gait(walk) for walk in walks])
-        speeds = np.array([_speed(walk) for walk in walks])
         stance = np.mean([np.median(channels(idle), 0) for idle in idles], 0)
         stance = (stance + mirror_channels(stance)) / 2
         stance[2] = 0.0  # The stance faces along its path.
         styles, sway = np.concatenate([gaits.mean(0)[None], gaits]), np.concatenate([_sway(idle) for idle in idles])
-        return cls(styles, np.append(speeds.mean(), speeds), stance, sway)
+        return cls(styles, stance, sway)
 
 
 def _gait(walk: Motion) -> Array:
@@ -143,10 +132,6 @@ def _gait(walk: Motion) -> Array:
     odd = np.isin(np.arange(len(fit)), (2, 6))  # Odd sines, so that the pelvis yaw is zero whenever the feet pass.
     fit[~odd, 2] = 0.0
     return np.asarray(fit)
-
-
-def _speed(walk: Motion) -> float:
-    return float(np.median(np.linalg.norm(np.diff(walk.root[:, [0, 2]], axis=0), axis=-1)) * 30)
 
 
 def _sway(idle: Motion, limit: float = 0.06, window: int = 31) -> Array:

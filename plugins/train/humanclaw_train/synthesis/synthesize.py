@@ -11,12 +11,11 @@ as in humanclaw.body; "floor" vectors are (x, z). Needs only numpy.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
 
-from humanclaw import Motion
 from humanclaw.body import (
     FUTURE,
     HISTORY,
@@ -28,18 +27,15 @@ from humanclaw.body import (
     vector_from_matrix as to_vector,
 )
 from humanclaw_train.synthesis import gait, ik
-from humanclaw_train.synthesis.commands import Commands, Trained
+from humanclaw_train.synthesis.commands import Commands
 from humanclaw_train.synthesis.curves import GRID, bump, raised, soft_minimum
 from humanclaw_train.synthesis.ik import Feet
-from humanclaw_train.synthesis.profiles import UPPER, Profiles, RealClip, channel
+from humanclaw_train.synthesis.profiles import UPPER, Profiles, channel
 from humanclaw_train.synthesis.state import State, Style
 from humanclaw_train.synthesis.step_plan import StepPlan, hip_path, plan
 from humanclaw_train.synthesis.striding import cycle, striding_feet, swaying
 from humanclaw_train.synthesis.swings import feet
 from humanclaw_train.synthesis.upper_body import pose_targets, seat_table, upper_body
-
-Command = tuple[Trained, Mapping[str, float]]
-"""A skill and its parameters in SI, by name."""
 
 
 # -- one chunk ---------------------------------------------------------------------------------------------------------
@@ -200,15 +196,3 @@ def play(
         turns.append(rotations)
         lacking.append(state.lacking)
     return np.concatenate(roots, 1), np.concatenate(turns, 1), np.stack(lacking, 1)
-
-
-def synthesize(clips: Sequence[RealClip] | Profiles, commands: Sequence[Command], seed: int) -> Motion:
-    """Synthesise one body that stands for 5 frames and then carries out commands of 15 frames each, at 30 fps.
-
-    clips: real clips, or the profiles measured on them. Every command achieves exactly what its measures ask for, with
-    one exception: in a stair straight out of a seat the pelvis rises by both. Raises HumanclawError for unknown
-    parameters and for skills without gait.
-    """
-    profiles = clips if isinstance(clips, Profiles) else Profiles.of(clips)
-    root, rotations, _ = play(profiles, [Commands.of([command]) for command in commands], np.random.default_rng(seed))
-    return Motion(root[0], rotations[0])

@@ -14,7 +14,7 @@ from humanclaw.body import FUTURE, HISTORY, Array, lay_hands
 from humanclaw.skills import Draw
 from humanclaw_train.data.chunks import Chunks, cut
 from humanclaw_train.synthesis.commands import Commands, Ints, Trained
-from humanclaw_train.synthesis.profiles import Profiles, RealClip
+from humanclaw_train.synthesis.profiles import Profiles
 from humanclaw_train.synthesis.state import SECONDS
 from humanclaw_train.synthesis.synthesize import play
 
@@ -108,7 +108,7 @@ def _varied(skills: Sequence[Trained], skill: Ints, values: Array, rng: np.rando
 
 
 def synthetic_chunks(
-    clips: Sequence[RealClip] | Profiles,
+    profiles: Profiles,
     skills: Sequence[Trained],
     seconds_per_skill: float,
     seed: int,
@@ -120,7 +120,6 @@ def synthetic_chunks(
     seconds_per_skill: of future frames, so 2 chunks a second. base_share: chunks of the base per chunk of a skill.
     progress: called with the share done, 0 to 1.
     """
-    profiles = clips if isinstance(clips, Profiles) else Profiles.of(clips)
     rng = np.random.default_rng(seed)
     half = max(1, round(seconds_per_skill / SECONDS / 2))
     skills = [skill for skill in skills if skill.synthetic]
