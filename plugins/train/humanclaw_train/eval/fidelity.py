@@ -13,13 +13,12 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
-from tqdm import tqdm
 
 from humanclaw import CheckpointError
 from humanclaw.body import Array, wrap_angle
@@ -108,23 +107,6 @@ def _mean(values: Array) -> float:
     return float(np.nanmean(values)) if np.isfinite(values).any() else np.nan
 
 
-def fidelity(
-    generator: DiTGenerator,
-    commands: Sequence[Command],
-    rollouts: int = 200,
-    seed: int = 0,
-    before: Sequence[Command] = (),
-) -> list[Row]:
-    """Measure one row per skill, in the order given. before: further skills that may come before one.
-
-    Raises CheckpointError for an adapter that does not fit the base.
-    """
-    known = [*commands, *before]
-    besides = uncommanded(generator, commands, walker(known), seed=seed)
-    rows = [_row(generator, command, others(command, known), rollouts, seed) for command in commands]
-    return [replace(row, uncommanded=besides[row.skill]) for row in rows]
-
-
 def live(
     base: Path, declaration: Skill, rollouts: int = 24, measures: Mapping[str, Measure] = MEASURES
 ) -> Callable[[Path], str]:
@@ -137,35 +119,6 @@ def live(
         return f"fidelity {_spread(ratio)}, mean error {cell(ratio.error)} (cm, degrees)"
 
     return look
-
-
-def _row(generator: DiTGenerator, command: Command, before: Sequence[Command], rollouts: int, seed: int) -> Row:
-    notes = Notes.read(command.adapter.parent)
-    ratio = achieved(command, roll(generator, command, before, rollouts, seed))
-    return Row(
-        command.skill, ratio, adapter=file_digest(command.adapter), paper=notes.paper, paper_baseline=notes.baseline
-    )
-
-
-def simulated(
-    generator: DiTGenerator,
-    simulator: Simulator,
-    commands: Sequence[Command],
-    rollouts: int = 200,
-    seed: int = 0,
-    before: Sequence[Command] = (),
-    source: str = "generated",
-) -> dict[str, Ratio]:
-    """Measure skills with parameters in half-physics. before: further skills that may come before one."""
-    known = [*commands, *before]
-    wanted = [command for command in commands if len(command.low)]
-    actor, ratios = Actor(generator, simulator, source), {}
-    with tqdm(total=len(wanted) * rollouts, unit="rollout", disable=None) as bar:
-        for command in wanted:
-            bar.set_description(command.skill)
-            rolled = roll_simulated(actor, command, others(command, known), rollouts, seed, lambda: bar.update())
-            ratios[command.skill] = achieved(command, rolled)
-    return ratios
 
 
 def baseline(folders: Sequence[Path], command: Command, count: int = 600, seed: int = 0) -> Ratio | None:
@@ -241,16 +194,30 @@ def measured(
     simulator: Simulator | None = None,
     source: str = "generated",
 ) -> FidelityReport:
-    """Measure everything. before: further skills that may come before one. chunks: folders for the baseline.
+    """Measure one row per skill, in the order given. before: further skills that may come before one.
 
-    simulator: for half-physics. source: of the history there (humanclaw.body.next_history).
+    chunks: folders for the baseline. simulator: for half-physics. source: of the history there
+    (humanclaw.body.next_history). Raises CheckpointError for an adapter that does not fit the base.
     """
-    rows = fidelity(generator, commands, rollouts, seed, before)
-    if chunks:
-        rows = [replace(row, baseline=baseline(chunks, command)) for row, command in zip(rows, commands, strict=True)]
-    if simulator is not None:
-        ratios = simulated(generator, simulator, commands, rollouts, seed, before, source)
-        rows = [replace(row, simulated=ratios.get(row.skill)) for row in rows]
+    known = [*commands, *before]
+    besides = uncommanded(generator, commands, walker(known), seed=seed)
+    actor, rows = Actor(generator, simulator, source) if simulator else None, []
+    for command in commands:
+        earlier, notes, played = others(command, known), Notes.read(command.adapter.parent), None
+        if actor and command.names:
+            played = achieved(command, roll_simulated(actor, command, earlier, rollouts, seed))
+        rows.append(
+            Row(
+                command.skill,
+                achieved(command, roll(generator, command, earlier, rollouts, seed)),
+                played,
+                baseline(chunks, command),
+                file_digest(command.adapter),
+                notes.paper,
+                notes.baseline,
+                besides[command.skill],
+            )
+        )
     first = commands[0]  # All adapters have the same size, so any of them gives the time.
     values = first.named(first.draw(1, np.random.default_rng(0))[0])
     time_of_one = milliseconds(generator, first.adapter, values)

@@ -56,7 +56,7 @@ def naturalness(
         "slower toe cm/s": measures.slower_toe(future),
         "sunk cm": np.nan if stairs else measures.penetration(future),
         "joint jerk m/s3": measures.joint_jerk(joints[:, HISTORY - 3 :]),
-        "beyond limits %": 100 * float((measures.beyond_limits(rotations[:, HISTORY:]) > 0).mean()),
+        "beyond limits %": measures.beyond_limits(rotations[:, HISTORY:]),
         "Frechet": held_out,
         "free-running": free,
     }

@@ -12,11 +12,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from humanclaw import Motion
-from humanclaw.body import FPS, HISTORY, JOINT_INDEX, TOE_SOLE, Array, forward_kinematics, support_height
+from humanclaw.body import (
+    FPS,
+    HISTORY,
+    JOINT_INDEX,
+    JOINT_LIMITS,
+    JOINTS,
+    TOE_SOLE,
+    Array,
+    forward_kinematics,
+    support_height,
+)
 
 _TOUCH: Final = 0.02
 """A sole below this height touches the ground, metres."""
 _TOES: Final = (JOINT_INDEX["left_foot"], JOINT_INDEX["right_foot"])
+_LEGS: Final = [JOINT_INDEX[f"{side}_{part}"] for side in ("left", "right") for part in ("hip", "knee", "ankle")]
 
 
 # -- contact with the ground -------------------------------------------------------------------------------------------
@@ -68,40 +79,10 @@ def joint_jerk(joints: Array) -> float:
 
 
 # -- joint limits ------------------------------------------------------------------------------------------------------
-@dataclass(frozen=True)
-class Limit:
-    """Allowed range of a joint's rotation vector about one axis of its rest frame (X left, Y up, Z ahead), degrees."""
-
-    joint: str
-    axis: int
-    low: float
-    high: float
-
-
-LIMITS: Final = tuple(
-    Limit(f"{side}_{joint}", axis, low, high)
-    for joint, axis, low, high in (
-        ("knee", 0, -15, 155),  # Bending moves the shin back: positive about X.
-        ("knee", 1, -45, 45),
-        ("knee", 2, -30, 30),
-        ("ankle", 0, -40, 60),  # Toes up is negative.
-        ("ankle", 1, -45, 45),
-        ("ankle", 2, -40, 40),
-        ("hip", 0, -135, 45),  # The thigh to the front is negative.
-    )
-    for side in ("left", "right")
-)
-"""Ranges of a healthy adult's legs, with ten degrees of tolerance for a skeleton of 24 joints."""
-
-
-def beyond_limits(rotations: Array) -> Array:
-    """Return by how many degrees the worst joint of LIMITS exceeds its range (...); 0 within all ranges."""
-    over = [_over(np.degrees(rotations[..., JOINT_INDEX[limit.joint], limit.axis]), limit) for limit in LIMITS]
-    return np.asarray(np.max(over, axis=0))
-
-
-def _over(angle: Array, limit: Limit) -> Array:
-    return np.maximum(np.maximum(angle - limit.high, limit.low - angle), 0.0)
+def beyond_limits(rotations: Array) -> float:
+    """Return the share of poses (..., 24, 3) in which a joint of a leg turns further than JOINT_LIMITS, %."""
+    turned = np.degrees(np.linalg.norm(rotations[..., _LEGS, :], axis=-1))
+    return float(100 * (turned > [JOINT_LIMITS[JOINTS[joint]] for joint in _LEGS]).any(-1).mean())
 
 
 # -- likeness ----------------------------------------------------------------------------------------------------------

@@ -102,8 +102,6 @@ class Subject:
     """Of each skill."""
     bodies: int = 20
     """For each pair of skills. Walks take fewer."""
-    calls: int = 120
-    """Of the long rollout."""
     corners: int = 100
     """Calls at every corner of the range of walks."""
     seed: int = 0

@@ -14,7 +14,6 @@
 * Seats: how installed skills sit down on seats in half-physics, and get up again.
 * Transitions: peak joint acceleration where a second skill takes over, for every ordered pair of skills, over the peak
   in real motion (the 99.9th percentile of the same two-frame peak over real chunks that move).
-* Long rollout: random calls in a row.
 """
 
 from __future__ import annotations
@@ -321,36 +320,6 @@ def _window_peaks(chunks: Chunks) -> Array:
     return np.maximum(size[:, 1:], size[:, :-1]).ravel()
 
 
-# -- a long rollout ----------------------------------------------------------------------------------------------------
-_LONG_BODIES: Final = 4
-
-
-def long_rollout(subject: Subject) -> list[Row]:
-    """Chain random calls of all skills. Bodies may rise or sink, because each chunk has its own floor."""
-    random, calls = np.random.default_rng((subject.seed, 1)), subject.calls
-    motions = [subject.generator.start() for _ in range(_LONG_BODIES)]
-    for call in range(calls):
-        command = subject.commands[int(random.integers(len(subject.commands)))]
-        values = command.draw(len(motions), random)
-        extend(subject.generator, command, motions, np.arange(len(motions)), values, (subject.seed, call))
-    rotations = np.stack([motion.rotations for motion in motions])
-    # Toes up is negative about X.
-    ankles = -np.degrees(rotations[:, :, [JOINT_INDEX["left_ankle"], JOINT_INDEX["right_ankle"]], 0])
-    span = FUTURE * min(20, calls)
-    drift = ankles[:, -span:].mean(1) - ankles[:, :span].mean(1)
-    over = measures.beyond_limits(rotations)
-    return [
-        {
-            "calls": calls,
-            "bodies": len(motions),
-            "drift of the ankles, toes up, degrees": float(drift.mean()),
-            "worst": float(drift.max()),
-            "last frames beyond joint limits %": 100 * float((over[:, -span:] > 0).mean()),
-            "at most by degrees": float(over.max()),
-        }
-    ]
-
-
 SCENARIOS: Final[Mapping[str, Callable[[Subject], list[Row]]]] = {
     "skills": likeness.skills,
     "sequences": sequences,
@@ -361,6 +330,5 @@ SCENARIOS: Final[Mapping[str, Callable[[Subject], list[Row]]]] = {
     "links in each other": self_penetration,
     "seats": seats,
     "transitions, over the peak of real motion": transitions,
-    "random calls in a row": long_rollout,
 }
 """Every scenario by the title of its table, in the order in which they are shown."""

@@ -8,10 +8,11 @@ the whole state.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
+from tqdm import tqdm
 
 from humanclaw import Body, Call, Motion, Scene, Skill, stand
 from humanclaw.body import CHUNK, Array, Pose2D, next_history, re_rooted
@@ -64,14 +65,13 @@ def roll_simulated(
     before: Sequence[Command],
     rollouts: int,
     seed: int,
-    tick: Callable[[], object] = lambda: None,
 ) -> Rollouts:
     """Run a skill in half-physics, like rollouts.roll. On stairs the command stays the same; a seat is used once."""
     random = np.random.default_rng(seed)
     chunks: list[Motion] = []
     commands: list[Array] = []
     strange: list[bool] = []
-    for index in range(rollouts):
+    for index in tqdm(range(rollouts), command.skill, unit="rollout", disable=None):
         # Every second rollout follows another skill, each of them in turn.
         other = before[index // 2 % len(before)] if before and index % 2 else None
         asked = _commands(command, random)
@@ -86,7 +86,6 @@ def roll_simulated(
             chunks.append(actor.simulated[-CHUNK:])
             commands.append(values)
             strange.append(other is not None and turn == 0)
-        tick()
     return Rollouts(*canonical(*stacked(chunks)), np.stack(commands), np.array(strange))
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import product
 from typing import Any, Final
 
@@ -28,49 +28,53 @@ def straight_walks(
     generator: DiTGenerator, command: Command, speed: float, bodies: int, calls: int, seed: int
 ) -> list[Motion]:
     """Let bodies walk straight ahead from standing at a speed in m/s. All other parameters are zero."""
-    values = np.tile(list(straight(command, speed).values()), (bodies, 1))
-    motions, courses = [generator.start() for _ in range(bodies)], [HeadingCorrection()] * bodies
-    for call in range(calls):
-        _hold_course(generator, command, motions, courses, values, (seed, 11, call))
+    motions, everyone = [generator.start() for _ in range(bodies)], np.arange(bodies)
+
+    def act(call: int, rows: Array) -> None:
+        extend(generator, command, motions, everyone, rows, (seed, 11, call))
+
+    _corrected(command, straight(command, speed), calls, act, lambda: motions)
     return motions
 
 
-def _hold_course(
-    generator: DiTGenerator,
+def _physical_walk(
+    actor: Actor, command: Command, asked: Mapping[str, float], calls: int, key: tuple[int, ...]
+) -> Motion:
+    """Call a skill again and again in half-physics, from standing."""
+    actor.stand(stage(f"side={_FLOOR}"))
+    _corrected(
+        command, asked, calls, lambda call, rows: actor.act(command, rows[0], (*key, call)), lambda: [actor.simulated]
+    )
+    return actor.simulated
+
+
+def _corrected(
     command: Command,
-    motions: list[Motion],
-    courses: list[HeadingCorrection],
-    values: Array,
-    key: tuple[int, ...],
+    asked: Mapping[str, float],
+    calls: int,
+    act: Callable[[int, Array], None],
+    bodies: Callable[[], Sequence[Motion]],
 ) -> None:
-    """Continue all bodies by one chunk, in place. Like `humanclaw.Body`, correct heading errors in the next call."""
-    asked = [command.named(row) for row in values]
-    steered = [course.steer(command.declaration, row) for course, row in zip(courses, asked, strict=True)]
-    histories = [motion[-HISTORY:] for motion in motions]
-    rows = np.array([[row[name] for name in command.names] for row in steered])
-    extend(generator, command, motions, np.arange(len(motions)), rows, key)
-    for index, (history, row) in enumerate(zip(histories, asked, strict=True)):
-        courses[index] = courses[index].after(command.declaration, row, history, motions[index][-FUTURE:])
+    """Ask the same of all bodies, again and again. Like `humanclaw.Body`, correct heading errors in the next call.
+
+    act: executes a call, by its number and the values of each body (N, k). bodies: their motion until now.
+    """
+    corrections = [HeadingCorrection()] * len(bodies())
+    for call in range(calls):
+        steered = [correction.steer(command.declaration, asked) for correction in corrections]
+        histories = [motion[-HISTORY:] for motion in bodies()]
+        act(call, np.array([[row[name] for name in command.names] for row in steered]))
+        ends = zip(corrections, histories, bodies(), strict=True)
+        corrections = [
+            correction.after(command.declaration, asked, history, motion[-FUTURE:])
+            for correction, history, motion in ends
+        ]
 
 
 def straight(command: Command, speed: float) -> dict[str, float]:
     """Return the values that walk straight ahead at a speed in m/s."""
     ahead = next((parameter.name for parameter in command.parameters if parameter.measure == "hips.forward"), "")
     return {name: speed * FUTURE / FPS if name == ahead else 0.0 for name in command.names}
-
-
-def _physical_walk(
-    actor: Actor, command: Command, asked: Mapping[str, float], calls: int, key: tuple[int, ...]
-) -> Motion:
-    """Call a skill again and again in half-physics, from standing, and correct heading errors in the next call."""
-    actor.stand(stage(f"side={_FLOOR}"))
-    course = HeadingCorrection()
-    for call in range(calls):
-        steered = course.steer(command.declaration, asked)
-        history = actor.simulated[-HISTORY:]
-        actor.act(command, np.array([steered[name] for name in command.names]), (*key, call))
-        course = course.after(command.declaration, asked, history, actor.simulated[-FUTURE:])
-    return actor.simulated
 
 
 # -- drift and corners -------------------------------------------------------------------------------------------------
