@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import functools
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, Final, TypeVar, cast
+from typing import TYPE_CHECKING, Any, Final, TypeVar, cast
 
 import click
 
 from humanclaw import Body, Choice, Plugins, Scene, Simulator, default_simulator
 from humanclaw.cli import plugin_options, seed_option, show_markdown
 from humanclaw.motion import PROFILES, DiTGenerator, Solver, load_base, read_header, shipped_base
+
+if TYPE_CHECKING:
+    from humanclaw_train.data.chunks import Chunks
 
 F = TypeVar("F", bound=Callable[..., Any])
 _FOLDER: Final = click.Path(path_type=Path, exists=True, file_okay=False)
@@ -139,7 +142,6 @@ def fidelity(
 @click.option("--clips", type=_FOLDER, help="Folder with clips.csv, for the gait of real walks.")
 @_JSON
 @click.option("--bodies", type=click.IntRange(1), default=20, show_default=True, help="Bodies per pair of skills.")
-@click.option("--calls", type=click.IntRange(1), default=120, show_default=True, help="Calls of the long rollout.")
 @click.option("--corners", type=click.IntRange(0), default=100, show_default=True, help="Calls at every corner.")
 @click.option("--simulator", default="", help="Name of the simulator (default: as in episodes).")
 def naturalness(
@@ -246,16 +248,11 @@ def data() -> None:
 )
 def build(source: Path, as_json: bool, hold_out: tuple[str, ...], **settings: Any) -> None:
     """Build the training chunks from a folder of motion capture, such as AMASS's."""
-    from humanclaw_train import markdown
     from humanclaw_train.data import build as building
-    from humanclaw_train.data.curate import statistics
     from humanclaw_train.synthesis.commands import trained
 
-    built = building.build(source, skills=trained(Plugins.discover()), hold_out=hold_out or None, **settings)
-    if as_json:
-        print(markdown.as_json(statistics(built.chunks)))
-    else:
-        show_markdown(f"{building.table(built.chunks)}\n\n{built.report}")
+    chunks, report = building.build(source, skills=trained(Plugins.discover()), hold_out=hold_out or None, **settings)
+    _show_statistics(chunks, as_json, report)
 
 
 @data.command()
@@ -275,20 +272,24 @@ def build(source: Path, as_json: bool, hold_out: tuple[str, ...], **settings: An
 @_BASE
 def chunks(folder: Path, as_json: bool, **settings: Any) -> None:
     """Make the chunks of a skill of your own from a folder of motion."""
-    from humanclaw_train import markdown
-    from humanclaw_train.data import build as building, custom_skill
-    from humanclaw_train.data.curate import statistics
+    from humanclaw_train.data import custom_skill
     from humanclaw_train.synthesis.commands import Trained
 
     skill = Trained.read(folder, Plugins.discover().measures)
     made, warnings = custom_skill.saved(skill, **settings)
-    named = {skill.name: made}
-    if as_json:
-        print(markdown.as_json(statistics(named)))
-    else:
-        show_markdown(building.table(named))
+    _show_statistics({skill.name: made}, as_json)
     for line in warnings:
         print(line, file=sys.stderr)
+
+
+def _show_statistics(chunks: Mapping[str, Chunks], as_json: bool, report: str = "") -> None:
+    from humanclaw_train import markdown
+    from humanclaw_train.data import curate
+
+    if as_json:
+        print(markdown.as_json(curate.statistics(chunks)))
+    else:
+        show_markdown(f"{curate.table(chunks)}\n\n{report}")
 
 
 # -- pictures ----------------------------------------------------------------------------------------------------------

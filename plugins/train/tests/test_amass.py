@@ -56,7 +56,7 @@ def test_from_an_amass_tree_to_an_adapter(build, tree, tmp_path, capsys):
 def test_windows_of_unlabelled_clips_show_what_their_geometry_says(build, tree, tmp_path):
     assert build(tree, tmp_path, "--seconds", "0", "--hold-out", "STUDIO/02/*") == 0
     found = {name: Chunks.load(tmp_path / f"{name}.npz") for name in ("walk", "turn_in_place", "side_step", "base")}
-    assert set(found["base"].clips) == {
+    assert set(found["base"].source) == {
         f"STUDIO: STUDIO/0{who}/{what}_poses" for who in "01" for what in ("walk", "stroll")
     }
     # The synthesised subjects walk 55 cm a half second straight ahead, turn by 0.9 and step 30 cm to the left.
@@ -167,7 +167,9 @@ def test_one_folder_in_twenty_is_held_out():
 
 def test_the_statistics_are_json_on_request(build, tree, tmp_path, capsys):
     assert build(tree, tmp_path, "--seconds", "0", "--json") == 0
-    assert json.loads(capsys.readouterr().out)["walk"]["real"] > 50
+    rows = {row["skill"]: row for row in json.loads(capsys.readouterr().out)}
+    assert rows["walk"]["real"] > 50
+    assert len(rows["walk"]["5 / 50 / 95 %"]["z"]) == 3
 
 
 def test_what_files_do_not_say_is_an_option(build, tmp_path, capsys):

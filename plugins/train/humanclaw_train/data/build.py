@@ -6,8 +6,8 @@ may name the clips and label their frames. Without labels, geometry alone decide
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import replace
 from fnmatch import fnmatch
 from pathlib import Path, PurePath
 from typing import Final
@@ -15,11 +15,10 @@ from typing import Final
 from tqdm import tqdm
 
 from humanclaw import HumanclawError
-from humanclaw.body import FPS, FUTURE
+from humanclaw_train.data import report
 from humanclaw_train.data.chunks import Chunks
-from humanclaw_train.data.curate import Use, build_real, statistics
-from humanclaw_train.data.report import Report, Row
-from humanclaw_train.markdown import table as markdown
+from humanclaw_train.data.curate import build_real
+from humanclaw_train.data.report import Use
 from humanclaw_train.mocap.clips import Clip, Folder
 from humanclaw_train.mocap.readers import AS_WRITTEN, Reading
 from humanclaw_train.mocap.source_motion import MocapError
@@ -35,14 +34,6 @@ blocks and the first of two clips of sitting, each of which only one subject did
 """
 _ONE_IN: Final = 20
 """One in so many folders of an unlabelled tree is held out; of a tree with fewer folders, one in so many clips."""
-
-
-@dataclass(frozen=True)
-class Built:
-    """The chunks of every skill and of `base`, and what became of the clips."""
-
-    chunks: Mapping[str, Chunks]
-    report: Report
 
 
 def held_out(clips: Sequence[Clip], patterns: Sequence[str] | None = None) -> set[str]:
@@ -68,37 +59,40 @@ def build(
     without: Sequence[str] = (),
     hold_out: Sequence[str] | None = None,
     reading: Reading = AS_WRITTEN,
-) -> Built:
+) -> tuple[dict[str, Chunks], str]:
     """Build real and synthetic chunks and save them as out/<skill>.npz, those of held-out clips in out/held_out.
 
     seconds: of synthetic motion per skill. without: sources to leave out, such as `HDM05`. hold_out: patterns of names
-    of clips (held_out). reading: what the files do not say. Raises HumanclawError if no clip can be read or none has a
-    plausible window.
+    of clips (held_out). reading: what the files do not say. Returns the chunks of every skill and of `base`, and a
+    report as Markdown. Raises HumanclawError if no clip can be read or none has a plausible window.
     """
     folder = Folder.read(source, reading)
     every = [clip for clip in folder.clips if clip.source not in without]
     # Before anything is measured on clips: profiles of synthetic motion must not see held-out people either.
     back = held_out(every, hold_out)
     clips = [clip for clip in every if clip.name not in back]
-    trained, kept_back = list[Use](), list[Use]()
-    real = build_real(clips, skills, trained.append)
+    uses, kept_back = list[Use](), list[Use]()
+    real = build_real(clips, skills, uses.append)
     apart = build_real([clip for clip in every if clip.name in back], skills, kept_back.append)
     synthetic, note = _synthetic(clips, skills, seconds, seed)
-    idle = sum(use.chunks.get("base", 0) for use in trained) - (len(real["base"]) if "base" in real else 0)
-    rows = [*(Row.of(use, "trained on") for use in trained), *(Row.of(use, "held out") for use in kept_back)]
-    rows += [Row.unwanted(clip) for clip in folder.clips if clip.source in without]
-    rows += [Row(name, "", "left out", reason) for name, reason in folder.left_out.items()]
-    report = Report.of(rows, trained, idle, note)
+    uses += [replace(use, outcome="held out") if use.outcome == "trained on" else use for use in kept_back]
+    uses += [
+        Use(clip.name, clip.source, "left out", f"--without {clip.source}", report.seconds(clip))
+        for clip in folder.clips
+        if clip.source in without
+    ]
+    uses += [Use(name, "", "left out", reason) for name, reason in folder.left_out.items()]
+    text = "\n\n".join(filter(None, (report.summary(uses), note)))
     if "base" not in real:
-        raise HumanclawError(f"No clip of {source} can be trained on.", f"Give other clips.\n\n{report}")
+        raise HumanclawError(f"No clip of {source} can be trained on.", f"Give other clips.\n\n{text}")
     names = list(dict.fromkeys((*real, *synthetic)))
     whole = {name: Chunks.join(part[name] for part in (real, synthetic) if name in part) for name in names}
     for name, chunks in whole.items():
         chunks.save(out / f"{name}.npz")
     for name, chunks in apart.items():
         chunks.save(out / "held_out" / f"{name}.npz")
-    report.save(out)
-    return Built(whole, report)
+    report.save(uses, out)
+    return whole, text
 
 
 def _synthetic(
@@ -113,21 +107,3 @@ def _synthetic(
         return {}, f"No synthetic motion: {error.message}"
     with tqdm(total=100, desc="editing", unit="%", disable=None) as bar:
         return synthetic_chunks(profiles, skills, seconds, seed, lambda done: bar.update(int(100 * done) - bar.n)), ""
-
-
-def table(chunks: Mapping[str, Chunks]) -> str:
-    """Return statistics as a Markdown table: chunks and seconds, and 5, 50 and 95 % quantiles of parameters in SI.
-
-    Seconds count the futures. Windows of real motion overlap; each of their frames counts once.
-    """
-    heads = ("skill", "real", "synthetic", "real s", "synthetic s", "parameters: 5 / 50 / 95 %")
-    rows = []
-    for name, counts in statistics(chunks).items():
-        spread = "; ".join(
-            f"{key} {low:.2f} / {mid:.2f} / {high:.2f}" for key, (_, low, mid, high, _) in counts.params.items()
-        )
-        synthetic = counts.chunks - counts.real
-        seconds = (f"{counts.seconds:.1f}", f"{synthetic * FUTURE / FPS:.1f}")
-        cells = (name, counts.real, synthetic, *seconds, spread or "-")
-        rows.append([*map(str, cells)])
-    return markdown(heads, rows)

@@ -102,11 +102,6 @@ class Chunks:
         if not len(self.names) == len(self.measures) == self.params.shape[1]:
             raise ValueError(f"expected names and measures of {self.params.shape[1]} parameters; got {self.names}")
 
-    @property
-    def clips(self) -> tuple[str, ...]:
-        """Names of the clips, each once, sorted."""
-        return tuple(np.unique(self.source).tolist())
-
     @classmethod
     def of(
         cls,

@@ -7,8 +7,6 @@ labels geometry decides alone, with stricter rules. Needs only numpy.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Final
 
 import numpy as np
@@ -29,6 +27,8 @@ from humanclaw.body import (
 )
 from humanclaw.skills import MEASURES, WindowTravel
 from humanclaw_train.data.chunks import Chunks, cut
+from humanclaw_train.data.report import Use
+from humanclaw_train.markdown import Row, rows_table
 from humanclaw_train.mocap.clips import Clip, Spans
 from humanclaw_train.synthesis.commands import Mask, Trained
 
@@ -59,40 +59,34 @@ def travel(root: Array, rotations: Array) -> WindowTravel:
 
 
 # -- sanity ------------------------------------------------------------------------------------------------------------
-@dataclass(frozen=True)
-class Limits:
-    """Limits of a plausible chunk, measured on clean clips with a margin."""
-
-    speed: float = 7.0
-    """Largest speed of a joint relative to the pelvis, m/s."""
-    turn: float = 1.0
-    """Largest change of a rotation vector's numbers, radians a frame: excludes flips and the wrap at half a turn."""
-    acceleration: float = 120.0
-    """Largest acceleration of a joint, m/s^2: excludes glitches, which move a joint for one frame and back."""
-    sunk: float = 0.05
-    """Depth of a sole under the floor, metres, on flat ground."""
-    lowest_pelvis: float = 0.25
-    """Metres above the floor."""
-
-
+# Limits of a plausible chunk, measured on clean clips with a margin.
+_SPEED: Final = 7.0
+"""Largest speed of a joint relative to the pelvis, m/s."""
+_TURN: Final = 1.0
+"""Largest change of a rotation vector's numbers, radians a frame: excludes flips and the wrap at half a turn."""
+_ACCELERATION: Final = 120.0
+"""Largest acceleration of a joint, m/s^2: excludes glitches, which move a joint for one frame and back."""
+_SUNK: Final = 0.05
+"""Depth of a sole under the floor, metres, on flat ground."""
+_LOWEST: Final = 0.25
+"""Least height of the pelvis, metres above the floor."""
 _ON_FLAT: Final = ("lying down", "a foot under the floor")
 """Flaws on flat ground alone. On stairs the floor of the canonical frame may lie above the lower tread."""
 
 
-def flaws(root: Array, rotations: Array, limits: Limits | None = None) -> dict[str, Mask]:
+def flaws(root: Array, rotations: Array) -> dict[str, Mask]:
     """Return which canonical chunks have each flaw (N,)."""
-    limits = limits or Limits()
     joints = forward_kinematics(root, rotations)[0]
     relative = np.diff(joints - joints[:, :, :1], axis=1) * FPS
     acceleration = np.linalg.norm(np.diff(joints, 2, axis=1), axis=-1).max(axis=(1, 2)) * FPS**2
     lowest = root[..., 1].min(axis=1)
     return {
-        "too fast": np.linalg.norm(relative, axis=-1).max(axis=(1, 2)) > limits.speed,
-        "a joint that flips": np.abs(np.diff(rotations, axis=1)).max(axis=(1, 2, 3)) > limits.turn,
-        "a glitch": acceleration > limits.acceleration,
+        "too fast": np.linalg.norm(relative, axis=-1).max(axis=(1, 2)) > _SPEED,
+        "a joint that flips": np.abs(np.diff(rotations, axis=1)).max(axis=(1, 2, 3)) > _TURN,
+        "a glitch": acceleration > _ACCELERATION,
         "hips under the floor": lowest < 0.0,
-        "lying down": lowest < limits.lowest_pelvis,
-        "a foot under the floor": -support_height(joints).min(axis=1) > limits.sunk,
+        "lying down": lowest < _LOWEST,
+        "a foot under the floor": -support_height(joints).min(axis=1) > _SUNK,
     }
 
 
@@ -107,16 +101,6 @@ def sane(root: Array, rotations: Array, flat: bool) -> Mask:
 
 
 # -- building ----------------------------------------------------------------------------------------------------------
-@dataclass(frozen=True)
-class Use:
-    """What became of a clip's windows: their number, the chunks of each skill, and how many windows have each flaw."""
-
-    clip: Clip
-    windows: int
-    chunks: Mapping[str, int]
-    flawed: Mapping[str, int]
-
-
 def build_real(
     clips: Iterable[Clip], skills: Sequence[Trained], report: Callable[[Use], object] = lambda use: None
 ) -> dict[str, Chunks]:
@@ -128,7 +112,7 @@ def build_real(
     for clip in clips:
         starts = np.arange(0, len(clip.motion) - CHUNK + 1, WINDOW_STRIDE)
         chunks_of_clip, flawed = _of_clip(clip, starts, skills) if len(starts) else ({}, {})
-        report(Use(clip, len(starts), {skill: len(chunks) for skill, chunks in chunks_of_clip.items()}, flawed))
+        report(Use.of(clip, len(starts), {skill: len(chunks) for skill, chunks in chunks_of_clip.items()}, flawed))
         for skill, chunks in chunks_of_clip.items():
             parts.setdefault(skill, []).append(chunks)
     joined = {skill: Chunks.join(chunks) for skill, chunks in parts.items()}
@@ -208,27 +192,32 @@ def _less_idle(base: Chunks) -> Chunks:
 
 
 # -- statistics --------------------------------------------------------------------------------------------------------
-@dataclass(frozen=True)
-class Statistics:
-    """One skill's data: chunks, real chunks, source clips, and (min, 5 %, median, 95 %, max) of each parameter."""
+def statistics(chunks: Mapping[str, Chunks]) -> list[Row]:
+    """Return for each skill the numbers of chunks, the seconds of their futures, and 5, 50 and 95 % of parameters, SI.
 
-    chunks: int
-    real: int
-    clips: int
-    seconds: float
-    """Seconds of real motion in the chunks' futures; each frame counts once."""
-    params: Mapping[str, tuple[float, ...]]
+    Windows of real motion overlap; each of their frames counts once.
+    """
+    return [_statistics(skill, data) for skill, data in chunks.items()]
 
 
-def statistics(chunks: Mapping[str, Chunks], stride: int = WINDOW_STRIDE) -> dict[str, Statistics]:
-    """Return the statistics of each skill. stride: frames between windows, to count seconds."""
-    return {skill: _statistics(data, stride) for skill, data in chunks.items()}
-
-
-def _statistics(chunks: Chunks, stride: int) -> Statistics:
+def _statistics(skill: str, chunks: Chunks) -> Row:
     real = int(chunks.real.sum())
-    spread = np.percentile(chunks.params, [0, 5, 50, 95, 100], axis=0).T if len(chunks) else np.zeros((0, 5))
-    params = {name: tuple(map(float, row)) for name, row in zip(chunks.names.tolist(), spread, strict=True)}
-    return Statistics(
-        len(chunks), real, len(set(chunks.source.tolist())), real * stride / FPS, MappingProxyType(params)
-    )
+    synthetic = len(chunks) - real
+    spread = np.percentile(chunks.params, [5, 50, 95], axis=0).T if len(chunks) else np.zeros((0, 3))
+    return {
+        "skill": skill,
+        "real": real,
+        "synthetic": synthetic,
+        "real s": real * WINDOW_STRIDE / FPS,
+        "synthetic s": synthetic * FUTURE / FPS,
+        "5 / 50 / 95 %": dict(zip(chunks.names.tolist(), spread.tolist(), strict=True)),
+    }
+
+
+def table(chunks: Mapping[str, Chunks]) -> str:
+    """Return the statistics as a Markdown table."""
+    rows, last = statistics(chunks), "5 / 50 / 95 %"
+    for row in rows:
+        spread = (f"{name} " + " / ".join(f"{value:.2f}" for value in values) for name, values in row[last].items())
+        row[last] = "; ".join(spread) or "-"
+    return rows_table(rows)

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import csv
-from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Final, Literal
 
 from humanclaw.body import CHUNK, FPS
-from humanclaw_train.data.curate import Use
 from humanclaw_train.markdown import table
 from humanclaw_train.mocap.clips import Clip
 
@@ -19,8 +17,8 @@ FILE: Final = "report.csv"
 
 
 @dataclass(frozen=True)
-class Row:
-    """One clip or file. chunks: windows of the clip in the base, before standing still is thinned out."""
+class Use:
+    """What became of one clip or file. chunks: its windows in the base, before standing still is thinned out."""
 
     name: str
     source: str
@@ -31,62 +29,41 @@ class Row:
     chunks: int = 0
 
     @classmethod
-    def of(cls, use: Use, outcome: Literal["trained on", "held out"]) -> Row:
-        """Describe the use of a clip. A clip without a plausible window is left out, for the commonest reason."""
-        clip, chunks = use.clip, use.chunks.get("base", 0)
-        size = (_seconds(clip), use.windows, chunks)
-        if use.chunks:
-            return cls(clip.name, clip.source, outcome, "", *size)
-        reason = max(use.flawed, key=use.flawed.__getitem__) if any(use.flawed.values()) else "no label"
-        reason = reason if use.windows else f"shorter than {CHUNK / FPS:.2f} s"
+    def of(cls, clip: Clip, windows: int, chunks: Mapping[str, int], flawed: Mapping[str, int]) -> Use:
+        """Describe the use of a clip: its windows, chunks of each skill, and the windows with each flaw.
+
+        A clip without a plausible window is left out, for the commonest reason.
+        """
+        size = (seconds(clip), windows, chunks.get("base", 0))
+        if chunks:
+            return cls(clip.name, clip.source, "trained on", "", *size)
+        reason = max(flawed, key=flawed.__getitem__) if any(flawed.values()) else "no label"
+        reason = reason if windows else f"shorter than {CHUNK / FPS:.2f} s"
         return cls(clip.name, clip.source, "left out", reason, *size)
 
-    @classmethod
-    def unwanted(cls, clip: Clip) -> Row:
-        """Describe a clip of a source that the caller leaves out."""
-        return cls(clip.name, clip.source, "left out", f"--without {clip.source}", _seconds(clip))
+
+def save(uses: Sequence[Use], folder: Path) -> None:
+    """Write one line for each clip and file."""
+    with (folder / FILE).open("w", newline="", encoding="utf-8") as file:
+        lines = csv.writer(file)
+        lines.writerow(field.name for field in fields(Use))
+        lines.writerows(tuple(vars(use).values()) for use in uses)
 
 
-@dataclass(frozen=True)
-class Report:
-    """Rows of clips and files, and the number of windows with each flaw. note: why there is no synthetic motion."""
-
-    rows: tuple[Row, ...]
-    flawed: Mapping[str, int]
-    note: str = ""
-
-    @classmethod
-    def of(cls, rows: Iterable[Row], uses: Sequence[Use], idle: int, note: str) -> Report:
-        """Put the rows together. idle: chunks of standing still that the base leaves out."""
-        flawed = sum((Counter(use.flawed) for use in uses), Counter[str]())
-        return cls(tuple(rows), {**flawed, "standing still, more than a quarter of the base": idle}, note)
-
-    def save(self, folder: Path) -> None:
-        """Write one line for each clip and file."""
-        with (folder / FILE).open("w", newline="", encoding="utf-8") as file:
-            lines = csv.writer(file)
-            lines.writerow(field.name for field in fields(Row))
-            lines.writerows(tuple(vars(row).values()) for row in self.rows)
-
-    def __str__(self) -> str:
-        return "\n\n".join(part for part in (self._clips(), self._windows(), self.note) if part)
-
-    def _clips(self) -> str:
-        groups: dict[tuple[str, str], list[Row]] = {}
-        for row in self.rows:
-            groups.setdefault((row.outcome, row.reason), []).append(row)
-        heads = ("clips", "why", "number", "seconds", "windows", "chunks", "for example")
-        rows = []
-        for (outcome, reason), members in groups.items():
-            seconds = f"{sum(row.seconds for row in members):.1f}"
-            counts = (sum(row.windows for row in members), sum(row.chunks for row in members))
-            rows.append([outcome, reason, *map(str, (len(members), seconds, *counts)), members[0].name])
-        return table(heads, rows)
-
-    def _windows(self) -> str:
-        rows = [(flaw, str(count)) for flaw, count in self.flawed.items() if count]
-        return table(("windows left out", "number"), rows) if rows else ""
+def summary(uses: Sequence[Use]) -> str:
+    """Return a Markdown table of outcomes and reasons."""
+    groups: dict[tuple[str, str], list[Use]] = {}
+    for use in uses:
+        groups.setdefault((use.outcome, use.reason), []).append(use)
+    heads = ("clips", "why", "number", "seconds", "windows", "chunks", "for example")
+    rows = []
+    for (outcome, reason), members in groups.items():
+        total = f"{sum(use.seconds for use in members):.1f}"
+        counts = (sum(use.windows for use in members), sum(use.chunks for use in members))
+        rows.append([outcome, reason, *map(str, (len(members), total, *counts)), members[0].name])
+    return table(heads, rows)
 
 
-def _seconds(clip: Clip) -> float:
+def seconds(clip: Clip) -> float:
+    """Return the duration of a clip."""
     return round(len(clip.motion) / FPS, 2)
