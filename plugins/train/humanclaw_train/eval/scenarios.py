@@ -11,7 +11,6 @@
   people's. Drift: where a hundred straight calls in a row end. Corners: the lowest hips of walks at every corner of the
   range, in half-physics.
 * Self-penetration: share of frames in which hands are in thighs or trunk, or the legs in each other.
-* Seats: how installed skills sit down on seats in half-physics, and get up again.
 * Transitions: peak joint acceleration where a second skill takes over, for every ordered pair of skills, over the peak
   in real motion (the 99.9th percentile of the same two-frame peak over real chunks that move).
 """
@@ -28,15 +27,12 @@ from humanclaw import Motion
 from humanclaw.body import (
     FUTURE,
     HISTORY,
-    JOINT_INDEX,
     Array,
-    centre_of_mass,
     forward_kinematics,
     root_jerk,
-    shoe_heights,
 )
 from humanclaw.motion import DiTGenerator
-from humanclaw.skills import bench, stage, stage_for, suited
+from humanclaw.skills import stage, stage_for, suited
 from humanclaw_train.data.chunks import Chunks, of_skill
 from humanclaw_train.eval import likeness, measures, self_penetration as overlap, walks
 from humanclaw_train.eval.measures import SEAM
@@ -199,82 +195,6 @@ def _call(body: Body, command: Command, values: Array) -> Motion:
     return called(body, body.skills[command.skill], dict(zip(asked, values.tolist(), strict=True)))
 
 
-# -- seats -------------------------------------------------------------------------------------------------------------
-_TOPS: Final = (0.35, 0.40, 0.45, 0.50, 0.55)
-"""Heights of seats, metres."""
-_ASKED: Final = 0.10
-"""Height of the hips over the seat that the schema of sitting down advises, metres."""
-_LEFT: Final = 0.03
-"""Rise of the hips, metres, from which they have left the seat."""
-_STANDS: Final = 0.01
-"""Height of a shoe, metres, below which it stands on the floor."""
-_TOES, _ANKLES = ([JOINT_INDEX[f"{side}_{joint}"] for side in ("left", "right")] for joint in ("foot", "ankle"))
-_HEEL: Final = 0.06
-"""Distance of the heel behind the ankle, metres."""
-
-
-def seats(subject: Subject) -> list[Row]:
-    """Sit down on each seat and get up again by each installed skill of role locomotion; the worst of them counts."""
-    place = subject.place
-    return [_seat(place, top, subject.seed) for top in _TOPS] if place is not None else []
-
-
-def _seat(place: Place, top: float, seed: int) -> Row:
-    rises, hips, shoes, hands, ends = [], 0.0, [0.0], 0.0, []
-    for name in _of_role(place, "locomotion"):
-        with place(bench(top), seed) as body:
-            called(body, body.skills[_of_role(place, "sit")[0]], {"hips.height": top + _ASKED})
-            still = [called(body, body.skills[_of_role(place, "stop")[0]], {}) for _ in range(3)]
-            hips, shoes = float(still[0].root[-1, 1]), [_shoes(motion) for motion in still]
-            hands = max(float(overlap.depth(*_posed(motion), overlap.ARMS).max()) for motion in still)
-            motion = called(body, body.skills[name], {})
-            rises.append(_rise(motion, hips))
-            ends.append(float(motion.root[-1, 1]))
-    balance, lean, slide = np.array(rises).T
-    return {
-        "seat cm": 100 * top,
-        "hips over it cm": 100 * (hips - top),
-        "shoes over the floor cm": 100 * shoes[0],
-        "1 s later": 100 * shoes[-1],
-        "hands in thighs cm": 100 * max(hands, 0.0),
-        "weight ahead of the heels cm": float(balance.min()),
-        "lean": float(lean.max()),
-        "slide cm": float(slide.max()),
-        "hips after one call cm": 100 * min(ends),
-    }
-
-
-def _of_role(place: Place, role: str) -> list[str]:
-    with place(bench(_TOPS[0]), 0) as body:
-        return sorted(name for name, skill in body.skills.items() if skill.role == role and skill.trained)
-
-
-def _shoes(motion: Motion) -> float:
-    """Return the height of the higher shoe over the floor at the end."""
-    return float(shoe_heights(*_posed(motion[-1:])).max())
-
-
-def _posed(motion: Motion) -> tuple[Array, Array]:
-    return forward_kinematics(motion.root, motion.rotations)
-
-
-def _rise(motion: Motion, hips: float) -> tuple[float, float, float]:
-    """Return the balance as the hips leave the seat, the greatest lean, and a foot's slide until the body stands."""
-    joints, turns = _posed(motion)
-    left = motion.root[:, 1] > hips + _LEFT
-    off = int(np.argmax(left))
-    yaw = motion.yaw()[off]
-    ahead = np.array([np.sin(yaw), 0.0, np.cos(yaw)])
-    weight = (centre_of_mass(joints, turns)[off] - joints[off, _ANKLES].mean(0)) @ ahead + _HEEL
-    trunk = joints[:, JOINT_INDEX["neck"]] - joints[:, 0]
-    lean = np.degrees(np.arccos(np.clip(trunk[:, 1] / np.linalg.norm(trunk, axis=-1), -1.0, 1.0))).max()
-    # What follows once the body stands are steps, of which a foot may slide as in any.
-    stands = int(np.argmax(motion.root[:, 1] > 0.9 * motion.root[:, 1].max()))
-    steps = np.linalg.norm(np.diff(joints[: stands + 1, _TOES][..., [0, 2]], axis=0), axis=-1)
-    down = shoe_heights(joints, turns)[1 : stands + 1] < _STANDS
-    return 100 * float(weight), float(lean), 100 * float((steps * down).sum(0).max(initial=0.0))
-
-
 # -- transitions -------------------------------------------------------------------------------------------------------
 def transitions(subject: Subject) -> list[Row]:
     """Return for each skill the worst seam to every other one, over the peak of real motion, and the median seam.
@@ -328,7 +248,6 @@ SCENARIOS: Final[Mapping[str, Callable[[Subject], list[Row]]]] = {
     "drift of a hundred straight calls, 50 m": walks.drift,
     "corners of the range in half-physics": walks.corners,
     "links in each other": self_penetration,
-    "seats": seats,
     "transitions, over the peak of real motion": transitions,
 }
 """Every scenario by the title of its table, in the order in which they are shown."""
