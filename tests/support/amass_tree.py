@@ -39,8 +39,13 @@ def trained_skills() -> dict[str, Trained]:
 
 def synthesize(commands: list[tuple[Trained, dict[str, float]]], seed: int) -> Motion:
     """Return one such body that stands for 5 frames and then carries out commands of 15 frames each."""
-    root, rotations, _ = play(swinging(), [Commands.of([command]) for command in commands], np.random.default_rng(seed))
+    calls = [Commands.of([skill], np.zeros(1, int), _values(skill, given)) for skill, given in commands]
+    root, rotations, _ = play(swinging(), calls, np.random.default_rng(seed))
     return Motion(root[0], rotations[0])
+
+
+def _values(skill: Trained, given: dict[str, float]) -> NDArray[np.floating]:
+    return np.array([[given.get(parameter.name, 0.0) for parameter in skill.declaration.parameters]])
 
 
 def write_amass(folder: Path, subjects: int = 3) -> Path:

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
         MODEL as MODEL,
         Base as Base,
         Card as Card,
+        Normaliser as Normaliser,
         Tensors as Tensors,
         broken as broken,
         load_adapter as load_adapter,

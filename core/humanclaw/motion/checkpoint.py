@@ -35,16 +35,19 @@ Tensors = Mapping[str, NDArray[np.floating]]
 
 @dataclass(frozen=True)
 class Normaliser:
-    """Scales the 219 numbers of a state to mean 0 and deviation 1. mean, std: (219,) float32."""
+    """Scales the 219 numbers of a state to mean 0 and deviation 1, arrays and tensors alike.
 
-    mean: Array
-    std: Array
+    mean, std: (219,) float32.
+    """
 
-    def forward(self, state: Array) -> Array:
+    mean: Any
+    std: Any
+
+    def forward(self, state: Any) -> Any:
         """Return (..., 219) normalised states from metres and radians."""
         return (state - self.mean) / self.std
 
-    def inverse(self, state: Array) -> Array:
+    def inverse(self, state: Any) -> Any:
         """Return (..., 219) states in metres and radians from normalised ones."""
         return state * self.std + self.mean
 
@@ -87,7 +90,7 @@ class Base:
     @property
     def usual(self) -> NDArray[np.float64]:
         """Mean rotation (24, 3) of each joint in the data, radians; zero for the pelvis."""
-        joints = self.normaliser.mean[6 : 3 + 3 * N_JOINTS].astype(float)
+        joints: NDArray[np.float64] = self.normaliser.mean[6 : 3 + 3 * N_JOINTS].astype(float)
         return np.concatenate([np.zeros(3), joints]).reshape(N_JOINTS, 3)
 
 

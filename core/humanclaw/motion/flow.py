@@ -71,12 +71,11 @@ PROFILES: Final = {"default": Solver("euler", 3, power=2.0), "paper": Solver("mi
 right-first step."""
 
 
-def velocity(prediction: Prediction, output: Array, noisy: Array, tau: float) -> Array:
-    """Return the velocity that a model's output means. tau: below 1."""
+def velocity(prediction: Prediction, output: Any, noisy: Any, tau: Any) -> Any:
+    """Return the velocity that a model's output means. Arrays and tensors alike. tau: below 1, alone or (B, 1, 1)."""
     if prediction == "velocity":
         return output
-    # In single precision: numpy's stubs promote by a Python float, numpy does not.
-    return (output - (1 - SIGMA_MIN) * noisy) / (1 - (1 - SIGMA_MIN) * tau)  # type: ignore[return-value]
+    return (output - (1 - SIGMA_MIN) * noisy) / (1 - (1 - SIGMA_MIN) * tau)
 
 
 def noise_of(keys: Sequence[Sequence[int]]) -> Array:

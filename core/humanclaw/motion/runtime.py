@@ -76,7 +76,8 @@ class NumpyRuntime:
                 if controlled is not None and conditions is not None:
                     through = controlled.through(conditions, slice(index, index + 1))
                 output = model(history, noisy, _at(self._modulations, index), through)
-                return velocity(model.config.prediction, output, noisy, self._solver.times[index])
+                answer: Array = velocity(model.config.prediction, output, noisy, self._solver.times[index])
+                return answer
 
             future: Array = self._solver.solve(field, noise)
             return future

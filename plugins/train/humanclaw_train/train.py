@@ -52,6 +52,7 @@ from humanclaw.motion import (
     Encoder,
     read_header,
     shipped_base,
+    velocity,
 )
 from humanclaw.skills import Skill
 from humanclaw.storage import write_atomically
@@ -60,10 +61,10 @@ from humanclaw_train.data.chunks import CHUNKS
 from humanclaw_train.data.rollout_training import OwnHistories, predecessors
 from humanclaw_train.data.tensors import ChunkTensors
 from humanclaw_train.model import kinematics
-from humanclaw_train.model.checkpoint import Base, load_adapter, load_base, save_adapter, save_base
+from humanclaw_train.model.checkpoint import Base, load_adapter, load_base, moved, save_adapter, save_base
 from humanclaw_train.model.control import Adapter
 from humanclaw_train.model.dit import DiT
-from humanclaw_train.model.flow import LOSSES, Loss, clean, noised, target, velocity
+from humanclaw_train.model.flow import LOSSES, Loss, clean, noised, target
 
 _SAVE_SECONDS: Final = 120
 """An interruption costs at most so much work; a save of the largest size takes about a second."""
@@ -192,7 +193,8 @@ class Model(nn.Module):
 
         def field(index: int, noisy: Tensor) -> Tensor:
             tau = torch.full((len(noisy),), solver.times[index], device=noisy.device)
-            return velocity(self.prediction, self(normal, noisy, tau, condition), noisy, tau)
+            answer: Tensor = velocity(self.prediction, self(normal, noisy, tau, condition), noisy, tau[:, None, None])
+            return answer
 
         future: Tensor = self.normaliser.inverse(solver.solve(field, noise))
         return future
@@ -602,7 +604,7 @@ def _schedule(step: int, progress: float) -> float:
 def train_base(folders: Sequence[Path], recipe: Recipe, session: Session) -> Path:
     """Train the prior on every file of chunks. Returns its checkpoint, base.safetensors."""
     chunks = tensors.load_all(folders)
-    normaliser, start = tensors.normaliser(chunks).to(session.device), tensors.standing(chunks)
+    normaliser, start = moved(tensors.normaliser(chunks), session.device), tensors.standing(chunks)
     torch.manual_seed(recipe.seed)  # For the initial weights; batches have generators of their own.
     dit = DiT(SIZES[recipe.size]).to(session.device)
     run = Run(Model(Base(dit, normaliser, "")), chunks.to(session.device), recipe, session)

@@ -11,9 +11,18 @@ from tiny_motion import WALK
 
 from humanclaw import Motion
 from humanclaw.body import decode, encode
-from humanclaw.motion import PROFILES, SIZES, AdapterConfig, DiTGenerator, ModelConfig, Solver, noise_of, shipped_base
+from humanclaw.motion import (
+    PROFILES,
+    SIZES,
+    AdapterConfig,
+    DiTGenerator,
+    ModelConfig,
+    Solver,
+    noise_of,
+    shipped_base,
+    velocity,
+)
 from humanclaw_train.eval.rollouts import Command, adapters
-from humanclaw_train.model import flow
 from humanclaw_train.model.checkpoint import load_adapter, load_base
 from humanclaw_train.model.control import Adapter
 from humanclaw_train.model.dit import DiT, Modulations
@@ -125,7 +134,7 @@ def _defined(history: Motion, adapter_file: Path | None, values: dict[str, float
         one = slice(index, index + 1)
         residual = None if branch is None else adapter.residual(condition, branch[:, :, one])
         output = base.model(state, noisy, Modulations(own.blocks[:, :, one], own.final[:, one]), residual)
-        return flow.velocity(base.model.config.prediction, output, noisy, times[one])
+        return velocity(base.model.config.prediction, output, noisy, times[one])
 
     future = solver.solve(field, torch.from_numpy(noise_of([(key,)])))
     return decode(base.normaliser.inverse(future)[0].numpy())

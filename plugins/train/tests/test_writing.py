@@ -8,9 +8,9 @@ torch = pytest.importorskip("torch")
 from safetensors.numpy import load_file
 from tiny_motion import WALK
 
-from humanclaw.motion import AdapterConfig, Card, ModelConfig, checkpoint
+from humanclaw.motion import AdapterConfig, Card, ModelConfig, Normaliser, checkpoint
 from humanclaw_train.data.tensors import ChunkTensors
-from humanclaw_train.model.checkpoint import Normaliser, load_adapter, load_base, save_adapter, save_base
+from humanclaw_train.model.checkpoint import load_adapter, load_base, save_adapter, save_base
 from humanclaw_train.model.control import Adapter
 from humanclaw_train.model.dit import DiT
 from humanclaw_train.train import adapter_config

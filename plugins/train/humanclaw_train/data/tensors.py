@@ -18,9 +18,9 @@ from torch import Tensor
 
 from humanclaw import HumanclawError
 from humanclaw.body import CHUNK, FPS, FUTURE, HISTORY, JOINT_INDEX, STATE_SIZE
+from humanclaw.motion import Normaliser
 from humanclaw_train.data.chunks import Chunks
 from humanclaw_train.model import kinematics
-from humanclaw_train.model.checkpoint import Normaliser
 
 _LEAST_STD: Final = (0.02, 0.05, 0.02, 0.005)
 """Least standard deviation per block of the state. Without it, the noise of a joint that hardly moves would grow."""

@@ -35,7 +35,7 @@ def plant(pose: Pose) -> Pose:
     floor = _one_floor(pose)  # Needs level soles, so only after calibration.
     for side in SIDES:
         pose = _levelled(pose, side, floor)
-    shifts = {side: _hold(pose, side, _runs(_bearing(pose, side, floor)), floor) for side in SIDES}
+    shifts = {side: _hold(pose, side, runs_of(_bearing(pose, side, floor)), floor) for side in SIDES}
     # Both feet off by the same height is an error of the root, so the legs need not bend for it.
     common = float(np.median(np.concatenate([shift[:, 1] for shift in shifts.values()])))
     ankles = {side: pose.at(f"{side}_ankle") + shift for side, shift in shifts.items()}
@@ -67,7 +67,7 @@ def _levelled(pose: Pose, side: str, floor: float | None) -> Pose:
     flat = bears & _slow(pose, f"{side}_ankle")
     for joint, stands, most in ((f"{side}_ankle", flat, _LEVEL_TILT), (f"{side}_foot", bears, 1.0)):
         turn = pose.world[:, JOINT_INDEX[joint]]
-        level = _runs(stands & (np.arccos(np.clip(turn[:, 1, 1], -1.0, 1.0)) < most))
+        level = runs_of(stands & (np.arccos(np.clip(turn[:, 1, 1], -1.0, 1.0)) < most))
         correction = _between(level, vector_from_matrix(swing(turn[:, :, 1], _UP)), _FADE)
         pose = pose.turned(joint, matrix_from_vector(correction) @ turn)
     return pose
@@ -143,7 +143,7 @@ def _bearing(pose: Pose, side: str, floor: float | None) -> NDArray[np.bool_]:
     slow = _slow(pose, toe)
     if floor is not None:
         slow &= pose.at(toe)[:, 1] < floor + TOE_SOLE + _LIFTED
-    return _mask(_runs(slow), len(slow))
+    return _mask(runs_of(slow), len(slow))
 
 
 def _slow(pose: Pose, joint: str) -> NDArray[np.bool_]:
@@ -157,14 +157,14 @@ def _slow(pose: Pose, joint: str) -> NDArray[np.bool_]:
 def _bridged(mask: NDArray[np.bool_], points: Array, frames: int = 4, metres: float = 0.02) -> NDArray[np.bool_]:
     """Fill gaps of the mask that are shorter than any step and in which the point hardly moves."""
     filled = mask.copy()
-    for gap in _runs(~mask, least=1):
+    for gap in runs_of(~mask, least=1):
         inner = gap.start > 0 and gap.stop < len(mask) and gap.stop - gap.start < frames
         if inner and np.linalg.norm(points[gap.stop] - points[gap.start - 1]) < metres:
             filled[gap] = True
     return filled
 
 
-def _runs(mask: NDArray[np.bool_], least: int = 3) -> list[slice]:
+def runs_of(mask: NDArray[np.bool_], least: int = 3) -> list[slice]:
     """Return the stretches of at least `least` frames in which the mask is true."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]])))
     return [slice(first, last) for first, last in edges.reshape(-1, 2) if last - first >= least]

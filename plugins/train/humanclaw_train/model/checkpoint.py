@@ -23,6 +23,7 @@ from humanclaw.motion import (
     MODEL,
     Card,
     ModelConfig,
+    Normaliser,
     Tensors,
     broken,
     own_tensors,
@@ -37,26 +38,6 @@ M = TypeVar("M", bound=nn.Module)
 
 
 @dataclass(frozen=True)
-class Normaliser:
-    """Counterpart of humanclaw.motion.checkpoint.Normaliser on tensors. mean, std: (219,) float32."""
-
-    mean: Tensor
-    std: Tensor
-
-    def forward(self, state: Tensor) -> Tensor:
-        """Normalise states (..., 219) in metres and radians."""
-        return (state - self.mean) / self.std
-
-    def inverse(self, state: Tensor) -> Tensor:
-        """Turn normalised states (..., 219) back into metres and radians."""
-        return state * self.std + self.mean
-
-    def to(self, device: torch.device) -> Normaliser:
-        """Move to another device."""
-        return Normaliser(self.mean.to(device), self.std.to(device))
-
-
-@dataclass(frozen=True)
 class Base:
     """The frozen prior that adapters are trained against."""
 
@@ -66,7 +47,12 @@ class Base:
 
     def to(self, device: torch.device) -> Base:
         """Move to another device."""
-        return Base(self.model.to(device), self.normaliser.to(device), self.digest)
+        return Base(self.model.to(device), moved(self.normaliser, device), self.digest)
+
+
+def moved(normaliser: Normaliser, device: torch.device) -> Normaliser:
+    """Move tensors of a normaliser to another device."""
+    return Normaliser(normaliser.mean.to(device), normaliser.std.to(device))
 
 
 def save_base(path: Path, model: DiT, normaliser: Normaliser, start: tuple[Tensor, Tensor], card: Card) -> str:

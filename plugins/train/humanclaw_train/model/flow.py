@@ -2,7 +2,7 @@
 
     x(tau) = (1 - (1 - sigma_min) tau) noise + tau clean        v = clean - (1 - sigma_min) noise
 
-A model may predict v or the clean future. `velocity` and `clean` convert each into the other.
+A model may predict v or the clean future: humanclaw.motion.velocity and `clean` convert each into the other.
 """
 
 from __future__ import annotations
@@ -15,9 +15,8 @@ import torch
 from torch import Tensor, nn
 
 from humanclaw.body import CHUNK, FUTURE, HISTORY, N_JOINTS
-from humanclaw.motion import SIGMA_MIN, Prediction
+from humanclaw.motion import SIGMA_MIN, Normaliser, Prediction
 from humanclaw_train.model import kinematics
-from humanclaw_train.model.checkpoint import Normaliser
 
 
 def noised(clean: Tensor, noise: Tensor, tau: Tensor) -> Tensor:
@@ -29,13 +28,6 @@ def noised(clean: Tensor, noise: Tensor, tau: Tensor) -> Tensor:
 def target(clean: Tensor, noise: Tensor) -> Tensor:
     """Return the velocity that carries this noise to this future."""
     return clean - (1 - SIGMA_MIN) * noise
-
-
-def velocity(prediction: Prediction, output: Tensor, noisy: Tensor, tau: Tensor) -> Tensor:
-    """Return the velocity that a model's output stands for. tau (B,) is below 1."""
-    if prediction == "velocity":
-        return output
-    return (output - (1 - SIGMA_MIN) * noisy) / (1 - (1 - SIGMA_MIN) * tau[:, None, None])
 
 
 def clean(prediction: Prediction, output: Tensor, noisy: Tensor, tau: Tensor) -> Tensor:

@@ -10,11 +10,10 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from humanclaw.motion import DiTGenerator, MotionGenerator, Reread, Solver, shipped_base
+from humanclaw.motion import DiTGenerator, MotionGenerator, Reread, Solver, shipped_base, velocity
 from humanclaw_train.model.checkpoint import load_adapter, load_base
 from humanclaw_train.model.control import Adapter
 from humanclaw_train.model.dit import Modulations
-from humanclaw_train.model.flow import velocity
 
 Array = NDArray[np.float32]
 Branch = tuple[Adapter, Tensor]
@@ -50,7 +49,8 @@ class TorchRuntime:
             if branch is not None and condition is not None:
                 residual = branch[0].residual(condition, branch[1][:, :, step])
             output = model(clean, noisy, at, residual)
-            return velocity(model.config.prediction, output, noisy, self._times[step])
+            answer: Tensor = velocity(model.config.prediction, output, noisy, self._times[step])
+            return answer
 
         future: Tensor = self._solver.solve(field, torch.from_numpy(noise).to(self._device))
         return future.numpy(force=True)

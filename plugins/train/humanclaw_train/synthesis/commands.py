@@ -128,16 +128,23 @@ class Commands:
     gait: Mapping[str, Array]
 
     @classmethod
-    def of(cls, commands: Sequence[tuple[Trained, Mapping[str, float]]]) -> Commands:
-        """Turn calls into commands. Raises HumanclawError for unknown parameters and for skills without gait."""
-        rows = [_row(skill, given) for skill, given in commands]
-        numbers = {key: np.array([row[key] for row in rows], float) for key in ("x", "z", "yaw", "rise", "height")}
-        gaits = [skill.recipe.gait for skill, _ in commands]
+    def of(cls, skills: Sequence[Trained], skill: Ints, values: Array) -> Commands:
+        """Turn calls into commands. skill (N,): index into skills, which have a gait. values (N, k): of its parameters.
+
+        Raises HumanclawError for a measure that synthesis does not know.
+        """
+        numbers = {key: np.full(len(skill), np.nan) for key in ("x", "z", "yaw", "height")}
+        numbers["rise"] = np.zeros(len(skill))
+        for index, trained in enumerate(skills):
+            rows = skill == index
+            for column, (key, sign) in enumerate(trained.axes().values()):
+                numbers[key][rows] = sign * values[rows, column]
+        recipes = [skills[index].recipe for index in skill]
         return cls(
             **numbers,
-            feet=np.array([FEET.index(skill.recipe.feet) for skill, _ in commands], int),
-            stays_seated=np.array([skill.recipe.stays_seated for skill, _ in commands], bool),
-            gait={name: np.array([getattr(gait, name) for gait in gaits], float) for name in _GAIT},
+            feet=np.array([FEET.index(recipe.feet) for recipe in recipes], int),
+            stays_seated=np.array([recipe.stays_seated for recipe in recipes], bool),
+            gait={name: np.array([getattr(recipe.gait, name) for recipe in recipes], float) for name in _GAIT},
         )
 
     @classmethod
@@ -162,14 +169,3 @@ class Commands:
 
 
 FEET: Final[tuple[Feet, ...]] = ("stride", "shuffle", "settle")
-
-
-def _row(skill: Trained, given: Mapping[str, float]) -> dict[str, float]:
-    if not skill.synthetic:
-        raise HumanclawError(f"The recipe of {skill.name} has no gait.", "Give it one to synthesise its motion.")
-    axes = skill.axes()
-    if unknown := sorted(set(given) - set(axes)):
-        raise HumanclawError(f"{skill.name} has no parameter {', '.join(unknown)}.", f"It has: {', '.join(axes)}.")
-    row = {"x": np.nan, "z": np.nan, "yaw": np.nan, "rise": 0.0, "height": np.nan}
-    # A parameter that is not given is commanded as 0; an axis without a parameter stays open (NaN).
-    return row | {key: sign * given.get(name, 0.0) for name, (key, sign) in axes.items()}

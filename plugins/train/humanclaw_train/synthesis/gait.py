@@ -171,28 +171,21 @@ def reached(cycle: Cycle, path: Array, velocity: Array, phase: Array) -> Array:
     return np.asarray((1 - share) * path[rows, low] + share * path[rows, low + 1] + later * velocity)
 
 
-@dataclass(frozen=True)
-class Leg:
-    """One foot at the start of a chunk: value (N, k) and its change per chunk."""
-
-    value: Array
-    rate: Array
-
-
-def swung(cycle: Cycle, passing: Ints, leg: Leg, target: Array) -> Array:
+def swung(cycle: Cycle, passing: Ints, value: Array, rate: Array, target: Array) -> Array:
     """Return the track of a foot (N, 16, k) from where it is to its target (N, k) at the landing.
 
-    The curve is the same in whichever chunk it is planned. Shortly before the landing the target no longer changes.
+    value, rate (N, k): at the start of the chunk, and the change per chunk. The curve is the same in whichever chunk it
+    is planned. Shortly before the landing the target no longer changes.
     """
     progress = cycle.progress(passing)
     begun = np.clip(progress[:, 0], 0.0, 0.995)
     left = (1 - begun) * SWING * cycle.longer / cycle.rate
     moving = (progress[:, 0] > 0)[:, None]
-    rate = np.where(moving, leg.rate, 0.0)
+    rate = np.where(moving, rate, 0.0)
     late = np.clip((1 - begun) / 0.35, 0.0, 1.0)[:, None]
-    goal = late * target + (1 - late) * (leg.value + rate * left[:, None] / 2)
+    goal = late * target + (1 - late) * (value + rate * left[:, None] / 2)
     share = (progress - begun[:, None]) / (1 - begun)[:, None]
-    return cubic(share[..., None], leg.value[:, None], (rate * left[:, None])[:, None], goal[:, None], 0.0)
+    return cubic(share[..., None], value[:, None], (rate * left[:, None])[:, None], goal[:, None], 0.0)
 
 
 def settled(value: Array, rate: Array, goal: Array, span: Array | float = 0.5) -> Array:

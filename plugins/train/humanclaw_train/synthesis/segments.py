@@ -9,6 +9,7 @@ import numpy as np
 
 from humanclaw import Motion
 from humanclaw.body import FPS, JOINT_INDEX, STANDING_HEIGHT, Array
+from humanclaw_train.mocap.foot_contacts import runs_of
 from humanclaw_train.synthesis.commands import Mask
 
 _SECONDS: Final = 2.0
@@ -33,18 +34,10 @@ def idles(motions: Iterable[Motion]) -> list[Motion]:
 
 
 def _longest(motions: Iterable[Motion], rule: Callable[[Motion], Mask]) -> list[Motion]:
-    long = [motion for motion in motions if len(motion) >= _SECONDS * FPS]
-    parts = [motion[slice(*_run(rule(motion)))] for motion in long]
-    parts = [part for part in parts if len(part) >= _SECONDS * FPS]
+    least = round(_SECONDS * FPS)
+    found = ((motion, runs_of(rule(motion), least)) for motion in motions if len(motion) >= least)
+    parts = [max((motion[run] for run in runs), key=len) for motion, runs in found if runs]
     return [parts[index] for index in np.unique(np.linspace(0, len(parts) - 1, _MOST).astype(int))] if parts else []
-
-
-def _run(mask: Mask) -> tuple[int, int]:
-    """Return the first frame and the end of the longest run of True."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(int), [0]])))
-    first, last = edges[::2], edges[1::2]
-    longest = int(np.argmax(last - first)) if len(first) else 0
-    return (int(first[longest]), int(last[longest])) if len(first) else (0, 0)
 
 
 def _walking(motion: Motion) -> Mask:

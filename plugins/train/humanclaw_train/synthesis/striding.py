@@ -64,7 +64,7 @@ def _striding_foot(foot: int, state: State, p: StepPlan, style: Style, steps: ga
     passing = _passing(steps, foot)
     value = np.concatenate([floor(state.foot[:, foot]), state.foot_yaw[:, foot, None]], -1)
     rate = np.concatenate([floor(state.foot_velocity[:, foot]), state.foot_yaw_rate[:, foot, None]], -1)
-    track = gait.swung(steps, passing, gait.Leg(value, rate), aim)
+    track = gait.swung(steps, passing, value, rate, aim)
     high = 0.07 * style.roll * np.clip(0.6 + 0.35 * p.speed, 0.6, 1.2)
     height = high[:, None] * gait.swing_height(steps.progress(passing))
     height = gait.settled(state.foot[:, foot, 1] - state.level, state.foot_velocity[:, foot, 1], height, 0.4)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import cycle
 from typing import Final
 
@@ -37,12 +37,8 @@ produces such long runs.
 """
 
 
-@dataclass(frozen=True)
-class Call:
-    """One command for each of N bodies: skill (N,) as index, and values (N, k), 0 beyond a skill's parameters."""
-
-    skill: Ints
-    values: Array
+Call = tuple[Ints, Array]
+"""One command for each of N bodies: skill (N,) as index, and values (N, k), 0 beyond a skill's parameters."""
 
 
 def sample_calls(skills: Sequence[Trained], n: int, length: int, rng: np.random.Generator) -> list[Call]:
@@ -58,14 +54,8 @@ def sample_calls(skills: Sequence[Trained], n: int, length: int, rng: np.random.
         again = (following == skill) & (steady | (rng.random(n) < 0.8))
         values = np.where(again[:, None], _varied(skills, skill, values, rng), _drawn(skills, following, rng))
         skill = following
-        series.append(Call(skill, values))
+        series.append((skill, values))
     return series
-
-
-def commands(skills: Sequence[Trained], call: Call) -> Commands:
-    """Convert the call for synthesis."""
-    pairs = zip(call.skill.tolist(), call.values.tolist(), strict=True)
-    return Commands.of([(skills[index], dict(zip(_names(skills[index]), row, strict=False))) for index, row in pairs])
 
 
 def _names(skill: Trained) -> tuple[str, ...]:
@@ -140,11 +130,11 @@ def synthetic_chunks(
 def _batch(profiles: Profiles, skills: Sequence[Trained], rng: np.random.Generator, length: int) -> dict[str, Chunks]:
     bodies = CHUNKS_A_BATCH // length  # Fewer bodies for longer series, so that memory stays the same.
     series = sample_calls(skills, bodies, length, rng)
-    roots, turns, lacking = play(profiles, [commands(skills, call) for call in series], rng, rested=0.3)
+    roots, turns, lacking = play(profiles, [Commands.of(skills, *call) for call in series], rng, rested=0.3)
     motions = [lay_hands(Motion(*pair)) for pair in zip(roots, turns, strict=True)]
     root, rotations = _stacked(cut(motion, np.arange(length) * FUTURE) for motion in motions)
-    skill = np.stack([call.skill for call in series], 1).ravel()
-    values = np.stack([call.values for call in series], 1).reshape(len(skill), -1)
+    skill, values = (np.stack(parts, 1) for parts in zip(*series, strict=True))
+    skill, values = skill.ravel(), values.reshape(skill.size, -1)
     chunks_of = {}
     for index, trained in enumerate(skills):
         rows = (skill == index) & (lacking.ravel() < 0.01)  # Feet that cut no edge of a stair.
