@@ -60,16 +60,15 @@ def _range(houses: str) -> tuple[int, int]:
 
 @command.command()
 @click.argument("folders", type=click.Path(exists=True, path_type=Path), nargs=-1, required=True)
-@click.option("--most", type=click.IntRange(1), default=None, help="Number of files to learn from; all by default.")
 @click.option("--steps", type=click.IntRange(1), default=2000, show_default=True, help="Of 32 views.")
 @click.option("--start", type=click.Path(path_type=Path), default=None, help="Weights to go on from.")
 @seed_option(help="Of weights and views.")
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="File of weights.")
-def train(folders: tuple[Path, ...], most: int | None, steps: int, start: Path | None, seed: int, out: Path) -> None:
+def train(folders: tuple[Path, ...], steps: int, start: Path | None, seed: int, out: Path) -> None:
     """Train the eyes on folders of data."""
     from humanclaw_pilot import training
 
-    training.train(training.read(_files(folders)[:most]), out, steps, seed, click.echo, start)
+    training.train(training.read(_files(folders)), out, steps, seed, click.echo, start)
 
 
 @command.command()

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
-from typing import Any, Final, Protocol, TypeVar
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,6 @@ from humanclaw import HumanclawError
 from humanclaw.storage import read_file
 
 Floats = NDArray[np.float32]
-T = TypeVar("T")
 CATEGORIES: Final = ("chair", "couch", "bed", "potted_plant", "tv", "toilet")
 CLASSES: Final = ("other", "floor", "body", *CATEGORIES)
 """What a cell can show: floor is what a foot could stand on, body is the own one."""
@@ -48,19 +47,11 @@ SHAPES: Final = _levels()
 """Channels in, channels out, and side of the kernel of each convolution."""
 
 
-class Layers(Protocol[T]):
-    """What the network is made of, for one kind of array."""
+def answer(layers: Any, picture: Any) -> Any:
+    """Map a picture (4, SIZE, SIZE), colours and row, to (classes + 1, CELLS, CELLS): logits, then log metres.
 
-    def conv(self, name: str, x: T, stride: int = 1) -> T: ...
-
-    def relu(self, x: T) -> T: ...
-
-    def up(self, x: T) -> T:
-        """Double height and width."""
-
-
-def answer(layers: Layers[Any], picture: Any) -> Any:
-    """Map a picture (4, SIZE, SIZE), colours and row, to (classes + 1, CELLS, CELLS): logits, then log metres."""
+    layers: conv(name, x, stride), relu(x) and up(x), which doubles height and width, for one kind of array.
+    """
     relu, conv = layers.relu, layers.conv
 
     def block(x: Any, name: str) -> Any:

@@ -14,8 +14,6 @@ from humanclaw_train.data import custom_skill
 from humanclaw_train.data.chunks import Chunks
 from humanclaw_train.data.retimed import _QUIET, retimed
 from humanclaw_train.eval import fidelity
-from humanclaw_train.mocap.clips import Folder
-from humanclaw_train.mocap.source_motion import MocapError
 from humanclaw_train.synthesis.commands import Trained
 
 SCHEMA = {
@@ -110,8 +108,11 @@ def test_what_is_far_outside_the_bounds_is_no_example_of_the_skill(make, skill, 
 
 def test_bounds_that_no_clip_reaches_are_reported_before_training(make, skill, tmp_path, capsys):
     record(tmp_path / "clips", squat(depth=0.8))
+    np.savez(tmp_path / "clips" / "prices.npz", prices=np.ones(3))
     make(skill, tmp_path / "clips", "--seconds", "0")
-    assert "warning: h_cm may be 60 to 85, and the chunks show 7" in capsys.readouterr().err
+    told = capsys.readouterr().err
+    assert "warning: h_cm may be 60 to 85, and the chunks show 7" in told
+    assert "prices.npz is no AMASS motion" in told
 
 
 def test_a_posture_is_taken_from_any_height_to_any_other(make, skill, tmp_path):
@@ -156,22 +157,10 @@ def test_a_recipe_narrows_down_what_shows_the_skill(make, skill, tmp_path):
     assert custom_skill.RETIMED not in chunks.source
 
 
-def test_a_file_without_motion_is_reported_and_left_out(make, skill, tmp_path, capsys):
-    record(tmp_path / "clips", squat())
-    np.savez(tmp_path / "clips" / "prices.npz", prices=np.ones(3))
-    make(skill, tmp_path / "clips", "--seconds", "0")
-    assert "prices.npz is no AMASS motion" in capsys.readouterr().err
-
-
 def test_clips_that_do_not_show_the_skill_are_refused(humanclaw, skill, tmp_path, capsys):
     record(tmp_path / "clips", rest_pose(60))
     assert humanclaw("data", "chunks", "--skill", skill, "--clips", tmp_path / "clips") == 2
     assert "None of the 1 clips shows crouch" in capsys.readouterr().err
-
-
-def test_a_folder_without_motion_is_refused(tmp_path):
-    with pytest.raises(MocapError, match="holds no motion"):
-        Folder.read(tmp_path)
 
 
 def test_a_recipe_that_is_none_is_refused(skill):

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from humanclaw.body import JOINTS
-from humanclaw_train.mocap.clips import Folder
 from humanclaw_train.mocap.readers import Reading, load
 from humanclaw_train.mocap.retarget import retarget
 from humanclaw_train.mocap.source_motion import MocapError
@@ -156,29 +155,30 @@ def test_a_missing_file_is_named(tmp_path):
 
 
 # -- files as other programs write them --------------------------------------------------------------------------------
-def test_angles_of_an_asf_may_be_radians(tmp_path):
-    written(
-        tmp_path, "07.asf", ASF.replace("angle deg", "angle rad").replace("axis 0 0 90", "axis 0 0 1.5707963267949")
-    )
-    quarter = AMC.replace(" 90", " 1.5707963267949").replace(":DEGREES\n", "")
-    motion = load(written(tmp_path, "07_01.amc", quarter))
-    inch = 0.0254 / 0.5
-    np.testing.assert_allclose(motion.positions[1, 2], np.array([1, 2, 3 - 10]) * inch, atol=1e-9)
-
-
-def test_a_translation_of_a_bone_moves_its_beginning(tmp_path):
-    written(tmp_path, "07.asf", ASF.replace("dof rx", "dof tx rx"))
-    motion = load(written(tmp_path, "07_01.amc", AMC.replace("hip 90", "hip 2 90").replace("hip 0", "hip 0 0")))
-    inch = 0.0254 / 0.5
-    # The bone's X axis is the world's Y, and the root's quarter turn about Z moves +Y to -X.
-    np.testing.assert_allclose(motion.positions[1, 1], np.array([1 - 2, 2, 3]) * inch, atol=1e-9)
-
-
-def test_the_root_of_an_asf_has_numbers_in_its_own_order(tmp_path):
-    written(tmp_path, "07.asf", ASF.replace("order TX TY TZ RX RY RZ", "order RZ RY RX TX TY TZ"))
-    motion = load(written(tmp_path, "07_01.amc", AMC.replace("1 2 3 0 0 90", "90 0 0 1 2 3")))
-    inch = 0.0254 / 0.5
-    np.testing.assert_allclose(motion.positions[1, 2], np.array([1, 2, 3 - 10]) * inch, atol=1e-9)
+@pytest.mark.parametrize(
+    ("skeleton", "motion", "joint", "inches"),
+    [
+        pytest.param(
+            {"angle deg": "angle rad", "axis 0 0 90": "axis 0 0 1.5707963267949"},
+            {" 90": " 1.5707963267949", ":DEGREES\n": ""}, 2, (1, 2, 3 - 10), id="radians",
+        ),
+        # The bone's X axis is the world's Y, and the root's quarter turn about Z moves +Y to -X.
+        pytest.param(
+            {"dof rx": "dof tx rx"}, {"hip 90": "hip 2 90", "hip 0": "hip 0 0"}, 1, (1 - 2, 2, 3), id="a bone moves"
+        ),
+        pytest.param(
+            {"order TX TY TZ RX RY RZ": "order RZ RY RX TX TY TZ"}, {"1 2 3 0 0 90": "90 0 0 1 2 3"}, 2, (1, 2, 3 - 10),
+            id="the root's own order",
+        ),
+    ],
+)  # fmt: skip
+def test_an_asf_may_be_written_otherwise(tmp_path, skeleton, motion, joint, inches):
+    for name, text, changes in (("07.asf", ASF, skeleton), ("07_01.amc", AMC, motion)):
+        for old, new in changes.items():
+            text = text.replace(old, new)
+        written(tmp_path, name, text)
+    found = load(tmp_path / "07_01.amc").positions[1, joint]
+    np.testing.assert_allclose(found, np.array(inches) * 0.0254 / 0.5, atol=1e-9)
 
 
 def test_an_amc_may_say_its_rate(tmp_path):
@@ -299,12 +299,3 @@ def test_a_table_of_joints_fits_any_skeleton(tmp_path):
         retarget(load(written(tmp_path, "a.bvh", text)))
     motion = retarget(load(tmp_path / "a.bvh", Reading(joints={"pelvis": "Becken", "left_hip": "Bein_L"})))
     assert motion.joints()[0, JOINTS.index("head"), 1] > 1.3
-
-
-def test_every_file_of_a_folder_is_read_or_named(tmp_path):
-    written(tmp_path, "good.bvh", standing_bvh())
-    written(tmp_path, "still.bvh", standing_bvh().replace("0.033333", "0"))
-    np.savez(tmp_path / "odd.npz", poses=np.zeros((9, 156)), trans=np.zeros((9, 3)), mocap_framerate=np.ones(3))
-    folder = Folder.read(tmp_path)
-    assert [clip.name for clip in folder.clips] == ["good"]
-    assert set(folder.left_out) == {"still.bvh", "odd.npz"}

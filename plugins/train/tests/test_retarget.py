@@ -14,7 +14,6 @@ from humanclaw.body import (
     JOINT_INDEX,
     JOINTS,
     SOLE,
-    STANDING_HEIGHT,
     TOE_SOLE,
     Pose2D,
     matrix_from_vector,
@@ -22,7 +21,8 @@ from humanclaw.body import (
     rest_pose,
     vector_from_matrix,
 )
-from humanclaw_train.data.chunks import Chunks, canonical, cut, outcome
+from humanclaw.skills import outcomes
+from humanclaw_train.data.chunks import Chunks, canonical, cut
 from humanclaw_train.data.curate import IDLE_SHARE, build_real, travel
 from humanclaw_train.mocap.clips import Clip, load_pack
 from humanclaw_train.mocap.readers import load
@@ -169,41 +169,6 @@ def test_a_mirrored_walk_exchanges_left_and_right(walk):
 
 
 # -- chunks ------------------------------------------------------------------------------------------------------------
-def moving(forward=0.0, across=0.0, up=0.0, yaw=0.0, heading=0.0):
-    """Return 20 frames of a stiff body that stands for 5 and then moves evenly, in a turned and shifted frame."""
-    part = np.concatenate([np.zeros(5), np.arange(1, 16) / 15])
-    stiff = rest_pose(20)
-    rotations = stiff.rotations.copy()
-    rotations[:, 0, 1] = part * yaw
-    root = stiff.root + part[:, None] * [across, up, forward]
-    return Pose2D(1.5, -2.0, heading, 0.4).to_world(Motion(root, rotations))
-
-
-@pytest.mark.parametrize("heading", [0.0, 2.5])
-@pytest.mark.parametrize(
-    ("skill", "how", "expected"),
-    [
-        ("walk", {"forward": 0.5, "across": -0.1, "yaw": 0.3}, [-0.1, 0.5, 0.3]),
-        ("side_step", {"across": -0.25, "forward": 0.01}, [-0.25]),
-        ("step_back", {"forward": -0.3}, [0.3]),
-        ("turn_in_place", {"yaw": -0.8}, [-0.8]),
-        ("climb_upstairs", {"up": 0.15, "forward": 0.3}, [0.15, 0.3]),
-        ("walk_downstairs", {"up": -0.15, "forward": 0.3}, [0.15, 0.3]),
-        ("sit_in_place", {"up": -0.4}, [STANDING_HEIGHT - 0.4]),
-        ("stop", {}, []),
-    ],
-)
-def test_an_outcome_is_what_the_last_pose_shows(heading, skill, how, expected):
-    np.testing.assert_allclose(
-        outcome(declaration(skill).parameters, moving(**how, heading=heading)), expected, atol=1e-6
-    )
-
-
-def test_an_outcome_needs_a_whole_chunk():
-    with pytest.raises(ValueError, match="20 frames; got 19"):
-        outcome(WALK, moving()[:19])
-
-
 def test_cut_chunks_lie_in_the_canonical_frame_of_their_history(walk):
     root, rotations = cut(walk, np.array([0, 7]))
     for index, start in enumerate((0, 7)):
@@ -235,8 +200,7 @@ def test_a_file_that_holds_no_chunks_is_refused(tmp_path):
 
 def test_mirrored_chunks_realise_the_mirrored_parameters(walk):
     chunks = Chunks.of(WALK, *cut(walk, np.arange(0, 15, 5)), "Some: walk", real=True).mirrored()
-    for index in range(len(chunks)):
-        np.testing.assert_allclose(outcome(WALK, chunks.motion(index)), chunks.params[index], atol=1e-4)
+    np.testing.assert_allclose(outcomes(WALK, chunks.root, chunks.rotations), chunks.params, atol=1e-4)
     assert not chunks.real.any()
 
 

@@ -14,7 +14,7 @@ import cut_short
 from gliding import save_chunks
 
 from humanclaw import HumanclawError
-from humanclaw.motion import ModelConfig, read_header
+from humanclaw.motion import read_header
 from humanclaw_train import train
 from humanclaw_train.data import tensors
 from humanclaw_train.train import Processes, Recipe, validation
@@ -67,7 +67,8 @@ def test_a_loss_that_is_no_number_stops_a_run_and_spares_its_files(chunks, tmp_p
 
 
 @pytest.mark.parametrize(
-    ("option", "before", "now"), [("--batch", 8, 16), ("--loss", "full", "plain"), ("--seed", 0, 1)]
+    ("option", "before", "now"),
+    [("--batch", 8, 16), ("--loss", "full", "plain"), ("--seed", 0, 1), ("--size", "tiny", "lite")],
 )
 def test_a_run_goes_on_with_its_own_settings_alone(chunks, tmp_path, capsys, option, before, now):
     _base(chunks, tmp_path)
@@ -88,13 +89,6 @@ def test_a_run_goes_on_for_more_steps_at_another_rate(chunks, tmp_path):
     _base(chunks, tmp_path)
     _base(chunks, tmp_path, "--steps", "8", "--rate", "1e-4")
     assert torch.load(tmp_path / "state.pt")["step"] == 8
-
-
-def test_another_size_is_no_resumption(chunks, tmp_path, capsys, monkeypatch):
-    _base(chunks, tmp_path)
-    monkeypatch.setitem(train.SIZES, "lite", ModelConfig(64, 1, 4, prediction="clean"))
-    assert train.main(["base", "--data", str(chunks), "--out", str(tmp_path), *SIX, "--size", "lite"]) == 2
-    assert "a run with --size tiny; this run has --size lite." in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("share", [0.0, 0.5, 0.99])

@@ -20,8 +20,8 @@ from humanclaw.body import (
     rest_pose,
     shoe_heights,
 )
-from humanclaw.skills import Draw, GaitParameters, Recipe, Skill
-from humanclaw_train.data.chunks import outcome
+from humanclaw.skills import Draw, GaitParameters, Recipe, Skill, outcomes
+from humanclaw_train.data.chunks import canonical
 from humanclaw_train.eval.self_penetration import depth
 from humanclaw_train.mocap.clips import Clip
 from humanclaw_train.synthesis.commands import Commands, Trained
@@ -44,7 +44,7 @@ def compose(commands, seed):
 
 
 def _outcome(skill, chunk):
-    return outcome(trained_skills()[skill].declaration.parameters, chunk)
+    return outcomes(skill.declaration.parameters, *canonical(chunk.root[None], chunk.rotations[None]))[0]
 
 
 def _wanted(skill, given):
@@ -79,7 +79,7 @@ EXTREMES = [
 def test_a_command_moves_the_body_by_exactly_what_it_asks_for(before, command):
     skill, given = command
     last = _chunks(compose([before, before, command], 1))[-1]
-    np.testing.assert_allclose(_outcome(skill, last), _wanted(skill, given), atol=1e-3)
+    np.testing.assert_allclose(_outcome(trained_skills()[skill], last), _wanted(skill, given), atol=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -102,7 +102,7 @@ def test_an_unknown_skill_is_synthesised_from_its_declaration(profiles):
     )
     stroll = Trained(recipe, Skill.of_schema("stroll", STROLL))
     last = _chunks(synthesize([(stroll, {"ahead": 0.4, "veer": 0.2})] * 3, 1))[-1]
-    np.testing.assert_allclose(outcome(stroll.declaration.parameters, last), [0.2, 0.4], atol=1e-3)
+    np.testing.assert_allclose(_outcome(stroll, last), [0.2, 0.4], atol=1e-3)
     found = synthetic_chunks(profiles, [stroll], 4.0, 0)["stroll"]
     assert found.names.tolist() == ["veer", "ahead"]
     assert found.params[:, 1].min() > 0.09
@@ -112,7 +112,7 @@ def test_an_unknown_skill_is_synthesised_from_its_declaration(profiles):
 def test_a_body_that_rises_from_a_seat_arrives_where_the_command_says(skill):
     given = {"walk": {"x": 0.05, "z": 0.5, "yaw": 0.1}, "side_step": {"x": 0.2}, "turn_in_place": {"yaw": 0.6}}[skill]
     motion = compose([("sit_in_place", {"h": 0.5}), (skill, given)], 0)
-    np.testing.assert_allclose(_outcome(skill, _chunks(motion)[-1]), _wanted(skill, given), atol=1e-3)
+    np.testing.assert_allclose(_outcome(trained_skills()[skill], _chunks(motion)[-1]), _wanted(skill, given), atol=1e-3)
     assert motion.root[-1, 1] > 0.9
 
 
@@ -289,7 +289,7 @@ def test_synthetic_chunks_fill_every_skill_and_say_what_they_are(profiles):
     for name in ("walk", "side_step", "step_back", "turn_in_place", "sit_in_place"):
         found = chunks[name]
         assert not found.real.any()
-        measured = [_outcome(name, found.motion(i)) for i in range(len(found))]
+        measured = [_outcome(trained_skills()[name], found.motion(i)) for i in range(len(found))]
         np.testing.assert_allclose(found.params, measured, atol=1e-3)
     half = len(chunks["side_step"]) // 2
     np.testing.assert_allclose(chunks["side_step"].params[half:], -chunks["side_step"].params[:half], atol=1e-6)

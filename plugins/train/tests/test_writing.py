@@ -8,7 +8,7 @@ torch = pytest.importorskip("torch")
 from safetensors.numpy import load_file
 from tiny_motion import WALK
 
-from humanclaw.motion import AdapterConfig, Card, ModelConfig, Normaliser, checkpoint
+from humanclaw.motion import Card, ModelConfig, Normaliser, checkpoint
 from humanclaw_train.data.tensors import ChunkTensors
 from humanclaw_train.model.checkpoint import load_adapter, load_base, save_adapter, save_base
 from humanclaw_train.model.control import Adapter
@@ -73,18 +73,3 @@ def test_a_card_is_read_by_the_runtime_as_it_was_written(base, tmp_path):
     path, card = tmp_path / "base.safetensors", Card({"steps": 3}, {"chunks": 10}, ("CC0",))
     save_base(path, base.model, base.normaliser, START, card)
     assert checkpoint.load_base(path).card == card
-
-
-def test_a_save_that_is_cut_short_leaves_the_old_checkpoint(base, tmp_path, monkeypatch):
-    path = tmp_path / "adapter.safetensors"
-    config = AdapterConfig("stop", "token")
-    save_adapter(path, Adapter(base.model, config), base.digest, Card())
-    before = path.read_bytes()
-
-    def interrupted(*_, **__):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("os.replace", interrupted)
-    with pytest.raises(KeyboardInterrupt):
-        save_adapter(path, Adapter(base.model, config), "another", Card())
-    assert path.read_bytes() == before

@@ -36,14 +36,6 @@ CHUNKS: Final = Path(".data/chunks")
 """Default folder of chunks."""
 
 
-def outcome(parameters: Sequence[Parameter], chunk: Motion) -> Array:
-    """Return the parameters (k,), SI, that a 20-frame chunk achieves according to their measures. Raises ValueError."""
-    root, rotations = chunk.root[None], chunk.rotations[None]
-    if len(chunk) != CHUNK:
-        raise ValueError(f"expected a chunk of {CHUNK} frames; got {len(chunk)}")
-    return np.asarray(outcomes(parameters, *canonical(root, rotations))[0])
-
-
 def stacked(motions: Sequence[Motion]) -> tuple[Array, Array]:
     """Return the root (N, T, 3) and rotations (N, T, 24, 3) of motions of one length."""
     root, rotations = (np.stack([getattr(motion, part) for motion in motions]) for part in ("root", "rotations"))

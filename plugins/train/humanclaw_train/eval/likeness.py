@@ -30,8 +30,12 @@ def skills(subject: Subject) -> list[Row]:
     for command in subject.commands:
         stairs, data = command.declaration.climbs, of_skill(folders, command.skill)
         rolled = roll(generator, command, others(command, subject.commands), subject.rollouts, seed)
-        made, least = _distances(generator, command, data, folders, features, seed)
-        rows.append(naturalness(command.skill, "generated", rolled.root, rolled.rotations, stairs, *made))
+        distance = least = free = np.nan
+        if data is not None and features is not None:
+            free = free_running(generator, command, data, features, seed)
+            if (apart := held_out(folders, command.skill)) is not None:
+                distance, least = likeness(generator, command, *apart, features, seed)
+        rows.append(naturalness(command.skill, "generated", rolled.root, rolled.rotations, stairs, distance, free))
         if data is not None:
             kind, chunks = "real" if data.real.any() else "synthetic", _arrays(_some(data, _MOST, seed))
             rows.append(naturalness(command.skill, kind, *chunks, stairs, least))
@@ -60,24 +64,6 @@ def naturalness(
         "Frechet": held_out,
         "free-running": free,
     }
-
-
-def _distances(
-    generator: DiTGenerator,
-    command: Command,
-    data: Chunks | None,
-    folders: Sequence[Path],
-    features: Features | None,
-    seed: int,
-) -> tuple[tuple[float, float], float]:
-    """Return the Frechet distances of generated motion, held out and free, and that of the data; NaN where unknown."""
-    if data is None or features is None:
-        return (np.nan, np.nan), np.nan
-    free, apart = free_running(generator, command, data, features, seed), held_out(folders, command.skill)
-    if apart is None:
-        return (np.nan, free), np.nan
-    distance, least = likeness(generator, command, *apart, features, seed)
-    return (distance, free), least
 
 
 def prior(generator: DiTGenerator, folders: Sequence[Path], features: Features, seed: int) -> list[Row]:
