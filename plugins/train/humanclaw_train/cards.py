@@ -9,8 +9,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from safetensors import safe_open
-
 from humanclaw.motion import read_header, shipped_base
 from humanclaw.storage import write_atomically
 from humanclaw_train.eval.fidelity import REPORT, FidelityReport, Ratio, Row
@@ -24,10 +22,6 @@ _TEMPLATE: Final = Path(__file__).parent / "templates" / "card.md.j2"
 
 _BINDING: Final = re.compile(r"\b(SA|NC|GPL)\b|share.?alike|non.?commercial", re.IGNORECASE)
 """What the licence of data says if it binds the weights that are made of them."""
-_NAMES: Final = {
-    "composed": "synthesised from such clips",
-    "retimed": "these clips at other paces",
-}
 _ATTRIBUTIONS: Final = {
     "CMU Graphics Lab Motion Capture Database": (
         "obtained from mocap.cs.cmu.edu; the database was created with funding from NSF EIA-0196217"
@@ -72,7 +66,6 @@ def _facts(checkpoint: Path, report: FidelityReport | None) -> dict[str, Any]:
         "licence": "other" if " " in licence else licence.lower() or "unknown",
         "base": header.get("base", ""),
         "digest": header.get("digest") or file_digest(checkpoint),
-        "parameters": _parameters(checkpoint),
         "megabytes": checkpoint.stat().st_size / 1e6,
         "condition": f"`{adapter.get('encoder')}` of {', '.join(adapter.get('params', ())) or 'nothing'}",
         "data": data,
@@ -81,11 +74,11 @@ def _facts(checkpoint: Path, report: FidelityReport | None) -> dict[str, Any]:
         "licences": notes["licences"],
         "terms": terms(notes["licences"]),
         "share": lambda count: f"{100 * count / max(data['chunks'], 1):.0f} %",
-        "parameter_rows": _parameter_rows(adapter, data),
+        "ranges": list(zip(*(data.get(key, ()) for key in ("params_low", "params_high")), strict=True)),
+        "names": adapter.get("params", ()),
         "report": report if report and report.base == header.get("base", header.get("digest")) else None,
         "row": row,
         "besides": _uncommanded(row.uncommanded) if row else "",
-        "no_parameters": not adapter.get("params"),
         "ratio": _ratio,
         "limits": Notes.read(checkpoint.parent).limits if adapter else _BASE_LIMITS if ours else (),
         "retimed": "retimed" in data["sources"],
@@ -99,24 +92,15 @@ def _row(header: Mapping[str, Any], checkpoint: Path, report: FidelityReport | N
     return next((row for row in report.rows if row.adapter == digest), None)
 
 
-def _parameters(checkpoint: Path) -> int:
-    # Shapes are in the header, so no weights are read.
-    with safe_open(str(checkpoint), framework="np") as file:
-        shapes = [file.get_slice(name).get_shape() for name in file.keys() if name.startswith("model.")]  # noqa: SIM118
-    return sum(math.prod(shape) for shape in shapes)
-
-
-def _parameter_rows(adapter: Mapping[str, Any], data: Mapping[str, Any]) -> list[tuple[Any, ...]]:
-    columns = (adapter.get("params", ()), data.get("params_low", ()), data.get("params_high", ()))
-    return list(zip(*columns, strict=False))
-
-
 def _sources(counted: Mapping[str, int], licences: Sequence[str]) -> list[str]:
     """Return a line for each source of the data: its licence, attribution and number of chunks."""
     texts = dict(text.partition(": ")[::2] for text in licences)
     lines = []
     for source in dict.fromkeys([*counted, *texts]):
-        line = _NAMES.get(source) or f"{source}: {texts.get(source, 'licence not given')}"
+        if source == "composed":  # Synthesised from the clips: the card counts such chunks apart.
+            continue
+        line = f"{source}: {texts.get(source, 'licence not given')}"
+        line = "these clips at other paces" if source == "retimed" else line
         line += "".join(f"; {text}" for name, text in _ATTRIBUTIONS.items() if source.startswith(name))
         lines.append(line + (f"; {counted[source]:,}" if source in counted else ""))
     return lines
