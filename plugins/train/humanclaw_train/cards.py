@@ -11,10 +11,9 @@ from typing import Any, Final
 
 from humanclaw.motion import read_header, shipped_base
 from humanclaw.storage import write_atomically
-from humanclaw_train.eval.fidelity import REPORT, FidelityReport, Ratio, Row
-from humanclaw_train.eval.off_axis_drift import Uncommanded
+from humanclaw_train.eval.fidelity import REPORT, FidelityReport, Notes, Ratio, Row
 from humanclaw_train.eval.rollouts import file_digest
-from humanclaw_train.notes import Notes
+from humanclaw_train.eval.walks import Uncommanded
 
 CARD: Final = "README.md"
 """File name of a card, which repository pages show with the folder."""

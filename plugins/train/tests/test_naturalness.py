@@ -15,7 +15,6 @@ from humanclaw_train.data.chunks import Chunks, canonical, stacked
 from humanclaw_train.eval import scenarios, walks
 from humanclaw_train.eval.likeness import PRIOR, free_running, held_out, likeness, naturalness, prior, skills
 from humanclaw_train.eval.measures import Features, frechet
-from humanclaw_train.eval.off_axis_drift import uncommanded
 from humanclaw_train.eval.rollouts import Command, Subject, adapters
 from humanclaw_train.eval.scenarios import (
     SEQUENCES,
@@ -25,7 +24,7 @@ from humanclaw_train.eval.scenarios import (
     slid,
     transitions,
 )
-from humanclaw_train.eval.walks import corners, drift, gaits
+from humanclaw_train.eval.walks import corners, drift, gaits, uncommanded
 
 SKILLS = ("walk", "side_step", "step_back", "turn_in_place")
 

@@ -6,8 +6,9 @@ may name the clips and label their frames. Without labels, geometry alone decide
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from fnmatch import fnmatch
 from pathlib import Path, PurePath
 from typing import Final
@@ -15,10 +16,9 @@ from typing import Final
 from tqdm import tqdm
 
 from humanclaw import HumanclawError
-from humanclaw_train.data import report
 from humanclaw_train.data.chunks import Chunks
-from humanclaw_train.data.curate import build_real
-from humanclaw_train.data.report import Use
+from humanclaw_train.data.curate import Use, build_real, seconds_of
+from humanclaw_train.markdown import table
 from humanclaw_train.mocap.clips import Clip, Folder
 from humanclaw_train.mocap.readers import AS_WRITTEN, Reading
 from humanclaw_train.mocap.source_motion import MocapError
@@ -26,6 +26,8 @@ from humanclaw_train.synthesis.commands import Trained
 from humanclaw_train.synthesis.profiles import Profiles
 from humanclaw_train.synthesis.synthetic import synthetic_chunks
 
+REPORT: Final = "report.csv"
+"""In the folder of the chunks."""
 HELD_OUT: Final = ("12_*", "131_*", "03_04", "75_17", "HDM_dg_*", "011_*")
 """Patterns of clips of the shipped prior's pack that neither profiles nor weights learn from.
 
@@ -77,12 +79,12 @@ def build(
     synthetic, note = _synthetic(clips, skills, seconds, seed)
     uses += [replace(use, outcome="held out") if use.outcome == "trained on" else use for use in kept_back]
     uses += [
-        Use(clip.name, clip.source, "left out", f"--without {clip.source}", report.seconds(clip))
+        Use(clip.name, clip.source, "left out", f"--without {clip.source}", seconds_of(clip))
         for clip in folder.clips
         if clip.source in without
     ]
     uses += [Use(name, "", "left out", reason) for name, reason in folder.left_out.items()]
-    text = "\n\n".join(filter(None, (report.summary(uses), note)))
+    text = "\n\n".join(filter(None, (_summary(uses), note)))
     if "base" not in real:
         raise HumanclawError(f"No clip of {source} can be trained on.", f"Give other clips.\n\n{text}")
     names = list(dict.fromkeys((*real, *synthetic)))
@@ -91,7 +93,7 @@ def build(
         chunks.save(out / f"{name}.npz")
     for name, chunks in apart.items():
         chunks.save(out / "held_out" / f"{name}.npz")
-    report.save(uses, out)
+    _save(uses, out)
     return whole, text
 
 
@@ -107,3 +109,25 @@ def _synthetic(
         return {}, f"No synthetic motion: {error.message}"
     with tqdm(total=100, desc="editing", unit="%", disable=None) as bar:
         return synthetic_chunks(profiles, skills, seconds, seed, lambda done: bar.update(int(100 * done) - bar.n)), ""
+
+
+def _save(uses: Sequence[Use], folder: Path) -> None:
+    """Write one line for each clip and file."""
+    with (folder / REPORT).open("w", newline="", encoding="utf-8") as file:
+        lines = csv.writer(file)
+        lines.writerow(field.name for field in fields(Use))
+        lines.writerows(tuple(vars(use).values()) for use in uses)
+
+
+def _summary(uses: Sequence[Use]) -> str:
+    """Return a Markdown table of outcomes and reasons."""
+    groups: dict[tuple[str, str], list[Use]] = {}
+    for use in uses:
+        groups.setdefault((use.outcome, use.reason), []).append(use)
+    heads = ("clips", "why", "number", "seconds", "windows", "chunks", "for example")
+    rows = []
+    for (outcome, reason), members in groups.items():
+        total = f"{sum(use.seconds for use in members):.1f}"
+        counts = (sum(use.windows for use in members), sum(use.chunks for use in members))
+        rows.append([outcome, reason, *map(str, (len(members), total, *counts)), members[0].name])
+    return table(heads, rows)

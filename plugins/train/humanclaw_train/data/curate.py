@@ -7,7 +7,8 @@ labels geometry decides alone, with stricter rules. Needs only numpy.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Final
+from dataclasses import dataclass
+from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +28,6 @@ from humanclaw.body import (
 )
 from humanclaw.skills import MEASURES, WindowTravel
 from humanclaw_train.data.chunks import Chunks, cut
-from humanclaw_train.data.report import Use
 from humanclaw_train.markdown import Row, rows_table
 from humanclaw_train.mocap.clips import Clip, Spans
 from humanclaw_train.synthesis.commands import Mask, Trained
@@ -101,6 +101,37 @@ def sane(root: Array, rotations: Array, flat: bool) -> Mask:
 
 
 # -- building ----------------------------------------------------------------------------------------------------------
+@dataclass(frozen=True)
+class Use:
+    """What became of one clip or file. chunks: its windows in the base, before standing still is thinned out."""
+
+    name: str
+    source: str
+    outcome: Literal["trained on", "held out", "left out"]
+    reason: str = ""
+    seconds: float = 0.0
+    windows: int = 0
+    chunks: int = 0
+
+    @classmethod
+    def of(cls, clip: Clip, windows: int, chunks: Mapping[str, int], flawed: Mapping[str, int]) -> Use:
+        """Describe the use of a clip: its windows, chunks of each skill, and the windows with each flaw.
+
+        A clip without a plausible window is left out, for the commonest reason.
+        """
+        size = (seconds_of(clip), windows, chunks.get("base", 0))
+        if chunks:
+            return cls(clip.name, clip.source, "trained on", "", *size)
+        reason = max(flawed, key=flawed.__getitem__) if any(flawed.values()) else "no label"
+        reason = reason if windows else f"shorter than {CHUNK / FPS:.2f} s"
+        return cls(clip.name, clip.source, "left out", reason, *size)
+
+
+def seconds_of(clip: Clip) -> float:
+    """Return the duration of a clip."""
+    return round(len(clip.motion) / FPS, 2)
+
+
 def build_real(
     clips: Iterable[Clip], skills: Sequence[Trained], report: Callable[[Use], object] = lambda use: None
 ) -> dict[str, Chunks]:

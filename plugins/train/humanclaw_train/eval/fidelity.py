@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import json
 import time
+import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -20,16 +21,15 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from humanclaw import CheckpointError
+from humanclaw import CheckpointError, PluginError
 from humanclaw.body import Array, wrap_angle
 from humanclaw.motion import PROFILES, DiTGenerator, load_base
 from humanclaw.skills import MEASURES, Measure, Regression, Skill, find, outcomes
 from humanclaw_train.data.chunks import Chunks, of_skill
-from humanclaw_train.eval.off_axis_drift import Uncommanded, uncommanded, uncommanded_table
 from humanclaw_train.eval.rollouts import Command, Rollouts, file_digest, others, roll, walker
 from humanclaw_train.eval.simulated import Actor, roll_simulated
+from humanclaw_train.eval.walks import Uncommanded, uncommanded, uncommanded_table
 from humanclaw_train.markdown import cell, numbers, save, table
-from humanclaw_train.notes import Notes
 
 if TYPE_CHECKING:
     from humanclaw import Simulator
@@ -73,6 +73,44 @@ class Row:
     """Mean and standard deviation for the paper's baseline, MoMask, which ignores the magnitude."""
     uncommanded: Uncommanded = field(default_factory=dict)
     """Travel and turn that the skill does not command."""
+
+
+# -- notes of a skill's author -----------------------------------------------------------------------------------------
+NOTES: Final = "card.toml"
+"""File beside schema.json: `limits`, a list of sentences; `[paper]` with `ratio` and `baseline`, mean and deviation."""
+
+
+@dataclass(frozen=True)
+class Notes:
+    """Content of a skill's card.toml; empty if there is no such file."""
+
+    limits: tuple[str, ...] = ()
+    paper: tuple[float, float] | None = None
+    """Mean and standard deviation of achieved over commanded in the paper's table 1, on its data and body."""
+    baseline: tuple[float, float] | None = None
+    """Mean and standard deviation for the paper's baseline, MoMask, which ignores the magnitude."""
+
+    @classmethod
+    def read(cls, folder: Path) -> Notes:
+        """Read the card.toml of a skill's folder. Raises PluginError if it is broken."""
+        path = folder / NOTES
+        if not path.is_file():
+            return cls()
+        try:
+            content = tomllib.loads(path.read_text("utf-8"))
+            paper = content.get("paper", {})
+            return cls(tuple(content.get("limits", ())), _two(paper.get("ratio")), _two(paper.get("baseline")))
+        except (OSError, ValueError, TypeError) as error:
+            raise PluginError(
+                f"{path} cannot be read: {error}.", f"See the {NOTES} of a shipped skill for the format."
+            ) from error
+
+
+def _two(values: list[float] | None) -> tuple[float, float] | None:
+    if values is None:
+        return None
+    mean, deviation = values
+    return mean, deviation
 
 
 # -- measuring ---------------------------------------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""Straight walks: gait beside that of people, drift after a hundred calls, and every corner of the range."""
+"""Straight walks: gait beside that of people, drift after a hundred calls, every corner of the range, and coasting."""
 
 from __future__ import annotations
 
@@ -11,11 +11,12 @@ import numpy as np
 from humanclaw import Motion
 from humanclaw.body import FPS, FUTURE, HISTORY, Array
 from humanclaw.motion import DiTGenerator
-from humanclaw.skills import HeadingCorrection, from_si, stage
+from humanclaw.skills import MEASURES, HeadingCorrection, from_si, stage
+from humanclaw_train.data.chunks import canonical, stacked
 from humanclaw_train.eval.measures import Gait
 from humanclaw_train.eval.rollouts import Command, Subject, extend
 from humanclaw_train.eval.simulated import Actor
-from humanclaw_train.markdown import Row
+from humanclaw_train.markdown import Row, table
 from humanclaw_train.mocap.clips import Clip
 
 _BODIES: Final = 3
@@ -180,3 +181,48 @@ def real_gaits(clips: Iterable[Clip], tag: str) -> list[Gait]:
 def _straightness(walk: Motion) -> float:
     floor = walk.root[:, [0, 2]]
     return float(np.linalg.norm(floor[-1] - floor[0]) / np.linalg.norm(np.diff(floor, axis=0), axis=-1).sum())
+
+
+# -- uncommanded travel ------------------------------------------------------------------------------------------------
+Uncommanded = Mapping[str, tuple[float, float]]
+"""Measure to its mean over bodies, SI: from standing, and after walking. Commanded measures are left out.
+
+A skill that commands `hips.back` also commands `hips.forward`.
+"""
+_FREE: Final = ("hips.left", "hips.forward", "heading.left")
+
+
+def uncommanded(
+    generator: DiTGenerator, commands: Sequence[Command], walks: Command | None, bodies: int = 30, seed: int = 0
+) -> dict[str, Uncommanded]:
+    """Measure each skill's uncommanded travel, from standing and after walking at 1 m/s.
+
+    walks: the skill that walks; without one, all bodies begin from standing.
+    """
+    standing = [generator.start() for _ in range(bodies)]
+    before = (standing, straight_walks(generator, walks, 1.0, bodies, 2, seed) if walks else standing)
+    travel: dict[str, Uncommanded] = {}
+    for command in commands:
+        # hips.back is hips.forward with the other sign, so it commands the same axis.
+        commanded = {parameter.measure.replace("back", "forward") for parameter in command.parameters}
+        values = command.draw(bodies, np.random.default_rng(seed))
+        rows = []
+        for motions in map(list, before):
+            extend(generator, command, motions, np.arange(bodies), values, (seed, 17))
+            last = [motion[-HISTORY - FUTURE :] for motion in motions]
+            local = canonical(*stacked(last))
+            rows.append({name: float(MEASURES[name](*local).mean()) for name in _FREE if name not in commanded})
+        travel[command.skill] = {name: (rows[0][name], rows[1][name]) for name in rows[0]}
+    return travel
+
+
+def uncommanded_table(travel: Mapping[str, Uncommanded]) -> str:
+    """Format travel from standing and after walking: cm to the left and ahead, degrees to the left; a dash if
+    commanded."""
+
+    def cell(row: Uncommanded, name: str) -> str:
+        scale = 180 / np.pi if name.startswith("heading") else 100.0
+        return " / ".join(f"{scale * value:+.1f}" for value in row[name]) if name in row else "-"
+
+    rows = [(skill, *(cell(row, name) for name in _FREE)) for skill, row in travel.items()]
+    return table(("uncommanded, from standing / after walking", "left cm", "ahead cm", "turn degrees"), rows)

@@ -1,18 +1,18 @@
-"""The two swings of a chunk: one foot lands, then the other leaves. Needs only numpy."""
+"""The two swings of a chunk: one foot lands, then the other leaves; over the edges of stairs too. Needs only numpy."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from humanclaw.body import FUTURE, Array, smoothstep
 from humanclaw.motion import apart, widened
+from humanclaw_train.synthesis import ik
 from humanclaw_train.synthesis.commands import Commands, Ints, Mask
 from humanclaw_train.synthesis.curves import GRID, bump, cubic, floor, moving, raised, smoother, turned
 from humanclaw_train.synthesis.ik import Feet, Track
-from humanclaw_train.synthesis.stairs import before_the_riser, clearance_lack, cleared, ground_line, nosing
 from humanclaw_train.synthesis.state import AIRBORNE, TOE_OUT, State, Style
 from humanclaw_train.synthesis.step_plan import StepPlan
 
@@ -96,16 +96,16 @@ def feet(state: State, p: StepPlan, c: Commands, style: Style, root: Array) -> t
 
     The first foot lands, then the second leaves. At the end the second hangs beside the first, or stands.
     """
-    p = before_the_riser(state, p, c, style)
+    p = _before_the_riser(state, p, c, style)
     m = _timed(c, p, in_stance=~state.hanging | p.wrong)
     tolerance = np.where(c.does("settle"), 0.08, np.where(state.seated, 0.1, 0.0))
     first = _first_swing(state, p, c, m, root, tolerance)
     second = _second_swing(state, p, c, m, tolerance, first)
     side = np.where(p.first == 0, 1.0, -1.0)
     first, second = past(first, second, side), past(second, first, -side)
-    edge = nosing(p, c, style)
-    first, second = (cleared(state, p, c, edge, track) for track in (first, second))
-    lacking = np.maximum(*(clearance_lack(state, p, edge, track, 0.02).max(1) for track in (first, second)))
+    edge = _nosing(p, c, style)
+    first, second = (_cleared(state, p, c, edge, track) for track in (first, second))
+    lacking = np.maximum(*(_clearance_lack(state, p, edge, track, 0.02).max(1) for track in (first, second)))
     left = p.first == 0
     pairs = zip(first, second, strict=True)
     swap = ((left.reshape(-1, *(1 for _ in a.shape[1:])), a, b) for a, b in pairs)
@@ -156,7 +156,7 @@ def _first_swing(state: State, p: StepPlan, c: Commands, m: Steps, root: Array, 
     # A foot in the air loses its remaining height last, because it still has ground to cover.
     held = (swing.start[:, 1] - state.level)[:, None] * (1 - smoother(u) ** 2)
     arc = m.clearance * np.where(in_stance, swing.effort, 0.3 * c.stairs)
-    line = ground_line(u, state.level, p.level) + held
+    line = _ground_line(u, state.level, p.level) + held
     # A foot that is already above the next tread only sinks.
     above = np.maximum(swing.start[:, 1] - p.level, 0.0)[:, None] * (1 - smoother(u) ** 2)
     sinks = (c.rise > 0) & (swing.start[:, 1] > p.level)
@@ -202,7 +202,7 @@ def _second_swing(state: State, p: StepPlan, c: Commands, m: Steps, tolerance: A
     # The foot is still moving at the end, so that the next chunk continues the swing smoothly.
     leave = raised(1.5 * p.flow[:, None] * swing.travel, np.zeros(1))
     sole = cubic(u[..., None], swing.start[:, None], 0.0, swing.target[:, None], leave[:, None])
-    sole[..., 1] = ground_line(u, state.level, p.level) + _lift(state, p, c, m, swing, u)
+    sole[..., 1] = _ground_line(u, state.level, p.level) + _lift(state, p, c, m, swing, u)
     sole = np.where((u > 0)[..., None], sole, landing)
     rest = cubic(GRID / down, swing.yaw0[:, None], swing.yaw_rate[:, None] * down, swing.yaw0[:, None], 0.0)
     yaw = np.where(u > 0, cubic(u, swing.yaw0[:, None], 0.0, swing.yaw1[:, None], 0.0), rest)
@@ -232,3 +232,67 @@ def _leaving_pitch(swing: Swing, p: StepPlan, m: Steps, down: float) -> tuple[Ar
     before = cubic(GRID / down, swing.pitch0[:, None], swing.pitch_rate[:, None] * down, np.zeros((1, 1)), 0.0)
     bend = np.maximum(heel, 0.0) * np.where(top < GRID, 1 - smoothstep((GRID - top) / 0.25), 1.0)
     return before + np.where(top < GRID, fall, heel), bend
+
+
+# -- stairs ------------------------------------------------------------------------------------------------------------
+NOSE: Final = 0.025
+"""Clearance of every point of a swinging foot over the edge of a tread, metres."""
+
+
+def _ground_line(u: Array, level0: Array, level1: Array) -> Array:
+    """Return the ground line under a swing (N, 16). It rises early and falls late, as the edge of the tread demands.
+
+    u: (N, 16) progress of the swing. level0, level1: (N,) floor before and after, metres.
+    """
+    u = np.clip(u, 0, 1)
+    ease = smoother(np.where((level1 > level0)[:, None], u / 0.85, (u - 0.12) / 0.88))
+    return np.asarray(level0[:, None] + (level1 - level0)[:, None] * ease)
+
+
+def _nosing(p: StepPlan, c: Commands, style: Style) -> Array:
+    """Return where the edge between this chunk's two treads is (N,), metres along the facing from the plan's base.
+
+    Upstairs, standing toes keep 5 to 15 cm from the next riser; on shallow treads the heels reach over the edge.
+    Downstairs, a landing heel keeps 4 cm or more from the riser behind it.
+    """
+    ankle = -0.02 - 0.1 * np.abs(p.ahead) * p.flow
+    up = np.maximum(p.ahead - 0.25 - 0.1 * style.riser, -0.06)
+    down = 0.1 + style.riser * np.maximum(p.ahead - 0.24, 0.02)
+    return np.asarray(ankle - np.where(c.rise > 0, up, down))
+
+
+def _before_the_riser(state: State, p: StepPlan, c: Commands, style: Style) -> StepPlan:
+    """Return the plan with a base further ahead where a foot already stands past the riser that the step implies."""
+    toes = np.max(np.sum(floor(state.foot) * p.facing[:, None], -1), -1) + 0.22
+    past = toes - (np.sum(p.base * p.facing, -1) + _nosing(p, c, style))
+    further = np.where((c.rise > 0) & ~state.seated, np.clip(past, 0.0, 0.16), 0.0)
+    return replace(p, base=p.base + further[:, None] * p.facing)
+
+
+def _cleared(state: State, p: StepPlan, c: Commands, edge: Array, track: Track) -> Track:
+    """Lift the track of a foot where it would cut the edge of a tread."""
+    sole, yaw, pitch, bend = track
+    lack = _clearance_lack(state, p, edge, track, NOSE) * (smoothstep(GRID / 0.2) * c.stairs[:, None])
+    raised_by = widened(lack * moving(sole))
+    sole = sole.copy()
+    sole[..., 1] += raised_by * smoothstep(GRID / 0.15)
+    return sole, yaw, pitch, bend
+
+
+def _clearance_lack(state: State, p: StepPlan, edge: Array, track: Track, margin: float) -> Array:
+    """Return by how many metres heel or toes fall short of `margin` above the upper tread while over it (N, 16)."""
+    sole, yaw, pitch, _ = track
+    ankle = ik.ankle_over(sole, yaw, pitch)
+    orientation = ik.foot_orientation(yaw, pitch)
+    up = (p.level > state.level)[:, None]
+    top = np.maximum(p.level, state.level)[:, None]
+    nose = (np.sum(p.base * p.facing, -1) + edge)[:, None]
+    # Close to where it stands before or after, a foot comes from or goes to the tread: no margin there.
+    away = np.minimum(*(np.linalg.norm(floor(sole - sole[:, at, None]), axis=-1) for at in (0, -1)))
+    tread = top + margin * np.clip(away / 0.08, 0.0, 1.0)
+    lacks = []
+    for point in ik.SOLE_POINTS:
+        place = ankle + orientation @ point
+        ahead = np.sum(floor(place) * p.facing[:, None], -1) - nose
+        lacks.append(np.where(np.where(up, ahead > 0.0, ahead < 0.0), tread - place[..., 1], 0.0))
+    return np.asarray(np.maximum(np.max(lacks, axis=0), 0.0))
