@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Final, TypeVar, cast
 
 import click
 
-from humanclaw import Body, Choice, Plugins, Scene, Simulator, default_simulator
+from humanclaw import Choice, Plugins, Simulator, default_simulator
 from humanclaw.cli import plugin_options, seed_option, show_markdown
 from humanclaw.motion import PROFILES, DiTGenerator, Solver, load_base, read_header, shipped_base
 
@@ -158,13 +158,10 @@ def naturalness(
     from humanclaw_train.eval.scenarios import SCENARIOS
     from humanclaw_train.mocap.clips import load_pack
 
-    def place(scene: Scene, seed: int) -> Body:
-        return Body(scene, seed=seed, plugins=plugins)
-
     commands = [Command.of(skill, path, plugins) for skill, path in paths().items()]
     walkers = load_pack(clips) if clips else []
     subject = Subject(
-        commands=commands, clips=walkers, place=place, simulator=_simulator(plugins, simulator), **settings
+        commands=commands, clips=walkers, plugins=plugins, simulator=_simulator(plugins, simulator), **settings
     )
     tables = {}
     for title, scenario in SCENARIOS.items():

@@ -13,8 +13,6 @@ from fnmatch import fnmatch
 from pathlib import Path, PurePath
 from typing import Final
 
-from tqdm import tqdm
-
 from humanclaw import HumanclawError
 from humanclaw_train.data.chunks import Chunks
 from humanclaw_train.data.curate import Use, build_real, seconds_of
@@ -107,8 +105,7 @@ def _synthetic(
         profiles = Profiles.of(clips)
     except MocapError as error:
         return {}, f"No synthetic motion: {error.message}"
-    with tqdm(total=100, desc="editing", unit="%", disable=None) as bar:
-        return synthetic_chunks(profiles, skills, seconds, seed, lambda done: bar.update(int(100 * done) - bar.n)), ""
+    return synthetic_chunks(profiles, skills, seconds, seed), ""
 
 
 def _save(uses: Sequence[Use], folder: Path) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -18,11 +18,9 @@ from humanclaw.skills import MEASURES, Measure, Parameter, Skill
 from humanclaw_train.data.chunks import canonical, stacked
 
 if TYPE_CHECKING:
-    from humanclaw import Body, Plugins, Scene, Simulator
+    from humanclaw import Plugins, Simulator
     from humanclaw.motion import DiTGenerator
     from humanclaw_train.mocap.clips import Clip
-
-    Place = Callable[[Scene, int], Body]
 
 CHUNKS_IN_A_ROW: Final = 3
 _LEAST: Final = 0.25
@@ -109,8 +107,8 @@ class Subject:
     """Folders of chunks to compare with."""
     clips: Sequence[Clip] = ()
     """Clips of people who walk."""
-    place: Place | None = None
-    """Puts a body with the installed skills into a scene; without it, no skill is played."""
+    plugins: Plugins | None = None
+    """With the skills to play on a body; without them, none is played."""
     simulator: Simulator | None = None
     """Without it, nothing walks in half-physics."""
 

@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from humanclaw import Motion
+from humanclaw import Body, Motion
 from humanclaw.body import (
     FUTURE,
     HISTORY,
@@ -37,12 +37,11 @@ from humanclaw_train.data.chunks import Chunks, of_skill
 from humanclaw_train.eval import likeness, measures, self_penetration as overlap, walks
 from humanclaw_train.eval.measures import SEAM
 from humanclaw_train.eval.rollouts import CHUNKS_IN_A_ROW, Command, Subject, extend, others, roll
-from humanclaw_train.eval.simulated import called
+from humanclaw_train.eval.simulated import called, joined
 from humanclaw_train.markdown import Row
 
 if TYPE_CHECKING:
-    from humanclaw import Body
-    from humanclaw_train.eval.rollouts import Place
+    from humanclaw import Plugins
 
 # -- sequences ---------------------------------------------------------------------------------------------------------
 _WALK: Final = ("hips.forward", 0.4)
@@ -165,25 +164,21 @@ def self_penetration(subject: Subject) -> list[Row]:
         alone = roll(subject.generator, command, before, subject.rollouts, subject.seed)
         futures = alone.root[:, HISTORY:], alone.rotations[:, HISTORY:]
         rows.append({"skill": command.skill, "motion": "model"} | overlap.summary(*futures))
-        if subject.place is not None:
-            parts = [_played(subject.place, command, before, (subject.seed, body)) for body in range(subject.rollouts)]
+        if subject.plugins is not None:
+            parts = [
+                _played(subject.plugins, command, before, (subject.seed, body)) for body in range(subject.rollouts)
+            ]
             played = joined(parts)
             rows.append({"skill": command.skill, "motion": "played"} | overlap.summary(played.root, played.rotations))
     return rows
 
 
-def joined(motions: Sequence[Motion]) -> Motion:
-    """Return motions one after another."""
-    root, rotations = (np.concatenate([getattr(part, key) for part in motions]) for key in ("root", "rotations"))
-    return Motion(root, rotations)
-
-
-def _played(place: Place, command: Command, before: Sequence[Command], key: tuple[int, int]) -> Motion:
+def _played(plugins: Plugins, command: Command, before: Sequence[Command], key: tuple[int, int]) -> Motion:
     """Call a skill three times in half-physics. On a flat floor every second body has called another skill before."""
     random, index = np.random.default_rng(key), key[1]
     values = command.draw(1, random)[0]
     scene = stage(stage_for(command.declaration, command.named(values), CHUNKS_IN_A_ROW))
-    with place(scene, index) as body:
+    with Body(scene, seed=index, plugins=plugins) as body:
         if before and index % 2 and len(scene.objects) == 1:
             other = before[index // 2 % len(before)]
             _call(body, other, other.draw(1, random)[0])

@@ -107,5 +107,10 @@ def called(body: Body, skill: Skill, asked: Mapping[str, float]) -> Motion:
         value = np.clip(asked.get(parameter.measure, (low + high) / 2), low, high)
         params[parameter.key] = round(from_si(parameter.key, float(value)))
     chunks = body.execute(Call(skill.name, skill.check(params))).chunks
-    parts = [chunk.execution.simulated for chunk in chunks]
-    return Motion(np.concatenate([part.root for part in parts]), np.concatenate([part.rotations for part in parts]))
+    return joined([chunk.execution.simulated for chunk in chunks])
+
+
+def joined(motions: Sequence[Motion]) -> Motion:
+    """Return motions one after another."""
+    root, rotations = (np.concatenate([getattr(part, key) for part in motions]) for key in ("root", "rotations"))
+    return Motion(root, rotations)

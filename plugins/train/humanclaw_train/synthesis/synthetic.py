@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from itertools import cycle
 from typing import Final
 
 import numpy as np
+from tqdm import tqdm
 
 from humanclaw import Motion
 from humanclaw.body import FUTURE, HISTORY, Array, lay_hands
@@ -20,6 +21,8 @@ from humanclaw_train.synthesis.synthesize import play
 
 LENGTHS: Final = (16, 4, 1)
 """Commands in a series, in turn. Short series provide first steps from standing, which are rare in long ones."""
+BASE_SHARE: Final = 4
+"""Chunks of the base per chunk of a skill."""
 CHUNKS_A_BATCH: Final = 2048
 """Chunks that are synthesised at once."""
 PLAIN: Final = 0.3
@@ -102,27 +105,23 @@ def synthetic_chunks(
     skills: Sequence[Trained],
     seconds_per_skill: float,
     seed: int,
-    progress: Callable[[float], object] | None = None,
-    base_share: float = 4.0,
 ) -> dict[str, Chunks]:
     """Synthesise chunks of every skill, and of `base` at any offset. Half of them are mirrored.
 
-    seconds_per_skill: of future frames, so 2 chunks a second. base_share: chunks of the base per chunk of a skill.
-    progress: called with the share done, 0 to 1.
+    seconds_per_skill: of future frames, so 2 chunks a second.
     """
     rng = np.random.default_rng(seed)
     half = max(1, round(seconds_per_skill / SECONDS / 2))
     skills = [skill for skill in skills if skill.synthetic]
     # Mirroring doubles the chunks at the end, so half of them is enough.
-    wanted = dict.fromkeys((skill.name for skill in skills), half) | {"base": max(1, round(base_share * half))}
+    wanted = dict.fromkeys((skill.name for skill in skills), half) | {"base": BASE_SHARE * half}
     made: dict[str, list[Chunks]] = {name: [] for name in wanted}
-    done, lengths = 0.0, cycle(LENGTHS)
-    while done < 1.0:
-        for name, chunks in _batch(profiles, skills, rng, next(lengths)).items():
-            made[name].append(chunks[: wanted[name] - sum(map(len, made[name]))])
-        done = min(sum(map(len, made[name])) / count for name, count in wanted.items())
-        if progress is not None:
-            progress(done)
+    lengths = cycle(LENGTHS)
+    with tqdm(total=sum(wanted.values()), desc="synthesis", unit="chunk", disable=None) as bar:
+        while any(sum(map(len, made[name])) < count for name, count in wanted.items()):
+            for name, chunks in _batch(profiles, skills, rng, next(lengths)).items():
+                made[name].append(chunks[: wanted[name] - sum(map(len, made[name]))])
+                bar.update(len(made[name][-1]))
     whole = {name: Chunks.join(parts) for name, parts in made.items()}
     return {name: Chunks.join([chunks, chunks.mirrored()]) for name, chunks in whole.items()}
 
