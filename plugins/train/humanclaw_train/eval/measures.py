@@ -23,6 +23,7 @@ from humanclaw.body import (
     forward_kinematics,
     support_height,
 )
+from humanclaw_train.synthesis.profiles import passings
 
 _TOUCH: Final = 0.02
 """A sole below this height touches the ground, metres."""
@@ -177,7 +178,7 @@ class Gait:
         """Measure a walk; None for less than two steps."""
         joints, facing = walk.joints(), walk.yaw()
         ahead = np.stack([np.sin(facing), np.cos(facing)], -1)
-        crossed = _passings(joints, ahead)
+        crossed, _ = passings(walk)
         if len(crossed) < 3:
             return None
         part = slice(int(np.ceil(crossed[0])), int(crossed[-1]) + 1)
@@ -235,14 +236,6 @@ def _stances(joints: Array, aside: Array) -> tuple[float, float]:
     left, right = (ankles[stands[:, foot], foot] for foot in (0, 1))
     width = float(left.mean() - right.mean()) if len(left) and len(right) else float("nan")
     return width, float(100 * stands.all(1).mean())
-
-
-def _passings(joints: Array, ahead: Array) -> Array:
-    """Return the fractional frames at which one ankle passes the other (K,)."""
-    gap = joints[:, JOINT_INDEX["left_ankle"]] - joints[:, JOINT_INDEX["right_ankle"]]
-    lead = np.sum(gap[:, [0, 2]] * ahead, -1)
-    crossed = np.flatnonzero((lead[:-1] * lead[1:] < 0) & (np.abs(np.diff(lead)) > 0.01))
-    return np.asarray(crossed + lead[crossed] / (lead[crossed] - lead[crossed + 1]))
 
 
 def _trend(values: Array, degree: int) -> Array:

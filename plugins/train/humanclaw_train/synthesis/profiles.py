@@ -63,18 +63,21 @@ def channels(motion: Motion) -> Array:
     return np.concatenate([np.stack([pitch, roll, swing], 1), motion.rotations[:, UPPER].reshape(len(motion), -1)], 1)
 
 
+def passings(motion: Motion) -> tuple[Array, NDArray[np.bool_]]:
+    """Return the fractional frames at which one ankle passes the other (K,), and whether the left one led (K,)."""
+    joints, yaw = motion.joints(), motion.yaw()
+    gap = joints[:, JOINT_INDEX["left_ankle"]] - joints[:, JOINT_INDEX["right_ankle"]]
+    lead = np.sum(gap[:, [0, 2]] * np.stack([np.sin(yaw), np.cos(yaw)], -1), -1)
+    # Zero crossings with a minimum speed: standing feet cross by noise.
+    cross = np.flatnonzero((lead[:-1] * lead[1:] < 0) & (np.abs(np.diff(lead)) > 0.01))
+    return np.asarray(cross + lead[cross] / (lead[cross] - lead[cross + 1])), lead[cross] > 0
+
+
 def step_phase(motion: Motion) -> tuple[Array, NDArray[np.bool_]]:
     """Return a straight walk's phase in steps (T,), and which frames lie between two passings of the feet (T,)."""
-    joints, yaw = motion.joints(), motion.yaw()
-    ahead = np.stack([np.sin(yaw), 0 * yaw, np.cos(yaw)], -1)
-    lead = np.sum((joints[:, JOINT_INDEX["left_ankle"]] - joints[:, JOINT_INDEX["right_ankle"]]) * ahead, -1)
-    # Zero crossings with a minimum speed: standing feet cross by noise.
-    cross = np.flatnonzero((lead[:-1] * lead[1:] < 0) & (np.abs(lead[1:] - lead[:-1]) > 0.01))
-    time = cross + lead[cross] / (lead[cross] - lead[cross + 1])
-    first = 0 if lead[cross[0]] > 0 else 1
-    frames = np.arange(len(motion))
+    (time, left_led), frames = passings(motion), np.arange(len(motion))
     inside = (frames >= time[0]) & (frames <= time[-1])
-    return np.interp(frames, time, np.arange(len(time))) + first, inside
+    return np.interp(frames, time, np.arange(len(time))) + (0 if left_led[0] else 1), inside
 
 
 def basis(phase: Array) -> Array:
