@@ -216,7 +216,7 @@ def test_the_command_line_prints_a_table_a_scenario(humanclaw, still, capsys, tm
     _wobbling(40, 0.1, "one").save(tmp_path / "walk.npz")
     _wobbling(60, 0.1, "two").save(tmp_path / "base.npz")
     words = ["--adapters", still, "--base", still / "base.safetensors", "--rollouts", "2", "--steps", "1"]
-    arguments = ["naturalness", *words, "--chunks", tmp_path]
+    arguments = ["naturalness", *words, "--bodies", "2", "--chunks", tmp_path]
     assert humanclaw(*arguments) == 0
     printed = capsys.readouterr().out
     assert max(map(len, printed.splitlines())) <= 80
