@@ -25,8 +25,8 @@ def humanclaw_agents(register: Register[AgentFactory]) -> None:
 def humanclaw_commands(cli: click.Group) -> None:
     from humanclaw.cli import LazyCommand
 
-    told = "Train the eyes of the agent pilot: make data, train, measure."
-    cli.add_command(LazyCommand("pilot", "humanclaw_pilot.command:command", told))
+    about = "Train the eyes of the agent pilot: make data, train, measure."
+    cli.add_command(LazyCommand("pilot", "humanclaw_pilot.command:command", about))
 
 
 def _pilot(options: Mapping[str, Any]) -> Agent:

@@ -67,8 +67,8 @@ class PilotAgent:
 
     def begin(self, context: EpisodeContext) -> None:
         if context.spec.target_category not in CLASSES:
-            told = f"the pilot knows {', '.join(CLASSES[3:])}, and not {context.spec.target_category!r}."
-            raise PluginError(told, "Name one of these in the instruction.")
+            message = f"the pilot knows {', '.join(CLASSES[3:])}, and not {context.spec.target_category!r}."
+            raise PluginError(message, "Name one of these in the instruction.")
         spec = context.spec.model_copy(update={"target_ids": (TARGET,)})
         self._context = replace(context, spec=spec, scene=None, state=None, view=lambda: self._view)
         self._kind = CLASSES.index(spec.target_category)

@@ -35,20 +35,20 @@ def data(houses: str, views: int, agent: str, pairs: tuple[str, ...], out: Path)
         if path.exists():
             continue
         seeds = range(10 * number, 10 * number + 10)
-        found = (one for one, _ in played(plugins, agent, parse_pairs(pairs), number, seeds, views // 4))
-        examples = list(islice(found, views) if agent else planted(plugins, number, poses, views))
+        seen = (view for view, _ in played(plugins, agent, parse_pairs(pairs), number, seeds, views // 4))
+        examples = list(islice(seen, views) if agent else planted(plugins, number, poses, views))
         if examples:
             written(path, examples)
         click.echo(f"{path}: {len(examples)} views")
 
 
 def _files(folders: Sequence[Path]) -> list[Path]:
-    found = [file for folder in folders for file in sorted(folder.glob("*.npz"))]
-    if not found:
+    files = [file for folder in folders for file in sorted(folder.glob("*.npz"))]
+    if not files:
         raise HumanclawError(
             f"no views (*.npz) are in {', '.join(map(str, folders))}.", "Make some with `humanclaw pilot data`."
         )
-    return found
+    return files
 
 
 def _range(houses: str) -> tuple[int, int]:
@@ -80,8 +80,8 @@ def measure(folder: Path, weights: Path | None, certain: float) -> None:
     from humanclaw_pilot import training
     from humanclaw_pilot.network import WEIGHTS, Eyes
 
-    found = training.read(_files([folder]))
-    for category, views, recall, precision, wrong in training.measure(Eyes.read(weights or WEIGHTS), found, certain):
+    views = training.read(_files([folder]))
+    for category, count, recall, precision, wrong in training.measure(Eyes.read(weights or WEIGHTS), views, certain):
         click.echo(
-            f"{category:13s} {views:5d} views: recall {recall:.2f}, precision {precision:.2f}, depth {wrong:.0%}"
+            f"{category:13s} {count:5d} views: recall {recall:.2f}, precision {precision:.2f}, depth {wrong:.0%}"
         )

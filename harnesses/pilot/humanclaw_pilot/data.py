@@ -46,20 +46,20 @@ def example(view: View, scene: Scene, camera: Camera, floor: float) -> Example:
     depth = np.minimum(np.where(np.isfinite(view.depth), view.depth, FARTHEST), FARTHEST)
     rise = camera.forward[1] + (1 - (np.arange(len(depth)) + 0.5) / (len(depth) / 2))[:, None] * camera.up[1]
     flat = np.abs(camera.position[1] + depth * rise - floor) < FLAT
-    of_id = np.zeros(max(one.id for one in scene.objects) + 2, int)
+    of_id = np.zeros(max(thing.id for thing in scene.objects) + 2, int)
     of_id[BODY_ID] = CLASSES.index("body")
     for number, category in enumerate(CATEGORIES, 3):
-        of_id[[one.id for one in scene.of_category(category)]] = number
+        of_id[[thing.id for thing in scene.of_category(category)]] = number
     kinds = np.where(flat & (view.ids != BODY_ID) & (of_id[view.ids] == 0), 1, of_id[view.ids])
     cell = np.arange(len(depth)) // side
     place = (cell[:, None] * CELLS + cell) * len(CLASSES) + kinds
     counts = np.bincount(place.ravel(), minlength=CELLS**2 * len(CLASSES)).reshape(-1, len(CLASSES))
     logs = np.bincount(place.ravel(), np.log(depth).ravel(), CELLS**2 * len(CLASSES)).reshape(counts.shape)
     shows = counts[:, 3:].max(1) >= SHOWN
-    found = np.where(shows, 3 + counts[:, 3:].argmax(1), counts[:, :3].argmax(1))
-    mean = np.take_along_axis(logs / np.maximum(counts, 1), found[:, None], 1)
+    shown = np.where(shows, 3 + counts[:, 3:].argmax(1), counts[:, :3].argmax(1))
+    mean = np.take_along_axis(logs / np.maximum(counts, 1), shown[:, None], 1)
     shape = CELLS, CELLS
-    return Example(halved(view.rgb), found.astype(np.uint8).reshape(shape), np.exp(mean).astype("f2").reshape(shape))
+    return Example(halved(view.rgb), shown.astype(np.uint8).reshape(shape), np.exp(mean).astype("f2").reshape(shape))
 
 
 def written(path: Path, examples: Sequence[Example]) -> None:
@@ -67,7 +67,7 @@ def written(path: Path, examples: Sequence[Example]) -> None:
     part = path.with_suffix(".part")
     with part.open("wb") as file:
         columns: dict[str, Any] = {
-            name: np.stack([getattr(one, name) for one in examples]) for name in vars(examples[0])
+            name: np.stack([getattr(example, name) for example in examples]) for name in vars(examples[0])
         }
         np.savez(file, **columns)
     part.replace(path)
@@ -118,7 +118,7 @@ def planted(plugins: Plugins, number: int, poses: Sequence[Motion], count: int) 
 def _place(scene: Scene, places: NDArray[Any], rng: np.random.Generator) -> Pose2D:
     """Draw one of the (N, 3) places and a heading."""
     here, yaw = places[int(rng.integers(len(places)))], float(rng.uniform(-np.pi, np.pi))
-    present = [found for found in map(scene.of_category, CATEGORIES) if found]
+    present = [things for things in map(scene.of_category, CATEGORIES) if things]
     if present and rng.random() < 0.67:
         of_kind = present[int(rng.integers(len(present)))]
         target = np.array(of_kind[int(rng.integers(len(of_kind)))].position)

@@ -80,8 +80,8 @@ class NumpyLayers:
         windows = np.lib.stride_tricks.sliding_window_view(padded, (side, side), (1, 2))[:, ::stride, ::stride]
         high, wide = windows.shape[1:3]
         columns = windows.transpose(0, 3, 4, 1, 2).reshape(-1, high * wide)
-        found = kernel.reshape(len(kernel), -1) @ columns + self._weights[f"{name}.bias"][:, None]
-        return np.asarray(found.reshape(-1, high, wide))
+        convolved = kernel.reshape(len(kernel), -1) @ columns + self._weights[f"{name}.bias"][:, None]
+        return np.asarray(convolved.reshape(-1, high, wide))
 
     def relu(self, x: Floats) -> Floats:
         return np.maximum(x, 0)
@@ -121,16 +121,16 @@ class Eyes:
 
     def __call__(self, rgb: NDArray[np.uint8]) -> Glance:
         """Look at a view (512, 512, 3)."""
-        found = answer(self.layers, prepared(halved(rgb)[None])[0])
-        raised = np.exp(found[:-1] - found[:-1].max(0))
-        return Glance(raised / raised.sum(0), np.exp(found[-1]))
+        answered = answer(self.layers, prepared(halved(rgb)[None])[0])
+        raised = np.exp(answered[:-1] - answered[:-1].max(0))
+        return Glance(raised / raised.sum(0), np.exp(answered[-1]))
 
 
 def _shapes() -> dict[str, tuple[int, ...]]:
-    found: dict[str, tuple[int, ...]] = {}
+    shapes: dict[str, tuple[int, ...]] = {}
     for name, (before, after, side) in SHAPES.items():
-        found |= {f"{name}.weight": (after, before, side, side), f"{name}.bias": (after,)}
-    return found
+        shapes |= {f"{name}.weight": (after, before, side, side), f"{name}.bias": (after,)}
+    return shapes
 
 
 def halved(rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:

@@ -35,8 +35,8 @@ class TorchLayers(nn.Module):
     def conv(self, name: str, x: Tensor, stride: int = 1) -> Tensor:
         conv, norm = self._parts(name)
         side = conv.kernel_size[0]
-        found: Tensor = norm(F.conv2d(x, conv.weight, conv.bias, stride, side // 2))
-        return found
+        convolved: Tensor = norm(F.conv2d(x, conv.weight, conv.bias, stride, side // 2))
+        return convolved
 
     def _parts(self, name: str) -> Any:
         return self.convs[_key(name)].children()
@@ -49,20 +49,20 @@ class TorchLayers(nn.Module):
 
     def forward(self, pictures: Tensor) -> Tensor:
         """Map pictures (N, 4, SIZE, SIZE) to (N, classes + 1, CELLS, CELLS)."""
-        found: Tensor = answer(self, pictures)
-        return found
+        answered: Tensor = answer(self, pictures)
+        return answered
 
     def folded(self) -> dict[str, Tensor]:
         """Return weights and biases in half precision, as humanclaw_pilot.network reads them."""
-        found: dict[str, Tensor] = {}
+        weights: dict[str, Tensor] = {}
         for name in SHAPES:
             conv, norm = self._parts(name)
             weight, bias = conv.weight, torch.zeros(len(conv.weight)) if conv.bias is None else conv.bias
             if not isinstance(norm, nn.Identity):
                 scale = norm.weight / (norm.running_var + norm.eps).sqrt()
                 weight, bias = weight * scale[:, None, None, None], norm.bias - norm.running_mean * scale
-            found |= {f"{name}.weight": weight.detach().half(), f"{name}.bias": bias.detach().half()}
-        return found
+            weights |= {f"{name}.weight": weight.detach().half(), f"{name}.bias": bias.detach().half()}
+        return weights
 
 
 def _key(name: str) -> str:
@@ -84,9 +84,9 @@ def read(files: Sequence[Path]) -> Data:
     """Read files of examples into one."""
     parts = []
     for file in files:
-        with np.load(file) as found:
-            parts.append(tuple(found[name] for name in ("picture", "kinds", "depth")))
-    pictures, kinds, depth = (np.concatenate(one) for one in zip(*parts, strict=True))
+        with np.load(file) as arrays:
+            parts.append(tuple(arrays[name] for name in ("picture", "kinds", "depth")))
+    pictures, kinds, depth = (np.concatenate(part) for part in zip(*parts, strict=True))
     return pictures, kinds, depth
 
 
@@ -105,7 +105,7 @@ def _drawn(data: Data, rng: np.random.Generator) -> tuple[Tensor, Tensor, Tensor
 
 
 # -- training ----------------------------------------------------------------------------------------------------------
-def train(data: Data, out: Path, steps: int, seed: int, told: Callable[[str], None], start: Path | None = None,
+def train(data: Data, out: Path, steps: int, seed: int, report: Callable[[str], None], start: Path | None = None,
           every: int = 100) -> None:  # fmt: skip
     """Train and write weights. A checkpoint beside them lets the same call go on after a break, to the same weights.
 
@@ -131,7 +131,7 @@ def train(data: Data, out: Path, steps: int, seed: int, told: Callable[[str], No
             kept = {"model": model.state_dict(), "optimizer": optimizer.state_dict(), "step": step + 1}
             torch.save({**kept, "call": call}, _beside(out).with_suffix(".part"))
             _beside(out).with_suffix(".part").replace(_beside(out))
-            told(f"step {step + 1} of {steps}: loss {loss.item():.3f}")
+            report(f"step {step + 1} of {steps}: loss {loss.item():.3f}")
 
 
 def _resumed(model: TorchLayers, optimizer: torch.optim.Optimizer, out: Path, call: list[int]) -> int:
@@ -140,8 +140,8 @@ def _resumed(model: TorchLayers, optimizer: torch.optim.Optimizer, out: Path, ca
         return 0
     kept = _checkpoint(out)
     if kept["call"] != call:
-        told = f"{_beside(out)} is of a training with other views, steps or seed."
-        raise HumanclawError(told, "Give those again, or another --out.")
+        message = f"{_beside(out)} is of a training with other views, steps or seed."
+        raise HumanclawError(message, "Give those again, or another --out.")
     model.load_state_dict(kept["model"])
     optimizer.load_state_dict(kept["optimizer"])
     return int(kept["step"])
@@ -151,8 +151,8 @@ def _checkpoint(weights: Path) -> dict[str, Any]:
     path = _beside(weights)
     if not path.exists():
         raise HumanclawError(f"there is no checkpoint {path}.", "Name weights whose training left one beside them.")
-    found: dict[str, Any] = torch.load(path, weights_only=True)
-    return found
+    checkpoint: dict[str, Any] = torch.load(path, weights_only=True)
+    return checkpoint
 
 
 def _beside(weights: Path) -> Path:
@@ -162,10 +162,10 @@ def _beside(weights: Path) -> Path:
 def _loss(model: TorchLayers, x: Tensor, kinds: Tensor, depth: Tensor) -> Tensor:
     # Without instructions for half precision a step takes ten times as long with it.
     with torch.autocast("cpu", torch.bfloat16, enabled=torch.cpu._is_avx512_bf16_supported()):
-        found = model(x)
-    found = found.float()
-    far = (found[:, -1] - depth.clamp(0.1).log()).abs()
-    loss: Tensor = F.cross_entropy(found[:, :-1], kinds, PRICES) + far[kinds != 2].mean()
+        answered = model(x)
+    answered = answered.float()
+    far = (answered[:, -1] - depth.clamp(0.1).log()).abs()
+    loss: Tensor = F.cross_entropy(answered[:, :-1], kinds, PRICES) + far[kinds != 2].mean()
     return loss
 
 
@@ -179,7 +179,7 @@ def measure(
     said to have it, with 2 cells or more.
     """
     glances = [look(picture.repeat(2, 0).repeat(2, 1)) for picture in data[0]]
-    share, depth = (np.stack([getattr(one, name) for one in glances]) for name in ("share", "depth"))
+    share, depth = (np.stack([getattr(glance, name) for glance in glances]) for name in ("share", "depth"))
     for number, category in enumerate(CATEGORIES, 3):
         mine = data[1] == number
         there, said = mine.sum((1, 2)) >= 2, (share[:, number] > certain).sum((1, 2)) >= 2

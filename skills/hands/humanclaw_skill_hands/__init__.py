@@ -84,13 +84,13 @@ def _moved(root: Array, rotations: Array) -> Array:
 
 @hookimpl
 def humanclaw_measures(register: RegisterMeasure) -> None:
-    told = "of the hand that moves farther at the end, from the floor under the hips at the beginning."
-    register(Measure("hand.left", "m", f"Place to the left {told}", -1, lambda p, r: _moved(p, r)[:, 0]))
-    register(Measure("hand.up", "m", f"Height {told}", 1, lambda p, r: _moved(p, r)[:, 1]))
-    register(Measure("hand.ahead", "m", f"Place ahead {told}", 1, lambda p, r: _moved(p, r)[:, 2]))
+    place = "of the hand that moves farther at the end, from the floor under the hips at the beginning."
+    register(Measure("hand.left", "m", f"Place to the left {place}", -1, lambda p, r: _moved(p, r)[:, 0]))
+    register(Measure("hand.up", "m", f"Height {place}", 1, lambda p, r: _moved(p, r)[:, 1]))
+    register(Measure("hand.ahead", "m", f"Place ahead {place}", 1, lambda p, r: _moved(p, r)[:, 2]))
 
 
 @hookimpl
 def humanclaw_skills(register: RegisterSkill) -> None:
-    for one in (reach, grasp, release):
-        register(one)
+    for contract in (reach, grasp, release):
+        register(contract)

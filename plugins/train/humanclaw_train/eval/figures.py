@@ -108,7 +108,7 @@ def _skill(plugins: Plugins, *measures: str, role: Role = "locomotion") -> Skill
 def _call(skill: Skill, **values: int) -> Call:
     """Return a call with parameters by measure, dots as underscores, in centimetres; others are 0."""
     asked = {measure.replace("_", "."): value for measure, value in values.items()}
-    return Call(skill.name, {one.key: asked.get(one.measure, 0) for one in skill.parameters})
+    return Call(skill.name, {part.key: asked.get(part.measure, 0) for part in skill.parameters})
 
 
 def _acted(plugins: Plugins, scene: Scene, calls: Sequence[Call], seed: int, simulator: str = "") -> Motion:
@@ -142,7 +142,7 @@ def _ends(motion: Motion, every: int = 1) -> Motion:
 def prior(plugins: Plugins, seed: int) -> Rows:
     """Draw two seconds of many seeds: of the prior alone, and with the adapter of walking."""
     walk = _skill(plugins, *_WALK)
-    asked = {one.name: STRIDE / 100 if one.measure == "hips.forward" else 0.0 for one in walk.parameters}
+    asked = {part.name: STRIDE / 100 if part.measure == "hips.forward" else 0.0 for part in walk.parameters}
     alone, led = _dreamt(None, {}, seed), _dreamt(walk.adapter, asked, seed)
     shown = ("the prior alone", alone), (f"with the adapter: walk {STRIDE} cm", led)
     view = (-5.0, 2.2, 3.0), (0.0, 0.7, 0.1), 30, 430, 1 / 2
@@ -156,8 +156,8 @@ def _dreamt(adapter: Path | None, values: Mapping[str, float], seed: int) -> Mot
     motions = [generator.start()] * BODIES
     for number in range(4):
         keys = [(seed, body, number) for body in range(BODIES)]
-        motions = generator.generate_batch([one[-HISTORY:] for one in motions], adapter, [values] * BODIES, keys)
-    return Motion(*(np.stack([getattr(one, key)[-1] for one in motions]) for key in ("root", "rotations")))
+        motions = generator.generate_batch([motion[-HISTORY:] for motion in motions], adapter, [values] * BODIES, keys)
+    return Motion(*(np.stack([getattr(motion, key)[-1] for motion in motions]) for key in ("root", "rotations")))
 
 
 def stride(plugins: Plugins, seed: int) -> Rows:
@@ -222,12 +222,12 @@ def kinematics(plugins: Plugins, seed: int) -> Rows:
     climb = _call(_skill(plugins, "hips.rise"), hips_rise=17, hips_forward=28)
     blocked, aloft = ("walks through the wall", "the wall blocks"), ("climbs on in the air", "stairs and landing carry")
     rows: Rows = []
-    for scene, calls, told, (y, z) in (
+    for scene, calls, titles, (y, z) in (
         (wall.scene(), [walk] * 5, blocked, (1.1, 1.2)),
         (stairs.scene(), [climb] * 8, aloft, (1.45, 1.5)),
     ):
         played = _acted(plugins, scene, calls, seed, "kinematic")
-        shown = (f"pure kinematics {told[0]}", played), (f"half-physics: {told[1]}", _again(plugins, scene, played))
+        shown = (f"pure kinematics {titles[0]}", played), (f"half-physics: {titles[1]}", _again(plugins, scene, played))
         view = (-14.0, 3.4, z - 2.0), (0.0, y, z), 14, 400, 1 / 2
         rows.append([Panel(title, scene, _ends(motion), *view) for title, motion in shown])
     return rows
