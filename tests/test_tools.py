@@ -12,7 +12,6 @@ from humanclaw.skills import (
     REASONING_FIELDS,
     Call,
     answer_schema,
-    openai_tools,
     publish,
     read_answer,
     read_call,
@@ -51,7 +50,7 @@ def nested(levels):
 
 # -- publishing --------------------------------------------------------------------------------------------------------
 def test_the_reasoning_comes_first_and_is_required():
-    (tool,) = openai_tools([STEP])
+    (tool,) = publish([STEP], "openai")
     parameters = tool["function"]["parameters"]
     assert list(parameters["properties"]) == [*REASONING_FIELDS, "z_cm"] == parameters["required"]
     assert parameters["properties"]["mid_level_change"]["enum"] == ["keep", "revise"]
@@ -59,7 +58,7 @@ def test_the_reasoning_comes_first_and_is_required():
 
 
 def test_without_the_reasoning_a_tool_is_the_skills_own_schema():
-    (tool,) = openai_tools([STEP], reasoning=False)
+    (tool,) = publish([STEP], "openai", reasoning=False)
     assert tool == {
         "type": "function",
         "function": {"name": "step", "description": "Take a step.", "parameters": dict(STEP.schema)},
@@ -67,7 +66,7 @@ def test_without_the_reasoning_a_tool_is_the_skills_own_schema():
 
 
 def test_without_the_mid_level_its_fields_are_not_asked_for():
-    (tool,) = openai_tools([STEP], mid_level=False)
+    (tool,) = publish([STEP], "openai", mid_level=False)
     assert list(tool["function"]["parameters"]["properties"]) == ["visible_state", "progress", "reasoning", "z_cm"]
 
 

@@ -25,7 +25,7 @@ from humanclaw.records.success import REACHED
 from humanclaw.skills.call import Call
 from humanclaw.skills.contract import Check, Skill, bounds, suited
 from humanclaw.skills.measures import from_si
-from humanclaw.skills.publishing import OPTIONAL_FIELDS, Json, openai_tools, parameter_schema
+from humanclaw.skills.publishing import OPTIONAL_FIELDS, Json, parameter_schema, publish
 from humanclaw.storage.pictures import data_url, jpeg
 from humanclaw.world.view import CameraMount, ego_camera
 
@@ -149,7 +149,7 @@ def system_prompt(
 def model_tools(skills: Sequence[Skill], settings: PromptSettings) -> list[Json]:
     """Return the skills as OpenAI tools behind the reasoning fields, which the system prompt explains."""
     asked: Json = {"mid_level": settings.mid_level, "brief": settings.brief, "optional": settings.optional}
-    return openai_tools(skills, described=False, **asked)
+    return publish(skills, "openai", described=False, **asked)
 
 
 def system_message(words: str, settings: PromptSettings) -> Json:

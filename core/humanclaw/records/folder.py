@@ -77,7 +77,7 @@ class EpisodeWriter:
         """Append a step: once the folder has begun a line, whole or not at all. Raises RecordError for a full disk."""
         if self._files and self._lines:
             with writing(self._files):
-                add_line(self._lines, step.model_dump_json().encode(), settled=False)
+                add_line(self._lines, step.model_dump_json().encode())
         self.steps.append(step)
 
     def end(self, record: EpisodeRecord) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import io
 import json
-import math
 import re
 import zipfile
 from collections import Counter
@@ -207,39 +206,27 @@ def _read_arrays(files: Folder, state: tuple[int, ...], most: int) -> Mapping[st
     broke off.
     """
     with files.open("motion.npz", MOTION_BYTES) as stream, zipfile.ZipFile(stream) as archive:
-        _check_arrays(archive, most)
-        found = {name.removesuffix(".npy"): _array(archive, name) for name in archive.namelist()}
-    if not all(np.isfinite(array).all() for array in found.values()):
-        raise ValueError("it holds values that are not finite")
-    return found
+        # A member never yields more bytes than its entry says, so this bounds the memory.
+        if sum(member.file_size for member in archive.infolist()) > _LARGEST:
+            raise ValueError(f"its arrays are larger than {_LARGEST >> 20} MiB")
+        found = {name: _array(archive, name) for name in archive.namelist()}
+    _check_arrays(found, most)
+    return {name.removesuffix(".npy"): array for name, array in found.items()}
 
 
-def _check_arrays(archive: zipfile.ZipFile, most: int) -> None:
-    """Raise ValueError for an array of an unknown name or shape, one that differs from its header, arrays of different
-    lengths or more frames than most, and a total size above _LARGEST."""
-    shapes = {member.filename: _shape(archive, member) for member in archive.infolist()}
-    for name, shape in shapes.items():
+def _check_arrays(arrays: Mapping[str, Array], most: int) -> None:
+    """Raise ValueError for an array of an unknown name, shape or type, values that are not finite, arrays of different
+    lengths, and more frames than most."""
+    for name, array in arrays.items():
         kind = _ARRAY.fullmatch(name)
-        if not kind or shape[1:] != _ROWS[kind[1] or kind[2]]:
-            raise ValueError(f"{name} {shape} is not an array of motion")
-    if len({shape[0] for shape in shapes.values()}) > 1:
+        if not kind or array.shape[1:] != _ROWS[kind[1] or kind[2]] or array.dtype.kind != "f":
+            raise ValueError(f"{name} {array.shape} is not an array of motion")
+        if not np.isfinite(array).all():
+            raise ValueError("it holds values that are not finite")
+    if len(set(map(len, arrays.values()))) > 1:
         raise ValueError("its arrays are of different lengths")
-    if any(shape[0] > most for shape in shapes.values()):
+    if any(len(array) > most for array in arrays.values()):
         raise ValueError("it holds far more frames than its steps last")
-    if sum(member.file_size for member in archive.infolist()) > _LARGEST:
-        raise ValueError(f"its arrays are larger than {_LARGEST >> 20} MiB")
-
-
-def _shape(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> tuple[int, ...]:
-    """Return the shape in an array's header. Raises ValueError if the data have another size or no numbers."""
-    with archive.open(member) as stream:
-        version = np.lib.format.read_magic(stream)
-        read = {1: np.lib.format.read_array_header_1_0, 2: np.lib.format.read_array_header_2_0}[version[0]]
-        shape, _, kind = read(stream)
-        size = math.prod(shape) * kind.itemsize
-        if stream.tell() + size != member.file_size or kind.kind != "f":
-            raise ValueError(f"{member.filename} does not hold {size} bytes of numbers")
-    return shape
 
 
 def _array(archive: zipfile.ZipFile, name: str) -> Array:

@@ -31,7 +31,6 @@ if TYPE_CHECKING:
         answer_schema as answer_schema,
         call_schema as call_schema,
         in_format as in_format,
-        openai_tools as openai_tools,
         parameter_schema as parameter_schema,
         publish as publish,
         reasoning_schema as reasoning_schema,

@@ -118,18 +118,6 @@ def publish(
     return in_format(specs, format)
 
 
-def openai_tools(
-    skills: Iterable[Skill],
-    reasoning: bool = True,
-    mid_level: bool = True,
-    described: bool = True,
-    brief: bool = False,
-    optional: Sequence[str] = (),
-) -> list[Json]:
-    """Return the tool list for OpenAI's chat completions, which most servers and clients accept."""
-    return publish(skills, "openai", mid_level, reasoning, described, brief, optional)
-
-
 def in_format(specs: Sequence[Json], form: Format) -> list[Json]:
     """Return specifications (name, description, parameters) as a provider's list of tools."""
     if form == "openai":

@@ -243,17 +243,12 @@ def _parts(name: str) -> tuple[str, ...]:
     return path.parts
 
 
-def add_line(stream: BinaryIO, line: bytes, settled: bool = True) -> None:
-    """Add a line to the end of a file, whole or not at all. Raises OSError.
-
-    stream: of Folder.append(). settled: whether it is on disk afterwards, which takes some milliseconds.
-    """
+def add_line(stream: BinaryIO, line: bytes) -> None:
+    """Add a line to the end of a file of Folder.append(), whole or not at all. Raises OSError."""
     before = stream.seek(0, os.SEEK_END)
     try:
         if stream.write(line + b"\n") <= len(line):
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        if settled:
-            os.fsync(stream.fileno())
     except OSError:
         stream.truncate(before)
         raise

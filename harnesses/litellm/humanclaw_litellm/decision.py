@@ -56,11 +56,6 @@ class ModelAgent:
     def settings(self) -> Json:
         return self._negotiator.client.in_force
 
-    @property
-    def mode(self) -> Mode:
-        """The mode of the next request."""
-        return self._negotiator.mode
-
     def ready(self, instruction: str) -> None:
         """Raise ModelError if the model's name, key or environment rules out any request. None is made."""
         self._negotiator.client.begin(None)

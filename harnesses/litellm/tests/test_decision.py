@@ -11,7 +11,7 @@ from model_servers import OpenAIServer, call, calls, message, refusing, text
 import humanclaw_litellm
 from humanclaw import Call, CallError, EpisodeContext, HistoryEntry, Keyframes, Plugins, ProviderError, skill
 from humanclaw.records import Feedback
-from humanclaw.skills import REASONING_FIELDS, THOUGHTS
+from humanclaw.skills import REASONING_FIELDS
 from humanclaw.testing import check
 
 pytestmark = pytest.mark.integration
@@ -36,17 +36,6 @@ def after(decision, observation, words="It went as it went."):
 
 
 # -- requests ----------------------------------------------------------------------------------------------------------
-def test_a_scripted_model_walks_and_then_stops(begin, view, skills):
-    with OpenAIServer([call("walk", **SAID, **WALK), call("stop", **SAID)]) as server:
-        agent = begin(server)
-        first = agent.decide(view(0), ())
-        second = agent.decide(view(1, "Executed it."), [after(first, view(0))])
-    assert check(first, skills) == Call("walk", WALK)
-    assert check(second, skills) == Call("stop")
-    assert {key: getattr(first, key) for key in SAID} == SAID
-    assert len(server.requests) == 2
-
-
 def test_the_current_view_arrives_as_a_picture_of_full_size(begin, view):
     with OpenAIServer([call("stop")]) as server:
         begin(server).decide(view(3), ())
@@ -54,16 +43,6 @@ def test_the_current_view_arrives_as_a_picture_of_full_size(begin, view):
     assert picture.shape == (512, 512, 3)
     assert np.abs(picture.astype(int) - view(3).rgb.astype(int)).mean() < 3
     assert server.requests[0].messages[-1]["role"] == "user"
-
-
-def test_every_tool_asks_for_the_reasoning_first(begin, view, skills):
-    for options, first in (({}, [THOUGHTS]), ({"profile": "paper"}, [*REASONING_FIELDS])):
-        with OpenAIServer([call("stop")]) as server:
-            begin(server, **options).decide(view(), ())
-        for tool in server.requests[0].tools:
-            own = list(skills[tool["name"]].schema["properties"])
-            assert list(tool["parameters"]["properties"]) == [*first, *own]
-        assert server.requests[0].tool_names == list(skills)
 
 
 def test_thoughts_in_one_text_are_the_fields_that_they_name(begin, view, skills):
@@ -99,38 +78,6 @@ def test_a_skill_without_its_trained_adapter_is_not_offered(begin, view, plugins
     assert "## walk\n" not in server.requests[0].text
 
 
-def test_the_system_prompt_is_the_same_in_every_step(begin, view):
-    with OpenAIServer([call("walk", **WALK), call("stop")]) as server:
-        agent = begin(server)
-        first = agent.decide(view(0), ())
-        agent.decide(view(1), [after(first, view(0))])
-    one, two = (request.role("system") for request in server.requests)
-    assert one == two
-    assert "Find the couch and sit on it." in one
-
-
-def test_the_history_tells_what_was_seen_thought_and_done(begin, view):
-    with OpenAIServer([call("walk", **SAID, **WALK), call("stop")]) as server:
-        agent = begin(server)
-        first = agent.decide(view(0), ())
-        agent.decide(view(1, "You moved 2 cm."), [after(first, view(0), "You moved 2 cm.")])
-    told = server.requests[1].role("user")
-    assert all(words in told for field, words in SAID.items() if field != "mid_level_change")
-    assert "walk(x_cm=0, z_cm=40, yaw_deg=0)" in told
-    assert told.count("You moved 2 cm.") == 1
-    assert "Step 2 of 100" in told
-
-
-@pytest.mark.parametrize(("history", "shown"), [(0, []), (2, [3, 4]), (20, [1, 2, 3, 4])])
-def test_only_as_many_past_steps_are_told_as_asked_for(begin, view, history, shown):
-    with OpenAIServer([call("walk", **SAID, **WALK), call("stop")]) as server:
-        agent = begin(server, history=history)
-        first = agent.decide(view(0), ())
-        agent.decide(view(4), [after(first, view(step), f"result {step + 1}") for step in range(4)])
-    told = server.requests[1].role("user")
-    assert [number for number in (1, 2, 3, 4) if f"result {number}" in told] == shown
-
-
 def test_earlier_views_come_first_if_more_pictures_are_asked_for(begin, view):
     with OpenAIServer([call("walk", **WALK), call("stop")]) as server:
         agent = begin(server, images=3)
@@ -138,15 +85,6 @@ def test_earlier_views_come_first_if_more_pictures_are_asked_for(begin, view):
         agent.decide(view(4), [after(first, view(step)) for step in range(4)])
     blue = [picture[..., 2].mean() for picture in server.requests[1].images]
     assert blue == pytest.approx([40, 60, 80], abs=3)
-
-
-def test_without_the_mid_level_nobody_speaks_of_it(begin, view):
-    with OpenAIServer([call("walk", **SAID, **WALK), call("stop")]) as server:
-        agent = begin(server, mid_level=False)
-        first = agent.decide(view(0), ())
-        agent.decide(view(1), [after(first, view(0))])
-    assert all("mid" not in request.text.replace("middle", "") for request in server.requests)
-    assert all("mid_level_goal" not in tool["parameters"]["properties"] for tool in server.requests[0].tools)
 
 
 def test_the_sampling_options_are_sent_as_given(begin, view):
@@ -195,12 +133,6 @@ def test_what_is_not_one_legal_call_is_handed_back_and_never_executed(begin, vie
     assert json.loads(decision.raw)["mode"] == "tools"
 
 
-def test_a_whole_call_in_an_answer_that_was_cut_off_is_not_executed(begin, view, skills):
-    cut = calls(("stop", {}))
-    cut.body["choices"][0]["finish_reason"] = "length"
-    assert "no call" in handed_back(begin, view, skills, cut)[1]
-
-
 def test_a_call_that_was_cut_off_is_explained_with_the_next_question(begin, view):
     with OpenAIServer([calls(("walk", '{"x_cm": 0, "z_')), call("walk", **WALK), call("stop")]) as server:
         agent = begin(server)
@@ -232,19 +164,13 @@ def test_words_around_a_call_are_no_call_of_a_model_that_has_tools(begin, view):
         assert len(begin(server, mode="prompt").decide(view(), ()).calls) == 1
 
 
-def test_a_call_in_an_answer_that_was_filtered_is_not_executed(begin, view, skills):
-    filtered = calls(("stop", {}))
-    filtered.body["choices"][0]["finish_reason"] = "content_filter"
-    assert "no call" in handed_back(begin, view, skills, filtered)[1]
-
-
 # -- models without tools ----------------------------------------------------------------------------------------------
 def test_a_model_without_tools_is_asked_with_a_schema_and_remembered(begin, view, skills):
     with OpenAIServer(refusing("tools", [text(answer(**WALK))] * 2)) as server:
         agent = begin(server)
         decisions = [agent.decide(view(), ()) for _ in range(2)]
     assert [check(decision, skills) for decision in decisions] == [Call("walk", WALK)] * 2
-    assert json.loads(decisions[0].raw)["mode"] == agent.mode == "schema"
+    assert json.loads(decisions[0].raw)["mode"] == "schema"
     asked = server.requests[-1].body["response_format"]["json_schema"]["schema"]["properties"]
     assert list(asked) == [*REASONING_FIELDS, "skill", "parameters"]
     assert len(server.requests) == 4  # Tools twice, required and then optional; the schema; and the schema at once.
@@ -269,7 +195,7 @@ def test_a_model_without_tools_and_schemas_is_asked_in_words(begin, view, skills
         agent = begin(server)
         decision = agent.decide(view(), ())
     assert check(decision, skills) == Call("walk", WALK)
-    assert agent.mode == "prompt"
+    assert json.loads(decision.raw)["mode"] == "prompt"
     assert '"z_cm"' in server.requests[-1].role("system")
     assert len(server.requests[-1].images) == 1
 
@@ -279,7 +205,8 @@ def test_a_server_that_knows_only_words_is_asked_otherwise_next(begin, view):
         agent = begin(server)
         found = []
         for _ in range(4):
-            found.append((agent.mode, len(agent.decide(view(), ()).calls)))
+            decision = agent.decide(view(), ())
+            found.append((json.loads(decision.raw)["mode"], len(decision.calls)))
     assert found == [("tools", 0), ("schema", 0), ("prompt", 1), ("prompt", 0)]
 
 
@@ -289,12 +216,6 @@ def test_a_model_that_once_called_a_tool_is_not_asked_otherwise(begin, view):
         for _ in range(3):
             agent.decide(view(), ())
     assert all("tools" in request.body for request in server.requests)
-
-
-def test_the_mode_can_be_chosen(begin, view):
-    with OpenAIServer([text(answer(**WALK))]) as server:
-        begin(server, mode="prompt").decide(view(), ())
-    assert not {"tools", "response_format"} & set(server.requests[0].body)
 
 
 # -- records -----------------------------------------------------------------------------------------------------------
