@@ -13,7 +13,7 @@ _ENDINGS: Final[dict[Ending, str]] = {
     "unreadable": "malformed|unexpectedtool|toomanytool",
     "content_filter": "filter|safety|sensitive|refus|recitation|block|prohibited|spii|guardrail|moderat",
     "failed": "error|fail|abort|cancel|interrupt|timeout|overload|insufficient|ratelimit|^(?:un)?load$|^other$",
-    "length": "length|^max|limit|truncat|incomplete",
+    "length": "length|^max|limit|truncat|incomplete|^pause",
     "whole": "^(?:stop|end|eos|tool|function|complete)",
 }
 """Parts of the reason, in small letters alone. The first line that fits counts: `image_safety_error` is a filter's."""
@@ -56,8 +56,10 @@ def _of_responses(body: Json) -> Ending:
         return "failed" if ending in ("whole", "unknown") else ending
     if status not in ("completed", None):  # in_progress and queued too: the answer is not there yet.
         return "failed"
-    if any(item.get("status") == "incomplete" for item in items):
+    if any(item.get("status") in ("incomplete", "in_progress") for item in items):
         return "length"
+    if any(item.get("type") == "custom_tool_call" for item in items):
+        return "unreadable"  # Its input is free text, which litellm passes on as a function's arguments.
     said = [part for item in items for part in parts_of(item, "content")]
     return "content_filter" if any(part.get("type") == "refusal" for part in said) else _named(status)
 

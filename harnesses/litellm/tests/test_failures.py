@@ -426,7 +426,7 @@ def responses(state, **item):
     return ResponsesServer, "openai/responses/x", change
 
 
-GOOD = ["stop", "tool_calls", "function_call", "eos", "STOP", "end_of_turn", "eosFound", "done", "pause_turn", "", None]
+GOOD = ["stop", "tool_calls", "function_call", "eos", "STOP", "end_of_turn", "eosFound", "done", "", None]
 
 
 @pytest.mark.parametrize(
@@ -436,9 +436,8 @@ GOOD = ["stop", "tool_calls", "function_call", "eos", "STOP", "end_of_turn", "eo
         gemini(None),
         gemini("FINISH_REASON_UNSPECIFIED"),
         ollama(done_reason=None),
-        anthropic("pause_turn"),
         anthropic(None),
-        responses("completed", status="in_progress"),
+        responses("completed", status=None),
         changed(lambda body: body["choices"][0].pop("finish_reason")),
         changed(lambda body: body.update(error={"code": 0, "message": "success"})),
     ],
@@ -464,7 +463,11 @@ def test_a_whole_answer_is_executed_whatever_its_end_is_called(begin, view, dial
         (chat("token_limit"), "cut off"),
         (chat("MAX"), "cut off"),
         (chat("content-filter"), "withheld"),
+        (chat("pause_turn"), "cut off"),
+        (anthropic("pause_turn"), "cut off"),
         (responses("completed", status="incomplete"), "cut off"),
+        (responses("completed", status="in_progress"), "cut off"),
+        (responses("completed", type="custom_tool_call", input=json.dumps(WALK)), "not executed"),
         (chat("tool_calls", refusal="I will not."), "withheld"),
     ],
 )
