@@ -155,24 +155,6 @@ def test_a_limit_on_time_also_ends_the_waiting_for_a_turn(context, begin, view):
 
 
 # -- in pieces -----------------------------------------------------------------------------------------------------
-class PiecesServer(OpenAIServer):
-    """Always streams, even if the request does not ask for it."""
-
-    def respond(self, request):
-        asked = "stream" in request.body
-        request.body["stream"] = True
-        self.asked = [*getattr(self, "asked", []), asked]
-        return super().respond(request)
-
-
-class EndlessServer(OpenAIServer):
-    """The first streamed reply ends cleanly before the model has finished."""
-
-    def stream(self, reply, request):
-        data = super().stream(reply, request)
-        return data if len(self.requests) > 1 else b"\n\n".join(data.split(b"\n\n")[:-4]) + b"\n\n"
-
-
 # -- elsewhere -----------------------------------------------------------------------------------------------------
 @pytest.mark.integration
 @pytest.mark.parametrize(
