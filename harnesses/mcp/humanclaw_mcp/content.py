@@ -1,4 +1,4 @@
-"""Content for clients: tools, results, resources (state, view, log, skills) and the prompt."""
+"""Content for clients: tools, results, resources (state, view, log) and the prompt."""
 
 from __future__ import annotations
 
@@ -18,7 +18,6 @@ from mcp_types import (
     Prompt,
     PromptArgument,
     Resource,
-    ResourceTemplate,
     TextContent,
     TextResourceContents,
     Tool,
@@ -40,7 +39,6 @@ RESET: Final = "reset"
 STATE: Final = "humanclaw://body/state"
 VIEW: Final = "humanclaw://body/view"
 LOG: Final = "humanclaw://episode/log"
-SKILL: Final = "humanclaw://skill/"
 BODY_RESOURCES: Final = (STATE, VIEW, LOG)
 """Resources that a step changes."""
 INSTRUCTIONS: Final = tuple(
@@ -189,7 +187,6 @@ def base64_jpeg(rgb: NDArray[np.uint8]) -> str:
 
 # -- resources ---------------------------------------------------------------------------------------------------------
 def resources() -> list[Resource]:
-    """List the resources other than the skills' sheets."""
     state = Resource(
         uri=STATE,
         name="body-state",
@@ -208,28 +205,6 @@ def resources() -> list[Resource]:
         mime_type="application/jsonl",
     )
     return [state, view, log]
-
-
-def skill_template() -> ResourceTemplate:
-    return ResourceTemplate(
-        uri_template=SKILL + "{name}",
-        name="skill",
-        title="A skill",
-        description="What a skill does, its parameters with their bounds, and what to look for before calling it.",
-        mime_type="application/json",
-    )
-
-
-def skill_sheet(skill: Skill) -> TextResourceContents:
-    sheet = {
-        "name": skill.name,
-        "description": skill.description,
-        "parameters": parameter_schema(skill),
-        "checks": [check.question for check in skill.checks],
-        "role": skill.role,
-    }
-    text = json.dumps(sheet, ensure_ascii=False, indent=1)
-    return TextResourceContents(uri=SKILL + skill.name, mime_type="application/json", text=text)
 
 
 def view(snapshot: Snapshot) -> BlobResourceContents:

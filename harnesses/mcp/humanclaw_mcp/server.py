@@ -24,7 +24,7 @@ import humanclaw_mcp
 from humanclaw import CallError, Decision, HumanclawError
 from humanclaw.skills import read_call
 from humanclaw_mcp import content
-from humanclaw_mcp.content import LOG, LOOK, RESET, SKILL, STATE, VIEW
+from humanclaw_mcp.content import LOG, LOOK, RESET, STATE, VIEW
 from humanclaw_mcp.session import SESSION_HEADER, SESSIONS, Bodies, Session, Snapshot, Task
 
 logger = logging.getLogger(__name__)
@@ -52,11 +52,6 @@ class Handlers:
         self, ctx: Context, params: types.PaginatedRequestParams | None
     ) -> types.ListResourcesResult:
         return types.ListResourcesResult(resources=self.resources)
-
-    async def list_resource_templates(
-        self, ctx: Context, params: types.PaginatedRequestParams | None
-    ) -> types.ListResourceTemplatesResult:
-        return types.ListResourceTemplatesResult(resource_templates=[content.skill_template()])
 
     async def list_prompts(self, ctx: Context, params: types.PaginatedRequestParams | None) -> types.ListPromptsResult:
         return types.ListPromptsResult(prompts=[content.task_prompt(PROMPT)])
@@ -129,14 +124,11 @@ class Handlers:
             session = self._session(ctx)
             snapshot = await self._run(ctx, session, session.look)
             return content.state(snapshot) if uri == STATE else content.view(snapshot)
-        skill = self.skills.get(uri.removeprefix(SKILL))
-        if not uri.startswith(SKILL) or skill is None:
-            raise self._no_resource(uri)
-        return content.skill_sheet(skill)
+        raise self._no_resource(uri)
 
     def _no_resource(self, uri: str) -> MCPError:
-        known = [*(resource.uri for resource in self.resources), content.skill_template().uri_template]
-        return MCPError(types.INVALID_PARAMS, f"there is no resource {uri!r}; there are {', '.join(known)}")
+        known = ", ".join(resource.uri for resource in self.resources)
+        return MCPError(types.INVALID_PARAMS, f"there is no resource {uri!r}; there are {known}")
 
     async def subscribe(self, ctx: Context, params: types.SubscribeRequestParams) -> types.EmptyResult:
         if params.uri not in {resource.uri for resource in self.resources}:
@@ -158,10 +150,10 @@ class Handlers:
         return types.GetPromptResult(messages=[message])
 
     async def complete(self, ctx: Context, params: types.CompleteRequestParams) -> types.CompleteResult:
-        """Complete an argument: instructions for the prompt, skill names for resources."""
-        choices = content.INSTRUCTIONS if isinstance(params.ref, types.PromptReference) else tuple(self.skills)
+        """Complete the instruction of the prompt: the benchmark's tasks."""
         typed = params.argument.value.lower()
-        values = sorted((c for c in choices if typed in c.lower()), key=lambda c: not c.lower().startswith(typed))
+        choices = [task for task in content.INSTRUCTIONS if typed in task.lower()]
+        values = sorted(choices, key=lambda task: not task.lower().startswith(typed))
         return types.CompleteResult(completion=types.Completion(values=values, total=len(values), has_more=False))
 
     # -- notifications -------------------------------------------------------------------------------------------------
@@ -291,7 +283,6 @@ def make_server(handlers: Handlers) -> Server[str]:
         on_list_tools=handlers.list_tools,
         on_call_tool=handlers.call_tool,
         on_list_resources=handlers.list_resources,
-        on_list_resource_templates=handlers.list_resource_templates,
         on_read_resource=handlers.read_resource,
         on_subscribe_resource=handlers.subscribe,
         on_unsubscribe_resource=handlers.unsubscribe,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import io
-import json
 
 import anyio
 import mcp_types as types
@@ -13,7 +12,7 @@ from mcp import Client
 from mcp.shared.exceptions import MCPError
 from PIL import Image
 
-from humanclaw_mcp.content import LOG, SKILL, STATE, VIEW
+from humanclaw_mcp.content import LOG, STATE, VIEW
 from humanclaw_mcp.server import Handlers, make_server
 from humanclaw_mcp.session import Bodies, Settings
 
@@ -111,19 +110,7 @@ async def test_the_view_can_be_read_as_a_picture(begun):
     assert listed == {STATE, VIEW, LOG}
 
 
-async def test_every_skill_has_a_sheet_of_its_bounds_and_checks(begun):
-    (template,) = (await begun.list_resource_templates()).resource_templates
-    sheet = json.loads((await begun.read_resource(template.uri_template.replace("{name}", "walk"))).contents[0].text)
-    assert sheet["parameters"]["z_cm"]["maximum"] == 80
-    assert sheet["checks"]
-    with pytest.raises(MCPError, match="there is no resource"):
-        await begun.read_resource(SKILL + "fly")
-
-
 async def test_arguments_are_completed(begun):
-    skill = types.ResourceTemplateReference(uri=SKILL + "{name}")
-    found = await begun.complete(skill, {"name": "name", "value": "tu"})
-    assert found.completion.values == ["turn_in_place"]
     task = types.PromptReference(name="task")
     found = await begun.complete(task, {"name": "instruction", "value": "find a c"})
     assert found.completion.values == ["Find a chair.", "Find a couch and sit on it."]
