@@ -126,10 +126,7 @@ physics: install  ## Check half-physics on two engines: walls, stairs, falls, se
 conformance: install  ## Run the official MCP suite against the server (needs npx)
 	$(BIN)/python harnesses/mcp/conformance/run.py
 
-mcp-clients: install  ## Drive the body from seven MCP clients, each in its own environment (minutes)
-	$(BIN)/python harnesses/mcp/clients/run.py
-
-frameworks: install  ## Drive the body from seven agent frameworks, each in its own environment (minutes)
+clients: install  ## Drive the body from ten agent frameworks and MCP clients, each in its own environment (minutes)
 	$(BIN)/python harnesses/frameworks/clients/run.py
 
 gym: install  ## Play training tasks from OpenEnv, TRL and verifiers, each in its own environment (minutes)
@@ -153,7 +150,7 @@ kill: install  ## Kill runs, submissions and cache writers KILLS=200 times on tw
 	for engine in mujoco bullet; do $(BIN)/python tests/evidence/kill.py --kills $$(( $(KILLS) / 2 )) --simulator $$engine $(addprefix --clock ,$(CLOCK)) || exit 1; done
 
 fuzz: install  ## Feed 12,500 hostile inputs to each reader, plant hostile files in a run (hours)
-	$(BIN)/python -m pytest -p fuzzing --hypothesis-profile=fuzz -m "evidence or not evidence" tests/test_fuzz.py tests/test_fuzz_files.py plugins/bench/tests/test_strangers.py harnesses/mcp/tests/test_mcp_fuzz.py -q
+	$(BIN)/python -m pytest -p fuzzing --hypothesis-profile=fuzz -m "evidence or not evidence" tests/test_fuzz.py tests/test_fuzz_files.py plugins/bench/tests/test_strangers.py -q
 
 perf: $(READY)  ## Guard speed: compare seven ratios with tests/evidence/perf.json (MORE="--short" or "--save")
 	$(BIN)/python tests/evidence/perf.py $(MORE)

@@ -15,7 +15,8 @@ import sys
 import sysconfig
 import tomllib
 import venv
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -70,21 +71,31 @@ def version(need: str) -> str:
     return re.sub(r"\[.*?\]", "", need).replace("==", " ")
 
 
-def environment(kind: str, name: str, needs: Sequence[str], beside: bool = False) -> str:
-    """Return the Python of a cached environment with these packages; beside: and then those of this one."""
-    folder = Path(platformdirs.user_cache_dir("humanclaw")) / kind / name
+def environment(name: str, needs: Sequence[str]) -> str:
+    """Return the Python of a cached environment with these packages, and then those of this one."""
+    folder = Path(platformdirs.user_cache_dir("humanclaw")) / "clients" / name
     python, mark = folder / "bin" / "python", folder / "packages.json"
     ours = sysconfig.get_path("purelib")
-    holds = [*needs, *([ours] if beside else [])]
-    if not mark.exists() or json.loads(mark.read_text()) != holds:
+    if not mark.exists() or json.loads(mark.read_text()) != [*needs, ours]:
         venv.create(folder, with_pip=bool(needs), clear=True)
         if needs:
             subprocess.run([python, "-m", "pip", "install", "--quiet", "--only-binary=:all:", *needs], check=True)
-        if beside:
-            (theirs,) = folder.glob("lib/python*/site-packages")
-            (theirs / "zz_humanclaw.pth").write_text(f"import site; site.addsitedir({ours!r})\n")
-        mark.write_text(json.dumps(holds))
+        (theirs,) = folder.glob("lib/python*/site-packages")
+        (theirs / "zz_humanclaw.pth").write_text(f"import site; site.addsitedir({ours!r})\n")
+        mark.write_text(json.dumps([*needs, ours]))
     return str(python)
+
+
+@contextmanager
+def serving(*arguments: str) -> Iterator[str]:
+    """Run `python ARGUMENTS --http` on a free port; yield the address that it prints."""
+    command = [sys.executable, *arguments, "--http", "--port", "0"]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as server:
+        assert server.stderr
+        try:
+            yield next(found[0] for line in server.stderr if (found := re.search(r"http://\S+", line)))
+        finally:
+            server.terminate()
 
 
 def line(cells: Sequence[str]) -> str:

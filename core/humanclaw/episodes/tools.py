@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final, Protocol
 
 from humanclaw.episodes.agents import EpisodeAgents, settled
 from humanclaw.errors import CallError
@@ -12,12 +13,12 @@ from humanclaw.plugins.agents import EpisodeContext, Observation, Verifier
 from humanclaw.records.instructions import free_episode
 from humanclaw.skills.body_tool import LOOK, BodyTool, ToolResult
 from humanclaw.skills.call import Call, check_call
+from humanclaw.skills.contract import Skill
 from humanclaw.skills.publishing import Json, tool_spec
 from humanclaw.skills.reading import read_call
 from humanclaw.storage.pictures import jpeg
-
-if TYPE_CHECKING:
-    from humanclaw.episodes.embodiment import Body
+from humanclaw.world.scene import Scene
+from humanclaw.world.view import CameraMount
 
 _LOOK: Final[Json] = {
     "name": LOOK,
@@ -26,7 +27,23 @@ _LOOK: Final[Json] = {
 }
 
 
-def _verified(body: Body, verifier: Verifier, instruction: str) -> Callable[..., Observation]:
+class Driven(Protocol):
+    """The part of Body that the tools use."""
+
+    scene: Scene
+    resets: int
+    gaze: CameraMount
+    turn: threading.Lock
+
+    @property
+    def skills(self) -> Mapping[str, Skill]: ...
+
+    def observe(self, instruction: str = "") -> Observation: ...
+
+    def call(self, skill: str, /, **params: Any) -> Observation: ...
+
+
+def _verified(body: Driven, verifier: Verifier, instruction: str) -> Callable[..., Observation]:
     """Return the body's call(), which a verifier checks first and may replace (paper, section 3.2).
 
     It raises CallError for a call that cannot be executed, before the verifier is asked. Raises PluginRunError for an
@@ -50,7 +67,7 @@ def _verified(body: Body, verifier: Verifier, instruction: str) -> Callable[...,
     return call
 
 
-def body_tools(body: Body, verifier: Verifier | None = None, instruction: str = "") -> tuple[BodyTool, ...]:
+def body_tools(body: Driven, verifier: Verifier | None = None, instruction: str = "") -> tuple[BodyTool, ...]:
     """Return a tool for every skill that can run, and `look`. The body's lock makes calls wait, from
     any list of its tools and from acall(): a body does one thing at a time.
 
@@ -77,7 +94,7 @@ def body_tools(body: Body, verifier: Verifier | None = None, instruction: str = 
     return tuple(BodyTool(**spec, run=runner(spec["name"])) for spec in (*specs, _LOOK))
 
 
-def _run(body: Body, call: Callable[..., Observation], name: str, arguments: str | Mapping[str, Any]) -> ToolResult:
+def _run(body: Driven, call: Callable[..., Observation], name: str, arguments: str | Mapping[str, Any]) -> ToolResult:
     try:
         _, asked = read_call(name, arguments)
         seen = body.observe() if name == LOOK else call(name, **asked.params)

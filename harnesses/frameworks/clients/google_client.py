@@ -1,19 +1,19 @@
 # /// script
 # dependencies = ["google-genai==3.4.0"]
 # dialect = "GeminiServer"
+# ways = ["body.tools"]
 # ///
 """Google's client: ask the model, answer its calls, until it has none."""
 
-import os
-
+from connection import MODEL, TASK
 from google import genai
 from google.genai import types
 
 from humanclaw import Body
 
-where = os.environ["MODEL_URL"].removesuffix("/v1beta")
+where = MODEL.removesuffix("/v1beta")
 client = genai.Client(api_key="unused", http_options=types.HttpOptions(base_url=where))
-contents = [types.Content(role="user", parts=[types.Part(text=os.environ["TASK"])])]
+contents = [types.Content(role="user", parts=[types.Part(text=TASK)])]
 with Body("house:0") as body:
     tools = body.tools("google")
     config = types.GenerateContentConfig(tools=tools)

@@ -1,16 +1,16 @@
 # /// script
 # dependencies = ["openai==3.54.0"]
+# ways = ["body.tools"]
 # ///
 """OpenAI's client: ask the model, answer its calls, until it has none."""
 
-import os
-
+from connection import MODEL, TASK
 from openai import OpenAI
 
 from humanclaw import Body
 
-client = OpenAI(base_url=f"{os.environ['MODEL_URL']}", api_key="unused")
-messages = [{"role": "user", "content": os.environ["TASK"]}]
+client = OpenAI(base_url=MODEL, api_key="unused")
+messages = [{"role": "user", "content": TASK}]
 with Body("house:0") as body:
     tools = body.tools("openai")
     while True:

@@ -1,6 +1,6 @@
 """Tests of a body's skills as tools of agent frameworks: common behaviour, and the installed frameworks.
 
-`make frameworks` tests every framework with its real package, each in its own environment.
+`make clients` tests every framework with its real package, each in its own environment.
 """
 
 import io

@@ -7,16 +7,17 @@ Needs npx and the npm registry. npx installs Node too: the suite needs a newer o
 
 from __future__ import annotations
 
-import re
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parents[3] / "tests" / "support"))
+from clients import serving
 
 SUITE = "@modelcontextprotocol/conformance"
 NODE = "node@22"
-SERVER = ("-m", "humanclaw", "mcp", "--http", "--port", "0")
+SERVER = ("-m", "humanclaw", "mcp")
 VERSION = "0.2.0-alpha.12"
 """The newest suite, a pre-release. It also tests a sessionless protocol, which the server refuses over HTTP."""
 PROTOCOL = "2025-11-25"
@@ -35,28 +36,10 @@ SCENARIOS = (
 
 
 def main() -> int:
-    with started(SERVER) as url:
+    with serving(*SERVER) as url:
         faults = sum(check(scenario, url) for scenario in SCENARIOS)
     print(f"\n{faults or 'No'} scenario(s) with unexpected results.")
     return min(faults, 1)
-
-
-@contextmanager
-def started(arguments: tuple[str, ...]) -> Iterator[str]:
-    with subprocess.Popen([sys.executable, *arguments], stderr=subprocess.PIPE, text=True) as server:
-        try:
-            yield url_of(server)
-        finally:
-            server.terminate()
-
-
-def url_of(server: subprocess.Popen[str]) -> str:
-    """Return the address that the server prints."""
-    assert server.stderr
-    for line in server.stderr:
-        if match := re.search(r"http://\S+", line):
-            return match[0]
-    raise SystemExit("the server did not start")
 
 
 def check(scenario: str, url: str) -> bool:

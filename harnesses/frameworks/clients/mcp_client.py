@@ -1,26 +1,19 @@
 # /// script
 # dependencies = ["mcp==2.3.0", "openai==3.52.0"]
+# ways = ["HTTP", "stdio"]
 # ///
 """The official Python client with a minimal agent: ask the model and call its tools until it calls none."""
 
 import asyncio
-import os
-import sys
 
+from connection import ARGS, COMMAND, URL
 from mcp import Client
 from mcp.client.stdio import StdioServerParameters
 from plain_agent import drive
 
 
-def server():
-    if "MCP_URL" in os.environ:
-        return os.environ["MCP_URL"]
-    command, *args = sys.argv[1:]
-    return StdioServerParameters(command=command, args=args)
-
-
 async def main():
-    async with Client(server()) as client:
+    async with Client(URL or StdioServerParameters(command=COMMAND, args=ARGS)) as client:
         tools = [(tool.name, tool.description, tool.input_schema) for tool in (await client.list_tools()).tools]
 
         async def call(name, arguments):

@@ -1,19 +1,21 @@
 # /// script
 # dependencies = []
+# ways = ["HTTP", "stdio"]
 # npm = ["node@22", "@modelcontextprotocol/inspector@2.12.0"]
 # ///
 """The MCP Inspector's command line. It has no agent: each command opens a session and sends one request."""
 
 import json
-import os
 import subprocess
 import sys
+
+from connection import ARGS, COMMAND, URL
 
 NPX = ["npx", "--yes", "-p", "node@22", "-p", "@modelcontextprotocol/inspector@2.12.0", "mcp-inspector", "--cli"]
 
 
 def ask(method, *options):
-    where = [os.environ["MCP_URL"], "--transport", "http"] if "MCP_URL" in os.environ else sys.argv[1:]
+    where = [URL, "--transport", "http"] if URL else [COMMAND, *ARGS]
     command = [*NPX, *where, "--method", method, *options]
     told = subprocess.run(command, capture_output=True, text=True, timeout=180, check=False)
     if told.returncode:

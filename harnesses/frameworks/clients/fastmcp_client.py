@@ -1,26 +1,19 @@
 # /// script
 # dependencies = ["fastmcp==4.1.2", "openai==3.52.0"]
+# ways = ["HTTP", "stdio"]
 # ///
 """The FastMCP client with a minimal agent."""
 
 import asyncio
-import os
-import sys
 
+from connection import ARGS, COMMAND, URL
 from fastmcp import Client
 from fastmcp.client.transports import StdioTransport
 from plain_agent import drive
 
 
-def server():
-    if "MCP_URL" in os.environ:
-        return os.environ["MCP_URL"]
-    command, *args = sys.argv[1:]
-    return StdioTransport(command, args)
-
-
 async def main():
-    async with Client(server()) as client:
+    async with Client(URL or StdioTransport(COMMAND, ARGS)) as client:
         tools = [(tool.name, tool.description, tool.input_schema) for tool in await client.list_tools()]
 
         async def call(name, arguments):

@@ -2,19 +2,19 @@
 more."""
 
 import json
-import os
 
+from connection import MODEL, TASK
 from openai import AsyncOpenAI
 
 
 async def drive(tools, call):
     """tools: name, description and schema of each. call: awaits a tool's content. Returns the model's last words."""
-    model = AsyncOpenAI(base_url=os.environ["MODEL_URL"], api_key="unused")
+    model = AsyncOpenAI(base_url=MODEL, api_key="unused")
     offered = [
         {"type": "function", "function": {"name": name, "description": told, "parameters": schema}}
         for name, told, schema in tools
     ]
-    messages = [{"role": "user", "content": os.environ["TASK"]}]
+    messages = [{"role": "user", "content": TASK}]
     while True:
         answer = (await model.chat.completions.create(model="scripted", messages=messages, tools=offered)).choices[0]
         if not answer.message.tool_calls:
