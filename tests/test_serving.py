@@ -15,10 +15,10 @@ ROOT = Path(__file__).parents[1]
 
 
 class Echo(Handler):
-    def get(self):
+    def do_GET(self):
         self.answer(HTTPStatus.OK, b"got")
 
-    def post(self):
+    def do_POST(self):
         self.answer(HTTPStatus.OK, self.body(9))
 
 

@@ -37,7 +37,7 @@ def listening(port: int, host: str = HOST) -> Iterator[None]:
 class Handler(BaseHTTPRequestHandler):
     """Answers one request on each connection, and logs nothing: the terminal belongs to the command.
 
-    Override get() or post(), which end with answer(). timeout: seconds for each read and write.
+    Define do_GET() or do_POST(), which end with answer(). timeout: seconds for each read and write.
     """
 
     timeout = REQUEST_SECONDS
@@ -51,20 +51,6 @@ class Handler(BaseHTTPRequestHandler):
             self.answer(HTTPStatus.FORBIDDEN)
             return False
         return True
-
-    def do_GET(self) -> None:
-        self.get()
-
-    def do_POST(self) -> None:
-        self.post()
-
-    def get(self) -> None:
-        """Answer a GET."""
-        self.answer(HTTPStatus.NOT_IMPLEMENTED)
-
-    def post(self) -> None:
-        """Answer a POST."""
-        self.answer(HTTPStatus.NOT_IMPLEMENTED)
 
     def body(self, most: int) -> bytes:
         """Return the body of a POST; empty if it has none, more than `most` bytes or no length."""

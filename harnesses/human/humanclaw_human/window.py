@@ -131,7 +131,7 @@ class PageServer:
         window = self
 
         class Asked(Handler):
-            def get(self) -> None:
+            def do_GET(self) -> None:
                 if (place := self._place()) is not None:
                     window.visited = True
                     content, kind = window._content(place)
@@ -139,7 +139,7 @@ class PageServer:
                     if place == "replay" and content:
                         window._taken.set()
 
-            def post(self) -> None:
+            def do_POST(self) -> None:
                 sent = self.body(_LONGEST)
                 if (place := self._place()) is not None:
                     code, words = window._press(place, sent) if place in _POSTED else (HTTPStatus.NOT_FOUND, "")

@@ -131,7 +131,7 @@ def server(watcher: Watcher, port: int = 0) -> Server:
     """
 
     class Asked(Handler):
-        def get(self) -> None:
+        def do_GET(self) -> None:
             path = unquote(urlsplit(self.path).path)
             if path == "/events":
                 self._events()
