@@ -66,8 +66,8 @@ def humanclaw_rewards(register: Register[Reward]) -> None:
 def humanclaw_commands(cli: click.Group) -> None:
     from humanclaw.cli import LazyCommand
 
-    for name, target, told in _COMMANDS:
-        cli.add_command(LazyCommand(name, f"humanclaw.cli.{target}", told))
+    for name, target, sentence in _COMMANDS:
+        cli.add_command(LazyCommand(name, f"humanclaw.cli.{target}", sentence))
 
 
 def _reward(name: str, transition: Transition) -> float:

@@ -33,7 +33,7 @@ class Adapters:
 
     def owner(self, skill: Skill, adapter: Path) -> Skill | None:
         """Return the skill that owns an adapter, such as the called one; None if that skill is not installed."""
-        return next((one for one in (skill, *self._plugins.skills.values()) if one.adapter == adapter), None)
+        return next((other for other in (skill, *self._plugins.skills.values()) if other.adapter == adapter), None)
 
     def _by_base(self, adapter: Path) -> Mapping[str, Path]:
         if adapter not in self._beside:

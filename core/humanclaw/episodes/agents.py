@@ -41,21 +41,21 @@ class EpisodeAgents:
         self.refusal = ""
         """Reason of a PluginError that one of them raised, which ends the run."""
         # Read once, so that the record states exactly the settings that they run with.
-        self.privileged = {role: self._is_privileged(one) for role, one in self._present().items()}
+        self.privileged = {role: self._is_privileged(decider) for role, decider in self._present().items()}
         self.settings = {"agent": self._settings(agent), "verifier": self._settings(verifier)}
         """Settings of agent and verifier; empty if asking for them failed."""
         self.views_between = self._views_between()
         """Number of views of each half second that the agent asks for."""
-        self.packages = {origin(one) for one in self._present().values()}
-        apart = [one.versions for one in self._present().values() if isinstance(one, StandIn)]
-        self.versions = {name: found for versions in apart for name, found in versions.items()}
+        self.packages = {origin(decider) for decider in self._present().values()}
+        apart = [decider.versions for decider in self._present().values() if isinstance(decider, StandIn)]
+        self.versions = {name: version for versions in apart for name, version in versions.items()}
         """Versions of distributions that are not loaded here."""
         self.names = self._name(agent), self._name(verifier)
         """Names of agent and verifier; the package instead of a name that a record cannot hold."""
 
     def _present(self) -> dict[str, Decider]:
         pair: dict[str, Decider | None] = {"agent": self.agent, "verifier": self.verifier}
-        return {role: one for role, one in pair.items() if one is not None}
+        return {role: decider for role, decider in pair.items() if decider is not None}
 
     @contextmanager
     def noting(self) -> Iterator[None]:
@@ -72,9 +72,9 @@ class EpisodeAgents:
 
         Raises PluginError if one cannot be used. Other errors are kept in `fault`.
         """
-        for role, one in self._present().items():
-            with self.noting(), blaming(origin(one), *ANSWERING):
-                one.begin(replace(context, **known) if self.privileged[role] else context)
+        for role, decider in self._present().items():
+            with self.noting(), blaming(origin(decider), *ANSWERING):
+                decider.begin(replace(context, **known) if self.privileged[role] else context)
 
     def decide(self, seen: Observation, history: Sequence[HistoryEntry]) -> Decision:
         """Return the agent's decision. Raises PluginRunError for an error or a malformed decision."""
@@ -89,8 +89,8 @@ class EpisodeAgents:
             verdict = self.verifier.verify(seen, call, skill, goal)
             verdict = admit(verdict, Verdict, f"verify() of {self.names[1]} returned")
             if not verdict.accepted and verdict.replacement is None:
-                told = f"verify() of {self.names[1]} returned a Verdict that neither accepts nor replaces the call"
-                raise TypeError(f"{told}; expected Verdict(True), or Verdict(False, another call)")
+                fault = f"verify() of {self.names[1]} returned a Verdict that neither accepts nor replaces the call"
+                raise TypeError(f"{fault}; expected Verdict(True), or Verdict(False, another call)")
             return verdict
 
     @contextmanager

@@ -123,7 +123,7 @@ class Body:
     @property
     def skills(self) -> dict[str, Skill]:
         """Every skill that can be called, by name. A trained skill needs an adapter for the body's prior."""
-        return {name: one for name, one in self.plugins.skills.items() if self._adapters.fits(one, self.weights)}
+        return {name: skill for name, skill in self.plugins.skills.items() if self._adapters.fits(skill, self.weights)}
 
     @property
     def history(self) -> Motion:

@@ -96,8 +96,8 @@ def begin_record(
         geodesic=geodesic,
         licences=body.scene.licences,
         targets=target_boxes(body.scene, spec.target_ids, body.state()),
-        movable=tuple(one.id for one in objects if one.movable),
-        ground=tuple(one.id for one in objects if one.category in GROUND),
+        movable=tuple(item.id for item in objects if item.movable),
+        ground=tuple(item.id for item in objects if item.category in GROUND),
         skills=skill_infos(body.plugins, body.skills),
         created=datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
     )

@@ -67,7 +67,7 @@ def tactile(executions: Sequence[Execution]) -> tuple[Touch, ...]:
                 frames[_part(contact)] |= meeting
                 gives_way[_part(contact)] |= contact.movable
     met = [Touch(part, len(frames[part]), gives_way[part]) for part in sorted(frames)]
-    spans = {side: sum(len(one.simulated) for one in executions if side in one.held) for side in executions[-1].held}
+    spans = {side: sum(len(e.simulated) for e in executions if side in e.held) for side in executions[-1].held}
     return (*met, *(Touch(f"{side} hand", span, True, holds=True) for side, span in spans.items()))
 
 

@@ -188,9 +188,9 @@ class Gym:
 def _weight(name: str, value: Any) -> float:
     """Return the weight of a reward. Raises HumanclawError for anything but a finite number."""
     try:
-        found = float(value)
+        weight = float(value)
     except (TypeError, ValueError, OverflowError):
-        found = np.nan
-    if not np.isfinite(found):
+        weight = np.nan
+    if not np.isfinite(weight):
         raise HumanclawError(f"the weight of {name} must be a finite number; got {value!r}.", "Give another one.")
-    return found
+    return weight

@@ -56,15 +56,16 @@ def touch(transition: Transition) -> float:
     if not transition.stopped or len(transition.steps) < 2:
         return 0.0
     said, contacts = transition.step.decision.reasoning, touched_above_ground(transition, transition.steps[-2])
-    touched = {transition.scene.by_id[one.object_id].category for one in contacts}
-    named = {one.category for one in transition.scene.objects if acknowledges(said, one.category)}
+    touched = {transition.scene.by_id[contact.object_id].category for contact in contacts}
+    named = {item.category for item in transition.scene.objects if acknowledges(said, item.category)}
     return float(bool(named) and named <= touched)
 
 
 def contact(transition: Transition) -> float:
     """Return -1 if the body touched anything but the target above the ground."""
     targets = set(transition.record.spec.target_ids)
-    return -float(any(one.object_id not in targets for one in touched_above_ground(transition, transition.step)))
+    contacts = touched_above_ground(transition, transition.step)
+    return -float(any(contact.object_id not in targets for contact in contacts))
 
 
 def verifier(transition: Transition) -> float:

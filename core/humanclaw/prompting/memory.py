@@ -65,7 +65,7 @@ def moved(past: HistoryEntry, skills: Mapping[str, Skill]) -> tuple[float, float
     if call is None or call.skill not in skills:
         return 0.0, 0.0, 0.0
     parameters = skills[call.skill].parameters
-    asked = {one.measure: to_si(one.key, call.params.get(one.key, 0)) for one in parameters if one.measure}
+    asked = {part.measure: to_si(part.key, call.params.get(part.key, 0)) for part in parameters if part.measure}
     ahead = asked.get("hips.forward", 0.0) - asked.get("hips.back", 0.0)
     return asked.get("hips.left", 0.0), ahead, asked.get("heading.left", 0.0)
 

@@ -87,12 +87,12 @@ def circle(skills: Sequence[Skill]) -> tuple[str, int] | None:
 
     None without such a skill.
     """
-    found = suited(skills, "heading.left")
-    if found is None:
+    turn = suited(skills, "heading.left")
+    if turn is None:
         return None
-    largest = next(part.high for part in found.parameters if part.measure == "heading.left")
+    largest = next(part.high for part in turn.parameters if part.measure == "heading.left")
     # 1e-9: rounding must not turn an exact division into one more turn.
-    return found.name, ceil(2 * np.pi / largest - 1e-9)
+    return turn.name, ceil(2 * np.pi / largest - 1e-9)
 
 
 def sitting(skills: Sequence[Skill]) -> Sitting | None:
@@ -176,13 +176,13 @@ def step_content(
         content[-1]["cache_control"] = {"type": "ephemeral"}
     for past in history[-(settings.images - 1) :] if settings.images > 1 else ():
         content += [_text(f"The view before step {past.step + 1}:"), picture(past.rgb, settings.detail)]
-    told = history[first:]
+    recent = history[first:]
     situation = {
         "step": observation.step + 1,
         "max_steps": context.spec.max_steps,
         "note": note,
-        "feedback": "" if told and told[-1].feedback == observation.feedback else observation.feedback,
-        "goal": told[-1].decision.mid_level_goal if told and settings.mid_level else "",
+        "feedback": "" if recent and recent[-1].feedback == observation.feedback else observation.feedback,
+        "goal": recent[-1].decision.mid_level_goal if recent and settings.mid_level else "",
         "kept": last_note(history) if settings.memory else "",
         "places": sketch(history, context.skills) if settings.memory == "map" else (),
     }

@@ -133,8 +133,8 @@ class Feedback:
     @property
     def sensor_readings(self) -> str:
         """The readings of all senses beside vision in words; empty if they are off."""
-        told = (str(self.proprioception or ""), _touched(self.tactile))
-        return " ".join(filter(None, told))
+        readings = (str(self.proprioception or ""), _touched(self.tactile))
+        return " ".join(filter(None, readings))
 
     def _action(self) -> str:
         if self.replaced is None:

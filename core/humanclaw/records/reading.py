@@ -85,11 +85,11 @@ class RecordedEpisode:
         """
         try:
             lasting = sum(step.motion_frames for step in self.steps)
-            found = _read_arrays(self.files, state_of(self.files.status("motion.npz")), lasting + MOST_FRAMES)
-            held = min(map(len, found.values()), default=0)
+            arrays = _read_arrays(self.files, state_of(self.files.status("motion.npz")), lasting + MOST_FRAMES)
+            held = min(map(len, arrays.values()), default=0)
             if held < lasting:
                 raise ValueError(f"it holds {held} frames, and its steps last {lasting}")
-            return {name: found[name] for name in names or sorted(found)}
+            return {name: arrays[name] for name in names or sorted(arrays)}
         except Exception as error:  # Damage raises a dozen kinds of errors in numpy, zipfile and its unpackers.
             reason = error.strerror if isinstance(error, OSError) else error
             raise RecordError(f"{self.folder / 'motion.npz'} cannot be read: {reason}.", AGAIN) from error
@@ -139,9 +139,9 @@ class RecordedRun(list[RecordedEpisode]):
     def _repr_html_(self) -> str:
         """Return the number of episodes by outcome, and a row for each of the first."""
         ends = Counter(episode.record.outcome.replace("_", " ") for episode in self)
-        told = ", ".join(f"{count} {outcome}" for outcome, count in ends.most_common())
+        summary = ", ".join(f"{count} {outcome}" for outcome, count in ends.most_common())
         head = ("episode", "instruction", "agent", "outcome", "steps", "to the target")
-        return table(f"{counted(len(self), 'episode')}: {told}", head, [_cells(episode) for episode in self])
+        return table(f"{counted(len(self), 'episode')}: {summary}", head, [_cells(episode) for episode in self])
 
 
 def _cells(episode: RecordedEpisode) -> tuple[str, ...]:
@@ -163,7 +163,7 @@ def load_run(folder: Path) -> RecordedRun:
         remedy = "Name a folder that `humanclaw run` or `humanclaw bench run` wrote."
         raise lacking(folder, "episode record", remedy)
     episodes = RecordedRun(map(RecordedEpisode, folders))
-    for run in {one.folder.parent for one in episodes}:
+    for run in {episode.folder.parent for episode in episodes}:
         if Folder(run).has("run.json"):
             _refuse_copies([episode for episode in episodes if episode.folder.parent == run])
     return episodes
@@ -209,9 +209,9 @@ def _read_arrays(files: Folder, state: tuple[int, ...], most: int) -> Mapping[st
         # A member never yields more bytes than its entry says, so this bounds the memory.
         if sum(member.file_size for member in archive.infolist()) > _LARGEST:
             raise ValueError(f"its arrays are larger than {_LARGEST >> 20} MiB")
-        found = {name: _array(archive, name) for name in archive.namelist()}
-    _check_arrays(found, most)
-    return {name.removesuffix(".npy"): array for name, array in found.items()}
+        arrays = {name: _array(archive, name) for name in archive.namelist()}
+    _check_arrays(arrays, most)
+    return {name.removesuffix(".npy"): array for name, array in arrays.items()}
 
 
 def _check_arrays(arrays: Mapping[str, Array], most: int) -> None:
@@ -270,5 +270,5 @@ def _refuse_infinite(line: bytes, where: str) -> None:
 
 def _where(error: ValidationError) -> str:
     """Return ':line' where the text stops being JSON; empty if it does not."""
-    found = re.search(r"at line (\d+)", error.errors()[0]["msg"])
-    return f":{found[1]}" if found else ""
+    place = re.search(r"at line (\d+)", error.errors()[0]["msg"])
+    return f":{place[1]}" if place else ""

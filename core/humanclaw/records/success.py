@@ -160,7 +160,7 @@ def _in_front(thing: int, first: StepRecord, step: StepRecord) -> bool:
     if thing not in first.targets:
         return False
     low, high = np.array(first.targets[thing])
-    axis = min((0, 2), key=lambda one: high[one] - low[one])
+    axis = min((0, 2), key=lambda k: high[k] - low[k])
     middle = np.mean([box for key, box in first.targets.items() if key != thing], axis=(0, 1))
     front = (low + high)[axis] / 2
     return bool((front - middle[axis]) * (step.start[axis] - front) > 0)

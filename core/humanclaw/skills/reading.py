@@ -136,7 +136,7 @@ def read_objects(text: str) -> list[Json]:
     """
     if len(text) > LONGEST:
         raise CallError(f"The answer is longer than {LONGEST} letters.")
-    return [found.value for found in _objects(text)]
+    return [item.value for item in _objects(text)]
 
 
 def _among_words(text: str) -> list[Json]:

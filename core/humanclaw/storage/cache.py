@@ -73,12 +73,12 @@ class Cache:
             self._files.remove(_checked(key))
 
     def _shrink(self, new: str) -> None:
-        found = self._files.statuses()
-        excess = sum(status.st_size for status in found.values()) - self._limit
-        oldest = iter(sorted(found.keys() - {new}, key=lambda name: found[name].st_mtime_ns))
+        statuses = self._files.statuses()
+        excess = sum(status.st_size for status in statuses.values()) - self._limit
+        oldest = iter(sorted(statuses.keys() - {new}, key=lambda name: statuses[name].st_mtime_ns))
         while excess > 0 and (name := next(oldest, None)):
             self._files.remove(name)
-            excess -= found[name].st_size
+            excess -= statuses[name].st_size
 
 
 def _checked(key: str) -> str:

@@ -79,8 +79,8 @@ class Folder:
     def status(self, name: str) -> os.stat_result | None:
         """Return size and times of a regular file; None for anything else, and if there is nothing."""
         with suppress(OSError):
-            found = self._at(name).lstat()
-            return found if stat.S_ISREG(found.st_mode) else None
+            status = self._at(name).lstat()
+            return status if stat.S_ISREG(status.st_mode) else None
         return None
 
     def has(self, name: str) -> bool:
@@ -95,21 +95,21 @@ class Folder:
 
     def statuses(self) -> dict[str, os.stat_result]:
         """Return size and times of each regular file in the folder; none if there is no folder."""
-        found = {}
+        statuses = {}
         with suppress(FileNotFoundError):
-            for one in os.scandir(self._held()):
+            for entry in os.scandir(self._held()):
                 with suppress(FileNotFoundError):  # Another process may remove it meanwhile.
-                    found[one.name] = one.stat(follow_symlinks=False)
-        return {name: status for name, status in found.items() if stat.S_ISREG(status.st_mode)}
+                    statuses[entry.name] = entry.stat(follow_symlinks=False)
+        return {name: status for name, status in statuses.items() if stat.S_ISREG(status.st_mode)}
 
     def holding(self, name: str) -> list[Folder]:
         """Return each folder that holds a file of that name, this one and all below it, in order."""
-        found = []
+        homes = []
         for home, folders, files in os.walk(self.path):
             below = PurePath(home).relative_to(self.path)
-            found += [below] if name in files else []
+            homes += [below] if name in files else []
             folders[:] = folders if len(below.parts) < _DEEPEST else []
-        return [self / part.as_posix() if part.parts else self for part in sorted(found)]
+        return [self / part.as_posix() if part.parts else self for part in sorted(homes)]
 
     # -- writing -------------------------------------------------------------------------------------------------------
     @contextmanager
@@ -204,8 +204,8 @@ def _error(path: Path, number: int, reason: str) -> OSError:
 def _refuse_link(path: Path) -> None:
     """Raise OSError for a link, in words. O_NOFOLLOW refuses a file that becomes one after this."""
     with suppress(FileNotFoundError):
-        found = path.lstat()
-        if stat.S_ISLNK(found.st_mode) or getattr(found, "st_reparse_tag", 0) == _JUNCTION:
+        status = path.lstat()
+        if stat.S_ISLNK(status.st_mode) or getattr(status, "st_reparse_tag", 0) == _JUNCTION:
             raise _error(path, errno.ELOOP, "is a link, which is not followed")
 
 
@@ -254,12 +254,12 @@ def add_line(stream: BinaryIO, line: bytes) -> None:
         raise
 
 
-def state_of(found: os.stat_result | None) -> tuple[int, ...]:
+def state_of(status: os.stat_result | None) -> tuple[int, ...]:
     """Return inode, times and size of a file, by which a changed one is known; () if there is none.
 
     The first time can be put back, as copies do; the time of the last change of anything cannot.
     """
-    return (found.st_ino, found.st_mtime_ns, found.st_ctime_ns, found.st_size) if found else ()
+    return (status.st_ino, status.st_mtime_ns, status.st_ctime_ns, status.st_size) if status else ()
 
 
 @contextmanager

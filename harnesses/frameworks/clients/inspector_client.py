@@ -17,10 +17,10 @@ NPX = ["npx", "--yes", "-p", "node@22", "-p", "@modelcontextprotocol/inspector@2
 def ask(method, *options):
     where = [URL, "--transport", "http"] if URL else [COMMAND, *ARGS]
     command = [*NPX, *where, "--method", method, *options]
-    told = subprocess.run(command, capture_output=True, text=True, timeout=180, check=False)
-    if told.returncode:
-        sys.exit(f"{method}: {told.stderr or told.stdout}")
-    return json.loads(told.stdout)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=180, check=False)
+    if done.returncode:
+        sys.exit(f"{method}: {done.stderr or done.stdout}")
+    return json.loads(done.stdout)
 
 
 print(sorted(tool["name"] for tool in ask("tools/list")["tools"]))

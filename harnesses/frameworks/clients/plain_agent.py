@@ -11,8 +11,8 @@ async def drive(tools, call):
     """tools: name, description and schema of each. call: awaits a tool's content. Returns the model's last words."""
     model = AsyncOpenAI(base_url=MODEL, api_key="unused")
     offered = [
-        {"type": "function", "function": {"name": name, "description": told, "parameters": schema}}
-        for name, told, schema in tools
+        {"type": "function", "function": {"name": name, "description": description, "parameters": schema}}
+        for name, description, schema in tools
     ]
     messages = [{"role": "user", "content": TASK}]
     while True:

@@ -38,9 +38,9 @@ def trial(name: str, way: str, folder: Path) -> tuple[str, ...]:
         # All requests together: Anthropic's client sends only new messages.
         seen = tuple(model.requests)
     done = "Done. 3 steps" in said if way == "body.tools" else executed(folder, "npm" in needs)
-    told = all(any(words in request.text for request in seen) for words in WORDS)
+    read = all(any(words in request.text for request in seen) for words in WORDS)
     pictures = len({picture.tobytes() for request in seen for picture in request.images})
-    reached = ("-", "-") if "npm" in needs else (mark(told), str(pictures))
+    reached = ("-", "-") if "npm" in needs else (mark(read), str(pictures))
     tried = version((needs["dependencies"] or needs["npm"][-1:])[0])
     return name, tried, way, mark(done), *reached, fault
 
@@ -73,7 +73,7 @@ def main(names: tuple[str, ...]) -> None:
             for way in metadata(HERE / f"{name}_client.py")["ways"]:
                 rows.append(trial(name, way, Path(scratch) / f"{name}-{way}"))
                 print(line(rows[-1]), flush=True)
-    sys.exit(any(fault or "no" in (done, told) for *_, done, told, _, fault in rows))
+    sys.exit(any(fault or "no" in (done, read) for *_, done, read, _, fault in rows))
 
 
 if __name__ == "__main__":

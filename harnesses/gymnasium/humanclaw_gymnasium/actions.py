@@ -84,8 +84,8 @@ def _size(value: Any) -> float:
 
 def _parameters(skill: Skill) -> tuple[Parameter, ...] | None:
     """Return a skill's parameters; None if one has no finite list of values."""
-    found = [Parameter(skill.name, name, _values(part)) for name, part in parameter_schema(skill).items()]
-    return tuple(found) if all(parameter.values for parameter in found) else None
+    parameters = [Parameter(skill.name, name, _values(part)) for name, part in parameter_schema(skill).items()]
+    return tuple(parameters) if all(parameter.values for parameter in parameters) else None
 
 
 def _values(part: Mapping[str, Any]) -> tuple[Any, ...]:

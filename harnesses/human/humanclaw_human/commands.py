@@ -59,18 +59,18 @@ def forms(skills: Mapping[str, Skill]) -> tuple[dict[str, Any], ...]:
 
 def _form(skill: Skill) -> dict[str, Any]:
     parts: Mapping[str, Mapping[str, Any]] = skill.schema.get("properties", {})
-    told = [
+    parameters = [
         {key: part[key] for key in ("type", "description", "minimum", "maximum") if key in part}
         | {"name": name, "value": part.get("default", _amount(part, 0) if "minimum" in part else "")}
         for name, part in parts.items()
     ]
-    return {"name": skill.name, "description": skill.description, "parameters": told}
+    return {"name": skill.name, "description": skill.description, "parameters": parameters}
 
 
 def keys(skills: Mapping[str, Skill]) -> dict[str, Key]:
     """Return the call of each key of the page, without keys that have no skill."""
     ready = [skill for skill in skills.values() if skill.trained]
-    return {name: key for name, told in _KEYS.items() if (key := _key(ready, *told))}
+    return {name: key for name, move in _KEYS.items() if (key := _key(ready, *move))}
 
 
 def _key(skills: Sequence[Skill], words: str, role: Role, sign: int, measures: Sequence[str]) -> Key | None:

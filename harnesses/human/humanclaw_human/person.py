@@ -73,8 +73,8 @@ class Person:
         """Show the view and wait for a call. Raises KeyboardInterrupt if the person leaves."""
         assert self._window is not None
         past = tuple((str(entry.executed or "no call"), str(entry.feedback)) for entry in history)
-        told = (observation.instruction, str(observation.feedback), past)
-        self._window.show(observation.rgb, PageState(observation.step, self._most, *told, observation.between))
+        words = (observation.instruction, str(observation.feedback), past)
+        self._window.show(observation.rgb, PageState(observation.step, self._most, *words, observation.between))
         while True:
             with suppress(queue.Empty):
                 decision = self._decisions.get(timeout=_POLL)

@@ -174,7 +174,7 @@ class PageServer:
             return json.dumps(self._state).encode(), "application/json"
         if path == "replay" and self._replay.is_file():
             return self._replay.read_bytes(), "text/html; charset=utf-8"
-        pictures = {"view.jpg": self._picture} | {f"between-{k}.jpg": one for k, one in enumerate(self._between)}
+        pictures = {"view.jpg": self._picture} | {f"between-{k}.jpg": view for k, view in enumerate(self._between)}
         return (pictures[path], "image/jpeg") if path in pictures else (b"", "text/plain")
 
     def _page(self) -> bytes:

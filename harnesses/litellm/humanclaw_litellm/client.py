@@ -134,8 +134,8 @@ class Client:
         self._check_price()
         listed = load().model_cost.get(self._settings.model, {})
         if self._settings.images and listed.get("mode") == "chat" and not listed.get("supports_vision"):
-            told = f"litellm lists {self._settings.model} without image input; --images 0 sends no picture"
-            self.learned.warn("pictures", told)
+            warning = f"litellm lists {self._settings.model} without image input; --images 0 sends no picture"
+            self.learned.warn("pictures", warning)
 
     def _check_name(self) -> None:
         settings = self._settings
@@ -156,8 +156,8 @@ class Client:
             hint = f"Give prices: --option '{_PRICES}', or usd_per_million of a model in a study's file."
             raise ModelError(f"a limit in usd cannot be kept: no price is known for model {model!r}.", hint)
         if not self._settings.api_base and not model.startswith("ollama"):
-            told = f"no price is known for model {model!r}: its cost is recorded as 0; give --option '{_PRICES}'"
-            self.learned.warn("price", told)
+            warning = f"no price is known for model {model!r}: its cost is recorded as 0; give --option '{_PRICES}'"
+            self.learned.warn("price", warning)
 
     def _key(self) -> str:
         """Return the key to send; empty if litellm finds one by itself. Raises ModelError if it is missing.
@@ -229,9 +229,9 @@ class Client:
     def _optional(self, request: Mapping[str, Any]) -> Json:
         """Return the parameters that can be left out, without those that the model has refused."""
         parallel = {} if "tools" not in request else {"parallel_tool_calls": False}
-        found = {**parallel, **self._chosen()}
+        wanted = {**parallel, **self._chosen()}
         names = {"max_tokens": "max_completion_tokens"} if self.learned.renamed else {}
-        return {names.get(key, key): value for key, value in found.items() if key not in self.learned.left_out}
+        return {names.get(key, key): value for key, value in wanted.items() if key not in self.learned.left_out}
 
     def _leaves_out(self, failure: FailedRequest) -> bool:
         """Leave out or rename the first parameter that the provider says it does not take; return whether one is."""
@@ -246,8 +246,8 @@ class Client:
                 self.learned.renamed = True
                 return True
             self.learned.left_out.append(first)
-            told = f"{self._settings.model} does not take {first}, which is left out: {self._tell(failure)}"
-            (_LOG.info if first == "parallel_tool_calls" else _LOG.warning)(told)
+            note = f"{self._settings.model} does not take {first}, which is left out: {self._tell(failure)}"
+            (_LOG.info if first == "parallel_tool_calls" else _LOG.warning)(note)
         return bool(named)
 
     def _bounded(self, failure: FailedRequest) -> str:
@@ -301,8 +301,8 @@ class Client:
         if choice.finish_reason == "unreadable":
             calls = tuple((name, _UNREADABLE + arguments) for name, arguments in calls) or (("", _UNREADABLE),)
         inner, text = split_thoughts(self._redact(getattr(choice.message, "content", None) or ""))
-        told = self._redact(getattr(choice.message, "reasoning_content", None) or "")
-        thoughts = "\n".join(filter(None, (told, inner)))
+        stated = self._redact(getattr(choice.message, "reasoning_content", None) or "")
+        thoughts = "\n".join(filter(None, (stated, inner)))
         said = thoughts + text + "".join(arguments for _, arguments in calls)
         usage = usage_of(response, self._settings, messages, request, said)
         self._settle(usage, messages, request)
@@ -323,44 +323,44 @@ class Client:
         self._answer = usage.tokens_out  # The next answer is expected to be about as long.
         sent = text_tokens_sent(messages, request)
         if not usage.estimated and usage.tokens_in < sent / 2:
-            told = f"{self._where()} counted {usage.tokens_in} tokens of about {sent} that were sent: it may have cut"
-            self.learned.warn("cut", f"{told} the prompt; give it a larger context window (Ollama: params num_ctx)")
+            words = f"{self._where()} counted {usage.tokens_in} tokens of about {sent} that were sent: it may have cut"
+            self.learned.warn("cut", f"{words} the prompt; give it a larger context window (Ollama: params num_ctx)")
 
     # -- failures ---------------------------------------------------------------------------------------------------
     def _sorted(self, failure: FailedRequest) -> Exception:
         """Turn a failure into the exception that the caller gets."""
-        told, where = self._tell(failure), self._where()
+        words, where = self._tell(failure), self._where()
         if failure.redirect:
             return ModelError(
                 f"{where} sends requests on to {self._redact(failure.redirect)}, where nothing was sent.",
                 "Name that address with api_base if prompt and picture may go there.",
             )
         if name := self._bounded(failure):
-            bound = f"{self._settings.model} does not take {name}={self._chosen()[name]}: {told}."
+            bound = f"{self._settings.model} does not take {name}={self._chosen()[name]}: {words}."
             hint = f"Set {name} within this bound, or to none."
             return ProviderClosedError(bound, hint) if self.learned.worked else ModelError(bound, hint)
         if failure.too_long:
-            return TooLongError(f"{where} says: {told}")
+            return TooLongError(f"{where} says: {words}")
         if failure.about_pictures and not self.learned.worked:
             hint = "Name a model that takes pictures, or play without any: --images 0."
-            return ModelError(f"{self._settings.model} takes no pictures: {told}.", hint)
-        if mendable := self._mendable(failure, told):
+            return ModelError(f"{self._settings.model} takes no pictures: {words}.", hint)
+        if mendable := self._mendable(failure, words):
             return ProviderClosedError(*mendable) if self.learned.worked else ModelError(*mendable)
-        return RefusalError(told) if failure.refused else ProviderError(f"{where} gave no answer: {told}")
+        return RefusalError(words) if failure.refused else ProviderError(f"{where} gave no answer: {words}")
 
-    def _mendable(self, failure: FailedRequest, told: str) -> tuple[str, str] | None:
+    def _mendable(self, failure: FailedRequest, words: str) -> tuple[str, str] | None:
         """Return what ends the run, and the remedy; None if another request may succeed."""
         model, server = self._settings.model, self._settings.api_base or "the provider"
         if failure.unpaid:
-            return f"the quota for {model} is used up: {told}.", "Top it up or use another key."
+            return f"the quota for {model} is used up: {words}.", "Top it up or use another key."
         if failure.larger_than_rate:
             hint = "Raise the account's rate, or send less: --history, --images, max_tokens."
-            return f"one request is larger than the rate that {server} allows {model}: {told}.", hint
+            return f"one request is larger than the rate that {server} allows {model}: {words}.", hint
         # Some gateways answer 403 to a single request that their filter refuses.
         if failure.status == 401 or (failure.status == 403 and not self.learned.worked):
-            return f"{server} does not accept the key for {model}: {told}.", "Set the right key."
+            return f"{server} does not accept the key for {model}: {words}.", "Set the right key."
         if failure.status == 404 and not failure.refused:
-            return f"{server} does not know {model}: {told}.", "Check the model's name and api_base."
+            return f"{server} does not know {model}: {words}.", "Check the model's name and api_base."
         return None
 
     def _tell(self, failure: BaseException | None) -> str:

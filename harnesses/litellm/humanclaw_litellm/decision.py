@@ -78,25 +78,25 @@ class ModelAgent:
             raise HumanclawError("an agent must begin an episode before it decides.", "Call begin first.")
         wanted = len(history) - self._settings.first_told(len(history))
         while True:
-            told = min(wanted, self._room)
+            shown = min(wanted, self._room)
             try:
-                reply = self._ask(self._episode, observation, history, told if told < wanted else None)
+                reply = self._ask(self._episode, observation, history, shown if shown < wanted else None)
                 break
             except TooLongError as fault:
-                if not told:
+                if not shown:
                     raise LimitError("episode", _no_room(observation.step, fault)) from None
-                self._room = told // 2
-        found, self._note = read(reply.completion, prose=not reply.mode.startswith("tools"))
-        self._negotiator.report(reply, bool(found))
-        return _decision(found, reply, wanted - told, self._negotiator.client.left_out)
+                self._room = shown // 2
+        calls, self._note = read(reply.completion, prose=not reply.mode.startswith("tools"))
+        self._negotiator.report(reply, bool(calls))
+        return _decision(calls, reply, wanted - shown, self._negotiator.client.left_out)
 
     def _ask(
-        self, episode: _Episode, observation: Observation, history: Sequence[HistoryEntry], told: int | None
+        self, episode: _Episode, observation: Observation, history: Sequence[HistoryEntry], shown: int | None
     ) -> Reply:
-        """Ask about a step. told: number of past steps in the prompt; None for as many as the settings say."""
+        """Ask about a step. shown: number of past steps in the prompt; None for as many as the settings say."""
         settings = self._settings
-        if told is not None:
-            fewer = {"history": told, "history_slack": 0, "images": min(settings.images, told + 1)}
+        if shown is not None:
+            fewer = {"history": shown, "history_slack": 0, "images": min(settings.images, shown + 1)}
             settings = settings.model_copy(update=fewer)
         content = step_content(episode.context, observation, history, self._note, settings)
 
@@ -109,8 +109,8 @@ class ModelAgent:
 
 
 def _no_room(step: int, fault: TooLongError) -> str:
-    told = f"step {step + 1} alone, without past steps (--history 0), does not fit the model's context window: {fault}."
-    return f"{told} Use a model or a server with a larger window, or a shorter answer (max_tokens)."
+    why = f"step {step + 1} alone, without past steps (--history 0), does not fit the model's context window: {fault}."
+    return f"{why} Use a model or a server with a larger window, or a shorter answer (max_tokens)."
 
 
 def usable(context: EpisodeContext) -> tuple[Skill, ...]:
@@ -141,22 +141,22 @@ def read(completion: Completion, prose: bool = True) -> tuple[tuple[tuple[Reason
 
 def _read_calls(completion: Completion) -> tuple[tuple[tuple[Reasoning, Call], ...], str]:
     """Read tool calls. An unreadable one among several still counts, so that no other is executed in its place."""
-    found, faults = [], []
+    calls, faults = [], []
     for name, arguments in completion.calls:
         try:
-            found.append(read_call(name, arguments))
+            calls.append(read_call(name, arguments))
         except CallError as fault:
             faults.append(str(fault))
-            found.append((Reasoning(), Call(name)))
-    return (() if faults and len(found) == 1 else tuple(found)), " ".join(faults)
+            calls.append((Reasoning(), Call(name)))
+    return (() if faults and len(calls) == 1 else tuple(calls)), " ".join(faults)
 
 
 def _decision(
-    found: Sequence[tuple[Reasoning, Call]], reply: Reply, dropped: int, left_out: tuple[str, ...]
+    calls: Sequence[tuple[Reasoning, Call]], reply: Reply, dropped: int, left_out: tuple[str, ...]
 ) -> Decision:
-    said = found[0][0] if found else Reasoning()
+    said = calls[0][0] if calls else Reasoning()
     return Decision(
-        tuple(call for _, call in found),
+        tuple(call for _, call in calls),
         **vars(said),
         raw=reply.raw,
         prompt_digest=reply.prompt_digest,

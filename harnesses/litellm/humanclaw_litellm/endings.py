@@ -31,8 +31,8 @@ def ending_of(body: Json) -> Ending:
         return _of_responses(body)
     if "done" in body and "message" in body:  # Ollama
         return _named(body.get("done_reason")) if body["done"] is True else "failed"
-    found = [body[key] for key in ("stop_reason", "stopReason", "finish_reason") if key in body]
-    return _named(found[0]) if found else ""
+    reasons = [body[key] for key in ("stop_reason", "stopReason", "finish_reason") if key in body]
+    return _named(reasons[0]) if reasons else ""
 
 
 def _of_chat(choice: Json) -> Ending:
@@ -72,7 +72,7 @@ def _named(reason: Any) -> Ending:
 def stranger_in(body: Json) -> str:
     """Return the role of the first answer if it is not the model's; empty if it is, or if the reply names no role."""
     said = part_of(first_of(body, "choices"), "message") or part_of(first_of(body, "candidates"), "content")
-    roles = [one.get("role") for one in (said or part_of(body, "message") or body, *parts_of(body, "output"))]
+    roles = [item.get("role") for item in (said or part_of(body, "message") or body, *parts_of(body, "output"))]
     return next((role for role in roles if role in _OTHERS), "")
 
 
@@ -83,11 +83,11 @@ def first_of(body: Json, key: str) -> Json:
 
 def part_of(body: Json, key: str) -> Json:
     """Return an object in a body; empty without one."""
-    found = body.get(key)
-    return found if isinstance(found, dict) else {}
+    part = body.get(key)
+    return part if isinstance(part, dict) else {}
 
 
 def parts_of(body: Json, key: str) -> list[Json]:
     """Return the objects of a list in a body; empty without one."""
-    found = body.get(key)
-    return [part for part in found if isinstance(part, dict)] if isinstance(found, list) else []
+    listed = body.get(key)
+    return [part for part in listed if isinstance(part, dict)] if isinstance(listed, list) else []

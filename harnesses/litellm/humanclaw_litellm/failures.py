@@ -150,8 +150,8 @@ class FailedRequest(Exception):  # noqa: N818
         if self.param == parameter:
             return 0
         name = rf"(?<!\w){re.escape(parameter)}(?!\w)"
-        found = re.search(rf"{_BEFORE}{name}|{name}{_AFTER}", self.told, re.IGNORECASE)
-        return found.start() if found else None
+        match = re.search(rf"{_BEFORE}{name}|{name}{_AFTER}", self.told, re.IGNORECASE)
+        return match.start() if match else None
 
     def bounds(self, parameter: str) -> bool:
         """Tell whether the words refuse a parameter's value by a bound."""
@@ -170,8 +170,8 @@ class FailedRequest(Exception):  # noqa: N818
     @property
     def param(self) -> str:
         """The parameter that an error is about, in OpenAI's form or pydantic's; empty if it names none."""
-        found = re.search(r'"param":\s*"([^"]+)"|["\']loc["\']: ?[\[(][^\])]*["\'](\w+)["\']\s*[\])]', self.told)
-        return (found[1] or found[2]) if found else ""
+        match = re.search(r'"param":\s*"([^"]+)"|["\']loc["\']: ?[\[(][^\])]*["\'](\w+)["\']\s*[\])]', self.told)
+        return (match[1] or match[2]) if match else ""
 
     @property
     def filtered(self) -> bool:
@@ -225,10 +225,10 @@ class FailedRequest(Exception):  # noqa: N818
 def _number(text: str) -> float:
     """Return a number of 0 or more; 0 for any other text."""
     try:
-        found = float(text)
+        number = float(text)
     except ValueError:
         return 0.0
-    return max(0.0, found) if math.isfinite(found) else 0.0
+    return max(0.0, number) if math.isfinite(number) else 0.0
 
 
 def _until(date: str) -> float:
@@ -323,11 +323,11 @@ def _words(body: Any, deepest: int = _DEEPEST) -> str:
         return "; ".join(filter(None, (_words(part, deepest - 1) for part in body)))
     if not isinstance(body, dict) or not deepest:
         return ""
-    told = (_words(body.get(key), deepest - 1) for key in ("error", "detail", "message", "msg"))
-    found = next(filter(None, told), "")
+    texts = (_words(body.get(key), deepest - 1) for key in ("error", "detail", "message", "msg"))
+    message = next(filter(None, texts), "")
     where = ".".join(map(str, body["loc"])) if isinstance(body.get("loc"), list) else ""
     upstream = _words(part_of(body, "metadata").get("raw"), deepest - 1)  # OpenRouter's provider.
-    return ": ".join(filter(None, (where, found, upstream)))
+    return ": ".join(filter(None, (where, message, upstream)))
 
 
 def _cause(error: BaseException) -> str:

@@ -39,10 +39,10 @@ def redact(text: str, *secrets: str) -> str:
     return _without(text, secrets) if safe == plain else safe
 
 
-def _unescaped(found: re.Match[str]) -> str:
+def _unescaped(match: re.Match[str]) -> str:
     """Return the character of an escape; the escape itself for one that JSON needs, and for half a character."""
-    letter = chr(int(found[1], 16)) if found[1] else found[2] or ""
-    return letter if letter.isprintable() and letter not in ('"', "\\", "") else found[0]
+    letter = chr(int(match[1], 16)) if match[1] else match[2] or ""
+    return letter if letter.isprintable() and letter not in ('"', "\\", "") else match[0]
 
 
 def _without(text: str, secrets: Iterable[str]) -> str:

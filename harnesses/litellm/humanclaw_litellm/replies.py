@@ -50,8 +50,8 @@ def _tidied(body: Json) -> Json:
 
 def _index(choice: Json) -> int:
     """Return the place of an answer: servers list several in any order."""
-    found = choice.get("index")
-    return found if isinstance(found, int) else 0
+    index = choice.get("index")
+    return index if isinstance(index, int) else 0
 
 
 def _split_off(body: Json) -> Json:
@@ -104,13 +104,13 @@ def _text(part: Any) -> str:
 
 def _as_openai(usage: Json) -> Json:
     """Return a usage of Chat Completions with OpenAI's names, and its cost as one number."""
-    told = dict(usage)
+    renamed = dict(usage)
     for name, other in (("prompt_tokens", "input_tokens"), ("completion_tokens", "output_tokens")):
-        if other in told:
-            told.setdefault(name, told[other])
-    if "cached_tokens" in told:  # Kimi
-        told.setdefault("prompt_tokens_details", {"cached_tokens": told["cached_tokens"]})
-    return told | ({"cost": _cost(told)} if "cost" in told else {})
+        if other in renamed:
+            renamed.setdefault(name, renamed[other])
+    if "cached_tokens" in renamed:  # Kimi
+        renamed.setdefault("prompt_tokens_details", {"cached_tokens": renamed["cached_tokens"]})
+    return renamed | ({"cost": _cost(renamed)} if "cost" in renamed else {})
 
 
 def _cost(usage: Json) -> Any:
@@ -134,12 +134,12 @@ def _counts(usage: Json) -> Json:
 
 def _whole(count: Any) -> int | None:
     try:
-        found = float(count)
+        number = float(count)
     except (TypeError, ValueError):
         return None
-    return int(found) if math.isfinite(found) else None
+    return int(number) if math.isfinite(number) else None
 
 
 def _reports_success(fault: Any) -> bool:
-    told = [fault.get(key) for key in ("code", "message")] if isinstance(fault, dict) else []
-    return any(str(word).lower() in _SUCCESS for word in told)
+    words = [fault.get(key) for key in ("code", "message")] if isinstance(fault, dict) else []
+    return any(str(word).lower() in _SUCCESS for word in words)

@@ -129,8 +129,8 @@ def _refuse_secrets(given: Mapping[str, Any]) -> None:
         except ValueError:
             read = value
         if place := "api_key" if key == "api_key" else next(secrets_in(read, key), ""):
-            told = f"option {redact(place)} holds a key, and options are recorded."
-            raise ModelError(told, "Name the variable of the key: auth_env.")
+            reason = f"option {redact(place)} holds a key, and options are recorded."
+            raise ModelError(reason, "Name the variable of the key: auth_env.")
 
 
 def _profile(given: Mapping[str, Any]) -> dict[str, Any]:

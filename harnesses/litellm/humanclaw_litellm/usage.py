@@ -34,9 +34,9 @@ def usage_of(response: Any, settings: Settings, messages: list[Json], request: M
     likely = len(said) // _LETTERS_A_TOKEN
     estimated = not sent or (not wrote and likely > 0)
     sent, wrote = sent or tokens_sent(messages, request), wrote or likely
-    told = getattr(counted, "cost", None)
-    if _is_amount(told) and told < _DEAREST and not estimated and not _are_given(settings):
-        return Usage(sent, wrote, float(told), tokens_reasoning=thought)
+    stated = getattr(counted, "cost", None)
+    if _is_amount(stated) and stated < _DEAREST and not estimated and not _are_given(settings):
+        return Usage(sent, wrote, float(stated), tokens_reasoning=thought)
     cost = _cost(response, settings, sent, wrote)
     return Usage(sent, wrote, cost, estimated, cost_estimated=True, tokens_reasoning=thought)
 
@@ -63,14 +63,14 @@ def _tokens(counted: Any) -> tuple[int, int, int]:
     return sent, wrote + unsaid, thought
 
 
-def _count(told: object, name: str) -> int:
+def _count(counts: object, name: str) -> int:
     """Return a provider's token count; 0 if it is missing or no plausible count."""
-    found = getattr(told, name, 0)
-    return int(found) if _is_amount(found) and found < _MOST else 0
+    count = getattr(counts, name, 0)
+    return int(count) if _is_amount(count) and count < _MOST else 0
 
 
-def _is_amount(found: object) -> TypeGuard[int | float]:
-    return isinstance(found, int | float) and not isinstance(found, bool) and 0 <= found < math.inf
+def _is_amount(value: object) -> TypeGuard[int | float]:
+    return isinstance(value, int | float) and not isinstance(value, bool) and 0 <= value < math.inf
 
 
 def _are_given(settings: Settings) -> bool:
@@ -86,8 +86,8 @@ def price_of(settings: Settings) -> tuple[float, float] | None:
     if _are_given(settings):
         return tuple(float(settings.params.get(word, 0.0)) for word in _PRICES)  # type: ignore[return-value]
     listed, model = load().model_cost, _listed(settings)  # litellm's own look-up would ask an Ollama server for prices.
-    found = listed.get(model) or listed.get(model.partition("/")[2]) or {}
-    first, second = (found.get(word) for word in _PRICES)
+    prices = listed.get(model) or listed.get(model.partition("/")[2]) or {}
+    first, second = (prices.get(word) for word in _PRICES)
     return None if first is None or second is None else (float(first), float(second))
 
 

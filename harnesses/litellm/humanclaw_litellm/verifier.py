@@ -82,20 +82,20 @@ class ModelVerifier:
             raise
         except (ProviderError, TooLongError) as fault:
             return Verdict(True, failed_open=str(fault))
-        found = _that_counts(_verdicts(reply.completion), checks)
-        self._negotiator.report(reply, found is not None)
-        return self._verdict(found, checks, call, reply.completion.usage)
+        verdict = _that_counts(_verdicts(reply.completion), checks)
+        self._negotiator.report(reply, verdict is not None)
+        return self._verdict(verdict, checks, call, reply.completion.usage)
 
-    def _verdict(self, found: Json | None, checks: Mapping[str, Check], call: Call, usage: Usage) -> Verdict:
-        if found is None:
+    def _verdict(self, verdict: Json | None, checks: Mapping[str, Check], call: Call, usage: Usage) -> Verdict:
+        if verdict is None:
             return Verdict(
                 True, failed_open="the verifier's answer held no verdict, or several that differ", usage=usage
             )
-        answers = tuple(filter(None, (_answer(key, check, found) for key, check in checks.items())))
+        answers = tuple(filter(None, (_answer(key, check, verdict) for key, check in checks.items())))
         if all(answer.passed for answer in answers):
-            left = [check.id for key, check in checks.items() if _passed(found, key) is None]
+            left = [check.id for key, check in checks.items() if _passed(verdict, key) is None]
             return Verdict(True, None, answers, f"no answer to {', '.join(left)}" if left else "", usage)
-        other = _replacement(found, self._skills)
+        other = _replacement(verdict, self._skills)
         if other is None or other == call:
             return Verdict(True, None, answers, "checks failed, but no other call was named", usage)
         return Verdict(False, other, answers, usage=usage)
@@ -133,14 +133,14 @@ def _verdicts(completion: Completion) -> list[Json]:
     try:
         if completion.calls:
             texts = [said for name, said in completion.calls if plain_name(name) == _VERDICT]
-            found = [item for said in texts for item in read_objects(said)]
+            verdicts = [item for said in texts for item in read_objects(said)]
         else:
-            found = _called(completion.text) or read_objects(completion.text)
+            verdicts = _called(completion.text) or read_objects(completion.text)
     except CallError:
         return []
-    opened = [item.get("arguments", item.get(_VERDICT)) for item in found]  # A call with words behind it.
-    found = [inner if isinstance(inner, dict) else item for inner, item in zip(opened, found, strict=True)]
-    return [item for item in found if any(key.endswith("_answer") for key in item)]
+    opened = [item.get("arguments", item.get(_VERDICT)) for item in verdicts]  # A call with words behind it.
+    verdicts = [inner if isinstance(inner, dict) else item for inner, item in zip(opened, verdicts, strict=True)]
+    return [item for item in verdicts if any(key.endswith("_answer") for key in item)]
 
 
 def _called(text: str) -> list[Json]:
@@ -155,30 +155,30 @@ def _that_counts(verdicts: Sequence[Json], checks: Mapping[str, Check]) -> Json 
     """Return the only verdict, or the last of several that all say no: a no never becomes a pass, whatever words stand
     around it. Of others, the one that the model means is unknown.
     """
-    say_no = all(any(_passed(found, key) is False for key in checks) for found in verdicts)
+    say_no = all(any(_passed(verdict, key) is False for key in checks) for verdict in verdicts)
     return verdicts[-1] if verdicts and (len(verdicts) == 1 or say_no) else None
 
 
-def _answer(key: str, check: Check, found: Mapping[str, Any]) -> Answer | None:
-    passed = _passed(found, key)
-    return None if passed is None else Answer(check.id, passed, str(found.get(f"{key}_evidence", "")))
+def _answer(key: str, check: Check, verdict: Mapping[str, Any]) -> Answer | None:
+    passed = _passed(verdict, key)
+    return None if passed is None else Answer(check.id, passed, str(verdict.get(f"{key}_evidence", "")))
 
 
-def _passed(found: Mapping[str, Any], key: str) -> bool | None:
-    word = _WORD.match(str(found.get(f"{key}_answer", "")))
+def _passed(verdict: Mapping[str, Any], key: str) -> bool | None:
+    word = _WORD.match(str(verdict.get(f"{key}_answer", "")))
     return None if word is None else word[1] is not None
 
 
-def _replacement(found: Mapping[str, Any], skills: Sequence[Skill]) -> Call | None:
+def _replacement(verdict: Mapping[str, Any], skills: Sequence[Skill]) -> Call | None:
     """Return the call to make instead, unchecked: the loop checks every call against its schema.
 
     Its parameters may stand beside the answers.
     """
-    if not found.get("skill"):
+    if not verdict.get("skill"):
         return None
-    known = {name for skill in skills if skill.name == found["skill"] for name in skill.schema["properties"]}
-    beside = {name: found[name] for name in known & found.keys()}
+    known = {name for skill in skills if skill.name == verdict["skill"] for name in skill.schema["properties"]}
+    beside = {name: verdict[name] for name in known & verdict.keys()}
     try:
-        return read_answer({"skill": found["skill"], "parameters": found.get("parameters"), **beside})[1]
+        return read_answer({"skill": verdict["skill"], "parameters": verdict.get("parameters"), **beside})[1]
     except CallError:
         return None

@@ -75,8 +75,8 @@ class Settings:
 
     def __post_init__(self) -> None:
         if self.auth_env and len(self.token) < _SHORTEST_TOKEN:
-            told = f"{self.auth_env} holds no token of {_SHORTEST_TOKEN} letters or more."
-            raise HumanclawError(told, f'For example: export {self.auth_env}="$(openssl rand -hex 32)".')
+            fault = f"{self.auth_env} holds no token of {_SHORTEST_TOKEN} letters or more."
+            raise HumanclawError(fault, f'For example: export {self.auth_env}="$(openssl rand -hex 32)".')
         if self.options and not self.verifier:
             raise HumanclawError("--option belongs to a verifier, and none is named.", "Add --verifier NAME.")
         if not self.instruction.strip():

@@ -16,5 +16,5 @@ __version__ = "0.1.0"
 def humanclaw_commands(cli: click.Group) -> None:
     from humanclaw.cli import LazyCommand
 
-    told = "Serve training tasks to OpenEnv clients."
-    cli.add_command(LazyCommand("openenv", "humanclaw_openenv.command:command", told))
+    sentence = "Serve training tasks to OpenEnv clients."
+    cli.add_command(LazyCommand("openenv", "humanclaw_openenv.command:command", sentence))

@@ -60,8 +60,8 @@ class BodyEnvironment(Environment[CallToolAction, Observation, BodyState]):
     def step(self, action: CallToolAction | ListToolsAction, timeout_s: float | None = None, **_: Any) -> Observation:
         """Call a skill, or list the skills; listing needs no episode and takes no step."""
         if isinstance(action, ListToolsAction):
-            told = [one["function"] for one in model_tools(self._gym.skills, TURNS)]
-            return ListToolsObservation(tools=[Tool(input_schema=one.pop("parameters"), **one) for one in told])
+            specs = [tool["function"] for tool in model_tools(self._gym.skills, TURNS)]
+            return ListToolsObservation(tools=[Tool(input_schema=spec.pop("parameters"), **spec) for spec in specs])
         turn = self._turn = self._gym.call(action.tool_name, action.arguments)
         return BodyObservation(
             tool_name=action.tool_name, result=situation(self._gym, turn), reward=turn.reward, done=turn.done,

@@ -68,7 +68,7 @@ def environment(
     """
     host = plugins or Plugins.discover()
     made = Gym(tasks, rewards, options=options, plugins=host)
-    tools = {one["function"]["name"]: _method(one["function"]) for one in model_tools(made.skills, TURNS)}
+    tools = {tool["function"]["name"]: _method(tool["function"]) for tool in model_tools(made.skills, TURNS)}
     gym = staticmethod(lambda: Gym(tasks, rewards, options=options, agent="trl", plugins=host))
     return type("BodyEnvironment", (BodyEnvironment,), {**tools, "_make": gym, "_pictures": pictures})
 
@@ -84,9 +84,9 @@ def _method(spec: Json) -> Callable[..., Any]:
     keyword = inspect.Parameter.KEYWORD_ONLY
     own = inspect.Parameter("self", inspect.Parameter.POSITIONAL_OR_KEYWORD)
     named = [inspect.Parameter(key, keyword, annotation=kind) for key, kind in kinds.items()]
-    told = [f"    {key}: {part.get('description', _THOUGHTS)}" for key, part in parts.items()]
+    described = [f"    {key}: {part.get('description', _THOUGHTS)}" for key, part in parts.items()]
     call.__name__ = call.__qualname__ = spec["name"]
-    call.__doc__ = "\n".join([spec["description"], "", "Args:", *told])
+    call.__doc__ = "\n".join([spec["description"], "", "Args:", *described])
     call.__annotations__ = {**kinds, "return": str}
     call.__signature__ = inspect.Signature([own, *named], return_annotation=str)  # type: ignore[attr-defined]
     return call

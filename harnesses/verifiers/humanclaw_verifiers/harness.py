@@ -96,7 +96,7 @@ def _results(said: Json, turn: Turn) -> list[Json]:
 
 def facts(episode: Episode, turn: Turn) -> dict[str, float]:
     """Return the facts of a finished episode by the benchmark's definitions, from its steps alone."""
-    steps, sits = episode.steps, {name for name, one in episode.body.skills.items() if one.role == "sit"}
+    steps, sits = episode.steps, {name for name, skill in episode.body.skills.items() if skill.role == "sit"}
     transition = Transition(episode.record, steps, episode.body.scene, episode.success)
     claims = [(transition.claims(step), in_view(step)) for step in steps]
     false = [claim for claim, shown in claims if not shown]
@@ -112,5 +112,5 @@ def facts(episode: Episode, turn: Turn) -> dict[str, float]:
     }
 
 
-def _share(found: Sequence[bool]) -> float:
-    return sum(found) / len(found) if found else 0.0
+def _share(marks: Sequence[bool]) -> float:
+    return sum(marks) / len(marks) if marks else 0.0
