@@ -29,6 +29,7 @@ for _name, _target, _told in (
     ("reproduce", "reproduce:reproduce", "Play the paper's tables 2 and 3 for some models."),
     ("power", "power:power_command", "Simulate which difference between two runs a split can show."),
     ("difficulty", "tiers:difficulty", "Print and draw how hard the episodes of a split are."),
+    ("failures", "failures:failures", "Draw where episodes fail, and why."),
     ("verify", "submission_cli:verify", "Check every file of a run against its digest."),
     ("submit", "submission_cli:submit", "Write submission.json into a run, for a leaderboard."),
     ("leaderboard", "submission_cli:leaderboard", "Make index.html from a folder of submitted runs."),

@@ -11,9 +11,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from hosting import plugin
 from manifests import invoke, tell
+from PIL import ImageColor
 from rollouts import COUCH, rollout, step
 
 from humanclaw import PluginError, Plugins, RecordedEpisode, load_run
@@ -21,6 +23,7 @@ from humanclaw.cli import Console
 from humanclaw.records import Difficulty, StepRecord, Verdict, write_episodes
 from humanclaw.world import GAZES
 from humanclaw_bench.attribution import CAUSES, STAGES, attribute
+from humanclaw_bench.failures import FACULTIES, GREY, NAME, WIDE, picture
 from humanclaw_bench.metrics import ALL, MAIN, compare
 from humanclaw_bench.overview import overview
 from humanclaw_bench.results import Result as Scored, named
@@ -570,6 +573,24 @@ def test_causes_are_pooled_over_runs_and_summed_by_faculty(base: Scores):
     assert faculties["nav: body awareness"] == [0.667, 0.0, 0.5, 0.34]
     assert faculties["nav: ego-spatial distance"] == causes[far]
     assert len(faculties) == 13
+
+
+@pytest.mark.parametrize("paper", [True, False])
+def test_a_picture_draws_each_share_as_a_bar(base: Scores, paper: bool):
+    """One of two failures to navigate is of each of two faculties; grey are the paper's shares."""
+    far, jam = "nav: stop while far", "nav: unaware jammed"
+    drawn = np.asarray(picture(named({"a": _failed(base, "a", far, jam)}), paper=paper))
+    whole = WIDE - NAME - 60
+
+    def bars(colour: str) -> list[int]:
+        """The widths of the bars of a colour, without the legend's square."""
+        mask = (drawn == ImageColor.getrgb(colour)).all(-1)
+        widths = (np.ptp(np.flatnonzero(row)) for half in (mask[:, :WIDE], mask[:, WIDE:]) for row in half if row.any())
+        return [int(width) for width in widths if width > 12]
+
+    for faculty in ("ego-spatial distance", "body awareness"):
+        assert max(bars(FACULTIES[faculty])) == pytest.approx(whole / 2, abs=2)
+    assert bool(bars(GREY)) == paper
 
 
 def test_the_papers_shares_of_each_stage_are_a_whole():
