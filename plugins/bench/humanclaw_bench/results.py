@@ -75,7 +75,7 @@ class Result:
         extent = f"{of}{counted(self.total, 'episode')}{unknown}"
         note = (
             f"{self.name}: {extent}{left_out}.{self._privileged}{self._broken}{self._unasked}{self._foreign}"
-            f"{self._near}{self._pace}{self._asked}{self._played}"
+            f"{self._near}{self._pace}{self._asked}{self._cut}{self._played}"
         )
         return " ".join(legible(note).split())  # One line, whatever text a foreign record holds.
 
@@ -104,6 +104,12 @@ class Result:
         return note + (
             f" Past steps were dropped because the model's context was full: in {dropped} steps." if dropped else ""
         )
+
+    @property
+    def _cut(self) -> str:
+        remembers = self.conditions.get("agent history", "0") != "0"
+        cut = remembers and self.conditions.get("agent history_text") == "short"
+        return " Past steps were told with their words cut, in the paper in full." if cut else ""
 
     @property
     def _foreign(self) -> str:

@@ -191,6 +191,15 @@ def test_false_claims_stand_beside_what_they_would_buy(base: Scores) -> None:
     assert titles[:3] == ["FindSR", "false claims", "NavSR"]
 
 
+@pytest.mark.parametrize(
+    ("history", "text", "cut"), [("20", "short", True), ("20", "whole", False), ("0", "short", False)]
+)
+def test_a_row_says_whether_words_of_past_steps_were_cut(base: Scores, history: str, text: str, cut: bool) -> None:
+    played = replace(base, conditions={"agent history": history, "agent history_text": text})
+    (note,) = result_table("main", named({"run": [(played, None)]})).notes
+    assert ("words cut" in note) == cut
+
+
 def test_a_note_is_a_line_that_steers_no_terminal(base: Scores) -> None:
     broken = replace(base, outcome="plugin_error", error="x\x1b[31m\n\\evil")
     (note,) = {note for note in result_table("main", results_of(broken, "model")).notes if "plugin" in note}
