@@ -83,6 +83,14 @@ def recorded(body, spec, tmp_path):
     return RecordedEpisode(tmp_path / "one")
 
 
+@pytest.fixture(autouse=True)
+def _a_person_can_interrupt():
+    """A process in the background inherits that Ctrl-C is ignored."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 def test_a_record_has_the_versions_of_the_plugins_in_use(body, spec, tmp_path):
     with Episode(body, spec, folder=tmp_path / "one"):
         pass
