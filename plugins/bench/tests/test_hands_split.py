@@ -6,8 +6,10 @@ from contextlib import suppress
 from dataclasses import replace
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
+from rooms import two_storeys
 
 import humanclaw_skill_answer
 import humanclaw_skill_crouch
@@ -19,7 +21,7 @@ from humanclaw.world import SceneBuilder, Slide, block
 from humanclaw_bench.attribution import attribute
 from humanclaw_bench.cli import bench
 from humanclaw_bench.hands.families import FAMILIES, family_of
-from humanclaw_bench.hands.generate import EACH, House, asked, episodes
+from humanclaw_bench.hands.generate import EACH, House, asked, episodes, tasks
 from humanclaw_bench.hands.scores import says_seen
 from humanclaw_bench.scores import score
 from humanclaw_bench.splits import HOUSES, load_split
@@ -53,6 +55,21 @@ def test_a_house_gives_the_tasks_again_that_the_split_holds():
     assert kept
     assert {(spec.instruction, spec.start) for spec in kept} <= drawn
     assert {spec.scene_digest for spec in kept} == {scene.digest}
+
+
+def test_heights_are_those_over_the_floor_that_a_thing_is_on():
+    """A bed of 50 cm and a plant of a metre on the floor 2.72 m up, and a plant on the one below."""
+    house = House(two_storeys())
+    assert [house.height(key) for key in (31, 32, 30)] == [pytest.approx(one) for one in ((0, 0.5), (0, 1), (0, 1))]
+
+
+def test_nothing_is_to_be_put_where_it_stands_already():
+    """A cup on each of two tables: only the other one is asked for."""
+    builder = SceneBuilder.on_floor()
+    tables = [builder.box(name, (1, 0.7, 1), (0, 0, z)) for name, z in (("table", 2.0), ("desk", -2.0))]
+    cup = builder.box("cup", (0.1, 0.1, 0.1), (0, 0.7, 1.6), movable=True, mass=0.3)
+    drawn = [one for seed in range(20) for one in tasks(House(builder.scene()), np.random.default_rng(seed))]
+    assert {(one.goal.things, one.goal.on) for one in drawn} == {((cup,), tables[1])}
 
 
 def test_a_goal_stands_in_the_schema_and_none_is_not_written():
