@@ -6,7 +6,7 @@ All facts come from the record; the scene is only needed to draw the house.
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib import resources
@@ -22,18 +22,12 @@ from humanclaw import RecordedEpisode, StepRecord
 from humanclaw.cli import counted
 from humanclaw.records import Usage
 from humanclaw.storage import Folder
-from humanclaw_report.episode_summary import (
-    Milestone,
-    in_words,
-    milestones,
-    touches,
-    verdict_of,
-)
-from humanclaw_report.floor_plan import PathMap, colour, path_maps
+from humanclaw_report.episode_summary import in_words, milestones, touches, verdict_of
+from humanclaw_report.floor_plan import colour, path_maps
 from humanclaw_report.replay import EVERY, as_json, data_uri, person, replay
 from humanclaw_report.scene_cache import Drawn
 from humanclaw_report.three import three
-from humanclaw_report.timeline_markers import Mark, marks
+from humanclaw_report.timeline_markers import marks
 
 PARTS: Final = ("observe", "decide", "verify", "generate", "simulate")
 FILM_BYTES: Final = 4_000_000
@@ -58,17 +52,16 @@ class StepView:
     """One row of the list of calls."""
 
     record: StepRecord
-    call: str
     picture: str
     """Source of its view: a data URI, a path relative to the page, or empty."""
-    refusals: tuple[str, ...]
-    verdict: str
     verdict_kind: str
+    verdict: str
     contacts: str
-    sensor_readings: str
-    """Readings of sensors other than vision."""
-    pixels: int
     colour: str
+
+    @property
+    def call(self) -> str:
+        return str(self.record.call or "no usable call")
 
 
 @dataclass(frozen=True)
@@ -89,24 +82,6 @@ class FilmView:
     inside: bool
 
 
-@dataclass(frozen=True)
-class EpisodeView:
-    """Everything that the page shows of one episode."""
-
-    recorded: RecordedEpisode
-    words: str
-    milestones: tuple[Milestone, ...]
-    times: Mapping[str, float]
-    usage: Usage
-    steps: tuple[StepView, ...]
-    maps: tuple[PathMap, ...]
-    """The storeys that the path or a target is on, lowest first."""
-    marks: tuple[Mark, ...]
-    chart: Chart | None
-    """None if no distance was recorded."""
-    film: FilmView | None
-
-
 def episode_page(
     recorded: RecordedEpisode, drawn: Drawn, page: Path, shared: Shared | None = None,
     cause: tuple[str, int | None] = ("", None),
@@ -118,22 +93,34 @@ def episode_page(
         shared: None for a self-contained page.
         cause: Why the episode failed, as a benchmark told, and the step that decided it; empty if it did not.
     """
-    view = _view(recorded, drawn, page, cause, inside=shared is None)
-    moving = replay(recorded, drawn.names, drawn.floors)
-    return environment().get_template("episode.html").render(
-        view=view,
-        record=recorded.record,
-        house=drawn.maps if drawn.digest else (),
-        parts=PARTS,
-        cause=cause,
-        shared=shared,
-        three="" if shared or not moving else script(three()),
-        skin_script="" if shared or not moving else script(skin_script()),
-        house_script="" if shared else script(drawn.script),
-        replay=as_json(moving),
-        moments=as_json(_moments(view)),
-        frames=moving["frames"] if moving else _last_frame(recorded),
-    )  # fmt: skip
+    met, moving = milestones(recorded), replay(recorded, drawn.names, drawn.floors)
+    steps = _steps(recorded, drawn.names, page, inside=shared is None)
+    return (
+        environment()
+        .get_template("episode.html")
+        .render(
+            record=recorded.record,
+            words=in_words(recorded, met),
+            milestones=met,
+            times={part: sum(s.seconds.get(part, 0.0) for s in recorded.steps) for part in PARTS},
+            usage=sum((step.usage for step in recorded.steps), Usage()),
+            steps=steps,
+            storeys=path_maps(recorded, drawn.maps, drawn.note),
+            marks=marks(recorded, drawn.names, *cause),
+            chart=_chart(recorded),
+            filmed=_film(recorded.files, page),
+            house=drawn.maps if drawn.digest else (),
+            parts=PARTS,
+            cause=cause,
+            shared=shared,
+            three="" if shared or not moving else script(three()),
+            skin_script="" if shared or not moving else script(skin_script()),
+            house_script="" if shared else script(drawn.script),
+            replay=as_json(moving),
+            moments=as_json(_moments(recorded, steps)),
+            frames=moving["frames"] if moving else _last_frame(recorded),
+        )
+    )
 
 
 def skin_script() -> str:
@@ -172,23 +159,13 @@ def _seconds(value: float) -> str:
     return f"{value:.1f} s" if value >= 1 else f"{1000 * value:.0f} ms"
 
 
-def _view(
-    recorded: RecordedEpisode, drawn: Drawn, page: Path, cause: tuple[str, int | None], *, inside: bool
-) -> EpisodeView:
-    met = milestones(recorded)
-    source = _pictures(recorded, page, inside=inside)
-    return EpisodeView(
-        recorded=recorded,
-        words=in_words(recorded, met),
-        milestones=met,
-        times={part: sum(s.seconds.get(part, 0.0) for s in recorded.steps) for part in PARTS},
-        usage=sum((step.usage for step in recorded.steps), Usage()),
-        steps=tuple(_step(recorded, s, n, source[s.step], drawn.names) for n, s in enumerate(recorded.steps)),
-        maps=path_maps(recorded, drawn.maps, drawn.note),
-        marks=marks(recorded, drawn.names, *cause),
-        chart=_chart(recorded),
-        film=_film(recorded.files, page),
-    )
+def _steps(recorded: RecordedEpisode, names: Mapping[int, str], page: Path, *, inside: bool) -> list[StepView]:
+    pictures = _pictures(recorded, page, inside=inside)
+    last = max(1, len(recorded.steps) - 1)
+    return [
+        StepView(s, pictures[s.step], *verdict_of(s), touches(recorded, s, names), colour(number / last))
+        for number, s in enumerate(recorded.steps)
+    ]
 
 
 def _pictures(recorded: RecordedEpisode, page: Path, *, inside: bool) -> dict[int, str]:
@@ -220,24 +197,8 @@ def _film(files: Folder, page: Path) -> FilmView | None:
     return None
 
 
-def _step(recorded: RecordedEpisode, step: StepRecord, number: int, picture: str, names: Mapping[int, str]) -> StepView:
-    kind, verdict = verdict_of(step)
-    return StepView(
-        record=step,
-        call=str(step.call or "no usable call"),
-        picture=picture,
-        refusals=tuple(attempt.error for attempt in step.attempts if attempt.error),
-        verdict=verdict,
-        verdict_kind=kind,
-        contacts=touches(recorded, step, names),
-        sensor_readings=step.feedback.sensor_readings if step.status == "executed" else "",
-        pixels=sum(step.target_pixels.values()),
-        colour=colour(number / max(1, len(recorded.steps) - 1)),
-    )
-
-
 # -- data of the script ------------------------------------------------------------------------------------------------
-def _moments(view: EpisodeView) -> list[dict[str, Any]]:
+def _moments(recorded: RecordedEpisode, steps: Sequence[StepView]) -> list[dict[str, Any]]:
     """Return what the player shows during each step."""
     return [
         {
@@ -249,7 +210,7 @@ def _moments(view: EpisodeView) -> list[dict[str, Any]]:
             "touches": step.contacts,
             "distance": _finite(step.record.target_distance),
         }
-        for step, (first, end) in zip(view.steps, view.recorded.spans, strict=True)
+        for step, (first, end) in zip(steps, recorded.spans, strict=True)
     ]
 
 
