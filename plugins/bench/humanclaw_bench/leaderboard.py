@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-import html
 import json
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
+from functools import cache
 from pathlib import Path
 from typing import Final
 from urllib.parse import quote
 
+import jinja2
 import numpy as np
 
 from humanclaw import RecordError
@@ -20,20 +21,17 @@ from humanclaw.cli import counted, legible
 from humanclaw.records import REPORT
 from humanclaw.storage import Folder, lacking
 from humanclaw_bench.conditions import labels, summary
-from humanclaw_bench.metrics import ARRIVE, FALSE_CLAIMS, FIND, INTERACT, NAV, Metric, estimate
+from humanclaw_bench.metrics import ARRIVE, FALSE_CLAIMS, FIND, INTERACT, NAV, estimate
 from humanclaw_bench.replay import Replayed
+from humanclaw_bench.statistics import Estimate
 from humanclaw_bench.submission import NAME, ScoredRun, Submission, read
 from humanclaw_bench.verification import known_split
 
-RATES: Final = (FIND, NAV, ARRIVE, INTERACT)
-"""The ranked rates, from first to last stage."""
+RATES: Final = (INTERACT, ARRIVE, NAV, FIND)
+"""The ranked rates, from last to first stage: the first one ranks."""
 WHOLE: Final = "whole"
 """Result of records that are what run.json and submission.json say."""
 _INDEX: Final = "index.html"
-
-
-class Markup(str):
-    """Text of a page whose parts are escaped already."""
 
 
 Again = Callable[[Path], Sequence[Replayed]]
@@ -80,6 +78,35 @@ class Entry:
         return self.scored.manifest.split, self.scored.manifest.episodes
 
 
+@dataclass(frozen=True)
+class Row:
+    """The cells of an entry."""
+
+    entry: Entry
+    agent: str
+    rates: tuple[Estimate, ...]
+    """One for each of RATES."""
+    title: str
+    """Engine, and the settings in which the entry differs from the others of its table."""
+
+    @property
+    def facts(self) -> dict[str, str]:
+        """Return what a row folds, by its name."""
+        entry, result = self.entry, self.entry.scored.result
+        return {
+            "model of": entry.submission.model_date or "-",
+            FALSE_CLAIMS.name: FALSE_CLAIMS.number(estimate(FALSE_CLAIMS, result.scores).value),
+            "episodes": f"{len(result.finished)} of {result.total}",
+            "motion (s)": _motion(entry),
+            "cost ($)": f"{sum(scores.cost for scores in result.scores):.2f}",
+            "temperature": _temperature(entry),
+            "verifier": result.scores[0].verifier or "-",
+            "engine": result.scores[0].simulator,
+            "settings": _settings(entry),
+            "date": entry.submission.made.isoformat(),
+        }
+
+
 def leaderboard(folder: Path, checks: Checks = Checks()) -> Path:
     """Write index.html of all submitted runs in a folder, the best InteractSR first, and return its path.
 
@@ -96,14 +123,17 @@ def leaderboard(folder: Path, checks: Checks = Checks()) -> Path:
     for entry in submitted:
         if not entry.apart:
             ranked[entry.table].append(entry)
-    sections = sorted(ranked.items())
-    splits = [_split(split, checks.hidden) for (split, _), _ in sections]
-    body = "".join(_section(*table, entries, checks.hidden) for table, entries in sections)
-    body += _unranked([entry for entry in submitted if entry.apart], unread)
-    page = _PAGE.format(
-        splits=html.escape(", ".join(dict.fromkeys(splits)) or "no ranked run"),
-        meanings="; ".join(f"{metric.name}: {metric.meaning}" for metric in RATES),
-        body=body,
+    tables = {table: sorted(_rows(entries), key=_rank, reverse=True) for table, entries in sorted(ranked.items())}
+    names = {table: _split(table[0], checks.hidden) for table in tables}
+    page = _template().render(
+        splits=", ".join(dict.fromkeys(names.values())) or "no ranked run",
+        sections=[
+            (f"{names[split, count]}: {counted(count, 'episode')}, split {split[:12]}", rows)
+            for (split, count), rows in tables.items()
+        ],
+        apart=_rows([entry for entry in submitted if entry.apart]),
+        unread=unread,
+        rates=RATES,
         made=datetime.now(UTC).date().isoformat(),
     )
     out = checks.out or folder
@@ -193,96 +223,29 @@ def _split(split: str, hidden: str) -> str:
     return "hidden test" if hidden and split == hidden else known_split(split)[0] or "not one of the benchmark's"
 
 
-def _section(split: str, asked: int, entries: Sequence[Entry], hidden: str) -> str:
-    ordered = sorted(entries, key=_rank, reverse=True)
-    name = _split(split, hidden)
-    return _table(f"{name}: {counted(asked, 'episode')}, split {split[:12]}", _TITLES, _rows(ordered))
-
-
-def _unranked(entries: Sequence[Entry], unread: Sequence[str]) -> str:
-    """Return the unranked runs, each with the reason."""
-    rows = [(*cells, entry.run.name, entry.apart) for cells, entry in zip(_rows(entries), entries, strict=True)]
-    table = _table("Not ranked", (*_TITLES, "folder", "why"), rows) if rows else ""
-    return table + "".join(f"<p>Not ranked: {_escaped(reason)}</p>" for reason in unread)
-
-
-def _table(caption: str, titles: Sequence[str], rows: Iterable[Sequence[str | Markup]]) -> str:
-    head = "".join(f"<th scope='col'>{html.escape(title)}</th>" for title in titles)
-    body = "".join(f"<tr>{_row(texts)}</tr>" for texts in rows)
-    caption = html.escape(caption)
-    return (
-        f"<div tabindex='0' role='region' aria-label='{caption}'><table><caption>{caption}</caption>"
-        f"<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>"
-    )
-
-
-def _row(cells: Sequence[str | Markup]) -> str:
-    first, *rest = (cell if isinstance(cell, Markup) else _escaped(cell) for cell in cells)
-    return f"<th scope='row'>{first}</th>" + "".join(f"<td>{cell}</td>" for cell in rest)
-
-
-def _escaped(text: str) -> str:
-    return html.escape(legible(text))
-
-
-def _rank(entry: Entry) -> tuple[float, ...]:
-    rates = [estimate(metric, entry.scored.result.scores) for metric in reversed(RATES)]
-    return tuple(rate.value if rate.count else -1.0 for rate in rates)
-
-
-_RANKING, *_EARLIER = reversed(RATES)
-_TITLES: Final = ("agent", _RANKING.name, "records", *(metric.name for metric in _EARLIER), "by", "played with")
-"""The rate that ranks and what was checked come first: a phone shows three columns."""
-
-
-def _rows(entries: Sequence[Entry]) -> list[tuple[str | Markup, ...]]:
-    """Return the cells of each entry. The last one names the settings in which it differs from the others."""
+def _rows(entries: Sequence[Entry]) -> list[Row]:
+    """Return the cells of each entry."""
     results = [entry.scored.result for entry in entries]
     differing = labels([(result.name, result.conditions) for result in results])
-    return [_cells(entry, label) for entry, label in zip(entries, differing, strict=True)]
+    return [_row(entry, label) for entry, label in zip(entries, differing, strict=True)]
 
 
-def _cells(entry: Entry, label: str) -> tuple[str | Markup, ...]:
+def _rank(row: Row) -> tuple[float, ...]:
+    return tuple(rate.value if rate.count else -1.0 for rate in row.rates)
+
+
+def _row(entry: Entry, label: str) -> Row:
     result = entry.scored.result
     privileged, near = any(scores.privileged for scores in result.scores), result.known.in_process
     agent = result.name + " (privileged)" * privileged + " (in process)" * near
-    rate, *earlier = (_rate(metric, entry) for metric in (_RANKING, *_EARLIER))
-    name = Markup(f"<a href='{entry.page}'>{_escaped(agent)}</a>") if entry.page else agent
-    engine = result.scores[0].simulator
-    return name, rate, _badge(entry), *earlier, entry.submission.who, _details(engine + label, _facts(entry))
-
-
-def _facts(entry: Entry) -> dict[str, str]:
-    """Return what a row folds, by its name."""
-    result = entry.scored.result
-    return {
-        "model of": entry.submission.model_date or "-",
-        FALSE_CLAIMS.name: FALSE_CLAIMS.number(estimate(FALSE_CLAIMS, result.scores).value),
-        "episodes": f"{len(result.finished)} of {result.total}",
-        "motion (s)": _motion(entry),
-        "cost ($)": f"{sum(scores.cost for scores in result.scores):.2f}",
-        "temperature": _temperature(entry),
-        "verifier": result.scores[0].verifier or "-",
-        "engine": result.scores[0].simulator,
-        "settings": _settings(entry),
-        "date": entry.submission.made.isoformat(),
-    }
+    rates = tuple(estimate(metric, result.scores) for metric in RATES)
+    return Row(entry, agent, rates, result.scores[0].simulator + label)
 
 
 def _temperature(entry: Entry) -> str:
     """Return the temperature of the agent's model. An agent that could not be made has no settings."""
     settings = (episode.record.settings.get("agent", {}) for episode in entry.scored.episodes)
     return next((f"{agent['temperature']!s:.20}" for agent in settings if agent.get("temperature") is not None), "-")
-
-
-def _badge(entry: Entry) -> Markup:
-    kind = "good" if entry.replayed else "told"
-    return Markup(f"<span class='{kind}'>{_escaped(entry.records)}</span>")
-
-
-def _details(title: str, facts: Mapping[str, str]) -> Markup:
-    listed = "".join(f"<dt>{html.escape(name)}</dt><dd>{_escaped(fact)}</dd>" for name, fact in facts.items())
-    return Markup(f"<details><summary>{_escaped(title)}</summary><dl>{listed}</dl></details>")
 
 
 def _settings(entry: Entry) -> str:
@@ -305,51 +268,13 @@ def _motion(entry: Entry) -> str:
     return f"{mean:.1f}, at most {longest:.1f} a call, {fastest:.2f} m in half a second"
 
 
-def _rate(metric: Metric, entry: Entry) -> Markup:
-    """Return a rate, its interval, and the interval as a bar from 0 to 100 % with a mark at the rate."""
-    share = estimate(metric, entry.scored.result.scores)
-    text = html.escape(f"{metric.number(share.value)} {metric.interval(share)}".strip())
-    if not np.isfinite([share.low, share.high]).all():
-        return Markup(text)
-    place = f"left:{100 * share.low:.1f}%;width:{100 * (share.high - share.low):.1f}%"
-    mark = f"<i style='left:{100 * share.value:.1f}%'></i>"
-    return Markup(f"{text}<span class='bar'><span style='{place}'></span>{mark}</span>")
-
-
-_PAGE: Final = """<!doctype html>
-<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
-<title>HumanCLAW-Bench: {splits}</title><style>
-:root {{ color-scheme: light dark; --paper: light-dark(#fbfaf7, #15171a); --ink: light-dark(#1d2126, #e7e5df);
-  --soft: light-dark(#59616b, #a3a9b1); --line: light-dark(#dcd8cf, #343940); --bar: light-dark(#7c9be0, #4d6cb5);
-  --good: light-dark(#1b6e46, #7fd3a4);
-  --serif: "Iowan Old Style", Charter, "Source Serif 4", Georgia, serif; }}
-body {{ font: 16px/1.55 system-ui, sans-serif; margin: 0 auto; max-width: 90rem; padding: 3rem clamp(1rem, 4vw, 3rem);
-  background: var(--paper); color: var(--ink); font-variant-numeric: tabular-nums; }}
-h1 {{ font: 600 2.5rem/1.2 var(--serif); margin: 0; }}
-.note {{ font: 1.05rem/1.5 var(--serif); color: var(--soft); max-width: 46rem; }}
-div {{ overflow-x: auto; }}
-table {{ border-collapse: collapse; width: 100%; margin: 2rem 0; font-size: .92rem; }}
-caption {{ text-align: left; font: 600 1.08rem var(--serif); padding-bottom: .5rem;
-  max-width: calc(100vw - 2rem); }}
-th, td {{ padding: .42rem .8rem .42rem 0; text-align: left; border-bottom: 1px solid var(--line); vertical-align: top;
-  font-weight: 400; }}
-thead th, dt {{ color: var(--soft); font-size: .84rem; }}
-tbody th {{ font-weight: 600; }} a {{ color: inherit; }} td:has(.bar) {{ white-space: nowrap; }}
-.bar {{ display: block; position: relative; height: .4rem; min-width: 6rem; margin-top: .2rem; border-radius: 3px;
-  background: var(--line); }}
-.bar span {{ position: absolute; inset-block: 0; min-width: 3px; border-radius: 3px; background: var(--bar); }}
-.bar i {{ position: absolute; inset-block: -.15rem; width: 2px; margin-left: -1px; background: var(--ink); }}
-@media (max-width: 40rem) {{ body {{ padding-top: 1rem; }} h1 {{ font-size: 1.6rem; }} table {{ margin: 1rem 0; }}
-  td:has(.bar) {{ white-space: normal; }} .bar {{ min-width: 4rem; }} }}
-.good {{ color: var(--good); }}
-.good::before {{ content: "✓ "; }} .told::before {{ content: "- "; }}
-dl {{ margin: .4rem 0; max-width: 30rem; overflow-wrap: anywhere; }}
-dd {{ margin: 0 0 .3rem; }}
-</style></head><body><main><h1>HumanCLAW-Bench</h1>
-{body}
-<p class="note">Rates with 95 % confidence intervals, clustered by house, computed here from the records. "whole": the
-records are sealed, and belong to this split and to these options. Only "played again the same" shows that these calls
-do what the records say. A record can be edited; a hidden test that the host plays cannot. Do not compare rows of
-different tables, or rows that were played with other settings. {meanings}. Made {made}.</p>
-</main></body></html>
-"""
+@cache
+def _template() -> jinja2.Template:
+    made = jinja2.Environment(
+        loader=jinja2.PackageLoader("humanclaw_bench", "templates"),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,  # A misspelt name in a template is an error, not an empty text.
+        # Submitters write names, which must not reorder the page's letters.
+        finalize=lambda value: legible(value) if type(value) is str else value,
+    )
+    return made.get_template("leaderboard.html")

@@ -143,7 +143,7 @@ def test_a_leaderboard_tells_settings_and_seconds_of_motion(tmp_path: Path) -> N
     invoke("leaderboard", tmp_path)
     apart = (tmp_path / "index.html").read_text().partition("Not ranked")
     assert "profile" not in apart[0]
-    assert apart[2].count("not at the paper&#x27;s pace (2.5, at most 2.0 a call") == 2
+    assert apart[2].count("not at the paper&#39;s pace (2.5, at most 2.0 a call") == 2
     invoke("leaderboard", tmp_path, "--any-pace")
     page = (tmp_path / "index.html").read_text()
     assert "Not ranked" not in page

@@ -118,5 +118,5 @@ def test_the_leaderboard_marks_the_table_of_the_hidden_test(play):  # noqa: F811
     _, folder = play(PLAIN, 2)
     test = folder.parent / "test.jsonl"
     write_episodes(test, [RecordedEpisode(folder / name).record.spec for name in ("toy-0", "toy-1")])
-    assert "<caption>not one of the benchmark&#x27;s:" in board(folder)
+    assert "<caption>not one of the benchmark&#39;s:" in board(folder)
     assert "<caption>hidden test:" in board(folder, "--hidden", test)

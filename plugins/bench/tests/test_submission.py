@@ -240,7 +240,7 @@ def test_the_leaderboard_shows_who_and_numbers_from_the_records(run: Path) -> No
     ):
         assert fact in page
     assert "<i style='left:75.0%'></i>" in page  # The mark at the rate.
-    assert "<title>HumanCLAW-Bench: not one of the benchmark&#x27;s</title>" in page
+    assert "<title>HumanCLAW-Bench: not one of the benchmark&#39;s</title>" in page
     assert re.findall("<th scope='col'>([^<]*)", page)[:3] == ["agent", "InteractSR", "records"]
     assert page.index("</table>") < page.index("confidence intervals")
 
@@ -275,7 +275,7 @@ def test_a_run_named_as_the_board_itself_is_to_be_renamed(run: Path, name: str) 
     site = run.parent / "site"
     assert invoke("leaderboard", "--pages", site, run.parent).exit_code == 0
     text = (site / "index.html").read_text()
-    assert re.search(r"Not ranked: \S+ has the name of the board&#x27;s own page. Rename it", text, re.IGNORECASE)
+    assert re.search(r"Not ranked: \S+ has the name of the board&#39;s own page. Rename it", text, re.IGNORECASE)
     assert "mine/report.html" in text
     if name == "index.html":
         assert "Name another folder with --pages" in str(invoke("leaderboard", run.parent).exception)
