@@ -21,7 +21,7 @@ from humanclaw import (
     Verdict,
 )
 from humanclaw.plugins import StandIn
-from humanclaw_bench.isolation.messages import PROTOCOL, Json, from_json, past, seen, task, to_json
+from humanclaw_bench.isolation.messages import Json, from_json, past, seen, task, to_json
 from humanclaw_bench.isolation.transports import GRACE, STARTING, OverdueError, ProcessTransport
 
 T = TypeVar("T")
@@ -103,18 +103,6 @@ def _read(kind: type[T], answer: object, method: str) -> T:
 KINDS: Final = {"agents": ApartAgent, "verifiers": ApartVerifier}
 
 
-def introduce(link: ProcessTransport, kinds: Sequence[str], params: Json) -> dict[str, Introduction]:
-    """Have agent and verifier made. Returns what is said of each, by kind.
-
-    Raises PluginError and ProviderError, as their factories may, RuntimeError for a side that cannot answer, and
-    TypeError for an answer that is no introduction.
-    """
-    answer = link.ask("initialize", {"protocolVersion": PROTOCOL, **params}, STARTING)
-    if not isinstance(answer, Mapping) or answer.get("protocolVersion") != PROTOCOL:
-        raise RuntimeError(f"it does not speak protocol {PROTOCOL}: {str(answer)[:80]}")
-    return {kind: _read(Introduction, answer.get(kind), "initialize") for kind in kinds}
-
-
 class IsolatedDeciders:
     """The other side of one worker: its process, and the halves of agent and verifier for each episode."""
 
@@ -139,8 +127,9 @@ class IsolatedDeciders:
         if not self._kinds:
             return {}
         try:
-            introductions = introduce(self._link, self._kinds, self._asked)
-        except (RuntimeError, TypeError, OverdueError) as fault:
+            answer = self._link.ask("initialize", self._asked, STARTING)
+            introductions = {kind: _read(Introduction, answer.get(kind), "initialize") for kind in self._kinds}
+        except (RuntimeError, TypeError, AttributeError, OverdueError) as fault:
             said = f"agent and verifier cannot be made: {fault}."
             raise PluginError(said, "Mend the plugin that brings them.") from fault
         return {kind: KINDS[kind](self._link, kind, introduction) for kind, introduction in introductions.items()}

@@ -16,16 +16,15 @@ from humanclaw import (
     Meter,
     PluginError,
     Plugins,
+    ProviderClosedError,
     ProviderError,
     Verdict,
 )  # fmt: skip
 from humanclaw.plugins import admit, name_of, noun, origin, settings_of
-from humanclaw_bench.isolation.messages import PROTOCOL, Json, context_of, entry_of, from_json, observation_of, to_json
+from humanclaw_bench.isolation.messages import Json, context_of, entry_of, from_json, observation_of, to_json
 
-METHOD_NOT_FOUND: Final = -32601
-RAISED: Final = -32000
-"""JSON-RPC codes: no such method, and an error of agent or verifier."""
 LONGEST_ERROR: Final = 2000
+"""Characters of an error that are told: a model's answer may be part of it."""
 
 
 class Remaining(Meter):
@@ -58,30 +57,22 @@ class Session:
         }
 
     def answer(self, request: Json) -> Json:
-        """Answer a JSON-RPC request. What agent and verifier raise, even SystemExit, is in the answer."""
-        reply: Json = {"jsonrpc": "2.0", "id": request.get("id")}
-        method = self._methods.get(str(request.get("method")))
-        if method is None:
-            known = f"there is no method {request.get('method')!r:.50}; known: {', '.join(self._methods)}"
-            return reply | {"error": {"code": METHOD_NOT_FOUND, "message": known}}
+        """Answer a request. What agent and verifier raise, even SystemExit, is in the answer."""
         try:
-            return reply | {"result": method(request.get("params", {}))}
+            return {"result": self._methods[request["method"]](request["params"])}
         except BaseException as fault:
             if not isinstance(fault, PluginError | ProviderError | LimitError):
                 traceback.print_exc()
-            return reply | {"error": _told(fault)}
+            return {"error": _told(fault)}
 
     def _initialize(self, params: Json) -> Json:
         """Make the agent and the verifier of an episode."""
-        if params.get("protocolVersion") != PROTOCOL:
-            raise PluginError(f"expected protocol {PROTOCOL}; got {params.get('protocolVersion')!r:.50}.")
         self._history, self._views = [], {}
         self._made = {kind: self._make(kind, params) for kind in ("agents", "verifiers") if params.get(kind)}
-        introductions = {
+        return {
             kind: _introduced(decider) | {"versions": self._versions(kind, params[kind])}
             for kind, decider in self._made.items()
         }
-        return {"protocolVersion": PROTOCOL} | introductions
 
     def _versions(self, kind: str, name: str) -> dict[str, str]:
         """Return the version of the distribution that brings an agent or a verifier, by its name."""
@@ -90,21 +81,20 @@ class Session:
         return {info.origin: info.version for info in owners}
 
     def _make(self, kind: str, params: Json) -> Any:
-        known_as = params.get("names", {}).get(kind, "")
-        return self._plugins.decider(kind, params[kind], params.get("options", {}), known_as)
+        return self._plugins.decider(kind, params[kind], params["options"], params["names"].get(kind, ""))
 
     def _begin(self, params: Json) -> Json:
         """Tell the agent or the verifier its task."""
-        self._meter = Remaining(params.get("limits"))
-        self._meter.tell(params.get("seconds"))
+        self._meter = Remaining(params["limits"])
+        self._meter.tell(params["seconds"])
         self._context = context_of(params, self._meter)
         self._made[params["role"]].begin(self._context)
         return {}
 
     def _decide(self, params: Json) -> Any:
         """Let the agent decide. The history grows by the steps that ended since the last question."""
-        self._meter.tell(params.get("seconds"))
-        self._history += [entry_of(entry, self._views) for entry in params.get("history", [])]
+        self._meter.tell(params["seconds"])
+        self._history += [entry_of(entry, self._views) for entry in params["history"]]
         agent, seen = self._made["agents"], observation_of(params, self._context.spec.instruction)
         self._views[seen.step] = seen.jpeg
         decision = agent.decide(seen, tuple(self._history))
@@ -112,7 +102,7 @@ class Session:
 
     def _verify(self, params: Json) -> Any:
         """Let the verifier judge a proposed call by the current view."""
-        self._meter.tell(params.get("seconds"))
+        self._meter.tell(params["seconds"])
         verifier, seen = self._made["verifiers"], observation_of(params, self._context.spec.instruction)
         call = from_json(Call, params["call"])
         verdict = verifier.verify(seen, call, self._context.skills[call.skill], params["goal"])
@@ -125,14 +115,9 @@ def _introduced(decider: Any) -> Json:
 
 
 def _told(fault: BaseException) -> Json:
-    """Return an error as JSON-RPC has it, with what the other side needs to raise it again."""
-    data: Json = {"type": type(fault).__name__}
-    if isinstance(fault, PluginError):
-        kind = "ProviderClosedError" if isinstance(fault, ProviderError) else "PluginError"
-        data |= {"kind": kind, "remedy": fault.remedy}
-    elif isinstance(fault, LimitError):
-        data |= {"kind": "LimitError", "scope": fault.scope}
-    elif isinstance(fault, ProviderError):
-        data |= {"kind": "ProviderError"}
+    """Return what the other side needs to raise an error again."""
+    kinds = (ProviderClosedError, PluginError, ProviderError, LimitError)
+    kind = next((each.__name__ for each in kinds if isinstance(fault, each)), "")
     message = fault.message if isinstance(fault, HumanclawError) else str(fault)
-    return {"code": RAISED, "message": message[:LONGEST_ERROR], "data": data}
+    more = {"remedy": getattr(fault, "remedy", ""), "scope": getattr(fault, "scope", "")}
+    return {"kind": kind, "type": type(fault).__name__, "message": message[:LONGEST_ERROR]} | more

@@ -22,6 +22,10 @@ STARTING: Final = 600.0
 """Seconds that the other side may take to import everything and make agent and verifier."""
 
 
+_ERROR: Final = ("kind", "type", "message", "remedy", "scope")
+"""What an answer tells of an error."""
+
+
 class OverdueError(Exception):
     """No answer came in time."""
 
@@ -43,8 +47,7 @@ class ProcessTransport:
         seconds; the process starts anew after either.
         """
         process = self._process or self._start()
-        request = {"jsonrpc": "2.0", "id": 1, "method": method, "params": params}
-        line = json.dumps(request, separators=(",", ":")).encode() + b"\n"
+        line = json.dumps({"method": method, "params": params}, separators=(",", ":")).encode() + b"\n"
         try:
             answer = self._thread.submit(_exchange, process, line).result(seconds)
         except TimeoutError:
@@ -93,7 +96,7 @@ def _exchange(process: subprocess.Popen[bytes], request: bytes) -> bytes:
 
 
 def result_of(answer: bytes) -> Any:
-    """Return the result of a JSON-RPC answer.
+    """Return the result of an answer.
 
     Raises the error in it: PluginError, ProviderClosedError, LimitError and ProviderError as such, others under their
     own name. Raises RuntimeError for anything that is no answer.
@@ -102,18 +105,14 @@ def result_of(answer: bytes) -> Any:
         reply = json.loads(answer)
         if "result" in reply:
             return reply["result"]
-        error, data = reply["error"], reply["error"].get("data", {})
-        message, kind = str(error["message"]), data.get("kind")
-    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
-        raise RuntimeError(f"it answers with no JSON-RPC: {answer[:80]!r}") from None
+        kind, name, message, remedy, scope = (str(reply["error"][key]) for key in _ERROR)
+    except (ValueError, KeyError, TypeError, RecursionError):
+        raise RuntimeError(f"it answers with nonsense: {answer[:80]!r}") from None
     if kind in ("PluginError", "ProviderClosedError"):
-        closed = kind == "ProviderClosedError"
-        raise (ProviderClosedError if closed else PluginError)(message, str(data.get("remedy", "")))
+        raise (PluginError if kind == "PluginError" else ProviderClosedError)(message, remedy)
     if kind == "LimitError":
-        raise LimitError(str(data.get("scope", "call")), message)
-    if kind == "ProviderError":
-        raise ProviderError(message)
-    raise _named(str(data.get("type", "RuntimeError")))(message)
+        raise LimitError(scope, message)
+    raise (ProviderError if kind == "ProviderError" else _named(name))(message)
 
 
 def _named(name: str) -> type[Exception]:
