@@ -12,7 +12,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn
 from humanclaw.cli import Console, counted
 
 if TYPE_CHECKING:
-    from humanclaw_bench.runner import Forecast, RunStatus
+    from humanclaw_bench.runner import RunStatus
     from humanclaw_bench.worker import WorkerReport
 
 _LONG: Final = 600
@@ -67,11 +67,11 @@ class RunProgress:
         if status.done < status.total:
             self._print("The same command continues the run.")
 
-    def foresee(self, forecast: Forecast, *, ask: bool) -> bool:
+    def foresee(self, forecast: RunStatus, *, ask: bool) -> bool:
         """Print the estimate for the rest of the run. On a terminal, ask whether to continue if that costs money or
         takes long."""
         said = foresight(forecast)
-        dear = forecast.tokens or forecast.cost or forecast.seconds > _LONG
+        dear = forecast.tokens or forecast.cost or forecast.seconds_left > _LONG
         if not (ask and dear and self._console.is_terminal):
             self._print(said)
             return True
@@ -101,14 +101,14 @@ def _rate(status: RunStatus) -> str:
     return rate + (f"{_spent(status)}, about ${status.cost_left:.2f} to go" if status.cost else "")
 
 
-def foresight(forecast: Forecast) -> str:
+def foresight(forecast: RunStatus) -> str:
     """Return the estimate: "Estimate for the remaining 97 episodes: 5:50:00 and $50.00 (from the first 3)."."""
-    money = f" and ${forecast.cost:.2f}" if forecast.cost else ""
+    money = f" and ${forecast.cost_left:.2f}" if forecast.cost else ""
     tokens = forecast.tokens and not forecast.cost
     unknown = f" The cost is unknown: the {forecast.tokens:,} tokens so far have no known price." if tokens else ""
     others = "episode" if forecast.left == 1 else f"{forecast.left} episodes"
-    left = f"{_clock(forecast.seconds)}{money}"
-    return f"Estimate for the remaining {others}: {left} (from the first {forecast.episodes}).{unknown}"
+    left = f"{_clock(forecast.seconds_left)}{money}"
+    return f"Estimate for the remaining {others}: {left} (from the first {forecast.played}).{unknown}"
 
 
 def _spent(status: RunStatus) -> str:

@@ -18,7 +18,7 @@ from humanclaw.records import name_of
 from humanclaw.storage import Folder, read_file, write_result
 from humanclaw_bench.progress import RunProgress, foresight, stop_after_option
 from humanclaw_bench.results import Result
-from humanclaw_bench.runner import Forecast, RunStatus, run_split
+from humanclaw_bench.runner import RunStatus, run_split
 from humanclaw_bench.scoring import results_of
 from humanclaw_bench.splits import load_split
 from humanclaw_bench.tables import ResultTable, all_tables, result_table
@@ -170,16 +170,16 @@ class _Player:
         self._halted: set[str] = set()
         """Models whose runs stopped by themselves: they get no further question."""
 
-    def forecast(self, plan: Plan, model: Model, out: Path) -> Forecast | None:
+    def forecast(self, plan: Plan, model: Model, out: Path) -> RunStatus | None:
         """Play a model's first episodes and estimate the rest of all its runs; None if they are (almost) done."""
-        forecasts: list[Forecast] = []
+        forecasts: list[RunStatus] = []
         folder, specs, job = next(plan.runs(model))
         if self._run(specs, job, out / model.folder / folder, forecasts, until_forecast=True).halted:
             self._halted.add(model.folder)
         if not forecasts:
             return None
         later = sum(len(others) for name, others, _ in plan.runs(model) if name != MAIN)
-        return forecasts[0].with_later(later)
+        return replace(forecasts[0], total=forecasts[0].total + later)
 
     def play(self, plan: Plan, model: Model, out: Path) -> bool:
         """Play a model's runs to their end or limit. Returns whether an episode failed by infrastructure.
@@ -201,11 +201,11 @@ class _Player:
         specs: Sequence[EpisodeSpec],
         job: Job,
         out: Path,
-        forecasts: list[Forecast],
+        forecasts: list[RunStatus],
         *,
         until_forecast: bool = False,
     ) -> RunStatus:
-        def go_on(forecast: Forecast) -> bool:
+        def go_on(forecast: RunStatus) -> bool:
             forecasts.append(forecast)
             return not until_forecast
 
@@ -221,12 +221,12 @@ class _Player:
         return status
 
 
-def _agreed(forecasts: Sequence[Forecast | None], models: Sequence[Model]) -> bool:
+def _agreed(forecasts: Sequence[RunStatus | None], models: Sequence[Model]) -> bool:
     """Print the estimates and ask whether to play. Without a terminal nobody is asked."""
     known = [(model, forecast) for model, forecast in zip(models, forecasts, strict=True) if forecast]
     for model, forecast in known:
         click.echo(f"{model.folder}: {foresight(forecast)}")
-    hours, cost = (sum(getattr(forecast, what) for _, forecast in known) for what in ("seconds", "cost"))
+    hours, cost = (sum(getattr(forecast, what) for _, forecast in known) for what in ("seconds_left", "cost_left"))
     if not known or not Console().is_terminal:
         return True
     return click.confirm(f"All together: {hours / 3600:.1f} h and ${cost:.2f}. Continue?", default=True)

@@ -41,8 +41,6 @@ class RunStatus:
     """Number of infrastructure failures in this session; these episodes must be run again."""
     played: int = 0
     """Number of episodes that ended in this session."""
-    steps: int = 0
-    """Steps of the episodes of this session."""
     playing: float = 0.0
     """Seconds that they took, without starting the workers."""
     workers: int = 1
@@ -76,26 +74,6 @@ class RunStatus:
         return self.left * self.cost / self.played if self.played else float("nan")
 
 
-@dataclass(frozen=True)
-class Forecast:
-    """Estimated time and cost of the rest of a run, from its pilot episodes."""
-
-    episodes: int
-    """Number of pilot episodes that ended."""
-    left: int
-    """Number of episodes in the estimate, including those under way."""
-    seconds: float
-    cost: float = 0.0
-    """US dollars."""
-    tokens: int = 0
-    """Tokens of this session so far."""
-
-    def with_later(self, episodes: int) -> Forecast:
-        """Return the estimate for as many episodes more."""
-        share = (self.left + episodes) / self.left
-        return replace(self, left=self.left + episodes, seconds=share * self.seconds, cost=share * self.cost)
-
-
 Watcher = Callable[[RunStatus, WorkerReport | None], None]
 """Called for every episode that ended, and once at the beginning without a report."""
 OWN: Final = frozenset({MANIFEST, SPLIT, "logs", "scores.jsonl", REPORT, "submission.json"})
@@ -114,11 +92,12 @@ def run_split(
     *,
     plugins: Plugins,
     watch: Watcher = lambda status, report: None,
-    go_on: Callable[[Forecast], bool] = lambda forecast: True,
+    go_on: Callable[[RunStatus], bool] = lambda forecast: True,
 ) -> RunStatus:
     """Run the episodes that have not ended yet in out. The job's run limits hold for this session and all its workers.
 
-    go_on: called once with the estimate, as soon as the PILOT episodes have ended; False stops the run.
+    go_on: called once, as soon as the PILOT episodes have ended, with the time and cost of these alone, from which the
+    rest is estimated; False stops the run.
 
     Raises RecordError if out holds a run with other settings or another process runs there, HumanclawError for an error
     that every episode would meet, and KeyboardInterrupt on the second SIGINT.
@@ -185,14 +164,10 @@ class _Pilot:
             self._ended.append(report)
         return bool(self._ended) and not self._awaited
 
-    def forecast(self, status: RunStatus) -> Forecast:
-        """Estimate the rest: every remaining episode takes as much as the pilot's on average."""
-        seconds, cost = (
-            sum(getattr(report, what) for report in self._ended) / len(self._ended) for what in ("seconds", "cost")
-        )
-        return Forecast(
-            len(self._ended), status.left, seconds * status.left / status.workers, cost * status.left, status.tokens
-        )
+    def forecast(self, status: RunStatus) -> RunStatus:
+        """Return a status that estimates the rest: every remaining episode takes as much as the pilot's on average."""
+        seconds, cost = (sum(getattr(report, what) for report in self._ended) for what in ("seconds", "cost"))
+        return replace(status, played=len(self._ended), playing=seconds, cost=cost)
 
 
 def _check_ids(specs: Sequence[EpisodeSpec]) -> None:
@@ -227,7 +202,7 @@ def _counted(status: RunStatus, report: WorkerReport, seconds: float, waiting: i
     return replace(
         status, done=status.done + done, failed=status.failed + failed,
         failed_in_a_row=status.failed_in_a_row + 1 if failed else 0, played=status.played + done,
-        steps=status.steps + report.steps, seconds=seconds, cost=status.cost + report.cost,
+        seconds=seconds, cost=status.cost + report.cost,
         tokens=status.tokens + report.tokens, playing=status.playing + done * report.seconds,
         workers=max(status.workers, status.left - waiting),
     )  # fmt: skip

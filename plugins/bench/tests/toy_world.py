@@ -171,8 +171,6 @@ def befall(what: str) -> None:
         raise ProviderError("503")
     if what == "bug":
         raise ZeroDivisionError("a bug")
-    if what == "exit":
-        raise SystemExit(3)
     os.kill(os.getpid(), signal.Signals[what])
 
 
@@ -210,9 +208,3 @@ def humanclaw_agents(register: object) -> None:
         return made[-1]
 
     register("late", late)
-
-    def single(options: dict) -> Walker:
-        Path(options["made"]).open("x").close()
-        return Walker(options)
-
-    register("single", single)
