@@ -13,6 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from humanclaw.errors import RecordError
+
 PIXELS: Final = 1 << 26
 """Maximum pixels of a picture that is decoded."""
 
@@ -41,6 +43,18 @@ def decoded(data: bytes, kind: str) -> NDArray[np.uint8]:
             return np.asarray(image.convert("RGB"))
     except (Image.DecompressionBombError, SyntaxError) as error:
         raise OSError(errno.EFBIG, f"the picture cannot be read: {error}") from error
+
+
+def save_picture(picture: Image.Image, out: Path, quality: int = 80) -> Path:
+    """Write a picture as PNG or JPEG, by the name of the file; return its path.
+
+    quality: of a JPEG. Raises RecordError for another name, and if the file cannot be written.
+    """
+    try:
+        picture.save(out, quality=quality)
+    except (OSError, ValueError) as error:
+        raise RecordError(f"cannot write {out}: {error}.", "Name a PNG or JPEG file with --out.") from error
+    return out
 
 
 def gif(pictures: Sequence[NDArray[np.uint8]], out: Path, fps: float) -> None:

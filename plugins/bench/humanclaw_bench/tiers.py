@@ -14,6 +14,7 @@ from PIL import Image, ImageDraw
 
 from humanclaw import EpisodeSpec, HumanclawError, Plugins, Renderer, Scene
 from humanclaw.body import rest_pose
+from humanclaw.storage import save_picture
 from humanclaw.world import Camera, DistanceField, MultiFloorMap, WorldState, goals_at
 from humanclaw_bench.difficulty import THRESHOLDS, TIERS, Tier, overall, scores_of, tier_of, tiers
 from humanclaw_bench.splits import load_split, summary
@@ -39,11 +40,7 @@ def difficulty(name: str, out: Path | None, renderer: str) -> None:
     for key, value in summary(specs).items():
         click.echo(f"{key:<13} {value}")
     if out:
-        try:
-            picture(specs, Plugins.discover(), renderer).save(out, quality=80)
-        except (OSError, ValueError) as error:
-            raise HumanclawError(f"cannot write {out}: {error}.", "Name a PNG or JPEG file with --out.") from error
-        click.echo(out)
+        click.echo(save_picture(picture(specs, Plugins.discover(), renderer), out))
 
 
 def picture(specs: Sequence[EpisodeSpec], plugins: Plugins, renderer: str) -> Image.Image:

@@ -10,6 +10,7 @@ from PIL import Image, ImageDraw
 
 from humanclaw import RecordedEpisode, RecordError, Renderer, Scene
 from humanclaw.body import JOINT_INDEX, Array
+from humanclaw.storage import save_picture
 from humanclaw.world import Camera, WorldState, floors_of, together
 from humanclaw_report.floor_plan import colour
 from humanclaw_report.playback import AWAY, SLAB, in_the_way, loosened, opened
@@ -54,11 +55,7 @@ def poses(episode: RecordedEpisode, scene: Scene, renderer: Renderer, out: Path,
             (x, y), _told(episode, frame), colour(number / len(frames)), font_size=16 * _FINE, anchor="mb",
             stroke_width=2 * _FINE, stroke_fill="white",
         )  # fmt: skip
-    try:
-        image.resize(size, Image.Resampling.LANCZOS).save(out, quality=85)
-    except OSError as error:
-        raise RecordError(f"cannot write {out}: {error}.", "Name another file with --out.") from error
-    return out
+    return save_picture(image.resize(size, Image.Resampling.LANCZOS), out, quality=85)
 
 
 def moments(root: Array) -> list[int]:
