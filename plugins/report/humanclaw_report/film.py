@@ -21,8 +21,6 @@ Picture = NDArray[np.uint8]
 FILM_SIZE: Final = (1280, 720)
 GIF_SIZE: Final = (480, 270)
 """Smaller than a film: GIF compresses poorly, and a larger one loads too slowly."""
-SIDES: Final = (16, 4096)
-"""Least and greatest width and height. H.264 encoders take no more than a few times this, and pictures fill memory."""
 GIF_BYTES: Final = 1 << 30
 """Maximum bytes of a GIF's pictures, which are all in memory at once."""
 
@@ -42,13 +40,12 @@ def film(
 
     Args:
         every: Frames of motion for each frame of film.
-        size: Width and height, pixels, within SIDES.
+        size: Width and height, pixels.
 
     Raises:
-        HumanclawError: size or every is out of bounds, or a GIF would be larger than GIF_BYTES.
+        HumanclawError: A GIF would be larger than GIF_BYTES.
         RecordError: The record holds no motion, or out cannot be written.
     """
-    _refuse(every, size)
     film_scene = FilmScene.of(episode, scene)
     if kind == "gif" and len(film_scene.motion) // every * size[0] * size[1] * 3 > GIF_BYTES:
         problem = f"a GIF of {len(film_scene.motion)} frames is too large at every={every} and {size[0]} x {size[1]}."
@@ -60,15 +57,6 @@ def film(
     except OSError as error:
         raise RecordError(f"cannot write {out}: {error}.", "Name another file with --out.") from error
     return out
-
-
-def _refuse(every: int, size: tuple[int, int]) -> None:
-    least, most = SIDES
-    if not all(least <= side <= most for side in size):
-        got = " x ".join(map(str, size))
-        raise HumanclawError(f"a picture is {least} to {most} pixels wide and high; got {got}.", "Name another size.")
-    if every < 1:
-        raise HumanclawError(f"a film keeps every Nth frame, N from 1 on; got {every}.", "Name a larger every.")
 
 
 # -- drawing -----------------------------------------------------------------------------------------------------------

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import imageio_ffmpeg
 import numpy as np
@@ -187,24 +186,6 @@ def test_an_episode_without_motion_cannot_be_filmed(tmp_path: Path) -> None:
     (tmp_path / "motion.npz").unlink()
     with pytest.raises(RecordError, match="holds no motion"):
         film(RecordedEpisode(tmp_path), scene, Painter(), tmp_path / "film.mp4")
-
-
-@pytest.mark.parametrize(
-    ("wrong", "told"),
-    [
-        ({"size": (16_000, 9_000)}, "16 to 4096 pixels wide and high; got 16000 x 9000"),
-        ({"size": (160, 0)}, "got 160 x 0"),
-        ({"every": 0}, "N from 1 on; got 0"),
-    ],
-)
-def test_a_film_that_no_encoder_makes_is_refused_before_drawing(
-    made: tuple[RecordedEpisode, Scene], tmp_path: Path, wrong: dict[str, Any], told: str
-) -> None:
-    painter = Painter()
-    with pytest.raises(HumanclawError, match=told):
-        film(*made, painter, tmp_path / "film.mp4", **wrong)
-    assert painter.scenes == []
-    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_gif_that_would_fill_memory_is_refused(made: tuple[RecordedEpisode, Scene], tmp_path: Path) -> None:
