@@ -150,7 +150,7 @@ kill: install  ## Kill runs, submissions and cache writers KILLS=200 times on tw
 	for engine in mujoco bullet; do $(BIN)/python tests/evidence/kill.py --kills $$(( $(KILLS) / 2 )) --simulator $$engine $(addprefix --clock ,$(CLOCK)) || exit 1; done
 
 fuzz: install  ## Feed 12,500 hostile inputs to each reader, plant hostile files in a run (hours)
-	$(BIN)/python -m pytest -p fuzzing --hypothesis-profile=fuzz -m "evidence or not evidence" tests/test_fuzz.py tests/test_fuzz_files.py plugins/bench/tests/test_strangers.py -q
+	$(BIN)/python -m pytest -p fuzzing --hypothesis-profile=fuzz -m "evidence or not evidence" tests/test_fuzz.py tests/test_fuzz_files.py -q
 
 perf: $(READY)  ## Guard speed: compare seven ratios with tests/evidence/perf.json (MORE="--short" or "--save")
 	$(BIN)/python tests/evidence/perf.py $(MORE)

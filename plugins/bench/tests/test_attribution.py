@@ -98,6 +98,10 @@ def test_there_are_the_papers_eighteen_labels() -> None:
         # Ahead, too, 2.1 m are more than the box.
         ([step(start=(0, 1, 2.1 * (k % 2)), end=(0, 1, 2.1 * (1 - k % 2)), geodesic=4.0) for k in range(25)], 4.0,
          "find: ineffective exploration"),
+        # A pause, a turn and tiny steps are no jam.
+        ([*stuck(7), step("", away=None), *stuck(7)], 4.0, "find: ineffective exploration"),
+        ([*stuck(7), step("turn_in_place", geodesic=4.0), *stuck(7)], 4.0, "find: ineffective exploration"),
+        ([step(params={"x_cm": 3, "z_cm": 5}, geodesic=4.0)] * 12, 4.0, "find: ineffective exploration"),
         # Turns are acts that keep a body in place.
         ([step("turn_in_place", geodesic=4.0)] * 25, 4.0, "find: ineffective actions"),
         # The target was in view at the start, and the last answer said so; it is out of view at the end.
@@ -110,20 +114,6 @@ def test_the_first_rule_that_matches_gives_the_label(tmp_path: Path, steps: list
     cause = attribute(rollout(tmp_path, steps, geodesic=start))
     assert cause
     assert cause.label == label
-
-
-@pytest.mark.parametrize(
-    "steps",
-    [
-        [*stuck(7), step("", away=None), *stuck(7)],
-        [*stuck(7), step("turn_in_place", geodesic=4.0), *stuck(7)],
-        [step(params={"x_cm": 3, "z_cm": 5}, geodesic=4.0)] * 12,
-    ],
-)
-def test_a_pause_a_turn_or_a_tiny_step_is_no_jam(tmp_path: Path, steps: list) -> None:
-    cause = attribute(rollout(tmp_path, steps, geodesic=4.0))
-    assert cause
-    assert cause.label == "find: ineffective exploration"
 
 
 AGAINST, FLOOR = {"contacts": (touch(TABLE),)}, 1
@@ -172,16 +162,10 @@ def test_success_and_unfinished_episodes_have_no_root_cause(tmp_path: Path) -> N
         assert attribute(rollout(tmp_path, [step()], name=outcome, outcome=outcome)) is None
 
 
-def test_an_empty_episode_gets_a_label_too(tmp_path: Path) -> None:
-    cause = attribute(rollout(tmp_path, []))
-    assert cause
-    assert cause.stage == "find"
-
-
 def test_every_failed_random_rollout_gets_one_label_of_its_stage(tmp_path: Path) -> None:
     rng = np.random.default_rng(0)
     for case in range(25):
-        skills = rng.choice(["walk", "turn_in_place", "sit_in_place", ""], rng.integers(1, 12)).tolist()
+        skills = rng.choice(["walk", "turn_in_place", "sit_in_place", ""], rng.integers(0, 12)).tolist()
         steps = [
             step(skill, str(rng.choice([SEE, BLIND])), int(rng.choice([0, 500])), away=float(rng.choice([0.1, 3.0])),
                  pelvis_contacts=tuple(rng.choice([COUCH, TABLE], rng.integers(0, 2)).tolist()))

@@ -20,7 +20,7 @@ from humanclaw.records import Goal, is_met
 from humanclaw.world import SceneBuilder, Slide, block
 from humanclaw_bench.attribution import attribute
 from humanclaw_bench.cli import bench
-from humanclaw_bench.hands.families import FAMILIES, family_of
+from humanclaw_bench.hands import FAMILIES, family_of
 from humanclaw_bench.hands.generate import EACH, House, asked, episodes, tasks
 from humanclaw_bench.hands.scores import says_seen
 from humanclaw_bench.scores import score

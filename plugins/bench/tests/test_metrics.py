@@ -92,10 +92,6 @@ def test_a_sentence_that_names_the_target_acknowledges_it(text: str, category: s
     assert acknowledges(text, category) is said
 
 
-def test_a_decimal_point_ends_no_sentence() -> None:
-    assert not acknowledges("Nothing within 2.5 m of the couch", "couch")
-
-
 @pytest.mark.parametrize(
     ("steps", "found", "in_view"),
     [
@@ -238,16 +234,6 @@ def test_a_chain_of_contacts_carries_a_disturbance_forward_in_time(tmp_path: Pat
     assert found == {LAMP: HISTORY + 19, VASE: HISTORY + 24}
 
 
-def test_contacts_of_one_frame_are_one_chain(tmp_path: Path) -> None:
-    steps = [step(contacts=(touch(LAMP, 4),), touches=((4, VASE, BOOK), (4, LAMP, VASE)))]
-    assert set(disturbed(rollout(tmp_path, steps), {})) == {LAMP, VASE, BOOK}
-
-
-def test_a_fixed_object_passes_nothing_on(tmp_path: Path) -> None:
-    steps = [step(contacts=(touch(LAMP, 0), touch(TABLE, 0)), touches=((1, LAMP, TABLE), (2, VASE, TABLE)))]
-    assert set(disturbed(rollout(tmp_path, steps), {})) == {LAMP}
-
-
 def test_the_recorder_counts_frames_from_the_beginning_of_the_step(tmp_path: Path) -> None:
     """A step of 15, 7 and 15 frames: the lamp is touched in frame 3 of the last piece and touches the vase in frame
     4."""
@@ -338,10 +324,6 @@ def test_success_is_weighted_by_the_length_of_the_path(
     end = [step("stop", start=(2.0 * legs, 1, 0), end=(2.0 * legs, 1, 0), away=away, geodesic=left)] if stops else []
     scores = score(rollout(tmp_path, [*ways, *end], geodesic=4.0))
     assert (scores.spl, scores.soft_spl) == (pytest.approx(spl), pytest.approx(soft))
-
-
-def test_without_a_measured_way_there_is_no_path_weighted_success(tmp_path: Path) -> None:
-    assert np.isnan(score(rollout(tmp_path, [step("stop", away=0.1)])).spl)
 
 
 def test_tokens_are_pooled_over_steps_with_reasoning_apart(tmp_path: Path) -> None:
@@ -486,24 +468,12 @@ def test_an_episode_that_its_own_limit_ended_is_finished(tmp_path: Path, scope: 
     assert score(rollout(tmp_path, [step()], outcome="limit_reached", limit=scope)).finished is finished
 
 
-def test_the_longest_call_is_told_without_the_time_to_rise(tmp_path: Path) -> None:
-    assert score(rollout(tmp_path, [step(motion_frames=45, rise_frames=30), step()])).longest == 0.5
-
-
 def test_an_episode_without_motion_is_scored_without_jerk(tmp_path: Path) -> None:
     recorded = rollout(tmp_path, [step("stop", away=0.1)])
     (recorded.folder / "motion.npz").unlink()
     scores = score(recorded)
     assert scores.nav
     assert np.isnan(scores.jerk)
-
-
-@pytest.mark.parametrize("content", [b"", b"nonsense", b"PK\x03\x04 cut off"])
-def test_a_motion_file_that_is_broken_is_named(tmp_path: Path, content: bytes) -> None:
-    recorded = rollout(tmp_path, [step("stop")])
-    (recorded.folder / "motion.npz").write_bytes(content)
-    with pytest.raises(RecordError, match=r"motion\.npz cannot be read"):
-        score(recorded)
 
 
 # -- calibration -------------------------------------------------------------------------------------------------------
@@ -606,7 +576,7 @@ def test_an_arrival_needs_the_pelvis_near_and_a_short_way_left(
 
 def test_without_a_measured_way_nobody_knows_whether_a_body_arrived(tmp_path: Path) -> None:
     found = score(rollout(tmp_path, [step("stop", away=0.1)]))
-    assert (found.nav, found.arrive) == (True, None)
+    assert (found.nav, found.arrive, np.isnan(found.spl)) == (True, None, True)
 
 
 def test_a_body_that_does_not_stop_has_not_arrived(tmp_path: Path) -> None:
