@@ -90,6 +90,6 @@ def _staged(argument: str) -> Scene:
 
 
 def _local(workers: int = 1, address: str = "") -> Executor:
-    from humanclaw_bench.executors import local
+    from humanclaw_bench.executors import LocalExecutor
 
-    return local(workers, address)
+    return LocalExecutor(workers)

@@ -44,11 +44,6 @@ def known_faults(plugins: Plugins) -> tuple[Fault, ...]:
     return faults
 
 
-def capabilities(faults: Sequence[Fault]) -> tuple[str, ...]:
-    """Return the names of the capabilities that the faults remove."""
-    return tuple(sorted({fault.capability for fault in faults}))
-
-
 def drawn(spec: EpisodeSpec, faults: Sequence[Fault]) -> Fault | None:
     """Return the fault with which an episode is played, drawn by its seed from those that it can show."""
     fitting = [fault for fault in faults if fault.fits(spec)]
@@ -75,13 +70,10 @@ def wanting(specs: Sequence[EpisodeSpec], causes: Causes, each: int, faults: Seq
     todo: list[EpisodeSpec] = []
     for fault, mine in by_fault(specs, faults):
         fresh = [spec for spec in mine[: PATIENCE * each] if spec.id not in causes]
-        lacking = each - sum(_label(causes.get(spec.id)) == fault.cause for spec in mine)
+        found = [cause for spec in mine if (cause := causes.get(spec.id))]
+        lacking = each - sum(cause.label == fault.cause for cause in found)
         todo += fresh[: max(lacking, each // 3)] if lacking > 0 else []  # A third at least: few rounds.
     return todo
-
-
-def _label(cause: Cause | None) -> str:
-    return cause.label if cause else ""
 
 
 def blamed(specs: Sequence[EpisodeSpec], causes: Causes, capability: str) -> list[EpisodeSpec]:
@@ -155,7 +147,7 @@ def repair_command(name: str, each: int, workers: int, out: Path, as_json: bool)
     specs, faults = load_split(name), known_faults(Plugins.discover())
     causes, second = _failures(specs, faults, each, out, workers)
     right: dict[str, Scores] = {}
-    for capability in capabilities(faults):
+    for capability in sorted({fault.capability for fault in faults}):
         folder = out / f"{capability}--repaired"
         right |= _play_repaired(blamed(specs, causes, capability), faults, capability, folder, workers)
     rows = repaired(causes, right, second)

@@ -32,7 +32,6 @@ __all__ = [
     "LocalExecutor",
     "Worker",
     "WorkerReport",
-    "local",
     "pack",
     "unpack",
 ]
@@ -119,7 +118,7 @@ class _WorkerProcess:
 class LocalExecutor:
     """Plays in processes of this machine. If one dies, the others continue; its output is in logs/."""
 
-    def __init__(self, workers: int = 1, address: str = "") -> None:
+    def __init__(self, workers: int = 1) -> None:
         self._workers = workers
         self._context: SpawnContext = multiprocessing.get_context("spawn")
         # Shared memory without a lock: a killed worker or an interrupted signal handler could hold the lock forever.
@@ -243,10 +242,3 @@ def _write_to(folder: Folder, log: str) -> None:
         os.dup2(stream.fileno(), standard)
     sys.stdout = sys.stderr = stream
     faulthandler.enable(stream)
-
-
-def local(workers: int = 1, address: str = "") -> Executor:
-    """Return the executor that plays in processes of this machine. Raises HumanclawError for less than one worker."""
-    if workers < 1:
-        raise HumanclawError(f"a run needs at least one worker; got {workers}.", "Give --workers 1 or more.")
-    return LocalExecutor(workers)

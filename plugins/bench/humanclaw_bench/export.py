@@ -117,7 +117,7 @@ def _action_names(episodes: Sequence[RecordedEpisode]) -> tuple[str, ...]:
 
 
 def _features(episodes: Sequence[RecordedEpisode], actions: Sequence[str]) -> dict[str, Any]:
-    picture = _picture(episodes[0], episodes[0].steps[0])
+    picture: Any = episodes[0].picture(episodes[0].steps[0])
     state = [f"root_{axis}" for axis in "xyz"] + [f"rotation_{k}" for k in range(72)]
     return {
         "observation.images.ego": {"dtype": "image", "shape": picture.shape, "names": ["height", "width", "channels"]},
@@ -133,17 +133,13 @@ def _frames(recorded: RecordedEpisode, actions: Sequence[str]) -> Iterator[dict[
     for step, (first, _) in zip(recorded.steps, recorded.spans, strict=True):
         pose = np.concatenate([motion.root[first - 1], motion.rotations[first - 1].ravel()])
         yield {
-            "observation.images.ego": _picture(recorded, step),
+            "observation.images.ego": recorded.picture(step),
             "observation.state": pose.astype(np.float32),
             "action": _action(step, actions),
             "next.done": np.array([step is recorded.steps[-1]]),
             "next.success": np.array([step is recorded.steps[-1] and bool(success)]),
             "task": recorded.record.spec.instruction,
         }
-
-
-def _picture(recorded: RecordedEpisode, step: StepRecord) -> Any:
-    return recorded.picture(step)
 
 
 def _action(step: StepRecord, names: Sequence[str]) -> Any:

@@ -183,13 +183,13 @@ def extra_metric(name: str) -> Metric:
     return _mean(name, lambda s: s.extra.get(name, np.nan), 3, better="")
 
 
-def estimate(metric: Metric, scores: Sequence[Scores], *, seed: int = 0) -> Estimate:
+def estimate(metric: Metric, scores: Sequence[Scores]) -> Estimate:
     """Return a metric over the finished episodes among these, with its interval."""
     known = [(pair, s) for s in scores if s.finished and (pair := metric.parts(s)) is not None]
     parts, houses = [pair for pair, _ in known], houses_of(s for _, s in known)
     if metric.rate:
         return rate([bool(met) for met, _ in parts], houses)
-    return ratio([above for above, _ in parts], [below for _, below in parts], houses, seed=seed)
+    return ratio([above for above, _ in parts], [below for _, below in parts], houses)
 
 
 def houses_of(scores: Iterable[Scores]) -> list[str]:
@@ -197,9 +197,7 @@ def houses_of(scores: Iterable[Scores]) -> list[str]:
     return [s.scene.partition("?")[0] for s in scores]
 
 
-def compare(
-    a: Sequence[Scores], b: Sequence[Scores], metrics: Sequence[Metric] = ALL, *, seed: int = 0
-) -> dict[str, Difference]:
+def compare(a: Sequence[Scores], b: Sequence[Scores], metrics: Sequence[Metric] = ALL) -> dict[str, Difference]:
     """Compare run B with run A over the episodes that both finished, by metric name.
 
     p is corrected for the number of metrics (Holm), separately for FindSR, ArriveSR (without measured ways NavSR) and
@@ -210,7 +208,7 @@ def compare(
     pairs = common(a, b)
     differences: dict[str, Difference] = {}
     for metric in metrics:
-        if difference := difference_of(metric, pairs, seed=seed):
+        if difference := difference_of(metric, pairs):
             differences[metric.name] = difference
     way = ARRIVE if ARRIVE.name in differences else NAV
     headline = {metric.name: differences[metric.name] for metric in (FIND, way, INTERACT) if metric.name in differences}
@@ -219,14 +217,14 @@ def compare(
     return dict(chain(*raised))
 
 
-def difference_of(metric: Metric, pairs: Sequence[tuple[Scores, Scores]], *, seed: int = 0) -> Difference | None:
+def difference_of(metric: Metric, pairs: Sequence[tuple[Scores, Scores]]) -> Difference | None:
     """Compare one metric of B with A over the episodes to which it applies in both; None if there are none."""
     known = [(first, second, x) for x, y in pairs if (first := metric.parts(x)) and (second := metric.parts(y))]
     a, b = [first for first, _, _ in known], [second for _, second, _ in known]
     houses = houses_of(x for _, _, x in known)
     if metric.rate and known:
-        return compare_rates([bool(met) for met, _ in a], [bool(met) for met, _ in b], houses, seed=seed)
-    return compare_ratios(a, b, houses, seed=seed) if known else None
+        return compare_rates([bool(met) for met, _ in a], [bool(met) for met, _ in b], houses)
+    return compare_ratios(a, b, houses) if known else None
 
 
 def common(a: Sequence[Scores], b: Sequence[Scores]) -> list[tuple[Scores, Scores]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -34,12 +34,6 @@ class Result:
     """Of the run's folder."""
     conditions: Conditions = field(default_factory=dict)
     """What the episodes were played with."""
-
-    @classmethod
-    def of(cls, name: str, pairs: Sequence[tuple[Scores, Cause | None]], known: Standing) -> Result:
-        """Return the result of scored episodes with their root causes. known: facts from the run's folder."""
-        scores = tuple(each for each, _ in pairs)
-        return cls(name, scores, tuple(cause for _, cause in pairs), known, shared_conditions(scores))
 
     @property
     def finished(self) -> tuple[Scores, ...]:
@@ -73,69 +67,42 @@ class Result:
         of = f"{len(self.finished)} of " if len(self.finished) < self.total else ""
         unknown = "" if self.known.asked else ", of an unknown total (no run.json)"
         extent = f"{of}{counted(self.total, 'episode')}{unknown}"
-        note = (
-            f"{self.name}: {extent}{left_out}.{self._privileged}{self._broken}{self._unasked}{self._foreign}"
-            f"{self._near}{self._pace}{self._asked}{self._cut}{self._played}"
-        )
+        note = " ".join([f"{self.name}: {extent}{left_out}.", *self._sentences()])
         return " ".join(legible(note).split())  # One line, whatever text a foreign record holds.
 
-    @property
-    def _near(self) -> str:
-        near = self.known.in_process
-        return " Played in the body's own process, which agent and verifier can change." if near else ""
-
-    @property
-    def _played(self) -> str:
-        return f" Played with {summary(self.conditions)}." if self.conditions else ""
-
-    @property
-    def _pace(self) -> str:
-        return "" if all(s.in_pace for s in self.scores) else f" Not at the paper's pace: {pace(self.scores)}."
-
-    @property
-    def _asked(self) -> str:
-        """What the model refused or had no room for."""
-        left_out = sorted({name for s in self.scores for name in s.left_out})
-        dropped = sum(s.dropped_steps for s in self.finished)
-        cut = [s for s in self.scores if s.refused and not s.finished]
-        refused, answers = (sum(getattr(s, name) for s in cut) for name in ("refused", "answers"))
-        note = f" Asked without {', '.join(left_out)}, which the model refuses." if left_out else ""
-        note += f" In episodes that did not end, {refused} of {answers} answers held no usable call." if cut else ""
-        return note + (
-            f" Past steps were dropped because the model's context was full: in {dropped} steps." if dropped else ""
-        )
-
-    @property
-    def _cut(self) -> str:
-        remembers = self.conditions.get("agent history", "0") != "0"
-        cut = remembers and self.conditions.get("agent history_text") == "short"
-        return " Past steps were told with their words cut, in the paper in full." if cut else ""
-
-    @property
-    def _foreign(self) -> str:
-        faults = self.known.faults
-        more = f" ({len(faults)} such faults: see `humanclaw bench verify`)" if len(faults) > 1 else ""
-        return f" Warning: {faults[0]}{more}" if faults else ""
-
-    @property
-    def _privileged(self) -> str:
-        roles = " and ".join(sorted({s.privileged for s in self.scores if s.privileged}))
-        return f" Privileged (knows scene and true state): {roles}." if roles else ""
-
-    @property
-    def _broken(self) -> str:
-        faults = Counter(s.error for s in self.finished if s.outcome == "plugin_error")
-        return "".join(
-            f" Failed by a plugin, and counted: {count} ({error})." for error, count in sorted(faults.items())
-        )
-
-    @property
-    def _unasked(self) -> str:
+    def _sentences(self) -> Iterator[str]:
+        """Yield what is to be known of the row besides its extent."""
+        if roles := " and ".join(sorted({s.privileged for s in self.scores if s.privileged})):
+            yield f"Privileged (knows scene and true state): {roles}."
+        broken = Counter(s.error for s in self.finished if s.outcome == "plugin_error")
+        yield from (f"Failed by a plugin, and counted: {count} ({error})." for error, count in sorted(broken.items()))
         verified, unasked = (sum(getattr(s, name) for s in self.finished) for name in ("verified", "unasked"))
-        if not verified:
-            return ""
-        warning = " Warning: this is not the verifier's row." if unasked > MOST_UNASKED * verified else ""
-        return f" Calls executed unverified: {100 * unasked / verified:.1f} %.{warning}"
+        if verified:
+            yield f"Calls executed unverified: {100 * unasked / verified:.1f} %."
+        if unasked > MOST_UNASKED * verified:
+            yield "Warning: this is not the verifier's row."
+        if faults := self.known.faults:
+            more = f" ({len(faults)} such faults: see `humanclaw bench verify`)" if len(faults) > 1 else ""
+            yield f"Warning: {faults[0]}{more}"
+        if self.known.in_process:
+            yield "Played in the body's own process, which agent and verifier can change."
+        if not all(s.in_pace for s in self.scores):
+            yield f"Not at the paper's pace: {pace(self.scores)}."
+        yield from self._refused()
+        if self.conditions:
+            yield f"Played with {summary(self.conditions)}."
+
+    def _refused(self) -> Iterator[str]:
+        """Yield what the model refused or had no room for."""
+        if left_out := sorted({name for s in self.scores for name in s.left_out}):
+            yield f"Asked without {', '.join(left_out)}, which the model refuses."
+        if cut := [s for s in self.scores if s.refused and not s.finished]:
+            refused, answers = (sum(getattr(s, name) for s in cut) for name in ("refused", "answers"))
+            yield f"In episodes that did not end, {refused} of {answers} answers held no usable call."
+        if dropped := sum(s.dropped_steps for s in self.finished):
+            yield f"Past steps were dropped because the model's context was full: in {dropped} steps."
+        if self.conditions.get("agent history", "0") != "0" and self.conditions.get("agent history_text") == "short":
+            yield "Past steps were told with their words cut, in the paper in full."
 
 
 def named(
@@ -159,9 +126,13 @@ def named(
         for ((agent, *_), pairs), label in zip(groups.items(), suffixes, strict=True)
     ]
     return tuple(
-        Result.of(name if names.count(name) == 1 else f"{name} ({run})", pairs, (known or {}).get(run, Standing()))
-        for ((_, run, _), pairs), name in zip(groups.items(), names, strict=True)
-    )
+        Result(
+            name if names.count(name) == 1 else f"{name} ({run})",
+            tuple(scores for scores, _ in pairs), tuple(cause for _, cause in pairs),
+            (known or {}).get(run, Standing()), conditions,
+        )
+        for ((_, run, _), pairs), name, conditions in zip(groups.items(), names, played, strict=True)
+    )  # fmt: skip
 
 
 def pace(scores: Sequence[Scores]) -> str:

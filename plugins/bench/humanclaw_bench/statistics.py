@@ -78,8 +78,13 @@ def wilson(successes: int, trials: int) -> Estimate:
     """Return a rate with Wilson's score interval, valid near 0 and 1 and for few trials. NaN without trials."""
     if trials == 0:
         return Estimate(float("nan"))
-    interval = _score_interval(successes / trials, trials, _normal_quantile())
-    return Estimate(successes / trials, *interval, trials)
+    share, quantile = successes / trials, _normal_quantile()
+    square = quantile**2 / trials
+    centre = (share + square / 2) / (1 + square)
+    half = quantile / (1 + square) * float(np.sqrt(share * (1 - share) / trials + square / (4 * trials)))
+    # Exact bounds at 0 and 1, because rounding could exclude the rate itself from its interval.
+    low, high = (max(0.0, centre - half) if share > 0 else 0.0), (min(1.0, centre + half) if share < 1 else 1.0)
+    return Estimate(share, low, high, trials)
 
 
 def rate(met: Sequence[bool], houses: Sequence[str] = ()) -> Estimate:
@@ -135,15 +140,6 @@ def _normal_quantile() -> float:
 def _student_quantile(degrees: int) -> float:
     """Return the same quantile of Student's t."""
     return float(stdtrit(degrees, (1 + CONFIDENCE) / 2))
-
-
-def _score_interval(share: float, count: float, quantile: float) -> tuple[float, float]:
-    """Return Wilson's score interval of a share. count: number of trials."""
-    square = quantile**2 / count
-    centre = (share + square / 2) / (1 + square)
-    half = quantile / (1 + square) * float(np.sqrt(share * (1 - share) / count + square / (4 * count)))
-    # Exact bounds at 0 and 1, because rounding could exclude the rate itself from its interval.
-    return (max(0.0, centre - half) if share > 0 else 0.0), (min(1.0, centre + half) if share < 1 else 1.0)
 
 
 def ratio(

@@ -102,25 +102,16 @@ class ResultTable:
 
 
 # -- the tables of the paper -------------------------------------------------------------------------------------------
-@dataclass(frozen=True)
-class Layout:
-    """A table with a row for each agent."""
-
-    title: str
-    metrics: tuple[Metric, ...]
-    """Its columns."""
-
-
-LAYOUTS: Final[Mapping[str, Layout]] = {
-    "main": Layout("Results", MAIN),
-    "ablation": Layout("Ablation", MAIN),
-    "hands": Layout("Tasks for hands", (*HANDS, *ALONE)),
-    "self": Layout("Questions about oneself", SELF),
-    "variants": Layout("Success by geometry alone and as acknowledged", VARIANTS),
-    "body": Layout("Steps with a collision, by part of the body", BODY),
-    "own": Layout("Landing, reversals, other readings of GeoNavSR, Coll., #Dtb, dDtb and Jerk, and calibration", OWN),
+LAYOUTS: Final[Mapping[str, tuple[str, tuple[Metric, ...]]]] = {
+    "main": ("Results", MAIN),
+    "ablation": ("Ablation", MAIN),
+    "hands": ("Tasks for hands", (*HANDS, *ALONE)),
+    "self": ("Questions about oneself", SELF),
+    "variants": ("Success by geometry alone and as acknowledged", VARIANTS),
+    "body": ("Steps with a collision, by part of the body", BODY),
+    "own": ("Landing, reversals, other readings of GeoNavSR, Coll., #Dtb, dDtb and Jerk, and calibration", OWN),
 }
-"""Tables by name. Those of the paper have the names that paper.json has for its numbers."""
+"""Title and columns of the tables with a row for each agent, by name: that of paper.json for tables of the paper."""
 EXPLAINED: Final = ("main", "hands", "self")
 """Tables whose short names of columns are explained below them."""
 
@@ -135,10 +126,10 @@ def paper_results() -> Mapping[str, Mapping[str, Mapping[str, float]]]:
     }
 
 
-def result_table(name: str, results: Sequence[Result], *, paper: bool = True, seed: int = 0) -> ResultTable:
+def result_table(name: str, results: Sequence[Result], *, paper: bool = True) -> ResultTable:
     """Return a table of LAYOUTS. paper: with the paper's rows, if it has any."""
     printed = paper_results().get(name, {}) if paper else {}
-    return _result_table(LAYOUTS[name].title, LAYOUTS[name].metrics, results, printed, seed)
+    return _result_table(*LAYOUTS[name], results, printed)
 
 
 def _result_table(
@@ -146,9 +137,8 @@ def _result_table(
     metrics: Sequence[Metric],
     results: Sequence[Result],
     paper: Mapping[str, Mapping[str, float]],
-    seed: int,
 ) -> ResultTable:
-    rows = _ranked(metrics, [Row(r.name, tuple(estimate(m, r.scores, seed=seed) for m in metrics)) for r in results])
+    rows = _ranked(metrics, [Row(r.name, tuple(estimate(m, r.scores) for m in metrics)) for r in results])
     rows += [Row(f"{name} {MARK}", _printed(metrics, values), paper=True) for name, values in paper.items() if results]
     return ResultTable(title, "agent", tuple(metrics), tuple(rows), tuple(r.note for r in results))
 
@@ -292,12 +282,12 @@ def _is_second(cause: Cause, scores: Scores) -> bool:
     return cause.label in scores.also.split("; ")
 
 
-def difficulty_table(results: Sequence[Result], *, seed: int = 0) -> ResultTable:
+def difficulty_table(results: Sequence[Result]) -> ResultTable:
     """Return the main columns by tier of difficulty (paper, section 4.1)."""
-    return _broken_down("Results by difficulty", results, TIERS, lambda s, tier: s.tier == tier, seed)
+    return _broken_down("Results by difficulty", results, TIERS, lambda s, tier: s.tier == tier)
 
 
-def factors_table(results: Sequence[Result], *, seed: int = 0) -> ResultTable:
+def factors_table(results: Sequence[Result]) -> ResultTable:
     """Return the main columns by tier of each dimension of difficulty apart (paper, section 4.1)."""
     groups = [f"{dimension}: {tier}" for dimension in THRESHOLDS for tier in TIERS]
 
@@ -306,28 +296,28 @@ def factors_table(results: Sequence[Result], *, seed: int = 0) -> ResultTable:
         known = scores.spec.difficulty if scores.spec else None
         return known is not None and tiers(known)[dimension] == tier
 
-    return _broken_down("Results by distance, choice and obstacle", results, groups, of, seed)
+    return _broken_down("Results by distance, choice and obstacle", results, groups, of)
 
 
-def category_table(results: Sequence[Result], *, seed: int = 0) -> ResultTable:
+def category_table(results: Sequence[Result]) -> ResultTable:
     """Return the main columns by target category."""
-    return _broken_down("Results by category", results, CATEGORIES, lambda s, category: s.category == category, seed)
+    return _broken_down("Results by category", results, CATEGORIES, lambda s, category: s.category == category)
 
 
 def _broken_down(
-    title: str, results: Sequence[Result], groups: Sequence[str], of: Callable[[Scores, str], bool], seed: int
+    title: str, results: Sequence[Result], groups: Sequence[str], of: Callable[[Scores, str], bool]
 ) -> ResultTable:
     """Return a row for each agent and group that has episodes."""
     parts = [(r, group, [s for s in r.scores if of(s, group)]) for r in results for group in groups]
     rows = tuple(
-        Row(f"{result.name}, {group.replace('_', ' ')}", tuple(estimate(m, chosen, seed=seed) for m in MAIN))
+        Row(f"{result.name}, {group.replace('_', ' ')}", tuple(estimate(m, chosen) for m in MAIN))
         for result, group, chosen in parts
         if chosen
     )
     return ResultTable(title, "agent", MAIN, rows, tuple(r.note for r in results))
 
 
-def chosen_table(results: Sequence[Result], names: Sequence[str], *, paper: bool = True, seed: int = 0) -> ResultTable:
+def chosen_table(results: Sequence[Result], names: Sequence[str], *, paper: bool = True) -> ResultTable:
     """Return a table of chosen columns: any of the benchmark's, and metrics of plugins.
 
     Raises HumanclawError for an unknown name.
@@ -336,7 +326,7 @@ def chosen_table(results: Sequence[Result], names: Sequence[str], *, paper: bool
     for name in names:
         if name not in known:
             raise HumanclawError(f"there is no column {name!r}.", f"The columns are {', '.join(known)}.")
-    return _result_table("Results", [known[name] for name in names], results, _all_printed() if paper else {}, seed)
+    return _result_table("Results", [known[name] for name in names], results, _all_printed() if paper else {})
 
 
 def _all_printed() -> dict[str, dict[str, float]]:
@@ -350,12 +340,12 @@ def _extra(results: Sequence[Result]) -> dict[str, None]:
     return dict.fromkeys(name for result in results for scores in result.scores for name in scores.extra)
 
 
-def extra_table(results: Sequence[Result], *, seed: int = 0) -> ResultTable:
+def extra_table(results: Sequence[Result]) -> ResultTable:
     """Return the metrics of plugins, averaged over episodes."""
-    return _result_table("Metrics of plugins", [extra_metric(name) for name in _extra(results)], results, {}, seed)
+    return _result_table("Metrics of plugins", [extra_metric(name) for name in _extra(results)], results, {})
 
 
-def brief_tables(results: Sequence[Result], *, seed: int = 0) -> dict[str, ResultTable]:
+def brief_tables(results: Sequence[Result]) -> dict[str, ResultTable]:
     """Return what fits a screen: headline numbers, the funnel, and the root causes that occurred.
 
     Where no episode has a target, they are empty.
@@ -363,9 +353,9 @@ def brief_tables(results: Sequence[Result], *, seed: int = 0) -> dict[str, Resul
     walks, hands, selves = _apart(results)
     walks = walks if any(scores.category for result in walks for scores in result.scores) else []
     return {
-        "main": chosen_table(walks, [metric.name for metric in HEADLINE], paper=False, seed=seed),
-        "hands": _result_table("Tasks for hands", HANDS, hands, {}, seed),
-        "self": result_table("self", selves, seed=seed),
+        "main": chosen_table(walks, [metric.name for metric in HEADLINE], paper=False),
+        "hands": _result_table("Tasks for hands", HANDS, hands, {}),
+        "self": result_table("self", selves),
         "funnel": funnel_table(walks),
         "causes": happened(causes_table(walks)),
         "hand-causes": happened(causes_table([*hands, *selves], HAND_CAUSES)),
@@ -383,18 +373,18 @@ def happened(causes: ResultTable) -> ResultTable:
     return replace(causes, rows=tuple(row for row in causes.rows if any(cell.value > 0 for cell in row.cells)))
 
 
-def all_tables(results: Sequence[Result], *, paper: bool = True, seed: int = 0) -> dict[str, ResultTable]:
+def all_tables(results: Sequence[Result], *, paper: bool = True) -> dict[str, ResultTable]:
     """Return every table by its name on the command line; empty ones of tasks that no run has."""
     results, hands, selves = _apart(results)
     return {
-        "main": result_table("main", results, paper=paper, seed=seed),
-        "hands": result_table("hands", hands, seed=seed),
-        "self": result_table("self", selves, seed=seed),
-        **{name: result_table(name, results, paper=paper, seed=seed) for name in ("variants", "body", "own")},
-        "difficulty": difficulty_table(results, seed=seed),
-        "factors": factors_table(results, seed=seed),
-        "category": category_table(results, seed=seed),
-        "plugins": extra_table(results, seed=seed),
+        "main": result_table("main", results, paper=paper),
+        "hands": result_table("hands", hands),
+        "self": result_table("self", selves),
+        **{name: result_table(name, results, paper=paper) for name in ("variants", "body", "own")},
+        "difficulty": difficulty_table(results),
+        "factors": factors_table(results),
+        "category": category_table(results),
+        "plugins": extra_table(results),
         "funnel": funnel_table(results, paper=paper),
         "causes": causes_table(results, paper=paper),
         "faculties": faculties_table(results, paper=paper),

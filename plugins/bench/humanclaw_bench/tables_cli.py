@@ -11,7 +11,7 @@ from rich.console import RenderableType
 from rich.text import Text
 
 from humanclaw import Plugins, RecordError, load_run
-from humanclaw.cli import Console, plugin_files, seed_option
+from humanclaw.cli import Console, plugin_files
 from humanclaw.storage import write_result
 from humanclaw_bench.cli import PARTIAL, RUN
 from humanclaw_bench.conditions import differences as unlike
@@ -55,12 +55,11 @@ NAMES = (
     help="Print one table with this column (repeatable). It may be a metric of a plugin.",
 )
 @click.option("--paper/--no-paper", default=True, help="Add the paper's rows for reference.")
-@seed_option(help="Seed of the bootstrap.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON: every number in full, shares as fractions.")
 @PARTIAL
 @plugin_files
 def table(
-    runs: tuple[Path, ...], form: str, only: tuple[str, ...], columns: tuple[str, ...], paper: bool, seed: int,
+    runs: tuple[Path, ...], form: str, only: tuple[str, ...], columns: tuple[str, ...], paper: bool,
     full: bool, as_json: bool, partial: bool, files: tuple[Path, ...],
 ) -> None:  # fmt: skip
     """Print the tables of one or more runs, one row per agent."""
@@ -71,9 +70,9 @@ def table(
         raise click.UsageError("--only and --column exclude each other.")
     brief = form in ("terminal", "latex") and not (full or only or as_json)
     if columns:
-        tables = {"columns": chosen_table(results, columns, paper=paper, seed=seed)}
+        tables = {"columns": chosen_table(results, columns, paper=paper)}
     else:
-        tables = brief_tables(results, seed=seed) if brief else all_tables(results, paper=paper, seed=seed)
+        tables = brief_tables(results) if brief else all_tables(results, paper=paper)
     chosen = {name: tables[name] for name in only} or filled(tables)
     if as_json:
         _print_json({name: plain(result) for name, result in chosen.items()})
@@ -105,11 +104,10 @@ def show(tables: Mapping[str, ResultTable]) -> None:
 @click.command("compare")
 @click.argument("a", type=RUN)
 @click.argument("b", type=RUN)
-@seed_option(help="Of bootstrap and swaps.")
 @click.option("--across-engines", is_flag=True, help="Compare even if the runs use different simulators.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON: each difference with interval, p and verdict.")
 @PARTIAL
-def compare_command(a: Path, b: Path, seed: int, across_engines: bool, as_json: bool, partial: bool) -> None:
+def compare_command(a: Path, b: Path, across_engines: bool, as_json: bool, partial: bool) -> None:
     """Compare two runs over the episodes that both finished. Differences are told from noise."""
     first, second = _one(a), _one(b)
     require_whole((first, second), partial)
@@ -119,7 +117,7 @@ def compare_command(a: Path, b: Path, seed: int, across_engines: bool, as_json: 
         raise RecordError(
             f"the runs use different simulators: {names}.", "Add --across-engines to compare them anyway."
         )
-    differences = compare(first.scores, second.scores, seed=seed)
+    differences = compare(first.scores, second.scores)
     changed = unlike(first.conditions, second.conditions)
     if as_json:
         _print_json({"settings": changed, "metrics": plain_differences(differences, ALL)})

@@ -142,7 +142,8 @@ class Worker:
     def _play(self, spec: EpisodeSpec) -> None:
         folder = self._out / spec.id
         try:
-            replay = recorded_steps(folder)
+            episode = recorded(folder)
+            replay = episode.steps if episode else ()
         except RecordError as fault:
             print(f"{fault.message} The episode starts again.", flush=True)
             replay = ()
@@ -213,12 +214,6 @@ def _beside_the_body(job: Job) -> Plugins:
     """Load the plugins of a job, but for those that bring agents and verifiers alone."""
     files = [Path(file) for file in job.files if str(Path(file)) not in job.absent]
     return Plugins.discover(files, job.choice, absent=job.absent)
-
-
-def recorded_steps(folder: Folder) -> tuple[StepRecord, ...]:
-    """Return the steps that an earlier session recorded, if any. Raises RecordError if they are damaged."""
-    episode = recorded(folder)
-    return episode.steps if episode else ()
 
 
 def recorded(folder: Folder) -> RecordedEpisode | None:

@@ -19,7 +19,7 @@ from humanclaw import EpisodeSpec, Scene
 from humanclaw.body import Array, Pose2D
 from humanclaw.records import Goal, name_of, route_difficulty
 from humanclaw.world import DistanceField, MultiFloorMap, SceneObject, viewpoints
-from humanclaw_bench.hands.families import FAMILIES, Family, family_of
+from humanclaw_bench.hands import FAMILIES, Family, family_of
 from humanclaw_bench.splits import NEAREST, roomy
 
 EACH: Final = 75

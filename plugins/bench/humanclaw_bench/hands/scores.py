@@ -25,7 +25,7 @@ from humanclaw.records import (
 )
 from humanclaw.world import distance_to_nearest
 from humanclaw_bench.failure_modes import Rule, Stage, first_cause
-from humanclaw_bench.hands.families import Family, family_of
+from humanclaw_bench.hands import Family, family_of
 from humanclaw_bench.oneself import STAGE
 
 _HOLDING: Final[tuple[Stage, ...]] = ("find", "nav", "reach", "hold")
