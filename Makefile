@@ -114,7 +114,7 @@ naturalness: install  ## Measure feet, joints, transitions, jerk and likeness to
 SPLITS ?= plugins/bench/humanclaw_bench/data
 
 splits: install  ## Generate the benchmark's episodes from their seeds, in the current houses (minutes)
-	$(BIN)/humanclaw bench make --workers 2 --out $(SPLITS)
+	$(BIN)/humanclaw bench generate --workers 2 --out $(SPLITS)
 
 recognise: install  ## Run a detector trained on photos in 12 houses; fetches it with npm (minutes)
 	cd plugins/raster/recognise && npm install --no-audit --no-fund --no-package-lock

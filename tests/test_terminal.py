@@ -26,7 +26,7 @@ TABLES = {
     "bench compare": "{a} {b} --partial",
     "bench rescore": "{a}",
     "bench power": "--split smoke --trials 2",
-    "bench repair": None,
+    "bench counterfactual": None,
     "fidelity": "--skills walk --rollouts 2",
     "naturalness": None,
     "data build": None,

@@ -1,4 +1,4 @@
-"""An agent with a known fault, for `humanclaw bench repair`: it stops at once, wherever it is."""
+"""An agent with a known fault, for `humanclaw bench counterfactual`: it stops at once, wherever it is."""
 
 from collections.abc import Callable
 from types import SimpleNamespace

@@ -28,7 +28,7 @@ _TASKS = (
     ("turn", "turn until the target is in view, and say so"),
     ("sit", "sit down on what is behind you"),
     ("touch", "walk until something stops you, and say what touches you"),
-    ("file", "episodes of a file that `humanclaw bench make --train` wrote"),
+    ("file", "episodes of a file that `humanclaw bench generate --train` wrote"),
 )
 
 

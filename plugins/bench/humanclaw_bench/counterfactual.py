@@ -1,4 +1,4 @@
-"""`humanclaw bench repair`: check root causes by repairing the blamed capability and playing again.
+"""`humanclaw bench counterfactual`: check root causes by repairing the blamed capability and playing again.
 
 An agent with a known fault, drawn by the episode's seed, plays episodes until every root cause of the faults occurred
 often enough. The benchmark blames a capability for each failure, from the record alone. Then the episode is played
@@ -134,15 +134,19 @@ def _share(part: int, whole: int) -> str:
 
 
 # -- the command -------------------------------------------------------------------------------------------------------
-@click.command("repair")
+@click.command()
 @click.option("--split", "name", default="val", show_default=True, help="val, mini, smoke, or a file.")
 @click.option("--each", type=click.IntRange(1), default=20, show_default=True, help="Failures of each root cause.")
 @click.option("--workers", type=click.IntRange(1), default=1, show_default=True, help="Episodes at a time.")
 @click.option(
-    "--out", type=click.Path(path_type=Path), default=Path("runs/repair"), show_default=True, help="Folder of the runs."
+    "--out",
+    type=click.Path(path_type=Path),
+    default=Path("runs/counterfactual"),
+    show_default=True,
+    help="Folder of the runs.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
-def repair_command(name: str, each: int, workers: int, out: Path, as_json: bool) -> None:
+def counterfactual(name: str, each: int, workers: int, out: Path, as_json: bool) -> None:
     """Check root causes with failures of known origin: repair the blamed capability and play again."""
     specs, faults = load_split(name), known_faults(Plugins.discover())
     causes, second = _failures(specs, faults, each, out, workers)

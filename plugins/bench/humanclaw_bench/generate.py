@@ -1,4 +1,4 @@
-"""`humanclaw bench make`: the splits, a hidden test, and training tasks."""
+"""`humanclaw bench generate`: the splits, a hidden test, and training tasks."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from humanclaw_bench.splits import (
     STARTS,
     candidates,
     hidden,
-    make as make_splits,
+    make,
     secret_houses,
     summary,
 )
@@ -67,7 +67,7 @@ Draw = Callable[..., list[EpisodeSpec]]
 @click.option("--hands", is_flag=True, help="Make the splits for hands instead.")
 @click.option("--self", "oneself", is_flag=True, help="Make the split of questions about oneself instead (15 min).")
 @click.option("--workers", type=click.IntRange(1), default=1, show_default=True, help="Houses at a time.")
-def make(
+def generate(
     out: Path, starts: int, seed: int, secret: int | None, train: int | None, task: str,
     pairs: tuple[str, ...], hands: bool, oneself: bool, workers: int,
 ) -> None:  # fmt: skip
@@ -83,7 +83,7 @@ def make(
         elif oneself:
             made = {SELF: tuple(tqdm(questions(Plugins.discover(), seed), total=TOTAL, unit="question"))}
         elif secret is None:
-            made = make_splits(_drawn(pool, (*HOUSES, *DEV_HOUSES), starts, (seed,)))
+            made = make(_drawn(pool, (*HOUSES, *DEV_HOUSES), starts, (seed,)))
         else:
             made = hidden(_drawn(pool, secret_houses(secret), starts, (secret, 2)))
     for name, specs in made.items():

@@ -78,7 +78,7 @@ def humanclaw_metrics(register: Register[MetricFunction]) -> None:
 
 @hookspec
 def humanclaw_faults(register: RegisterFault) -> None:
-    """Register agents with a known fault, for `humanclaw bench repair`."""
+    """Register agents with a known fault, for `humanclaw bench counterfactual`."""
 
 
 @hookspec

@@ -156,7 +156,7 @@ def _entries(folder: Path, checks: Checks) -> tuple[list[Entry], list[str]]:
             unread.append(str(error))
         except Exception as error:  # A stranger's broken file must not hide the others.
             unread.append(f"{run} cannot be scored: {type(error).__name__}.")
-    return _with_twins(submitted), unread
+    return submitted, unread
 
 
 def _entry(run: Path) -> Entry:
@@ -191,23 +191,6 @@ def _with_page(entry: Entry, checks: Checks) -> Entry:
         if Folder(checks.out).has(f"{entry.run.name}/{REPORT}"):
             return replace(entry, page=quote(f"{entry.run.name}/{REPORT}"))
     return replace(entry, records=f"{entry.records}; page not written")
-
-
-def _with_twins(entries: Sequence[Entry]) -> list[Entry]:
-    """Name the runs that hold the same records. Who copied whom cannot be told."""
-    runs = defaultdict[frozenset[str], list[str]](list)
-    for entry in entries:
-        runs[_digests(entry)].append(entry.run.name)
-
-    def noted(entry: Entry) -> str:
-        others = [name for name in runs[_digests(entry)] if name != entry.run.name]
-        return f"{entry.records}; the same records as {', '.join(others)}" if others else entry.records
-
-    return [replace(entry, records=noted(entry)) for entry in entries]
-
-
-def _digests(entry: Entry) -> frozenset[str]:
-    return frozenset(episode.digest for episode in entry.scored.episodes)
 
 
 def _replayed(played: Sequence[Replayed], by: str) -> str:

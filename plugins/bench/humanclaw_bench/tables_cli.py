@@ -104,19 +104,12 @@ def show(tables: Mapping[str, ResultTable]) -> None:
 @click.command("compare")
 @click.argument("a", type=RUN)
 @click.argument("b", type=RUN)
-@click.option("--across-engines", is_flag=True, help="Compare even if the runs use different simulators.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON: each difference with interval, p and verdict.")
 @PARTIAL
-def compare_command(a: Path, b: Path, across_engines: bool, as_json: bool, partial: bool) -> None:
+def compare_command(a: Path, b: Path, as_json: bool, partial: bool) -> None:
     """Compare two runs over the episodes that both finished. Differences are told from noise."""
     first, second = _one(a), _one(b)
     require_whole((first, second), partial)
-    engines = {scores.simulator for result in (first, second) for scores in result.scores}
-    if len(engines) > 1 and not across_engines:
-        names = " and ".join(sorted(name or "an unknown one" for name in engines))
-        raise RecordError(
-            f"the runs use different simulators: {names}.", "Add --across-engines to compare them anyway."
-        )
     differences = compare(first.scores, second.scores)
     changed = unlike(first.conditions, second.conditions)
     if as_json:

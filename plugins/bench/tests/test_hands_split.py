@@ -90,7 +90,7 @@ def test_an_instruction_names_one_thing_alone():
 
 @pytest.mark.parametrize("option", ["--secret", "--train", "--starts"])
 def test_an_option_that_has_no_effect_on_splits_for_hands_is_refused(tmp_path, option):
-    told = CliRunner().invoke(bench, ["make", "--hands", option, "3", "--out", str(tmp_path)])
+    told = CliRunner().invoke(bench, ["generate", "--hands", option, "3", "--out", str(tmp_path)])
     assert told.exit_code == 2
     assert f"{option} has no effect" in told.output
 

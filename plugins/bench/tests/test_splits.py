@@ -249,7 +249,7 @@ def test_making_the_splits_again_draws_the_episodes_that_are_shipped(plugins, sp
 
 
 def test_a_seed_beside_a_secret_is_refused(tmp_path):
-    done = CliRunner().invoke(bench, ["make", "--secret", "5", "--seed", "1", "--out", str(tmp_path)])
+    done = CliRunner().invoke(bench, ["generate", "--secret", "5", "--seed", "1", "--out", str(tmp_path)])
     assert (done.exit_code, "leave it out" in done.output, list(tmp_path.iterdir())) == (2, True, [])
 
 

@@ -314,14 +314,6 @@ def test_a_hundred_points_on_two_episodes_are_too_few_to_tell(tmp_path: Path) ->
     assert words["InteractSR"].endswith("too few to tell")
 
 
-def test_runs_of_two_engines_are_compared_only_if_that_is_meant(tmp_path: Path) -> None:
-    runs = [write_run(tmp_path / name, 0, 2, settings={"body": {"simulator": name}}) for name in ("bullet", "mujoco")]
-    refused = invoke("compare", *runs)
-    assert refused.exit_code == 2
-    assert "different simulators: bullet and mujoco" in refused.output
-    assert invoke("compare", *runs, "--across-engines").exit_code == 0
-
-
 # -- the formats -------------------------------------------------------------------------------------------------------
 @pytest.fixture
 def table(base: Scores) -> ResultTable:

@@ -97,7 +97,7 @@ def test_a_difficulty_is_refused_where_it_would_have_no_effect(plugins):
 
 @pytest.mark.integration
 def test_training_tasks_are_written_to_a_file_that_a_gym_plays(tmp_path):
-    made = CliRunner().invoke(bench, ["make", "--train", "3", "--option", "houses=1", "--out", str(tmp_path)])
+    made = CliRunner().invoke(bench, ["generate", "--train", "3", "--option", "houses=1", "--out", str(tmp_path)])
     assert made.exit_code == 0, made.output
     specs = read_episodes(tmp_path / "train.jsonl")
     assert {spec.scene for spec in specs} == {"house:train-0"}
@@ -107,7 +107,7 @@ def test_training_tasks_are_written_to_a_file_that_a_gym_plays(tmp_path):
 
 def test_an_option_without_its_task_is_refused():
     for words in (["--task", "sit"], ["--secret", "5", "--train", "3"]):
-        assert CliRunner().invoke(bench, ["make", *words]).exit_code == 2
+        assert CliRunner().invoke(bench, ["generate", *words]).exit_code == 2
 
 
 # -- capabilities ------------------------------------------------------------------------------------------------------
