@@ -325,28 +325,14 @@ def also(recorded: RecordedEpisode, first: Cause | None, scores: Scores | None =
 
 
 # -- the funnel --------------------------------------------------------------------------------------------------------
-@dataclass(frozen=True)
-class Funnel:
-    """The episodes that remain after each stage. An episode counts only if it passed all earlier stages."""
-
-    asked: tuple[Scores, ...]
-    found: tuple[Scores, ...]
-    reached: tuple[Scores, ...]
-    to_sit: tuple[Scores, ...]
-    """Episodes in reached whose task includes sitting."""
-
-    @classmethod
-    def of(cls, scores: Sequence[Scores]) -> Funnel:
-        asked = tuple(s for s in scores if s.finished and s.success is not None)
-        found = tuple(s for s in asked if s.find)
-        reached = tuple(s for s in found if s.nav)
-        return cls(asked, found, reached, tuple(s for s in reached if s.interact is not None))
-
-    @property
-    def shares(self) -> tuple[tuple[list[bool], tuple[Scores, ...]], ...]:
-        """Whether each episode passed, and the episodes: in view, found, and reached of all; sat of to_sit."""
-        stages: tuple[tuple[tuple[Scores, ...], Callable[[Scores], bool]], ...] = (
-            (self.asked, lambda s: bool(s.geo_find)), (self.asked, lambda s: bool(s.find)),
-            (self.asked, lambda s: bool(s.find and s.nav)), (self.to_sit, lambda s: bool(s.interact)),
-        )  # fmt: skip
-        return tuple(([met(s) for s in episodes], episodes) for episodes, met in stages)
+def funnel(scores: Sequence[Scores]) -> tuple[tuple[list[bool], tuple[Scores, ...]], ...]:
+    """Return for each stage whether each episode passed, and the episodes: in view, found, reached of all, sat of the
+    reached whose task includes sitting. An episode counts only if it passed all earlier stages."""
+    asked = tuple(s for s in scores if s.finished and s.success is not None)
+    to_sit = tuple(s for s in asked if s.find and s.nav and s.interact is not None)
+    return (
+        ([bool(s.geo_find) for s in asked], asked),
+        ([bool(s.find) for s in asked], asked),
+        ([bool(s.find and s.nav) for s in asked], asked),
+        ([bool(s.interact) for s in to_sit], to_sit),
+    )

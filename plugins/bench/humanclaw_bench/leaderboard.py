@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Final
 from urllib.parse import quote
@@ -71,39 +71,45 @@ class Entry:
     """Whether its calls were played again, and did the same."""
     page: str = ""
     """Address of the run's page beside this one; empty if there is none."""
+    label: str = ""
+    """Settings in which it differs from the others of its table."""
 
     @property
     def table(self) -> tuple[str, int]:
         """Digest of its split and number of its episodes: equal for rows that may be compared."""
         return self.scored.manifest.split, self.scored.manifest.episodes
 
+    @property
+    def agent(self) -> str:
+        result = self.scored.result
+        privileged = any(scores.privileged for scores in result.scores)
+        return result.name + " (privileged)" * privileged + " (in process)" * result.known.in_process
 
-@dataclass(frozen=True)
-class Row:
-    """The cells of an entry."""
+    @cached_property
+    def rates(self) -> tuple[Estimate, ...]:
+        """One for each of RATES."""
+        return tuple(estimate(metric, self.scored.result.scores) for metric in RATES)
 
-    entry: Entry
-    agent: str
-    rates: tuple[Estimate, ...]
-    """One for each of RATES."""
-    title: str
-    """Engine, and the settings in which the entry differs from the others of its table."""
+    @property
+    def title(self) -> str:
+        """Engine, and the settings in which it differs."""
+        return self.scored.result.scores[0].simulator + self.label
 
     @property
     def facts(self) -> dict[str, str]:
         """Return what a row folds, by its name."""
-        entry, result = self.entry, self.entry.scored.result
+        result = self.scored.result
         return {
-            "model of": entry.submission.model_date or "-",
+            "model of": self.submission.model_date or "-",
             FALSE_CLAIMS.name: FALSE_CLAIMS.number(estimate(FALSE_CLAIMS, result.scores).value),
             "episodes": f"{len(result.finished)} of {result.total}",
-            "motion (s)": _motion(entry),
+            "motion (s)": _motion(self),
             "cost ($)": f"{sum(scores.cost for scores in result.scores):.2f}",
-            "temperature": _temperature(entry),
+            "temperature": _temperature(self),
             "verifier": result.scores[0].verifier or "-",
             "engine": result.scores[0].simulator,
-            "settings": _settings(entry),
-            "date": entry.submission.made.isoformat(),
+            "settings": _settings(self),
+            "date": self.submission.made.isoformat(),
         }
 
 
@@ -123,7 +129,7 @@ def leaderboard(folder: Path, checks: Checks = Checks()) -> Path:
     for entry in submitted:
         if not entry.apart:
             ranked[entry.table].append(entry)
-    tables = {table: sorted(_rows(entries), key=_rank, reverse=True) for table, entries in sorted(ranked.items())}
+    tables = {table: sorted(_labelled(entries), key=_rank, reverse=True) for table, entries in sorted(ranked.items())}
     names = {table: _split(table[0], checks.hidden) for table in tables}
     page = _template().render(
         splits=", ".join(dict.fromkeys(names.values())) or "no ranked run",
@@ -131,7 +137,7 @@ def leaderboard(folder: Path, checks: Checks = Checks()) -> Path:
             (f"{names[split, count]}: {counted(count, 'episode')}, split {split[:12]}", rows)
             for (split, count), rows in tables.items()
         ],
-        apart=_rows([entry for entry in submitted if entry.apart]),
+        apart=_labelled([entry for entry in submitted if entry.apart]),
         unread=unread,
         rates=RATES,
         made=datetime.now(UTC).date().isoformat(),
@@ -206,23 +212,14 @@ def _split(split: str, hidden: str) -> str:
     return "hidden test" if hidden and split == hidden else known_split(split)[0] or "not one of the benchmark's"
 
 
-def _rows(entries: Sequence[Entry]) -> list[Row]:
-    """Return the cells of each entry."""
+def _labelled(entries: Sequence[Entry]) -> list[Entry]:
     results = [entry.scored.result for entry in entries]
     differing = labels([(result.name, result.conditions) for result in results])
-    return [_row(entry, label) for entry, label in zip(entries, differing, strict=True)]
+    return [replace(entry, label=label) for entry, label in zip(entries, differing, strict=True)]
 
 
-def _rank(row: Row) -> tuple[float, ...]:
-    return tuple(rate.value if rate.count else -1.0 for rate in row.rates)
-
-
-def _row(entry: Entry, label: str) -> Row:
-    result = entry.scored.result
-    privileged, near = any(scores.privileged for scores in result.scores), result.known.in_process
-    agent = result.name + " (privileged)" * privileged + " (in process)" * near
-    rates = tuple(estimate(metric, result.scores) for metric in RATES)
-    return Row(entry, agent, rates, result.scores[0].simulator + label)
+def _rank(entry: Entry) -> tuple[float, ...]:
+    return tuple(rate.value if rate.count else -1.0 for rate in entry.rates)
 
 
 def _temperature(entry: Entry) -> str:

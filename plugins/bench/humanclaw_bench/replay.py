@@ -77,21 +77,17 @@ class _Recorded:
         return next(self._left)
 
 
-def replay(recorded: RecordedEpisode, files: Sequence[Path] = (), body: Body | None = None) -> Replayed:
-    """Play an episode again in this process. files: plugin files of its run. body: one of the same backends.
+def replay(recorded: RecordedEpisode, files: Sequence[Path] = ()) -> Replayed:
+    """Play an episode again in this process. files: plugin files of its run.
 
     The number of threads changes the last bits of a matrix product: replayed() plays with one, as runs do.
     """
     record = recorded.record
-    own = body or _body(record, tuple(files))
     try:
-        with TemporaryDirectory() as folder:
-            return _compared(recorded, own, Path(folder) / record.spec.id)
+        with TemporaryDirectory() as folder, _body(record, tuple(files)) as body:
+            return _compared(recorded, body, Path(folder) / record.spec.id)
     except HumanclawError as fault:
         return Replayed(record.spec.id, 0, incomparable=str(fault))
-    finally:
-        if body is None:
-            own.close()
 
 
 def _body(record: EpisodeRecord, files: tuple[Path, ...]) -> Body:

@@ -47,7 +47,11 @@ def metrics_of(plugins: Plugins) -> Extra:
 def scored(episodes: Sequence[RecordedEpisode], extra: Extra | None = None, name: str = "") -> list[Scored]:
     """Return every episode's scores and, if it failed, its root cause. Shows progress for 50 episodes or more."""
     pairs = zip(episodes, _scored(tuple(episodes), name), strict=True)
-    return [(replace(scores, extra=measured(recorded, extra or {})), cause) for recorded, (scores, cause) in pairs]
+    metrics = (extra or {}).items()
+    return [
+        (replace(scores, extra={key: _measured(key, measure, recorded) for key, measure in metrics}), cause)
+        for recorded, (scores, cause) in pairs
+    ]
 
 
 # Scoring takes a minute a thousand episodes; the tables of a run and its page need the same.
@@ -62,15 +66,11 @@ def _scored(episodes: tuple[RecordedEpisode, ...], name: str) -> tuple[Scored, .
     return tuple(pairs)
 
 
-def measured(recorded: RecordedEpisode, extra: Extra) -> dict[str, float]:
-    """Return the metrics of plugins; NaN for one that raises or returns no number.
-
-    Each metric gets a copy of the record, so it cannot alter the scores.
-    """
-    return {name: _measured(name, measure, recorded) for name, measure in extra.items()}
-
-
 def _measured(name: str, measure: Callable[[RecordedEpisode], float], recorded: RecordedEpisode) -> float:
+    """Return a metric of a plugin; NaN if it raises or returns no number.
+
+    It gets a copy of the record, so it cannot alter the scores.
+    """
     try:
         return float(measure(deepcopy(recorded)))
     except KeyboardInterrupt:

@@ -12,7 +12,7 @@ from typing import Any, Final
 import numpy as np
 
 from humanclaw import HumanclawError
-from humanclaw_bench.attribution import CAUSES, FURTHER, NO_CALL, Funnel
+from humanclaw_bench.attribution import CAUSES, FURTHER, NO_CALL, funnel
 from humanclaw_bench.difficulty import THRESHOLDS, TIERS, tiers
 from humanclaw_bench.failure_modes import Cause, Rule
 from humanclaw_bench.hands.scores import CAUSES as HAND_CAUSES
@@ -179,8 +179,7 @@ def funnel_table(results: Sequence[Result], *, paper: bool = False) -> ResultTab
     columns = tuple(Column(title, percent=True) for title in ("in view", "found", "found, reached", "reached, sat"))
     rows = []
     for result in _pooled(results):
-        shares = Funnel.of(result.scores).shares
-        rows.append(Row(result.name, tuple(rate(met, houses_of(asked)) for met, asked in shares)))
+        rows.append(Row(result.name, tuple(rate(met, houses_of(asked)) for met, asked in funnel(result.scores))))
     printed = paper_results()["funnel"] if paper and results else {}
     rows += [Row(f"{name} {MARK}", _printed(columns, values), paper=True) for name, values in printed.items()]
     notes = ("'reached, sat' is of the reached episodes whose task is to sit.", *(r.note for r in results))

@@ -162,11 +162,9 @@ Draw = Callable[[House, TaskOptions, np.random.Generator], EpisodeSpec | None]
 class HouseTasks:
     """Tasks in training houses: a rule draws them from a house's candidates."""
 
-    def __init__(
-        self, name: str, draw: Draw, goal: str, rewards: Mapping[str, float], options: Mapping[str, Any]
-    ) -> None:  # fmt: skip
-        self.name, self.goal, self.rewards = name, goal, rewards
-        self._draw, self._options = draw, TaskOptions.of(options)
+    def __init__(self, name: str, source: Source, options: Mapping[str, Any]) -> None:
+        self.name, self.goal, self.rewards = name, source.goal, source.rewards
+        self._draw, self._options = source.draw, TaskOptions.of(options)
         self._house = lru_cache(4)(_loaded)  # Of no method: houses would live on in a cycle until it is collected.
 
     def __call__(self, seed: int) -> EpisodeSpec:
@@ -349,5 +347,4 @@ def tasks(name: str, options: Mapping[str, Any]) -> Tasks:
         return FileTasks(options)
     if name != "train" and options.get("difficulty"):
         raise HumanclawError(f"difficulty has no effect on tasks of {name!r}.", "Leave it out, or take 'train'.")
-    source = SOURCES[name]
-    return HouseTasks(name, source.draw, source.goal, source.rewards, options)
+    return HouseTasks(name, SOURCES[name], options)

@@ -13,7 +13,7 @@ from humanclaw import Call, RecordedEpisode, StepRecord, run_episode
 from humanclaw.records import free_episode
 from humanclaw.testing import ScriptedAgent
 from humanclaw.world import geodesics
-from humanclaw_bench.attribution import CAUSES, FURTHER, Funnel, also, attribute, failed_stage
+from humanclaw_bench.attribution import CAUSES, FURTHER, also, attribute, failed_stage, funnel
 from humanclaw_bench.scores import score
 
 SEE, BLIND = "A couch is 2 m ahead.", "A wall."
@@ -231,7 +231,7 @@ def test_the_funnel_counts_a_stage_only_after_the_stages_before_it(tmp_path: Pat
         score(rollout(tmp_path, steps, name=name, interact=interact, outcome=outcome))
         for name, (steps, interact, outcome) in plans.items()
     ]
-    assert [(sum(met), len(met)) for met, _ in Funnel.of(scores).shares] == [(5, 6), (4, 6), (3, 6), (1, 2)]
+    assert [(sum(met), len(met)) for met, _ in funnel(scores)] == [(5, 6), (4, 6), (3, 6), (1, 2)]
 
 
 # -- the way that is left ----------------------------------------------------------------------------------------------
