@@ -374,21 +374,28 @@ def happened(causes: ResultTable) -> ResultTable:
 
 def all_tables(results: Sequence[Result], *, paper: bool = True) -> dict[str, ResultTable]:
     """Return every table by its name on the command line; empty ones of tasks that no run has."""
-    results, hands, selves = _apart(results)
-    return {
-        "main": result_table("main", results, paper=paper),
-        "hands": result_table("hands", hands),
-        "self": result_table("self", selves),
-        **{name: result_table(name, results, paper=paper) for name in ("variants", "body", "own")},
-        "difficulty": difficulty_table(results),
-        "factors": factors_table(results),
-        "category": category_table(results),
-        "plugins": extra_table(results),
-        "funnel": funnel_table(results, paper=paper),
-        "causes": causes_table(results, paper=paper),
-        "faculties": faculties_table(results, paper=paper),
-        "hand-causes": causes_table([*hands, *selves], HAND_CAUSES),
-    }
+    kinds = _apart(results)
+    return {name: make(*kinds, paper) for name, make in TABLES.items()}
+
+
+Results = Sequence[Result]
+TABLES: Final[Mapping[str, Callable[[Results, Results, Results, bool], ResultTable]]] = {
+    "main": lambda walks, hands, selves, paper: result_table("main", walks, paper=paper),
+    "hands": lambda walks, hands, selves, paper: result_table("hands", hands),
+    "self": lambda walks, hands, selves, paper: result_table("self", selves),
+    "variants": lambda walks, hands, selves, paper: result_table("variants", walks, paper=paper),
+    "body": lambda walks, hands, selves, paper: result_table("body", walks, paper=paper),
+    "own": lambda walks, hands, selves, paper: result_table("own", walks, paper=paper),
+    "difficulty": lambda walks, hands, selves, paper: difficulty_table(walks),
+    "factors": lambda walks, hands, selves, paper: factors_table(walks),
+    "category": lambda walks, hands, selves, paper: category_table(walks),
+    "plugins": lambda walks, hands, selves, paper: extra_table(walks),
+    "funnel": lambda walks, hands, selves, paper: funnel_table(walks, paper=paper),
+    "causes": lambda walks, hands, selves, paper: causes_table(walks, paper=paper),
+    "faculties": lambda walks, hands, selves, paper: faculties_table(walks, paper=paper),
+    "hand-causes": lambda walks, hands, selves, paper: causes_table([*hands, *selves], HAND_CAUSES),
+}
+"""Each table by its name, from the results of walking and sitting, of tasks for hands and of questions about oneself."""
 
 
 def inline(column: Column, cell: Estimate, rank: int = 0) -> str:

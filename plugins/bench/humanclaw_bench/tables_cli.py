@@ -19,32 +19,15 @@ from humanclaw_bench.export import FORMATS, row
 from humanclaw_bench.metrics import ALL, common, compare
 from humanclaw_bench.results import Result, named, require_whole
 from humanclaw_bench.scoring import metrics_of, results_of as _results, scored
-from humanclaw_bench.tables import EXPLAINED, ResultTable, all_tables, brief_tables, chosen_table, result_table
+from humanclaw_bench.tables import EXPLAINED, TABLES, ResultTable, all_tables, brief_tables, chosen_table, result_table
 from humanclaw_bench.verification import standing
 from humanclaw_bench.writers import WRITERS, compare_table, plain, plain_differences, terminal
-
-NAMES = (
-    "main",
-    "hands",
-    "self",
-    "variants",
-    "body",
-    "own",
-    "difficulty",
-    "factors",
-    "category",
-    "plugins",
-    "funnel",
-    "causes",
-    "faculties",
-    "hand-causes",
-)
 
 
 @click.command()
 @click.argument("runs", type=RUN, nargs=-1, required=True, metavar="RUN...")
 @click.option("--format", "form", type=click.Choice(["terminal", *WRITERS]), default="terminal", show_default=True)
-@click.option("--only", type=click.Choice(NAMES), multiple=True, help="Print only this table (repeatable).")
+@click.option("--only", type=click.Choice(list(TABLES)), multiple=True, help="Print only this table (repeatable).")
 @click.option(
     "--full", is_flag=True, help="Print all tables; on a terminal and in LaTeX the default are the short ones."
 )
