@@ -197,7 +197,7 @@ def houses_of(scores: Iterable[Scores]) -> list[str]:
     return [s.scene.partition("?")[0] for s in scores]
 
 
-def compare(a: Sequence[Scores], b: Sequence[Scores], metrics: Sequence[Metric] = ALL) -> dict[str, Difference]:
+def compare(a: Sequence[Scores], b: Sequence[Scores]) -> dict[str, Difference]:
     """Compare run B with run A over the episodes that both finished, by metric name.
 
     p is corrected for the number of metrics (Holm), separately for FindSR, ArriveSR (without measured ways NavSR) and
@@ -207,7 +207,7 @@ def compare(a: Sequence[Scores], b: Sequence[Scores], metrics: Sequence[Metric] 
     """
     pairs = common(a, b)
     differences: dict[str, Difference] = {}
-    for metric in metrics:
+    for metric in ALL:
         if difference := difference_of(metric, pairs):
             differences[metric.name] = difference
     way = ARRIVE if ARRIVE.name in differences else NAV

@@ -18,9 +18,7 @@ from humanclaw.world import OBSTACLE_HEIGHTS, STEP, SceneObject, floors_of
 TIME_COLOURS: Final = np.array([[61, 108, 235], [150, 84, 214], [212, 72, 143], [231, 103, 60], [226, 160, 48]], float)
 """Colours from start to end of a path: of even lightness, so that they show on light and dark pages."""
 
-Length = int | float
-"""Most lengths of a drawing are whole centimetres, and stay so when it is read back from a file."""
-Box = tuple[Length, Length, Length, Length]
+Box = tuple[float, float, float, float]
 """x, z, width and depth, centimetres."""
 Corners = tuple[Vec3, Vec3]
 """Lowest and highest corner of a box, metres."""
@@ -39,7 +37,7 @@ class HouseMap:
     """Name of the storey; empty if there is only one."""
     floor: float = 0.0
     """Height of the floor, metres."""
-    rooms: tuple[tuple[Length, Length, Length, Length, str], ...] = ()
+    rooms: tuple[tuple[float, float, float, float, str], ...] = ()
     """x, z, width and depth in centimetres, and kind of room."""
     walls: tuple[Polygon, ...] = ()
     objects: tuple[tuple[Polygon, str, str], ...] = ()

@@ -2,25 +2,17 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Final
 
-from pydantic import TypeAdapter, ValidationError
-
-from humanclaw import HumanclawError, RecordedEpisode, Scene, __version__
-from humanclaw.storage import Cache, source_digest
+from humanclaw import HumanclawError, RecordedEpisode, Scene
 from humanclaw.world import floors_of
 from humanclaw_report.episode_summary import named
 from humanclaw_report.floor_plan import HouseMap, house_maps
 from humanclaw_report.replay import as_json, house
 
-_CODE: Final = tuple(
-    f"humanclaw_report/{name}.py" for name in ("episode_summary", "scene_cache", "floor_plan", "replay")
-)
-"""What may change the drawing of the same scene."""
 SCRIPT: Final = "window.humanclawHouse = "
 KEPT: Final = 4
 """Houses in memory. A run has dozens, and its episodes come house by house."""
@@ -52,29 +44,15 @@ class Drawn:
         return cls((HouseMap("house", (0, 0, 0, 0)),), note=f"The house is not drawn: {why}")
 
 
-_PACKED: Final = TypeAdapter(Drawn)
-
-
 class Houses:
-    """The houses of recorded episodes. What was drawn once comes from the cache, whatever scene is installed now; a
-    house that cannot be loaded is replaced by a note."""
+    """The houses of recorded episodes; one that cannot be loaded is replaced by a note."""
 
     def __init__(self, load: Callable[[str], Scene]) -> None:
-        self._load, self._store = load, Cache("pages")
-        self._drawn = lru_cache(KEPT)(self._stored_or_drawn)
+        self._load = load
+        self._drawn = lru_cache(KEPT)(self._draw)
 
     def of(self, recorded: RecordedEpisode) -> Drawn:
         return self._drawn(recorded.record.spec.scene, recorded.record.scene_digest)
-
-    def _stored_or_drawn(self, name: str, digest: str) -> Drawn:
-        return self._stored(digest) or self._draw(name, digest)
-
-    def _stored(self, digest: str) -> Drawn | None:
-        data = self._store.get(_key(digest)) if digest else None
-        try:
-            return _PACKED.validate_json(data) if data else None
-        except ValidationError:
-            return None
 
     def _draw(self, name: str, digest: str) -> Drawn:
         try:
@@ -84,10 +62,4 @@ class Houses:
         # Another version of the house would show walls where the body walked.
         if digest and scene.digest != digest:
             return Drawn.missing("the installed scene differs from the one of the record.")
-        drawn = Drawn.of(scene)
-        self._store.put(_key(scene.digest), _PACKED.dump_json(drawn))
-        return drawn
-
-
-def _key(digest: str) -> str:
-    return hashlib.sha256(f"{__version__}|{source_digest(_CODE)}|{digest}".encode()).hexdigest()
+        return Drawn.of(scene)

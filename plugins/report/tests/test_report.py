@@ -64,12 +64,6 @@ class Page(HTMLParser):
         return [attrs for tag, attrs in self.tags if tag == name]
 
 
-@pytest.fixture(autouse=True)
-def _cache(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """Draw the houses of each test anew."""
-    monkeypatch.setenv("HUMANCLAW_CACHE", str(tmp_path / "cache"))
-
-
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Scene]:
     """Record an episode whose instruction contains markup."""
@@ -297,19 +291,6 @@ def test_a_scene_that_cannot_be_loaded_leaves_a_note(made: tuple[Path, Scene], t
     assert "The house is not drawn: there is no scene test:rooms." in page.text
     assert page.paths
     assert not page.all("symbol")
-
-
-def test_a_house_that_was_drawn_once_needs_no_scene(made: tuple[Path, Scene], tmp_path: Path) -> None:
-    def fail(name: str) -> Scene:
-        raise SceneError("there is no scene.")
-
-    loads = (lambda name: made[1], fail)
-    first, again = (write_report(made[0], tmp_path / "out.html", load).read_text() for load in loads)
-    assert again == first
-    for entry in (tmp_path / "cache" / "pages").iterdir():
-        entry.write_bytes(b"damaged")
-    with pytest.warns(UserWarning, match="damaged"):
-        assert "The house is not drawn" in write_report(made[0], tmp_path / "out.html", fail).read_text()
 
 
 def test_few_houses_are_in_memory(tmp_path: Path) -> None:
