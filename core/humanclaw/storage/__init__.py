@@ -16,7 +16,12 @@ if TYPE_CHECKING:
         write_result as write_result,
         writing as writing,
     )
-    from humanclaw.storage.pictures import from_jpeg as from_jpeg, gif as gif, jpeg as jpeg, save_picture as save_picture
+    from humanclaw.storage.pictures import (
+        from_jpeg as from_jpeg,
+        gif as gif,
+        jpeg as jpeg,
+        save_picture as save_picture,
+    )
 
 if not TYPE_CHECKING:
     __getattr__, __dir__, __all__ = lazy_exports(__name__)

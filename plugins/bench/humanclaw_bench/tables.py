@@ -395,7 +395,7 @@ TABLES: Final[Mapping[str, Callable[[Results, Results, Results, bool], ResultTab
     "faculties": lambda walks, hands, selves, paper: faculties_table(walks, paper=paper),
     "hand-causes": lambda walks, hands, selves, paper: causes_table([*hands, *selves], HAND_CAUSES),
 }
-"""Each table by its name, from the results of walking and sitting, of tasks for hands and of questions about oneself."""
+"""Each table by its name, from the results of walking and sitting, of tasks for hands, and of questions."""
 
 
 def inline(column: Column, cell: Estimate, rank: int = 0) -> str:
