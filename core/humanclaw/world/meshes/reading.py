@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from io import BytesIO
 from pathlib import Path
 from typing import Any, Final
@@ -17,6 +17,7 @@ from humanclaw.errors import SceneError
 from humanclaw.storage.files import MIB, Folder, read_file
 from humanclaw.world.meshes.gltf import gltf_parts
 from humanclaw.world.meshes.parts import MOST, Part, pixels
+from humanclaw.world.meshes.polygon_files import off_part, plain_obj, ply_part, whole_stl
 from humanclaw.world.meshes.polygons import unfolded
 
 KINDS: Final = ("dae", "glb", "gltf", "obj", "off", "ply", "stl")
@@ -65,11 +66,18 @@ def read_model(path: Path) -> Model:
 def _read(kind: str, data: bytes, beside: Callable[[str], bytes], lost: Counter[str]) -> list[Part]:
     if kind not in KINDS:
         raise SceneError(f"models are {', '.join(KINDS)}.", "Convert it, for example with Blender.")
-    found = gltf_parts(data, beside, lost) if kind in ("glb", "gltf") else _others(kind, data, beside, lost)
+    if kind in ("glb", "gltf"):
+        found = [*gltf_parts(data, beside, lost)]
+    elif kind in ("off", "ply"):
+        found = [ply_part(data, beside, lost) if kind == "ply" else off_part(data)]
+    else:
+        found = _others(kind, data, beside, lost)
     parts = [part for part in found if len(part.faces)]
     for part in parts:
         if part.faces.min() < 0 or part.faces.max() >= len(part.vertices):
             raise ValueError(f"a triangle names vertex {part.faces.max()} of {len(part.vertices)}")
+    if kind in ("off", "ply"):
+        parts = [replace(part, faces=unfolded(part.vertices, part.faces)) for part in parts]
     return parts
 
 
@@ -99,6 +107,7 @@ def _others(kind: str, data: bytes, beside: Callable[[str], bytes], lost: Counte
 
     if kind == "obj" and data.count(b"usemtl") > _PIECES:
         raise SceneError(f"it has more than {_PIECES:,} pieces.", "Join those of one material.")
+    data = {"obj": plain_obj, "stl": whole_stl}.get(kind, bytes)(data)
     # Vertices stay as they are in the file: merging them would lose texture seams.
     scene = trimesh.load_scene(BytesIO(data), kind, process=False, resolver=Beside("."))
     shapes = [scene.geometry[scene.graph[node][1]] for node in scene.graph.nodes_geometry]

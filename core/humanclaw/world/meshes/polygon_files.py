@@ -1,0 +1,208 @@
+"""PLY and OFF files with polygons of any number of corners, and OBJ and STL files as trimesh takes them."""
+
+from __future__ import annotations
+
+import re
+import struct
+from collections import Counter, defaultdict
+from collections.abc import Callable, Iterable, Sequence
+from io import BytesIO
+from itertools import islice
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from humanclaw.world.meshes.parts import Part, pixels
+
+Indices = NDArray[np.int64]
+Rows = NDArray[Any]
+
+_KINDS: Final = {
+    "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2", "int16": "i2", "ushort": "u2",
+    "uint16": "u2", "int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4", "float": "f4", "float32": "f4",
+    "double": "f8", "float64": "f8",
+}  # fmt: skip
+_CORNERS: Final = ("vertex_indices", "vertex_index")
+_RGB: Final = ("red", "green", "blue")
+_UV: Final = (("texture_u", "texture_v"), ("u", "v"), ("s", "t"))
+_PLAIN: Final = (102, 102, 102)
+"""sRGB colour of a model without colours."""
+
+
+class _Field(NamedTuple):
+    """A property of an element of a PLY file."""
+
+    name: str
+    kind: np.dtype[Any]
+    length: np.dtype[Any] | None
+    """Kind of the number before the values of a list; None for a single value."""
+
+
+# -- PLY ---------------------------------------------------------------------------------------------------------------
+def ply_part(data: bytes, beside: Callable[[str], bytes], lost: Counter[str]) -> Part:
+    """Return the triangles of a PLY file. beside: reads a file that it names. lost: counts what is left out."""
+    elements, picture = _ply(data)
+    (vertex,), faces = elements["vertex"] or [np.zeros(0, [(axis, "f4") for axis in "xyz"])], elements["face"]
+    points = np.stack([vertex[axis].astype(float) for axis in "xyz"], axis=1)
+    loops = [rows[key].astype(np.int64) for rows in faces for key in _CORNERS if key in _names(rows)]
+    uv = next((np.stack([vertex[u], vertex[v]], 1) for u, v in _UV if {u, v} <= _names(vertex)), None)
+    if faces and all("texcoord" in _names(rows) for rows in faces):  # MeshLab gives each corner its own.
+        uv = np.concatenate([rows["texcoord"].reshape(-1, 2) for rows in faces])
+        points = points[np.concatenate([loop.ravel() for loop in loops])]
+        starts = np.cumsum([0, *(loop.size for loop in loops)])
+        loops = [start + np.arange(loop.size).reshape(loop.shape) for start, loop in zip(starts, loops, strict=False)]
+    found = _picture(picture, beside, lost) if picture and uv is not None else None
+    colour = next((_mean(rows) for rows in (vertex, *faces) if len(rows) and {*_RGB} <= _names(rows)), _PLAIN)
+    return Part(points, _fans(loops), None if uv is None else uv.astype(float), colour, found)
+
+
+def _ply(data: bytes) -> tuple[dict[str, list[Rows]], str]:
+    """Return the elements of a PLY file by name, and the name of its picture; empty without one.
+
+    The rows of an element are in groups whose lists are equally long.
+    """
+    head = re.match(rb"ply\s.*?end_header *\r?\n?", data, re.DOTALL)
+    if not head:
+        raise ValueError("it does not begin with the header of a PLY file")
+    lines = [line.split() for line in head[0].decode("utf-8", "replace").splitlines()]
+    written = next(words[1] for words in lines if words[:1] == ["format"])
+    order, body = ">" if written == "binary_big_endian" else "<", data[head.end() :]
+    listed: list[tuple[str, int, list[_Field]]] = []
+    for words in lines:
+        if words[:1] == ["element"]:
+            listed.append((words[1], int(words[2]), []))
+        elif words[:1] == ["property"]:
+            *kinds, name = words[1:]
+            *length, kind = [np.dtype("<f8" if written == "ascii" else order + _KINDS[k]) for k in kinds if k != "list"]
+            listed[-1][2].append(_Field(name, kind, length[0] if length else None))
+    if written == "ascii":
+        body = _packed(body, listed)
+    elements, at = defaultdict[str, list[Rows]](list), 0
+    for name, count, fields in listed:
+        elements[name], at = _rows(body, at, count, fields)
+    return elements, next((" ".join(words[2:]) for words in lines if words[:2] == ["comment", "TextureFile"]), "")
+
+
+def _packed(text: bytes, listed: Iterable[tuple[str, int, Sequence[_Field]]]) -> bytes:
+    """Return numbers in text as bytes: of each line as many as its element has, since some programs write more."""
+    lines = filter(None, (line.split() for line in text.splitlines()))
+    rows = ((np.array(line, "<f8").tobytes(), fields) for _, count, fields in listed for line in islice(lines, count))
+    return b"".join(row[: _lengths(row, 0, fields)[1]] for row, fields in rows)
+
+
+def _rows(data: bytes, at: int, count: int, fields: Sequence[_Field]) -> tuple[list[Rows], int]:
+    """Return the rows of an element, in groups whose lists are equally long, and where the next element begins."""
+    if not count or not fields:
+        return [], at
+    kind = _kind(fields, _lengths(data, at, fields)[0])
+    if at + count * kind.itemsize <= len(data):
+        rows = np.frombuffer(data, kind, count, at)
+        if all((rows[f"#{field.name}"] == rows[f"#{field.name}"][0]).all() for field in fields if field.length):
+            return [rows], at + count * kind.itemsize
+    groups = defaultdict[tuple[int, ...], list[bytes]](list)
+    for _ in range(count):
+        lengths, end = _lengths(data, at, fields)
+        groups[lengths].append(data[at:end])
+        at = end
+    return [np.frombuffer(b"".join(rows), _kind(fields, lengths)) for lengths, rows in groups.items()], at
+
+
+def _lengths(data: bytes, at: int, fields: Sequence[_Field]) -> tuple[tuple[int, ...], int]:
+    """Return the lengths of the lists of a row, and where the next row begins. Raises ValueError if the data end."""
+    found = []
+    for _, kind, length in fields:
+        size = 1
+        if length:
+            size = int(np.frombuffer(data, length, 1, at)[0])
+            at += length.itemsize
+            found.append(size)
+        at += size * kind.itemsize
+    if at > len(data):
+        raise ValueError(f"its data end after {len(data)} bytes, in the middle of a row")
+    return tuple(found), at
+
+
+def _kind(fields: Sequence[_Field], lengths: Iterable[int]) -> np.dtype[Any]:
+    left, parts = iter(lengths), list[Any]()
+    for name, kind, length in fields:
+        parts += [(f"#{name}", length), (name, kind, (next(left),))] if length else [(name, kind)]
+    return np.dtype(parts)
+
+
+def _names(rows: Rows) -> set[str]:
+    return set(rows.dtype.names or ())
+
+
+def _mean(rows: Rows) -> tuple[int, int, int]:
+    """Return the mean colour of rows; numbers with a point go up to 1, unless one is larger."""
+    colour = np.array([rows[key].astype(float).mean() for key in _RGB])
+    whole = rows["red"].dtype.kind != "f" or rows["red"].max() > 1
+    red, green, blue = np.clip(colour if whole else 255 * colour, 0, 255).round().astype(int).tolist()
+    return red, green, blue
+
+
+def _picture(name: str, beside: Callable[[str], bytes], lost: Counter[str]) -> NDArray[np.uint8] | None:
+    try:
+        return pixels(Image.open(BytesIO(beside(name))), (255, 255, 255))
+    except Exception:  # Decoders fail on broken pictures in every way there is.
+        lost[f"files that cannot be read ({name})"] += 1
+        return None
+
+
+def _fans(loops: Iterable[Indices]) -> Indices:
+    """Return (M, 3) triangles of polygons, (K, corners) of each number of corners, as fans from their first corner."""
+    parts = [np.zeros((0, 3), np.int64)]
+    for loop in loops:
+        first = np.broadcast_to(loop[:, :1], loop[:, 2:].shape)
+        parts.append(np.stack([first, loop[:, 1:-1], loop[:, 2:]], axis=-1).reshape(-1, 3))
+    return np.concatenate(parts)
+
+
+# -- the others --------------------------------------------------------------------------------------------------------
+def off_part(data: bytes) -> Part:
+    """Return the triangles of an OFF file, whose colours and normals are left out."""
+    text = "\n".join(line.partition("#")[0] for line in data.decode("utf-8", "replace").splitlines())
+    head, *rows = [words for line in re.sub(r"^\s*(ST)?C?N?OFF", "", text).splitlines() if (words := line.split())]
+    if not head[0].isdecimal():
+        raise ValueError(f"it must be an OFF file in text; it begins with {head[0][:20]!r}")
+    vertices, count = int(head[0]), int(head[1])
+    points = np.array([row[:3] for row in rows[:vertices]], float).reshape(-1, 3)
+    groups = defaultdict[int, list[list[str]]](list)
+    for row in rows[vertices : vertices + count]:
+        groups[int(row[0])].append(row[1 : int(row[0]) + 1])
+    if len(rows) < vertices + count:
+        raise ValueError(f"it ends after {len(rows)} of {vertices + count} lines")
+    return Part(points, _fans(np.array(loops, np.int64) for loops in groups.values()), None, _PLAIN)
+
+
+def plain_obj(data: bytes) -> bytes:
+    """Return an OBJ file as trimesh takes it: no blanks before a line, no comments after a face, absolute numbers."""
+    data = data.removeprefix(b"\xef\xbb\xbf").replace(b"\t", b" ")
+    data = data if b"\n" in data else data.replace(b"\r", b"\n")
+    data = re.sub(rb"(?m)^ *fo? ", b"f ", re.sub(rb"(?m)^ +", b"", data))
+    data = re.sub(rb"(?m)^((?:f|v[nt]?) [^#\r\n]*)#.*$", rb"\1", data)
+    if not re.search(rb"(?m)^f[^\n]* -", data):
+        return data
+    lines, counts = data.replace(b"\\\r\n", b" ").replace(b"\\\n", b" ").split(b"\n"), Counter[bytes]()
+    for number, line in enumerate(lines):
+        first, *words = line.split() or [b""]
+        counts[first] += 1
+        if first == b"f":  # -1 is the last vertex before this line, not the last of the file.
+            lines[number] = b"f " + b" ".join(_absolute(word, counts) for word in words)
+    return b"\n".join(lines)
+
+
+def _absolute(corner: bytes, counts: Counter[bytes]) -> bytes:
+    """Return a corner, vertex/uv/normal, with its relative numbers counted from the beginning. counts: so far."""
+    pairs = zip(corner.split(b"/"), (b"v", b"vt", b"vn"), strict=False)
+    return b"/".join(b"%d" % (counts[kind] + 1 + int(n)) if n.startswith(b"-") else n for n, kind in pairs)
+
+
+def whole_stl(data: bytes) -> bytes:
+    """Return an STL file without bytes behind its triangles. Raises ValueError if it ends before its last one."""
+    size = 84 + 50 * struct.unpack_from("<I", data, 80)[0] if len(data) >= 84 else 84
+    if size > len(data) and not data.lstrip()[:5].lower() == b"solid":
+        raise ValueError(f"it ends after {len(data)} of {size} bytes")
+    return data[:size]
