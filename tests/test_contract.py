@@ -84,7 +84,7 @@ def test_keyframes_turn_the_joint_and_bring_it_back():
 
 
 def test_keyframes_of_an_unknown_joint_name_the_joints():
-    with pytest.raises(ValueError, match=r"unknown joint 'tail'; the joints are pelvis"):
+    with pytest.raises(ValueError, match=r"unknown joint 'tail' \(the joints are pelvis"):
         Keyframes.cycle("tail", axis="x", degrees=20, seconds=0.5)
 
 

@@ -637,7 +637,8 @@ def load_file(path: Path) -> ModuleType:
     except BaseException as error:
         if path.is_dir():
             sys.modules.pop(name, None)
-        raise PluginError(f"plugin file {path} failed to load: {in_words(error)}.") from error
+        problem = f"plugin file {path} failed to load: {in_words(error)}."
+        raise PluginError(problem, f"Run `python {path}` to see where, and mend it.") from error
     return module
 
 

@@ -24,6 +24,7 @@ from humanclaw.body.pose import (
 )
 from humanclaw.body.skeleton import JOINT_INDEX
 from humanclaw.motion.leg_ik import LEGS, planted
+from humanclaw.text.words import did_you_mean
 
 LONGEST_FAULT: Final = 300
 LONGEST_CALL: Final = 10.0
@@ -76,8 +77,8 @@ class Keyframes:
     def __post_init__(self) -> None:
         unknown = sorted(set(self.rotations) - set(JOINT_INDEX))
         if unknown:
-            known = ", ".join(JOINT_INDEX)
-            raise MotionError("keyframes-joints", f"unknown joint {unknown[0]!r}; the joints are {known}")
+            meant = did_you_mean(unknown[0], JOINT_INDEX) or f"the joints are {', '.join(JOINT_INDEX)}"
+            raise MotionError("keyframes-joints", f"unknown joint {unknown[0]!r} ({meant})")
         self._check_times()
         check_duration(self.times[-1], "keyframes")
         for joint, keys in {**self.rotations, **({"root": self.root} if len(self.root) else {})}.items():
