@@ -62,9 +62,9 @@ def picture(results: Sequence[Result], *, paper: bool = True) -> Image.Image:
     for stage in dict.fromkeys(cause.stage for cause in CAUSES):
         own = [cause for cause in CAUSES if cause.stage == stage]
         bars = [(cause.name, FACULTIES[cause.capability]) for cause in own]
-        panels.append(
-            _panel(f"failures to {stage}", bars, list(zip(*(cells[cause.label] for cause in own), strict=True)))
-        )
+        failed = sum(cause is not None and cause.stage == stage for result in results for cause in result.causes)
+        columns = list(zip(*(cells[cause.label] for cause in own), strict=True))
+        panels.append(_panel(f"{stage}: {failed} failures", bars, columns))
     high = max(panel.height for panel in panels)
     sheet = Image.new("RGB", (2 * WIDE, 2 * high + _LINE), "white")
     for number, panel in enumerate(panels):
