@@ -4,7 +4,6 @@ import contextlib
 import json
 from dataclasses import replace
 
-import numpy as np
 import pytest
 from model_servers import OpenAIServer, call, calls, message, refusing, text
 
@@ -36,23 +35,6 @@ def after(decision, observation, words="It went as it went."):
 
 
 # -- requests ----------------------------------------------------------------------------------------------------------
-def test_the_current_view_arrives_as_a_picture_of_full_size(begin, view):
-    with OpenAIServer([call("stop")]) as server:
-        begin(server).decide(view(3), ())
-    (picture,) = server.requests[0].images
-    assert picture.shape == (512, 512, 3)
-    assert np.abs(picture.astype(int) - view(3).rgb.astype(int)).mean() < 3
-    assert server.requests[0].messages[-1]["role"] == "user"
-
-
-def test_thoughts_in_one_text_are_the_fields_that_they_name(begin, view, skills):
-    thoughts = "\n".join(f"{key}: {words}" for key, words in SAID.items())
-    with OpenAIServer([call("walk", thoughts=thoughts, **WALK)]) as server:
-        decision = begin(server).decide(view(), ())
-    assert check(decision, skills) == Call("walk", WALK)
-    assert {key: getattr(decision, key) for key in SAID} == SAID
-
-
 def test_the_prompt_speaks_of_the_skills_that_there_are(begin, view, context):
     @skill(checks=["Is anybody in view?"])
     def nod(times: int = 1) -> Keyframes:

@@ -1,6 +1,7 @@
 """Tests of what a server may say: its reply, and what must happen. Whole providers are in test_dialects.py."""
 
 import dataclasses
+import datetime
 import json
 import logging
 
@@ -16,7 +17,6 @@ from model_servers import (
     calls,
     status,
     text,
-    thinking,
 )
 
 from humanclaw import Call, Decision, HistoryEntry, LimitError, Meter, ProviderClosedError, ProviderError
@@ -613,31 +613,6 @@ def test_an_error_in_a_success_keeps_the_servers_words(begin, view, kind):
         begin(server, model=model.get(kind, "ollama_chat/x"), num_retries=1).decide(view(), ())
 
 
-@pytest.mark.parametrize("silent", [thinking("I should walk.", text("")), text("")])
-def test_an_answer_of_nothing_or_thoughts_changes_the_way_of_asking(begin, view, silent):
-    whole = json.dumps({"skill": "walk", "parameters": WALK})
-    with OpenAIServer(lambda request: silent if "tools" in request.body else text(whole)) as server:
-        agent = begin(server)
-        assert [len(agent.decide(view(), ()).calls) for _ in range(2)] == [0, 1]
-    assert len(server.requests) == 2
-
-
-def test_agent_and_verifier_find_the_way_of_asking_once(begin, view, skills):
-    passed = {f"check_{number}_answer": "yes" for number, _ in enumerate(skills["walk"].checks, start=1)}
-
-    def script(request):
-        if "tools" in request.body:
-            return status(400, "this model does not support tools")
-        asked = json.dumps(request.body["response_format"])
-        return text(json.dumps(passed if "check_1_answer" in asked else {"skill": "walk", "parameters": WALK}))
-
-    with OpenAIServer(script) as server:
-        agent, verifier = begin(server), begin(server, "verifiers")
-        agent.decide(view(), ())
-        assert verifier.verify(view(), Call("walk", WALK), skills["walk"], "").failed_open == ""
-    assert ["tools" in request.body for request in server.requests] == [True, True, False, False]
-
-
 # -- tokens and money --------------------------------------------------------------------------------------------------
 @pytest.mark.parametrize(
     ("sent", "wrote", "thought", "total", "booked"),
@@ -795,10 +770,19 @@ def test_an_address_that_nobody_answers_is_named(begin, view, monkeypatch):
         ({}, '{"retryDelay": "7s"}', 7),
         ({}, "please try again later", 0),
         ({"retry-after": "soon"}, "", 0),
+        *(({"retry-after": endless}, "", 0) for endless in ("inf", "-inf", "nan", "1e999", "Infinity")),
     ],
 )
 def test_a_wait_is_read_from_headers_and_from_words(headers, words, seconds):
     assert FailedRequest(words, 429, words, headers).wait == pytest.approx(seconds)
+
+
+@pytest.mark.parametrize("zone", ["", " -0000", " GMT"])
+def test_a_wait_may_also_last_until_a_date(zone):
+    now = datetime.datetime.now(datetime.UTC)
+    for moment, seconds in ((now + datetime.timedelta(seconds=60), 60), (now - datetime.timedelta(seconds=2), 0)):
+        date = f"{moment:%a, %d %b %Y %H:%M:%S}{zone}"
+        assert FailedRequest("", 429, headers={"retry-after": date}).wait == pytest.approx(seconds, abs=2)
 
 
 # -- the end of a run --------------------------------------------------------------------------------------------------

@@ -1,8 +1,6 @@
 """Tests of provider failures, the cost of requests, and places where a key must not appear."""
 
 import contextlib
-import datetime
-import email.utils
 import logging
 import os
 import socket
@@ -65,23 +63,6 @@ def test_a_wrong_key_or_model_at_first_is_for_the_user_to_mend(begin, view):
             assert len(server.requests) == 1
 
 
-def test_a_wait_may_also_be_asked_for_until_a_date(begin, view):
-    moment = datetime.datetime.now(datetime.UTC) + datetime.timedelta(seconds=2)
-    with OpenAIServer(
-        [status(429, headers={"Retry-After": email.utils.format_datetime(moment, True)}), call("stop")]
-    ) as server:
-        agent = begin(server)
-        began = time.monotonic()
-        agent.decide(view(), ())
-    assert 0.9 < time.monotonic() - began < 5
-
-
-@pytest.mark.parametrize("asked", ["inf", "-inf", "nan", "1e999", "Infinity"])
-def test_a_wait_without_an_end_is_not_asked_for(begin, view, asked):
-    with OpenAIServer([status(429, headers={"Retry-After": asked}), call("stop")]) as server:
-        assert begin(server, timeout=5).decide(view(), ()).calls[0].skill == "stop"
-
-
 def test_a_web_page_is_called_one_and_asked_for_once():
     page = Reply({}, headers={"Content-Type": "text/html; charset=utf-8"})
     with OpenAIServer([page] * 9) as server:
@@ -90,14 +71,6 @@ def test_a_web_page_is_called_one_and_asked_for_once():
         with pytest.raises(ModelError, match=r"a web page; an api_base often ends in /v1"):
             client.complete([{"role": "user", "content": "hello"}], {})
         assert len(server.requests) == 1
-
-
-@pytest.mark.parametrize("zone", ["", " -0000", " GMT"])
-def test_a_date_without_a_zone_is_one_too(begin, view, zone):
-    moment = datetime.datetime.now(datetime.UTC) - datetime.timedelta(seconds=2)
-    when = f"{moment:%a, %d %b %Y %H:%M:%S}{zone}"
-    with OpenAIServer([status(429, headers={"Retry-After": when}), call("stop")]) as server:
-        assert begin(server).decide(view(), ()).calls[0].skill == "stop"
 
 
 def test_a_provider_that_refuses_every_way_is_for_the_user_to_mend(begin, view):
