@@ -136,7 +136,9 @@ def result(snapshot: Snapshot, executed: bool = True) -> CallToolResult:
 
     executed: whether the command was a skill call; `look` and `reset` are not.
     """
-    content: list[Any] = [TextContent(text=_words(snapshot))]
+    _, words = note(snapshot)
+    seen = " The picture is what you see now." if snapshot.outcome == "running" and not snapshot.refused else ""
+    content: list[Any] = [TextContent(text=words + seen)]
     if not snapshot.refused:
         content.append(ImageContent(data=base64_jpeg(snapshot.rgb), mime_type="image/jpeg"))
     values = _outcome(snapshot, executed and not snapshot.refused).model_dump(mode="json")
@@ -148,23 +150,14 @@ def failure(text: str) -> CallToolResult:
     return CallToolResult(content=[TextContent(text=text)], is_error=True)
 
 
-def _words(snapshot: Snapshot) -> str:
-    where = f"Step {len(snapshot.steps)} of {snapshot.max_steps}."
-    if snapshot.refused:
-        return f"{snapshot.feedback} {where}"
-    if snapshot.outcome != "running":
-        return f"{snapshot.feedback} {where} The episode has ended: {snapshot.outcome.replace('_', ' ')}."
-    return f"{snapshot.feedback} {where} The picture is what you see now.".strip()
-
-
 def note(snapshot: Snapshot) -> tuple[LoggingLevel, str]:
     """Return severity and text of the log message for a snapshot."""
-    where = f"Step {len(snapshot.steps)} of {snapshot.max_steps}."
+    words = f"{snapshot.feedback} Step {len(snapshot.steps)} of {snapshot.max_steps}.".strip()
     if snapshot.refused:
-        return "warning", f"{snapshot.feedback} {where}"
+        return "warning", words
     if snapshot.outcome != "running":
-        return "notice", f"The episode has ended: {snapshot.outcome.replace('_', ' ')}. {where}"
-    return ("info", f"{snapshot.feedback} {where}") if snapshot.feedback else ("debug", f"Looked. {where}")
+        return "notice", f"{words} The episode has ended: {snapshot.outcome.replace('_', ' ')}."
+    return ("info" if snapshot.feedback else "debug"), words
 
 
 def _outcome(snapshot: Snapshot, executed: bool) -> Outcome:

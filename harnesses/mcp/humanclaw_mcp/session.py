@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from humanclaw import Backends, Body, Decision, Episode, HumanclawError, Plugins, StepRecord
 from humanclaw.body import Pose2D
+from humanclaw.cli import legible
 from humanclaw.records import Outcome, free_episode
 from humanclaw.world import WorldState, geodesics
 
@@ -83,7 +84,6 @@ class Settings:
             raise HumanclawError("the instruction is empty.", "Say what the body is to do.")
 
 
-_LONGEST_NAME: Final = 64
 _MAKING: Final = "The body is being made."
 _MOVING: Final = "The body is moving."
 _WAITING: Final = "Another body is moving; this one is next."
@@ -116,11 +116,6 @@ class Snapshot:
     """Every step of the episode so far."""
 
 
-def printable(client: str) -> str:
-    """Return a client's name for use in tables: one line of at most 64 characters."""
-    return "".join(letter if letter.isprintable() else " " for letter in client[:_LONGEST_NAME])
-
-
 class Session:
     """A body and its episodes. Thread-safe: requests run one at a time."""
 
@@ -131,7 +126,8 @@ class Session:
         """Activity of the current request, as text."""
         self.task = Task(settings.instruction, settings.scenes[0], settings.seed)
         """Task of the current episode, or of the first one before it begins."""
-        self._name = f"mcp:{printable(client)}" if client else "mcp"
+        # The client names itself, and tables of records show it: one line, without controls.
+        self._name = f"mcp:{' '.join(legible(client).split())}" if client else "mcp"
         self._plugins, self._settings, self._motion_lock = plugins, settings, motion_lock
         self._turn = threading.Lock()
         self._id = f"{datetime.datetime.now():%Y%m%d-%H%M%S}-{uuid.uuid4().hex[:8]}"

@@ -15,7 +15,6 @@ from PIL import Image
 from humanclaw import CallError, load_run
 from humanclaw_mcp.content import LOG, STATE
 from humanclaw_mcp.server import Handlers, make_server
-from humanclaw_mcp.session import printable
 
 pytestmark = pytest.mark.anyio
 FREE = ("stop", "turn_in_place", "walk")
@@ -197,7 +196,3 @@ async def test_an_unknown_resource_is_a_protocol_error_that_names_the_known(clie
         await client.read_resource("file:///etc/passwd")
     with pytest.raises(MCPError, match="task"):
         await client.get_prompt("poem")
-
-
-def test_what_a_client_calls_itself_fits_into_a_table():
-    assert printable("a\x1b[31m\n" + "b" * 100_000) == "a [31m " + "b" * 57
