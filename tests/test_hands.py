@@ -22,8 +22,8 @@ from humanclaw import (
     HumanclawError,
     Keyframes,
     Motion,
-    OwnBody,
     Plugins,
+    ProprioceptiveState,
     skill,
 )
 from humanclaw.body import JOINT_INDEX, JOINT_LIMITS, Pose2D, rest_pose
@@ -38,7 +38,7 @@ G = 9.81
 
 
 @skill()
-def wave_with_what_is_held(body: OwnBody) -> Keyframes:
+def wave_with_what_is_held(body: ProprioceptiveState) -> Keyframes:
     """Wave with the hand that holds something."""
     side = body.held[0] if body.held else "right"
     return Keyframes.cycle(f"{side}_elbow", axis="y", degrees=20, seconds=0.5)

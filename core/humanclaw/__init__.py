@@ -66,7 +66,7 @@ if TYPE_CHECKING:
     from humanclaw.skills.contract import Check as Check, Skill as Skill
     from humanclaw.skills.decorator import skill as skill
     from humanclaw.skills.plan import Control as Control, Keyframes as Keyframes
-    from humanclaw.skills.proprioception import OwnBody as OwnBody
+    from humanclaw.skills.proprioception import ProprioceptiveState as ProprioceptiveState
     from humanclaw.skills.reaching import Reach as Reach
     from humanclaw.world.scene import Scene as Scene
     from humanclaw.world.simulator import Chunk as Chunk, Simulator as Simulator

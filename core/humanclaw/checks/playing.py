@@ -23,7 +23,7 @@ from humanclaw.skills.contract import Skill
 from humanclaw.skills.measures import MEASURES, Measure
 from humanclaw.skills.plan import Control
 from humanclaw.skills.posing import Part
-from humanclaw.skills.proprioception import OwnBody
+from humanclaw.skills.proprioception import ProprioceptiveState
 
 _FAR: Final = 20.0
 """Metres that a body cannot cover in a call of 10 s."""
@@ -139,7 +139,7 @@ def _engine_faults(body: Body, skill: Skill, calls: Sequence[dict[str, Any]], be
 
 
 def _parts(skill: Skill, params: Mapping[str, Any]) -> tuple[Part, ...]:
-    return skill.planned(skill.check(params), OwnBody.of(rest_pose()))
+    return skill.planned(skill.check(params), ProprioceptiveState.of(rest_pose()))
 
 
 def _host(engine: str, skill: Skill, bench: Bench) -> Plugins:

@@ -22,7 +22,7 @@ from humanclaw.skills.contract import Skill
 from humanclaw.skills.measures import MEASURES, Measure
 from humanclaw.skills.plan import Control, MotionError
 from humanclaw.skills.posing import Part
-from humanclaw.skills.proprioception import OwnBody
+from humanclaw.skills.proprioception import ProprioceptiveState
 
 _UNCALLABLE: Final = frozenset(
     {"loads", "schema-file", "schema", "bounds-order", "choices", "required-declared", "defaults-given",
@@ -167,7 +167,7 @@ def _plan_faults(skill: Skill, calls: Sequence[dict[str, Any]], bench: Bench) ->
 
 def _idle_faults(skill: Skill, calls: Sequence[dict[str, Any]]) -> Faults:
     """Yield parameters that change nothing, and a default that moves nothing while other calls do."""
-    feeling = OwnBody.of(rest_pose(HISTORY))
+    feeling = ProprioceptiveState.of(rest_pose(HISTORY))
 
     def plan(params: Mapping[str, Any]) -> tuple[Part, ...]:
         return skill.planned(skill.check(params), feeling)
@@ -192,10 +192,10 @@ def _call_faults(skill: Skill, params: Mapping[str, Any], bench: Bench) -> Fault
         message = f"the schema of skill {skill.name!r} refuses a call at its own bounds: {error}"
         yield ContractError("accepts-bounds", message, "Mend bounds and pattern.")
         return
-    feeling = OwnBody.of(rest_pose(HISTORY))
+    feeling = ProprioceptiveState.of(rest_pose(HISTORY))
 
     def from_pose(pose: Motion) -> tuple[Part, ...]:
-        return skill.planned(checked, OwnBody.of(pose)) if skill.feels else plan
+        return skill.planned(checked, ProprioceptiveState.of(pose)) if skill.feels else plan
 
     try:
         plan, again = (bench.ask(lambda: skill.planned(checked, feeling)) for _ in range(2))

@@ -29,7 +29,7 @@ from humanclaw.records.feedback import Feedback
 from humanclaw.skills.aims import Grip
 from humanclaw.skills.call import Call
 from humanclaw.skills.contract import Skill
-from humanclaw.skills.proprioception import OwnBody
+from humanclaw.skills.proprioception import ProprioceptiveState
 from humanclaw.storage.pictures import jpeg
 from humanclaw.text.notebook import card
 from humanclaw.world.scene import Scene
@@ -131,7 +131,7 @@ class Body:
         return self._mover.history
 
     @property
-    def feeling(self) -> OwnBody:
+    def feeling(self) -> ProprioceptiveState:
         """What the body feels of itself, as a skill is told it."""
         return self._mover.feeling
 

@@ -18,7 +18,7 @@ from humanclaw.skills.contract import Skill
 from humanclaw.skills.heading_correction import HeadingCorrection
 from humanclaw.skills.plan import Control
 from humanclaw.skills.posing import Part, arms_of, posed
-from humanclaw.skills.proprioception import OwnBody
+from humanclaw.skills.proprioception import ProprioceptiveState
 from humanclaw.skills.reaching import Reach
 from humanclaw.world.scene import Scene
 from humanclaw.world.simulator import Chunk, Simulator
@@ -45,9 +45,9 @@ class Mover:
         self._heading, self.arms = HeadingCorrection(), Arms()
 
     @property
-    def feeling(self) -> OwnBody:
+    def feeling(self) -> ProprioceptiveState:
         """What the body feels of itself."""
-        return OwnBody.of(self.arms.pose(self.history), self.state.held)
+        return ProprioceptiveState.of(self.arms.pose(self.history), self.state.held)
 
     @property
     def must_rise(self) -> bool:

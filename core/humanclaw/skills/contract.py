@@ -18,7 +18,7 @@ from humanclaw.errors import CallError, ContractError, PluginError
 from humanclaw.skills.measures import Parameter, Role, parameters_of, read_schema, si_name, to_si
 from humanclaw.skills.plan import LONGEST_FAULT, Control
 from humanclaw.skills.posing import Part, Plan, parts
-from humanclaw.skills.proprioception import OwnBody
+from humanclaw.skills.proprioception import ProprioceptiveState
 from humanclaw.storage.files import read_file
 
 if TYPE_CHECKING:
@@ -114,7 +114,7 @@ class Skill:
         """Whether its plan depends on what the body feels of itself."""
         return "body" in inspect.signature(self.plan).parameters
 
-    def planned(self, params: Mapping[str, Any], body: OwnBody | None) -> tuple[Part, ...]:
+    def planned(self, params: Mapping[str, Any], body: ProprioceptiveState | None) -> tuple[Part, ...]:
         """Return the parts of a checked call. body: only for a skill that feels it.
 
         Raises MotionError for a plan that cannot be played.

@@ -13,7 +13,7 @@ from humanclaw.errors import PluginError
 from humanclaw.skills.contract import Check, Skill
 from humanclaw.skills.measures import Role
 from humanclaw.skills.posing import Plan
-from humanclaw.skills.proprioception import OwnBody
+from humanclaw.skills.proprioception import ProprioceptiveState
 
 F = TypeVar("F", bound=Callable[..., Plan])
 
@@ -22,7 +22,7 @@ def skill(checks: Sequence[str | Check] = (), name: str | None = None, role: Rol
     """Make a Skill of a function: its name, docstring and annotated arguments are the contract, its result the
     motion.
 
-    An argument of type OwnBody is no parameter: it gets what the body feels of itself.
+    An argument of type ProprioceptiveState is no parameter: it gets what the body feels of itself.
     """
 
     if callable(checks):
@@ -45,7 +45,7 @@ def skill(checks: Sequence[str | Check] = (), name: str | None = None, role: Rol
 
 def _planner(function: Callable[..., Plan]) -> Callable[..., Plan]:
     hints = inspect.get_annotations(function, eval_str=True)
-    feeling = [name for name, hint in hints.items() if hint is OwnBody]
+    feeling = [name for name, hint in hints.items() if hint is ProprioceptiveState]
     if feeling:
         return lambda params, body: function(**params, **dict.fromkeys(feeling, body))
     return lambda params: function(**params)
@@ -55,7 +55,7 @@ def _signature_schema(function: Callable[..., Plan]) -> dict[str, Any]:
     """Return the JSON schema of a function's arguments, read off its annotations."""
     hints = inspect.get_annotations(function, eval_str=True)
     arguments = inspect.signature(function).parameters
-    asked = {key: argument for key, argument in arguments.items() if hints.get(key) is not OwnBody}
+    asked = {key: argument for key, argument in arguments.items() if hints.get(key) is not ProprioceptiveState}
     properties = {key: _argument_schema(function, argument, hints) for key, argument in asked.items()}
     required = [key for key, part in properties.items() if "default" not in part]
     return {"type": "object", "properties": properties, "required": required, "additionalProperties": False}

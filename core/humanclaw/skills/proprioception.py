@@ -18,7 +18,7 @@ _BENT: Final = 0.62
 
 
 @dataclass(frozen=True)
-class OwnBody:
+class ProprioceptiveState:
     """The body as a person feels it, before a call. It never tells anything of the scene.
 
     Frame: origin on the floor under the pelvis, +X left, +Y up, +Z ahead; metres.

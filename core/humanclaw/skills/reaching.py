@@ -26,7 +26,7 @@ from humanclaw.motion.carrying import turned_palm
 from humanclaw.motion.leg_ik import planted
 from humanclaw.skills.aims import Point, Side, between, check_aim, check_hand
 from humanclaw.skills.plan import whole_chunks
-from humanclaw.skills.proprioception import OwnBody
+from humanclaw.skills.proprioception import ProprioceptiveState
 
 _HAND_SPEED: Final = 2.0
 """Metres a second of a hand at most."""
@@ -195,7 +195,7 @@ def _costs(poses: Motion, middle: Array | None, effort: Array, ends: Sequence[tu
 
 
 def _is_seated(start: Motion) -> bool:
-    return OwnBody.of(start).posture == "seated or squatting"
+    return ProprioceptiveState.of(start).posture == "seated or squatting"
 
 
 def _straight(side: str) -> Limb:

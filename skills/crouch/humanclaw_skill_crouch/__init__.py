@@ -5,7 +5,7 @@ from typing import Annotated, Final
 import numpy as np
 from pydantic import Field
 
-from humanclaw import Check, Keyframes, OwnBody, hookimpl, skill
+from humanclaw import Check, Keyframes, ProprioceptiveState, hookimpl, skill
 from humanclaw.body import JOINT_INDEX, STANDING_HEIGHT, matrix_from_vector, rest_pose, vector_from_matrix
 from humanclaw.plugins import RegisterSkill
 
@@ -45,7 +45,7 @@ def crouch(
             json_schema_extra={"x-measure": "hips.height"},
         ),
     ],
-    body: OwnBody,
+    body: ProprioceptiveState,
 ) -> Keyframes:
     """Bring the hips to a height in half a second, over feet that stay: 55 to work on the floor, 90 to stand up again.
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from humanclaw import OwnBody
+from humanclaw import ProprioceptiveState
 from humanclaw.body import JOINT_INDEX, centre_of_mass, forward_kinematics, rest_pose
 from humanclaw.testing import check_skill
 from humanclaw_skill_crouch import crouch
@@ -12,7 +12,7 @@ SOLES = [JOINT_INDEX[f"{side}_{part}"] for side in ("left", "right") for part in
 
 
 def played(height, pose):
-    (part,) = crouch.planned({"h_cm": height}, OwnBody.of(pose))
+    (part,) = crouch.planned({"h_cm": height}, ProprioceptiveState.of(pose))
     return part.over(pose)
 
 

@@ -4,7 +4,7 @@ from typing import Annotated, Final, Literal
 
 from pydantic import Field
 
-from humanclaw import Check, OwnBody, Reach, hookimpl, skill
+from humanclaw import Check, ProprioceptiveState, Reach, hookimpl, skill
 from humanclaw.plugins import RegisterSkill
 
 __version__ = "0.1.0"
@@ -22,7 +22,7 @@ _BESIDE: Final = -0.25
         Check("room_behind", "Is there room for what it opens between you and it?"),
     ]
 )
-def pull(side: Side, cm: Centimetres, body: OwnBody) -> Reach:
+def pull(side: Side, cm: Centimetres, body: ProprioceptiveState) -> Reach:
     """Draw one hand towards you in half a second: a closed hand opens a door, a drawer or a lid with it.
 
     A door takes the hand along its own arc. The hand stops before your chest; to pull further, step back with the hand
@@ -39,7 +39,7 @@ def pull(side: Side, cm: Centimetres, body: OwnBody) -> Reach:
         Check("free_behind_it", "Is the way of the thing free, away from you?"),
     ]
 )
-def push(side: Side, cm: Centimetres, body: OwnBody) -> Reach:
+def push(side: Side, cm: Centimetres, body: ProprioceptiveState) -> Reach:
     """Move one hand away from you in half a second: it shuts a door or a drawer, or pushes a thing ahead.
 
     Your feet stay; to push further, walk.

@@ -17,8 +17,8 @@ from humanclaw import (
     Grip,
     Keyframes,
     Motion,
-    OwnBody,
     Plugins,
+    ProprioceptiveState,
     Reach,
     Skill,
     skill,
@@ -119,7 +119,7 @@ def test_a_skill_feels_its_own_body_and_no_scene():
     felt = []
 
     @skill()
-    def feel(body: OwnBody, degrees: int = 10) -> Keyframes:
+    def feel(body: ProprioceptiveState, degrees: int = 10) -> Keyframes:
         """Feel."""
         felt.append(body)
         return Keyframes.cycle("head", "x", degrees, 0.5)
