@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import re
-from typing import Annotated, Final
+from typing import Annotated, Final, Self
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
 from humanclaw.body.pose import Pose2D
 
@@ -53,6 +53,12 @@ class Goal(Record):
     """The words with which an active stop is to answer."""
     asks: Annotated[str, Field(exclude_if=lambda asks: not asks)] = ""
     """The kind of a question about oneself; empty for other goals, and then left out when written."""
+
+    @model_validator(mode="after")
+    def _acts_or_asks(self) -> Self:
+        if not self.things and not (self.asks and self.answer):
+            raise ValueError("a goal names things to act on, or the kind of a question and its answer; got neither")
+        return self
 
 
 def _on_the_map(start: Pose2D) -> Pose2D:

@@ -6,10 +6,12 @@ from contextlib import suppress
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
 import humanclaw_skill_answer
 import humanclaw_skill_hands
 from humanclaw import Body, Call, Decision, Episode, PluginError, Plugins, RecordedEpisode
+from humanclaw.records import Goal
 from humanclaw.world import BODY_ID
 from humanclaw_bench.attribution import attribute
 from humanclaw_bench.oneself import KNOWLEDGE
@@ -56,6 +58,12 @@ def test_which_side_an_own_hand_is_on_does_not_give_it_away():
     sides = Counter((spec.goal.answer, "side left" in spec.instruction) for spec in hands)
     assert len(sides) == 4
     assert min(sides.values()) >= 4
+
+
+@pytest.mark.parametrize("lacking", [{}, {"asks": "hand"}, {"answer": "yes"}])
+def test_a_goal_without_things_needs_a_kind_and_an_answer(lacking):
+    with pytest.raises(ValidationError, match="names things to act on, or the kind of a question and its answer"):
+        Goal(**lacking)
 
 
 # -- truth, by arithmetic of its own -----------------------------------------------------------------------------------

@@ -12,7 +12,10 @@ _SPOKEN: Final = 15
 """Characters in a second of speech."""
 
 
-@skill(checks=[Check("seen_what_is_asked", "Does this view show what the question asks about?")], role="stop")
+_SEEN: Final = "Does this view show what the question asks about? Answer yes if it asks about your own body or motion."
+
+
+@skill(checks=[Check("seen_what_is_asked", _SEEN)], role="stop")
 def answer(
     text: Annotated[str, Field(min_length=1, max_length=140, description="The answer alone, such as yes or no.")],
 ) -> Keyframes:
