@@ -1,4 +1,4 @@
-"""The oracle opens doors, drawers and lids, and looks inside."""
+"""The oracle opens doors, drawers and lids, looks inside, and plays every task of hands."""
 
 from __future__ import annotations
 
@@ -11,7 +11,9 @@ from humanclaw import Call
 from humanclaw.body import wrap_angle
 from humanclaw.skills import Side
 from humanclaw.world import SceneObject, Viewpoint
-from humanclaw_scripted.arms import ArmedOracle, Script
+from humanclaw_scripted.actions import answering
+from humanclaw_scripted.arms import Script
+from humanclaw_scripted.carrying import Carrying
 from humanclaw_scripted.ground_truth import BodyView
 from humanclaw_scripted.handles import GRIPS, HOOKS, Handle
 
@@ -21,8 +23,22 @@ _OPEN: Final = 0.1
 """Share of the way by which a door or a drawer is opened farther than it has to be; a lid comes up with a step back."""
 
 
-class Opening(ArmedOracle):
-    """Opens one of the leaves of a piece of furniture."""
+class HandyOracle(Carrying):
+    """The oracle, with hands for episodes that have a goal for them: it carries, opens and answers."""
+
+    def _play(self) -> Script:
+        goal = self._spec.goal
+        assert goal is not None
+        if goal.on is not None:
+            yield from self._carry(goal.things[0], goal.on)
+        else:
+            yield from self._open([self._scene.by_id[key] for key in goal.things], goal.share)
+        if goal.answer:
+            yield from self._look_inside()
+            said = f"I have looked inside: the answer is {goal.answer}."
+            yield answering(self._context.skills, goal.answer), said
+        while True:
+            yield Call(self._stop), "The task is complete."
 
     def _open(self, leaves: Sequence[SceneObject], share: float) -> Script:
         floor = max(grid.floor for grid in self._memory.floors.floors if grid.floor < leaves[0].position[1] + 0.1)

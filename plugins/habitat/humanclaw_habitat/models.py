@@ -77,19 +77,12 @@ def template_of(obj: SceneObject) -> str:
     return name if scaled else ""
 
 
-@dataclass(frozen=True)
-class Origin:
-    """The source and the licence of a dataset's assets."""
-
-    source: str
-    licence: str
-
-
 @dataclass
 class Models:
     """The model files of a scene, each hashed at most once, and what of them was left out."""
 
-    origin: Origin
+    origin: tuple[str, str]
+    """Source and licence of the assets."""
     triangles: int
     digests: dict[Path, str] = field(default_factory=dict)
     lost: dict[Path, tuple[str, ...]] = field(default_factory=dict)
@@ -240,7 +233,7 @@ class Models:
     def _asset(
         self, name: str, category: str, mesh: Mesh, hulls: tuple[NDArray[np.float32], ...], seat: float | None
     ) -> Asset:
-        return Asset(name, category, mesh, hulls, seat, self.origin.source, self.origin.licence)
+        return Asset(name, category, mesh, hulls, seat, *self.origin)
 
 
 def _object(number: int, asset: Asset, base: Array, turn: Array, kind: Kind) -> SceneObject:

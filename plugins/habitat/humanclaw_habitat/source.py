@@ -21,7 +21,7 @@ from humanclaw_habitat.attributes import Placing, SceneInstance, Template, Vec3
 from humanclaw_habitat.categories import MOVABLE, category_of
 from humanclaw_habitat.dataset import Dataset, Kind
 from humanclaw_habitat.frames import quaternion, rotation
-from humanclaw_habitat.models import Models, Origin
+from humanclaw_habitat.models import Models
 from humanclaw_habitat.reference import Reference
 from humanclaw_habitat.regions import floors, rooms
 from humanclaw_habitat.starting import roomiest
@@ -87,7 +87,7 @@ class _Assembly:
 
     @classmethod
     def of(cls, dataset: Dataset, name: str, reference: Reference) -> _Assembly:
-        models = Models(Origin(dataset.name, dataset.licence), reference.triangles)
+        models = Models((dataset.name, dataset.licence), reference.triangles)
         return cls(dataset, name, dataset.scene(name), models, reference.skip, reference.small)
 
     def scene(self, name: str) -> Scene:

@@ -248,9 +248,9 @@ def _file(mesh: ElementTree.Element, path: Path) -> Path:
 
 
 def _numbers(text: str, count: int, path: Path) -> Array:
-    """Parse numbers separated by blanks. Raises SceneError if their number is not count or one is not finite."""
+    """Parse numbers separated by blanks or commas. Raises SceneError if they are not as many, or one is not finite."""
     try:
-        found = np.array([float(word) for word in text.split()])
+        found = np.array([float(word) for word in text.replace(",", " ").split()])
     except ValueError as error:
         raise SceneError(f"{path}: {error}.") from error
     if found.shape != (count,) or not np.isfinite(found).all():

@@ -436,6 +436,13 @@ def test_a_joint_on_another_stands_still(mine: Path) -> None:
     assert json.loads(found.notes["ignored"]) == ["articulated object 0 (fridge): 1 of its joints stand still"]
 
 
+def test_commas_between_numbers_are_blanks(mine: Path) -> None:
+    """As in Habitat's own fridge_static.urdf."""
+    file = fridge(mine) / "fridge.urdf"
+    file.write_text(file.read_text().replace("0.6 1.8 0.6", "0.6, 1.8, 0.6"))
+    np.testing.assert_allclose(load(mine).aabb(6), ((1.7, 0, 4.7), (2.3, 1.8, 5.3)), atol=2e-3)
+
+
 @pytest.mark.parametrize("name", ["a'drawer", " drawer ", " "])
 def test_the_name_of_a_link_is_a_name_alone(mine: Path, name: str) -> None:
     file = fridge(mine) / "fridge.urdf"

@@ -3,18 +3,30 @@
 from __future__ import annotations
 
 import hashlib
+import re
 from collections.abc import Callable
 from typing import Final
 
 from humanclaw import Scene, SceneError
 from humanclaw.storage import Cache, source_digest
 from humanclaw.world import pack_scene, unpack_scene
-from humanclaw_houses.names import seed_of
 
+VALIDATION_HOUSES: Final = 41
+GENERATOR: Final = 4
+"""Version of the generator. Raise it when a number no longer gives the same house; make the splits again then."""
+_REMEDY: Final = "Use house:0 to house:40, or house:train-N with N from 0 for a training house."
 SOURCES: Final = ("humanclaw/body", "humanclaw/records", "humanclaw/world", "humanclaw_houses")
 """Packages and folders whose code may change a house."""
 _LIBRARIES: Final = ("manifold3d", "numpy", "scikit-image", "scipy")
 """Distributions whose version may change a house."""
+
+
+def seed_of(argument: str) -> tuple[int, int]:
+    """Return the seed of house '0' to '40' or 'train-N'. Raises SceneError if there is no such house."""
+    match = re.fullmatch(r"(train-)?(0|[1-9][0-9]{0,8})", argument)
+    if not match or (not match[1] and int(match[2]) >= VALIDATION_HOUSES):
+        raise SceneError(f"there is no house {argument!r}.", _REMEDY)
+    return 1 if match[1] else 0, int(match[2])
 
 
 def open_house(argument: str) -> Scene:

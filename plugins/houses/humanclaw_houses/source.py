@@ -16,9 +16,9 @@ from humanclaw_houses.drafting import draw_plans
 from humanclaw_houses.dressing import dress
 from humanclaw_houses.furnish import furnish
 from humanclaw_houses.furnishing_context import FurnishingContext
-from humanclaw_houses.names import GENERATOR, seed_of
 from humanclaw_houses.piece_builder import HingedPart
 from humanclaw_houses.plan import Area, FloorPlan, Layout
+from humanclaw_houses.reference import GENERATOR, seed_of
 from humanclaw_houses.room_occupancy import RoomOccupancy, turn
 from humanclaw_houses.scatter import scatter
 from humanclaw_houses.starting import WalkableArea, choose_start

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from humanclaw import Scene
 from humanclaw.body import Array
-from humanclaw.world import compiled
 from humanclaw_raster.buffers import Instances, OverheadMap, Pinhole
 from humanclaw_raster.drawing import draw
 from humanclaw_raster.packing import Floats, Model
@@ -106,24 +105,14 @@ class OverheadMapper:
         return inverse_depth
 
 
-@compiled
 def _around(heights: Floats) -> Floats:
     """Return the greatest height within AROUND cells of each cell, along both axes."""
-    (storeys, rows, columns), across, out = heights.shape, heights.copy(), np.empty_like(heights)
-    for storey in range(storeys):
-        for row in range(rows):
-            for other in range(max(0, row - AROUND), min(rows, row + AROUND + 1)):
-                for k in range(columns):
-                    across[storey, row, k] = max(across[storey, row, k], heights[storey, other, k])
-            out[storey, row] = across[storey, row]
-            for aside in range(1, AROUND + 1):
-                left, right = across[storey, row, :-aside], across[storey, row, aside:]
-                for k in range(right.size):
-                    out[storey, row, k] = max(out[storey, row, k], right[k])
-                middle = out[storey, row, aside:]
-                for k in range(left.size):
-                    middle[k] = max(middle[k], left[k])
-    return out
+    for axis in (1, 2):
+        inner = np.moveaxis(heights, axis, 0)
+        wide = np.pad(inner, ((AROUND, AROUND), (0, 0), (0, 0)), constant_values=-np.inf)
+        near = [wide[k : k + len(inner)] for k in range(2 * AROUND + 1)]
+        heights = np.moveaxis(np.maximum.reduce(near), 0, axis)
+    return np.ascontiguousarray(heights)
 
 
 def _poses(instances: Instances, rows: NDArray[np.int64]) -> Array:

@@ -1,15 +1,14 @@
-"""Measure how often a detector trained on photos recognises targets: python recognise.py [HOUSES] [RENDERER]
+"""Measure how often a detector trained on photos recognises targets: python recognise.py [RENDERER] [HOUSE]...
 
-Looks at every category of target in HOUSES (a number N for the first N, or 12-23, or 3,5,8, or train-72-95 for training
-houses) from places where a body can stand. Counts the targets that fill more than 3 % of a picture. A hit is a box of
-the right class whose intersection over union with the target's visible pixels is 0.3 or more. A false box has a
-target's class and a score of 0.3 and fits no visible object of that class, however small. The detector is CenterNet
-with MobileNet-v3, trained on COCO, from the npm package @vladmandic/human. "Whole" targets are not cut by the edge of
-the picture; furniture may still hide a part of them.
+Looks at every category of target in the houses (house:0 to house:11, or those named) from places where a body can
+stand. Counts the targets that fill more than 3 % of a picture. A hit is a box of the right class whose intersection
+over union with the target's visible pixels is 0.3 or more. A false box has a target's class and a score of 0.3 and fits
+no visible object of that class, however small. The detector is CenterNet with MobileNet-v3, trained on COCO, from the
+npm package @vladmandic/human. "Whole" targets are not cut by the edge of the picture; furniture may still hide a part
+of them.
 
 RENDERER: any that is registered. Needs node; `make recognise` installs the packages beside this file. Writes pictures
-with hits in green and misses in red to build/recognise, and two hits and two misses of each category to
-build/recognise/sheet.jpg.
+with hits in green and misses in red to build/recognise.
 """
 
 from __future__ import annotations
@@ -40,8 +39,6 @@ VISIBLE = 0.0002
 """Smallest share of a picture at which an object is visible."""
 EACH, VIEWS = 2, 2
 """Number of targets per category and house that are looked at, and of views of each."""
-TILE = 240
-"""Side of a picture in the sheet of hits and misses, pixels."""
 
 
 @dataclass(frozen=True)
@@ -152,44 +149,21 @@ def drawn(picture: np.ndarray, found: list[tuple[Target, float]]) -> Image.Image
     return image
 
 
-def sheet(judged: list[tuple[np.ndarray, list[tuple[Target, float]]]]) -> Image.Image:
-    """Return two hits and two misses of each category, in a column each; missing ones stay white."""
-    whole = Image.new("RGB", (len(CATEGORIES) * TILE, 4 * TILE), "white")
-    for column, category in enumerate(CATEGORIES):
-        shown = [(drawn(p, [pair]), pair[1] >= SCORES[0]) for p, found in judged for pair in found[:1]
-                 if pair[0].category == category]  # fmt: skip
-        for first, kind in ((0, True), (2, False)):
-            for row, tile in enumerate([tile for tile, hit in shown if hit == kind][:4:2], first):
-                whole.paste(tile.resize((TILE, TILE), Image.LANCZOS), (column * TILE, row * TILE))
-    return whole
-
-
-def houses_of(which: str) -> dict[str, int]:
-    """Return names and seeds: '3' is 0, 1, 2; '4-6' is 4, 5, 6; '3,5,8' is 3, 5, 8; 'train-4-6' is of training."""
-    kind = "train-" if which.startswith("train-") else ""
-    first, *rest = map(int, which.removeprefix(kind).replace(",", "-").split("-"))
-    numbers = [first, *rest] if "," in which else range(first, rest[0] + 1) if rest else range(first)
-    return {f"house:{kind}{number}": number for number in numbers}
-
-
-def main(houses: str = "12", drawn_by: str = "raster") -> None:
+def main(drawn_by: str = "raster", *names: str) -> None:
     plugins = Plugins.discover()
     renderer = plugins.make("renderers", drawn_by)
     OUT.mkdir(parents=True, exist_ok=True)
-    seeds = houses_of(houses)
-    scenes = [plugins.scene(name) for name in seeds]
-    shown = [view for scene, seed in zip(scenes, seeds.values(), strict=True) for view in views(scene, renderer, seed)]
+    scenes = [plugins.scene(name) for name in names or [f"house:{number}" for number in range(12)]]
+    shown = [view for scene in scenes for view in views(scene, renderer, int(scene.name.split(":")[1].split("-")[-1]))]
     boxes = detected([picture for picture, _ in shown])
-    judged = [
-        [(t, score(t, seen)) for t in found if t.share > SHARE] for (_, found), seen in zip(shown, boxes, strict=True)
-    ]
-    false = sum(false_boxes(found, seen) for (_, found), seen in zip(shown, boxes, strict=True))
-    looked_at = [(picture, found) for (picture, _), found in zip(shown, judged, strict=True)]
-    for number, (picture, found) in enumerate(looked_at):
+    judged, false = [], 0
+    for number, ((picture, visible), seen) in enumerate(zip(shown, boxes, strict=True)):
+        found = [(target, score(target, seen)) for target in visible if target.share > SHARE]
+        judged += found
+        false += false_boxes(visible, seen)
         drawn(picture, found).save(OUT / f"{number:04d}.png")
-    sheet(looked_at).save(OUT / "sheet.jpg", quality=80, optimize=True)
     print(f"{len(shown)} pictures of {len(scenes)} houses, {false / max(len(shown), 1):.2f} false boxes a picture")
-    print(table([pair for found in judged for pair in found]))
+    print(table(judged))
 
 
 if __name__ == "__main__":

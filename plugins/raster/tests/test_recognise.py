@@ -45,11 +45,3 @@ def test_a_detector_is_a_program_that_answers_every_picture():
     pictures = [np.full((512, 512, 3), bright, np.uint8) for bright in (50, 80)]
     boxes = recognise.detected(pictures, [sys.executable, "-c", SEES_A_COUCH])
     assert [[box[2] for box in seen] for seen in boxes] == [[50], [80]]
-
-
-@pytest.mark.parametrize(
-    ("which", "names"),
-    [("3", [0, 1, 2]), ("4-6", [4, 5, 6]), ("3,5,8", [3, 5, 8]), ("train-4-5", ["train-4", "train-5"])],
-)
-def test_houses_are_a_count_a_range_or_a_list_and_training_houses_too(which, names):
-    assert [*recognise.houses_of(which)] == [f"house:{name}" for name in names]
