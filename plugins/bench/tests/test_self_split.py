@@ -10,7 +10,7 @@ from pydantic import ValidationError
 
 import humanclaw_skill_answer
 import humanclaw_skill_hands
-from humanclaw import Body, Call, Decision, Episode, PluginError, Plugins, RecordedEpisode
+from humanclaw import Body, Call, Decision, Episode, PluginError, Plugins, RecordedEpisode, SceneError
 from humanclaw.records import Goal
 from humanclaw.world import BODY_ID
 from humanclaw_bench.attribution import attribute
@@ -112,6 +112,12 @@ def test_a_reference_alone_makes_the_scene_again():
     scene = staged(SPLIT[0].scene.removeprefix("self:"))
     assert scene.digest == SPLIT[0].scene_digest
     assert [len(scene.of_category(category)) for category in ("person", "cube")] == [1, 1]
+
+
+@pytest.mark.parametrize("rest", ["", "moat,0,0,0,0", "post,0,0,0", "post,0,0,0,0", "post,0,0,0,0,x"])
+def test_a_reference_to_no_stage_is_refused(rest):
+    with pytest.raises(SceneError, match=r"expected self:HOUSE\?STAGE,X,Z,FLOOR,YAW"):
+        staged(f"house:0?{rest}")
 
 
 @pytest.mark.integration

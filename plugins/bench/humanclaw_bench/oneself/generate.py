@@ -17,7 +17,7 @@ from humanclaw import Body, Call, EpisodeSpec, Plugins, Scene
 from humanclaw.body import JOINT_INDEX, Array, Motion, Pose2D, wrap_angle
 from humanclaw.records import Goal, name_of
 from humanclaw.world import Contact, MultiFloorMap, OccupancyGrid
-from humanclaw_bench.oneself.stages import AHEAD, CUBE, EYES, FRAME, HAND, reference
+from humanclaw_bench.oneself.stages import AHEAD, CUBE, FRAME, HAND, reference
 from humanclaw_bench.splits import HOUSES
 
 STEPS: Final = 10
@@ -122,12 +122,10 @@ def _mirror(wanted: str, number: int, rng: np.random.Generator) -> Question:
     stage = "glass" if wanted == "yes" else ("double", "picture")[number % 2]
 
     def read(played: Played, place: Pose2D) -> str:
-        """Tell whether the first thing that a look ahead meets is a mirror."""
-        eyes = np.array([0.0, EYES, 0.0])
-        boxes = {obj.category: place.point_to_local(played.scene.vertices(obj.id)) for obj in played.scene.objects[-7:]}
-        met = {name: points[:, 2].min() for name, points in boxes.items() if name in ("mirror", "picture", "person")
-               and (points[:, :2].min(0) < eyes[:2]).all() and (points[:, :2].max(0) > eyes[:2]).all()}  # fmt: skip
-        return "yes" if min(met, key=lambda name: met[name]) == "mirror" else "no"
+        """Tell whether a look ahead meets a mirror first, of the things that were put up last."""
+        shown = [obj for obj in played.scene.objects[-6:] if obj.category in ("mirror", "picture", "person")]
+        first = min(shown, key=lambda obj: place.point_to_local(played.scene.vertices(obj.id))[:, 2].min())
+        return "yes" if first.category == "mirror" else "no"
 
     return Question(stage, (), "there is a person in the frame before you. Is it you, in a mirror?", (), read)
 

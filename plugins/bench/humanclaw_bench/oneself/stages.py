@@ -9,11 +9,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
+from inspect import signature
 from typing import Any, Final
 
 import numpy as np
 
-from humanclaw import Motion, Plugins, Reach, Scene
+from humanclaw import Motion, Plugins, Reach, Scene, SceneError
 from humanclaw.body import HISTORY, Pose2D, rest_pose, skin, yaw_matrix
 from humanclaw.records import Vec3
 from humanclaw.skills import posed
@@ -75,13 +76,12 @@ class Set:
         return 0.0, round(float(np.sin(half)), 7), 0.0, round(float(np.cos(half)), 7)
 
 
-def _hands(on: Set, side: float, *cube: float) -> None:
-    """Stand another person beside the body, its inner hand held out. side: metres to the left. cube: its place."""
-    inwards, up, ahead = HAND
-    hand, aside = ("right", -inwards) if side > 0 else ("left", inwards)
-    pose, _ = posed(Reach(hand, (aside, up, ahead), seconds=0.5), rest_pose(HISTORY))  # type: ignore[arg-type]
+def _hands(on: Set, side: float, left: float, up: float, ahead: float) -> None:
+    """Stand another person beside the body, its inner hand held out, and hang a cube up. side: metres to the left."""
+    hand, aside = ("right", -HAND[0]) if side > 0 else ("left", HAND[0])
+    pose, _ = posed(Reach(hand, (aside, *HAND[1:]), seconds=0.5), rest_pose(HISTORY))  # type: ignore[arg-type]
     on.person(pose, (side, 0.0, 0.0))
-    on.cube((cube[0], cube[1], cube[2]))
+    on.cube((left, up, ahead))
 
 
 def _mirror(on: Set, kind: str) -> None:
@@ -142,10 +142,15 @@ def reference(house: str, stage: str, place: Pose2D, values: tuple[float, ...] =
 
 
 def staged(argument: str) -> Scene:
-    """Make the scene of a reference without its `self:`."""
+    """Make the scene of a reference without its `self:`. Raises SceneError for a malformed one."""
     house, _, rest = argument.partition("?")
     stage, *numbers = rest.split(",")
-    x, z, floor, yaw, *values = map(float, numbers)
+    try:
+        x, z, floor, yaw, *values = map(float, numbers)
+        signature(_STAGES[stage]).bind(None, *values)
+    except (KeyError, TypeError, ValueError) as error:
+        expected = f"self:HOUSE?STAGE,X,Z,FLOOR,YAW and the numbers of a stage ({', '.join(_STAGES)})"
+        raise SceneError(f"expected {expected}; got self:{argument}.", "Take one from the split `self`.") from error
     scene: Scene = Plugins.discover().scene(house)
     place = Pose2D(x, z, yaw, floor)
     on = Set(SceneBuilder(dict(scene.assets), list(scene.objects)), place)
