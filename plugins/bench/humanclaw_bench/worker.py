@@ -142,8 +142,8 @@ class Worker:
     def _play(self, spec: EpisodeSpec) -> None:
         folder = self._out / spec.id
         try:
-            episode = recorded(folder)
-            replay = episode.steps if episode else ()
+            begun = recorded(folder)
+            replay = begun.steps if begun else ()
         except RecordError as fault:
             print(f"{fault.message} The episode starts again.", flush=True)
             replay = ()
