@@ -120,6 +120,7 @@ def test_a_floor_with_something_unknown_is_refused(play, argument):
         (["nod.py", "--times", "2"], "Write times=VALUE."),
         (["nod.py", "degrees=far"], "'far' is not of type 'integer'"),
         (["nood"], "there is no skill 'nood'"),
+        (["nod.txt"], "there is no plugin file nod.txt"),
     ],
 )
 def test_what_cannot_be_played_is_told_before_anything_moves(play, tmp_path, words, told):

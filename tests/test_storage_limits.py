@@ -59,7 +59,7 @@ def test_a_key_that_is_there_twice_in_an_episode_is_named(tmp_path):
 
 def test_a_split_that_is_no_text_is_told_by_its_line(tmp_path):
     (tmp_path / "split.jsonl").write_bytes(SPEC.model_dump_json().encode() + b"\n\xff\xfe\n")
-    with pytest.raises(HumanclawError, match=r"split.jsonl:2 is not an episode"):
+    with pytest.raises(HumanclawError, match=r"split.jsonl:2 is not an episode: (.|\n)*target_category"):
         read_episodes(tmp_path / "split.jsonl")
 
 

@@ -104,7 +104,7 @@ def _found(target: str, skill: str, files: tuple[Path, ...], choice: Choice) -> 
         folders = sorted(file.parent for file in path.rglob("schema.json"))
         plugins.add(_Folders(folders), name, origin=str(path), first=True)
         return plugins, _one_of(plugins, name, skill)
-    if path.suffix == ".py" or path.exists():
+    if path.suffix or path.exists():
         plugins = Plugins.discover(files, choice)
         # A skill of the file is meant, also where its published distribution is installed.
         path = package_in(path)

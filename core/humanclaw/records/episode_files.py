@@ -43,7 +43,8 @@ def _spec(line: bytes, where: str) -> EpisodeSpec:
         spec = EpisodeSpec.model_validate_json(line)
         json.loads(line, object_pairs_hook=once)
     except ValidationError as error:
-        raise HumanclawError(f"{where} is not an episode: {first_fault(error)}.", "Make the file again.") from error
+        remedy = f"A line is a JSON object with {', '.join(EpisodeSpec.model_fields)}: see docs/records.md."
+        raise HumanclawError(f"{where} is not an episode: {first_fault(error)}.", remedy) from error
     except KeyError as error:
         raise HumanclawError(f"{where} holds the key {error} twice.", "Keep one of the two.") from error
     return spec
