@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from humanclaw import PluginError, RecordError
+from humanclaw import RecordError
 from humanclaw.cli import Console, decider_options, plugin_options
-from humanclaw.plugins import install
 from humanclaw.storage import Folder
 from humanclaw_bench.cli import RUN
 from humanclaw_bench.progress import RunProgress, stop_after_option
@@ -79,10 +78,7 @@ def run_command(
         deciders.agent, deciders.options, deciders.verifier, backends.chosen(plugins), deciders.limits,
         tuple(str(file.resolve()) for file in files), choice, in_process=in_process, stop_after=stop_after, seed=seed,
     )  # fmt: skip
-    wanted = executor or ("ray" if address else "local")
-    if wanted == "ray" and "ray" not in {registration.name for registration in plugins.registered("executors")}:
-        raise PluginError("--ray needs a plugin that is not installed.", f"Run `{install(['humanclaw-ray'])}`.")
-    player = plugins.make("executors", wanted, workers, address or "")
+    player = plugins.make("executors", executor or ("ray" if address else "local"), workers, address or "")
     with RunProgress(Console(), out) as progress:
         status = run_split(
             specs, job, player, out, plugins=plugins, watch=progress.watch,

@@ -162,12 +162,7 @@ def ratio(
 
 
 def units(values: Array, houses: Sequence[str]) -> Array:
-    """Sum (N, ...) values of episodes to (U, ...) sampling units: houses, or with too few houses the episodes.
-
-    Raises ValueError unless all episodes or none have a house.
-    """
-    if len(houses) not in (0, len(values)):
-        raise ValueError(f"{len(values)} episodes lie in {len(houses)} houses.")
+    """Sum (N, ...) values of episodes to (U, ...) sampling units: houses, or with too few houses the episodes."""
     if len(set(houses)) < FEW:
         return values
     names, index = np.unique(np.asarray(houses, str), return_inverse=True)
@@ -210,9 +205,9 @@ def compare_rates(a: Sequence[bool], b: Sequence[bool], houses: Sequence[str] = 
 
     It is McNemar's test if each house has one episode. Each side of the interval is the wider of Agresti and Min's
     (2005) and a bootstrap over houses. The former adds half an episode to each cell, so that it has a width even if no
-    episode differs. Raises ValueError for sequences of unequal length.
+    episode differs.
     """
-    first, second = _paired(a, b)
+    first, second = np.asarray(a, float), np.asarray(b, float)
     changes = units(second - first, houses)
     low, high = _agresti_min(second - first)
     if len(set(houses)) >= FEW:
@@ -256,11 +251,8 @@ def compare_ratios(
     *,
     seed: int = 0,
 ) -> Difference:
-    """Compare paired (numerator, denominator) of each episode: bootstrap over houses, and random swaps of houses.
-
-    Raises ValueError for sequences of unequal length.
-    """
-    first, second = _paired(a, b)
+    """Compare paired (numerator, denominator) of each episode: bootstrap over houses, and random swaps of houses."""
+    first, second = np.asarray(a, float), np.asarray(b, float)
     if not len(first):
         nothing = float("nan")
         return Difference(nothing, nothing, nothing, nothing, nothing, 1.0, 0, 1.0, True)
@@ -274,12 +266,6 @@ def compare_ratios(
     p = _swap_test(both[:, 0], both[:, 1], seed)
     alike = np.array_equal(first, second) or not both[..., 0].any()
     return Difference(ratio_a, ratio_b, ratio_b - ratio_a, low, high, p, len(first), _least(both), alike)
-
-
-def _paired(a: Sequence[object], b: Sequence[object]) -> tuple[Array, Array]:
-    if len(a) != len(b):
-        raise ValueError(f"a paired comparison needs one value per run and episode; got {len(a)} and {len(b)}.")
-    return np.asarray(a, float), np.asarray(b, float)
 
 
 def _mean(values: Array) -> float:

@@ -199,11 +199,6 @@ def test_two_episodes_can_never_tell() -> None:
     assert holm([found, found])[0].least == 1.0
 
 
-def test_unequal_lengths_are_refused() -> None:
-    with pytest.raises(ValueError, match="got 2 and 1"):
-        compare_rates([True, False], [True])
-
-
 # -- paired ratios -----------------------------------------------------------------------------------------------------
 def test_the_swap_test_agrees_with_all_swaps_there_are() -> None:
     rng = np.random.default_rng(5)

@@ -117,13 +117,6 @@ def _goal(record: EpisodeRecord, last: StepRecord | None) -> str:
     return "goal reached" if sat and stopped_within_reach((last,)) else "goal not reached"
 
 
-def _news(before: dict[str, Any], state: dict[str, Any]) -> dict[str, Any]:
-    """Return a state with the rows that changed alone, and whether the page has to forget those that it has."""
-    old, new = ({row["id"]: row for row in told_state.get("rows", ())} for told_state in (before, state))
-    forget = not before or not old.keys() <= new.keys()
-    return state | {"forget": forget, "rows": [row for key, row in new.items() if forget or old.get(key) != row]}
-
-
 def server(watcher: Watcher, port: int = 0) -> Server:
     """Return a server of a run on the loopback interface; shutdown() ends it. port: 0 picks a free one.
 
@@ -149,7 +142,7 @@ def server(watcher: Watcher, port: int = 0) -> Server:
             while True:
                 before, state = state, watcher.state()
                 # A comment line is sent if nothing changed: only a failed write reveals a closed page.
-                event = f"data: {json.dumps(_news(before, state))}" if state != before else ": still here"
+                event = f"data: {json.dumps(state)}" if state != before else ": still here"
                 self.wfile.write(f"{event}\n\n".encode())
                 time.sleep(SECONDS)
 

@@ -14,7 +14,7 @@ import pytest
 from made import broken_off, picture, record_episode
 
 from humanclaw import RecordError
-from humanclaw_report.watch import Watcher, _content, _news, server
+from humanclaw_report.watch import Watcher, _content, server
 
 
 @pytest.fixture(scope="module")
@@ -59,20 +59,6 @@ def test_an_episode_that_stops_elsewhere_did_not_reach_its_goal(tmp_path: Path, 
     steps.write_text("\n".join([*before, json.dumps(json.loads(last) | wrong)]) + "\n")
     (row,) = Watcher(tmp_path, lambda name: scene).rows()
     assert (row["outcome"], row["goal"]) == ("stopped", "goal not reached")
-
-
-def test_an_event_tells_of_changed_and_gone_episodes(tmp_path: Path) -> None:
-    scene = record_episode(tmp_path / "couch-0")
-    record_episode(tmp_path / "couch-1", name="couch-1")
-    watcher = Watcher(tmp_path, lambda name: scene)
-    both = watcher.state()
-    broken_off(tmp_path / "couch-1")
-    changed = watcher.state()
-    shutil.rmtree(tmp_path / "couch-1")
-    told = [_news(*pair) for pair in (({}, both), (both, changed), (changed, watcher.state()))]
-    assert [one["forget"] for one in told] == [True, False, True]
-    assert [{row["id"] for row in one["rows"]} for one in told] == [{"couch-0", "couch-1"}, {"couch-1"}, {"couch-0"}]
-    assert [one["episodes"] for one in told] == [2, 2, 1]
 
 
 @pytest.mark.integration

@@ -4,7 +4,7 @@
 
 {
   /** @typedef {{id: string, instruction: string, outcome: string, goal: string, steps: number, call: string, words: string, distance: number | null, frame: string, replay: string}} Row */
-  /** @typedef {{ended: number, episodes: number, asked: number, rows: Row[], live: number, forget: boolean}} State */
+  /** @typedef {{ended: number, episodes: number, asked: number, rows: Row[], live: number}} State */
 
   const at = (/** @type {string} */ id) => /** @type {HTMLElement} */ (document.getElementById(id));
 
@@ -55,16 +55,12 @@
     return element;
   };
 
-  /** Episodes, last changed first. @type {Row[]} */
-  let rows = [];
-
   const events = new EventSource("/events");
   events.onmessage = (event) => {
     const state = /** @type {State} */ (JSON.parse(event.data));
     const of = state.asked ? ` of ${state.asked}` : "";
     at("lede").textContent = !state.episodes ? "No episode has begun." : `${state.ended}${of} ended, ${state.episodes - state.ended} in progress.`;
-    const changed = new Set(state.rows.map(({ id }) => id));
-    rows = [...state.rows, ...rows.filter(({ id }) => !state.forget && !changed.has(id))];
+    const { rows } = state;
     at("rows").replaceChildren(...rows.map(line));
     const running = rows.filter((row) => row.outcome === "running");
     const live = (running.length ? running : rows).slice(0, running.length ? state.live : 1);
