@@ -21,7 +21,6 @@ from humanclaw.body import Pose2D, wrap_angle
 from humanclaw.plugins import Tasks, read_options
 from humanclaw.records import ALIASES, SEATS, read_episodes
 from humanclaw.world import MultiFloorMap, Viewpoint, viewpoints
-from humanclaw_bench.attribution import CAUSES
 from humanclaw_bench.difficulty import overall
 from humanclaw_bench.splits import (
     CATEGORIES,
@@ -47,28 +46,6 @@ TOGETHER: Final = 10
 """Consecutive seeds that share a house."""
 TRIES: Final = 50
 """Houses in which a seed looks for its task."""
-AGAINST: Final[Mapping[str, str]] = {
-    "find: target in view but not seen": "turn",
-    "find: near but not in view": "turn",
-    "find: too far": "train",
-    "find: unaware jammed": "touch",
-    "find: ineffective actions": "train",
-    "find: midpoint give up": "train",
-    "find: ineffective exploration": "train",
-    "nav: unaware arrived/touch": "approach",
-    "nav: stop while far": "approach",
-    "nav: find too late": "train",
-    "nav: unaware jammed": "touch",
-    "nav: ineffective actions": "approach",
-    "nav: target hallucination": "turn",
-    "nav: lost target": "train",
-    "interact: stand after sit": "sit",
-    "interact: sit on air": "sit",
-    "interact: sit wrong": "sit",
-    "interact: stop but never sit": "sit",
-}
-"""Label of each root cause to the source of tasks that trains against it."""
-assert set(AGAINST) == {cause.label for cause in CAUSES}
 
 
 class TaskOptions(BaseModel):
