@@ -12,11 +12,11 @@ from typing import Annotated, Final, Literal
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError
 
 from humanclaw import RecordedEpisode, RecordError, load_run
-from humanclaw.records import RECORD_BYTES, first_fault
+from humanclaw.records import first_fault
 from humanclaw.storage import Folder
 from humanclaw_bench.results import Result, named, require_whole
 from humanclaw_bench.scoring import scored
-from humanclaw_bench.verification import LARGEST, MANIFEST, Manifest, read_manifest, standing
+from humanclaw_bench.verification import LARGEST, MANIFEST, Manifest, read_json, read_manifest, standing
 
 NAME: Final = "submission.json"
 _WRITE: Final = "Write it with `humanclaw bench submit`."
@@ -87,13 +87,7 @@ def run_digest(run: Path, episodes: Iterable[RecordedEpisode]) -> str:
 
 def read(run: Path, episodes: Iterable[RecordedEpisode]) -> Submission:
     """Read the submission of a run. Raises RecordError if it is malformed, or of other records or settings."""
-    path = run / NAME
-    try:
-        submission = Submission.model_validate_json(Folder(run).read(NAME, RECORD_BYTES))
-    except OSError as error:
-        raise RecordError(f"{path} is not a submission: {error.strerror}.", _WRITE) from error
-    except ValidationError as error:
-        raise RecordError(f"{path} is not a submission: {first_fault(error)}.", _WRITE) from error
+    submission = read_json(Submission, run, NAME, _WRITE)
     if submission.digest != run_digest(run, episodes):
-        raise RecordError(f"{path} is of other records, or of another run.json.", _WRITE)
+        raise RecordError(f"{run / NAME} is of other records, or of another run.json.", _WRITE)
     return submission

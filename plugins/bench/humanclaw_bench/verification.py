@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from functools import cache
 from itertools import chain
 from pathlib import Path
-from typing import Annotated, Any, Final
+from typing import Annotated, Any, Final, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
@@ -22,6 +22,7 @@ from humanclaw.records import EpisodeRecord, first_fault, read_episodes
 from humanclaw.storage import Folder, lacking
 from humanclaw_bench.splits import SPLITS, load_split
 
+M = TypeVar("M", bound=BaseModel)
 MANIFEST: Final = "run.json"
 SPLIT: Final = "split.jsonl"
 """File with the episodes of a run, in its folder."""
@@ -48,18 +49,21 @@ class Manifest(BaseModel):
         return self.model_dump()
 
 
+def read_json(kind: type[M], run: Path, name: str, remedy: str) -> M:
+    """Read a JSON file of a run. Raises RecordError with a remedy if it is missing, damaged or invalid."""
+    try:
+        return kind.model_validate_json(Folder(run).read(name, LARGEST))
+    except OSError as error:
+        raise RecordError(f"{run / name} cannot be read: {error.strerror}.", remedy) from error
+    except ValidationError as error:
+        raise RecordError(f"{run / name} is damaged: {first_fault(error)}.", remedy) from error
+
+
 def read_manifest(run: Path) -> Manifest:
     """Read run.json of a run. Raises RecordError if it is missing, damaged or invalid."""
-    path = run / MANIFEST
-    try:
-        return Manifest.model_validate_json(Folder(run).read(MANIFEST, LARGEST))
-    except OSError as error:
-        raise RecordError(
-            f"{path} cannot be read: {error.strerror}.", "Name a folder of `humanclaw bench run`."
-        ) from error
-    except ValidationError as error:
-        problem = f"{path} is damaged: {first_fault(error)}."
-        raise RecordError(problem, "Run the split again in another folder.") from None
+    return read_json(
+        Manifest, run, MANIFEST, "Name a folder of `humanclaw bench run`, or run the split in another one."
+    )
 
 
 def split_digest(specs: Iterable[EpisodeSpec]) -> str:

@@ -340,7 +340,7 @@ def of_smoke(folder: Path) -> Path:
 def test_a_submission_that_says_something_odd_is_none(run: Path, key: str, bad: object) -> None:
     change(submitted(run), **{key: bad})
     invoke("leaderboard", run.parent)
-    assert f"is not a submission: {key}: " in page(run)[1]
+    assert f"submission.json is damaged: {key}: " in page(run)[1]
 
 
 @pytest.mark.parametrize("name", ["", " ", "x" * 501])
@@ -361,7 +361,7 @@ def test_what_never_ends_or_has_no_legible_name_stops_no_page(run: Path) -> None
     os.mkfifo(run.parent / "pipe" / "submission.json")
     (run.parent / os.fsdecode(b"\xff") / "submission.json").write_text("nope")
     assert invoke("leaderboard", run.parent).exit_code == 0
-    assert page(run)[1].count("is not a submission") == 2
+    assert page(run)[1].count("Write it with `humanclaw bench submit`") == 2
     assert "Ada" in page(run)[0]
 
 
