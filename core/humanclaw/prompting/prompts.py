@@ -27,13 +27,14 @@ from humanclaw.skills.contract import Check, Skill, bounds, suited
 from humanclaw.skills.measures import from_si
 from humanclaw.skills.publishing import OPTIONAL_FIELDS, Json, parameter_schema, publish
 from humanclaw.storage.pictures import data_url, jpeg
+from humanclaw.text.words import LONGEST
 from humanclaw.world.view import CameraMount, ego_camera
 
 _ROWS: Final = (30, 40, 50, 60, 70, 80, 90, 100)
 """Rows of a picture, per cent of its height and not pixels, because providers scale pictures."""
 _SHORT: Final = {"saw": 240, "progress": 100, "goal": 140, "reasoning": 140}
 """Characters of each field of a past step. Talkative models write about twice as much."""
-_WHOLE: Final = 100_000
+_WHOLE: Final = LONGEST  # No text of a record is longer.
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,7 @@ from humanclaw.body.skeleton import JOINT_INDEX
 from humanclaw.motion.leg_ik import LEGS, planted
 from humanclaw.text.words import did_you_mean
 
-LONGEST_FAULT: Final = 300
+LONGEST_FAULT: Final = 300  # Characters: what a model wrote comes back to it in the fault.
 LONGEST_CALL: Final = 10.0
 """Maximum seconds of one call: the agent cannot decide during it."""
 

@@ -14,7 +14,7 @@ from humanclaw import Call, HumanclawError, Skill
 from humanclaw.skills import parameter_schema
 
 Action = NDArray[np.int64]
-_MAX_LEVELS = 10_000
+_MAX_LEVELS = 10_000  # A policy has an output for each level.
 
 
 @dataclass(frozen=True)

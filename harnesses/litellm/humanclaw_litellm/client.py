@@ -31,10 +31,10 @@ from humanclaw_litellm.usage import price_of, text_tokens_sent, tokens_sent, usa
 Json = dict[str, Any]
 MODES: Final[tuple[Mode, ...]] = get_args(Mode)
 _LOG: Final = logging.getLogger(__name__)
-_LONGEST_BACKOFF: Final = 60.0
-_LONGEST_WAIT: Final = 600.0
+_LONGEST_BACKOFF: Final = 60.0  # Seconds: providers count requests by the minute.
+_LONGEST_WAIT: Final = 600.0  # Seconds: all workers wait, and a wait of days would look like a hang.
 _BREAKS: Final = re.compile(r"[\t\n\r]+")
-_LONGEST_NAME: Final = 200
+_LONGEST_NAME: Final = 200  # Characters: records hold the name that a provider gives, whatever it sends.
 _ANSWER: Final = 300
 """Tokens reserved for an answer before the first one has come."""
 _ROOM: Final = 2048

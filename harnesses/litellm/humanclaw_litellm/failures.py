@@ -14,7 +14,7 @@ from humanclaw_litellm.endings import ending_of, first_of, part_of, stranger_in
 
 _PREFIXES: Final = re.compile(r"^(?:litellm\.\w+: |\w+(?:Error|Exception): |\w+Exception\w* ?\w* - )+")
 _TRACE: Final = re.compile(r"\s*Traceback \(most recent call last\):.*", re.DOTALL)
-_TRANSIENT: Final = frozenset({408, 409, 425, 429})
+_TRANSIENT: Final = frozenset({408, 409, 425, 429})  # Timeout, conflict, too early, too many requests.
 _DEEPEST: Final = 8
 """Levels of an error's body that are read."""
 _COUNTS: Final = ("usage", "usageMetadata", "prompt_eval_count")

@@ -13,7 +13,7 @@ from humanclaw_litellm.litellm_setup import load
 from humanclaw_litellm.settings import Settings
 
 Json = dict[str, Any]
-_LETTERS_A_TOKEN: Final = 4
+_LETTERS_A_TOKEN: Final = 4  # Of English text, by the rule of thumb of OpenAI and Anthropic.
 _TOKENS_A_PICTURE: Final = 350
 """For 512 x 512 pixels. The large providers count 250 to 420."""
 _MOST: Final = 1 << 40

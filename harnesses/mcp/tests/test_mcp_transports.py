@@ -13,13 +13,12 @@ import anyio
 import anyio.to_thread
 import httpx
 import pytest
-from click.testing import CliRunner
 from mcp import Client
 from mcp.client.stdio import StdioServerParameters
 from mcp.shared.exceptions import MCPError
 
-from humanclaw import HumanclawError, PluginError, load_run
-from humanclaw_mcp.command import command as mcp_command, http_app
+from humanclaw import HumanclawError, load_run
+from humanclaw_mcp.command import http_app
 from humanclaw_mcp.content import LOG
 from humanclaw_mcp.server import Handlers
 from humanclaw_mcp.session import Bodies, Settings
@@ -196,7 +195,3 @@ async def test_a_server_on_http_that_is_terminated_closes_its_record(fake, tmp_p
             await anyio.to_thread.run_sync(server.wait, 60)
     (episode,) = load_run(tmp_path / "out")
     assert (episode.record.outcome, len(episode.steps)) == ("interrupted", 1)
-
-
-def test_a_choice_of_skills_that_names_nothing_is_refused():
-    assert isinstance(CliRunner().invoke(mcp_command, ["--skills", "hover"]).exception, PluginError)
