@@ -28,9 +28,8 @@ Role = Literal["locomotion", "sit", "posture", "gesture", "grasp", "release", "s
 changes how it stands, `gesture` moves limbs in place, `grasp` closes a hand and `release` opens it, `stop` declares the
 task complete and ends the episode."""
 ROLES: Final[tuple[Role, ...]] = get_args(Role)
-_UNITS: Final = MappingProxyType({"_cm": 0.01, "_deg": pi / 180})
-_SI_UNITS: Final = MappingProxyType({"_cm": "m", "_deg": "rad"})
-_PER_SI: Final = MappingProxyType({"_cm": 100.0, "_deg": 180 / pi})
+_UNITS: Final = MappingProxyType({"_cm": ("m", 0.01), "_deg": ("rad", pi / 180)})
+"""Ending of a name to the SI unit and the factor into it."""
 
 
 # -- measures ----------------------------------------------------------------------------------------------------------
@@ -123,21 +122,21 @@ def si_name(key: str) -> str:
 
 def si_unit(key: str) -> str:
     """Return the unit of a parameter behind the contract: m for z_cm, rad for yaw_deg, empty for a name without one."""
-    return next((unit for suffix, unit in _SI_UNITS.items() if key.endswith(suffix)), "")
+    return _unit_of(key)[0]
 
 
 def to_si(key: str, value: float) -> float:
     """Convert a parameter to SI: names that end in _cm become metres, in _deg radians; others stay as they are."""
-    return float(value) * _scale(key)
+    return float(value) * _unit_of(key)[1]
 
 
 def from_si(key: str, value: float) -> float:
     """Convert a parameter to the unit of its name: the inverse of to_si."""
-    return float(value) * next((scale for unit, scale in _PER_SI.items() if key.endswith(unit)), 1.0)
+    return float(value) * (1 / _unit_of(key)[1])  # 1 / 0.01 is 100; a quotient by 0.01 would round otherwise.
 
 
-def _scale(key: str) -> float:
-    return next((scale for unit, scale in _UNITS.items() if key.endswith(unit)), 1.0)
+def _unit_of(key: str) -> tuple[str, float]:
+    return next((unit for suffix, unit in _UNITS.items() if key.endswith(suffix)), ("", 1.0))
 
 
 def outcomes(
