@@ -79,13 +79,16 @@ def covered(points: Array, corners: Array) -> NDArray[np.bool_]:
 
 def rectangles(loop: Array) -> list[tuple[float, float, float, float]]:
     """Cut an (N, 2) polygon into rectangles (x0, z0, x1, z1) that do not overlap; slanted sides are approximated."""
+    from skimage.measure import points_in_poly  # Only annotated scenes need it.
+
     if len(loop) < 3:
         return []
     x, z = _lines(loop, 0), _lines(loop, 1)
     middle = np.stack(np.meshgrid((x[1:] + x[:-1]) / 2, (z[1:] + z[:-1]) / 2, indexing="ij"), axis=-1)
+    inside = points_in_poly(middle.reshape(-1, 2), loop)  # type: ignore[no-untyped-call]
     return [
         (float(x[a]), float(z[c]), float(x[b]), float(z[d]))
-        for a, b, c, d in _blocks(_inside(middle, loop))
+        for a, b, c, d in _blocks(inside.reshape(middle.shape[:-1]))
         if min(x[b] - x[a], z[d] - z[c]) >= _NARROW
     ]
 
@@ -98,17 +101,6 @@ def _lines(loop: Array, axis: int) -> Array:
         count = int(np.ceil(abs(end[axis] - start[axis]) / _STEP)) if slanted else 1
         cuts += np.linspace(start[axis], end[axis], max(count, 1) + 1).tolist()
     return np.unique(np.round(cuts, 2))
-
-
-def _inside(points: Array, loop: Array) -> NDArray[np.bool_]:
-    """Return (...) whether (..., 2) points lie in a polygon: a ray to +x then crosses it an odd number of times."""
-    within = np.zeros(points.shape[:-1], bool)
-    for (x0, z0), (x1, z1) in zip(loop, np.roll(loop, -1, axis=0), strict=True):
-        crosses = (z0 > points[..., 1]) != (z1 > points[..., 1])
-        # A side along x crosses no ray; the 1.0 only prevents a division by zero.
-        at = x0 + (points[..., 1] - z0) / (z1 - z0 if z1 != z0 else 1.0) * (x1 - x0)
-        within ^= crosses & (points[..., 0] < at)
-    return within
 
 
 def _blocks(cells: NDArray[np.bool_]) -> Iterator[tuple[int, int, int, int]]:

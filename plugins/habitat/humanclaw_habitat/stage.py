@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
+from scipy.spatial import ConvexHull, QhullError
 
 from humanclaw.body import Array
 from humanclaw.world import Mesh, Part, bake, exact
@@ -170,7 +171,7 @@ def polygons(part: Part) -> Iterator[tuple[Array, Array]]:
     """Merge the faces of a part into flat convex polygons; yield each with its (3,) normal.
 
     A polygon is (K, 3) points. The algorithm of Hertel and Mehlhorn removes an edge between two polygons if the merged
-    polygon is convex and flat.
+    polygon is convex and flat: then its hull is as large as both.
     """
     points, place = np.unique(np.round(part.vertices, 4), axis=0, return_inverse=True)
     faces = place.ravel()[part.faces]
@@ -178,68 +179,45 @@ def polygons(part: Part) -> Iterator[tuple[Array, Array]]:
     cross = np.cross(b - a, c - a)
     size = np.linalg.norm(cross, axis=1)
     faces, normals = faces[size > 1e-8], (cross / np.maximum(size, 1e-12)[:, None])[size > 1e-8]
+    areas, owner = (size[size > 1e-8] / 2).tolist(), np.arange(len(faces))
     loops: dict[int, list[int]] = {number: face.tolist() for number, face in enumerate(faces)}
-    owner = list(range(len(faces)))
-    for first, second, one, two in _edges(faces, points):
-        left, right = _root(owner, one), _root(owner, two)
+    for one, two in _neighbours(faces, points):
+        left, right = int(owner[one]), int(owner[two])
         # 0.9999 is the cosine of 0.8 degrees: larger angles are edges of the building.
         if left == right or normals[left] @ normals[right] < 0.9999:
             continue
-        merged = _spliced(loops[left], loops[right], first, second)
-        if merged and _convex(points[merged], normals[left]):
-            loops[left], owner[right] = merged, left
+        both = list({*loops[left], *loops[right]})
+        hull = _hull(points[both], normals[left])
+        if hull and hull[1] <= 1.0005 * (areas[left] + areas[right]):
+            loops[left], areas[left] = [both[k] for k in hull[0]], hull[1]
+            owner[owner == right] = left
             del loops[right]
-    for number, loop in loops.items():
-        corners = points[loop]
-        if _loop_area(corners, normals[number]) > _LEAST:
-            yield corners, normals[number]
+    yield from ((points[loop], normals[number]) for number, loop in loops.items() if areas[number] > _LEAST)
 
 
-def _edges(faces: Faces, points: Array) -> Iterator[tuple[int, int, int, int]]:
-    """Yield the edges between exactly two faces, the longest first.
+def _hull(corners: Array, normal: Array) -> tuple[list[int], float] | None:
+    """Return which corners bound the convex hull of some in a plane, in order, and its area; None if they are not
+    flat."""
+    along = np.cross(normal, np.eye(3)[np.abs(normal).argmin()])
+    try:
+        hull = ConvexHull(corners @ np.stack([along, np.cross(normal, along)], axis=1) / np.linalg.norm(along))
+    except QhullError:  # Slivers on a line.
+        return None
+    flat = np.ptp(corners @ normal) < 2e-3
+    return (hull.vertices.tolist(), float(hull.volume)) if flat else None
 
-    Each is its start and end, in the direction of the first face, then the first and the second face.
-    """
+
+def _neighbours(faces: Faces, points: Array) -> Iterator[tuple[int, int]]:
+    """Yield the pairs of faces that alone have an edge in common, those with the longest edge first."""
     sides: dict[tuple[int, int], list[int]] = defaultdict(list)
     for number, face in enumerate(faces.tolist()):
         for k in range(3):
             sides[face[k], face[(k + 1) % 3]].append(number)
     shared = [
-        (start, end, mine[0], sides[end, start][0])
-        for (start, end), mine in list(sides.items())
+        (start, end) for (start, end), mine in sides.items()
         if start < end and len(mine) == 1 and len(sides.get((end, start), ())) == 1
-    ]
-    length = [float(np.linalg.norm(points[start] - points[end])) for start, end, _, _ in shared]
-    yield from (shared[k] for k in np.argsort(np.negative(length), kind="stable"))
-
-
-def _root(owner: list[int], number: int) -> int:
-    while owner[number] != number:
-        owner[number] = owner[owner[number]]
-        number = owner[number]
-    return number
-
-
-def _spliced(one: Sequence[int], two: Sequence[int], start: int, end: int) -> list[int]:
-    """Join two loops at the edge that runs from start to end in one and back in two.
-
-    Empty if a loop no longer has that edge, or if the result would visit a corner twice.
-    """
-    k, m = one.index(start), two.index(end)
-    if one[(k + 1) % len(one)] != end or two[(m + 1) % len(two)] != start:
-        return []
-    rest = [two[(m + 2 + j) % len(two)] for j in range(len(two) - 2)]
-    merged = [*one[k + 1 :], *one[: k + 1], *rest]
-    return merged if len(set(merged)) == len(merged) else []
-
-
-def _convex(loop: Array, normal: Array) -> bool:
-    side = np.roll(loop, -1, axis=0) - loop
-    turn = np.cross(side, np.roll(side, -1, axis=0)) @ normal
-    scale = np.linalg.norm(side, axis=1) * np.linalg.norm(np.roll(side, -1, axis=0), axis=1)
-    flat = np.abs((loop - loop[0]) @ normal).max() < 2e-3
-    return bool(flat and (turn > -1e-3 * scale).all())
-
-
-def _loop_area(loop: Array, normal: Array) -> float:
-    return float(np.cross(loop - loop[0], np.roll(loop, -1, axis=0) - loop[0]).sum(axis=0) @ normal / 2)
+    ]  # fmt: skip
+    length = [float(np.linalg.norm(points[start] - points[end])) for start, end in shared]
+    for k in np.argsort(np.negative(length), kind="stable"):
+        start, end = shared[k]
+        yield sides[start, end][0], sides[end, start][0]

@@ -57,13 +57,7 @@ def roomiest(scene: Scene, floor: float) -> Pose2D:
     blocked = plan.blocked | plan.movable
     cell = np.unravel_index(int(np.where(indoors(scene, plan), plan.clearance, 0.0).argmax()), blocked.shape)
     place = plan.point(np.array(cell))
-
-    def sight(yaw: float) -> float:
-        steps = np.arange(0.1, 15.0, 0.1)
-        way = place + steps[:, None] * np.array([np.sin(yaw), np.cos(yaw)])
-        return float(steps[np.argmax(np.append(plan.at(blocked, way)[:-1], True))])
-
-    yaw = max((round(float(k * np.pi / 4), 4) for k in range(-3, 5)), key=sight)
+    yaw = plan.best_view(place, blocked)
     x, z = place.round(3).tolist()
     return Pose2D(x, z, yaw, floor)
 

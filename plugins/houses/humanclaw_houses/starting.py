@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from humanclaw import Scene
 from humanclaw.body import Array, Pose2D
-from humanclaw.world import RADIUS, MultiFloorMap, OccupancyGrid
+from humanclaw.world import RADIUS, MultiFloorMap
 
 Mask = NDArray[np.bool_]
 
@@ -74,7 +74,7 @@ def choose_start(walkable: WalkableArea, rng: np.random.Generator) -> Pose2D:
     choices = [well & hall, well, roomy & (far > 2.5), roomy, plan.fits(RADIUS), ~plan.blocked]
     cells = np.argwhere(next(choice for choice in choices if choice.any()))
     x, z = plan.point(cells[int(rng.integers(len(cells)))]).tolist()
-    return Pose2D(round(x, 3), round(z, 3), _view(plan, x, z), plan.floor)
+    return Pose2D(round(x, 3), round(z, 3), plan.best_view(np.array([x, z]), plan.blocked), plan.floor)
 
 
 def _from_couches(walkable: WalkableArea) -> Array:
@@ -88,15 +88,3 @@ def _from_couches(walkable: WalkableArea) -> Array:
     if not goals:
         return np.full(walkable.floors.grids[0].blocked.shape, np.inf)
     return np.asarray(walkable.floors.distances(np.array(goals))[0])
-
-
-def _view(plan: OccupancyGrid, x: float, z: float) -> float:
-    """Return which of eight yaws has the longest view over free floor."""
-
-    def sight(yaw: float) -> float:
-        steps = np.arange(0.1, 15, 0.1)
-        points = np.array([x, z]) + steps[:, None] * np.array([np.sin(yaw), np.cos(yaw)])
-        return float(steps[np.argmax(np.append(plan.at(plan.blocked, points)[:-1], True))])
-
-    yaws = [round(float(k * np.pi / 4), 4) for k in range(-3, 5)]
-    return max(yaws, key=sight)

@@ -185,6 +185,16 @@ class OccupancyGrid:
         """Tell whether a body of this radius can go straight from one point to the other."""
         return bool((self.at(self.clearance, samples(start, end)) >= radius).all())
 
+    def best_view(self, place: Array, blocked: Mask) -> float:
+        """Return which of eight yaws, radians, has the longest view from a (2,) place over what is not blocked."""
+
+        def length(yaw: float) -> float:
+            steps = np.arange(0.1, 15.0, 0.1)
+            points = place + steps[:, None] * np.array([np.sin(yaw), np.cos(yaw)])
+            return float(steps[np.argmax(np.append(self.at(blocked, points)[:-1], True))])
+
+        return max((round(float(k * np.pi / 4), 4) for k in range(-3, 5)), key=length)
+
     def sees(self, eyes: Array, points: Array, last: float = 0.1) -> Mask:
         """Return (...) whether nothing static stands between (..., 3) eyes and (..., 3) points.
 
