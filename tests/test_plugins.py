@@ -12,7 +12,7 @@ import pytest
 from click.testing import CliRunner
 from hosting import host_of, plugin, raising, write_distribution
 
-from humanclaw import Choice, Keyframes, Plugins, hookimpl, skill
+from humanclaw import Choice, Keyframes, Plugins, skill
 from humanclaw.cli import LazyCommand, build
 from humanclaw.episodes.recorder import skill_infos
 from humanclaw.errors import PluginError
@@ -123,31 +123,17 @@ def shrug(times: int = 1) -> Keyframes:
     return Keyframes.cycle("right_elbow", axis="z", degrees=10, seconds=0.5, times=times)
 
 
-class Rival:
-    """Has a skill and a factory of its own beside one of each that another plugin may have."""
-
-    def __init__(self):
-        self.heard = []
-
-    @hookimpl
-    def humanclaw_skills(self, register):
-        register(wave)
-        register(shrug)
-
-    @hookimpl
-    def humanclaw_agents(self, register):
-        register("quiet", lambda options: self)
-        register(f"quiet {id(self)}", lambda options: self)
-
-    @hookimpl
-    def humanclaw_step(self, episode, step):
-        self.heard.append(step)
+def rival(own, heard=None, **hooks):
+    """A plugin with a skill and an agent of its own beside one of each that another plugin may have."""
+    agents = [(name, lambda options: own) for name in ("quiet", own)]
+    hooks |= {} if heard is None else {"step": lambda episode, step: heard.append(step)}
+    return plugin(skills=[wave, shrug], agents=agents, **hooks)
 
 
 def test_a_skill_taken_twice_names_both_owners_and_harms_neither():
     plugins = Plugins()
     plugins.add(waving(), "first")
-    plugins.add(Rival(), "second")
+    plugins.add(rival("second"), "second")
     assert {name: plugins.owner(name) for name in plugins.skills} == {"wave": "first", "shrug": "second"}
     assert plugins.skill("wave") is wave
     reason = plugins.infos[-1].duplicates[0]
@@ -157,12 +143,12 @@ def test_a_skill_taken_twice_names_both_owners_and_harms_neither():
 
 
 def test_a_factory_taken_twice_names_both_owners_and_harms_neither():
-    plugins, one, other = Plugins(), Rival(), Rival()
-    plugins.add(one, "first")
-    plugins.add(other, "second")
-    assert plugins.make("agents", "quiet", {}) is one
-    assert plugins.make("agents", f"quiet {id(other)}", {}) is other
-    assert plugins.make("agents", "second:quiet", {}) is other
+    plugins = Plugins()
+    for name in ("first", "second"):
+        plugins.add(rival(name), name)
+    assert [plugins.make("agents", name, {}) for name in ("quiet", "second", "second:quiet")] == [
+        "first", "second", "second",
+    ]  # fmt: skip
     assert any(
         "agent 'quiet' of plugin 'second' is already registered by 'first'" in told
         for told in plugins.infos[-1].duplicates
@@ -199,16 +185,11 @@ def test_a_plugin_that_names_one_skill_twice_keeps_the_first():
 
 
 def test_an_observer_of_a_plugin_that_fails_hears_nothing():
-    class Fails(Rival):
-        @hookimpl
-        def humanclaw_scenes(self, register):
-            raise TypeError("unhashable")
-
-    plugins, fails = Plugins(), Fails()
+    plugins, heard = Plugins(), []
     with pytest.raises(PluginError, match="unhashable"):
-        plugins.add(fails, "fails")
+        plugins.add(rival("fails", heard, scenes=raising(TypeError("unhashable"))), "fails")
     plugins.tell("humanclaw_step", episode=None, step=7, view=None)
-    assert (fails.heard, plugins.skills, plugins.infos) == ([], {}, ())
+    assert (heard, plugins.skills, plugins.infos) == ([], {}, ())
 
 
 # -- naming and choice -------------------------------------------------------------------------------------------------
@@ -367,12 +348,12 @@ def test_a_hook_on_its_way_out_is_told_of_and_still_works():
 
 
 def test_a_second_plugin_of_one_name_is_refused():
-    plugins, first = Plugins(), Rival()
-    plugins.add(first, "same")
+    plugins, heard = Plugins(), []
+    plugins.add(rival("first", heard), "same")
     with pytest.raises(PluginError, match="plugin 'same' is already in use"):
-        plugins.add(Rival(), "same")
+        plugins.add(rival("second", heard), "same")
     plugins.tell("humanclaw_step", episode=None, step=7, view=None)
-    assert first.heard == [7]
+    assert heard == [7]
 
 
 def test_a_plugin_that_fails_half_way_leaves_nothing_behind():

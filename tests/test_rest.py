@@ -1,15 +1,16 @@
 """Movable objects come to rest once for a house and an engine, and lie there at every start."""
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
+from engines import BULLET
 
 from humanclaw import Plugins, Scene, SceneError, Simulator
 from humanclaw.body import FUTURE, Motion, Pose2D, matrix_from_quaternion, rest_pose
 from humanclaw.world import Execution, SceneBuilder, block
 
-ENGINES = pytest.mark.parametrize("engine", ["bullet", "mujoco"])
 FALLS = 9.81 * np.array([0.5, 1.0]) ** 2 / 2
 """Metres that a thing falls in half a second and in one."""
 
@@ -18,6 +19,18 @@ FALLS = 9.81 * np.array([0.5, 1.0]) ** 2 / 2
 def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("HUMANCLAW_CACHE", str(tmp_path))
     return tmp_path
+
+
+@pytest.fixture(params=[BULLET, "mujoco"])
+def engine(request: pytest.FixtureRequest) -> str:
+    return str(request.param)
+
+
+@pytest.fixture
+def simulator(engine: str, cache: Path, plugins: Plugins) -> Iterator[Simulator]:
+    made = plugins.make("simulators", engine)
+    yield made
+    made.close()
 
 
 def house() -> Scene:
@@ -47,18 +60,15 @@ def same(one: Execution, other: Execution) -> bool:
     return one.contacts == other.contacts and all(np.array_equal(*pair) for pair in arrays)
 
 
-@ENGINES
-def test_every_start_finds_every_object_at_the_same_place(engine: str, cache: Path, plugins: Plugins) -> None:
-    scene, simulator = house(), plugins.make("simulators", engine)
+def test_every_start_finds_every_object_at_the_same_place(simulator: Simulator) -> None:
+    scene = house()
     starts = [Pose2D(), Pose2D(x=-1.0, z=0.5, yaw=2.0), Pose2D(x=2.0, z=-3.0)]
     found = [places(simulator, scene, start) for start in starts]
     walked(simulator, scene)
     found.append(places(simulator, scene, starts[0]))
-    simulator.close()
     assert all(one == found[0] for one in found)
 
 
-@ENGINES
 def test_a_house_from_the_cache_is_the_house_that_settled(engine: str, cache: Path, plugins: Plugins) -> None:
     first, later = (walked(plugins.make("simulators", engine), house()) for _ in range(2))
     assert len(list(cache.glob("*/*"))) == 1
@@ -66,7 +76,6 @@ def test_a_house_from_the_cache_is_the_house_that_settled(engine: str, cache: Pa
     assert same(first, later)
 
 
-@ENGINES
 def test_a_damaged_entry_is_made_again(engine: str, cache: Path, plugins: Plugins) -> None:
     first = walked(plugins.make("simulators", engine), house())
     (entry,) = cache.glob("*/*")
@@ -85,8 +94,7 @@ def test_engines_and_profiles_do_not_share_entries(cache: Path, plugins: Plugins
     assert len(list(cache.glob("*/*"))) == 4
 
 
-@ENGINES
-def test_a_tray_of_one_solid_piece_carries_a_book_on_top(engine: str, cache: Path, plugins: Plugins) -> None:
+def test_a_tray_of_one_solid_piece_carries_a_book_on_top(simulator: Simulator) -> None:
     """Two scenes of the same points in other pieces do not share an entry: the tray is hollow, then solid."""
     bottom, sides = block((-0.5, 0, -0.5), (0.5, 0.05, 0.5)), [(-0.5, -0.4), (0.4, 0.5)]
     pieces = [bottom, *(block((low, 0.05, -0.5), (high, 0.4, 0.5)) for low, high in sides)]
@@ -94,12 +102,11 @@ def test_a_tray_of_one_solid_piece_carries_a_book_on_top(engine: str, cache: Pat
         builder = SceneBuilder.on_floor()
         builder.solid("tray", hulls, (0, 0, 2.0), movable=True, mass=5.0)
         book = builder.box("book", (0.1, 0.05, 0.1), (0, 0.41, 2.0), movable=True, mass=0.3)
-        found = plugins.make("simulators", engine).reset(builder.scene(), Pose2D()).objects[book]
+        found = simulator.reset(builder.scene(), Pose2D()).objects[book]
         assert found[1] == pytest.approx(height, abs=0.01)
 
 
-@ENGINES
-def test_what_overlaps_at_the_start_comes_apart_and_stays_near(engine: str, cache: Path, plugins: Plugins) -> None:
+def test_what_overlaps_at_the_start_comes_apart_and_stays_near(simulator: Simulator) -> None:
     """Four crates of 50 cm, each 25 cm inside the next, and one 15 cm inside a wall whose face is at z = 4.
 
     Apart, the outer crates are at least 1.5 m from each other, and the last one ends before z = 3.75. At half a metre a
@@ -111,12 +118,11 @@ def test_what_overlaps_at_the_start_comes_apart_and_stays_near(engine: str, cach
         builder.box("box", (0.5, 0.5, 0.5), place, movable=True, mass=5.0)
         for place in [(-0.375, 0, 2.0), (-0.125, 0, 2.0), (0.125, 0, 2.0), (0.375, 0, 2.0), (2.0, 0, 3.9)]
     ]
-    scene, simulator = builder.scene(), plugins.make("simulators", engine)
+    scene = builder.scene()
     begun = simulator.reset(scene, Pose2D()).objects
     for _ in range(4):
         simulator.execute(rest_pose(FUTURE))
     found = simulator.state().objects
-    simulator.close()
     assert 1.49 < found[crates[3]][0] - found[crates[0]][0] < 1.75
     assert 3.6 < found[crates[4]][2] < 3.76
     for key in crates:
@@ -124,21 +130,17 @@ def test_what_overlaps_at_the_start_comes_apart_and_stays_near(engine: str, cach
         assert np.linalg.norm(found[key][:3] - begun[key][:3]) < 0.15
 
 
-@ENGINES
 @pytest.mark.parametrize("points", [1, 2, 3, 4])
 @pytest.mark.parametrize("movable", [False, True])
-def test_a_flat_piece_collides_as_a_thin_one(
-    engine: str, points: int, movable: bool, cache: Path, plugins: Plugins
-) -> None:
+def test_a_flat_piece_collides_as_a_thin_one(points: int, movable: bool, simulator: Simulator) -> None:
     """A board of no thickness, or a corner, edge or half of it, on a block of 20 cm: it bears what rests on it."""
     board = np.array([(0, 0.3, 0), (0.5, 0.3, 0.5), (-0.5, 0.3, 0.5), (0, 0.3, -0.5)], np.float32)[:points]
     facts = {"movable": True, "mass": 5.0} if movable else {}
     builder = SceneBuilder.on_floor()
     table = builder.solid("table", [block((-0.1, 0, -0.1), (0.1, 0.2, 0.1)), board], (0, 0, 2.0), **facts)
     cup = builder.box("cup", (0.1, 0.1, 0.1), (0, 0.305, 2.1), movable=True, mass=0.2)
-    scene, simulator = builder.scene(), plugins.make("simulators", engine)
+    scene = builder.scene()
     found = simulator.reset(scene, Pose2D()).objects
-    simulator.close()
     assert not movable or found[table][1] == pytest.approx(0, abs=0.01)
     assert points < 3 or found[cup][1] == pytest.approx(0.3, abs=0.01)
 
@@ -148,46 +150,40 @@ def test_a_piece_of_no_points_is_refused() -> None:
         SceneBuilder.on_floor().solid("table", [block((0, 0, 0), (1, 1, 1)), np.zeros((0, 3), np.float32)], (0, 0, 2.0))
 
 
-@ENGINES
-def test_a_light_thing_bears_a_heavy_one(engine: str, cache: Path, plugins: Plugins) -> None:
+def test_a_light_thing_bears_a_heavy_one(simulator: Simulator) -> None:
     """200 kg on a cup of 50 g, 10 cm high."""
     builder = SceneBuilder.on_floor()
     builder.box("cup", (0.08, 0.1, 0.08), (2, 0, 2), movable=True, mass=0.05)
     safe = builder.box("safe", (0.5, 0.5, 0.5), (2, 0.1, 2), movable=True, mass=200.0)
-    scene, simulator = builder.scene(), plugins.make("simulators", engine)
+    scene = builder.scene()
     simulator.reset(scene, Pose2D())
     simulator.execute(rest_pose(FUTURE))
     assert simulator.state().objects[safe][1] == pytest.approx(0.1, abs=0.002)
-    simulator.close()
 
 
-@ENGINES
-def test_what_has_not_come_to_rest_goes_on_falling(engine: str, cache: Path, plugins: Plugins) -> None:
+def test_what_has_not_come_to_rest_goes_on_falling(simulator: Simulator) -> None:
     """A box falls from 9 m for half a second without the body, and goes on while the body stands."""
     builder = SceneBuilder.on_floor()
     box = builder.box("box", (0.3, 0.3, 0.3), (2.0, 9.0, 0.0), movable=True, mass=2.0)
-    scene, simulator = builder.scene(), plugins.make("simulators", engine)
+    scene = builder.scene()
     at_start = 9.0 - simulator.reset(scene, Pose2D()).objects[box][1]
     simulator.execute(rest_pose(FUTURE))
     later = 9.0 - simulator.state().objects[box][1]
-    simulator.close()
     assert FALLS[0] < at_start < FALLS[1]
     assert later - at_start > FALLS[1] - FALLS[0]
 
 
-@ENGINES
-def test_a_plank_that_still_topples_after_half_a_second_falls_over(engine: str, cache: Path, plugins: Plugins) -> None:
+def test_a_plank_that_still_topples_after_half_a_second_falls_over(simulator: Simulator) -> None:
     """It stands 2 degrees off the vertical, over an edge that bears it up to atan(0.03 / 1.2) = 1.4 degrees."""
     lean = np.radians(2) / 2
     builder = SceneBuilder.on_floor()
     turn = (0.0, 0.0, float(np.sin(lean)), float(np.cos(lean)))
     plank = builder.box("plank", (0.03, 1.2, 0.2), (0, 0.001, 3), rotation=turn, movable=True, mass=1.0)
-    scene, simulator = builder.scene(), plugins.make("simulators", engine)
+    scene = builder.scene()
     tilts = [up(simulator.reset(scene, Pose2D()).objects[plank])]
     for _ in range(6):
         simulator.execute(rest_pose(FUTURE))
         tilts.append(up(simulator.state().objects[plank]))
-    simulator.close()
     assert tilts[0] > np.cos(np.radians(10)), "it has hardly begun to fall"
     assert abs(tilts[-1]) < 0.05, "it lies"
 
