@@ -1,8 +1,11 @@
 """How an answer ended and whose it is, read from replies in each provider's own words."""
 
+import json
+
 import pytest
 
 from humanclaw_litellm.endings import ending_of, stranger_in
+from humanclaw_litellm.replies import tidied
 
 
 def chat(reason, **message):
@@ -65,3 +68,13 @@ def test_an_answer_ended_as_the_reply_says(reply, ending):
 )
 def test_an_answer_that_no_model_gave_is_known_by_its_role(reply, role):
     assert stranger_in(reply) == role
+
+
+def test_of_the_messages_in_a_response_only_the_models_own_are_its_answer():
+    def message(role, text):
+        return {"type": "message", "role": role, "content": [{"type": "output_text", "text": text}]}
+
+    items = [message("user", "Go."), message("assistant", "I"), message("assistant", "walk.")]
+    theirs, own = json.loads(tidied(json.dumps(responses("completed", *items)).encode()))["output"]
+    assert theirs == items[0]
+    assert own["content"][0]["text"] == "I\nwalk."
