@@ -52,6 +52,13 @@ def test_a_csv_holds_every_episode_with_its_numbers(run, tmp_path):
     assert float(table[0]["steps"]) == len(load_run(run)[0].steps)
 
 
+def test_a_dataset_is_not_written_into_a_folder_that_is_there(run, tmp_path, monkeypatch):
+    lerobot = types.SimpleNamespace(LeRobotDataset=None)
+    monkeypatch.setitem(sys.modules, "lerobot.datasets.lerobot_dataset", lerobot)
+    with pytest.raises(RecordError, match="already exists"):
+        to_lerobot(run, tmp_path)
+
+
 def test_the_export_command_says_where_it_wrote(run, tmp_path):
     result = command("export", run, "--to", "csv", "--out", tmp_path / "x.csv")
     assert result.exit_code == 0
