@@ -70,7 +70,7 @@ def test_an_answer_that_no_model_gave_is_known_by_its_role(reply, role):
     assert stranger_in(reply) == role
 
 
-def test_of_the_messages_in_a_response_only_the_models_own_are_its_answer():
+def test_only_messages_of_the_model_are_the_answer_of_a_response():
     def message(role, text):
         return {"type": "message", "role": role, "content": [{"type": "output_text", "text": text}]}
 
