@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from humanclaw.body import JOINT_INDEX, Motion, forward_kinematics, rest_pose
-from humanclaw_train.eval.self_penetration import ARMS, PAIRS, depth, summary
+from humanclaw_train.eval.scenarios import ARMS, PAIRS, depth, overlaps
 
 LEGS = next(group for group in PAIRS if group != ARMS)
 
@@ -30,6 +30,6 @@ def test_thighs_that_meet_at_the_knees_overlap_by_their_radii():
 def test_the_share_counts_frames_and_the_depth_is_the_greatest():
     motion = rest_pose(15)
     motion.rotations[:3, JOINT_INDEX["left_hip"], 2] = -0.5
-    row = summary(motion.root, motion.rotations)
+    row = overlaps(motion.root, motion.rotations)
     assert row[f"{LEGS}, % of frames"] == pytest.approx(100 * 3 / 15)
     assert row[f"{LEGS}, deepest cm"] > 1.0

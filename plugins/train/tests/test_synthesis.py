@@ -22,7 +22,7 @@ from humanclaw.body import (
 )
 from humanclaw.skills import Draw, GaitParameters, Recipe, Skill, outcomes
 from humanclaw_train.data.chunks import canonical
-from humanclaw_train.eval.self_penetration import depth
+from humanclaw_train.eval.scenarios import depth
 from humanclaw_train.mocap.clips import Clip
 from humanclaw_train.synthesis.commands import Commands, Trained
 from humanclaw_train.synthesis.profiles import Profiles, channel

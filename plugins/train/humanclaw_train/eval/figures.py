@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from PIL import Image, ImageDraw
 
-from humanclaw import Backends, Body, Call, HumanclawError, Motion, Renderer, Scene, Skill, stand
+from humanclaw import Backends, Body, Call, HumanclawError, Motion, Renderer, Scene, Skill
 from humanclaw.body import FUTURE, HISTORY, Array
 from humanclaw.motion import DiTGenerator
 from humanclaw.skills import Role, stage, stage_for, suited
@@ -121,18 +121,6 @@ def _acted(plugins: Plugins, scene: Scene, calls: Sequence[Call], seed: int, sim
         return whole
 
 
-def _again(plugins: Plugins, scene: Scene, motion: Motion) -> Motion:
-    """Return what half-physics makes of motion that stands at first, from the start of a scene."""
-    simulator = plugins.make("simulators", Backends().chosen(plugins).simulator, profile="default")
-    try:
-        whole = stand(simulator, DiTGenerator.shipped(), scene, scene.start)
-        for first in range(HISTORY, len(motion), FUTURE):
-            whole = whole.then(simulator.execute(motion[first : first + FUTURE]).simulated)
-        return whole
-    finally:
-        simulator.close()
-
-
 def _ends(motion: Motion, every: int = 1) -> Motion:
     """Return the pose at the start and after each call, or each `every` calls."""
     return motion[HISTORY - 1 :: every * FUTURE]
@@ -214,7 +202,7 @@ def seats(plugins: Plugins, seed: int) -> Rows:
 
 # -- figure 6 ----------------------------------------------------------------------------------------------------------
 def kinematics(plugins: Plugins, seed: int) -> Rows:
-    """Draw the same motion into a wall and up stairs, by pure kinematics and in half-physics."""
+    """Draw the same calls into a wall and up stairs, by pure kinematics and in half-physics."""
     wall, stairs = SceneBuilder.on_floor(), SceneBuilder.on_floor()
     wall.box("wall", (1.2, 2.0, 0.12), (0.3, 0, 1.3), (214, 190, 160))
     stairs.steps(4, 0.17, 0.28, 0.35)
@@ -226,8 +214,8 @@ def kinematics(plugins: Plugins, seed: int) -> Rows:
         (wall.scene(), [walk] * 5, blocked, (1.1, 1.2)),
         (stairs.scene(), [climb] * 8, aloft, (1.45, 1.5)),
     ):
-        played = _acted(plugins, scene, calls, seed, "kinematic")
-        shown = (f"pure kinematics {titles[0]}", played), (f"half-physics: {titles[1]}", _again(plugins, scene, played))
+        played, simulated = (_acted(plugins, scene, calls, seed, simulator) for simulator in ("kinematic", ""))
+        shown = (f"pure kinematics {titles[0]}", played), (f"half-physics: {titles[1]}", simulated)
         view = (-14.0, 3.4, z - 2.0), (0.0, y, z), 14, 400, 1 / 2
         rows.append([Panel(title, scene, _ends(motion), *view) for title, motion in shown])
     return rows

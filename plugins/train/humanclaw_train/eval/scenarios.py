@@ -18,6 +18,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -29,12 +30,13 @@ from humanclaw.body import (
     HISTORY,
     Array,
     forward_kinematics,
+    overlap,
     root_jerk,
 )
 from humanclaw.motion import DiTGenerator
 from humanclaw.skills import stage, stage_for, suited
 from humanclaw_train.data.chunks import Chunks, of_skill
-from humanclaw_train.eval import likeness, measures, self_penetration as overlap, walks
+from humanclaw_train.eval import likeness, measures, walks
 from humanclaw_train.eval.measures import SEAM
 from humanclaw_train.eval.rollouts import CHUNKS_IN_A_ROW, Command, Subject, extend, others, roll
 from humanclaw_train.eval.simulated import called, joined
@@ -156,6 +158,41 @@ def _first_commands(command: Command, bodies: int, random: np.random.Generator) 
 
 
 # -- links in each other -----------------------------------------------------------------------------------------------
+_ARM, _LEG = ("elbow", "wrist", "hand"), ("knee", "ankle", "foot")
+ARMS: Final = "arms in legs or trunk"
+PAIRS: Final[Mapping[str, Sequence[tuple[str, str]]]] = {
+    ARMS: [
+        (f"{side}_{part}", other)
+        for side, part in product(("left", "right"), _ARM)
+        for other in ("left_hip", "right_hip", "pelvis", "spine1", "spine2")
+    ],
+    "legs in each other": [
+        *((f"left_{left}", f"right_{right}") for left, right in product(_LEG, _LEG)),
+        ("left_hip", "right_hip"),
+    ],
+}
+"""Pairs of links that do not touch in a healthy pose, by group."""
+_TOUCH: Final = 0.002
+"""Depth, metres, up to which links touch and are not inside one another."""
+
+
+def overlaps(root: Array, rotations: Array) -> Row:
+    """Return the share of poses (..., 3) and (..., 24, 3) in which links are in each other, and the greatest depth."""
+    joints, turns = forward_kinematics(root, rotations)
+    row = {}
+    for group in PAIRS:
+        deep = depth(joints, turns, group)
+        row[f"{group}, % of frames"] = float(100 * (deep > _TOUCH).mean())
+        row[f"{group}, deepest cm"] = float(100 * max(deep.max(), 0.0))
+    return row
+
+
+def depth(joints: Array, turns: Array, group: str) -> Array:
+    """Return how deep links of a group are in each other (...), metres, for joints (..., 24, 3) and their orientations;
+    negative where they are apart."""
+    return np.asarray(np.max([overlap(joints, turns, *pair) for pair in PAIRS[group]], axis=0))
+
+
 def self_penetration(subject: Subject) -> list[Row]:
     """Measure the futures of every skill: of the model alone and of the installed skill as played."""
     rows = list[Row]()
@@ -163,13 +200,13 @@ def self_penetration(subject: Subject) -> list[Row]:
         before = others(command, subject.commands)
         alone = roll(subject.generator, command, before, subject.rollouts, subject.seed)
         futures = alone.root[:, HISTORY:], alone.rotations[:, HISTORY:]
-        rows.append({"skill": command.skill, "motion": "model"} | overlap.summary(*futures))
+        rows.append({"skill": command.skill, "motion": "model"} | overlaps(*futures))
         if subject.plugins is not None:
             parts = [
                 _played(subject.plugins, command, before, (subject.seed, body)) for body in range(subject.rollouts)
             ]
             played = joined(parts)
-            rows.append({"skill": command.skill, "motion": "played"} | overlap.summary(played.root, played.rotations))
+            rows.append({"skill": command.skill, "motion": "played"} | overlaps(played.root, played.rotations))
     return rows
 
 
