@@ -8,7 +8,6 @@ torch = pytest.importorskip("torch")
 from tiny_motion import WALK, write_adapter, write_base
 
 from humanclaw import Backends, Body
-from humanclaw.errors import CheckpointError
 from humanclaw.motion import SIZES, DiTGenerator
 from humanclaw.world import SceneBuilder
 from humanclaw_train.model.generator import torch_generator
@@ -47,25 +46,6 @@ def test_a_base_of_the_papers_size_moves_as_in_numpy(tmp_path, device):
     assert np.abs(motions[0].root - one.start().root[-1]).max() > 0.01
     assert _difference(*motions) < 1e-4
     assert one.digest == other.digest
-
-
-def test_an_adapter_is_read_again_when_its_file_has_changed(tmp_path):
-    path, walk = tmp_path / "base.safetensors", tmp_path / "walk.safetensors"
-    base = write_base(path)
-    generator = torch_generator("default", path, "cpu")
-    motions = []
-    for seed in (2, 3):
-        write_adapter(walk, base, seed=seed)
-        motions.append(generator.generate(generator.start(), walk, AHEAD, (0,)))
-    assert _difference(*motions) > 1e-3
-
-
-def test_values_that_an_adapter_does_not_take_are_refused(tmp_path):
-    path = tmp_path / "base.safetensors"
-    walk = write_adapter(tmp_path / "walk.safetensors", write_base(path))
-    generator = torch_generator("default", path, "cpu")
-    with pytest.raises(CheckpointError, match="takes x, z, yaw; it got z"):
-        generator.generate(generator.start(), walk, {"z": 0.1}, (0,))
 
 
 def test_an_episode_on_torch_walks_where_one_in_numpy_walks(plugins):
