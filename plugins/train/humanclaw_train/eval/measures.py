@@ -140,74 +140,48 @@ def frechet(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
 
 
 # -- gait --------------------------------------------------------------------------------------------------------------
-@dataclass(frozen=True)
-class Gait:
-    """Measures of a straight walk over its whole steps. Lengths in cm and angles in degrees, unless said otherwise."""
+SPEED: Final = "speed m/s"
 
-    speed: float
-    """Speed of the pelvis over the floor, m/s."""
-    cadence: float
-    """Steps a second."""
-    sway: float
-    """Peak to peak of the pelvis across its path."""
-    bob: float
-    """Peak to peak of the pelvis' height."""
-    knee: float
-    """98th percentile of the knees' bend: the bend in the swing."""
-    toe_off: float
-    """Mean over the feet of the greatest heel pitch."""
-    pelvis: float
-    """Peak to peak of the pelvis' yaw,"""
-    shoulders: float
-    """and of that of the line of the shoulders."""
-    trunk: float
-    """Mean lean of the trunk, positive to the front."""
-    width: float
-    """Mean distance of standing ankles across the path."""
-    double: float
-    """Share of the time in which both feet stand, %."""
-    arms: float
-    """Peak to peak of a wrist ahead of its shoulder."""
-    toe: float
-    """Speed of the slower toe, cm/s."""
-    jerk: float
-    """Mean jerk of all joints, m/s^3."""
 
-    @classmethod
-    def of(cls, walk: Motion) -> Gait | None:
-        """Measure a walk; None for less than two steps."""
-        joints, facing = walk.joints(), walk.yaw()
-        ahead = np.stack([np.sin(facing), np.cos(facing)], -1)
-        crossed, _ = passings(walk)
-        if len(crossed) < 3:
-            return None
-        part = slice(int(np.ceil(crossed[0])), int(crossed[-1]) + 1)
-        walk, joints, ahead = walk[part], joints[part], ahead[part]
-        floor, velocity = walk.root[:, [0, 2]], np.gradient(walk.root[:, [0, 2]], axis=0)
-        along = (floor[-1] - floor[0]) / np.linalg.norm(floor[-1] - floor[0])
-        aside = np.array([along[1], -along[0]])
-        knees = np.linalg.norm(walk.rotations[:, [JOINT_INDEX["left_knee"], JOINT_INDEX["right_knee"]]], axis=-1)
-        arm = joints[:, JOINT_INDEX["left_wrist"]] - joints[:, JOINT_INDEX["left_shoulder"]]
-        width, double = _stances(joints, aside)
-        return cls(
-            speed=float(FPS * np.linalg.norm(velocity, axis=-1).mean()),
-            cadence=float(FPS * (len(crossed) - 1) / (crossed[-1] - crossed[0])),
-            sway=100 * _about_trend(floor @ aside, 3),
-            bob=100 * _about_trend(walk.root[:, 1], 1),
-            knee=float(np.degrees(np.percentile(knees, 98))),
-            toe_off=_heel_pitch(walk),
-            pelvis=_about_trend(np.degrees(np.unwrap(walk.yaw())), 2),
-            shoulders=_about_trend(np.degrees(np.unwrap(_yaw(joints, "shoulder"))), 2),
-            trunk=_lean(joints, ahead),
-            width=width,
-            double=double,
-            arms=float(100 * np.ptp(np.sum(arm[:, [0, 2]] * ahead, -1))),
-            toe=slower_toe(joints),
-            jerk=joint_jerk(joints),
-        )
+def gait(walk: Motion) -> dict[str, float] | None:
+    """Measure a straight walk over its whole steps, by heading with its unit; angles in degrees.
+
+    None for less than two steps.
+    """
+    crossed, _ = passings(walk)
+    if len(crossed) < 3:
+        return None
+    walk = walk[int(np.ceil(crossed[0])) : int(crossed[-1]) + 1]
+    joints, facing = walk.joints(), walk.yaw()
+    ahead = np.stack([np.sin(facing), np.cos(facing)], -1)
+    floor, velocity = walk.root[:, [0, 2]], np.gradient(walk.root[:, [0, 2]], axis=0)
+    along = (floor[-1] - floor[0]) / np.linalg.norm(floor[-1] - floor[0])
+    aside = np.array([along[1], -along[0]])
+    knees = np.linalg.norm(walk.rotations[:, [JOINT_INDEX["left_knee"], JOINT_INDEX["right_knee"]]], axis=-1)
+    arm = joints[:, JOINT_INDEX["left_wrist"]] - joints[:, JOINT_INDEX["left_shoulder"]]
+    width, double = _stances(joints, aside)
+    return {
+        SPEED: float(FPS * np.linalg.norm(velocity, axis=-1).mean()),  # Of the pelvis over the floor.
+        "steps/s": float(FPS * (len(crossed) - 1) / (crossed[-1] - crossed[0])),
+        # Peak to peak of the pelvis: its height, and across its path.
+        "bob cm": 100 * _about_trend(walk.root[:, 1], 1),
+        "sway cm": 100 * _about_trend(floor @ aside, 3),
+        "swing knee": float(np.degrees(np.percentile(knees, 98))),  # Not the most, which capture noise exceeds.
+        "toe-off": _heel_pitch(walk),
+        # Peak to peak.
+        "pelvis yaw": _about_trend(np.degrees(np.unwrap(facing)), 2),
+        "shoulder yaw": _about_trend(np.degrees(np.unwrap(_yaw(joints, "shoulder"))), 2),
+        "trunk": _lean(joints, ahead),
+        "width cm": width,
+        "both feet %": double,
+        "arms cm": float(100 * np.ptp(np.sum(arm[:, [0, 2]] * ahead, -1))),  # Of a wrist ahead of its shoulder.
+        "slower toe cm/s": slower_toe(joints),
+        "jerk m/s3": joint_jerk(joints),
+    }
 
 
 def _heel_pitch(walk: Motion) -> float:
+    """Return the mean over the feet of the greatest heel pitch, degrees."""
     _, turns = forward_kinematics(walk.root, walk.rotations)
     down = -turns[:, [JOINT_INDEX["left_ankle"], JOINT_INDEX["right_ankle"]], 1, 2]
     return float(np.degrees(np.arcsin(down.max(0).clip(-1, 1))).mean())
@@ -220,6 +194,7 @@ def _yaw(joints: Array, pair: str) -> Array:
 
 
 def _lean(joints: Array, ahead: Array) -> float:
+    """Return the mean lean of the trunk to the front, degrees."""
     trunk = joints[:, JOINT_INDEX["neck"]] - joints[:, JOINT_INDEX["pelvis"]]
     return float(np.degrees(np.arctan2(np.sum(trunk[:, [0, 2]] * ahead, -1), trunk[:, 1])).mean())
 

@@ -13,7 +13,7 @@ from humanclaw.body import FPS, FUTURE, HISTORY, Array
 from humanclaw.motion import DiTGenerator
 from humanclaw.skills import MEASURES, HeadingCorrection, from_si, stage
 from humanclaw_train.data.chunks import canonical, stacked
-from humanclaw_train.eval.measures import Gait
+from humanclaw_train.eval.measures import SPEED, gait
 from humanclaw_train.eval.rollouts import Command, Subject, extend
 from humanclaw_train.eval.simulated import Actor
 from humanclaw_train.markdown import Row, table
@@ -113,11 +113,6 @@ SPEEDS: Final = (0.6, 1.0, 1.4, 1.6)
 SPANS: Final = {"calls 3 to 10": (2, 10), "calls 11 to 20": (10, 20)}
 """The first two calls start to walk."""
 _LAST: Final = 20
-_COLUMNS: Final = {
-    "cadence": "steps/s", "bob": "bob cm", "sway": "sway cm", "knee": "swing knee", "toe_off": "toe-off",
-    "pelvis": "pelvis yaw", "shoulders": "shoulder yaw", "trunk": "trunk", "width": "width cm",
-    "double": "both feet %", "arms": "arms cm", "toe": "slower toe cm/s", "jerk": "jerk m/s3",
-}  # fmt: skip
 _NEAR: Final = 0.15
 """Difference in speed, m/s, up to which a person walks at the speed of a generated walk."""
 _STRAIGHT: Final = 0.96
@@ -135,9 +130,9 @@ def gaits(subject: Subject) -> list[Row]:
         for kind, motions in _walks(subject, command, speed).items():
             for name, (start, stop) in SPANS.items():
                 parts = (motion[HISTORY + start * FUTURE : HISTORY + stop * FUTURE] for motion in motions)
-                measured = [gait for part in parts if (gait := Gait.of(part)) is not None]
+                measured = [walk for part in parts if (walk := gait(part)) is not None]
                 rows += _gait_rows(f"{length}, {name}{kind}", measured, {"": np.median})
-        same = [gait for gait in people if abs(gait.speed - speed) < _NEAR]
+        same = [walk for walk in people if abs(walk[SPEED] - speed) < _NEAR]
         rows += _gait_rows(
             f"{len(same)} clips of people at {speed:.1f} m/s", same, {", least": np.min, ", most": np.max}
         )
@@ -154,17 +149,15 @@ def _walks(subject: Subject, command: Command, speed: float) -> dict[str, list[M
     return made | {", half-physics": physical}
 
 
-def _gait_rows(name: str, gaits: Sequence[Gait], kinds: Mapping[str, Any]) -> list[Row]:
-    values = [[getattr(gait, key) for key in _COLUMNS] for gait in gaits]
-    columns = _COLUMNS.values()
+def _gait_rows(name: str, walks: Sequence[Mapping[str, float]], kinds: Mapping[str, Any]) -> list[Row]:
     return [
-        {"gait": name + kind} | dict(zip(columns, summary(values, 0).tolist(), strict=True))
+        {"gait": name + kind} | {heading: float(summary([walk[heading] for walk in walks])) for heading in walks[0]}
         for kind, summary in kinds.items()
-        if gaits
+        if walks
     ]
 
 
-def real_gaits(clips: Iterable[Clip], tag: str) -> list[Gait]:
+def real_gaits(clips: Iterable[Clip], tag: str) -> list[dict[str, float]]:
     """Measure the longest straight span of a tag in each clip, if it has two steps and lasts a second."""
     gaits_of_people = []
     for clip in clips:
@@ -172,9 +165,9 @@ def real_gaits(clips: Iterable[Clip], tag: str) -> list[Gait]:
         walk = clip.motion[spans[0][0] : spans[0][1] + 1] if spans else None
         # Curves and slow steps have another gait than the straight generated walks.
         if walk is not None and len(walk) > FPS and _straightness(walk) > _STRAIGHT:
-            gait = Gait.of(walk)
-            if gait is not None and gait.speed > SPEEDS[0] - _NEAR:
-                gaits_of_people.append(gait)
+            measured = gait(walk)
+            if measured is not None and measured[SPEED] > SPEEDS[0] - _NEAR:
+                gaits_of_people.append(measured)
     return gaits_of_people
 
 
