@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from humanclaw import Body, Motion
+from humanclaw import Body, Call, Motion
 from humanclaw.body import (
     FUTURE,
     HISTORY,
@@ -34,12 +34,11 @@ from humanclaw.body import (
     root_jerk,
 )
 from humanclaw.motion import DiTGenerator
-from humanclaw.skills import stage, stage_for, suited
+from humanclaw.skills import from_si, stage, stage_for, suited
 from humanclaw_train.data.chunks import Chunks, of_skill
 from humanclaw_train.eval import likeness, measures, walks
 from humanclaw_train.eval.measures import SEAM
 from humanclaw_train.eval.rollouts import CHUNKS_IN_A_ROW, Command, Subject, extend, others, roll
-from humanclaw_train.eval.simulated import called, joined
 from humanclaw_train.markdown import Row
 
 if TYPE_CHECKING:
@@ -49,10 +48,10 @@ if TYPE_CHECKING:
 _WALK: Final = ("hips.forward", 0.4)
 _SIDE: Final = ("hips.left", 0.2)
 _TURN: Final = ("heading.left", float(np.radians(37.5)))
-Call = tuple[str, float]
+Asked = tuple[str, float]
 """A measure and its amount, SI. The flat-ground skill that commands it and the fewest other measures executes it; its
 other parameters are 0."""
-SEQUENCES: Final[Mapping[str, tuple[tuple[Call, ...], float]]] = {
+SEQUENCES: Final[Mapping[str, tuple[tuple[Asked, ...], float]]] = {
     "forward walk": ((_WALK,) * 10, 5.2),
     "turn": ((_TURN,) * 10, 4.3),
     "walk, turn, walk": ((*[_WALK] * 4, *[_TURN] * 2, *[_WALK] * 4), 5.8),
@@ -90,7 +89,7 @@ def _by_measure(commands: Sequence[Command]) -> dict[str, Command]:
 
 
 def _sequence(
-    generator: DiTGenerator, known: Mapping[str, Command], calls: Sequence[Call], key: tuple[int, int]
+    generator: DiTGenerator, known: Mapping[str, Command], calls: Sequence[Asked], key: tuple[int, int]
 ) -> list[Motion]:
     random = np.random.default_rng(key)
     motions = [generator.start() for _ in range(_SEQUENCE_BODIES)]
@@ -205,7 +204,7 @@ def self_penetration(subject: Subject) -> list[Row]:
             parts = [
                 _played(subject.plugins, command, before, (subject.seed, body)) for body in range(subject.rollouts)
             ]
-            played = joined(parts)
+            played = _joined(parts)
             rows.append({"skill": command.skill, "motion": "played"} | overlaps(played.root, played.rotations))
     return rows
 
@@ -218,13 +217,24 @@ def _played(plugins: Plugins, command: Command, before: Sequence[Command], key: 
     with Body(scene, seed=index, plugins=plugins) as body:
         if before and index % 2 and len(scene.objects) == 1:
             other = before[index // 2 % len(before)]
-            _call(body, other, other.draw(1, random)[0])
-        return joined([_call(body, command, values) for _ in range(CHUNKS_IN_A_ROW)])
+            _called(body, other, other.draw(1, random)[0])
+        return _joined([_called(body, command, values) for _ in range(CHUNKS_IN_A_ROW)])
 
 
-def _call(body: Body, command: Command, values: Array) -> Motion:
-    asked = (parameter.measure for parameter in command.parameters)
-    return called(body, body.skills[command.skill], dict(zip(asked, values.tolist(), strict=True)))
+def _called(body: Body, command: Command, values: Array) -> Motion:
+    """Call a skill of a body as an agent would, with values (k,) in SI; returns the simulated motion."""
+    params = {
+        parameter.key: round(from_si(parameter.key, float(np.clip(value, parameter.low, parameter.high))))
+        for parameter, value in zip(command.parameters, values, strict=True)
+    }
+    skill = body.skills[command.skill]
+    return _joined([chunk.execution.simulated for chunk in body.execute(Call(skill.name, skill.check(params))).chunks])
+
+
+def _joined(motions: Sequence[Motion]) -> Motion:
+    """Return motions one after another."""
+    root, rotations = (np.concatenate([getattr(part, key) for part in motions]) for key in ("root", "rotations"))
+    return Motion(root, rotations)
 
 
 # -- transitions -------------------------------------------------------------------------------------------------------

@@ -8,16 +8,16 @@ the whole state.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Final
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from tqdm import tqdm
 
-from humanclaw import Body, Call, Motion, Scene, Skill, stand
+from humanclaw import Motion, Scene, stand
 from humanclaw.body import CHUNK, Array, Pose2D, next_history, re_rooted
 from humanclaw.motion import DiTGenerator
-from humanclaw.skills import from_si, stage, stage_for
+from humanclaw.skills import stage, stage_for
 from humanclaw_train.data.chunks import canonical, stacked
 from humanclaw_train.eval.rollouts import CHUNKS_IN_A_ROW, Command, Rollouts
 
@@ -94,23 +94,3 @@ def _commands(command: Command, random: np.random.Generator) -> Array:
     if command.declaration.climbs:
         return np.repeat(command.draw(1, random), CHUNKS_IN_A_ROW, 0)
     return command.draw(1 if command.declaration.role == "sit" else CHUNKS_IN_A_ROW, random)
-
-
-def called(body: Body, skill: Skill, asked: Mapping[str, float]) -> Motion:
-    """Call a skill of a body as an agent would; returns the simulated motion.
-
-    asked: SI, by measure; the middle of its range for a parameter that is not among them.
-    """
-    params: dict[str, Any] = {}
-    for parameter in skill.parameters:
-        low, high = parameter.low, parameter.high
-        value = np.clip(asked.get(parameter.measure, (low + high) / 2), low, high)
-        params[parameter.key] = round(from_si(parameter.key, float(value)))
-    chunks = body.execute(Call(skill.name, skill.check(params))).chunks
-    return joined([chunk.execution.simulated for chunk in chunks])
-
-
-def joined(motions: Sequence[Motion]) -> Motion:
-    """Return motions one after another."""
-    root, rotations = (np.concatenate([getattr(part, key) for part in motions]) for key in ("root", "rotations"))
-    return Motion(root, rotations)
