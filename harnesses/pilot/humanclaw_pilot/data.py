@@ -7,6 +7,7 @@ DAgger, Ross et al. 2011), labelled by the simulator.
 
 from __future__ import annotations
 
+import io
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 
 from humanclaw import Gym, Plugins, Scene, TaskError
 from humanclaw.body import Motion, Pose2D
+from humanclaw.storage import write_atomically
 from humanclaw.world import BODY_ID, GAZES, Camera, MultiFloorMap, View, WorldState, ego_camera
 from humanclaw_pilot.network import CATEGORIES, CELLS, CLASSES, halved
 
@@ -64,13 +66,12 @@ def example(view: View, scene: Scene, camera: Camera, floor: float) -> Example:
 
 def written(path: Path, examples: Sequence[Example]) -> None:
     """Write examples to a file, whole or not at all."""
-    part = path.with_suffix(".part")
-    with part.open("wb") as file:
-        columns: dict[str, Any] = {
-            name: np.stack([getattr(example, name) for example in examples]) for name in vars(examples[0])
-        }
-        np.savez(file, **columns)
-    part.replace(path)
+    columns: dict[str, Any] = {
+        name: np.stack([getattr(example, name) for example in examples]) for name in vars(examples[0])
+    }
+    content = io.BytesIO()
+    np.savez(content, **columns)
+    write_atomically(path, content.getvalue())
 
 
 # -- rollouts ----------------------------------------------------------------------------------------------------------

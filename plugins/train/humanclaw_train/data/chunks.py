@@ -6,7 +6,7 @@ achieves. Needs only numpy.
 
 from __future__ import annotations
 
-import os
+import io
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
@@ -30,6 +30,7 @@ from humanclaw.body import (
     yaw_matrix,
 )
 from humanclaw.skills import MEASURES, Measure, Parameter, outcomes
+from humanclaw.storage import write_atomically
 from humanclaw_train.mocap.source_motion import UNREADABLE, MocapError
 
 CHUNKS: Final = Path(".data/chunks")
@@ -123,7 +124,7 @@ class Chunks:
         return replace(every[0], **whole)
 
     @classmethod
-    def load(cls, path: str | Path) -> Chunks:
+    def load(cls, path: Path) -> Chunks:
         """Read a file that `save` wrote. Raises MocapError if it is missing or has other content."""
         try:
             with np.load(path, allow_pickle=False) as data:
@@ -158,15 +159,12 @@ class Chunks:
                 params[:, column] = known[measure](root.astype(float), rotations.astype(float))
         return replace(self, root=root, rotations=rotations, params=params, real=np.zeros_like(self.real))
 
-    def save(self, path: str | Path) -> None:
+    def save(self, path: Path) -> None:
         """Write one npz. An interrupted save leaves the old file in place."""
-        path = Path(path)
         path.parent.mkdir(parents=True, exist_ok=True)
-        # Renaming is atomic, so a reader never sees half a file.
-        part = path.with_name(f"{path.name}.part")
-        with part.open("wb") as file:
-            np.savez_compressed(file, **{part.name: getattr(self, part.name) for part in fields(self)})
-        os.replace(part, path)
+        content = io.BytesIO()
+        np.savez_compressed(content, **{part.name: getattr(self, part.name) for part in fields(self)})
+        write_atomically(path, content.getvalue())
 
 
 _EACH: Final = ("root", "rotations", "params", "real", "source")
