@@ -50,7 +50,6 @@ from humanclaw.motion import (
     AdapterConfig,
     Card,
     Encoder,
-    Solver,
     read_header,
     shipped_base,
     velocity,
@@ -190,20 +189,14 @@ class Model(nn.Module):
 
     def generate(self, history: Tensor, values: Tensor, noise: Tensor) -> Tensor:
         """Return the futures (B, 15, 219) of states (B, 5, 219) in metres and radians, by the default solver."""
-        normal = self.solve(self.normaliser.forward(history), values, noise, PROFILES["default"])
-        future: Tensor = self.normaliser.inverse(normal)
-        return future
-
-    def solve(self, history: Tensor, values: Tensor, noise: Tensor, solver: Solver) -> Tensor:
-        """Return the futures (B, 15, 219) that continue histories (B, 5, 219), all normalised. values: (B, k), SI."""
-        condition = self.encode(values)
+        normal, condition, solver = self.normaliser.forward(history), self.encode(values), PROFILES["default"]
 
         def field(index: int, noisy: Tensor) -> Tensor:
             tau = torch.full((len(noisy),), solver.times[index], device=noisy.device)
-            answer: Tensor = velocity(self.prediction, self(history, noisy, tau, condition), noisy, tau[:, None, None])
+            answer: Tensor = velocity(self.prediction, self(normal, noisy, tau, condition), noisy, tau[:, None, None])
             return answer
 
-        future: Tensor = solver.solve(field, noise)
+        future: Tensor = self.normaliser.inverse(solver.solve(field, noise))
         return future
 
 

@@ -8,31 +8,55 @@ from pathlib import Path
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from torch import Tensor
 
-from humanclaw.motion import DiTGenerator, MotionGenerator, Reread, Solver, shipped_base
+from humanclaw.motion import DiTGenerator, MotionGenerator, Reread, Solver, shipped_base, velocity
 from humanclaw_train.model.checkpoint import load_adapter, load_base
-from humanclaw_train.train import Model
+from humanclaw_train.model.control import Adapter
+from humanclaw_train.model.dit import Modulations
 
 Array = NDArray[np.float32]
+Branch = tuple[Adapter, Tensor]
+"""A skill's adapter, and its modulations (layers, 6, B, 1, hidden) at the solver's times."""
 
 
 class TorchRuntime:
     """Runs a base on a torch device, in single precision (humanclaw.motion.Runtime)."""
 
     def __init__(self, prior: Path, solver: Solver, device: torch.device) -> None:
-        base = load_base(prior).to(device)
-        self._solver, self._device, self._alone = solver, device, Model(base)
-        self._controlled = Reread(lambda path: Model(base, load_adapter(path, base).to(device)))
+        self._base, self._solver, self._device = load_base(prior), solver, device
+        self._base.model.to(device)
+        self._times = torch.tensor(solver.times, device=device)
+        self._branch = Reread(self._read)
+        with torch.inference_mode():
+            self._modulations = self._base.model.modulations(self._times)
+
+    def _read(self, path: Path) -> Branch:
+        adapter = load_adapter(path, self._base).to(self._device)
+        return adapter, adapter.modulations(self._base.model, self._times)
 
     @torch.inference_mode()
     def solve(self, history: Array, noise: Array, adapter: Path | None, values: Sequence[Mapping[str, float]]) -> Array:
         """Return the futures that continue histories (Runtime.solve)."""
-        model = self._controlled(adapter) if adapter is not None else self._alone
-        none = np.zeros((len(values), 0), np.float32)
-        conditions = model.adapter.config.conditions(values) if model.adapter else none
-        clean, given, noisy = (torch.from_numpy(part).to(self._device) for part in (history, conditions, noise))
-        future: Array = model.solve(clean, given, noisy, self._solver).numpy(force=True)
-        return future
+        branch = self._branch(adapter) if adapter is not None else None
+        condition = self._condition(branch[0], values) if branch else None
+        clean, model = torch.from_numpy(history).to(self._device), self._base.model
+
+        def field(index: int, noisy: Tensor) -> Tensor:
+            step = slice(index, index + 1)
+            at = Modulations(self._modulations.blocks[:, :, step], self._modulations.final[:, step])
+            residual = None
+            if branch is not None and condition is not None:
+                residual = branch[0].residual(condition, branch[1][:, :, step])
+            output = model(clean, noisy, at, residual)
+            answer: Tensor = velocity(model.config.prediction, output, noisy, self._times[step])
+            return answer
+
+        future: Tensor = self._solver.solve(field, torch.from_numpy(noise).to(self._device))
+        return future.numpy(force=True)
+
+    def _condition(self, adapter: Adapter, values: Sequence[Mapping[str, float]]) -> Tensor:
+        return adapter.condition(torch.from_numpy(adapter.config.conditions(values)).to(self._device))
 
 
 def torch_generator(profile: str = "default", prior: Path | None = None, device: str = "") -> MotionGenerator:
