@@ -66,10 +66,8 @@ def example(view: View, scene: Scene, camera: Camera, floor: float) -> Example:
 
 def written(path: Path, examples: Sequence[Example]) -> None:
     """Write examples to a file, whole or not at all."""
-    columns: dict[str, Any] = {
-        name: np.stack([getattr(example, name) for example in examples]) for name in vars(examples[0])
-    }
-    content = io.BytesIO()
+    content, names = io.BytesIO(), vars(examples[0])
+    columns: dict[str, Any] = {name: np.stack([getattr(example, name) for example in examples]) for name in names}
     np.savez(content, **columns)
     write_atomically(path, content.getvalue())
 

@@ -15,6 +15,7 @@ from humanclaw import Backends, Body, Call, HumanclawError, Motion, Renderer, Sc
 from humanclaw.body import FUTURE, HISTORY, Array
 from humanclaw.motion import DiTGenerator
 from humanclaw.skills import Role, stage, stage_for, suited
+from humanclaw.storage import save_picture
 from humanclaw.world import Camera, SceneBuilder, WorldState, together
 
 if TYPE_CHECKING:
@@ -84,12 +85,8 @@ def figure(plugins: Plugins, name: str, seed: int, renderer: str, out: Path) -> 
         rows = [[np.asarray(panel.drawn(drawing)) for panel in row] for row in FIGURES[name](plugins, seed)]
     finally:
         drawing.close()
-    try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        Image.fromarray(np.concatenate([np.concatenate(row, axis=1) for row in rows])).save(out, quality=80)
-    except (OSError, ValueError) as error:
-        raise HumanclawError(f"cannot write {out}: {error}.", "Name a PNG or JPEG file with --out.") from error
-    return out
+    out.parent.mkdir(parents=True, exist_ok=True)
+    return save_picture(Image.fromarray(np.concatenate([np.concatenate(row, axis=1) for row in rows])), out)
 
 
 # -- motion ------------------------------------------------------------------------------------------------------------
