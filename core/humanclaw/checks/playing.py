@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from types import SimpleNamespace
 from typing import Any, Final
 
 import numpy as np
 
 from humanclaw.body.pose import FUTURE, rest_pose
-from humanclaw.checks.bounded import Bounded
+from humanclaw.checks.bounded import bounded
 from humanclaw.checks.fakes import FAKE, Fakes, fake_body, fake_scene
 from humanclaw.episodes.backends import Backends
 from humanclaw.episodes.embodiment import Body
@@ -39,13 +40,12 @@ class Bench:
     engines: Sequence[str] | None
     samples: int
     seed: int
-    ask: Bounded
-    """Plans a call with a timeout."""
-    play: Bounded
-    """Plays a call with a timeout."""
+    patience: float
+    """Seconds that planning a call may take."""
+    playing: float
+    """Seconds that playing a call may take."""
 
 
-# -- playing it --------------------------------------------------------------------------------------------------------
 def played_faults(
     skill: Skill, calls: Sequence[dict[str, Any]], bench: Bench
 ) -> tuple[tuple[ContractError, ...], tuple[str, ...], tuple[str, ...]]:
@@ -68,11 +68,11 @@ def _on_fake(skill: Skill, calls: Sequence[dict[str, Any]], bench: Bench) -> Fau
         for params in calls:
             call = Call(skill.name, skill.check(params))
             try:
-                once, again = (bench.play(partial(_afresh, body, call, bench.seed)) for _ in range(2))
+                once, again = (bounded(bench.playing, partial(_afresh, body, call, bench.seed)) for _ in range(2))
             except (Exception, SystemExit) as error:
                 message = f"{call} raises {in_words(error)}."
                 yield ContractError("body-plays", message, "Mend its motion.")
-                continue
+                return
             if any(len(chunk.commanded) != FUTURE for chunk in once.chunks) or not _is_finite(once):
                 yield ContractError(
                     "body-plays", f"the motion of {call} is not a whole number of chunks.", "Mend its motion."
@@ -106,36 +106,24 @@ def _same(one: SkillExecution, other: SkillExecution) -> bool:
 
 def _on_engine(name: str, skill: Skill, calls: Sequence[dict[str, Any]], bench: Bench) -> Faults:
     """Play every call from standing on a floor. Raises HumanclawError if the engine cannot be had."""
-    host = _host(name, skill, bench)
     moves = any(isinstance(part, Control) for params in calls for part in _parts(skill, params))
     backends = Backends(name, FAKE, "dit" if moves else FAKE)
+    doing = ""
     try:
-        body = Body(
-            fake_scene(), plugins=host, backends=backends
-        )  # Standing still first: the engine has moved the body into its stance.
-    except HumanclawError:
-        raise
-    except Exception as error:
-        message = f"standing on {name} raises {in_words(error)}."
-        yield ContractError("engine-plays", message, "Mend the engine, or name others with --engine.")
-        return
-    with body:
-        yield from _engine_faults(body, skill, calls, bench)
-
-
-def _engine_faults(body: Body, skill: Skill, calls: Sequence[dict[str, Any]], bench: Bench) -> Faults:
-    name = body.backends.simulator
-    for params in calls:
-        call = Call(skill.name, skill.check(params))
-        try:
-            done = bench.play(partial(_afresh, body, call, bench.seed))
-        except (Exception, SystemExit) as error:
-            yield ContractError("engine-plays", f"{call} on {name} raises {in_words(error)}.", "Mend its motion.")
-            return
-        end = done.chunks[-1].execution.simulated.root[-1]
-        if not _is_finite(done) or np.abs(end).max() > _FAR:
-            message = f"{call} on {name} ends at {np.round(end, 2).tolist()}."
-            yield ContractError("engine-finite", message, "Mend its motion.")
+        # A new body stands first: the engine has moved it into its stance.
+        with Body(fake_scene(), plugins=_host(name, skill, bench), backends=backends) as body:
+            for params in calls:
+                doing = str(call := Call(skill.name, skill.check(params)))
+                done = bounded(bench.playing, partial(_afresh, body, call, bench.seed))
+                end = done.chunks[-1].execution.simulated.root[-1]
+                if not _is_finite(done) or np.abs(end).max() > _FAR:
+                    message = f"{doing} on {name} ends at {np.round(end, 2).tolist()}."
+                    yield ContractError("engine-finite", message, "Mend its motion.")
+    except (Exception, SystemExit) as error:
+        if not doing and isinstance(error, HumanclawError):
+            raise
+        message = f"{doing or 'standing'} on {name} raises {in_words(error)}."
+        yield ContractError("engine-plays", message, "Mend its motion, or name other engines with --engine.")
 
 
 def _parts(skill: Skill, params: Mapping[str, Any]) -> tuple[Part, ...]:
@@ -149,15 +137,14 @@ def _host(engine: str, skill: Skill, bench: Bench) -> Plugins:
     for kind, name in (("simulators", engine), ("motion_generators", "dit")):
         for one in bench.plugins.registered(kind):
             if one.name == name:
-                host.add(_Borrowed(kind, name, one.value), f"{FAKE}-{kind}")
+                host.add(_borrowed(kind, name, one.value), f"{FAKE}-{kind}")
     return host
 
 
-class _Borrowed:
-    """A plugin that registers one factory of another host."""
+def _borrowed(kind: str, name: str, factory: Callable[..., Any]) -> object:
+    """Return a plugin that registers one factory of another host."""
 
-    def __init__(self, kind: str, name: str, factory: Callable[..., Any]) -> None:
-        def borrow(register: Callable[..., None]) -> None:
-            register(name, factory)
+    def borrow(register: Callable[..., None]) -> None:
+        register(name, factory)
 
-        setattr(self, f"humanclaw_{kind}", hookimpl(borrow))
+    return SimpleNamespace(**{f"humanclaw_{kind}": hookimpl(borrow)})

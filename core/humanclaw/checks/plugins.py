@@ -16,7 +16,7 @@ import numpy as np
 
 from humanclaw.body.pose import FUTURE, HISTORY, Array, Motion, mirrored, rest_pose
 from humanclaw.body.skeleton import JOINT_INDEX
-from humanclaw.checks.bounded import Bounded, OverdueError
+from humanclaw.checks.bounded import OverdueError, bounded
 from humanclaw.checks.fakes import ScriptedAgent, fake_body, fake_scene
 from humanclaw.checks.motions import gait
 from humanclaw.checks.skills import Report
@@ -220,7 +220,7 @@ def check_plugin(owner: str, plugin: object, plugins: Plugins) -> list[Report]:
 def _item(kind: str, one: Registration, plugins: Plugins) -> Report:
     what, use = f"{noun(kind)} {one.name}", CHECKED.get(kind) or plugins.use(kind) or _other
     try:
-        Bounded(PATIENCE)(lambda: use(one.value, plugins))
+        bounded(PATIENCE, lambda: use(one.value, plugins))
     except ProviderError as error:
         return Report(what, (), notes=(f"not asked: {error}",))
     except OverdueError as error:

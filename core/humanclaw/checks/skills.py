@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from humanclaw.body.pose import HISTORY, Motion, rest_pose
-from humanclaw.checks.bounded import Bounded
+from humanclaw.checks.bounded import bounded
 from humanclaw.checks.following import followed, following_faults, weight_faults
 from humanclaw.checks.playing import Bench, Faults, played_faults
 from humanclaw.checks.quality import motion_faults, moves
@@ -95,7 +95,7 @@ def examine(
     """
     if plugins is None:
         plugins = Plugins() if engines == () else Plugins.discover()
-    bench = Bench(plugins, measures, engines, samples, seed, Bounded(patience), Bounded(playing))
+    bench = Bench(plugins, measures, engines, samples, seed, patience, playing)
     if isinstance(skill, Skill):
         return _examined(skill, bench, ())
     draft, unreadable = read_draft(skill)
@@ -160,6 +160,8 @@ def _plan_faults(skill: Skill, calls: Sequence[dict[str, Any]], bench: Bench) ->
     for params in calls:
         for fault in _call_faults(skill, params, bench):
             faults.setdefault(fault.check, fault)
+        if faults.keys() & {"plan-runs", "body-plays"}:
+            break  # One call that never returns is waited for, not each of them.
     yield from faults.values()
     if not faults and skill.schema.get("properties"):
         yield from _idle_faults(skill, calls)
@@ -198,7 +200,7 @@ def _call_faults(skill: Skill, params: Mapping[str, Any], bench: Bench) -> Fault
         return skill.planned(checked, ProprioceptiveState.of(pose)) if skill.feels else plan
 
     try:
-        plan, again = (bench.ask(lambda: skill.planned(checked, feeling)) for _ in range(2))
+        plan, again = (bounded(bench.patience, lambda: skill.planned(checked, feeling)) for _ in range(2))
     except MotionError as error:
         yield ContractError(error.check, f"{call}: {error}.", _REMEDIES.get(error.check, "Mend the keyframes."))
         return
@@ -214,7 +216,7 @@ def _call_faults(skill: Skill, params: Mapping[str, Any], bench: Bench) -> Fault
         if isinstance(part, Control) and part.adapter != skill.adapter:
             yield from _control_faults(part, call, bench)
     try:
-        yield from bench.play(lambda: tuple(motion_faults(from_pose, call)))
+        yield from bounded(bench.playing, lambda: tuple(motion_faults(from_pose, call)))
     except (Exception, SystemExit) as error:
         yield ContractError("body-plays", f"{call} raises {in_words(error)}.", "Plan for every pose of the body.")
 

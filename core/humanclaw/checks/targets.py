@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
-from humanclaw.checks.bounded import Bounded, OverdueError
+from humanclaw.checks.bounded import OverdueError, bounded
 from humanclaw.checks.plugins import check_plugin
 from humanclaw.checks.skills import Report, examine
 from humanclaw.errors import ContractError, PluginError
@@ -50,7 +50,7 @@ def _of_module(target: str, path: Path, plugins: Plugins, loading: float, option
     owner = next((info.name for info in host.infos if not info.error and _is_at(info.name, path, host)), path.stem)
     if owner not in {info.name for info in host.infos}:
         try:
-            Bounded(loading)(lambda: host.add(load_file(path), owner, origin=str(path)))
+            bounded(loading, lambda: host.add(load_file(path), owner, origin=str(path)))
         except OverdueError as error:
             slow = ContractError("loads", f"plugin file {path}: {error}.", "Move slow work out of the import.")
             return [Report(target, (slow,))]
