@@ -15,14 +15,13 @@ from click.testing import CliRunner
 from declared import change_adapter, change_schema, folder_of
 from pydantic import Field
 
-from humanclaw import Call, Check, Control, Gaze, Keyframes, Motion, Plugins, Reach, hookimpl, run_episode, skill
+from humanclaw import Call, Control, Gaze, Keyframes, Motion, Plugins, Reach, hookimpl, skill
 from humanclaw.checks.fakes import Fakes
 from humanclaw.cli import build
 from humanclaw.errors import CallError
-from humanclaw.records import free_episode
 from humanclaw.skills import Skill
 from humanclaw.skills.checks import CHECKS
-from humanclaw.testing import FakeModel, FakeWorld, check_skill, check_target, examine, fake_body
+from humanclaw.testing import FakeWorld, check_skill, check_target, examine, fake_body
 
 NOD = Keyframes.cycle("head", axis="x", degrees=20, seconds=0.5)
 WALK = folder_of("walk") / "adapter.safetensors"
@@ -575,15 +574,6 @@ def test_a_disabled_skill_can_be_checked_by_its_name(tmp_path):
 
 
 # -- the fakes ---------------------------------------------------------------------------------------------------------
-def test_a_fake_model_plays_an_episode_of_any_skills_in_a_fake_world():
-    stop = Skill(
-        "halt", "Stop.", planned(None).schema, lambda params: NOD, (Check("here", "Is it here?"),), None, "stop"
-    )
-    with fake_body(choosing, gradual, stop) as body:
-        record = run_episode(body, free_episode("anything", body.scene), FakeModel(calls=4))
-    assert (record.outcome, record.steps) == ("stopped", 5)
-
-
 def test_a_fake_generator_goes_where_it_is_told(plugins):
     with fake_body(plugins.skill("walk")) as body:
         body.execute(Call("walk", {"x_cm": 0, "z_cm": 40, "yaw_deg": 90}))

@@ -1,9 +1,7 @@
-import gc
 import hashlib
 import os
 import subprocess
 import sys
-from weakref import WeakSet
 
 import numpy as np
 import pytest
@@ -15,7 +13,7 @@ from humanclaw.errors import CheckpointError, HumanclawError
 from humanclaw.motion.control import AdapterConfig
 from humanclaw.motion.flow import Solver
 from humanclaw.motion.generator import DiTGenerator
-from humanclaw.motion.runtime import Reread
+from humanclaw.motion.runtime import reread
 
 AHEAD = {"x": 0.0, "z": 0.4, "yaw": 0.0}
 TURNING = {"x": 0.0, "z": 0.1, "yaw": 0.3}
@@ -133,31 +131,13 @@ def test_files_are_read_again_when_they_change(tmp_path):
     files = [tmp_path / str(number) for number in range(6)]
     for file in files:
         file.write_text("")
-    reread = Reread(lambda path: read.append(path.name))
+    kept = reread(lambda path: read.append(path.name))
     for file in (files[0], files[0], *files[1:5], files[0], files[5], files[0], files[1]):
-        reread(file)
+        kept(file)
     assert read == [*"012345", "1"], "the one that was used longest ago is read again"
     os.utime(files[0], ns=(0, 0))
-    reread(files[0])
+    kept(files[0])
     assert read[-1] == "0"
-
-
-def test_no_file_is_held_beyond_the_number_that_is_kept(tmp_path):
-    held: WeakSet[object] = WeakSet()
-    most: list[int] = []
-
-    def read(path):
-        gc.collect()
-        most.append(1 + len(held))
-        found = frozenset([path])
-        held.add(found)
-        return found
-
-    reread = Reread(read)
-    for number in range(8):
-        (tmp_path / str(number)).touch()
-        reread(tmp_path / str(number))
-    assert max(most) == 5
 
 
 def test_the_velocity_of_the_first_frame_is_that_of_the_second():

@@ -1,4 +1,4 @@
-"""Fake world, motion generator and model, for tests of skills, agents and observers in milliseconds.
+"""Fake world, motion generator and agent, for tests of skills, agents and observers in milliseconds.
 
 with fake_body(nod) as body:
     body.call("nod", times=2)
@@ -7,7 +7,7 @@ with fake_body(nod) as body:
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
@@ -15,7 +15,6 @@ import numpy as np
 
 from humanclaw.body.pose import FPS, FUTURE, HISTORY, Motion, Pose2D, rest_pose, smoothstep
 from humanclaw.body.skeleton import Side
-from humanclaw.checks.sampling import legal_calls
 from humanclaw.episodes.backends import Backends
 from humanclaw.episodes.embodiment import Body
 from humanclaw.errors import ProviderError
@@ -92,27 +91,6 @@ class FakeGenerator:
         rotations = np.repeat(pose.rotations, FUTURE, 0)
         rotations[:, 0] += share * [0.0, values.get("yaw", 0.0), 0.0]
         return Pose2D.of_history(history).to_world(Motion(pose.root + way, rotations))
-
-
-@dataclass
-class FakeModel:
-    """An agent that makes random legal calls: `calls` of them, then a stop if a skill has that role."""
-
-    calls: int = 3
-    name: str = FAKE
-    privileged: bool = False
-    _script: list[Call] = field(default_factory=list, repr=False)
-
-    def begin(self, context: EpisodeContext) -> None:
-        random = np.random.default_rng(context.seed)
-        moving = [skill for skill in context.skills.values() if skill.role != "stop" and skill.trained]
-        stops = [Call(name) for name, skill in context.skills.items() if skill.role == "stop"]
-        chosen = [moving[k] for k in random.integers(len(moving), size=self.calls)] if moving else []
-        drawn = [Call(one.name, legal_calls(one, 1, int(random.integers(2**31)))[-1]) for one in chosen]
-        self._script = [*drawn, *stops[:1]]
-
-    def decide(self, observation: Observation, history: Sequence[HistoryEntry]) -> Decision:
-        return Decision((self._script[len(history) % len(self._script)],)) if self._script else Decision()
 
 
 Line = Decision | Call | Exception

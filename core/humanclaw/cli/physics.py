@@ -8,7 +8,7 @@ from dataclasses import asdict
 from typing import Final
 
 import click
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from humanclaw.cli.options import SIMULATOR_HELP, seed_option
 from humanclaw.cli.tables import show_markdown
@@ -25,7 +25,12 @@ _CHECKS: Final = (
 def _bar() -> Progress:
     """Return a progress bar on stderr, so that stdout holds the table alone."""
     console = Console(stderr=True)
-    columns = (TextColumn("{task.description}"), BarColumn(30), MofNCompleteColumn(), TimeRemainingColumn())
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(30),
+        TextColumn("{task.completed} cases"),
+        TimeElapsedColumn(),
+    )
     return Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
 
 
@@ -47,15 +52,17 @@ def physics(
     CHECKS: names of the checks to run; by default all.
     """
     from humanclaw.testing.fixture import Fixture
-    from humanclaw.testing.laws import CHECKS, table, ticks
+    from humanclaw.testing.laws import CHECKS, table
 
-    fixture = Fixture.of(simulator, profile, samples=samples, chunks=chunks, seed=seed)
-    names, findings = checks or _CHECKS, []
+    findings = []
     with _bar() as bar:
-        task = bar.add_task("", total=ticks(fixture, names))
-        for name in names:
-            bar.update(task, description=name)
-            findings += list(CHECKS[name](fixture, lambda: bar.advance(task)))
+        task = bar.add_task("", total=None)
+        fixture = Fixture.of(
+            simulator, profile, samples=samples, chunks=chunks, seed=seed, progress=lambda: bar.advance(task)
+        )
+        for name in checks or _CHECKS:
+            bar.reset(task, description=name)
+            findings += list(CHECKS[name](fixture))
     rows = [asdict(finding) | {"holds": finding.holds} for finding in findings]
     if as_json:
         click.echo(json.dumps(rows, indent=2, ensure_ascii=False))

@@ -54,7 +54,7 @@ if TYPE_CHECKING:
         apart as apart,
         widened as widened,
     )
-    from humanclaw.motion.runtime import NumpyRuntime as NumpyRuntime, Reread as Reread, Runtime as Runtime
+    from humanclaw.motion.runtime import NumpyRuntime as NumpyRuntime, Runtime as Runtime, reread as reread
 
 if not TYPE_CHECKING:
     __getattr__, __dir__, __all__ = lazy_exports(__name__)

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
+from functools import lru_cache, partial
 from pathlib import Path
-from typing import Final, Generic, Protocol, TypeVar
+from typing import Final, Protocol, TypeVar
 
 import numpy as np
 from threadpoolctl import ThreadpoolController
@@ -35,20 +35,14 @@ _KEPT: Final = 5
 """Adapters that are held, 8 MB each. The oracle asks for another in 14 of 1,757 steps, and reading one takes 16 ms."""
 
 
-class Reread(Generic[T]):
-    """Read files by a function: on first use, again when a file has changed, and after _KEPT others were used."""
+def reread(read: Callable[[Path], T]) -> Callable[[Path], T]:
+    """Return a function that reads files: on first use, again when a file has changed, and after _KEPT others."""
 
-    def __init__(self, read: Callable[[Path], T]) -> None:
-        self._read, self._held = read, dict[tuple[Path, tuple[int, ...]], T]()
+    @lru_cache(maxsize=_KEPT)
+    def kept(path: Path, state: tuple[int, ...]) -> T:
+        return read(path)
 
-    def __call__(self, path: Path) -> T:
-        """Return what the file holds."""
-        key = path, state_of(path.stat() if path.exists() else None)
-        if key not in self._held and len(self._held) == _KEPT:
-            # Before the next one is read: lru_cache would hold both meanwhile.
-            del self._held[next(iter(self._held))]
-        self._held[key] = self._held.pop(key) if key in self._held else self._read(path)
-        return self._held[key]
+    return lambda path: kept(path, state_of(path.stat() if path.exists() else None))
 
 
 class NumpyRuntime:
@@ -57,7 +51,7 @@ class NumpyRuntime:
     def __init__(self, base: Base, solver: Solver) -> None:
         self._base, self._solver = base, solver
         times = np.array(solver.times, np.float32)
-        self._controlled = Reread(lambda path: Controlled(base.model, load_adapter(path, base), times))
+        self._controlled = reread(lambda path: Controlled(base.model, load_adapter(path, base), times))
         # Twenty tokens are too few for two threads: a second one gains nothing, and on a busy machine waiting for it
         # costs seconds. One thread also keeps the order of sums, and so the motion, whatever the number of cores.
         self._one_thread = partial(ThreadpoolController().limit, limits=1, user_api="blas")

@@ -7,7 +7,6 @@ from humanclaw.lazy_exports import lazy_exports
 if TYPE_CHECKING:
     from humanclaw.checks.fakes import (
         FakeGenerator as FakeGenerator,
-        FakeModel as FakeModel,
         FakeRenderer as FakeRenderer,
         FakeWorld as FakeWorld,
         ScriptedAgent as ScriptedAgent,

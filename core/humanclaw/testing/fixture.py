@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Final, TypeVar
+from typing import Any, Final, TypeVar
 
 import numpy as np
 
@@ -27,7 +27,6 @@ GRAVITY: Final = 9.81
 T = TypeVar("T")
 Command = Mapping[str, float]
 """Command of one chunk: value by measure, metres or radians."""
-Tick = Callable[[], object]
 FORWARD, TURN, RISE, DROP, HEIGHT = "hips.forward", "heading.left", "hips.rise", "hips.drop", "hips.height"
 
 
@@ -59,19 +58,23 @@ class Fixture:
     chunks: int = 10_000
     seed: int = 0
     plugins: Plugins = field(default_factory=Plugins.discover)
+    progress: Callable[[], object] = lambda: None
+    """Called after each case of a check."""
 
     def __post_init__(self) -> None:
         self._generator: MotionGenerator = self.plugins.make("motion_generators", "dit")
 
     @classmethod
-    def of(cls, simulator: str, profile: str = "default", **numbers: int) -> Fixture:
-        """Return a fixture for an installed simulator; empty means the default. Raises HumanclawError for unknown
-        names."""
+    def of(cls, simulator: str, profile: str = "default", **others: Any) -> Fixture:
+        """Return a fixture for an installed simulator; empty means the default. others: fields of a fixture.
+
+        Raises HumanclawError for unknown names.
+        """
         plugins = Plugins.discover()
         simulator = simulator or default_simulator(plugins)
         return cls(
             lambda chosen: plugins.make("simulators", simulator, profile=chosen),
-            find_profile(profile), plugins=plugins, **numbers,
+            find_profile(profile), plugins=plugins, **others,
         )  # fmt: skip
 
     def simulator(self) -> Simulator:
@@ -108,6 +111,7 @@ class Fixture:
             playing = Playing(mover, skill, [plan], (self.seed, number))
             chunks += [mover.simulate(motion, plan) for _, motion, _ in playing.chunks()]
         simulator.close()
+        self.progress()
         return Played(began, tuple(chunks))
 
     def imagine(self, commands: Sequence[Command]) -> Motion:

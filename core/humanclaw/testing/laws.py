@@ -14,8 +14,8 @@ import numpy as np
 
 from humanclaw.body.limits import shoe_heights
 from humanclaw.body.pose import FPS, FUTURE, HISTORY, Array, Motion, forward_kinematics, matrix_from_vector, rest_pose
-from humanclaw.testing.fixture import DROP, FORWARD, GRAVITY, HEIGHT, RISE, Command, Finding, Fixture, Tick, walk
-from humanclaw.testing.object_laws import CHAIRS, GAPS, LOADS, MASSES, boxes, chair, door, hinges, lids, slides
+from humanclaw.testing.fixture import DROP, FORWARD, GRAVITY, HEIGHT, RISE, Command, Finding, Fixture, walk
+from humanclaw.testing.object_laws import boxes, chair, door, hinges, lids, slides
 from humanclaw.world.scene import Scene
 from humanclaw.world.scene_builder import SceneBuilder
 from humanclaw.world.simulator import Execution
@@ -31,7 +31,7 @@ REACHED: Final = 0.5
 
 
 # -- the checks --------------------------------------------------------------------------------------------------------
-def free_space(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
+def free_space(fixture: Fixture) -> Iterator[Finding]:
     """Check a walk of a falling body that touches nothing.
 
     Heights are not commanded, so they are compared relative to the root.
@@ -54,10 +54,9 @@ def free_space(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
     yield Finding("free space", "mean joint error", 1000 * float(error.mean()), "mm", high=1.0)
     yield Finding("free space", "largest joint error", 1000 * float(error.max()), "mm", high=10.0)
     yield Finding("free space", "contacts meanwhile", len(touching), "", high=0)
-    tick()
 
 
-def walls(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
+def walls(fixture: Fixture) -> Iterator[Finding]:
     """Check two seconds of walking into walls of random distance, angle and thickness."""
     rng = np.random.default_rng([fixture.seed, 1])
     depths, beyond, imagined = [np.zeros(1)], 0, 0
@@ -72,7 +71,6 @@ def walls(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
         depths.append(played.depths(wall))
         beyond += bool(((played.simulated.root - [0, 0, distance]) @ normal).max() > 0)
         imagined += bool((fixture.imagine(commands).root[-1] - [0, 0, distance]) @ normal > thickness)
-        tick()
     depth = 100 * np.concatenate(depths)
     share = 100 / fixture.samples
     yield Finding("a wall blocks", f"deepest contact of {fixture.samples} walls", float(depth.max()), "cm", high=1.0)
@@ -80,7 +78,7 @@ def walls(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
     yield Finding("a wall blocks", "pure kinematics behind it", share * imagined, "%", low=100)
 
 
-def ledge(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
+def ledge(fixture: Fixture) -> Iterator[Finding]:
     """Check a step over the edge of a platform, and the free fall."""
     builder = SceneBuilder()
     builder.box("floor", (2, 12, 1.6), (0, -12, 0))
@@ -91,10 +89,9 @@ def ledge(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
     begun = max(touching) + 2
     fall = np.diff(played.simulated.root[begun : begun + FUTURE, 1], 2).mean() * FPS**2
     yield Finding("a step into the air falls", "acceleration", -float(fall), "m/s2", 0.98 * GRAVITY, 1.02 * GRAVITY)
-    tick()
 
 
-def stairs(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
+def stairs(fixture: Fixture) -> Iterator[Finding]:
     """Check six stairs up and down, begun one tread before the first riser and half a foot before the first edge."""
     for change, check in ((RISE, "stairs carry up"), (DROP, "stairs carry down")):
         heights, advances = [], []
@@ -107,14 +104,13 @@ def stairs(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
             )
             heights.append(abs(played.simulated.root[-1, 1] - played.began.body.root[-1, 1]) / (STEPS * rise))
             advances.append(played.achieved()[2])
-            tick()
         worst = int(np.argmax(np.abs(np.array(advances) - 1)))
         what = f"{100 * min(RISES):.0f} to {100 * max(RISES):.0f} cm"
         yield Finding(check, f"least height of the flight reached, {what}", 100 * min(heights), "%", 95, 105)
         yield Finding(check, "forward travel, worst simulated/commanded", 100 * advances[worst], "%", 95, 105)
 
 
-def seats(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
+def seats(fixture: Fixture) -> Iterator[Finding]:
     """Check sitting down on benches of 36 to 65 cm, half a metre behind the body. Feet reach the floor from 50 cm."""
     touched, gaps, shoes = 0, [], []
     for seat in SEATS:
@@ -126,7 +122,6 @@ def seats(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
         gaps.append(last.simulated.root[-1, 1] - seat - 0.14)
         if seat <= REACHED:
             shoes += shoe_heights(*forward_kinematics(last.simulated.root[-1], last.simulated.rotations[-1])).tolist()
-        tick()
     share = 100 * touched / len(SEATS)
     yield Finding(
         "sitting touches the seat", f"pelvis on seats of {SEATS[0]:g} to {SEATS[-1]:g} m", share, "%", low=100
@@ -136,7 +131,7 @@ def seats(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
     yield Finding("sitting touches the seat", what, 100 * max(shoes), "cm", high=1.0)
 
 
-def wild(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
+def wild(fixture: Fixture) -> Iterator[Finding]:
     """Check random poses (held, jittering, upright), far beyond any skill, in a small furnished room."""
     rng, worst = np.random.default_rng([fixture.seed, 2]), _Worst()
     simulator = fixture.simulator()
@@ -147,7 +142,7 @@ def wild(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
         execution = simulator.execute(_wild(rng, number, before))
         state = simulator.state()
         worst.add(execution, before, upright=number % 3 == 2)
-        tick()
+        fixture.progress()
     simulator.close()
     check = f"{fixture.chunks} random chunks"
     bound = fixture.profile.max_link_speed + fixture.profile.max_speed
@@ -195,9 +190,9 @@ class _Worst:
         self.depth = max([self.depth, *(c.depth for c in execution.contacts if not c.movable)])
 
 
-def rates(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
+def rates(fixture: Fixture) -> Iterator[Finding]:
     """Check the same commands at 60, 120 and 240 Hz: on a floor, at a wall, up the stairs and onto a seat."""
-    apart = {name: _apart(fixture, scene, commands, tick) for name, (scene, commands) in _rate_scenes().items()}
+    apart = {name: _apart(fixture, scene, commands) for name, (scene, commands) in _rate_scenes().items()}
     for name, metres in apart.items():
         yield Finding("60, 120 and 240 Hz agree", f"root apart, {name}", 100 * metres, "cm", high=2.0)
 
@@ -214,30 +209,18 @@ def _rate_scenes() -> dict[str, tuple[Scene, Sequence[Command]]]:
     return {name: (builder.scene(), call) for (name, builder), call in zip(builders.items(), commands, strict=True)}
 
 
-def _apart(fixture: Fixture, scene: Scene, commands: Sequence[Command], tick: Tick) -> float:
+def _apart(fixture: Fixture, scene: Scene, commands: Sequence[Command]) -> float:
     """Largest distance between the ends of any two rates."""
     ends = []
     for substeps in (2, 4, 8):
         ends.append(fixture.perform(scene, commands, replace(fixture.profile, substeps=substeps)).simulated.root[-1])
-        tick()
     return float(max(np.linalg.norm(a - b) for a in ends for b in ends))
 
 
-CHECKS: Final[Mapping[str, Callable[[Fixture, Tick], Iterator[Finding]]]] = {
+CHECKS: Final[Mapping[str, Callable[[Fixture], Iterator[Finding]]]] = {
     "free-space": free_space, "walls": walls, "ledge": ledge, "stairs": stairs, "boxes": boxes, "chair": chair,
     "door": door, "hinges": hinges, "slides": slides, "lids": lids, "seats": seats, "rates": rates, "wild": wild,
 }  # fmt: skip
-
-
-def ticks(fixture: Fixture, names: Sequence[str]) -> int:
-    """Return how often the checks of these names will tick."""
-    each: Mapping[str, int] = {
-        "free-space": 1, "walls": fixture.samples, "ledge": 1, "stairs": 2 * len(RISES),
-        "boxes": len(MASSES) + len(fixture.some(LOADS)), "chair": len(fixture.some(CHAIRS)), "door": len(GAPS),
-        "hinges": 7, "slides": 2, "lids": 2,
-        "seats": len(SEATS), "rates": 12, "wild": fixture.chunks,
-    }  # fmt: skip
-    return sum(each[name] for name in names)
 
 
 def table(findings: Sequence[Finding]) -> str:

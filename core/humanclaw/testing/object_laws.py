@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from humanclaw.body.pose import FPS, Array, matrix_from_quaternion, vector_from_quaternion
-from humanclaw.testing.fixture import GRAVITY, Finding, Fixture, Tick, walk
+from humanclaw.testing.fixture import GRAVITY, Finding, Fixture, walk
 from humanclaw.world.half_physics.profile import Profile
 from humanclaw.world.half_physics.push_force_limit import GROUND_FRICTION
 from humanclaw.world.joints import Hinge, Slide
@@ -58,13 +58,12 @@ def push(fixture: Fixture, mass: float, count: int = 4, profile: Profile | None 
     return Pushed(float(path[-1, 2] - 0.6), float(speed.max()), float(force.max()), float(energy))
 
 
-def boxes(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
+def boxes(fixture: Fixture) -> Iterator[Finding]:
     """Check a box of 40 cm in the way of two seconds of walking, from light to immovable."""
     pushes = {}
     for mass, (low, high) in MASSES.items():
         pushes[mass] = push(fixture, mass)
         yield Finding("mass counts", f"way of {mass:g} kg", pushes[mass].way, "m", low, high)
-        tick()
     heavy = [pushed for mass, pushed in pushes.items() if mass >= 30]
     yield Finding("mass counts", "largest push, 30 kg and more", max(p.force for p in heavy), "N", high=STRENGTH)
     fastest = max(pushed.speed for mass, pushed in pushes.items() if mass >= 60)
@@ -72,7 +71,7 @@ def boxes(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
     yield Finding("mass counts", "fastest of all", max(pushed.speed for pushed in pushes.values()), "m/s", high=5.5)
     spare = min(STRENGTH * max(p.way, 0.01) - p.work for p in pushes.values())
     yield Finding("mass counts", f"work left of {STRENGTH:g} N over the way, least", spare, "J", low=0.0)
-    yield from burdened(fixture, tick)
+    yield from burdened(fixture)
 
 
 LOADS: Final = (
@@ -87,7 +86,7 @@ LOADS: Final = (
 """Mass and height of a box, kg and metres, and mass and place of what stands behind it or on it."""
 
 
-def burdened(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
+def burdened(fixture: Fixture) -> Iterator[Finding]:
     """Check a box or board that a tonne stands behind, 1 and 5 cm away, or on, or 300 kg; walked against for four
     seconds."""
     ways, slips, rises = [], [], []
@@ -100,7 +99,6 @@ def burdened(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
         path = played.path_above(light, height / 2)
         rises.append(path[:, 1].max() - height / 2)
         slips.append(np.linalg.norm(path[-1, [0, 2]] - [0, 0.7]) if place[1] else 0.0)
-        tick()
     yield Finding("mass counts", "way of 300 or 1000 kg behind or on 2 or 4 kg", float(max(ways)), "m", high=0.02)
     yield Finding("mass counts", "way of 2 or 4 kg under 300 or 1000 kg", float(max(slips)), "m", high=0.02)
     yield Finding("mass counts", "highest rise of the 2 or 4 kg", 100 * float(max(rises)), "cm", high=5.0)
@@ -111,7 +109,7 @@ CHAIRS: Final = ((5.0, 0.0, 0.5), (5.0, np.pi, 0.5), *((3.0, k * np.pi / 4, 0.8)
 way of the body, metres."""
 
 
-def chair(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
+def chair(fixture: Fixture) -> Iterator[Finding]:
     """Check a chair between the body and a wall, pushed for four seconds. It may tip over, as a light one does for a
     person; it may not leave the floor."""
     legs = [block((x, 0, z), (x + 0.04, 0.44, z + 0.04)) for x in (-0.22, 0.18) for z in (-0.22, 0.18)]
@@ -126,7 +124,6 @@ def chair(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
         paths.append(places[:, :3])
         turned = matrix_from_quaternion(places[:, 3:]) @ np.concatenate(hulls).T
         lows.append((places[:, 1] + turned[:, 1].min(axis=-1)).max())
-        tick()
     path, check = np.stack(paths), "a chair against a wall stays on the floor"
     speed = np.linalg.norm(np.diff(path, axis=1), axis=2).max() * FPS
     yield Finding(check, f"highest lowest point of {len(lows)}", 100 * float(max(lows)), "cm", high=5.0)
@@ -138,7 +135,7 @@ GAPS: Final = (*((0.6, offset) for offset in (-0.04, -0.02, 0.0, 0.02, 0.04)), (
 """Widths of gaps between two walls, and how far they are beside the way, metres."""
 
 
-def door(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
+def door(fixture: Fixture) -> Iterator[Finding]:
     """Check gaps between two walls. The body is 75 cm wide with its arms hanging, and 38 cm without."""
     through, depths = list[bool](), [np.zeros(1)]
     for gap, offset in GAPS:
@@ -147,7 +144,6 @@ def door(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
         played = fixture.perform(builder.scene(), walk(5))
         through.append(bool(played.simulated.root[-1, 2] > 1.1))
         depths += [played.depths(side) for side in sides]
-        tick()
     check = "a narrow gap is squeezed through"
     yield Finding(check, "bodies through 60 cm", 100 * sum(through[:-2]) / len(through[:-2]), "%", low=100)
     yield Finding(check, "bodies through 40 cm", 100 * through[-2], "%", high=0)
@@ -155,7 +151,7 @@ def door(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
     yield Finding(check, "deepest contact", 100 * float(np.concatenate(depths).max()), "cm", high=1.0)
 
 
-def slides(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
+def slides(fixture: Fixture) -> Iterator[Finding]:
     """Check drawers of 4 and 40 kg that stand 40 cm open towards the body, walked against for two seconds."""
     hulls = [block((-0.3, 0.0, -0.25), (0.3, 0.02, 0.25)), block((-0.3, 0.0, 0.23), (0.3, 0.25, 0.25))]
     left, off, beyond, depth = [], [], [], []
@@ -171,14 +167,13 @@ def slides(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
         off.append(np.abs(path[:, :2] - [0, 0.6]).max())
         beyond.append(max(path[:, 2].max() - 1.25, 0.85 - path[:, 2].min()))
         depth.append(played.depths(drawer).max(initial=0.0))
-        tick()
     check = "a drawer is pushed shut"
     yield Finding(check, "way left to its end, most", 100 * float(max(left)), "cm", high=1.0)
     yield Finding(check, "off its line; beyond its range", 100 * float(max(*off, *beyond)), "cm", high=1.0)
     yield Finding(check, "deepest contact", 100 * float(max(depth)), "cm", high=1.0)
 
 
-def lids(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
+def lids(fixture: Fixture) -> Iterator[Finding]:
     """Check the lid of an oven, 5 kg on a hinge at its lower edge that stands 34.4 degrees open and holds 0.5 and
     20 N m; gravity turns it with 6.9 N m."""
     angles = []
@@ -191,7 +186,6 @@ def lids(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
         )
         played = fixture.perform(builder.scene(), walk(2, 0.5))
         angles.append(float(np.degrees(vector_from_quaternion(played.paths[lid][-1, 3:])[0])))
-        tick()
     yield Finding("a lid falls open", "angle where its hinge is loose", angles[0], "degrees", 89, 91)
     yield Finding("a lid falls open", "angle where its hinge holds it", angles[1], "degrees", 34, 35)
 
@@ -230,16 +224,14 @@ def swing(fixture: Fixture, count: int = 5, mass: float = 25.0, away: bool = Tru
     )  # fmt: skip
 
 
-def hinges(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
+def hinges(fixture: Fixture) -> Iterator[Finding]:
     """Check a door of 25 kg that opens away from the body (shut and ajar), one that would have to be pulled, and one of
     1,000 kg."""
     opened, held = [], []
     for place in ({"x": -0.1}, {"x": 0.1}, {"angle": np.radians(30)}, {"angle": np.radians(60)}):
         opened.append(swing(fixture, **place))
-        tick()
     for place in ({}, {"angle": np.radians(30)}):
         held.append(swing(fixture, away=False, **place))
-        tick()
     check, doors = "a door is pushed open", [*opened, *held]
     beyond = max(max(door.angles.max() - 95, -door.angles.min()) for door in doors)
     yield Finding(check, "bodies through it", 100 * sum(d.through for d in opened) / len(opened), "%", low=100)
@@ -252,5 +244,4 @@ def hinges(fixture: Fixture, tick: Tick) -> Iterator[Finding]:
     yield Finding(check, "bodies through it", 100 * sum(d.through for d in held) / len(held), "%", high=0)
     yield Finding(check, "angle at the end", float(max(d.angles[-1] for d in held)), "degrees", high=1.0)
     heavy = swing(fixture, mass=1000.0)
-    tick()
     yield Finding("mass counts", "angle of a door of 1,000 kg", float(heavy.angles[-1]), "degrees", 5, 60)

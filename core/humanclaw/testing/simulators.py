@@ -108,7 +108,7 @@ class SimulatorConformance(ObjectConformance):
     def test_the_law_holds(self, check: str) -> None:
         """The laws of `humanclaw physics`, on few samples: same code, same bounds."""
         fixture = Fixture(self.simulator, find_profile("default"), samples=2, chunks=60)
-        found = list(CHECKS[check](fixture, lambda: None))
+        found = list(CHECKS[check](fixture))
         assert found
         assert [finding for finding in found if not finding.holds] == []
 
@@ -116,4 +116,4 @@ class SimulatorConformance(ObjectConformance):
     def test_the_papers_constants_keep_bodies_whole_too(self, profile: str) -> None:
         fixture = Fixture(self.simulator, find_profile(profile), chunks=30)
         for check in ("free-space", "ledge", "wild"):
-            assert [finding for finding in CHECKS[check](fixture, lambda: None) if not finding.holds] == []
+            assert [finding for finding in CHECKS[check](fixture) if not finding.holds] == []

@@ -10,7 +10,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from humanclaw.motion import DiTGenerator, MotionGenerator, Reread, Solver, shipped_base, velocity
+from humanclaw.motion import DiTGenerator, MotionGenerator, Solver, reread, shipped_base, velocity
 from humanclaw_train.model.checkpoint import load_adapter, load_base
 from humanclaw_train.model.control import Adapter
 from humanclaw_train.model.dit import Modulations
@@ -27,7 +27,7 @@ class TorchRuntime:
         self._base, self._solver, self._device = load_base(prior), solver, device
         self._base.model.to(device)
         self._times = torch.tensor(solver.times, device=device)
-        self._branch = Reread(self._read)
+        self._branch = reread(self._read)
         with torch.inference_mode():
             self._modulations = self._base.model.modulations(self._times)
 
