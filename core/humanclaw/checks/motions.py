@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
 
 from humanclaw.body.pose import FPS, FUTURE, Array, Motion, rest_pose, smoothstep
 from humanclaw.body.skeleton import JOINT_INDEX, OFFSETS, SOLE
+from humanclaw.motion.leg_ik import on_feet
 
-_THIGH: Final = float(-OFFSETS[JOINT_INDEX["left_knee"]][1])
-_SHIN: Final = float(-OFFSETS[JOINT_INDEX["left_ankle"]][1])
-_HIP_DROP: Final = float(-OFFSETS[JOINT_INDEX["left_hip"]][1])
+_HIPS: Final = OFFSETS[[JOINT_INDEX["left_hip"], JOINT_INDEX["right_hip"]]] * [1.0, 0.0, 0.0]
+"""(2, 3) how far beside the pelvis each foot stands, metres."""
 
 
 def hold(motion: Motion, frames: int) -> Motion:
@@ -32,7 +31,7 @@ def gait(count: int, run: float, rise: float = 0.0, first: float = 0.45) -> Moti
     up."""
     feet, pelvis = [np.zeros(3), np.zeros(3)], np.array([0.0, 0.93, 0.0])
     roots: list[Array] = []
-    turns: list[Array] = []
+    ways: list[Array] = []
     for step in range(count + 1):
         moving, start, from_pelvis = step % 2, feet[step % 2], pelvis
         goal = np.array([0.0, rise * min(step + 1, count), first + run * min(step, count - 1)])
@@ -44,8 +43,8 @@ def gait(count: int, run: float, rise: float = 0.0, first: float = 0.45) -> Moti
             foot[1] = start[1] + (goal[1] - start[1]) * min(1.0, 1.6 * smooth) + 0.06 * np.sin(np.pi * t)
             feet[moving], pelvis = foot, from_pelvis + (over - from_pelvis) * smooth
             roots.append(pelvis)
-            turns.append(_bent(pelvis, [foot[1:] + [SOLE, 0] for foot in feet]))
-    return hold(Motion(np.array(roots), np.array(turns)), 15 + (-len(roots)) % 15)
+            ways.append(np.stack(feet))
+    return hold(_on_feet(np.array(roots), np.array(ways)), 15 + (-len(roots)) % 15)
 
 
 def sitting_down(height: float, z: float) -> Motion:
@@ -53,18 +52,10 @@ def sitting_down(height: float, z: float) -> Motion:
     share = (np.arange(1, 46) / 45)[:, None]
     standing, seated = np.array([0.0, 0.96, 0.0]), np.array([0.0, height, z])
     roots = standing + (seated - standing) * share
-    turns = np.array([_bent(root, [np.array([SOLE, 0.0])] * 2) for root in roots])
-    return hold(Motion(roots, turns), 30)
+    return hold(_on_feet(roots, np.zeros((2, 3))), 30)
 
 
-def _bent(pelvis: Array, ankles: Sequence[Array]) -> Array:
-    """Return the rotations of a body with ankles at given points (y, z), arms hanging and soles level."""
-    rotations: Array = rest_pose().rotations[0].copy()
-    for side, (y, z) in zip(("left", "right"), ankles, strict=True):
-        down, ahead = pelvis[1] - _HIP_DROP - y, z - pelvis[2]
-        reach = min(np.hypot(down, ahead), _THIGH + _SHIN - 1e-4)
-        knee = np.pi - np.arccos((_THIGH**2 + _SHIN**2 - reach**2) / (2 * _THIGH * _SHIN))
-        hip = -np.arctan2(ahead, down) - np.arccos((_THIGH**2 + reach**2 - _SHIN**2) / (2 * _THIGH * reach))
-        for joint, angle in (("hip", hip), ("knee", knee), ("ankle", -hip - knee)):
-            rotations[JOINT_INDEX[f"{side}_{joint}"], 0] = angle
-    return rotations
+def _on_feet(roots: Array, feet: Array) -> Motion:
+    """Return a body with a pelvis at (T, 3) and level feet at (T, 2, 3) or (2, 3), left first; its arms hang."""
+    ankles = feet + _HIPS + [0.0, SOLE, 0.0]
+    return on_feet(Motion(roots, rest_pose(len(roots)).rotations), ankles, np.stack([np.eye(3)] * 2))
