@@ -5,7 +5,7 @@ import pytest
 
 from humanclaw.body import JOINT_INDEX, SOLE, TOE_SOLE, Motion, forward_kinematics, rest_pose, shoe_heights, smoothstep
 from humanclaw.motion.foot_locking import lock_feet
-from humanclaw.motion.leg_ik import ANKLES, on_feet
+from humanclaw.motion.leg_ik import ANKLES, solve_legs
 
 LEFT_TOE, LEFT_ANKLE = JOINT_INDEX["left_foot"], JOINT_INDEX["left_ankle"]
 LEGS = [JOINT_INDEX[f"{side}_{part}"] for side in ("left", "right") for part in ("hip", "knee", "ankle")]
@@ -86,7 +86,7 @@ def test_a_shoe_that_would_drag_over_the_floor_swings_over_it():
     pose = _standing(20)
     feet = pose.joints()[:, list(ANKLES)]
     feet[:, 0, 2] += np.clip(np.arange(20) - 7, 0, 10) * 0.04 - 0.2
-    dragging = on_feet(pose, feet, np.broadcast_to(np.eye(3), (20, 2, 3, 3)))
+    dragging = solve_legs(pose, feet, np.broadcast_to(np.eye(3), (20, 2, 3, 3)))
     result = lock_feet(dragging[:5], dragging[5:])
     left, right = shoe_heights(*forward_kinematics(result.root, result.rotations)).T
     assert left[4:9] == pytest.approx(0.006, abs=1e-3)

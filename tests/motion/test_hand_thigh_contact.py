@@ -5,7 +5,7 @@ import pytest
 
 from humanclaw.body import JOINT_INDEX, Motion, forward_kinematics, lay_hands, rest_pose, vector_from_matrix
 from humanclaw.body.ik import Limb, solve
-from humanclaw.motion.leg_ik import planted
+from humanclaw.motion.leg_ik import keep_feet
 from humanclaw.motion.stand_up import rise
 
 TIP = 0.085
@@ -18,7 +18,7 @@ def seated(above: float, aside: float = 0.0, height: float = 0.52) -> Motion:
     Fingers go on as forearms do.
     """
     stance = rest_pose(3)
-    motion = planted(Motion(stance.root * 0 + [0.0, height, -0.4 * (0.95 - height) / 0.43], stance.rotations), stance)
+    motion = keep_feet(Motion(stance.root * 0 + [0.0, height, -0.4 * (0.95 - height) / 0.43], stance.rotations), stance)
     positions, turns = forward_kinematics(motion.root, motion.rotations)
     rotations = motion.rotations.copy()
     for side in ("left", "right"):

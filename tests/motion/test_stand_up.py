@@ -13,7 +13,7 @@ from humanclaw.body import (
     shoe_heights,
     vector_from_matrix,
 )
-from humanclaw.motion.leg_ik import planted
+from humanclaw.motion.leg_ik import keep_feet
 from humanclaw.motion.stand_up import is_down, rise
 
 STANCE = rest_pose()
@@ -22,7 +22,7 @@ ANKLES = [JOINT_INDEX["left_ankle"], JOINT_INDEX["right_ankle"]]
 
 def seated(height: float, back: float) -> Motion:
     """Hips lowered and moved back over standing feet."""
-    return planted(Motion(STANCE.root * 0 + [0.0, height, -back], STANCE.rotations), STANCE)
+    return keep_feet(Motion(STANCE.root * 0 + [0.0, height, -back], STANCE.rotations), STANCE)
 
 
 def bent(height: float, pitch: float = 0.0, **joints: float) -> Motion:

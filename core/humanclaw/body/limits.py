@@ -28,11 +28,13 @@ _CENTRES: Final = np.array(
 )
 _MASSES: Final = np.array([one.mass for one in LINKS])
 _SIGNS: Final = np.array(list(product((-1, 1), repeat=3)))
-_SHOES: Final = {
-    JOINT_INDEX[one.joint]: one.shape.centre + _SIGNS * one.shape.half for one in LINKS if isinstance(one.shape, Box)
+_SHAPES: Final = {one.joint: one.shape for one in LINKS if isinstance(one.shape, Box)}
+SHOES: Final = {
+    JOINT_INDEX[joint]: _SHAPES[joint].centre + _SIGNS * _SHAPES[joint].half
+    for joint in ("left_ankle", "left_foot", "right_ankle", "right_foot")
 }
-_SHOE_PARTS: Final = [JOINT_INDEX[f"{side}_{part}"] for side in ("left", "right") for part in ("ankle", "foot")]
-_SHOE_CORNERS: Final = np.array([_SHOES[joint] for joint in _SHOE_PARTS])
+"""Joint of each part of a shoe to the (8, 3) corners of its box, in the joint's frame, metres."""
+_SHOE_PARTS, _SHOE_CORNERS = list(SHOES), np.array(list(SHOES.values()))
 _LINKED: Final = [JOINT_INDEX[one.joint] for one in LINKS]
 
 

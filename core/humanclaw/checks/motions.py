@@ -8,7 +8,7 @@ import numpy as np
 
 from humanclaw.body.pose import FPS, FUTURE, Array, Motion, rest_pose, smoothstep
 from humanclaw.body.skeleton import JOINT_INDEX, OFFSETS, SOLE
-from humanclaw.motion.leg_ik import on_feet
+from humanclaw.motion.leg_ik import solve_legs
 
 _HIPS: Final = OFFSETS[[JOINT_INDEX["left_hip"], JOINT_INDEX["right_hip"]]] * [1.0, 0.0, 0.0]
 """(2, 3) how far beside the pelvis each foot stands, metres."""
@@ -58,4 +58,4 @@ def sitting_down(height: float, z: float) -> Motion:
 def _on_feet(roots: Array, feet: Array) -> Motion:
     """Return a body with a pelvis at (T, 3) and level feet at (T, 2, 3) or (2, 3), left first; its arms hang."""
     ankles = feet + _HIPS + [0.0, SOLE, 0.0]
-    return on_feet(Motion(roots, rest_pose(len(roots)).rotations), ankles, np.stack([np.eye(3)] * 2))
+    return solve_legs(Motion(roots, rest_pose(len(roots)).rotations), ankles, np.stack([np.eye(3)] * 2))

@@ -19,13 +19,13 @@ ANKLES: Final = (JOINT_INDEX["left_ankle"], JOINT_INDEX["right_ankle"])
 FEET: Final = (JOINT_INDEX["left_foot"], JOINT_INDEX["right_foot"])
 
 
-def planted(motion: Motion, pose: Motion) -> Motion:
+def keep_feet(motion: Motion, pose: Motion) -> Motion:
     """Return a motion with legs that keep both feet as they are in the last frame of a pose, as far as legs reach."""
     joints, orientations = forward_kinematics(pose.root[-1], pose.rotations[-1])
-    return on_feet(motion, joints[list(ANKLES)], orientations[list(ANKLES)])
+    return solve_legs(motion, joints[list(ANKLES)], orientations[list(ANKLES)])
 
 
-def on_feet(motion: Motion, ankles: Array, feet: Array) -> Motion:
+def solve_legs(motion: Motion, ankles: Array, feet: Array) -> Motion:
     """Return a motion with legs whose ankles (..., 2, 3) and feet (..., 2, 3, 3), left first, are where given, as far
     as legs reach; for all frames, or each of T."""
     rotations = motion.rotations.copy()

@@ -26,7 +26,7 @@ from humanclaw.body.pose import (
     yaw_matrix,
 )
 from humanclaw.body.skeleton import JOINT_INDEX, SOLE, STANDING_HEIGHT
-from humanclaw.motion.leg_ik import ANKLES, on_feet
+from humanclaw.motion.leg_ik import ANKLES, solve_legs
 
 _DOWN: Final = 0.8 * STANDING_HEIGHT
 """Pelvis height over the lower sole, metres, below which a body has to rise before it can step."""
@@ -75,7 +75,7 @@ def rise(pose: Motion, stance: Motion) -> Motion:
     rotations = _blended(_blended(start.rotations, leant.rotations, lean), stands.rotations, erect)
     _spread(rotations, 4 * _AROUND * lean * (1 - lean) + _BESIDE * lean * (1 - erect))
     ankles, soles = _swung(begun, feet, moved, clock)
-    return here.to_world(on_feet(Motion(root, rotations), ankles, soles))
+    return here.to_world(solve_legs(Motion(root, rotations), ankles, soles))
 
 
 def _placed(ankles: Array, feet: Array) -> tuple[tuple[Array, Array], list[int]]:
@@ -129,7 +129,7 @@ def _leant(start: Motion, stance: Motion, ankles: Array, feet: Array) -> Motion:
     for joint, share in {**_SHARES, "left_shoulder": _HANGING, "right_shoulder": _HANGING}.items():
         turn = matrix_from_vector(np.outer(_LEANS, [share, 0.0, 0.0]))
         leans[:, JOINT_INDEX[joint]] = vector_from_matrix(turn @ matrix_from_vector(leans[:, JOINT_INDEX[joint]]))
-    bodies = on_feet(Motion(np.repeat(root, len(_LEANS), 0), leans), ankles, feet)
+    bodies = solve_legs(Motion(np.repeat(root, len(_LEANS), 0), leans), ankles, feet)
     weight = centre_of_mass(*forward_kinematics(bodies.root, bodies.rotations))[:, 2]
     balanced = np.flatnonzero(weight > middle[2] + _BALANCED)
     least = int(balanced[0]) if len(balanced) else len(_LEANS) - 1

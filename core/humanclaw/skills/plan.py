@@ -23,7 +23,7 @@ from humanclaw.body.pose import (
     vector_from_matrix,
 )
 from humanclaw.body.skeleton import JOINT_INDEX
-from humanclaw.motion.leg_ik import LEGS, planted
+from humanclaw.motion.leg_ik import LEGS, keep_feet
 from humanclaw.text.words import did_you_mean
 
 LONGEST_FAULT: Final = 300  # Characters: what a model wrote comes back to it in the fault.
@@ -139,7 +139,7 @@ class Keyframes:
         if not len(self.root):
             return Motion(root, rotations)
         moved = Motion(root + self._moved(clock, pose), rotations)
-        return moved if set(self.rotations) & set(LEGS) else planted(moved, pose)
+        return moved if set(self.rotations) & set(LEGS) else keep_feet(moved, pose)
 
     def _turned(self, clock: Array, start: Array, keys: Array) -> Array:
         """Return a joint's rotations (T, 3)."""

@@ -23,7 +23,7 @@ from humanclaw.body.pose import (
 )
 from humanclaw.body.skeleton import JOINT_INDEX, OFFSETS, STANDING_HEIGHT
 from humanclaw.motion.carrying import turned_palm
-from humanclaw.motion.leg_ik import planted
+from humanclaw.motion.leg_ik import keep_feet
 from humanclaw.skills.aims import Point, Side, between, check_aim, check_hand
 from humanclaw.skills.plan import whole_chunks
 from humanclaw.skills.proprioception import ProprioceptiveState
@@ -91,7 +91,7 @@ class Reach:
     def _moved(self, start: Motion, goal: Motion, palm: Array | None, share: float) -> Motion:
         """Return that share of the motion from one pose to another, over feet that stay."""
         moved = between(start, goal, self.seconds, share)
-        moved = moved if _is_seated(start) else planted(moved, start)
+        moved = moved if _is_seated(start) else keep_feet(moved, start)
         moved = self._swung(moved, start, goal, palm, share)
         return moved if palm is None else turned_palm(moved, self.hand, palm)
 
@@ -212,7 +212,7 @@ def _bent(start: Motion, bends: Array, seated: bool) -> Motion:
     rotations[:, _SPINE] = bends[:, None, 2:]
     rotations[:, [JOINT_INDEX["left_collar"], JOINT_INDEX["right_collar"]]] = 0.0
     bent = Motion(root, rotations)
-    return bent if seated else planted(bent, start)
+    return bent if seated else keep_feet(bent, start)
 
 
 def _ways(first: Array, last: Array, outwards: float, share: Array) -> Array:

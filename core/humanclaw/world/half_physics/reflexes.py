@@ -14,8 +14,9 @@ from typing import Final
 
 import numpy as np
 
-from humanclaw.body.pose import FPS, Array, forward_kinematics
-from humanclaw.body.skeleton import JOINT_INDEX, LINKS, OFFSETS, Box
+from humanclaw.body.limits import SHOES
+from humanclaw.body.pose import FPS, forward_kinematics
+from humanclaw.body.skeleton import JOINT_INDEX, OFFSETS
 from humanclaw.world.half_physics.profile import Profile
 from humanclaw.world.half_physics.quaternions import Pose, motion_of
 from humanclaw.world.half_physics.world import TOUCHING, Touch, World
@@ -45,19 +46,6 @@ _OFF, _LIGHTLY = 0.04, 0.1
 """A pelvis that has carried nothing for so long (seconds) is off its seat. A hip whose foot holds it up bends at this
 share of the speed of one whose thigh does."""
 _CARRIERS: Final = (_PELVIS, *LEG_OF)
-_CORNERS: Final[Mapping[int, Array]] = {
-    JOINT_INDEX[link.joint]: np.array(
-        [
-            np.array(link.shape.centre) + np.multiply(link.shape.half, (x, y, z))
-            for x in (-1, 1)
-            for y in (-1, 1)
-            for z in (-1, 1)
-        ]
-    )
-    for link in LINKS
-    if link.group == "leg_foot" and isinstance(link.shape, Box)
-}
-"""Joint of each part of a foot to the (8, 3) corners of its box."""
 
 
 @dataclass(frozen=True)
@@ -137,16 +125,14 @@ def _lift(world: World, profile: Profile, movable: Collection[int], touches: Seq
 
 
 def _holds_back(touch: Touch) -> bool:
-    return touch.joint in _CORNERS and touch.normal[1] <= LEVEL and touch.force >= _PUSH
+    return touch.joint in SHOES and touch.normal[1] <= LEVEL and touch.force >= _PUSH
 
 
 def _soles(pose: Pose) -> Mapping[int, float]:
     """Height of the lowest corner of each part of a foot."""
     motion = motion_of([pose])
     joints, turns = forward_kinematics(motion.root[0], motion.rotations[0])
-    return {
-        joint: float((corners @ turns[joint].T)[:, 1].min() + joints[joint, 1]) for joint, corners in _CORNERS.items()
-    }
+    return {joint: float((corners @ turns[joint].T)[:, 1].min() + joints[joint, 1]) for joint, corners in SHOES.items()}
 
 
 def _missing(world: World, offset: float, sole: float, touch: Touch) -> float:

@@ -16,8 +16,8 @@ from humanclaw.storage.cache import source_digest
 from humanclaw.world.half_physics.profile import Profile
 from humanclaw.world.half_physics.quaternions import poses_of
 from humanclaw.world.half_physics.world import ObjectMotion, OpenWorld
-from humanclaw.world.keeping import kept
 from humanclaw.world.scene import Scene
+from humanclaw.world.scene_cache import kept
 
 _FRAMES: Final = 15
 _LAST: Final = 3
@@ -28,7 +28,7 @@ _ALOFT: Final = 1000.0
 """Height of the body meanwhile, metres: it meets nothing."""
 _SOURCES: Final = tuple(
     f"humanclaw/{name}"
-    for name in ("world/half_physics", "world/keeping.py", "world/scene.py", "world/joints.py", "body")
+    for name in ("world/half_physics", "world/scene_cache.py", "world/scene.py", "world/joints.py", "body")
 )
 
 

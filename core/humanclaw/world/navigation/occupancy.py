@@ -19,15 +19,13 @@ from numpy.typing import NDArray
 from humanclaw.body.pose import Array
 from humanclaw.errors import SceneError
 from humanclaw.storage.cache import source_digest
-from humanclaw.world.keeping import Arrays, kept
 from humanclaw.world.scene import Room, Scene, SceneObject
+from humanclaw.world.scene_cache import Arrays, kept
 
 Mask = NDArray[np.bool_]
 
-DRAWING: Final = (
-    ("humanclaw/world/navigation", "humanclaw/world/keeping.py", "humanclaw/world/scene.py", "humanclaw/body/pose.py"),
-    ("numpy", "scipy"),
-)
+_SOURCES: Final = ("world/navigation", "world/scene_cache.py", "world/scene.py", "body/pose.py")
+DRAWING: Final = (tuple(f"humanclaw/{name}" for name in _SOURCES), ("numpy", "scipy"))
 """Sources and libraries that may change a drawing of the same scene."""
 CELL: Final = 0.05
 """Side of a grid cell, metres."""

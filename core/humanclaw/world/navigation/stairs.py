@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from humanclaw.body.pose import Array
 from humanclaw.storage.cache import source_digest
-from humanclaw.world.keeping import Arrays, kept
 from humanclaw.world.navigation.occupancy import (
     CELL,
     DRAWING,
@@ -27,6 +26,7 @@ from humanclaw.world.navigation.occupancy import (
     yaw_of,
 )
 from humanclaw.world.scene import Scene
+from humanclaw.world.scene_cache import Arrays, kept
 
 APRON: Final = 0.7
 """So far before its first and after its last step a staircase knows the floor that it stands on, metres."""
