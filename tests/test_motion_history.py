@@ -53,7 +53,7 @@ def test_an_unknown_source_is_refused_with_the_known_ones():
 class Veering(FakeGenerator):
     """Turns two degrees too far in every call."""
 
-    digest = DiTGenerator.shipped().digest
+    digest = DiTGenerator.load().digest
 
     def generate(self, history, adapter, values, key):
         return super().generate(history, adapter, values | {"yaw": values["yaw"] + np.radians(2)}, key)

@@ -18,7 +18,7 @@ from humanclaw.world import SceneBuilder
 
 SOURCE = Path(__file__).parent / "data/prior_tiny"
 TINY = read_header(SOURCE / "humanclaw_prior_tiny/base.safetensors")["digest"]
-LITE = DiTGenerator.shipped().digest
+LITE = DiTGenerator.load().digest
 
 
 @pytest.fixture(scope="module")
@@ -125,6 +125,6 @@ def test_an_unknown_prior_is_answered_with_the_nearest_name(plugins, floor):
 
 def test_a_generator_that_takes_no_prior_says_so(plugins, floor):
     own = Plugins.discover()
-    own.add(plugin(motion_generators=[("own", lambda profile="default": DiTGenerator.shipped(profile))]), "own")
+    own.add(plugin(motion_generators=[("own", lambda profile="default": DiTGenerator.load(profile=profile))]), "own")
     with pytest.raises(HumanclawError, match=r"generator 'own' takes no prior; got 'tiny'. Leave out --prior"):
         Body(floor, plugins=own, backends=Backends(generator="own", prior="tiny"))

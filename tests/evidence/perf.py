@@ -101,7 +101,7 @@ def figures() -> Iterator[Figure]:
 
 # -- the body's work ---------------------------------------------------------------------------------------------------
 def _chunks(plugins: Plugins, count: int = 4) -> Work:
-    generator, adapter = DiTGenerator.shipped(), plugins.skills["walk"].adapter
+    generator, adapter = DiTGenerator.load(), plugins.skills["walk"].adapter
     history, key = generator.start(), [0]
 
     def walk() -> None:

@@ -88,9 +88,9 @@ def test_what_carries_weight_stays_where_the_model_has_it(joint, axis):
 
 
 def test_the_usual_pose_is_that_of_the_data():
-    usual = DiTGenerator.shipped().base.usual
+    usual = DiTGenerator.load().base.usual
     assert usual.shape == (24, 3)
     assert usual[0] == pytest.approx(0)
     assert 10 < np.degrees(usual[JOINT_INDEX["left_knee"], 0]) < 60  # people who mostly move
-    assert DiTGenerator.shipped().corrections
-    assert not DiTGenerator.shipped("paper").corrections
+    assert DiTGenerator.load().corrections
+    assert not DiTGenerator.load(profile="paper").corrections

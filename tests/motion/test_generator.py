@@ -123,7 +123,7 @@ def test_a_history_of_another_length_is_refused(generator, walk_file):
 
 def test_an_unknown_profile_names_the_known_ones():
     with pytest.raises(HumanclawError, match="default, paper"):
-        DiTGenerator.shipped("fast")
+        DiTGenerator.load(profile="fast")
 
 
 def test_files_are_read_again_when_they_change(tmp_path):

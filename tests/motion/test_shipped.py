@@ -35,7 +35,7 @@ def _adapter(skill: str) -> Path:
 
 @pytest.fixture(scope="module")
 def generator():
-    return DiTGenerator.shipped()
+    return DiTGenerator.load()
 
 
 def _rollout(generator: DiTGenerator, *calls: tuple[str, dict[str, float]], seed: int = 0) -> Motion:

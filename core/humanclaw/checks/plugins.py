@@ -207,9 +207,8 @@ _LEFT: Final = ("skills", "priors")
 # -- a plugin ----------------------------------------------------------------------------------------------------------
 def check_plugin(owner: str, plugin: object, plugins: Plugins) -> list[Report]:
     """Check every item that a plugin registers besides skills, its observers and its commands."""
-    items = [one for kind in plugins.kinds for one in plugins.of_owner(owner, kind) if kind not in _LEFT]
-    kinds = [kind for kind in plugins.kinds for _ in plugins.of_owner(owner, kind) if kind not in _LEFT]
-    reports = [_item(kind, one, plugins) for kind, one in zip(kinds, items, strict=True)]
+    kinds = [kind for kind in plugins.kinds if kind not in _LEFT]
+    reports = [_item(kind, one, plugins) for kind in kinds for one in plugins.of_owner(owner, kind)]
     if any(hasattr(plugin, hook) for hook in OBSERVERS):
         reports.append(_observers(owner, plugin))
     if hasattr(plugin, "humanclaw_commands"):
@@ -239,9 +238,13 @@ def _item(kind: str, one: Registration, plugins: Plugins) -> Report:
 
 def _observers(owner: str, plugin: object) -> Report:
     """Let observers watch an episode of a fake body; the host logs those that fail."""
-    heard: list[str] = []
-    handler, log = _Heard(heard), logging.getLogger("humanclaw.plugins.host")
-    log.addHandler(handler)
+    heard, log = list[str](), logging.getLogger("humanclaw.plugins.host")
+
+    def listen(record: logging.LogRecord) -> bool:
+        heard.append(record.getMessage().rstrip("."))
+        return False
+
+    log.addFilter(listen)
     try:
         with fake_body(nod, finish) as body:
             body.plugins.add(plugin, owner)
@@ -249,18 +252,9 @@ def _observers(owner: str, plugin: object) -> Report:
                 episode.submit(Decision((Call("nod"),)))
                 episode.submit(Decision((Call("finish"),)))
     finally:
-        log.removeHandler(handler)
+        log.removeFilter(listen)
     faults = tuple(ContractError("observer-works", f"{told}.", "See docs/hooks.md.") for told in dict.fromkeys(heard))
     return Report(f"observer {owner}", faults)
-
-
-class _Heard(logging.Handler):
-    def __init__(self, heard: list[str]) -> None:
-        super().__init__()
-        self._heard = heard
-
-    def emit(self, record: logging.LogRecord) -> None:
-        self._heard.append(record.getMessage().rstrip("."))
 
 
 class _Names(click.Group):

@@ -64,11 +64,6 @@ class DiTGenerator:
         self._runtime = runtime(base, solver)
 
     @classmethod
-    def shipped(cls, profile: str = "default") -> DiTGenerator:
-        """Return the base that comes with the package. Raises as load() does."""
-        return cls.load(None, profile)
-
-    @classmethod
     def load(
         cls, prior: Path | None = None, profile: str = "default", runtime: RuntimeFactory = NumpyRuntime
     ) -> DiTGenerator:

@@ -96,7 +96,9 @@ class Fixture:
 
     def _planned(self, command: Command) -> tuple[Skill, Control]:
         skill, keys = skill_with(self.plugins, *command)
-        plan = skill.plan(skill.check({keys[measure]: _written(keys[measure], x) for measure, x in command.items()}))
+        plan = skill.plan(
+            skill.check({keys[measure]: round(from_si(keys[measure], x)) for measure, x in command.items()})
+        )
         if not isinstance(plan, Control):
             raise HumanclawError(f"the checks need generated motion, and skill {skill.name} plays keyframes.")
         return skill, plan
@@ -141,11 +143,6 @@ def skill_with(plugins: Plugins, *measures: str) -> tuple[Skill, Mapping[str, st
 def _commands(skill: Skill) -> Mapping[str, str]:
     """Return the parameter that commands each measure."""
     return {one.measure: one.key for one in skill.parameters if one.measure}
-
-
-def _written(key: str, value: float) -> int:
-    """Convert metres or radians to the integer unit of a parameter."""
-    return round(from_si(key, value))
 
 
 def walk(count: int, metres: float = 0.5, turn: float = 0.0) -> Sequence[Command]:

@@ -105,7 +105,6 @@ if TYPE_CHECKING:
     from humanclaw.world.view import (
         BODY_ID as BODY_ID,
         DEFAULT_GAZE as DEFAULT_GAZE,
-        GAZE_PITCH as GAZE_PITCH,
         GAZES as GAZES,
         Camera as Camera,
         CameraMount as CameraMount,

@@ -102,7 +102,6 @@ GAZES: Final[Mapping[str, CameraMount]] = {
 }
 """By name. `body` often has the own limbs in view; `far` is before the skull and seldom has."""
 DEFAULT_GAZE: Final = "body"
-GAZE_PITCH: Final = GAZES[DEFAULT_GAZE].pitch
 
 
 def gaze_of(name: str) -> CameraMount:

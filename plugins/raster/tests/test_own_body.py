@@ -43,7 +43,7 @@ def test_a_seated_body_sees_both_its_thighs(own_pixels):
 
 
 def test_a_walking_body_sees_its_swinging_limbs(own_pixels, plugins):
-    generator = DiTGenerator.shipped()
+    generator = DiTGenerator.load()
     motion = generator.start()
     assert not own_pixels(motion[-1:], "body").any()
     for stride in range(STRIDES):

@@ -123,7 +123,7 @@ def test_the_runtime_generates_what_the_definition_does(skill, profile):
     path, solver = SHIPPED.get(skill), PROFILES[profile]
     command = Command.of(skill, path) if path else None
     values = command.named(command.draw(1, np.random.default_rng(0))[0]) if command else {}
-    generator = DiTGenerator(DiTGenerator.shipped().base, solver, corrections=())
+    generator = DiTGenerator(DiTGenerator.load().base, solver, corrections=())
     run = generator.generate(generator.start(), path, values, (3,))
     defined = _defined(generator.start(), path, values, 3, solver)
     assert np.abs(run.root - defined.root).max() < 1e-5

@@ -92,16 +92,32 @@ class OccupancyGrid:
 
     @classmethod
     def _drawn(cls, scene: Scene, floor: float, moved: Mapping[int, Array]) -> OccupancyGrid:
-        raster = _Raster(scene, floor)
-        for obj in sorted(scene.objects, key=lambda obj: obj.movable):
-            raster.add(scene, obj, moved.get(obj.id))
-        ground = np.full(raster.blocked.shape, floor)
+        low, shape = _extent(scene)
         grid = cls(
-            (float(raster.low[0]), float(raster.low[1])), raster.blocked, raster.movable, raster.owners, raster.tops,
-            (raster.under, raster.over), ground, floor,
+            (float(low[0]), float(low[1])), np.zeros(shape, bool), np.zeros(shape, bool), np.zeros(shape, np.int32),
+            np.zeros(shape), (np.full(shape, np.inf), np.zeros(shape)), np.full(shape, floor), floor,
         )  # fmt: skip
+        # Movable objects last, so that a cell names the fixed object that would hide them.
+        for obj in sorted(scene.objects, key=lambda obj: obj.movable):
+            grid._draw(scene, obj, moved.get(obj.id))
         inside = grid._indoors(scene)
-        return replace(grid, blocked=grid.blocked | ~inside, ground=np.where(inside, ground, np.nan))
+        return replace(grid, blocked=grid.blocked | ~inside, ground=np.where(inside, grid.ground, np.nan))
+
+    def _draw(self, scene: Scene, obj: SceneObject, pose: Array | None = None) -> None:
+        """Draw an object into the arrays. pose: (7,), if it is not where the scene says."""
+        under, over = self.overhead
+        for hull in _hulls(scene, obj, pose, self.floor):
+            mask, where = rasterize(hull[:, [0, 2]], np.array(self.origin), self.blocked.shape)
+            bottom, top = hull[:, 1].min() - self.floor, hull[:, 1].max() - self.floor
+            if bottom >= OBSTACLE_HEIGHTS[1]:
+                under[where] = np.where(mask, np.minimum(under[where], bottom), under[where])
+                over[where] = np.where(mask, np.maximum(over[where], top), over[where])
+            elif obj.movable and not obj.joint:
+                self.movable[where] |= mask
+            else:
+                self.blocked[where] |= mask
+                self.owners[where][mask] = obj.id
+                self.tops[where] = np.maximum(self.tops[where], mask * top)
 
     @property
     def _arrays(self) -> Arrays:
@@ -267,32 +283,6 @@ def yaw_of(direction: Array) -> float:
 
 
 # -- rasterizing -------------------------------------------------------------------------------------------------------
-class _Raster:
-    """The arrays of one floor's grid while objects are drawn into it."""
-
-    def __init__(self, scene: Scene, floor: float) -> None:
-        self.low, shape = _extent(scene)
-        self.floor = floor
-        self.blocked, self.movable = np.zeros(shape, bool), np.zeros(shape, bool)
-        self.owners, self.tops = np.zeros(shape, np.int32), np.zeros(shape)
-        self.under, self.over = np.full(shape, np.inf), np.zeros(shape)
-
-    def add(self, scene: Scene, obj: SceneObject, pose: Array | None = None) -> None:
-        """Draw an object. pose: (7,), if it is not where the scene says."""
-        for hull in _hulls(scene, obj, pose, self.floor):
-            mask, where = rasterize(hull[:, [0, 2]], self.low, self.blocked.shape)
-            bottom, top = hull[:, 1].min() - self.floor, hull[:, 1].max() - self.floor
-            if bottom >= OBSTACLE_HEIGHTS[1]:
-                self.under[where] = np.where(mask, np.minimum(self.under[where], bottom), self.under[where])
-                self.over[where] = np.where(mask, np.maximum(self.over[where], top), self.over[where])
-            elif obj.movable and not obj.joint:
-                self.movable[where] |= mask
-            else:
-                self.blocked[where] |= mask
-                self.owners[where][mask] = obj.id
-                self.tops[where] = np.maximum(self.tops[where], mask * top)
-
-
 def _extent(scene: Scene) -> tuple[Array, tuple[int, int]]:
     corners = [corner[[0, 2]] for obj in scene.objects for corner in scene.aabb(obj.id)]
     corners += [np.array(pair) for room in scene.rooms for pair in ((room.x0, room.z0), (room.x1, room.z1))]

@@ -137,7 +137,7 @@ def prior(plugins: Plugins, seed: int) -> Rows:
 def _dreamt(adapter: Path | None, values: Mapping[str, float], seed: int) -> Motion:
     """Return the pose of each body after two seconds, without physics."""
     # Without corrections, as in the paper: they would hold the body upright.
-    generator = DiTGenerator.shipped("paper")
+    generator = DiTGenerator.load(profile="paper")
     motions = [generator.start()] * BODIES
     for number in range(4):
         keys = [(seed, body, number) for body in range(BODIES)]
