@@ -15,7 +15,7 @@ from tqdm import tqdm
 from humanclaw import HumanclawError, RecordedEpisode, RecordError, Renderer, Scene, StepRecord
 from humanclaw.body import FPS
 from humanclaw.storage import Folder, gif
-from humanclaw_report.playback import FilmScene
+from humanclaw_report.playback import FilmScene, step_at
 
 Picture = NDArray[np.uint8]
 FILM_SIZE: Final = (1280, 720)
@@ -79,7 +79,7 @@ def _pictures(film_scene: FilmScene, renderer: Renderer, every: int, size: tuple
     shots = _shots(film_scene, renderer, frames, size)
     # disable=None hides the progress bar where the output is not a terminal.
     for frame, shot in zip(tqdm(frames, "film", unit="frame", disable=None, leave=False), shots, strict=True):
-        step = film_scene.step(frame)
+        step = step_at(film_scene.episode, frame)
         # Each view is shown for all frames of its step, so it is read once.
         if step and step.frame_file != inset[0]:
             inset = (step.frame_file, _ego(film_scene.episode.picture(step), size[1] // 3))

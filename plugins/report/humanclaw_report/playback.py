@@ -72,10 +72,11 @@ class FilmScene:
     def camera(self, frame: int, size: tuple[int, int]) -> Camera:
         return Camera.looking(self.eyes[frame], self.centres[frame], FOV, size)
 
-    def step(self, frame: int) -> StepRecord | None:
-        """Return the step that a frame belongs to; None before the first."""
-        pairs = zip(self.episode.steps, self.episode.spans, strict=True)
-        return next((step for step, (first, end) in pairs if first <= frame < end), None)
+
+def step_at(episode: RecordedEpisode, frame: int) -> StepRecord | None:
+    """Return the step that a frame belongs to; None before the first."""
+    pairs = zip(episode.steps, episode.spans, strict=True)
+    return next((step for step, (first, end) in pairs if first <= frame < end), None)
 
 
 def opened(scene: Scene, above: float = np.inf) -> Scene:

@@ -13,7 +13,7 @@ from humanclaw.body import JOINT_INDEX, Array
 from humanclaw.storage import save_picture
 from humanclaw.world import Camera, WorldState, floors_of, together
 from humanclaw_report.floor_plan import colour
-from humanclaw_report.playback import AWAY, SLAB, in_the_way, loosened, opened
+from humanclaw_report.playback import AWAY, SLAB, in_the_way, loosened, opened, step_at
 
 APART: Final = 1.0
 """Way from one body to the next, metres."""
@@ -77,6 +77,5 @@ def _camera(joints: Array, side: float, size: tuple[int, int]) -> Camera:
 
 def _told(episode: RecordedEpisode, frame: int) -> str:
     """Return step and skill of a frame."""
-    spans = zip(episode.steps, episode.spans, strict=True)
-    step = next((step for step, (first, end) in spans if first <= frame < end), None)
+    step = step_at(episode, frame)
     return f"{step.step} {step.call.skill}" if step and step.call else "start"
