@@ -21,20 +21,14 @@ from typing import Any, Final, Protocol
 
 from humanclaw import EpisodeSpec, HumanclawError
 from humanclaw.storage import Folder
-from humanclaw_bench.worker import FAILED, Job, Worker, WorkerReport, pack, unpack
-
-__all__ = [
-    "FAILED",
-    "ONE_THREAD",
-    "EpisodeQueue",
-    "Executor",
-    "Job",
-    "LocalExecutor",
-    "Worker",
-    "WorkerReport",
-    "pack",
-    "unpack",
-]
+from humanclaw_bench.worker import (
+    FAILED as FAILED,
+    Job as Job,
+    Worker as Worker,
+    WorkerReport as WorkerReport,
+    pack as pack,
+    unpack as unpack,
+)
 
 ONE_THREAD: Final = dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"), "1"

@@ -117,15 +117,11 @@ def test_the_order_of_episodes_does_not_tell_which_one_is_played(play):
     assert order("one") != order("other")
 
 
-def test_in_one_process_it_finds_it_so_every_table_says_that(play):
+def test_in_one_process_it_finds_it_so_tables_and_board_say_that(play):
     _, folder = play(THIEF, in_process=True)
     assert not said(folder).startswith("0 episodes")
     table = CliRunner().invoke(bench, ["table", str(folder), "--format", "markdown"]).output
     assert "in the body's own process" in table
-
-
-def test_the_leaderboard_says_so_too(play):
-    _, folder = play(PLAIN, in_process=True)
     assert "own (in process)" in board(folder)
 
 
