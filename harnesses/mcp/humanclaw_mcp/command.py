@@ -8,25 +8,19 @@ import os
 import signal
 import socket
 import sys
-from collections.abc import AsyncIterator, Callable
-from contextlib import ExitStack, asynccontextmanager
+from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, Final
 
 import anyio
 import click
 import uvicorn
-from mcp.server import Server
-from mcp.server.auth.middleware.bearer_auth import BearerAuthBackend, RequireAuthMiddleware
 from mcp.server.auth.provider import AccessToken
+from mcp.server.auth.settings import AuthSettings
 from mcp.server.stdio import stdio_server
-from mcp.server.streamable_http import StreamableHTTPServerTransport
-from mcp.server.streamable_http_manager import StreamableHTTPASGIApp, StreamableHTTPSessionManager
 from mcp.server.transport_security import TransportSecuritySettings
 from starlette.applications import Starlette
-from starlette.middleware.authentication import AuthenticationMiddleware
-from starlette.routing import Route
-from starlette.types import ASGIApp
 
 from humanclaw import Choice, HumanclawError, Plugins
 from humanclaw.cli import (
@@ -143,31 +137,18 @@ def http_app(handlers: Handlers, port: int) -> Starlette:
     security = TransportSecuritySettings(
         enable_dns_rebinding_protection=True, allowed_hosts=names, allowed_origins=[f"http://{name}" for name in names]
     )
-    manager = SessionManager(
-        make_server(handlers),
-        handlers,
-        security_settings=security,
+    settings = handlers.bodies.settings
+    # The SDK demands an issuer, which only clients without a token would ask.
+    auth = AuthSettings(issuer_url=f"http://{names[0]}", resource_server_url=None) if settings.token else None  # type: ignore[arg-type]
+    return make_server(handlers).streamable_http_app(
+        streamable_http_path=PATH,
         max_request_body_size=_BODY_BYTES,
+        session_idle_timeout=settings.idle,
         max_sessions=SESSIONS,
-        session_idle_timeout=handlers.bodies.settings.idle,
+        transport_security=security,
+        auth=auth,
+        token_verifier=_OneToken(settings.token) if settings.token else None,
     )
-    endpoint, token = StreamableHTTPASGIApp(manager), handlers.bodies.settings.token
-    guarded: ASGIApp = RequireAuthMiddleware(endpoint, []) if token else endpoint
-
-    @asynccontextmanager
-    async def lifespan(_: Starlette) -> AsyncIterator[None]:
-        async with manager.run():
-            try:
-                yield
-            finally:
-                # Here and not after the server, because uvicorn raises the signal that ended it, and SIGTERM kills.
-                with anyio.CancelScope(shield=True):
-                    await handlers.bodies.close()
-
-    app = Starlette(routes=[Route(PATH, endpoint=guarded)], lifespan=lifespan)
-    if token:
-        app.add_middleware(AuthenticationMiddleware, backend=BearerAuthBackend(_OneToken(token)))
-    return app
 
 
 class _OneToken:
@@ -180,17 +161,3 @@ class _OneToken:
         # In constant time, so that its duration tells nothing about the token.
         right = hmac.compare_digest(token.encode(), self._token)
         return AccessToken(token=token, client_id="owner", scopes=[]) if right else None
-
-
-class SessionManager(StreamableHTTPSessionManager):
-    """Closes the body of each session that ends."""
-
-    def __init__(self, server: Server[str], handlers: Handlers, **options: Any) -> None:
-        super().__init__(server, **options)
-        self._handlers = handlers
-
-    async def _discard_session(self, session_id: str, transport: StreamableHTTPServerTransport) -> None:
-        """End a session; the library calls this however it ends."""
-        await super()._discard_session(session_id, transport)
-        with anyio.CancelScope(shield=True):
-            await self._handlers.end_session(session_id)

@@ -165,6 +165,21 @@ class Handlers:
         self._subscriptions.pop(key, None)
         await self.bodies.release(key)
 
+    async def in_session(self, ctx: Context, call_next: CallNext) -> HandlerResult:
+        """Refuse HTTP requests of the sessionless protocol, and close a session's body when its connection ends.
+
+        Clients that speak both protocols fall back to the handshake. A standard stream has one client and needs no
+        session.
+        """
+        if ctx.request is not None and ctx.protocol_version not in HANDSHAKE_PROTOCOL_VERSIONS:
+            data = {"supported": list(HANDSHAKE_PROTOCOL_VERSIONS), "requested": ctx.protocol_version}
+            words = "over HTTP this server needs a session, as each has a body of its own; begin with initialize"
+            raise MCPError(types.UNSUPPORTED_PROTOCOL_VERSION, words, data)
+        if ctx.method == "initialize" and ctx.request is not None:
+            connection = ctx.session._connection  # The SDK shows its handlers no other way to it.
+            connection.exit_stack.push_async_callback(self.end_session, str(connection.session_id))
+        return await call_next(ctx)
+
     async def set_level(self, ctx: Context, params: types.SetLevelRequestParams) -> types.EmptyResult:
         self.subscription(ctx).level = params.level
         return types.EmptyResult()
@@ -270,8 +285,9 @@ def make_server(handlers: Handlers) -> Server[str]:
                 yield key
             finally:
                 tasks.cancel_scope.cancel()
+                # Here and not after the server, because uvicorn raises the signal that ended it, and SIGTERM kills.
                 with anyio.CancelScope(shield=True):
-                    await handlers.end_session(key)
+                    await bodies.close()
 
     server: Server[str] = Server(
         "humanclaw",
@@ -293,17 +309,5 @@ def make_server(handlers: Handlers) -> Server[str]:
     )
     # Added here because the constructor would warn: the newest protocol version lacks this request, older ones have it.
     server.add_request_handler("logging/setLevel", types.SetLevelRequestParams, handlers.set_level)
-    server.middleware.append(_needs_a_session)
+    server.middleware.append(handlers.in_session)
     return server
-
-
-async def _needs_a_session(ctx: Context, call_next: CallNext) -> HandlerResult:
-    """Refuse HTTP requests of the sessionless protocol: each body belongs to a session.
-
-    Clients that speak both protocols fall back to the handshake. A standard stream has one client and needs no session.
-    """
-    if ctx.request is not None and ctx.protocol_version not in HANDSHAKE_PROTOCOL_VERSIONS:
-        data = {"supported": list(HANDSHAKE_PROTOCOL_VERSIONS), "requested": ctx.protocol_version}
-        text = "over HTTP this server needs a session, since every session has a body of its own; begin with initialize"
-        raise MCPError(types.UNSUPPORTED_PROTOCOL_VERSION, text, data)
-    return await call_next(ctx)
