@@ -16,6 +16,7 @@ from humanclaw.records import Decision, free_episode
 from humanclaw.skills import Call
 from humanclaw.world import SceneBuilder
 
+pytestmark = pytest.mark.integration
 SOURCE = Path(__file__).parent / "data/prior_tiny"
 TINY = read_header(SOURCE / "humanclaw_prior_tiny/base.safetensors")["digest"]
 LITE = DiTGenerator.load().digest
@@ -61,7 +62,6 @@ class Stroller:
         return Decision((Call("stroll", {"z_cm": 40}),))
 
 
-@pytest.mark.integration
 def test_a_prior_is_installed_from_its_wheel_with_its_skill(plugins):
     assert plugins.priors.keys() == {LITE, TINY}
     assert "stroll" in plugins.skills

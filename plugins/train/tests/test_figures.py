@@ -44,6 +44,7 @@ def test_hips_on_a_seat_are_as_high_as_commanded(plugins):
     assert [panel.poses.root[-1, 1] for panel in panels] == pytest.approx([h / 100 for h in SEATS], abs=0.03)
 
 
+@pytest.mark.integration
 def test_kinematics_passes_the_wall_and_leaves_the_landing(plugins):
     (through, blocked), (aloft, carried) = FIGURES["6"](plugins, 0)
     assert blocked.poses.root[HIPS].max() < 1.3 < through.poses.root[-1, 2]
