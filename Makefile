@@ -27,15 +27,16 @@ NO_INDEX = { echo "make: pip reached no package index. Connect to the internet, 
 $(VENV)/.demo: requirements-demo.txt pyproject.toml | $(BIN)/pip
 	@echo "pip is quiet for a minute or two."
 	@$(BIN)/pip install --quiet hatchling editables || $(NO_INDEX)
-	$(BIN)/pip install --quiet --no-build-isolation -r requirements-demo.txt
+	@# pip would compile 8,700 modules; Python compiles those that it imports.
+	$(BIN)/pip install --quiet --no-compile --no-build-isolation -r requirements-demo.txt
 	@touch $@
 
 # Without torch, training is installed without its dependencies, and the tests that need torch are skipped.
 $(VENV)/.installed: requirements.txt requirements-demo.txt requirements-train.txt pyproject.toml | $(BIN)/pip
 	@echo "pip is quiet for two or three minutes."
 	@$(BIN)/pip install --quiet hatchling editables || $(NO_INDEX)
-	$(BIN)/pip install --quiet --no-build-isolation -r requirements.txt
-	$(BIN)/pip install --quiet --no-build-isolation -r requirements-train.txt || \
+	$(BIN)/pip install --quiet --no-compile --no-build-isolation -r requirements.txt
+	$(BIN)/pip install --quiet --no-compile --no-build-isolation -r requirements-train.txt || \
 		$(BIN)/pip install --quiet --no-build-isolation --no-deps -e plugins/train
 	@touch $(VENV)/.demo $@
 
