@@ -372,13 +372,16 @@ FRIDGE = """<robot name="fridge">
 </robot>"""
 
 
-def fridge(folder: Path, lower: str = "0", **placing: object) -> Path:
+def fridge(folder: Path, *changes: tuple[str, str], lower: str = "0", **placing: object) -> Path:
     """A fridge of 0.6 x 1.8 x 0.6 m with a door of 5 cm before it and a round drawer of 0.4 m, half of it outside, at
     (2, 0, 5)."""
     place = folder / "urdf" / "fridge"
     # 0.6 m wide once it is turned by a quarter and 1.2 m high once it is doubled.
     model(place / "door.glb", box((-0.3, -0.3, -0.025), (0.3, 0.3, 0.025)))
-    (place / "fridge.urdf").write_text(FRIDGE.replace("LOWER", lower))
+    text = FRIDGE.replace("LOWER", lower)
+    for was, becomes in changes:
+        text = text.replace(was, becomes)
+    (place / "fridge.urdf").write_text(text)
     config = json.loads((folder / "toy.scene_dataset_config.json").read_text())
     write(folder / "toy.scene_dataset_config.json", config | {"articulated_objects": {"paths": {".urdf": ["urdf/*"]}}})
     placed = {
@@ -428,9 +431,7 @@ def test_a_scene_says_how_far_its_joints_are_open(mine: Path, pose: object) -> N
 
 
 def test_a_joint_on_another_stands_still(mine: Path) -> None:
-    file = fridge(mine) / "fridge.urdf"
-    file.write_text(file.read_text().replace('<parent link="body"/><child link="drawer"/>',
-                                             '<parent link="door"/><child link="drawer"/>'))  # fmt: skip
+    fridge(mine, ('<parent link="body"/><child link="drawer"/>', '<parent link="door"/><child link="drawer"/>'))
     found = load(mine)
     assert set(parts(found)) == {"", "door"}
     assert json.loads(found.notes["ignored"]) == ["articulated object 0 (fridge): 1 of its joints stand still"]
@@ -438,22 +439,19 @@ def test_a_joint_on_another_stands_still(mine: Path) -> None:
 
 def test_commas_between_numbers_are_blanks(mine: Path) -> None:
     """As in Habitat's own fridge_static.urdf."""
-    file = fridge(mine) / "fridge.urdf"
-    file.write_text(file.read_text().replace("0.6 1.8 0.6", "0.6, 1.8, 0.6"))
+    fridge(mine, ("0.6 1.8 0.6", "0.6, 1.8, 0.6"))
     np.testing.assert_allclose(load(mine).aabb(6), ((1.7, 0, 4.7), (2.3, 1.8, 5.3)), atol=2e-3)
 
 
 @pytest.mark.parametrize("name", ["a'drawer", " drawer ", " "])
 def test_the_name_of_a_link_is_a_name_alone(mine: Path, name: str) -> None:
-    file = fridge(mine) / "fridge.urdf"
-    file.write_text(file.read_text().replace('"drawer"', f'"{name}"'))
+    fridge(mine, ('"drawer"', f'"{name}"'))
     assert name in parts(load(mine))
 
 
 def test_what_would_fall_by_its_weight_is_held(mine: Path) -> None:
     """A box of 0.2 x 0.2 x 0.4 m weighs 4.8 kg, and a joint holds half as much again: 70.6 N."""
-    file = fridge(mine) / "fridge.urdf"
-    file.write_text(file.read_text().replace('<axis xyz="0 0 -1"/>', '<axis xyz="0 1 0"/>'))
+    fridge(mine, ('<axis xyz="0 0 -1"/>', '<axis xyz="0 1 0"/>'))
     drawer = parts(load(mine))["drawer"]
     assert drawer.joint is not None
     assert (drawer.mass, drawer.joint.friction) == (pytest.approx(4.8, 0.03), pytest.approx(70.6, 0.03))
@@ -470,8 +468,7 @@ def test_a_joint_that_cannot_be_at_zero_is_at_the_nearest_that_it_can(mine: Path
 def test_a_hinge_of_many_turns_turns_once_and_keeps_its_nearer_stop(mine: Path, end: float) -> None:
     """Files write a large number for a hinge without stops."""
     for lower, low in ((-end, -np.pi), (-1, -1), (1, 1)):
-        file = fridge(mine, lower=f"{lower}") / "fridge.urdf"
-        file.write_text(file.read_text().replace('upper="1.570796"', f'upper="{end}"'))
+        fridge(mine, ('upper="1.570796"', f'upper="{end}"'), lower=f"{lower}")
         door = parts(load(mine))["door"]
         assert door.joint is not None
         assert (door.joint.low, door.joint.high) == pytest.approx((low, low + 2 * np.pi))
@@ -479,16 +476,14 @@ def test_a_hinge_of_many_turns_turns_once_and_keeps_its_nearer_stop(mine: Path, 
 
 
 def test_a_slide_may_be_longer_than_a_turn(mine: Path) -> None:
-    file = fridge(mine) / "fridge.urdf"
-    file.write_text(file.read_text().replace('upper="0.4"', 'upper="8"'))
+    fridge(mine, ('upper="0.4"', 'upper="8"'))
     drawer = parts(load(mine))["drawer"]
     assert drawer.joint is not None
     assert drawer.joint.high == 8
 
 
 def test_a_link_without_a_surface_is_left_out(mine: Path) -> None:
-    file = fridge(mine) / "fridge.urdf"
-    file.write_text(file.read_text().replace('scale="2 1 1"', 'scale="0 0 0"'))
+    fridge(mine, ('scale="2 1 1"', 'scale="0 0 0"'))
     found = load(mine)
     assert set(parts(found)) == {"", "drawer"}
     assert json.loads(found.notes["ignored"]) == ["articulated object 0 (fridge): 1 of its joints stand still"]
@@ -542,8 +537,7 @@ def test_another_mesh_of_a_link_makes_another_scene(mine: Path) -> None:
     ],
 )
 def test_an_articulated_object_that_cannot_be_read_is_named(mine: Path, was: str, becomes: str, said: str) -> None:
-    file = fridge(mine) / "fridge.urdf"
-    file.write_text(file.read_text().replace(was, becomes))
+    fridge(mine, (was, becomes))
     fails(mine, "articulated object 0 (fridge)", said)
     with pytest.warns(UserWarning, match="fridge"):
         assert 6 not in load(mine, "?missing=skip").by_id
