@@ -32,5 +32,5 @@ def humanclaw_scenes(register: Register[SceneFactory]) -> None:
 def humanclaw_commands(cli: click.Group) -> None:
     from humanclaw.cli import LazyCommand
 
-    told = "Habitat scene datasets, such as HSSD, and ObjectNav episodes."
-    cli.add_command(LazyCommand("habitat", "humanclaw_habitat.command:habitat", told))
+    summary = "Habitat scene datasets, such as HSSD, and ObjectNav episodes."
+    cli.add_command(LazyCommand("habitat", "humanclaw_habitat.command:habitat", summary))

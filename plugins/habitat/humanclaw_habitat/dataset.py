@@ -87,11 +87,11 @@ class Dataset:
             return cls(path)
         if not path.is_dir():
             raise SceneError(f"there is no scene dataset {path}.", f"Name a folder with a *{CONFIG}.")
-        found = sorted(path.glob(f"*{CONFIG}"))
-        if len(found) != 1:
-            names = ", ".join(file.name for file in found) or "none"
+        configs = sorted(path.glob(f"*{CONFIG}"))
+        if len(configs) != 1:
+            names = ", ".join(file.name for file in configs) or "none"
             raise SceneError(f"{path} should hold one *{CONFIG}; it holds {names}.", "Name the file itself.")
-        return cls(found[0])
+        return cls(configs[0])
 
     @property
     def name(self) -> str:
@@ -102,8 +102,8 @@ class Dataset:
         """Licence in the front matter of README.md, as on Hugging Face; 'not stated' if it is not there."""
         readme = self.config.parent / "README.md"
         text = read_file(readme, LARGEST).decode("utf-8", errors="replace") if readme.is_file() else ""
-        found = re.match(r"---\n.*?^license:\s*(\S+)\s*$.*?^---$", text, re.DOTALL | re.MULTILINE)
-        return found[1] if found else "not stated"
+        licence = re.match(r"---\n.*?^license:\s*(\S+)\s*$.*?^---$", text, re.DOTALL | re.MULTILINE)
+        return licence[1] if licence else "not stated"
 
     @cached_property
     def _values(self) -> dict[str, Any]:
@@ -111,9 +111,9 @@ class Dataset:
 
     def _section(self, name: str) -> dict[str, Any]:
         """Return a section as the file has it. Raises SceneError if its paths or defaults are of no use."""
-        found = self._values.get(name, {})
-        checked(Section, found, self.config)
-        return dict(found)
+        section = self._values.get(name, {})
+        checked(Section, section, self.config)
+        return dict(section)
 
     def _files(self, section: str) -> Iterator[Path]:
         """Yield every file that a section's paths name: each path is a file, a folder or a pattern."""
@@ -145,8 +145,8 @@ class Dataset:
         changed = checked(Nested, entry if isinstance(entry, dict) else {}, self.config)
         base = _stem(Path(changed.original_file))
         if base and base not in known:
-            said = f"{section}.configs changes {changed.original_file}, which is not among its {len(known)} files"
-            raise SceneError(f"{self.config}: {said}.", "Check that the dataset is complete.")
+            what = f"{section}.configs changes {changed.original_file}, which is not among its {len(known)} files"
+            raise SceneError(f"{self.config}: {what}.", "Check that the dataset is complete.")
         source = known[base] if base else _Source(self.config)
         name = _stem(Path(changed.template_handle)) or base
         return name, replace(source, changes={**source.changes, **changed.attributes})
@@ -219,8 +219,8 @@ class Dataset:
         """
         known, found = self._templates[section], self._fitting(section, name)
         if not found:
-            told = f"template {name!r} is not among the {len(known)} {section} of {self.config}."
-            raise SceneError(told, "Check that the dataset is complete.")
+            message = f"template {name!r} is not among the {len(known)} {section} of {self.config}."
+            raise SceneError(message, "Check that the dataset is complete.")
         source = known[found[0]]
         return found, source, self._section(section).get("default_attributes", {}) | source.values
 

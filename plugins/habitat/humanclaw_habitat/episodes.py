@@ -133,10 +133,10 @@ class LeftOut:
 
     def add(self, where: str, error: HumanclawError, count: int = 1) -> None:
         """Count a failure; without skip, raise the error with the place where it occurred."""
-        said = f"{where}: {error.message}"
+        message = f"{where}: {error.message}"
         if not self.skip:
-            raise HumanclawError(said, f"{error.remedy} Use --skip to convert the rest.".strip()) from error
-        self.reasons[said] += count
+            raise HumanclawError(message, f"{error.remedy} Use --skip to convert the rest.".strip()) from error
+        self.reasons[message] += count
 
 
 def read_books(path: Path, left_out: LeftOut) -> list[Book]:
@@ -157,7 +157,7 @@ def read_books(path: Path, left_out: LeftOut) -> list[Book]:
 
 
 def _books(files: Iterable[Path], left_out: LeftOut) -> list[Book]:
-    found = []
+    books = []
     for file in files:
         try:
             values = _values(file)
@@ -167,8 +167,8 @@ def _books(files: Iterable[Path], left_out: LeftOut) -> list[Book]:
             tasks = _checked(Task, f"{file}: episode", _named(values["episodes"]), left_out)
             goals = {key: tuple(_checked(Goal, f"{file}: {key}: goal", enumerate(listed), left_out))
                      for key, listed in values.get("goals_by_category", {}).items()}  # fmt: skip
-            found.append(Book(file, tuple(tasks), goals))
-    return found
+            books.append(Book(file, tuple(tasks), goals))
+    return books
 
 
 def _values(path: Path) -> Mapping[str, Any]:
@@ -182,8 +182,8 @@ def _values(path: Path) -> Mapping[str, Any]:
     if not isinstance(goals, dict) or not all(
         isinstance(some, list) for some in (values.get("episodes"), *goals.values())
     ):
-        said = "it is not an ObjectNav file: it has no list of episodes, or its goals are not lists."
-        raise HumanclawError(said, "See Habitat's format ObjectNav-v1.")
+        message = "it is not an ObjectNav file: it has no list of episodes, or its goals are not lists."
+        raise HumanclawError(message, "See Habitat's format ObjectNav-v1.")
     return dict(values)
 
 

@@ -28,7 +28,7 @@ def rooms(regions: Sequence[Region], levels: Sequence[tuple[float, float]]) -> t
     levels: height (metres) and area (square metres) of each floor of the building.
     """
     names: dict[str, int] = {}
-    found: list[Room] = []
+    areas: list[Room] = []
     for region in regions:
         kind = re.sub(r"[^a-z0-9]+", "_", (region.label or region.name or "room").lower()).strip("_")
         name = region.name or kind
@@ -37,8 +37,8 @@ def rooms(regions: Sequence[Region], levels: Sequence[tuple[float, float]]) -> t
             name = f"{name} {names[name]}"
         floor = _snapped(region.floor_height, levels)
         loop = np.array(region.poly_loop, float).reshape(-1, 3)[:, [0, 2]]
-        found += [Room(name, kind, *box, floor) for box in rectangles(loop)]
-    return tuple(found)
+        areas += [Room(name, kind, *box, floor) for box in rectangles(loop)]
+    return tuple(areas)
 
 
 def _snapped(height: float, levels: Sequence[tuple[float, float]]) -> float:
@@ -52,7 +52,7 @@ def floors(slabs: Sequence[Array], levels: Sequence[float]) -> tuple[Room, ...]:
 
     slabs: (K, 3) points of each convex piece of the floor, metres. levels: heights, metres.
     """
-    found: list[Room] = []
+    areas: list[Room] = []
     for number, level in enumerate(levels, 1):
         tops = [slab for slab in slabs if abs(slab[:, 1].max() - level) < 0.05]
         if not tops:
@@ -64,8 +64,8 @@ def floors(slabs: Sequence[Array], levels: Sequence[float]) -> tuple[Room, ...]:
         for slab in tops:
             cells |= covered(middle, slab[:, [0, 2]])
         boxes = [(float(x[a]), float(z[c]), float(x[b]), float(z[d])) for a, b, c, d in _blocks(cells)]
-        found += [Room(f"floor {number}", "room", *box, level) for box in boxes]
-    return tuple(found)
+        areas += [Room(f"floor {number}", "room", *box, level) for box in boxes]
+    return tuple(areas)
 
 
 def covered(points: Array, corners: Array) -> NDArray[np.bool_]:

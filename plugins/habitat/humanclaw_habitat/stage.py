@@ -181,8 +181,8 @@ def polygons(part: Part) -> Iterator[tuple[Array, Array]]:
     faces, normals = faces[size > 1e-8], (cross / np.maximum(size, 1e-12)[:, None])[size > 1e-8]
     areas, owner = (size[size > 1e-8] / 2).tolist(), np.arange(len(faces))
     loops: dict[int, list[int]] = {number: face.tolist() for number, face in enumerate(faces)}
-    for one, two in _neighbours(faces, points):
-        left, right = int(owner[one]), int(owner[two])
+    for first, second in _neighbours(faces, points):
+        left, right = int(owner[first]), int(owner[second])
         # 0.9999 is the cosine of 0.8 degrees: larger angles are edges of the building.
         if left == right or normals[left] @ normals[right] < 0.9999:
             continue

@@ -85,7 +85,7 @@ def _mover(robot: ElementTree.Element, link: str, number: int, joint: ElementTre
     x, y, z = (float(value) for value in frame[:3, :3] @ _way(joint, path))
     low, high = _range(joint, path) or (0.0, 0.0)
     dynamics = joint.find("dynamics")
-    weight = next((one.find("inertial/mass") for one in robot.findall("link") if one.get("name") == link), None)
+    weight = next((part.find("inertial/mass") for part in robot.findall("link") if part.get("name") == link), None)
     given = {} if dynamics is None else {
         key: float(_numbers(dynamics.get(key, ""), 1, path)[0]) for key in ("friction", "damping") if dynamics.get(key)
     }  # fmt: skip

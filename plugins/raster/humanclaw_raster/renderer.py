@@ -100,7 +100,7 @@ class RasterRenderer:
         view, gbuffer = _painted(self._loaded, pinhole, camera)
         soften(pinhole, gbuffer, view.rgb)
         drawn = instances.id[gbuffer.faces[:, 1]]
-        self._reflect([one for one in self._loaded.mirrors if one.id in drawn], state.body, camera, pinhole, view)
+        self._reflect([glass for glass in self._loaded.mirrors if glass.id in drawn], state.body, camera, pinhole, view)
         return view
 
     def _reflect(self, mirrors: Sequence[Glass], body: Motion, camera: Camera, pinhole: Pinhole, view: View) -> None:
