@@ -171,8 +171,8 @@ def _idles(motions: Iterable[Motion]) -> list[Motion]:
 
 def _longest(motions: Iterable[Motion], rule: Callable[[Motion], NDArray[np.bool_]]) -> list[Motion]:
     least = round(_SECONDS * FPS)
-    walked = ((motion, runs_of(rule(motion), least)) for motion in motions if len(motion) >= least)
-    parts = [max((motion[run] for run in runs), key=len) for motion, runs in walked if runs]
+    stretches = ((motion, runs_of(rule(motion), least)) for motion in motions if len(motion) >= least)
+    parts = [max((motion[run] for run in runs), key=len) for motion, runs in stretches if runs]
     return [parts[index] for index in np.unique(np.linspace(0, len(parts) - 1, _MOST).astype(int))] if parts else []
 
 
