@@ -61,14 +61,6 @@ class ObjectConformance(BodyConformance):
         assert played.simulated.root[-1, 2] < 0.8
         assert played.paths[box][-1, :3] == pytest.approx([2, 0, 0], abs=0.01)
 
-    def test_a_fixed_box_does_not_move_and_stops_the_body(self) -> None:
-        builder = SceneBuilder.on_floor()
-        box = builder.box("table", (0.4, 0.4, 0.4), (0, 0, 0.7))
-        command = gait(4, 0.3)
-        played = self.play(builder.scene(), command)
-        assert box not in played.paths
-        assert played.simulated.root[-1, 2] < 0.7 < command.root[-1, 2]
-
     def test_a_push_that_is_handed_on_is_reported(self) -> None:
         builder = SceneBuilder.on_floor()
         near = builder.box("box", (0.3, 0.3, 0.3), (0, 0, 0.5), movable=True, mass=2.0)
