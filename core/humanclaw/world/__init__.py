@@ -28,6 +28,7 @@ if TYPE_CHECKING:
         solids as solids,
     )
     from humanclaw.world.half_physics.world import (
+        LEVEL as LEVEL,
         TOUCHING as TOUCHING,
         ObjectMotion as ObjectMotion,
         Touch as Touch,

@@ -12,15 +12,13 @@ import numpy as np
 from humanclaw import Scene
 from humanclaw.body import JOINTS, Array
 from humanclaw.storage import source_digest
-from humanclaw.world import TOUCHING, HalfPhysics, ObjectMotion, Pose, Profile, Touch
+from humanclaw.world import LEVEL, TOUCHING, HalfPhysics, ObjectMotion, Pose, Profile, Touch
 from humanclaw_bullet.body import load_body
 from humanclaw_bullet.engine import Client
 from humanclaw_bullet.objects import Objects
 
 _BODY_A, _BODY_B, _LINK_A, _POINT, _NORMAL, _DISTANCE, _FORCE = 1, 2, 3, 6, 7, 8, 9
 """Fields of a row of getContactPoints."""
-_LEVEL: Final = 0.7
-"""A surface counts as level if the upward component of its unit normal exceeds this: within 45 degrees."""
 _ITERATIONS: Final = 200
 """Maximum of the solver, which stops early where fewer do. With Bullet's 50, stacks creep."""
 _UNEVEN: Final = 32.0
@@ -106,7 +104,7 @@ class BulletWorld:
 
     def top(self, object_id: int, above: Array, below: Array) -> float | None:
         body, _, _, at, face = self._client.rayTest(above, below)[0]
-        return float(at[1]) if self._objects.object_of.get(body) == object_id and face[1] > _LEVEL else None
+        return float(at[1]) if self._objects.object_of.get(body) == object_id and face[1] > LEVEL else None
 
     def motion(self, object_id: int) -> ObjectMotion:
         return self._objects.motion(object_id)

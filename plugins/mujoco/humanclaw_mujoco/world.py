@@ -18,14 +18,12 @@ from numpy.typing import NDArray
 from humanclaw import Scene
 from humanclaw.body import Array, matrix_from_quaternion
 from humanclaw.storage import source_digest
-from humanclaw.world import TOUCHING, HalfPhysics, Kinematic, ObjectMotion, Pose, Profile, Touch
+from humanclaw.world import LEVEL, TOUCHING, HalfPhysics, Kinematic, ObjectMotion, Pose, Profile, Touch
 from humanclaw_mujoco.contacts import body_contacts, harden, harden_stops, let_slide
 from humanclaw_mujoco.model import FIXED_GROUP, Model, build
 from humanclaw_mujoco.sleep import Sleep
 
 _LOG: Final = logging.getLogger(__name__)
-_LEVEL: Final = 0.7
-"""A surface counts as level if the upward component of its unit normal exceeds this: within 45 degrees."""
 _LIMIT: Final = int(mj.mjtConstraint.mjCNSTR_LIMIT_JOINT)
 """As a number: comparing an array with MuJoCo's own enumeration takes a Python call for each element."""
 _FASTEST: Final = 50.0
@@ -176,7 +174,7 @@ class MujocoWorld:
     def top(self, object_id: int, above: Array, below: Array) -> float | None:
         geom, face = np.zeros(1, np.int32), np.zeros(3)
         share = mj.mj_ray(self._m, self._d, above, below - above, _OBJECTS, 1, -1, geom, face)
-        if not 0 <= share <= 1 or self._model.object_of[geom[0]] != object_id or face[1] <= _LEVEL:
+        if not 0 <= share <= 1 or self._model.object_of[geom[0]] != object_id or face[1] <= LEVEL:
             return None
         return float(above[1] + share * (below[1] - above[1]))
 

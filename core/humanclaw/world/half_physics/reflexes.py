@@ -19,12 +19,10 @@ from humanclaw.body.pose import FPS, forward_kinematics
 from humanclaw.body.skeleton import JOINT_INDEX, OFFSETS
 from humanclaw.world.half_physics.profile import Profile
 from humanclaw.world.half_physics.quaternions import Pose, motion_of
-from humanclaw.world.half_physics.world import TOUCHING, Touch, World
+from humanclaw.world.half_physics.world import LEVEL, TOUCHING, Touch, World
 
 _PUSH: Final = 50.0
 """A foot that meets less than this is not held back, newtons."""
-LEVEL: Final = 0.7
-"""Upward part of a normal from which on a contact carries and does not block."""
 _REACH: Final = 0.02
 """How far behind an edge its upper side is looked for, metres."""
 _PELVIS: Final = JOINT_INDEX["pelvis"]

@@ -14,6 +14,9 @@ from humanclaw.world.scene import Scene
 TOUCHING: Final = 0.002
 """Shapes closer than this count as touching, metres: solvers let resting contacts hover by fractions of a
 millimetre."""
+LEVEL: Final = 0.7
+"""A surface is level, and a contact carries and does not block, if the upward component of its unit normal exceeds
+this: within 45 degrees."""
 TRAVEL: Final = 0.01
 """How far a link may come towards something between two looks for contacts, metres: contacts act that far ahead."""
 
