@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +11,7 @@ from humanclaw.episodes.episode import Episode
 from humanclaw.plugins.agents import Agent, Verifier
 from humanclaw.records.limits import Meter
 from humanclaw.records.specification import EpisodeSpec
-from humanclaw.records.steps import EpisodeRecord, StepRecord
+from humanclaw.records.steps import EpisodeRecord
 from humanclaw.storage.files import Folder
 from humanclaw.world.simulator import DistanceFactory
 
@@ -25,7 +25,6 @@ def run_episode(
     folder: Path | Folder | None = None,
     options: Mapping[str, Any] | None = None,
     distance: DistanceFactory | None = None,
-    replay: Sequence[StepRecord] = (),
     meter: Meter | None = None,
     begun: Callable[[], object] = lambda: None,
     stopping: Callable[[], bool] = lambda: False,
@@ -39,7 +38,7 @@ def run_episode(
     episode. Every other exception, KeyboardInterrupt included, is raised again once the record is closed.
     """
     with Episode(
-        body, spec, agent, verifier, folder=folder, options=options, distance=distance, replay=replay, meter=meter
+        body, spec, agent, verifier, folder=folder, options=options, distance=distance, meter=meter
     ) as episode:
         begun()
         while not (episode.done or stopping()):
