@@ -71,7 +71,7 @@ def generate(
     out: Path, starts: int, seed: int, secret: int | None, train: int | None, task: str,
     pairs: tuple[str, ...], hands: bool, oneself: bool, workers: int,
 ) -> None:  # fmt: skip
-    """Make the splits from seeds, a hidden test, or training tasks."""
+    """Make splits from seeds, a hidden test, or training tasks."""
     _refuse_unused(secret, train)
     with ProcessPoolExecutor(workers, get_context("spawn")) as pool:
         if train:

@@ -128,7 +128,7 @@ def power_command(
     names: tuple[str, ...], rate: float, differences: tuple[float, ...], icc: float, correlations: tuple[float, ...],
     tests: int, trials: int, seed: int, as_json: bool,
 ) -> None:  # fmt: skip
-    """Simulate which difference between two runs a split can show, before any money is spent."""
+    """Simulate which difference of two runs a split can show, before any money is spent."""
     if rate + max(differences) >= 1:
         raise click.BadParameter(f"a rate of {rate:g} cannot rise by {max(differences):g}.", param_hint="--difference")
     differences = tuple(sorted(differences))

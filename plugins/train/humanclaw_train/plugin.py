@@ -36,6 +36,6 @@ def humanclaw_commands(cli: click.Group) -> None:
         "naturalness": "Compare generated motion with human motion.",
         "cards": "Write the model card beside each checkpoint.",
         "data": "Build training data from motion capture.",
-        "figure": "Draw a figure of the paper: 5 is what skills do, 6 is half-physics beside pure kinematics.",
+        "figure": "Draw a figure of the paper: 5 shows skills, 6 half-physics.",
     }.items():
         cli.add_command(LazyCommand(name, f"humanclaw_train.cli:{name}", sentence))

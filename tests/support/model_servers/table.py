@@ -7,12 +7,23 @@ import tomllib
 from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Final, Self
 
 from model_servers import dialects
 from model_servers.openai_server import OpenAIServer, Reply
 
 FILE = Path(__file__).with_name("replies.toml")
+OUTCOMES: Final = {
+    "executed": "the call is executed",
+    "told": "the model reads why no call is executed",
+    "asked otherwise": "later requests leave out what the model does not take",
+    "shortened": "the next request holds fewer past steps",
+    "retried": "tried again, then `infra_error`",
+    "mended by the user": "an error with a remedy, exit code 2",
+}
+"""What may become of a reply, in plain words."""
+SEVERAL: Final = 3
+"""Providers that send a reply which the docs list: fewer are as many kinds again, which nobody reads."""
 
 
 @dataclass(frozen=True)
@@ -62,11 +73,14 @@ def a_call(provider: str) -> Row:
 
 
 def markdown() -> str:
-    """Return a list for the docs: what becomes of replies, and how many providers send each."""
+    """Return a list for the docs: what becomes of the replies that several providers send, and how many send each."""
     senders = Counter((row.then, row.when) for row in rows())
-    outcomes = dict.fromkeys(then for then, _ in senders)
-    told = {one: ", ".join(f"{when} ({n})" for (then, when), n in senders.items() if then == one) for one in outcomes}
-    return "".join(f"* {then}: {situations}\n" for then, situations in told.items())
+    common = {reply: n for reply, n in senders.items() if n >= SEVERAL}
+    lines = [
+        f"* {words}: " + ", ".join(f"{when} ({n})" for (then, when), n in common.items() if then == outcome)
+        for outcome, words in OUTCOMES.items()
+    ]
+    return "\n".join([*lines, "", f"{len(senders) - len(common)} rarer replies are in the file.\n"])
 
 
 def _filled(envelope: str, answer: str, end: str, usage: str) -> str:
