@@ -156,6 +156,9 @@ fuzz: install  ## Feed 12,500 hostile inputs to each reader, plant hostile files
 perf: $(READY)  ## Guard speed: compare seven ratios with tests/evidence/perf.json (MORE="--short" or "--save")
 	$(BIN)/python tests/evidence/perf.py $(MORE)
 
+peers: install  ## Measure motion, physics, steps and start-up beside other libraries, each in its own environment (minutes; PyPI)
+	$(BIN)/python tests/evidence/peers.py
+
 soak: install  ## Make 2,000 decisions in one process; memory, handles, threads and files must not grow (minutes)
 	$(BIN)/python tests/evidence/soak.py
 

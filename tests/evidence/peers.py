@@ -1,0 +1,114 @@
+"""Measure the body's parts beside other libraries, in turn, and write the end of docs/results/speed.md: `make peers`.
+
+Processor time on one thread, medians, as ratios to ours. The peers have environments of their own, made on first use.
+What cannot be installed or started here becomes a line that says so.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import re
+import subprocess
+import sys
+import sysconfig
+import venv
+from collections.abc import Iterator, Sequence
+from datetime import UTC, datetime
+from functools import partial
+from pathlib import Path
+from statistics import median
+from typing import Final
+
+import platformdirs
+from perf import spent
+
+HERE: Final = Path(__file__).parent
+PAGE: Final = HERE.parents[1] / "docs" / "results" / "speed.md"
+NEEDS: Final = {
+    "motion": ("onnxruntime", "onnx", "openvino"),
+    # robosuite 1.5 fails with later versions of MuJoCo.
+    "steps": ("gymnasium[mujoco]", "robosuite", "mujoco==3.3.7"),
+    "start": ("llm", "inspect-ai"),
+}
+ONE: Final = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL")}
+CPU: Final = Path("/proc/cpuinfo")
+ROUNDS: Final = 5
+HEADING: Final = "## Beside others"
+Lines = Iterator[str]
+
+
+def environment(name: str) -> Path:
+    """Return the programs of a peer's environment, which is made if its list of packages is another."""
+    folder = Path(platformdirs.user_cache_dir("humanclaw")) / "peers" / name
+    mark, needs = folder / "packages.json", json.dumps(NEEDS[name])
+    if not mark.exists() or mark.read_text() != needs:
+        venv.create(folder, with_pip=True, clear=True)
+        subprocess.run([folder / "bin" / "pip", "install", "--quiet", *NEEDS[name]], check=True)
+        if name == "motion":  # The others must not see our packages: a peer would load our plugins or versions.
+            (theirs,) = folder.glob("lib/python*/site-packages")
+            (theirs / "zz_humanclaw.pth").write_text(f"import site; site.addsitedir({sysconfig.get_path('purelib')!r})")
+        mark.write_text(needs)
+    return folder / "bin"
+
+
+def said(command: Sequence[object]) -> str:
+    """Return the last line that a command prints. Raises RuntimeError with its last error."""
+    done = subprocess.run([*map(str, command)], env={**os.environ, **ONE}, capture_output=True, text=True)
+    if done.returncode:
+        raise RuntimeError((done.stderr.strip().splitlines() or [f"exit status {done.returncode}"])[-1][:120])
+    return (done.stdout.strip().splitlines() or [""])[-1]
+
+
+def motion() -> Lines:
+    """A chunk of `walk`, base and adapter."""
+    rows = json.loads(said([environment("motion") / "python", HERE / "peers_motion.py"]))
+    first = next(iter(rows.values()))[0]
+    told = [f"{name} {', '.join(f'{time / first:.2f}' for time in row[::2])}" for name, row in rows.items()]
+    most = max(max(row[1::2]) for row in rows.values())
+    yield f"A chunk of `walk`, each of 1, 8 and 64 bodies: {'; '.join(told)}. Outputs differ by {most:.0e} at most."
+
+
+def physics() -> Lines:
+    """Physics beside the bare engine, and a step beside those of other environments."""
+    ours = json.loads(said([sys.executable, HERE / "peers_steps.py", "ours"]))
+    theirs = json.loads(said([environment("steps") / "python", HERE / "peers_steps.py", "others"]))
+    laws = {engine: (ours[f"{engine}, half-physics"], ours[f"{engine}, bare"]) for engine in ("bullet", "mujoco")}
+    told = [f"{engine} {bare:.3f} ms and {law / bare:.2f} times that" for engine, (law, bare) in laws.items()]
+    yield f"A substep in `house:0`, bare (limp body) and half-physics (walking): {'; '.join(told)}."
+    steps = ours["humanclaw"], theirs["humanoid"], theirs["robosuite"]
+    told = [f"{ms:.2f} ms" for ms in steps]
+    works = "ours (0.5 s)", "Gymnasium's Humanoid-v5 (0.015 s)", "robosuite's Lift (0.05 s)"
+    yield f"A step, which is other work in each: {'; '.join(map(' '.join, zip(works, told, strict=True)))}."
+
+
+def start() -> Lines:
+    """Start-up of commands."""
+    ours, theirs = Path(sys.executable).with_name("humanclaw"), environment("start")
+    runs = [(ours, words) for words in ("--help", "skills", "bench run --help")]
+    runs += [(theirs / name, "--help") for name in ("llm", "inspect")]
+    times: dict[str, list[float]] = {}
+    for path, words in runs * ROUNDS:
+        times.setdefault(f"{path.name} {words}", []).append(spent(partial(said, [path, *words.split()])))
+    first = median(next(iter(times.values())))
+    told = [f"`{name}` {median(taken) / first:.2f}" for name, taken in times.items()]
+    yield f"Start-up: {', '.join(told)} ({1e3 * first:.0f} ms)."
+
+
+def main() -> None:
+    names = re.findall(r"model name\s*: (.*)", CPU.read_text()) if CPU.exists() else [platform.processor()]
+    when = f"{datetime.now(UTC):%Y-%m-%d}, {names[0]}, {os.cpu_count()} cores"
+    lines = [f"{when}, `make peers`: processor time, one thread, medians, ratios to the first.", ""]
+    for part in (motion, physics, start):
+        try:
+            lines += [f"* {line}" for line in part()]
+        except (RuntimeError, subprocess.CalledProcessError) as fault:
+            lines.append(f"* {part.__doc__} Not here: {fault}")
+        print(lines[-1], flush=True)
+    before, _, _ = PAGE.read_text("utf-8").partition(HEADING)  # The last section.
+    PAGE.write_text("\n".join([before + HEADING, *lines, ""]), "utf-8")
+
+
+if __name__ == "__main__":
+    main()
