@@ -255,6 +255,32 @@ def test_an_agent_that_hangs_is_ended_by_the_time_limit(play, monkeypatch):
     assert RecordedEpisode(folder / "toy-0").record.outcome == "limit_reached"
 
 
+def test_the_limit_of_a_call_begins_anew_at_each_question(play):
+    slow = """
+class Mine(Agent):
+    def begin(self, context): self.meter = context.meter
+    def decide(self, observation, history):
+        assert self.meter.seconds_left() > 0.9
+        time.sleep(0.4)
+        self.meter.check()
+        return super().decide(observation, history)
+
+class Strict:
+    name, privileged = "strict", False
+    def __init__(self, options): ...
+    def begin(self, context): self.meter = context.meter
+    def verify(self, observation, call, skill, goal):
+        self.meter.check()
+        return Verdict(True)
+
+@hookimpl
+def humanclaw_verifiers(register): register("strict", Strict)
+"""
+    _, folder = play(slow, limits={"call.seconds": 1.0}, verifier="strict")
+    episode = RecordedEpisode(folder / "toy-0")
+    assert (episode.record.outcome, len(episode.steps)) == ("stopped", 4)
+
+
 def test_an_agent_that_stops_reading_is_ended_by_the_time_limit(play, monkeypatch):
     monkeypatch.setattr("humanclaw_bench.isolation.deciders.GRACE", 0.2)
     # It sleeps once it has answered, before it is asked again; a view with its history is more than a pipe holds.

@@ -33,7 +33,8 @@ class Remaining(Meter):
     _until = float("inf")
 
     def tell(self, seconds: float | None) -> None:
-        """Note the seconds that are left from now on; None for no limit."""
+        """Note the seconds that are left to a question that begins now; None for no limit."""
+        self.begin("call")
         self._until = float("inf") if seconds is None else time.monotonic() + seconds
 
     def seconds_left(self) -> float:
@@ -67,7 +68,7 @@ class Session:
 
     def _initialize(self, params: Json) -> Json:
         """Make the agent and the verifier of an episode."""
-        self._history, self._views = [], {}
+        self._history, self._views, self._meter = [], {}, Remaining()
         self._made = {kind: self._make(kind, params) for kind in ("agents", "verifiers") if params.get(kind)}
         return {
             kind: _introduced(decider) | {"versions": self._versions(kind, params[kind])}
@@ -85,7 +86,7 @@ class Session:
 
     def _begin(self, params: Json) -> Json:
         """Tell the agent or the verifier its task."""
-        self._meter = Remaining(params["limits"])
+        self._meter.limits = params["limits"]  # Of both: each keeps the meter that it is given here.
         self._meter.tell(params["seconds"])
         self._context = context_of(params, self._meter)
         self._made[params["role"]].begin(self._context)
