@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import trimesh
 from PIL import Image
 
 from humanclaw.errors import SceneError
@@ -382,6 +383,20 @@ def test_a_polygon_has_its_own_area(tmp_path: Path, written: Any, name: str) -> 
     normals = np.cross(b - a, c - a)[:, 2]
     assert np.abs(normals).sum() / 2 == pytest.approx(area)
     assert name == "butterfly" or (normals >= -1e-9).all()
+
+
+@pytest.mark.parametrize("heading", [0.5, 1.1, 2.3, 4.0])
+def test_a_doorway_is_open_in_a_wall_of_any_heading(tmp_path: Path, heading: float) -> None:
+    for first in range(len(WALL)):
+        corners = [
+            f"{3 + x * np.cos(heading):.6f} {y:.6f} {x * np.sin(heading) - 1:.6f}"
+            for x, y in WALL[first:] + WALL[:first]
+        ]
+        path = tmp_path / f"{first}.obj"
+        path.write_text(obj(corners, [[*range(len(WALL))]]))
+        assert sum(float(trimesh.Trimesh(part.vertices, part.faces).area) for part in read_model(path).parts) == (
+            pytest.approx(10.5, abs=1e-4)
+        )
 
 
 def packed_ply(order: str, lengths: str, numbers: str) -> bytes:

@@ -19,13 +19,15 @@ LONGEST: Final = 8192
 """Maximum width and height of a picture, pixels: larger ones fill memory."""
 BODY_ID: Final = -1
 """Id of the body's own pixels in an id image; 0 means that nothing was drawn."""
+_VERTICAL: Final = 1e-6
+"""Sine of the angle between a direction and the vertical below which its heading is rounding errors."""
 
 
 @dataclass(frozen=True)
 class Camera:
     """A pinhole camera. position, forward, up: (3,) world frame. fov: vertical, degrees.
 
-    Raises HumanclawError for a width or height outside 1 to LONGEST pixels.
+    Raises HumanclawError for a width or height outside 1 to LONGEST pixels, and for numbers that are not finite.
     """
 
     position: Array
@@ -39,12 +41,16 @@ class Camera:
         if not (0 < self.width <= LONGEST and 0 < self.height <= LONGEST):
             got = f"{self.width} x {self.height}"
             raise HumanclawError(f"a picture is 1 to {LONGEST} pixels wide and high; got {got}.", "Name another size.")
+        if not np.isfinite([self.position, self.forward, self.up]).all():
+            raise HumanclawError("a camera's place and directions must be finite.", "Let it look at another place.")
 
     @classmethod
     def looking(cls, eye: ArrayLike, centre: ArrayLike, fov: float, size: tuple[int, int]) -> Self:
         """Return a camera at eye (3,) that looks at centre (3,) without roll. fov: degrees; size: width, height."""
         forward = np.subtract(centre, eye) / np.linalg.norm(np.subtract(centre, eye))
         right = np.cross(forward, [0.0, 1.0, 0.0])
+        if np.linalg.norm(right) < _VERTICAL:
+            right = np.array([1.0, 0.0, 0.0])
         up = np.cross(right / np.linalg.norm(right), forward)
         return cls(np.asarray(eye, float), forward, up, fov, *size)
 

@@ -18,6 +18,8 @@ Indices = NDArray[np.int64]
 
 _FLAT: Final = 1e-3
 """A polygon is flat if its corners are nearer to its plane than this share of its size."""
+_SLIVER: Final = 1e-4
+"""Height of a triangle without a side, as a share of its longest edge: files have some six digits."""
 _TURN: Final = 0.1
 """Sine of the largest angle between two triangles of one fan."""
 
@@ -26,6 +28,9 @@ def unfolded(vertices: Array, faces: Indices) -> Indices:
     """Return (M, 3) faces in which other triangles stand for each folded fan: they cover its polygon once."""
     a, b, c = (vertices[faces[:, k]] for k in range(3))
     normals, found = np.cross(b - a, c - a), faces.copy()
+    # Three corners in a row, as beside a doorway, have a normal of rounding errors: it must not end a fan.
+    longest = np.max([np.linalg.norm(b - a, axis=1), np.linalg.norm(c - b, axis=1), np.linalg.norm(a - c, axis=1)], 0)
+    normals[np.linalg.norm(normals, axis=1) <= _SLIVER * longest**2] = 0.0
     # By place, as some readers give each triangle corners of its own.
     linked = (a[1:] == a[:-1]).all(axis=1) & (b[1:] == c[:-1]).all(axis=1) & _parallel(normals[1:], normals[:-1])
     for fan, loop in (*_halves(faces, normals), *_fans(faces, linked, normals)):
