@@ -297,7 +297,7 @@ def _show_statistics(chunks: Mapping[str, Chunks], as_json: bool, report: str = 
 @click.option("--renderer", default="raster", show_default=True, help="Name of the renderer.")
 @plugin_options
 def figure(name: str, out: Path | None, files: tuple[Path, ...], choice: Choice, **settings: Any) -> None:
-    """Draw a figure of the paper: 5 is what skills do, 6 is half-physics beside pure kinematics."""
+    """Draw a figure of the paper: 5 shows skills, 6 half-physics."""
     from humanclaw_train.eval import figures
 
     plugins = Plugins.discover(files, choice=choice)

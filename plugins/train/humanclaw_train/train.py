@@ -544,8 +544,9 @@ class Run:
         """Return what a resumed run must share with the run that it goes on from, by option of the command line."""
         free = ("steps", "minutes", "rate", "licences")
         recipe = {_OPTIONS[name]["flag"]: getattr(self.recipe, name) for name in _OPTIONS if name not in free}
-        digest = hashlib.sha256(self.chunks.root.numpy(force=True).tobytes()).hexdigest()[:16]
-        data = f"{self.chunks.name}, {len(self.chunks)} chunks, digest {digest}"
+        tensors = (self.chunks.root, self.chunks.rotations, self.chunks.params)
+        digest = hashlib.sha256(b"".join(tensor.numpy(force=True).tobytes() for tensor in tensors))
+        data = f"{self.chunks.name}, {len(self.chunks)} chunks, digest {digest.hexdigest()[:16]}"
         return recipe | {"--init": self.recipe.init, "--base": self.base, "--data": data}
 
     def _resume(self, path: Path) -> None:

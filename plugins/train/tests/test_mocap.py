@@ -143,7 +143,7 @@ def test_a_broken_file_is_refused_with_what_was_expected(tmp_path, name, text, w
     ("skeleton", "motion", "joint", "inches"),
     [
         pytest.param(
-            {"angle deg": "angle rad", "axis 0 0 90": "axis 0 0 1.5707963267949"},
+            {"angle deg": "angle Radians", "axis 0 0 90": "axis 0 0 1.5707963267949"},
             {" 90": " 1.5707963267949", ":DEGREES\n": ""}, 2, (1, 2, 3 - 10), id="radians",
         ),
         # The bone's X axis is the world's Y, and the root's quarter turn about Z moves +Y to -X.
@@ -262,6 +262,7 @@ def test_a_body_that_lies_keeps_the_up_axis_of_its_format(tmp_path):
     ("name", "change", "words"),
     [
         ("a.bvh", ("Frame Time: 0.0083333", "Frame Time: 0"), "Frame Time.*0"),
+        ("a.bvh", ("Frame Time: 0.0083333", "Frame Time: 8.3333"), "seconds.*8.3333"),
         ("a.bvh", ("Xposition", "Xscale"), "channel xscale"),
         ("a.bvh", ("90 0 0 0 90 0", "nan 0 0 0 90 0"), "not finite"),
         ("07.asf", ("direction 1 0 0", "direction 0 0 0"), "hip.*direction"),

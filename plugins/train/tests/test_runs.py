@@ -85,6 +85,15 @@ def test_a_run_goes_on_with_its_own_chunks_alone(chunks, tmp_path, capsys):
     assert "--data base, 64 chunks, digest" in capsys.readouterr().err
 
 
+def test_a_run_does_not_go_on_with_other_rotations(chunks, tmp_path, capsys):
+    _base(chunks, tmp_path / "run")
+    with np.load(chunks / "base.npz") as file:
+        arrays = dict(file)
+    np.savez(tmp_path / "base.npz", **arrays | {"rotations": arrays["rotations"] * np.float32(0.5)})
+    assert train.main(["base", "--data", str(tmp_path), "--out", str(tmp_path / "run"), *SIX]) == 2
+    assert "--data base, 64 chunks, digest" in capsys.readouterr().err
+
+
 def test_a_run_goes_on_for_more_steps_at_another_rate(chunks, tmp_path):
     _base(chunks, tmp_path)
     _base(chunks, tmp_path, "--steps", "8", "--rate", "1e-4")

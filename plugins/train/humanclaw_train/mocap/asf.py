@@ -128,7 +128,7 @@ def _asf(path: Path) -> _Skeleton:
             sections.setdefault(current, []).append(words)
     try:
         scale = {words[0]: words[1] for words in sections["units"]}
-        unit, angle = ASF_INCH / float(scale["length"]), scale.get("angle", "deg")
+        unit, angle = ASF_INCH / float(scale["length"]), scale.get("angle", "deg").lower()
         turn = np.degrees(1.0) if angle.startswith("rad") else 1.0
         root = _bone({"name": ["root"], **{words[0]: words[1:] for words in sections["root"]}}, unit, turn)
         bones = {bone.name: bone for bone in (root, *_asf_bones(sections["bonedata"], unit, turn))}

@@ -12,6 +12,8 @@ from humanclaw.body import Array
 from humanclaw_train.mocap.source_motion import MocapError, SourceMotion, Tree, euler, read_text
 
 _CHANNELS: Final = frozenset(f"{axis}{kind}" for axis in "xyz" for kind in ("position", "rotation"))
+_SLOWEST: Final = 0.2
+"""Longest time between two frames, seconds: more than that are milliseconds, or no motion."""
 
 
 def load_bvh(path: Path) -> SourceMotion:
@@ -84,10 +86,9 @@ def _bvh_frames(path: Path, text: str, width: int) -> tuple[float, Array]:
     except ValueError as error:
         expected = "expected `Frames: N`, `Frame Time: seconds` and numbers after MOTION"
         raise MocapError(f"{path}: {expected}; {error}.", "Correct the file, or export it again.") from error
-    if not 0 < seconds < np.inf:
-        raise MocapError(
-            f"{path}: `Frame Time` must be seconds above 0; got {said[2]}.", "Write 0.033333 for 30 a second."
-        )
+    if not 0 < seconds <= _SLOWEST:
+        expected = f"`Frame Time` must be seconds, above 0 and at most {_SLOWEST}"
+        raise MocapError(f"{path}: {expected}; got {said[2]}.", "Write 0.033333 for 30 a second.")
     if len(values) != frames * width:
         raise MocapError(
             f"{path}: {frames} frames of {width} channels need {frames * width} numbers; the file has {len(values)}.",
