@@ -4,6 +4,7 @@ import asyncio
 import json
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -118,26 +119,28 @@ def test_dir_names_what_is_public(package):
     assert [name for name in listed if not name.startswith("__")] == public
 
 
-def test_an_event_loop_goes_on_while_the_body_moves():
+def test_an_event_loop_goes_on_while_the_body_moves(monkeypatch):
+    began, goes_on, call = threading.Event(), threading.Event(), Body.call
+
+    def waiting(body, skill, /, **params):
+        began.set()
+        assert goes_on.wait(10), "the loop waits for the body"
+        return call(body, skill, **params)
+
+    async def loop():
+        while not began.is_set():
+            await asyncio.sleep(0.001)
+        goes_on.set()
+
     async def two():
-        ticks = []
+        return await asyncio.gather(body.acall("nod"), body.acall("nod"), loop())
 
-        async def tick():
-            while len(ticks) < 1000:
-                ticks.append(body.step)
-                await asyncio.sleep(0.001)
-
-        ticking = asyncio.create_task(tick())
-        seen = await asyncio.gather(body.acall("nod"), body.acall("nod"))
-        ticking.cancel()
-        return seen, ticks
-
+    monkeypatch.setattr(Body, "call", waiting)
     with fake_body(nod) as body:
-        seen, ticks = asyncio.run(two())
+        *seen, _ = asyncio.run(two())
         (tool, *_) = body_tools(body)
         assert asyncio.run(tool.acall()).picture
-    assert sorted(one.step for one in seen) == [1, 2]
-    assert ticks
+    assert sorted(observation.step for observation in seen) == [1, 2]
 
 
 def test_calls_and_all_tools_of_a_body_wait_for_one_another(monkeypatch):

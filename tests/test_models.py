@@ -450,6 +450,7 @@ def test_meshlabs_corners_have_places_in_the_picture_of_their_own(tmp_path: Path
     (part,) = read_model(tmp_path / "model.ply").parts
     assert part.uv is not None
     assert part.picture is not None
+    assert part.vertices[part.faces[0]].tolist() == [[0, 0, 0], [2, 0, 0], [0, 1, 0]]
     assert part.uv[part.faces[0]].tolist() == [[0, 0], [1, 0], [0, 1]]
     assert part.picture[0, 0].tolist() == [0, 160, 0]
 

@@ -157,6 +157,7 @@ def test_each_storey_shows_its_own_rooms_and_objects_and_the_stairs() -> None:
     lower, upper = house_maps(two_storeys(), "house")
     assert (lower.title, upper.title) == ("ground floor", "upper floor")
     assert lower.box == upper.box
+    assert lower.box[2] > 0
     assert {kind for *_, kind in lower.rooms} == {"living room"}
     assert {kind for *_, kind in upper.rooms} == {"bedroom", "hall"}
     names = [{name for _, _, name in drawn.objects} for drawn in (lower, upper)]
