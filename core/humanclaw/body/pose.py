@@ -317,7 +317,7 @@ def pelvis_jerk(motion: Motion) -> float:
 
 
 def root_jerk(motion: Motion) -> float:
-    """Return the mean third derivative of the body's path and orientation, m/s^3 (paper, table 1 of the appendix); NaN
+    """Return the mean third derivative of the body's path and orientation, m/s^3 (paper, table 2); NaN
     for fewer than 27 frames.
 
     As pelvis_jerk(), for all joints of the rest skeleton but the hands, which root translation and rotation carry. So

@@ -37,14 +37,14 @@ DEV_HOUSES: Final = tuple(f"house:train-{500_000 + number}" for number in range(
 HIDDEN_HOUSES: Final = 1_000_000
 """Number of the first training house that only hidden tests may have."""
 EPISODES: Final = {"chair": 231, "couch": 231, "bed": 218, "potted_plant": 205, "tv": 185, "toilet": 148}
-"""Episodes of each category in the paper's validation split."""
+"""Episodes of each category in the validation split of the paper's release."""
 CATEGORIES: Final = tuple(EPISODES)
 TIER_SHARES: Final = dict(zip(TIERS, (0.23, 0.46, 0.31), strict=True))
 DISTANCE_EDGES: Final = (3.5, 4.4, 8.0, 12.8)
 DISTANCE_SHARES: Final = (0.40, 0.10, 0.24, 0.17, 0.09)
 """Share of the episodes in each range between DISTANCE_EDGES (metres).
 
-From the paper: the tiers 40/34/25 %, the median of 4.4 m, and 90 % under 12.8 m.
+From the paper's release: the tiers 40/34/25 %, the median of 4.4 m, and 90 % under 12.8 m.
 """
 STARTS: Final = 8
 """Number of starts drawn in each house for each category and range of distances."""
