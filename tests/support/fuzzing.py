@@ -61,11 +61,6 @@ def rewritten(data: bytes, picks: list[int], new: Any) -> bytes:
     return json.dumps(changed(json.loads(data), picks, new)).encode()
 
 
-def thorough() -> bool:
-    """Return whether everything is tried (`make fuzz`), not a few examples."""
-    return settings.get_current_profile_name() == "fuzz"
-
-
 class TooLong(BaseException):
     """A reader took too long, or waits for what never comes."""
 

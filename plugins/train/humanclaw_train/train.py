@@ -69,6 +69,8 @@ from humanclaw_train.model.flow import LOSSES, Loss, clean, noised, target
 _SAVE_SECONDS: Final = 120
 """An interruption costs at most so much work; a save of the largest size takes about a second."""
 _REPORT_SECONDS: Final = 15
+_STATE: Final = ("settings", "module", "mean", "optimiser", "step", "seconds")
+"""What a saved state holds."""
 _MOST_VALIDATED: Final = 1024
 """Most chunks of a validation, spread evenly over all: a second of time for the shipped size."""
 
@@ -555,22 +557,22 @@ class Run:
             return
         try:
             content = torch.load(path, weights_only=True, map_location=self.session.device)
-            before, settings = content["settings"], self._settings()
+            before, module, mean, optimiser, step, seconds = (content[name] for name in _STATE)
         except (OSError, EOFError, RuntimeError, KeyError, TypeError, pickle.UnpicklingError) as error:
             raise HumanclawError(
                 f"Expected the state of a run in {path}; the file is incomplete or has other content.",
                 f"Remove it to begin the run again, or give another --out. ({type(error).__name__})",
             ) from error
-        for name, now in settings.items():
+        for name, now in self._settings().items():
             if before.get(name) != now:
                 raise HumanclawError(
                     f"{path} is of a run with {name} {before.get(name)}; this run has {name} {now}.",
                     f"Give the same {name} to go on with that run, or another --out to begin a new one.",
                 )
-        self.model.trained.load_state_dict(content["module"])
-        self.mean.trained.load_state_dict(content["mean"])
-        self.optimiser.load_state_dict(content["optimiser"])
-        self.step, self.seconds = content["step"], content["seconds"]
+        self.model.trained.load_state_dict(module)
+        self.mean.trained.load_state_dict(mean)
+        self.optimiser.load_state_dict(optimiser)
+        self.step, self.seconds = step, seconds
 
     def _begin(self, held_out: ChunkTensors | None) -> None:
         recipe, many = self.recipe, self.session.processes.count

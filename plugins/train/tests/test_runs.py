@@ -100,10 +100,13 @@ def test_a_run_goes_on_for_more_steps_at_another_rate(chunks, tmp_path):
     assert torch.load(tmp_path / "state.pt")["step"] == 8
 
 
-@pytest.mark.parametrize("share", [0.0, 0.5, 0.99])
+@pytest.mark.parametrize("share", [0.0, 0.5, 0.99, 1.0])
 def test_an_incomplete_state_is_refused_with_the_remedy(chunks, tmp_path, capsys, share):
     _base(chunks, tmp_path)
     state = tmp_path / "state.pt"
+    content = torch.load(state)
+    del content["optimiser"]
+    torch.save(content, state)
     state.write_bytes(state.read_bytes()[: int(share * state.stat().st_size)])
     assert train.main(["base", "--data", str(chunks), "--out", str(tmp_path), *SIX]) == 2
     assert f"Expected the state of a run in {state}" in capsys.readouterr().err
