@@ -10,8 +10,8 @@ import click
 import numpy as np
 from PIL import Image, ImageDraw
 
-from humanclaw import HumanclawError
 from humanclaw.cli import plugin_files
+from humanclaw.storage import save_picture
 from humanclaw_bench.attribution import CAUSES
 from humanclaw_bench.cli import RUN
 from humanclaw_bench.metrics import Column
@@ -45,11 +45,7 @@ SHARE: Final = Column("share", percent=True, digits=0)
 @plugin_files
 def failures(runs: tuple[Path, ...], out: Path, paper: bool, files: tuple[Path, ...]) -> None:
     """Draw the funnel of some runs, and the root causes of their failures by stage and capability."""
-    try:
-        picture(results_of(runs, files), paper=paper).save(out, quality=85)
-    except (OSError, ValueError) as error:
-        raise HumanclawError(f"cannot write {out}: {error}.", "Name a PNG or JPEG file with --out.") from error
-    click.echo(out)
+    click.echo(save_picture(picture(results_of(runs, files), paper=paper), out, quality=85))
 
 
 def picture(results: Sequence[Result], *, paper: bool = True) -> Image.Image:
