@@ -157,7 +157,7 @@ perf: $(READY)  ## Guard speed: compare seven ratios with tests/evidence/perf.js
 	$(BIN)/python tests/evidence/perf.py $(MORE)
 
 peers: install  ## Measure motion, physics, steps and start-up beside other libraries, each in its own environment (minutes; PyPI)
-	$(BIN)/python tests/evidence/peers.py
+	PYTHONPATH=tests/evidence $(BIN)/python tests/evidence/peers/peers.py
 
 soak: install  ## Make 2,000 decisions in one process; memory, handles, threads and files must not grow (minutes)
 	$(BIN)/python tests/evidence/soak.py

@@ -7,8 +7,7 @@ from typing import Any
 
 import pytest
 
-# Those of `make peers` import what is installed in environments of their own.
-PROGRAMS = [path for path in sorted((Path(__file__).parent / "evidence").glob("*.py")) if "peers" not in path.name]
+PROGRAMS = sorted((Path(__file__).parent / "evidence").glob("*.py"))
 
 
 @pytest.mark.parametrize("program", PROGRAMS, ids=lambda program: program.stem)

@@ -1,4 +1,4 @@
-"""Measure steps in this process, or those of Gymnasium and robosuite: python peers_steps.py ours|others. Prints
+"""Measure steps in this process, or those of Gymnasium and robosuite: python steps.py ours|others. Prints
 milliseconds by row for peers.py, which starts it."""
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from statistics import median
 import numpy as np
 
 
-def spent(work: Callable[[], object], times: int, samples: int = 5) -> float:
+def milliseconds(work: Callable[[], object], times: int, samples: int = 5) -> float:
     """Return milliseconds of processor time of one: the median of samples after a first, which counts only if alone."""
     taken = []
     for _ in range(samples + 1):
@@ -31,7 +31,7 @@ def ours() -> dict[str, float]:
     for name in ("bullet", "mujoco"):
         found[f"{name}, half-physics"], found[f"{name}, bare"] = substeps(name)
     body = Body("house:0")
-    found["humanclaw"] = spent(lambda: body.execute(Call("turn_in_place", {"yaw_deg": 30})), 1)
+    found["humanclaw"] = milliseconds(lambda: body.execute(Call("turn_in_place", {"yaw_deg": 30})), 1)
     return found
 
 
@@ -46,10 +46,10 @@ def substeps(engine: str) -> tuple[float, float]:
     count, walked = len(motion) * fixture.profile.substeps, []
     for _ in range(6):
         fixture.stand(simulator, scene)
-        walked.append(spent(lambda: simulator.execute(motion), 1, 0) / count)
+        walked.append(milliseconds(lambda: simulator.execute(motion), 1, 0) / count)
     world = simulator._loaded().world  # No public door leads to the engine itself.
     bare = world._client.stepSimulation if engine == "bullet" else lambda: mujoco.mj_step(world._m, world._d)
-    return median(walked[1:]), spent(bare, count)
+    return median(walked[1:]), milliseconds(bare, count)
 
 
 def others() -> dict[str, float]:
@@ -70,7 +70,10 @@ def others() -> dict[str, float]:
                           use_camera_obs=False, ignore_done=True)  # fmt: skip
     lift.reset()
     rng, (low, high) = np.random.default_rng(0), lift.action_spec
-    return {"humanoid": spent(move, 100), "robosuite": spent(lambda: lift.step(rng.uniform(low, high)), 20)}
+    return {
+        "humanoid": milliseconds(move, 100),
+        "robosuite": milliseconds(lambda: lift.step(rng.uniform(low, high)), 20),
+    }
 
 
 if __name__ == "__main__":

@@ -25,7 +25,7 @@ import platformdirs
 from perf import spent
 
 HERE: Final = Path(__file__).parent
-PAGE: Final = HERE.parents[1] / "docs" / "results" / "speed.md"
+PAGE: Final = HERE.parents[2] / "docs" / "results" / "speed.md"
 NEEDS: Final = {
     "motion": ("onnxruntime", "onnx", "openvino"),
     # robosuite 1.5 fails with later versions of MuJoCo.
@@ -63,7 +63,7 @@ def said(command: Sequence[object]) -> str:
 
 def motion() -> Lines:
     """A chunk of `walk`, base and adapter."""
-    rows = json.loads(said([environment("motion") / "python", HERE / "peers_motion.py"]))
+    rows = json.loads(said([environment("motion") / "python", HERE / "motion.py"]))
     first = next(iter(rows.values()))[0]
     told = [f"{name} {', '.join(f'{time / first:.2f}' for time in row[::2])}" for name, row in rows.items()]
     most = max(max(row[1::2]) for row in rows.values())
@@ -72,8 +72,8 @@ def motion() -> Lines:
 
 def physics() -> Lines:
     """Physics beside the bare engine, and a step beside those of other environments."""
-    ours = json.loads(said([sys.executable, HERE / "peers_steps.py", "ours"]))
-    theirs = json.loads(said([environment("steps") / "python", HERE / "peers_steps.py", "others"]))
+    ours = json.loads(said([sys.executable, HERE / "steps.py", "ours"]))
+    theirs = json.loads(said([environment("steps") / "python", HERE / "steps.py", "others"]))
     laws = {engine: (ours[f"{engine}, half-physics"], ours[f"{engine}, bare"]) for engine in ("bullet", "mujoco")}
     told = [f"{engine} {bare:.3f} ms and {law / bare:.2f} times that" for engine, (law, bare) in laws.items()]
     yield f"A substep in `house:0`, bare (limp body) and half-physics (walking): {'; '.join(told)}."
