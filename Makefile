@@ -156,7 +156,7 @@ fuzz: install  ## Feed 12,500 hostile inputs to each reader, plant hostile files
 perf: $(READY)  ## Guard speed: compare seven ratios with tests/evidence/perf.json (MORE="--short" or "--save")
 	$(BIN)/python tests/evidence/perf.py $(MORE)
 
-peers: install  ## Measure motion, physics, steps and start-up beside other libraries, each in its own environment (minutes; PyPI)
+peers: install  ## Measure motion, views, physics, steps and start-up beside other libraries, each in its own environment (minutes; PyPI)
 	PYTHONPATH=tests/evidence $(BIN)/python tests/evidence/peers/peers.py
 
 soak: install  ## Make 2,000 decisions in one process; memory, handles, threads and files must not grow (minutes)

@@ -13,6 +13,7 @@ import re
 import subprocess
 import sys
 import sysconfig
+import tempfile
 import venv
 from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime
@@ -23,16 +24,27 @@ from typing import Final
 
 import platformdirs
 from perf import spent
+from PIL import Image
 
 HERE: Final = Path(__file__).parent
-PAGE: Final = HERE.parents[2] / "docs" / "results" / "speed.md"
+DOCS: Final = HERE.parents[2] / "docs"
+PAGE: Final = DOCS / "results" / "speed.md"
 NEEDS: Final = {
-    "motion": ("onnxruntime", "onnx", "openvino"),
+    "ours": ("onnxruntime", "onnx", "openvino", "panda3d"),
     # robosuite 1.5 fails with later versions of MuJoCo.
     "steps": ("gymnasium[mujoco]", "robosuite", "mujoco==3.3.7"),
     "start": ("llm", "inspect-ai"),
 }
 ONE: Final = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL")}
+# Mesa draws without a display and a graphics card. It counts threads beside the calling one.
+MESA: Final = {"EGL_PLATFORM": "surfaceless", "LIBGL_ALWAYS_SOFTWARE": "1", "LP_NUM_THREADS": "0", "MUJOCO_GL": "egl"}
+RENDERERS: Final = {
+    "ours": "ours",
+    "tinydisplay": "Panda3D's tinydisplay (unlit, no depth)",
+    "llvmpipe": "Panda3D on llvmpipe (unlit)",
+    "mujoco": "MuJoCo on llvmpipe (no window light)",
+    "tiny": "Bullet's TinyRenderer (no shadows, surfaces flicker)",
+}
 CPU: Final = Path("/proc/cpuinfo")
 ROUNDS: Final = 5
 HEADING: Final = "## Beside others"
@@ -46,7 +58,7 @@ def environment(name: str) -> Path:
     if not mark.exists() or mark.read_text() != needs:
         venv.create(folder, with_pip=True, clear=True)
         subprocess.run([folder / "bin" / "pip", "install", "--quiet", *NEEDS[name]], check=True)
-        if name == "motion":  # The others must not see our packages: a peer would load our plugins or versions.
+        if name == "ours":  # The others must not see our packages: a peer would load our plugins or versions.
             (theirs,) = folder.glob("lib/python*/site-packages")
             (theirs / "zz_humanclaw.pth").write_text(f"import site; site.addsitedir({sysconfig.get_path('purelib')!r})")
         mark.write_text(needs)
@@ -55,7 +67,7 @@ def environment(name: str) -> Path:
 
 def said(command: Sequence[object]) -> str:
     """Return the last line that a command prints. Raises RuntimeError with its last error."""
-    done = subprocess.run([*map(str, command)], env={**os.environ, **ONE}, capture_output=True, text=True)
+    done = subprocess.run([*map(str, command)], env={**os.environ, **ONE, **MESA}, capture_output=True, text=True)
     if done.returncode:
         raise RuntimeError((done.stderr.strip().splitlines() or [f"exit status {done.returncode}"])[-1][:120])
     return (done.stdout.strip().splitlines() or [""])[-1]
@@ -63,11 +75,24 @@ def said(command: Sequence[object]) -> str:
 
 def motion() -> Lines:
     """A chunk of `walk`, base and adapter."""
-    rows = json.loads(said([environment("motion") / "python", HERE / "motion.py"]))
+    rows = json.loads(said([environment("ours") / "python", HERE / "motion.py"]))
     first = next(iter(rows.values()))[0]
     told = [f"{name} {', '.join(f'{time / first:.2f}' for time in row[::2])}" for name, row in rows.items()]
     most = max(max(row[1::2]) for row in rows.values())
     yield f"A chunk of `walk`, each of 1, 8 and 64 bodies: {'; '.join(told)}. Outputs differ by {most:.0e} at most."
+
+
+def views() -> Lines:
+    """Colours, depth and ids in one view, and the picture of each."""
+    python, side, told, first = environment("ours") / "python", Image.new("RGB", (320 * len(RENDERERS), 320)), [], 0.0
+    for k, (name, title) in enumerate(RENDERERS.items()):
+        with tempfile.NamedTemporaryFile(suffix=".png") as picture:
+            taken = float(said([python, HERE / "views.py", name, picture.name]))
+            side.paste(Image.open(picture.name), (320 * k, 0))
+        first = first or taken
+        told.append(f"{title} {taken / first:.2f}")
+    side.save(DOCS / "images" / "peers.jpg", quality=75)
+    yield f"A [view](../images/peers.jpg) of `house:0`, 512 x 512, 8 directions ({first:.0f} ms): {'; '.join(told)}."
 
 
 def physics() -> Lines:
@@ -100,7 +125,7 @@ def main() -> None:
     names = re.findall(r"model name\s*: (.*)", CPU.read_text()) if CPU.exists() else [platform.processor()]
     when = f"{datetime.now(UTC):%Y-%m-%d}, {names[0]}, {os.cpu_count()} cores"
     lines = [f"{when}, `make peers`: processor time, one thread, medians, ratios to the first.", ""]
-    for part in (motion, physics, start):
+    for part in (motion, views, physics, start):
         try:
             lines += [f"* {line}" for line in part()]
         except (RuntimeError, subprocess.CalledProcessError) as fault:
