@@ -71,7 +71,7 @@ types: $(READY)  ## Check types (mypy --strict)
 	$(BIN)/mypy
 
 # Import-linter needs every package on the path, also those that are not installed.
-APART = plugins/ray:plugins/rerun:harnesses/openenv:harnesses/verifiers:skills/answer:skills/crouch:skills/gaze:skills/handle:skills/hands
+APART = plugins/ray:plugins/rerun:harnesses/openenv:harnesses/verifiers:skills/answer:skills/crouch:skills/gaze:skills/handle:skills/hands:skills/say
 imports: $(READY)  ## Check which package imports which (import-linter)
 	PYTHONPATH=$(APART)$(addprefix :,$(PYTHONPATH)) $(BIN)/lint-imports
 

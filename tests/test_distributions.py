@@ -55,7 +55,7 @@ NOT_INSTALLED = {
     "harnesses/openenv": "it brings Gradio",
     "harnesses/verifiers": "it is large, and its mcp is another one",
     **dict.fromkeys(
-        ("skills/answer", "skills/crouch", "skills/gaze", "skills/handle", "skills/hands"),
+        ("skills/answer", "skills/crouch", "skills/gaze", "skills/handle", "skills/hands", "skills/say"),
         "the benchmark gives agents the paper's skills",
     ),
 }

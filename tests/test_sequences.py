@@ -128,7 +128,7 @@ def plugins_with(made, plugins):
 
 @pytest.mark.parametrize("plan", [None, [], ["walk"], 7, [NOD, None]])
 def test_what_is_no_plan_is_refused_by_name(plan):
-    with pytest.raises(MotionError, match="a skill returns a Control, Keyframes, a Reach"):
+    with pytest.raises(MotionError, match="a plan is a Control, Keyframes, a Reach"):
         parts(plan)
 
 

@@ -61,7 +61,7 @@ if TYPE_CHECKING:
     from humanclaw.records.reading import RecordedEpisode as RecordedEpisode, load_run as load_run
     from humanclaw.records.specification import EpisodeSpec as EpisodeSpec
     from humanclaw.records.steps import EpisodeRecord as EpisodeRecord, StepRecord as StepRecord
-    from humanclaw.skills.aims import Gaze as Gaze, Grip as Grip
+    from humanclaw.skills.aims import Gaze as Gaze, Grip as Grip, Speech as Speech
     from humanclaw.skills.call import Call as Call
     from humanclaw.skills.contract import Check as Check, Skill as Skill
     from humanclaw.skills.decorator import skill as skill

@@ -115,7 +115,7 @@ def _on_engine(name: str, skill: Skill, calls: Sequence[dict[str, Any]], bench: 
             for params in calls:
                 doing = str(call := Call(skill.name, skill.check(params)))
                 done = bounded(bench.playing, partial(_afresh, body, call, bench.seed))
-                end = done.chunks[-1].execution.simulated.root[-1]
+                end = body.state().body.root[-1]
                 if not _is_finite(done) or np.abs(end).max() > _FAR:
                     message = f"{doing} on {name} ends at {np.round(end, 2).tolist()}."
                     yield ContractError("engine-finite", message, "Mend its motion.")

@@ -25,7 +25,7 @@ from humanclaw.body.self_overlap import overlap
 from humanclaw.body.skeleton import JOINT_INDEX, JOINTS
 from humanclaw.checks.motions import gait
 from humanclaw.errors import ContractError
-from humanclaw.skills.aims import Grip
+from humanclaw.skills.aims import Grip, Speech
 from humanclaw.skills.plan import Control
 from humanclaw.skills.posing import Part, wanted
 
@@ -51,7 +51,8 @@ def motion_faults(plan: Callable[[Motion], Sequence[Part]], call: str) -> Faults
         for again in ("", ", a second time"):
             before = pose[-1:]
             for part in plan(pose):
-                if isinstance(part, Control):  # The motion model's own motion is not held to these limits.
+                # The motion model's own motion is not held to these limits, and speech has none.
+                if isinstance(part, Control | Speech):
                     pose = _held(pose)
                     continue
                 motion = wanted(part, pose)
@@ -64,7 +65,7 @@ def moves(parts: Sequence[Part]) -> bool:
     """Whether anything moves in a plan, for a body that stands."""
     start = rest_pose(HISTORY)
     return any(
-        isinstance(part, Control | Grip)
+        isinstance(part, Control | Grip | Speech)
         or not np.allclose(wanted(part, start).rotations, start.rotations[-1], atol=1e-3)
         or not np.allclose(wanted(part, start).root, start.root[-1], atol=1e-3)
         for part in parts

@@ -223,7 +223,7 @@ def _call_faults(skill: Skill, params: Mapping[str, Any], bench: Bench) -> Fault
 
 _REMEDIES: Final = {
     "duration": "Bound the parameters that set how long it lasts.",
-    "plan-kind": "Return a Control, Keyframes, a Reach, a Gaze, a Grip, a Motion, or a list of them.",
+    "plan-kind": "Return a Control, Keyframes, a Reach, a Gaze, a Grip, a Speech, a Motion, or a list of them.",
     "aim-hand": "Name the left or the right hand.",
     "aim-finite": "Give three finite numbers, metres in the body's frame.",
     "motion-finite": "Give one frame or more of finite numbers.",

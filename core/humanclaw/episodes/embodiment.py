@@ -225,12 +225,13 @@ class Body:
         moved = [(chunk.commanded, chunk.execution) for chunk in chunks]
         feedback = Feedback(
             call,
-            proprioception=proprioception(before.body, moved) if "body" in self.sensors else None,
-            tactile=tactile([chunk.execution for chunk in chunks]) if "touch" in self.sensors else None,
+            proprioception=proprioception(before.body, moved) if "body" in self.sensors and moved else None,
+            tactile=tactile([chunk.execution for chunk in chunks]) if "touch" in self.sensors and chunks else None,
             cancelled=cancelled,
             limits=tuple(dict.fromkeys(limits)),
             fell=self._descent.fall,
             falling=self._descent.falling,
+            heard=tuple(heard for chunk in chunks for heard in chunk.execution.heard),
         )
         aims = tuple(playing.aims)
         self.last = SkillExecution(call, tuple(chunks), seconds, feedback, parts, playing.rise_frames, aims)

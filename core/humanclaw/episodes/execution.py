@@ -18,7 +18,8 @@ Watcher = Callable[[Chunk], bool]
 
 @dataclass(frozen=True)
 class SkillExecution:
-    """Result of one executed call: at least one chunk, and the wall time of generating and simulating, seconds."""
+    """Result of one executed call: its chunks (speech has none), and the wall time of generating and simulating,
+    seconds."""
 
     call: Call
     chunks: tuple[Chunk, ...]

@@ -13,7 +13,7 @@ from humanclaw.motion.carrying import Arms
 from humanclaw.motion.generator import MotionGenerator
 from humanclaw.motion.stand_up import is_down, rise
 from humanclaw.records.feedback import HandAim
-from humanclaw.skills.aims import Gaze, Grip
+from humanclaw.skills.aims import Gaze, Grip, Speech
 from humanclaw.skills.contract import Skill
 from humanclaw.skills.heading_correction import HeadingCorrection
 from humanclaw.skills.plan import Control
@@ -93,6 +93,11 @@ class Mover:
         missed = part.closed and part.hand not in self.state.held
         return f"your {part.hand} hand closed on nothing" if missed else ""
 
+    def speak(self, part: Speech) -> None:
+        """Let the others in the world hear it. A simulator of one body has none."""
+        if hasattr(self._simulator, "speak"):
+            self._simulator.speak(part.text)
+
 
 class Playing:
     """One call under way, and what it found that the body could not do."""
@@ -119,6 +124,8 @@ class Playing:
         if isinstance(part, Control):
             yield from self._controlled(part, index)
             return
+        if isinstance(part, Speech):
+            self._mover.speak(part)
         if isinstance(part, Grip) and (limit := self._mover.grip(part)):
             self.limits.append(limit)
         pose = self._mover.arms.pose(self._mover.history)

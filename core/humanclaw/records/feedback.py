@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 from typing import ClassVar, Final
 
@@ -13,6 +14,8 @@ from humanclaw.skills.aims import Point, Side
 from humanclaw.skills.call import Call
 from humanclaw.skills.proprioception import posture_of
 from humanclaw.text.json import STRICT
+from humanclaw.text.words import legible
+from humanclaw.world.simulator import Heard
 
 _UNTOUCHED: Final = "You touch nothing but what you stand on."
 _TILTED: Final = 20.0
@@ -119,6 +122,8 @@ class Feedback:
     """How far the body fell, metres; 0 if it did not."""
     falling: bool = False
     """Whether it is still falling."""
+    heard: tuple[Heard, ...] = ()
+    """What others said meanwhile."""
 
     def __bool__(self) -> bool:
         return self.executed is not None or bool(self.refusal)
@@ -128,7 +133,7 @@ class Feedback:
             return self.refusal
         held = f"Your body could not do all of it: {'; '.join(self.limits)}." if self.limits else ""
         fell = f"You {'are falling, so far' if self.falling else 'fell'} {self.fell:.1f} m." if self.fell else ""
-        return " ".join(filter(None, (self._action(), held, fell, self.sensor_readings)))
+        return " ".join(filter(None, (self._action(), held, fell, self.sensor_readings, *map(_quoted, self.heard))))
 
     @property
     def sensor_readings(self) -> str:
@@ -152,3 +157,11 @@ def _touched(tactile: tuple[Touch, ...] | None) -> str:
     held = [str(touch) for touch in tactile if touch.holds]
     met = ", ".join(str(touch) for touch in tactile if not touch.holds)
     return " ".join([*([f"Something touched {met}."] if met else []), *held]) or _UNTOUCHED
+
+
+def _quoted(heard: Heard) -> str:
+    """Tell speech as a JSON string: whatever is said, it ends at the quotation mark."""
+    left, _, ahead = heard.at
+    sides = ("to your left", "to your right") if abs(left) > abs(ahead) else ("ahead of you", "behind you")
+    side = sides[max(left, ahead, key=abs) < 0]
+    return f"The other person, {np.hypot(left, ahead):.0f} m {side}, says: {json.dumps(legible(heard.text))}."

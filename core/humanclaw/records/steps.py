@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import operator
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Annotated, Any, ClassVar, Final, Literal
@@ -21,7 +22,7 @@ from humanclaw.skills.posing import PartKind
 from humanclaw.text.json import STRICT
 from humanclaw.text.words import legible
 from humanclaw.world.scene import Vec3
-from humanclaw.world.simulator import Contact
+from humanclaw.world.simulator import Contact, Heard
 from humanclaw.world.view import CameraMount, gaze_of
 
 FORMAT: Literal[5] = 5
@@ -105,6 +106,8 @@ class StepRecord(Record):
     that began in an earlier step counts from there."""
     falling: bool = False
     """Whether that fall was still going on when the step ended; the next step that moves tells its depth by then."""
+    heard: Annotated[tuple[Heard, ...], Field(exclude_if=operator.not_)] = ()
+    """What others said while the body moved."""
     waypoints: tuple[Vec3, ...] = ()
     """Pelvis after each chunk but the last, metres."""
     start: Vec3 = (0.0, 0.0, 0.0)
@@ -166,6 +169,7 @@ class StepRecord(Record):
             limits=self.limits,
             fell=self.fall,
             falling=self.falling,
+            heard=self.heard,
         )
 
 

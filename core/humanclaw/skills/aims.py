@@ -1,9 +1,9 @@
-"""Aims of the gaze, and grips of a hand."""
+"""Aims of the gaze, grips of a hand, and speech."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from typing import ClassVar, Final
 
 import numpy as np
 
@@ -19,12 +19,15 @@ from humanclaw.body.pose import (
     vector_from_matrix,
 )
 from humanclaw.body.skeleton import EYE, JOINT_INDEX, OFFSETS, STANDING_HEIGHT, Side as Side
-from humanclaw.skills.plan import MotionError, check_lasting, whole_chunks
+from humanclaw.skills.plan import LONGEST_FAULT, MotionError, check_lasting, whole_chunks
 
 Point = tuple[float, float, float]
 _SPINE: Final = [JOINT_INDEX[f"spine{number}"] for number in (1, 2, 3)]
 _PITCHES: Final = np.radians([-75.0, 50.0])
 """How far below and above the horizon head and eyes look together, radians."""
+
+LONGEST_SPEECH: Final = 1000
+"""Characters of one speech: it stands in the next feedback, and in the prompt, of all who hear it."""
 
 
 @dataclass(frozen=True)
@@ -96,6 +99,24 @@ class Grip:
         """Return the last frame of a pose as long as the part lasts."""
         frames = whole_chunks(self.seconds)
         return Motion(np.repeat(pose.root[-1:], frames, 0), np.repeat(pose.rotations[-1:], frames, 0))
+
+
+@dataclass(frozen=True)
+class Speech:
+    """Say something to whoever is near; it takes no time, and the body stays as it is. Alone, nobody hears it."""
+
+    text: str
+    """1 to 1,000 characters."""
+    seconds: ClassVar[float] = 0.0
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.text, str) or not 1 <= len(self.text) <= LONGEST_SPEECH:
+            got = f"{len(self.text)} characters" if isinstance(self.text, str) else repr(self.text)[:LONGEST_FAULT]
+            raise MotionError("speech-text", f"speech is a text of 1 to {LONGEST_SPEECH:,} characters; got {got}")
+
+    def over(self, pose: Motion) -> Motion:
+        """Return no frame."""
+        return pose[:0]
 
 
 def check_hand(hand: str) -> None:

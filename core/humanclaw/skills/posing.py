@@ -12,22 +12,23 @@ from humanclaw.body.ik import SIDES
 from humanclaw.body.limits import within_limits
 from humanclaw.body.pose import FPS, FUTURE, Array, Motion, Pose2D, smoothstep
 from humanclaw.motion.carrying import ARM
-from humanclaw.skills.aims import Gaze, Grip, Side, eased
+from humanclaw.skills.aims import Gaze, Grip, Side, Speech, eased
 from humanclaw.skills.plan import LONGEST_FAULT, Control, Keyframes, MotionError, check_duration, whole_chunks
 from humanclaw.skills.reaching import Reach
 
-Posed = Keyframes | Reach | Gaze | Grip | Motion
+Posed = Keyframes | Reach | Gaze | Grip | Speech | Motion
 """A part that is played without the motion model. A `Motion` is in the body's frame as the part begins."""
 Part = Control | Posed
 Plan = Part | Sequence[Part]
 """The plan of a call: one part, or a sequence of parts, each from the last pose of the one before."""
-PartKind = Literal["control", "keyframes", "reach", "gaze", "grip", "motion"]
+PartKind = Literal["control", "keyframes", "reach", "gaze", "grip", "speech", "motion"]
 _KINDS: Final[Mapping[type, PartKind]] = {
     Control: "control",
     Keyframes: "keyframes",
     Reach: "reach",
     Gaze: "gaze",
     Grip: "grip",
+    Speech: "speech",
     Motion: "motion",
 }
 _EASE: Final = 10
@@ -38,7 +39,7 @@ def parts(plan: Plan) -> tuple[Part, ...]:
     """Return the parts of a plan, in order. Raises MotionError for a value that is not a plan, or above 10 s."""
     listed = (plan,) if isinstance(plan, Part) else tuple(plan) if isinstance(plan, Sequence) else ()
     if not listed or not all(isinstance(part, Part) for part in listed):
-        expected = "a skill returns a Control, Keyframes, a Reach, a Gaze, a Grip, a Motion or a sequence of them"
+        expected = "a plan is a Control, Keyframes, a Reach, a Gaze, a Grip, a Speech, a Motion or a sequence of them"
         raise MotionError("plan-kind", f"{expected}; got {str(plan)[:LONGEST_FAULT]!r}")
     for part in listed:
         if isinstance(part, Motion) and not (
@@ -92,6 +93,8 @@ def posed(
 
     palms: as for wanted. The words continue "Your body could not do all of it: ". How far a hand stays
     short is felt afterwards."""
+    if isinstance(part, Speech):
+        return part.over(pose), ()
     motion, stopped = within_limits(wanted(part, pose, palms), pose[-1:])
     limits = [f"your {joint.replace('_', ' ')} turns no further" for joint in stopped]
     short = part.short(pose, motion) if isinstance(part, Gaze) else ""

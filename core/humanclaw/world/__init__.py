@@ -100,6 +100,7 @@ if TYPE_CHECKING:
         DistanceFactory as DistanceFactory,
         DistanceFn as DistanceFn,
         Execution as Execution,
+        Heard as Heard,
         Simulator as Simulator,
         WorldState as WorldState,
     )

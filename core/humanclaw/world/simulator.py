@@ -36,6 +36,8 @@ class Execution:
     """Path (15, 7) by id of each movable object that moved in this chunk."""
     held: Mapping[Side, int] = field(default_factory=dict)
     """Id of the object in each hand that holds one at the end, by side."""
+    heard: tuple[Heard, ...] = ()
+    """What others said since the chunk before."""
 
 
 class Simulator(Protocol):
@@ -85,6 +87,17 @@ class Contact:
     """Penetration in metres, positive inside."""
     height: float
     """World height of the contact point, metres."""
+
+
+@dataclass(frozen=True)
+class Heard:
+    """What another person said, as it is heard."""
+
+    __pydantic_config__: ClassVar = STRICT
+
+    text: str
+    at: tuple[float, float, float]
+    """Where the speaker's head is: left, up, ahead in metres, in the frame of the body that hears."""
 
 
 @dataclass(frozen=True)
