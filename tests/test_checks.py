@@ -563,6 +563,13 @@ def test_degrees_in_place_of_radians_are_suspected():
     assert "radians, not degrees" in next(fault.remedy for fault in faults if fault.check == "joint-limits")
 
 
+def test_a_fault_of_a_parameter_without_bounds_says_which_are_missing():
+    deg = {"deg": {"type": "integer", "minimum": 0}}
+    bow = planned(lambda params: Keyframes.cycle("spine1", "x", params["deg"], 2), deg, required=["deg"])
+    remedies = {fault.remedy for fault in examine(bow, engines=()).faults}
+    assert remedies == {"Give bounds: 'deg' has no maximum (le= in Field)."}
+
+
 def test_a_disabled_skill_can_be_checked_by_its_name(tmp_path):
     folder = shutil.copytree(folder_of("step_back"), tmp_path / "step_back")
     change_schema(folder, lambda content: content["properties"]["z_cm"].update(maximum=90))

@@ -29,6 +29,17 @@ def legal_calls(skill: Skill, samples: int = 3, seed: int = 0) -> list[dict[str,
     return [*corners(skill), plain, *(_drawn(skill, random.random) for _ in range(samples))]
 
 
+def missing_bounds(skill: Skill, params: Mapping[str, Any]) -> str:
+    """Return in words which bounds the numbers of a call have not; empty if they have all."""
+    return ", ".join(
+        f"{key!r} has no {bound}imum ({short}= in Field)"
+        for key, part in parameter_schema(skill).items()
+        for bound, short in (("min", "ge"), ("max", "le"))
+        if key in params and part.get("type") in ("integer", "number") and "enum" not in part
+        if not part.keys() & {f"{bound}imum", f"exclusive{bound.title()}imum"}
+    )
+
+
 def values_of(skill: Skill, key: str) -> list[Any]:
     """Return values of one parameter: its least, a middle one and its greatest."""
     part = parameter_schema(skill)[key]

@@ -12,7 +12,7 @@ from humanclaw.checks.bounded import bounded
 from humanclaw.checks.following import followed, following_faults, weight_faults
 from humanclaw.checks.playing import Bench, Faults, played_faults
 from humanclaw.checks.quality import motion_faults, moves
-from humanclaw.checks.sampling import illegal_calls, legal_calls, values_of
+from humanclaw.checks.sampling import illegal_calls, legal_calls, missing_bounds, values_of
 from humanclaw.episodes.adapters import untrained
 from humanclaw.errors import CallError, ContractError, in_words
 from humanclaw.plugins.host import Plugins
@@ -158,8 +158,11 @@ def _refusal_faults(skill: Skill) -> Faults:
 def _plan_faults(skill: Skill, calls: Sequence[dict[str, Any]], bench: Bench) -> Faults:
     faults: dict[str, ContractError] = {}
     for params in calls:
+        # A number without bounds is called with huge values: these explain its faults better than any other remedy.
+        missing = missing_bounds(skill, params)
+        remedy = f"Give bounds: {missing}." if missing else ""
         for fault in _call_faults(skill, params, bench):
-            faults.setdefault(fault.check, fault)
+            faults.setdefault(fault.check, ContractError(fault.check, fault.message, remedy or fault.remedy))
         if faults.keys() & {"plan-runs", "body-plays"}:
             break  # One call that never returns is waited for, not each of them.
     yield from faults.values()

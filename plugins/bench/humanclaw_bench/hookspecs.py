@@ -95,7 +95,7 @@ def humanclaw_run_end(
 def _use_metric(metric: MetricFunction, plugins: Plugins) -> None:
     from humanclaw_bench.plugin_check import use_metric
 
-    use_metric(metric)
+    use_metric(metric, plugins)
 
 
 USES: Mapping[str, Callable[[Any, Plugins], None]] = {"metrics": _use_metric}

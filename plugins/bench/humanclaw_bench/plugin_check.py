@@ -7,9 +7,10 @@ from collections.abc import Callable
 from numbers import Real
 from pathlib import Path
 
-from humanclaw import Call, Decision, Episode, Keyframes, RecordedEpisode, skill
+from humanclaw import Call, Decision, Episode, Keyframes, Plugins, RecordedEpisode, skill
 from humanclaw.records import free_episode
 from humanclaw.testing import fake_body
+from humanclaw_bench.scoring import refuse_taken_name
 
 
 @skill()
@@ -18,8 +19,14 @@ def nod() -> Keyframes:
     return Keyframes.cycle("head", "x", 20, 0.5)
 
 
-def use_metric(metric: Callable[[RecordedEpisode], object]) -> None:
-    """Give a metric the record of an episode of one step. Raises TypeError if it returns no number."""
+def use_metric(metric: Callable[[RecordedEpisode], object], plugins: Plugins) -> None:
+    """Give a metric the record of an episode of one step.
+
+    Raises TypeError if it returns no number, PluginError if its name is one of the benchmark's own.
+    """
+    for item in plugins.registered("metrics"):
+        if item.value is metric:
+            refuse_taken_name(item.name, item.owner)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "check"
         with fake_body(nod) as body:

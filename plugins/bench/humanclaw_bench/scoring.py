@@ -6,8 +6,9 @@ import logging
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import fields, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
+from traceback import format_exception_only
 from typing import Final
 
 from tqdm import tqdm
@@ -36,12 +37,15 @@ def metrics_of(plugins: Plugins) -> Extra:
     """
     metrics = plugins.registered("metrics")
     for metric in metrics:
-        if metric.name in OWN or metric.name.startswith(COLLISIONS):
-            problem = (
-                f"metric {metric.name!r} of plugin {metric.owner!r} has the name of one of the benchmark's own numbers."
-            )
-            raise PluginError(problem, "Register it under another name, or leave the plugin out.")
-    return {metric.name: metric.value for metric in metrics}
+        refuse_taken_name(metric.name, metric.owner)
+    return {metric.name: partial(_measured, metric.name, metric.owner, metric.value) for metric in metrics}
+
+
+def refuse_taken_name(name: str, owner: str) -> None:
+    """Raise PluginError if a metric of a plugin has the name of one of the benchmark's own numbers."""
+    if name in OWN or name.startswith(COLLISIONS):
+        problem = f"metric {name!r} of plugin {owner!r} has the name of one of the benchmark's own numbers."
+        raise PluginError(problem, "Register it under another name, or leave the plugin out.")
 
 
 def scored(episodes: Sequence[RecordedEpisode], extra: Extra | None = None, name: str = "") -> list[Scored]:
@@ -49,7 +53,7 @@ def scored(episodes: Sequence[RecordedEpisode], extra: Extra | None = None, name
     pairs = zip(episodes, _scored(tuple(episodes), name), strict=True)
     metrics = (extra or {}).items()
     return [
-        (replace(scores, extra={key: _measured(key, measure, recorded) for key, measure in metrics}), cause)
+        (replace(scores, extra={name: measure(recorded) for name, measure in metrics}), cause)
         for recorded, (scores, cause) in pairs
     ]
 
@@ -66,7 +70,7 @@ def _scored(episodes: tuple[RecordedEpisode, ...], name: str) -> tuple[Scored, .
     return tuple(pairs)
 
 
-def _measured(name: str, measure: Callable[[RecordedEpisode], float], recorded: RecordedEpisode) -> float:
+def _measured(name: str, owner: str, measure: Callable[[RecordedEpisode], float], recorded: RecordedEpisode) -> float:
     """Return a metric of a plugin; NaN if it raises or returns no number.
 
     It gets a copy of the record, so it cannot alter the scores.
@@ -75,8 +79,9 @@ def _measured(name: str, measure: Callable[[RecordedEpisode], float], recorded: 
         return float(measure(deepcopy(recorded)))
     except KeyboardInterrupt:
         raise
-    except BaseException:
-        _LOG.exception("metric %r failed on episode %s", name, recorded.record.spec.id)
+    except BaseException as error:
+        reason = format_exception_only(error)[-1].strip()
+        _LOG.error("metric %r of plugin %r failed on episode %s: %s", name, owner, recorded.record.spec.id, reason)
     return float("nan")
 
 

@@ -341,7 +341,9 @@ def _extra(results: Sequence[Result]) -> dict[str, None]:
 
 def extra_table(results: Sequence[Result]) -> ResultTable:
     """Return the metrics of plugins, averaged over episodes."""
-    return _result_table("Metrics of plugins", [extra_metric(name) for name in _extra(results)], results, {})
+    metrics = [extra_metric(name) for name in _extra(results)]
+    table = _result_table("Metrics of plugins", metrics, results, {})
+    return table if metrics else replace(table, notes=("No plugin brings a metric. Give the file of one: --plugin.",))
 
 
 def brief_tables(results: Sequence[Result]) -> dict[str, ResultTable]:

@@ -144,7 +144,9 @@ def test_a_metric_with_the_name_of_a_built_in_number_is_refused(name: str) -> No
         metrics_of(plugins)
 
 
-def test_a_metric_that_raises_or_babbles_is_unknown_and_harmless(tmp_path: Path) -> None:
+def test_a_metric_that_raises_or_babbles_is_unknown_and_harmless(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
     plugins = Plugins.discover()
     odd = {
         "raises": lambda recorded: 1 / 0,
@@ -156,6 +158,9 @@ def test_a_metric_that_raises_or_babbles_is_unknown_and_harmless(tmp_path: Path)
     ((scores, _),) = scored([rollout(tmp_path, SAT)], metrics_of(plugins))
     assert [str(scores.extra[name]) for name in odd] == ["nan"] * 3
     assert (scores.extra["one"], scores.interact) == (1.0, True)
+    line = f"metric 'raises' of plugin 'odd' failed on episode {scores.episode}: ZeroDivisionError: division by zero"
+    assert caplog.messages[0] == line
+    assert not any(record.exc_info for record in caplog.records)
 
 
 @pytest.mark.parametrize(
