@@ -118,7 +118,7 @@ def _one_of(plugins: Plugins, owner: str, wanted: str) -> Skill:
     """Return the wanted skill of a plugin, or its only one. Raises HumanclawError if it has several or none."""
     names = [item.name for item in plugins.of_owner(owner, "skills")]
     if not wanted and len(names) != 1:
-        listed = f"--skill NAME: {', '.join(names)}" if names else "a file whose @hookimpl humanclaw_skills registers one"
+        listed = f"--skill NAME: {', '.join(names)}" if names else "a file whose hook humanclaw_skills registers one"
         raise HumanclawError(f"{owner} holds {len(names)} skills; expected one.", f"Name {listed}.")
     return plugins.skill(f"{owner}:{wanted or names[0]}")
 
