@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 class Installed(Protocol):
-    """The part of humanclaw.Plugins that a reporter uses."""
+    """The part of humanclaw.Plugins that reporters and sources of scenes use."""
 
     def scene(self, reference: str) -> Any: ...
 

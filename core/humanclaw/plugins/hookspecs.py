@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from humanclaw.motion.generator import MotionGenerator
-    from humanclaw.plugins.agents import Agent, Reporter, Tasks, Verifier
+    from humanclaw.plugins.agents import Agent, Installed, Reporter, Tasks, Verifier
     from humanclaw.records.steps import EpisodeRecord, StepRecord
     from humanclaw.records.transition import Transition
     from humanclaw.skills.body_tool import BodyTool
@@ -97,8 +97,10 @@ def humanclaw_skills(register: RegisterSkill) -> None:
 
 
 @hookspec
-def humanclaw_scenes(register: Register[SceneFactory]) -> None:
+def humanclaw_scenes(register: Register[SceneFactory], plugins: Installed) -> None:
     """Register scene sources: factory(argument: str) -> Scene, called with what follows the colon in name:argument.
+
+    plugins: the host, for a source that adds to scenes of others. Ask it when a scene is made, not before.
 
     A scene holds assets, objects made of them, rooms and a start pose. An object is fixed, movable with a mass, or on a
     joint: SceneObject(..., movable=True, mass=25.0, joint=Hinge(point, low, high), state=angle), or

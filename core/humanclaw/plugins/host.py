@@ -191,7 +191,7 @@ class Plugins:
         notes = tuple(str(warning.message) for warning in caught if issubclass(warning.category, DeprecationWarning))
         gathered = _Gathered(name, self.choice, notes)
         for kind in self._items:
-            self._call(plugin, PREFIX + kind, register=partial(gathered.register, kind))
+            self._call(plugin, PREFIX + kind, register=partial(gathered.register, kind), plugins=self)
         if gathered.items.get("skills"):
             measures = {item.name: item.value for item in gathered.items.get("measures", ())}
             priors = by_digest(gathered.items.get("priors", ()))
@@ -233,11 +233,11 @@ class Plugins:
                 impl.function(*(event[name] for name in impl.argnames))
 
     def _extend(self, specs: ModuleType) -> None:
-        """Add the hook specifications of a module. A hook that takes `register` alone defines a kind of named items."""
+        """Add the hook specifications of a module. A hook that takes `register` defines a kind of named items."""
         self._manager.add_hookspecs(specs)
         self._specs.append(specs)
         for name, spec in vars(specs).items():
-            if name.startswith(PREFIX) and name != EXTENSION and [*inspect.signature(spec).parameters] == ["register"]:
+            if name.startswith(PREFIX) and name != EXTENSION and "register" in inspect.signature(spec).parameters:
                 self._items.setdefault(name.removeprefix(PREFIX), [])
 
     def _check_choice(self) -> None:

@@ -52,8 +52,9 @@ def humanclaw_executors(register: Register[ExecutorFactory]) -> None:
 
 
 @hookimpl
-def humanclaw_scenes(register: Register[SceneFactory]) -> None:
-    register("self", _staged, "A house with a mirror, a double, a gap ...: the scenes of the split `self`.")
+def humanclaw_scenes(register: Register[SceneFactory], plugins: Plugins) -> None:
+    about = "A house with a mirror, a double, a gap ...: the scenes of the split `self`."
+    register("self", partial(_staged, plugins), about)
 
 
 @hookimpl
@@ -83,10 +84,10 @@ def _tasks(name: str, options: Options) -> Tasks:
     return tasks(name, options)
 
 
-def _staged(argument: str) -> Scene:
+def _staged(plugins: Plugins, argument: str) -> Scene:
     from humanclaw_bench.oneself.stages import staged
 
-    return staged(argument)
+    return staged(plugins, argument)
 
 
 def _local(workers: int = 1, address: str = "") -> Executor:

@@ -6,6 +6,8 @@ from contextlib import suppress
 
 import numpy as np
 import pytest
+import toy_world
+from hosting import plugin
 from pydantic import ValidationError
 
 import humanclaw_skill_answer
@@ -16,7 +18,6 @@ from humanclaw.world import BODY_ID
 from humanclaw_bench.attribution import attribute
 from humanclaw_bench.oneself import KNOWLEDGE
 from humanclaw_bench.oneself.generate import questions
-from humanclaw_bench.oneself.stages import staged
 from humanclaw_bench.results import named
 from humanclaw_bench.scores import score
 from humanclaw_bench.splits import HOUSES, load_split
@@ -108,16 +109,22 @@ def first(plugins):
         yield SPLIT[0], body
 
 
-def test_a_reference_alone_makes_the_scene_again():
-    scene = staged(SPLIT[0].scene.removeprefix("self:"))
+def test_a_reference_alone_makes_the_scene_again(plugins):
+    scene = plugins.scene(SPLIT[0].scene)
     assert scene.digest == SPLIT[0].scene_digest
     assert [len(scene.of_category(category)) for category in ("person", "cube")] == [1, 1]
 
 
 @pytest.mark.parametrize("rest", ["", "moat,0,0,0,0", "post,0,0,0", "post,0,0,0,0", "post,0,0,0,0,x"])
-def test_a_reference_to_no_stage_is_refused(rest):
+def test_a_reference_to_no_stage_is_refused(plugins, rest):
     with pytest.raises(SceneError, match=r"expected self:HOUSE\?STAGE,X,Z,FLOOR,YAW"):
-        staged(f"house:0?{rest}")
+        plugins.scene(f"self:house:0?{rest}")
+
+
+def test_a_stage_stands_in_a_house_of_any_plugin_of_the_host():
+    host = Plugins.discover()
+    host.add(plugin(scenes=[("toy", toy_world.scene)]), "toy")
+    assert len(host.scene("self:toy:0?post,0,0,0,0,90").of_category("post")) == 1
 
 
 @pytest.mark.integration

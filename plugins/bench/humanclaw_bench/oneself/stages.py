@@ -141,8 +141,9 @@ def reference(house: str, stage: str, place: Pose2D, values: tuple[float, ...] =
     return f"self:{house}?{','.join((stage, *(f'{number:g}' for number in numbers)))}"
 
 
-def staged(argument: str) -> Scene:
-    """Make the scene of a reference without its `self:`. Raises SceneError for a malformed one."""
+def staged(plugins: Plugins, argument: str) -> Scene:
+    """Make the scene of a reference without its `self:`, in a house of any plugin. Raises SceneError for a malformed
+    reference."""
     house, _, rest = argument.partition("?")
     stage, *numbers = rest.split(",")
     try:
@@ -151,7 +152,7 @@ def staged(argument: str) -> Scene:
     except (KeyError, TypeError, ValueError) as error:
         expected = f"self:HOUSE?STAGE,X,Z,FLOOR,YAW and the numbers of a stage ({', '.join(_STAGES)})"
         raise SceneError(f"expected {expected}; got self:{argument}.", "Take one from the split `self`.") from error
-    scene: Scene = Plugins.discover().scene(house)
+    scene: Scene = plugins.scene(house)
     place = Pose2D(x, z, yaw, floor)
     on = Set(SceneBuilder(dict(scene.assets), list(scene.objects)), place)
     _STAGES[stage](on, *values)
