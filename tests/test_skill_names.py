@@ -10,7 +10,6 @@ MAY = {
     "core/humanclaw/plugins/distributions.toml": "says which distribution brings what, so that an error can name it",
     "core/humanclaw/motion/weights/fidelity.json": "is a measurement of the shipped skills, read by whatever names it "
     "holds",
-    "plugins/bench/humanclaw_bench/oneself/generate.py": "plays the shipped skills once, for a split that is kept",
 }
 """Files that name skills, and why they may."""
 KINDS = (".py", ".js", ".jinja", ".j2", ".html", ".toml", ".json")

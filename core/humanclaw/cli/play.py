@@ -23,7 +23,7 @@ from humanclaw.records.decisions import Decision
 from humanclaw.records.instructions import free_episode
 from humanclaw.skills.call import Call
 from humanclaw.skills.contract import Skill, suited
-from humanclaw.skills.measures import from_si, to_si
+from humanclaw.skills.measures import to_si
 from humanclaw.skills.stages import FLOOR, SIDE, stage_for
 
 Beginning = Literal["standing", "walking", "sitting"]
@@ -190,5 +190,4 @@ def _staged(skill: Skill, call: Call, count: int, beginning: Beginning) -> str:
 
 
 def _commanding(skill: Skill, amounts: Mapping[str, float]) -> Call:
-    amount = {parameter.key: amounts.get(parameter.measure, 0) for parameter in skill.parameters}
-    return Call(skill.name, {key: round(from_si(key, value)) for key, value in amount.items()})
+    return Call(skill.name, skill.commanding(amounts))

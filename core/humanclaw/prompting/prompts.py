@@ -24,7 +24,6 @@ from humanclaw.prompting.settings import PromptSettings
 from humanclaw.records.success import REACHED
 from humanclaw.skills.call import Call
 from humanclaw.skills.contract import Check, Skill, bounds, suited
-from humanclaw.skills.measures import from_si
 from humanclaw.skills.publishing import OPTIONAL_FIELDS, Json, parameter_schema, publish
 from humanclaw.storage.pictures import data_url, jpeg
 from humanclaw.text.words import LONGEST
@@ -117,10 +116,7 @@ def sitting(skills: Sequence[Skill]) -> Sitting | None:
 
 def _written(skill: Skill, measure: str = "", value: float = 0.0) -> str:
     """Write a call of a skill: one measure at a value (SI units), the others at 0."""
-    params = {
-        part.key: round(from_si(part.key, value if part.measure == measure else 0.0)) for part in skill.parameters
-    }
-    return str(Call(skill.name, params))
+    return str(Call(skill.name, skill.commanding({measure: value})))
 
 
 def system_prompt(

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Self
 
 from humanclaw.errors import CallError, ContractError, PluginError
-from humanclaw.skills.measures import Parameter, Role, parameters_of, read_schema, si_name, to_si
+from humanclaw.skills.measures import Parameter, Role, from_si, parameters_of, read_schema, si_name, to_si
 from humanclaw.skills.plan import LONGEST_FAULT, Control
 from humanclaw.skills.posing import Part, Plan, parts
 from humanclaw.skills.proprioception import ProprioceptiveState
@@ -77,6 +77,20 @@ class Skill:
     def commands(self, measure: str) -> Parameter | None:
         """Return the parameter that commands a measure, or None."""
         return next((parameter for parameter in self.parameters if parameter.measure == measure), None)
+
+    def commanding(self, amounts: Mapping[str, float], side: str = "") -> dict[str, Any]:
+        """Return the parameters that command amounts of measures (SI), and 0 of all other measures.
+
+        Each is rounded to the unit of its parameter and clipped to its bounds. side: which hand, where one is named.
+        """
+        params: dict[str, Any] = {}
+        for part in self.parameters:
+            if math.isfinite(part.low):  # A parameter without bounds is no number: a side is a word.
+                values = (part.low, amounts.get(part.measure, 0.0), part.high)
+                low, amount, high = (round(from_si(part.key, value)) for value in values)
+                params[part.key] = min(max(amount, low), high)
+        words = self.schema.get("properties", {}).items() if side else ()
+        return params | {key: side for key, part in words if {"left", "right"} == set(part.get("enum", ()))}
 
     @property
     def climbs(self) -> bool:

@@ -12,7 +12,7 @@ import numpy as np
 
 from humanclaw import Call, EpisodeSpec, PluginError, Skill
 from humanclaw.records import ALIASES, category_of
-from humanclaw.skills import Parameter, Role, Side, from_si, suited
+from humanclaw.skills import Role, Side, suited
 
 WALK: Final = ("hips.left", "hips.forward", "heading.left")
 TURN: Final = ("heading.left",)
@@ -90,15 +90,9 @@ def asking(
     skills: Mapping[str, Skill], measures: Sequence[str], amounts: Sequence[float], role: Role | None = None,
     side: Side | None = None,
 ) -> Call:  # fmt: skip
-    """Return a call for these amounts of the measures, SI units, with the hand of a side if one is named.
-
-    Each amount is rounded to the unit of its parameter and clipped to its bounds.
-    """
-    skill, asked = skill_for(skills, measures, role), dict(zip(measures, amounts, strict=True))
-    # A parameter without bounds is no number: a side is a word.
-    numbers = [parameter for parameter in skill.parameters if np.isfinite(parameter.low)]
-    params = {number.key: _within(number, asked.get(number.measure, 0.0)) for number in numbers}
-    return Call(skill.name, {**params, **(_of_side(skill, side) if side else {})})
+    """Return a call for these amounts of the measures, SI units, with the hand of a side if one is named."""
+    skill = skill_for(skills, measures, role)
+    return Call(skill.name, skill.commanding(dict(zip(measures, amounts, strict=True)), side or ""))
 
 
 def way_of(skills: Mapping[str, Skill], call: Call) -> float:
@@ -118,14 +112,3 @@ def answering(skills: Mapping[str, Skill], words: str) -> Call:
         if skill.role == "stop" and texts:
             return Call(skill.name, {texts[0]: words})
     raise PluginError("this agent needs a skill that answers.", "Install the extra hands.")
-
-
-def _of_side(skill: Skill, side: Side) -> dict[str, Side]:
-    """Return the parameter that names a side."""
-    parts = skill.schema.get("properties", {}).items()
-    return {key: side for key, part in parts if {"left", "right"} == set(part.get("enum", ()))}
-
-
-def _within(parameter: Parameter, amount: float) -> int:
-    low, high = (round(from_si(parameter.key, bound)) for bound in (parameter.low, parameter.high))
-    return int(np.clip(round(from_si(parameter.key, amount)), low, high))

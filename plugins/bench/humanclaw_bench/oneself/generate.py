@@ -9,13 +9,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import cycle
-from typing import Any, Final, TypeAlias
+from typing import Final
 
 import numpy as np
 
-from humanclaw import Body, Call, EpisodeSpec, Plugins, Scene
+from humanclaw import Body, Call, EpisodeSpec, PluginError, Plugins, Scene, Skill
 from humanclaw.body import JOINT_INDEX, Array, Motion, Pose2D, wrap_angle
 from humanclaw.records import Goal, name_of
+from humanclaw.skills import Role, suited
 from humanclaw.world import Contact, MultiFloorMap, OccupancyGrid
 from humanclaw_bench.oneself.stages import AHEAD, CUBE, FRAME, HAND, reference
 from humanclaw_bench.splits import HOUSES
@@ -30,7 +31,37 @@ _TRIES: Final = 2000
 """Places that are tried on each floor."""
 _PLAYED: Final = 4
 """Questions that are played in a house until one has the wanted answer."""
-Steps: TypeAlias = tuple[tuple[str, Mapping[str, Any]], ...]
+
+
+@dataclass(frozen=True)
+class Asked:
+    """A call by what it commands: amounts of measures, in SI units."""
+
+    amounts: Mapping[str, float]
+    role: Role = "locomotion"
+    side: str = ""
+    """Which hand."""
+
+    def call(self, skills: Mapping[str, Skill]) -> Call:
+        """Return the call. Raises PluginError without a skill for it."""
+        skill = suited(skills.values(), *self.amounts, role=self.role)
+        if skill is None:
+            problem = f"the questions need a skill of role {self.role} that commands {', '.join(self.amounts)}."
+            raise PluginError(problem, "Install the first-party skills, and the extra hands.")
+        return Call(skill.name, skill.check(skill.commanding(self.amounts, self.side)))
+
+    def words(self, skills: Mapping[str, Skill]) -> str:
+        """Return the call in words, without parameters of 0."""
+        call = self.call(skills)
+        return f"{call.skill} with {', '.join(f'{key} {value}' for key, value in call.params.items() if value)}"
+
+
+def _walk(ahead: float) -> Asked:
+    return Asked({"hips.forward": ahead})
+
+
+def _reach(side: str, left: float, up: float, ahead: float) -> Asked:
+    return Asked({"hand.left": left, "hand.up": up, "hand.ahead": ahead}, "gesture", side)
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +103,8 @@ class Question:
     stage: str
     values: tuple[float, ...]
     words: str
-    calls: Steps
+    """With {call} where the first call stands."""
+    calls: tuple[Asked, ...]
     """What answers it when it is played."""
     read: Callable[[Played, Pose2D], str]
     """Return the answer from what was played; empty if it is on the border."""
@@ -103,18 +135,13 @@ def _hand(wanted: str, number: int, rng: np.random.Generator) -> Question:
     theirs = np.array([side - other * HAND[0], *HAND[1:]])
     cube = ((at if wanted == "yours" else theirs) + [0, CUBE, 0]).round(3)
     hand = "left" if own > 0 else "right"
-    x, y, z = (round(100 * float(value)) for value in at)
 
     def read(played: Played, place: Pose2D) -> str:
         mine, yours = (float(np.linalg.norm(cube - one)) for one in (played.hand(hand, place), theirs))
         return "" if abs(mine - yours) < 0.15 else "yours" if mine < yours else "another's"
 
-    words = (
-        f"call reach with side {hand}, x_cm {x}, y_cm {y}, z_cm {z}, and look. A red cube hangs right above a hand. "
-        "Whose hand is it?"
-    )
-    call = ("reach", {"side": hand, "x_cm": x, "y_cm": y, "z_cm": z})
-    return Question("hands", (side, *cube.tolist()), words, (call,), read)
+    words = "call {call}, and look. A red cube hangs right above a hand. Whose hand is it?"
+    return Question("hands", (side, *cube.tolist()), words, (_reach(hand, *at),), read)
 
 
 def _mirror(wanted: str, number: int, rng: np.random.Generator) -> Question:
@@ -133,14 +160,14 @@ def _mirror(wanted: str, number: int, rng: np.random.Generator) -> Question:
 def _moved(wanted: str, number: int, rng: np.random.Generator) -> Question:
     """Walk against a cabinet that is fixed, or against one of the same looks that gives way."""
     mass = 0.0 if wanted == "no" else float(rng.integers(1, 6))
-    z = int(rng.integers(50, 71))
+    step = int(rng.integers(50, 71)) / 100
 
     def read(played: Played, place: Pose2D) -> str:
         moved = played.moved(1)
         return "yes" if moved > 0.35 else "no" if moved < 0.12 else ""
 
-    words = f"call walk with z_cm {z} twice. Did the second of these steps move you by more than 20 cm?"
-    return Question("cabinet", (mass,), words, (("walk", {"z_cm": z}),) * 2, read)
+    words = "call {call} twice. Did the second of these steps move you by more than 20 cm?"
+    return Question("cabinet", (mass,), words, (_walk(step),) * 2, read)
 
 
 _TURNS: Final = ("90", "135", "180", "225", "270")
@@ -149,14 +176,15 @@ _TURNS: Final = ("90", "135", "180", "225", "270")
 def _turned(wanted: str, number: int, rng: np.random.Generator) -> Question:
     """Turn to a post that is out of view."""
     bearing = float(int(wanted) + rng.integers(-8, 9))
-    calls = [min(60, round(bearing) - 60 * k) for k in range(5) if bearing > 60 * k]
+    turns = [min(60, round(bearing) - 60 * k) for k in range(5) if bearing > 60 * k]
 
     def read(played: Played, place: Pose2D) -> str:
         nearest = min(_TURNS, key=lambda turn: abs(float(turn) - played.turned))
         return nearest if abs(float(nearest) - played.turned) < 15 else ""
 
     words = "turn to the left until the red post is right ahead. How many degrees have you turned in all, about?"
-    return Question("post", (bearing,), words, tuple(("turn_in_place", {"yaw_deg": by}) for by in calls), read)
+    calls = tuple(Asked({"heading.left": float(np.radians(turn))}) for turn in turns)
+    return Question("post", (bearing,), words, calls, read)
 
 
 def _touch(wanted: str, number: int, rng: np.random.Generator) -> Question:
@@ -172,8 +200,8 @@ def _touch(wanted: str, number: int, rng: np.random.Generator) -> Question:
         found = {f"{names[key]} on your {part}" for key, part in played.touched("post")}
         return found.pop() if len(found) == 1 else ""
 
-    words = "call walk with z_cm 60 twice. Which post touches you on the way, and on which side of your body?"
-    return Question("posts", (red, blue), words, (("walk", {"z_cm": 60}),) * 2, read)
+    words = "call {call} twice. Which post touches you on the way, and on which side of your body?"
+    return Question("posts", (red, blue), words, (_walk(0.6),) * 2, read)
 
 
 def _fit(wanted: str, number: int, rng: np.random.Generator) -> Question:
@@ -188,12 +216,12 @@ def _gap(fits: bool, rng: np.random.Generator) -> Question:
         return "yes" if played.moved() > 1.6 else "no" if played.moved() < 1.0 else ""
 
     words = "could you walk straight on through the gap between the two panels?"
-    return Question("gap", (width,), words, (("walk", {"z_cm": 60}),) * 3, read, (AHEAD - 1.0, 0.0))
+    return Question("gap", (width,), words, (_walk(0.6),) * 3, read, (AHEAD - 1.0, 0.0))
 
 
 def _shelf(fits: bool, rng: np.random.Generator) -> Question:
     height = round(float(rng.uniform(1.3, 1.65) if fits else rng.uniform(2.05, 2.2)), 2)
-    reach = ("reach", {"side": "right", "x_cm": 0, "y_cm": min(round(100 * height), 200), "z_cm": 45})
+    reach = _reach("right", 0.0, height, 0.45)
 
     def read(played: Played, place: Pose2D) -> str:
         gap = float(np.linalg.norm(played.hand("right", place) - [0.0, height, AHEAD]))
@@ -205,7 +233,7 @@ def _shelf(fits: bool, rng: np.random.Generator) -> Question:
 
 def _stool(fits: bool, rng: np.random.Generator) -> Question:
     height = round(float(rng.uniform(0.25, 0.42) if fits else rng.uniform(0.62, 0.7)), 2)
-    sit = ("sit_in_place", {"h_cm": min(round(100 * height) + 12, 80)})
+    sit = Asked({"hips.height": height + 0.12}, "sit")
 
     def read(played: Played, place: Pose2D) -> str:
         stool = played.scene.of_category("stool")[-1]
@@ -257,7 +285,8 @@ def _asked(body: Body, kind: Kind, wanted: str, k: int, house: str, rng: np.rand
         question, place = kind.draw(wanted, k, rng), places[index]
         scene = body.plugins.scene(reference(house, question.stage, place, question.values))
         if question.read(_play(body, scene, question, place), place) == wanted:
-            words = f"{question.words} Answer with one of: {'; '.join(kind.options)}."
+            first = question.calls[0].words(body.skills) if question.calls else ""
+            words = f"{question.words.format(call=first)} Answer with one of: {'; '.join(kind.options)}."
             return EpisodeSpec(
                 id=f"{name_of(house)}-{kind.name}", instruction=words, scene=scene.name, scene_digest=scene.digest,
                 start=place, goal=Goal(asks=kind.name, answer=wanted), max_steps=STEPS,
@@ -282,8 +311,8 @@ def _play(body: Body, scene: Scene, question: Question, place: Pose2D) -> Played
     x, z = place.x + ahead * float(np.sin(place.yaw)), place.z + ahead * float(np.cos(place.yaw))
     body.place(scene, replace(place, x=x, z=z, yaw=place.yaw + turn))
     before, contacts, last = [body.state().body], list[Contact](), list[Contact]()
-    for name, params in question.calls:
-        chunks = body.execute(Call(name, body.skills[name].check(params))).chunks
+    for asked in question.calls:
+        chunks = body.execute(asked.call(body.skills)).chunks
         before.append(body.state().body)
         contacts += [contact for chunk in chunks for contact in chunk.execution.contacts]
         last = [c for c in chunks[-1].execution.contacts if len(chunks[-1].execution.simulated) - 1 in c.frames]

@@ -34,7 +34,7 @@ from humanclaw.body import (
     root_jerk,
 )
 from humanclaw.motion import DiTGenerator
-from humanclaw.skills import from_si, stage, stage_for, suited
+from humanclaw.skills import stage, stage_for, suited
 from humanclaw_train.data.chunks import Chunks, of_skill
 from humanclaw_train.eval import likeness, measures, walks
 from humanclaw_train.eval.measures import SEAM
@@ -223,11 +223,8 @@ def _played(plugins: Plugins, command: Command, before: Sequence[Command], key: 
 
 def _called(body: Body, command: Command, values: Array) -> Motion:
     """Call a skill of a body as an agent would, with values (k,) in SI; returns the simulated motion."""
-    params = {
-        parameter.key: round(from_si(parameter.key, float(np.clip(value, parameter.low, parameter.high))))
-        for parameter, value in zip(command.parameters, values, strict=True)
-    }
-    skill = body.skills[command.skill]
+    measures, skill = (parameter.measure for parameter in command.parameters), body.skills[command.skill]
+    params = skill.commanding(dict(zip(measures, values.tolist(), strict=True)))
     return _joined([chunk.execution.simulated for chunk in body.execute(Call(skill.name, skill.check(params))).chunks])
 
 
