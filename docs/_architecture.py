@@ -30,7 +30,7 @@ STYLE = """
 def layers() -> list[list[str]]:
     """Return the rooms of each layer, from the top down, as the import rules list them."""
     settings = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["tool"]["importlinter"]
-    rule = next(one for one in settings["contracts"] if one["type"] == "layers")
+    rule = next(contract for contract in settings["contracts"] if contract["type"] == "layers")
     rows = [[name.strip() for name in row.split("|")] for row in rule["layers"]]
     return [kept for row in rows if (kept := [name for name in row if name not in LEFT_OUT])]
 
@@ -40,10 +40,10 @@ def arrows(rooms: list[str]) -> set[tuple[str, str]]:
     graph = grimp.build_graph("humanclaw")
     homes = {name: f"humanclaw.{name}" for name in rooms}
     straight = {
-        (one, other)
-        for one in rooms
-        for other in rooms
-        if one != other and graph.direct_import_exists(importer=homes[one], imported=homes[other], as_packages=True)
+        (upper, lower)
+        for upper in rooms
+        for lower in rooms
+        if upper != lower and graph.direct_import_exists(importer=homes[upper], imported=homes[lower], as_packages=True)
     }
     return {pair for pair in straight if not any(_leads(straight, pair, via) for via in rooms)}
 
@@ -67,8 +67,8 @@ def picture() -> str:
         name: _place(len(row), column, number) for number, row in enumerate(rows) for column, name in enumerate(row)
     }
     height = len(rows) * (HEIGHT + GAP) + GAP
-    pairs = sorted(arrows(list(places)), key=lambda pair: (*(places[one][1] for one in pair), pair))
-    lines = [_arrow(places[one], places[other], 6 * number) for number, (one, other) in enumerate(pairs)]
+    pairs = sorted(arrows(list(places)), key=lambda pair: (*(places[upper][1] for upper in pair), pair))
+    lines = [_arrow(places[upper], places[lower], 6 * number) for number, (upper, lower) in enumerate(pairs)]
     boxes = [_box(name, *place) for name, place in places.items()]
     tip = '<marker id="tip" viewBox="0 0 8 8" refX="7" refY="4" markerWidth="7" markerHeight="7" orient="auto">'
     tip += '<path d="M0 0 L8 4 L0 8 z" style="fill:#9fb0c6;stroke:none;marker-end:none"/></marker>'

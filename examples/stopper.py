@@ -38,7 +38,7 @@ def features(picture: Image.Image, before: Array | None, step: int) -> tuple[Arr
 
 def nearest(name: str, params: Mapping[str, float]) -> int:
     """Return the index of the call that is most like another one."""
-    values = [(one.skill, one.params.get("z_cm", 0) / 35, one.params.get("yaw_deg", 0) / 20) for one in CALLS]
+    values = [(call.skill, call.params.get("z_cm", 0) / 35, call.params.get("yaw_deg", 0) / 20) for call in CALLS]
     z, yaw = params.get("z_cm", 0) / 35, params.get("yaw_deg", 0) / 20
     costs = [9 * (skill != name) + abs(ahead - z) + abs(turn - yaw) for skill, ahead, turn in values]
     return int(np.argmin(costs))
@@ -64,8 +64,8 @@ def fit(inputs: Array, called: NDArray[np.int64], decay: float = 0.01) -> Array:
         slope = inputs.T @ (np.exp(logs) - wanted) / len(inputs) + 2 * decay * weights
         return float(-(wanted * logs).sum() / len(inputs) + decay * (flat**2).sum()), slope.ravel()
 
-    found = minimize(loss, np.zeros(shape[0] * shape[1]), jac=True, method="L-BFGS-B", options={"maxiter": 300})
-    return np.asarray(found.x.reshape(shape))
+    solution = minimize(loss, np.zeros(shape[0] * shape[1]), jac=True, method="L-BFGS-B", options={"maxiter": 300})
+    return np.asarray(solution.x.reshape(shape))
 
 
 class Stopper:

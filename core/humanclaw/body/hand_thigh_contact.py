@@ -22,7 +22,7 @@ HIPS: Final = [JOINT_INDEX[f"{side}_hip"] for side in SIDES]
 _MARGIN: Final = 0.012
 """Metres between hand and thigh: arms follow a seat that lifts the thighs with a delay."""
 _CLEAR: Final = _MARGIN + sum(
-    one.shape.radius for one in LINKS if one.joint in ("left_hip", "left_elbow") and isinstance(one.shape, Capsule)
+    link.shape.radius for link in LINKS if link.joint in ("left_hip", "left_elbow") and isinstance(link.shape, Capsule)
 )
 """Distance of a wrist from the axis of the thigh that it rests on, metres."""
 _PALM: Final = _MARGIN + 0.084

@@ -24,18 +24,18 @@ _KNEES: Final = [JOINT_INDEX["left_knee"], JOINT_INDEX["right_knee"]]
 _STANDING: Final = matrix_from_vector(rest_pose().rotations[0])
 _TOLERANCE: Final = 1e-6
 _CENTRES: Final = np.array(
-    [np.add(one.shape.a, one.shape.b) / 2 if isinstance(one.shape, Capsule) else one.shape.centre for one in LINKS]
+    [np.add(link.shape.a, link.shape.b) / 2 if isinstance(link.shape, Capsule) else link.shape.centre for link in LINKS]
 )
-_MASSES: Final = np.array([one.mass for one in LINKS])
+_MASSES: Final = np.array([link.mass for link in LINKS])
 _SIGNS: Final = np.array(list(product((-1, 1), repeat=3)))
-_SHAPES: Final = {one.joint: one.shape for one in LINKS if isinstance(one.shape, Box)}
+_SHAPES: Final = {link.joint: link.shape for link in LINKS if isinstance(link.shape, Box)}
 SHOES: Final = {
     JOINT_INDEX[joint]: _SHAPES[joint].centre + _SIGNS * _SHAPES[joint].half
     for joint in ("left_ankle", "left_foot", "right_ankle", "right_foot")
 }
 """Joint of each part of a shoe to the (8, 3) corners of its box, in the joint's frame, metres."""
 _SHOE_PARTS, _SHOE_CORNERS = list(SHOES), np.array(list(SHOES.values()))
-_LINKED: Final = [JOINT_INDEX[one.joint] for one in LINKS]
+_LINKED: Final = [JOINT_INDEX[link.joint] for link in LINKS]
 
 
 def within_limits(motion: Motion, pose: Motion) -> tuple[Motion, tuple[str, ...]]:

@@ -224,10 +224,10 @@ class Pose2D:
     @classmethod
     def of(cls, motion: Motion, index: int = -1, floor: float | None = None) -> Pose2D:
         """Return the floor-projected hip frame of one pose; without a floor the height of that pose's lowest sole."""
-        one = motion[index:] if index == -1 else motion[index : index + 1]
+        frame = motion[index:] if index == -1 else motion[index : index + 1]
         if floor is None:
-            floor = float(support_height(one.joints())[0])
-        return cls(float(one.root[0, 0]), float(one.root[0, 2]), float(one.yaw()[0]), floor)
+            floor = float(support_height(frame.joints())[0])
+        return cls(float(frame.root[0, 0]), float(frame.root[0, 2]), float(frame.yaw()[0]), floor)
 
     @classmethod
     def of_history(cls, history: Motion) -> Pose2D:

@@ -24,9 +24,9 @@ _CALLS: Final = 3
 
 def following_faults(skill: Skill, followed: Mapping[Parameter, Regression]) -> Iterator[ContractError]:
     """Yield each parameter that an adapter follows no better than a constant would."""
-    for one, found in followed.items():
-        if one.low < one.high and not found.follows:
-            yield ContractError("follows", _told(skill, one, found), "Train it longer, or on more clips.")
+    for parameter, regression in followed.items():
+        if parameter.low < parameter.high and not regression.follows:
+            yield ContractError("follows", _told(skill, parameter, regression), "Train it longer, or on more clips.")
 
 
 def followed(skill: Skill, bench: Bench) -> dict[Parameter, Regression]:
@@ -38,15 +38,15 @@ def followed(skill: Skill, bench: Bench) -> dict[Parameter, Regression]:
         return {}
     generator = DiTGenerator.load(prior)
     commands, achieved = _rolled(skill, generator, bench.measures, bench.seed)
-    return {one: Regression.of(commands[:, k], achieved[:, k]) for k, one in enumerate(skill.parameters)}
+    return {parameter: Regression.of(commands[:, k], achieved[:, k]) for k, parameter in enumerate(skill.parameters)}
 
 
-def _told(skill: Skill, one: Parameter, found: Regression) -> str:
-    error, constant = (from_si(one.key, value) for value in (found.error, found.constant))
-    unit = "degrees" if one.key.endswith("_deg") else "cm"
+def _told(skill: Skill, parameter: Parameter, regression: Regression) -> str:
+    error, constant = (from_si(parameter.key, value) for value in (regression.error, regression.constant))
+    unit = "degrees" if parameter.key.endswith("_deg") else "cm"
     return (
-        f"skill {skill.name!r} misses {one.key} by {error:.1f} {unit} on average; a constant misses it by "
-        f"{constant:.1f} {unit} (slope {found.slope:.2f}, R squared {found.r2:.2f})."
+        f"skill {skill.name!r} misses {parameter.key} by {error:.1f} {unit} on average; a constant misses it by "
+        f"{constant:.1f} {unit} (slope {regression.slope:.2f}, R squared {regression.r2:.2f})."
     )
 
 
@@ -73,13 +73,13 @@ def _rolled(
     """Return commands and what was achieved, (N, parameters) each, SI."""
     assert skill.adapter is not None
     random = np.random.default_rng(seed)
-    low, high = (np.array([getattr(one, end) for one in skill.parameters]) for end in ("low", "high"))
+    low, high = (np.array([getattr(part, end) for part in skill.parameters]) for end in ("low", "high"))
     commands = random.uniform(low, high, (_RUNS, _CALLS, len(low)))
     chunks = []
     for run in range(_RUNS):
         history = generator.start()
         for call in range(_CALLS):
-            values = {one.name: float(x) for one, x in zip(skill.parameters, commands[run, call], strict=True)}
+            values = {part.name: float(x) for part, x in zip(skill.parameters, commands[run, call], strict=True)}
             motion = generator.generate(history, skill.adapter, values, (seed, run, call))
             chunks.append(Pose2D.of_history(history).to_local(history.then(motion)))
             history = motion[-HISTORY:]
@@ -87,5 +87,5 @@ def _rolled(
 
 
 def _measured(skill: Skill, chunks: list[Motion], measures: Mapping[str, Measure]) -> Array:
-    root, rotations = np.stack([one.root for one in chunks]), np.stack([one.rotations for one in chunks])
-    return np.stack([find(one, measures)(root, rotations) for one in skill.parameters], -1)
+    root, rotations = np.stack([part.root for part in chunks]), np.stack([part.rotations for part in chunks])
+    return np.stack([find(part, measures)(root, rotations) for part in skill.parameters], -1)

@@ -53,7 +53,7 @@ def played_faults(
     faults = [*_on_fake(skill, calls, bench)]
     engines: list[str] = []
     notes: list[str] = []
-    names = [one.name for one in bench.plugins.registered("simulators")] if bench.engines is None else bench.engines
+    names = [item.name for item in bench.plugins.registered("simulators")] if bench.engines is None else bench.engines
     for name in names:
         try:
             faults += _on_engine(name, skill, calls, bench)
@@ -83,7 +83,7 @@ def _on_fake(skill: Skill, calls: Sequence[dict[str, Any]], bench: Bench) -> Fau
 
 
 def _own(measures: Mapping[str, Measure]) -> list[Measure]:
-    return [one for name, one in measures.items() if name not in MEASURES]
+    return [measure for name, measure in measures.items() if name not in MEASURES]
 
 
 def _afresh(body: Body, call: Call, seed: int) -> SkillExecution:
@@ -93,14 +93,14 @@ def _afresh(body: Body, call: Call, seed: int) -> SkillExecution:
 
 def _is_finite(done: SkillExecution) -> bool:
     motions = [motion for chunk in done.chunks for motion in (chunk.commanded, chunk.execution.simulated)]
-    return all(np.isfinite(one.root).all() and np.isfinite(one.rotations).all() for one in motions)
+    return all(np.isfinite(part.root).all() and np.isfinite(part.rotations).all() for part in motions)
 
 
-def _same(one: SkillExecution, other: SkillExecution) -> bool:
-    return len(one.chunks) == len(other.chunks) and all(
+def _same(first: SkillExecution, second: SkillExecution) -> bool:
+    return len(first.chunks) == len(second.chunks) and all(
         np.array_equal(a.commanded.root, b.commanded.root)
         and np.array_equal(a.commanded.rotations, b.commanded.rotations)
-        for a, b in zip(one.chunks, other.chunks, strict=True)
+        for a, b in zip(first.chunks, second.chunks, strict=True)
     )
 
 
@@ -135,9 +135,9 @@ def _host(engine: str, skill: Skill, bench: Bench) -> Plugins:
     host = Plugins()
     host.add(Fakes([skill], _own(bench.measures)), FAKE)
     for kind, name in (("simulators", engine), ("motion_generators", "dit")):
-        for one in bench.plugins.registered(kind):
-            if one.name == name:
-                host.add(_borrowed(kind, name, one.value), f"{FAKE}-{kind}")
+        for item in bench.plugins.registered(kind):
+            if item.name == name:
+                host.add(_borrowed(kind, name, item.value), f"{FAKE}-{kind}")
     return host
 
 

@@ -91,8 +91,8 @@ def _step(body: Body, agent: Agent, verifier: Verifier | None = None) -> StepRec
 def _scene(make: Callable[..., Any], plugins: Plugins) -> None:
     scene, again = (_expect(make("0"), Scene, "the scene") for _ in range(2))
     _hold(scene.digest == again.digest, "the same argument gives another scene the second time")
-    for one in scene.objects:
-        _hold(np.isfinite(np.array(scene.aabb(one.id))).all(), f"object {one.id} has no finite bounding box")
+    for obj in scene.objects:
+        _hold(np.isfinite(np.array(scene.aabb(obj.id))).all(), f"object {obj.id} has no finite bounding box")
     for asset in scene.assets.values():
         faces, known = asset.mesh.faces, len(asset.mesh.vertices)
         whole = faces.dtype.kind in "iu" and ((faces >= 0) & (faces < known)).all()
@@ -100,7 +100,7 @@ def _scene(make: Callable[..., Any], plugins: Plugins) -> None:
     start = [scene.start.x, scene.start.z, scene.start.yaw, scene.start.floor]
     _hold(np.isfinite(start).all(), f"its start is {scene.start}")
     here = np.array([scene.start.x, scene.start.z])
-    boxes = [np.array(scene.aabb(one.id))[:, [0, 2]] for one in scene.objects]
+    boxes = [np.array(scene.aabb(obj.id))[:, [0, 2]] for obj in scene.objects]
     held = any((low <= here).all() and (here <= high).all() for low, high in boxes)
     _hold(held, "no object is under its start, so that a body would fall")
 
@@ -124,10 +124,10 @@ def _renderer(make: Callable[..., Any], plugins: Plugins) -> None:
         seen = _expect(renderer.render(state, ego_camera(state.body)), View, "render()")
         for name, shape, kind in _PICTURES:
             picture = getattr(seen, name)
-            told = f"{name} is {getattr(picture, 'dtype', type(picture))} {np.shape(picture)}; expected {kind} {shape}"
-            _hold(np.shape(picture) == shape and picture.dtype == np.dtype(kind), told)
+            fault = f"{name} is {getattr(picture, 'dtype', type(picture))} {np.shape(picture)}; expected {kind} {shape}"
+            _hold(np.shape(picture) == shape and picture.dtype == np.dtype(kind), fault)
         _hold((seen.depth >= 0).all(), "depth is negative or NaN; expected metres, infinity where nothing is")
-        odd = set(np.unique(seen.ids[seen.ids > 0]).tolist()) - {one.id for one in scene.objects}
+        odd = set(np.unique(seen.ids[seen.ids > 0]).tolist()) - {obj.id for obj in scene.objects}
         _hold(not odd, f"ids name the objects {sorted(odd)[:5]}, which the scene does not have")
     finally:
         renderer.close()
@@ -138,9 +138,9 @@ def _generator(make: Callable[..., Any], plugins: Plugins) -> None:
     _expect(generator.digest, str, "digest")
     start = generator.start()
     _frames(start, HISTORY, start, "start()")
-    known = [one for one in plugins.skills.values() if one.adapter and one.trained]
+    known = [skill for skill in plugins.skills.values() if skill.adapter and skill.trained]
     _hold(known, "no trained skill is installed to play with it")
-    middle = {one.name: (one.low + one.high) / 2 for one in known[0].parameters}
+    middle = {part.name: (part.low + part.high) / 2 for part in known[0].parameters}
     once, again = (generator.generate(start, known[0].adapter, middle, (0, 0, 0)) for _ in range(2))
     _frames(once, FUTURE, start, "generate()")
     same = np.array_equal(once.root, again.root) and np.array_equal(once.rotations, again.rotations)
@@ -154,27 +154,27 @@ def _report(make: Callable[..., Any], plugins: Plugins) -> None:
             episode.submit(Decision((Call("nod"),)))
         written = make(film="none", renderer="raster").write(path.parent, RecordedEpisode(path), plugins)
         _hold(isinstance(written, Mapping), f"write() returned {written!r} and no mapping of files")
-        missing = [str(one) for one in written.values() if not Path(one).exists()]
+        missing = [str(file) for file in written.values() if not Path(file).exists()]
         _hold(not missing, f"write() names {missing[:1]}, which is no file")
 
 
 def _framework(make: Callable[..., Any], plugins: Plugins) -> None:
     with fake_body(nod) as body:
-        found = make(body_tools(body))
-        _hold(found is not None and (not isinstance(found, Sized) or len(found)), f"its factory returned {found!r}")
+        tools = make(body_tools(body))
+        _hold(tools is not None and (not isinstance(tools, Sized) or len(tools)), f"its factory returned {tools!r}")
 
 
 def _measure(measure: Any, plugins: Plugins) -> None:
     measure = _expect(measure, Measure, "register()")
     root, rotations = _crooked()
-    found = measure(root, rotations)
-    _hold(np.shape(found) == (3,), f"it measures 3 chunks as an array of shape {np.shape(found)}; expected (3,)")
-    _hold(np.isfinite(found).all(), "its measure of a walking body is no finite number")
+    values = measure(root, rotations)
+    _hold(np.shape(values) == (3,), f"it measures 3 chunks as an array of shape {np.shape(values)}; expected (3,)")
+    _hold(np.isfinite(values).all(), "its measure of a walking body is no finite number")
     _hold(measure.unit in ("m", "rad"), f"its unit is {measure.unit!r}; expected m or rad")
     _hold(measure.mirror in (1, -1, None), f"its mirror is {measure.mirror!r}; expected 1, -1 or None")
     image = measure(*mirrored(root, rotations))
     _hold(
-        measure.mirror is None or np.allclose(measure.mirror * found, image, atol=1e-6),
+        measure.mirror is None or np.allclose(measure.mirror * values, image, atol=1e-6),
         f"mirror={measure.mirror} is no sign of its value in mirrored motion; expected None",
     )
 
@@ -183,7 +183,7 @@ def _crooked() -> tuple[Array, Array]:
     """Return three chunks of a body that walks, turns and drifts to the left with one arm raised."""
     walk, share = gait(3, 0.5), np.linspace(0, 1, HISTORY + FUTURE)
     chunks = [walk[first : first + len(share)] for first in (20, 30, 40)]
-    root, rotations = np.stack([one.root for one in chunks]), np.stack([one.rotations for one in chunks])
+    root, rotations = np.stack([chunk.root for chunk in chunks]), np.stack([chunk.rotations for chunk in chunks])
     root[..., 0] += 0.2 * share
     rotations[:, :, 0, 1] += 0.5 * share
     rotations[:, :, JOINT_INDEX["left_shoulder"], 2] += share
@@ -208,7 +208,7 @@ _LEFT: Final = ("skills", "priors")
 def check_plugin(owner: str, plugin: object, plugins: Plugins) -> list[Report]:
     """Check every item that a plugin registers besides skills, its observers and its commands."""
     kinds = [kind for kind in plugins.kinds if kind not in _LEFT]
-    reports = [_item(kind, one, plugins) for kind in kinds for one in plugins.of_owner(owner, kind)]
+    reports = [_item(kind, item, plugins) for kind in kinds for item in plugins.of_owner(owner, kind)]
     if any(hasattr(plugin, hook) for hook in OBSERVERS):
         reports.append(_observers(owner, plugin))
     if hasattr(plugin, "humanclaw_commands"):
@@ -216,10 +216,10 @@ def check_plugin(owner: str, plugin: object, plugins: Plugins) -> list[Report]:
     return reports
 
 
-def _item(kind: str, one: Registration, plugins: Plugins) -> Report:
-    what, use = f"{noun(kind)} {one.name}", CHECKED.get(kind) or plugins.use(kind) or _other
+def _item(kind: str, item: Registration, plugins: Plugins) -> Report:
+    what, use = f"{noun(kind)} {item.name}", CHECKED.get(kind) or plugins.use(kind) or _other
     try:
-        bounded(PATIENCE, lambda: use(one.value, plugins))
+        bounded(PATIENCE, lambda: use(item.value, plugins))
     except ProviderError as error:
         return Report(what, (), notes=(f"not asked: {error}",))
     except OverdueError as error:
@@ -233,8 +233,8 @@ def _item(kind: str, one: Registration, plugins: Plugins) -> Report:
         message = f"{what}: {error.message.rstrip('.')}."
         return Report(what, (ContractError(f"{noun(kind)}-works", message, error.remedy),))
     except (Exception, SystemExit) as error:
-        told = f"{what} raises {in_words(error.__cause__ or error)}."
-        return Report(what, (ContractError(f"{noun(kind)}-works", told, "See its protocol in docs/hooks.md."),))
+        problem = f"{what} raises {in_words(error.__cause__ or error)}."
+        return Report(what, (ContractError(f"{noun(kind)}-works", problem, "See its protocol in docs/hooks.md."),))
     return Report(what, ())
 
 
@@ -255,7 +255,7 @@ def _observers(owner: str, plugin: object) -> Report:
                 episode.submit(Decision((Call("finish"),)))
     finally:
         log.removeFilter(listen)
-    faults = tuple(ContractError("observer-works", f"{told}.", "See docs/hooks.md.") for told in dict.fromkeys(heard))
+    faults = tuple(ContractError("observer-works", f"{line}.", "See docs/hooks.md.") for line in dict.fromkeys(heard))
     return Report(f"observer {owner}", faults)
 
 
@@ -278,11 +278,11 @@ def _commands(owner: str, plugin: Any, plugins: Plugins) -> Report:
         plugins.tell("humanclaw_commands", cli=everyone)
         taken = [name for name in group.commands if everyone.added[name] > 1]
         if taken:
-            told = f"command {taken[0]} is there already, and would be left out."
-            faults.append(ContractError("command-works", told, "Give it a name of its own."))
+            problem = f"command {taken[0]} is there already, and would be left out."
+            faults.append(ContractError("command-works", problem, "Give it a name of its own."))
         for name, command in group.commands.items():
             _hold(command.help, f"command {name} has no help text")
-            silent = [one.opts[0] for one in command.params if isinstance(one, click.Option) and not one.help]
+            silent = [param.opts[0] for param in command.params if isinstance(param, click.Option) and not param.help]
             _hold(not silent, f"option {''.join(silent[:1])} of command {name} has no help text")
             with redirect_stdout(StringIO()):
                 command.main(["--help"], prog_name=name, standalone_mode=False)
@@ -299,7 +299,8 @@ def _commands(owner: str, plugin: Any, plugins: Plugins) -> Report:
 # -- helpers -----------------------------------------------------------------------------------------------------------
 def _skills(plugins: Plugins) -> Sequence[Skill]:
     """Return what agents may call: a nod, a stop, and the installed skills that are trained."""
-    return [nod, finish, *(one for one in plugins.skills.values() if one.trained and one.name not in ("nod", "finish"))]
+    trained = [skill for skill in plugins.skills.values() if skill.trained]
+    return [nod, finish, *(skill for skill in trained if skill.name not in ("nod", "finish"))]
 
 
 def _task(body: Body) -> Any:

@@ -121,11 +121,11 @@ def _speeds(motion: Motion) -> Array:
 # -- the arms and the body ---------------------------------------------------------------------------------------------
 def _contacts(motion: Motion, pose: Motion, call: str) -> Faults:
     """Yield a fault for the deepest place where an arm goes into the body, or into the other arm."""
-    found, own = _depths(motion), np.maximum(_depths(pose), 0.0)
-    worst = int((found - own).argmax())
-    if found[worst] > DEPTH + own[worst]:
+    depths, own = _depths(motion), np.maximum(_depths(pose), 0.0)
+    worst = int((depths - own).argmax())
+    if depths[worst] > DEPTH + own[worst]:
         arm, other = _PAIRS[worst]
-        message = f"{call} puts {arm} {100 * found[worst]:.0f} cm into {other}."
+        message = f"{call} puts {arm} {100 * depths[worst]:.0f} cm into {other}."
         yield ContractError("self-contact", message, "Turn the joint the other way, or less.")
 
 

@@ -101,7 +101,7 @@ class Episode:
         record = begin_record(body, spec, self._agents, options or {}, settings, self.distance_to_goal())
         # Before anything is written, so that a refusal leaves no folder behind.
         own = own_seed(spec.seed) if agent_seed is None else agent_seed
-        context = EpisodeContext(spec.told, body.skills, own, meter=self._meter, gaze=body.gaze)
+        context = EpisodeContext(spec.for_agent, body.skills, own, meter=self._meter, gaze=body.gaze)
         known = {"spec": spec, "seed": spec.seed, "scene": body.scene, "state": body.state, "view": self._look}
         self._agents.begin(context, known)
         self._recording = begin_folder(body, record, folder)

@@ -50,7 +50,7 @@ def _verified(body: Driven, verifier: Verifier, instruction: str) -> Callable[..
     error of the verifier as it begins.
     """
     agents, spec = EpisodeAgents("", verifier), free_episode(instruction or "Do as you are asked.", body.scene)
-    agents.begin(EpisodeContext(spec.told, body.skills, 0, gaze=body.gaze), {})
+    agents.begin(EpisodeContext(spec.for_agent, body.skills, 0, gaze=body.gaze), {})
     if agents.fault:
         raise agents.fault
 

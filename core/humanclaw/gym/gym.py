@@ -100,7 +100,7 @@ class Gym:
     def context(self) -> EpisodeContext:
         """What the agent of the current episode is told before its first step."""
         body = self.episode.body
-        return EpisodeContext(self.episode.spec.told, body.skills, self.episode.spec.seed, gaze=body.gaze)
+        return EpisodeContext(self.episode.spec.for_agent, body.skills, self.episode.spec.seed, gaze=body.gaze)
 
     @property
     def skills(self) -> tuple[Skill, ...]:

@@ -70,7 +70,7 @@ class Carrying:
     def let_go(self, motion: Motion) -> Motion:
         """Return a motion whose arm comes from here into its own."""
         arm, share = _arm(self.side), smoothstep(np.arange(1, len(motion) + 1) / len(motion))[:, None, None]
-        first, last = (matrix_from_vector(one.rotations[:, arm]) for one in (self.over(motion), motion))
+        first, last = (matrix_from_vector(held.rotations[:, arm]) for held in (self.over(motion), motion))
         way = vector_from_matrix(np.swapaxes(first, -1, -2) @ last)
         rotations = motion.rotations.copy()
         rotations[:, arm] = vector_from_matrix(first @ matrix_from_vector(share * way))

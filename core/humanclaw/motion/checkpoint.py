@@ -168,18 +168,18 @@ def read_checkpoint(path: Path, kind: str, remedy: str) -> tuple[dict[str, Any],
 
 def _check_kind(path: Path, header: Mapping[str, Any], kind: str, remedy: str) -> None:
     if header.get("kind") != kind:
-        found = f"{path} holds {header.get('kind')!r} weights where {kind!r} weights were expected."
-        raise CheckpointError(found, remedy)
+        problem = f"{path} holds {header.get('kind')!r} weights where {kind!r} weights were expected."
+        raise CheckpointError(problem, remedy)
 
 
 def adapters_beside(path: Path) -> Mapping[str, Path]:
     """Return the adapters of one skill by the digest of the prior that each was trained against: the file itself, and
     files beside it such as adapter-tiny.safetensors. Unreadable ones are left out."""
-    found: dict[str, Path] = {}
+    adapters: dict[str, Path] = {}
     for file in (path, *sorted(path.parent.glob(f"{path.stem}-*{path.suffix}"))):
         with suppress(CheckpointError):
-            found.setdefault(str(read_header(file).get("base")), file)
-    return found
+            adapters.setdefault(str(read_header(file).get("base")), file)
+    return adapters
 
 
 def _adapter_config(header: Mapping[str, Any]) -> AdapterConfig:
@@ -225,8 +225,8 @@ def _open(path: Path, remedy: str, weights: bool = False) -> tuple[dict[str, Any
     if note is None:
         raise CheckpointError(f"{path} is a safetensors file, but not a checkpoint of HumanCLAW.", remedy)
     if header.get("format") != FORMAT:
-        found = f"{path} has checkpoint format {header.get('format')!r:.80}; this version reads format {FORMAT}."
-        raise CheckpointError(found, remedy)
+        problem = f"{path} has checkpoint format {header.get('format')!r:.80}; this version reads format {FORMAT}."
+        raise CheckpointError(problem, remedy)
     return header, tensors
 
 

@@ -109,11 +109,11 @@ class Linear:
 class Pair:
     """Two affine maps side by side. Neither copies its weights, since a base has a pair with each of its adapters."""
 
-    def __init__(self, one: Linear, other: Linear) -> None:
-        self._weights = one.weight, other.weight
+    def __init__(self, first: Linear, second: Linear) -> None:
+        self._weights = first.weight, second.weight
         self._bias = None
-        if one.bias is not None and other.bias is not None:
-            self._bias = np.stack([one.bias, other.bias])[:, None, None]
+        if first.bias is not None and second.bias is not None:
+            self._bias = np.stack([first.bias, second.bias])[:, None, None]
 
     def __call__(self, z: Array) -> Array:
         """(2, B, T, inputs) to (2, B, T, outputs)."""
@@ -156,11 +156,11 @@ class Block:
         return cls(config.heads, **{part: Linear(weights, f"{name}.{part}", *size) for part, size in sizes.items()})
 
     @classmethod
-    def pair(cls, one: Block, other: Block) -> Block:
+    def pair(cls, block: Block, other: Block) -> Block:
         """Return two blocks as one, for tokens (2, B, T, hidden). It takes less time than one after the other: each
         operation on few numbers is made once instead of twice."""
-        parts = [(part.name, getattr(one, part.name), getattr(other, part.name)) for part in fields(cls)[1:]]
-        return cls(one.heads, **{name: Pair(first, second) for name, first, second in parts})
+        parts = [(part.name, getattr(block, part.name), getattr(other, part.name)) for part in fields(cls)[1:]]
+        return cls(block.heads, **{name: Pair(first, second) for name, first, second in parts})
 
     def __call__(self, z: Array, modulation: Array) -> Array:
         """z: (..., B, T, hidden). modulation: (6, ..., B, 1, hidden) of this block."""

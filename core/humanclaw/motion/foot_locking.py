@@ -97,15 +97,15 @@ def _parted(positions: Array, turned: Sequence[Array], stances: Sequence[list[_S
     ankles = [positions[:, toe] - turn @ TOE_BASE for toe, turn in zip(FEET, turned, strict=True)]
     # The other foot stays where it stands, however far the model's creeps away.
     stand = [ankle + _holding(own, positions[:, toe]) for ankle, own, toe in zip(ankles, stances, FEET, strict=True)]
-    found = []
+    parted = []
     for foot, side in ((0, 1.0), (1, -1.0)):
         shift = apart(ankles[foot], yaw[foot], stand[1 - foot], yaw[1 - foot], side, over)
         size, way = np.linalg.norm(shift, axis=-1), shift.sum(0)
         gives = widened(size) * _begun(len(size), _GIVES)
         # A foot can swing into the other one between the history and the first frame.
         gives[HISTORY] = max(gives[HISTORY], size[HISTORY])
-        found.append(positions[:, FEET[foot]] + gives[:, None] * way / max(np.linalg.norm(way), 1e-9))
-    return found
+        parted.append(positions[:, FEET[foot]] + gives[:, None] * way / max(np.linalg.norm(way), 1e-9))
+    return parted
 
 
 def _laid(stances: list[_Stance], turn: Array) -> Array:

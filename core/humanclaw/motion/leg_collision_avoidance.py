@@ -15,7 +15,7 @@ from humanclaw.body.ik import TOE_BASE
 from humanclaw.body.pose import Array, matrix_from_vector, smoothstep
 from humanclaw.body.skeleton import JOINT_INDEX, LINKS, OFFSETS, Box, Capsule
 
-_BOXES: Final = {one.joint: one.shape for one in LINKS if isinstance(one.shape, Box)}
+_BOXES: Final = {link.joint: link.shape for link in LINKS if isinstance(link.shape, Box)}
 SHOE, TOES = (_BOXES[joint] for joint in ("left_ankle", "left_foot"))
 HEEL_END: Final = float(SHOE.centre[2] - SHOE.half[2])
 TOE_END: Final = float(TOE_BASE[2] + TOES.centre[2] + TOES.half[2])
@@ -136,7 +136,7 @@ def _closest(a: Array, b: Array, gap: Array) -> tuple[Array, Array]:
 _KNEE, _ANKLE = JOINT_INDEX["left_knee"], JOINT_INDEX["left_ankle"]
 _PAIRS: Final = np.array([[0, 0, 1], [0, 1, 0]])
 """Bones of the left and of the right leg that a swivel parts: 0 for thighs, 1 for shins. Two shins meet at the feet."""
-_RADII: Final = {one.joint: one.shape.radius for one in LINKS if isinstance(one.shape, Capsule)}
+_RADII: Final = {link.joint: link.shape.radius for link in LINKS if isinstance(link.shape, Capsule)}
 _APART: Final = np.array([_RADII["left_hip"], _RADII["left_knee"]])[_PAIRS].sum(0)[:, None] + 0.008
 """(3, 1) least distance of the bones of each pair, with a margin, metres."""
 _SOFT: Final = 0.002

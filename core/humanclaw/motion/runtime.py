@@ -79,5 +79,5 @@ class NumpyRuntime:
 
 def _at(modulations: Modulations, index: int) -> Modulations:
     """Return the modulations of one solver time, to broadcast over a batch."""
-    one = slice(index, index + 1)
-    return Modulations(modulations.blocks[:, :, one], modulations.final[:, one])
+    part = slice(index, index + 1)
+    return Modulations(modulations.blocks[:, :, part], modulations.final[:, part])

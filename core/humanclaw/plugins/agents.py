@@ -97,7 +97,7 @@ class EpisodeContext:
     """What an agent or a verifier is given before the first step."""
 
     spec: EpisodeSpec
-    """The part of the episode that an agent is told (EpisodeSpec.told); the whole for privileged ones."""
+    """The part of the episode that an agent is told (EpisodeSpec.for_agent); the whole for privileged ones."""
     skills: Mapping[str, Skill]
     seed: int
     """For the agent's own random numbers; derived from the episode's."""

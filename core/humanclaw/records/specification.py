@@ -93,7 +93,7 @@ class EpisodeSpec(Record):
     that digests of splits and records without hands stay as they were."""
 
     @property
-    def told(self) -> EpisodeSpec:
+    def for_agent(self) -> EpisodeSpec:
         """The part that an agent is told: the instruction, what follows from it, and the limit of steps. Scene, start,
         targets, seed and id would let it play the episode elsewhere first."""
         known = self.model_dump(include={"instruction", "target_category", "interact", "max_steps"})

@@ -130,19 +130,19 @@ def skill_with(plugins: Plugins, *measures: str) -> tuple[Skill, Mapping[str, st
 
     Raises HumanclawError if there is none.
     """
-    found = {name: _commands(skill) for name, skill in sorted(plugins.skills.items()) if skill.adapter}
-    able = [name for name, keys in found.items() if set(measures) <= set(keys)]
+    commands = {name: _commands(skill) for name, skill in sorted(plugins.skills.items()) if skill.adapter}
+    able = [name for name, keys in commands.items() if set(measures) <= set(keys)]
     if not able:
         raise HumanclawError(
             f"no installed skill commands {' and '.join(measures)}.", "Install the skills of HumanCLAW."
         )
-    name = min(able, key=lambda name: len(found[name]))
-    return plugins.skill(name), found[name]
+    name = min(able, key=lambda name: len(commands[name]))
+    return plugins.skill(name), commands[name]
 
 
 def _commands(skill: Skill) -> Mapping[str, str]:
     """Return the parameter that commands each measure."""
-    return {one.measure: one.key for one in skill.parameters if one.measure}
+    return {parameter.measure: parameter.key for parameter in skill.parameters if parameter.measure}
 
 
 def walk(count: int, metres: float = 0.5, turn: float = 0.0) -> Sequence[Command]:

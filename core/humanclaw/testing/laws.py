@@ -84,7 +84,7 @@ def ledge(fixture: Fixture) -> Iterator[Finding]:
     builder.box("floor", (2, 12, 1.6), (0, -12, 0))
     played = fixture.perform(builder.scene(), walk(5, 0.8))
     touching = [
-        k * FUTURE + contact.frames[0] for k, one in enumerate(played.chunks) for contact in one.execution.contacts
+        k * FUTURE + contact.frames[0] for k, chunk in enumerate(played.chunks) for contact in chunk.execution.contacts
     ]
     begun = max(touching) + 2
     fall = np.diff(played.simulated.root[begun : begun + FUTURE, 1], 2).mean() * FPS**2
@@ -228,6 +228,6 @@ def table(findings: Sequence[Finding]) -> str:
     lines = ["| check | measure | found | bound | holds |", "| --- | --- | --- | --- | --- |"]
     for f in findings:
         bounds = [f"{sign} {bound:g}" for sign, bound in (("≥", f.low), ("≤", f.high)) if np.isfinite(bound)]
-        found = f"{f.value:.3g} {f.unit}".strip()
-        lines.append(f"| {f.check} | {f.measure} | {found} | {', '.join(bounds)} | {'yes' if f.holds else '**no**'} |")
+        value = f"{f.value:.3g} {f.unit}".strip()
+        lines.append(f"| {f.check} | {f.measure} | {value} | {', '.join(bounds)} | {'yes' if f.holds else '**no**'} |")
     return "\n".join(lines)

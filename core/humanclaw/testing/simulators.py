@@ -108,9 +108,9 @@ class SimulatorConformance(ObjectConformance):
     def test_the_law_holds(self, check: str) -> None:
         """The laws of `humanclaw physics`, on few samples: same code, same bounds."""
         fixture = Fixture(self.simulator, find_profile("default"), samples=2, chunks=60)
-        found = list(CHECKS[check](fixture))
-        assert found
-        assert [finding for finding in found if not finding.holds] == []
+        findings = list(CHECKS[check](fixture))
+        assert findings
+        assert [finding for finding in findings if not finding.holds] == []
 
     @pytest.mark.parametrize("profile", ["paper", "reference"])
     def test_the_papers_constants_keep_bodies_whole_too(self, profile: str) -> None:

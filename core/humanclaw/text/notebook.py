@@ -28,9 +28,9 @@ def card(title: str, lines: Iterable[str], pictures: Sequence[tuple[str, bytes]]
         f'height="{side}" alt="{escape(name)}"><figcaption>{escape(name)}</figcaption></figure>'
         for name, data in pictures
     )
-    told = "".join(f"<div>{escape(line)}</div>" for line in lines if line)
+    body = "".join(f"<div>{escape(line)}</div>" for line in lines if line)
     strip = f'<div style="display:flex;flex-wrap:wrap;gap:6px;margin-top:6px">{shown}</div>' if shown else ""
-    return f"<div><strong>{escape(title)}</strong>{told}{strip}</div>"
+    return f"<div><strong>{escape(title)}</strong>{body}{strip}</div>"
 
 
 def table(title: str, head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

@@ -44,5 +44,5 @@ def nearest(name: str, brought: Mapping[str, str], most: int = 3) -> str:
     brought: the distribution that brings each name; empty for installed names.
     """
     near = difflib.get_close_matches(name, brought, n=most, cutoff=0.5)
-    told = [f"{one} (of {brought[one]})" if brought[one] else one for one in near]
-    return f"Did you mean {' or '.join(told)}?" if told else ""
+    names = [f"{candidate} (of {brought[candidate]})" if brought[candidate] else candidate for candidate in near]
+    return f"Did you mean {' or '.join(names)}?" if names else ""

@@ -73,8 +73,8 @@ class Asset:
             raise SceneError(f"asset {self.name!r} has a seat and no collision pieces.", "Give it hulls to sit on.")
         top = max(float(hull[:, 1].max()) for hull in self.hulls)
         if not 0 < self.seat_height <= top + _CUSHION:
-            told = f"the seat of asset {self.name!r} is at {self.seat_height:g} m, and the asset is {top:g} m high."
-            raise SceneError(told, "Give the height of its sitting surface over its bottom, in metres.")
+            problem = f"the seat of asset {self.name!r} is at {self.seat_height:g} m, and the asset is {top:g} m high."
+            raise SceneError(problem, "Give the height of its sitting surface over its bottom, in metres.")
 
 
 @dataclass(frozen=True)
@@ -102,8 +102,8 @@ class SceneObject:
         numbers = (*self.position, *self.rotation, self.mass, self.friction)
         sizes = len(self.position), len(self.rotation)
         if sizes != (3, 4) or not np.isfinite(numbers).all() or min(self.mass, self.friction) < 0:
-            told = f"has position, rotation, mass and friction {numbers}"
-            raise self._wrong(told, "Give 3, 4, 1 and 1 finite numbers, no negative friction or mass.")
+            problem = f"has position, rotation, mass and friction {numbers}"
+            raise self._wrong(problem, "Give 3, 4, 1 and 1 finite numbers, no negative friction or mass.")
         if abs(np.linalg.norm(self.rotation) - 1) > 0.01:
             raise self._wrong(f"is turned by {self.rotation}", "Give a unit quaternion x, y, z, w.")
         if self.joint is None:
@@ -114,11 +114,11 @@ class SceneObject:
             raise self._wrong("is on a joint and is not movable", "Set movable and mass, or leave out its joint.")
         if not self.joint.low <= self.state <= self.joint.high:
             unit, low, high = self.joint.unit, self.joint.low, self.joint.high
-            told = f"is at {self.state:g} {unit}, and its joint goes from {low:g} to {high:g}"
-            raise self._wrong(told, "Start within the range.")
+            problem = f"is at {self.state:g} {unit}, and its joint goes from {low:g} to {high:g}"
+            raise self._wrong(problem, "Start within the range.")
 
-    def _wrong(self, told: str, remedy: str) -> SceneError:
-        return SceneError(f"object {self.id} ({self.category}) {told}.", remedy)
+    def _wrong(self, problem: str, remedy: str) -> SceneError:
+        return SceneError(f"object {self.id} ({self.category}) {problem}.", remedy)
 
     def at(self, state: float) -> Array:
         """Return (7,) position and quaternion of an object whose joint is at an angle (radians) or way (metres)."""

@@ -242,7 +242,7 @@ class Client:
         named = {name: place for name, place in places.items() if place is not None}
         if named:
             first = min(named, key=lambda name: named[name])
-            if first == "max_tokens" and "max_completion_tokens" in failure.told and not self.learned.renamed:
+            if first == "max_tokens" and "max_completion_tokens" in failure.said and not self.learned.renamed:
                 self.learned.renamed = True
                 return True
             self.learned.left_out.append(first)

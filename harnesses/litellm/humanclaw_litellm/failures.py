@@ -107,16 +107,16 @@ class TooLongError(Exception):
 class FailedRequest(Exception):  # noqa: N818
     """A request that brought no answer.
 
-    told: everything that the server or litellm said, which decides what the failure means. reply: litellm's reply of a
+    said: everything that the server or litellm said, which decides what the failure means. reply: litellm's reply of a
     generation that failed although its tokens are counted.
     """
 
     def __init__(
-        self, words: str, status: int, told: str = "", headers: Mapping[str, str] | None = None, reply: Any = None
+        self, words: str, status: int, said: str = "", headers: Mapping[str, str] | None = None, reply: Any = None
     ) -> None:
         super().__init__(words)
         self.reply = reply
-        self.words, self.status, self.told, self.headers = words, status, told or words, headers or {}
+        self.words, self.status, self.said, self.headers = words, status, said or words, headers or {}
 
     @property
     def redirect(self) -> str:
@@ -126,21 +126,21 @@ class FailedRequest(Exception):  # noqa: N818
     @property
     def too_long(self) -> bool:
         """Whether the request does not fit the model's context."""
-        if self.larger_than_rate or self._asks_to_wait or _LARGE_PICTURE.search(self.told):
+        if self.larger_than_rate or self._asks_to_wait or _LARGE_PICTURE.search(self.said):
             return False
         if self.status in (400, 413, 422):
-            return self.status == 413 or bool(_TOO_LONG.search(self.told) or _TOO_MANY.search(self.told))
-        return self._is_answer and bool(_TOO_LONG.search(self.told))
+            return self.status == 413 or bool(_TOO_LONG.search(self.said) or _TOO_MANY.search(self.said))
+        return self._is_answer and bool(_TOO_LONG.search(self.said))
 
     @property
     def larger_than_rate(self) -> bool:
         """Whether one request is larger than the account's tokens per minute, so that no wait helps."""
-        return self._is_answer and not self._asks_to_wait and bool(_LARGER_THAN_RATE.search(self.told))
+        return self._is_answer and not self._asks_to_wait and bool(_LARGER_THAN_RATE.search(self.said))
 
     @property
     def about_pictures(self) -> bool:
         """Whether the model takes no pictures."""
-        clauses = [clause for clause in _CLAUSES.split(self.told) if not _TOOLS.search(clause)]
+        clauses = [clause for clause in _CLAUSES.split(self.said) if not _TOOLS.search(clause)]
         return self._is_answer and any(map(_NO_PICTURES.search, clauses))
 
     def refuses(self, parameter: str) -> int | None:
@@ -150,45 +150,45 @@ class FailedRequest(Exception):  # noqa: N818
         if self.param == parameter:
             return 0
         name = rf"(?<!\w){re.escape(parameter)}(?!\w)"
-        match = re.search(rf"{_BEFORE}{name}|{name}{_AFTER}", self.told, re.IGNORECASE)
+        match = re.search(rf"{_BEFORE}{name}|{name}{_AFTER}", self.said, re.IGNORECASE)
         return match.start() if match else None
 
     def bounds(self, parameter: str) -> bool:
         """Tell whether the words refuse a parameter's value by a bound."""
         name = _TOKENS if parameter == "max_tokens" else re.escape(parameter)
-        room = _ROOM_LEFT.search(self.told)
+        room = _ROOM_LEFT.search(self.said)
         if self.status not in (400, 422) or (room and int(room[1]) < int(room[2])):
             return False
         if re.fullmatch(name, self.param):
-            return bool(_BOUND.search(self.told))
+            return bool(_BOUND.search(self.said))
         # "prompt and max_tokens exceed", "inputs + max_tokens must be": a sum is no bound of the parameter.
         alone = re.compile(
             rf"(?<![\w])(?<!and )(?<!and .)(?<!\+ )(?<!\+ .){name}(?!\w)(?!.? (?:and|\+) )", re.IGNORECASE
         )
-        return any(alone.search(clause) and _BOUND.search(clause) for clause in _CLAUSES.split(self.told))
+        return any(alone.search(clause) and _BOUND.search(clause) for clause in _CLAUSES.split(self.said))
 
     @property
     def param(self) -> str:
         """The parameter that an error is about, in OpenAI's form or pydantic's; empty if it names none."""
-        match = re.search(r'"param":\s*"([^"]+)"|["\']loc["\']: ?[\[(][^\])]*["\'](\w+)["\']\s*[\])]', self.told)
+        match = re.search(r'"param":\s*"([^"]+)"|["\']loc["\']: ?[\[(][^\])]*["\'](\w+)["\']\s*[\])]', self.said)
         return (match[1] or match[2]) if match else ""
 
     @property
     def filtered(self) -> bool:
         """Whether the provider's filter refused the request."""
-        return self.status in (400, 403) and bool(_FILTERED.search(self.told))
+        return self.status in (400, 403) and bool(_FILTERED.search(self.said))
 
     @property
     def unpaid(self) -> bool:
         """Whether the account is empty. Some providers send status 429, but no retry brings the money back."""
         if self.status == 402:
             return True
-        return self.status >= 400 and not self._asks_to_wait and bool(_NO_MONEY.search(self.told))
+        return self.status >= 400 and not self._asks_to_wait and bool(_NO_MONEY.search(self.said))
 
     @property
     def refused(self) -> bool:
         """Whether the provider refuses the form of the request, so that another form may succeed."""
-        lacking = (self.status in (404, 405, 501) or self.status >= 500) and _UNSUPPORTED.search(self.told)
+        lacking = (self.status in (404, 405, 501) or self.status >= 500) and _UNSUPPORTED.search(self.said)
         return (self.status in (400, 415, 422) and not self._asks_to_wait) or bool(lacking)
 
     @property
@@ -205,16 +205,16 @@ class FailedRequest(Exception):  # noqa: N818
             return seconds
         if asked := self.headers.get("retry-after", ""):
             return _number(asked) or _until(asked)
-        if delay := _DELAY.search(self.told):
+        if delay := _DELAY.search(self.said):
             return _number(delay[1])
-        again = _AGAIN.search(self.told)
+        again = _AGAIN.search(self.said)
         parts = _PART.findall(again[1]) if again else ()
         return sum(_number(count) * _SECONDS[unit.lower()] for count, unit in parts)
 
     @property
     def _asks_to_wait(self) -> bool:
         """Whether the words ask to wait: a limit of a rate, whatever else they speak of."""
-        return bool(_WAITS.search(self.told))
+        return bool(_WAITS.search(self.said))
 
     @property
     def _is_answer(self) -> bool:

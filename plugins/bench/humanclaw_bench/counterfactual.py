@@ -70,8 +70,8 @@ def wanting(specs: Sequence[EpisodeSpec], causes: Causes, each: int, faults: Seq
     todo: list[EpisodeSpec] = []
     for fault, mine in by_fault(specs, faults):
         fresh = [spec for spec in mine[: PATIENCE * each] if spec.id not in causes]
-        found = [cause for spec in mine if (cause := causes.get(spec.id))]
-        lacking = each - sum(cause.label == fault.cause for cause in found)
+        failures = [cause for spec in mine if (cause := causes.get(spec.id))]
+        lacking = each - sum(cause.label == fault.cause for cause in failures)
         todo += fresh[: max(lacking, each // 3)] if lacking > 0 else []  # A third at least: few rounds.
     return todo
 

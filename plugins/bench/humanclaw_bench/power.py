@@ -49,7 +49,7 @@ class Power:
     sizes: tuple[int, ...]
     """Episodes of each house."""
     alike: float
-    found: tuple[float, ...]
+    shares: tuple[float, ...]
     """Share of the trials that find each difference."""
 
 
@@ -94,9 +94,9 @@ def markdown(rows: Sequence[Power], differences: Sequence[float]) -> str:
         "| --- |" + " ---: |" * (len(points) + 3),
     ]
     for row in rows:
-        least = smallest(differences, row.found)
+        least = smallest(differences, row.shares)
         shown = f"{100 * least:.0f}" if np.isfinite(least) else f"over {points[-1]}"
-        shares = " | ".join(f"{share:.0%}" for share in row.found)
+        shares = " | ".join(f"{share:.0%}" for share in row.shares)
         lines.append(f"| {row.split} | {sum(row.sizes)} in {len(row.sizes)} | {row.alike:g} | {shares} | {shown} |")
     return "\n".join(lines)
 
@@ -147,9 +147,9 @@ def power_command(
 
 
 def _plain(row: Power, differences: Sequence[float]) -> dict[str, object]:
-    least = smallest(differences, row.found)
+    least = smallest(differences, row.shares)
     return {
         "split": row.split, "episodes": sum(row.sizes), "houses": len(row.sizes), "alike": row.alike,
-        "power": {f"{difference:g}": share for difference, share in zip(differences, row.found, strict=True)},
+        "power": {f"{difference:g}": share for difference, share in zip(differences, row.shares, strict=True)},
         "found": least if np.isfinite(least) else None,
     }  # fmt: skip

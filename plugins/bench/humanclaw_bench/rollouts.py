@@ -135,7 +135,7 @@ class Conversations:
     def _prompt(self, recorded: RecordedEpisode, index: int) -> list[Json]:
         """Return the messages that a model would have been sent before a step."""
         steps, record = recorded.steps, recorded.record
-        context = EpisodeContext(record.spec.told, self._skills, 0, gaze=record.gaze)
+        context = EpisodeContext(record.spec.for_agent, self._skills, 0, gaze=record.gaze)
         history = [_past(recorded, k) for k in range(index)]
         feedback = steps[index - 1].feedback if index else Feedback()
         seen = Observation(index, record.spec.instruction, _UNSEEN, feedback)

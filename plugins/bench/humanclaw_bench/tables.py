@@ -97,8 +97,8 @@ class ResultTable:
     @property
     def meanings(self) -> tuple[str, ...]:
         """What short names of columns mean, as one note."""
-        told = "; ".join(f"{column.name}: {column.meaning}" for column in self.columns if column.meaning)
-        return (f"{told}.",) if told else ()
+        meanings = "; ".join(f"{column.name}: {column.meaning}" for column in self.columns if column.meaning)
+        return (f"{meanings}.",) if meanings else ()
 
 
 # -- the tables of the paper -------------------------------------------------------------------------------------------
@@ -170,7 +170,7 @@ def _pooled(results: Sequence[Result]) -> list[Result]:
     """Return the results, and if there are several, all of them as one."""
     if len(results) < 2:
         return list(results)
-    scores = tuple(one for result in results for one in result.scores)
+    scores = tuple(episode for result in results for episode in result.scores)
     return [*results, Result(ALL_RUNS, scores, tuple(cause for result in results for cause in result.causes))]
 
 
@@ -191,11 +191,11 @@ Failures = Mapping[str, Sequence[tuple[Cause, Scores]]]
 
 
 def _failures(result: Result) -> Failures:
-    found: dict[str, list[tuple[Cause, Scores]]] = defaultdict(list)
+    failures: dict[str, list[tuple[Cause, Scores]]] = defaultdict(list)
     for scores, cause in zip(result.scores, result.causes, strict=True):
         if cause:
-            found[cause.stage].append((cause, scores))
-    return found
+            failures[cause.stage].append((cause, scores))
+    return failures
 
 
 def causes_table(
@@ -264,7 +264,7 @@ def _paper_share(printed: Mapping[str, Mapping[str, float]], causes: Sequence[Ca
 
 def _share_of(causes: Sequence[Cause], failures: Sequence[tuple[Cause, Scores]]) -> Estimate:
     """Return the share of some root causes among the failures of their stage."""
-    return rate([found in causes for found, _ in failures], houses_of(scores for _, scores in failures))
+    return rate([cause in causes for cause, _ in failures], houses_of(scores for _, scores in failures))
 
 
 def _share_without_calls(result: Result) -> Estimate:

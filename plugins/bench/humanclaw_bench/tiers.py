@@ -54,10 +54,10 @@ def picture(specs: Sequence[EpisodeSpec], plugins: Plugins, renderer: str) -> Im
             spec = typical(specs, tier)
             sheet.paste(_route(spec, plugins.scene(spec.scene), drawing), (column * SIDE, SIDE + _TITLE))
             assert spec.difficulty
-            told = ", ".join(f"{key} {value:g}" for key, value in scores_of(spec.difficulty).items())
+            facts = ", ".join(f"{key} {value:g}" for key, value in scores_of(spec.difficulty).items())
             place = (column * SIDE + 10, SIDE + _TITLE / 2)
             ImageDraw.Draw(sheet).text(
-                place, f"{tier} {spec.target_category}: {told}", COLOURS[tier], font_size=16, anchor="lm"
+                place, f"{tier} {spec.target_category}: {facts}", COLOURS[tier], font_size=16, anchor="lm"
             )
     finally:
         drawing.close()
@@ -80,8 +80,8 @@ def histogram(dimension: str, values: Sequence[float]) -> Image.Image:
     draw.text((20, 12), f"{dimension}, {unit}", "black", font_size=18)
     shares = Counter(tier_of(dimension, value) for value in values)
     for number, tier in enumerate(TIERS):
-        told = f"{tier} {shares[tier] / len(values):.0%}"
-        draw.text((SIDE - 20, 12 + 22 * number), told, COLOURS[tier], font_size=17, anchor="ra")
+        legend = f"{tier} {shares[tier] / len(values):.0%}"
+        draw.text((SIDE - 20, 12 + 22 * number), legend, COLOURS[tier], font_size=17, anchor="ra")
     return image
 
 
@@ -91,10 +91,10 @@ def typical(specs: Sequence[EpisodeSpec], tier: Tier) -> EpisodeSpec:
     Raises HumanclawError if there is none.
     """
     known = [(spec, spec.difficulty) for spec in specs if spec.difficulty]
-    found = sorted((hard.distance, spec.id, spec) for spec, hard in known if set(tiers(hard).values()) == {tier})
-    if not found:
+    fitting = sorted((hard.distance, spec.id, spec) for spec, hard in known if set(tiers(hard).values()) == {tier})
+    if not fitting:
         raise HumanclawError(f"no episode is {tier} in every dimension.", "Name a larger split with --split.")
-    return found[len(found) // 2][2]
+    return fitting[len(fitting) // 2][2]
 
 
 def _route(spec: EpisodeSpec, scene: Scene, renderer: Renderer) -> Image.Image:

@@ -188,7 +188,7 @@ def test_to_touch_tells_no_category_and_is_solved_by_its_name(gym):
     one = gym("touch")
     one.reset(2)
     spec = one.episode.spec
-    assert (spec.told.target_category, spec.target_ids) == ("", ())
+    assert (spec.for_agent.target_category, spec.target_ids) == ("", ())
     while True:
         turn = _called(one, "walk", x_cm=0, z_cm=30, yaw_deg=0)
         touched = {one.episode.body.scene.by_id[c.object_id].category for c in one.episode.steps[-1].contacts} - {

@@ -44,8 +44,8 @@ class Client:
         self._id = pybullet.connect(pybullet.DIRECT)
 
     def __getattr__(self, name: str) -> Any:
-        found = getattr(pybullet, name)
-        bound = partial(found, physicsClientId=self._id) if callable(found) else found
+        attribute = getattr(pybullet, name)
+        bound = partial(attribute, physicsClientId=self._id) if callable(attribute) else attribute
         setattr(self, name, bound)
         return bound
 

@@ -38,19 +38,21 @@ class _Forms:
         hulls = {name: solids(asset.hulls) for name, asset in scene.assets.items()}
         solid = [obj for obj in scene.objects if hulls[obj.asset]]
         self.fixed = {
-            name: [_Form.of([one]) for one in hulls[name]] for name in {o.asset for o in solid if not o.movable}
+            name: [_Form.of([hull]) for hull in hulls[name]] for name in {o.asset for o in solid if not o.movable}
         }
         """Name of an asset to the forms of its hulls."""
         self.centres = {
             name: centre_of_mass(hulls[name]) for name in {o.asset for o in solid if o.movable and not o.joint}
         }
         """Name of an asset to its centre of mass."""
-        self.free = {name: _Form.of([one - centre for one in hulls[name]]) for name, centre in self.centres.items()}
+        self.free = {name: _Form.of([hull - centre for hull in hulls[name]]) for name, centre in self.centres.items()}
         """Name of an asset to the form of all its hulls about that centre."""
         leaves = {obj.id: ArticulatedObject.of(scene, obj) for obj in solid if obj.joint}
-        self.hung = {key: _Form.of([one - leaf.point for one in hulls[leaf.obj.asset]]) for key, leaf in leaves.items()}
+        self.hung = {
+            key: _Form.of([hull - leaf.point for hull in hulls[leaf.obj.asset]]) for key, leaf in leaves.items()
+        }
         """Id of an object on a joint to the form of all its hulls about the joint."""
-        self.inertia = {key: np.diag(inertia(hulls[one.obj.asset], one.obj.mass)) for key, one in leaves.items()}
+        self.inertia = {key: np.diag(inertia(hulls[leaf.obj.asset], leaf.obj.mass)) for key, leaf in leaves.items()}
 
 
 _KNOWN: Final[WeakKeyDictionary[Scene, _Forms]] = WeakKeyDictionary()
@@ -202,15 +204,15 @@ class Objects:
         return self._states
 
     def _placed(self, poses: Sequence[Any], angles: Sequence[float]) -> Mapping[int, Array]:
-        found = dict(self._still)
+        places = dict(self._still)
         if poses:
             centres = np.array([centre for _, centre in self._movable.values()])
             position, turn = np.array([pose[0] for pose in poses]), np.array([pose[1] for pose in poses])
             corner = position - np.einsum("nij,nj->ni", matrix_from_quaternion(turn), centres)
-            found.update(zip(self._movable, np.concatenate([corner, turn], axis=1), strict=True))
+            places.update(zip(self._movable, np.concatenate([corner, turn], axis=1), strict=True))
         for (key, (_, leaf)), angle in zip(self._hinged.items(), angles, strict=True):
-            found[key] = leaf.place(angle)
-        return found
+            places[key] = leaf.place(angle)
+        return places
 
 
 def wavefront(hulls: Sequence[Array]) -> str:

@@ -168,15 +168,15 @@ class Nested(Attributes):
 def read_json(path: Path) -> dict[str, Any]:
     """Read a JSON object. Raises SceneError if the file is missing or holds anything else."""
     try:
-        found = json.loads(read_file(path, LARGEST))
+        values = json.loads(read_file(path, LARGEST))
     except OSError as error:
         raise SceneError(f"{path} cannot be read: {error.strerror}.", "Download the dataset again.") from error
     except (ValueError, RecursionError) as error:
         remedy = "If it begins with `version https://git-lfs`, run `git lfs pull` in the dataset."
         raise SceneError(f"{path} is not JSON: {error}.", remedy) from error
-    if not isinstance(found, dict):
-        raise SceneError(f"{path} must hold a JSON object; it holds a {type(found).__name__}.")
-    return found
+    if not isinstance(values, dict):
+        raise SceneError(f"{path} must hold a JSON object; it holds a {type(values).__name__}.")
+    return values
 
 
 def checked(model: type[M], values: dict[str, Any], path: Path) -> M:

@@ -127,15 +127,15 @@ class Dataset:
 
     def _index(self, section: str) -> dict[str, _Source]:
         """Return name to source. The dataset's own config wins over a config file, which wins over a bare model."""
-        found: dict[str, _Source] = {}
+        sources: dict[str, _Source] = {}
         for file in self._files(section):
             name = _stem(file)
-            if name not in found or (file.suffix == ".json" and found[name].file.suffix != ".json"):
-                found[name] = _Source(file)
+            if name not in sources or (file.suffix == ".json" and sources[name].file.suffix != ".json"):
+                sources[name] = _Source(file)
         for entry in self._section(section).get("configs", ()):
-            name, source = self._nested(section, entry, found)
-            found[name] = source
-        return found
+            name, source = self._nested(section, entry, sources)
+            sources[name] = source
+        return sources
 
     def _nested(self, section: str, entry: Any, known: Mapping[str, _Source]) -> tuple[str, _Source]:
         """Return name and source of an entry in a section's `configs`: a changed file, or a new template.
@@ -189,16 +189,16 @@ class Dataset:
 
         Raises SceneError.
         """
-        (found, *_), source, values = self._found("articulated_objects", name)
+        (chosen, *_), source, values = self._found("articulated_objects", name)
         attributes = checked(Articulated, values, source.file)
         model = attributes.urdf_filepath or f"{_stem(source.file)}.urdf"
         scale = (attributes.uniform_scale,) * 3
         template = Template(render_asset=model, collision_asset=model, scale=scale, semantic_id=attributes.semantic_id)
-        return Kind(found, source.file, template, self._home(source.file))
+        return Kind(chosen, source.file, template, self._home(source.file))
 
     def _kind(self, section: str, name: str) -> Kind:
-        (found, *others), source, values = self._found(section, name)
-        return Kind(found, source.file, checked(Template, values, source.file), self._home(source.file), tuple(others))
+        (chosen, *others), source, values = self._found(section, name)
+        return Kind(chosen, source.file, checked(Template, values, source.file), self._home(source.file), tuple(others))
 
     def _home(self, file: Path) -> Path:
         """Return the folder that a template's models must stay in.
@@ -217,12 +217,12 @@ class Dataset:
 
         Raises SceneError.
         """
-        known, found = self._templates[section], self._fitting(section, name)
-        if not found:
+        known, names = self._templates[section], self._fitting(section, name)
+        if not names:
             message = f"template {name!r} is not among the {len(known)} {section} of {self.config}."
             raise SceneError(message, "Check that the dataset is complete.")
-        source = known[found[0]]
-        return found, source, self._section(section).get("default_attributes", {}) | source.values
+        source = known[names[0]]
+        return names, source, self._section(section).get("default_attributes", {}) | source.values
 
     def _fitting(self, section: str, name: str) -> list[str]:
         """Return the template of a name; without one, those whose names contain it, sorted by path as Habitat sorts."""

@@ -279,8 +279,8 @@ class _Site:
         Raises SceneError if no goal has an object.
         """
         meant = [self._meant(goal, category) for goal in goals]
-        found = tuple(dict.fromkeys(obj.id for obj in meant if obj))
-        if not found:
+        targets = tuple(dict.fromkeys(obj.id for obj in meant if obj))
+        if not targets:
             lost = f"its {len(goals)} goals are not in the scene{self._near(goals, category)}"
             said = lost if goals else "the file has no goals"
             raise SceneError(f"it has no target of category {task.object_category}: {said}.", _VERSION)
@@ -288,7 +288,7 @@ class _Site:
             if obj is None:
                 fault = SceneError(f"no such object is there{self._near([goal], category)}.", _VERSION)
                 self.left_out.add(f"scene {task.scene}: goal {number} of {task.object_category}", fault, 0)
-        return found
+        return targets
 
     def _near(self, goals: Sequence[Goal], category: str) -> str:
         """Say how far the nearest object of a category is from the goals; empty if there is none."""

@@ -181,8 +181,8 @@ class Models:
         name = f"{kind.name}{_SCALED}{','.join(f'{value:g}' for value in scale)}{' joined' if joined else ''}"
         path = kind.path(kind.template.render_asset)
         moving = urdf.movers(path) if path.suffix == ".urdf" else []
-        found = [self._piece(kind, scale, category, joined, name, mover) for mover in (None, *moving)]
-        pieces = [piece for piece in found if piece]
+        made = [self._piece(kind, scale, category, joined, name, mover) for mover in (None, *moving)]
+        pieces = [piece for piece in made if piece]
         if not pieces:
             raise SceneError(f"{path} has no shape: none of its triangles has an area.")
         assets = {asset.name: asset for asset, _, _ in pieces}
@@ -301,12 +301,12 @@ def _solids(part: Part) -> list[Mesh]:
     """Return the connected pieces of a part, without textures."""
     points, place = np.unique(np.round(part.vertices, 5), axis=0, return_inverse=True)
     faces = place.ravel()[part.faces]
-    label, blank, found = together(faces), np.zeros((1, 1, 3), np.uint8), []
+    label, blank, solids = together(faces), np.zeros((1, 1, 3), np.uint8), []
     for number in np.unique(label):
         used, index = np.unique(faces[label == number], return_inverse=True)
         uv = np.zeros((len(used), 2), np.float32)
-        found.append(Mesh(exact(points[used]), index.reshape(-1, 3).astype(np.int32), uv, blank))
-    return found
+        solids.append(Mesh(exact(points[used]), index.reshape(-1, 3).astype(np.int32), uv, blank))
+    return solids
 
 
 def _is_convex(mesh: Mesh) -> bool:

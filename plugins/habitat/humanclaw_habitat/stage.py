@@ -50,10 +50,10 @@ def pieces(parts: Sequence[Part], shell: Sequence[Part] | None, solid: bool) -> 
 
     shell: the collision model, if it is another model. solid: whether the stage collides at all.
     """
-    found = _by_category(parts)
+    categories = _by_category(parts)
     shells = {} if shell is None else _by_category(shell)
-    walls = found.pop("wall", [])
-    groups = [*found.items(), *(("wall", group) for group in ([walls] if shells else _standing(walls)) if group)]
+    walls = categories.pop("wall", [])
+    groups = [*categories.items(), *(("wall", group) for group in ([walls] if shells else _standing(walls)) if group)]
     # A triangle without an area, of which files have some, may be a piece of its own: nothing is left of it.
     return [
         Piece(name, mesh, slabs(shells.get(name, ()) if shells else group, name) if solid else ())
@@ -64,11 +64,11 @@ def pieces(parts: Sequence[Part], shell: Sequence[Part] | None, solid: bool) -> 
 
 def _by_category(parts: Sequence[Part]) -> dict[str, list[Part]]:
     """Split parts into floor, ceiling and wall."""
-    roof, found = _roof(parts), defaultdict[str, list[Part]](list)
+    roof, categories = _roof(parts), defaultdict[str, list[Part]](list)
     for part in parts:
         for category, faces in _sorted(part, roof):
-            found[category].append(replace(part, faces=faces))
-    return found
+            categories[category].append(replace(part, faces=faces))
+    return categories
 
 
 def _roof(parts: Sequence[Part]) -> float:
@@ -127,15 +127,15 @@ def floor_levels(parts: Sequence[Part]) -> list[tuple[float, float]]:
 
 def _standing(parts: Sequence[Part]) -> list[list[Part]]:
     """Split walls into connected pieces, the largest first; the smallest together form the last piece."""
-    found: list[tuple[float, Part]] = []
+    pieces: list[tuple[float, Part]] = []
     for part in parts:
         label = together(_welded(part))
         for number in np.unique(label):
             piece = replace(part, faces=part.faces[label == number])
-            found.append((_area(piece), piece))
-    found.sort(key=lambda pair: -pair[0])
-    single = [[piece] for _, piece in found[:_WALLS]]
-    return [*single, [piece for _, piece in found[_WALLS:]]]
+            pieces.append((_area(piece), piece))
+    pieces.sort(key=lambda pair: -pair[0])
+    single = [[piece] for _, piece in pieces[:_WALLS]]
+    return [*single, [piece for _, piece in pieces[_WALLS:]]]
 
 
 def _area(part: Part) -> float:

@@ -55,8 +55,8 @@ def links(path: Path, what: str, read: Callable[[Path], list[Part]], mover: str 
     SceneError if the file is not a URDF, its joints form a circle or a shape is unknown.
     """
     robot = _root(path)
-    carried = {found.link for found in movers(path)}
-    found: list[Part] = []
+    carried = {mover.link for mover in movers(path)}
+    links: list[Part] = []
     for link in robot.findall("link"):
         place, chain = _place(robot, link.get("name", ""), path)
         if next((name for name in chain if name in carried), "") != mover:
@@ -64,20 +64,20 @@ def links(path: Path, what: str, read: Callable[[Path], list[Part]], mover: str 
         for shape in link.iter(what):
             frame = place @ _origin(shape, path)
             parts = _shape(shape, path, read)
-            found += [replace(part, vertices=part.vertices @ frame[:3, :3].T + frame[:3, 3]) for part in parts]
-    return found
+            links += [replace(part, vertices=part.vertices @ frame[:3, :3].T + frame[:3, 3]) for part in parts]
+    return links
 
 
 def movers(path: Path) -> list[Mover]:
     """Return the links on hinges and slides that have no other such link between them and the root, as the file lists
     their joints. Raises SceneError if it cannot be read."""
-    robot, found = _root(path), dict[str, Mover]()
+    robot, by_link = _root(path), dict[str, Mover]()
     moving = {_named(joint, "child", path): joint for joint in robot.findall("joint") if _range(joint, path)}
     for number, (link, joint) in enumerate(moving.items()):
         _, chain = _place(robot, _named(joint, "parent", path), path)
         if not moving.keys() & set(chain):
-            found[link] = _mover(robot, link, number, joint, path)
-    return list(found.values())
+            by_link[link] = _mover(robot, link, number, joint, path)
+    return list(by_link.values())
 
 
 def _mover(robot: ElementTree.Element, link: str, number: int, joint: ElementTree.Element, path: Path) -> Mover:
@@ -158,10 +158,10 @@ def _place(robot: ElementTree.Element, link: str, path: Path) -> tuple[Array, li
 
 def _named(joint: ElementTree.Element, end: str, path: Path) -> str:
     """Return the link at an end of a joint: 'parent' or 'child'."""
-    found = joint.find(end)
-    if found is None or not found.get("link"):
+    element = joint.find(end)
+    if element is None or not element.get("link"):
         raise SceneError(f"{path}: each joint must name a {end} link; joint {joint.get('name', '')!r} names none.")
-    return found.get("link", "")
+    return element.get("link", "")
 
 
 def _rest(joint: ElementTree.Element, path: Path) -> Array:
@@ -211,10 +211,10 @@ def _solid(shape: ElementTree.Element, path: Path) -> Part:
     from trimesh import creation
 
     def length(key: str) -> float:
-        found = float(_numbers(shape.get(key, ""), 1, path)[0])
-        if found <= 0:
-            raise SceneError(f"{path}: a {shape.tag} has the {key} {found:g}.", "Give one above 0.")
-        return found
+        value = float(_numbers(shape.get(key, ""), 1, path)[0])
+        if value <= 0:
+            raise SceneError(f"{path}: a {shape.tag} has the {key} {value:g}.", "Give one above 0.")
+        return value
 
     if shape.tag == "box":
         mesh = creation.box(_numbers(shape.get("size", ""), 3, path))
@@ -232,11 +232,11 @@ def _solid(shape: ElementTree.Element, path: Path) -> Part:
 
 def _colour(element: ElementTree.Element, path: Path) -> tuple[int, int, int] | None:
     """Return the colour in a visual's own material, red, green, blue from 0 to 255; None if it has none."""
-    found = element.find("material/color")
-    if found is None:
+    colour = element.find("material/color")
+    if colour is None:
         return None
     red, green, blue = (
-        round(255 * float(value)) for value in np.clip(_numbers(found.get("rgba", ""), 4, path)[:3], 0, 1)
+        round(255 * float(value)) for value in np.clip(_numbers(colour.get("rgba", ""), 4, path)[:3], 0, 1)
     )
     return red, green, blue
 
@@ -250,9 +250,9 @@ def _file(mesh: ElementTree.Element, path: Path) -> Path:
 def _numbers(text: str, count: int, path: Path) -> Array:
     """Parse numbers separated by blanks or commas. Raises SceneError if they are not as many, or one is not finite."""
     try:
-        found = np.array([float(word) for word in text.replace(",", " ").split()])
+        numbers = np.array([float(word) for word in text.replace(",", " ").split()])
     except ValueError as error:
         raise SceneError(f"{path}: {error}.") from error
-    if found.shape != (count,) or not np.isfinite(found).all():
+    if numbers.shape != (count,) or not np.isfinite(numbers).all():
         raise SceneError(f"{path}: expected {count} finite numbers; got {text!r}.")
-    return found
+    return numbers

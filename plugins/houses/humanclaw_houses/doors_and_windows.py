@@ -167,7 +167,7 @@ def _television_walls(walls: list[Wall], kind: dict[str, str]) -> set[int]:
         inside = wall.low or wall.high
         if "" in (wall.low, wall.high) and kind[inside] == "living" and not wall.openings:
             outer.setdefault(inside, []).append((wall.end - wall.start, number))
-    return {min(found)[1] for found in outer.values() if len(found) > 1}
+    return {min(candidates)[1] for candidates in outer.values() if len(candidates) > 1}
 
 
 def _windows(wall: Wall, kind: str, rng: np.random.Generator) -> tuple[WallOpening, ...]:

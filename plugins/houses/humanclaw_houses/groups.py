@@ -130,7 +130,7 @@ def _open_spots(space: RoomOccupancy, w: float, d: float, rng: np.random.Generat
     Only the best 40, because each one costs a check of the walkable floor.
     """
     r = space.rect
-    found = []
+    spots = []
     for yaw, (a, b) in ((0.0, (w, d)), (np.pi / 2, (d, w))):
         xs = np.arange(r.x0 + a / 2 + 0.06, r.x1 - a / 2 - 0.05, 0.15)
         zs = np.arange(r.z0 + b / 2 + 0.06, r.z1 - b / 2 - 0.05, 0.15)
@@ -139,8 +139,8 @@ def _open_spots(space: RoomOccupancy, w: float, d: float, rng: np.random.Generat
                 rect = Rect(x - a / 2, z - b / 2, x + a / 2, z + b / 2)
                 if space.is_free(rect):
                     roomy = space.is_free(rect.grown(0.5)) * 2.0 + space.is_free(rect.grown(0.3))
-                    found.append((roomy + float(rng.random()), float(x), float(z), float(yaw)))
-    return [spot[1:] for spot in sorted(found, reverse=True)[:40]]
+                    spots.append((roomy + float(rng.random()), float(x), float(z), float(yaw)))
+    return [spot[1:] for spot in sorted(spots, reverse=True)[:40]]
 
 
 def _at_table(table: Placed, chair: Piece, along: float, side: int, rng: np.random.Generator) -> Placed:

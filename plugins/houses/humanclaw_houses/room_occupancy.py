@@ -183,10 +183,10 @@ class RoomOccupancy:
         """Return places along the walls in random order, corners included. The order is drawn before the first."""
         half = piece.size[0] / 2 + 0.02
         rooms = [(side, self.length(side) - 2 * half) for side in SIDES]
-        found = [
+        spots = [
             (side, half + k) for side, room in rooms if room >= 0 for k in (*np.arange(0, room, step).tolist(), room)
         ]
-        order = [found[k] for k in rng.permutation(len(found))]
+        order = [spots[k] for k in rng.permutation(len(spots))]
         return (self.at_wall(piece, side, along, y) for side, along in order)
 
     def fits(self, obj: Placed, front: float = 0.0, gap: float = 0.01) -> bool:

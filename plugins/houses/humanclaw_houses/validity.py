@@ -26,23 +26,23 @@ _SHARED: Final = 2e-5
 def problems(scene: Scene, walkable: WalkableArea | None = None) -> list[str]:
     """Return a message for each problem of a house; empty if it is usable. walkable: of the scene, if it is known."""
     walkable = walkable or WalkableArea.of(scene)
-    found = [f"there is no {category}" for category in FURNISHED if not scene.of_category(category)]
-    found += [f"{scene.by_id[a].asset} and {scene.by_id[b].asset} interpenetrate" for a, b in interpenetrating(scene)]
-    found += [
+    faults = [f"there is no {category}" for category in FURNISHED if not scene.of_category(category)]
+    faults += [f"{scene.by_id[a].asset} and {scene.by_id[b].asset} interpenetrate" for a, b in interpenetrating(scene)]
+    faults += [
         f"{scene.by_id[a].asset} swings through {scene.by_id[b].asset}" for a, b in sorted(set(swung_through(scene)))
     ]
-    found += [f"{room} cannot be walked to" for room in unreached_rooms(scene, walkable)]
+    faults += [f"{room} cannot be walked to" for room in unreached_rooms(scene, walkable)]
     for obj in scene.objects:
         if obj.category in FURNISHED and not _any(walkable.near(*scene.aabb(obj.id), REACH)):
-            found.append(f"{obj.asset} cannot be approached")
+            faults.append(f"{obj.asset} cannot be approached")
         if obj.category in SEATS:
-            found += _wrong_seat(scene, obj)
+            faults += _wrong_seat(scene, obj)
             if not _any(standing_room(scene, walkable, obj)):
-                found.append(f"there is no room to stand before {obj.asset}")
+                faults.append(f"there is no room to stand before {obj.asset}")
     plan = walkable.floors.grids[0]
     if plan.at(walkable.room_at(0), np.array([scene.start.x, scene.start.z])) < 0.5:
-        found.append("there is no room at the start")
-    return found
+        faults.append("there is no room at the start")
+    return faults
 
 
 def _any(masks: tuple[NDArray[np.bool_], ...]) -> bool:

@@ -86,21 +86,21 @@ def body_contacts(
 
     rows: (contacts,) first row of each contact in forces; -1 for one without a constraint.
     """
-    found, count = np.empty((gaps.size, 10)), 0
+    contacts, count = np.empty((gaps.size, 10)), 0
     for k in range(gaps.size):
         force = forces[rows[k]] if rows[k] >= 0 else 0.0
         side = 1 if joint_of[geoms[k, 1]] >= 0 else 0
         joint = joint_of[geoms[k, side]]
         if joint < 0 or (gaps[k] > TOUCHING and force <= 0):
             continue
-        row = found[count]
+        row = contacts[count]
         row[0], row[1] = joint, object_of[geoms[k, 1 - side]]
         for axis in range(3):
             row[2 + axis], row[5 + axis] = points[k, axis], frames[k, axis] * (2 * side - 1)
         # A contact at a distance that already pushes closes in this step, so it counts as touching.
         row[8], row[9] = min(gaps[k], TOUCHING), force
         count += 1
-    return found[:count]
+    return contacts[:count]
 
 
 @compiled

@@ -151,13 +151,13 @@ class MujocoWorld:
 
     def _touches(self, geoms: NDArray[np.int32], gaps: Array) -> Sequence[Touch]:
         contact, model = self._d.contact, self._model
-        found = body_contacts(
+        touching = body_contacts(
             geoms, gaps, contact.pos, contact.frame, contact.efc_address, self._d.efc_force,
             model.joint_of, model.object_of,
         )  # fmt: skip
         return [
             Touch(int(joint), int(key), (x, y, z), (nx, ny, nz), gap, force)
-            for joint, key, x, y, z, nx, ny, nz, gap, force in found.tolist()
+            for joint, key, x, y, z, nx, ny, nz, gap, force in touching.tolist()
         ]
 
     # -- objects -------------------------------------------------------------------------------------------------------
@@ -202,17 +202,17 @@ class MujocoWorld:
         return self._states
 
     def _placed(self) -> Mapping[int, Array]:
-        found = dict(self._still)
+        places = dict(self._still)
         if self._model.movable:
             at = np.array([place for place, _, _ in self._model.movable.values()])
             centres = np.array([centre for _, _, centre in self._model.movable.values()])
             poses = self._d.qpos[at[:, None] + np.arange(7)]
             turn = poses[:, 3:][:, _XYZW]
             corner = poses[:, :3] - np.einsum("nij,nj->ni", matrix_from_quaternion(turn), centres)
-            found.update(zip(self._model.movable, np.concatenate([corner, turn], axis=1), strict=True))
+            places.update(zip(self._model.movable, np.concatenate([corner, turn], axis=1), strict=True))
         for key, (angle_at, _, leaf) in self._model.hinged.items():
-            found[key] = leaf.place(float(self._d.qpos[angle_at]))
-        return found
+            places[key] = leaf.place(float(self._d.qpos[angle_at]))
+        return places
 
     def let_pass(self, pairs: frozenset[tuple[int, int]]) -> None:
         self._passing = pairs

@@ -93,8 +93,8 @@ def _fill(solid: NDArray[np.uint8], triangles: Floats, albedo: Floats, corner: A
             for axis in range(3):
                 start[axis] = (a[axis] + (b[axis] - a[axis]) * (i / steps) - corner[axis]) / size
                 way[axis] = (c[axis] - a[axis]) / steps / size + 1e-12
-                one, other = -start[axis] / way[axis], (sides[axis] - start[axis]) / way[axis]
-                near, far = max(near, min(one, other)), min(far, max(one, other))
+                enter, leave = -start[axis] / way[axis], (sides[axis] - start[axis]) / way[axis]
+                near, far = max(near, min(enter, leave)), min(far, max(enter, leave))
             for j in range(int(np.ceil(near)), int(far) + 1):
                 x, y, z = start[0] + j * way[0], start[1] + j * way[1], start[2] + j * way[2]
                 if x < sides[0] and y < sides[1] and z < sides[2]:

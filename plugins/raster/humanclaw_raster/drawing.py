@@ -19,7 +19,7 @@ def in_view(
     count = 0
     for instance in range(instances.mesh.size):
         count += model.meshes[instances.mesh[instance], 1] - model.meshes[instances.mesh[instance], 0]
-    found, depth = np.empty((count, 2), np.int32), np.empty(count, np.float32)
+    drawn, depth = np.empty((count, 2), np.int32), np.empty(count, np.float32)
     side, rise = width / 2 / pinhole.focal, height / 2 / pinhole.focal
     side_slant, rise_slant = np.sqrt(1 + side * side), np.sqrt(1 + rise * rise)
     count = 0
@@ -32,10 +32,10 @@ def in_view(
             behind = z + radius < NEAR
             if behind or abs(x) - side * z > radius * side_slant or abs(y) - rise * z > radius * rise_slant:
                 continue
-            found[count, 0], found[count, 1] = instance, cluster
+            drawn[count, 0], drawn[count, 1] = instance, cluster
             depth[count] = z - radius
             count += 1
-    return found[:count], depth[:count]
+    return drawn[:count], depth[:count]
 
 
 @compiled

@@ -90,14 +90,14 @@ class Glass(NamedTuple):
         axes = pinhole.axes - 2 * np.outer(pinhole.axes @ self.normal, self.normal)
         return Pinhole(pinhole.eye - 2 * off * self.normal, axes, pinhole.focal / COARSE)
 
-    def before(self, model: Model, instances: Instances, found: NDArray[np.int32]) -> NDArray[np.bool_]:
+    def before(self, model: Model, instances: Instances, drawn: NDArray[np.int32]) -> NDArray[np.bool_]:
         """Return (K,) which of the (K, 2) instances and clusters reach before the glass; others hide nothing in it."""
-        instance, sphere = found[:, 0], model.spheres[found[:, 1]].astype(float)
+        instance, sphere = drawn[:, 0], model.spheres[drawn[:, 1]].astype(float)
         way = np.einsum("kij,i->kj", instances.turn[instance], self.normal)
         start = instances.place[instance] @ self.normal - self.plane - _CLEAR
         reach = start + np.einsum("kj,kj->k", way, sphere[:, :3]) + sphere[:, 3]
         for k in np.flatnonzero(reach > 0):  # A sphere around a wall reaches far beyond its two sides.
-            first, end = model.clusters[found[k, 1]]
+            first, end = model.clusters[drawn[k, 1]]
             reach[k] = start[k] + float((model.corners[first:end] @ way[k]).max())
         return np.asarray((reach > 0) & (instances.id[instance] != self.id))
 

@@ -65,15 +65,15 @@ class OverheadMapper:
 
     def with_body(self, instances: Instances) -> OverheadMap:
         """Return the map of now(), and the body on it."""
-        found, near = self.now(instances), self._near(instances)
+        still, near = self.now(instances), self._near(instances)
         # On the map of a lower storey it would shade all that is under it.
         storey = max(0, int(np.searchsorted(self._floors, instances.place[0, 1])) - 1)
-        heights, around, floor = found.heights.copy(), found.around.copy(), float(self._floors[storey])
+        heights, around, floor = still.heights.copy(), still.around.copy(), float(self._floors[storey])
         with np.errstate(divide="ignore"):
             body = np.float32(floor + _HIGH) - np.float32(1) / self._drawn(instances, self._body, floor, None)[near]
         heights[storey][near] = np.maximum(heights[storey][near], body)
         around[storey][near] = _around(heights[storey : storey + 1, *near])[0]
-        return found._replace(heights=heights, around=np.maximum(around, found.around))
+        return still._replace(heights=heights, around=np.maximum(around, still.around))
 
     def _near(self, instances: Instances) -> tuple[slice, slice]:
         """Return the rows and columns of the map around the body."""

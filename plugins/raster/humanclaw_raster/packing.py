@@ -168,12 +168,12 @@ def _add_alike(area: Array, flat: Array, order: NDArray[np.int64], ends: NDArray
     faces flat."""
     begin = 0
     for end in ends:
-        for one in order[begin:end]:
+        for corner in order[begin:end]:
             for other in order[begin:end]:
-                a, b = flat[one // 3], flat[other // 3]
+                a, b = flat[corner // 3], flat[other // 3]
                 if a[0] * b[0] + a[1] * b[1] + a[2] * b[2] > SMOOTH:
                     for axis in range(3):
-                        mean[one, axis] += area[other // 3, axis]
+                        mean[corner, axis] += area[other // 3, axis]
         begin = end
 
 
@@ -211,6 +211,6 @@ def _fill(rgb: NDArray[np.uint8], levels: NDArray[np.int32], texels: NDArray[np.
 
 
 @inlined
-def _mean(one: np.int32, other: np.int32) -> np.int32:
+def _mean(first: np.int32, second: np.int32) -> np.int32:
     """Return the mean of each byte, rounded down. Nothing carries from one byte into the next."""
-    return (one & other) + ((one ^ other) >> 1 & 0x7F7F7F7F)
+    return (first & second) + ((first ^ second) >> 1 & 0x7F7F7F7F)

@@ -113,8 +113,8 @@ class RasterRenderer:
         image = glass.image(pinhole)
         small = replace(camera, width=-(-camera.width // COARSE), height=-(-camera.height // COARSE))
         self._loaded.instances.place[0] = self._person.dress(self._loaded.model, body, image.eye)
-        found, _ = _painted(self._loaded, image, small, glass)
-        blend(view.rgb, shown, found.rgb, glass.shine)
+        reflection, _ = _painted(self._loaded, image, small, glass)
+        blend(view.rgb, shown, reflection.rgb, glass.shine)
 
     def close(self) -> None:
         """Free the scene; a closed renderer can load again."""
@@ -146,13 +146,13 @@ def _painted(scene: _LoadedScene, pinhole: Pinhole, camera: Camera, glass: Glass
 
 def _gbuffer(scene: _LoadedScene, pinhole: Pinhole, camera: Camera, glass: Glass | None = None) -> GBuffer:
     model, instances, _, lit, _ = scene
-    found, depth = in_view(model, instances, pinhole, camera.width, camera.height)
+    drawn, depth = in_view(model, instances, pinhole, camera.width, camera.height)
     if glass:
-        kept = glass.before(model, instances, found)
-        found, depth = found[kept], depth[kept]
+        kept = glass.before(model, instances, drawn)
+        drawn, depth = drawn[kept], depth[kept]
     shape = (camera.height, camera.width)
     inverse_depth, surface = np.zeros(shape, np.float32), np.full(shape, -1, np.int32)
-    order = found[np.argsort(depth, kind="stable")]
+    order = drawn[np.argsort(depth, kind="stable")]
     faces = draw(model, instances, pinhole, order, inverse_depth, surface)
     return GBuffer(inverse_depth, surface, faces, prepare(model, instances, lit, pinhole, faces))
 

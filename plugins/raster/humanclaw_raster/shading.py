@@ -146,14 +146,14 @@ def _occlusion(half: Half, focal: float, swing: Floats) -> Floats:
 
 @inlined
 def _nearer(
-    z: np.float32, z1: np.float32, z2: np.float32, own: np.float32, one: np.float32, two: np.float32
+    z: np.float32, z1: np.float32, z2: np.float32, own: np.float32, before: np.float32, after: np.float32
 ) -> np.float32:
     """Return by how much two opposite neighbours are nearer to the eye than a pixel, 1/m; 0 on a plane.
 
     z, z1, z2: depths of the pixel and of both. own, one, two: their inverses.
     """
     gap = max(abs(z1 - z), abs(z2 - z))
-    return max(ZERO, ONE - gap * np.float32(1 / NEARBY)) * max(ZERO, one + two - TWO * own)
+    return max(ZERO, ONE - gap * np.float32(1 / NEARBY)) * max(ZERO, before + after - TWO * own)
 
 
 @inlined
@@ -182,12 +182,12 @@ def _set_off(half: Half, radius: float, light: Floats) -> None:
         for row in range(height):
             to = _within(down, row, height)
             z, z1, z2 = half.depth[row], half.things[row - to], half.things[row + to]
-            o, one, two = own[row], inverse[row - to], inverse[row + to]
+            o, before, after = own[row], inverse[row - to], inverse[row + to]
             for k in edges:
                 by = _within(aside, k, width)
-                taken[row, k] += _nearer(z[k], z1[k - by], z2[k + by], o[k], one[k - by], two[k + by])
+                taken[row, k] += _nearer(z[k], z1[k - by], z2[k + by], o[k], before[k - by], after[k + by])
             inner, here, there = z[first:last], z1[first - a : last - a], z2[first + a : last + a]
-            mine, near, off = o[first:last], one[first - a : last - a], two[first + a : last + a]
+            mine, near, off = o[first:last], before[first - a : last - a], after[first + a : last + a]
             out = taken[row, first:last]
             for k in range(out.size):
                 out[k] += _nearer(inner[k], here[k], there[k], mine[k], near[k], off[k])

@@ -81,7 +81,7 @@ def views(scene: Scene, renderer: Renderer, seed: int) -> Iterator[tuple[np.ndar
 
 def targets(scene: Scene, ids: np.ndarray, share: float) -> list[Target]:
     """Return the targets that fill more than a share of the picture."""
-    found = []
+    targets = []
     for key, count in zip(*np.unique(ids, return_counts=True), strict=True):
         obj = scene.by_id.get(int(key))
         category = SAME.get(obj.category, obj.category) if obj else ""
@@ -89,8 +89,8 @@ def targets(scene: Scene, ids: np.ndarray, share: float) -> list[Target]:
             rows, columns = np.nonzero(ids == key)
             box = float(columns.min()), float(rows.min()), float(columns.max() + 1), float(rows.max() + 1)
             whole = min(box) > 0 and box[2] < ids.shape[1] and box[3] < ids.shape[0]
-            found.append(Target(category, box, whole, float(count / ids.size)))
-    return found
+            targets.append(Target(category, box, whole, float(count / ids.size)))
+    return targets
 
 
 def overlap(a: tuple[float, ...], b: tuple[float, ...]) -> float:
@@ -136,13 +136,13 @@ def table(scores: list[tuple[Target, float]]) -> str:
 
 
 def _shares(scores: list[float]) -> str:
-    found = (f"{np.mean([score >= least for score in scores]):.0%}" if scores else "-" for least in SCORES)
-    return f"{len(scores):>9}" + "".join(f"{share:>9}" for share in found)
+    shares = (f"{np.mean([score >= least for score in scores]):.0%}" if scores else "-" for least in SCORES)
+    return f"{len(scores):>9}" + "".join(f"{share:>9}" for share in shares)
 
 
-def drawn(picture: np.ndarray, found: list[tuple[Target, float]]) -> Image.Image:
+def drawn(picture: np.ndarray, scored: list[tuple[Target, float]]) -> Image.Image:
     image = Image.fromarray(picture)
-    for target, value in found:
+    for target, value in scored:
         colour = "lime" if value >= SCORES[0] else "red"
         ImageDraw.Draw(image).rectangle(target.box, outline=colour, width=2)
         ImageDraw.Draw(image).text((target.box[0] + 4, target.box[1] + 2), f"{target.category} {value:.2f}", colour)
@@ -158,10 +158,10 @@ def main(drawn_by: str = "raster", *names: str) -> None:
     boxes = detected([picture for picture, _ in shown])
     judged, false = [], 0
     for number, ((picture, visible), seen) in enumerate(zip(shown, boxes, strict=True)):
-        found = [(target, score(target, seen)) for target in visible if target.share > SHARE]
-        judged += found
+        scored = [(target, score(target, seen)) for target in visible if target.share > SHARE]
+        judged += scored
         false += false_boxes(visible, seen)
-        drawn(picture, found).save(OUT / f"{number:04d}.png")
+        drawn(picture, scored).save(OUT / f"{number:04d}.png")
     print(f"{len(shown)} pictures of {len(scenes)} houses, {false / max(len(shown), 1):.2f} false boxes a picture")
     print(table(judged))
 

@@ -41,11 +41,11 @@ def poses(episode: RecordedEpisode, scene: Scene, renderer: Renderer, out: Path,
 
     def judged(side: int) -> tuple[float, Camera, frozenset[int]]:
         camera = _camera(joints, 2 * np.pi * side / SIDES, (_FINE * size[0], _FINE * size[1]))
-        hidden = frozenset[int]().union(*(in_the_way(shown, one, camera.position[None])[0] for one in bodies))
+        hidden = frozenset[int]().union(*(in_the_way(shown, body, camera.position[None])[0] for body in bodies))
         gaps = np.linalg.norm(np.diff(camera.pixels(seen), axis=0), axis=1) / camera.width
         return float(gaps.mean()) - _HIDING * len(hidden), camera, hidden
 
-    _, camera, hidden = max(map(judged, range(SIDES)), key=lambda one: one[0])
+    _, camera, hidden = max(map(judged, range(SIDES)), key=lambda view: view[0])
     renderer.load(loosened(shown, hidden))
     objects = {key: path[-1] for key, path in episode.objects().items()} | dict.fromkeys(hidden, AWAY)
     image = Image.fromarray(together([renderer.render(WorldState(body, objects), camera) for body in bodies]))
@@ -72,7 +72,7 @@ def _camera(joints: Array, side: float, size: tuple[int, int]) -> Camera:
     centre = (joints.min((0, 1)) + joints.max((0, 1))) / 2
     way = np.array([np.sin(side) * np.cos(ELEVATION), np.sin(ELEVATION), np.cos(side) * np.cos(ELEVATION)])
     cameras = (Camera.looking(centre + metres * way, centre, 30.0, size) for metres in np.arange(5.0, 100.0, 0.5))
-    return next(one for one in cameras if (np.abs(one.pixels(joints) / size - 0.5) < 0.4).all())
+    return next(camera for camera in cameras if (np.abs(camera.pixels(joints) / size - 0.5) < 0.4).all())
 
 
 def _told(episode: RecordedEpisode, frame: int) -> str:

@@ -128,7 +128,7 @@ class Hands:
     def speed(self) -> float:
         """Bound of the speed of the fastest point in the coming step of what is held or falls from a hand, m/s."""
         falling = [(self._world.motion(key), self._sizes[key]) for key in self._falling]
-        speeds = (float(np.linalg.norm(one.velocity) + size * np.linalg.norm(one.spin)) for one, size in falling)
+        speeds = (float(np.linalg.norm(move.velocity) + size * np.linalg.norm(move.spin)) for move, size in falling)
         return max(self._fastest + _SHOCK / FPS if self._holds else 0.0, *speeds, 0.0)
 
     @property
@@ -147,11 +147,11 @@ class Hands:
         if not closed:
             self._let_go(side)
         elif side not in self._holds:
-            open_to = (one for one in self._before(side, self._world.objects()) if not self._walled(*one[2:]))
-            found = min(open_to, key=lambda one: one[0], default=None)
-            if found is not None:
-                self._holds[side] = self._closed(side, *found[1:])
-                self._let_pass({*self._passing, (side, found[1])})
+            open_to = (thing for thing in self._before(side, self._world.objects()) if not self._walled(*thing[2:]))
+            nearest = min(open_to, key=lambda thing: thing[0], default=None)
+            if nearest is not None:
+                self._holds[side] = self._closed(side, *nearest[1:])
+                self._let_pass({*self._passing, (side, nearest[1])})
 
     def tidy(self) -> None:
         """Let hands that have left what they held meet it again. Called before each chunk."""
@@ -180,7 +180,7 @@ class Hands:
                 self._swing(key, sides, places, seconds)
             else:
                 self._carry(key, sides, places, seconds)
-        self._carried = {key: one for key, one in self._carried.items() if key in self.held.values()}
+        self._carried = {key: state for key, state in self._carried.items() if key in self.held.values()}
         self._holds = {side: replace(hold, age=hold.age + seconds) for side, hold in self._holds.items()}
 
     def guided(self, target: Pose, velocity: Array) -> Pose:
@@ -233,7 +233,7 @@ class Hands:
         """Tell whether something fixed lies between a spot (3,) and a point of the hand (3,)."""
         ways, box = point + _BETWEEN * (spot - point), (np.minimum(spot, point), np.maximum(spot, point))
         hulls = (hull for key in self._fixed if _meet(self._scene.aabb(key), box) for hull in self._scene.hulls(key))
-        return any(_apart(hull, point) > _TOUCH and any(_apart(hull, one) < _TOUCH for one in ways) for hull in hulls)
+        return any(_apart(hull, point) > _TOUCH and any(_apart(hull, way) < _TOUCH for way in ways) for hull in hulls)
 
     def _closed(self, side: Side, key: int, spot: Array, point: Array) -> _Hold:
         knuckles, turn = _palms(self._world.pose())[side]
@@ -302,7 +302,7 @@ class Hands:
         leaf, handle = self._articulated[hold.object_id], self._handle(hold, state)
         if not leaf.turns:
             return float((point - handle) @ leaf.way)
-        before, after = (np.cross(leaf.way, one - leaf.axis) for one in (handle, point))
+        before, after = (np.cross(leaf.way, place - leaf.axis) for place in (handle, point))
         return math.atan2(float(np.cross(before, after) @ leaf.way), float(before @ after))
 
     def _on_its_way(self, side: Side, hold: _Hold, pose: Pose) -> Array:
@@ -319,20 +319,20 @@ def _capped(vector: Array, most: float) -> Array:
     return vector * min(1.0, most / max(float(np.linalg.norm(vector)), 1e-12))
 
 
-def _meet(one: tuple[Array, Array], other: tuple[Array, Array]) -> bool:
+def _meet(first: tuple[Array, Array], second: tuple[Array, Array]) -> bool:
     """Tell whether two boxes (lower and upper corner) meet."""
-    return bool((one[0] <= other[1]).all() and (other[0] <= one[1]).all())
+    return bool((first[0] <= second[1]).all() and (second[0] <= first[1]).all())
 
 
 def _apart(hull: Array, point: Array) -> float:
     return float(np.linalg.norm(nearest_point(hull, point) - point))
 
 
-def _returned(side: Side, there: Array, told: Array, share: float) -> Array:
+def _returned(side: Side, there: Array, target: Array, share: float) -> Array:
     """Return the turns (24, 4) that are told, with an arm at a share of the way to them from where it was."""
     arm = [JOINT_INDEX[f"{side}_{part}"] for part in ("shoulder", "elbow", "wrist")]
-    quaternions = told.copy()
-    quaternions[arm] = blend(there[arm], told[arm], float(smoothstep(np.array(share))))
+    quaternions = target.copy()
+    quaternions[arm] = blend(there[arm], target[arm], float(smoothstep(np.array(share))))
     return quaternions
 
 

@@ -142,7 +142,7 @@ def moved_on(quaternions: Array, speeds: Array, seconds: float) -> Array:
 @compiled
 def link_points(root: Array, quaternions: Array) -> Array:
     """Return (P, 3) the points that span the links, world frame, for a body at root (3,) in a pose (24, 4)."""
-    found = np.empty(POINTS.shape)
+    points = np.empty(POINTS.shape)
     turns, places, arm = np.empty((N_JOINTS, 4)), np.empty((N_JOINTS, 3)), np.empty(3)
     turns[0], places[0] = quaternions[0], root
     for joint in range(1, N_JOINTS):
@@ -152,8 +152,8 @@ def link_points(root: Array, quaternions: Array) -> Array:
         places[joint] = places[parent] + arm
     for number, joint in enumerate(POINT_JOINTS):
         _turned(turns[joint], POINTS[number], arm)
-        found[number] = places[joint] + arm
-    return found
+        points[number] = places[joint] + arm
+    return points
 
 
 @compiled
@@ -190,7 +190,7 @@ def approach(boxes: Array, low: Array, high: Array, full: NDArray[np.bool_], sla
     them. low, high: (N, 3) corners of the other boxes. full: (N,) whether the hull fills its box. slack: boxes within
     so much of one another may meet, metres.
     """
-    found, body = 0.0, boxes[2:4, 0].copy()
+    most, body = 0.0, boxes[2:4, 0].copy()
     for link in range(1, boxes.shape[1]):
         body[0], body[1] = np.minimum(body[0], boxes[2, link]), np.maximum(body[1], boxes[3, link])
     for other in range(len(low)):
@@ -198,8 +198,8 @@ def approach(boxes: Array, low: Array, high: Array, full: NDArray[np.bool_], sla
             continue
         for link in range(boxes.shape[1]):
             if _meet(boxes[2, link], boxes[3, link], low[other], high[other], slack):
-                found = max(found, _way(boxes[:, link], low[other], high[other], full[other]))
-    return found
+                most = max(most, _way(boxes[:, link], low[other], high[other], full[other]))
+    return most
 
 
 @inlined

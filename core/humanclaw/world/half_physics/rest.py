@@ -45,8 +45,8 @@ def at_rest(open_world: OpenWorld, scene: Scene, profile: Profile, engine: str =
         return {"motions": _settled(open_world, scene, profile, movable)}
 
     code = f"{source_digest(_SOURCES, ('numpy',))}|{engine}|{profile}"
-    found = (kept(scene, "rest", code, settle) if engine else settle())["motions"]
-    return {key: ObjectMotion(*np.split(row, (3, 7, 10))) for key, row in zip(movable, found, strict=True)}
+    motions = (kept(scene, "rest", code, settle) if engine else settle())["motions"]
+    return {key: ObjectMotion(*np.split(row, (3, 7, 10))) for key, row in zip(movable, motions, strict=True)}
 
 
 def _settled(open_world: OpenWorld, scene: Scene, profile: Profile, movable: list[int]) -> Array:
@@ -60,9 +60,9 @@ def _settled(open_world: OpenWorld, scene: Scene, profile: Profile, movable: lis
         return np.array([np.concatenate([*vars(world.motion(key)).values()]) for key in movable])
 
     try:
-        before, found = after(_FRAMES - _LAST), after(_LAST)
-        speed, way = (np.abs(part).max(axis=1) for part in (found[:, 7:], (found - before)[:, :3]))
-        found[(speed < _STILL[0]) & (way < _STILL[1]), 7:] = 0.0
-        return found
+        before, motions = after(_FRAMES - _LAST), after(_LAST)
+        speed, way = (np.abs(part).max(axis=1) for part in (motions[:, 7:], (motions - before)[:, :3]))
+        motions[(speed < _STILL[0]) & (way < _STILL[1]), 7:] = 0.0
+        return motions
     finally:
         world.close()

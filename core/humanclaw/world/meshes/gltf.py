@@ -118,7 +118,7 @@ class _File:
     def _check_size(self, meshes: list[Any]) -> None:
         """Raise SceneError if the copies of meshes have too many pieces or corners together."""
         pieces = [piece for mesh in meshes for piece in mesh["primitives"]]
-        counts = [abs(one["count"]) for one in self.head.get("accessors", ())]
+        counts = [abs(accessor["count"]) for accessor in self.head.get("accessors", ())]
         corners = sum(
             max(counts[key] for key in piece["attributes"].values())
             + (counts[piece["indices"]] if "indices" in piece else 0) // 3
@@ -149,13 +149,13 @@ class _File:
         inner = {child for node in nodes for child in node.get("children", ())}
         scenes = self.head.get("scenes")
         roots = scenes[self.head.get("scene", 0)].get("nodes", ()) if scenes else sorted(set(range(len(nodes))) - inner)
-        found, left = dict[int, Array](), [(root, np.eye(4)) for root in roots]
+        places, left = dict[int, Array](), [(root, np.eye(4)) for root in roots]
         while left:
             number, above = left.pop()
-            if number not in found:
-                found[number] = above @ _frame(nodes[number])
-                left += [(child, found[number]) for child in nodes[number].get("children", ())]
-        return found
+            if number not in places:
+                places[number] = above @ _frame(nodes[number])
+                left += [(child, places[number]) for child in nodes[number].get("children", ())]
+        return places
 
     def _bones(self, piece: _Piece, places: dict[int, Array], node: int) -> Array:
         """Return the (4, 4) frame of a piece, or the (N, 4, 4) frames of the vertices of one with bones, whose node
@@ -181,17 +181,17 @@ class _File:
         accessor = self.head["accessors"][number]
         kind, width, count = np.dtype(_TYPES[accessor["componentType"]]), _WIDTHS[accessor["type"]], accessor["count"]
         if "bufferView" in accessor:
-            found = self._values(accessor, count, kind, width)
+            values = self._values(accessor, count, kind, width)
         elif count * width * kind.itemsize > _BLANK_BYTES:
             raise ValueError(f"its arrays without data are larger than {_BLANK_BYTES // MIB} MiB")
         else:
-            found = np.zeros((count, width), kind)
+            values = np.zeros((count, width), kind)
         if "sparse" in accessor:
-            sparse, found = accessor["sparse"], found.copy()
+            sparse, values = accessor["sparse"], values.copy()
             indices = np.dtype(_TYPES[sparse["indices"]["componentType"]])
             rows = self._values(sparse["indices"], sparse["count"], indices, 1)[:, 0]
-            found[rows] = self._values(sparse["values"], sparse["count"], kind, width)
-        return _normalised(found) if accessor.get("normalized") else found
+            values[rows] = self._values(sparse["values"], sparse["count"], kind, width)
+        return _normalised(values) if accessor.get("normalized") else values
 
     def _values(self, place: Any, count: int, kind: np.dtype[Any], width: int) -> NDArray[Any]:
         view, size = self.head["bufferViews"][place["bufferView"]], kind.itemsize * width
@@ -204,10 +204,10 @@ class _File:
     def view(self, number: int) -> bytes:
         view = self.head["bufferViews"][number]
         first, length = view.get("byteOffset", 0), view["byteLength"]
-        found = self._buffer(view["buffer"])[first : first + length]
-        if len(found) != length:
+        content = self._buffer(view["buffer"])[first : first + length]
+        if len(content) != length:
             raise SceneError(f"its data end before byte {first + length}.", _FETCH)
-        return found
+        return content
 
     def _buffer(self, number: int) -> bytes:
         if number not in self.buffers:
@@ -226,8 +226,8 @@ class _File:
     def picture(self, number: int, tint: tuple[int, int, int]) -> NDArray[np.uint8] | None:
         """Return the picture of a texture, tinted; None if it cannot be read."""
         texture = self.head["textures"][number]
-        others = [one.get("source") for one in texture.get("extensions", {}).values()]
-        source = next((one for one in (texture.get("source"), *others) if one is not None), None)
+        others = [image.get("source") for image in texture.get("extensions", {}).values()]
+        source = next((image for image in (texture.get("source"), *others) if image is not None), None)
         if source is None:
             return None
         if (source, tint) not in self.pictures:
@@ -277,16 +277,16 @@ class _Piece:
         import DracoPy  # type: ignore[import-not-found,unused-ignore]
 
         mesh, names = DracoPy.decode(self.file.view(packed["bufferView"])), packed["attributes"]
-        arrays = {one["unique_id"]: one["data"] for one in mesh.attributes}
+        arrays = {attribute["unique_id"]: attribute["data"] for attribute in mesh.attributes}
         return {name: arrays[number] for name, number in names.items()} | {"indices": mesh.faces.reshape(-1, 1)}
 
     def points(self, weights: Any) -> Array:
         """Return the (N, 3) vertices in the frame of their node, moved by the weights of their morph targets."""
-        found = self["POSITION"].astype(float)
+        points = self["POSITION"].astype(float)
         for weight, target in zip(weights, self.facts.get("targets", ()), strict=False):
             if weight and "POSITION" in target:
-                found += weight * self.file.array(target["POSITION"])
-        return found
+                points += weight * self.file.array(target["POSITION"])
+        return points
 
     def faces(self) -> NDArray[np.int64]:
         """Return (M, 3) corners of triangles."""
@@ -298,10 +298,10 @@ class _Piece:
         if mode == _TRIANGLES or self._own:
             return corners.reshape(-1, 3)
         first = np.full(len(corners) - 2, corners[0]) if mode == _FAN else corners[:-2]
-        found = np.stack([first, corners[1:-1], corners[2:]], axis=1)
+        triangles = np.stack([first, corners[1:-1], corners[2:]], axis=1)
         if mode == _STRIP:
-            found[1::2] = found[1::2, [1, 0, 2]]  # Every second triangle of a strip runs the other way round.
-        return np.asarray(found[(found != np.roll(found, 1, axis=1)).all(axis=1)])
+            triangles[1::2] = triangles[1::2, [1, 0, 2]]  # Every second triangle of a strip runs the other way round.
+        return np.asarray(triangles[(triangles != np.roll(triangles, 1, axis=1)).all(axis=1)])
 
     def look(self) -> tuple[tuple[int, int, int], NDArray[np.uint8] | None, Array | None]:
         """Return colour, picture and (N, 2) uv, v up."""

@@ -58,8 +58,8 @@ def convex_pieces(
     if (data := cache.get(key)) is None:
         data = save({str(number): hull for number, hull in enumerate(_decompose(mesh, pieces, keep_out))})
         cache.put(key, data)
-    found = load(data)
-    return tuple(found[str(number)] for number in range(len(found)))
+    arrays = load(data)
+    return tuple(arrays[str(number)] for number in range(len(arrays)))
 
 
 def _key(mesh: Mesh, pieces: int, keep_out: KeepOutBox | None) -> str:
@@ -100,11 +100,11 @@ def _shares(areas: Sequence[float], pieces: int) -> list[int]:
 def _vhacd(points: Array, faces: NDArray[np.int64], count: int) -> list[Array]:
     import vhacdx
 
-    found = vhacdx.compute_vhacd(
+    pieces = vhacdx.compute_vhacd(
         np.ascontiguousarray(points), np.ascontiguousarray(faces, np.uint32), maxConvexHulls=count, resolution=_VOXELS,
         maxNumVerticesPerCH=_CORNERS, asyncACD=False, maxRecursionDepth=_DEPTH,
     )  # fmt: skip
-    return [np.asarray(hull[0], float) for hull in found]
+    return [np.asarray(hull[0], float) for hull in pieces]
 
 
 def _around(points: Array, faces: NDArray[np.int64], keep_out: KeepOutBox) -> Iterator[tuple[Array, NDArray[np.int64]]]:

@@ -53,9 +53,9 @@ def ply_part(data: bytes, beside: Callable[[str], bytes], lost: Counter[str]) ->
         points = points[np.concatenate([loop.ravel() for loop in loops])]
         starts = np.cumsum([0, *(loop.size for loop in loops)])
         loops = [start + np.arange(loop.size).reshape(loop.shape) for start, loop in zip(starts, loops, strict=False)]
-    found = _picture(picture, beside, lost) if picture and uv is not None else None
+    texture = _picture(picture, beside, lost) if picture and uv is not None else None
     colour = next((_mean(rows) for rows in (vertex, *faces) if len(rows) and {*_RGB} <= _names(rows)), _PLAIN)
-    return Part(points, _fans(loops), None if uv is None else uv.astype(float), colour, found)
+    return Part(points, _fans(loops), None if uv is None else uv.astype(float), colour, texture)
 
 
 def _ply(data: bytes) -> tuple[dict[str, list[Rows]], str]:
@@ -111,17 +111,17 @@ def _rows(data: bytes, at: int, count: int, fields: Sequence[_Field]) -> tuple[l
 
 def _lengths(data: bytes, at: int, fields: Sequence[_Field]) -> tuple[tuple[int, ...], int]:
     """Return the lengths of the lists of a row, and where the next row begins. Raises ValueError if the data end."""
-    found = []
+    sizes = []
     for _, kind, length in fields:
         size = 1
         if length:
             size = int(np.frombuffer(data, length, 1, at)[0])
             at += length.itemsize
-            found.append(size)
+            sizes.append(size)
         at += size * kind.itemsize
     if at > len(data):
         raise ValueError(f"its data end after {len(data)} bytes, in the middle of a row")
-    return tuple(found), at
+    return tuple(sizes), at
 
 
 def _kind(fields: Sequence[_Field], lengths: Iterable[int]) -> np.dtype[Any]:

@@ -27,7 +27,7 @@ _TURN: Final = 0.1
 def unfolded(vertices: Array, faces: Indices) -> Indices:
     """Return (M, 3) faces in which other triangles stand for each folded fan: they cover its polygon once."""
     a, b, c = (vertices[faces[:, k]] for k in range(3))
-    normals, found = np.cross(b - a, c - a), faces.copy()
+    normals, cut = np.cross(b - a, c - a), faces.copy()
     # Three corners in a row, as beside a doorway, have a normal of rounding errors: it must not end a fan.
     longest = np.max([np.linalg.norm(b - a, axis=1), np.linalg.norm(c - b, axis=1), np.linalg.norm(a - c, axis=1)], 0)
     normals[np.linalg.norm(normals, axis=1) <= _SLIVER * longest**2] = 0.0
@@ -36,8 +36,8 @@ def unfolded(vertices: Array, faces: Indices) -> Indices:
     for fan, loop in (*_halves(faces, normals), *_fans(faces, linked, normals)):
         triangles = _cut(vertices[loop], normals[fan].sum(axis=0))
         if triangles is not None:
-            found[fan] = loop[triangles]
-    return found
+            cut[fan] = loop[triangles]
+    return cut
 
 
 def _halves(faces: Indices, normals: Array) -> Iterator[tuple[Indices, Indices]]:
@@ -65,9 +65,9 @@ def _fans(faces: Indices, linked: NDArray[np.bool_], normals: Array) -> Iterator
         yield rows, np.append(faces[rows[0], :2], faces[rows, 2])
 
 
-def _parallel(one: Array, two: Array) -> NDArray[np.bool_]:
-    sizes = np.linalg.norm(one, axis=1) * np.linalg.norm(two, axis=1)
-    return np.asarray(np.linalg.norm(np.cross(one, two), axis=1) <= _TURN * sizes)
+def _parallel(first: Array, second: Array) -> NDArray[np.bool_]:
+    sizes = np.linalg.norm(first, axis=1) * np.linalg.norm(second, axis=1)
+    return np.asarray(np.linalg.norm(np.cross(first, second), axis=1) <= _TURN * sizes)
 
 
 def _cut(loop: Array, normal: Array) -> Indices | None:
@@ -83,8 +83,8 @@ def _cut(loop: Array, normal: Array) -> Indices | None:
     up = normal / twice
     across = np.cross(np.eye(3)[np.abs(up).argmin()], up)
     flat = loop @ np.stack([across, np.cross(up, across)], axis=1) / np.linalg.norm(across)
-    found = np.asarray(triangulate([flat]), np.int64)
-    a, b, c = (flat[found[:, k]] for k in range(3))
+    triangles = np.asarray(triangulate([flat]), np.int64)
+    a, b, c = (flat[triangles[:, k]] for k in range(3))
     areas = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
     even = np.ptp(loop @ up) <= _FLAT * np.ptp(flat, axis=0).max()
-    return found if even and len(found) == len(loop) - 2 and np.abs(areas).sum() <= (1 + 1e-6) * twice else None
+    return triangles if even and len(triangles) == len(loop) - 2 and np.abs(areas).sum() <= (1 + 1e-6) * twice else None

@@ -67,12 +67,12 @@ def _read(kind: str, data: bytes, beside: Callable[[str], bytes], lost: Counter[
     if kind not in KINDS:
         raise SceneError(f"models are {', '.join(KINDS)}.", "Convert it, for example with Blender.")
     if kind in ("glb", "gltf"):
-        found = [*gltf_parts(data, beside, lost)]
+        read = [*gltf_parts(data, beside, lost)]
     elif kind in ("off", "ply"):
-        found = [ply_part(data, beside, lost) if kind == "ply" else off_part(data)]
+        read = [ply_part(data, beside, lost) if kind == "ply" else off_part(data)]
     else:
-        found = _others(kind, data, beside, lost)
-    parts = [part for part in found if len(part.faces)]
+        read = _others(kind, data, beside, lost)
+    parts = [part for part in read if len(part.faces)]
     for part in parts:
         if part.faces.min() < 0 or part.faces.max() >= len(part.vertices):
             raise ValueError(f"a triangle names vertex {part.faces.max()} of {len(part.vertices)}")
@@ -111,9 +111,9 @@ def _others(kind: str, data: bytes, beside: Callable[[str], bytes], lost: Counte
     # Vertices stay as they are in the file: merging them would lose texture seams.
     scene = trimesh.load_scene(BytesIO(data), kind, process=False, resolver=Beside("."))
     shapes = [scene.geometry[scene.graph[node][1]] for node in scene.graph.nodes_geometry]
-    if sum(len(getattr(one, "faces", ())) + len(getattr(one, "vertices", ())) for one in shapes) > MOST:
+    if sum(len(getattr(shape, "faces", ())) + len(getattr(shape, "vertices", ())) for shape in shapes) > MOST:
         raise SceneError(f"it holds more than {MOST:,} vertices and triangles.", "Simplify it.")
-    lost.update("pieces of points or lines" for one in shapes if not hasattr(one, "faces"))
+    lost.update("pieces of points or lines" for shape in shapes if not hasattr(shape, "faces"))
     return [part for name in scene.graph.nodes_geometry for part in _parts(scene, name)]
 
 

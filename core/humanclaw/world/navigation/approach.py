@@ -64,16 +64,16 @@ def viewpoints(where: MultiFloorMap, scene: Scene, target: int, *, sit: bool = F
     low, high = scene.aabb(target)
     find = _seats if sit else _beside
     return tuple(
-        found
+        viewpoint
         for grid in where.floors
         if low[1] < grid.floor + OBSTACLE_HEIGHTS[1] and high[1] > grid.floor
-        for found in find(grid, scene, target)
+        for viewpoint in find(grid, scene, target)
     )
 
 
 def goals_at(where: MultiFloorMap, scene: Scene, target: int, *, sit: bool = False) -> Array:
     """Return (N, 3) places from which a target counts as reached: the goals that geodesic distances are measured to."""
-    return np.array([found.place for found in viewpoints(where, scene, target, sit=sit)]).reshape(-1, 3)
+    return np.array([viewpoint.place for viewpoint in viewpoints(where, scene, target, sit=sit)]).reshape(-1, 3)
 
 
 def _beside(grid: OccupancyGrid, scene: Scene, target: int) -> Iterator[Viewpoint]:
@@ -120,15 +120,15 @@ def _seats(grid: OccupancyGrid, scene: Scene, target: int) -> Iterator[Viewpoint
     height = asset.seat_height + obj.position[1] - grid.floor
     others = replace(grid, blocked=grid.blocked & (grid.owners != target))
     for stand_off, margin in ((STAND_OFF, ARM_ROOM), (STAND_OFF, 0.35), (0.6, 0.35), (0.36, 0.35)):
-        found = [
+        seats = [
             Viewpoint(target, float(place[0]), float(place[1]), yaw, stand_off, height, grid.floor)
             for side in sides
             for place, yaw in _along(scene, target, turn, side, stand_off, margin)
             if grid.at(grid.clearance, place) >= min(RADIUS, stand_off - 0.1)
             and others.clear(place, place - stand_off * _facing(yaw)[[0, 2]], 0.2)
         ]
-        yield from found
-        if found:
+        yield from seats
+        if seats:
             return
 
 
@@ -182,8 +182,8 @@ def geodesics(scene: Scene, targets: Sequence[int], floor: float = 0.0) -> Calla
         return np.where(np.isfinite(field(number - 1)), field(number - 1), metres) if number else metres
 
     def distance(point: Array) -> float:
-        found = (float(where.at(field(number), np.asarray(point))) for number in range(len(_RADII) + 1))
-        return next(filter(np.isfinite, found), float("inf"))
+        distances = (float(where.at(field(number), np.asarray(point))) for number in range(len(_RADII) + 1))
+        return next(filter(np.isfinite, distances), float("inf"))
 
     return distance
 

@@ -86,9 +86,9 @@ class OccupancyGrid:
             return cls._drawn(scene, floor, moved or {})
         places = b"".join(np.array([key, *pose]).tobytes() for key, pose in sorted((moved or {}).items()))
         what = f"grid {floor} {_extent(scene)} {hashlib.sha256(places).hexdigest()}"
-        found = dict(kept(scene, what, source_digest(*DRAWING), lambda: cls._drawn(scene, floor, moved or {})._arrays))
-        x, z = found.pop("origin").tolist()
-        return cls((x, z), overhead=(found.pop("under"), found.pop("over")), floor=floor, **found)
+        arrays = dict(kept(scene, what, source_digest(*DRAWING), lambda: cls._drawn(scene, floor, moved or {})._arrays))
+        x, z = arrays.pop("origin").tolist()
+        return cls((x, z), overhead=(arrays.pop("under"), arrays.pop("over")), floor=floor, **arrays)
 
     @classmethod
     def _drawn(cls, scene: Scene, floor: float, moved: Mapping[int, Array]) -> OccupancyGrid:
@@ -227,11 +227,11 @@ class OccupancyGrid:
 
 def floors_of(scene: Scene) -> tuple[float, ...]:
     """Heights of the floors that rooms stand on, lowest first; that of the start if the scene has no rooms."""
-    found: list[float] = []
+    floors: list[float] = []
     for floor in sorted({room.floor for room in scene.rooms} or {scene.start.floor}):
-        if not found or floor - found[-1] > 0.5:
-            found.append(floor)
-    return tuple(found)
+        if not floors or floor - floors[-1] > 0.5:
+            floors.append(floor)
+    return tuple(floors)
 
 
 # -- geometry of a floor -----------------------------------------------------------------------------------------------
@@ -291,8 +291,8 @@ def _extent(scene: Scene) -> tuple[Array, tuple[int, int]]:
     wide, deep = np.max(corners, axis=0) + 0.5 - low
     if wide * deep > _LARGEST:
         far = max(scene.objects, key=lambda obj: float(np.abs(scene.aabb(obj.id)).max()))
-        told = f"the scene is {wide:.0f} m by {deep:.0f} m; at most {_LARGEST:,} m² can be searched."
-        raise SceneError(told, f"Look at object {far.id} ({far.asset}): it reaches farthest from the origin.")
+        problem = f"the scene is {wide:.0f} m by {deep:.0f} m; at most {_LARGEST:,} m² can be searched."
+        raise SceneError(problem, f"Look at object {far.id} ({far.asset}): it reaches farthest from the origin.")
     return low, (int(np.ceil(wide / CELL)), int(np.ceil(deep / CELL)))
 
 

@@ -45,8 +45,8 @@ class MultiFloorMap:
         grids = floors[:1]
         for lower, upper in pairwise(floors):
             grids += [staircase(scene, lower, upper), upper]
-        found = cls(tuple(grids))
-        return found if moved else _MAPS.setdefault(scene, found)
+        made = cls(tuple(grids))
+        return made if moved else _MAPS.setdefault(scene, made)
 
     @property
     def floors(self) -> tuple[OccupancyGrid, ...]:
@@ -115,8 +115,8 @@ class MultiFloorMap:
             # Slightly more expensive than either grid, or ways would run along between them.
             layers += [np.where(same, 1.01 * np.maximum(weights[k], weights[k + 1]), -1.0), weights[k + 1]]
         search = MCP_Geometric(np.stack(layers), sampling=(1e-4, CELL, CELL))
-        found, _ = search.find_costs([tuple(entry) for entry in self._entries(np.stack(weights) > 0, starts).tolist()])
-        return np.asarray(found[::2]), search
+        costs, _ = search.find_costs([tuple(entry) for entry in self._entries(np.stack(weights) > 0, starts).tolist()])
+        return np.asarray(costs[::2]), search
 
     def _entries(self, free: Mask, starts: Array) -> NDArray[np.int64]:
         """Return (N, 3) layer and cell of the free cell nearest to each start, on the start's own grid.

@@ -150,12 +150,12 @@ def stair_runs(grid: OccupancyGrid, points: Array) -> tuple[StairRun, ...]:
     steps = _steps(change)
     apart = np.linalg.norm(np.diff(points[steps], axis=0), axis=1) > 0.6
     groups = np.split(steps, np.flatnonzero(apart | (np.diff(np.sign(change[steps])) != 0)) + 1)
-    found = (
+    flights = (
         _stair_run(grid, points[[group[0], group[-1] + 1]], float(np.sign(change[group[0]])))
         for group in groups
         if len(group)
     )
-    return tuple(flight for flight in found if flight)
+    return tuple(flight for flight in flights if flight)
 
 
 def _stair_run(grid: OccupancyGrid, ends: Array, sign: float) -> StairRun | None:
