@@ -1,8 +1,7 @@
 """What a model only thinks is never executed."""
 
-import time
-
 import pytest
+from growing import growth
 
 from humanclaw import Call
 from humanclaw.skills import read_text, split_thoughts
@@ -216,14 +215,4 @@ def test_a_header_before_everything_is_of_the_models_own_turn(header):
     ],
 )
 def test_thoughts_take_time_by_their_length(piece):
-    """Four times the text takes about four times as long; a quadratic search would take 16 times."""
-
-    def seconds(length):
-        text = piece * (length // len(piece))
-        began = time.process_time()
-        for _ in range(3):
-            split_thoughts(text)
-        return time.process_time() - began
-
-    short, long = (min(seconds(length) for _ in range(5)) for length in (50_000, 200_000))
-    assert long < 10 * short
+    assert growth(split_thoughts, piece, 6_250) < 64

@@ -1,10 +1,10 @@
 """Skills as the tools of a model: what is published in each format, and how an answer is read back."""
 
 import json
-import time
 
 import jsonschema
 import pytest
+from growing import growth
 
 from humanclaw import Keyframes, Skill
 from humanclaw.errors import CallError
@@ -175,16 +175,11 @@ def test_a_text_without_a_whole_call_holds_none(text):
     "opening", ["{", '{"a":', '{"a":[', "{ ", '{"skill": "step", "parameters": ', "<think>", "```{"]
 )
 def test_a_text_that_closes_nothing_takes_time_by_its_length(opening):
-    """Four times the text takes four times as long. It would take 16 times if each opening were read to the end."""
-
-    def seconds(length):
-        began = time.process_time()
+    def read(text):
         with pytest.raises(CallError, match="no complete JSON object"):
-            read_text(opening * (length // len(opening)))
-        return time.process_time() - began
+            read_text(text)
 
-    short, long = (min(seconds(length) for _ in range(5)) for length in (25_000, 100_000))
-    assert long < 8 * short
+    assert growth(read, opening, 6_250) < 64
 
 
 @pytest.mark.parametrize(
