@@ -85,6 +85,7 @@ def test_an_adapter_that_is_no_better_than_a_constant_is_a_fault(folder):
     assert "a constant misses it by" in fault.message
 
 
+@pytest.mark.integration
 def test_an_adapter_may_be_reused_by_who_says_whose_it_is(tmp_path):
     folder = shutil.copytree(folder_of("walk"), tmp_path / "saunter")
     change_schema(folder, lambda schema: schema["properties"]["z_cm"].update(minimum=20, maximum=40))
@@ -466,6 +467,7 @@ class Engine:
         register("odd", lambda profile="default": Loses())
 
 
+@pytest.mark.integration
 @pytest.mark.parametrize(
     ("fault", "check"), [("breaks", "engine-plays"), ("tires", "engine-plays"), ("loses", "engine-finite")]
 )
@@ -492,6 +494,7 @@ def humanclaw_skills(register):
 '''
 
 
+@pytest.mark.integration
 def test_the_command_line_checks_a_file_a_folder_and_a_name(tmp_path, plugins):
     good, bad = tmp_path / "good.py", tmp_path / "bad.py"
     good.write_text(FILE.format(arguments="", times=1))

@@ -116,8 +116,8 @@ def test_two_agents_keep_to_one_rate_of_requests(begin, view):
 def test_tokens_that_an_answer_took_are_waited_for(begin, view):
     with OpenAIServer([call("stop")] * 2) as server:
         agent = begin(server, tokens_per_minute=66_000)
-        agent.decide(view(), ())
         began = time.monotonic()
+        agent.decide(view(), ())
         agent.decide(view(), ())
     assert time.monotonic() - began >= 0.9, "1100 tokens at 1100 a second"
 
@@ -150,7 +150,7 @@ def test_a_limit_on_time_also_ends_the_waiting_for_a_turn(context, begin, view):
         began = time.monotonic()
         with pytest.raises(LimitError):
             agent.decide(view(), ())
-    assert time.monotonic() - began < 3
+    assert time.monotonic() - began < 30, "its turn comes after 60 s"
     assert len(server.requests) == 1
 
 
