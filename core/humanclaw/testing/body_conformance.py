@@ -31,7 +31,7 @@ class BodyConformance:
         simulator.close()
         return played
 
-    def test_walking_on_a_floor_tracks_the_command_without_sinking_or_sliding(self) -> None:
+    def test_walking_on_a_floor_tracks_the_command_and_does_not_sink(self) -> None:
         builder = SceneBuilder.on_floor()
         command = gait(4, 0.4)
         played = self.play(builder.scene(), command)
@@ -116,7 +116,7 @@ class BodyConformance:
         assert simulated.root[-1, 1] == pytest.approx(STANDING_HEIGHT, abs=0.01)
         assert np.abs(simulated.rotations[-1, [1, 2]]).max() < 0.01
 
-    def test_a_toe_that_catches_an_edge_is_lifted_over_it_and_over_no_more(self) -> None:
+    def test_a_toe_that_catches_an_edge_is_lifted_over_it_and_no_higher(self) -> None:
         """Soles drag along the floor at 0.6 m/s into a board of 3 cm, and into one of 6 cm."""
         ends = []
         for height in (0.03, 0.06):
@@ -138,7 +138,7 @@ class BodyConformance:
         assert depths
         assert max(depths) < 0.015
 
-    def test_lifted_feet_let_the_body_down_as_gravity_would_and_no_bounce_follows(self) -> None:
+    def test_lifted_feet_let_the_body_down_by_gravity_without_a_bounce(self) -> None:
         builder = SceneBuilder.on_floor()
         command = rest_pose(45)
         for side in ("left", "right"):
@@ -148,7 +148,7 @@ class BodyConformance:
         assert -np.diff(height).min() * FPS < np.sqrt(2 * 9.81 * STANDING_HEIGHT)
         assert np.diff(height[20:]).max() * FPS < 0.1
 
-    def test_straightening_the_legs_at_once_lifts_the_body_and_does_not_launch_it(self) -> None:
+    def test_legs_straightened_at_once_lift_the_body_and_do_not_launch_it(self) -> None:
         builder = SceneBuilder.on_floor()
         down = sitting_down(0.6, -0.2)
         up = Motion(np.repeat(down.root[:1], 30, 0), rest_pose(30).rotations)
@@ -156,7 +156,7 @@ class BodyConformance:
         assert height[75:].max() < STANDING_HEIGHT + 0.05
 
     @pytest.mark.parametrize("seed", range(3))
-    def test_walking_anywhere_in_a_closed_room_never_leaves_it_and_ends_on_both_feet(self, seed: int) -> None:
+    def test_a_walk_in_a_closed_room_never_leaves_it_and_ends_on_its_feet(self, seed: int) -> None:
         builder = SceneBuilder()
         builder.room()
         builder.box("couch", (1.6, 0.45, 0.8), (0, 0, -1.0))

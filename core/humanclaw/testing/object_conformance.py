@@ -19,7 +19,7 @@ from humanclaw.world.scene_builder import SceneBuilder, block, box_mesh
 class ObjectConformance(BodyConformance):
     """Tests of objects that a body meets."""
 
-    def test_a_body_that_pushes_what_it_cannot_move_stands_before_it_and_not_in_it(self) -> None:
+    def test_a_body_stands_before_what_it_cannot_push_and_not_in_it(self) -> None:
         builder = SceneBuilder.on_floor()
         box = builder.box("box", (0.8, 1.2, 0.8), (0, 0, 0.75), movable=True, mass=1000.0)
         played = self.play(builder.scene(), glide(0.0, 1.0, 60))
@@ -94,7 +94,7 @@ class ObjectConformance(BodyConformance):
         simulator, scene = self.simulator(), builder.scene()
         assert simulator.reset(scene, scene.start).objects[cup][1] == pytest.approx(0.75, abs=0.005)
 
-    def test_an_object_at_rest_is_where_the_scene_put_it_however_it_is_turned(self) -> None:
+    def test_an_object_at_rest_is_where_the_scene_put_it_at_any_turn(self) -> None:
         builder = SceneBuilder.on_floor()
         turn = (0.0, np.sin(0.5), 0.0, np.cos(0.5))
         obj = builder.solid("table", _table(), (2, 0, 1), rotation=turn, movable=True, mass=10.0)
@@ -135,7 +135,7 @@ class ObjectConformance(BodyConformance):
         assert simulator.execute(rest_pose(30)).objects == {}
         assert simulator.state().objects[door] == pytest.approx([*leaf.position, *leaf.rotation], abs=1e-4)
 
-    def test_a_door_opens_for_a_body_turns_about_its_hinge_and_comes_to_rest(self) -> None:
+    def test_a_door_opens_for_a_body_about_its_hinge_and_comes_to_rest(self) -> None:
         builder = SceneBuilder.on_floor()
         door = builder.door()
         simulator, scene = self.simulator(), builder.scene()
@@ -162,7 +162,7 @@ class ObjectConformance(BodyConformance):
         assert np.degrees(-vector_from_quaternion(moved[door][3:])[1]) > 30
         assert np.linalg.norm(moved[box][:3] - [0.3, 0, 1.1]) > 0.1
 
-    def test_what_brakes_a_door_is_overcome_by_the_same_force_as_its_weight(self) -> None:
+    def test_a_braked_door_meets_the_same_force_as_a_heavy_one(self) -> None:
         """500 N at the edge of a leaf, 0.89 m from its hinge, hold a damping of 1,000 N m s at 0.45 rad/s."""
         builder = SceneBuilder.on_floor()
         door = builder.door()
@@ -173,7 +173,7 @@ class ObjectConformance(BodyConformance):
         angles = -vector_from_quaternion(played.paths[door][:, 3:])[:, 1]
         assert 0.1 < np.diff(angles).max() * FPS < 0.6
 
-    def test_a_drawer_that_is_pushed_shut_stays_on_its_line_carries_what_is_in_it_and_stops(self) -> None:
+    def test_a_drawer_pushed_shut_keeps_its_line_and_its_load_and_stops(self) -> None:
         """It stands 40 cm open towards the body, with its front at 0.4 m."""
         builder = SceneBuilder.on_floor()
         hulls = [block((-0.3, 0.0, -0.25), (0.3, 0.02, 0.25)), block((-0.3, 0.0, 0.23), (0.3, 0.25, 0.25))]
