@@ -74,7 +74,7 @@ def relinked(text: str, path: str, page: str) -> str:
 
     def link(match: re.Match[str]) -> str:
         target = _target(path, match[2])
-        goal = known.get(target) or known.get(f"{target}/README.md")
+        goal = known.get(target)
         if goal is None:
             return f"{match[1]} (`{target}`)" if target not in match[1] else match[1]
         return f"[{match[1]}]({posixpath.relpath(goal, posixpath.dirname(page) or '.')}{match[3] or ''})"
