@@ -15,12 +15,13 @@ BREACHES = [
     ("os.spawnl(os.P_WAIT, '/bin/true', 'true')", "os.fork"),
     ("subprocess.run(['true'])", "subprocess.Popen"),
     ("multiprocessing.get_context('spawn').Process(target=print).start()", "BaseProcess.start"),
+    ("multiprocessing.util.spawnv_passfds(b'/bin/true', [b'true'], [])", "fork_exec"),
     ("socket.create_server(('localhost', 0))", "socket.listen"),
     ("Plugins.discover().scene('house:1')", "house:1"),
     ("[Plugins.discover().make('simulators', name) for name in ('mujoco', 'bullet')]", "a second engine"),
 ]
 FILE = """
-import multiprocessing, os, pty, socket, subprocess
+import multiprocessing.util, os, pty, socket, subprocess
 import pytest
 from humanclaw import Plugins
 

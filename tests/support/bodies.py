@@ -1,6 +1,9 @@
 """Fixtures that are slow to make, and the rules of a unit test.
 
 Tests share the fixtures safely because each test resets what it uses.
+
+The rules hold while a test runs. They do not see what a file does while it is imported, engines and houses that are
+made without `Plugins`, and what a thread does after its test.
 """
 
 import platform
@@ -16,8 +19,12 @@ from humanclaw import Body, Plugins
 
 OUTSIDE = {"os.exec", "os.fork", "os.forkpty", "os.posix_spawn", "os.spawn", "os.system", "subprocess.Popen"}
 """Python's audit events of a process that starts."""
-UNTOLD = ((BaseProcess, "start"), (socket.socket, "listen"))
-"""Methods that start a process or a server without an audit event."""
+UNTOLD = [(BaseProcess, "start"), (socket.socket, "listen")]
+"""What starts a process or a server without an audit event."""
+with suppress(ImportError):  # Windows has no such module.
+    import _posixsubprocess
+
+    UNTOLD.append((_posixsubprocess, "fork_exec"))
 
 
 class Watch:
