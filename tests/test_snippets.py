@@ -7,6 +7,7 @@ import shlex
 import subprocess
 import sys
 import tomllib
+from dataclasses import replace
 
 import click
 import pytest
@@ -69,6 +70,11 @@ def test_it_runs(snippet, folders, command_line, plugins, monkeypatch):
         _python_runs(snippet)
     else:
         _commands_exist_and_run(snippet, command_line, plugins, monkeypatch)
+
+
+@pytest.mark.parametrize("snippet", [one for one in CODE if one.way == "slow"], ids=str)
+def test_a_slow_block_has_commands_and_options_that_there_are(snippet, folders, command_line, plugins, monkeypatch):
+    test_it_runs(replace(snippet, way="never"), folders, command_line, plugins, monkeypatch)
 
 
 def _python_runs(snippet):
