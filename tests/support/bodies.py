@@ -7,10 +7,11 @@ made without `Plugins`, and what a thread does after its test.
 """
 
 import platform
+import reprlib
 import socket
 import sys
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import is_dataclass, replace
 from multiprocessing.process import BaseProcess
 
 import pytest
@@ -63,6 +64,28 @@ class Watch:
 
 WATCH = Watch()
 MAKE = Plugins.make
+
+
+class Ids(reprlib.Repr):
+    """Writes a value shortly and alike in each process: no address, no date in a file, sets in order."""
+
+    def repr_bytes(self, one, level):
+        return repr(one) if len(one) <= 20 else f"{len(one)} bytes"
+
+    def repr_int(self, one, level):  # Python writes no integer of more than 4,300 digits.
+        return str(one) if abs(one) < 2**64 else f"{one.bit_length()} bits"
+
+    def repr_instance(self, one, level):
+        if isinstance(one, bool | float | None):
+            return repr(one)
+        return self.repr_dict(vars(one), level) if is_dataclass(one) else getattr(one, "__name__", type(one).__name__)
+
+
+def pytest_make_parametrize_id(val):
+    """Name a case by what it holds, in at most 60 letters; pytest would number it or write it out."""
+    if isinstance(val, bytes | dict | int | list | tuple) or is_dataclass(val) or (isinstance(val, str) and val[60:]):
+        return Ids().repr(val)[:60].encode("ascii", "backslashreplace").decode()
+    return None
 
 
 @pytest.hookimpl(wrapper=True)
