@@ -53,16 +53,32 @@ def paper() -> Iterator[str]:
         yield f"docs/paper-items.md lacks section {section} of docs/paper.md."
 
 
+def tests() -> list[Path]:
+    """Return the files of tests, the conformance suites of `humanclaw.testing` among them."""
+    tests, of_packages = ROOT.glob("tests/**/test_*.py"), ROOT.glob("[phs]*/*/tests/**/test_*.py")
+    return [*tests, *of_packages, *ROOT.glob("core/humanclaw/testing/*.py")]
+
+
+def libraries() -> Iterator[str]:
+    """Yield libraries without which a test is skipped, and which neither the lock nor the Makefile names."""
+    installed = "".join((ROOT / name).read_text("utf-8").lower() for name in ("requirements-lock.txt", "Makefile"))
+    skip = re.compile(r"^(?=.*skip).*(?:importorskip|find_spec)\(\"(?:humanclaw_)?(\w+)", re.MULTILINE)
+    for file in [*tests(), *ROOT.glob("tests/support/*.py")]:
+        for name in skip.findall(file.read_text("utf-8")):
+            if not re.search(rf"\b{name.lower().replace('_', '.')}\b", installed):
+                yield f"{file.relative_to(ROOT)}: `make optional` does not install {name}, so no command runs the test."
+
+
 def names() -> Iterator[str]:
     """Yield names of tests that are too long to be read at a glance."""
-    for file in [*ROOT.glob("tests/**/test_*.py"), *ROOT.glob("[phs]*/*/tests/**/test_*.py")]:
+    for file in tests():
         for name in re.findall(r"^ *(?:async )?def test_(\w+)", file.read_text("utf-8"), re.M):
             if len(name) > LETTERS:
                 yield f"{file.relative_to(ROOT)}: {name} has {len(name)} letters; at most {LETTERS}."
 
 
 def main() -> int:
-    found = [fault for check in (contents, links, readme, paper, names) for fault in check()]
+    found = [fault for check in (contents, links, readme, paper, libraries, names) for fault in check()]
     print(*found, sep="\n", end="\n" if found else "")
     return bool(found)
 
