@@ -12,6 +12,9 @@ import size
         ("plugins/raster/tests/test_a.py", "plugins/raster", "tests"),
         ("plugins/README.md", "plugins", "words"),
         ("tests/support/size.py", "tests", "tests"),
+        ("tests/support/model_servers/replies.toml", "tests", "tests"),
+        ("plugins/report/humanclaw_report/scripts/run.js", "plugins/report", "code"),
+        ("plugins/raster/pyproject.toml", "plugins/raster", ""),
         ("docs/images/skills.jpg", "docs", ""),
     ],
 )

@@ -1,7 +1,8 @@
 """Compare the size of each package with its budget in size.toml: `make size`.
 
-Counted are files that git tracks. code: lines of *.py outside tests. tests: lines of *.py in a folder `tests`. words:
-words of *.md. A package is a folder of plugins/, skills/ or harnesses/, or another top-level folder; `.` holds the
+Counted are files that git tracks. code: lines of programs, templates, styles and data (WRITTEN) outside tests. tests:
+such lines in a folder `tests`. words: words of *.md. Not counted: what programs write, settings of tools, plain text.
+A package is a folder of plugins/, skills/ or harnesses/, or another top-level folder; `.` holds the
 files at the top.
 """
 
@@ -16,6 +17,8 @@ from pathlib import Path, PurePosixPath
 
 ROOT = Path(__file__).parents[2]
 KINDS = ("code", "tests", "words")
+WRITTEN = (".css", ".html", ".j2", ".jinja", ".js", ".mjs", ".py", ".py.txt", ".toml")
+SETTINGS = ("pyproject.toml", "size.toml")
 Sizes = Mapping[str, Mapping[str, int]]
 
 
@@ -29,7 +32,7 @@ def package(path: str) -> str:
 
 def kind(path: str) -> str:
     """Return what a file is counted as: code, tests, words, or nothing."""
-    if path.endswith(".py"):
+    if path.endswith(WRITTEN) and not path.endswith(SETTINGS):
         return "tests" if "tests" in PurePosixPath(path).parts else "code"
     return "words" if path.endswith(".md") else ""
 
