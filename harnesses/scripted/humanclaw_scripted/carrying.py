@@ -51,6 +51,7 @@ _TRIES: Final = ((-0.02, 0.0), (-0.02, 0.05), (-0.02, -0.05), (0.01, 0.0), (-0.0
 _OFF: Final = 0.04
 """Metres farther from a thing of a hand that closes first: its palm does not meet the thing yet."""
 _HOVER: Final = 0.14
+"""Metres of a hand above where it takes a thing, and of a thing above where it lays it down."""
 
 
 class Carrying(ArmedOracle):

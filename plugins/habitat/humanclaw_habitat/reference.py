@@ -16,6 +16,7 @@ from urllib.parse import parse_qsl, urlencode
 from humanclaw import SceneError
 
 TRIANGLES: Final = 1500
+"""Approximate maximum of triangles per object."""
 _CHOICES: Final = {(missing, movable) for missing in ("error", "skip") for movable in ("dataset", "small")}
 _REMEDY: Final = (
     "Write 'hssd:/path/to/dataset#scene', optionally followed by ?missing=skip&movable=small&triangles=1500 "

@@ -52,6 +52,7 @@ _SPARE: Final = 0.02
 _SETTING: Final = 0.12
 """Distance from the edge of a table to the near edge of a plate's middle, metres."""
 _TRIES: Final = 12
+"""Places that are tried for a small thing."""
 
 
 def dress(space: RoomOccupancy, context: FurnishingContext) -> None:

@@ -15,6 +15,7 @@ _SIZES: Final = {
 }  # fmt: skip
 """Smallest and largest area of each kind of room, square metres."""
 _LEAST_WIDTH: Final = {"living": 4.0, "kitchen": 2.7, "dining": 2.9, "bathroom": 1.75, "laundry": 1.65, "office": 2.5}
+"""Least width of a kind of room in its row, metres; 2.8 of all others."""
 
 
 def _programme(rng: np.random.Generator, layout: Layout) -> list[str]:

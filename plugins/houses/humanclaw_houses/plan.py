@@ -51,6 +51,7 @@ class Layout:
 _SHAPES: Final = (0.28, 0.22, 0.18, 0.17, 0.15)
 """Shares of the shapes among houses with one storey."""
 _TWO_LIVINGS: Final = 0.3
+"""Share of large houses with two living rooms."""
 
 
 @dataclass(frozen=True)

@@ -54,7 +54,8 @@ _SHOCK: Final = 60.0
 _WRIST: Final = 15.0
 """Torque of a hand, newton metres."""
 _FALL: Final = 4
-"""Chunks in which what left a hand comes to rest."""
+"""Chunks in which what left a hand comes to rest: a cup that falls 1.1 m goes 3.9 cm in a step, and into the floor if
+contacts are looked for less often."""
 _PULL: Final = 250.0
 """Force of a hand on a thing on a joint, newtons: a standing adult pulls with more than an arm lifts. The lids of ovens
 take up to 180: their friction bears their weight."""

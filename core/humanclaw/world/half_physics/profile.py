@@ -10,6 +10,7 @@ import numpy as np
 from humanclaw.errors import HumanclawError
 
 REFERENCE_STIFFNESS: Final = (("ankle", 0.1), ("shoulder", 0.03), ("wrist", 0.1))
+"""Where the passive stiffness is not 1: known-good constants of the paper's implementation."""
 YIELDING_ARMS: Final = (("ankle", 0.1), ("shoulder", 0.001), ("elbow", 0.001), ("wrist", 0.001), ("hand", 0.001))
 
 

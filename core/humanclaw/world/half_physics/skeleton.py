@@ -15,7 +15,9 @@ LINK_OF: Final = {link.joint: link for link in LINKS}
 ARMS: Final = tuple(link.joint for link in LINKS if link.group == "arm_hand")
 """In order: a sum over a set of names differs in its last bit from process to process."""
 _COLLAR_MASS: Final = 0.1
+"""Kilograms of a joint without a link of its own, such as a collar."""
 _PELVIS_INERTIA: Final = 1e6
+"""Kilograms by square metres."""
 
 
 def link_mass(joint: str, profile: Profile) -> float:

@@ -25,6 +25,7 @@ UPPER: Final = tuple(
 )
 CHANNELS: Final = 3 + 3 * len(UPPER)
 HARMONICS: Final = 4
+"""Of the step cycle, to which the gait of the upper body is fitted."""
 # Of the clips that the shipped prior learnt from: level walks at several speeds, and idlers who look ahead.
 _WALKS: Final = ("02_01", "005_01", "006_01", "007_02", "007_03", "007_09", "007_11")
 _IDLES: Final = ("000_genuine", "010_genuine", "014_genuine", "015_genuine")
