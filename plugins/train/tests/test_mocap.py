@@ -194,8 +194,11 @@ BELOW = {"LeftUpLeg": "Hips", "RightUpLeg": "Hips", "Spine": "Hips", "LeftArm": 
 }  # fmt: skip
 
 
-def standing_bvh(prefix="", turn=None):
-    """Write one second of standing, with names of Mixamo, LAFAN and others; turn: (3, 3) to other axes."""
+def standing_bvh(prefix="", turn=None, hips=None):
+    """Write one second of standing, with names of Mixamo, LAFAN and others.
+
+    turn: (3, 3) to other axes. hips: their position and angles, ZXY, in place of those of standing.
+    """
     place = {name: np.asarray(xyz) @ (np.eye(3) if turn is None else turn).T for name, xyz in STANDING.items()}
 
     def write(name, indent):
@@ -208,7 +211,7 @@ def standing_bvh(prefix="", turn=None):
         return [*lines, "}"] if any(parent == name for parent in BELOW.values()) else [
             *lines, "End Site", "{", "OFFSET 0 0 0", "}", "}"]  # fmt: skip
 
-    row = " ".join(map(str, place["Hips"])) + " 0" * (3 * len(STANDING))
+    row = " ".join(map(str, hips or (*place["Hips"], 0, 0, 0))) + " 0" * (3 * len(STANDING) - 3)
     return "\n".join(["HIERARCHY", *write("Hips", 0), "MOTION", "Frames: 30", "Frame Time: 0.033333", *[row] * 30, ""])
 
 
@@ -256,6 +259,28 @@ def test_a_body_that_lies_keeps_the_up_axis_of_its_format(tmp_path):
     lying = load(tmp_path / "a.npz")
     assert np.ptp(lying.positions[0, :, 1]) < 0.4
     assert np.ptp(load(tmp_path / "a.npz", Reading(up="y")).positions[0, :, 1]) > 1.4
+
+
+@pytest.mark.parametrize(
+    "hips",
+    [
+        pytest.param((0, 0.6, 0, 0, -90, 0), id="on a bed"),
+        pytest.param((0, 0.1, -0.85, 0, -90, 0), id="on the floor, its feet by chance at 0"),
+        pytest.param((0, -0.8, 1, 0, -90, 0), id="on a floor that is not at 0"),
+        pytest.param((0, 1.6, 0, 180, 0, 0), id="on its head"),
+    ],
+)
+def test_a_body_that_may_lie_or_stand_wants_its_up_axis(tmp_path, hips):
+    path = written(tmp_path, "a.bvh", standing_bvh(hips=hips))
+    with pytest.raises(MocapError, match=r"may lie or stand.*--up y"):
+        load(path)
+    motion = load(path, Reading(up="y"))
+    np.testing.assert_allclose(motion.positions[0, 0], hips[:3], atol=1e-9)
+
+
+def test_a_body_that_lies_on_the_floor_is_not_stood_up(tmp_path):
+    motion = load(written(tmp_path, "a.bvh", standing_bvh(hips=(0, 0.1, 0, 0, -90, 0))))
+    assert np.ptp(motion.positions[0, :, 1]) < 0.1
 
 
 @pytest.mark.parametrize(

@@ -139,6 +139,48 @@ def test_the_floor_lies_under_the_feet_however_high_the_capture(source, walk):
     np.testing.assert_allclose(retarget(high).root, walk.root, atol=1e-6)
 
 
+# -- skeletons whose frames say other than their joints ----------------------------------------------------------------
+def turned_about(source, names, axis, degrees, *, in_rest):
+    """Turn the frames of joints, whose positions stay, in the reference pose or in the motion."""
+    turn, indices = matrix_from_vector(np.radians(degrees) * np.array(axis)), [source.joints.index(n) for n in names]
+    rotations = (source.rest if in_rest else source).rotations.copy()
+    rotations[..., indices, :, :] = rotations[..., indices, :, :] @ turn
+    return replace(
+        source, **({"rest": replace(source.rest, rotations=rotations)} if in_rest else {"rotations": rotations})
+    )
+
+
+@pytest.mark.parametrize("degrees", [30, 90])
+def test_hips_lie_where_the_legs_begin_however_their_frame_rolls(source, walk, degrees):
+    """Inverse kinematics may roll the pelvis about the forward axis, which the source has along X, and turn the joints
+    below back."""
+    rolled = retarget(turned_about(source, ["root"], (1, 0, 0), degrees, in_rest=False))
+    across = [joint(motion, "left_hip") - joint(motion, "right_hip") for motion in (rolled, walk)]
+    assert degrees_between(*across).max() < 1
+    assert np.abs(rolled.joints() - walk.joints())[:, JOINT_INDEX["left_knee"]].max() < 0.02
+
+
+@pytest.mark.parametrize("degrees", [20, 180])
+def test_knees_bend_as_captured_whatever_the_zero_pose_says(source, walk, degrees):
+    """A reference pose that is a frame of the motion twists the legs; one with mirrored bones turns them half round."""
+    other = turned_about(source, ["left_hip", "left_knee"], (0, 1, 0), degrees, in_rest=True)
+    np.testing.assert_allclose(joint(retarget(other), "left_knee"), joint(walk, "left_knee"), atol=0.03)
+
+
+def test_a_body_with_left_and_right_exchanged_is_refused(source):
+    names = tuple({"l": "right", "r": "left"}[n[0]] + n[n.index("_") :] if "_" in n else n for n in source.joints)
+    with pytest.raises(MocapError, match="left and right were exchanged"):
+        retarget(replace(source, joints=names))
+
+
+@pytest.mark.parametrize(("unit", "slides"), [(0.01, "99%"), (0.0, "100%"), (10, "-90.%")])
+def test_a_root_in_another_unit_than_the_bones_is_refused(source, unit, slides):
+    """A foot that stands moves by one step less than the root: by unit - 1 of it."""
+    travel = (source.positions[:, :1] - source.positions[:1, :1]) * [1, 0, 1]
+    with pytest.raises(MocapError, match=f"slide by {slides}.*another unit"):
+        retarget(replace(source, positions=source.positions + (unit - 1) * travel))
+
+
 # -- clips -------------------------------------------------------------------------------------------------------------
 def pack(folder, humanoid3d, notes):
     with tarfile.open(folder / "some.tar.xz", "w:xz") as tar:

@@ -140,7 +140,7 @@ class Folder:
                 clips.append(_file_clip(file, folder, reading))
             except MocapError as error:
                 # Without the file's name, so that a report can group files by reason.
-                left_out[str(file.relative_to(folder))] = error.message.removeprefix(str(file)).lstrip(": ")
+                left_out[str(file.relative_to(folder))] = str(error).removeprefix(str(file)).lstrip(": ")
         if not clips:
             raise MocapError(
                 f"{folder} holds no motion ({len(left_out)} files were tried).",

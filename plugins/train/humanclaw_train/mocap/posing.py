@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from humanclaw import Motion
-from humanclaw.body import JOINT_INDEX, OFFSETS, PARENTS, Array, vector_from_matrix
+from humanclaw.body import JOINT_INDEX, OFFSETS, PARENTS, Array, matrix_from_vector, vector_from_matrix
 
 STRAIGHT: Final = 0.9995
 """Share of its length to which a leg may stretch. A leg that is never quite straight keeps its knee from snapping."""
@@ -16,6 +16,10 @@ LEG: Final = float(
     np.linalg.norm(OFFSETS[JOINT_INDEX["left_knee"]]) + np.linalg.norm(OFFSETS[JOINT_INDEX["left_ankle"]])
 )
 """Length of our legs, metres."""
+_BENT: Final = 0.35
+"""Sine of a bend of 20 degrees: a straighter knee shows no plane, and one that is bent so far the wrong way is rare."""
+_SHOWN: Final = 10
+"""Frames with a bent knee, from which the twist of a leg is known."""
 
 
 @dataclass(frozen=True)
@@ -88,4 +92,24 @@ def reach_ankle(root: Array, world: Array, side: str, ankle: Array) -> Array:
     result = world.copy()
     result[:, hip] = swing(world[:, hip] @ OFFSETS[knee], bend) @ world[:, hip]
     result[:, knee] = swing(world[:, knee] @ OFFSETS[foot], distance * along - bend) @ world[:, knee]
+    return result
+
+
+def hinged(world: Array, side: str, thigh: Array, shin: Array) -> Array:
+    """Turn thigh and shin about themselves by one angle, which lays the knee's hinge across the plane that it bends in.
+
+    thigh, shin: (T, 3), as captured. A reference pose that is a frame of the motion, or whose bones are mirrored, gives
+    a leg another twist. Returns the world orientations (T, 24, 3, 3).
+    """
+    hip, knee = JOINT_INDEX[f"{side}_hip"], JOINT_INDEX[f"{side}_knee"]
+    along, normal = unit(thigh), np.cross(unit(thigh), unit(shin))
+    hinge = world[:, hip, :, 0] + world[:, knee, :, 0]
+    bent = np.linalg.norm(normal, axis=-1) > _BENT
+    sine, cosine = np.sum(along * np.cross(hinge, normal), -1), np.sum(hinge * normal, -1)
+    if bent.sum() < _SHOWN:
+        return world
+    angle = np.arctan2(sine[bent].sum(), cosine[bent].sum())
+    result = world.copy()
+    for joint, bone in ((hip, along), (knee, unit(shin))):
+        result[:, joint] = matrix_from_vector(angle * bone) @ world[:, joint]
     return result

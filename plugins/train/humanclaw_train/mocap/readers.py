@@ -17,6 +17,7 @@ import numpy as np
 from humanclaw.body import JOINTS, OFFSETS, PARENTS, matrix_from_quaternion, matrix_from_vector
 from humanclaw_train.mocap.asf import load_amc, skeleton_of
 from humanclaw_train.mocap.bvh import load_bvh
+from humanclaw_train.mocap.posing import swing
 from humanclaw_train.mocap.source_motion import AXES, UNREADABLE, MocapError, Rest, SourceMotion, Tree, read_text
 from humanclaw_train.mocap.up_axis import Up, stood_up
 
@@ -44,15 +45,14 @@ def load(path: Path, reading: Reading = AS_WRITTEN) -> SourceMotion:
     suffix = path.suffix.lower()
     if suffix not in _READERS:
         raise MocapError(f"{path} has an unknown suffix.", "Give a .bvh, .amc, .npz (AMASS) or .txt (humanoid3d) file.")
-    read, up = _READERS[suffix]
     try:
-        source = replace(read(path), naming=reading.joints)
+        source = replace(_READERS[suffix](path), naming=reading.joints)
     except (ArithmeticError, LookupError, TypeError, ValueError) as error:
         # Whatever else is wrong with one file must not end the reading of a folder.
         raise MocapError(f"{path} cannot be read: {error}.", "Correct the file, or export it again.") from error
     if reading.fps:
         source = replace(source, fps=reading.fps)
-    return stood_up(source, reading.up, up)
+    return stood_up(source, reading.up)
 
 
 # -- AMASS -------------------------------------------------------------------------------------------------------------
@@ -79,7 +79,9 @@ def load_amass(path: Path) -> SourceMotion:
     local[:, :22] = matrix_from_vector(poses[:, :66].reshape(-1, 22, 3))
     tree = Tree(JOINTS, PARENTS, OFFSETS)
     positions, rotations = tree.motion(trans, local)
-    return SourceMotion(fps, JOINTS, PARENTS, positions, rotations, tree.rest(), str(path))
+    motion = SourceMotion(fps, JOINTS, PARENTS, positions, rotations, tree.rest(), str(path))
+    # Files of the format have Z up, and our skeleton Y.
+    return motion.turned(np.eye(3), swing(AXES["y"], AXES["z"]))
 
 
 # -- humanoid3d --------------------------------------------------------------------------------------------------------
@@ -133,10 +135,9 @@ def load_humanoid3d(path: Path) -> SourceMotion:
     return SourceMotion(fps, tree.joints, tree.parents, positions, rotations, rest, str(path))
 
 
-_READERS: Final[Mapping[str, tuple[Callable[[Path], SourceMotion], Up]]] = {
-    ".bvh": (load_bvh, "y"),
-    ".amc": (lambda path: load_amc(path, skeleton_of(path)), "y"),
-    ".npz": (load_amass, "z"),
-    ".txt": (load_humanoid3d, "y"),
+_READERS: Final[Mapping[str, Callable[[Path], SourceMotion]]] = {
+    ".bvh": load_bvh,
+    ".amc": lambda path: load_amc(path, skeleton_of(path)),
+    ".npz": load_amass,
+    ".txt": load_humanoid3d,
 }
-"""By suffix: the reader, and the axis that points up in most files of the format."""

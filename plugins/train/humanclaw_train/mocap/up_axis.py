@@ -21,38 +21,45 @@ _NEAR: Final = 0.1
 """A floor lies at 0, give or take this share of the body's height."""
 
 
-def stood_up(source: SourceMotion, asked: Up | None, usual: Up) -> SourceMotion:
+def stood_up(source: SourceMotion, asked: Up | None) -> SourceMotion:
     """Return motion turned to Y up, and its reference pose likewise, each by the axis that points up in it.
 
-    asked: the axis of the motion; None to find it. usual: the axis where nothing else can be found.
+    asked: the axis of the motion; None to find it. Raises MocapError if a body may as well lie as stand.
     """
     try:
         naming = naming_of(source)
     except MocapError:  # Retargeting says which joints are missing.
-        turn = _to_y(asked or usual)
+        turn = _to_y(asked or "y")
         return source.turned(turn, turn)
     top, feet = naming.get("head", naming.get("neck", naming["left_shoulder"])), ("left_ankle", "right_ankle")
     columns = [source.joints.index(name) for name in (top, naming["pelvis"], *(naming[foot] for foot in feet))]
     joints = source.positions[:, columns]
-    up = asked or _found(source.positions, joints, usual)
     reference = _stands(source.rest.positions[None, columns])
+    up = asked or _found(source, joints, reference or "y")
     if reference is None:
         # Zero angles that are no pose of a person, as of LAFAN and Rokoko, whose bones all lie along X then.
         source, reference = source.with_reference_frame(_straightest(joints, up)), up
     return source.turned(_to_y(up), _to_y(reference))
 
 
-def _found(positions: Array, joints: Array, usual: Up) -> Up:
-    """Return the axis that points up. positions: (T, J, 3) of all joints. joints: (T, 4, 3) of head, pelvis, ankles.
+def _found(source: SourceMotion, joints: Array, usual: Up) -> Up:
+    """Return the axis that points up. joints: (T, 4, 3) of head, pelvis, ankles. usual: the axis of the skeleton.
 
-    A body that lies along an axis looks like one that stands along it. It lies if all its joints are just above 0 along
-    the usual axis, and its feet are not at 0 along its own.
+    A body that lies along an axis looks like one that stands along it. It lies if its trunk is above 0 along the usual
+    axis and something of it at 0, and stands if its feet are at 0 along its own.
     """
     stands = _stands(joints)
     if stands is None or stands == usual:
         return usual
-    height = float(np.median(np.linalg.norm(_length(joints), axis=-1)))
-    lies = 0 < _lowest(positions, usual) < _NEAR * height and abs(_lowest(positions, stands)) > _NEAR * height
+    near = _NEAR * float(np.median(np.linalg.norm(_length(joints), axis=-1)))
+    lies = _lowest(joints, usual) > 0 and _lowest(source.positions, usual) < near
+    on_feet = abs(_lowest(source.positions, stands)) < near
+    if lies == on_feet:
+        raise MocapError(
+            f"{source.source}: expected a body that stands along {usual}, as its skeleton does; it is along {stands}, "
+            "and may lie or stand.",
+            f"Give the axis that points up: --up {usual} or --up {stands}.",
+        )
     return usual if lies else stands
 
 
@@ -66,8 +73,9 @@ def _stands(joints: Array) -> Up | None:
     length = np.linalg.norm(_length(joints), axis=-1)
     for up in get_args(Up):
         heights = joints @ _axis(up)
-        head, pelvis, ankles = heights[:, 0], heights[:, 1], heights[:, 2:].mean(axis=1)
-        if np.mean((head - ankles > _ALONG * length) & (head > pelvis) & (pelvis > ankles)) >= _MOSTLY:
+        head, pelvis, ankles = heights[:, 0], heights[:, 1], heights[:, 2:]
+        along = head - ankles.mean(axis=1) > _ALONG * length
+        if np.mean(along & (head > pelvis) & (pelvis > ankles.max(axis=1))) >= _MOSTLY:
             return cast(Up, up)
     return None
 
