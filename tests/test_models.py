@@ -138,6 +138,16 @@ def turned_twice(file: Gltf) -> None:
     del file.head["scenes"]
 
 
+def copied(file: Gltf) -> None:
+    """A copy as it is, and one twice as large 3 m along z, of a node that moves by 1 m along x."""
+    copies = {"TRANSLATION": file.array([[0, 0, 0], [0, 0, 3]]), "SCALE": file.array([[1, 1, 1], [2, 2, 2]])}
+    file.head["nodes"][0] |= {
+        "translation": [1, 0, 0],
+        "extensions": {"EXT_mesh_gpu_instancing": {"attributes": copies}},
+    }
+    file.head["extensionsRequired"] = ["EXT_mesh_gpu_instancing"]
+
+
 SHAPES: dict[Callable[[Gltf], None], Any] = {
     sparse: [[[0, 0, 0], [4, 0, 0], [0, 1, 0]]],
     sparse_alone: [[[0, 0, 0], [4, 0, 0], [0, 0, 0]]],
@@ -149,6 +159,7 @@ SHAPES: dict[Callable[[Gltf], None], Any] = {
     morphed: [[[0, 0, 1], [2, 0, 1], [0, 1, 1]]],
     mirrored: [[[0, 1, 0], [-2, 0, 0], [0, 0, 0]]],
     turned_twice: [[[1, 0, 0], [1, 2, 0], [0, 0, 0]]],
+    copied: [[[1, 0, 0], [3, 0, 0], [1, 1, 0]], [[1, 0, 3], [5, 0, 3], [1, 2, 3]]],
 }
 
 
@@ -157,7 +168,8 @@ def test_a_gltf_has_the_shape_that_its_file_says(tmp_path: Path, change: Callabl
     file = Gltf()
     change(file)
     model = read_model(file.write(tmp_path))
-    np.testing.assert_allclose([part.vertices[part.faces] for part in model.parts], [SHAPES[change]], atol=1e-6)
+    found = np.concatenate([part.vertices[part.faces] for part in model.parts])
+    np.testing.assert_allclose(found, SHAPES[change], atol=1e-6)
     assert model.left_out == ()
 
 

@@ -69,6 +69,16 @@ def test_every_start_finds_every_object_at_the_same_place(simulator: Simulator) 
     assert all(one == found[0] for one in found)
 
 
+def test_what_is_placed_in_a_floor_stays_in_it(simulator: Simulator) -> None:
+    """The top of a box 5 cm under the floor: the nearest way out of it is down, for ever."""
+    builder = SceneBuilder.on_floor()
+    box = builder.box("box", (0.3, 0.3, 0.3), (0, -0.35, 0.6), movable=True, mass=5.0)
+    scene = builder.scene()
+    simulator.reset(scene, scene.start)
+    assert walked(simulator, scene).simulated.root[-1, 2] > 0.5
+    np.testing.assert_array_equal(simulator.state().objects[box][:3], scene.by_id[box].position)
+
+
 def test_a_house_from_the_cache_is_the_house_that_settled(engine: str, cache: Path, plugins: Plugins) -> None:
     first, later = (walked(plugins.make("simulators", engine), house()) for _ in range(2))
     assert len(list(cache.glob("*/*"))) == 1

@@ -60,9 +60,22 @@ def _settled(open_world: OpenWorld, scene: Scene, profile: Profile, movable: lis
         return np.array([np.concatenate([*vars(world.motion(key)).values()]) for key in movable])
 
     try:
+        placed = after(0)
         before, motions = after(_FRAMES - _LAST), after(_LAST)
         speed, way = (np.abs(part).max(axis=1) for part in (motions[:, 7:], (motions - before)[:, :3]))
         motions[(speed < _STILL[0]) & (way < _STILL[1]), 7:] = 0.0
-        return motions
+        return _held_up(scene, movable, placed, motions)
     finally:
         world.close()
+
+
+def _held_up(scene: Scene, movable: list[int], placed: Array, motions: Array) -> Array:
+    """Leave what is placed so deep in a floor that it leaves the scene below it at rest where it is placed."""
+    fixed = [hull for obj in scene.objects if not obj.movable for hull in scene.hulls(obj.id)]
+    low, high = (np.array([edge(hull, axis=0) for hull in fixed]).reshape(-1, 3) for edge in (np.min, np.max))
+    for key, before, after in zip(movable, placed, motions, strict=True):
+        points = np.concatenate(scene.hulls(key))
+        inside = (points.min(axis=0) < high) & (points.max(axis=0) > low)
+        if inside.all(axis=1).any() and points[:, 1].max() + after[1] - before[1] < low[:, 1].min():
+            after[:] = before
+    return motions

@@ -35,6 +35,7 @@ _BLANK_BYTES: Final = 256 * MIB
 _PLAIN: Final = (102, 102, 102)
 """sRGB colour of a piece without a material."""
 _DRACO: Final = "KHR_draco_mesh_compression"
+_COPIES: Final = "EXT_mesh_gpu_instancing"
 _GLOSS, _TURNED = "KHR_materials_pbrSpecularGlossiness", "KHR_texture_transform"
 _HARMLESS: Final = (
     "KHR_materials_",
@@ -43,6 +44,7 @@ _HARMLESS: Final = (
     "EXT_texture_",
     "KHR_lights_",
     "KHR_mesh_quantization",
+    _COPIES,
 )
 """How the required extensions begin that are read, or that leave the shape of a model as it is."""
 _FETCH: Final = "Fetch the file again."
@@ -104,16 +106,17 @@ class _File:
 
     def parts(self) -> Iterator[Part]:
         places = self._places()
-        shown = [(node, self.head["nodes"][node]) for node in places if "mesh" in self.head["nodes"][node]]
-        self._check_size([self.head["meshes"][node["mesh"]] for _, node in shown])
-        for number, node in shown:
-            mesh = self.head["meshes"][node["mesh"]]
+        nodes = [(number, self.head["nodes"][number]) for number in places]
+        shown = [(number, node, copy) for number, node in nodes if "mesh" in node for copy in self._copies(node)]
+        self._check_size([self.head["meshes"][node["mesh"]] for _, node, _ in shown])
+        for number, node, copy in shown:
+            mesh, there = self.head["meshes"][node["mesh"]], places | {number: places[number] @ copy}
             weights = node.get("weights", mesh.get("weights", ()))
             for piece in mesh["primitives"]:
                 if piece.get("mode", _TRIANGLES) < _TRIANGLES:
                     self.lost["pieces of points or lines"] += 1
                 else:
-                    yield self._part(_Piece(self, piece), weights, places, number)
+                    yield self._part(_Piece(self, piece), weights, there, number)
 
     def _check_size(self, meshes: list[Any]) -> None:
         """Raise SceneError if the copies of meshes have too many pieces or corners together."""
@@ -128,6 +131,15 @@ class _File:
             raise SceneError(
                 f"it holds more than {MOST:,} vertices and triangles, or {_PIECES:,} pieces.", "Simplify it."
             )
+
+    def _copies(self, node: Any) -> list[Array]:
+        """Return the (4, 4) frames of the copies of a node's mesh, in the frame of the node."""
+        named = node.get("extensions", {}).get(_COPIES, {}).get("attributes", {})
+        named = {name.lower(): number for name, number in named.items() if not name.startswith("_")}
+        if any(self.head["accessors"][number]["count"] > _PIECES for number in named.values()):
+            raise SceneError(f"it holds more than {_PIECES:,} pieces.", "Simplify it.")
+        values = {name: self.array(number) for name, number in named.items()}
+        return [_frame(dict(zip(values, row, strict=True))) for row in zip(*values.values())] or [np.eye(4)]
 
     def _part(self, piece: _Piece, weights: Any, places: dict[int, Array], node: int) -> Part:
         points, faces = piece.points(weights), piece.faces()
