@@ -139,7 +139,9 @@ class _File:
         if any(self.head["accessors"][number]["count"] > _PIECES for number in named.values()):
             raise SceneError(f"it holds more than {_PIECES:,} pieces.", "Simplify it.")
         values = {name: self.array(number) for name, number in named.items()}
-        return [_frame(dict(zip(values, row, strict=True))) for row in zip(*values.values())] or [np.eye(4)]
+        return [_frame(dict(zip(values, row, strict=True))) for row in zip(*values.values(), strict=True)] or [
+            np.eye(4)
+        ]
 
     def _part(self, piece: _Piece, weights: Any, places: dict[int, Array], node: int) -> Part:
         points, faces = piece.points(weights), piece.faces()
