@@ -81,10 +81,11 @@ def footing(contact: Contact, ground: Set[int]) -> bool:
 
 
 def touched_above_ground(recorded: RecordedEpisode | Transition, step: StepRecord) -> tuple[Contact, ...]:
-    """Return the contacts of a step, without those of standing: below FLOOR_THRESHOLD, or a foot on stairs or an upper
-    floor."""
+    """Return the contacts of a step with objects, without those of standing: below FLOOR_THRESHOLD, or a foot on stairs
+    or an upper floor."""
     level, ground = recorded.record.start.floor + FLOOR_THRESHOLD, set(recorded.record.ground)
-    return tuple(contact for contact in step.contacts if contact.height > level and not footing(contact, ground))
+    above = (contact for contact in step.contacts if contact.height > level and not contact.person)
+    return tuple(contact for contact in above if not footing(contact, ground))
 
 
 def end_distance(recorded: RecordedEpisode) -> float:

@@ -101,8 +101,11 @@ if TYPE_CHECKING:
         DistanceFn as DistanceFn,
         Execution as Execution,
         Heard as Heard,
+        SharedSimulator as SharedSimulator,
         Simulator as Simulator,
         WorldState as WorldState,
+        person_id as person_id,
+        shared as shared,
     )
     from humanclaw.world.view import (
         BODY_ID as BODY_ID,

@@ -4,12 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import ClassVar, Protocol, TypeAlias
+from typing import ClassVar, Protocol, TypeAlias, runtime_checkable
 
 from humanclaw.body.pose import Array, Motion, Pose2D
 from humanclaw.body.skeleton import BodyGroup, Side
+from humanclaw.errors import HumanclawError
 from humanclaw.text.json import STRICT
 from humanclaw.world.scene import Scene
+
+
+def person_id(body: int) -> int:
+    """Return the id under which the others see and touch a body of a shared world: -2 for body 0, -3 for body 1."""
+    return -2 - body
 
 
 @dataclass(frozen=True)
@@ -21,6 +27,8 @@ class WorldState:
     """Pose (7,) by id of the movable object: position, then quaternion x, y, z, w."""
     held: Mapping[Side, int] = field(default_factory=dict)
     """Id of the object in each hand that holds one, by side."""
+    people: Mapping[int, Motion] = field(default_factory=dict)
+    """Poses (one frame) of the other bodies, by `person_id`."""
 
 
 @dataclass(frozen=True)
@@ -36,6 +44,8 @@ class Execution:
     """Path (15, 7) by id of each movable object that moved in this chunk."""
     held: Mapping[Side, int] = field(default_factory=dict)
     """Id of the object in each hand that holds one at the end, by side."""
+    people: Mapping[int, Motion] = field(default_factory=dict)
+    """The simulated frames of the other bodies, by `person_id`."""
     heard: tuple[Heard, ...] = ()
     """What others said since the chunk before."""
 
@@ -62,6 +72,35 @@ class Simulator(Protocol):
     def close(self) -> None: ...
 
 
+@runtime_checkable
+class SharedSimulator(Simulator, Protocol):
+    """A simulator whose world may hold several bodies, each with an Execution and a WorldState of its own.
+
+    As a Simulator it moves a world of one. Not every simulator is shared: ask `shared`.
+    """
+
+    @property
+    def shared(self) -> bool:
+        """Whether its worlds hold several bodies."""
+
+    def reset_all(self, scene: Scene, starts: Sequence[Pose2D]) -> Sequence[WorldState]:
+        """Stand a body on each start. Raises SceneError as reset does, also for two bodies in one place."""
+
+    def execute_all(self, motions: Sequence[Motion]) -> Sequence[Execution]:
+        """Drive each body through its motion, all of the same number of frames at the same time."""
+
+    def states(self) -> Sequence[WorldState]: ...
+
+    def grip(self, side: Side, closed: bool, body: int = 0) -> None: ...
+
+
+def shared(simulator: Simulator) -> SharedSimulator:
+    """Return a simulator whose worlds hold several bodies. Raises HumanclawError for one whose worlds hold one."""
+    if isinstance(simulator, SharedSimulator) and simulator.shared:
+        return simulator
+    raise HumanclawError("the worlds of this simulator hold one body.", "Choose bullet or mujoco for several.")
+
+
 DistanceFn: TypeAlias = Callable[[Array], float]
 """Maps a pelvis (3,) to the length of the shortest way to a target, metres; infinite if there is none."""
 DistanceFactory: TypeAlias = Callable[[Scene, Sequence[int], float], DistanceFn]
@@ -70,7 +109,7 @@ DistanceFactory: TypeAlias = Callable[[Scene, Sequence[int], float], DistanceFn]
 
 @dataclass(frozen=True)
 class Contact:
-    """Contact of a link with an object: its frames, and the deepest and highest point among them.
+    """Contact of a link with an object or a person: its frames, and the deepest and highest point among them.
 
     A simulator reports contacts of a chunk (15 frames); a record merges those of a step.
     """
@@ -82,11 +121,17 @@ class Contact:
     joint: str
     group: BodyGroup
     object_id: int
+    """Of an object, or the `person_id` of another body."""
     movable: bool
     depth: float
     """Penetration in metres, positive inside."""
     height: float
     """World height of the contact point, metres."""
+
+    @property
+    def person(self) -> bool:
+        """Whether the link met another body, and no object."""
+        return self.object_id < 0
 
 
 @dataclass(frozen=True)

@@ -1,9 +1,10 @@
-"""A scene and a body in Bullet."""
+"""A scene and its bodies in Bullet."""
 
 from __future__ import annotations
 
 import tempfile
 from collections.abc import Collection, Mapping, Sequence
+from copy import copy
 from pathlib import Path
 from typing import Any, Final
 
@@ -12,7 +13,7 @@ import numpy as np
 from humanclaw import Scene
 from humanclaw.body import JOINTS, Array
 from humanclaw.storage import source_digest
-from humanclaw.world import LEVEL, TOUCHING, HalfPhysics, ObjectMotion, Pose, Profile, Touch
+from humanclaw.world import LEVEL, TOUCHING, HalfPhysics, ObjectMotion, Pose, Profile, Touch, person_id
 from humanclaw_bullet.body import load_body
 from humanclaw_bullet.engine import Client
 from humanclaw_bullet.objects import Objects
@@ -31,10 +32,10 @@ _LINKS: Final = list(range(len(JOINTS) - 1))
 
 
 class BulletWorld:
-    """The World of humanclaw.world on Bullet."""
+    """The World of humanclaw.world on Bullet, as one of its bodies has it."""
 
-    def __init__(self, scene: Scene, profile: Profile, pose: Pose) -> None:
-        """Load a scene with a body at rest in a pose.
+    def __init__(self, scene: Scene, profile: Profile, pose: Pose, *others: Pose) -> None:
+        """Load a scene with bodies at rest in poses; this is the world of the first (see others).
 
         Raises SceneError for a movable object without a mass.
         """
@@ -48,12 +49,22 @@ class BulletWorld:
         try:
             with tempfile.TemporaryDirectory() as folder:  # One for all files: to remove a folder takes milliseconds.
                 self._objects = Objects(client, scene, Path(folder))
-                self._body = load_body(client, profile, Path(folder))
+                bodies = [load_body(client, profile, Path(folder)) for _ in (pose, *others)]
         except BaseException:  # Whatever happens, Ctrl-C included: nobody else could free this world.
             client.close()
             raise
-        self.move(pose.root, pose.quaternions[0], np.zeros(3), np.zeros(3))
-        self.bend(pose.quaternions[1:], np.zeros((len(_LINKS), 3)))
+        self._bodies, self._body = bodies, bodies[0]
+        self._objects.object_of.update((body, person_id(number)) for number, body in enumerate(bodies))
+        self.others = [self._of(body) for body in bodies[1:]]
+        """The same world as each other body has it."""
+        for world, its in zip((self, *self.others), (pose, *others), strict=True):
+            world.move(its.root, its.quaternions[0], np.zeros(3), np.zeros(3))
+            world.bend(its.quaternions[1:], np.zeros((len(_LINKS), 3)))
+
+    def _of(self, body: int) -> BulletWorld:
+        world = copy(self)
+        world._body = body
+        return world
 
     def pose(self) -> Pose:
         root, turn = self._client.getBasePositionAndOrientation(self._body)
@@ -89,8 +100,9 @@ class BulletWorld:
     def _touches(self) -> Sequence[Touch]:
         known = self._objects.object_of
         return [
-            Touch(row[_LINK_A] + 1, known[row[_BODY_B]], row[_POINT], row[_NORMAL], row[_DISTANCE], row[_FORCE])
-            for row in self._client.getContactPoints(self._body)
+            Touch(row[_LINK_A] + 1, known[row[_BODY_B]], row[_POINT], row[_NORMAL], row[_DISTANCE], row[_FORCE], number)
+            for number, body in enumerate(self._bodies)
+            for row in self._client.getContactPoints(body)
             if row[_BODY_B] in known
         ]
 
@@ -100,7 +112,7 @@ class BulletWorld:
         known = self._objects.object_of
         met = {(row[_BODY_A], row[_BODY_B]) for row in rows if row[_DISTANCE] <= TOUCHING}
         pairs = {(known.get(a, 0), known.get(b, 0)) for a, b in met}
-        return {(min(pair), max(pair)) for pair in pairs if all(pair)}
+        return {(min(pair), max(pair)) for pair in pairs if min(pair) > 0}
 
     def top(self, object_id: int, above: Array, below: Array) -> float | None:
         body, _, _, at, face = self._client.rayTest(above, below)[0]
@@ -143,4 +155,9 @@ def _iterations(scene: Scene) -> int:
 
 def bullet(profile: str | Profile = "default") -> HalfPhysics:
     """Return half-physics on Bullet. profile: 'default', 'paper', 'reference', or constants of your own."""
-    return HalfPhysics(BulletWorld, profile, source_digest(("humanclaw_bullet",), ("pybullet",)))
+    return HalfPhysics(BulletWorld, profile, source_digest(("humanclaw_bullet",), ("pybullet",)), _shared)
+
+
+def _shared(scene: Scene, profile: Profile, poses: Sequence[Pose]) -> Sequence[BulletWorld]:
+    world = BulletWorld(scene, profile, *poses)
+    return [world, *world.others]

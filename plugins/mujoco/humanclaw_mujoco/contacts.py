@@ -80,26 +80,29 @@ def harden_stops(
 @compiled
 def body_contacts(
     geoms: Ints, gaps: Array, points: Array, frames: Array, rows: Ints, forces: Array,
-    joint_of: NDArray[np.int64], object_of: NDArray[np.int64],
+    joint_of: NDArray[np.int64], object_of: NDArray[np.int64], body_of: NDArray[np.int64],
 ) -> Array:  # fmt: skip
-    """Return (N, 10) joint, object, point, normal towards the body, distance and force of each contact of the body.
+    """Return (N, 11) joint, object, point, normal towards the body, distance, force and body of each contact of a body;
+    two rows where two bodies meet.
 
     rows: (contacts,) first row of each contact in forces; -1 for one without a constraint.
     """
-    contacts, count = np.empty((gaps.size, 10)), 0
+    contacts, count = np.empty((2 * gaps.size, 11)), 0
     for k in range(gaps.size):
         force = forces[rows[k]] if rows[k] >= 0 else 0.0
-        side = 1 if joint_of[geoms[k, 1]] >= 0 else 0
-        joint = joint_of[geoms[k, side]]
-        if joint < 0 or (gaps[k] > TOUCHING and force <= 0):
+        if gaps[k] > TOUCHING and force <= 0:
             continue
-        row = contacts[count]
-        row[0], row[1] = joint, object_of[geoms[k, 1 - side]]
-        for axis in range(3):
-            row[2 + axis], row[5 + axis] = points[k, axis], frames[k, axis] * (2 * side - 1)
-        # A contact at a distance that already pushes closes in this step, so it counts as touching.
-        row[8], row[9] = min(gaps[k], TOUCHING), force
-        count += 1
+        for side in range(2):
+            geom = geoms[k, side]
+            if joint_of[geom] < 0:
+                continue
+            row = contacts[count]
+            row[0], row[1] = joint_of[geom], object_of[geoms[k, 1 - side]]
+            for axis in range(3):
+                row[2 + axis], row[5 + axis] = points[k, axis], frames[k, axis] * (2 * side - 1)
+            # A contact at a distance that already pushes closes in this step, so it counts as touching.
+            row[8], row[9], row[10] = min(gaps[k], TOUCHING), force, body_of[geom]
+            count += 1
     return contacts[:count]
 
 

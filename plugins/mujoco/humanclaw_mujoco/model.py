@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import mujoco as mj
 import numpy as np
@@ -24,6 +24,7 @@ from humanclaw.world import (
     inertia,
     link_inertia,
     link_mass,
+    person_id,
     solids,
 )
 
@@ -35,11 +36,26 @@ _IMPEDANCE: Final = (0.9999, 0.9999, 0.001, 0.5, 2.0)
 _FIXED: Final = {"contype": 1, "conaffinity": 0, "group": FIXED_GROUP}
 MOVABLE: Final = {"contype": 2, "conaffinity": 7, "group": FIXED_GROUP, "margin": _MARGIN}
 HINGED: Final = MOVABLE | {"contype": 4, "conaffinity": 2}
-_BODY: Final = {"contype": 0, "conaffinity": 7, "group": BODY_GROUP, "margin": _MARGIN}
-"""All geoms collide with one another, with two exceptions: the body not with itself, and fixed and hinged geoms not
+_BODY: Final[dict[str, Any]] = {"contype": 0, "conaffinity": 7, "group": BODY_GROUP, "margin": _MARGIN}
+"""All geoms collide with one another, with two exceptions: a body not with itself, and fixed and hinged geoms not
 among themselves."""
+_MEETS_BODIES: Final = 8
+"""The first bit of contype that says which body a geom belongs to."""
 _AHEAD: Final = 0.3
 """The limit of a joint becomes a constraint this far before it is reached, radians or metres."""
+
+
+class BodyAddresses(NamedTuple):
+    """Where a body is in MuJoCo's qpos and qvel."""
+
+    root: int
+    """First address of the pelvis's position."""
+    root_dof: int
+    """First address of the pelvis's velocity."""
+    turns: NDArray[np.int64]
+    """(23, 4) addresses of the joints' quaternions, in the order of JOINTS[1:]."""
+    spins: NDArray[np.int64]
+    """(23, 3) addresses of their angular velocities."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,19 +64,14 @@ class Model:
 
     mj: Any
     joint_of: NDArray[np.int64]
-    """Geom to the index of the body's joint that it moves with; -1 for geoms of objects."""
+    """Geom to the index of the joint of a body that it moves with; -1 for geoms of objects."""
+    body_of: NDArray[np.int64]
+    """Geom to the number of its body; -1 for geoms of objects."""
     object_of: NDArray[np.int64]
-    """Geom to object id; 0 for geoms of the body."""
+    """Geom to object id, or the `person_id` of its body."""
     friction: Array
     """(geoms,) coefficient of each surface."""
-    turns: NDArray[np.int64]
-    """(23, 4) addresses of the joints' quaternions, in the order of JOINTS[1:]."""
-    spins: NDArray[np.int64]
-    """(23, 3) addresses of their angular velocities."""
-    root: int
-    """First address of the pelvis's position."""
-    root_dof: int
-    """First address of the pelvis's velocity."""
+    bodies: Sequence[BodyAddresses]
     movable: Mapping[int, tuple[int, int, Array]]
     """Object id to its first addresses in qpos and qvel, and its (3,) centre of mass in the asset's frame."""
     hinged: Mapping[int, tuple[int, int, ArticulatedObject]]
@@ -69,8 +80,8 @@ class Model:
     """MuJoCo's joint numbers of the hinged objects, in the order of `hinged`."""
 
 
-def build(scene: Scene, profile: Profile) -> Model:
-    """Compile a scene with a body.
+def build(scene: Scene, profile: Profile, bodies: int = 1) -> Model:
+    """Compile a scene with bodies.
 
     Raises SceneError for a movable object without a mass, and for what MuJoCo refuses.
     """
@@ -80,7 +91,8 @@ def build(scene: Scene, profile: Profile) -> Model:
     spec.memory = 1 << 26
     spec.default.geom.solimp[:] = _IMPEDANCE
     spec.compiler.degree = False
-    _add_body(spec, profile)
+    for number in range(bodies):
+        _add_body(spec, profile, number, bodies)
     objects = _Objects(spec, scene)
     objects.add()
     try:
@@ -89,30 +101,37 @@ def build(scene: Scene, profile: Profile) -> Model:
         raise SceneError(
             f"MuJoCo cannot compile scene {scene.name!r}: {error}", "Check that the points of its hulls are finite."
         ) from error
-    return _addressed(compiled, scene, profile, objects)
+    return _addressed(compiled, scene, profile, objects, bodies)
 
 
-def _add_body(spec: Any, profile: Profile) -> None:
-    bodies: list[Any] = []
+def _named(joint: str, number: int) -> str:
+    return f"{joint} {number}"
+
+
+def _add_body(spec: Any, profile: Profile, number: int, bodies: int) -> None:
+    """Add a body, which looks for contacts with those before it. number: its own, of so many."""
+    links: list[Any] = []
+    own = _MEETS_BODIES << number if number < bodies - 1 else 0
+    meets = _BODY | {"contype": own, "conaffinity": _BODY["conaffinity"] | _MEETS_BODIES * ((1 << number) - 1)}
     for joint, name in enumerate(JOINTS):
-        parent = bodies[PARENTS[joint]] if joint else spec.worldbody
-        body = parent.add_body(name=name, pos=OFFSETS[joint])
+        parent = links[PARENTS[joint]] if joint else spec.worldbody
+        body = parent.add_body(name=_named(name, number), pos=OFFSETS[joint])
         body.explicitinertial, body.mass = True, link_mass(name, profile)
         body.ipos, body.inertia = [0.0] * 3, [link_inertia(name, profile)] * 3
-        body.add_joint(name=name, type=mj.mjtJoint.mjJNT_BALL if joint else mj.mjtJoint.mjJNT_FREE)
+        body.add_joint(name=_named(name, number), type=mj.mjtJoint.mjJNT_BALL if joint else mj.mjtJoint.mjJNT_FREE)
         if name in LINK_OF:
-            _add_link(body, name)
-        bodies.append(body)
+            _add_link(body, name, _named(name, number), meets)
+        links.append(body)
 
 
-def _add_link(body: Any, name: str) -> None:
-    shape = LINK_OF[name].shape
+def _add_link(body: Any, joint: str, name: str, meets: Mapping[str, Any]) -> None:
+    shape = LINK_OF[joint].shape
     if isinstance(shape, Box):
-        body.add_geom(name=name, type=mj.mjtGeom.mjGEOM_BOX, size=shape.half, pos=shape.centre, **_BODY)
+        body.add_geom(name=name, type=mj.mjtGeom.mjGEOM_BOX, size=shape.half, pos=shape.centre, **meets)
         return
     centre, turn, length = capsule_frame(shape)
     size, quaternion = [shape.radius, length / 2, 0.0], wxyz(quaternion_from_matrix(turn))
-    body.add_geom(name=name, type=mj.mjtGeom.mjGEOM_CAPSULE, size=size, pos=centre, quat=quaternion, **_BODY)
+    body.add_geom(name=name, type=mj.mjtGeom.mjGEOM_CAPSULE, size=size, pos=centre, quat=quaternion, **meets)
 
 
 class _Objects:
@@ -198,22 +217,28 @@ def _moved(facts: dict[str, Any], offset: Array) -> dict[str, Any]:
     return facts | {"pos": np.array(facts.get("pos", np.zeros(3))) + turned}
 
 
-def _addressed(compiled: Any, scene: Scene, profile: Profile, added: _Objects) -> Model:
-    names = [compiled.geom(k).name for k in range(compiled.ngeom)]
-    joints = np.array([JOINTS.index(name) if name in JOINTS else -1 for name in names])
-    objects = np.array([0 if name in JOINTS else int(name.split()[0]) for name in names])
-    friction = np.array([scene.by_id[key].friction if key else profile.friction for key in objects.tolist()])
+def _addressed(compiled: Any, scene: Scene, profile: Profile, added: _Objects, bodies: int) -> Model:
+    names = [compiled.geom(k).name.split() for k in range(compiled.ngeom)]
+    joints = np.array([JOINTS.index(first) if first in JOINTS else -1 for first, _ in names])
+    owners = np.array([int(number) if first in JOINTS else -1 for first, number in names])
+    objects = np.array([person_id(int(last)) if first in JOINTS else int(first) for first, last in names])
+    friction = np.array([scene.by_id[key].friction if key > 0 else profile.friction for key in objects.tolist()])
     at, dof = compiled.jnt_qposadr, compiled.jnt_dofadr
-    numbers = [compiled.joint(name).id for name in JOINTS]
-    turns = np.array([[at[k] + i for i in (1, 2, 3, 0)] for k in numbers[1:]])
-    spins = np.array([[dof[k] + i for i in range(3)] for k in numbers[1:]])
     hung = {key: compiled.joint(f"object {key}").id for key in (*added.centres, *added.leaves)}
     movable = {key: (int(at[hung[key]]), int(dof[hung[key]]), centre) for key, centre in added.centres.items()}
     hinged = {key: (int(at[hung[key]]), int(dof[hung[key]]), leaf) for key, leaf in added.leaves.items()}
     return Model(
-        compiled, joints, objects, friction, turns, spins, int(at[numbers[0]]), int(dof[numbers[0]]), movable, hinged,
-        np.array([hung[key] for key in hinged], int),
+        compiled, joints, owners, objects, friction, [_body_addresses(compiled, number) for number in range(bodies)],
+        movable, hinged, np.array([hung[key] for key in hinged], int),
     )  # fmt: skip
+
+
+def _body_addresses(compiled: Any, number: int) -> BodyAddresses:
+    at, dof = compiled.jnt_qposadr, compiled.jnt_dofadr
+    joints = [compiled.joint(_named(name, number)).id for name in JOINTS]
+    turns = np.array([[at[k] + i for i in (1, 2, 3, 0)] for k in joints[1:]])
+    spins = np.array([[dof[k] + i for i in range(3)] for k in joints[1:]])
+    return BodyAddresses(int(at[joints[0]]), int(dof[joints[0]]), turns, spins)
 
 
 def wxyz(quaternion: Array) -> Sequence[float]:

@@ -1,4 +1,4 @@
-"""A scene and a body in MuJoCo.
+"""A scene and its bodies in MuJoCo.
 
 MuJoCo's contacts are springs and dampers that act once shapes overlap. A body driven by velocities would enter a wall
 first and be pushed out afterwards. So contacts are made hard here and act ahead: a contact at a distance allows just
@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Collection, Mapping, Sequence
+from copy import copy
 from typing import Final
 
 import mujoco as mj
@@ -20,7 +21,7 @@ from humanclaw.body import Array, matrix_from_quaternion
 from humanclaw.storage import source_digest
 from humanclaw.world import LEVEL, TOUCHING, HalfPhysics, Kinematic, ObjectMotion, Pose, Profile, Touch
 from humanclaw_mujoco.contacts import body_contacts, harden, harden_stops, let_slide
-from humanclaw_mujoco.model import FIXED_GROUP, Model, build
+from humanclaw_mujoco.model import FIXED_GROUP, BodyAddresses, Model, build
 from humanclaw_mujoco.sleep import Sleep
 
 _LOG: Final = logging.getLogger(__name__)
@@ -34,15 +35,18 @@ _OBJECTS: Final = np.array([group == FIXED_GROUP for group in range(6)], np.uint
 
 
 class MujocoWorld:
-    """The World of humanclaw.world on MuJoCo."""
+    """The World of humanclaw.world on MuJoCo, as one of its bodies has it."""
 
-    def __init__(self, model: Model, scene: Scene, profile: Profile, pose: Pose) -> None:
-        """Put a scene and a body at rest in a pose."""
+    def __init__(self, model: Model, scene: Scene, profile: Profile) -> None:
+        """Put a scene at rest; its bodies are nowhere yet."""
         self._model, self._m, self._d = model, model.mj, mj.MjData(model.mj)
-        self._gravity = profile.gravity
-        self._passing: frozenset[tuple[int, int]] = frozenset()
+        self._number, self._gravity = 0, profile.gravity
+        self._passing: dict[int, frozenset[tuple[int, int]]] = {}
+        """Links and objects that pass each other, by the number of the body."""
         self._sleep = Sleep(model)
-        self._tree = np.concatenate([np.arange(model.root_dof, model.root_dof + 6), model.spins.ravel()])
+        trees = [(np.arange(body.root_dof, body.root_dof + 6), body.spins.ravel()) for body in model.bodies]
+        self._tree = np.concatenate([part for tree in trees for part in tree])
+        self._falls = [body.root_dof + 1 for body in model.bodies]
         self._still = {obj.id: np.array([*obj.position, *obj.rotation], float) for obj in scene.objects if obj.movable}
         free = [at + k for at, _, _ in model.movable.values() for k in range(7)]
         self._places = np.array([*free, *(at for at, _, _ in model.hinged.values())], int)
@@ -55,27 +59,38 @@ class MujocoWorld:
             self._d.qpos[at + 3 : at + 7] = place[3:][_WXYZ]
         for at, _, leaf in model.hinged.values():
             self._d.qpos[at] = leaf.obj.state
-        self.move(pose.root, pose.quaternions[0], np.zeros(3), np.zeros(3))
-        self.bend(pose.quaternions[1:], np.zeros((len(model.spins), 3)))
+
+    def stood(self, number: int, pose: Pose) -> MujocoWorld:
+        """Return the same world as one of its bodies has it, which it stands in a pose, at rest."""
+        world = copy(self)
+        world._number = number
+        world.move(pose.root, pose.quaternions[0], np.zeros(3), np.zeros(3))
+        world.bend(pose.quaternions[1:], np.zeros((len(pose.quaternions) - 1, 3)))
+        return world
+
+    @property
+    def _body(self) -> BodyAddresses:
+        return self._model.bodies[self._number]
 
     # -- the body ------------------------------------------------------------------------------------------------------
     def pose(self) -> Pose:
-        at, qpos = self._model.root, self._d.qpos
-        return Pose(qpos[at : at + 3].copy(), np.vstack([qpos[at + 3 : at + 7][_XYZW], qpos[self._model.turns]]))
+        at, _, turns, _ = self._body
+        qpos = self._d.qpos
+        return Pose(qpos[at : at + 3].copy(), np.vstack([qpos[at + 3 : at + 7][_XYZW], qpos[turns]]))
 
     def velocity(self) -> tuple[Array, Array]:
-        return self._moving(self._model.root, self._model.root_dof)
+        return self._moving(self._body.root, self._body.root_dof)
 
     def move(self, root: Array, quaternion: Array, velocity: Array, spin: Array) -> None:
-        self._put(self._model.root, root, quaternion)
+        self._put(self._body.root, root, quaternion)
         self.drive(velocity, spin)
 
     def drive(self, velocity: Array, spin: Array) -> None:
-        self._set_moving(self._model.root, self._model.root_dof, velocity, spin)
+        self._set_moving(self._body.root, self._body.root_dof, velocity, spin)
 
     def bend(self, quaternions: Array, speeds: Array) -> None:
-        self._d.qpos[self._model.turns] = quaternions
-        self._d.qvel[self._model.spins] = speeds
+        self._d.qpos[self._body.turns] = quaternions
+        self._d.qvel[self._body.spins] = speeds
 
     # -- time ----------------------------------------------------------------------------------------------------------
     def step(self, seconds: float) -> Sequence[Touch]:
@@ -123,8 +138,9 @@ class MujocoWorld:
 
     def _part(self, geoms: NDArray[np.int32], gaps: Array) -> None:
         """Leave out the contacts of links and objects that pass each other; their distance is infinite."""
-        links, objects = self._model.joint_of[geoms].max(axis=1), self._model.object_of[geoms].max(axis=1)
-        passes = [pair in self._passing for pair in zip(links.tolist(), objects.tolist(), strict=True)]
+        model = self._model
+        rows = np.stack([of[geoms].max(axis=1) for of in (model.body_of, model.joint_of, model.object_of)], axis=1)
+        passes = [(link, key) in self._passing.get(owner, ()) for owner, link, key in rows.tolist()]
         self._d.contact.exclude[passes] = 1
         gaps[passes] = np.inf
 
@@ -139,13 +155,13 @@ class MujocoWorld:
             harden_stops(hinges, m.jnt_qposadr, m.jnt_range, self._d.qpos, m.jnt_solref, seconds)
 
     def _let_fall(self) -> None:
-        """Let gravity alone change the body's velocity before contacts: its limbs are driven, so they cause no recoil.
+        """Let gravity alone change a body's velocity before contacts: its limbs are driven, so they cause no recoil.
 
         Sleeping objects do not fall at all.
         """
         d = self._d
         d.qacc_smooth[self._tree] = 0.0
-        d.qacc_smooth[self._model.root_dof + 1] = -self._gravity
+        d.qacc_smooth[self._falls] = -self._gravity
         d.qacc_smooth[self._sleep.held()] = 0.0
         mj.mj_mulM(self._m, d, d.qfrc_smooth, d.qacc_smooth)
 
@@ -153,18 +169,18 @@ class MujocoWorld:
         contact, model = self._d.contact, self._model
         touching = body_contacts(
             geoms, gaps, contact.pos, contact.frame, contact.efc_address, self._d.efc_force,
-            model.joint_of, model.object_of,
+            model.joint_of, model.object_of, model.body_of,
         )  # fmt: skip
         return [
-            Touch(int(joint), int(key), (x, y, z), (nx, ny, nz), gap, force)
-            for joint, key, x, y, z, nx, ny, nz, gap, force in touching.tolist()
+            Touch(int(joint), int(key), (x, y, z), (nx, ny, nz), gap, force, int(body))
+            for joint, key, x, y, z, nx, ny, nz, gap, force, body in touching.tolist()
         ]
 
     # -- objects -------------------------------------------------------------------------------------------------------
     def touching(self) -> Collection[tuple[int, int]]:
         contact = self._d.contact
         pairs = self._model.object_of[contact.geom[(contact.dist <= TOUCHING) | (self._pushing() > 0)]]
-        return {(min(pair), max(pair)) for pair in pairs.tolist() if all(pair)}
+        return {(min(pair), max(pair)) for pair in pairs.tolist() if min(pair) > 0}
 
     def _pushing(self) -> Array:
         """Return (contacts,) the force of each contact along its normal, newtons."""
@@ -215,7 +231,9 @@ class MujocoWorld:
         return places
 
     def let_pass(self, pairs: frozenset[tuple[int, int]]) -> None:
-        self._passing = pairs
+        self._passing.pop(self._number, None)
+        if pairs:
+            self._passing[self._number] = pairs
 
     def settled(self) -> None:
         self._sleep.lull(self._d)
@@ -248,22 +266,30 @@ class _Worlds:
         self._last: tuple[Scene, Profile, Model] | None = None
 
     def __call__(self, scene: Scene, profile: Profile, pose: Pose) -> MujocoWorld:
-        if self._last is None or self._last[0] is not scene or self._last[1] != profile:
-            self._last = scene, profile, build(scene, profile)
-        return MujocoWorld(self._last[2], scene, profile, pose)
+        return self.shared(scene, profile, [pose])[0]
+
+    def shared(self, scene: Scene, profile: Profile, poses: Sequence[Pose]) -> Sequence[MujocoWorld]:
+        """Open a world of several bodies, as OpenShared does."""
+        known = self._last is not None and self._last[0] is scene and self._last[1] == profile
+        if self._last is None or not known or len(self._last[2].bodies) != len(poses):
+            self._last = scene, profile, build(scene, profile, len(poses))
+        world = MujocoWorld(self._last[2], scene, profile)
+        return [world.stood(number, pose) for number, pose in enumerate(poses)]
 
 
 def mujoco(profile: str | Profile = "default") -> HalfPhysics:
     """Return half-physics on MuJoCo. profile: 'default', 'paper', 'reference', or constants of your own."""
     _log_warnings()
-    return HalfPhysics(_Worlds(), profile, _digest())
+    worlds = _Worlds()
+    return HalfPhysics(worlds, profile, _digest(), worlds.shared)
 
 
 def kinematic(profile: str | Profile = "default") -> Kinematic:
     """Return pure kinematics on MuJoCo's collision detection. profile: as for `mujoco`; it settles objects and start
     alone."""
     _log_warnings()
-    return Kinematic(_Worlds(), profile, _digest())
+    worlds = _Worlds()
+    return Kinematic(worlds, profile, _digest(), worlds.shared)
 
 
 def _digest() -> str:

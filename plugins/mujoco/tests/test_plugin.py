@@ -52,7 +52,7 @@ def test_no_contact_makes_an_object_faster_than_fifty_metres_a_second():
     cup = builder.box("cup", (0.1, 0.1, 0.1), (3, 0, 0), movable=True, mass=0.4)
     scene, profile = builder.scene(), PROFILES["default"]
     pose = Pose(np.array([0.0, 0.95, 0.0]), np.tile([0.0, 0.0, 0.0, 1.0], (24, 1)))
-    world = MujocoWorld(build(scene, profile), scene, profile, pose)
+    world = MujocoWorld(build(scene, profile), scene, profile).stood(0, pose)
     thrown = world.motion(cup)
     world.set_motion(cup, replace(thrown, velocity=np.array([0.0, 0.0, 1e5]), spin=np.array([1e9, 0.0, 0.0])))
     world.step(1 / 120)
@@ -67,7 +67,7 @@ def test_a_body_that_slides_over_a_floor_is_not_lifted_off_it():
     builder.floor()
     scene, profile = builder.scene(), PROFILES["default"]
     pose = Pose(np.array([0.0, 0.966, 0.0]), np.tile([0.0, 0.0, 0.0, 1.0], (24, 1)))
-    world = MujocoWorld(build(scene, profile), scene, profile, pose)
+    world = MujocoWorld(build(scene, profile), scene, profile).stood(0, pose)
     world.drive(np.array([0.0, -0.2, 4.0]), np.zeros(3))
     world.step(1 / 120)
     assert world.velocity()[0][1] < 0.1

@@ -6,12 +6,14 @@ Both follow from boxes: those of a scene's hulls, and those that the links sweep
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
+from itertools import permutations
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from humanclaw.body.pose import Array, matrix_from_quaternion
+from humanclaw.body.skeleton import LINKS
 from humanclaw.world.half_physics.kernels import approach, link_boxes
 from humanclaw.world.half_physics.solids import box_of
 from humanclaw.world.scene import Scene
@@ -20,6 +22,9 @@ _SLACK: Final = 0.03
 """Metres by which a link may stray from the way foreseen, or an object from its place, in a frame."""
 _HANDS_ON: Final = 0.1
 """Objects whose boxes are this close may push one another within a frame, metres."""
+
+_HOLLOW: Final = np.zeros(len(LINKS), bool)
+"""No link fills its box."""
 
 Boxes = tuple[Array, Array]
 """(N, 3) lower and (N, 3) upper corners, world frame, metres."""
@@ -60,6 +65,13 @@ class BroadPhase:
             return towards, ()
         loose = approach(boxes, low[close], high[close], np.zeros(close.sum(), bool), _SLACK)
         return max(towards, loose), tuple(self._ids[index] for index in np.flatnonzero(close))
+
+    @staticmethod
+    def between(courses: Sequence[Array]) -> float:
+        """Return how far links of bodies and of others come together at most in the coming frame, metres; 0 if no two
+        are near. courses: as for look, one for each body."""
+        boxes = [link_boxes(course) for course in courses]
+        return float(sum(approach(a, b[2], b[3], _HOLLOW, _SLACK) for a, b in permutations(boxes, 2)))
 
     def _boxes_of(self, objects: Mapping[int, Array]) -> Boxes:
         """Return the boxes of the movable objects, worked out anew only when one has moved."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -9,24 +10,29 @@ import numpy as np
 from humanclaw.body.pose import Motion
 from humanclaw.body.skeleton import Side
 from humanclaw.world.half_physics.quaternions import poses_of
-from humanclaw.world.half_physics.simulation import Simulation
+from humanclaw.world.half_physics.simulation import Simulation, others_of
 from humanclaw.world.half_physics.simulator import HalfPhysics
-from humanclaw.world.simulator import Execution
+from humanclaw.world.simulator import Contact, Execution
 
 _AT_REST: Final = np.zeros(3)
 
 
 class Playback(Simulation):
-    """A body that is wherever a motion puts it."""
+    """Bodies that are wherever a motion puts them."""
 
-    def execute(self, motion: Motion) -> Execution:
-        """Put the body into each frame of a motion, world frame, and report what it is inside of."""
-        contacts = []
-        for frame, pose in enumerate(poses_of(motion)):
-            self.world.move(pose.root, pose.quaternions[0], _AT_REST, _AT_REST)
-            self.world.bend(pose.quaternions[1:], np.zeros((len(pose.quaternions) - 1, 3)))
-            contacts += self._contacts(frame, self.world.overlaps())
-        return Execution(motion, tuple(contacts), (), {})
+    def execute(self, motions: Sequence[Motion]) -> tuple[Execution, ...]:
+        """Put each body into each frame of its motion, world frame, and report what it is inside of."""
+        contacts: list[list[Contact]] = [[] for _ in motions]
+        for frame, poses in enumerate(zip(*map(poses_of, motions), strict=True)):
+            for figure, pose in zip(self.figures, poses, strict=True):
+                figure.world.move(pose.root, pose.quaternions[0], _AT_REST, _AT_REST)
+                figure.world.bend(pose.quaternions[1:], np.zeros((len(pose.quaternions) - 1, 3)))
+            for own, met in zip(contacts, self._each(self.world.overlaps()), strict=True):
+                own += self._contacts(frame, met)
+        return tuple(
+            Execution(motion, tuple(contacts[number]), (), {}, people=others_of(number, motions))
+            for number, motion in enumerate(motions)
+        )
 
 
 class Kinematic(HalfPhysics):
@@ -38,5 +44,5 @@ class Kinematic(HalfPhysics):
 
     _simulation_type = Playback
 
-    def grip(self, side: Side, closed: bool) -> None:
+    def grip(self, side: Side, closed: bool, body: int = 0) -> None:
         """Do nothing: without forces a hand holds nothing."""

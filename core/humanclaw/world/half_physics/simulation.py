@@ -1,116 +1,167 @@
-"""A body that moves in one world: frames of physics, and what it touched and moved in them."""
+"""Bodies that move in one world: frames of physics, and what they touched and moved in them."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from itertools import combinations
 from typing import Final
 
 import numpy as np
 
 from humanclaw.body.pose import FPS, Array, Motion
 from humanclaw.body.skeleton import JOINTS
+from humanclaw.errors import HumanclawError
 from humanclaw.world.half_physics.broad_phase import BroadPhase
-from humanclaw.world.half_physics.drive import Drive
-from humanclaw.world.half_physics.hands import Hands
+from humanclaw.world.half_physics.figure import CATCH_UP, Command, Figure
 from humanclaw.world.half_physics.profile import Profile
-from humanclaw.world.half_physics.push_force_limit import PushForceLimit
 from humanclaw.world.half_physics.quaternions import Pose, motion_of, poses_of
-from humanclaw.world.half_physics.reflexes import CALM, feel
 from humanclaw.world.half_physics.skeleton import LINK_OF
-from humanclaw.world.half_physics.world import TOUCHING, TRAVEL, Touch, World
+from humanclaw.world.half_physics.world import LEVEL, TOUCHING, TRAVEL, Touch, World
 from humanclaw.world.scene import STRUCTURE
-from humanclaw.world.simulator import Contact, Execution, WorldState
+from humanclaw.world.simulator import Contact, Execution, WorldState, person_id
 
 MOVED: Final = 0.001
 """An object whose path strays less than this from its beginning has not moved, metres."""
-_CATCH_UP: Final = 3.0
-"""A limb that was held back may come to its pose in the last third of a frame, three times as fast."""
+_LEVEL: Final = np.array([1.0, 0.0, 1.0])
+
+Met = Sequence[Sequence[Touch]]
+"""The contacts of each body."""
 
 
 class Simulation:
-    """One body in one world, from its start on."""
+    """One body or several in one world, from their starts on."""
 
-    def __init__(self, world: World, profile: Profile, broad_phase: BroadPhase, pose: Pose) -> None:
-        """Take a world with the body in a pose, and the broad phase of its scene."""
-        self.world, self._profile, self._broad_phase = world, profile, broad_phase
+    def __init__(
+        self, worlds: Sequence[World], profile: Profile, broad_phase: BroadPhase, poses: Sequence[Pose]
+    ) -> None:
+        """Take a world, as each body has it, with each in its pose, and the broad phase of its scene."""
+        self.world, self._profile, self._broad_phase = worlds[0], profile, broad_phase
         self._scene = scene = broad_phase.scene
         self._building = {scene_object.id for scene_object in scene.objects if scene_object.category in STRUCTURE}
-        self._drive, self._push_limit = Drive(world, profile, pose), PushForceLimit(world, profile, scene)
-        self.hands, self._reflex = Hands(world, profile, scene), CALM
-        self._objects, self._restless = world.objects(), True
+        self.figures = [Figure(*one, profile, scene) for one in zip(worlds, poses, strict=True)]
+        self._movable = {scene_object.id for scene_object in scene.objects if scene_object.movable}
+        self._objects, self._restless = self.world.objects(), True
         self._still: Mapping[int, Array] | None = None
         """Where the movable objects were when `_pairs` were found."""
         self._pairs: list[tuple[int, int]] = []
 
-    def execute(self, motion: Motion) -> Execution:
-        """Drive the body through the frames of a finite motion, world frame."""
-        simulated, contacts, touches, paths = [], [], [], []
-        self.hands.tidy()
-        began, before = self._objects, self._drive.pose.root
-        swings = self._drive.swings(motion)
-        for frame, target in enumerate(poses_of(motion)):
-            velocity = (target.root - before) * FPS
-            met = self.frame(target, velocity, float(swings[frame]))
-            before = target.root
-            simulated.append(self._drive.pose)
-            contacts += self._contacts(frame, met)
+    def execute(self, motions: Sequence[Motion]) -> tuple[Execution, ...]:
+        """Drive each body through the frames of its finite motion, world frame.
+
+        Raises HumanclawError for another number of motions than of bodies, or motions of different lengths.
+        """
+        lengths = [len(motion) for motion in motions]
+        if len(motions) != len(self.figures) or len(set(lengths)) > 1:
+            raise HumanclawError(
+                f"the world holds {len(self.figures)} bodies, and they move together; got motions of {lengths} frames.",
+                "Give each body a motion, all of one length.",
+            )
+        began, touches, paths = self._objects, list[tuple[int, int, int]](), list[Mapping[int, Array]]()
+        simulated: list[list[Pose]] = [[] for _ in motions]
+        contacts: list[list[Contact]] = [[] for _ in motions]
+        commands = [self._commands(*pair) for pair in zip(self.figures, motions, strict=True)]
+        for frame, now in enumerate(zip(*commands, strict=True)):
+            for number, met in enumerate(self.frame(now)):
+                simulated[number].append(self.figures[number].drive.pose)
+                contacts[number] += self._contacts(frame, met)
             touches += self._touches(frame)
             paths.append(self._objects)
-        return Execution(motion_of(simulated), tuple(contacts), tuple(touches), _moved(began, paths), self.hands.held)
+        moved, ways = _moved(began, paths), [motion_of(poses) for poses in simulated]
+        return tuple(
+            Execution(way, tuple(met), tuple(touches), moved, figure.hands.held, people=others_of(number, ways))
+            for number, (way, met, figure) in enumerate(zip(ways, contacts, self.figures, strict=True))
+        )
 
-    def state(self) -> WorldState:
-        """Return the pose of the body and of every movable object, now."""
-        return WorldState(motion_of([self.world.pose()]), self._objects, self.hands.held)
+    @staticmethod
+    def _commands(figure: Figure, motion: Motion) -> list[Command]:
+        figure.hands.tidy()
+        roots = np.concatenate([figure.drive.pose.root[None], motion.root])
+        swings = figure.drive.swings(motion).tolist()
+        return list(map(Command, poses_of(motion), np.diff(roots, axis=0) * FPS, swings))
 
-    def overlaps(self) -> list[Contact]:
-        """Return what the body is inside of, now."""
-        return self._contacts(0, self.world.overlaps())
+    def states(self) -> tuple[WorldState, ...]:
+        """Return the pose of each body and of every movable object, now."""
+        poses = [motion_of([figure.world.pose()]) for figure in self.figures]
+        return tuple(
+            WorldState(pose, self._objects, figure.hands.held, people=others_of(number, poses))
+            for number, (pose, figure) in enumerate(zip(poses, self.figures, strict=True))
+        )
 
-    def frame(self, target: Pose, velocity: Array, swing: float = 0.0) -> list[Touch]:
-        """One frame of physics; everything the body touched in any of its substeps."""
-        profile, met = self._profile, list[Touch]()
-        if self._reflex.borne:
-            target = self._drive.laid(target)
-        held, target = self.hands.held, self.hands.guided(target, velocity)
-        self._drive.aim(target.quaternions, swing)
-        course = self._drive.course(velocity, self._reflex)
-        towards, near = self._broad_phase.look(course, self._objects, held.values())
-        self._push_limit.look(near)
-        self._push_limit.burden = self.hands.weight
-        for substep in range(profile.substeps):
-            horizontal = velocity if substep % profile.horizontal_every == 0 else None
-            speed = self._drive.command(profile.substeps - substep, horizontal, self._reflex)
-            touches = self._step(min(speed, _CATCH_UP * towards * FPS))
-            self._drive.restrain(bool(touches))
-            self._reflex = feel(self.world, profile, self._push_limit.movable, touches, self._reflex)
-            met += touches
-        if held:
-            self.hands.let_slip(self._drive.pose)
-        if near or held or self._restless:  # Else nothing moves, and to read every place takes long.
+    def overlaps(self) -> list[list[Contact]]:
+        """Return what each body is inside of, now."""
+        return [self._contacts(0, met) for met in self._each(self.world.overlaps())]
+
+    def frame(self, commands: Sequence[Command]) -> Met:
+        """One frame of physics; everything that each body touched in any of its substeps."""
+        met: list[list[Touch]] = [[] for _ in self.figures]
+        held = [key for figure in self.figures for key in figure.hands.held.values()]
+        courses = [figure.aim(command) for figure, command in zip(self.figures, commands, strict=True)]
+        for figure, course in zip(self.figures, courses, strict=True):
+            figure.look(self._broad_phase, course, self._objects, held)
+        between = self._broad_phase.between(courses) if len(courses) > 1 else 0.0
+        for substep in range(self._profile.substeps):
+            speeds = [figure.command(substep) for figure in self.figures]
+            together = min(sum(free for free, _ in speeds), CATCH_UP * between * FPS)
+            touches = self._step(max(together, *(towards for _, towards in speeds)))
+            for figure, own, all_own in zip(self.figures, touches, met, strict=True):
+                figure.settle(own)
+                all_own += own
+        for figure in self.figures:
+            if figure.hands.held:
+                figure.hands.let_slip(figure.drive.pose)
+        if held or self._restless or any(figure.near for figure in self.figures):
+            # Else nothing moves, and to read every place takes long.
             before, self._objects = self._objects, self.world.objects()
             self._restless = self._objects is not before
         return met
 
-    def _step(self, speed: float) -> Sequence[Touch]:
+    def _step(self, speed: float) -> Met:
         """One physics step, in so many parts that no link comes far towards anything between two looks for contacts;
-        the contacts of the body.
+        the contacts of each body.
 
         In one part a kick ends 10 cm inside a wall, and a fast enough one behind it. A foot may touch a wall in an
         early part and have left it in the last one: the contacts are those of the last part that had any.
         """
         seconds = 1 / (FPS * self._profile.substeps)
-        speed = max(speed, self.hands.speed)
         parts = min(max(1, math.ceil(speed * seconds / TRAVEL)), self._profile.max_looks)
-        touches: Sequence[Touch] = ()
+        touches: list[Sequence[Touch]] = [()] * len(self.figures)
+        felt: list[list[Touch]] = [[] for _ in self.figures]
         for part in range(parts):
-            self._push_limit.brace()
-            if self.hands.held:
-                self.hands.steer(self._drive.foreseen((part + 1) * seconds / parts), seconds / parts)
-            met = self.world.step(seconds / parts)
-            self._push_limit.bound(met, seconds / parts)
-            touches = met or touches
+            for figure in self.figures:
+                figure.brace((part + 1) * seconds / parts, seconds / parts)
+            for number, met in enumerate(self._each(self.world.step(seconds / parts))):
+                self.figures[number].bound(met, seconds / parts)
+                touches[number] = met or touches[number]
+                felt[number] += met
+        if len(felt) > 1:
+            self._stand_firm(felt)
         return touches
+
+    def _each(self, touches: Sequence[Touch]) -> Met:
+        """Return the contacts of each body."""
+        if len(self.figures) == 1:
+            return [touches]
+        return [[touch for touch in touches if touch.body == number] for number in range(len(self.figures))]
+
+    def _stand_firm(self, felt: Met) -> None:
+        """Move bodies that met back together, as far as one has pushed the other in the step: both are as strong, and
+        are blocked. Whoever comes along is followed no faster than they walk; nobody goes back into a wall.
+
+        felt: the contacts of each body in all parts of the step.
+        """
+        for one, other in combinations(range(len(self.figures)), 2):
+            push = sum(
+                (t.force * np.array(t.normal) for t in felt[one] if t.object_id == person_id(other)), np.zeros(3)
+            )
+            if not (push * _LEVEL).any():
+                continue
+            way = push * _LEVEL / np.linalg.norm(push * _LEVEL)
+            drives = self.figures[one].drive, self.figures[other].drive
+            back = -sum(drive.pushed(way) for drive in drives) / (FPS * self._profile.substeps) * way
+            if not any(_holds(touch, back) for touch in (*felt[one], *felt[other])):
+                for drive in drives:
+                    drive.shift(back)
 
     def _contacts(self, frame: int, touches: Iterable[Touch]) -> list[Contact]:
         """One contact for each pair of link and object: the deepest of the frame."""
@@ -124,7 +175,7 @@ class Simulation:
     def _contact(self, frame: int, touch: Touch) -> Contact:
         joint = JOINTS[touch.joint]
         return Contact(
-            (frame,), joint, LINK_OF[joint].group, touch.object_id, self._scene.by_id[touch.object_id].movable,
+            (frame,), joint, LINK_OF[joint].group, touch.object_id, touch.object_id in self._movable,
             depth=max(0.0, -touch.distance), height=touch.point[1],
         )  # fmt: skip
 
@@ -133,6 +184,16 @@ class Simulation:
             self._still = self._objects
             self._pairs = sorted(pair for pair in self.world.touching() if not set(pair) & self._building)
         return [(frame, *pair) for pair in self._pairs]
+
+
+def _holds(touch: Touch, way: Array) -> bool:
+    """Tell whether a contact with an object stands in the way (3,) of a body."""
+    return touch.object_id > 0 and abs(touch.normal[1]) < LEVEL and float(way @ touch.normal) < 0.0
+
+
+def others_of(number: int, poses: Sequence[Motion]) -> Mapping[int, Motion]:
+    """Return the motions of all bodies but one, by `person_id`."""
+    return {person_id(other): pose for other, pose in enumerate(poses) if other != number}
 
 
 def _moved(began: Mapping[int, Array], paths: list[Mapping[int, Array]]) -> Mapping[int, Array]:

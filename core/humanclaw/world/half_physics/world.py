@@ -1,4 +1,4 @@
-"""What half-physics asks of a physics engine: one scene, one body in it, and steps of time."""
+"""What half-physics asks of a physics engine: one scene, its bodies, and steps of time."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ TRAVEL: Final = 0.01
 
 
 class Touch(NamedTuple):
-    """A link of the body meets an object."""
+    """A link of a body meets an object, or another body (`person_id`)."""
 
     joint: int
     """Index of the link's joint."""
@@ -35,6 +35,8 @@ class Touch(NamedTuple):
     """Metres, negative inside."""
     force: float
     """Along the normal, newtons."""
+    body: int = 0
+    """Number of the body whose link it is, in a world of several."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +51,7 @@ class ObjectMotion:
 
 
 class World(Protocol):
-    """A scene and a body in one engine.
+    """A scene and a body in one engine; other bodies may be there too.
 
     Gravity acts on everything, and friction of a pair is the product of both surfaces'. The body is a tree of links
     with the masses and inertias of `half_physics.skeleton`: no motor, no spring, no damping, no contact with
@@ -73,10 +75,10 @@ class World(Protocol):
         """Put the other 23 joints at (23, 4) and let them turn at (23, 3) rad/s in their own frames."""
 
     def step(self, seconds: float) -> Sequence[Touch]:
-        """Advance time. Returns contacts of the body, and near misses."""
+        """Advance time for all bodies. Returns their contacts, and near misses."""
 
     def overlaps(self) -> Sequence[Touch]:
-        """Return the body's contacts at the current poses; no time passes."""
+        """Return the bodies' contacts at the current poses; no time passes."""
 
     def touching(self) -> Collection[tuple[int, int]]:
         """Pairs of objects that touch one another, lower id first, one of them movable."""
@@ -110,3 +112,14 @@ class OpenWorld(Protocol):
 
     def __call__(self, scene: Scene, profile: Profile, pose: Pose) -> World:
         """Load a scene with a body at rest in a pose. Raises SceneError for a movable object without a mass."""
+
+
+class OpenShared(Protocol):
+    """What an engine's plugin brings besides whose worlds hold several bodies."""
+
+    def __call__(self, scene: Scene, profile: Profile, poses: Sequence[Pose]) -> Sequence[World]:
+        """Load a scene with bodies at rest, which meet one another as they meet objects.
+
+        Returns the one world as each body has it: pose, velocity, move, drive, bend and let_pass are its own. Raises as
+        OpenWorld does.
+        """
