@@ -70,12 +70,16 @@ class Lit(NamedTuple):
 
 
 def light_up(scene: Scene, model: Model, instances: Instances) -> Lit:
-    """Return the light on the instances: the body, then the objects of a scene, in their places at the start."""
+    """Return the light on the instances: the body, the objects of a scene, in their places at the start, and people."""
     boxes = np.array([scene.aabb(obj.id) for obj in scene.objects]).reshape(-1, 2, 3)
-    middle = np.concatenate([np.zeros((1, 3)), boxes.mean(axis=1) - instances.place[1:]]).astype(np.float32)
-    half = np.concatenate([np.full((1, 3), _BODY), np.ptp(boxes, axis=1) / 2]).astype(np.float32)
-    glow = np.array([0.0, *(GLOW.get(obj.category, 0.0) for obj in scene.objects)], np.float32)
-    lit = Lit(light_of(scene, model, instances), middle, half, glow, np.empty((len(glow), 6), np.float32))
+    people = len(instances.place) - 1 - len(boxes)
+    off = boxes.mean(axis=1) - instances.place[1 : 1 + len(boxes)]
+    middle = np.concatenate([np.zeros((1, 3)), off, np.zeros((people, 3))]).astype(np.float32)
+    half = np.concatenate([np.full((1, 3), _BODY), np.ptp(boxes, axis=1) / 2, np.full((people, 3), _BODY)])
+    half = half.astype(np.float32)
+    glow = [0.0, *(GLOW.get(obj.category, 0.0) for obj in scene.objects), *[0.0] * people]
+    around = np.empty((len(glow), 6), np.float32)
+    lit = Lit(light_of(scene, model, instances), middle, half, np.array(glow, np.float32), around)
     light_again(lit, instances, np.arange(len(glow)))
     return lit
 

@@ -1,4 +1,4 @@
-"""The body in a Model: its skin's triangles come first, and their corners follow each pose."""
+"""A body in a Model: a mesh of its own, whose corners follow each pose."""
 
 from __future__ import annotations
 
@@ -17,11 +17,12 @@ _IN_HEAD: Final = 0.2
 
 
 class Person:
-    """Moves the first triangles of a model as a body moves."""
+    """Moves the triangles of one mesh of a model as a body moves."""
 
-    def __init__(self, skin: Skin) -> None:
-        self._skin = skin
-        # In the order that packing keeps, so that face k of the skin is face k of the model.
+    def __init__(self, skin: Skin, number: int = 0) -> None:
+        """Take the looks of a person and the number of its mesh in the model."""
+        self._skin, self._number = skin, number
+        # In the order that packing keeps, so that face k of the skin is face k of the mesh.
         self._faces = skin.faces[np.argsort(along_curve(skin.vertices[skin.faces], [len(skin.faces)]), kind="stable")]
 
     def mesh(self) -> Mesh:
@@ -31,7 +32,7 @@ class Person:
         return Mesh(self._skin.vertices, self._faces, uv, self._skin.colours[None])
 
     def dress(self, model: Model, body: Motion, eye: Array) -> Array:
-        """Put the model's first faces where the last frame of a motion has them; return the place of their frame.
+        """Put the mesh's faces where the last frame of a motion has them; return the place of their frame.
 
         eye: (3,) place of the camera, metres. Inside the head it does not see head and neck.
         """
@@ -40,19 +41,20 @@ class Person:
         vertices, normals = self._skin.posed(np.zeros(3), body.rotations[-1])
         if np.linalg.norm(joints[JOINT_INDEX["head"]] - eye) < _IN_HEAD:
             vertices = self._skin.headless(vertices, joints[JOINT_INDEX["neck"]] - root)
-        _move(model, self._faces, vertices, normals)
+        _move(model, self._number, self._faces, vertices, normals)
         return np.asarray(root)
 
 
 @compiled
-def _move(model: Model, faces: NDArray[np.int32], vertices: Floats, normals: Floats) -> None:
-    """Write corners, normals and bounding spheres of the model's first mesh."""
-    for cluster in range(model.meshes[0, 0], model.meshes[0, 1]):
+def _move(model: Model, mesh: int, faces: NDArray[np.int32], vertices: Floats, normals: Floats) -> None:
+    """Write corners, normals and bounding spheres of one of the model's meshes."""
+    start = model.clusters[model.meshes[mesh, 0], 0]
+    for cluster in range(model.meshes[mesh, 0], model.meshes[mesh, 1]):
         first, end = model.clusters[cluster]
         low, high = np.full(3, np.inf, np.float32), np.full(3, -np.inf, np.float32)
         for face in range(first, end):
             for corner in range(3):
-                vertex = faces[face, corner]
+                vertex = faces[face - start, corner]
                 for axis in range(3):
                     at = vertices[vertex, axis]
                     model.corners[face, corner, axis] = at

@@ -1,17 +1,18 @@
-"""The Renderer: packs a scene once, moves the body's skin, and runs the kernels in order."""
+"""The Renderer: packs a scene once, moves the skins of its people, and runs the kernels in order."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import count
 from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from humanclaw import HumanclawError, Scene
-from humanclaw.body import Array, Motion, Skin, matrix_from_quaternion, skin
-from humanclaw.world import BODY_ID, Camera, View, WorldState
+from humanclaw.body import SKINS, Array, Motion, Skin, matrix_from_quaternion, skin
+from humanclaw.world import BODY_ID, Camera, View, WorldState, person_id
 from humanclaw_raster.buffers import GBuffer, Instances, Pinhole
 from humanclaw_raster.drawing import draw, in_view
 from humanclaw_raster.edges import soften
@@ -35,13 +36,17 @@ OUTSIDE: Final = 1.0
 
 
 class _LoadedScene(NamedTuple):
-    """A scene with the body, ready to be drawn."""
+    """A scene with the body and other people, ready to be drawn."""
 
+    scene: Scene
     model: Model
     instances: Instances
     overhead: OverheadMapper
     lit: Lit
     mirrors: tuple[Glass, ...]
+    body: Person
+    people: Mapping[int, Person]
+    """The others by id. Their instances are the last ones."""
 
 
 class RasterRenderer:
@@ -53,72 +58,99 @@ class RasterRenderer:
     def __init__(self, *, looks: Skin | None = None) -> None:
         """Create a renderer without a scene.
 
-        looks: what the body looks like; the first of humanclaw.body.SKINS by default.
+        looks: what the body looks like. By default that of its number among the people of its world: without others it
+        is the first of humanclaw.body.SKINS.
         """
-        self._person = Person(looks or skin())
+        self._looks = looks
         self._loaded: _LoadedScene | None = None
 
     def load(self, scene: Scene) -> None:
         """Make a scene ready to be drawn; it replaces the previous one."""
+        self._load(scene, ())
+
+    def _load(self, scene: Scene, others: Sequence[int]) -> _LoadedScene:
+        """Make a scene with other people, by id, ready to be drawn."""
         # Freed before packing: two scenes at once would fragment the heap of a process that visits many houses.
         self.close()
         names = sorted({obj.asset for obj in scene.objects})
         number = {name: 1 + k for k, name in enumerate(names)}
-        meshes = [self._person.mesh(), *(scene.assets[name].mesh for name in names)]
-        glass = [np.zeros(len(meshes[0].faces), bool), *(panes(scene, name) for name in names)]
+        own = next(person_id(number) for number in count() if person_id(number) not in others)
+        body = Person(self._looks or _skin_of(own))
+        people = {key: Person(_skin_of(key), len(names) + 1 + k) for k, key in enumerate(others)}
+        skins = [one.mesh() for one in people.values()]
+        meshes = [body.mesh(), *(scene.assets[name].mesh for name in names), *skins]
+        glass = [panes(scene, name) for name in names]
+        glass = [np.zeros(len(meshes[0].faces), bool), *glass, *(np.zeros(len(mesh.faces), bool) for mesh in skins)]
         model = pack(meshes, glass, panorama())
         self._movers = {obj.id: 1 + k for k, obj in enumerate(scene.objects) if obj.movable}
         self._rest = {obj.id: np.array([*obj.position, *obj.rotation], float) for obj in scene.objects}
         for obj in scene.of_category("wall"):
             self._rest[obj.id][1] -= LOWER
-        count = 1 + len(scene.objects)
+        rows = 1 + len(scene.objects) + len(people)
+        last = range(len(names) + 1, len(meshes))
         instances = Instances(
-            mesh=np.array([0, *(number[obj.asset] for obj in scene.objects)], np.int32),
-            id=np.array([BODY_ID, *(obj.id for obj in scene.objects)], np.int32),
-            turn=np.tile(np.eye(3), (count, 1, 1)),
-            place=np.zeros((count, 3)),
+            mesh=np.array([0, *(number[obj.asset] for obj in scene.objects), *last], np.int32),
+            id=np.array([BODY_ID, *(obj.id for obj in scene.objects), *people], np.int32),
+            turn=np.tile(np.eye(3), (rows, 1, 1)),
+            place=np.zeros((rows, 3)),
         )
-        _put(instances, range(1, count), list(self._rest.values()))
+        _put(instances, range(1, rows - len(people)), list(self._rest.values()))
         movers = list(self._movers.values())
         overhead = OverheadMapper(scene, model, instances, movers)
         lit = light_up(scene, model, instances)
-        self._loaded = _LoadedScene(model, instances, overhead, lit, tuple(Glass.all_in(scene)))
+        self._loaded = _LoadedScene(
+            scene, model, instances, overhead, lit, tuple(Glass.all_in(scene)), body, people
+        )  # fmt: skip
+        return self._loaded
 
     def render(self, state: WorldState, camera: Camera) -> View:
-        """Draw one moment. A camera inside the head does not see head and neck.
+        """Draw one moment. A camera inside a head does not see its head and neck.
 
         Raises HumanclawError if no scene is loaded.
         """
         if self._loaded is None:
             raise HumanclawError("the renderer holds no scene.", "Call load(scene) first.")
-        model, instances, _, lit, _ = self._loaded
+        loaded, others = self._loaded, sorted(state.people, reverse=True)
+        if list(loaded.people) != others:
+            loaded = self._load(loaded.scene, others)
+        model, instances, lit = loaded.model, loaded.instances, loaded.lit
         poses = [state.objects.get(key, self._rest[key]) for key in self._movers]
         _put(instances, list(self._movers.values()), poses)
-        instances.place[0] = self._person.dress(model, state.body, camera.position)
-        light_again(lit, instances, np.array([0, *self._movers.values()]))
+        instances.place[0] = loaded.body.dress(model, state.body, camera.position)
+        rows = range(len(instances.id) - len(others), len(instances.id))
+        for row, key in zip(rows, others, strict=True):
+            instances.place[row] = loaded.people[key].dress(model, state.people[key], camera.position)
+        light_again(lit, instances, np.array([0, *self._movers.values(), *rows]))
         pinhole = _pinhole(camera)
-        view, gbuffer = _painted(self._loaded, pinhole, camera)
+        view, gbuffer = _painted(loaded, pinhole, camera)
         soften(pinhole, gbuffer, view.rgb)
         drawn = instances.id[gbuffer.faces[:, 1]]
-        self._reflect([glass for glass in self._loaded.mirrors if glass.id in drawn], state.body, camera, pinhole, view)
+        _reflect(loaded, [glass for glass in loaded.mirrors if glass.id in drawn], state.body, camera, pinhole, view)
         return view
-
-    def _reflect(self, mirrors: Sequence[Glass], body: Motion, camera: Camera, pinhole: Pinhole, view: View) -> None:
-        """Draw what the largest mirror in a view reflects. mirrors: those in view."""
-        assert self._loaded is not None
-        seen = [(glass, glass.reflects(pinhole, view)) for glass in mirrors]
-        glass, shown = max(seen, key=lambda each: each[1].sum(), default=(None, np.zeros(0, bool)))
-        if glass is None or not shown.any():
-            return
-        image = glass.image(pinhole)
-        small = replace(camera, width=-(-camera.width // COARSE), height=-(-camera.height // COARSE))
-        self._loaded.instances.place[0] = self._person.dress(self._loaded.model, body, image.eye)
-        reflection, _ = _painted(self._loaded, image, small, glass)
-        blend(view.rgb, shown, reflection.rgb, glass.shine)
 
     def close(self) -> None:
         """Free the scene; a closed renderer can load again."""
         self._loaded = None
+
+
+def _reflect(
+    scene: _LoadedScene, mirrors: Sequence[Glass], body: Motion, camera: Camera, pinhole: Pinhole, view: View
+) -> None:
+    """Draw what the largest mirror in a view reflects. mirrors: those in view."""
+    seen = [(glass, glass.reflects(pinhole, view)) for glass in mirrors]
+    glass, shown = max(seen, key=lambda each: each[1].sum(), default=(None, np.zeros(0, bool)))
+    if glass is None or not shown.any():
+        return
+    image = glass.image(pinhole)
+    small = replace(camera, width=-(-camera.width // COARSE), height=-(-camera.height // COARSE))
+    scene.instances.place[0] = scene.body.dress(scene.model, body, image.eye)
+    reflection, _ = _painted(scene, image, small, glass)
+    blend(view.rgb, shown, reflection.rgb, glass.shine)
+
+
+def _skin_of(person: int) -> Skin:
+    """Return what a person looks like, by id."""
+    return skin(SKINS[(person_id(0) - person) % len(SKINS)])
 
 
 def _put(instances: Instances, rows: Sequence[int], poses: Sequence[Array]) -> None:
@@ -133,7 +165,7 @@ def _painted(scene: _LoadedScene, pinhole: Pinhole, camera: Camera, glass: Glass
 
     glass: nothing behind it is drawn.
     """
-    model, instances, overhead, lit, _ = scene
+    model, instances, overhead, lit = scene.model, scene.instances, scene.overhead, scene.lit
     gbuffer = _gbuffer(scene, pinhole, camera, glass)
     outside = glass is None and np.linalg.norm(camera.position - instances.place[0]) > OUTSIDE
     shading = overhead.with_body(instances) if outside else overhead.now(instances)
@@ -145,7 +177,7 @@ def _painted(scene: _LoadedScene, pinhole: Pinhole, camera: Camera, glass: Glass
 
 
 def _gbuffer(scene: _LoadedScene, pinhole: Pinhole, camera: Camera, glass: Glass | None = None) -> GBuffer:
-    model, instances, _, lit, _ = scene
+    model, instances = scene.model, scene.instances
     drawn, depth = in_view(model, instances, pinhole, camera.width, camera.height)
     if glass:
         kept = glass.before(model, instances, drawn)
@@ -154,7 +186,7 @@ def _gbuffer(scene: _LoadedScene, pinhole: Pinhole, camera: Camera, glass: Glass
     inverse_depth, surface = np.zeros(shape, np.float32), np.full(shape, -1, np.int32)
     order = drawn[np.argsort(depth, kind="stable")]
     faces = draw(model, instances, pinhole, order, inverse_depth, surface)
-    return GBuffer(inverse_depth, surface, faces, prepare(model, instances, lit, pinhole, faces))
+    return GBuffer(inverse_depth, surface, faces, prepare(model, instances, scene.lit, pinhole, faces))
 
 
 def _pinhole(camera: Camera) -> Pinhole:

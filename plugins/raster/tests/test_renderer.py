@@ -7,8 +7,8 @@ import pytest
 from scipy import ndimage
 
 from humanclaw import HumanclawError
-from humanclaw.body import JOINT_INDEX, matrix_from_quaternion, rest_pose
-from humanclaw.world import BODY_ID, Camera, Mesh, WorldState, ego_camera
+from humanclaw.body import JOINT_INDEX, Pose2D, matrix_from_quaternion, rest_pose
+from humanclaw.world import BODY_ID, Camera, Mesh, WorldState, ego_camera, person_id
 from humanclaw_raster.packing import pack
 from humanclaw_raster.painting import BRIGHTNESS
 from humanclaw_raster.renderer import RasterRenderer
@@ -406,3 +406,25 @@ def test_an_edge_pixel_has_as_much_of_each_colour_as_the_edge_leaves(builder, ca
     # The focal length is 64 pixels, so that half the width is 13.44 pixels: 0.44 of a pixel.
     edge = [value for value in row if 0.2 * row[64] < value < 0.8 * row[64]]
     assert edge == pytest.approx([0.44 * row[64]] * 2, rel=0.03)
+
+
+def test_other_people_are_drawn_where_they_stand_under_their_own_ids(builder, camera):
+    builder.floor()
+    there = [Pose2D(x, 3.0, np.pi).to_world(rest_pose()) for x in (0.8, -0.8)]
+    people = WorldState(STANDING.body, {}, people={person_id(1): there[0], person_id(2): there[1]})
+    view = builder.look(camera((0, 1.6, 0), (0, -0.2, 1), 256), people)
+    left, right = (np.nonzero(view.ids == person_id(number))[1] for number in (1, 2))
+    assert min(len(left), len(right)) > 500
+    assert left.max() < 128 < right.min()  # +X is on the left of who looks along +Z.
+    assert view.depth[view.ids == person_id(1)].min() == pytest.approx(2.8, abs=0.3)
+
+
+def test_a_picture_without_others_is_as_before_they_came(builder, camera):
+    builder.floor()
+    renderer, eye = RasterRenderer(), camera((0, 1.6, 0), (0, -0.2, 1))
+    renderer.load(builder.scene())
+    before = renderer.render(STANDING, eye).rgb.copy()
+    other = Pose2D(0.0, 2.0, np.pi).to_world(rest_pose())
+    met = renderer.render(WorldState(STANDING.body, {}, people={person_id(1): other}), eye).rgb
+    assert not np.array_equal(met, before)
+    assert np.array_equal(renderer.render(STANDING, eye).rgb, before)
