@@ -105,6 +105,18 @@ def test_a_seed_below_zero_is_refused_in_words(cli, command):
     assert "-3 is not in the range x>=0" in done.stderr
 
 
+@pytest.mark.parametrize(("option", "bounds"), [("--seed", "at least 0"), ("--calls", "at least 1, at most 100")])
+def test_a_word_for_a_number_is_refused_with_the_bounds(cli, option, bounds):
+    assert f"'x' is not a valid integer: {bounds}." in cli("play", "stop", option, "x").stderr
+
+
+def test_the_usage_of_a_skill_lists_its_choices(cli):
+    assert (
+        "Call nod with {times: integer 1|2|3}."
+        in cli("play", str(Path(__file__).parents[1] / "examples/nod.py"), "times=5").stderr
+    )
+
+
 @pytest.mark.parametrize(
     ("args", "message", "remedy"),
     [

@@ -99,6 +99,8 @@ class Commands(click.Group):
         except click.NoSuchOption as error:
             meant = [*(error.possibilities or ()), *_choosing(error)]
             raise click.NoSuchOption(error.option_name, possibilities=meant, ctx=error.ctx) from None
+        except click.BadParameter as error:
+            raise click.BadParameter(_ranged(error), error.ctx, error.param, error.param_hint) from None
         except HumanclawError as error:
             _complain(error.message)
             if error.remedy:
@@ -120,6 +122,14 @@ def _choosing(error: click.NoSuchOption) -> Iterator[str]:
     for parameter in error.ctx.command.params if error.ctx else ():
         if isinstance(parameter.type, click.Choice) and value in parameter.type.choices:
             yield f"{parameter.opts[0]} {value}"
+
+
+def _ranged(error: click.BadParameter) -> str:
+    """Return the message with the bounds that click leaves out where a word is no number."""
+    kind: dict[str, Any] = {**error.param.type.to_info_dict()} if error.param else {}
+    bounds = {"at least": kind.get("min"), "at most": kind.get("max")}
+    named = [f"{word} {bound}" for word, bound in bounds.items() if bound is not None]
+    return error.message.replace(" range.", f": {', '.join(named)}.")
 
 
 def _complain(message: str) -> None:

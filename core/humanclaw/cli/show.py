@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final, get_args
+from typing import Final, get_args
 
 import click
 from rich.table import Table
@@ -16,7 +16,7 @@ from humanclaw.plugins import distributions
 from humanclaw.plugins.choice import Choice, PluginInfo
 from humanclaw.plugins.hookspecs import noun
 from humanclaw.plugins.host import Plugins
-from humanclaw.skills.contract import Skill, bounds
+from humanclaw.skills.contract import Skill, values
 from humanclaw.skills.publishing import Format, publish
 
 _WRAPPED: Final = ("parameters", "provides", "state")
@@ -99,11 +99,7 @@ def _source(info: PluginInfo) -> str:
 
 def _parameters(skill: Skill) -> str:
     parts = skill.schema.get("properties", {})
-    return ", ".join(f"{key} {_values(part)}".strip() for key, part in parts.items()) or "none"
-
-
-def _values(part: Mapping[str, Any]) -> str:
-    return "|".join(map(str, part["enum"])) if "enum" in part else bounds(part, "..")
+    return ", ".join(f"{key} {values(part)}".strip() for key, part in parts.items()) or "none"
 
 
 def _state(skill: Skill) -> str:

@@ -138,7 +138,7 @@ class Skill:
     def usage(self) -> str:
         """Write one line that says how to call the skill."""
         parts = [
-            f"{key}: {part.get('type', 'value')} {bounds(part, '..')}".strip()
+            f"{key}: {part.get('type', 'value')} {values(part)}".strip()
             for key, part in self.schema.get("properties", {}).items()
         ]
         return f"Call {self.name} with {{{', '.join(parts)}}}."
@@ -237,3 +237,8 @@ def _explain(fault: jsonschema.ValidationError) -> str:
 def bounds(part: Mapping[str, Any], between: str = " to ") -> str:
     """Write the bounds of a parameter as text, such as "0 to 80"; empty where its schema has none."""
     return f"{part['minimum']}{between}{part['maximum']}" if {"minimum", "maximum"} <= part.keys() else ""
+
+
+def values(part: Mapping[str, Any]) -> str:
+    """Write the values that a parameter takes, such as "0..80" or "1|2|3"; empty where its schema limits none."""
+    return "|".join(map(str, part["enum"])) if "enum" in part else bounds(part, "..")
