@@ -53,7 +53,7 @@ def test_keys_buttons_and_the_form_are_calls_until_the_replay(window, decisions,
         tab.locator("#keys button", has_text="turn left").first.click()
         assert decisions.get(timeout=5).visible_state == "a couch"
         shown(2)
-        tab.get_by_text("Any call").click()
+        tab.get_by_text("Call any skill").click()
         tab.select_option("#skill", "sit_in_place")
         tab.fill("#parameters input", "50")
         tab.get_by_text("Call it").click()
