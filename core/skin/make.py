@@ -42,19 +42,24 @@ STEP = 0.005
 SHOE = 0.0748
 """Height of the ankle over the sole, metres."""
 LOW, HIGH = np.array([0.0, -0.99, -0.21]), np.array([0.78, 0.80, 0.27])
-HALF_FACES = 2600
+HAND = (0.50, -0.17, -0.02), (0.70, 0.03, 0.16)
+"""Corners of the place where steps are half as wide: fingers are 4 mm apart."""
+HALF_FACES = 2900
 STEEP = 10.0
 
 
 # -- surface -----------------------------------------------------------------------------------------------------------
 def surface(build: Build) -> tuple[Array, Array]:
     """Return vertices and faces of the left half, open at x = 0."""
-    axes = [np.arange(low, high, STEP) for low, high in zip(LOW, HIGH, strict=True)]
+    axes = [
+        np.sort(np.append(np.arange(low, high, STEP), np.arange(start, end, STEP) + STEP / 2))
+        for low, high, start, end in zip(LOW, HIGH, *HAND, strict=True)
+    ]
     points = np.stack(np.meshgrid(*axes, indexing="ij"), -1)
     shape = points.shape[:3]
     field = np.concatenate([body(part.reshape(-1, 3), build) for part in np.array_split(points, 40)])
-    vertices, faces, _, _ = marching_cubes(field.reshape(shape), 0.0, spacing=(STEP,) * 3)
-    vertices = vertices + LOW
+    cells, faces, _, _ = marching_cubes(field.reshape(shape), 0.0)
+    vertices = np.stack([np.interp(cells[:, k], np.arange(len(axis)), axis) for k, axis in enumerate(axes)], 1)
     return settled(vertices, build), faces.astype(np.int64)
 
 
@@ -97,7 +102,7 @@ def importance(points: Array) -> Array:
     """Return how much larger a place is made while the mesh is simplified: face and hand keep more triangles."""
     h, w = local(points, "head"), local(points, "left_wrist")
     face = ramp((h[:, 2] + 0.06) / 0.13) * ramp((h[:, 1] + 0.05) / 0.06)
-    return np.asarray(1 + 0.5 * ramp((h[:, 1] + 0.06) / 0.10) + 1.3 * face + 1.0 * ramp((w[:, 0] + 0.01) / 0.03))
+    return np.asarray(1 + 0.6 * ramp((h[:, 1] + 0.06) / 0.10) + 1.3 * face + 0.8 * ramp((w[:, 0] + 0.01) / 0.03))
 
 
 def simplified(points: Array, faces: Array, count: int) -> tuple[Array, Array]:

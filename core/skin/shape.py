@@ -127,26 +127,42 @@ def arm(p: Array, b: Build) -> Array:
     return join(0.035, upper, lower)
 
 
+FINGERS = ((0.009, 0.0295, 0.044, 0.040), (0.012, 0.0098, 0.048, 0.044), (0.009, -0.0100, 0.044, 0.041),
+           (0.002, -0.0290, 0.034, 0.034))  # fmt: skip
+"""Index to little finger, metres: the knuckle's x and z in the frame of the hand, and the lengths of two parts.
+
+A hand is 0.108 of the stature long (Drillis and Contini 1966) and 0.048 wide (women in ANSUR II, men 0.050:
+Gordon et al. 2014, NATICK/TR-15/007).
+"""
+
+
+def finger(p: Array, x: float, z: float, near: float, far: float) -> Array:
+    """Return a finger at ease: bent by 8 and by 22 degrees, and a little away from its neighbours."""
+    spread = 5.0 * z
+    knuckle = np.array((x, 0.002, z))
+    middle = knuckle + near * np.array((0.99, -0.14, spread))
+    tip = middle + far * np.array((0.90, -0.38, 0.6 * spread))
+    return join(0.004, cone(p, knuckle, middle, 0.0098, 0.0088), cone(p, middle, tip, 0.0088, 0.0076))
+
+
 def hand(p: Array) -> Array:
-    """Return a mitten with a thumb; the palm looks down in the wrist's frame."""
+    """Return a hand at ease, the thumb ahead; the palm looks down in the wrist's frame."""
     w, h = local(p, "left_wrist"), local(p, "left_hand")
     palm = join(
         0.02,
-        slab(w, (0.045, 0.0, 0.0), (0.047, 0.0145, 0.039), 0.013),
-        ball(w, (0.03, -0.008, 0.022), (0.034, 0.016, 0.018)),
+        slab(w, (0.047, 0.0, 0.0), (0.047, 0.0135, 0.040), 0.013),
+        ball(w, (0.034, -0.009, 0.020), (0.034, 0.016, 0.018)),
+        ball(w, (0.036, -0.008, -0.024), (0.036, 0.013, 0.014)),
         ball(w, (-0.005, 0.0, 0.0), (0.03, 0.018, 0.026)),
     )
-    fingers = [
-        join(0.012, cone(h, (-0.005, 0.001, z), (0.038 * s, -0.002, 1.03 * z), 0.0125, 0.0118),
-             cone(h, (0.038 * s, -0.002, 1.03 * z), (0.080 * s, -0.012, 0.98 * z), 0.0118, 0.0095))
-        for z, s in ((0.026, 0.93), (0.0095, 1.03), (-0.0085, 1.0), (-0.0255, 0.86))
-    ]  # fmt: skip
     thumb = join(
-        0.012,
-        cone(w, (0.012, -0.006, 0.022), (0.050, -0.013, 0.052), 0.016, 0.0125),
-        cone(w, (0.050, -0.013, 0.052), (0.085, -0.016, 0.062), 0.0120, 0.0088),
+        0.006,
+        cone(w, (0.014, -0.006, 0.022), (0.052, -0.018, 0.049), 0.0155, 0.0118),
+        cone(w, (0.052, -0.018, 0.049), (0.080, -0.026, 0.060), 0.0112, 0.0100),
+        cone(w, (0.080, -0.026, 0.060), (0.101, -0.033, 0.061), 0.0100, 0.0075),
     )
-    return join(0.014, join(0.008, palm, join(0.02, *fingers)), thumb)
+    # The blend between fingers fills gaps of less than 4 mm: webs, and no folds that a triangle cannot follow.
+    return join(0.012, join(0.008, palm, join(0.008, *(finger(h, *one) for one in FINGERS))), thumb)
 
 
 def leg(p: Array, b: Build) -> Array:
@@ -158,24 +174,32 @@ def leg(p: Array, b: Build) -> Array:
         ball(q, (0.004, -0.16, 0.014), (0.074 * k, 0.20, 0.072 * k)),
         ball(q, (0.012, -0.06, -0.006), (0.080 * k, 0.15, 0.085 * k)),
     )
+    # Girths of calf and ankle are 0.22 and 0.13 of the stature (ANSUR II); the calf is fullest at a third of the shin.
     shank = join(
-        0.04,
-        cone(s, (0.0, 0.0, 0.002), (0.0, -0.385, -0.006), 0.055 * k, 0.044 * k),
-        ball(s, (0.002, -0.13, -0.020), (0.048 * k, 0.13, 0.046 * k)),
-        ball(s, (0.0, 0.005, 0.012), (0.046 * k, 0.06, 0.047 * k)),
+        0.03,
+        cone(s, (0.0, 0.0, 0.002), (0.0, -0.385, -0.012), 0.054 * k, 0.041 * k),
+        ball(s, (-0.012, -0.135, -0.026), (0.045 * k, 0.125, 0.046 * k)),
+        ball(s, (0.014, -0.120, -0.024), (0.044 * k, 0.115, 0.044 * k)),
+        ball(s, (0.0, 0.005, 0.014), (0.044 * k, 0.05, 0.046 * k)),
     )
     return join(0.05, thigh, shank)
 
 
+def ankle(p: Array, b: Build) -> Array:
+    """Return the bare ankle between trousers and shoe."""
+    a, k = local(p, "left_ankle"), b.limbs
+    shaft = cone(a, (0, 0.09, -0.008), (0, -0.03, -0.004), 0.034 * k, 0.033 * k)
+    return join(0.015, shaft, cone(a, (0, 0.09, -0.030), (0, -0.02, -0.034), 0.014 * k, 0.012 * k))
+
+
 def shoe(p: Array) -> Array:
-    """Return a shoe with a flat sole, and the ankle in it."""
+    """Return a shoe with a flat sole."""
     a, f = local(p, "left_ankle"), local(p, "left_foot")
     upper = join(
         0.03,
-        ball(a, (0, -0.040, -0.020), (0.037, 0.055, 0.044)),
-        cone(a, (0, -0.030, 0.005), (0.002, -0.052, 0.115), 0.040, 0.033),
+        ball(a, (0, -0.043, -0.020), (0.038, 0.046, 0.047)),
+        cone(a, (0, -0.036, 0.005), (0.002, -0.052, 0.115), 0.040, 0.033),
         ball(f, (0.001, -0.002, 0.030), (0.043, 0.034, 0.068)),
-        cone(a, (0, 0.05, -0.006), (0, -0.02, -0.006), 0.036, 0.040),
     )
     outline = join(
         0.05,
@@ -246,7 +270,7 @@ def hair(p: Array, b: Build) -> Array:
     return -join(0.012, -cap, hairline(p, b) + 0.002)
 
 
-SLEEVE, HEM, CUFF, SOLE = 0.165, -0.018, -0.383, 0.021
+SLEEVE, HEM, CUFF, SOLE = 0.165, -0.018, -0.345, 0.021
 """Where cloth ends: the sleeve along the upper arm; shirt and sole by height; the trousers along the shin."""
 
 
@@ -267,11 +291,12 @@ def layers(points: Array, b: Build, steep: float = 1.0) -> dict[str, Array]:
     below = HEM - points[:, 1]
     sleeve = np.maximum(bare - 0.007, steep * along)
     limb = np.maximum(join(0.012, bare, hand(points)), -steep * along if steep > 1 else -1.0)
+    bare_ankle = np.maximum(ankle(points, b), -steep * down if steep > 1 else -1.0)
     found = {
         "shirt": np.maximum(join(0.055, join(0.05, trunk, thigh) - 0.004, sleeve), steep * below),
         "trousers": np.max([join(0.05, trunk, thigh), steep * down - 0.002, -steep * below - 0.1 / steep], axis=0),
-        "shoes": np.maximum(shoe(points), -steep * down if steep > 1 else -1.0),
-        "skin": np.minimum(limb, mirrored(face, points, b, 0.012)),
+        "shoes": shoe(points),
+        "skin": np.min([limb, bare_ankle, mirrored(face, points, b, 0.012)], axis=0),
     }
     if b.hair != "bald":
         found["hair"] = mirrored(hair, points, b, 0.01)

@@ -316,6 +316,8 @@ def _unblocked(
     east, north, rise = east * stride, north * stride, stride * np.float32(overhead.cell)
     steps, step = min(int((np.float32(TALLEST + overhead.floors[storey]) - y) / rise), FARTHEST), 1
     y += np.float32(0.02)
+    # Up to half a cell aside: pictures from close by would show the cells as steps.
+    x, z = x + HALF * aside[0], z + HALF * aside[1]
     while step < steps and not blocked:
         middle = np.float32(step) + np.float32(STEPS / 2 - 0.5)
         if _height(overhead.around, storey, x + east * middle, z + north * middle) > y + rise * np.float32(step):
