@@ -36,25 +36,36 @@ _SECONDS: Final = FUTURE / FPS
 
 
 class FakeWorld:
-    """A simulator without dynamics: the body follows its commands, and nothing else moves. `heard` keeps the
-    commands."""
+    """A simulator without dynamics: bodies follow their commands, through one another too, and nothing else moves.
+    `heard` keeps the commands."""
+
+    shared = True
 
     def __init__(self) -> None:
         self.heard: list[Motion] = []
 
     def reset(self, scene: Scene, start: Pose2D) -> WorldState:
-        self._body = start.to_world(rest_pose())
-        return self.state()
+        return self.reset_all(scene, [start])[0]
+
+    def reset_all(self, scene: Scene, starts: Sequence[Pose2D]) -> Sequence[WorldState]:
+        self._bodies = [start.to_world(rest_pose()) for start in starts]
+        return self.states()
 
     def execute(self, motion: Motion) -> Execution:
-        self.heard.append(motion)
-        self._body = motion[-1:]
-        return Execution(motion, (), (), {})
+        return self.execute_all([motion])[0]
 
-    def grip(self, side: Side, closed: bool) -> None: ...
+    def execute_all(self, motions: Sequence[Motion]) -> Sequence[Execution]:
+        self.heard += motions
+        self._bodies = [motion[-1:] for motion in motions]
+        return [Execution(motion, (), (), {}) for motion in motions]
+
+    def grip(self, side: Side, closed: bool, body: int = 0) -> None: ...
 
     def state(self) -> WorldState:
-        return WorldState(self._body, {})
+        return self.states()[0]
+
+    def states(self) -> Sequence[WorldState]:
+        return [WorldState(body, {}) for body in self._bodies]
 
     def close(self) -> None: ...
 

@@ -178,6 +178,17 @@ class LazyCommand(click.Command):
 @seed_option(help="All randomness derives from it.")
 @click.option("--out", type=click.Path(path_type=Path), help="Folder of the record; the default is a new one in runs/.")
 @click.option("--film", type=click.Choice(["mp4", "gif", "none"]), default="mp4", show_default=True)
+@click.option("--with", "partner", default="", help="A second model or agent, such as human, with a body beside it.")
+@click.option(
+    "--with-instruction", "partner_instruction", default="", help="What the second is to do, if not the same."
+)
+@click.option(
+    "--clock",
+    type=click.Choice(["paused", "real"]),
+    default="paused",
+    show_default=True,
+    help="Whether the world waits while an agent thinks, or goes on: then 3 s of thought cost six steps.",
+)
 @plugin_options
 def run(instruction: str, reference: str, deciders: Deciders, files: tuple[Path, ...], **options: object) -> None:
     """Give a body an instruction and watch it act."""

@@ -49,6 +49,13 @@ class Deciders:
         check_options(self.options, self.agent, agent, verifier)
         return agent, verifier
 
+    def other(self, name: str, plugins: Plugins) -> Deciders:
+        """Return the deciders of a second body: an agent of this name, or else a model."""
+        profile = {"profile": self.options["profile"]}
+        if any(offer.name == name for offer in plugins.registered("agents")):
+            return Deciders(name, "", profile, self.limits)
+        return Deciders("litellm", "", profile | {"model": name}, self.limits)
+
     def meter(self) -> Meter:
         """Return the meter of one run."""
         return Meter(self.limits)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from typing import Final
 
@@ -27,7 +28,9 @@ class StepProgress:
         it."""
         self._console, self._distances = console, distances
         self._width = len(str(max_steps))
-        self._step, self._chunks, self._begun = -1, 0, False
+        self._chunks: Counter[tuple[str, int]] = Counter()
+        """Chunks of each step of each episode."""
+        self._begun = False
         self._wide = not console.is_terminal or console.width >= _WIDE
 
     def _print(self, line: str) -> None:
@@ -41,18 +44,17 @@ class StepProgress:
     @hookimpl
     def humanclaw_chunk(self, episode: EpisodeRecord, step: int, chunk: Chunk) -> None:
         """Print a line for each chunk of a call after the first."""
-        self._chunks = self._chunks + 1 if step == self._step else 1
-        self._step = step
-        if self._chunks > 1:
+        self._chunks[episode.spec.id, step] += 1
+        if (played := self._chunks[episode.spec.id, step]) > 1:
             x, _, z = chunk.execution.simulated.root[-1]
-            self._print(f"{'':>{self._width}}  ... {self._chunks / 2:g} s, at x {x:.2f} z {z:.2f}")
+            self._print(f"{'':>{self._width}}  ... {_by(episode)}{played / 2:g} s, at x {x:.2f} z {z:.2f}")
 
     @hookimpl
     def humanclaw_step(self, episode: EpisodeRecord, step: StepRecord) -> None:
         thought = (step.feedback.refusal or step.decision.reasoning).split("\n")[0]
         known = self._distances and step.target_distance is not None
         near = f"{step.target_distance:.2f} m" if known else ""
-        call = str(step.call or "(no usable call)")
+        call = _by(episode) + str(step.call or "(no usable call)")
         took = f"{sum(step.seconds.values()):4.1f} s" if step.seconds else ""
         line = f"{step.step:>{self._width}}  {call:<44} {near:>9} {took:>6}"
         if self._wide:
@@ -60,6 +62,11 @@ class StepProgress:
         else:
             self._print(line)
             self._console.print(Padding(thought, (0, 0, 0, self._width + 2)), style="dim")
+
+
+def _by(episode: EpisodeRecord) -> str:
+    """Say whose line it is, where there are several bodies."""
+    return f"{episode.agent}: " if episode.company else ""
 
 
 def scoring(spec: EpisodeSpec) -> str:

@@ -7,7 +7,9 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass
+from functools import partial
 from itertools import chain, count
 from pathlib import Path
 from typing import Any, Final
@@ -15,20 +17,23 @@ from typing import Any, Final
 import click
 from rich.status import Status
 
+from humanclaw.body.pose import Pose2D
 from humanclaw.cli.options import INTERRUPTED, Deciders, advice_after
 from humanclaw.cli.progress import StepProgress, scoring, summary
 from humanclaw.cli.terminal import Console
 from humanclaw.episodes.backends import SHIPPED, SIMULATORS, Backends
+from humanclaw.episodes.company import Company, place_beside
 from humanclaw.episodes.embodiment import Body
+from humanclaw.episodes.episode import Clock
 from humanclaw.episodes.loop import run_episode
 from humanclaw.errors import HumanclawError, PluginError, PluginRunError, RecordError, blaming
-from humanclaw.plugins.agents import Reporter
+from humanclaw.plugins.agents import Agent, Reporter, Verifier
 from humanclaw.plugins.choice import Choice
 from humanclaw.plugins.deciders import origin
 from humanclaw.plugins.host import Plugins
 from humanclaw.records.instructions import free_episode, require_words
 from humanclaw.records.reading import RecordedEpisode
-from humanclaw.records.specification import name_of
+from humanclaw.records.specification import EpisodeSpec, name_of
 from humanclaw.records.steps import EpisodeRecord, StepRecord
 from humanclaw.storage.files import writing
 from humanclaw.world.navigation.approach import geodesics
@@ -54,53 +59,107 @@ def play(
     out: Path | None,
     film: str,
     choice: Choice,
+    partner: str,
+    partner_instruction: str,
+    clock: Clock,
 ) -> None:
-    """Play one episode. The arguments are the options of `humanclaw run`. Exits with 130 after Ctrl-C."""
+    """Play one episode, or that of two bodies. The arguments are the options of `humanclaw run`. Exits with 130 after
+    Ctrl-C."""
     plugins = Plugins.discover(files, choice)
     plugins.require(*_needed(plugins, deciders, backends, reference))
     backends.chosen(plugins)  # An unknown sense or a missing key is told before the house and the body are made.
-    require_words(instruction)
-    agent, verifier = deciders.make(plugins)
-    for decider in filter(None, (agent, verifier)):
-        _require_ready(decider, instruction)
+    words = [instruction, *([partner_instruction or instruction] if partner else [])]
+    for text in words:
+        require_words(text)
+    minds = [deciders, *([deciders.other(partner, plugins)] if partner else [])]
+    made = [mind.make(plugins) for mind in minds]
+    for text, deciding in zip(words, made, strict=True):
+        for decider in filter(None, deciding):
+            _require_ready(decider, text)
     status.update("Making the scene")
     scene: Scene = plugins.scene(reference)
-    spec = free_episode(instruction, scene, seed=seed, max_steps=max_steps, name=f"{name_of(reference)}-{seed}")
-    head = f'{deciders.title} in {reference}: "{instruction}"\n{scoring(spec)}'
-    out = out or new_folder(name_of(deciders.title))
-    folder = out / spec.id
-    claim(folder)
-    progress = StepProgress(console, max_steps, distances=not getattr(agent, "at_terminal", False))
+    out = out or new_folder("-with-".join(name_of(mind.title) for mind in minds))
+    starts = [scene.start, *([place_beside(scene, scene.start)] if partner else [])]
+    parts = [
+        _Part(_spec(text, scene, start, f"{name_of(reference)}-{seed + k}", seed + k, max_steps), mind, *deciding, out)
+        for k, (text, start, mind, deciding) in enumerate(zip(words, starts, minds, made, strict=True))
+    ]
+    progress = StepProgress(
+        console, max_steps, distances=not any(getattr(part.agent, "at_terminal", False) for part in parts)
+    )
     plugins.add(progress, "console_progress")
     status.update(PLAYING)
-    with (
-        left_empty(folder),
-        _interrupting() as interrupted,
-        _kept(folder),
-        Body(scene, seed=seed, plugins=plugins, backends=backends) as body,
-    ):
-        run_episode(
-            body,
-            spec,
-            agent,
-            verifier,
-            folder=folder,
-            options=deciders.options,
-            distance=geodesics,
-            meter=deciders.meter(),
-            begun=lambda: console.print(head, soft_wrap=True),
-            stopping=interrupted,
-        )
+    with ExitStack() as stack:
+        for part in parts:
+            claim(part.folder)
+            stack.enter_context(left_empty(part.folder))
+        interrupted = stack.enter_context(_interrupting())
+        for part in parts:
+            stack.enter_context(_kept(part.folder))
+        _played(parts, scene, starts, interrupted, console, clock, seed=seed, plugins=plugins, backends=backends)
     try:
-        recorded = RecordedEpisode(folder)
-        console.print(words := summary(recorded.record, recorded.steps))
-        getattr(agent, "show_result", lambda result, run: None)(words, out)
+        for part in parts:
+            recorded = RecordedEpisode(part.folder)
+            console.print(said := summary(recorded.record, recorded.steps))
+            getattr(part.agent, "show_result", lambda result, run: None)(said, out)
         status.stop()  # The film has a bar of its own.
-        present(plugins, backends, out, folder, film, console)
+        for part in parts:
+            present(plugins, backends, out, part.folder, film, console)
     except KeyboardInterrupt:
         console.print(f"The report is not whole. `humanclaw report {out}` writes it.", soft_wrap=True)
         raise
-    end(recorded.record, recorded.steps)
+    for part in parts:
+        recorded = RecordedEpisode(part.folder)
+        end(recorded.record, recorded.steps)
+
+
+@dataclass(frozen=True)
+class _Part:
+    """One body's task, and who decides for it."""
+
+    spec: EpisodeSpec
+    deciders: Deciders
+    agent: Agent
+    verifier: Verifier | None
+    run: Path
+
+    @property
+    def folder(self) -> Path:
+        return self.run / self.spec.id
+
+    @property
+    def head(self) -> str:
+        return f'{self.deciders.title} in {self.spec.scene}: "{self.spec.instruction}"\n{scoring(self.spec)}'
+
+    def play(self, body: Body, **given: Any) -> None:
+        run_episode(
+            body, self.spec, self.agent, self.verifier, folder=self.folder, options=self.deciders.options,
+            distance=geodesics, meter=self.deciders.meter(), **given,
+        )  # fmt: skip
+
+
+def _spec(text: str, scene: Scene, start: Pose2D, name: str, seed: int, max_steps: int) -> EpisodeSpec:
+    spec = free_episode(text, scene, seed=seed, max_steps=max_steps, name=name)
+    return spec if start == scene.start else spec.model_copy(update={"start": start})
+
+
+def _played(
+    parts: Sequence[_Part], scene: Scene, starts: Sequence[Pose2D], interrupted: Callable[[], bool], console: Console,
+    clock: Clock, **made: Any,
+) -> None:  # fmt: skip
+    """Play all parts at once. made: seed, plugins and backends of the bodies."""
+
+    def played(part: _Part, body: Body) -> None:
+        all_of_them = [each.spec.id for each in parts] if len(parts) > 1 else ()
+        head = partial(console.print, part.head, soft_wrap=True)
+        part.play(body, begun=head, stopping=interrupted, company=all_of_them, clock=clock)
+
+    if len(parts) == 1:
+        with Body(scene, **made) as body:
+            played(parts[0], body)
+        return
+    with Company(scene, starts, **made) as company:
+        company.play([partial(played, part) for part in parts])
 
 
 def _require_ready(decider: Any, instruction: str) -> None:

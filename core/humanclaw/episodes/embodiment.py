@@ -8,12 +8,12 @@ import time
 from collections.abc import Iterator
 from dataclasses import replace
 from inspect import signature
-from typing import Any, Self, TypeVar
+from typing import Any, Final, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from humanclaw.body.pose import FUTURE, Motion, Pose2D
+from humanclaw.body.pose import FPS, FUTURE, Motion, Pose2D
 from humanclaw.episodes.adapters import Adapters
 from humanclaw.episodes.backends import SHIPPED, Backends
 from humanclaw.episodes.execution import SkillExecution, Watcher, played_parts
@@ -29,6 +29,7 @@ from humanclaw.records.feedback import Feedback
 from humanclaw.skills.aims import Grip
 from humanclaw.skills.call import Call
 from humanclaw.skills.contract import Skill
+from humanclaw.skills.plan import Keyframes
 from humanclaw.skills.proprioception import ProprioceptiveState
 from humanclaw.storage.pictures import jpeg
 from humanclaw.text.notebook import card
@@ -37,6 +38,8 @@ from humanclaw.world.simulator import Chunk, Simulator, WorldState
 from humanclaw.world.view import CameraMount, Renderer, View, ego_camera, gaze_of
 
 T = TypeVar("T", bound=np.generic)
+_STANDING: Final = Keyframes((FUTURE / FPS,), {}, absolute=True)
+"""Half a second in which nothing of the body moves."""
 
 
 class Body:
@@ -50,6 +53,7 @@ class Body:
         seed: int = 0,
         plugins: Plugins | None = None,
         backends: Backends | None = None,
+        simulator: Simulator | None = None,
     ) -> None:
         """Put a body into a scene.
 
@@ -57,6 +61,7 @@ class Body:
             scene: a reference such as house:0, or a Scene.
             start: where to stand; by default the scene's own start.
             seed: all randomness of the motion derives from the seed and the number of the step.
+            simulator: one that is made already; by default a new one, as `backends` names it.
 
         Raises HumanclawError for unknown names.
         """
@@ -66,7 +71,7 @@ class Body:
         self.gaze: CameraMount = gaze_of(self.backends.gaze)
         self._adapters = Adapters(self.plugins)
         self._generator: MotionGenerator = self._moved_by(self.backends.generator, self.backends.prior)
-        self._simulator: Simulator = self._make("simulators", self.backends.simulator)
+        self._simulator: Simulator = simulator or self._make("simulators", self.backends.simulator)
         self._renderer: Renderer = self.plugins.make("renderers", self.backends.renderer)
         self._shown: Scene | None = None
         self._waiting: tuple[Scene, Pose2D] | None = None
@@ -193,14 +198,15 @@ class Body:
         """
         return self.plugins.make("frameworks", framework, body_tools(self, verifier, instruction))
 
-    def execute(self, call: Call, watch: Watcher | None = None) -> SkillExecution:
+    def execute(self, call: Call, watch: Watcher | None = None, waited: int = 0) -> SkillExecution:
         """Execute a checked call, chunk by chunk.
 
-        watch: called after each chunk; if it returns False, the rest is left out.
+        watch: called after each chunk; if it returns False, the rest is left out. waited: half seconds to stand before.
         """
         skill = self.plugins.skill(call.skill)
         with blaming(self.plugins.owner(call.skill)):
             plan = skill.planned(call.params, self.feeling if skill.feels else None)
+        plan = (*[_STANDING] * waited, *plan)
         self._waiting = None
         playing = Playing(self._mover, skill, plan, (self.seed, self.step))
         before, chunks, seconds = self._mover.state, list[Chunk](), {"generate": 0.0, "simulate": 0.0}
@@ -231,6 +237,7 @@ class Body:
             limits=tuple(dict.fromkeys(limits)),
             fell=self._descent.fall,
             falling=self._descent.falling,
+            waited=waited / 2,
             heard=tuple(heard for chunk in chunks for heard in chunk.execution.heard),
         )
         aims = tuple(playing.aims)

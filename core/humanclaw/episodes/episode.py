@@ -13,8 +13,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Final, Self
+from typing import Any, Final, Literal, Self
 
+from humanclaw.body.pose import FPS, FUTURE
 from humanclaw.episodes.agents import EpisodeAgents, own_seed, settled
 from humanclaw.episodes.embodiment import Body
 from humanclaw.episodes.execution import SkillExecution
@@ -29,7 +30,7 @@ from humanclaw.records.decisions import Attempt, Decision, Refusal, Usage, Verdi
 from humanclaw.records.feedback import Feedback
 from humanclaw.records.limits import Meter
 from humanclaw.records.specification import EpisodeSpec
-from humanclaw.records.steps import EpisodeRecord, Outcome, StepRecord
+from humanclaw.records.steps import EpisodeRecord, Outcome, StepRecord, spent
 from humanclaw.records.success import succeeded
 from humanclaw.skills.call import Call
 from humanclaw.storage.files import Folder
@@ -39,6 +40,7 @@ from humanclaw.world.scene import Scene
 from humanclaw.world.simulator import Chunk, DistanceFactory, WorldState
 from humanclaw.world.view import View
 
+Clock = Literal["paused", "real"]
 MAX_ATTEMPTS: Final = 3
 """Answers that an agent may give in one step until one is usable. After the last one the step is lost."""
 
@@ -62,6 +64,8 @@ class Episode:
         apart: Mapping[str, str] | None = None,
         agent_seed: int | None = None,
         scene: Scene | None = None,
+        company: Sequence[str] = (),
+        clock: Clock = "paused",
     ) -> None:
         """Put the body at the start, start agent and verifier, and begin the record.
 
@@ -78,6 +82,8 @@ class Episode:
             agent_seed: for random numbers of agent and verifier; by default derived from the episode's, so that who
                 knows all episodes can tell from it which one this is.
             scene: the scene of the specification, if it is loaded already.
+            company: of several bodies in the scene the ids of all their episodes, in order, for the record.
+            clock: "real" lets the world go on while agent and verifier think: each half second costs a step.
 
         Raises:
             HumanclawError: attempts is below 1.
@@ -92,6 +98,7 @@ class Episode:
         check_memory(replay, self._agents.privileged, spec)
         stand_at_start(body, spec, scene)
         self.body, self.spec, self._reset = body, spec, body.resets
+        self._clock = clock
         self._max_attempts, self._meter = attempts, meter or Meter()
         self._meter.begin("episode")
         self._distance = None
@@ -99,6 +106,7 @@ class Episode:
             self._distance = distance(body.scene, spec.target_ids, body.start.floor)
         settings = {"limits": self._meter.limits, "apart": apart or {}}
         record = begin_record(body, spec, self._agents, options or {}, settings, self.distance_to_goal())
+        record = record.model_copy(update={"company": tuple(company)})
         # Before anything is written, so that a refusal leaves no folder behind.
         own = own_seed(spec.seed) if agent_seed is None else agent_seed
         context = EpisodeContext(spec.for_agent, body.skills, own, meter=self._meter, gaze=body.gaze)
@@ -123,7 +131,7 @@ class Episode:
     @property
     def done(self) -> bool:
         """Whether the episode takes no further decision."""
-        return self._stopping or self.outcome != "running" or len(self._recording.steps) >= self.spec.max_steps
+        return self._stopping or self.outcome != "running" or spent(self._recording.steps) >= self.spec.max_steps
 
     @property
     def fault(self) -> PluginRunError | None:
@@ -190,8 +198,10 @@ class Episode:
         with self._closing():
             return self._take(self._agents.decide(seen, self.history))
 
-    def submit(self, decision: Decision) -> StepRecord | Refusal:
+    def submit(self, decision: Decision, waited: int | None = None) -> StepRecord | Refusal:
         """Take a step. A decision without a legal call is refused; the last allowed refusal in a row costs the step.
+
+        waited: half seconds that the world goes on before the call, by default as the clock has it.
 
         Raises:
             HumanclawError: the episode has ended.
@@ -201,7 +211,7 @@ class Episode:
         self._check_open()
         decision = admit(decision, Decision, "submit() was given")
         with self._closing():
-            return self._take(decision)
+            return self._take(decision, waited)
 
     def _repr_html_(self) -> str:
         """Return the state and the current view, for a notebook."""
@@ -264,7 +274,7 @@ class Episode:
         self._meter.check()
         self._step.ask()
 
-    def _take(self, decision: Decision) -> StepRecord | Refusal:
+    def _take(self, decision: Decision, waited: int | None = None) -> StepRecord | Refusal:
         """Enter a decision, and execute it if it holds a legal call."""
         self._look()
         self._answered("decide", decision.usage)
@@ -274,7 +284,15 @@ class Episode:
             return self._refuse(decision, str(fault))
         self._step.attempts.append(Attempt(decision))
         verdict, call = self._verify(decision, call)
-        return self._keep(self._execute(call, verdict))
+        return self._keep(self._execute(call, verdict, self._thought if waited is None else waited))
+
+    @property
+    def _thought(self) -> int:
+        """Half seconds that the world goes on for the time of thinking, as far as steps are left for them."""
+        if self._clock == "paused":
+            return 0
+        seconds = sum(self._step.seconds.get(part, 0.0) for part in ("decide", "verify"))
+        return min(int(seconds * FPS / FUTURE), self.spec.max_steps - spent(self.steps) - 1)
 
     def _answered(self, part: str, usage: Usage) -> None:
         """Enter the time and cost of an answer. Raises LimitError if a limit has been crossed."""
@@ -299,13 +317,13 @@ class Episode:
         self._answered("verify", verdict.usage)
         return settled(verdict, call, skills)
 
-    def _execute(self, call: Call, verdict: Verdict | None) -> StepRecord:
+    def _execute(self, call: Call, verdict: Verdict | None, waited: int) -> StepRecord:
         """Execute a call. An active stop ends the episode without motion."""
         before = self.body.state()
         if self.body.skills[call.skill].role == "stop":
             return self._measure(before, call, verdict)
         self._cancelling, self._between = False, []
-        done = self.body.execute(call, self._watch)
+        done = self.body.execute(call, self._watch, waited)
         self._recording.move(*map(piece_of, done.chunks))
         self._step.seconds |= done.seconds
         return self._measure(before, call, verdict, done)
@@ -350,7 +368,7 @@ class Episode:
         self._look()
         if step.call and step.status != "stopped":
             left = iter(range(step.chunks - 1, -1, -1))
-            done = self.body.execute(step.call, lambda chunk: next(left) > 0)
+            done = self.body.execute(step.call, lambda chunk: next(left) > 0, step.waited)
             self._recording.move(*map(piece_of, done.chunks))
         check_place(step, self.body.state(), self.spec)
         self._meter.add(step.usage)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from humanclaw.episodes.embodiment import Body
-from humanclaw.episodes.episode import Episode
+from humanclaw.episodes.episode import Clock, Episode
 from humanclaw.plugins.agents import Agent, Verifier
 from humanclaw.records.limits import Meter
 from humanclaw.records.specification import EpisodeSpec
@@ -26,6 +26,8 @@ def run_episode(
     options: Mapping[str, Any] | None = None,
     distance: DistanceFactory | None = None,
     meter: Meter | None = None,
+    company: Sequence[str] = (),
+    clock: Clock = "paused",
     begun: Callable[[], object] = lambda: None,
     stopping: Callable[[], bool] = lambda: False,
 ) -> EpisodeRecord:
@@ -38,7 +40,15 @@ def run_episode(
     episode. Every other exception, KeyboardInterrupt included, is raised again once the record is closed.
     """
     with Episode(
-        body, spec, agent, verifier, folder=folder, options=options, distance=distance, meter=meter
+        body,
+        spec,
+        agent,
+        verifier,
+        folder=folder,
+        options=options,
+        distance=distance,
+        meter=meter,
+        company=company,
     ) as episode:
         begun()
         while not (episode.done or stopping()):

@@ -100,6 +100,7 @@ class Step:
             fall=felt.fell,
             falling=felt.falling,
             heard=felt.heard,
+            waited=round(2 * felt.waited),
             waypoints=tuple(vec3(chunk.execution.simulated.root[-1]) for chunk in chunks[:-1]),
             start=vec3(before.body.root[-1]),
             end=vec3(after.body.root[-1]),

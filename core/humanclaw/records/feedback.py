@@ -122,6 +122,8 @@ class Feedback:
     """How far the body fell, metres; 0 if it did not."""
     falling: bool = False
     """Whether it is still falling."""
+    waited: float = 0.0
+    """Seconds that the world went on while the agent thought."""
     heard: tuple[Heard, ...] = ()
     """What others said meanwhile."""
 
@@ -133,7 +135,10 @@ class Feedback:
             return self.refusal
         held = f"Your body could not do all of it: {'; '.join(self.limits)}." if self.limits else ""
         fell = f"You {'are falling, so far' if self.falling else 'fell'} {self.fell:.1f} m." if self.fell else ""
-        return " ".join(filter(None, (self._action(), held, fell, self.sensor_readings, *map(_quoted, self.heard))))
+        thought = f"{self.waited:g} s passed while you thought." if self.waited else ""
+        return " ".join(
+            filter(None, (thought, self._action(), held, fell, self.sensor_readings, *map(_quoted, self.heard)))
+        )
 
     @property
     def sensor_readings(self) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 
 from humanclaw.body.pose import Array
 from humanclaw.errors import RecordError
-from humanclaw.records.steps import EpisodeRecord, Outcome, StepRecord
+from humanclaw.records.steps import EpisodeRecord, Outcome, StepRecord, spent
 from humanclaw.storage.files import MIB, Folder, add_line, writing
 
 AGAIN = "Run the episode again, or remove its folder."
@@ -104,7 +104,7 @@ class EpisodeWriter:
         """The outcome that follows from the steps so far: 'interrupted' as long as none of them ends the episode."""
         if self.steps and self.steps[-1].status == "stopped":
             return "stopped"
-        return "out_of_steps" if len(self.steps) >= self.record.spec.max_steps else "interrupted"
+        return "out_of_steps" if spent(self.steps) >= self.record.spec.max_steps else "interrupted"
 
     @property
     def is_over(self) -> bool:

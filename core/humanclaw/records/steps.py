@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import operator
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Annotated, Any, ClassVar, Final, Literal
@@ -91,6 +92,8 @@ class StepRecord(Record):
     """Those of them in which the body first rose from a low pose, before it could step."""
     parts: tuple[PlayedPart, ...] = ()
     """The played parts of a sequence; empty for a call of one part."""
+    waited: Annotated[int, Field(ge=0, le=10_000, exclude_if=operator.not_)] = 0
+    """Half seconds that the world went on while the agent thought, before the call; each costs a step."""
     cancelled: bool = False
     """Whether the call was broken off between two chunks."""
     limits: tuple[str, ...] = ()
@@ -170,7 +173,13 @@ class StepRecord(Record):
             fell=self.fall,
             falling=self.falling,
             heard=self.heard,
+            waited=self.waited / 2,
         )
+
+
+def spent(steps: Iterable[StepRecord]) -> int:
+    """Return how many of its steps an episode has used up, those that passed in thought too."""
+    return sum(1 + step.waited for step in steps)
 
 
 @dataclass(frozen=True)
@@ -222,6 +231,9 @@ class EpisodeRecord(Record):
     geodesic: float | None = None
     """Shortest way from the start to a place beside the nearest target, metres; None if not measured."""
     skills: dict[str, SkillInfo] = {}
+    company: Annotated[tuple[Name, ...], Field(exclude_if=operator.not_)] = ()
+    """Of several bodies in one scene the ids of all their episodes, in order, this one's too: their folders lie beside
+    this one."""
     created: str = ""
     outcome: Outcome = "running"
     error: str = ""

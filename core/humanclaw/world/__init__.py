@@ -64,6 +64,7 @@ if TYPE_CHECKING:
         geodesics as geodesics,
         goals_at as goals_at,
         viewpoints as viewpoints,
+        voice_distance as voice_distance,
     )
     from humanclaw.world.navigation.occupancy import (
         CELL as CELL,

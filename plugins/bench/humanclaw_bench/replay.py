@@ -10,7 +10,7 @@ from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from multiprocessing import get_context
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -23,6 +23,7 @@ from humanclaw import (
     Body,
     Call,
     Choice,
+    Company,
     Episode,
     EpisodeContext,
     HumanclawError,
@@ -84,17 +85,30 @@ def replay(recorded: RecordedEpisode, files: Sequence[Path] = ()) -> Replayed:
     """
     record = recorded.record
     try:
-        with TemporaryDirectory() as folder, _body(record, tuple(files)) as body:
-            return _compared(recorded, body, Path(folder) / record.spec.id)
+        with TemporaryDirectory() as folder:
+            if record.company:
+                return _together(recorded, tuple(files), Path(folder))
+            with Body(record.spec.scene, **_made_of(record, tuple(files))) as body:
+                return _compared(recorded, Path(folder), body)
     except HumanclawError as fault:
         return Replayed(record.spec.id, 0, incomparable=str(fault))
 
 
-def _body(record: EpisodeRecord, files: tuple[Path, ...]) -> Body:
+def _together(recorded: RecordedEpisode, files: tuple[Path, ...], folder: Path) -> Replayed:
+    """Play an episode again with those of the other bodies in its scene."""
+    bodies = [RecordedEpisode(recorded.folder.parent / name) for name in recorded.record.company]
+    starts, record = [other.record.start for other in bodies], recorded.record
+    with Company(record.spec.scene, starts, **_made_of(record, files)) as company:
+        compared = company.play([partial(_compared, other, folder) for other in bodies])
+    return compared[record.company.index(record.spec.id)]
+
+
+def _made_of(record: EpisodeRecord, files: tuple[Path, ...]) -> dict[str, Any]:
+    """Return plugins and backends of a record's body."""
     recorded_backends = dict(record.settings.get("body", {}))
     backends = Backends(**recorded_backends | {"sensors": tuple(recorded_backends.get("sensors", ("vision",)))})
     choice = tuple((kind, tuple(texts)) for kind, texts in record.settings.get("plugins", {}).items())
-    return Body(record.spec.scene, plugins=_plugins(files, choice), backends=backends)
+    return {"plugins": _plugins(files, choice), "backends": backends}
 
 
 @cache
@@ -102,8 +116,9 @@ def _plugins(files: tuple[Path, ...], choice: tuple[tuple[str, tuple[str, ...]],
     return Plugins.discover(files, Choice(**dict(choice)))
 
 
-def _compared(recorded: RecordedEpisode, body: Body, folder: Path) -> Replayed:
+def _compared(recorded: RecordedEpisode, run: Path, body: Body) -> Replayed:
     record, steps = recorded.record, recorded.steps
+    folder = run / record.spec.id
     broken = next((step.step for step in steps if step.cancelled), len(steps))
     reason = f"step {broken} was broken off in its middle" if broken < len(steps) else ""
     verifier = _Recorded(record.verifier, steps) if any(step.verdict for step in steps) else None
@@ -125,7 +140,7 @@ def _submit(episode: Episode, step: StepRecord) -> None:
     """Give the recorded answers of a step, refused ones included."""
     for attempt in step.attempts:
         if not episode.done:
-            episode.submit(attempt.decision)
+            episode.submit(attempt.decision, step.waited)
 
 
 def _other_versions(recorded: EpisodeRecord, here: EpisodeRecord, steps: Sequence[StepRecord]) -> Iterator[str]:

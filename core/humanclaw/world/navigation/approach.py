@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Final
@@ -186,6 +186,18 @@ def geodesics(scene: Scene, targets: Sequence[int], floor: float = 0.0) -> Calla
         return next(filter(np.isfinite, distances), float("inf"))
 
     return distance
+
+
+def voice_distance(scene: Scene, moved: Mapping[int, Array], mouth: Array, ear: Array) -> float:
+    """Return the length of the shortest way of a voice from (3,) mouth to (3,) ear, metres: round corners and through
+    open doors; infinite if none leads there.
+
+    moved: poses (7,) of movable objects by id, doors among them, as they are now.
+    """
+    where = MultiFloorMap.of(scene, moved, keep=False)
+    # From the nearest free cell each: who sits on a couch is where no body can walk.
+    metres, near = (where.distances(point, CELL) for point in (mouth, ear))
+    return float(metres[np.unravel_index(near.argmin(), near.shape)])
 
 
 def _extended(field: Array) -> Array:

@@ -1,0 +1,247 @@
+"""Several bodies in one scene. Each is driven as if it were alone, and the world waits for all of them.
+
+with Company("house:0", [start, other]) as company:
+    records = company.play([lambda body: run_episode(body, spec, agent) for agent in agents])
+
+All bodies decide at the same time, from what they see at the start of the half second; then their chunks are simulated
+together. A call of several chunks goes on while the others decide anew. Nothing depends on which of them is faster, but
+for one thing: of two hands that close on one object in the same half second, the first takes it.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any, Final, Self, TypeAlias, TypeVar
+
+import numpy as np
+
+from humanclaw.body.pose import Motion, Pose2D
+from humanclaw.body.skeleton import JOINT_INDEX, Side
+from humanclaw.episodes.backends import Backends
+from humanclaw.episodes.embodiment import Body
+from humanclaw.errors import HumanclawError, SceneError
+from humanclaw.plugins.host import Plugins
+from humanclaw.world.navigation.approach import voice_distance
+from humanclaw.world.navigation.search import MultiFloorMap
+from humanclaw.world.scene import Scene
+from humanclaw.world.simulator import Execution, Heard, SharedSimulator, WorldState, shared
+
+T = TypeVar("T")
+HEARING: Final = 8.0
+"""Metres that a voice carries, along the shortest way through the air: round corners and through open doors."""
+_Act: TypeAlias = "Motion | tuple[Scene, Pose2D]"
+"""What a body does next: half a second of motion, or standing at a start of a scene."""
+
+
+class Company:
+    """Bodies in one scene, each with skin, skills, eyes, hands and feedback of its own."""
+
+    def __init__(
+        self,
+        scene: str | Scene,
+        starts: Sequence[Pose2D],
+        *,
+        seed: int = 0,
+        plugins: Plugins | None = None,
+        backends: Backends | None = None,
+    ) -> None:
+        """Put a body on each start.
+
+        Args:
+            seed: of the first body; each further one has the next.
+
+        Raises SceneError if a body does not fit on its start, HumanclawError for a simulator whose worlds hold one.
+        """
+        host = plugins or Plugins.discover()
+        chosen = (backends or Backends()).chosen(host)
+        place: Scene = host.scene(scene) if isinstance(scene, str) else scene
+        simulator = host.make("simulators", chosen.simulator, profile=chosen.profile)
+        self._world = _World(shared(simulator), len(starts))
+
+        def embodied(number: int) -> Body:
+            seat = Seat(self._world, number)
+            return Body(place, starts[number], seed=seed + number, plugins=host, backends=chosen, simulator=seat)
+
+        self.bodies = self._together([partial(embodied, number) for number in range(len(starts))])
+
+    def play(self, parts: Sequence[Callable[[Body], T]]) -> tuple[T, ...]:
+        """Let each body play its part, in a thread of its own, and return what the parts return.
+
+        A body whose part has ended stands while the others go on. Raises the first error of a part once all have ended.
+        """
+        return self._together([partial(part, body) for part, body in zip(parts, self.bodies, strict=True)])
+
+    def _together(self, parts: Sequence[Callable[[], T]]) -> tuple[T, ...]:
+        def played(number: int, part: Callable[[], T]) -> T:
+            try:
+                return part()
+            finally:
+                self._world.leave(number)
+
+        self._world.enter()
+        with ThreadPoolExecutor(len(parts)) as pool:
+            playing = [pool.submit(played, number, part) for number, part in enumerate(parts)]
+            for ended in as_completed(playing):  # The first to fail is the cause, where others fail for want of it.
+                ended.result()
+        return tuple(part.result() for part in playing)
+
+    def close(self) -> None:
+        """Free the world and every body's eyes."""
+        with ExitStack() as stack:
+            stack.callback(self._world.close)
+            for body in self.bodies:
+                stack.callback(body.close)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+@dataclass(frozen=True)
+class Seat:
+    """The Simulator of one body of a company: what it is asked is done when all the others have asked, too."""
+
+    world: _World
+    number: int
+
+    def reset(self, scene: Scene, start: Pose2D) -> WorldState:
+        state: WorldState = self.world.do(self.number, (scene, start))
+        return state
+
+    def execute(self, motion: Motion) -> Execution:
+        execution: Execution = self.world.do(self.number, motion)
+        return execution
+
+    def grip(self, side: Side, closed: bool) -> None:
+        self.world.grip(self.number, side, closed)
+
+    def speak(self, text: str) -> None:
+        """Let the others hear a text in their next half second."""
+        self.world.said.append((self.number, text))
+
+    def state(self) -> WorldState:
+        return self.world.state(self.number)
+
+    def close(self) -> None:
+        """Stand from now on."""
+        self.world.leave(self.number)
+
+
+class _World:
+    """The clock of a company: it moves on once every body that plays has said what it does next."""
+
+    def __init__(self, simulator: SharedSimulator, count: int) -> None:
+        self._simulator, self._count = simulator, count
+        self._changed = threading.Condition()
+        self._playing: set[int] = set()
+        self._acts: dict[int, _Act] = {}
+        self._answers: dict[int, Any] = {}
+        self._moment = 0
+        self.said: list[tuple[int, str]] = []
+        self._scene: Scene | None = None
+
+    def enter(self) -> None:
+        """Wait from now on for every body."""
+        with self._changed:
+            self._playing = set(range(self._count))
+
+    def leave(self, number: int) -> None:
+        """Wait no longer for a body."""
+        with self._changed:
+            self._playing.discard(number)
+            self._move_on()
+
+    def do(self, number: int, act: _Act) -> Any:
+        """Return the outcome of an act, once it is done together with those of the others."""
+        with self._changed:
+            if number not in self._playing:
+                raise HumanclawError("this body plays no part now.", "Give it one with Company.play().")
+            moment = self._moment
+            self._acts[number] = act
+            self._move_on()
+            self._changed.wait_for(lambda: self._moment > moment)
+            answer = self._answers[number]
+        if isinstance(answer, Exception):
+            raise answer
+        return answer
+
+    def grip(self, number: int, side: Side, closed: bool) -> None:
+        with self._changed:
+            self._simulator.grip(side, closed, number)
+
+    def state(self, number: int) -> WorldState:
+        with self._changed:
+            return self._simulator.states()[number]
+
+    def close(self) -> None:
+        with self._changed:
+            self._simulator.close()
+
+    def _move_on(self) -> None:
+        """Do what all have asked for, if all have."""
+        if not self._acts or not self._playing <= self._acts.keys():
+            return
+        acts, self._acts = self._acts, {}
+        try:
+            self._answers = dict(self._done(acts))
+        except Exception as error:
+            self._answers = dict.fromkeys(acts, error)
+        self._moment += 1
+        self._changed.notify_all()
+
+    def _done(self, acts: Mapping[int, _Act]) -> Mapping[int, Execution | WorldState]:
+        motions = {number: act for number, act in acts.items() if isinstance(act, Motion)}
+        if len(motions) == len(acts):
+            return self._executed(motions)
+        starts = [act for _, act in sorted(acts.items()) if not isinstance(act, Motion)]
+        if len(starts) < self._count or len({scene.digest for scene, _ in starts}) > 1:
+            raise HumanclawError(
+                f"{len(starts)} of {self._count} bodies of a company begin in one scene.", "Let all begin together."
+            )
+        self._scene, self.said = starts[0][0], []
+        return dict(enumerate(self._simulator.reset_all(self._scene, [start for _, start in starts])))
+
+    def _executed(self, motions: Mapping[int, Motion]) -> Mapping[int, Execution]:
+        frames = len(next(iter(motions.values())))
+        states = self._simulator.states()
+        still = [Motion(*(np.repeat(part, frames, 0) for part in (at.body.root, at.body.rotations))) for at in states]
+        executions = self._simulator.execute_all([motions.get(number, still[number]) for number in range(self._count)])
+        said, self.said = self.said, []
+        if not said:
+            return dict(enumerate(executions))
+        after = self._simulator.states()
+        return {k: replace(done, heard=self._heard(k, said, after)) for k, done in enumerate(executions)}
+
+    def _heard(self, listener: int, said: Sequence[tuple[int, str]], states: Sequence[WorldState]) -> tuple[Heard, ...]:
+        """Return what a body hears of what was said, in the order of the speakers' seats."""
+        here = states[listener].body
+        heads = {k: states[k].body.joints()[-1, JOINT_INDEX["head"]] for k in {k for k, _ in said} - {listener}}
+        voices = {k: tuple(map(float, Pose2D.of(here).point_to_local(head))) for k, head in heads.items()}
+        near = {k for k in heads if self._carries(states[k], states[listener])}
+        return tuple(Heard(text, voices[k]) for k, text in sorted(said, key=lambda each: each[0]) if k in near)
+
+    def _carries(self, speaker: WorldState, listener: WorldState) -> bool:
+        source, ear = speaker.body.root[-1], listener.body.root[-1]
+        if np.linalg.norm(source - ear) > HEARING:
+            return False
+        assert self._scene is not None
+        return voice_distance(self._scene, speaker.objects, source, ear) <= HEARING
+
+
+def place_beside(scene: Scene, start: Pose2D, metres: float = 1.5) -> Pose2D:
+    """Return a free place about so far from a start, that looks at it. Raises SceneError if none is within 5 m."""
+    where = np.array([start.x, start.floor, start.z])
+    ways = MultiFloorMap.of(scene).starts(where)
+    free = np.concatenate(ways) if ways else np.empty((0, 3))
+    far = np.linalg.norm(free - where, axis=1)
+    if not (near := (far > metres / 2) & (far < 5)).any():
+        raise SceneError(f"there is no free place beside the start of scene {scene.name!r}.", "Choose another scene.")
+    x, floor, z = map(float, free[near][np.abs(far[near] - metres).argmin()])
+    return Pose2D(x, z, float(np.arctan2(start.x - x, start.z - z)), floor)

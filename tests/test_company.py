@@ -1,0 +1,143 @@
+"""A company: bodies in one scene that decide at the same time, hear one another, and are recorded side by side."""
+
+import threading
+import time
+from functools import partial
+
+import numpy as np
+import pytest
+
+from humanclaw import Backends, Call, Company, HumanclawError, Keyframes, Plugins, Speech, run_episode, skill
+from humanclaw.body import Pose2D
+from humanclaw.checks.fakes import FAKE, Fakes, ScriptedAgent, fake_scene
+from humanclaw.records import RecordedEpisode, free_episode
+from humanclaw.world import SceneBuilder, voice_distance
+
+NEAR, FAR = Pose2D(0.0, 0.0), Pose2D(0.0, 2.0, np.pi)
+
+
+@skill()
+def bow() -> Keyframes:
+    """Bow for half a second."""
+    return Keyframes.cycle("spine1", "x", 20, 0.5)
+
+
+@skill()
+def long_bow() -> Keyframes:
+    """Bow for a second and a half."""
+    return Keyframes.cycle("spine1", "x", 20, 1.5)
+
+
+@skill()
+def greet() -> Speech:
+    """Say hello."""
+    return Speech("hello")
+
+
+@skill(role="stop")
+def finish() -> Keyframes:
+    """End the episode."""
+    return Keyframes.relax(0.5)
+
+
+def company(starts=(NEAR, FAR), scene=None):
+    host = Plugins()
+    host.add(Fakes([bow, long_bow, greet, finish]), FAKE)
+    return Company(scene or fake_scene(), list(starts), plugins=host, backends=Backends(FAKE, FAKE, FAKE))
+
+
+def feedbacks(*names, slow=0.0):
+    """Return a part that makes calls, and their feedback in words."""
+
+    def part(body):
+        said = []
+        for name in names:
+            time.sleep(slow)
+            body.call(name)
+            said.append(str(body.last.feedback))
+        return said
+
+    return part
+
+
+@pytest.mark.parametrize("slow", [(0.0, 0.02), (0.02, 0.0)], ids=["the second thinks longer", "the first does"])
+def test_a_speech_is_heard_in_the_half_second_that_follows_whoever_is_faster(slow):
+    speaker, listener = (feedbacks("bow", "greet", "bow", slow=slow[0]), feedbacks("bow", "bow", "bow", slow=slow[1]))
+    with company() as two:
+        _, heard = two.play([speaker, listener])
+    assert ["hello" in words for words in heard] == [False, True, False]
+    assert heard[1].endswith('The other person, 2 m ahead of you, says: "hello".')
+
+
+def test_a_long_call_goes_on_while_the_other_decides_three_times():
+    with company() as two:
+        parts = [feedbacks("long_bow", "bow"), feedbacks("bow", "bow", "bow", "greet", "bow")]
+        long, _ = two.play(parts)
+    assert ["hello" in words for words in long] == [False, True]
+
+
+def test_who_has_ended_stands_while_the_others_go_on():
+    with company() as two:
+        two.play([feedbacks("bow"), feedbacks("bow", "bow", "bow")])
+        assert np.allclose(two.bodies[0].state().body.root, NEAR.to_world(two.bodies[0].history).root[-1:], atol=0.2)
+        assert two.play([feedbacks("bow"), feedbacks("bow")])  # And plays again with the others.
+
+
+def test_an_error_of_one_is_raised_and_the_others_still_end():
+    ended = threading.Event()
+
+    def breaks(body):
+        body.call("bow")
+        raise ZeroDivisionError("of one")
+
+    def plays(body):
+        feedbacks("bow", "bow", "bow")(body)
+        ended.set()
+
+    with company() as two, pytest.raises(ZeroDivisionError, match="of one"):
+        two.play([breaks, plays])
+    assert ended.is_set()
+
+
+def test_a_body_without_a_part_is_told_to_wait_for_one():
+    with company() as two, pytest.raises(HumanclawError, match="plays no part now"):
+        two.bodies[0].call("bow")
+
+
+def test_one_of_two_cannot_begin_elsewhere_alone():
+    with company() as two, pytest.raises(HumanclawError, match="1 of 2 bodies"):
+        two.play([lambda body: body.reset(fake_scene()), feedbacks("bow")])
+
+
+@pytest.mark.parametrize(("metres", "hears"), [(7.9, True), (8.1, False)])
+def test_a_voice_carries_eight_metres(metres, hears):
+    with company([NEAR, Pose2D(0.0, metres, np.pi)], fake_scene()) as two:
+        _, heard = two.play([feedbacks("greet", "bow"), feedbacks("bow")])
+    assert ("hello" in heard[0]) == hears
+
+
+def test_a_voice_goes_through_an_open_door_and_round_a_shut_one():
+    builder = SceneBuilder.on_floor()
+    leaf = builder.door()
+    scene = builder.scene()
+    mouth, ear = np.array([0, 1.0, -0.4]), np.array([0, 1.0, 2.0])
+    shut, wide = ({leaf: scene.by_id[leaf].at(state)} for state in (0.0, -np.radians(95)))
+    # The wall ends 2.45 m to each side: there and back is 2 * hypot(2.45, 1.2) m at least.
+    assert voice_distance(scene, wide, mouth, ear) == pytest.approx(2.4, abs=0.3)
+    assert 5.4 < voice_distance(scene, shut, mouth, ear) < 6.2
+
+
+def test_two_episodes_are_recorded_side_by_side_and_name_one_another(tmp_path):
+    def episode(name, script, body):
+        spec = free_episode("greet", body.scene, name=name).model_copy(update={"start": body.start})
+        agent = ScriptedAgent([Call(word) for word in script])
+        return run_episode(body, spec, agent, folder=tmp_path / name, company="ab")
+
+    with company() as two:
+        parts = [("a", ["greet", "bow", "finish"]), ("b", ["bow", "bow", "finish"])]
+        outcomes = [record.outcome for record in two.play([partial(episode, *part) for part in parts])]
+    assert outcomes == ["stopped", "stopped"]
+    a, b = (RecordedEpisode(tmp_path / name) for name in "ab")
+    assert a.record.company == b.record.company == ("a", "b")
+    assert [heard.text for heard in b.steps[0].heard] == ["hello"]
+    assert a.record.start != b.record.start
