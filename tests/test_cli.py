@@ -98,6 +98,16 @@ def test_a_run_leaves_a_record_a_film_and_a_report(cli, tmp_path):
     assert not re.search(r'(src|href)="https?:', page)
 
 
+@pytest.mark.integration
+def test_a_run_with_two_bodies_leaves_two_records_that_name_both(cli, tmp_path):
+    done = cli("run", "--agent", "random", "--with", "wanderer", "--max-steps", "2", "--out", "r", "--film", "none")
+    assert done.returncode == 0, done.stderr
+    assert "wanderer: " in done.stdout
+    both = [json.loads((tmp_path / f"r/house-0-{k}/episode.json").read_text()) for k in (0, 1)]
+    assert [record["company"] for record in both] == [["house-0-0", "house-0-1"]] * 2
+    assert [record["agent"] for record in both] == ["random", "wanderer"]
+
+
 @pytest.mark.parametrize("command", [["run"], ["play", "stop"]])
 def test_a_seed_below_zero_is_refused_in_words(cli, command):
     done = cli(*command, "--seed", "-3")

@@ -223,9 +223,9 @@ class _World:
         """Return what a body hears of what was said, in the order of the speakers' seats."""
         here = states[listener].body
         heads = {k: states[k].body.joints()[-1, JOINT_INDEX["head"]] for k in {k for k, _ in said} - {listener}}
-        voices = {k: tuple(map(float, Pose2D.of(here).point_to_local(head))) for k, head in heads.items()}
+        voices = {k: Pose2D.of(here).point_to_local(head).round(4).tolist() for k, head in heads.items()}
         near = {k for k in heads if self._carries(states[k], states[listener])}
-        return tuple(Heard(text, voices[k]) for k, text in sorted(said, key=lambda each: each[0]) if k in near)
+        return tuple(Heard(text, (*voices[k],)) for k, text in sorted(said, key=lambda each: each[0]) if k in near)
 
     def _carries(self, speaker: WorldState, listener: WorldState) -> bool:
         source, ear = speaker.body.root[-1], listener.body.root[-1]
