@@ -30,7 +30,7 @@ def episode(body, agent, folder=None, **given):
 
 
 @pytest.mark.parametrize(("clock", "goes_on"), [("paused", False), ("real", True)])
-def test_each_half_second_of_thought_costs_a_step_if_the_world_goes_on(clock, goes_on):
+def test_half_a_second_of_thought_costs_a_step_by_the_real_clock(clock, goes_on):
     with fake_body(bow) as body, episode(body, Slow([Call("bow")]), clock=clock) as begun:
         step = begun.ask()
     assert step.waited == (int(2 * step.seconds["decide"]) if goes_on else 0)

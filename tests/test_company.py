@@ -61,7 +61,7 @@ def feedbacks(*names, slow=0.0):
 
 
 @pytest.mark.parametrize("slow", [(0.0, 0.02), (0.02, 0.0)], ids=["the second thinks longer", "the first does"])
-def test_a_speech_is_heard_in_the_half_second_that_follows_whoever_is_faster(slow):
+def test_a_speech_is_heard_in_the_next_half_second_whoever_thinks(slow):
     speaker, listener = (feedbacks("bow", "greet", "bow", slow=slow[0]), feedbacks("bow", "bow", "bow", slow=slow[1]))
     with company() as two:
         _, heard = two.play([speaker, listener])
