@@ -129,6 +129,25 @@ def test_four_bodies_walk_in_one_world(simulator):
         assert played.simulated.root[:, 1].max() < STANDING_HEIGHT + 0.2
 
 
+@pytest.mark.integration
+def test_a_thing_goes_from_one_hand_to_that_of_another(simulator):
+    """Two stand side by side, face opposite ways, and each has the thing on a post before the right palm."""
+    builder = SceneBuilder.on_floor()
+    builder.box("post", (0.06, 0.74, 0.06), (-0.33, 0, 0.03))
+    thing = builder.box("thing", (0.05, 0.07, 0.05), (-0.33, 0.74, 0.03), movable=True, mass=0.5)
+    starts, back = (Pose2D(0.0, 0.0, 0.0), Pose2D(-0.66, 0.06, np.pi)), glide(0.0, -0.6, 45)
+
+    def pass_on():
+        simulator.grip("right", True, body=0)
+        simulator.grip("right", True, body=1)
+        simulator.grip("right", False, body=0)
+
+    giver, taker = play_together(simulator, builder.scene(), starts, (rest_pose(45), back), pass_on)
+    assert giver.chunks[-1].execution.held == {}
+    assert taker.chunks[-1].execution.held == {"right": thing}
+    assert taker.paths[thing][-1, 2] == pytest.approx(0.03 + 0.9, abs=0.05)
+
+
 # -- what is refused ---------------------------------------------------------------------------------------------------
 def test_a_start_inside_another_body_is_refused_with_a_remedy(simulator):
     with pytest.raises(SceneError, match=r"does not fit .* inside another body") as raised:

@@ -21,23 +21,27 @@ DISPLACED: Final = 0.01
 def collisions(recorded: RecordedEpisode) -> dict[str, float]:
     """Return the share of half seconds of motion in which the body touches an object above the ground (Coll.).
 
-    Keys: 'any', the body groups, and 'fixed' for objects that do not move. A foot on stairs or on an upper floor stands
-    on the ground (the paper's houses have one level). NaN without motion.
+    Keys: 'any', the body groups, and 'fixed' for objects that do not move; 'person' is the share in which it touches
+    another body, which is no object: NaN if it is alone. A foot on stairs or on an upper floor stands on the ground
+    (the paper's houses have one level). NaN without motion.
     """
     hit = [groups for step in recorded.steps for groups in _hit(recorded, step)]
     count = len(hit) or float("nan")
-    return {"any": sum(map(bool, hit)) / count} | {
-        group: sum(group in groups for groups in hit) / count for group in (*BODY_GROUPS, "fixed")
-    }
+    shares = {group: sum(group in groups for groups in hit) / count for group in (*BODY_GROUPS, "fixed", "person")}
+    alone = {} if recorded.record.company else {"person": float("nan")}
+    return {"any": sum(bool(groups - {"person"}) for groups in hit) / count} | shares | alone
 
 
 def _hit(recorded: RecordedEpisode, step: StepRecord) -> Iterator[set[str]]:
-    """Yield for each chunk of a step the body groups that touch an object above the ground, and 'fixed' if one of the
-    objects is."""
+    """Yield for each chunk of a step the body groups that touch an object above the ground, 'fixed' if one of the
+    objects is, and 'person' if the body touches another one."""
     touched = touched_above_ground(recorded, step)
+    people = [contact for contact in step.contacts if contact.person]
     for chunk in range(step.chunks):
-        met = [contact for contact in touched if any(frame // FUTURE == chunk for frame in contact.frames)]
-        yield {contact.group for contact in met} | {"fixed" for contact in met if not contact.movable}
+        met = [contact for contact in (*touched, *people) if any(frame // FUTURE == chunk for frame in contact.frames)]
+        objects = [contact for contact in met if not contact.person]
+        groups = {contact.group for contact in objects} | {"fixed" for contact in objects if not contact.movable}
+        yield groups | ({"person"} if len(objects) < len(met) else set())
 
 
 def disturbed(recorded: RecordedEpisode, moved: Mapping[int, Array]) -> dict[int, int]:

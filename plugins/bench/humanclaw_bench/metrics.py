@@ -147,6 +147,7 @@ OWN: Final = (
     ),
     _mean("reversals", lambda s: s.reversals, percent=True),
     _rate("near at the end", "ends_near"), _collision("Coll. fixed", "fixed"),
+    _collision("people", "person", "share of the half seconds in motion that touch another body"),
     _mean("disturbed", lambda s: s.disturbed, 2),
     Metric("path (m)", "lower", parts=lambda s: (s.disturbed_path, s.disturbed), digits=2),
     _mean("falls", lambda s: s.falls, 2),

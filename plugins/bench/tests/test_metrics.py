@@ -14,7 +14,7 @@ from humanclaw import Call, Chunk, Decision, Motion, RecordError, StepRecord, Ve
 from humanclaw.body import FPS, HISTORY, JOINTS, OFFSETS, PARENTS, Pose2D, pelvis_jerk, rest_pose, root_jerk
 from humanclaw.records import Answer, Attempt, PlayedPart, Usage, acknowledges
 from humanclaw.testing import contacts, touches
-from humanclaw.world import Contact, Execution
+from humanclaw.world import Contact, Execution, person_id
 from humanclaw_bench.disturbance import collisions, disturbed, disturbed_path
 from humanclaw_bench.metrics import ALL, compare, estimate
 from humanclaw_bench.scores import Scores, generated_trajectory, score
@@ -186,9 +186,18 @@ def test_collisions_are_the_share_of_steps_with_a_hit_above_ground(tmp_path: Pat
         step("stop"),
     ]
     shares = collisions(rollout(tmp_path, steps, start=Pose2D(x=0, z=0, yaw=0, floor=2.0)))
+    assert np.isnan(shares.pop("person"))
     assert shares == {
         "any": 0.75, "leg_foot": 0.5, "head": 0.25, "torso": 0.25, "arm_hand": 0.0, "fixed": 0.5,
     }  # fmt: skip
+
+
+def test_people_are_no_objects_and_have_a_column_of_their_own(tmp_path: Path) -> None:
+    steps = [step(contacts=(touch(person_id(1), height=1.2),)), step(contacts=(touch(TABLE, height=1.0),)), step()]
+    recorded = rollout(tmp_path, steps, company=("mine", "theirs"))
+    shares = collisions(recorded)
+    assert (shares["person"], shares["any"], shares["leg_foot"], shares["fixed"]) == pytest.approx((1 / 3,) * 4)
+    assert disturbed(recorded, {}) == {}
 
 
 def test_feet_on_stairs_stand_and_a_knee_against_them_collides(tmp_path: Path) -> None:
