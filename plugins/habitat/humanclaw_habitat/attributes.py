@@ -101,6 +101,8 @@ class Articulated(Attributes):
 
 class StagePlacing(Attributes):
     template_name: str = ""
+    translation: Vec3 = (0.0, 0.0, 0.0)
+    rotation: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)
 
 
 class SceneInstance(Attributes):

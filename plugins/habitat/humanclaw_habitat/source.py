@@ -173,7 +173,12 @@ class _Assembly:
     def _build(self) -> None:
         if not self.instance.stage_instance.template_name:
             return
-        wanted = self.instance.stage_instance.template_name
+        stage = self.instance.stage_instance
+        wanted = stage.template_name
+        if any(stage.translation) or any(stage.rotation[1:]):
+            self.ignored.append(
+                f"stage {wanted!r}: it stands where its model puts it, not where its translation and rotation do"
+            )
         fragment = self.models.building(self._known(self.dataset.stage(wanted), wanted))
         self.levels = [(level, area) for level, area in json.loads(fragment.notes["levels"])]
         self.assets |= fragment.assets

@@ -548,10 +548,12 @@ def test_a_scale_of_nothing_is_named(mine: Path) -> None:
     fails(mine, "articulated object 0 (fridge)", "must not be 0")
 
 
-def test_lights_are_ignored_and_that_is_said(mine: Path) -> None:
-    edit(mine / "scenes" / "toy1.scene_instance.json", default_lighting="lights/evening")
-    (said,) = json.loads(load(mine).notes["ignored"])
-    assert said.startswith("light setup lights/evening")
+def test_lights_and_the_place_of_the_stage_are_ignored_and_that_is_said(mine: Path) -> None:
+    moved = {"template_name": "stages/toy", "translation": [0, 1, 0]}
+    edit(mine / "scenes" / "toy1.scene_instance.json", default_lighting="lights/evening", stage_instance=moved)
+    stage, lights = json.loads(load(mine).notes["ignored"])
+    assert stage.startswith("stage 'stages/toy': it stands where its model puts it")
+    assert lights.startswith("light setup lights/evening")
 
 
 # -- what is wrong ----------------------------------------------------------------------------------------------------

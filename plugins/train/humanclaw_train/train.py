@@ -553,7 +553,7 @@ class Run:
 
     def _resume(self, path: Path) -> None:
         """Load a saved state, if there is one. Raises HumanclawError for a broken one or one of other settings."""
-        if not path.is_file():
+        if not path.exists():
             return
         try:
             content = torch.load(path, weights_only=True, map_location=self.session.device)
@@ -569,6 +569,11 @@ class Run:
                     f"{path} is of a run with {name} {before.get(name)}; this run has {name} {now}.",
                     f"Give the same {name} to go on with that run, or another --out to begin a new one.",
                 )
+        if 0 < self.recipe.steps < step:
+            raise HumanclawError(
+                f"Expected --steps of {step} or more, which {path} has done; got {self.recipe.steps}.",
+                "Give more steps to go on with that run, or another --out to begin a new one.",
+            )
         self.model.trained.load_state_dict(module)
         self.mean.trained.load_state_dict(mean)
         self.optimiser.load_state_dict(optimiser)

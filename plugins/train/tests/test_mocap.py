@@ -172,6 +172,11 @@ def test_an_amc_may_say_its_rate(tmp_path):
     assert load(written(tmp_path, "07_03.amc", AMC), Reading(fps=100)).fps == 100
 
 
+def test_a_bvh_may_be_in_utf_16(tmp_path):
+    (tmp_path / "a.bvh").write_text(BVH, encoding="utf-16")
+    assert load(tmp_path / "a.bvh").joints == ("Hips", "Knee", "Knee_end")
+
+
 def test_words_of_a_bvh_may_be_in_capitals_or_not(tmp_path):
     plain = load(written(tmp_path, "a.bvh", BVH))
     for change in (str.upper, str.lower):
@@ -220,7 +225,7 @@ X_UP = np.array([[0.0, 1, 0], [0, 0, 1], [1, 0, 0]])
 
 
 @pytest.mark.parametrize("turn", [None, Z_UP, X_UP], ids=["y up", "z up", "x up"])
-@pytest.mark.parametrize("prefix", ["", "mixamorig:", "Character1_"])
+@pytest.mark.parametrize("prefix", ["", "mixamorig:", "Character1_", "Bip01 "])
 def test_the_up_axis_of_a_bvh_is_found_from_head_and_feet(tmp_path, prefix, turn):
     motion = retarget(load(written(tmp_path, "a.bvh", standing_bvh(prefix, turn))))
     head, foot = (motion.joints()[:, JOINTS.index(name)] for name in ("head", "left_ankle"))

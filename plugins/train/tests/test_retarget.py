@@ -235,6 +235,9 @@ def test_a_file_that_holds_no_chunks_is_refused(tmp_path):
     np.savez(tmp_path / "walk.npz", root=np.zeros((1, 20, 3)))
     with pytest.raises(MocapError, match="holds no chunks"):
         Chunks.load(tmp_path / "walk.npz")
+    Chunks.of(WALK, np.zeros((0, 20, 3)), np.zeros((0, 20, 24, 3)), "Some: walk", real=True).save(tmp_path / "none.npz")
+    with pytest.raises(MocapError, match="empty table"):
+        Chunks.load(tmp_path / "none.npz")
     (tmp_path / "walk.npz").write_bytes((tmp_path / "walk.npz").read_bytes()[:-40])
     with pytest.raises(MocapError, match="holds no chunks"):
         Chunks.load(tmp_path / "walk.npz")

@@ -100,6 +100,17 @@ def test_a_run_goes_on_for_more_steps_at_another_rate(chunks, tmp_path):
     assert torch.load(tmp_path / "state.pt")["step"] == 8
 
 
+def test_a_run_with_fewer_steps_than_are_done_is_refused(chunks, tmp_path, capsys):
+    _base(chunks, tmp_path)
+    few = ["base", "--data", str(chunks), "--out", str(tmp_path), *SIX, "--steps", "2"]
+    assert train.main(few) == 2
+    assert "Expected --steps of 6 or more" in capsys.readouterr().err
+    (tmp_path / "state.pt").unlink()
+    (tmp_path / "state.pt").mkdir()
+    assert train.main(few) == 2
+    assert "Expected the state of a run" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("share", [0.0, 0.5, 0.99, 1.0])
 def test_an_incomplete_state_is_refused_with_the_remedy(chunks, tmp_path, capsys, share):
     _base(chunks, tmp_path)

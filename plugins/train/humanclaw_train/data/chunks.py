@@ -130,6 +130,8 @@ class Chunks:
             with np.load(path, allow_pickle=False) as data:
                 there = [part.name for part in fields(cls) if part.name in data or part.name != "licences"]
                 chunks = cls(**{name: data[name] for name in there})
+            if not len(chunks):
+                raise ValueError("an empty table")
             if not all(np.isfinite(part).all() for part in (chunks.root, chunks.rotations, chunks.params)):
                 raise ValueError("a number that is not finite")
             return chunks

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from codecs import BOM_UTF16_BE, BOM_UTF16_LE
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -114,9 +115,10 @@ class Tree:
 
 
 def read_text(path: Path) -> str:
-    """Read a text file. Raises MocapError if that fails."""
+    """Read a text file, in UTF-8 or UTF-16. Raises MocapError if that fails."""
     try:
-        return path.read_text(encoding="utf-8", errors="replace")
+        data = path.read_bytes()
+        return data.decode("utf-16" if data[:2] in (BOM_UTF16_LE, BOM_UTF16_BE) else "utf-8-sig", errors="replace")
     except OSError as error:
         raise MocapError(f"{path} cannot be read: {error.strerror}.", "Check the path.") from error
 
