@@ -548,7 +548,7 @@ def test_a_scale_of_nothing_is_named(mine: Path) -> None:
     fails(mine, "articulated object 0 (fridge)", "must not be 0")
 
 
-def test_lights_and_the_place_of_the_stage_are_ignored_and_that_is_said(mine: Path) -> None:
+def test_lights_and_a_moved_stage_are_ignored_and_that_is_said(mine: Path) -> None:
     moved = {"template_name": "stages/toy", "translation": [0, 1, 0]}
     edit(mine / "scenes" / "toy1.scene_instance.json", default_lighting="lights/evening", stage_instance=moved)
     stage, lights = json.loads(load(mine).notes["ignored"])

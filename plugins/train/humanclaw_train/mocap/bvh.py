@@ -23,10 +23,10 @@ def load_bvh(path: Path) -> SourceMotion:
     """
     head, *tail = re.split(r"^\s*MOTION\b", read_text(path), maxsplit=1, flags=re.IGNORECASE | re.MULTILINE)
     # 3ds Max writes names with blanks, such as `Bip01 L Thigh`.
-    names = re.sub(
+    joined = re.sub(
         r"(?im)^(\s*(?:ROOT|JOINT)\b)([^{\n]*)", lambda line: f"{line[1]} {'_'.join(line[2].split())} ", head
     )
-    tree, channels = _bvh_tree(path, names.split())
+    tree, channels = _bvh_tree(path, joined.split())
     fps, values = _bvh_frames(path, "".join(tail), sum(map(len, channels)))
     offsets = np.tile(tree.offsets, (len(values), 1, 1))
     local = np.tile(np.eye(3), (*offsets.shape[:2], 1, 1))
