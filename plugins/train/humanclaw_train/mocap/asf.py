@@ -77,10 +77,7 @@ def load_amc(path: Path, skeleton: Path) -> SourceMotion:
             scale = [degrees if channel[0] == "r" else asf.unit for channel in bone.dof]
             moved, local[:, joint] = bone.motion(_values(path, bone, rows) * scale)
             offsets[:, joint] += moved
-    positions, rotations = asf.tree.motion(offsets[:, 0], local, offsets)
-    rate = float(head.get("samples-per-second", _FPS))
-    rest, joints, parents = asf.tree.rest(), asf.tree.joints, asf.tree.parents
-    return SourceMotion(rate, joints, parents, positions, rotations, rest, str(path))
+    return asf.tree.motion(path, float(head.get("samples-per-second", _FPS)), offsets[:, 0], local, offsets)
 
 
 def _values(path: Path, bone: _Bone, rows: list[dict[str, list[float]]]) -> Array:

@@ -40,8 +40,7 @@ def load_bvh(path: Path) -> SourceMotion:
         turns = [column for column, name in enumerate(names) if name.endswith("rotation")]
         if turns:
             local[:, joint] = euler([names[column][0] for column in turns], block[:, turns])
-    positions, rotations = tree.motion(offsets[:, 0], local, offsets)
-    return SourceMotion(fps, tree.joints, tree.parents, positions, rotations, tree.rest(), str(path))
+    return tree.motion(path, fps, offsets[:, 0], local, offsets)
 
 
 def _bvh_tree(path: Path, words: list[str]) -> tuple[Tree, list[tuple[str, ...]]]:

@@ -9,12 +9,11 @@ import numpy as np
 
 from humanclaw import Motion
 from humanclaw.body import JOINT_INDEX, OFFSETS, PARENTS, Array, matrix_from_vector, vector_from_matrix
+from humanclaw.motion import Limb, solve
 
 STRAIGHT: Final = 0.9995
 """Share of its length to which a leg may stretch. A leg that is never quite straight keeps its knee from snapping."""
-LEG: Final = float(
-    np.linalg.norm(OFFSETS[JOINT_INDEX["left_knee"]]) + np.linalg.norm(OFFSETS[JOINT_INDEX["left_ankle"]])
-)
+LEG: Final = Limb.leg("left").reach
 """Length of our legs, metres."""
 _BENT: Final = 0.35
 """Sine of a bend of 20 degrees: a straighter knee shows no plane, and one that is bent so far the wrong way is rare."""
@@ -73,43 +72,31 @@ def swing(start: Array, end: Array) -> Array:
     return np.asarray(np.eye(3) + cross + cross @ cross / np.maximum(1.0 + cos, 1e-6))
 
 
-def reach_ankle(root: Array, world: Array, side: str, ankle: Array) -> Array:
+def reach_ankle(root: Array, world: Array, side: str, ankle: Array, hinge: Array | None = None) -> Array:
     """Turn one leg so that its ankle is at `ankle` (T, 3), by two-bone inverse kinematics.
 
-    The knee keeps bending in its old plane. Returns the world orientations (T, 24, 3, 3).
+    hinge: (T, 3) axis of the knee; None for its own. Returns the world orientations (T, 24, 3, 3).
     """
-    hip, knee, foot = (JOINT_INDEX[f"{side}_{name}"] for name in ("hip", "knee", "ankle"))
-    thigh, shin = np.linalg.norm(OFFSETS[knee]), np.linalg.norm(OFFSETS[foot])
+    hip, knee = JOINT_INDEX[f"{side}_hip"], JOINT_INDEX[f"{side}_knee"]
     start = root + world[:, 0] @ OFFSETS[hip]
-    reach = ankle - start
-    # Neither folded together nor quite straight: at both ends the plane of the knee would be undefined.
-    distance = np.clip(np.linalg.norm(reach, axis=-1, keepdims=True), 0.25 * (thigh + shin), STRAIGHT * (thigh + shin))
-    along = unit(reach)
-    hinge = world[:, hip, :, 0] + world[:, knee, :, 0]  # Turns least of all parts of a leg, even in a deep squat.
-    forward = unit(np.cross(along, hinge))
-    cos = (thigh**2 + distance**2 - shin**2) / (2 * thigh * distance)
-    bend = thigh * (cos * along + np.sqrt(np.maximum(1 - cos**2, 0.0)) * forward)
+    # The knee bends in its old plane: its axis turns least of all parts of a leg, even in a deep squat.
+    pole = np.cross(ankle - start, world[:, hip, :, 0] + world[:, knee, :, 0] if hinge is None else hinge)
     result = world.copy()
-    result[:, hip] = swing(world[:, hip] @ OFFSETS[knee], bend) @ world[:, hip]
-    result[:, knee] = swing(world[:, knee] @ OFFSETS[foot], distance * along - bend) @ world[:, knee]
+    result[:, hip], result[:, knee] = solve(Limb.leg(side), start, ankle, pole, slack=(1 - STRAIGHT) * LEG)
     return result
 
 
-def hinged(world: Array, side: str, thigh: Array, shin: Array) -> Array:
-    """Turn thigh and shin about themselves by one angle, which lays the knee's hinge across the plane that it bends in.
+def hinge_of(world: Array, side: str, thigh: Array, shin: Array) -> Array:
+    """Return the axis of a knee (T, 3), turned about the thigh by one angle, across the plane that the knee bends in.
 
     thigh, shin: (T, 3), as captured. A reference pose that is a frame of the motion, or whose bones are mirrored, gives
-    a leg another twist. Returns the world orientations (T, 24, 3, 3).
+    a leg another twist.
     """
-    hip, knee = JOINT_INDEX[f"{side}_hip"], JOINT_INDEX[f"{side}_knee"]
     along, normal = unit(thigh), np.cross(unit(thigh), unit(shin))
-    hinge = world[:, hip, :, 0] + world[:, knee, :, 0]
+    hinge = world[:, JOINT_INDEX[f"{side}_hip"], :, 0] + world[:, JOINT_INDEX[f"{side}_knee"], :, 0]
     bent = np.linalg.norm(normal, axis=-1) > _BENT
     sine, cosine = np.sum(along * np.cross(hinge, normal), -1), np.sum(hinge * normal, -1)
     if bent.sum() < _SHOWN:
-        return world
+        return hinge
     angle = np.arctan2(sine[bent].sum(), cosine[bent].sum())
-    result = world.copy()
-    for joint, bone in ((hip, along), (knee, unit(shin))):
-        result[:, joint] = matrix_from_vector(angle * bone) @ world[:, joint]
-    return result
+    return np.asarray((matrix_from_vector(angle * along) @ hinge[..., None])[..., 0])

@@ -18,7 +18,7 @@ from humanclaw.body import JOINTS, OFFSETS, PARENTS, matrix_from_quaternion, mat
 from humanclaw_train.mocap.asf import load_amc, skeleton_of
 from humanclaw_train.mocap.bvh import load_bvh
 from humanclaw_train.mocap.posing import swing
-from humanclaw_train.mocap.source_motion import AXES, UNREADABLE, MocapError, Rest, SourceMotion, Tree, read_text
+from humanclaw_train.mocap.source_motion import AXES, UNREADABLE, MocapError, SourceMotion, Tree, read_text
 from humanclaw_train.mocap.up_axis import Up, stood_up
 
 
@@ -77,11 +77,8 @@ def load_amass(path: Path) -> SourceMotion:
     local = np.tile(np.eye(3), (len(poses), len(JOINTS), 1, 1))
     # SMPL has 22 body joints; fingers and face follow.
     local[:, :22] = matrix_from_vector(poses[:, :66].reshape(-1, 22, 3))
-    tree = Tree(JOINTS, PARENTS, OFFSETS)
-    positions, rotations = tree.motion(trans, local)
-    motion = SourceMotion(fps, JOINTS, PARENTS, positions, rotations, tree.rest(), str(path))
     # Files of the format have Z up, and our skeleton Y.
-    return motion.turned(np.eye(3), swing(AXES["y"], AXES["z"]))
+    return Tree(JOINTS, PARENTS, OFFSETS).motion(path, fps, trans, local).turned(np.eye(3), swing(AXES["y"], AXES["z"]))
 
 
 # -- humanoid3d --------------------------------------------------------------------------------------------------------
@@ -112,11 +109,8 @@ def load_humanoid3d(path: Path) -> SourceMotion:
         ) from error
     if rows.ndim != 2 or rows.shape[1] != 44:
         raise MocapError(f"{path}: expected `Frames` as rows of 44 numbers; got shape {rows.shape}.")
-    tree = Tree(
-        tuple(name for name, _, _ in _HUMANOID3D),
-        tuple(parent for _, parent, _ in _HUMANOID3D),
-        np.array([offset for _, _, offset in _HUMANOID3D]),
-    )
+    joints, parents, offsets = zip(*_HUMANOID3D, strict=True)
+    tree = Tree(joints, parents, np.array(offsets))
     local = np.tile(np.eye(3), (len(rows), len(tree.joints), 1, 1))
     column = 4
     for joint, name in enumerate(tree.joints[:13]):
@@ -128,11 +122,8 @@ def load_humanoid3d(path: Path) -> SourceMotion:
             column += 4
     # The format faces +X with its right at +Z. Turn it about the vertical: +Z forward, +X left.
     turn = matrix_from_vector(np.array([0.0, -np.pi / 2, 0.0]))
-    positions, rotations = tree.motion(rows[:, 1:4], local)
-    rest = Rest(tree.rest().positions @ turn.T, turn @ tree.rest().rotations)
     fps = float(round(1.0 / float(np.median(rows[:-1, 0])), 1))
-    positions, rotations = positions @ turn.T, turn @ rotations
-    return SourceMotion(fps, tree.joints, tree.parents, positions, rotations, rest, str(path))
+    return tree.motion(path, fps, rows[:, 1:4], local).turned(turn, turn)
 
 
 _READERS: Final[Mapping[str, Callable[[Path], SourceMotion]]] = {

@@ -19,7 +19,7 @@ from humanclaw.body import FPS, JOINT_INDEX, JOINTS, OFFSETS, PARENTS, Array, su
 from humanclaw.motion import SIDES
 from humanclaw_train.mocap.foot_contacts import plant
 from humanclaw_train.mocap.joint_maps import naming_of
-from humanclaw_train.mocap.posing import LEG, Pose, hinged, reach_ankle, swing, unit
+from humanclaw_train.mocap.posing import LEG, Pose, hinge_of, reach_ankle, swing, unit
 from humanclaw_train.mocap.source_motion import MocapError, Rest, SourceMotion
 
 _BONES: Final = {  # The joint that turns a bone, to the joint at the bone's far end.
@@ -142,9 +142,8 @@ def _body(source: SourceMotion) -> Pose:
     root = hips - world[:, 0] @ middle
     for side in SIDES:
         thigh, shin = (cast.bone(f"{side}_{near}", points) for near in ("hip", "knee"))
-        if thigh is not None and shin is not None:
-            world = hinged(world, side, thigh, shin)
-        world = reach_ankle(root, world, side, points[:, cast.index[f"{side}_ankle"]])
+        hinge = None if thigh is None or shin is None else hinge_of(world, side, thigh, shin)
+        world = reach_ankle(root, world, side, points[:, cast.index[f"{side}_ankle"]], hinge)
     return Pose(root, world)
 
 

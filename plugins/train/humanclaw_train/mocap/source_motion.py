@@ -92,11 +92,18 @@ class Tree:
     parents: tuple[int, ...]
     offsets: Array
 
-    def motion(self, root: Array, local: Array, offsets: Array | None = None) -> tuple[Array, Array]:
-        """Turn root positions (T, 3) and local rotations (T, J, 3, 3) into world positions and rotations.
+    def motion(self, path: Path, fps: float, root: Array, local: Array, offsets: Array | None = None) -> SourceMotion:
+        """Return the motion of root positions (T, 3) and local rotations (T, J, 3, 3) that a file holds, with the pose
+        at zero angles as its reference.
 
         offsets: (T, J, 3) in place of the skeleton's own.
         """
+        none = np.tile(np.eye(3), (1, len(self.joints), 1, 1))
+        rest = Rest(*(part[0] for part in self._posed(np.zeros((1, 3)), none)))
+        return SourceMotion(fps, self.joints, self.parents, *self._posed(root, local, offsets), rest, str(path))
+
+    def _posed(self, root: Array, local: Array, offsets: Array | None = None) -> tuple[Array, Array]:
+        """Return world positions and rotations."""
         shifts = np.broadcast_to(self.offsets, (*root.shape[:1], *self.offsets.shape)) if offsets is None else offsets
         positions, rotations = np.empty((*local.shape[:2], 3)), np.empty(local.shape)
         for joint, parent in enumerate(self.parents):
@@ -106,12 +113,6 @@ class Tree:
             positions[:, joint] = positions[:, parent] + (rotations[:, parent] @ shifts[:, joint, :, None])[..., 0]
             rotations[:, joint] = rotations[:, parent] @ local[:, joint]
         return positions, rotations
-
-    def rest(self) -> Rest:
-        """Return the pose at zero angles."""
-        identity = np.tile(np.eye(3), (1, len(self.joints), 1, 1))
-        positions, rotations = self.motion(np.zeros((1, 3)), identity)
-        return Rest(positions[0], rotations[0])
 
 
 def read_text(path: Path) -> str:
