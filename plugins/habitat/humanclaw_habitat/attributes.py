@@ -65,12 +65,18 @@ class Template(Attributes):
         return self
 
 
-class Placing(Attributes):
-    """One object of a scene. rotation: a quaternion w, x, y, z."""
+class StagePlacing(Attributes):
+    """The building of a scene. rotation: a quaternion w, x, y, z."""
 
-    template_name: str
+    template_name: str = ""
     translation: Vec3 = (0.0, 0.0, 0.0)
     rotation: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)
+
+
+class Placing(StagePlacing):
+    """One object of a scene."""
+
+    template_name: str
     uniform_scale: Number = 1.0
     non_uniform_scale: Vec3 = (1.0, 1.0, 1.0)
     motion_type: Lower = ""
@@ -97,12 +103,6 @@ class Articulated(Attributes):
     """The model. Empty: the file beside the config with the same name."""
     uniform_scale: Annotated[float, Field(gt=0, le=MOST)] = 1.0
     semantic_id: int | None = None
-
-
-class StagePlacing(Attributes):
-    template_name: str = ""
-    translation: Vec3 = (0.0, 0.0, 0.0)
-    rotation: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)
 
 
 class SceneInstance(Attributes):

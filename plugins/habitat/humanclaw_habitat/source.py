@@ -171,10 +171,9 @@ class _Assembly:
         )
 
     def _build(self) -> None:
-        if not self.instance.stage_instance.template_name:
-            return
         stage = self.instance.stage_instance
-        wanted = stage.template_name
+        if not (wanted := stage.template_name):
+            return
         if any(stage.translation) or any(stage.rotation[1:]):
             self.ignored.append(
                 f"stage {wanted!r}: it stands where its model puts it, not where its translation and rotation do"

@@ -78,18 +78,12 @@ def test_a_run_goes_on_with_its_own_settings_alone(chunks, tmp_path, capsys, opt
     assert "another --out" in message
 
 
-def test_a_run_goes_on_with_its_own_chunks_alone(chunks, tmp_path, capsys):
-    _base(chunks, tmp_path / "run")
-    save_chunks(tmp_path / "base.npz", np.linspace(-0.4, 0.4, 64), np.zeros((64, 0)), moving=True)
-    assert train.main(["base", "--data", str(tmp_path), "--out", str(tmp_path / "run"), *SIX]) == 2
-    assert "--data base, 64 chunks, digest" in capsys.readouterr().err
-
-
-def test_a_run_does_not_go_on_with_other_rotations(chunks, tmp_path, capsys):
+@pytest.mark.parametrize("array", ["root", "rotations"])
+def test_a_run_goes_on_with_its_own_chunks_alone(chunks, tmp_path, capsys, array):
     _base(chunks, tmp_path / "run")
     with np.load(chunks / "base.npz") as file:
         arrays = dict(file)
-    np.savez(tmp_path / "base.npz", **arrays | {"rotations": arrays["rotations"] * np.float32(0.5)})
+    np.savez(tmp_path / "base.npz", **arrays | {array: arrays[array] * np.float32(0.5)})
     assert train.main(["base", "--data", str(tmp_path), "--out", str(tmp_path / "run"), *SIX]) == 2
     assert "--data base, 64 chunks, digest" in capsys.readouterr().err
 
