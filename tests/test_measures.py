@@ -8,7 +8,7 @@ from hosting import plugin
 from humanclaw import Plugins
 from humanclaw.body import rest_pose
 from humanclaw.errors import PluginError
-from humanclaw.skills import MEASURES, Measure, Regression, Skill, outcomes, parameters_of, suited
+from humanclaw.skills import MEASURES, Measure, Regression, Skill, find_suited, outcomes, parameters_of, suited
 
 
 def _chunk(left=0.0, up=0.0, forward=0.0, yaw=0.0):
@@ -92,6 +92,8 @@ def test_a_stair_is_suited_to_going_up_and_not_to_going_ahead():
     assert suited(shipped, "hips.forward").name == "walk"
     assert suited(shipped, "hips.rise", "hips.forward").name == "climb_upstairs"
     assert suited(shipped, "hips.forward", "hips.drop").name == "walk_downstairs"
+    with pytest.raises(PluginError, match=r"needs a skill of role locomotion that commands arms\.flapped"):
+        find_suited(shipped, "arms.flapped")
     assert suited([one for one in shipped if one.climbs], "hips.forward") is None
 
 

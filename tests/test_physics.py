@@ -4,22 +4,21 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from engines import BULLET, DEFAULT
-from hosting import host_of, plugin
+from hosting import plugin
 
 from humanclaw import Backends, default_simulator
 from humanclaw.body import FPS, JOINTS
 from humanclaw.cli import build
 from humanclaw.cli.physics import physics
-from humanclaw.errors import HumanclawError, PluginError
+from humanclaw.errors import PluginError
 from humanclaw.plugins import Plugins
 from humanclaw.records import RecordedEpisode
-from humanclaw.testing.fixture import Finding, skill_with
+from humanclaw.testing.fixture import Finding
 from humanclaw.testing.laws import table
 from humanclaw.testing.speed import resident
 from humanclaw.world import SceneBuilder, find_profile
 from humanclaw.world.half_physics.articulated_object import articulated_objects
 from humanclaw.world.half_physics.kernels import approach
-from humanclaw_skill_crouch import crouch
 
 
 def test_the_papers_profile_runs_at_120_hertz_with_stiffness_one():
@@ -71,16 +70,6 @@ def test_a_door_that_hangs_still_is_worked_out_once():
     np.testing.assert_allclose(leaf.motion(0.0, 0.0).position, still.position)
     with pytest.raises(ValueError, match="read-only"):
         still.position[0] = 1.0
-
-
-def test_a_skill_is_found_by_what_its_parameters_command(plugins):
-    skill, keys = skill_with(plugins, "hips.forward", "heading.left")
-    assert {"hips.forward", "heading.left"} <= set(keys)
-    assert set(keys.values()) <= set(skill.schema["properties"])
-    with pytest.raises(HumanclawError, match="flapped"):
-        skill_with(plugins, "arms.flapped")
-    with pytest.raises(HumanclawError, match="height"):  # Keyframes are no generated motion.
-        skill_with(host_of("crouch", skills=[crouch]), "hips.height")
 
 
 def _offering(*names):

@@ -13,12 +13,11 @@ from humanclaw.checks.following import followed, following_faults, weight_faults
 from humanclaw.checks.playing import Bench, Faults, played_faults
 from humanclaw.checks.quality import motion_faults, moves
 from humanclaw.checks.sampling import illegal_calls, legal_calls, missing_bounds, values_of
-from humanclaw.episodes.adapters import untrained
 from humanclaw.errors import CallError, ContractError, in_words
 from humanclaw.plugins.host import Plugins
 from humanclaw.skills.adapter_checks import adapter_header, ranges, within
 from humanclaw.skills.checks import read_draft, skill_faults
-from humanclaw.skills.contract import Skill
+from humanclaw.skills.contract import Skill, untrained
 from humanclaw.skills.measures import MEASURES, Measure
 from humanclaw.skills.plan import Control, MotionError
 from humanclaw.skills.posing import Part

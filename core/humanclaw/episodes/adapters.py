@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from humanclaw.errors import CheckpointError
 from humanclaw.motion.checkpoint import adapters_beside
 from humanclaw.plugins.host import Plugins
 from humanclaw.skills.contract import Skill
@@ -39,11 +38,3 @@ class Adapters:
         if adapter not in self._beside:
             self._beside[adapter] = adapters_beside(adapter)
         return self._beside[adapter]
-
-
-def untrained(skill: Skill) -> CheckpointError:
-    """Return the error for a skill whose adapter is missing."""
-    return CheckpointError(
-        f"skill {skill.name!r} has no trained adapter: there is no {skill.adapter}.",
-        f"Train it with `humanclaw train adapter --skill {skill.adapter.parent if skill.adapter else skill.name}`.",
-    )

@@ -7,14 +7,14 @@ from typing import Final
 
 from humanclaw.body.hand_thigh_contact import lay_hands
 from humanclaw.body.pose import FUTURE, Motion, Pose2D, next_history, re_rooted
-from humanclaw.episodes.adapters import Adapters, untrained
+from humanclaw.episodes.adapters import Adapters
 from humanclaw.episodes.backends import Backends
 from humanclaw.motion.carrying import Arms
 from humanclaw.motion.generator import MotionGenerator
 from humanclaw.motion.stand_up import is_down, rise
 from humanclaw.records.feedback import HandAim
 from humanclaw.skills.aims import Gaze, Grip, Speech
-from humanclaw.skills.contract import Skill
+from humanclaw.skills.contract import Skill, untrained
 from humanclaw.skills.heading_correction import HeadingCorrection
 from humanclaw.skills.plan import Control
 from humanclaw.skills.posing import Part, arms_of, posed

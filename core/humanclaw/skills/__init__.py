@@ -8,7 +8,12 @@ if TYPE_CHECKING:
     from humanclaw.skills.aims import Side as Side
     from humanclaw.skills.body_tool import BodyTool as BodyTool, ToolResult as ToolResult
     from humanclaw.skills.call import Call as Call, check_call as check_call
-    from humanclaw.skills.contract import Skill as Skill, bounds as bounds, suited as suited
+    from humanclaw.skills.contract import (
+        Skill as Skill,
+        bounds as bounds,
+        find_suited as find_suited,
+        suited as suited,
+    )
     from humanclaw.skills.heading_correction import HeadingCorrection as HeadingCorrection
     from humanclaw.skills.measures import (
         MEASURES as MEASURES,

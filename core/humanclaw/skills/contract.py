@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Self
 
-from humanclaw.errors import CallError, ContractError, PluginError
+from humanclaw.errors import CallError, CheckpointError, ContractError, PluginError
 from humanclaw.skills.measures import Parameter, Role, from_si, parameters_of, read_schema, si_name, to_si
 from humanclaw.skills.plan import LONGEST_FAULT, Control
 from humanclaw.skills.posing import Part, Plan, parts
@@ -174,6 +174,27 @@ def suited(skills: Iterable[Skill], *measures: str, role: Role = "locomotion") -
     fitting = [skill for skill in skills if skill.role == role and all(map(skill.commands, measures))]
     fitting = [skill for skill in fitting if step or not skill.climbs]
     return min(fitting, key=lambda skill: len(skill.parameters), default=None)
+
+
+def find_suited(skills: Iterable[Skill], *measures: str, role: Role = "locomotion") -> Skill:
+    """Return the suited skill. Raises PluginError if there is none, or if its adapter is not trained."""
+    skill = suited(skills, *measures, role=role)
+    if skill is None:
+        wanted = f"a skill of role {role}" + (f" that commands {', '.join(measures)}" if measures else "")
+        remedy = "Install the first-party skills, for tasks of hands also the extra hands."
+        raise PluginError(f"this needs {wanted}, and none is installed.", remedy)
+    if not skill.trained:
+        missing = untrained(skill)
+        raise PluginError(missing.message, missing.remedy)  # Of every episode, so that a run ends.
+    return skill
+
+
+def untrained(skill: Skill) -> CheckpointError:
+    """Return the error for a skill whose adapter is missing."""
+    return CheckpointError(
+        f"skill {skill.name!r} has no trained adapter: there is no {skill.adapter}.",
+        f"Train it with `humanclaw train adapter --skill {skill.adapter.parent if skill.adapter else skill.name}`.",
+    )
 
 
 def faults_of(value: object, schema: Mapping[str, Any]) -> list[str]:

@@ -15,8 +15,7 @@ from humanclaw.episodes.moving import Mover, Playing, stand
 from humanclaw.errors import HumanclawError
 from humanclaw.motion.generator import MotionGenerator
 from humanclaw.plugins.host import Plugins
-from humanclaw.skills.contract import Skill
-from humanclaw.skills.measures import from_si
+from humanclaw.skills.contract import Skill, find_suited
 from humanclaw.skills.plan import Control
 from humanclaw.testing.played import Played
 from humanclaw.world.half_physics.profile import Profile, find_profile
@@ -95,10 +94,8 @@ class Fixture:
         return self._generator.generate(history, plan.adapter, plan.values, (self.seed, number))
 
     def _planned(self, command: Command) -> tuple[Skill, Control]:
-        skill, keys = skill_with(self.plugins, *command)
-        plan = skill.plan(
-            skill.check({keys[measure]: round(from_si(keys[measure], x)) for measure, x in command.items()})
-        )
+        skill = find_suited(self.plugins.skills.values(), *command, role="sit" if HEIGHT in command else "locomotion")
+        plan = skill.plan(skill.check(skill.commanding(command)))
         if not isinstance(plan, Control):
             raise HumanclawError(f"the checks need generated motion, and skill {skill.name} plays keyframes.")
         return skill, plan
@@ -122,27 +119,6 @@ class Fixture:
         for number, command in enumerate(commands):
             motion = motion.then(self.generate(motion[-HISTORY:], command, number))
         return motion
-
-
-def skill_with(plugins: Plugins, *measures: str) -> tuple[Skill, Mapping[str, str]]:
-    """Return the installed skill with an adapter that commands these measures and the fewest others, with its parameter
-    by measure.
-
-    Raises HumanclawError if there is none.
-    """
-    commands = {name: _commands(skill) for name, skill in sorted(plugins.skills.items()) if skill.adapter}
-    able = [name for name, keys in commands.items() if set(measures) <= set(keys)]
-    if not able:
-        raise HumanclawError(
-            f"no installed skill commands {' and '.join(measures)}.", "Install the skills of HumanCLAW."
-        )
-    name = min(able, key=lambda name: len(commands[name]))
-    return plugins.skill(name), commands[name]
-
-
-def _commands(skill: Skill) -> Mapping[str, str]:
-    """Return the parameter that commands each measure."""
-    return {parameter.measure: parameter.key for parameter in skill.parameters if parameter.measure}
 
 
 def walk(count: int, metres: float = 0.5, turn: float = 0.0) -> Sequence[Command]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from humanclaw import Call, EpisodeSpec, PluginError, Skill
 from humanclaw.records import ALIASES, category_of
-from humanclaw.skills import Role, Side, suited
+from humanclaw.skills import Role, Side, find_suited
 
 WALK: Final = ("hips.left", "hips.forward", "heading.left")
 TURN: Final = ("heading.left",)
@@ -73,17 +73,7 @@ def skill_for(skills: Mapping[str, Skill], measures: Sequence[str], role: Role |
     trained.
     """
     role = role or ("sit" if measures == SIT else "locomotion")
-    skill = suited(skills.values(), *measures, role=role)
-    if skill is None:
-        wanted = f"a skill of role {role}" + (f" that commands {', '.join(measures)}" if measures else "")
-        remedy = "Install the first-party skills, for tasks of hands also the extra hands."
-        raise PluginError(f"the oracle needs {wanted}.", remedy)
-    if not skill.trained:
-        raise PluginError(
-            f"the oracle needs the skill {skill.name}, whose adapter is not trained.",
-            f"Train it with `humanclaw train adapter {skill.name}`.",
-        )
-    return skill
+    return find_suited(skills.values(), *measures, role=role)
 
 
 def asking(

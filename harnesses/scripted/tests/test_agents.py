@@ -245,7 +245,7 @@ def test_the_oracle_names_a_skill_that_is_missing_or_not_trained(tmp_path: Path)
     walker = Walker(two_rooms(), (20,))
     spec = episode(walker.scene, "couch", 20, sit=True)
     untrained = SKILLS | {"sit_in_place": replace(SKILLS["sit_in_place"], adapter=tmp_path / "adapter.safetensors")}
-    with pytest.raises(HumanclawError, match="sit_in_place, whose adapter is not trained"):
+    with pytest.raises(HumanclawError, match="sit_in_place' has no trained adapter"):
         play(OracleAgent(), walker, spec, untrained)
     with pytest.raises(
         HumanclawError, match=r"a skill of role locomotion that commands hips\.left, hips\.forward, heading\.left"

@@ -13,10 +13,10 @@ from typing import Final
 
 import numpy as np
 
-from humanclaw import Body, Call, EpisodeSpec, PluginError, Plugins, Scene, Skill
+from humanclaw import Body, Call, EpisodeSpec, Plugins, Scene, Skill
 from humanclaw.body import JOINT_INDEX, Array, Motion, Pose2D, wrap_angle
 from humanclaw.records import Goal, name_of
-from humanclaw.skills import Role, suited
+from humanclaw.skills import Role, find_suited
 from humanclaw.world import Contact, MultiFloorMap, OccupancyGrid
 from humanclaw_bench.oneself.stages import AHEAD, CUBE, FRAME, HAND, reference
 from humanclaw_bench.splits import HOUSES
@@ -44,10 +44,7 @@ class Asked:
 
     def call(self, skills: Mapping[str, Skill]) -> Call:
         """Return the call. Raises PluginError without a skill for it."""
-        skill = suited(skills.values(), *self.amounts, role=self.role)
-        if skill is None:
-            problem = f"the questions need a skill of role {self.role} that commands {', '.join(self.amounts)}."
-            raise PluginError(problem, "Install the first-party skills, and the extra hands.")
+        skill = find_suited(skills.values(), *self.amounts, role=self.role)
         return Call(skill.name, skill.check(skill.commanding(self.amounts, self.side)))
 
     def words(self, skills: Mapping[str, Skill]) -> str:

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from PIL import Image, ImageDraw
 
-from humanclaw import Backends, Body, Call, HumanclawError, Motion, Renderer, Scene, Skill
+from humanclaw import Backends, Body, Call, Motion, Renderer, Scene, Skill
 from humanclaw.body import FUTURE, HISTORY, Array
 from humanclaw.motion import DiTGenerator
-from humanclaw.skills import Role, stage, stage_for, suited
+from humanclaw.skills import Role, find_suited, stage, stage_for
 from humanclaw.storage import save_picture
 from humanclaw.world import Camera, SceneBuilder, WorldState, together
 
@@ -94,12 +94,7 @@ _WALK: Final = ("hips.forward", "hips.left", "heading.left")
 
 
 def _skill(plugins: Plugins, *measures: str, role: Role = "locomotion") -> Skill:
-    """Return the skill that commands these measures. Raises HumanclawError if none is installed."""
-    skill = suited(plugins.skills.values(), *measures, role=role)
-    if skill is None:
-        asked = ", ".join(measures) or role
-        raise HumanclawError(f"no installed skill commands {asked}.", "Install the eight skills of the core.")
-    return skill
+    return find_suited(plugins.skills.values(), *measures, role=role)
 
 
 def _call(skill: Skill, **values: int) -> Call:
