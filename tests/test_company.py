@@ -40,10 +40,10 @@ def finish() -> Keyframes:
     return Keyframes.relax(0.5)
 
 
-def company(starts=(NEAR, FAR), scene=None):
+def company(starts=(NEAR, FAR), scene=None, **given):
     host = Plugins()
     host.add(Fakes([bow, long_bow, greet, finish]), FAKE)
-    return Company(scene or fake_scene(), list(starts), plugins=host, backends=Backends(FAKE, FAKE, FAKE))
+    return Company(scene or fake_scene(), list(starts), plugins=host, backends=Backends(FAKE, FAKE, FAKE), **given)
 
 
 def feedbacks(*names, slow=0.0):
@@ -76,6 +76,21 @@ def test_a_long_call_goes_on_while_the_other_decides_three_times():
     assert ["hello" in words for words in long] == [False, True]
 
 
+def test_who_thinks_longer_than_the_others_wait_stands_meanwhile():
+    decided = threading.Event()
+
+    def thinks(body):
+        assert decided.wait(20)
+        return feedbacks("bow")(body)
+
+    def acts(body):
+        feedbacks("bow", "bow")(body)
+        decided.set()
+
+    with company(patience=0.2) as two:
+        two.play([thinks, acts])
+
+
 def test_who_has_ended_stands_while_the_others_go_on():
     with company() as two:
         two.play([feedbacks("bow"), feedbacks("bow", "bow", "bow")])
@@ -97,6 +112,27 @@ def test_an_error_of_one_is_raised_and_the_others_still_end():
     with company() as two, pytest.raises(ZeroDivisionError, match="of one"):
         two.play([breaks, plays])
     assert ended.is_set()
+
+
+def test_who_interrupts_one_interrupts_all():
+    began, interrupted = threading.Event(), threading.Event()
+
+    def leaves(body):
+        began.wait()
+        raise KeyboardInterrupt
+
+    def waits(body):
+        began.set()
+        try:
+            while True:
+                time.sleep(0.01)
+        except KeyboardInterrupt:
+            interrupted.set()
+            raise
+
+    with company() as two, pytest.raises(KeyboardInterrupt):
+        two.play([leaves, waits])
+    assert interrupted.is_set()
 
 
 def test_a_body_without_a_part_is_told_to_wait_for_one():

@@ -6,11 +6,14 @@ import signal
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 from typing import Final
 
 from humanclaw.text.words import legible
 
 _LONGEST_REASON: Final = 500
+passed_interrupts: Final = ContextVar("passed_interrupts", default=False)
+"""Whether the main thread passes Ctrl-C on to this one."""
 
 
 class HumanclawError(Exception):
@@ -111,12 +114,14 @@ def blaming(plugin: str, *passing: type[BaseException]) -> Iterator[None]:
 
 
 def by_hand(fault: BaseException) -> bool:
-    """Tell whether a person interrupted: KeyboardInterrupt in the main thread, with a signal handler installed.
+    """Tell whether a person interrupted: KeyboardInterrupt with a signal handler installed, in the main thread or one
+    that is passed its interrupts.
 
     Workers of a run ignore signals, so there a plugin has raised it.
     """
     heard = any(callable(signal.getsignal(number)) for number in (signal.SIGINT, signal.SIGTERM))
-    return isinstance(fault, KeyboardInterrupt) and heard and threading.current_thread() is threading.main_thread()
+    here = threading.current_thread() is threading.main_thread() or passed_interrupts.get()
+    return isinstance(fault, KeyboardInterrupt) and heard and here
 
 
 def in_words(error: BaseException) -> str:

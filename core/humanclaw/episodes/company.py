@@ -10,6 +10,7 @@ for one thing: of two hands that close on one object in the same half second, th
 
 from __future__ import annotations
 
+import ctypes
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
@@ -24,7 +25,7 @@ from humanclaw.body.pose import Motion, Pose2D
 from humanclaw.body.skeleton import JOINT_INDEX, Side
 from humanclaw.episodes.backends import Backends
 from humanclaw.episodes.embodiment import Body
-from humanclaw.errors import HumanclawError, SceneError
+from humanclaw.errors import HumanclawError, SceneError, passed_interrupts
 from humanclaw.plugins.host import Plugins
 from humanclaw.world.navigation.approach import voice_distance
 from humanclaw.world.navigation.search import MultiFloorMap
@@ -49,11 +50,14 @@ class Company:
         seed: int = 0,
         plugins: Plugins | None = None,
         backends: Backends | None = None,
+        patience: float | None = None,
     ) -> None:
         """Put a body on each start.
 
         Args:
             seed: of the first body; each further one has the next.
+            patience: seconds that the others wait for a body that thinks; then it stands for half a second. None waits
+                for ever, and so nothing depends on who is faster.
 
         Raises SceneError if a body does not fit on its start, HumanclawError for a simulator whose worlds hold one.
         """
@@ -61,7 +65,7 @@ class Company:
         chosen = (backends or Backends()).chosen(host)
         place: Scene = host.scene(scene) if isinstance(scene, str) else scene
         simulator = host.make("simulators", chosen.simulator, profile=chosen.profile)
-        self._world = _World(shared(simulator), len(starts))
+        self._world = _World(shared(simulator), len(starts), patience)
 
         def embodied(number: int) -> Body:
             seat = Seat(self._world, number)
@@ -73,21 +77,36 @@ class Company:
         """Let each body play its part, in a thread of its own, and return what the parts return.
 
         A body whose part has ended stands while the others go on. Raises the first error of a part once all have ended.
+        Ctrl-C ends every part, as it ends that of one body.
         """
         return self._together([partial(part, body) for part, body in zip(parts, self.bodies, strict=True)])
 
     def _together(self, parts: Sequence[Callable[[], T]]) -> tuple[T, ...]:
+        threads: set[int] = set()
+        interrupted = threading.Event()
+
         def played(number: int, part: Callable[[], T]) -> T:
+            passed_interrupts.set(True)
+            threads.add(threading.get_ident())
             try:
+                if interrupted.is_set():
+                    raise KeyboardInterrupt
                 return part()
             finally:
+                threads.discard(threading.get_ident())
                 self._world.leave(number)
 
         self._world.enter()
         with ThreadPoolExecutor(len(parts)) as pool:
             playing = [pool.submit(played, number, part) for number, part in enumerate(parts)]
-            for ended in as_completed(playing):  # The first to fail is the cause, where others fail for want of it.
-                ended.result()
+            try:
+                for ended in as_completed(playing):  # The first to fail is the cause, where others fail for want of it.
+                    ended.result()
+            except KeyboardInterrupt:  # Python tells the main thread alone, or a person has left at a page.
+                interrupted.set()
+                for thread in map(ctypes.c_ulong, tuple(threads)):
+                    ctypes.pythonapi.PyThreadState_SetAsyncExc(thread, ctypes.py_object(KeyboardInterrupt))
+                raise
         return tuple(part.result() for part in playing)
 
     def close(self) -> None:
@@ -137,8 +156,8 @@ class Seat:
 class _World:
     """The clock of a company: it moves on once every body that plays has said what it does next."""
 
-    def __init__(self, simulator: SharedSimulator, count: int) -> None:
-        self._simulator, self._count = simulator, count
+    def __init__(self, simulator: SharedSimulator, count: int, patience: float | None) -> None:
+        self._simulator, self._count, self._patience = simulator, count, patience
         self._changed = threading.Condition()
         self._playing: set[int] = set()
         self._acts: dict[int, _Act] = {}
@@ -166,7 +185,8 @@ class _World:
             moment = self._moment
             self._acts[number] = act
             self._move_on()
-            self._changed.wait_for(lambda: self._moment > moment)
+            if not self._changed.wait_for(lambda: self._moment > moment, self._patience):
+                self._do_now()
             answer = self._answers[number]
         if isinstance(answer, Exception):
             raise answer
@@ -186,8 +206,10 @@ class _World:
 
     def _move_on(self) -> None:
         """Do what all have asked for, if all have."""
-        if not self._acts or not self._playing <= self._acts.keys():
-            return
+        if self._acts and self._playing <= self._acts.keys():
+            self._do_now()
+
+    def _do_now(self) -> None:
         acts, self._acts = self._acts, {}
         try:
             self._answers = dict(self._done(acts))
