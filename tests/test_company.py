@@ -1,5 +1,6 @@
 """A company: bodies in one scene that decide at the same time, hear one another, and are recorded side by side."""
 
+import shutil
 import threading
 import time
 from functools import partial
@@ -11,7 +12,7 @@ from humanclaw import Backends, Call, Company, HumanclawError, Keyframes, Plugin
 from humanclaw.body import Pose2D
 from humanclaw.checks.fakes import FAKE, Fakes, ScriptedAgent, fake_scene
 from humanclaw.records import RecordedEpisode, free_episode
-from humanclaw.world import SceneBuilder, voice_distance
+from humanclaw.world import SceneBuilder, person_id, voice_distance
 
 NEAR, FAR = Pose2D(0.0, 0.0), Pose2D(0.0, 2.0, np.pi)
 
@@ -177,3 +178,20 @@ def test_two_episodes_are_recorded_side_by_side_and_name_one_another(tmp_path):
     assert a.record.company == b.record.company == ("a", "b")
     assert [heard.text for heard in b.steps[0].heard] == ["hello"]
     assert a.record.start != b.record.start
+    assert a.people().keys() == {person_id(1)}
+    assert np.array_equal(b.people()[person_id(0)].root[:10], a.motion().root[:10])
+    shutil.move(tmp_path / "b", tmp_path / "elsewhere")
+    assert a.people() == {}
+
+
+def test_who_ended_stands_while_the_others_go_on_in_their_records(tmp_path):
+    def episode(name, script, body):
+        spec = free_episode("greet", body.scene, name=name).model_copy(update={"start": body.start})
+        return run_episode(body, spec, ScriptedAgent(map(Call, script)), folder=tmp_path / name, company="ab")
+
+    with company() as two:
+        two.play([partial(episode, "a", ["bow", "finish"]), partial(episode, "b", ["long_bow", "finish"])])
+    a, b = (RecordedEpisode(tmp_path / name) for name in "ab")
+    seen = b.people()[person_id(0)]
+    assert (len(a.motion()), len(seen)) == (20, 50)
+    assert np.array_equal(seen.root[19:], np.repeat(a.motion().root[-1:], 31, 0))

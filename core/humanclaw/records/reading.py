@@ -35,6 +35,7 @@ from humanclaw.storage.pictures import from_jpeg
 from humanclaw.text.json import first_fault
 from humanclaw.text.notebook import card, spread, table
 from humanclaw.text.words import counted
+from humanclaw.world.simulator import person_id
 
 REPORT: Final = "report.html"
 """File of the page that a reporter writes into the folder of an episode or a run."""
@@ -73,6 +74,19 @@ class RecordedEpisode:
         """Return all frames of the episode (world frame): five of standing, then motion_frames for each step."""
         arrays = self._arrays(f"{kind}_root", f"{kind}_rotations")
         return Motion(*(part.astype(float) for part in arrays.values()))
+
+    def people(self) -> dict[int, Motion]:
+        """Return the motion of each other body in the scene by `person_id`, as long as motion(): who has ended stands.
+
+        Whoever's record is not beside this one, or holds no motion, is left out.
+        """
+        others = {k: self.folder.parent / name for k, name in enumerate(self.record.company)}
+        beside = {k: RecordedEpisode(path) for k, path in others.items() if Folder(path).has("motion.npz")}
+        frames = np.arange(len(self.motion()))
+        return {
+            person_id(k): Motion(*(part[np.minimum(frames, len(part) - 1)] for part in (way.root, way.rotations)))
+            for k, way in ((k, other.motion()) for k, other in beside.items() if other.folder != self.folder)
+        }
 
     def objects(self) -> dict[int, Array]:
         """Return (T, 7) position and quaternion by object id, one row for each frame of motion()."""

@@ -40,6 +40,7 @@ class FilmScene:
     """(T,) index of the storey that the body is on."""
     motion: Motion
     objects: dict[int, Array]
+    people: dict[int, Motion]
     eyes: Array
     """(T, 3) camera positions, metres."""
     centres: Array
@@ -62,12 +63,14 @@ class FilmScene:
         # A renderer keeps fixed objects where they are, so those that are ever left out become movable.
         loose = frozenset().union(*hidden)
         scenes = tuple(loosened(shown, loose) for shown in scenes)
-        return cls(episode, scenes, storeys, motion, objects, eyes, centres, hidden)
+        return cls(episode, scenes, storeys, motion, objects, episode.people(), eyes, centres, hidden)
 
     def state(self, frame: int) -> WorldState:
         """Return the world at a frame, without the objects that hide the body."""
         places = {key: path[frame] for key, path in self.objects.items()}
-        return WorldState(self.motion[frame : frame + 1], places | dict.fromkeys(self.hidden[frame], AWAY))
+        people = {key: motion[frame : frame + 1] for key, motion in self.people.items()}
+        shown = places | dict.fromkeys(self.hidden[frame], AWAY)
+        return WorldState(self.motion[frame : frame + 1], shown, people=people)
 
     def camera(self, frame: int, size: tuple[int, int]) -> Camera:
         return Camera.looking(self.eyes[frame], self.centres[frame], FOV, size)

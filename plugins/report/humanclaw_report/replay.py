@@ -81,7 +81,7 @@ def person() -> dict[str, Any]:
 
 
 def replay(recorded: RecordedEpisode, names: Mapping[int, str], floors: Sequence[float]) -> dict[str, Any] | None:
-    """Return the motion of body and objects as JSON; None if the record holds no motion."""
+    """Return the motion of the body, of other people and of objects as JSON; None if the record holds no motion."""
     if not recorded.has_motion:
         return None
     simulated, generated, objects = recorded.motion(), recorded.motion("generated"), recorded.objects()
@@ -89,6 +89,8 @@ def replay(recorded: RecordedEpisode, names: Mapping[int, str], floors: Sequence
     # Most objects never move: the page takes their place from the house.
     moved = [key for key, path in objects.items() if np.abs(path[:, :3] - path[0, :3]).max() > MOVED]
     arrays = _pose("simulated", simulated, kept) | _pose("generated", generated, kept)
+    for number, person_motion in enumerate(recorded.people().values()):
+        arrays |= _pose(f"person{number}", person_motion, kept)
     arrays |= {f"object_{key}": objects[key][kept].astype(np.float32) for key in moved}
     return {
         "fps": FPS / EVERY,

@@ -17,11 +17,12 @@ from humanclaw import HumanclawError, Motion, Plugins, RecordedEpisode, RecordEr
 from humanclaw.body import JOINT_INDEX, rest_pose
 from humanclaw.cli import build
 from humanclaw.storage import gif
-from humanclaw.world import Camera, View, WorldState
+from humanclaw.world import Camera, View, WorldState, person_id
 from humanclaw_report.camera import DISTANCE, FOV, follow, framed
 from humanclaw_report.film import GIF_SIZE, film
 from humanclaw_report.playback import FilmScene, hung_on, opened
 from humanclaw_report.poses import moments, poses
+from humanclaw_report.replay import replay
 
 
 class Painter:
@@ -53,6 +54,19 @@ def test_the_camera_keeps_its_distance_and_moves_smoothly(made: tuple[RecordedEp
     eyes = follow(motion)
     assert np.linalg.norm(eyes - motion.root, axis=1) == pytest.approx(DISTANCE, abs=0.4)
     assert np.linalg.norm(np.diff(eyes, axis=0), axis=1).max() < 0.25, "metres a frame"
+
+
+def test_films_and_pages_show_the_other_bodies_too(
+    made: tuple[RecordedEpisode, Scene], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    episode, scene = made
+    other = episode.motion()
+    monkeypatch.setattr(RecordedEpisode, "people", lambda self: {person_id(1): other})
+    shown = FilmScene.of(episode, scene).state(7).people
+    assert np.array_equal(shown[person_id(1)].root, other.root[7:8])
+    paged = replay(episode, {}, [])
+    assert paged
+    assert {"person0_root", "person0_turns"} <= {array["name"] for array in paged["motion"]["arrays"]}
 
 
 def gesture(joint: str, turn: tuple[float, float, float]) -> Motion:

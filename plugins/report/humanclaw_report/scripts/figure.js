@@ -27,6 +27,14 @@ class Skin {
     this.marked = "";
   }
 
+  /** The same skin for another body, whose contacts are not shown. @returns {Skin} */
+  unmarked() {
+    const other = Object.assign(Object.create(Skin.prototype), this);
+    other.shape = this.shape.clone();
+    other.shape.setAttribute("color", new THREE.BufferAttribute(this.plain.slice(), 3));
+    return other;
+  }
+
   /** Colour what follows these joints. @param {Set<number>} joints */
   mark(joints) {
     const marked = [...joints].sort().join();

@@ -102,6 +102,8 @@ class Stage {
     this.body.mesh.castShadow = this.body.mesh.receiveShadow = true;
     this.ghost = new Figure(replay.body, skin, new THREE.MeshLambertMaterial({ color: 0x20b090, transparent: true, opacity: 0.35, depthWrite: false }));
     this.ghost.root.visible = false;
+    /** @type {Figure[]} The other bodies in the scene. */
+    this.people = [];
     this.line = new THREE.Line(new THREE.BufferGeometry(), new THREE.LineBasicMaterial({ color: 0xd4488f }));
     this.scene.add(this.body.root, this.ghost.root, this.line, ...replay.targets.map(outline));
     /** @type {Record<string, Values>} */
@@ -123,6 +125,12 @@ class Stage {
   /** Prepare the motion of the replay. */
   async load() {
     this.motion = await unpack(this.replay.motion);
+    this.people = Object.keys(this.motion).filter((name) => /^person\d+_root$/.test(name)).map(() => {
+      const other = new Figure(this.replay.body, this.skin.unmarked(), new THREE.MeshLambertMaterial({ vertexColors: true, color: 0xa8c4ff }));
+      other.mesh.castShadow = other.mesh.receiveShadow = true;
+      this.scene.add(other.root);
+      return other;
+    });
     this.heading = this.headings();
     this.trace();
   }
@@ -195,6 +203,7 @@ class Stage {
     this.time = time;
     this.body.pose(this.motion.simulated_root, this.motion.simulated_turns, time);
     this.ghost.pose(this.motion.generated_root, this.motion.generated_turns, time);
+    this.people.forEach((other, number) => other.pose(this.motion[`person${number}_root`], this.motion[`person${number}_turns`], time));
     this.skin.mark(new Set(this.marks ? this.touching(time).map(([, , joint]) => joint) : []));
     for (const furnishing of this.furnishings) this.move(furnishing, time);
     this.body.root.updateMatrixWorld(true);
