@@ -190,7 +190,7 @@ pictures: install  ## Make the pictures of pages in docs/images again (CHECK=doc
 	for agent in seeing wanderer; do $(BIN)/humanclaw bench run --split smoke --agent $$agent --out runs/pictures-$$agent --yes || exit 1; done
 	PYTHONPATH=tests/support $(BIN)/python plugins/report/tests/pictures.py runs/pictures-seeing runs/pictures-wanderer $(PICTURES) $(CHECK)
 
-skin: install  ## Compute the persons that a body looks like, core/humanclaw/body/skins (minutes)
+skin: install  ## Compute the persons that a body looks like, core/humanclaw/body/skins (minutes); then `bench generate --self`
 	$(BIN)/python core/skin/make.py core/humanclaw/body/skins
 
 notebook: install  ## Execute examples/notebook.ipynb and save its outputs (a minute)
