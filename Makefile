@@ -133,7 +133,7 @@ clients: install  ## Drive the body from ten agent frameworks and MCP clients, e
 # $(1): an environment; $(2): what it holds beside the demo; $(3): its tests, none of which may be skipped.
 # pip reads what stands here before files, and takes `humanclaw` from an index unless it has read where ours is.
 APART_TESTS = $(PYTHON) -m venv .venv-$(1) && .venv-$(1)/bin/pip install --quiet hatchling editables pytest 'setuptools>=77' && \
-	.venv-$(1)/bin/pip install --quiet --no-build-isolation -e .[demo] -r requirements-demo.txt $(2) && \
+	.venv-$(1)/bin/pip install --quiet --no-compile --no-build-isolation -e .[demo] -r requirements-demo.txt $(2) && \
 	.venv-$(1)/bin/python -m pytest -p unskipped $(3)
 
 gym:  ## Play training tasks from OpenEnv, TRL and verifiers, each in its own environment (minutes)
