@@ -92,7 +92,7 @@ def views() -> Lines:
         first = first or taken
         told.append(f"{title} {taken / first:.2f}")
     side.save(DOCS / "images" / "peers.jpg", quality=75)
-    yield f"A [view](../images/peers.jpg) of `house:0`, 512 x 512, 8 directions ({first:.0f} ms): {'; '.join(told)}."
+    yield f"Views of `house:0` (`docs/images/peers.jpg`), 512 x 512, 8 directions ({first:.0f} ms): {'; '.join(told)}."
 
 
 def physics() -> Lines:
