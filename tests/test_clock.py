@@ -4,7 +4,7 @@ import time
 
 import pytest
 
-from humanclaw import Call, Decision, Episode, Keyframes, skill
+from humanclaw import Call, Decision, Episode, Keyframes, run_episode, skill
 from humanclaw.body import FUTURE
 from humanclaw.checks.fakes import ScriptedAgent
 from humanclaw.records import RecordedEpisode, free_episode
@@ -36,6 +36,13 @@ def test_half_a_second_of_thought_costs_a_step_by_the_real_clock(clock, goes_on)
     assert step.waited == (int(2 * step.seconds["decide"]) if goes_on else 0)
     assert step.motion_frames == FUTURE * (step.waited + 1)
     assert ("passed while you thought" in str(step.feedback)) == goes_on
+
+
+def test_an_episode_that_is_run_has_the_clock_that_it_is_given(tmp_path):
+    with fake_body(bow) as body:
+        spec = free_episode("bow", body.scene, max_steps=4)
+        run_episode(body, spec, Slow([Call("bow")]), folder=tmp_path, clock="real")
+    assert RecordedEpisode(tmp_path).steps[0].waited >= 2
 
 
 def test_thought_uses_up_the_steps_of_an_episode():

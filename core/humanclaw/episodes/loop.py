@@ -49,6 +49,7 @@ def run_episode(
         distance=distance,
         meter=meter,
         company=company,
+        clock=clock,
     ) as episode:
         begun()
         while not (episode.done or stopping()):
