@@ -167,6 +167,13 @@ def test_knees_bend_as_captured_whatever_the_zero_pose_says(source, walk, degree
     np.testing.assert_allclose(joint(retarget(other), "left_knee"), joint(walk, "left_knee"), atol=0.03)
 
 
+def test_straight_legs_face_ahead_whatever_the_zero_pose_says(source):
+    still = replace(source, **{part: np.tile(getattr(source.rest, part), (9, *[1] * dims))
+                               for part, dims in (("positions", 2), ("rotations", 3))})  # fmt: skip
+    other = turned_about(still, ["left_hip", "left_knee"], (0, 1, 0), 180, in_rest=True)
+    np.testing.assert_allclose(retarget(other).rotations, retarget(still).rotations, atol=0.05)
+
+
 def test_a_body_with_left_and_right_exchanged_is_refused(source):
     names = tuple({"l": "right", "r": "left"}[n[0]] + n[n.index("_") :] if "_" in n else n for n in source.joints)
     with pytest.raises(MocapError, match="left and right were exchanged"):

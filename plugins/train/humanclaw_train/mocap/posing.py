@@ -96,7 +96,7 @@ def hinge_of(world: Array, side: str, thigh: Array, shin: Array) -> Array:
     hinge = world[:, JOINT_INDEX[f"{side}_hip"], :, 0] + world[:, JOINT_INDEX[f"{side}_knee"], :, 0]
     bent = np.linalg.norm(normal, axis=-1) > _BENT
     sine, cosine = np.sum(along * np.cross(hinge, normal), -1), np.sum(hinge * normal, -1)
-    if bent.sum() < _SHOWN:
-        return hinge
+    if bent.sum() < _SHOWN:  # Even then no thigh faces back.
+        return hinge if np.sum(hinge * world[:, 0, :, 0]) > 0 else world[:, 0, :, 0]
     angle = np.arctan2(sine[bent].sum(), cosine[bent].sum())
     return np.asarray((matrix_from_vector(angle * along) @ hinge[..., None])[..., 0])

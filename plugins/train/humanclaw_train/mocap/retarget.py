@@ -134,16 +134,13 @@ def _body(source: SourceMotion) -> Pose:
             world[:, joint] = swing(world[:, joint] @ OFFSETS[JOINT_INDEX[_BONES[name]]], bone) @ world[:, joint]
     points = source.positions * (LEG / leg_length(source))
     left, right = (points[:, cast.index[f"{side}_hip"]] for side in SIDES)
+    our_left, our_right = (OFFSETS[JOINT_INDEX[f"{side}_hip"]] for side in SIDES)
     # Joints between pelvis and hips, as CMU's, may carry turns that the pelvis lacks.
-    across = OFFSETS[JOINT_INDEX["left_hip"]] - OFFSETS[JOINT_INDEX["right_hip"]]
-    world[:, 0] = swing(world[:, 0] @ across, left - right) @ world[:, 0]
-    hips = 0.5 * (left + right)
-    middle = 0.5 * (OFFSETS[JOINT_INDEX["left_hip"]] + OFFSETS[JOINT_INDEX["right_hip"]])
-    root = hips - world[:, 0] @ middle
+    world[:, 0] = swing(world[:, 0] @ (our_left - our_right), left - right) @ world[:, 0]
+    root = (left + right) / 2 - world[:, 0] @ (our_left + our_right) / 2
     for side in SIDES:
-        thigh, shin = (cast.bone(f"{side}_{near}", points) for near in ("hip", "knee"))
-        hinge = None if thigh is None or shin is None else hinge_of(world, side, thigh, shin)
-        world = reach_ankle(root, world, side, points[:, cast.index[f"{side}_ankle"]], hinge)
+        hip, knee, ankle = (points[:, cast.index[f"{side}_{name}"]] for name in ("hip", "knee", "ankle"))
+        world = reach_ankle(root, world, side, ankle, hinge_of(world, side, knee - hip, ankle - knee))
     return Pose(root, world)
 
 
