@@ -49,8 +49,7 @@ class ChunkTensors:
 
     def to(self, device: torch.device) -> ChunkTensors:
         """Move to another device."""
-        moved = (self.root.to(device), self.rotations.to(device), self.params.to(device))
-        return replace(self, root=moved[0], rotations=moved[1], params=moved[2])
+        return replace(self, **{part: getattr(self, part).to(device) for part in ("root", "rotations", "params")})
 
 
 def load(folders: Sequence[Path], name: str) -> ChunkTensors:

@@ -108,8 +108,8 @@ class Profiles:
         Raises MocapError if no clip shows a steady straight walk, or none quiet standing.
         """
         named = {clip.name: clip.motion for clip in clips}
-        walks = [named[name] for name in _WALKS if name in named] or _walks(named.values())
-        idles = [named[name] for name in _IDLES if name in named] or _idles(named.values())
+        walks = [named[name] for name in _WALKS if name in named] or _longest(named.values(), _walking)
+        idles = [named[name] for name in _IDLES if name in named] or _longest(named.values(), _idling)
         for shown, lacking in ((walks, "a straight walk"), (idles, "quiet standing")):
             if not shown:
                 raise MocapError(
@@ -160,17 +160,8 @@ _HANDS, _SHOULDERS, _TOES = (
 )
 
 
-def _walks(motions: Iterable[Motion]) -> list[Motion]:
-    """Return the longest steady straight walk of each motion that has one, of at most 32 motions."""
-    return _longest(motions, _walking)
-
-
-def _idles(motions: Iterable[Motion]) -> list[Motion]:
-    """Return the longest quiet standing of each motion that has some, of at most 32 motions."""
-    return _longest(motions, _idling)
-
-
 def _longest(motions: Iterable[Motion], rule: Callable[[Motion], NDArray[np.bool_]]) -> list[Motion]:
+    """Return the longest stretch of each motion that has one by a rule, of at most 32 motions."""
     least = round(_SECONDS * FPS)
     stretches = ((motion, runs_of(rule(motion), least)) for motion in motions if len(motion) >= least)
     parts = [max((motion[run] for run in runs), key=len) for motion, runs in stretches if runs]
@@ -178,6 +169,7 @@ def _longest(motions: Iterable[Motion], rule: Callable[[Motion], NDArray[np.bool
 
 
 def _walking(motion: Motion) -> NDArray[np.bool_]:
+    """Return in which frames (T,) a body walks straight and steadily."""
     velocity, yaw = _smooth(_rate(motion.root[:, [0, 2]])), np.unwrap(motion.yaw())
     ahead = np.sum(velocity * np.stack([np.sin(yaw), np.cos(yaw)], -1), -1)
     turning = np.abs(_smooth(_rate(yaw[:, None])))[:, 0]
@@ -188,6 +180,7 @@ def _walking(motion: Motion) -> NDArray[np.bool_]:
 
 
 def _idling(motion: Motion) -> NDArray[np.bool_]:
+    """Return in which frames (T,) a body stands quietly."""
     toes = np.linalg.norm(_rate(motion.joints()[:, _TOES]), axis=-1).max(-1)
     return np.asarray(_upright(motion) & (np.linalg.norm(_rate(motion.root), axis=-1) < 0.15) & (toes < 0.1))
 
