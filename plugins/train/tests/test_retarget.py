@@ -140,21 +140,18 @@ def test_the_floor_lies_under_the_feet_however_high_the_capture(source, walk):
 
 
 # -- skeletons whose frames say other than their joints ----------------------------------------------------------------
-def turned_about(source, names, axis, degrees, *, in_rest):
-    """Turn the frames of joints, whose positions stay, in the reference pose or in the motion."""
-    turn, indices = matrix_from_vector(np.radians(degrees) * np.array(axis)), [source.joints.index(n) for n in names]
-    rotations = (source.rest if in_rest else source).rotations.copy()
-    rotations[..., indices, :, :] = rotations[..., indices, :, :] @ turn
-    return replace(
-        source, **({"rest": replace(source.rest, rotations=rotations)} if in_rest else {"rotations": rotations})
-    )
+def turned_at_rest(source, names, axis, degrees):
+    """Turn the frames of joints in the reference pose; their positions stay."""
+    indices, rotations = [source.joints.index(name) for name in names], source.rest.rotations.copy()
+    rotations[indices] @= matrix_from_vector(np.radians(degrees) * np.array(axis))
+    return replace(source, rest=replace(source.rest, rotations=rotations))
 
 
 @pytest.mark.parametrize("degrees", [30, 90])
 def test_hips_lie_where_the_legs_begin_however_their_frame_rolls(source, walk, degrees):
-    """Inverse kinematics may roll the pelvis about the forward axis, which the source has along X, and turn the joints
-    below back."""
-    rolled = retarget(turned_about(source, ["root"], (1, 0, 0), degrees, in_rest=False))
+    """Inverse kinematics may roll the pelvis about the forward axis, which is the source's X, and turn the joints
+    below back: against its reference pose the motion is rolled."""
+    rolled = retarget(turned_at_rest(source, ["root"], (1, 0, 0), degrees))
     across = [joint(motion, "left_hip") - joint(motion, "right_hip") for motion in (rolled, walk)]
     assert degrees_between(*across).max() < 1
     assert np.abs(rolled.joints() - walk.joints())[:, JOINT_INDEX["left_knee"]].max() < 0.02
@@ -163,14 +160,14 @@ def test_hips_lie_where_the_legs_begin_however_their_frame_rolls(source, walk, d
 @pytest.mark.parametrize("degrees", [20, 180])
 def test_knees_bend_as_captured_whatever_the_zero_pose_says(source, walk, degrees):
     """A reference pose that is a frame of the motion twists the legs; one with mirrored bones turns them half round."""
-    other = turned_about(source, ["left_hip", "left_knee"], (0, 1, 0), degrees, in_rest=True)
+    other = turned_at_rest(source, ["left_hip", "left_knee"], (0, 1, 0), degrees)
     np.testing.assert_allclose(joint(retarget(other), "left_knee"), joint(walk, "left_knee"), atol=0.03)
 
 
 def test_straight_legs_face_ahead_whatever_the_zero_pose_says(source):
-    still = replace(source, **{part: np.tile(getattr(source.rest, part), (9, *[1] * dims))
-                               for part, dims in (("positions", 2), ("rotations", 3))})  # fmt: skip
-    other = turned_about(still, ["left_hip", "left_knee"], (0, 1, 0), 180, in_rest=True)
+    rest = source.rest
+    still = replace(source, positions=rest.positions[None].repeat(9, 0), rotations=rest.rotations[None].repeat(9, 0))
+    other = turned_at_rest(still, ["left_hip", "left_knee"], (0, 1, 0), 180)
     np.testing.assert_allclose(retarget(other).rotations, retarget(still).rotations, atol=0.05)
 
 
