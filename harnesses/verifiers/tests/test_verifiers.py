@@ -36,6 +36,7 @@ def _evaluated(script, tmp_path, *words):
         return trace, server.requests
 
 
+@pytest.mark.integration
 def test_an_evaluation_scores_what_the_body_did(tmp_path):
     walk = call("walk", thoughts=SEES, z_cm=60)
     mute = message({"role": "assistant", "content": None})
