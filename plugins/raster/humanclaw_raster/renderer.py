@@ -77,7 +77,7 @@ class RasterRenderer:
         own = next(person_id(number) for number in count() if person_id(number) not in others)
         body = Person(self._looks or _skin_of(own))
         people = {key: Person(_skin_of(key), len(names) + 1 + k) for k, key in enumerate(others)}
-        skins = [one.mesh() for one in people.values()]
+        skins = [person.mesh() for person in people.values()]
         meshes = [body.mesh(), *(scene.assets[name].mesh for name in names), *skins]
         glass = [panes(scene, name) for name in names]
         glass = [np.zeros(len(meshes[0].faces), bool), *glass, *(np.zeros(len(mesh.faces), bool) for mesh in skins)]

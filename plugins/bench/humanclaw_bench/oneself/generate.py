@@ -134,7 +134,7 @@ def _hand(wanted: str, number: int, rng: np.random.Generator) -> Question:
     hand = "left" if own > 0 else "right"
 
     def read(played: Played, place: Pose2D) -> str:
-        mine, yours = (float(np.linalg.norm(cube - one)) for one in (played.hand(hand, place), theirs))
+        mine, yours = (float(np.linalg.norm(cube - point)) for point in (played.hand(hand, place), theirs))
         return "" if abs(mine - yours) < 0.15 else "yours" if mine < yours else "another's"
 
     words = "call {call}, and look. A red cube hangs right above a hand. Whose hand is it?"
@@ -194,8 +194,8 @@ def _touch(wanted: str, number: int, rng: np.random.Generator) -> Question:
     def read(played: Played, place: Pose2D) -> str:
         first, second = (obj.id for obj in played.scene.of_category("post")[-2:])
         names = {first: "red", second: "blue"}
-        found = {f"{names[key]} on your {part}" for key, part in played.touched("post")}
-        return found.pop() if len(found) == 1 else ""
+        sides = {f"{names[key]} on your {part}" for key, part in played.touched("post")}
+        return sides.pop() if len(sides) == 1 else ""
 
     words = "call {call} twice. Which post touches you on the way, and on which side of your body?"
     return Question("posts", (red, blue), words, (_walk(0.6),) * 2, read)
