@@ -13,7 +13,7 @@ from humanclaw.episodes.sensors import proprioception, tactile
 from humanclaw.errors import HumanclawError
 from humanclaw.records import Answer, Feedback, StepRecord, Touch, free_episode
 from humanclaw.skills import Call
-from humanclaw.world import Contact, Execution, SceneBuilder
+from humanclaw.world import Contact, Execution, SceneBuilder, person_id
 
 BEFORE = rest_pose(1)
 
@@ -148,6 +148,13 @@ def test_touch_tells_part_side_time_and_whether_it_gave_way():
 def test_a_call_that_a_verifier_replaces_says_why(failed, words):
     said = str(Feedback(Call("walk", {"z_cm": 40}), replaced=Call("walk", {"z_cm": 80}), failed=failed))
     assert said.startswith(f"walk(z_cm=80) was not executed: the check before execution {words} Executed")
+
+
+def test_touch_tells_a_person_from_a_thing():
+    hand = Contact(tuple(range(6)), "right_hand", "arm_hand", person_id(1), False, 0.001, 0.9)
+    sensed = tactile([_did(rest_pose(15), hand, _contact("head", "head", 1.5))])
+    assert [touch.person for touch in sensed] == [False, True]
+    assert str(sensed[1]) == "your right arm or hand for 0.2 s (a person)"
 
 
 def test_what_the_feet_stand_on_is_no_touch_and_what_the_toes_hit_is():

@@ -57,6 +57,7 @@ def tactile(executions: Sequence[Execution]) -> tuple[Touch, ...]:
     hands that hold something."""
     frames: dict[str, set[tuple[int, int]]] = defaultdict(set)
     gives_way: dict[str, bool] = defaultdict(bool)
+    people: set[str] = set()
     for number, execution in enumerate(executions):
         joints = execution.simulated.joints()
         for contact in execution.contacts:
@@ -66,7 +67,8 @@ def tactile(executions: Sequence[Execution]) -> tuple[Touch, ...]:
             if meeting:
                 frames[_part(contact)] |= meeting
                 gives_way[_part(contact)] |= contact.movable
-    met = [Touch(part, len(frames[part]), gives_way[part]) for part in sorted(frames)]
+                people |= {_part(contact)} if contact.person else set()
+    met = [Touch(part, len(frames[part]), gives_way[part], person=part in people) for part in sorted(frames)]
     spans = {side: sum(len(e.simulated) for e in executions if side in e.held) for side in executions[-1].held}
     return (*met, *(Touch(f"{side} hand", span, True, holds=True) for side, span in spans.items()))
 

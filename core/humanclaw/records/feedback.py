@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+import operator
 from dataclasses import dataclass
-from typing import ClassVar, Final
+from typing import Annotated, ClassVar, Final
 
 import numpy as np
+from pydantic import Field
 
 from humanclaw.body.pose import FPS
 from humanclaw.records.decisions import Answer
@@ -80,11 +82,14 @@ class Touch:
     """Whether a touched object is movable."""
     holds: bool = False
     """Whether the part is a hand that holds something; frames: how long it has in this step."""
+    person: Annotated[bool, Field(exclude_if=operator.not_)] = False
+    """Whether it touched another person."""
 
     def __str__(self) -> str:
         if self.holds:
             return f"Your {self.part} holds something."
-        return f"your {self.part} for {self.frames / FPS:.1f} s{' (it gives way)' if self.gives_way else ''}"
+        felt = ", ".join([*["it gives way"] * self.gives_way, *["a person"] * self.person])
+        return f"your {self.part} for {self.frames / FPS:.1f} s{f' ({felt})' if felt else ''}"
 
 
 @dataclass(frozen=True)

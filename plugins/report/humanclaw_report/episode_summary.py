@@ -14,6 +14,7 @@ from humanclaw import RecordedEpisode, Scene, StepRecord
 from humanclaw.cli import counted
 from humanclaw.records import RECORD_BYTES, end_distance, in_view, on_target, reached, touched_above_ground
 from humanclaw.storage import Folder
+from humanclaw.world import Contact
 
 
 @dataclass(frozen=True)
@@ -102,9 +103,14 @@ def verdict_of(step: StepRecord) -> tuple[str, str]:
 def touches(recorded: RecordedEpisode, step: StepRecord, names: Mapping[int, str]) -> str:
     """Return which parts of the body a step lays on which objects: "pelvis and right knee on couch 3; ..."."""
     parts: dict[int, dict[str, None]] = {}
-    for contact in touched_above_ground(recorded, step):
+    for contact in shown_contacts(recorded, step):
         parts.setdefault(contact.object_id, {})[contact.joint.replace("_", " ")] = None
     return "; ".join(f"{listed(list(body_parts))} on {name_of(names, key)}" for key, body_parts in parts.items())
+
+
+def shown_contacts(recorded: RecordedEpisode, step: StepRecord) -> tuple[Contact, ...]:
+    """Return the contacts of a step that a page shows: with objects above the ground, and with other people."""
+    return (*touched_above_ground(recorded, step), *(contact for contact in step.contacts if contact.person))
 
 
 def listed(words: Sequence[str], last: str = "and") -> str:
@@ -118,5 +124,5 @@ def named(scene: Scene) -> dict[int, str]:
 
 
 def name_of(names: Mapping[int, str], key: int) -> str:
-    """Return the name of an object; a number if the scene is not known."""
-    return names.get(key, f"object {key}")
+    """Return the name of an object, or of another body; a number if the scene is not known."""
+    return names.get(key, f"object {key}" if key > 0 else "another person")

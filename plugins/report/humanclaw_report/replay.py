@@ -26,10 +26,9 @@ from humanclaw.body import (
     quaternion_from_matrix,
     skin,
 )
-from humanclaw.records import touched_above_ground
 from humanclaw.storage import jpeg
 from humanclaw.world import STRUCTURE, Asset, CameraMount, Mesh
-from humanclaw_report.episode_summary import name_of, named
+from humanclaw_report.episode_summary import name_of, named, shown_contacts
 
 EVERY: Final = 2
 """Frames of motion for each frame of the replay; the page interpolates between frames."""
@@ -118,7 +117,7 @@ def _contacts(recorded: RecordedEpisode, names: Mapping[int, str]) -> list[list[
         [(first + min(contact.frames)) / EVERY, (first + max(contact.frames)) / EVERY, JOINT_INDEX[contact.joint],
          name_of(names, contact.object_id)]
         for step, (first, _) in zip(recorded.steps, recorded.spans, strict=True)
-        for contact in touched_above_ground(recorded, step)
+        for contact in shown_contacts(recorded, step)
         if contact.frames
     ]  # fmt: skip
 

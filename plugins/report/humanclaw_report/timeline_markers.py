@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 from humanclaw import RecordedEpisode, StepRecord
-from humanclaw.records import in_view, on_target, touched_above_ground
-from humanclaw_report.episode_summary import name_of, verdict_of
+from humanclaw.records import in_view, on_target
+from humanclaw_report.episode_summary import name_of, shown_contacts, verdict_of
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ def _contacts(recorded: RecordedEpisode, names: Mapping[int, str], frames: int) 
     for step, (first, _) in zip(recorded.steps, recorded.spans, strict=True):
         touched: dict[int, list[int]] = {}
         movable: set[int] = set()
-        for contact in touched_above_ground(recorded, step):
+        for contact in shown_contacts(recorded, step):
             touched.setdefault(contact.object_id, []).extend(contact.frames)
             movable |= {contact.object_id} if contact.movable else set()
         for key, frames_touched in touched.items():

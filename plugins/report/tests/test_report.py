@@ -18,6 +18,7 @@ from rooms import UPSTAIRS, asset, block, scene_object, two_rooms, two_storeys
 import humanclaw_report
 from humanclaw import RecordedEpisode, RecordError, Scene, SceneError, load_run
 from humanclaw.body import HISTORY
+from humanclaw.world import person_id
 from humanclaw_report.episode_summary import in_words, milestones, named, touches
 from humanclaw_report.floor_plan import house_maps, path_maps, storeys_at
 from humanclaw_report.report import write_report
@@ -257,6 +258,8 @@ def test_all_parts_of_the_body_that_touch_an_object_are_named(made: tuple[Path, 
     on = tuple(replace(last, joint=joint) for joint in ("pelvis", "left_hip", "right_knee", "pelvis"))
     step = episode.steps[-1].model_copy(update={"contacts": on})
     assert touches(episode, step, named(made[1])) == "pelvis, left hip and right knee on couch 20"
+    met = step.model_copy(update={"contacts": (replace(step.contacts[0], object_id=person_id(1)),)})
+    assert touches(episode, met, {}).endswith(" on another person")
 
 
 def test_contacts_and_events_stand_on_the_time_line(made: tuple[Path, Scene]) -> None:
