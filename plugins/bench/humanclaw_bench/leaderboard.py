@@ -100,7 +100,7 @@ class Entry:
         """Return what a row folds, by its name."""
         result = self.scored.result
         return {
-            "model of": self.submission.model_date or "-",
+            "date of the model": self.submission.model_date or "-",
             FALSE_CLAIMS.name: FALSE_CLAIMS.number(estimate(FALSE_CLAIMS, result.scores).value),
             "episodes": f"{len(result.finished)} of {result.total}",
             "motion (s)": _motion(self),
@@ -109,7 +109,7 @@ class Entry:
             "verifier": result.scores[0].verifier or "-",
             "engine": result.scores[0].simulator,
             "settings": _settings(self),
-            "date": self.submission.made.isoformat(),
+            "date of the submission": self.submission.made.isoformat(),
         }
 
 
@@ -134,7 +134,7 @@ def leaderboard(folder: Path, checks: Checks = Checks()) -> Path:
     page = _template().render(
         splits=", ".join(dict.fromkeys(names.values())) or "no ranked run",
         sections=[
-            (f"{names[split, count]}: {counted(count, 'episode')}, split {split[:12]}", rows)
+            (f"{names[split, count]}: {counted(count, 'episode')}, digest {split[:12]}", rows)
             for (split, count), rows in tables.items()
         ],
         apart=_labelled([entry for entry in submitted if entry.apart]),

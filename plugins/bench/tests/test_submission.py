@@ -235,7 +235,7 @@ def test_the_leaderboard_shows_who_and_numbers_from_the_records(run: Path) -> No
     assert "<span class='told'>whole</span>" in page
     for fact in (
         "<dt>temperature</dt><dd>0.2</dd>",
-        "<dt>model of</dt><dd>2026-11</dd>",
+        "<dt>date of the model</dt><dd>2026-11</dd>",
         "<dt>engine</dt><dd>bullet</dd>",
     ):
         assert fact in page
@@ -444,4 +444,4 @@ def test_the_page_names_the_split(tmp_path: Path) -> None:
     folder = of_smoke(tmp_path / "mine")
     submitted(folder)
     invoke("leaderboard", tmp_path)
-    assert "<caption>smoke: 5 episodes, split" in page(folder)[0]
+    assert "<caption>smoke: 5 episodes, digest" in page(folder)[0]
