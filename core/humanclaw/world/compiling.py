@@ -8,11 +8,14 @@ import pickle
 import sys
 from collections.abc import Callable
 from functools import cache
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numba import njit
 from numba.core.dispatcher import Dispatcher
+
+# Nothing calls through C, and each wrapper takes time to compile.
+_HOW: Final[Any] = {"error_model": "numpy", "no_cfunc_wrapper": True}
 
 
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -20,18 +23,20 @@ def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
 
     Where neither can be written, each process compiles again.
     """
-    how: Any = {"error_model": "numpy", "nogil": True}
     # The cached file has this name. numba looks at the time of the function's own file alone.
     function.__qualname__ += f"_{_taken_in(function.__module__)[:12]}"
     try:
-        return njit(cache=True, **how)(function)  # type: ignore[no-any-return]
+        return njit(cache=True, nogil=True, **_HOW)(function)  # type: ignore[no-any-return]
     except RuntimeError:
-        return njit(**how)(function)  # type: ignore[no-any-return]
+        return njit(nogil=True, **_HOW)(function)  # type: ignore[no-any-return]
 
 
 def inlined(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Let compiled functions use a function as if it were part of them."""
-    return njit(inline="always", error_model="numpy")(function)
+    """Let compiled functions use a function as if it were part of them. Only they can call it.
+
+    LLVM inlines it: numba's own inlining analyses the caller again for each call, which takes longer to compile.
+    """
+    return njit(no_cpython_wrapper=True, forceinline=True, **_HOW)(function)  # type: ignore[no-any-return]
 
 
 @cache

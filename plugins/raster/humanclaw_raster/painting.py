@@ -57,8 +57,7 @@ def paint(
         surface, down = gbuffer.surface[row], np.float32(row + 0.5 - height / 2) * scale
         _light_row(light, means, gbuffer, row, points.light)
         for k in range(width):
-            points.depth[k] = ONE / gbuffer.inverse_depth[row, k]
-        depth[row] = points.depth
+            depth[row, k] = points.depth[k] = ONE / gbuffer.inverse_depth[row, k]
         end = 0
         while end < width:
             first, number = end, surface[end]
@@ -75,7 +74,7 @@ def paint(
         _colours(model, points, width, rgb[row])
         for k in range(width):
             if surface[k] < 0:
-                rgb[row, k] = sky[row]
+                rgb[row, k, 0], rgb[row, k, 1], rgb[row, k, 2] = sky[row, 0], sky[row, 1], sky[row, 2]
 
 
 @compiled

@@ -356,10 +356,8 @@ def _swing(width: int) -> Floats:
 def _smoothed(raw: Floats, half: Half) -> Floats:
     """Return the mean over four by four neighbours that lie on the same surface: each of the 16 turns once."""
     height, width = raw.shape
-    out = np.empty_like(raw)
-    weight, same = floats(width), floats(width)
+    out, weight, same = raw.copy(), floats(width), floats(width)
     for row in range(height):
-        out[row] = raw[row]
         weight[:] = ONE
         for r in range(max(0, row - 2), min(height, row + 2)):
             for aside in range(-2, 2):

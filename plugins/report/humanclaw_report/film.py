@@ -124,7 +124,7 @@ def _mp4(pictures: Iterator[Picture], out: Path, fps: float, size: tuple[int, in
     writer = imageio_ffmpeg.write_frames(
         str(out), size, fps=fps, codec="libx264", macro_block_size=2,
         # A browser can start a film before it has all of it: faststart puts the index first.
-        output_params=["-crf", "21", "-movflags", "+faststart"]
+        output_params=["-preset", "veryfast", "-crf", "21", "-movflags", "+faststart"]
     )  # fmt: skip
     writer.send(None)  # The writer is a generator: it opens the file at the first send.
     try:

@@ -1,7 +1,8 @@
 """The loops that half-physics runs for each physics step or frame, compiled.
 
 Quaternions are x, y, z, w; the first of a pose is in the world frame, the others in the frame of the joint's parent.
-All arrays are contiguous and of double precision.
+All arrays are contiguous and of double precision. Loops write elements: an assignment of arrays compiles much longer,
+since it can raise an error with both shapes.
 """
 
 from __future__ import annotations
@@ -36,12 +37,17 @@ def _product(a: Array, b: Array, out: Array) -> None:
 
 
 @inlined
-def _turned(q: Array, v: Array, out: Array) -> None:
-    """Rotate a vector."""
+def _inverse(q: Array, out: Array) -> None:
+    out[0], out[1], out[2], out[3] = -q[0], -q[1], -q[2], q[3]
+
+
+@inlined
+def _placed(place: Array, q: Array, v: Array, out: Array) -> None:
+    """Add a rotated vector to a place."""
     x, y, z = (2 * (q[1] * v[2] - q[2] * v[1]), 2 * (q[2] * v[0] - q[0] * v[2]), 2 * (q[0] * v[1] - q[1] * v[0]))
-    out[0] = v[0] + q[3] * x + q[1] * z - q[2] * y
-    out[1] = v[1] + q[3] * y + q[2] * x - q[0] * z
-    out[2] = v[2] + q[3] * z + q[0] * y - q[1] * x
+    out[0] = place[0] + (v[0] + q[3] * x + q[1] * z - q[2] * y)
+    out[1] = place[1] + (v[1] + q[3] * y + q[2] * x - q[0] * z)
+    out[2] = place[2] + (v[2] + q[3] * z + q[0] * y - q[1] * x)
 
 
 @inlined
@@ -62,9 +68,11 @@ def turns_between(before: Array, after: Array) -> Array:
     """Return (24, 3) rotation vectors from a pose (24, 4) to another, each in its joint's own frame."""
     turns, inverse, turn = np.empty((N_JOINTS, 3)), np.empty(4), np.empty(4)
     for joint in range(N_JOINTS):
-        inverse[:3], inverse[3] = -before[joint, :3], before[joint, 3]
+        _inverse(before[joint], inverse)
         _product(inverse, after[joint], turn)
-        turns[joint] = turn[:3] * _scale(turn)
+        scale = _scale(turn)
+        for axis in range(3):
+            turns[joint, axis] = turn[axis] * scale
     return turns
 
 
@@ -77,7 +85,7 @@ def joint_speeds(actual: Array, target: Array, way: Array, recovery: Array, left
     """
     speeds, inverse, missing = np.empty((N_JOINTS, 3)), np.empty(4), np.empty(4)
     for joint in range(N_JOINTS):
-        inverse[:3], inverse[3] = -actual[joint, :3], actual[joint, 3]
+        _inverse(actual[joint], inverse)
         if joint == 0:
             _product(target[0], inverse, missing)
         else:
@@ -96,7 +104,9 @@ def hold_back(speeds: Array, most: float, fastest: float) -> None:
     """Slow each joint (24, 3) to at most `most`, rad/s, and then all alike, so that no link is faster than `fastest`,
     m/s."""
     for joint in range(N_JOINTS):
-        speeds[joint] *= min(1.0, most / max(_length(speeds[joint]), _SMALL))
+        share = min(1.0, most / max(_length(speeds[joint]), _SMALL))
+        for axis in range(3):
+            speeds[joint, axis] *= share
     speeds *= min(1.0, fastest / max(_reached(speeds), 1e-9))
 
 
@@ -130,7 +140,9 @@ def moved_on(quaternions: Array, speeds: Array, seconds: float) -> Array:
     turned, step = np.empty((N_JOINTS, 4)), np.empty(4)
     for joint in range(N_JOINTS):
         half = _length(speeds[joint]) * seconds / 2
-        step[:3] = speeds[joint] * (seconds / 2 * (np.sin(half) / half if half > 1e-9 else 1.0))
+        scale = seconds / 2 * (np.sin(half) / half if half > 1e-9 else 1.0)
+        for axis in range(3):
+            step[axis] = speeds[joint, axis] * scale
         step[3] = np.cos(half)
         if joint == 0:
             _product(step, quaternions[0], turned[0])
@@ -142,17 +154,14 @@ def moved_on(quaternions: Array, speeds: Array, seconds: float) -> Array:
 @compiled
 def link_points(root: Array, quaternions: Array) -> Array:
     """Return (P, 3) the points that span the links, world frame, for a body at root (3,) in a pose (24, 4)."""
-    points = np.empty(POINTS.shape)
-    turns, places, arm = np.empty((N_JOINTS, 4)), np.empty((N_JOINTS, 3)), np.empty(3)
-    turns[0], places[0] = quaternions[0], root
+    points, turns, places = np.empty(POINTS.shape), quaternions.copy(), np.empty((N_JOINTS, 3))
+    places[0, 0], places[0, 1], places[0, 2] = root[0], root[1], root[2]
     for joint in range(1, N_JOINTS):
         parent = _PARENTS[joint]
         _product(turns[parent], quaternions[joint], turns[joint])
-        _turned(turns[parent], _OFFSETS[joint], arm)
-        places[joint] = places[parent] + arm
+        _placed(places[parent], turns[parent], _OFFSETS[joint], places[joint])
     for number, joint in enumerate(POINT_JOINTS):
-        _turned(turns[joint], POINTS[number], arm)
-        points[number] = places[joint] + arm
+        _placed(places[joint], turns[joint], POINTS[number], points[number])
     return points
 
 
@@ -192,7 +201,9 @@ def approach(boxes: Array, low: Array, high: Array, full: NDArray[np.bool_], sla
     """
     most, body = 0.0, boxes[2:4, 0].copy()
     for link in range(1, boxes.shape[1]):
-        body[0], body[1] = np.minimum(body[0], boxes[2, link]), np.maximum(body[1], boxes[3, link])
+        for axis in range(3):
+            body[0, axis] = min(body[0, axis], boxes[2, link, axis])
+            body[1, axis] = max(body[1, axis], boxes[3, link, axis])
     for other in range(len(low)):
         if not _meet(body[0], body[1], low[other], high[other], slack):
             continue
