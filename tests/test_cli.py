@@ -120,6 +120,10 @@ def test_a_word_for_a_number_is_refused_with_the_bounds(cli, option, bounds):
     assert f"'x' is not a valid integer: {bounds}." in cli("play", "stop", option, "x").stderr
 
 
+def test_a_missing_argument_is_named(cli):
+    assert "Missing argument 'FILE|FOLDER|NAME'." in cli("play").stderr
+
+
 def test_the_usage_of_a_skill_lists_its_choices(cli):
     assert (
         "Call nod with {times: integer 1|2|3}."

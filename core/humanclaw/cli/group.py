@@ -100,6 +100,8 @@ class Commands(click.Group):
             meant = [*(error.possibilities or ()), *_choosing(error)]
             raise click.NoSuchOption(error.option_name, possibilities=meant, ctx=error.ctx) from None
         except click.BadParameter as error:
+            if not error.message.endswith(" range."):
+                raise
             raise click.BadParameter(_ranged(error), error.ctx, error.param, error.param_hint) from None
         except HumanclawError as error:
             _complain(error.message)
@@ -129,7 +131,7 @@ def _ranged(error: click.BadParameter) -> str:
     kind: dict[str, Any] = {**error.param.type.to_info_dict()} if error.param else {}
     bounds = {"at least": kind.get("min"), "at most": kind.get("max")}
     named = [f"{word} {bound}" for word, bound in bounds.items() if bound is not None]
-    return error.message.replace(" range.", f": {', '.join(named)}.")
+    return error.message.replace("float range.", "number range.").replace(" range.", f": {', '.join(named)}.")
 
 
 def _complain(message: str) -> None:
