@@ -254,6 +254,12 @@ def test_an_amass_file_that_is_y_up_already_is_not_laid_on_its_back(tmp_path):
     assert motion.positions[0, motion.joints.index("head"), 1] > 1.3
 
 
+def test_an_amass_file_in_centimetres_is_refused(tmp_path):
+    np.savez(tmp_path / "a.npz", poses=np.zeros((9, 156)), trans=np.tile([30, 90, 20], (9, 1)), mocap_framerate=60)
+    with pytest.raises(MocapError, match=r"trans in metres; it begins 97 from 0\. Divide it by 100"):
+        load(tmp_path / "a.npz")
+
+
 def test_a_body_that_lies_keeps_the_up_axis_of_its_format(tmp_path):
     """Z up, on its back at a height of 10 cm: along Y it could stand, were the floor not .8 m below 0."""
     np.savez(tmp_path / "a.npz", poses=np.zeros((9, 156)), trans=np.tile([0, 0.1, 0.1], (9, 1)), mocap_framerate=60)

@@ -56,6 +56,10 @@ def load(path: Path, reading: Reading = AS_WRITTEN) -> SourceMotion:
 
 
 # -- AMASS -------------------------------------------------------------------------------------------------------------
+_FAR: Final = 40.0
+"""Metres from 0 at which no capture begins; in centimetres, the pelvis of who sits is higher."""
+
+
 def load_amass(path: Path) -> SourceMotion:
     """Read an AMASS npz (`poses`, `trans`, `mocap_framerate`).
 
@@ -73,6 +77,10 @@ def load_amass(path: Path) -> SourceMotion:
     if poses.ndim != 2 or poses.shape[1] < 66 or trans.shape != (len(poses), 3):
         raise MocapError(
             f"{path}: expected poses (T, 66 or more) and trans (T, 3); got {poses.shape} and {trans.shape}."
+        )
+    if (away := float(np.linalg.norm(trans[:1]))) > _FAR:
+        raise MocapError(
+            f"{path}: expected trans in metres; it begins {away:.0f} from 0.", "Divide it by 100 if it is centimetres."
         )
     local = np.tile(np.eye(3), (len(poses), len(JOINTS), 1, 1))
     # SMPL has 22 body joints; fingers and face follow.
