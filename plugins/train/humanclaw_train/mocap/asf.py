@@ -14,8 +14,6 @@ from humanclaw_train.mocap.source_motion import MocapError, SourceMotion, Tree, 
 
 ASF_INCH: Final = 0.0254
 """Metres in an inch. ASF lengths are inches divided by the file's own `length`."""
-
-
 _CHANNELS: Final = frozenset(f"{kind}{axis}" for kind in "tr" for axis in "xyz")
 _FPS: Final = 120.0
 """Rate of AMC files that do not say theirs, as those of CMU and HDM05."""
@@ -68,7 +66,9 @@ def load_amc(path: Path, skeleton: Path) -> SourceMotion:
     """
     asf = _asf(skeleton)
     head, rows = _amc_rows(path)
-    degrees = np.degrees(1.0) if _radians(head, asf.angle) else 1.0
+    # The unit of an AMC's angles is its own word, or else its skeleton's.
+    radians = "radians" in head or ("degrees" not in head and asf.angle.startswith("rad"))
+    degrees = np.degrees(1.0) if radians else 1.0
     offsets = np.tile(asf.tree.offsets, (len(rows), 1, 1))
     local = np.tile(np.eye(3), (*offsets.shape[:2], 1, 1))
     for joint, name in enumerate(asf.tree.joints):
@@ -88,11 +88,6 @@ def _values(path: Path, bone: _Bone, rows: list[dict[str, list[float]]]) -> Arra
             "Check that the .asf belongs to this .amc, and that the file is complete.",
         )
     return np.array(values)
-
-
-def _radians(head: Mapping[str, str], skeleton: str) -> bool:
-    """Tell the unit of an AMC's angles: its own word, or else its skeleton's."""
-    return "radians" in head or ("degrees" not in head and skeleton.startswith("rad"))
 
 
 def _amc_rows(path: Path) -> tuple[dict[str, str], list[dict[str, list[float]]]]:

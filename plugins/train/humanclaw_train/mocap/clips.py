@@ -132,8 +132,7 @@ class Folder:
         """
         if (folder / "clips.csv").is_file():
             return cls(load_pack(folder))
-        candidates = (file for file in folder.glob("**/*") if file.suffix.lower() in SUFFIXES)
-        files = sorted(file for file in candidates if file.name != TERMS)
+        files = sorted(file for file in folder.glob("**/*") if file.suffix.lower() in SUFFIXES and file.name != TERMS)
         clips, left_out = [], {}
         for file in tqdm(files, unit="clip", disable=None):
             try:

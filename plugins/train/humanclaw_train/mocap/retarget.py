@@ -35,8 +35,8 @@ _BONES: Final = {  # The joint that turns a bone, to the joint at the bone's far
     )
 }
 _BEHIND: Final = 0.08
-"""Share of its thigh's length that a knee may stand behind the line from hip to ankle, in the mean of a clip. Measured:
-up to .06 in 200 captured clips of people who stand with their knees pressed back, and .09 in a mirrored walk."""
+"""Share of a thigh by which knees may stand behind the line from hip to ankle, in the mean of a clip. Measured: up to
+.06 in 200 captured clips, of people who press their knees back, and .09 in a mirrored walk."""
 _FEET: Final = [JOINT_INDEX[f"{side}_foot"] for side in SIDES]
 _LEVEL: Final = np.array([1.0, 0.0, 1.0])
 _STEP: Final = 0.5
@@ -168,11 +168,10 @@ def _refuse_sliding(motion: Motion, name: str) -> None:
     lower = feet[1:, :, 1].argmin(axis=1)[:, None, None]
     moved = np.take_along_axis(np.diff(feet, axis=0), lower, axis=1)[:, 0] * _LEVEL
     step = moved - np.diff(motion.root, axis=0) * _LEVEL
-    square = np.sum(step**2, axis=-1)
-    steps = square > (_STEP / FPS) ** 2
+    steps = np.linalg.norm(step, axis=-1) > _STEP / FPS
     if np.count_nonzero(steps) <= _WALKS * len(steps):
         return
-    slides = float(np.median((np.sum(moved * step, axis=-1) / square)[steps]))
+    slides = float(np.median(np.sum(moved * step, axis=-1)[steps] / np.sum(step**2, axis=-1)[steps]))
     if abs(slides) > _SLIDES:
         raise MocapError(
             f"{name or 'This motion'}: expected feet that stay where they stand; they slide by {slides:.0%} of their "
