@@ -31,12 +31,12 @@ class HandyOracle(Carrying):
         assert goal is not None
         if goal.on is not None:
             yield from self._carry(goal.things[0], goal.on)
-        else:
+        elif goal.things:
             yield from self._open([self._scene.by_id[key] for key in goal.things], goal.share)
+            if goal.answer:
+                yield from self._look_inside()
         if goal.answer:
-            yield from self._look_inside()
-            said = f"I have looked inside: the answer is {goal.answer}."
-            yield answering(self._context.skills, goal.answer), said
+            yield answering(self._context.skills, goal.answer), f"I know that the answer is {goal.answer}."
         while True:
             yield Call(self._stop), "The task is complete."
 

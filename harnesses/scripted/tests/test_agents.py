@@ -25,10 +25,11 @@ from humanclaw import (
     Plugins,
     Scene,
 )
-from humanclaw.records import Feedback
+from humanclaw.records import Feedback, Goal
 from humanclaw.world import GAZES, OccupancyGrid, distance_to_box
 from humanclaw_scripted.baselines import GuessingAgent, RandomAgent, StillAgent
 from humanclaw_scripted.ground_truth import in_view
+from humanclaw_scripted.opening import HandyOracle
 from humanclaw_scripted.oracle import OracleAgent
 
 
@@ -262,6 +263,14 @@ def test_a_guess_is_an_option_of_the_question(first: bool) -> None:
         agent.begin(EpisodeContext(question, skills, seed=seed))
         said.add(str(agent.decide(Observation(0, question.instruction, PICTURE), ()).calls[0].params["text"]))
     assert said == ({"yes, quite"} if first else {"yes, quite", "no"})
+
+
+def test_the_oracle_answers_a_question_about_oneself_at_once() -> None:
+    walker, agent = Walker(two_rooms()), HandyOracle()
+    question = EpisodeSpec(id="x", instruction="x", scene="x", goal=Goal(asks="mirror", answer="no"))
+    skills = SKILLS | {"answer": humanclaw_skill_answer.answer}
+    agent.begin(EpisodeContext(question, skills, 0, walker.scene, walker.state))
+    assert agent.decide(Observation(0, "x", PICTURE), ()).calls == (Call("answer", {"text": "no"}),)
 
 
 def test_the_random_agent_draws_legal_calls_that_its_seed_determines() -> None:

@@ -53,14 +53,15 @@ def picture(results: Sequence[Result], *, paper: bool = True) -> Image.Image:
     funnel, causes = funnel_table(results, paper=paper), causes_table(results, paper=paper)
     last = [row for row in funnel.rows if not row.paper][-1]
     shares = [last.cells, *(row.cells for row in funnel.rows if row.paper)]
-    panels = [_panel(f"funnel: {last.name}", [(column.name, "#2f6fd6") for column in funnel.columns], shares)]
+    stages = [f"{column.name}, of {cell.count}" for column, cell in zip(funnel.columns, last.cells, strict=True)]
+    panels = [_panel(f"funnel: episodes of {last.name}", [(stage, "#2f6fd6") for stage in stages], shares)]
     cells = {row.name: row.cells[-1 - paper :] for row in causes.rows}
     for stage in dict.fromkeys(cause.stage for cause in CAUSES):
         own = [cause for cause in CAUSES if cause.stage == stage]
         bars = [(cause.name, FACULTIES[cause.capability]) for cause in own]
         failed = sum(cause is not None and cause.stage == stage for result in results for cause in result.causes)
         columns = list(zip(*(cells[cause.label] for cause in own), strict=True))
-        panels.append(_panel(f"{stage}: {failed} failures", bars, columns))
+        panels.append(_panel(f"{stage}: shares of {failed} failures", bars, columns))
     high = max(panel.height for panel in panels)
     sheet = Image.new("RGB", (2 * WIDE, 2 * high + _LINE), "white")
     for number, panel in enumerate(panels):

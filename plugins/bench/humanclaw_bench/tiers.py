@@ -46,6 +46,7 @@ def difficulty(name: str, out: Path | None, renderer: str) -> None:
 def picture(specs: Sequence[EpisodeSpec], plugins: Plugins, renderer: str) -> Image.Image:
     """Draw a histogram of each dimension above the route of an episode of each tier. Raises HumanclawError."""
     sheet = Image.new("RGB", (SIDE * len(TIERS), 2 * SIDE + _TITLE), "white")
+    counts = Counter(overall(spec.difficulty) for spec in specs if spec.difficulty)
     drawing: Renderer = plugins.make("renderers", renderer)
     try:
         for column, (dimension, tier) in enumerate(zip(THRESHOLDS, TIERS, strict=True)):
@@ -57,8 +58,9 @@ def picture(specs: Sequence[EpisodeSpec], plugins: Plugins, renderer: str) -> Im
             facts = ", ".join(f"{key} {value:g}" for key, value in scores_of(spec.difficulty).items())
             place = (column * SIDE + 10, SIDE + _TITLE / 2)
             ImageDraw.Draw(sheet).text(
-                place, f"{tier} {spec.target_category}: {facts}", COLOURS[tier], font_size=16, anchor="lm"
-            )
+                place, f"{tier}, {counts[tier]} of {len(specs)}: {spec.target_category}, {facts}", COLOURS[tier],
+                font_size=13, anchor="lm",
+            )  # fmt: skip
     finally:
         drawing.close()
     return sheet

@@ -69,8 +69,8 @@ def test_a_goal_without_things_needs_a_kind_and_an_answer(lacking):
 
 # -- truth, by arithmetic of its own -----------------------------------------------------------------------------------
 def by_arithmetic(spec):
-    """The answer from the numbers of a scene: a grown body is 50 cm wide, reaches 1.9 m, has feet on the floor up to
-    seats of 50 cm, and touches what is less than 40 cm to its side."""
+    """The answer from the numbers of a scene: a grown body is 50 cm wide, reaches less than 70 cm over an edge, sits
+    with feet on the floor up to 50 cm, and touches what is less than 40 cm to its side."""
     stage, values = numbers(spec)
     if stage == "hands":
         side, *cube = values
@@ -83,7 +83,7 @@ def by_arithmetic(spec):
         return f"{colour} on your {'left' if values[colour == 'blue'] > 0 else 'right'}"
     if stage == "post":
         return str(45 * round(values[0] / 45))
-    limits = {"gap": values and values[0] > 0.5, "shelf": values and values[0] < 1.9,
+    limits = {"gap": values and values[0] > 0.5, "shelf": values and values[-1] < 0.7,
               "stool": values and values[0] < 0.5, "cabinet": values and values[0] > 0, "glass": True}  # fmt: skip
     return "yes" if limits.get(stage) else "no"
 

@@ -14,11 +14,11 @@ from typing import Final
 import numpy as np
 
 from humanclaw import Body, Call, EpisodeSpec, Plugins, Scene, Skill
-from humanclaw.body import JOINT_INDEX, Array, Motion, Pose2D, wrap_angle
+from humanclaw.body import JOINT_INDEX, Array, Motion, Pose2D, matrix_from_quaternion, wrap_angle
 from humanclaw.records import Goal, name_of
 from humanclaw.skills import Role, find_suited
 from humanclaw.world import Contact, MultiFloorMap, OccupancyGrid
-from humanclaw_bench.oneself.stages import AHEAD, CUBE, FRAME, HAND, reference
+from humanclaw_bench.oneself.stages import AHEAD, CUBE, EDGE, HAND, reference
 from humanclaw_bench.splits import HOUSES
 
 STEPS: Final = 10
@@ -89,8 +89,8 @@ class Played:
         return {(c.object_id, c.joint.partition("_")[0]) for c in self.contacts if c.object_id in ids}
 
     def hand(self, side: str, place: Pose2D) -> Array:
-        """Return (3,) where a hand ended in the frame of a place, metres."""
-        return place.point_to_local(self.before[-1].joints()[-1, JOINT_INDEX[f"{side}_hand"]])
+        """Return (N, 3) where a hand was after each call in the frame of a place, metres."""
+        return np.stack([place.point_to_local(body.joints()[-1, JOINT_INDEX[f"{side}_hand"]]) for body in self.before])
 
 
 @dataclass(frozen=True)
@@ -118,8 +118,8 @@ class Kind:
     options: tuple[str, ...]
     each: int
     """Questions for each wanted answer."""
-    clear: float
-    """Metres of free way ahead."""
+    free: tuple[tuple[float, float], ...]
+    """Places that are free of things: metres to the left and ahead. None: a place to turn."""
     draw: Callable[[str, int, np.random.Generator], Question]
     """Draw a question from the answer that is wanted and its number."""
 
@@ -134,7 +134,7 @@ def _hand(wanted: str, number: int, rng: np.random.Generator) -> Question:
     hand = "left" if own > 0 else "right"
 
     def read(played: Played, place: Pose2D) -> str:
-        mine, yours = (float(np.linalg.norm(cube - point)) for point in (played.hand(hand, place), theirs))
+        mine, yours = (float(np.linalg.norm(cube - point)) for point in (played.hand(hand, place)[-1], theirs))
         return "" if abs(mine - yours) < 0.15 else "yours" if mine < yours else "another's"
 
     words = "call {call}, and look. A red cube hangs right above a hand. Whose hand is it?"
@@ -142,16 +142,19 @@ def _hand(wanted: str, number: int, rng: np.random.Generator) -> Question:
 
 
 def _mirror(wanted: str, number: int, rng: np.random.Generator) -> Question:
-    """Face a mirror; or, as often, another person behind an empty frame, or a picture of one."""
+    """Face a mirror; one that shows, as often, another person or a picture of one beside the body."""
     stage = "glass" if wanted == "yes" else ("double", "picture")[number % 2]
+    away, left = round(float(rng.uniform(1.35, 1.5)), 2), round(float(rng.uniform(23, 28)), 1)
 
     def read(played: Played, place: Pose2D) -> str:
-        """Tell whether a look ahead meets a mirror first, of the things that were put up last."""
-        shown = [obj for obj in played.scene.objects[-6:] if obj.category in ("mirror", "picture", "person")]
-        first = min(shown, key=lambda obj: place.point_to_local(played.scene.vertices(obj.id))[:, 2].min())
-        return "yes" if first.category == "mirror" else "no"
+        """Tell whether the mirror faces the body."""
+        glass = played.scene.of_category("mirror")[-1]
+        normal = matrix_from_quaternion(np.array(glass.rotation))[:, 2]
+        back = float(normal @ (played.before[0].root[-1] - glass.position)) / away
+        return "yes" if back > 0.98 else "no" if back < 0.9 else ""
 
-    return Question(stage, (), "there is a person in the frame before you. Is it you, in a mirror?", (), read)
+    words = "the mirror on your left shows a person at first. Is it you?"
+    return Question(stage, (away, left), words, (), read)
 
 
 def _moved(wanted: str, number: int, rng: np.random.Generator) -> Question:
@@ -217,15 +220,18 @@ def _gap(fits: bool, rng: np.random.Generator) -> Question:
 
 
 def _shelf(fits: bool, rng: np.random.Generator) -> Question:
-    height = round(float(rng.uniform(1.3, 1.65) if fits else rng.uniform(2.05, 2.2)), 2)
-    reach = _reach("right", 0.0, height, 0.45)
+    height = round(float(rng.uniform(0.95, 1.2)), 2)
+    behind = round(float(rng.uniform(0.1, 0.3) if fits else rng.uniform(1.05, 1.2)), 2)
+    # From where two steps end against the edge. A body that bends over it reaches 67 cm behind it.
+    reach = _reach("right", 0.0, height + 0.08, min(0.9, behind + 0.25))
 
     def read(played: Played, place: Pose2D) -> str:
-        gap = float(np.linalg.norm(played.hand("right", place) - [0.0, height, AHEAD]))
-        return "yes" if gap < 0.15 else "no" if gap > 0.22 else ""
+        gap = float(np.linalg.norm(played.hand("right", place) - [0.0, height, EDGE + behind], axis=1).min())
+        return "yes" if gap < 0.15 else "no" if gap > 0.3 else ""
 
-    words = "could your hand touch the red cube on the shelf if you stood before it, with both feet on the floor?"
-    return Question("shelf", (height,), words, (reach,) * 2, read, (AHEAD - 0.5, 0.0))
+    words = "could your hand touch the red cube if you stood before the shelf, with both feet on the floor?"
+    calls = (_walk(0.6), _walk(0.4), *(reach,) * 4)
+    return Question("shelf", (height, behind), words, calls, read, (EDGE - 0.45, 0.0))
 
 
 def _stool(fits: bool, rng: np.random.Generator) -> Question:
@@ -246,15 +252,19 @@ def _foot(contact: Contact) -> bool:
     return contact.joint.endswith(("_ankle", "_foot"))
 
 
+def _way(ahead: float) -> tuple[tuple[float, float], ...]:
+    return tuple((0.0, float(z)) for z in np.arange(0, ahead + 0.01, 0.1))
+
+
 _YES_NO: Final = ("yes", "no")
 KINDS: Final = (
-    Kind("hand", ("yours", "another's"), 17, 0.9, _hand),
-    Kind("mirror", _YES_NO, 17, 2 * FRAME + 0.2, _mirror),
-    Kind("moved", _YES_NO, 17, 1.9, _moved),
-    Kind("turned", _TURNS, 6, 0.0, _turned),
+    Kind("hand", ("yours", "another's"), 17, _way(0.9), _hand),
+    Kind("mirror", _YES_NO, 17, (*_way(0.6), (0.6, 1.3), (1.1, 0.8), (1.7, 0.4)), _mirror),
+    Kind("moved", _YES_NO, 17, _way(1.9), _moved),
+    Kind("turned", _TURNS, 6, (), _turned),
     Kind("touch", ("red on your left", "red on your right", "blue on your left",
-         "blue on your right"), 8, 1.8, _touch),
-    Kind("fit", _YES_NO, 18, AHEAD + 0.9, _fit),
+         "blue on your right"), 8, _way(1.8), _touch),
+    Kind("fit", _YES_NO, 18, _way(AHEAD + 0.9), _fit),
 )  # fmt: skip
 TOTAL: Final = sum(kind.each * len(kind.options) for kind in KINDS)
 
@@ -277,7 +287,7 @@ def questions(plugins: Plugins, seed: int = 0) -> Iterator[EpisodeSpec]:
 def _asked(body: Body, kind: Kind, wanted: str, k: int, house: str, rng: np.random.Generator) -> EpisodeSpec | None:
     """Return the k-th question of a kind with an answer, which it has when it is played; None if it finds no room."""
     floors = MultiFloorMap.of(body.plugins.scene(house)).solid().floors
-    places = [place for grid in floors for place in _places(grid, kind.clear, rng)]
+    places = [place for grid in floors for place in _places(grid, kind.free, rng)]
     for index in rng.permutation(len(places))[:_PLAYED].tolist():
         question, place = kind.draw(wanted, k, rng), places[index]
         scene = body.plugins.scene(reference(house, question.stage, place, question.values))
@@ -291,15 +301,17 @@ def _asked(body: Body, kind: Kind, wanted: str, k: int, house: str, rng: np.rand
     return None
 
 
-def _places(grid: OccupancyGrid, clear: float, rng: np.random.Generator) -> Iterator[Pose2D]:
-    """Yield starts with so many metres free ahead; without any, with much room all around."""
-    cells = np.argwhere(grid.fits(_WIDE if clear else _AROUND))
+def _places(grid: OccupancyGrid, free: tuple[tuple[float, float], ...], rng: np.random.Generator) -> Iterator[Pose2D]:
+    """Yield starts around which places are free; without any, with much room all around."""
+    cells = np.argwhere(grid.fits(_WIDE if free else _AROUND))
     if not len(cells):
         return
     points = grid.point(cells[rng.integers(len(cells), size=_TRIES)]).round(2)
     yaws = rng.uniform(-np.pi, np.pi, _TRIES).round(3)
-    ahead = np.stack([np.sin(yaws), np.cos(yaws)], -1)[:, None] * np.arange(0, clear + 0.01, 0.1)[:, None]
-    for k in np.flatnonzero((grid.at(grid.clearance, points[:, None] + ahead) >= _WIDE).all(1)):
+    x, z = np.reshape(free, (-1, 2)).T
+    sin, cos = np.sin(yaws)[:, None], np.cos(yaws)[:, None]
+    around = points[:, None] + np.stack([x * cos + z * sin, z * cos - x * sin], -1)
+    for k in np.flatnonzero((grid.at(grid.clearance, around) >= _WIDE).all(1)):
         yield Pose2D(*map(float, (*points[k], yaws[k], round(grid.floor, 3))))
 
 

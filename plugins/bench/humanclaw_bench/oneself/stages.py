@@ -13,24 +13,28 @@ from inspect import signature
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
-from humanclaw import Motion, Plugins, Reach, Scene, SceneError
-from humanclaw.body import HISTORY, Pose2D, rest_pose, skin, yaw_matrix
+from humanclaw import Plugins, Reach, Scene, SceneError
+from humanclaw.body import HISTORY, Array, Pose2D, rest_pose, skin, yaw_matrix
+from humanclaw.motion import DiTGenerator
 from humanclaw.records import Vec3
 from humanclaw.skills import posed
-from humanclaw.world import Mesh, SceneBuilder, box_mesh
+from humanclaw.world import Mesh, SceneBuilder, box_mesh, ego_camera
 
-FRAME: Final = 1.2
-"""Metres from the body to a frame: what stands twice as far away stands where its mirror image would."""
-EYES: Final = 1.55
-"""Height of the eyes of a standing body, metres."""
+BESIDE: Final = np.radians(75.0)
+"""Between the body and another person, seen from a mirror. It is turned by half of it, to show the other."""
 HAND: Final = (0.16, 1.15, 0.45)
 """Where the other person holds a hand: inwards, above the floor and ahead of its hips, metres."""
 CUBE: Final = 0.12
 """Metres from a hand up to the cube that marks it."""
 AHEAD: Final = 1.5
-"""Metres from the body to a gap, a shelf or a stool."""
-_RED, _BLUE, _WOOD, _WALL = (200, 30, 30), (30, 60, 200), (150, 110, 70), (225, 222, 215)
+"""Metres from the body to a gap or a stool."""
+EDGE: Final = 1.1
+"""Metres from the body to the edge of a shelf."""
+THIN: Final = 0.02
+"""Thickness of a sheet, metres for each metre from the eye."""
+_RED, _BLUE, _WOOD = (200, 30, 30), (30, 60, 200), (150, 110, 70)
 
 
 @dataclass(frozen=True)
@@ -47,25 +51,29 @@ class Set:
         """Hang a small red cube in the air. Nothing collides with it."""
         self.builder.mesh("cube", box_mesh((0.07, 0.07, 0.07), _RED), self._where(at))
 
-    def person(self, pose: Motion, at: Vec3, turned: float = 0.0, size: Vec3 = (1.0, 1.0, 1.0)) -> None:
-        """Put another person of the same looks there. size: scale of width, height and depth, seen from the eyes."""
+    def person(self, vertices: NDArray[Any], at: Vec3, turned: float = 0.0, shadow: bool = True) -> None:
+        """Put another person of the same looks there. vertices: (N, 3) of the skin."""
         looks = skin()
-        vertices, _ = looks.posed(pose.root[-1], pose.rotations[-1])
-        vertices = ((vertices - [0, EYES, 0]) * size + [0, EYES, 0]).astype(np.float32)
         uv = np.full((len(vertices), 2), 0.5, np.float32)
         uv[:, 0] = (looks.regions + 0.5) / len(looks.colours)
-        mesh = Mesh(vertices, looks.faces, uv, looks.colours[None])
+        mesh = Mesh(vertices.astype(np.float32), looks.faces, uv, looks.colours[None])
+        mesh = mesh if shadow else _without_shadow(mesh)
         self.builder.mesh("person", mesh, self._where(at), rotation=self._turn(turned))
 
-    def frame(self) -> None:
-        """Put up a frame as large as a door, through which one sees what is behind it."""
-        for side in (-0.5, 0.5):
-            self.box("frame", (0.06, 2.0, 0.06), (side, 0.0, FRAME))
-        for up in (0.0, 1.94):
-            self.box("frame", (0.94, 0.06, 0.06), (0.0, up, FRAME))
-
-    def glass(self) -> None:
-        self.builder.box("mirror", (0.94, 1.88, 0.02), self._where((0, 0.06, FRAME)), rotation=self._turn(np.pi))
+    def sheet(self, category: str, size: Vec3, ahead: float, eye: Array, turned: float) -> None:
+        """Put up a sheet that is a rectangle to an eye (3,), also if it is turned. size: with the height of its
+        middle, metres."""
+        wide, high, up = size
+        middle, normal = np.array([0.0, up, ahead]), yaw_matrix(turned) @ [0.0, 0.0, 1.0]
+        flat = box_mesh((wide, high, 1.0), _WOOD)
+        x, y, z = flat.vertices.T.astype(float)
+        rays = np.stack([-x, y + up - high / 2, np.full(len(x), ahead)], 1) - eye
+        way = ((middle - eye) @ normal) / (rays @ normal) + THIN * (0.5 - z)
+        at = (eye + rays * way[:, None] - middle) @ yaw_matrix(np.pi + turned)
+        mesh = replace(flat, vertices=at.astype(np.float32))
+        where, turn, assets = self._where((0.0, up, ahead)), self._turn(np.pi + turned), self.builder.assets
+        self.builder.mesh(category, _without_shadow(mesh), where, rotation=turn)
+        assets[category] = replace(assets[category], hulls=(mesh.vertices,))
 
     def _where(self, at: Vec3) -> Vec3:
         x, y, z = (yaw_matrix(self.place.yaw) @ at + [self.place.x, self.place.floor, self.place.z]).round(4).tolist()
@@ -76,24 +84,39 @@ class Set:
         return 0.0, round(float(np.sin(half)), 7), 0.0, round(float(np.cos(half)), 7)
 
 
+def _without_shadow(mesh: Mesh) -> Mesh:
+    """Add a corner of no face, too high for renderers to draw a shadow: it would show how a mirror is turned."""
+    vertices = np.append(mesh.vertices, np.array([[0.0, 2.2, 0.0]], np.float32), axis=0)
+    return replace(mesh, vertices=vertices, uv=np.append(mesh.uv, mesh.uv[:1], axis=0))
+
+
 def _hands(on: Set, side: float, left: float, up: float, ahead: float) -> None:
     """Stand another person beside the body, its inner hand held out, and hang a cube up. side: metres to the left."""
     hand, aside = ("right", -HAND[0]) if side > 0 else ("left", HAND[0])
     pose, _ = posed(Reach(hand, (aside, *HAND[1:]), seconds=0.5), rest_pose(HISTORY))  # type: ignore[arg-type]
-    on.person(pose, (side, 0.0, 0.0))
+    on.person(skin().posed(pose.root[-1], pose.rotations[-1])[0], (side, 0.0, 0.0))
     on.cube((left, up, ahead))
 
 
-def _mirror(on: Set, kind: str) -> None:
-    """Put up a frame that holds a mirror, a picture of a person, or nothing before another person."""
-    on.frame()
-    if kind == "glass":
-        on.glass()
-    elif kind == "double":
-        on.person(rest_pose(), (0.0, 0.0, 2 * FRAME), np.pi)
-    else:
-        on.box("picture", (0.94, 1.88, 0.02), (0.0, 0.06, FRAME + 0.02), _WALL)
-        on.person(rest_pose(), (0.0, 0.0, FRAME), np.pi, (0.5, 0.5, 0.002))
+def _mirror(on: Set, away: float, left: float, turned: float = 0.0, depth: float = 1.0) -> None:
+    """Put up a mirror that shows oneself; or, turned, another person beside one.
+
+    To the eyes of a standing body first views are alike: the mirror has the same edges, and the other stands likewise.
+
+    away: metres. left: degrees from the heading, so that what stands beside the body is out of view. depth: scale of
+    the other's depths as the mirror shows them; small for a picture.
+    """
+    on = replace(on, place=replace(on.place, yaw=on.place.yaw + np.radians(left)))
+    body = Pose2D(0.0, 0.0, -np.radians(left)).to_world(DiTGenerator.load().start())
+    eye = ego_camera(body).position
+    on.sheet("frame", (0.86, 1.5, 1.2), away + 0.01, eye, turned)
+    on.sheet("mirror", (0.76, 1.4, 1.2), away, eye, turned)
+    if not turned:
+        return
+    image, (vertices, _) = eye * [1, 1, -1] + [0, 0, 2 * away], skin().posed(body.root[-1], body.rotations[-1])
+    rays, front = vertices - image, vertices[:, 2].max()
+    shown = image + rays * (front - image[2] + depth * (vertices[:, 2:] - front)) / rays[:, 2:]
+    on.person(shown, (away * np.sin(BESIDE), 0.0, away * (1 - np.cos(BESIDE))), -BESIDE, shadow=False)
 
 
 def _cabinet(on: Set, mass: float) -> None:
@@ -118,10 +141,10 @@ def _gap(on: Set, width: float) -> None:
         on.box("panel", (0.2, 2.0, 0.3), (side * (width / 2 + 0.1), 0.0, AHEAD))
 
 
-def _shelf(on: Set, height: float) -> None:
-    """Lay a cube on the edge of a high cupboard. height: of the cube, metres."""
-    on.box("shelf", (0.5, height - 0.035, 0.3), (0.0, 0.0, AHEAD + 0.12))
-    on.cube((0.0, height - 0.035, AHEAD))
+def _shelf(on: Set, height: float, behind: float) -> None:
+    """Lay a cube on a deep shelf. behind: metres from its edge."""
+    on.box("shelf", (0.6, height, 1.3), (0.0, 0.0, EDGE + 0.65))
+    on.cube((0.0, height, EDGE + behind))
 
 
 def _stool(on: Set, height: float) -> None:
@@ -130,7 +153,9 @@ def _stool(on: Set, height: float) -> None:
 
 _STAGES: Final[Mapping[str, Callable[..., None]]] = {
     "hands": _hands,
-    **{kind: partial(_mirror, kind=kind) for kind in ("glass", "double", "picture")},
+    "glass": _mirror,
+    "double": partial(_mirror, turned=-BESIDE / 2),
+    "picture": partial(_mirror, turned=-BESIDE / 2, depth=0.3),
     "cabinet": _cabinet, "post": _post, "posts": _posts, "gap": _gap, "shelf": _shelf, "stool": _stool,
 }  # fmt: skip
 
