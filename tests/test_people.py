@@ -9,10 +9,9 @@ from engines import BULLET
 from humanclaw import Chunk, HumanclawError, Plugins, SceneError
 from humanclaw.body import FPS, FUTURE, Motion, Pose2D, matrix_from_vector, rest_pose
 from humanclaw.body.skeleton import STANDING_HEIGHT
-from humanclaw.checks.fakes import FakeWorld
 from humanclaw.checks.motions import gait, glide
 from humanclaw.testing.played import Played, play
-from humanclaw.world import Scene, SceneBuilder, person_id, shared
+from humanclaw.world import HalfPhysics, Scene, SceneBuilder, person_id, shared
 
 FACING = Pose2D(0.0, 0.0, 0.0), Pose2D(0.0, 1.2, np.pi)
 """Two who look at each other."""
@@ -164,7 +163,7 @@ def test_each_body_needs_a_motion_and_all_last_as_long(simulator):
 
 def test_a_simulator_of_one_body_says_so():
     with pytest.raises(HumanclawError, match="hold one body"):
-        shared(FakeWorld())
+        shared(HalfPhysics(lambda scene, profile, pose: None))
 
 
 # -- forty collisions --------------------------------------------------------------------------------------------------

@@ -18,7 +18,7 @@ from humanclaw.world.half_physics.reflexes import CALM, feel
 from humanclaw.world.half_physics.world import Touch, World
 from humanclaw.world.scene import Scene
 
-CATCH_UP: Final = 3.0
+_CATCH_UP: Final = 3.0
 """A limb that was held back may come to its pose in the last third of a frame, three times as fast."""
 
 
@@ -66,7 +66,7 @@ class Figure:
         """Command one physics step; return bounds of the links' speeds in the world and towards objects, m/s."""
         horizontal = self._velocity if substep % self._profile.horizontal_every == 0 else None
         speed = self.drive.command(self._profile.substeps - substep, horizontal, self._reflex)
-        return speed, max(min(speed, CATCH_UP * self._towards * FPS), self.hands.speed)
+        return speed, max(min(speed, _CATCH_UP * self._towards * FPS), self.hands.speed)
 
     def brace(self, due: float, seconds: float) -> None:
         """Prepare for a part of the step. due: seconds from the command to its end."""

@@ -13,7 +13,7 @@ from humanclaw.body.pose import FPS, Array, Motion
 from humanclaw.body.skeleton import JOINTS
 from humanclaw.errors import HumanclawError
 from humanclaw.world.half_physics.broad_phase import BroadPhase
-from humanclaw.world.half_physics.figure import CATCH_UP, Command, Figure
+from humanclaw.world.half_physics.figure import Command, Figure
 from humanclaw.world.half_physics.profile import Profile
 from humanclaw.world.half_physics.quaternions import Pose, motion_of, poses_of
 from humanclaw.world.half_physics.skeleton import LINK_OF
@@ -102,7 +102,8 @@ class Simulation:
         between = self._broad_phase.between(courses) if len(courses) > 1 else 0.0
         for substep in range(self._profile.substeps):
             speeds = [figure.command(substep) for figure in self.figures]
-            together = min(sum(free for free, _ in speeds), CATCH_UP * between * FPS)
+            # A late limb is no hurry here: without CATCH_UP links of two bodies enter one another by 7 mm at most.
+            together = min(sum(free for free, _ in speeds), between * FPS)
             touches = self._step(max(together, *(towards for _, towards in speeds)))
             for figure, own, all_own in zip(self.figures, touches, met, strict=True):
                 figure.settle(own)
@@ -151,12 +152,11 @@ class Simulation:
         felt: the contacts of each body in all parts of the step.
         """
         for one, other in combinations(range(len(self.figures)), 2):
-            push = sum(
-                (t.force * np.array(t.normal) for t in felt[one] if t.object_id == person_id(other)), np.zeros(3)
-            )
-            if not (push * _LEVEL).any():
+            met = [touch for touch in felt[one] if touch.object_id == person_id(other) and touch.force > 0.0]
+            if not met:
                 continue
-            way = push * _LEVEL / np.linalg.norm(push * _LEVEL)
+            push = np.array([touch.normal for touch in met]).T @ [touch.force for touch in met] * _LEVEL
+            way = push / max(float(np.linalg.norm(push)), 1e-12)
             drives = self.figures[one].drive, self.figures[other].drive
             back = -sum(drive.pushed(way) for drive in drives) / (FPS * self._profile.substeps) * way
             if not any(_holds(touch, back) for touch in (*felt[one], *felt[other])):
