@@ -21,7 +21,7 @@ from humanclaw.body import Array, matrix_from_quaternion
 from humanclaw.storage import source_digest
 from humanclaw.world import LEVEL, TOUCHING, HalfPhysics, Kinematic, ObjectMotion, Pose, Profile, Touch
 from humanclaw_mujoco.contacts import body_contacts, harden, harden_stops, let_slide
-from humanclaw_mujoco.model import FIXED_GROUP, BodyAddresses, Model, build
+from humanclaw_mujoco.model import FIXED_GROUP, Model, build
 from humanclaw_mujoco.sleep import Sleep
 
 _LOG: Final = logging.getLogger(__name__)
@@ -40,13 +40,13 @@ class MujocoWorld:
     def __init__(self, model: Model, scene: Scene, profile: Profile) -> None:
         """Put a scene at rest; its bodies are nowhere yet."""
         self._model, self._m, self._d = model, model.mj, mj.MjData(model.mj)
-        self._number, self._gravity = 0, profile.gravity
+        self._number, self._body = 0, model.bodies[0]
         self._passing: dict[int, frozenset[tuple[int, int]]] = {}
         """Links and objects that pass each other, by the number of the body."""
         self._sleep = Sleep(model)
         trees = [(np.arange(body.root_dof, body.root_dof + 6), body.spins.ravel()) for body in model.bodies]
         self._tree = np.concatenate([part for tree in trees for part in tree])
-        self._falls = [body.root_dof + 1 for body in model.bodies]
+        self._falls = np.where(np.isin(self._tree, [body.root_dof + 1 for body in model.bodies]), -profile.gravity, 0.0)
         self._still = {obj.id: np.array([*obj.position, *obj.rotation], float) for obj in scene.objects if obj.movable}
         free = [at + k for at, _, _ in model.movable.values() for k in range(7)]
         self._places = np.array([*free, *(at for at, _, _ in model.hinged.values())], int)
@@ -63,14 +63,10 @@ class MujocoWorld:
     def stood(self, number: int, pose: Pose) -> MujocoWorld:
         """Return the same world as one of its bodies has it, which it stands in a pose, at rest."""
         world = copy(self)
-        world._number = number
+        world._number, world._body = number, self._model.bodies[number]
         world.move(pose.root, pose.quaternions[0], np.zeros(3), np.zeros(3))
         world.bend(pose.quaternions[1:], np.zeros((len(pose.quaternions) - 1, 3)))
         return world
-
-    @property
-    def _body(self) -> BodyAddresses:
-        return self._model.bodies[self._number]
 
     # -- the body ------------------------------------------------------------------------------------------------------
     def pose(self) -> Pose:
@@ -160,8 +156,7 @@ class MujocoWorld:
         Sleeping objects do not fall at all.
         """
         d = self._d
-        d.qacc_smooth[self._tree] = 0.0
-        d.qacc_smooth[self._falls] = -self._gravity
+        d.qacc_smooth[self._tree] = self._falls
         d.qacc_smooth[self._sleep.held()] = 0.0
         mj.mj_mulM(self._m, d, d.qfrc_smooth, d.qacc_smooth)
 

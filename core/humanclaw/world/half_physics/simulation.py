@@ -128,14 +128,16 @@ class Simulation:
         parts = min(max(1, math.ceil(speed * seconds / TRAVEL)), self._profile.max_looks)
         touches: list[Sequence[Touch]] = [()] * len(self.figures)
         felt: list[list[Touch]] = [[] for _ in self.figures]
+        several = len(felt) > 1
         for part in range(parts):
             for figure in self.figures:
                 figure.brace((part + 1) * seconds / parts, seconds / parts)
             for number, met in enumerate(self._each(self.world.step(seconds / parts))):
                 self.figures[number].bound(met, seconds / parts)
                 touches[number] = met or touches[number]
-                felt[number] += met
-        if len(felt) > 1:
+                if several:
+                    felt[number] += met
+        if several:
             self._stand_firm(felt)
         return touches
 
