@@ -119,7 +119,7 @@ _DECIDERS: Final = (
         type=click.Choice(["default", "paper"]),
         default="default",
         show_default=True,
-        help="Settings of simulator, motion solver and agent. The switches above override it.",
+        help="Settings of simulator, motion solver and agent, not of skills (--skills). Switches above override it.",
     ),
     *_ENGINES,
     click.option(
