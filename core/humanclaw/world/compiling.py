@@ -36,7 +36,8 @@ def inlined(function: Callable[..., Any]) -> Callable[..., Any]:
 
     LLVM inlines it: numba's own inlining analyses the caller again for each call, which takes longer to compile.
     """
-    return njit(no_cpython_wrapper=True, forceinline=True, **_HOW)(function)  # type: ignore[no-any-return]
+    how = {**_HOW, "no_cpython_wrapper": True, "forceinline": True}  # numba's types do not name the first of them.
+    return njit(**how)(function)  # type: ignore[no-any-return]
 
 
 @cache
