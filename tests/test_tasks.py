@@ -17,6 +17,11 @@ from humanclaw.records import ALIASES, category_of, instruction, wants_to_sit
         ("find the bed in front of the flat tv screen", "bed"),
         ("find a bed, not a couch", "bed"),
         ("stand next to the sofa", "couch"),
+        ("find the tv above the couch", "tv"),
+        ("leave the couch and go to the tv", "tv"),
+        ("find the tv on the other side of the couch", "tv"),
+        ("find the bed with a plant on it", "bed"),
+        ("find the tv behind the big old dusty plant", "tv"),
         ("find the door", ""),
     ],
 )
@@ -39,6 +44,12 @@ def test_the_instruction_for_a_category_names_it(category):
         ("find the couch and sit on it, do not sit on the bed", True),
         ("find a couch and take a seat", True),
         ("find a couch", False),
+        ("go to the couch, but you must not under any circumstances sit", False),
+        ("refuse to sit on the couch", False),
+        ("avoid taking a seat on the couch", False),
+        ("go to the toilet seat", False),
+        ("find a couch and be seated", True),
+        ("do not forget to sit on the couch", True),
     ],
 )
 def test_who_is_told_not_to_sit_is_not_asked_to(words, sits):

@@ -24,15 +24,18 @@ ALIASES: Final[Mapping[str, tuple[str, ...]]] = {
 _ALIAS: Final = "|".join(sorted((alias for words in ALIASES.values() for alias in words), key=len, reverse=True))
 _THE: Final = r"(?:(?:the|a|an|your|that|this)\s+)?"
 _RELATION: Final = (
-    "behind|past|beside|near|by|under|around|opposite|facing|between|without|from|not|"
-    r"(?:next|close)\s+to|in\s+front\s+of|(?:left|right)\s+of"
+    "behind|past|beside|near|by|under|above|below|over|around|opposite|facing|between|with|without|from|not|leave|"
+    r"(?:next|close)\s+to|in\s+front\s+of|(?:left|right|side)\s+of"
 )
-# Up to two adjectives stand before a noun, and none is "to": "past the door to the bed" means the bed.
+# Up to three adjectives stand before a noun, and none is "to": "past the door to the bed" means the bed.
 _LANDMARK: Final = re.compile(
-    rf"\b(?:{_RELATION})\s+{_THE}(?:(?!to\b)\w+\s+){{0,2}}?(?:{_ALIAS})s?\b(?:\s+and\s+{_THE}(?:{_ALIAS})s?\b)?"
+    rf"\b(?:{_RELATION})\s+{_THE}(?:(?!to\b)\w+\s+){{0,3}}?(?:{_ALIAS})s?\b(?:\s+and\s+{_THE}(?:{_ALIAS})s?\b)?"
 )
+_SIT: Final = r"(?:sit|sitting|(?:be|get)\s+seated|(?:take|taking|have)\s+a\s+seat)\b"
+# "Do not forget to sit" and "do not stop and sit" ask to.
 _REFUSED_SEAT: Final = re.compile(
-    r"(?:\bnot|n['\u2019]t|\bdont|\bnever)\s+(?:(?:to|ever|yet)\s+)?(?:take\s+a\s+)?(?:sit|seat)\b"
+    r"(?:\bnot|n['\u2019]t|\bdont|\bnever|\bwithout|\bavoid|\brefuse)\s+"
+    rf"(?:(?!forget|fail|until|before|and|then|but)\w+\s+){{0,5}}?{_SIT}"
 )
 
 
@@ -64,7 +67,7 @@ def require_words(instruction: str) -> None:
 
 def wants_to_sit(instruction: str) -> bool:
     """Tell whether an instruction asks to sit down: "do not sit" does not."""
-    return bool(re.search(r"\b(sit|seat)\b", _REFUSED_SEAT.sub(" ", instruction.lower())))
+    return bool(re.search(rf"\b{_SIT}", _REFUSED_SEAT.sub(" ", instruction.lower())))
 
 
 def free_episode(instruction: str, scene: Scene, *, seed: int = 0, max_steps: int = 100, name: str = "") -> EpisodeSpec:

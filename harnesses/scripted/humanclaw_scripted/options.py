@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import AliasChoices, BaseModel, ConfigDict, Field
 
 from humanclaw import HumanclawError
 from humanclaw.plugins import read_options
@@ -35,7 +35,7 @@ class VerifierOptions(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="ignore")
 
-    miss: float = Field(0.0, ge=0, le=1)
+    miss: float = Field(0.0, ge=0, le=1, validation_alias=AliasChoices("verifier_miss", "miss"))
     """Probability that it accepts a stop out of reach of the target."""
 
 

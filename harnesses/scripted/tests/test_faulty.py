@@ -12,6 +12,7 @@ from rooms import asset, block, scene_object, two_rooms
 from walker import PICTURE, SKILLS, Walker, play
 
 from humanclaw import Call, EpisodeContext, EpisodeSpec, HumanclawError, Observation
+from humanclaw.plugins import read_options
 from humanclaw.records import Difficulty, acknowledges
 from humanclaw.world import distance_to_box
 from humanclaw_scripted.faults import FAULTS
@@ -212,3 +213,10 @@ def test_a_verifier_that_overlooks_no_probability_is_refused(miss, plugins):
 def test_a_verifier_records_its_own_option_and_no_other(plugins):
     verifier = plugins.make("verifiers", "oracle", {"miss": 0.25, "fault": "jam"})
     assert verifier.settings == {"miss": 0.25}
+
+
+@pytest.mark.parametrize("key", ["miss", "verifier_miss"])
+def test_the_verifier_takes_its_option_by_either_name(key):
+    assert read_options(VerifierOptions, {key: "0.5"}).miss == 0.5
+    with pytest.raises(HumanclawError, match=key):
+        read_options(VerifierOptions, {key: 7})

@@ -37,6 +37,8 @@ _FINE: Final = 2
 def difficulty(name: str, out: Path | None, renderer: str) -> None:
     """Print how hard the episodes of a split are; --out also draws histograms, and a route of each tier."""
     specs = [spec for spec in load_split(name) if spec.difficulty]
+    if not specs:
+        raise HumanclawError(f"no episode of split {name!r} has a difficulty.", "Name another split, such as val.")
     for key, value in summary(specs).items():
         click.echo(f"{key:<13} {value}")
     if out:

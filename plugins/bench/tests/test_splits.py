@@ -277,3 +277,9 @@ def test_histograms_and_a_route_of_each_tier_are_one_picture(tmp_path):
     assert done.exit_code == 0, done.output
     with Image.open(tmp_path / "figure.png") as picture:
         assert picture.size == (1200, 830)
+
+
+def test_a_split_without_difficulties_is_told_so():
+    done = CliRunner().invoke(bench, ["difficulty", "--split", "self"])
+    assert isinstance(done.exception, HumanclawError)
+    assert "no episode of split 'self' has a difficulty" in str(done.exception)
