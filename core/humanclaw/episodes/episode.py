@@ -347,6 +347,7 @@ class Episode:
         return self._step.record(
             self._look(), self.body.scene, self.spec.target_ids, before, self.body.state(),
             call=call, verdict=verdict, done=done, resting=resting, geodesic=self.distance_to_goal(),
+            partner=self.spec.partner is not None,
         )  # fmt: skip
 
     def _keep(self, step: StepRecord, replayed: bool = False) -> StepRecord:

@@ -16,7 +16,7 @@ from humanclaw.records.feedback import Feedback
 from humanclaw.records.steps import StepRecord
 from humanclaw.skills.call import Call
 from humanclaw.world.scene import Scene, Vec3, distance_to_nearest
-from humanclaw.world.simulator import Chunk, Contact, DistanceFn, Execution, WorldState
+from humanclaw.world.simulator import Chunk, Contact, DistanceFn, Execution, WorldState, person_id
 from humanclaw.world.view import View
 
 
@@ -68,6 +68,7 @@ class Step:
         done: SkillExecution | None,
         resting: tuple[int, ...],
         geodesic: float | None,
+        partner: bool = False,
     ) -> StepRecord:
         """Return the record of the step.
 
@@ -77,6 +78,7 @@ class Step:
             done: the motion of the call; None without motion: of no call, and of an active stop.
             resting: ids that the pelvis touched when the last motion ended.
             geodesic: remaining shortest way to a target, metres.
+            partner: whether the second body is looked for, too.
         """
         chunks, felt = (done.chunks, done.feedback) if done else ((), Feedback())
         return StepRecord(
@@ -87,7 +89,7 @@ class Step:
             call=call,
             proprioception=felt.proprioception,
             tactile=felt.tactile,
-            target_pixels={key: int((view.ids == key).sum()) for key in targets},
+            target_pixels={key: int((view.ids == key).sum()) for key in (*targets, *[person_id(1)] * partner)},
             frame_file=self.frame_file,
             motion_frames=sum(len(chunk.commanded) for chunk in chunks),
             rise_frames=done.rise_frames if done else 0,

@@ -49,6 +49,7 @@ if TYPE_CHECKING:
         Difficulty as Difficulty,
         EpisodeSpec as EpisodeSpec,
         Goal as Goal,
+        Partner as Partner,
         name_of as name_of,
     )
     from humanclaw.records.steps import (

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from typing import Annotated, Final, Self
+from typing import Annotated, Final, Literal, Self
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
@@ -68,6 +68,22 @@ def _on_the_map(start: Pose2D) -> Pose2D:
     return start
 
 
+class Partner(Record):
+    """A scripted person in the same scene, and what is to be done together."""
+
+    task: Literal["meet", "follow"]
+    """meet: find the partner, who stands. follow: stay near the partner, who walks a way."""
+    start: Annotated[Pose2D, AfterValidator(_on_the_map)]
+    way: tuple[tuple[float, float], ...] = ()
+    """Corners (x, z) of the way that the partner walks, metres, on the floor of its start."""
+
+    @model_validator(mode="after")
+    def _walks_to_be_followed(self) -> Self:
+        if (self.task == "follow") != bool(self.way):
+            raise ValueError(f"a partner walks a way to be followed, and only then; got {len(self.way)} corners of one")
+        return self
+
+
 class EpisodeSpec(Record):
     """One episode: an instruction, a scene and a start."""
 
@@ -91,6 +107,9 @@ class EpisodeSpec(Record):
     goal: Annotated[Goal | None, Field(exclude_if=lambda goal: goal is None)] = None
     """What the hands are to bring about; None for a task of walking and sitting, and then left out when written, so
     that digests of splits and records without hands stay as they were."""
+
+    partner: Annotated[Partner | None, Field(exclude_if=lambda partner: partner is None)] = None
+    """Who else is in the scene; None for a body alone, and then left out when written, as a goal is."""
 
     @property
     def for_agent(self) -> EpisodeSpec:

@@ -103,12 +103,15 @@ class Folder:
         return {name: status for name, status in statuses.items() if stat.S_ISREG(status.st_mode)}
 
     def holding(self, name: str) -> list[Folder]:
-        """Return each folder that holds a file of that name, this one and all below it, in order."""
+        """Return each folder that holds a file of that name, this one and all below it, in order.
+
+        Folders inside of such a folder are left out: a partner's record is a part of its episode's.
+        """
         homes = []
         for home, folders, files in os.walk(self.path):
             below = PurePath(home).relative_to(self.path)
             homes += [below] if name in files else []
-            folders[:] = folders if len(below.parts) < _DEEPEST else []
+            folders[:] = folders if len(below.parts) < _DEEPEST and name not in files else []
         return [self / part.as_posix() if part.parts else self for part in sorted(homes)]
 
     # -- writing -------------------------------------------------------------------------------------------------------

@@ -43,10 +43,10 @@ def humanclaw_verifiers(register: Register[VerifierFactory]) -> None:
 
 def _oracle(options: Mapping[str, Any]) -> Agent:
     from humanclaw.plugins import read_options
-    from humanclaw_scripted.opening import HandyOracle
+    from humanclaw_scripted.meeting import SociableOracle
     from humanclaw_scripted.options import OracleOptions
 
-    return HandyOracle(read_options(OracleOptions, options).words)
+    return SociableOracle(read_options(OracleOptions, options).words)
 
 
 def _guess(options: Mapping[str, Any]) -> Agent:

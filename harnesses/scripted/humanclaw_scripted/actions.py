@@ -55,6 +55,8 @@ def require_target(instruction: str) -> None:
 
 def looked_for(spec: EpisodeSpec) -> str:
     """Return what an episode's target is called. Raises PluginError if its instruction names none."""
+    if spec.partner is not None:
+        return "other person"
     if not spec.target_category and spec.goal is None:
         raise _nameless(spec.instruction)
     return spec.target_category.replace("_", " ") or "target"

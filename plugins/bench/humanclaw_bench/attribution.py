@@ -26,6 +26,7 @@ from humanclaw_bench.failure_modes import Cause, Rule, Stage, first_cause
 from humanclaw_bench.hands.scores import cause_of, first_failed
 from humanclaw_bench.path_metrics import gap_to, straight
 from humanclaw_bench.scores import Scores, claims, is_sit, sat_down, score
+from humanclaw_bench.two import scores as two
 
 STAGES: Final[tuple[Stage, ...]] = ("find", "nav", "interact")
 
@@ -292,6 +293,8 @@ def failed_stage(scores: Scores) -> Stage | None:
     """
     if not scores.finished or scores.outcome == "plugin_error" or scores.success is None or scores.success:
         return None
+    if scores.of_two:
+        return two.first_failed(scores.hands)
     if scores.hands:
         return first_failed(scores.hands)
     if not scores.find:
@@ -308,6 +311,8 @@ def attribute(recorded: RecordedEpisode, scores: Scores | None = None) -> Cause 
         return NO_CALL
     if recorded.record.spec.goal is not None:
         return cause_of(recorded, stage)
+    if recorded.record.spec.partner is not None:
+        return first_cause(two.CAUSES, stage, two.Together.of(recorded))
     return first_cause(CAUSES, stage, EpisodeFeatures.of(recorded))
 
 
@@ -316,7 +321,8 @@ def also(recorded: RecordedEpisode, first: Cause | None, scores: Scores | None =
 
     After "no usable call" they are the paper's causes that describe the failure. scores: of the record, if known.
     """
-    if first is None or recorded.record.spec.goal is not None:
+    spec = recorded.record.spec
+    if first is None or spec.goal is not None or spec.partner is not None:
         return ()
     features = EpisodeFeatures.of(recorded)
     stage = failed_stage(scores or score(recorded)) if first is NO_CALL else first.stage

@@ -8,7 +8,7 @@ from typing import Generic, Literal, TypeVar
 
 from humanclaw import RecordedEpisode
 
-Stage = Literal["call", "find", "nav", "interact", "reach", "hold", "place", "open", "answer"]
+Stage = Literal["call", "find", "nav", "interact", "reach", "hold", "place", "open", "answer", "meet", "keep", "end"]
 F = TypeVar("F")
 """The facts of an episode that rules use."""
 

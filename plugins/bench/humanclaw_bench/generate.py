@@ -26,6 +26,7 @@ from humanclaw_bench.splits import (
     HOUSES,
     SELF,
     STARTS,
+    TWO,
     candidates,
     hidden,
     make,
@@ -33,6 +34,7 @@ from humanclaw_bench.splits import (
     summary,
 )
 from humanclaw_bench.training import TOGETHER
+from humanclaw_bench.two import generate as two_bodies
 
 Draw = Callable[..., list[EpisodeSpec]]
 
@@ -66,10 +68,11 @@ Draw = Callable[..., list[EpisodeSpec]]
               help="Of that source, such as houses=40, difficulty=easy, category=couch (repeatable).")  # fmt: skip
 @click.option("--hands", is_flag=True, help="Make the splits for hands instead.")
 @click.option("--self", "oneself", is_flag=True, help="Make the split of questions about oneself instead (15 min).")
+@click.option("--two", is_flag=True, help="Make the split with a partner instead.")
 @click.option("--workers", type=click.IntRange(1), default=1, show_default=True, help="Houses at a time.")
 def generate(
     out: Path, starts: int, seed: int, secret: int | None, train: int | None, task: str,
-    pairs: tuple[str, ...], hands: bool, oneself: bool, workers: int,
+    pairs: tuple[str, ...], hands: bool, oneself: bool, two: bool, workers: int,
 ) -> None:  # fmt: skip
     """Make splits from seeds, a hidden test, or training tasks."""
     _refuse_unused(secret, train)
@@ -82,6 +85,8 @@ def generate(
             made = choose(_drawn(pool, HOUSES, 0, (seed,), _for_hands))
         elif oneself:
             made = {SELF: tuple(tqdm(questions(Plugins.discover(), seed), total=TOTAL, unit="question"))}
+        elif two:
+            made = {TWO: two_bodies.choose(_drawn(pool, HOUSES, 0, (seed,), _with_partner))}
         elif secret is None:
             made = make(_drawn(pool, (*HOUSES, *DEV_HOUSES), starts, (seed,)))
         else:
@@ -95,15 +100,15 @@ def _refuse_unused(secret: int | None, train: int | None) -> None:
     source = click.get_current_context().get_parameter_source
     given = {
         name
-        for name in ("seed", "train", "task", "pairs", "starts", "secret", "hands", "oneself")
+        for name in ("seed", "train", "task", "pairs", "starts", "secret", "hands", "oneself", "two")
         if source(name) is not ParameterSource.DEFAULT
     }
     if secret is not None and given & {"seed", "train"}:
         problem = f"--{min(given & {'seed', 'train'})} has no effect with --secret, which determines everything"
         raise click.UsageError(f"{problem}: leave it out.")
-    if given & {"hands", "oneself"} and given & {"secret", "train", "starts"}:
-        raise click.UsageError(f"--{min(given & {'secret', 'train', 'starts'})} has no effect with --hands or --self: "
-                               "leave it out.")  # fmt: skip
+    if given & {"hands", "oneself", "two"} and given & {"secret", "train", "starts"}:
+        raise click.UsageError(f"--{min(given & {'secret', 'train', 'starts'})} has no effect with --hands, --self or "
+                               "--two: leave it out.")  # fmt: skip
     if train is None and given & {"task", "pairs"}:
         raise click.UsageError("--task and --option are of training tasks: add --train N.")
 
@@ -122,6 +127,10 @@ def _candidates(house: str, number: int, starts: int, seed: Sequence[int]) -> li
 
 def _for_hands(house: str, number: int, starts: int, seed: Sequence[int]) -> list[EpisodeSpec]:
     return list(episodes(Plugins.discover().scene(house), number, seed[0]))
+
+
+def _with_partner(house: str, number: int, starts: int, seed: Sequence[int]) -> list[EpisodeSpec]:
+    return list(two_bodies.episodes(Plugins.discover().scene(house), number, seed[0]))
 
 
 def _training(

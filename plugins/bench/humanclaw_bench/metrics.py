@@ -176,7 +176,20 @@ ALONE: Final = tuple(
 """Stages of tasks for hands by themselves."""
 SELF: Final = (*(_stage(f"{kind}?", STAGE + kind, about) for kind, about in KNOWLEDGE.items()), SOLVED)
 """Columns of questions about oneself: an agent's profile."""
-ALL: Final = tuple(dict.fromkeys((*MAIN, *VARIANTS, *BODY, *OWN, *HANDS, *ALONE, *SELF)))
+TWO: Final = (
+    FIND,
+    _stage("MeetSR", "meet", "stopped within 1 m of the partner, who was in view within 45 degrees"),
+    _stage("KeepSR", "keep", "stayed within 2 m of the walking partner, without a touch"),
+    _stage("EndSR", "end", "and stopped once the partner had arrived"),
+    SOLVED,
+    _mean("motion (s)", lambda s: s.motion, better=""),
+    _mean("apart (m)", lambda s: s.apart, 2, better="", meaning="mean distance to the partner"),
+    _mean("touched", lambda s: s.touched, 2, meaning="steps that touch the partner"),
+    _mean("words", lambda s: s.words, better="", meaning="words said"),
+    COLLISIONS,
+)  # fmt: skip
+"""Columns of tasks with a partner."""
+ALL: Final = tuple(dict.fromkeys((*MAIN, *VARIANTS, *BODY, *OWN, *HANDS, *ALONE, *SELF, *TWO)))
 
 
 def extra_metric(name: str) -> Metric:

@@ -40,9 +40,14 @@ class Result:
         return tuple(s for s in self.scores if s.finished)
 
     @property
+    def of_two(self) -> bool:
+        """Whether its episodes have a partner."""
+        return any(s.of_two for s in self.scores)
+
+    @property
     def of_hands(self) -> bool:
         """Whether its episodes are tasks for hands."""
-        return any(s.hands for s in self.scores) and not self.of_oneself
+        return any(s.hands for s in self.scores) and not (self.of_oneself or self.of_two)
 
     @property
     def of_oneself(self) -> bool:

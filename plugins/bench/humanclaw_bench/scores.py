@@ -30,6 +30,7 @@ from humanclaw_bench.difficulty import overall
 from humanclaw_bench.disturbance import collisions, displacements, disturbed, disturbed_path
 from humanclaw_bench.hands.scores import HandFacts, stages_of
 from humanclaw_bench.path_metrics import arrived, pace, path_weighted
+from humanclaw_bench.two.scores import Together
 
 TURNS: Final = float(np.radians(5.0))
 """Smallest turn of a step that counts, radians; the paper gives none."""
@@ -210,9 +211,21 @@ class Scores:
     done: bool | None = None
     """Whether the goal for hands was met; None without one."""
     hands: Mapping[str, bool] = field(default_factory=dict)
-    """Stages of a task for hands, as stages_of() returns them."""
+    """Stages of a task for hands or with a partner, as stages_of() and Together return them."""
     dropped: int | None = None
     """How often a thing left a hand that was not told to open, in such a task."""
+
+    apart: float = float("nan")
+    """Mean distance to the partner, metres; NaN without one."""
+    touched: int = 0
+    """Number of steps that touch another person."""
+    words: int = 0
+    """Number of words said, an answer's left out."""
+
+    @property
+    def of_two(self) -> bool:
+        """Whether there is a partner."""
+        return self.spec is not None and self.spec.partner is not None
 
     @property
     def finished(self) -> bool:
@@ -241,6 +254,10 @@ def score(recorded: RecordedEpisode) -> Scores:
     usages, met = [step.usage for step in steps], _successes(recorded)
     done = None if spec.goal is None else is_met(spec.goal, steps)
     hands = {} if spec.goal is None else stages_of(recorded)
+    together = Together.of(recorded) if spec.partner is not None else None
+    if together:
+        hands = together.stages
+        done = all(hands.values())
     met |= {name: hands[name] for name in met.keys() & hands.keys()}
     return Scores(
         episode=spec.id,
@@ -294,6 +311,9 @@ def score(recorded: RecordedEpisode) -> Scores:
         done=done,
         hands=hands,
         dropped=None if spec.goal is None else HandFacts(recorded).dropped,
+        apart=together.mean_distance if together else float("nan"),
+        touched=sum(any(contact.person for contact in step.contacts) for step in steps),
+        words=together.words if together else 0,
     )
 
 

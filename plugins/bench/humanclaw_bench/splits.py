@@ -29,6 +29,8 @@ HANDS: Final = ("hands", "mini-hands", "smoke-hands")
 """Splits of the extension for hands (humanclaw_bench.hands); no part of the paper's."""
 SELF: Final = "self"
 """The split of questions about oneself (humanclaw_bench.oneself); no part of the paper's either."""
+TWO: Final = "two"
+"""The split with a partner in a second body (humanclaw_bench.two); no part of the paper's either."""
 DATA: Final = Path(str(importlib.resources.files("humanclaw_bench"))) / "data"
 """Folder of the splits in the package."""
 HOUSES: Final = tuple(f"house:{number}" for number in range(41))
@@ -60,11 +62,11 @@ APART: Final = 1.0
 
 # -- reading -----------------------------------------------------------------------------------------------------------
 def load_split(name: str) -> tuple[EpisodeSpec, ...]:
-    """Return the episodes of a split in SPLITS or HANDS, of SELF, or of a file.
+    """Return the episodes of a split in SPLITS or HANDS, of SELF or TWO, or of a file.
 
     Raises HumanclawError if there is none or it is malformed.
     """
-    known = (*SPLITS, *HANDS, SELF)
+    known = (*SPLITS, *HANDS, SELF, TWO)
     if name not in known and not Path(name).exists():
         raise HumanclawError(f"there is no split {name}.", f"Name one of {', '.join(known)}, or a file of episodes.")
     return read_episodes(DATA / f"{name}.jsonl" if name in known else Path(name))

@@ -30,6 +30,7 @@ from humanclaw_bench.metrics import (
     OWN,
     REFUSED,
     SELF,
+    TWO,
     VARIANTS,
     Column,
     Metric,
@@ -41,6 +42,7 @@ from humanclaw_bench.results import MARK, NONE, Result
 from humanclaw_bench.scores import Scores
 from humanclaw_bench.splits import CATEGORIES, DATA
 from humanclaw_bench.statistics import CONFIDENCE, FEW, Estimate, rate
+from humanclaw_bench.two.scores import CAUSES as TWO_CAUSES
 
 HEADLINE: Final = (FIND, ARRIVE, NAV, INTERACT, COLLISIONS, REFUSED)
 """Columns of the table that fits a screen."""
@@ -107,12 +109,13 @@ LAYOUTS: Final[Mapping[str, tuple[str, tuple[Metric, ...]]]] = {
     "ablation": ("Ablation", MAIN),
     "hands": ("Tasks for hands", (*HANDS, *ALONE)),
     "self": ("Questions about oneself", SELF),
+    "two": ("Tasks with a partner", TWO),
     "variants": ("Success by geometry alone and as acknowledged", VARIANTS),
     "body": ("Steps with a collision, by part of the body", BODY),
     "own": ("Landing, reversals, other readings of GeoNavSR, Coll., #Dtb, dDtb and Jerk, and calibration", OWN),
 }
 """Title and columns of the tables with a row for each agent, by name: that of paper.json for tables of the paper."""
-EXPLAINED: Final = ("main", "hands", "self")
+EXPLAINED: Final = ("main", "hands", "self", "two")
 """Tables whose short names of columns are explained below them."""
 
 
@@ -351,22 +354,34 @@ def brief_tables(results: Sequence[Result]) -> dict[str, ResultTable]:
 
     Where no episode has a target, they are empty.
     """
-    walks, hands, selves = _apart(results)
-    walks = walks if any(scores.category for result in walks for scores in result.scores) else []
+    of = _apart(results)
+    walks = of.walks if any(scores.category for result in of.walks for scores in result.scores) else []
     return {
         "main": chosen_table(walks, [metric.name for metric in HEADLINE], paper=False),
-        "hands": _result_table("Tasks for hands", HANDS, hands, {}),
-        "self": result_table("self", selves),
+        "hands": _result_table("Tasks for hands", HANDS, of.hands, {}),
+        "self": result_table("self", of.selves),
+        "two": result_table("two", of.two),
         "funnel": funnel_table(walks),
         "causes": happened(causes_table(walks)),
-        "hand-causes": happened(causes_table([*hands, *selves], HAND_CAUSES)),
+        "hand-causes": happened(causes_table([*of.hands, *of.selves], HAND_CAUSES)),
+        "two-causes": happened(causes_table(of.two, TWO_CAUSES)),
     }
 
 
-def _apart(results: Sequence[Result]) -> tuple[list[Result], list[Result], list[Result]]:
-    """Return the results of walking and sitting, those of tasks for hands, and those of questions about oneself."""
+@dataclass(frozen=True)
+class _Kinds:
+    """Results by the kind of their tasks: walking and sitting, hands, questions about oneself, with a partner."""
+
+    walks: Sequence[Result]
+    hands: Sequence[Result]
+    selves: Sequence[Result]
+    two: Sequence[Result]
+
+
+def _apart(results: Sequence[Result]) -> _Kinds:
+    walks = [r for r in results if not (r.of_hands or r.of_oneself or r.of_two)]
     hands, selves = [r for r in results if r.of_hands], [r for r in results if r.of_oneself]
-    return [r for r in results if not (r.of_hands or r.of_oneself)], hands, selves
+    return _Kinds(walks, hands, selves, [r for r in results if r.of_two])
 
 
 def happened(causes: ResultTable) -> ResultTable:
@@ -377,27 +392,28 @@ def happened(causes: ResultTable) -> ResultTable:
 def all_tables(results: Sequence[Result], *, paper: bool = True) -> dict[str, ResultTable]:
     """Return every table by its name on the command line; empty ones of tasks that no run has."""
     kinds = _apart(results)
-    return {name: make(*kinds, paper) for name, make in TABLES.items()}
+    return {name: make(kinds, paper) for name, make in TABLES.items()}
 
 
-Results = Sequence[Result]
-TABLES: Final[Mapping[str, Callable[[Results, Results, Results, bool], ResultTable]]] = {
-    "main": lambda walks, hands, selves, paper: result_table("main", walks, paper=paper),
-    "hands": lambda walks, hands, selves, paper: result_table("hands", hands),
-    "self": lambda walks, hands, selves, paper: result_table("self", selves),
-    "variants": lambda walks, hands, selves, paper: result_table("variants", walks, paper=paper),
-    "body": lambda walks, hands, selves, paper: result_table("body", walks, paper=paper),
-    "own": lambda walks, hands, selves, paper: result_table("own", walks, paper=paper),
-    "difficulty": lambda walks, hands, selves, paper: difficulty_table(walks),
-    "factors": lambda walks, hands, selves, paper: factors_table(walks),
-    "category": lambda walks, hands, selves, paper: category_table(walks),
-    "plugins": lambda walks, hands, selves, paper: extra_table(walks),
-    "funnel": lambda walks, hands, selves, paper: funnel_table(walks, paper=paper),
-    "causes": lambda walks, hands, selves, paper: causes_table(walks, paper=paper),
-    "faculties": lambda walks, hands, selves, paper: faculties_table(walks, paper=paper),
-    "hand-causes": lambda walks, hands, selves, paper: causes_table([*hands, *selves], HAND_CAUSES),
+TABLES: Final[Mapping[str, Callable[[_Kinds, bool], ResultTable]]] = {
+    "main": lambda of, paper: result_table("main", of.walks, paper=paper),
+    "hands": lambda of, paper: result_table("hands", of.hands),
+    "self": lambda of, paper: result_table("self", of.selves),
+    "two": lambda of, paper: result_table("two", of.two),
+    "variants": lambda of, paper: result_table("variants", of.walks, paper=paper),
+    "body": lambda of, paper: result_table("body", of.walks, paper=paper),
+    "own": lambda of, paper: result_table("own", of.walks, paper=paper),
+    "difficulty": lambda of, paper: difficulty_table(of.walks),
+    "factors": lambda of, paper: factors_table(of.walks),
+    "category": lambda of, paper: category_table(of.walks),
+    "plugins": lambda of, paper: extra_table(of.walks),
+    "funnel": lambda of, paper: funnel_table(of.walks, paper=paper),
+    "causes": lambda of, paper: causes_table(of.walks, paper=paper),
+    "faculties": lambda of, paper: faculties_table(of.walks, paper=paper),
+    "hand-causes": lambda of, paper: causes_table([*of.hands, *of.selves], HAND_CAUSES),
+    "two-causes": lambda of, paper: causes_table(of.two, TWO_CAUSES),
 }
-"""Each table by its name, from the results of walking and sitting, of tasks for hands, and of questions."""
+"""Each table by its name, from the results by kind of task."""
 
 
 def inline(column: Column, cell: Estimate, rank: int = 0) -> str:

@@ -16,6 +16,7 @@ from humanclaw import (
     Backends,
     Body,
     Choice,
+    Company,
     Episode,
     EpisodeSpec,
     HumanclawError,
@@ -24,12 +25,14 @@ from humanclaw import (
     RecordedEpisode,
     RecordError,
     ReplayError,
+    Scene,
     StepRecord,
 )
 from humanclaw.records import MOTION_BYTES, Outcome, Refusal, Usage, close_record
 from humanclaw.storage import Folder, writing
 from humanclaw.world import geodesics
 from humanclaw_bench.isolation.deciders import IsolatedDeciders
+from humanclaw_bench.two.partners import PARTNER, Ending, accompany
 
 FAILED: Final = "infra_error"
 ROLES: Final = {"agents": "agent", "verifiers": "verifier"}
@@ -141,6 +144,9 @@ class Worker:
 
     def _play(self, spec: EpisodeSpec) -> None:
         folder = self._out / spec.id
+        if spec.partner is not None:
+            self._play_beside(spec, folder)
+            return
         try:
             begun = recorded(folder)
             replay = begun.steps if begun else ()
@@ -152,11 +158,31 @@ class Worker:
         except ReplayError as fault:  # Only errors of the replay; a plugin's errors have other types.
             print(f"{fault} The episode starts again.", flush=True)
             self._episode = self._begun(spec, folder, ())
-        with self._episode as episode:
+        self._finish(self._episode)
+
+    def _finish(self, episode: Episode) -> None:
+        with episode:
             while not (episode.done or self._stopping() or self._is_hopeless):
                 self._note(episode.ask())
         if episode.fault:
             traceback.print_exception(episode.fault)
+
+    def _play_beside(self, spec: EpisodeSpec, folder: Folder) -> None:
+        """Play an episode from its beginning, with a partner in a second body."""
+        assert spec.partner is not None
+        ending = Ending()
+
+        def play(body: Body) -> None:
+            with ending:
+                self._episode = self._begun(spec, folder, (), body, company=(spec.id, f"{spec.id}/{PARTNER}"))
+                self._finish(self._episode)
+                ending.frames = sum(step.motion_frames for step in self._episode.steps)
+
+        scene: Scene = self._plugins.scene(spec.scene)
+        starts = [spec.start or scene.start, spec.partner.start]
+        parts: list[Callable[[Body], None]] = [play, partial(accompany, spec, folder / PARTNER, ending)]
+        with Company(scene, starts, plugins=self._plugins, backends=self._job.backends) as company:
+            company.play(parts)
 
     def _note(self, answer: StepRecord | Refusal) -> None:
         """Count refused answers in a row."""
@@ -167,10 +193,14 @@ class Worker:
     def _is_hopeless(self) -> bool:
         return 0 < self._job.stop_after <= self._refused
 
-    def _begun(self, spec: EpisodeSpec, folder: Folder, replay: tuple[StepRecord, ...]) -> Episode:
+    def _begun(
+        self, spec: EpisodeSpec, folder: Folder, replay: tuple[StepRecord, ...], body: Body | None = None,
+        company: tuple[str, ...] = (),
+    ) -> Episode:  # fmt: skip
         """Begin or resume an episode. Raises ReplayError if the world no longer reproduces the record."""
         job, plugins = self._job, self._plugins
-        body = self._body = self._body or Body(spec.scene, plugins=plugins, backends=job.backends)
+        if body is None:
+            body = self._body = self._body or Body(spec.scene, plugins=plugins, backends=job.backends)
         apart = self._isolated.make()
         agent = apart.get("agents") or self._made("agents", job.agent)
         verifier = apart.get("verifiers") or self._made("verifiers", job.verifier)
@@ -178,7 +208,7 @@ class Worker:
         return Episode(
             body, spec, agent, verifier, folder=folder, options=job.options, distance=geodesics, replay=replay,
             meter=self._meter, apart={role: job.apart[kind] for kind, role in ROLES.items() if kind in job.apart},
-            agent_seed=job.seed_of(spec),
+            agent_seed=job.seed_of(spec), company=company,
         )  # fmt: skip
 
     def _made(self, kind: str, name: str) -> Any:
@@ -241,7 +271,8 @@ def mark(folder: Path | Folder, outcome: Outcome, error: str) -> None:
 def pack(folder: Path | Folder) -> dict[str, bytes]:
     """Return path in the folder to content of every file of a record; empty if there is none."""
     record = Folder.of(folder)
-    names = [*record.names(), *(f"frames/{name}" for name in (record / "frames").names())]
+    inside = ("frames", PARTNER, f"{PARTNER}/frames")
+    names = [*record.names(), *(f"{home}/{name}" for home in inside for name in (record / home).names())]
     return {
         name: record.read(name, MOTION_BYTES) for name in names if record.has(name) and not name.endswith(".partial")
     }

@@ -1,0 +1,153 @@
+"""The split with a partner: how it is drawn, what counts as met and followed, and how it is played and recorded."""
+
+from collections import Counter
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from pydantic import ValidationError
+
+from humanclaw import EpisodeSpec, Plugins, RecordedEpisode, StepRecord, load_run
+from humanclaw.body import FPS, HISTORY, Motion, Pose2D, rest_pose
+from humanclaw.records import Partner, write_episodes
+from humanclaw.world import Contact, MultiFloorMap
+from humanclaw_bench.cli import bench
+from humanclaw_bench.failure_modes import first_cause
+from humanclaw_bench.replay import replay
+from humanclaw_bench.splits import HOUSES, load_split
+from humanclaw_bench.two.generate import EACH, episodes
+from humanclaw_bench.two.scores import CAUSES, Together, first_failed
+
+MEET = Partner(task="meet", start=Pose2D(0.0, 0.0))
+FOLLOW = Partner(task="follow", start=Pose2D(0.0, 1.0), way=((0.0, 4.0),))
+
+
+# -- the split ---------------------------------------------------------------------------------------------------------
+def test_half_of_the_split_is_to_meet_and_half_to_follow():
+    split = load_split("two")
+    assert Counter(spec.partner.task for spec in split) == {"meet": EACH, "follow": EACH}
+    assert {spec.scene for spec in split} <= set(HOUSES)
+    assert len({spec.id for spec in split}) == 2 * EACH
+
+
+@pytest.mark.integration
+def test_a_house_gives_the_episodes_again_that_the_split_holds():
+    scene = Plugins.discover().scene("house:0")
+    drawn = {(spec.start, spec.partner) for spec in episodes(scene, 0)}
+    kept = [spec for spec in load_split("two") if spec.scene == "house:0"]
+    assert kept
+    assert {(spec.start, spec.partner) for spec in kept} <= drawn
+    floors = MultiFloorMap.of(scene)
+    for spec in kept:
+        for place in (spec.start, spec.partner.start):
+            assert np.isfinite(floors.distances(np.array([[place.x, place.floor, place.z]]))).any()
+
+
+@pytest.mark.parametrize(("task", "way"), [("meet", ((0.0, 1.0),)), ("follow", ())])
+def test_only_who_is_followed_walks(task, way):
+    with pytest.raises(ValidationError, match="walks a way to be followed"):
+        Partner(task=task, start=Pose2D(0.0, 0.0), way=way)
+
+
+def test_a_partner_is_written_only_where_there_is_one():
+    (spec, *_) = load_split("two")
+    assert "partner" in spec.model_dump()
+    assert "partner" not in spec.model_copy(update={"partner": None}).model_dump()
+    assert spec.for_agent.partner is None
+
+
+@pytest.mark.parametrize("option", ["--secret", "--train", "--starts"])
+def test_an_option_without_effect_on_the_split_is_refused(tmp_path, option):
+    told = CliRunner().invoke(bench, ["generate", "--two", option, "3", "--out", str(tmp_path)])
+    assert told.exit_code == 2
+    assert f"{option} has no effect" in told.output
+
+
+# -- what counts -------------------------------------------------------------------------------------------------------
+def walked(*places):
+    """Standing at the first of some places, and one frame at each: (x, z) or (x, z, yaw)."""
+    poses = [Pose2D(*place).to_world(rest_pose()) for place in (*[places[0]] * HISTORY, *places)]
+    return Motion(*(np.concatenate([getattr(pose, part) for pose in poses]) for part in ("root", "rotations")))
+
+
+def together(partner, own, other, outcome="stopped", seen=(9000,), contacts=()):
+    """An episode of a step for each number of seen pixels; all of its motion is in the first."""
+    spec = EpisodeSpec(id="one", instruction="do it", scene="s", partner=partner)
+    steps = [StepRecord(step=k, status="executed", attempts=(), target_pixels={-3: pixels}, contacts=contacts)
+             for k, pixels in enumerate(seen)]  # fmt: skip
+    record = SimpleNamespace(spec=spec, outcome=outcome, skills={})
+    recorded = SimpleNamespace(record=record, steps=steps, spans=((HISTORY, HISTORY + len(own)),), has_motion=True,
+                               motion=lambda: walked(*own))  # fmt: skip
+    return Together(recorded, walked(*other))
+
+
+def verdict(facts):
+    if all(facts.stages.values()):
+        return "success"
+    stage = first_failed(facts.stages)
+    return first_cause(CAUSES, stage, facts).label
+
+
+@pytest.mark.parametrize(
+    ("ends", "outcome", "seen", "label"),
+    [
+        ((0.0, -0.99, 0.0), "stopped", (0, 9000), "success"),
+        ((0.0, -1.01, 0.0), "stopped", (0, 9000), "meet: stopped while far"),
+        ((0.0, -0.99, 0.77), "stopped", (0, 9000), "success"),  # 44.1 degrees.
+        ((0.0, -0.99, 0.80), "stopped", (0, 9000), "meet: stopped turned away"),  # 45.8 degrees.
+        ((0.0, -0.99, 0.0), "stopped", (9000, 0), "meet: stopped turned away"),  # Through a wall.
+        ((0.0, -0.99, 0.0), "out_of_steps", (9000,), "meet: never stopped"),
+        ((0.0, -1.50, 0.0), "out_of_steps", (9000,), "meet: never came near"),
+        ((0.0, -1.50, 0.0), "stopped", (0,), "find: near but not in view"),
+        ((0.0, -2.10, 0.0), "stopped", (0,), "find: ineffective exploration"),
+    ],
+)
+def test_two_have_met_within_a_metre_and_45_degrees(ends, outcome, seen, label):
+    assert verdict(together(MEET, [(0.0, -3.0, 0.0), ends], [(0.0, 0.0)], outcome, seen)) == label
+
+
+TOUCH = Contact((0,), "left_hand", "arm_hand", -3, False, 0.01, 1.0)
+WAY = [(0.0, 1.0), (0.0, 2.0), (0.0, 3.0), (0.0, 3.75)]
+
+
+@pytest.mark.parametrize(
+    ("own", "outcome", "contacts", "label"),
+    [
+        ([(0.0, 0.0), (0.0, 0.0), (0.0, 1.0), (0.0, 2.0)], "stopped", (), "success"),
+        ([(0.0, 0.0), (0.0, 0.0), (0.0, 1.0), (0.0, 2.0)], "stopped", (TOUCH,), "keep: touched the other"),
+        ([(0.0, 0.0), (0.0, 0.0), (0.0, 0.9), (0.0, 2.0)], "stopped", (), "keep: fell behind"),  # 2.1 m.
+        ([(0.0, 0.0), (0.0, 0.0), (0.0, 0.0), (0.0, 0.0)], "stopped", (), "keep: stayed behind"),
+        ([(0.0, 0.0)], "stopped", (), "end: stopped too early"),
+        ([(0.0, 0.0), (0.0, 0.0), (0.0, 1.0), (0.0, 2.0)], "out_of_steps", (), "end: never stopped"),
+        ([(0.0, 0.0), (0.0, 0.0), (0.0, 1.0)], "out_of_steps", (), "end: out of steps"),
+    ],
+)
+def test_who_follows_stays_within_two_metres_to_the_end(own, outcome, contacts, label):
+    assert verdict(together(FOLLOW, own, WAY, outcome, contacts=contacts)) == label
+
+
+def test_the_mean_distance_is_that_of_all_frames():
+    """Seven frames a metre apart, and one at three metres, while the other stands where its record ends."""
+    facts = together(MEET, [(0.0, -1.0), (0.0, -1.0), (0.0, -3.0)], [(0.0, 0.0)])
+    assert facts.mean_distance == pytest.approx((7 * 1.0 + 3.0) / 8)
+
+
+# -- played ------------------------------------------------------------------------------------------------------------
+@pytest.mark.integration
+@pytest.mark.parametrize("task", ["meet", "follow"])
+def test_the_oracle_solves_a_task_and_its_record_holds_the_partner(tmp_path, task):
+    spec = next(spec for spec in load_split("two") if spec.partner.task == task)
+    write_episodes(tmp_path / "one.jsonl", [spec])
+    run = tmp_path / "run"
+    told = CliRunner().invoke(bench, ["run", "--split", str(tmp_path / "one.jsonl"), "--agent", "oracle", "--out",
+                                      str(run)], catch_exceptions=False)  # fmt: skip
+    assert told.exit_code == 0, told.output
+    (episode,) = load_run(run)  # The partner's record is not an episode of the run.
+    partner = RecordedEpisode(episode.folder / "partner")
+    assert verdict(Together.of(episode)) == "success"
+    assert len(partner.motion()) == len(episode.motion()) + FPS // 2
+    assert replay(episode).same()
+    shown = CliRunner().invoke(bench, ["table", str(run), "--format", "markdown"], catch_exceptions=False).output
+    assert "MeetSR" in shown
+    assert CliRunner().invoke(bench, ["verify", str(run)]).exit_code == 0
