@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     "name",
     default="mini",
     show_default=True,
-    help="val, val-400, mini, smoke, dev, hands, mini-hands, smoke-hands, self, or a file of episodes.",
+    help="val, val-400, mini, smoke, dev, hands, mini-hands, smoke-hands, self, two, or a file of episodes.",
 )
 @decider_options
 @click.option("--workers", type=click.IntRange(1), default=1, show_default=True, help="Episodes at a time.")
