@@ -133,6 +133,13 @@ def test_the_mean_distance_is_that_of_all_frames():
     assert facts.mean_distance == pytest.approx((7 * 1.0 + 3.0) / 8)
 
 
+def test_an_episode_that_broke_off_before_its_motion_was_written_is_scored():
+    facts = together(MEET, [(0.0, -1.0)], [(0.0, 0.0)], "running")
+    facts.recorded.has_motion = False
+    facts = Together.of(facts.recorded)
+    assert (verdict(facts), np.isnan(facts.mean_distance)) == ("meet: never came near", True)
+
+
 # -- played ------------------------------------------------------------------------------------------------------------
 @pytest.mark.integration
 @pytest.mark.parametrize("task", ["meet", "follow"])

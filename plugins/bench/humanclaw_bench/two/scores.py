@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from humanclaw import RecordedEpisode
-from humanclaw.body import HISTORY, Array, Motion, wrap_angle
+from humanclaw.body import HISTORY, Array, Motion, rest_pose, wrap_angle
 from humanclaw.records import Partner, in_view, role_of
 from humanclaw_bench.failure_modes import Rule, Stage
 from humanclaw_bench.two.partners import ARRIVED, PARTNER
@@ -35,7 +35,9 @@ class Together:
 
     @classmethod
     def of(cls, recorded: RecordedEpisode) -> Together:
-        """Read the partner's record too. Raises RecordError if that is missing or damaged."""
+        """Read the partner's motion too, once the episode has some itself. Raises RecordError if it is missing."""
+        if not recorded.has_motion:
+            return cls(recorded, rest_pose(0))
         return cls(recorded, RecordedEpisode(recorded.folder / PARTNER).motion())
 
     @property
