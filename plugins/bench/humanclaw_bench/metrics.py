@@ -177,7 +177,7 @@ ALONE: Final = tuple(
 SELF: Final = (*(_stage(f"{kind}?", STAGE + kind, about) for kind, about in KNOWLEDGE.items()), SOLVED)
 """Columns of questions about oneself: an agent's profile."""
 TWO: Final = (
-    FIND,
+    _stage("ViewSR", "find", "the partner was in view"),
     _stage("MeetSR", "meet", "stopped within 1 m of the partner, who was in view within 45 degrees"),
     _stage("KeepSR", "keep", "stayed within 2 m of the walking partner, without a touch"),
     _stage("EndSR", "end", "and stopped once the partner had arrived"),
