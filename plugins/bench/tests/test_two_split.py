@@ -133,7 +133,7 @@ def test_the_mean_distance_is_that_of_all_frames():
     assert facts.mean_distance == pytest.approx((7 * 1.0 + 3.0) / 8)
 
 
-def test_an_episode_that_broke_off_before_its_motion_was_written_is_scored():
+def test_an_episode_that_broke_off_without_motion_is_scored():
     facts = together(MEET, [(0.0, -1.0)], [(0.0, 0.0)], "running")
     facts.recorded.has_motion = False
     facts = Together.of(facts.recorded)
