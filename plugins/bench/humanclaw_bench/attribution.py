@@ -244,7 +244,7 @@ CAUSES: Final[tuple[Rule[EpisodeFeatures], ...]] = (
          "the body was within 0.2 m and the agent never stopped", step=_arrival),
     Rule("nav", "stop while far", "ego-spatial distance", lambda f: f.stopped and not f.arrived,
          "the agent stopped and was never within 0.2 m"),
-    Rule("nav", "find too late", "exploration timing", lambda f: f.late,
+    Rule("nav", "find too late", "mid-level reasoning", lambda f: f.late,
          "the target first came into view in the last 30 % of the steps", step=_first_view),
     Rule("nav", "unaware jammed", "body awareness", lambda f: f.seen_last and f.jammed,
          "the target was in view at the end and the body was stuck for eight walking calls in a row", step=_jam),
@@ -269,7 +269,7 @@ CAUSES: Final[tuple[Rule[EpisodeFeatures], ...]] = (
 )  # fmt: skip
 """The paper's root causes, in the order in which their rules are tried within each stage."""
 FURTHER: Final[tuple[Rule[EpisodeFeatures], ...]] = (
-    Rule("nav", "too late to reach", "exploration timing", lambda f: f.unreachable,
+    Rule("nav", "too late to reach", "mid-level reasoning", lambda f: f.unreachable,
          "after the first view of the target too few steps were left for the way, at the body's fastest"),
     Rule("nav", "turned to sit", "body awareness", lambda f: f.turned and not f.seen_last,
          "the body ended within 1.5 m of the seat, with its back to it or after a sit"),

@@ -22,7 +22,7 @@ from humanclaw_bench.tables import causes_table, funnel_table
 
 FACULTIES: Final = {
     "perception": "#2f6fd6", "mid-level reasoning": "#8a5fc0", "body awareness": "#d6407f",
-    "ego-spatial distance": "#e08a2b", "exploration timing": "#2f9c95", "decision": "#7a6a55", "action": "#2f8f57",
+    "ego-spatial distance": "#e08a2b", "decision": "#7a6a55", "action": "#2f8f57",
     "task": "#8b919c",
 }  # fmt: skip
 """Colours of the capabilities that root causes name."""
@@ -86,5 +86,10 @@ def _panel(title: str, bars: Sequence[tuple[str, str]], shares: Sequence[Sequenc
             share, top = values[row].value, y - 10 + 11 * number
             end = NAME + float(np.nan_to_num(share)) * (WIDE - NAME - 60)
             draw.rectangle((NAME, top, end, top + 9), tint)
-            draw.text((end + 6, top + 5), SHARE.number(share), "black", font_size=11, anchor="lm")
+            draw.text((end + 6, top + 5), _percent(share), "black", font_size=11, anchor="lm")
     return image
+
+
+def _percent(share: float) -> str:
+    """Write a share as the paper does: "<1%" is not "0%". Pillow's own font has no dash for a missing one."""
+    return "<1%" if 0 < share < 0.005 + 1e-9 else SHARE.number(share).replace("\u2013", "-")

@@ -1,7 +1,7 @@
 """The fixed splits of the benchmark, and their generation from seeds (paper, section 4.1).
 
 Many candidate episodes are drawn in each house, each with a route to its target. An integer program chooses among them
-so that categories, houses, distances and difficulty are distributed as in the paper.
+so that houses, distances and difficulty are distributed as in the paper.
 """
 
 from __future__ import annotations

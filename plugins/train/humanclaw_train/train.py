@@ -101,7 +101,7 @@ class Recipe:
     rate: float = _option("--rate", 1e-3, "learning rate")
     seed: int = _option("--seed", 0, "seed of all random numbers")
     history_noise: float = _option("--history-noise", 1.0, "strength of the errors added to histories")
-    tau: str = _option("--tau", "squared", "flow times; the paper's are uniform", choices=("squared", "uniform"))
+    tau: str = _option("--tau", "squared", "flow times; the paper does not say", choices=("squared", "uniform"))
     terms: str = _option(
         "--loss", "full", "plain: the paper's, without terms for joints and feet", choices=tuple(LOSSES)
     )
