@@ -1,8 +1,12 @@
 """What an instruction asks for: the thing it means among those it names, and whether to sit on it."""
 
-import pytest
+from dataclasses import replace
 
-from humanclaw.records import ALIASES, category_of, instruction, wants_to_sit
+import pytest
+import rooms
+
+from humanclaw import EpisodeSpec, SceneError
+from humanclaw.records import ALIASES, category_of, instruction, targeted, wants_to_sit
 
 
 @pytest.mark.parametrize(
@@ -54,3 +58,29 @@ def test_the_instruction_for_a_category_names_it(category):
 )
 def test_who_is_told_not_to_sit_is_not_asked_to(words, sits):
     assert wants_to_sit(words) is sits
+
+
+@pytest.mark.parametrize("asked", ["couch", "sofa", "", "Sofa"])
+def test_targets_left_out_are_all_of_the_category(asked):
+    spec = EpisodeSpec(id="mine", instruction="go to the sofa and sit on it", scene="test:rooms", target_category=asked)
+    found = targeted(spec, rooms.two_rooms())
+    assert (found.target_category, found.target_ids, found.interact) == ("couch", (20,), not asked)
+
+
+def test_a_category_may_have_blanks():
+    scene = rooms.two_rooms()
+    plant = replace(scene.objects[0], category="potted_plant")
+    assert replace(scene, objects=(plant,)).of_category("potted plant") == (plant,)
+
+
+@pytest.mark.parametrize(
+    ("fields", "told"),
+    [
+        ({"target_category": "piano"}, "episode 'mine' looks for a piano; test:rooms has none.*Choose from: .*couch"),
+        ({"target_ids": (99999,)}, "test:rooms has no object 99999, a target of episode 'mine'.*Leave out target_ids"),
+    ],
+)
+def test_targets_that_the_scene_lacks_are_named(fields, told):
+    spec = EpisodeSpec(id="mine", instruction="find it", scene="test:rooms", **fields)
+    with pytest.raises(SceneError, match=f"(?s){told}"):
+        targeted(spec, rooms.two_rooms())

@@ -23,6 +23,7 @@ from humanclaw.plugins.distributions import version
 from humanclaw.plugins.hookspecs import noun
 from humanclaw.plugins.host import Plugins
 from humanclaw.records.folder import EpisodeWriter
+from humanclaw.records.instructions import require_objects
 from humanclaw.records.specification import EpisodeSpec
 from humanclaw.records.steps import EpisodeRecord, Outcome, SkillInfo
 from humanclaw.skills.contract import Skill
@@ -55,7 +56,7 @@ def _arrays(generated: Motion, simulated: Motion) -> dict[str, Array]:
 def stand_at_start(body: Body, spec: EpisodeSpec, scene: Scene | None = None) -> None:
     """Put a body at the start of an episode. scene: that of the specification, if it is loaded already.
 
-    Raises SceneError if the scene has another digest than the episode's.
+    Raises SceneError if the scene has another digest than the episode's, or lacks a target.
     """
     loaded = scene or (body.scene if body.scene.name == spec.scene else spec.scene)
     body.place(loaded, spec.start, seed=spec.seed)
@@ -65,6 +66,7 @@ def stand_at_start(body: Body, spec: EpisodeSpec, scene: Scene | None = None) ->
             f"{spec.scene_digest[:12]}.",
             "Install the version of the scene's plugin that the episode was made with.",
         )
+    require_objects(spec, body.scene)
 
 
 def begin_record(

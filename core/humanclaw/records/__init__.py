@@ -37,6 +37,7 @@ if TYPE_CHECKING:
         category_of as category_of,
         free_episode as free_episode,
         instruction as instruction,
+        targeted as targeted,
         wants_to_sit as wants_to_sit,
     )
     from humanclaw.records.limits import Meter as Meter

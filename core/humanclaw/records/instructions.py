@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping
 from typing import Final
 
-from humanclaw.errors import HumanclawError
+from humanclaw.errors import HumanclawError, SceneError
 from humanclaw.records.specification import EpisodeSpec
 from humanclaw.world.scene import Scene
 
@@ -89,6 +89,38 @@ def free_episode(instruction: str, scene: Scene, *, seed: int = 0, max_steps: in
         max_steps=max_steps,
         seed=seed,
     )
+
+
+def targeted(spec: EpisodeSpec, scene: Scene) -> EpisodeSpec:
+    """Return an episode with its targets filled in: its category as the scene calls it, or that of its ids or its
+    words, and without ids all objects of that category.
+
+    An episode with a goal or a partner, or whose words name nothing, is returned as it is. Raises SceneError for ids
+    and categories that the scene lacks.
+    """
+    require_objects(spec, scene)
+    owned = [scene.by_id[key].category for key in spec.target_ids[:1]]
+    asked = spec.target_category or (owned or [category_of(spec.instruction)])[0]
+    if not asked or spec.goal is not None or spec.partner is not None:
+        return spec
+    objects = scene.of_category(asked) or scene.of_category(category_of(asked))
+    if not objects:
+        here = ", ".join(sorted({obj.category for obj in scene.objects}))
+        raise SceneError(f"episode {spec.id!r} looks for a {asked}; {scene.name} has none.", f"Choose from: {here}.")
+    category = objects[0].category
+    told = spec.target_category or "interact" in spec.model_fields_set
+    sits = spec.interact if told else category in SEATS and wants_to_sit(spec.instruction)
+    found = spec.target_ids or tuple(obj.id for obj in objects)
+    return spec.model_copy(update={"target_category": category, "target_ids": found, "interact": sits})
+
+
+def require_objects(spec: EpisodeSpec, scene: Scene) -> None:
+    """Raise SceneError for target ids that a scene lacks."""
+    if absent := sorted(set(spec.target_ids) - set(scene.by_id)):
+        raise SceneError(
+            f"{scene.name} has no object {absent[0]}, a target of episode {spec.id!r}.",
+            "Leave out target_ids: then all objects of target_category are targets.",
+        )
 
 
 def instruction(category: str) -> str:

@@ -215,7 +215,8 @@ class Scene:
         return other
 
     def of_category(self, category: str) -> tuple[SceneObject, ...]:
-        return tuple(obj for obj in self.objects if obj.category == category)
+        """Return the objects of a category, which may be given with blanks: "potted plant"."""
+        return tuple(obj for obj in self.objects if obj.category.replace("_", " ") == category.replace("_", " "))
 
     def vertices(self, object_id: int, pose: Array | None = None) -> NDArray[np.float64]:
         """Compute (N, 3) world positions of an object's mesh vertices, metres. pose: as in aabb."""

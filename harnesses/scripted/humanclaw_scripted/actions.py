@@ -65,7 +65,7 @@ def looked_for(spec: EpisodeSpec) -> str:
 def _nameless(instruction: str) -> PluginError:
     known = ", ".join(ALIASES).replace("_", " ")
     message = f"the agent expected an instruction with one of {known}; got {instruction!r:.80}."
-    return PluginError(message, "Name one of these, or let a model understand the words: --model NAME.")
+    return PluginError(message, "Name one of these, give target_category, or let a model understand it: --model NAME.")
 
 
 def skill_for(skills: Mapping[str, Skill], measures: Sequence[str], role: Role | None = None) -> Skill:

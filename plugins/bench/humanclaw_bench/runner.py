@@ -14,6 +14,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Final
 
@@ -21,7 +22,7 @@ from filelock import FileLock, Timeout
 
 from humanclaw import EpisodeSpec, HumanclawError, Plugins, RecordError
 from humanclaw.cli import advice_after
-from humanclaw.records import REPORT, EpisodeRecord, write_episodes
+from humanclaw.records import REPORT, EpisodeRecord, targeted, write_episodes
 from humanclaw.storage import Folder, writing
 from humanclaw_bench.executors import EpisodeQueue, Executor
 from humanclaw_bench.scores import ended
@@ -96,6 +97,8 @@ def run_split(
 ) -> RunStatus:
     """Run the episodes that have not ended yet in out. The job's run limits hold for this session and all its workers.
 
+    Targets that an episode without a scene digest leaves open are filled in (humanclaw.records.targeted).
+
     go_on: called once, as soon as the PILOT episodes have ended, with the time and cost of these alone, from which the
     rest is estimated; False stops the run.
 
@@ -103,6 +106,8 @@ def run_split(
     that every episode would meet, and KeyboardInterrupt on the second SIGINT.
     """
     _check_ids(specs)
+    scene = lru_cache(1)(plugins.scene)  # Episodes of a scene stand together, and a scene is large.
+    specs = [spec if spec.scene_digest else targeted(spec, scene(spec.scene)) for spec in specs]
     job = introduced(seeded(job, out), plugins)
     settings = manifest(specs, job, plugins)
     out.mkdir(parents=True, exist_ok=True)

@@ -275,6 +275,13 @@ def test_a_choice_that_names_nothing_is_refused(tmp_path):
     assert not (tmp_path / "run").exists()
 
 
+def test_targets_left_out_are_those_of_the_words(play):
+    (spec,) = toy_world.specs(1)
+    play([spec.model_copy(update={"target_ids": (), "target_category": ""})])
+    status, _, _ = play([spec])
+    assert status.done == 1  # The folder holds the same split.
+
+
 def test_other_settings_are_refused_and_named(play):
     play(toy_world.specs(1))
     with pytest.raises(RecordError, match=r"other settings: options pause was null and is now 0\.1"):
