@@ -15,11 +15,12 @@ from click.testing import CliRunner
 from declared import change_adapter, change_schema, folder_of
 from pydantic import Field
 
-from humanclaw import Call, Control, Gaze, Keyframes, Motion, Plugins, Reach, hookimpl, skill
+from humanclaw import Call, Control, EpisodeSpec, Gaze, Keyframes, Motion, Plugins, Reach, hookimpl, skill
+from humanclaw.body import Pose2D
 from humanclaw.checks.fakes import Fakes
 from humanclaw.cli import build
 from humanclaw.errors import CallError
-from humanclaw.skills import Skill
+from humanclaw.skills import MotionError, Skill
 from humanclaw.skills.checks import CHECKS
 from humanclaw.testing import FakeWorld, check_skill, check_target, examine, fake_body
 
@@ -230,7 +231,7 @@ def planned(plan, properties=None, **more):
 
 BENT = {"left_knee": ((0.0, 0.0, 0.0), (-0.6, 0.0, 0.0))}
 PLANS = {
-    "plan-runs": planned(lambda params: Keyframes.cycle("head", "w", 10, 1)),
+    "plan-runs": planned(lambda params: params["w"]),
     "plan-kind": planned(lambda params: "walk"),
     "plan-repeats": planned(lambda params, seen=[]: seen.append(1) or Keyframes.cycle("head", "x", len(seen), 1)),
     "duration": planned(lambda params: Keyframes.cycle("head", "x", 5, 0.5, max(1, params["times"])), {"times": TIMES}),
@@ -561,9 +562,12 @@ def test_a_skill_that_no_model_gets_is_a_fault(tmp_path, plugins, old, new, chec
 
 
 def test_degrees_in_place_of_radians_are_suspected():
-    turned = Keyframes((0.0, 2.0, 4.0), {"head": ((0, 0, 0), (20, 0, 0), (0, 0, 0))})
-    faults = examine(planned(lambda params: turned), engines=()).faults
-    assert "radians, not degrees" in next(fault.remedy for fault in faults if fault.check == "joint-limits")
+    with pytest.raises(MotionError, match="head has a key of 20; keys are radians, not degrees"):
+        Keyframes((0.0, 2.0, 4.0), {"head": ((0, 0, 0), (0, -20, 0), (0, 0, 0))})
+    with pytest.raises(MotionError, match="head turns by at most 180 degrees; got 200"):
+        Keyframes.cycle("head", "x", 200, 1)
+    with pytest.raises(ValueError, match="yaw is radians, not degrees; got 90"):
+        EpisodeSpec(id="mine", instruction="find it", scene="house:0", start=Pose2D(yaw=90))
 
 
 def test_a_fault_of_a_parameter_without_bounds_says_which_are_missing():

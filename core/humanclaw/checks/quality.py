@@ -107,7 +107,7 @@ def _beyond_limits(motion: Motion, pose: Motion, call: str) -> Faults:
         if angle <= JOINT_LIMITS[joint]:
             angle, most = -np.degrees(motion.rotations[:, JOINT_INDEX[joint], 0].min()), f"{KNEE_BACK:g} backwards"
         message = f"{call} turns {joint} by {angle:.0f} degrees; it turns by {most}."
-        remedy = "Keys are radians, not degrees. Turn it less, give absolute keys, or end where it began."
+        remedy = "Turn it less, give absolute keys (radians), or end where it began."
         yield ContractError("joint-limits", message, remedy)
 
 

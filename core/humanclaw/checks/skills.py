@@ -232,9 +232,10 @@ _REMEDIES: Final = {
     "control-adapter": "Name the adapter of a skill that is trained.",
     "control-values": "Give one value for each parameter that the adapter's header names.",
     "control-finite": "Command finite numbers: metres and radians.",
-    "keyframes-joints": "Name a joint of the body.",
+    "keyframes-joints": "Name a joint of the body, and its axis: x, y or z.",
     "keyframes-times": "Begin at 0 and increase, with one key a time.",
     "keyframes-finite": "Give three finite numbers a key, radians.",
+    "joint-limits": "Turn it less.",
 }
 
 

@@ -10,6 +10,8 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validat
 from humanclaw.body.pose import Pose2D
 
 _FARTHEST: Final = 10_000.0
+_WHOLE_TURN: Final = 7.0
+"""Radians, a little more than a whole turn. Above it, degrees were meant."""
 
 
 class Record(BaseModel):
@@ -62,9 +64,11 @@ class Goal(Record):
 
 
 def _on_the_map(start: Pose2D) -> Pose2D:
-    """Raise ValueError for a start so far away that floats lose millimetres."""
+    """Raise ValueError for a start so far away that floats lose millimetres, and for a yaw in degrees."""
     if max(map(abs, (start.x, start.z, start.floor))) > _FARTHEST:
         raise ValueError(f"a start must lie within {_FARTHEST:g} m of the origin")
+    if abs(start.yaw) > _WHOLE_TURN:
+        raise ValueError(f"yaw is radians, not degrees; got {start.yaw:g}")
     return start
 
 

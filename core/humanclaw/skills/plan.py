@@ -30,6 +30,9 @@ LONGEST_FAULT: Final = 300  # Characters: what a model wrote comes back to it in
 LONGEST_CALL: Final = 10.0
 """Maximum seconds of one call: the agent cannot decide during it."""
 
+WHOLE_TURN: Final = 7.0
+"""Radians, a little more than a whole turn. Above it, degrees were meant."""
+
 
 @dataclass(frozen=True)
 class Control:
@@ -86,6 +89,8 @@ class Keyframes:
                 raise MotionError("keyframes-times", f"{joint} has {len(keys)} keys for {len(self.times)} times")
             if np.shape(keys) != (len(keys), 3) or not np.isfinite(keys).all():
                 raise MotionError("keyframes-finite", f"{joint} has keys that are not three finite numbers each")
+            if joint != "root" and (most := np.abs(keys).max()) > WHOLE_TURN:
+                raise MotionError("keyframes-finite", f"{joint} has a key of {most:g}; keys are radians, not degrees")
 
     def _check_times(self) -> None:
         rising = bool(self.times) and all(np.diff(self.times) > 0)
@@ -98,10 +103,12 @@ class Keyframes:
     def cycle(cls, joint: str, axis: str, degrees: float, seconds: float, times: int = 1) -> Keyframes:
         """Turn one joint about its own x, y or z axis and back again, `times` times, `seconds` each."""
         if axis not in ("x", "y", "z"):
-            raise ValueError(f"axis must be x, y or z; got {axis!r}")
+            raise MotionError("keyframes-joints", f"axis must be x, y or z; got {axis!r}")
         if not seconds * times > 0:
             raise MotionError("keyframes-times", f"keyframes last more than 0 s; got {seconds * times:g} s")
         check_duration(seconds * times, "keyframes")
+        if not abs(degrees) <= 180:
+            raise MotionError("joint-limits", f"{joint} turns by at most 180 degrees; got {degrees:g}")
         peak = tuple(np.radians(degrees) * (name == axis) for name in "xyz")
         rest = (0.0, 0.0, 0.0)
         marks = tuple(seconds / 2 * index for index in range(2 * times + 1))

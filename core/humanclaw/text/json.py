@@ -32,4 +32,5 @@ def first_fault(error: ValidationError) -> str:
     """Return the first message of pydantic, after the field that it is about: "spec.seed: Input should be ..."."""
     first = error.errors(include_url=False)[0]
     where = ".".join(map(str, first["loc"]))
-    return f"{where}: {first['msg']}" if where else first["msg"]
+    what = first["msg"].removeprefix("Value error, ")
+    return f"{where}: {what}" if where else what
