@@ -10,9 +10,16 @@ from safetensors.numpy import load, save
 
 from humanclaw import SceneError
 from humanclaw.body import Pose2D
-from humanclaw.world import Hinge, Slide, pack_scene, unpack_scene
+from humanclaw.world import Hinge, Room, Slide, pack_scene, unpack_scene
 
 STOOL = asset("stool", "chair", block(0.4, 0.45, 0.4), seat=0.45)
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "told"), [("living", "living", "the living room"), ("bedroom_2", "bedroom", "bedroom 2")]
+)
+def test_a_room_is_told_as_people_say_it(name, kind, told):
+    assert Room(name, kind, 0, 0, 1, 1).told == told
 
 
 @pytest.mark.parametrize("height", [0.5, 45.0, 0.0, -0.45, float("nan")])

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -176,6 +177,12 @@ class Room:
     def called(self) -> str:
         """Its purpose in words: "living room" for `living`."""
         return _ROOMS.get(self.kind, self.kind.replace("_", " "))
+
+    @property
+    def told(self) -> str:
+        """The same in a sentence: "the living room", and "bedroom 2" for `bedroom_2`."""
+        number = re.search(r"\d+$", self.name)
+        return f"{self.called} {number[0]}" if number else f"the {self.called}"
 
 
 @dataclass(frozen=True, eq=False)

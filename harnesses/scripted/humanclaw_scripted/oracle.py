@@ -177,9 +177,9 @@ class OracleAgent(Walker):
         """Describe the room, and the nearest target in view."""
         pose = BodyView(state)
         plan = self._plan(pose)
-        room = room_at(self._scene, float(pose.point[0]), float(pose.point[1]), plan.floor)
-        on = "on" if room == "stairs" else "in"
-        here = f"I am {on} the {room.replace('_', ' ')}." if room else "I am between two rooms."
+        name = room_at(self._scene, float(pose.point[0]), float(pose.point[1]), plan.floor)
+        told = next((room.told for room in self._scene.rooms if room.name == name), "")
+        here = f"I am {'on' if name == 'stairs' else 'in'} {told}." if told else "I am between two rooms."
         # The map has a column where there is a shelf: what stands on a board of it is not in one.
         last = 0.1 if self._spec.goal is None else _BOARD
         looks = (in_view(plan, self._scene, state, key, self._gaze, last) for key in self._spec.target_ids)
