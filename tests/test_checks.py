@@ -552,6 +552,7 @@ def test_a_file_that_raises_is_a_fault_of_the_file(tmp_path, plugins, code, chec
     ("old", "new", "check", "told"),
     [
         ("@hookimpl\n", "", "loads", "has humanclaw_skills without @hookimpl"),
+        ("    register(nod)", "    pass", "loads", "calls register(...) in no hook"),
         ("nod", "walk", "name-free", "'walk' is already a skill of plugin 'humanclaw-skill-walk'"),
     ],
 )

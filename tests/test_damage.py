@@ -140,6 +140,13 @@ def test_a_record_cut_in_half_is_named_with_the_line_where_it_ends(folder):
         RecordedEpisode(folder)
 
 
+def test_a_record_of_another_version_says_which_format_it_has(folder):
+    path = folder / "episode.json"
+    path.write_bytes(re.sub(rb'"format": ?\d+', b'"format": 4', path.read_bytes()))
+    with pytest.raises(RecordError, match="another version of humanclaw wrote it, in format 4; this one reads 5"):
+        RecordedEpisode(folder)
+
+
 @pytest.mark.parametrize("name", ["../../secret", "/etc/hostname"])
 def test_a_record_names_no_file_outside_its_folder(folder, name):
     record = EpisodeRecord.model_validate_json((folder / "episode.json").read_bytes())

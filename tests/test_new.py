@@ -101,6 +101,12 @@ def test_a_folder_that_is_not_empty_is_left_alone(tmp_path):
     assert [file.name for file in tmp_path.iterdir()] == ["work"]
 
 
+@pytest.mark.parametrize("words", [["walk"], ["stride", "--call", "walk"]])
+def test_the_name_of_a_skill_that_is_there_is_refused(tmp_path, words):
+    done = CliRunner().invoke(new, ["skill", *words, "--out", str(tmp_path / "mine")])
+    assert "'walk' is already a skill of humanclaw-skill-walk" in str(done.exception)
+
+
 @pytest.mark.parametrize("name", ["Nod", "2steps", "a b", "../nod", "nod/"])
 def test_a_name_that_no_package_can_have_is_refused(tmp_path, name):
     done = CliRunner().invoke(new, ["skill", name, "--out", str(tmp_path / "nod")])

@@ -115,7 +115,8 @@ def test_a_floor_with_something_unknown_is_refused(play, argument):
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (["nod.py", "degree=3"], "Call nod with"),
+        (["nod.py", "degree=3"], "Did you mean degrees?"),
+        (["nod.py", "--force"], "`humanclaw play --help` lists the options."),
         (["nod.py", "3"], "expected PARAMETER=VALUE"),
         (["nod.py", "--times", "2"], "Write times=VALUE."),
         (["nod.py", "degrees=far"], "'far' is not of type 'integer'"),

@@ -189,3 +189,11 @@ def test_a_plugin_that_prints_while_it_loads_stands_beside_the_answer(tmp_path):
     assert [line for line in done.stderr.splitlines() if line.startswith("hello")] == [
         "hello from the import\\u001b[0m\x1b[0m", "hello from a hook"
     ]  # fmt: skip
+
+
+@pytest.mark.integration
+def test_who_reads_only_the_first_lines_stops_nothing():
+    code = "from humanclaw.cli import Console; c = Console(); [c.print('x' * 9999) for _ in range(50)]; exit(7)"
+    process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    process.stdout.close()
+    assert (process.stderr.read(), process.wait()) == (b"", 7)

@@ -56,8 +56,9 @@ def _of_module(target: str, path: Path, plugins: Plugins, loading: float, option
             return [Report(target, (slow,))]
         except PluginError as error:
             return [Report(target, (ContractError("loads", error.message, error.remedy or "Mend the file."),))]
-    if not host.hooks(owner):
-        message = f"{path} has no hook, so it registers nothing."
+    if not host.hooks(owner) or host.idle_hooks(owner):
+        what = "calls register(...) in" if host.hooks(owner) else "has"
+        message = f"{path} {what} no hook, so it registers nothing."
         remedy = "Register a Skill or its folder in a hook: @hookimpl def humanclaw_skills(register): register(...)."
         return [Report(target, (ContractError("loads", message, remedy),))]
     return _of_plugin(owner, host, options)

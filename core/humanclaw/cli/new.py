@@ -16,6 +16,7 @@ from typing import Final
 import click
 
 from humanclaw.errors import HumanclawError
+from humanclaw.plugins.distributions import bringing
 
 TEMPLATES: Final = Path(__file__).parent / "templates"
 _NAME: Final = re.compile(r"[a-z][a-z0-9]*([_-][a-z0-9]+)*")
@@ -170,6 +171,10 @@ def new(kind: str, name: str, trained: bool, call: str, about: str, author: str,
         raise click.UsageError("Only a skill is trained.")
     chosen = TRAINED if trained else KINDS[kind]
     made = Distribution.of(chosen, name, call, about, author)
+    for word in dict.fromkeys((made.name, made.call) if made.kind.what == "skill" else ()):
+        if owner := bringing("skills", word):
+            message = f"{word!r} is already a skill of {owner}."
+            raise HumanclawError(message, "Choose another name, for the skill and for --call.")
     folder = out or Path(made.project)
     lines = write(made, folder)
     click.echo(f"wrote {folder}: {lines} lines. Next:")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final, Literal
 
@@ -25,6 +25,7 @@ from humanclaw.skills.call import Call
 from humanclaw.skills.contract import Skill, suited
 from humanclaw.skills.measures import to_si
 from humanclaw.skills.stages import FLOOR, SIDE, stage_for
+from humanclaw.text.words import did_you_mean
 
 Beginning = Literal["standing", "walking", "sitting"]
 _SEAT: Final = 0.5
@@ -137,20 +138,25 @@ class _Folders:
 
 def _call(skill: Skill, words: Sequence[str]) -> Call:
     """Return the checked call. Raises HumanclawError, with the usage, for parameters outside the schema."""
+    known = skill.schema.get("properties", {})
+    params = dict(_pairs(words, known))
     try:
-        return Call(skill.name, skill.check(dict(_pairs(words))))
+        return Call(skill.name, skill.check(params))
     except CallError as error:
-        raise HumanclawError(str(error)) from None
+        unknown = [key for key in params if key not in known]
+        raise HumanclawError(str(error), did_you_mean(unknown[0], known) if unknown else "") from None
 
 
-def _pairs(words: Sequence[str]) -> Iterator[tuple[str, Any]]:
-    """Yield name and value of each parameter."""
+def _pairs(words: Sequence[str], known: Container[str]) -> Iterator[tuple[str, Any]]:
+    """Yield name and value of each parameter. known: names of parameters, for the remedy."""
     for word in words:
         name, equals, value = word.partition("=")
         if not equals or not name.isidentifier():
             meant = word[2:].split("=")[0].replace("-", "_") if word.startswith("--") else "PARAMETER"
             message = f"expected PARAMETER=VALUE, or an option of `humanclaw play`; got {word!r}."
-            raise HumanclawError(message, f"Write {meant}=VALUE.")
+            listed = meant not in known and meant != "PARAMETER"
+            remedy = "`humanclaw play --help` lists the options." if listed else f"Write {meant}=VALUE."
+            raise HumanclawError(message, remedy)
         yield name, _value(value)
 
 

@@ -136,6 +136,8 @@ class Plugins:
                 raise PluginError(f"plugin file {path}: {reason}")
             _LOG.warning("plugin file %s: %s", path, reason)
         self._refuse_taken_names(name, path)
+        for hook in self.idle_hooks(name):
+            _LOG.warning("plugin file %s: %s registers nothing. Call register(...) in it.", path, hook)
 
     def _refuse_taken_names(self, owner: str, path: Path) -> None:
         """Raise PluginError if a name alone means another plugin's item, and nobody has chosen that."""
@@ -274,6 +276,12 @@ class Plugins:
     def hooks(self, owner: str) -> frozenset[str]:
         """Return the names of the hooks that a plugin implements. Raises PluginError if it is not in use."""
         return frozenset(caller.name for caller in self._manager.get_hookcallers(self.plugin(owner)) or ())
+
+    def idle_hooks(self, owner: str) -> list[str]:
+        """Return the hooks that take `register` of a plugin that has registered nothing."""
+        if any(item.owner == owner for item in (*chain(*self._items.values()), *self._unused)):
+            return []
+        return sorted(self.hooks(owner) & {PREFIX + kind for kind in self._items})
 
     def use(self, kind: str) -> Callable[[Any, Plugins], None] | None:
         """Return how `humanclaw check` uses an item of a plugin's own hook: `USES[kind]` beside its specification."""
@@ -637,7 +645,7 @@ def load_file(path: Path) -> ModuleType:
     except BaseException as error:
         if path.is_dir():
             sys.modules.pop(name, None)
-        problem = f"plugin file {path} failed to load: {in_words(error)}."
+        problem = f"plugin file {path} failed to load: {in_words(error).rstrip('.')}."
         raise PluginError(problem, f"Run `python {path}` to see where, and mend it.") from error
     return module
 

@@ -28,6 +28,8 @@ def read_episodes(path: Path, data: bytes | None = None) -> tuple[EpisodeSpec, .
         data = read_file(path, SPLIT) if data is None else data
     except OSError as error:
         raise HumanclawError(f"{path} cannot be read: {error.strerror}.", "Name a file of episodes.") from error
+    if not data.strip():
+        raise HumanclawError(f"{path} holds no episode.", "Write one a line, as JSON: see docs/records.md.")
     lines = data.removesuffix(b"\n").split(b"\n")
     specs = tuple(_spec(line, f"{path}:{number}") for number, line in enumerate(lines, 1))
     first: dict[str, int] = {}

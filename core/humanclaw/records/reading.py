@@ -29,7 +29,7 @@ from humanclaw.records.folder import (
     STEPS_BYTES,
     reading,
 )
-from humanclaw.records.steps import MOST_FRAMES, EpisodeRecord, StepRecord, seal_of
+from humanclaw.records.steps import FORMAT, MOST_FRAMES, EpisodeRecord, StepRecord, seal_of
 from humanclaw.storage.files import Folder, lacking, state_of
 from humanclaw.storage.pictures import from_jpeg
 from humanclaw.text.json import first_fault
@@ -197,6 +197,9 @@ def _read_record(files: Folder) -> EpisodeRecord:
             data = files.read(path.name, RECORD_BYTES)
         record = EpisodeRecord.model_validate_json(data)
     except ValidationError as error:
+        if (first := error.errors()[0])["loc"] == ("format",):
+            other = f"another version of humanclaw wrote it, in format {first['input']!r:.20}; this one reads {FORMAT}"
+            raise RecordError(f"{path} cannot be read: {other}.", AGAIN) from error
         raise RecordError(f"{path}{_where(error)} is no record: {first_fault(error)}.", AGAIN) from error
     if record.seal and seal_of(data) != record.seal:
         raise RecordError(f"{path} has been changed since it was written.", AGAIN)

@@ -168,6 +168,9 @@ def test_a_split_that_is_not_there_or_not_one_is_refused(tmp_path):
     (tmp_path / "bad.jsonl").write_text('{"id": 1}\n')
     with pytest.raises(HumanclawError, match=r"bad\.jsonl:1 is not an episode"):
         load_split(str(tmp_path / "bad.jsonl"))
+    (tmp_path / "empty.jsonl").write_text("\n")
+    with pytest.raises(HumanclawError, match="holds no episode"):
+        load_split(str(tmp_path / "empty.jsonl"))
 
 
 # -- what comes with the package ---------------------------------------------------------------------------------------
