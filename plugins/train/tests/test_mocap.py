@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from humanclaw.body import JOINTS
+from humanclaw.body import JOINTS, matrix_from_vector, vector_from_matrix
 from humanclaw_train.mocap.readers import Reading, load
 from humanclaw_train.mocap.retarget import retarget
 from humanclaw_train.mocap.source_motion import MocapError
@@ -266,6 +266,26 @@ def test_a_body_that_lies_keeps_the_up_axis_of_its_format(tmp_path):
     lying = load(tmp_path / "a.npz")
     assert np.ptp(lying.positions[0, :, 1]) < 0.4
     assert np.ptp(load(tmp_path / "a.npz", Reading(up="y")).positions[0, :, 1]) > 1.4
+
+
+@pytest.mark.parametrize("turn", [np.eye(3), Z_UP], ids=["y up", "z up"])
+def test_a_body_that_does_not_stand_has_its_floor_below(tmp_path, turn):
+    """It lies on its back and gets up: its lowest joint stays within cm of 0, and moves .9 m along the other axis."""
+    rise = np.repeat([0.0, 1.0], 30)
+    trans, poses = np.stack([0 * rise, 0.1 + 0.8 * rise, 0.2 * rise], -1), np.zeros((60, 156))
+    for frame, angle in enumerate((rise - 1) * np.pi / 2):
+        poses[frame, :3] = vector_from_matrix(turn @ matrix_from_vector(np.array([angle, 0.0, 0.0])))
+    np.savez(tmp_path / "a.npz", poses=poses, trans=trans @ turn.T, mocap_framerate=30)
+    np.testing.assert_allclose(load(tmp_path / "a.npz").positions[:, 0], trans, atol=1e-9)
+
+
+def test_a_crawl_with_y_up_is_not_climbing_with_z_up(tmp_path):
+    """It travels 4 m along Z on hands and knees, at a height that any body has that climbs a wall."""
+    poses, far = np.zeros((60, 156)), np.linspace(-2, 2, 60)
+    poses[:, 0] = np.pi / 2
+    np.savez(tmp_path / "a.npz", poses=poses, trans=np.stack([0 * far, 0 * far + 0.1, far], -1), mocap_framerate=30)
+    with pytest.raises(MocapError, match="--up z or --up y"):
+        load(tmp_path / "a.npz")
 
 
 @pytest.mark.parametrize(
