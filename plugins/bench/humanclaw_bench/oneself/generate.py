@@ -18,7 +18,7 @@ from humanclaw.body import JOINT_INDEX, Array, Motion, Pose2D, matrix_from_quate
 from humanclaw.records import Goal, name_of
 from humanclaw.skills import Role, find_suited
 from humanclaw.world import Contact, MultiFloorMap, OccupancyGrid
-from humanclaw_bench.oneself.stages import AHEAD, CUBE, EDGE, HAND, reference
+from humanclaw_bench.oneself.stages import AHEAD, CUBE, EDGE, reference
 from humanclaw_bench.splits import HOUSES
 
 STEPS: Final = 10
@@ -126,10 +126,13 @@ class Kind:
 
 def _hand(wanted: str, number: int, rng: np.random.Generator) -> Question:
     """Hold out a hand beside another person's; a cube hangs over one of the two."""
-    own, other = rng.choice([-1.0, 1.0], 2)
-    at = np.array([own * rng.uniform(0.05, 0.12), rng.uniform(1.05, 1.2), rng.uniform(0.42, 0.5)]).round(2)
+    own = float(rng.choice([-1.0, 1.0]))
+    other = (-own, own)[number % 2]
+    near, far = rng.uniform(0.05, 0.13), rng.uniform(0.3, 0.35)
+    # Arms do not cross, and each hand is near the middle half of the time: a cube's place does not tell whose it is.
+    aside = [own * near, other * far] if own == other else [own * far, other * near]
+    at, theirs = np.stack([aside, rng.uniform(1.05, 1.2, 2), rng.uniform(0.42, 0.5, 2)], 1).round(2)
     side = float(round(other * rng.uniform(0.58, 0.64), 2))
-    theirs = np.array([side - other * HAND[0], *HAND[1:]])
     cube = ((at if wanted == "yours" else theirs) + [0, CUBE, 0]).round(3)
     hand = "left" if own > 0 else "right"
 
@@ -138,7 +141,7 @@ def _hand(wanted: str, number: int, rng: np.random.Generator) -> Question:
         return "" if abs(mine - yours) < 0.15 else "yours" if mine < yours else "another's"
 
     words = "call {call}, and look. A red cube hangs right above a hand. Whose hand is it?"
-    return Question("hands", (side, *cube.tolist()), words, (_reach(hand, *at),), read)
+    return Question("hands", (side, *theirs.tolist(), *cube.tolist()), words, (_reach(hand, *at),), read)
 
 
 def _mirror(wanted: str, number: int, rng: np.random.Generator) -> Question:

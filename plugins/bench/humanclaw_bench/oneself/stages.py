@@ -24,8 +24,6 @@ from humanclaw.world import Mesh, SceneBuilder, box_mesh, ego_camera
 
 BESIDE: Final = np.radians(75.0)
 """Between the body and another person, seen from a mirror. It is turned by half of it, to show the other."""
-HAND: Final = (0.16, 1.15, 0.45)
-"""Where the other person holds a hand: inwards, above the floor and ahead of its hips, metres."""
 CUBE: Final = 0.12
 """Metres from a hand up to the cube that marks it."""
 AHEAD: Final = 1.5
@@ -90,12 +88,16 @@ def _without_shadow(mesh: Mesh) -> Mesh:
     return replace(mesh, vertices=vertices, uv=np.append(mesh.uv, mesh.uv[:1], axis=0))
 
 
-def _hands(on: Set, side: float, left: float, up: float, ahead: float) -> None:
-    """Stand another person beside the body, its inner hand held out, and hang a cube up. side: metres to the left."""
-    hand, aside = ("right", -HAND[0]) if side > 0 else ("left", HAND[0])
-    pose, _ = posed(Reach(hand, (aside, *HAND[1:]), seconds=0.5), rest_pose(HISTORY))  # type: ignore[arg-type]
+def _hands(on: Set, side: float, *at: float) -> None:
+    """Stand another person beside the body, its inner hand held out, and hang a cube up.
+
+    side: metres to the left. at: left, up and ahead of the body, metres, of the hand and of the cube.
+    """
+    left, up, ahead, *cube = at
+    reach = Reach("right" if side > 0 else "left", (left - side, up, ahead), seconds=0.5)
+    pose, _ = posed(reach, rest_pose(HISTORY))
     on.person(skin().posed(pose.root[-1], pose.rotations[-1])[0], (side, 0.0, 0.0))
-    on.cube((left, up, ahead))
+    on.cube((cube[0], cube[1], cube[2]))
 
 
 def _mirror(on: Set, away: float, left: float, turned: float = 0.0, depth: float = 1.0) -> None:
