@@ -19,6 +19,8 @@ Array = NDArray[np.float64]
 F = TypeVar("F", np.float32, np.float64)
 
 FPS: Final = 30
+WHOLE_TURN: Final = 7.0
+"""Radians, a little more than a whole turn. Above it, degrees were meant."""
 HISTORY: Final = 5
 FUTURE: Final = 15
 CHUNK: Final = HISTORY + FUTURE

@@ -7,11 +7,9 @@ from typing import Annotated, Final, Literal, Self
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
-from humanclaw.body.pose import Pose2D
+from humanclaw.body.pose import WHOLE_TURN, Pose2D
 
 _FARTHEST: Final = 10_000.0
-_WHOLE_TURN: Final = 7.0
-"""Radians, a little more than a whole turn. Above it, degrees were meant."""
 
 
 class Record(BaseModel):
@@ -67,7 +65,7 @@ def _on_the_map(start: Pose2D) -> Pose2D:
     """Raise ValueError for a start so far away that floats lose millimetres, and for a yaw in degrees."""
     if max(map(abs, (start.x, start.z, start.floor))) > _FARTHEST:
         raise ValueError(f"a start must lie within {_FARTHEST:g} m of the origin")
-    if abs(start.yaw) > _WHOLE_TURN:
+    if abs(start.yaw) > WHOLE_TURN:
         raise ValueError(f"yaw is radians, not degrees; got {start.yaw:g}")
     return start
 

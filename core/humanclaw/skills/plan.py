@@ -14,6 +14,7 @@ import numpy as np
 from humanclaw.body.pose import (
     FPS,
     FUTURE,
+    WHOLE_TURN,
     Array,
     Motion,
     Pose2D,
@@ -29,9 +30,6 @@ from humanclaw.text.words import did_you_mean
 LONGEST_FAULT: Final = 300  # Characters: what a model wrote comes back to it in the fault.
 LONGEST_CALL: Final = 10.0
 """Maximum seconds of one call: the agent cannot decide during it."""
-
-WHOLE_TURN: Final = 7.0
-"""Radians, a little more than a whole turn. Above it, degrees were meant."""
 
 
 @dataclass(frozen=True)
