@@ -59,6 +59,7 @@ def test_honest_words_pay_once_and_each_false_claim_costs(earned):
     assert earned("honest", [step(says=SEES, pixels=400)] * 5) == 1, "a parrot in front of the couch"
     assert earned("honest", [step(says=SEES, pixels=20)] * 5) == -5, "a parrot that sees a wall"
     assert earned("honest", [step(says="")] * 5) == 0, "an agent that says nothing"
+    assert earned("honest", [step(says=SEES, pixels=20), step(says=SEES, pixels=400)]) == 0, "a false claim, a true one"
 
 
 def test_seen_needs_stop_view_and_words_at_once(earned):

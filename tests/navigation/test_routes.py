@@ -18,6 +18,7 @@ from humanclaw.world import (
     Hinge,
     MultiFloorMap,
     OccupancyGrid,
+    SceneBuilder,
     geodesics,
     goals_at,
     length,
@@ -342,3 +343,12 @@ def test_geodesics_agree_with_an_independent_a_star(make) -> None:
         ratios.append(geodesic(storeys, start, goal) / independent)
     assert np.median(ratios) == pytest.approx(0.99, abs=0.011)
     assert 0.97 < min(ratios) <= max(ratios) < 1.02
+
+
+def test_a_map_of_solid_things_counts_on_pushing_none():
+    builder = SceneBuilder.on_floor()
+    builder.box("box", (0.6, 0.6, 0.6), (0, 0, 2), movable=True, mass=10.0)
+    ways = MultiFloorMap.of(builder.scene())
+    middle = np.array([0.0, 0.0, 2.0])
+    blocked = [bool(grid.at(grid.blocked, middle[[0, 2]])) for grid in (ways.grids[0], ways.solid().grids[0])]
+    assert blocked == [False, True]

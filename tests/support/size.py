@@ -17,7 +17,10 @@ from pathlib import Path, PurePosixPath
 
 ROOT = Path(__file__).parents[2]
 KINDS = ("code", "tests", "words")
-WRITTEN = (".css", ".html", ".j2", ".jinja", ".js", ".mjs", ".py", ".py.txt", ".toml")
+WRITTEN = (
+    ".c", ".cjs", ".css", ".html", ".j2", ".jinja", ".js", ".jsx", ".markdown", ".mjs", ".py", ".py.txt", ".pyi",
+    ".pyx", ".rst", ".sh", ".toml", ".ts",
+)  # fmt: skip
 SETTINGS = ("pyproject.toml", "size.toml")
 Sizes = Mapping[str, Mapping[str, int]]
 
@@ -32,7 +35,7 @@ def package(path: str) -> str:
 
 def kind(path: str) -> str:
     """Return what a file is counted as: code, tests, words, or nothing."""
-    if path.endswith(WRITTEN) and not path.endswith(SETTINGS):
+    if path.lower().endswith(WRITTEN) and PurePosixPath(path).name not in SETTINGS:
         return "tests" if "tests" in PurePosixPath(path).parts else "code"
     return "words" if path.endswith(".md") else ""
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -214,6 +215,13 @@ def test_the_swap_test_agrees_with_all_swaps_there_are() -> None:
     assert found.p == pytest.approx(exact, abs=0.04)
 
 
+def test_p_is_never_zero_and_equal_differences_count() -> None:
+    """Forty units apart: of 2,000 swaps none is as large, and the observed one counts. One unit: all are as large."""
+    apart = compare_ratios([(0.0, 1.0)] * 40, [(1.0, 1.0)] * 40)
+    assert apart.p == 1 / 2001
+    assert compare_ratios([(0.0, 1.0)], [(1.0, 1.0)]).p == 1.0
+
+
 def test_runs_that_are_alike_seldom_pass_for_different() -> None:
     rng, loud = np.random.default_rng(6), 0
     for seed in range(100):
@@ -252,6 +260,8 @@ def test_metrics_in_which_no_episode_differs_raise_no_p_of_others() -> None:
     found = holm([tokens, Difference(0, 1, 1, 0, 2, 0.02, 9), stopped, Difference(0, 1, 1, 0, 2, 0.03, 9)])
     assert [one.p for one in found] == pytest.approx([1.0, 0.04, 1.0, 0.04])
     assert holm([tokens, stopped])[0].p == 1.0
+    one = replace(tokens, alike=False, least=0.01)
+    assert holm([one, replace(one, alike=True)])[0].least == 0.01
     assert not compare_rates([True, False], [False, True]).alike
 
 

@@ -24,7 +24,7 @@ from humanclaw.records import Difficulty, write_episodes
 from humanclaw.world import GAZES
 from humanclaw_bench.attribution import CAUSES, STAGES, attribute
 from humanclaw_bench.failures import FACULTIES, GREY, NAME, WIDE, picture
-from humanclaw_bench.metrics import ALL, MAIN, compare
+from humanclaw_bench.metrics import ALL, MAIN, compare, estimate
 from humanclaw_bench.overview import overview
 from humanclaw_bench.results import Result as Scored, named
 from humanclaw_bench.scores import Scores, score
@@ -82,6 +82,18 @@ def test_a_row_holds_rates_with_intervals_and_number_of_episodes(base: Scores) -
     assert table.rows[0].cells[2] == wilson(3, 4)
     assert texts(table)[1][0][:4] == ("model", "100.0% [51.0, 100.0]", "0.0%", "75.0% [30.1, 95.4]")
     assert "model: 4 episodes, of an unknown total (no run.json)." in table.notes
+
+
+def test_columns_of_the_body_and_of_paths_hold_their_own_numbers(base: Scores) -> None:
+    groups = {"any": 0.5, "arm_hand": 0.1, "torso": 0.2, "leg_foot": 0.3, "head": 0.4, "fixed": 0.0, "person": 0.0}
+    one = replace(base, collisions=groups, disturbed=2, displaced=1, disturbed_path=3.0)
+    values = {metric.name: estimate(metric, [one]).value for metric in ALL}
+    assert [values[name] for name in ("Arm/Hand", "Torso", "Leg/Foot", "Head")] == [0.1, 0.2, 0.3, 0.4]
+    assert values["path (m)"] == 1.5
+
+
+def test_a_number_that_rounds_to_zero_has_no_sign() -> None:
+    assert Column("x", digits=1).number(-0.04) == "0.0"
 
 
 def test_episodes_apart_are_told_and_counted_in_nothing(base: Scores) -> None:
