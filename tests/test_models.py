@@ -9,6 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from importlib.util import find_spec
 from io import BytesIO
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -406,9 +407,29 @@ def test_a_doorway_is_open_in_a_wall_of_any_heading(tmp_path: Path, heading: flo
         ]
         path = tmp_path / f"{first}.obj"
         path.write_text(obj(corners, [[*range(len(WALL))]]))
-        assert sum(float(trimesh.Trimesh(part.vertices, part.faces).area) for part in read_model(path).parts) == (
-            pytest.approx(10.5, abs=1e-4)
-        )
+        assert whole_area(path) == pytest.approx(10.5, abs=1e-4)
+
+
+@pytest.mark.parametrize(("offset", "written"), [(0, ".2f"), (1000, ".6g")])
+def test_a_doorway_is_open_however_its_corners_are_rounded(tmp_path: Path, offset: float, written: str) -> None:
+    for heading, first in product((0.5, 1.1, 2.3, 4.0), range(len(WALL))):
+        corners = [
+            " ".join(format(float(value), written) for value in (offset + x * np.cos(heading), y, x * np.sin(heading)))
+            for x, y in WALL[first:] + WALL[:first]
+        ]
+        path = tmp_path / "model.obj"
+        path.write_text(obj(corners, [[*range(len(WALL))]]))
+        assert whole_area(path) == pytest.approx(10.5, abs=0.05)
+
+
+def test_a_polygon_that_cannot_be_cut_is_counted(tmp_path: Path) -> None:
+    (tmp_path / "model.obj").write_text(obj(*listed([[(0, 0), (3, 3), (3, 0), (0, 1)]])))
+    (told,) = read_model(tmp_path / "model.obj").left_out
+    assert "cross themselves" in told
+
+
+def whole_area(path: Path) -> float:
+    return sum(float(trimesh.Trimesh(part.vertices, part.faces).area) for part in read_model(path).parts)
 
 
 def packed_ply(order: str, lengths: str, numbers: str) -> bytes:
@@ -470,6 +491,8 @@ def test_meshlabs_corners_have_places_in_the_picture_of_their_own(tmp_path: Path
 @pytest.mark.parametrize(("name", "content", "said"), [
     ("cut.ply", packed_ply("<", "B", "i")[:-3], "data end after"),
     ("cut.stl", packed_stl().replace(b"solid", b"SOLVE")[:-9], "ends after"),
+    ("nought.obj", f"{TRIANGLE}f 0 1 2\n".encode(), "counts from 1"),
+    ("fewer.stl", packed_stl(bytes(50)), "counts 1 triangles; it holds 2"),
     ("cut.off", b"OFF 3 1 0\n0 0 0\n2 0 0\n0 1 0\n", "3 of 4 lines"), ("four.off", b"4OFF 3 1 0\n", "4OFF"),
 ])  # fmt: skip
 def test_a_file_that_ends_early_or_is_of_another_kind_is_told(

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from humanclaw.errors import SceneError
 from humanclaw.world.meshes.parts import Part, pixels
 
 Indices = NDArray[np.int64]
@@ -183,6 +184,8 @@ def plain_obj(data: bytes) -> bytes:
     data = data if b"\n" in data else data.replace(b"\r", b"\n")
     data = re.sub(rb"(?m)^ *fo? ", b"f ", re.sub(rb"(?m)^ +", b"", data))
     data = re.sub(rb"(?m)^((?:f|v[nt]?) [^#\r\n]*)#.*$", rb"\1", data)
+    if re.search(rb"(?m)^f[^\n]* 0+(?=[/\s]|$)", data):
+        raise SceneError("a face names corner 0: OBJ counts from 1.", "Add 1 to the numbers of its faces.")
     if not re.search(rb"(?m)^f[^\n]* -", data):
         return data
     lines, counts = data.replace(b"\\\r\n", b" ").replace(b"\\\n", b" ").split(b"\n"), Counter[bytes]()
@@ -201,8 +204,11 @@ def _absolute(corner: bytes, counts: Counter[bytes]) -> bytes:
 
 
 def whole_stl(data: bytes) -> bytes:
-    """Return an STL file without bytes behind its triangles. Raises ValueError if it ends before its last one."""
+    """Return an STL file without bytes behind its triangles. Raises ValueError if it holds more or fewer."""
     size = 84 + 50 * struct.unpack_from("<I", data, 80)[0] if len(data) >= 84 else 84
     if size > len(data) and not data.lstrip()[:5].lower() == b"solid":
         raise ValueError(f"it ends after {len(data)} of {size} bytes")
+    held, rest = divmod(len(data) - 84, 50)
+    if not rest and len(data) > size:
+        raise ValueError(f"its header counts {(size - 84) // 50} triangles; it holds {held}")
     return data[:size]

@@ -6,6 +6,7 @@ of its triangles look the other way, and together they cover more than the polyg
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 from typing import Final
 
@@ -16,26 +17,35 @@ from humanclaw.body.pose import Array
 
 Indices = NDArray[np.int64]
 
-_FLAT: Final = 1e-3
-"""A polygon is flat if its corners are nearer to its plane than this share of its size."""
-_SLIVER: Final = 1e-4
-"""Height of a triangle without a side, as a share of its longest edge: files have some six digits."""
+_FLAT: Final = 0.03
+"""A polygon is flat if its corners are nearer to its plane than this share of its size: files round coordinates."""
+_SLIVER: Final = 0.01
+"""Height of a triangle without a side, as a share of its longest edge: files have some two decimals."""
 _TURN: Final = 0.1
 """Sine of the largest angle between two triangles of one fan."""
 
 
-def unfolded(vertices: Array, faces: Indices) -> Indices:
-    """Return (M, 3) faces in which other triangles stand for each folded fan: they cover its polygon once."""
+def unfolded(vertices: Array, faces: Indices, lost: Counter[str]) -> Indices:
+    """Return (M, 3) faces in which other triangles stand for each folded fan: they cover its polygon once.
+
+    lost: counts the polygons for which there are none.
+    """
     a, b, c = (vertices[faces[:, k]] for k in range(3))
-    normals, cut = np.cross(b - a, c - a), faces.copy()
+    areas, cut = np.cross(b - a, c - a), faces.copy()
     # Three corners in a row, as beside a doorway, have a normal of rounding errors: it must not end a fan.
     longest = np.max([np.linalg.norm(b - a, axis=1), np.linalg.norm(c - b, axis=1), np.linalg.norm(a - c, axis=1)], 0)
-    normals[np.linalg.norm(normals, axis=1) <= _SLIVER * longest**2] = 0.0
+    thin = np.linalg.norm(areas, axis=1) <= _SLIVER * longest**2
+    normals = np.where(thin[:, None], 0.0, areas)
     # By place, as some readers give each triangle corners of its own.
     linked = (a[1:] == a[:-1]).all(axis=1) & (b[1:] == c[:-1]).all(axis=1) & _parallel(normals[1:], normals[:-1])
     for fan, loop in (*_halves(faces, normals), *_fans(faces, linked, normals)):
-        triangles = _cut(vertices[loop], normals[fan].sum(axis=0))
-        if triangles is not None:
+        normal = areas[fan].sum(axis=0)
+        if np.linalg.norm(normal) <= _SLIVER * np.linalg.norm(areas[fan], axis=1).sum():
+            continue  # A sheet with two sides.
+        triangles = _cut(vertices[loop], normal)
+        if triangles is None:
+            lost["polygons that are not flat or cross themselves (their openings may be closed)"] += 1
+        else:
             cut[fan] = loop[triangles]
     return cut
 
@@ -78,8 +88,6 @@ def _cut(loop: Array, normal: Array) -> Indices | None:
     from manifold3d import triangulate
 
     twice = float(np.linalg.norm(normal))
-    if twice <= 1e-9 * np.ptp(loop, axis=0).max() ** 2:
-        return None
     up = normal / twice
     across = np.cross(np.eye(3)[np.abs(up).argmin()], up)
     flat = loop @ np.stack([across, np.cross(up, across)], axis=1) / np.linalg.norm(across)
@@ -87,4 +95,4 @@ def _cut(loop: Array, normal: Array) -> Indices | None:
     a, b, c = (flat[triangles[:, k]] for k in range(3))
     areas = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
     even = np.ptp(loop @ up) <= _FLAT * np.ptp(flat, axis=0).max()
-    return triangles if even and len(triangles) == len(loop) - 2 and np.abs(areas).sum() <= (1 + 1e-6) * twice else None
+    return triangles if even and len(triangles) == len(loop) - 2 and np.abs(areas).sum() <= 1.001 * twice else None

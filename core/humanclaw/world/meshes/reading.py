@@ -77,7 +77,7 @@ def _read(kind: str, data: bytes, beside: Callable[[str], bytes], lost: Counter[
         if part.faces.min() < 0 or part.faces.max() >= len(part.vertices):
             raise ValueError(f"a triangle names vertex {part.faces.max()} of {len(part.vertices)}")
     if kind in ("off", "ply"):
-        parts = [replace(part, faces=unfolded(part.vertices, part.faces)) for part in parts]
+        parts = [replace(part, faces=unfolded(part.vertices, part.faces, lost)) for part in parts]
     return parts
 
 
@@ -114,17 +114,17 @@ def _others(kind: str, data: bytes, beside: Callable[[str], bytes], lost: Counte
     if sum(len(getattr(shape, "faces", ())) + len(getattr(shape, "vertices", ())) for shape in shapes) > MOST:
         raise SceneError(f"it holds more than {MOST:,} vertices and triangles.", "Simplify it.")
     lost.update("pieces of points or lines" for shape in shapes if not hasattr(shape, "faces"))
-    return [part for name in scene.graph.nodes_geometry for part in _parts(scene, name)]
+    return [part for name in scene.graph.nodes_geometry for part in _parts(scene, name, lost)]
 
 
-def _parts(scene: Any, node: str) -> list[Part]:
+def _parts(scene: Any, node: str, lost: Counter[str]) -> list[Part]:
     transform, name = scene.graph[node]
     geometry = scene.geometry[name]
     faces = np.asarray(getattr(geometry, "faces", np.zeros((0, 3))), np.int64)
     if not len(faces):
         return []
     vertices = np.asarray(geometry.vertices, float)
-    faces = unfolded(vertices, faces)
+    faces = unfolded(vertices, faces, lost)
     vertices = vertices @ transform[:3, :3].T + transform[:3, 3]
     if np.linalg.det(transform[:3, :3]) < 0:
         faces = faces[:, ::-1]
