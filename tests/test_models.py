@@ -123,6 +123,18 @@ def skinned(file: Gltf) -> None:
     }
 
 
+def on_no_bone(file: Gltf) -> None:
+    """The second corner stays where it is; the others move with their bones."""
+    skinned(file)
+    file.give(WEIGHTS_0=file.array([[1, 0, 0, 0], [0, 0, 0, 0], [0.5, 0.5, 0, 0]]))
+
+
+def draco_beside(file: Gltf) -> None:
+    """The plain arrays are whole: what Draco holds need not be read."""
+    packed = {"bufferView": 0, "attributes": {"POSITION": 0}}
+    file.piece["extensions"] = {"KHR_draco_mesh_compression": packed}
+
+
 def morphed(file: Gltf) -> None:
     """Half of 2 m along z by the node's weight, which counts instead of the mesh's."""
     file.piece["targets"] = [{"POSITION": file.array([[0, 0, 2]] * 3)}]
@@ -157,6 +169,8 @@ SHAPES: dict[Callable[[Gltf], None], Any] = {
     strip: [[[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 0], [1, 0, 0], [1, 1, 0]]],
     fan: [[[0, 0, 0], [1, 0, 0], [1, 1, 0]], [[0, 0, 0], [1, 1, 0], [0, 1, 0]]],
     skinned: [[[0, 0, 5], [2, 0, 1], [0, 1, 3]]],
+    on_no_bone: [[[0, 0, 5], [2, 0, 0], [0, 1, 3]]],
+    draco_beside: [CORNERS],
     morphed: [[[0, 0, 1], [2, 0, 1], [0, 1, 1]]],
     mirrored: [[[0, 1, 0], [-2, 0, 0], [0, 0, 0]]],
     turned_twice: [[[1, 0, 0], [1, 2, 0], [0, 0, 0]]],
@@ -232,6 +246,12 @@ def points_beside(file: Gltf) -> None:
     file.head["meshes"][0]["primitives"].append({"mode": 0, "attributes": file.piece["attributes"]})
 
 
+def nothing_beside(file: Gltf) -> None:
+    plain(file)
+    pair = {**file.piece, "indices": file.array([0, 1], "H")}
+    file.head["meshes"][0]["primitives"] += [{"attributes": {}}, pair]
+
+
 LOOKS: dict[Callable[[Gltf], None], tuple[Any, Any, tuple[str, ...]]] = {
     second_set: ((255, 255, 255), [[0, 1], [1, 1], [0, 0]], ()),
     turned_texture: ((255, 255, 255), [[1, 1], [1, 3], [2, 1]], ()),
@@ -240,6 +260,7 @@ LOOKS: dict[Callable[[Gltf], None], tuple[Any, Any, tuple[str, ...]]] = {
     many_vertex_colours: ((155, 155, 155), None, ("vertex colours (drawn as their mean): 1",)),
     glossy: ((0, 186, 255), None, ()),
     lost_picture: ((255, 255, 255), [[0, 1], [1, 1], [0, 0]], ("pictures that cannot be read (wood%20floor.png): 1",)),
+    nothing_beside: ((255, 186, 0), None, ("pieces without a triangle: 2",)),
     points_beside: ((255, 186, 0), None, ("pieces of points or lines: 1",)),
 }
 

@@ -115,15 +115,22 @@ class _File:
             for piece in mesh["primitives"]:
                 if piece.get("mode", _TRIANGLES) < _TRIANGLES:
                     self.lost["pieces of points or lines"] += 1
+                elif self._corners(piece) < 3:
+                    self.lost["pieces without a triangle"] += 1
                 else:
                     yield self._part(_Piece(self, piece), weights, there, number)
+
+    def _corners(self, piece: Any) -> int:
+        """Return how many corners the triangles of a piece have, 0 without vertices."""
+        number = piece.get("indices", piece["attributes"].get("POSITION"))
+        return self.head["accessors"][number]["count"] if "POSITION" in piece["attributes"] else 0
 
     def _check_size(self, meshes: list[Any]) -> None:
         """Raise SceneError if the copies of meshes have too many pieces or corners together."""
         pieces = [piece for mesh in meshes for piece in mesh["primitives"]]
         counts = [abs(accessor["count"]) for accessor in self.head.get("accessors", ())]
         corners = sum(
-            max(counts[key] for key in piece["attributes"].values())
+            max((counts[key] for key in piece["attributes"].values()), default=0)
             + (counts[piece["indices"]] if "indices" in piece else 0) // 3
             for piece in pieces
         )
@@ -187,7 +194,9 @@ class _File:
         shares = np.concatenate([piece[f"WEIGHTS_{number}"] for number in sets], axis=1)
         # One column after the other: all at once would take 128 bytes for each of them.
         frames = sum(share[:, None, None] * bones[joint] for joint, share in zip(joints.T, shares.T, strict=True))
-        return np.asarray(frames / shares.sum(axis=1)[:, None, None])
+        whole = shares.sum(axis=1)[:, None, None]
+        # A vertex on which no bone has a share stays where the file has it.
+        return np.asarray(np.where(whole > 0, frames / np.where(whole > 0, whole, 1), np.eye(4)))
 
     # -- data ----------------------------------------------------------------------------------------------------------
     def array(self, number: int) -> NDArray[Any]:
@@ -284,7 +293,8 @@ class _Piece:
     def _decoded(self) -> dict[str, NDArray[Any]]:
         """Return the arrays that Draco holds, with the corners of its triangles as 'indices'."""
         packed = self.facts.get("extensions", {}).get(_DRACO)
-        if packed is None:
+        plain = self.file.head["accessors"][self.facts["attributes"]["POSITION"]]
+        if packed is None or "bufferView" in plain:  # The same shape, also without Draco.
             return {}
         if not importlib.util.find_spec("DracoPy"):
             raise SceneError(f"it is compressed with {_DRACO}.", "Run `pip install DracoPy`.")
