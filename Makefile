@@ -33,7 +33,7 @@ $(VENV)/.demo: requirements-demo.txt pyproject.toml | $(BIN)/pip
 
 # Without torch, training is installed without its dependencies, and the tests that need torch are skipped.
 $(VENV)/.installed: requirements.txt requirements-demo.txt requirements-train.txt pyproject.toml | $(BIN)/pip
-	@echo "pip is quiet for two or three minutes."
+	@echo "pip is quiet for three to five minutes."
 	@$(BIN)/pip install --quiet hatchling editables || $(NO_INDEX)
 	$(BIN)/pip install --quiet --no-compile --no-build-isolation -r requirements.txt
 	$(BIN)/pip install --quiet --no-compile --no-build-isolation -r requirements-train.txt || \

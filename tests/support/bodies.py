@@ -3,7 +3,8 @@
 Tests share the fixtures safely because each test resets what it uses.
 
 The rules hold while a test runs. They do not see what a file does while it is imported, engines and houses that are
-made without `Plugins`, and what a thread does after its test.
+made without `Plugins`, what a thread does after its test, a server of datagrams, and C's own `system`. A test marked
+xfail hides its breach.
 """
 
 import platform
