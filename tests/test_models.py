@@ -512,7 +512,9 @@ def test_meshlabs_corners_have_places_in_the_picture_of_their_own(tmp_path: Path
 @pytest.mark.parametrize(("name", "content", "said"), [
     ("cut.ply", packed_ply("<", "B", "i")[:-3], "data end after"),
     ("cut.stl", packed_stl().replace(b"solid", b"SOLVE")[:-9], "ends after"),
-    ("nought.obj", f"{TRIANGLE}f 0 1 2\n".encode(), "counts from 1"),
+    ("commas.obj", f"{TRIANGLE}f 1 2 3\n".replace("2 0 0", "2,5 0,0 0,0").encode(), "decimal commas"),
+    ("commas.stl", b"solid a\nfacet normal 0 0 1\nouter loop\nvertex 1,5 0 0\n", "decimal commas"),
+    ("solid.stl", packed_stl()[:-9], "ends after"), ("nought.obj", f"{TRIANGLE}f 0 1 2\n".encode(), "counts from 1"),
     ("fewer.stl", packed_stl(bytes(50)), "counts 1 triangles; it holds 2"),
     ("cut.off", b"OFF 3 1 0\n0 0 0\n2 0 0\n0 1 0\n", "3 of 4 lines"), ("four.off", b"4OFF 3 1 0\n", "4OFF"),
 ])  # fmt: skip

@@ -180,6 +180,7 @@ def off_part(data: bytes) -> Part:
 
 def plain_obj(data: bytes) -> bytes:
     """Return an OBJ file as trimesh takes it: no blanks before a line, no comments after a face, absolute numbers."""
+    _check_points(data)
     data = data.removeprefix(b"\xef\xbb\xbf").replace(b"\t", b" ")
     data = data if b"\n" in data else data.replace(b"\r", b"\n")
     data = re.sub(rb"(?m)^ *fo? ", b"f ", re.sub(rb"(?m)^ +", b"", data))
@@ -197,6 +198,11 @@ def plain_obj(data: bytes) -> bytes:
     return b"\n".join(lines)
 
 
+def _check_points(text: bytes) -> None:
+    if re.search(rb"(?m)^\s*v(?:ertex)? [^\n]*\d,\d", text):
+        raise SceneError("its numbers have decimal commas.", "Export it with decimal points.")
+
+
 def _absolute(corner: bytes, counts: Counter[bytes]) -> bytes:
     """Return a corner, vertex/uv/normal, with its relative numbers counted from the beginning. counts: so far."""
     pairs = zip(corner.split(b"/"), (b"v", b"vt", b"vn"), strict=False)
@@ -205,8 +211,10 @@ def _absolute(corner: bytes, counts: Counter[bytes]) -> bytes:
 
 def whole_stl(data: bytes) -> bytes:
     """Return an STL file without bytes behind its triangles. Raises ValueError if it holds more or fewer."""
+    if b"\0" not in data:
+        _check_points(data)
     size = 84 + 50 * struct.unpack_from("<I", data, 80)[0] if len(data) >= 84 else 84
-    if size > len(data) and not data.lstrip()[:5].lower() == b"solid":
+    if size > len(data) and (b"\0" in data or not data.lstrip()[:5].lower() == b"solid"):
         raise ValueError(f"it ends after {len(data)} of {size} bytes")
     held, rest = divmod(len(data) - 84, 50)
     if not rest and len(data) > size:
