@@ -10,7 +10,7 @@ import pytest
 from amass_tree import synthesize, trained_skills, write_amass, write_clip
 
 from humanclaw import HumanclawError
-from humanclaw.body import JOINT_INDEX, rest_pose
+from humanclaw.body import JOINT_INDEX, JOINTS, PARENTS, rest_pose
 from humanclaw.motion import read_header
 from humanclaw_train.data import build as building
 from humanclaw_train.data.chunks import Chunks
@@ -87,6 +87,10 @@ def test_clips_are_left_out_for_a_reason(build, tmp_path):
     write_clip(tmp_path / "in" / "crawl.npz", _flipping(walk))
     (tmp_path / "in" / "cut_off.npz").write_bytes((tmp_path / "in" / "long.npz").read_bytes()[:5000])
     (tmp_path / "in" / "LICENSE.txt").write_text("All rights reserved.")
+    at = {"trans": np.zeros((90, 3)), "mocap_framerate": 30}
+    np.savez(tmp_path / "in" / "quaternions.npz", poses=np.zeros((90, 96)), **at)
+    np.savez(tmp_path / "in" / "seconds.npz", poses=np.zeros((90, 156)), **at | {"mocap_framerate": 1 / 30})
+    (tmp_path / "in" / "point.bvh").write_text(_point())
     assert build(tmp_path / "in", tmp_path / "out", "--seconds", "0", "--hold-out", "") == 0
     reasons = {row["name"]: row["reason"] for row in _report(tmp_path / "out")}
     assert reasons["long"] == ""
@@ -94,6 +98,22 @@ def test_clips_are_left_out_for_a_reason(build, tmp_path):
     assert reasons["crawl"] == "a joint that flips"
     assert "cannot be read" in reasons["cut_off.npz"]
     assert "expected JSON" in reasons["LICENSE.txt"]
+    assert "expected poses (T, 66, 72, 156 or 165)" in reasons["quaternions.npz"]
+    assert "expected frames a second; got 0.0333333" in reasons["seconds.npz"]
+    assert "ZeroDivisionError" in reasons["point.bvh"]
+
+
+def _point() -> str:
+    """A BVH whose positions, one for each joint, are all 0: no bone has a length."""
+
+    def joint(index: int) -> str:
+        children = "".join(joint(k) for k, parent in enumerate(PARENTS) if parent == index)
+        channels = "CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation"
+        kind = "JOINT" if index else "ROOT"
+        return f"{kind} {JOINTS[index]}\n{{\nOFFSET 0 1 0\n{channels}\n{children or 'End Site{OFFSET 0 1 0}'}}}\n"
+
+    frame = " ".join(["0"] * 6 * len(JOINTS)) + "\n"
+    return f"HIERARCHY\n{joint(0)}MOTION\nFrames: 30\nFrame Time: 0.033333\n{30 * frame}"
 
 
 def _in(path: Path) -> Path:

@@ -140,6 +140,9 @@ class Folder:
             except MocapError as error:
                 # Without the file's name, so that a report can group files by reason.
                 left_out[str(file.relative_to(folder))] = str(error).removeprefix(str(file)).lstrip(": ")
+            except (ArithmeticError, LookupError, MemoryError, TypeError, ValueError) as error:
+                # One file of an exporter that nobody foresaw must not end the reading of the others.
+                left_out[str(file.relative_to(folder))] = f"cannot be read: {type(error).__name__}: {error}"
         if not clips:
             raise MocapError(
                 f"{folder} holds no motion ({len(left_out)} files were tried).",

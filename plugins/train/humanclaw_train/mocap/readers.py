@@ -59,6 +59,11 @@ def load(path: Path, reading: Reading = AS_WRITTEN) -> SourceMotion:
 _FAR: Final = 40.0
 """Metres from 0 at which no capture begins; in centimetres, the pelvis of who sits is higher."""
 
+_WIDTHS: Final = (66, 72, 156, 165)
+"""Columns of `poses`: SMPL's body, with hands, SMPL+H, SMPL-X. Quaternions and 6D rotations have others."""
+_SLOWEST: Final = 5.0
+"""Fewest frames a second: less is the time of a frame."""
+
 
 def load_amass(path: Path) -> SourceMotion:
     """Read an AMASS npz (`poses`, `trans`, `mocap_framerate`).
@@ -74,9 +79,14 @@ def load_amass(path: Path) -> SourceMotion:
         raise MocapError(
             f"{path} is no AMASS motion: {error}.", "Give an npz with poses, trans and mocap_framerate."
         ) from error
-    if poses.ndim != 2 or poses.shape[1] < 66 or trans.shape != (len(poses), 3):
+    if poses.ndim != 2 or poses.shape[1] not in _WIDTHS or trans.shape != (len(poses), 3):
         raise MocapError(
-            f"{path}: expected poses (T, 66 or more) and trans (T, 3); got {poses.shape} and {trans.shape}."
+            f"{path}: expected poses (T, 66, 72, 156 or 165) and trans (T, 3); got {poses.shape} and {trans.shape}.",
+            "Write three numbers a joint: its rotation about an axis, in radians.",
+        )
+    if fps < _SLOWEST:
+        raise MocapError(
+            f"{path}: expected frames a second; got {fps:g}.", "Write 30 where a frame takes 1/30 of a second."
         )
     if (away := float(np.linalg.norm(trans[:1]))) > _FAR:
         raise MocapError(
