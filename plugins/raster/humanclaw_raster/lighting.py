@@ -34,6 +34,8 @@ DARK: Final = 0.03
 """Least light, as a share of the mean."""
 GLOW: Final = {"ceiling_lamp": 1.1, "lamp": 1.0, "tv": 0.95}
 """Least brightness of what shines itself, by category."""
+PERSON: Final = "person"
+"""Category of things that look like people. Light falls on them as on a body, which is in no baked light."""
 SKY: Final = 1.1
 """Brightness of the sky behind windows."""
 OFFSET: Final = 0.16
@@ -76,6 +78,8 @@ def light_up(scene: Scene, model: Model, instances: Instances) -> Lit:
     off = boxes.mean(axis=1) - instances.place[1 : 1 + len(boxes)]
     middle = np.concatenate([np.zeros((1, 3)), off, np.zeros((people, 3))]).astype(np.float32)
     half = np.concatenate([np.full((1, 3), _BODY), np.ptp(boxes, axis=1) / 2, np.full((people, 3), _BODY)])
+    # A body has no box: that of a thing like it would end under the floor and at the ceiling.
+    half[[row for row, obj in enumerate(scene.objects, 1) if obj.category == PERSON]] = _BODY
     half = half.astype(np.float32)
     glow = [0.0, *(GLOW.get(obj.category, 0.0) for obj in scene.objects), *[0.0] * people]
     around = np.empty((len(glow), 6), np.float32)
@@ -174,8 +178,8 @@ def _lights(scene: Scene) -> Lights:
 
 
 def _stays(obj: SceneObject) -> bool:
-    """Return whether an object stays where it is, or on its joint."""
-    return not obj.movable or obj.joint is not None
+    """Return whether an object stays where it is, or on its joint; people do not."""
+    return obj.category != PERSON and (not obj.movable or obj.joint is not None)
 
 
 def _box(points: Floats) -> tuple[Array, Array]:

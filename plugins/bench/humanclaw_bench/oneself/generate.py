@@ -145,8 +145,8 @@ def _hand(wanted: str, number: int, rng: np.random.Generator) -> Question:
 
 
 def _mirror(wanted: str, number: int, rng: np.random.Generator) -> Question:
-    """Face a mirror; one that shows, as often, another person or a picture of one beside the body."""
-    stage = "glass" if wanted == "yes" else ("double", "picture")[number % 2]
+    """Face a mirror; one that shows, half of the time, another person beside the body."""
+    stage = "glass" if wanted == "yes" else "double"
     away, left = round(float(rng.uniform(1.35, 1.5)), 2), round(float(rng.uniform(23, 28)), 1)
 
     def read(played: Played, place: Pose2D) -> str:

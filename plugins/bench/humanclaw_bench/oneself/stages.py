@@ -100,13 +100,12 @@ def _hands(on: Set, side: float, *at: float) -> None:
     on.cube((cube[0], cube[1], cube[2]))
 
 
-def _mirror(on: Set, away: float, left: float, turned: float = 0.0, depth: float = 1.0) -> None:
+def _mirror(on: Set, away: float, left: float, turned: float = 0.0) -> None:
     """Put up a mirror that shows oneself; or, turned, another person beside one.
 
     To the eyes of a standing body first views are alike: the mirror has the same edges, and the other stands likewise.
 
-    away: metres. left: degrees from the heading, so that what stands beside the body is out of view. depth: scale of
-    the other's depths as the mirror shows them; small for a picture.
+    away: metres. left: degrees from the heading, so that what stands beside the body is out of view.
     """
     on = replace(on, place=replace(on.place, yaw=on.place.yaw + np.radians(left)))
     body = Pose2D(0.0, 0.0, -np.radians(left)).to_world(DiTGenerator.load().start())
@@ -115,10 +114,8 @@ def _mirror(on: Set, away: float, left: float, turned: float = 0.0, depth: float
     on.sheet("mirror", (0.76, 1.4, 1.2), away, eye, turned)
     if not turned:
         return
-    image, (vertices, _) = eye * [1, 1, -1] + [0, 0, 2 * away], skin().posed(body.root[-1], body.rotations[-1])
-    rays, front = vertices - image, vertices[:, 2].max()
-    shown = image + rays * (front - image[2] + depth * (vertices[:, 2:] - front)) / rays[:, 2:]
-    on.person(shown, (away * np.sin(BESIDE), 0.0, away * (1 - np.cos(BESIDE))), -BESIDE, shadow=False)
+    vertices, _ = skin().posed(body.root[-1], body.rotations[-1])
+    on.person(vertices, (away * np.sin(BESIDE), 0.0, away * (1 - np.cos(BESIDE))), -BESIDE, shadow=False)
 
 
 def _cabinet(on: Set, mass: float) -> None:
@@ -157,7 +154,6 @@ _STAGES: Final[Mapping[str, Callable[..., None]]] = {
     "hands": _hands,
     "glass": _mirror,
     "double": partial(_mirror, turned=-BESIDE / 2),
-    "picture": partial(_mirror, turned=-BESIDE / 2, depth=0.3),
     "cabinet": _cabinet, "post": _post, "posts": _posts, "gap": _gap, "shelf": _shelf, "stool": _stool,
 }  # fmt: skip
 
